@@ -1,0 +1,53 @@
+"""Attitude, position and velocity from recorded flights, with honest uncertainty.
+
+Frames
+------
+``n`` North-East-Down, fixed at the flight's origin; ``b`` body, forward-right-down;
+``e`` Earth-centred Earth-fixed (WGS-84); ``i`` inertial. A vector ends in its frame and unit:
+``p_n_m``, ``v_n_mps``, ``f_b_mps2``. A rotation names target then source, ``v_n = R_nb @ v_b``.
+
+Angles
+------
+3-2-1 Euler angles: yaw about z, pitch about the new y, roll about the new x. A tangent is a rotation
+vector in body axes, ``R = R_hat @ Exp(delta_b_rad)``, the order GTSAM uses: rotation first.
+
+Units and time
+--------------
+SI and radians; files and screens may use degrees, and then the name says so. ``t_s`` is GPS time in
+seconds since the flight's ``start``.
+
+Arrays
+------
+Item index first: ``(n, 3)`` vectors, ``(n, 3, 3)`` matrices, float64 and int64. A border type copies,
+checks and freezes its arrays once; nothing inside validates again. NaN means "not measured" where a
+docstring says so, and is an error everywhere else.
+"""
+
+from importlib import import_module
+from typing import Any
+
+__version__ = "0.1.0"
+
+# The stable face of the library, loaded on first use so that ``import fgnav`` stays cheap.
+_FACE = {
+    "load_flight": "fgnav.io.flight_folder",
+    "save_flight": "fgnav.io.flight_folder",
+    "Flight": "fgnav.flight",
+    "Estimate": "fgnav.estimate",
+    "Smoother": "fgnav.methods.smoother",
+    "compare": "fgnav.evaluation.comparison",
+    "Comparison": "fgnav.evaluation.comparison",
+    "FgnavError": "fgnav.checks",
+    "BadInputError": "fgnav.checks",
+    "NoSolutionError": "fgnav.checks",
+}
+
+__all__ = ["__version__", *_FACE]  # noqa: PLE0604
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401
+    """Load a name of the library's face when it is first used."""
+    if name not in _FACE:
+        msg = f"module 'fgnav' has no attribute {name!r}"
+        raise AttributeError(msg)
+    return getattr(import_module(_FACE[name]), name)

@@ -1,0 +1,118 @@
+"""Errors, and the one gate that turns data from outside into read-only arrays."""
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray: TypeAlias = NDArray[np.floating[Any]]
+IntArray: TypeAlias = NDArray[np.integer[Any]]
+BoolArray: TypeAlias = NDArray[np.bool_]
+
+
+class FgnavError(Exception):
+    """Base of every error raised on purpose by this project."""
+
+
+class BadInputError(FgnavError, ValueError):
+    """The caller passed data that breaks a stated rule; the text names what, where and the mend."""
+
+
+class NoSolutionError(FgnavError):
+    """The data are valid, but there is no answer; the text names the state that is missing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loss:
+    """Something that was measured and is not used: what, why, how often.
+
+    Attributes
+    ----------
+    what : str
+        The kind of thing, with its owner: ``"a2 G05 1C link"``, ``"GLONASS observation"``.
+    reason : str
+        Why it is not used, in words a user can act on.
+    count : int
+        How many were lost.
+    """
+
+    what: str
+    reason: str
+    count: int
+
+
+def frozen(
+    name: str,
+    value: ArrayLike,
+    shape: tuple[int | None, ...],
+    *,
+    dtype: type = np.float64,
+    gaps: bool = False,
+) -> NDArray[Any]:
+    """Return a read-only copy of ``value`` after checking it.
+
+    Parameters
+    ----------
+    name : str
+        Name used in the error text.
+    value : array_like
+        Data from outside.
+    shape : tuple of int or None
+        Required shape; None accepts any length.
+    dtype : type
+        Element type of the copy.
+    gaps : bool
+        Accept NaN, which then means "not measured". Infinity is never accepted.
+
+    Returns
+    -------
+    ndarray, shape ``shape``
+        Read-only copy.
+
+    Raises
+    ------
+    BadInputError
+        If the shape differs or a value is not finite.
+    """
+    array = np.array(value, dtype=dtype)
+    fits = array.ndim == len(shape) and all(
+        want is None or have == want for have, want in zip(array.shape, shape, strict=True)
+    )
+    if not fits:
+        raise BadInputError(f"{name}: expected shape {shape}, got {array.shape}")
+    if array.dtype.kind == "f":
+        wrong = np.isinf(array) if gaps else ~np.isfinite(array)
+        if wrong.any():
+            row = int(np.argwhere(wrong)[0][0]) if array.ndim else 0
+            raise BadInputError(f"{name}: not finite, first at row {row}")
+    array.flags.writeable = False
+    return array
+
+
+def increasing(name: str, t_s: FloatArray) -> None:
+    """Raise unless times increase strictly.
+
+    Raises
+    ------
+    BadInputError
+        Naming the first row whose time does not follow the one before.
+    """
+    steps_s = np.diff(t_s)
+    if (steps_s <= 0).any():
+        row = int(np.argmax(steps_s <= 0)) + 1
+        raise BadInputError(
+            f"{name}: time must increase, row {row} has {t_s[row]:.6f} after {t_s[row - 1]:.6f}"
+        )
+
+
+def positive(name: str, value: float) -> None:
+    """Raise unless a scalar is finite and above zero.
+
+    Raises
+    ------
+    BadInputError
+        Naming the field and its value.
+    """
+    if not (np.isfinite(value) and value > 0):
+        raise BadInputError(f"{name}: must be positive, got {value}")

@@ -1,0 +1,76 @@
+"""What the antennas measured: code, phase, Doppler, by epoch, antenna and channel."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, frozen, increasing
+
+LOST_LOCK = 1  # RINEX loss-of-lock indicator, bit 0: a slip is possible
+HALF_CYCLE = 2  # bit 1: half-cycle ambiguity not resolved
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Observations:
+    """GNSS observations of one or more antennas on a common set of epochs and channels.
+
+    A channel is one signal of one satellite. Every array is dense, NaN where nothing was measured.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (n,)
+        Nominal epochs, GPS time since the flight's start, strictly increasing.
+    tag_s : ndarray, shape (n, a)
+        Reception time as each antenna's receiver wrote it (its clock error included); equal to
+        ``t_s`` for receivers that steer their clock. Never NaN.
+    satellites : tuple of str, length m
+        RINEX satellite of each channel: ``"G05"``.
+    signals : tuple of str, length m
+        RINEX 3 signal of each channel, band and attribute: ``"1C"``.
+    code_m, phase_cycles, doppler_hz : ndarray, shape (n, a, m)
+        Pseudorange, carrier phase (RINEX sign: grows with range), Doppler (RINEX sign: positive
+        when approaching).
+    cn0_dbhz : ndarray, shape (n, a, m)
+        Carrier-to-noise density.
+    lock_flags : ndarray of uint8, shape (n, a, m)
+        Bits ``LOST_LOCK`` and ``HALF_CYCLE``.
+    losses : tuple of Loss
+        What the reader saw and did not keep.
+    """
+
+    t_s: FloatArray
+    tag_s: FloatArray
+    satellites: tuple[str, ...]
+    signals: tuple[str, ...]
+    code_m: FloatArray
+    phase_cycles: FloatArray
+    doppler_hz: FloatArray
+    cn0_dbhz: FloatArray
+    lock_flags: IntArray
+    losses: tuple[Loss, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check and freeze every field."""
+        t_s = frozen("observations t_s", self.t_s, (None,))
+        increasing("observations t_s", t_s)
+        object.__setattr__(self, "t_s", t_s)
+        if len(self.satellites) != len(self.signals):
+            raise BadInputError(
+                f"observations: {len(self.satellites)} satellites but {len(self.signals)} signals"
+            )
+        n, m = len(t_s), len(self.satellites)
+        tag_s = frozen("observations tag_s", self.tag_s, (n, None))
+        object.__setattr__(self, "tag_s", tag_s)
+        shape = (n, tag_s.shape[1], m)
+        for name in ("code_m", "phase_cycles", "doppler_hz"):
+            value = frozen(f"observations {name}", getattr(self, name), shape, gaps=True)
+            object.__setattr__(self, name, value)
+        cn0 = frozen("observations cn0_dbhz", self.cn0_dbhz, shape, dtype=np.float32, gaps=True)
+        object.__setattr__(self, "cn0_dbhz", cn0)
+        flags = frozen("observations lock_flags", self.lock_flags, shape, dtype=np.uint8)
+        object.__setattr__(self, "lock_flags", flags)
+
+    @property
+    def tracked(self) -> BoolArray:
+        """Whether both code and phase were measured, (n, a, m)."""
+        return np.isfinite(self.code_m) & np.isfinite(self.phase_cycles)
