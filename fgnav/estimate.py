@@ -1,0 +1,100 @@
+"""What an estimator says: attitude, position, velocity, each with its covariance or honestly absent."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, Loss, frozen, increasing
+from fgnav.flight import Flight
+from fgnav.integers.resolver import Integers
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Estimate:
+    """Estimates at the epochs that have one.
+
+    Attributes
+    ----------
+    method : str
+        Who made it.
+    t_s : ndarray, shape (n,)
+        Epochs with an answer, strictly increasing.
+    epochs : int
+        How many epochs were asked for; ``n / epochs`` is the availability.
+    R_nb : ndarray, shape (n, 3, 3)
+    attitude_covariance_rad2 : ndarray, shape (n, 3, 3), or None
+        Of the body-axes tangent ``R_true = R_nb @ Exp(delta)``; None where the method states none.
+        A direction that the data leave open has variance pi^2 / 3, that of a uniform angle.
+    p_n_m, v_n_mps : ndarray, shape (n, 3), or None
+        Of the body's origin.
+    position_covariance_m2, velocity_covariance_m2ps2 : ndarray, shape (n, 3, 3), or None
+    angular_rate_b_radps, accelerometer_bias_mps2 : ndarray, shape (n, 3), or None
+    unobservable : tuple of str
+        States the data do not determine, by name: ``"roll"``. Their values are conventions
+        (zero), not estimates.
+    converged : bool
+        Whether an iterative method ended at a minimum.
+    integers : Integers or None
+        The integers it used, in the layout of the flight's double differences.
+    losses : tuple of Loss
+        Measurements and epochs that did not take part, with the reason.
+    notes : tuple of str
+        What a reader of the result should know, one sentence each.
+    """
+
+    method: str
+    t_s: FloatArray
+    epochs: int
+    R_nb: FloatArray
+    attitude_covariance_rad2: FloatArray | None = None
+    p_n_m: FloatArray | None = None
+    position_covariance_m2: FloatArray | None = None
+    v_n_mps: FloatArray | None = None
+    velocity_covariance_m2ps2: FloatArray | None = None
+    angular_rate_b_radps: FloatArray | None = None
+    accelerometer_bias_mps2: FloatArray | None = None
+    unobservable: tuple[str, ...] = ()
+    converged: bool = True
+    integers: Integers | None = None
+    losses: tuple[Loss, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check and freeze every field."""
+        t_s = frozen(f"{self.method} t_s", self.t_s, (None,))
+        increasing(f"{self.method} t_s", t_s)
+        n = len(t_s)
+        if self.epochs < n:
+            raise BadInputError(f"{self.method} epochs: {self.epochs}, but {n} have an answer")
+        object.__setattr__(self, "t_s", t_s)
+        matrices = ("attitude_covariance_rad2", "position_covariance_m2", "velocity_covariance_m2ps2")
+        vectors = ("p_n_m", "v_n_mps", "angular_rate_b_radps", "accelerometer_bias_mps2")
+        for name in ("R_nb", *matrices, *vectors):
+            value = getattr(self, name)
+            if value is not None:
+                shape = (n, 3) if name in vectors else (n, 3, 3)
+                object.__setattr__(self, name, frozen(f"{self.method} {name}", value, shape))
+
+    @property
+    def available(self) -> float:
+        """Share of the epochs that have an answer."""
+        return len(self.t_s) / self.epochs if self.epochs else 0.0
+
+
+class Estimator(Protocol):
+    """Anything that turns a flight into an estimate."""
+
+    @property
+    def name(self) -> str:
+        """Short label, as the command line and the reports know it."""
+        ...
+
+    def __call__(self, flight: Flight) -> Estimate:
+        """Estimate; raise ``NoSolutionError`` when the flight has no answer for this method."""
+        ...
+
+
+def open_angle_variance_rad2() -> float:
+    """Return the variance of an angle of which nothing is known: uniform over the circle."""
+    return float(np.pi**2 / 3)

@@ -1,0 +1,1 @@
+"""From raw observations to double differences: satellites, slips, code solution, differences."""

@@ -1,0 +1,141 @@
+"""Double differences of an antenna array, with what is needed to weigh and to resolve them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, frozen, increasing
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True, weakref_slot=True)
+class DoubleDifferences:
+    """Double differences of every baseline from the reference antenna, epoch by epoch.
+
+    A *link* is one antenna's tracking of one channel. Differences are taken against the reference
+    antenna and against one reference channel per group (constellation and signal), after the
+    modelled range to the reference antenna at each receiver's own transmission time has been
+    removed, so that only the array is left::
+
+        code_m  =  -(e_j - e_r) . (R_nb l_i)                            + noise
+        phase_m =  -(e_j - e_r) . (R_nb l_i)  +  wavelength_m N_ij      + noise
+
+    with ``l_i`` in ``baselines_b_m``, ``e_j`` in ``e_n`` and ``r`` the reference channel of j's group.
+    The link of the reference channel itself is exactly 0 wherever the antenna tracks it; every other
+    value is NaN where a link is missing. Noise of undifferenced links is independent, with variance
+    per channel and epoch; that of the differences follows (``covariance`` writes it out).
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (n,)
+    baselines_b_m : ndarray, shape (b, 3)
+        Antennas 2, 3, … minus antenna 1, body axes.
+    satellites, signals : tuple of str, length m
+    wavelength_m : ndarray, shape (m,)
+    group : ndarray of int, shape (m,)
+        Constellation and signal of each channel, numbered from 0.
+    reference : ndarray of int, shape (n, g)
+        Reference channel of each group; -1 where the group has none.
+    e_n : ndarray, shape (n, m, 3)
+        Unit vectors from the reference antenna to the satellites; 0 where a channel is not used.
+    elevation_rad : ndarray, shape (n, m)
+        NaN where a channel is not used.
+    code_m, phase_m : ndarray, shape (n, b, m)
+    code_variance_m2, phase_variance_m2 : ndarray, shape (n, m)
+        Of one undifferenced link; 1 where a channel is not used.
+    arc : ndarray of int, shape (n, b, m)
+        Number of the link's arc, from slip to slip: within one arc the integer of an unchanged
+        reference is constant. It counts slips of any of the four links involved. -1 without phase.
+    losses : tuple of Loss
+        Links and epochs that were measured and are not here.
+    """
+
+    t_s: FloatArray
+    baselines_b_m: FloatArray
+    satellites: tuple[str, ...]
+    signals: tuple[str, ...]
+    wavelength_m: FloatArray
+    group: IntArray
+    reference: IntArray
+    e_n: FloatArray
+    elevation_rad: FloatArray
+    code_m: FloatArray
+    phase_m: FloatArray
+    code_variance_m2: FloatArray
+    phase_variance_m2: FloatArray
+    arc: IntArray
+    losses: tuple[Loss, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check and freeze every field."""
+        t_s = frozen("double differences t_s", self.t_s, (None,))
+        increasing("double differences t_s", t_s)
+        n, m, b = len(t_s), len(self.satellites), len(self.baselines_b_m)
+        g = 1 + int(self.group.max()) if m else 0
+        shapes: dict[str, tuple[int, ...]] = {
+            "t_s": (n,),
+            "baselines_b_m": (b, 3),
+            "wavelength_m": (m,),
+            "e_n": (n, m, 3),
+            "code_variance_m2": (n, m),
+            "phase_variance_m2": (n, m),
+        }
+        for name, shape in shapes.items():
+            value = frozen(f"double differences {name}", getattr(self, name), shape)
+            object.__setattr__(self, name, value)
+        for name, shape in {
+            "elevation_rad": (n, m),
+            "code_m": (n, b, m),
+            "phase_m": (n, b, m),
+        }.items():
+            value = frozen(f"double differences {name}", getattr(self, name), shape, gaps=True)
+            object.__setattr__(self, name, value)
+        for name, shape in {"group": (m,), "reference": (n, g), "arc": (n, b, m)}.items():
+            value = frozen(f"double differences {name}", getattr(self, name), shape, dtype=np.int64)
+            object.__setattr__(self, name, value)
+
+    @property
+    def is_reference(self) -> BoolArray:
+        """Whether a channel is the reference of its group, (n, m)."""
+        return self.reference[:, self.group] == np.arange(len(self.satellites))
+
+    @property
+    def resolvable(self) -> BoolArray:
+        """Links that carry an unknown integer, (n, b, m): phase and code there, not the reference."""
+        both = np.isfinite(self.phase_m) & np.isfinite(self.code_m)
+        return both & ~self.is_reference[:, None, :]
+
+    def array_m(self, R_nb: FloatArray) -> FloatArray:
+        """Return the modelled double differences without integers, (n, b, m), of attitudes (n, 3, 3)."""
+        baselines_n_m = np.einsum("nij,bj->nbi", R_nb, self.baselines_b_m)
+        ranges_m = -np.einsum("nbi,nmi->nbm", baselines_n_m, self.e_n)
+        of_reference = self.reference[:, self.group].clip(0)
+        return np.asarray(
+            ranges_m - np.take_along_axis(ranges_m, of_reference[:, None, :], axis=2)
+        )
+
+    def covariance(self, k: int, links: BoolArray, variance_m2: FloatArray) -> FloatArray:
+        """Return the full covariance, m2, of the chosen double differences of one epoch.
+
+        Parameters
+        ----------
+        k : int
+            Epoch.
+        links : ndarray of bool, shape (b, m)
+            The differences wanted, reference channels excluded; the order is that of
+            ``np.nonzero(links)``.
+        variance_m2 : ndarray, shape (n, m)
+            ``code_variance_m2`` or ``phase_variance_m2``.
+
+        Returns
+        -------
+        ndarray, shape (links.sum(), links.sum())
+        """
+        baseline, channel = np.nonzero(links)
+        variance = variance_m2[k]
+        of_reference = self.reference[k, self.group[channel]]
+        same_group = self.group[channel][:, None] == self.group[channel][None, :]
+        satellites = same_group * variance[of_reference][:, None] + (
+            channel[:, None] == channel[None, :]
+        ) * variance[channel]
+        antennas = 1.0 + (baseline[:, None] == baseline[None, :])
+        return np.asarray(antennas * satellites)

@@ -1,0 +1,1 @@
+"""Released weights, verified and run; neither torch nor the simulator."""

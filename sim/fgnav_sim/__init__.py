@@ -1,0 +1,1 @@
+"""Simulator: flights whose truth is known."""
