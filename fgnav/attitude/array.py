@@ -1,0 +1,182 @@
+"""Attitude of an antenna array by full-covariance maximum likelihood, with its covariance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav import rotations
+from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.estimate import open_angle_variance_rad2
+
+_ITERATIONS = 30
+_STEP_SIGMAS = 1e-4  # a Gauss-Newton step below this share of the standard deviation is the last
+_ALONG_AXIS = 1e-3  # rad: an open direction this close to a body axis is that axis
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class AttitudeSolution:
+    """Attitudes of epochs, each from that epoch's measurements alone.
+
+    Attributes
+    ----------
+    R_nb : ndarray, shape (n, 3, 3)
+        Identity where there is no information at all.
+    covariance_rad2 : ndarray, shape (n, 3, 3)
+        Of the body-axes tangent; directions left open have the variance of a uniform angle.
+    chi_square : ndarray, shape (n,)
+        Weighted square sum of the residuals.
+    degrees_of_freedom : ndarray of int, shape (n,)
+    solved : ndarray of bool, shape (n,)
+        Whether the search ended at a minimum and at least two angles are determined.
+    open_axis_b : ndarray, shape (n, 3)
+        Unit vector in body axes about which the attitude is open; 0 where all is determined.
+    """
+
+    R_nb: FloatArray
+    covariance_rad2: FloatArray
+    chi_square: FloatArray
+    degrees_of_freedom: IntArray
+    solved: BoolArray
+    open_axis_b: FloatArray
+
+    def consistent(self, false_alarm: float = 1e-4) -> BoolArray:
+        """Return which epochs pass the chi-square test of their residuals, (n,).
+
+        An epoch without redundancy passes: it cannot be tested.
+        """
+        from scipy.special import chdtri  # noqa: PLC0415  # lazy: half a second
+
+        threshold = chdtri(np.maximum(self.degrees_of_freedom, 1), false_alarm)
+        return np.asarray((self.chi_square <= threshold) | (self.degrees_of_freedom < 1))
+
+    def unobservable(self) -> tuple[str, ...]:
+        """Return the names of the angles that most solved epochs leave open."""
+        axes = self.open_axis_b[self.solved]
+        is_open = axes.any(axis=1)
+        if not len(axes) or is_open.mean() <= 0.5:
+            return ()
+        axes = axes[is_open]
+        aligned = axes * np.sign(axes @ axes[0])[:, None]
+        return (axis_name(aligned.mean(axis=0)),)
+
+
+def axis_name(axis_b: FloatArray) -> str:
+    """Return the Euler angle about a body axis, or the axis in words where it is none of them."""
+    axis_b = axis_b / np.linalg.norm(axis_b)
+    across = np.linalg.norm(np.cross(axis_b, np.eye(3)), axis=1)
+    if across.min() < _ALONG_AXIS:
+        return ("roll", "pitch", "yaw")[int(across.argmin())]
+    x, y, z = np.round(axis_b, 3) + 0.0  # no negative zero
+    return f"rotation about the body axis [{x:.3f}, {y:.3f}, {z:.3f}]"
+
+
+def maximum_likelihood(
+    quadratic: RotationQuadratic, R_nb_start: FloatArray | None = None
+) -> AttitudeSolution:
+    """Return the most likely rotation of each epoch: Gauss-Newton on SO(3), all epochs at once.
+
+    Parameters
+    ----------
+    quadratic : RotationQuadratic
+        What the epochs measured; sums of double differences and vector pairs, any subset.
+    R_nb_start : ndarray, shape (n, 3, 3), optional
+        Where to start; the rotation nearest to the unconstrained minimum by default.
+
+    Returns
+    -------
+    AttitudeSolution
+        A direction of which the data say less than a uniform prior would is left open: it keeps
+        zero roll about it where the array allows, and says so.
+
+    References
+    ----------
+    The covariance is the inverse Fisher information, which the estimate reaches to first order: the
+    Cramer-Rao bound of the model ``paper Eq. 28`` with its full covariance.
+    """
+    R_nb, settled = _descend(quadratic, _start(quadratic) if R_nb_start is None else R_nb_start)
+    covariance, is_open, axes = _bounded_inverse(
+        quadratic.information_at(R_nb), open_variance_rad2=open_angle_variance_rad2()
+    )
+    open_directions = is_open.sum(axis=1)
+    line = open_directions == 1
+    axis = axes[line, :, 0] * np.where(axes[line, :1, 0] < 0, -1.0, 1.0)
+    R_nb[line] = zero_roll(np.einsum("nij,nj->ni", R_nb[line], axis), axis)
+    return AttitudeSolution(
+        R_nb=R_nb,
+        covariance_rad2=covariance,
+        chi_square=quadratic.chi_square(R_nb),
+        degrees_of_freedom=quadratic.count - 3 + open_directions,
+        solved=settled & (open_directions <= 1),
+        open_axis_b=axes[:, :, 0] * is_open[:, :1],
+    )
+
+
+def _descend(quadratic: RotationQuadratic, start: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Gauss-Newton with step control; return where it ended and whether that is a minimum."""
+    R_nb, settled = start.copy(), np.zeros(len(start), dtype=bool)
+    share = np.ones(len(start))  # of the full step: a weak epoch may overshoot
+    for _ in range(_ITERATIONS):
+        active = np.flatnonzero(~settled)
+        if not len(active):
+            break
+        part, here = quadratic[active], R_nb[active]
+        # A flat direction is not searched: its inverse is set to zero.
+        inverse, _, _ = _bounded_inverse(part.information_at(here), open_variance_rad2=0.0)
+        gradient = part.gradient_at(here)
+        step = -np.einsum("nij,nj->ni", inverse, gradient)
+        settled[active] = -np.einsum("ni,ni->n", step, gradient) < _STEP_SIGMAS**2
+        there = here @ rotations.exp(share[active, None] * step)
+        better = part.chi_square(there) <= part.chi_square(here) + _STEP_SIGMAS**2
+        R_nb[active] = np.where(better[:, None, None], there, here)
+        share[active] = np.where(better, np.minimum(2 * share[active], 1), share[active] / 4)
+    return R_nb, settled
+
+
+def _bounded_inverse(
+    information: FloatArray, *, open_variance_rad2: float
+) -> tuple[FloatArray, BoolArray, FloatArray]:
+    """Invert information matrices; directions worse than a uniform angle get the variance given.
+
+    Returns the inverses (n, 3, 3), which directions are open (n, 3), and the directions as columns
+    (n, 3, 3).
+    """
+    values, vectors = np.linalg.eigh(information)
+    is_open = values < 1.0 / open_angle_variance_rad2()
+    variance = np.where(is_open, open_variance_rad2, 1.0 / np.where(is_open, 1.0, values))
+    inverse = np.einsum("nij,nj,nkj->nik", vectors, variance, vectors)
+    return inverse, is_open, vectors
+
+
+def _start(quadratic: RotationQuadratic) -> FloatArray:
+    """Return the rotations nearest to the unconstrained minima; zero roll where one line is all."""
+    M = quadratic.unconstrained()
+    U, s, Vt = np.linalg.svd(M)
+    line = s[:, 1] < 1e-6 * np.maximum(s[:, 0], 1e-300)
+    R_nb = rotations.nearest(M)
+    if line.any():
+        forward = np.where(Vt[line, 0, :1] < 0, -1.0, 1.0)
+        R_nb[line] = zero_roll(forward * U[line, :, 0], forward * Vt[line, 0])
+    return R_nb
+
+
+def zero_roll(direction_n: FloatArray, direction_b: FloatArray) -> FloatArray:
+    """Return (n, 3, 3) rotations of zero roll that take body directions to directions in ``n``.
+
+    Where no pitch can do it, the pitch is 0 and the rest is the least rotation in ``n``.
+    """
+    level = np.hypot(direction_b[:, 0], direction_b[:, 2]).clip(1e-12)
+    reachable = np.abs(direction_n[:, 2]) <= level
+    phase = np.arctan2(direction_b[:, 2], direction_b[:, 0])
+    pitch = phase - np.arcsin(np.clip(direction_n[:, 2] / level, -1, 1))
+    pitch = np.where(reachable, rotations.wrap(pitch), 0.0)
+    zero = np.zeros_like(pitch)
+    turned = np.einsum("nij,nj->ni", rotations.from_euler(zero, pitch, zero), direction_b)
+    yaw = np.arctan2(direction_n[:, 1], direction_n[:, 0]) - np.arctan2(turned[:, 1], turned[:, 0])
+    R_nb = rotations.from_euler(zero, pitch, yaw)
+    have = np.einsum("nij,nj->ni", R_nb, direction_b)
+    across = np.cross(have, direction_n)
+    sine = np.linalg.norm(across, axis=1, keepdims=True)
+    angle = np.arctan2(sine, np.einsum("ni,ni->n", have, direction_n)[:, None])
+    least = rotations.exp(across / sine.clip(1e-300) * angle)
+    return np.where(reachable[:, None, None], R_nb, least @ R_nb)

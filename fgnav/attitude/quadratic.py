@@ -1,0 +1,210 @@
+"""Everything linear in the rotation matrix, as one quadratic form per epoch.
+
+Double differences and vector pairs are linear in the nine elements x of R_nb (row by row), so all
+that an epoch says of the attitude is a quadratic form in x, whatever the number of antennas,
+satellites, groups, weights and gaps. It is loss-free: maximum likelihood, the Cramer-Rao bound and
+the smoother's factor all start from it. With equal antennas and no gaps it falls apart into three
+vector measurements; with gaps it does not, which is why the nine-by-nine form is kept.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.gnss.differences import DoubleDifferences
+from fgnav.integers.resolver import Integers, fixed_ranges_m
+from fgnav.rotations import skew
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RotationQuadratic:
+    """``-log p = (x' information x - 2 vector' x + constant) / 2``, x = R_nb.ravel(), per epoch.
+
+    Attributes
+    ----------
+    information : ndarray, shape (n, 9, 9)
+    vector : ndarray, shape (n, 9)
+    constant : ndarray, shape (n,)
+        The weighted square sum of the measurements themselves.
+    count : ndarray of int, shape (n,)
+        Independent scalar measurements, nuisance parameters already taken off.
+    """
+
+    information: FloatArray
+    vector: FloatArray
+    constant: FloatArray
+    count: IntArray
+
+    @classmethod
+    def of_double_differences(
+        cls, differences: DoubleDifferences, integers: Integers
+    ) -> "RotationQuadratic":
+        """Collect all fixed double-differenced phases of every epoch, with their full covariance.
+
+        Works on undifferenced links: satellite terms are eliminated per channel, receiver terms per
+        antenna and group, which equals double differencing with the full covariance, for any
+        reference, any weights and any missing links.
+        """
+        lever_arms_b_m = np.vstack([np.zeros(3), differences.baselines_b_m])
+        return cls(
+            *_collect(
+                fixed_ranges_m(differences, integers),
+                np.ascontiguousarray(differences.e_n),
+                1.0 / differences.phase_variance_m2,
+                differences.group,
+                lever_arms_b_m,
+            )
+        )
+
+    @classmethod
+    def of_vector_pairs(
+        cls, v_n: FloatArray, v_b: FloatArray, covariance_b: FloatArray
+    ) -> "RotationQuadratic":
+        """Collect one vector pair per epoch: ``v_b = R_nb.T @ v_n`` plus noise in body axes.
+
+        Parameters
+        ----------
+        v_n : ndarray, shape (n, 3)
+            Known in the frame ``n``.
+        v_b : ndarray, shape (n, 3)
+            Measured in body axes; NaN rows are not used.
+        covariance_b : ndarray, shape (n, 3, 3)
+            Of ``v_b``.
+        """
+        there = np.asarray(np.isfinite(v_b).all(axis=1))
+        weight = np.linalg.inv(covariance_b) * there[:, None, None]
+        v_b = np.where(there[:, None], v_b, 0.0)
+        weighted = np.einsum("nij,nj->ni", weight, v_b)
+        n = len(v_n)
+        return cls(
+            np.einsum("ni,nj,nkl->nikjl", v_n, v_n, weight).reshape(n, 9, 9),
+            np.einsum("ni,nk->nik", v_n, weighted).reshape(n, 9),
+            np.einsum("ni,ni->n", v_b, weighted),
+            np.where(there, 3, 0),
+        )
+
+    def __add__(self, other: "RotationQuadratic") -> "RotationQuadratic":
+        """Return the form of both sets of measurements together; they must be independent."""
+        return RotationQuadratic(
+            information=self.information + other.information,
+            vector=self.vector + other.vector,
+            constant=self.constant + other.constant,
+            count=self.count + other.count,
+        )
+
+    def __getitem__(self, epochs: IntArray | slice) -> "RotationQuadratic":
+        """Return the form of some epochs."""
+        return RotationQuadratic(
+            information=self.information[epochs],
+            vector=self.vector[epochs],
+            constant=self.constant[epochs],
+            count=self.count[epochs],
+        )
+
+    def chi_square(self, R_nb: FloatArray) -> FloatArray:
+        """Return the weighted square sum of residuals, (n,), at attitudes (n, 3, 3)."""
+        x = R_nb.reshape(-1, 9)
+        quadratic = np.einsum("ni,nij,nj->n", x, self.information, x)
+        return np.asarray(quadratic - 2 * np.einsum("ni,ni->n", self.vector, x) + self.constant)
+
+    def information_at(self, R_nb: FloatArray) -> FloatArray:
+        """Return the Fisher information of the body tangent, 1/rad2, (n, 3, 3), at attitudes."""
+        J = tangent_jacobian(R_nb)
+        return np.asarray(J.swapaxes(1, 2) @ self.information @ J)
+
+    def gradient_at(self, R_nb: FloatArray) -> FloatArray:
+        """Return the gradient of ``-log p`` by the body tangent, 1/rad, (n, 3), at attitudes."""
+        x = R_nb.reshape(-1, 9)
+        slope = np.einsum("nij,nj->ni", self.information, x) - self.vector
+        return np.asarray(np.einsum("nik,ni->nk", tangent_jacobian(R_nb), slope))
+
+    def unconstrained(self) -> FloatArray:
+        """Return the matrix of least norm that minimises each form, (n, 3, 3); not a rotation."""
+        inverse = np.linalg.pinv(self.information, rcond=1e-10, hermitian=True)
+        return np.asarray(np.einsum("nij,nj->ni", inverse, self.vector).reshape(-1, 3, 3))
+
+
+def tangent_jacobian(R_nb: FloatArray) -> FloatArray:
+    """Return the derivative of R_nb.ravel() by its body-axes tangent, (n, 9, 3)."""
+    generators = skew(np.eye(3))
+    return np.asarray(np.einsum("nij,kjl->nilk", R_nb, generators).reshape(-1, 9, 3))
+
+
+@njit(cache=True)
+def _collect(
+    ranges_m: FloatArray,
+    e_n: FloatArray,
+    weight: FloatArray,
+    group: IntArray,
+    lever_arms_b_m: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+    """Sum the forms of all groups of all epochs; see ``of_double_differences``."""
+    n, m, antennas = len(ranges_m), len(group), len(lever_arms_b_m)
+    information = np.zeros((n, 9, 9))
+    vector = np.zeros((n, 9))
+    constant = np.zeros(n)
+    count = np.zeros(n, dtype=np.int64)
+    for g in range(group.max() + 1 if m else 0):
+        channels = np.flatnonzero(group == g)
+        for k in range(n):
+            laplacian = np.zeros((antennas, antennas))  # of the receiver terms
+            cross = np.zeros((antennas, 10))  # receiver terms against x, and against the ranges
+            for j in channels:
+                constant[k] += _add_channel(
+                    ranges_m[k, :, j],
+                    e_n[k, j],
+                    weight[k, j],
+                    lever_arms_b_m,
+                    information[k],
+                    vector[k],
+                    laplacian,
+                    cross,
+                )
+                count[k] += np.isfinite(ranges_m[k, :, j]).sum()
+            for i in range(1, antennas):  # the reference antenna's term is the datum
+                if laplacian[i, i] == 0.0:
+                    laplacian[i, i] = 1.0  # it has no links: leave it alone
+                else:
+                    count[k] -= 1
+            known = np.ascontiguousarray(cross[1:])
+            gain = known.T @ np.linalg.solve(np.ascontiguousarray(laplacian[1:, 1:]), known)
+            information[k] -= gain[:9, :9]
+            vector[k] -= gain[:9, 9]
+            constant[k] -= gain[9, 9]
+    return information, vector, constant, count
+
+
+@njit(cache=True)
+def _add_channel(
+    ranges_m: FloatArray,
+    e_n: FloatArray,
+    weight: float,
+    lever_arms_b_m: FloatArray,
+    information: FloatArray,
+    vector: FloatArray,
+    laplacian: FloatArray,
+    cross: FloatArray,
+) -> float:
+    """Add one channel of one epoch, its satellite term eliminated; return its constant."""
+    antennas = len(lever_arms_b_m)
+    here = np.zeros(antennas)
+    residual = np.zeros(antennas)
+    for i in range(1, antennas):
+        if not np.isnan(ranges_m[i - 1]):
+            here[0] = here[i] = 1.0
+            residual[i] = ranges_m[i - 1]
+    links = here.sum()
+    if links == 0.0:
+        return 0.0
+    residual = here * (residual - residual.sum() / links)
+    mean_arm_b_m = here @ lever_arms_b_m / links
+    arms_b_m = here.reshape(-1, 1) * (lever_arms_b_m - mean_arm_b_m)
+    design = -np.kron(e_n.reshape(1, 3), arms_b_m)  # antennas by 9: range by x
+    information += weight * (design.T @ design)
+    vector += weight * (residual @ design)
+    laplacian += weight * (np.diag(here) - np.outer(here, here) / links)
+    cross[:, :9] += weight * design
+    cross[:, 9] += weight * residual
+    return float(weight * (residual @ residual))

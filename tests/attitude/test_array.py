@@ -1,0 +1,105 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fgnav import rotations
+from fgnav.attitude import RotationQuadratic, maximum_likelihood
+from fgnav.attitude.array import axis_name, zero_roll
+from fgnav.estimate import open_angle_variance_rad2
+
+from .arrays import PAPER_ANTENNAS_B_M, sky, synthetic
+
+RUNS = 4000
+PLANE_B_M = np.array([[0.0, 0, 0], [1, 0, 0], [0, 0.5, 0]])
+
+
+def solve(R_nb, rng, **options):
+    differences, true = synthetic(R_nb, sky(6, rng), rng, **options)
+    form = RotationQuadratic.of_double_differences(differences, true)
+    return maximum_likelihood(form), form
+
+
+@pytest.mark.parametrize("antennas", [PAPER_ANTENNAS_B_M, PLANE_B_M], ids=["paper", "plane"])
+def test_errors_reach_the_bound_and_their_covariance_is_believable(antennas):
+    rng = np.random.default_rng(5)
+    R_nb = rotations.exp(rng.normal(size=(RUNS, 3)))
+    solution, form = solve(R_nb, rng, antennas_b_m=antennas, sine=True, missing=0.1)
+    assert solution.solved.all()
+    error = rotations.log(rotations.transpose(solution.R_nb) @ R_nb)
+    bound = np.linalg.inv(form.information_at(R_nb))
+    ratio = np.sqrt((error**2).mean(axis=0) / np.einsum("nii->ni", bound).mean(axis=0))
+    assert_allclose(ratio, 1, atol=0.06)
+    nees = np.einsum("ni,nij,nj->n", error, np.linalg.inv(solution.covariance_rad2), error)
+    assert abs(nees.mean() - 3) < 0.25  # 4 standard errors of the mean, and curvature at 2 degrees
+    freedom = solution.degrees_of_freedom
+    assert abs((solution.chi_square - freedom).mean()) < 4 * np.sqrt(2 * freedom.mean() / RUNS)
+    assert solution.consistent().mean() > 0.999
+
+
+def test_a_wrong_integer_fails_the_chi_square_test():
+    rng = np.random.default_rng(6)
+    R_nb = rotations.exp(rng.normal(size=(50, 3)))
+    differences, true = synthetic(R_nb, sky(7, rng), rng)
+    cycles = true.cycles.copy()
+    cycles[:, 3, 2] += 1
+    wrong = type(true)(resolver="wrong", cycles=cycles, fixed=true.fixed, ratio=true.ratio)
+    form = RotationQuadratic.of_double_differences(differences, wrong)
+    assert not maximum_likelihood(form).consistent().any()
+
+
+@pytest.mark.parametrize(
+    ("baseline", "name"),
+    [
+        ([1.6, 0, 0], "roll"),
+        ([-1.6, 0, 0], "roll"),
+        ([0, 1, 0], "pitch"),
+        ([0, 0, 1], "yaw"),
+        ([1, 1, 0], "rotation about the body axis [0.707, 0.707, 0.000]"),
+    ],
+)
+def test_one_baseline_leaves_one_angle_open_and_names_it(baseline, name):
+    rng = np.random.default_rng(7)
+    R_nb = rotations.exp(0.5 * rng.normal(size=(20, 3)))
+    solution, _ = solve(R_nb, rng, antennas_b_m=np.array([[0, 0, 0], baseline]))
+    assert solution.solved.all()
+    assert solution.unobservable() == (name,)
+    axis = np.array(baseline) / np.linalg.norm(baseline)
+    variance = np.einsum("i,nij,j->n", axis, solution.covariance_rad2, axis)
+    assert_allclose(variance, open_angle_variance_rad2())
+    ahead = solution.R_nb @ axis - R_nb @ axis
+    assert np.abs(ahead).max() < np.radians(3)
+
+
+def test_a_baseline_along_the_body_axis_gives_yaw_and_pitch_with_zero_roll():
+    rng = np.random.default_rng(8)
+    euler = np.tile([0.0, 0.2, -2.5], (10, 1))
+    solution, _ = solve(
+        rotations.from_euler(*euler.T), rng, antennas_b_m=np.array([[0, 0, 0], [1.6, 0, 0]])
+    )
+    assert_allclose(rotations.to_euler(solution.R_nb), euler, atol=np.radians(1))
+    assert_allclose(rotations.to_euler(solution.R_nb)[:, 0], 0, atol=1e-9)
+
+
+def test_nothing_measured_is_not_solved():
+    rng = np.random.default_rng(9)
+    differences, true = synthetic(np.eye(3)[None], sky(6, rng), rng)
+    none = type(true)(
+        resolver="none", cycles=true.cycles * 0, fixed=true.fixed & False, ratio=true.ratio
+    )
+    solution = maximum_likelihood(RotationQuadratic.of_double_differences(differences, none))
+    assert not solution.solved.any()
+    assert solution.unobservable() == ()
+
+
+def test_zero_roll_reaches_every_direction():
+    rng = np.random.default_rng(10)
+    n, b = rng.normal(size=(2, 200, 3))
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    b /= np.linalg.norm(b, axis=1, keepdims=True)
+    R_nb = zero_roll(n, b)
+    assert_allclose(np.einsum("nij,nj->ni", R_nb, b), n, atol=1e-9)
+    assert_allclose(np.linalg.det(R_nb), 1)
+
+
+def test_axes_have_their_names():
+    assert axis_name(np.array([0, 0, -2.0])) == "yaw"
