@@ -9,7 +9,7 @@ from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.estimate import open_angle_variance_rad2
 
-_ITERATIONS = 30
+_ITERATIONS = 100  # a well-posed epoch needs four; the weakest creep
 _STEP_SIGMAS = 1e-4  # a Gauss-Newton step below this share of the standard deviation is the last
 _ALONG_AXIS = 1e-3  # rad: an open direction this close to a body axis is that axis
 
