@@ -19,11 +19,14 @@ def solve(R_nb, rng, **options):
     return maximum_likelihood(form), form
 
 
-@pytest.mark.parametrize("antennas", [PAPER_ANTENNAS_B_M, PLANE_B_M], ids=["paper", "plane"])
-def test_errors_reach_the_bound_and_their_covariance_is_believable(antennas):
+# A plane with gaps is at times truly ambiguous: the best rotation is another; so no gaps there.
+@pytest.mark.parametrize(
+    ("antennas", "missing"), [(PAPER_ANTENNAS_B_M, 0.1), (PLANE_B_M, 0.0)], ids=["paper", "plane"]
+)
+def test_errors_reach_the_bound_and_their_covariance_is_believable(antennas, missing):
     rng = np.random.default_rng(5)
     R_nb = rotations.exp(rng.normal(size=(RUNS, 3)))
-    solution, form = solve(R_nb, rng, antennas_b_m=antennas, sine=True, missing=0.1)
+    solution, form = solve(R_nb, rng, antennas_b_m=antennas, sine=True, missing=missing)
     assert solution.solved.all()
     error = rotations.log(rotations.transpose(solution.R_nb) @ R_nb)
     bound = np.linalg.inv(form.information_at(R_nb))
