@@ -166,7 +166,7 @@ def _restarted(
 ) -> tuple[FloatArray, BoolArray]:
     """Search again from a quarter-turn grid where the residuals say that a minimum is a local one.
 
-    Without it 0.3 % of weak planar epochs (three antennas, six satellites) end in the wrong minimum.
+    Without it 0.3 % of weak planar epochs (three antennas, six satellites) end in a wrong one.
     """
     freedom = np.maximum(quadratic.count - 3, 1)
     doubtful = np.flatnonzero(quadratic.chi_square(R_nb) > freedom + 4 * np.sqrt(2 * freedom))

@@ -1,7 +1,7 @@
 """Ways from a flight to an estimate, found by name.
 
-A method is a frozen dataclass with ``name`` and ``__call__(flight) -> Estimate``; those that use carrier
-phase take a ``resolver``. Third parties add their own through the entry-point group
+A method is a frozen dataclass with ``name`` and ``__call__(flight) -> Estimate``; those that use
+carrier phase take a ``resolver``. Third parties add their own through the entry-point group
 ``fgnav.methods``: a callable that takes ``resolver`` and returns an ``Estimator``.
 """
 

@@ -1,0 +1,81 @@
+"""Full-covariance maximum likelihood of the antenna array, epoch by epoch."""
+
+from dataclasses import dataclass, field
+
+from fgnav.attitude.array import maximum_likelihood
+from fgnav.attitude.baselines import body_motion
+from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.checks import Loss, NoSolutionError, positive
+from fgnav.estimate import Estimate
+from fgnav.flight import Flight
+from fgnav.integers.lambda_ import Lambda
+from fgnav.integers.resolve import resolve
+from fgnav.integers.resolver import Resolver
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MaximumLikelihood:
+    """Every fixed double difference of an epoch at once, with its full covariance; no smoothing.
+
+    Epochs whose residuals fail the chi-square test, as they do with a wrong integer, are not
+    answered but counted.
+
+    Attributes
+    ----------
+    resolver : Resolver
+    false_alarm : float
+        Share of right epochs that the chi-square test may turn away.
+    name : str
+    """
+
+    resolver: Resolver = field(default_factory=Lambda)
+    false_alarm: float = 1e-4
+    name: str = "maximum-likelihood"
+
+    def __post_init__(self) -> None:
+        """Reject a share that is none."""
+        positive(f"{self.name} false_alarm", self.false_alarm)
+
+    def __call__(self, flight: Flight) -> Estimate:
+        """Estimate attitude at the epochs with fixed differences; position from code.
+
+        Raises
+        ------
+        NoSolutionError
+            If no epoch determines the attitude.
+        """
+        differences, integers = resolve(flight, self.resolver)
+        solution = maximum_likelihood(
+            RotationQuadratic.of_double_differences(differences, integers)
+        )
+        consistent = solution.consistent(self.false_alarm)
+        keep = solution.solved & consistent
+        losses = [
+            Loss(what="epoch", reason=reason, count=int(lost.sum()))
+            for reason, lost in {
+                "fixed differences do not determine the attitude": ~solution.solved,
+                "residuals of the fixed array fail the chi-square test": solution.solved
+                & ~consistent,
+            }.items()
+            if lost.any()
+        ]
+        if not keep.any():
+            reasons = "; ".join(f"{loss.reason} ({loss.count})" for loss in losses)
+            raise NoSolutionError(f"{self.name}: attitude: no epoch has an answer: {reasons}")
+        R_nb = solution.R_nb[keep]
+        motion = body_motion(flight, differences.t_s[keep], R_nb)
+        return Estimate(
+            method=self.name,
+            t_s=differences.t_s[keep],
+            epochs=len(differences.t_s),
+            R_nb=R_nb,
+            attitude_covariance_rad2=solution.covariance_rad2[keep],
+            p_n_m=motion.p_n_m,
+            position_covariance_m2=motion.position_covariance_m2,
+            v_n_mps=motion.v_n_mps,
+            velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2,
+            unobservable=solution.unobservable(),
+            integers=integers,
+            losses=(*differences.losses, *integers.losses, *losses),
+            notes=motion.notes,
+        )

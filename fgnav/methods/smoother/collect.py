@@ -1,0 +1,214 @@
+"""From a flight to keyframes: what each GNSS epoch measured, and where to start."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
+from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
+from fgnav.flight import Flight, Imu
+from fgnav.gravity import GravityEstimator
+from fgnav.integers.resolve import resolve
+from fgnav.integers.resolver import Integers, Resolver
+from fgnav.methods.smoother import instruments
+from fgnav.methods.smoother.keyframes import Keyframes, Timed
+from fgnav.methods.smoother.preintegration import (
+    Preintegrator,
+    angular_acceleration_density,
+    angular_rates,
+    increments,
+)
+from fgnav.rotations import exp, log, transpose
+
+_UNKNOWN_RATE_RADPS = 30.0  # 1-sigma of the first body rate: five turns a second
+_LONGEST_GAP_S = 0.5  # of the accelerometer's record, bridged by interpolation
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """What the user may choose; see ``Smoother``."""
+
+    resolver: Resolver
+    gravity: GravityEstimator | None
+    angular_acceleration_density: float | None
+    sub_steps: int
+    false_alarm: float
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Collected:
+    """Keyframes of a flight, and what is to be said of them.
+
+    Attributes
+    ----------
+    keyframes : Keyframes
+    epochs : int
+        GNSS epochs of the flight.
+    attitude : AttitudeSolution
+        Of the array alone, at every GNSS epoch.
+    common_position_m2 : ndarray, shape (n, 3, 3)
+        Variance of positions at keyframes that no smoothing reduces.
+    integers : Integers
+    losses : tuple of Loss
+    """
+
+    keyframes: Keyframes
+    epochs: int
+    attitude: AttitudeSolution
+    common_position_m2: FloatArray
+    integers: Integers
+    losses: tuple[Loss, ...]
+
+
+def collect(flight: Flight, settings: Settings) -> Collected:
+    """Return the keyframes of a flight: its GNSS epochs within the accelerometer's record.
+
+    Raises
+    ------
+    NoSolutionError
+        Naming the part of the flight that is missing.
+    """
+    imu = flight.imu
+    if imu is None:
+        raise NoSolutionError("smoother: motion between epochs needs an [imu], the flight has none")
+    differences, integers = resolve(flight, settings.resolver)
+    form = RotationQuadratic.of_double_differences(differences, integers)
+    attitude = maximum_likelihood(form)
+    told = attitude.solved & attitude.consistent(settings.false_alarm)
+    keep, losses = _keyframes(imu, differences.t_s, attitude.solved, told)
+    t_s, told = differences.t_s[keep], told[keep]
+    R_nb = _filled(t_s, attitude.R_nb[keep], told)
+    antenna = instruments.antenna_motion(flight, imu, t_s)
+    p_n_m, v_n_mps = _start(t_s, R_nb, antenna.position, antenna.velocity)
+    slot, slot_sigma = _slot(imu, t_s, R_nb)
+    sight, sight_losses = instruments.sight(flight, imu, t_s, p_n_m)
+    gravity, gravity_losses = instruments.gravity(flight, settings.gravity, t_s)
+    gravity_n_mps2 = flight.origin.gravity_n_mps2(p_n_m)
+    keyframes = Keyframes(
+        t_s=t_s,
+        form=_blanked(form[keep], told),
+        R_nb=R_nb,
+        p_n_m=p_n_m,
+        v_n_mps=v_n_mps,
+        slot=slot,
+        slot_sigma=slot_sigma,
+        position=antenna.position,
+        velocity=antenna.velocity,
+        gravity=gravity,
+        gravity_n_mps2=gravity_n_mps2,
+        sight=sight,
+        landmark_n_m=None if sight is None or flight.seeker is None else flight.seeker.landmark_n_m,
+        preintegrate=Preintegrator(
+            imu=imu,
+            increments=increments(imu, t_s, settings.sub_steps),
+            gravity_n_mps2=gravity_n_mps2,
+            earth_rate_n_radps=flight.origin.earth_rate_n_radps,
+            angular_acceleration_density=_density(
+                imu, settings, t_s[told], R_nb[told], attitude.covariance_rad2[keep][told]
+            ),
+        ),
+    )
+    parts = (differences.losses, integers.losses, losses, antenna.losses)
+    return Collected(
+        keyframes=keyframes,
+        epochs=len(differences.t_s),
+        attitude=attitude,
+        common_position_m2=antenna.common_m2,
+        integers=integers,
+        losses=tuple(sum((*parts, sight_losses, gravity_losses), ())),
+    )
+
+
+def _keyframes(
+    imu: Imu, t_s: FloatArray, solved: BoolArray, told: BoolArray
+) -> tuple[IntArray, tuple[Loss, ...]]:
+    """Choose the epochs that become keyframes; count the rest with their reasons."""
+    gaps = np.flatnonzero(np.diff(imu.t_s) > _LONGEST_GAP_S)
+    if len(gaps):
+        at_s = imu.t_s[gaps[0]]
+        raise NoSolutionError(
+            f"smoother: motion: the accelerometer has {len(gaps)} gaps above {_LONGEST_GAP_S} s, "
+            f"the first after t_s = {at_s:.3f}"
+        )
+    covered = (t_s >= imu.t_s[0]) & (t_s <= imu.t_s[-1])
+    good = np.flatnonzero(covered & told)
+    if len(good) < 2:
+        raise NoSolutionError(
+            f"smoother: attitude: {len(good)} epochs have consistent array phases, needs 2 or more"
+        )
+    early = covered & (np.arange(len(t_s)) < good[0])
+    reasons = {
+        ("epoch", "not covered by the accelerometer's record"): ~covered,
+        ("epoch", "before the first attitude of the array"): early,
+        ("array phases of an epoch", "residuals fail the chi-square test"): covered
+        & solved
+        & ~told,
+    }
+    losses = tuple(
+        Loss(what=what, reason=reason, count=int(lost.sum()))
+        for (what, reason), lost in reasons.items()
+        if lost.any()
+    )
+    return np.flatnonzero(covered & ~early), losses
+
+
+def _filled(t_s: FloatArray, R_nb: FloatArray, told: BoolArray) -> FloatArray:
+    """Turn evenly between neighbours where an epoch has no attitude; hold the last one."""
+    known = np.flatnonzero(told)
+    place = np.interp(t_s, t_s[known], np.arange(len(known)))
+    before = np.floor(place).astype(np.int64)
+    after = np.minimum(before + 1, len(known) - 1)
+    first, last = R_nb[known[before]], R_nb[known[after]]
+    share = (place - before)[:, None]
+    return np.asarray(first @ exp(share * log(transpose(first) @ last)))
+
+
+def _blanked(form: RotationQuadratic, told: BoolArray) -> RotationQuadratic:
+    """Take the array's word from epochs whose integers are not consistent."""
+    return RotationQuadratic(
+        information=form.information * told[:, None, None],
+        vector=form.vector * told[:, None],
+        constant=form.constant * told,
+        count=form.count * told,
+    )
+
+
+def _start(
+    t_s: FloatArray, R_nb: FloatArray, position: Timed | None, velocity: Timed | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return where positions and velocities of the accelerometer start, (n, 3) each."""
+    if position is None or not np.isfinite(position.value).any():
+        raise NoSolutionError(
+            "smoother: position: neither code observations nor fixes at keyframes"
+        )
+    p_n_m = _interpolated(t_s, position.value) - R_nb @ position.arm_b_m
+    if velocity is not None and np.isfinite(velocity.value).any():
+        return p_n_m, _interpolated(t_s, velocity.value)
+    return p_n_m, np.gradient(p_n_m, t_s, axis=0)
+
+
+def _interpolated(t_s: FloatArray, values: FloatArray) -> FloatArray:
+    known = np.isfinite(values).all(axis=1)
+    columns = [np.interp(t_s, t_s[known], column[known]) for column in values.T]
+    return np.stack(columns, axis=1)
+
+
+def _slot(imu: Imu, t_s: FloatArray, R_nb: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the bias slot's start, (n, 6), and its prior, (6,); see ``preintegration``."""
+    slot, sigma = np.zeros((len(t_s), 6)), imu.gyroscope_bias_radps
+    if sigma is None:
+        slot[:, 3:] = -angular_rates(t_s, R_nb)
+        sigma = _UNKNOWN_RATE_RADPS
+    return slot, np.repeat([imu.accelerometer_bias_mps2, sigma], 3)
+
+
+def _density(
+    imu: Imu, settings: Settings, t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray
+) -> FloatArray:
+    """Return the angular acceleration density about the body axes, (3,)."""
+    if imu.w_b_radps is not None:
+        return np.zeros(3)
+    if settings.angular_acceleration_density is not None:
+        return np.full(3, settings.angular_acceleration_density)
+    return angular_acceleration_density(t_s, R_nb, covariance_rad2)

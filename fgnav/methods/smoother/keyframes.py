@@ -1,0 +1,88 @@
+"""What a flight says at each keyframe: measurements and a start, ready to become factors."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.checks import FloatArray
+from fgnav.methods.smoother.preintegration import Preintegrator
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Timed:
+    """Measurements at keyframes: NaN rows where there is none.
+
+    Attributes
+    ----------
+    value : ndarray, shape (n, 3)
+    covariance : ndarray, shape (n, 3, 3)
+    arm_b_m : ndarray, shape (3,)
+        From the accelerometer to where it was measured.
+    """
+
+    value: FloatArray
+    covariance: FloatArray
+    arm_b_m: FloatArray
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Directions:
+    """Unit vectors at keyframes, body axes; NaN rows where there is none.
+
+    Attributes
+    ----------
+    e_b : ndarray, shape (n, 3)
+    sigma_rad : ndarray, shape (n,)
+    """
+
+    e_b: FloatArray
+    sigma_rad: FloatArray
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Keyframes:
+    """Keyframes of a flight; the body point is the accelerometer.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (n,)
+    form : RotationQuadratic
+        Array phases of each keyframe; zero where it has none.
+    R_nb, p_n_m, v_n_mps : ndarray, shape (n, 3, 3), (n, 3), (n, 3)
+        Where the search starts.
+    slot : ndarray, shape (n, 6)
+        Start of accelerometer bias, m/s2, and of the gyro-bias slot, rad/s.
+    slot_sigma : ndarray, shape (6,)
+        Prior of the slot at the first keyframe.
+    position : Timed or None
+        Positions of one antenna, m.
+    velocity : Timed or None
+        Velocities of one antenna, m/s.
+    gravity : Directions or None
+    gravity_n_mps2 : ndarray, shape (n, 3)
+    sight : Directions or None
+        From the body point to the landmark.
+    landmark_n_m : ndarray, shape (3,), or None
+    preintegrate : Preintegrator
+    """
+
+    t_s: FloatArray
+    form: RotationQuadratic
+    R_nb: FloatArray
+    p_n_m: FloatArray
+    v_n_mps: FloatArray
+    slot: FloatArray
+    slot_sigma: FloatArray
+    position: Timed | None
+    velocity: Timed | None
+    gravity: Directions | None
+    gravity_n_mps2: FloatArray
+    sight: Directions | None
+    landmark_n_m: FloatArray | None
+    preintegrate: Preintegrator
+
+
+def there(values: FloatArray, k: int) -> bool:
+    """Return whether a keyframe has a measurement."""
+    return bool(np.isfinite(values[k]).all())
