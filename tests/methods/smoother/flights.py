@@ -24,7 +24,7 @@ POSITION_M, VELOCITY_MPS = 1.0, 0.05
 
 
 def motion(t_s, amplitude_rad):
-    """Sine Euler angles in a 100 m/s turn of 800 m radius: attitude and three derivatives of place."""
+    """Sine Euler angles in a 100 m/s turn of 800 m radius: attitude, p, v, a."""
     angle = amplitude_rad * np.sin(t_s)
     turn = t_s / 8
     zero = 0 * t_s
