@@ -8,8 +8,8 @@ Frames
 
 Angles
 ------
-3-2-1 Euler angles: yaw about z, pitch about the new y, roll about the new x. A tangent is a rotation
-vector in body axes, ``R = R_hat @ Exp(delta_b_rad)``, the order GTSAM uses: rotation first.
+3-2-1 Euler angles: yaw about z, pitch about the new y, roll about the new x. A tangent is a
+rotation vector in body axes, ``R = R_hat @ Exp(delta_b_rad)``; poses put rotation first, as GTSAM.
 
 Units and time
 --------------
@@ -18,9 +18,9 @@ seconds since the flight's ``start``.
 
 Arrays
 ------
-Item index first: ``(n, 3)`` vectors, ``(n, 3, 3)`` matrices, float64 and int64. A border type copies,
-checks and freezes its arrays once; nothing inside validates again. NaN means "not measured" where a
-docstring says so, and is an error everywhere else.
+Item index first: ``(n, 3)`` vectors, ``(n, 3, 3)`` matrices, float64 and int64. A border type
+copies, checks and freezes its arrays once; nothing inside validates again. NaN means "not measured"
+where a docstring says so, and is an error everywhere else.
 """
 
 from importlib import import_module
@@ -42,7 +42,7 @@ _FACE = {
     "NoSolutionError": "fgnav.checks",
 }
 
-__all__ = ["__version__", *_FACE]  # noqa: PLE0604
+__all__ = ["__version__", *_FACE]
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401

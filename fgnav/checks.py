@@ -75,7 +75,7 @@ def frozen(
     BadInputError
         If the shape differs or a value is not finite.
     """
-    array = np.array(value, dtype=dtype)
+    array: NDArray[Any] = np.array(value, dtype=dtype)
     fits = array.ndim == len(shape) and all(
         want is None or have == want for have, want in zip(array.shape, shape, strict=True)
     )

@@ -36,7 +36,9 @@ def geodetic(p_e_m: FloatArray) -> FloatArray:
     """Return (n, 3) latitude rad, longitude rad, ellipsoidal height m, of ECEF positions."""
     from pymap3d import ecef2geodetic  # noqa: PLC0415  # lazy, as above
 
-    return np.stack(ecef2geodetic(p_e_m[:, 0], p_e_m[:, 1], p_e_m[:, 2], deg=False), axis=-1)
+    place = ecef2geodetic(p_e_m[:, 0], p_e_m[:, 1], p_e_m[:, 2], deg=False)
+    # A single point comes back without its axis.
+    return np.stack([np.reshape(x, len(p_e_m)) for x in place], axis=-1)
 
 
 def ned_axes(latitude_rad: FloatArray, longitude_rad: FloatArray) -> FloatArray:
@@ -74,7 +76,9 @@ class Origin:
                 f"longitude: must be within +-360 deg, got {np.degrees(self.longitude_rad)}"
             )
         if not -1e4 < self.height_m < 1e8:
-            raise BadInputError(f"height_m: must be within -10 km and 100,000 km, got {self.height_m}")
+            raise BadInputError(
+                f"height_m: must be within -10 km and 100,000 km, got {self.height_m}"
+            )
 
     @property
     def p_e_m(self) -> FloatArray:
@@ -93,7 +97,7 @@ class Origin:
 
     def to_e(self, p_n_m: FloatArray) -> FloatArray:
         """Return (n, 3) ECEF positions of local positions."""
-        return p_n_m @ self.R_ne + self.p_e_m
+        return np.asarray(p_n_m @ self.R_ne + self.p_e_m)
 
     def local_ned(self, p_n_m: FloatArray) -> FloatArray:
         """Return (n, 3, 3) rotations from the NED axes at each position to the frame ``n``.
@@ -109,9 +113,7 @@ class Origin:
         """Rotation rate of the Earth in the local frame, (3,)."""
         return np.asarray(self.R_ne @ np.array([0.0, 0.0, EARTH_RATE_RADPS]))
 
-    def gravity_n_mps2(
-        self, p_n_m: FloatArray, model: GravityModel = "wgs84-normal"
-    ) -> FloatArray:
+    def gravity_n_mps2(self, p_n_m: FloatArray, model: GravityModel = "wgs84-normal") -> FloatArray:
         """Return (n, 3) plumb-line gravity, centrifugal part included, at local positions.
 
         Parameters
@@ -143,7 +145,7 @@ class Origin:
             )
         R_ne_there = ned_axes(place[:, 0], place[:, 1])
         g_e_mps2 = np.einsum("nij,ni->nj", R_ne_there, g_ned_mps2)
-        return g_e_mps2 @ self.R_ne.T
+        return np.asarray(g_e_mps2 @ self.R_ne.T)
 
 
 def _normal_gravity_mps2(

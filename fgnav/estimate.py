@@ -1,4 +1,4 @@
-"""What an estimator says: attitude, position, velocity, each with its covariance or honestly absent."""
+"""What an estimator says: attitude, position, velocity, with covariance or honestly absent."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -8,6 +8,9 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, Loss, frozen, increasing
 from fgnav.flight import Flight
 from fgnav.integers.resolver import Integers
+
+_MOTION_VECTORS = ("p_n_m", "v_n_mps", "angular_rate_b_radps", "accelerometer_bias_mps2")
+_MOTION_MATRICES = ("position_covariance_m2", "velocity_covariance_m2ps2")
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -27,7 +30,7 @@ class Estimate:
         Of the body-axes tangent ``R_true = R_nb @ Exp(delta)``; None where the method states none.
         A direction that the data leave open has variance pi^2 / 3, that of a uniform angle.
     p_n_m, v_n_mps : ndarray, shape (n, 3), or None
-        Of the body's origin.
+        Of the body's origin; NaN where an epoch has an attitude and no position or velocity.
     position_covariance_m2, velocity_covariance_m2ps2 : ndarray, shape (n, 3, 3), or None
     angular_rate_b_radps, accelerometer_bias_mps2 : ndarray, shape (n, 3), or None
     unobservable : tuple of str
@@ -68,13 +71,13 @@ class Estimate:
         if self.epochs < n:
             raise BadInputError(f"{self.method} epochs: {self.epochs}, but {n} have an answer")
         object.__setattr__(self, "t_s", t_s)
-        matrices = ("attitude_covariance_rad2", "position_covariance_m2", "velocity_covariance_m2ps2")
-        vectors = ("p_n_m", "v_n_mps", "angular_rate_b_radps", "accelerometer_bias_mps2")
-        for name in ("R_nb", *matrices, *vectors):
-            value = getattr(self, name)
+        matrices = ("R_nb", "attitude_covariance_rad2", *_MOTION_MATRICES)
+        for name in (*matrices, *_MOTION_VECTORS):
+            value, motion = getattr(self, name), name in (*_MOTION_VECTORS, *_MOTION_MATRICES)
             if value is not None:
-                shape = (n, 3) if name in vectors else (n, 3, 3)
-                object.__setattr__(self, name, frozen(f"{self.method} {name}", value, shape))
+                shape = (n, 3, 3) if name in matrices else (n, 3)
+                array = frozen(f"{self.method} {name}", value, shape, gaps=motion)
+                object.__setattr__(self, name, array)
 
     @property
     def available(self) -> float:

@@ -1,4 +1,4 @@
-"""The border type of the whole project: what was measured on a flight, before any estimator sees it."""
+"""The border type of the project: what was measured on a flight, before any estimator sees it."""
 
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
@@ -33,7 +33,7 @@ class Antenna:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GnssNoise:
-    """Standard deviations of one undifferenced link at the zenith, and how they grow with elevation.
+    """Standard deviations of one undifferenced link at the zenith, and how elevation weighs them.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class GnssNoise:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Base:
-    """A reference station on the ground: its ECEF position, (3,), and its observations (one antenna)."""
+    """A station on the ground: its ECEF position, (3,), and its observations (one antenna)."""
 
     position_e_m: FloatArray
     observations: Observations
@@ -120,7 +120,7 @@ class Imu:
         for name in gyroscope:
             value = getattr(self, f"gyroscope_{name}")
             if (value is None) != (self.w_b_radps is None):
-                raise BadInputError(f"imu gyroscope_{name}: goes with gyroscope samples, and only then")
+                raise BadInputError(f"imu gyroscope_{name}: goes with gyroscope samples, only then")
             if value is not None:
                 positive(f"imu gyroscope_{name}", value)
         if self.w_b_radps is not None:
@@ -158,7 +158,8 @@ class Fixes:
         sigma = frozen("fixes position_sigma_m", self.position_sigma_m, shape)
         if not (sigma > 0).all():
             raise BadInputError("fixes position_sigma_m: must be positive")
-        _freeze(self, t_s=t_s, p_n_m=frozen("fixes p_n_m", self.p_n_m, shape), position_sigma_m=sigma)
+        p_n_m = frozen("fixes p_n_m", self.p_n_m, shape)
+        _freeze(self, t_s=t_s, p_n_m=p_n_m, position_sigma_m=sigma)
         if (self.v_n_mps is None) != (self.velocity_sigma_mps is None):
             raise BadInputError("fixes velocity_sigma_mps: goes with velocities, and only then")
         if self.v_n_mps is not None and self.velocity_sigma_mps is not None:
@@ -202,8 +203,8 @@ class Seeker:
         t_s = frozen("seeker t_s", self.t_s, (None,))
         increasing("seeker t_s", t_s)
         calibration = frozen("seeker calibration", self.calibration, (None, 2))
-        if len(calibration) < 2 or (np.diff(calibration, axis=0) <= 0).any():  # noqa: PLR2004
-            raise BadInputError("seeker calibration: needs two rows or more, both columns increasing")
+        if len(calibration) < 2 or (np.diff(calibration, axis=0) <= 0).any():
+            raise BadInputError("seeker calibration: needs two rows or more, columns increasing")
         positive("seeker detector_radius_m", self.detector_radius_m)
         positive("seeker focal_length_m", self.focal_length_m)
         _freeze(

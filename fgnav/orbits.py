@@ -55,7 +55,7 @@ class BroadcastOrbits:
     records : ndarray of ``EPHEMERIS_DTYPE``, shape (k,)
         The messages, sorted by satellite, then time of ephemeris.
     klobuchar : ndarray, shape (8,)
-        GPS ionosphere model, alpha and beta (IS-GPS-200, 20.3.3.5.2.5); zeros where the file has none.
+        GPS ionosphere model, alpha and beta (IS-GPS-200, 20.3.3.5.2.5); zeros where there is none.
     losses : tuple of Loss
         Messages that were read and not kept.
     """

@@ -37,11 +37,9 @@ def log(R: FloatArray) -> FloatArray:
 
 
 def quaternion_wxyz(R: FloatArray) -> FloatArray:
-    """Return (n, 4) unit quaternions of (n, 3, 3) rotations, by the largest of the four (Shepperd)."""
+    """Return (n, 4) unit quaternions of (n, 3, 3) rotations (Shepperd: by the largest element)."""
     trace = np.trace(R, axis1=1, axis2=2)
-    four_squares = np.stack(
-        [1 + trace, *(1 + 2 * R[:, i, i] - trace for i in range(3))], axis=1
-    )
+    four_squares = np.stack([1 + trace, *(1 + 2 * R[:, i, i] - trace for i in range(3))], axis=1)
     K = np.empty((len(R), 4, 4))  # outer product 4 q q^T
     K[:, range(4), range(4)] = four_squares
     for i, (j, k) in enumerate([(2, 1), (0, 2), (1, 0)]):
@@ -91,7 +89,7 @@ def euler_jacobian(R_nb: FloatArray) -> FloatArray:
 
 
 def nearest(M: FloatArray) -> FloatArray:
-    """Return (n, 3, 3) rotations nearest to matrices in the Frobenius norm (orthogonal Procrustes)."""
+    """Return (n, 3, 3) rotations nearest to matrices in the Frobenius norm (Procrustes)."""
     U, _, Vt = np.linalg.svd(M)
     sign = np.linalg.det(U @ Vt)
     U[:, :, 2] *= sign[:, None]
