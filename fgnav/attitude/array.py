@@ -6,6 +6,7 @@ import numpy as np
 
 from fgnav import rotations
 from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.attitude.vector_pairs import upright
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.estimate import open_angle_variance_rad2
 
@@ -87,23 +88,23 @@ def maximum_likelihood(
     Returns
     -------
     AttitudeSolution
-        A direction of which the data say less than a uniform prior would is left open: it keeps
-        zero roll about it where the array allows, and says so.
+        A direction of which the data say less than a uniform prior would is left open, and says
+        so; the rotation about it is set by ``vector_pairs.upright``.
 
     References
     ----------
     The covariance is the inverse Fisher information, which the estimate reaches to first order: the
     Cramer-Rao bound of the model ``paper Eq. 28`` with its full covariance.
     """
-    start = _start(quadratic) if R_nb_start is None else R_nb_start
-    R_nb, settled = _restarted(quadratic, *_descend(quadratic, start))
+    if R_nb_start is None:
+        R_nb_start = rotations.nearest(quadratic.unconstrained())
+    R_nb, settled = _restarted(quadratic, *_descend(quadratic, R_nb_start))
     covariance, is_open, axes = _bounded_inverse(
         quadratic.information_at(R_nb), open_variance_rad2=open_angle_variance_rad2()
     )
     open_directions = is_open.sum(axis=1)
     line = open_directions == 1
-    axis = axes[line, :, 0] * np.where(axes[line, :1, 0] < 0, -1.0, 1.0)
-    R_nb[line] = zero_roll(np.einsum("nij,nj->ni", R_nb[line], axis), axis)
+    R_nb[line] = upright(R_nb[line], axes[line, :, 0])
     return AttitudeSolution(
         R_nb=R_nb,
         covariance_rad2=covariance,
@@ -150,17 +151,6 @@ def _bounded_inverse(
     return inverse, is_open, vectors
 
 
-def _start(quadratic: RotationQuadratic) -> FloatArray:
-    """Return the rotations nearest to the unconstrained minima; zero roll where a line is all."""
-    M = quadratic.unconstrained()
-    U, s, Vt = np.linalg.svd(M)
-    R_nb = rotations.nearest(M)
-    line = s[:, 1] < 1e-6 * s[:, 0]
-    forward = np.where(Vt[line, 0, :1] < 0, -1.0, 1.0)
-    R_nb[line] = zero_roll(forward * U[line, :, 0], forward * Vt[line, 0])
-    return R_nb
-
-
 def _restarted(
     quadratic: RotationQuadratic, R_nb: FloatArray, settled: BoolArray
 ) -> tuple[FloatArray, BoolArray]:
@@ -187,25 +177,3 @@ def _quarters() -> FloatArray:
     """Return the 24 rotations of a cube, (24, 3, 3)."""
     turns = np.array(np.meshgrid(*[np.arange(4) * np.pi / 2] * 3)).reshape(3, -1)
     return np.unique(np.rint(rotations.from_euler(*turns)), axis=0)
-
-
-def zero_roll(direction_n: FloatArray, direction_b: FloatArray) -> FloatArray:
-    """Return (n, 3, 3) rotations of zero roll that take body directions to directions in ``n``.
-
-    Where no pitch can do it, the pitch is 0 and the rest is the least rotation in ``n``.
-    """
-    level = np.hypot(direction_b[:, 0], direction_b[:, 2]).clip(1e-12)
-    reachable = np.abs(direction_n[:, 2]) <= level
-    phase = np.arctan2(direction_b[:, 2], direction_b[:, 0])
-    pitch = phase - np.arcsin(np.clip(direction_n[:, 2] / level, -1, 1))
-    pitch = np.where(reachable, rotations.wrap(pitch), 0.0)
-    zero = np.zeros_like(pitch)
-    turned = np.einsum("nij,nj->ni", rotations.from_euler(zero, pitch, zero), direction_b)
-    yaw = np.arctan2(direction_n[:, 1], direction_n[:, 0]) - np.arctan2(turned[:, 1], turned[:, 0])
-    R_nb = rotations.from_euler(zero, pitch, yaw)
-    have = np.einsum("nij,nj->ni", R_nb, direction_b)
-    across = np.cross(have, direction_n)
-    sine = np.linalg.norm(across, axis=1, keepdims=True)
-    angle = np.arctan2(sine, np.einsum("ni,ni->n", have, direction_n)[:, None])
-    least = rotations.exp(across / sine.clip(1e-300) * angle)
-    return np.where(reachable[:, None, None], R_nb, least @ R_nb)

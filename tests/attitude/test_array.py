@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose
 
 from fgnav import rotations
 from fgnav.attitude import RotationQuadratic, maximum_likelihood
-from fgnav.attitude.array import axis_name, zero_roll
+from fgnav.attitude.array import axis_name
 from fgnav.estimate import open_angle_variance_rad2
 
 from .arrays import PAPER_ANTENNAS_B_M, sky, synthetic
@@ -92,16 +92,6 @@ def test_nothing_measured_is_not_solved():
     solution = maximum_likelihood(RotationQuadratic.of_double_differences(differences, none))
     assert not solution.solved.any()
     assert solution.unobservable() == ()
-
-
-def test_zero_roll_reaches_every_direction():
-    rng = np.random.default_rng(10)
-    n, b = rng.normal(size=(2, 200, 3))
-    n /= np.linalg.norm(n, axis=1, keepdims=True)
-    b /= np.linalg.norm(b, axis=1, keepdims=True)
-    R_nb = zero_roll(n, b)
-    assert_allclose(np.einsum("nij,nj->ni", R_nb, b), n, atol=1e-9)
-    assert_allclose(np.linalg.det(R_nb), 1)
 
 
 def test_axes_have_their_names():

@@ -1,0 +1,278 @@
+"""Attitude from vectors known in two frames: TRIAD, the paper's least squares, Wahba's problem."""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, frozen
+from fgnav.rotations import nearest, skew
+
+WahbaSolver: TypeAlias = Literal["svd", "davenport"]
+
+_COLLINEAR = 1e-6  # second over first singular value; rounding leaves 1e-15, any real array > 1e-3
+_INDIFFERENT = 1e-2  # sine below which a common direction cannot set the body upright
+_NORTH, _DOWN = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class VectorPairs:
+    """The same vectors in local and in body axes, epoch by epoch.
+
+    Attributes
+    ----------
+    v_n, v_b : ndarray, shape (n, k, 3)
+        Vectors, each pair in a unit of its own (m of a baseline, 1 of a direction); NaN where an
+        epoch lacks the pair.
+    weight : ndarray, shape (n, k)
+        One over the variance of a component of ``v_n - R_nb v_b``, in that unit. With equal weights
+        vectors count with the square of their length.
+    sources : tuple of str, length k
+        Where each vector comes from: ``"baseline a2"``, ``"gravity"``, ``"velocity"``,
+        ``"line of sight"``.
+    """
+
+    v_n: FloatArray
+    v_b: FloatArray
+    weight: FloatArray
+    sources: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        """Check and freeze every field."""
+        k = len(self.sources)
+        v_n = frozen("vector pairs v_n", self.v_n, (None, k, 3), gaps=True)
+        v_b = frozen("vector pairs v_b", self.v_b, v_n.shape, gaps=True)
+        weight = frozen("vector pairs weight", self.weight, v_n.shape[:2])
+        if (weight < 0).any():
+            raise BadInputError(f"vector pairs weight: must not be negative, got {weight.min():g}")
+        for name, value in {"v_n": v_n, "v_b": v_b, "weight": weight}.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def valid(self) -> BoolArray:
+        """Whether an epoch has a pair with a length in both frames, (n, k)."""
+        lengths = np.minimum(_length(self.v_n), _length(self.v_b))[..., 0]  # NaN if either is
+        return np.asarray((lengths > 0) & (self.weight > 0))
+
+    def directions(self) -> "VectorPairs":
+        """Return the pairs as unit vectors of equal weight, as the paper takes them (Eq. 19)."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            keep = self.valid[..., None]
+            v_n = np.where(keep, self.v_n / _length(self.v_n), np.nan)
+            v_b = np.where(keep, self.v_b / _length(self.v_b), np.nan)
+        ones = np.ones_like(self.weight)
+        return VectorPairs(v_n=v_n, v_b=v_b, weight=ones, sources=self.sources)
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class VectorAttitude:
+    """Attitude that vector pairs determine, and how far they do.
+
+    Attributes
+    ----------
+    R_nb : ndarray, shape (n, 3, 3)
+        Rotations; NaN where an epoch has no vector at all.
+    rank : ndarray of int, shape (n,)
+        2 where the attitude is determined, 1 where all vectors are collinear and the rotation about
+        them is a convention, 0 without vectors.
+    open_axis_b : ndarray, shape (n, 3)
+        Unit vector of that undetermined rotation where the rank is 1, else NaN.
+    """
+
+    R_nb: FloatArray
+    rank: IntArray
+    open_axis_b: FloatArray
+
+
+def triad(
+    first_n: FloatArray, second_n: FloatArray, first_b: FloatArray, second_b: FloatArray
+) -> FloatArray:
+    """Return (n, 3, 3) R_nb of two vectors, (n, 3) each: the first exact, the second in its plane.
+
+    NaN where the two are collinear [1]_.
+
+    References
+    ----------
+    .. [1] H. D. Black, A passive system for determining the attitude of a satellite, AIAA Journal
+       2(7), 1964.
+    """
+    return np.asarray(_frame(first_n, second_n) @ _frame(first_b, second_b).swapaxes(1, 2))
+
+
+def paper_matrix(pairs: VectorPairs) -> FloatArray:
+    """Return the paper's (n, 3, 3) matrix T_nb of unit vectors, which is not quite a rotation.
+
+    ``T = N_n N_b^T (N_b N_b^T)^-1`` (Eqs. 18-20) [1]_ maps body to local axes; the paper prints the
+    counterpart, built on ``N_n N_n^T``, that maps the other way. Where the body vectors span only a
+    plane, as two always do, the cross product of their principal combinations joins them; of two
+    vectors that is Eq. 18. NaN where they do not span a plane.
+
+    References
+    ----------
+    .. [1] Neural Networks for Estimating Attitude, Line of Sight, and GNSS Ambiguity Through
+       Onboard Sensor Fusion, Sensors, 2025, Eqs. 18-20.
+    """
+    units = pairs.directions()
+    M = attitude_profile(units)
+    v_b = np.where(units.valid[..., None], units.v_b, 0.0)
+    G = v_b.swapaxes(1, 2) @ v_b
+    squares, axes = np.linalg.eigh(G)  # ascending
+    spans = squares > _COLLINEAR**2 * squares[:, 2:].clip(1e-300)
+    planar = spans[:, 1] & ~spans[:, 0]
+    normal_b = np.cross(axes[:, :, 2], axes[:, :, 1])
+    normal_n = np.cross(*(np.einsum("nij,nj->ni", M, axes[:, :, c]) for c in (2, 1)))
+    normal_n /= _length(normal_n).clip(1e-300)
+    extra_b = np.where(planar[:, None], normal_b, 0.0)
+    M = M + normal_n[:, :, None] * extra_b[:, None, :]
+    G = G + extra_b[:, :, None] * extra_b[:, None, :]
+    G[~spans[:, 1]] = np.eye(3)
+    T = M @ np.linalg.inv(G)
+    T[~spans[:, 1]] = np.nan
+    return np.asarray(T)
+
+
+def paper_rotation(pairs: VectorPairs) -> FloatArray:
+    """Return the (n, 3, 3) rotations nearest to the paper's matrices; NaN where there is none."""
+    T = paper_matrix(pairs)
+    known = np.isfinite(T[:, 0, 0])
+    T[known] = nearest(T[known])
+    return T
+
+
+def wahba(pairs: VectorPairs, solver: WahbaSolver = "svd") -> VectorAttitude:
+    """Return the rotations that minimise ``sum weight |v_n - R_nb v_b|^2``: Wahba's problem.
+
+    Collinear vectors leave the rotation about them open; it is then set by ``upright``.
+
+    Parameters
+    ----------
+    pairs : VectorPairs
+    solver : {"svd", "davenport"}
+        Singular value decomposition [1]_, or the largest eigenvector of Davenport's 4 x 4 matrix
+        [2]_. Both give the same rotation.
+
+    Raises
+    ------
+    BadInputError
+        If the solver is not one of the two.
+
+    References
+    ----------
+    .. [1] F. L. Markley, Attitude determination using vector observations and the singular value
+       decomposition, Journal of the Astronautical Sciences 36(3), 1988.
+    .. [2] P. Davenport, A vector approach to the algebra of rotations with applications, NASA TN
+       D-4696, 1968.
+    """
+    if solver not in ("svd", "davenport"):
+        raise BadInputError(f"wahba solver: must be svd or davenport, got {solver!r}")
+    B = attitude_profile(pairs)
+    U, s, Vt = np.linalg.svd(B)
+    handed = np.linalg.det(U) * np.linalg.det(Vt)
+    # Markley: the optimum is unique when the second singular value outweighs a flipped third.
+    determined = s[:, 1] + handed * s[:, 2] > _COLLINEAR * s[:, 0]
+    rank = np.where(s[:, 0] > 0, 1 + determined, 0)
+    if solver == "svd":
+        U = np.concatenate([U[:, :, :2], U[:, :, 2:] * handed[:, None, None]], axis=2)
+        R_nb = U @ Vt
+    else:
+        R_nb = _davenport(B)
+    open_axis_b = np.full((len(B), 3), np.nan)
+    one = rank == 1
+    # The sign of a singular vector is arbitrary, that of the axis does not matter.
+    open_axis_b[one] = Vt[one, 0]
+    R_nb[one] = upright(R_nb[one], Vt[one, 0])
+    R_nb[rank == 0] = np.nan
+    return VectorAttitude(R_nb=R_nb, rank=rank, open_axis_b=open_axis_b)
+
+
+def attitude_profile(pairs: VectorPairs) -> FloatArray:
+    """Return ``sum weight v_n v_b^T``, (n, 3, 3), over the pairs each epoch has."""
+    keep = pairs.valid[..., None]
+    v_n = np.where(keep, pairs.v_n * pairs.weight[..., None], 0.0)
+    return np.asarray(v_n.swapaxes(1, 2) @ np.where(keep, pairs.v_b, 0.0))
+
+
+def collinear(v_b: FloatArray) -> bool:
+    """Return whether vectors, (k, 3), lie on one line, so that no epoch of them is determined."""
+    squares = np.linalg.eigvalsh(v_b.T @ v_b)
+    return bool(squares[1] <= _COLLINEAR * squares[2])
+
+
+def wahba_sensitivity(pairs: VectorPairs, attitude: VectorAttitude) -> FloatArray:
+    """Return (n, k, 3, 3): change of the body-axes tangent per change of each ``v_n``, first order.
+
+    With ``S_k`` these matrices and ``C_kl`` the covariances between local vectors, the attitude's
+    covariance is ``sum_kl S_k C_kl S_l^T``. It holds for small errors of ``v_n``, error-free
+    ``v_b`` and any weights; with directions weighted by their own inverse variances it is Shuster's
+    covariance [1]_. About an open axis, and for absent pairs, it is zero: no vector moves that
+    convention.
+
+    References
+    ----------
+    .. [1] M. D. Shuster and S. D. Oh, Three-axis attitude determination from vector observations,
+       Journal of Guidance and Control 4(1), 1981, Eq. 98.
+    """
+    keep = pairs.valid
+    v_b = np.where(keep[..., None], pairs.v_b, 0.0)
+    n, k = keep.shape
+    cross = skew(v_b.reshape(-1, 3)).reshape(n, k, 3, 3) * pairs.weight[:, :, None, None]
+    square = np.einsum("nk,nki,nki->n", pairs.weight, v_b, v_b)
+    outer = (v_b * pairs.weight[..., None]).swapaxes(1, 2) @ v_b
+    A = square[:, None, None] * np.eye(3) - outer
+    inverse = np.linalg.pinv(A, rcond=_COLLINEAR**2, hermitian=True)
+    R_bn = np.where((attitude.rank > 0)[:, None, None], attitude.R_nb, 0.0).swapaxes(1, 2)
+    return np.asarray(inverse[:, None] @ cross @ R_bn[:, None])
+
+
+def upright(R_nb: FloatArray, axis_b: FloatArray) -> FloatArray:
+    """Turn rotations about body axes, (n, 3), that are open: the convention for what nothing tells.
+
+    Until z_b is nearest down (zero roll with a baseline along x_b) and, where that is indifferent,
+    until x_b is nearest north (zero yaw with gravity alone).
+    """
+    to_down, reach = _turn(R_nb, axis_b, _DOWN, _DOWN)
+    to_north, _ = _turn(R_nb, axis_b, _NORTH, _NORTH)
+    return np.asarray(np.where((reach > _INDIFFERENT)[:, None, None], to_down, to_north))
+
+
+def _davenport(B: FloatArray) -> FloatArray:
+    """Return rotations of the largest eigenvector of Davenport's matrix, (n, 3, 3)."""
+    trace = np.trace(B, axis1=1, axis2=2)
+    K = np.empty((len(B), 4, 4))
+    K[:, 0, 0] = trace
+    K[:, 1:, 1:] = B + B.swapaxes(1, 2) - trace[:, None, None] * np.eye(3)
+    for i, (j, k) in enumerate([(2, 1), (0, 2), (1, 0)]):
+        K[:, 0, i + 1] = K[:, i + 1, 0] = B[:, j, k] - B[:, k, j]
+    q = np.linalg.eigh(K)[1][:, :, 3]
+    w, v = q[:, 0], q[:, 1:]
+    scalar = (w**2 - np.einsum("ni,ni->n", v, v))[:, None, None] * np.eye(3)
+    return np.asarray(scalar + 2 * v[:, :, None] * v[:, None, :] + 2 * w[:, None, None] * skew(v))
+
+
+def _turn(
+    R_nb: FloatArray, axis_b: FloatArray, body: FloatArray, towards_n: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return rotations turned about body axes so that a body vector is nearest to a local one.
+
+    Also how much that turn matters, (n,): the amplitude of their cosine.
+    """
+    K = skew(axis_b)
+    along = np.einsum("i,nij,njk,k->n", towards_n, R_nb, K @ K, body)
+    across = np.einsum("i,nij,njk,k->n", towards_n, R_nb, K, body)
+    # Rodrigues: the cosine is constant - along cos(angle) + across sin(angle).
+    angle = np.arctan2(across, -along)[:, None, None]
+    turn = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
+    return R_nb @ turn, np.hypot(along, across)
+
+
+def _frame(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return (n, 3, 3) orthonormal frames of two vectors as columns; NaN where collinear."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        x = first / _length(first)
+        z = np.cross(x, second / _length(second))
+        z = np.where(_length(z) > _COLLINEAR, z / _length(z), np.nan)
+    return np.stack([x, np.cross(z, x), z], axis=2)
+
+
+def _length(v: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.norm(v, axis=-1, keepdims=True))

@@ -1,0 +1,167 @@
+"""Gravity seen from the body: its direction at low dynamics, specific force as a pair."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, Loss, frozen, increasing, positive
+from fgnav.earth import Origin
+from fgnav.flight import Flight, Imu
+from fgnav.rotations import skew
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class GravityDirection:
+    """The direction of gravity in body axes, where it is known.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (k,)
+    g_b : ndarray, shape (k, 3)
+        Unit vectors; level, they point along +z_b.
+    covariance : ndarray, shape (k, 3, 3)
+        Of the unit vectors.
+    losses : tuple of Loss
+        Stretches of the flight without an answer.
+    """
+
+    t_s: FloatArray
+    g_b: FloatArray
+    covariance: FloatArray
+    losses: tuple[Loss, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check and freeze every field."""
+        t_s = frozen("gravity direction t_s", self.t_s, (None,))
+        increasing("gravity direction t_s", t_s)
+        k = len(t_s)
+        object.__setattr__(self, "t_s", t_s)
+        object.__setattr__(self, "g_b", frozen("gravity direction g_b", self.g_b, (k, 3)))
+        covariance = frozen("gravity direction covariance", self.covariance, (k, 3, 3))
+        object.__setattr__(self, "covariance", covariance)
+
+
+class GravityEstimator(Protocol):
+    """Anything that finds the direction of gravity in body axes."""
+
+    @property
+    def name(self) -> str:
+        """Short label, as the reports know it."""
+        ...
+
+    def __call__(self, flight: Flight) -> GravityDirection:
+        """Estimate; what has no answer is left out and counted as a loss."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LowDynamics:
+    """Averages the accelerometer where it feels little but gravity.
+
+    A window counts when the mean specific force is close to gravity in size and its samples agree
+    with the mean. Acceleration across gravity barely changes the size, so what may remain of it is
+    stated as noise. A steady turn with the lift of level flight is not told from a slope.
+
+    Attributes
+    ----------
+    window_s : float
+        Length of one average.
+    size_tolerance_mps2 : float
+        How far the mean's size may be from gravity.
+    steadiness_mps2 : float
+        Root mean square of the samples about their mean that still counts as steady.
+    acceleration_mps2 : float
+        Standard deviation, per axis, of acceleration that passes both tests.
+    """
+
+    window_s: float = 0.5
+    size_tolerance_mps2: float = 0.3
+    steadiness_mps2: float = 0.3
+    acceleration_mps2: float = 0.5  # 3 degrees
+    name: str = "low-dynamics"
+
+    def __post_init__(self) -> None:
+        """Reject settings that are zero or negative."""
+        for name in ("window_s", "size_tolerance_mps2", "steadiness_mps2", "acceleration_mps2"):
+            positive(f"low dynamics {name}", getattr(self, name))
+
+    def __call__(self, flight: Flight) -> GravityDirection:
+        """Estimate at the middle of each window.
+
+        Raises
+        ------
+        BadInputError
+            If the flight has no accelerometer.
+        """
+        imu = flight.imu
+        if imu is None:
+            raise BadInputError(f"flight {flight.name}: {self.name} gravity needs an [imu]")
+        _, start, count = np.unique(
+            np.floor((imu.t_s - imu.t_s[0]) / self.window_s), return_index=True, return_counts=True
+        )
+        total = np.add.reduceat(imu.f_b_mps2, start, axis=0)
+        square = np.add.reduceat((imu.f_b_mps2**2).sum(axis=1), start)
+        mean = total / count[:, None]
+        size = np.linalg.norm(mean, axis=1)
+        spread = np.sqrt((square / count - size**2).clip(0))
+        # Two rows, because pymap3d drops the axis of a single height.
+        g_mps2 = np.linalg.norm(flight.origin.gravity_n_mps2(np.zeros((2, 3)))[0])
+        wrong_size = np.abs(size - g_mps2) > self.size_tolerance_mps2
+        restless = ~wrong_size & (spread > self.steadiness_mps2)
+        reasons = {"size is not that of gravity": wrong_size, "samples are not steady": restless}
+        losses = tuple(
+            Loss(
+                what=f"gravity window of {self.window_s:g} s", reason=reason, count=int(lost.sum())
+            )
+            for reason, lost in reasons.items()
+            if lost.any()
+        )
+        keep = ~(wrong_size | restless)
+        g_b = -mean[keep] / size[keep, None]
+        white = imu.accelerometer_noise_mps2_per_sqrt_hz**2 / self.window_s
+        constant = imu.accelerometer_bias_mps2**2 + self.acceleration_mps2**2
+        variance = (white + constant) / g_mps2**2
+        t_s = np.add.reduceat(imu.t_s, start)[keep] / count[keep]
+        across = np.eye(3) - g_b[:, :, None] * g_b[:, None, :]
+        return GravityDirection(t_s=t_s, g_b=g_b, covariance=variance * across, losses=losses)
+
+
+def specific_force_pair(
+    imu: Imu, origin: Origin, t_s: FloatArray, p_n_m: FloatArray, v_n_mps: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return specific force in local and in body axes, m/s2, (n, 3) each: one vector, two frames.
+
+    In local axes it is what the velocities say: their central difference over the neighbouring
+    epochs, plus the Coriolis acceleration of the Earth-fixed frame, minus gravity. In body axes it
+    is the accelerometer's mean over the same span. At rest this is the gravity pair (Eq. 23), and
+    unlike it stays right in a turn. It takes velocities as those of the accelerometer, and the
+    attitude as constant over the span: turns within it blur the body vector.
+
+    Parameters
+    ----------
+    imu : Imu
+    origin : Origin
+    t_s : ndarray, shape (n,)
+        Epochs of positions and velocities, strictly increasing.
+    p_n_m, v_n_mps : ndarray, shape (n, 3)
+
+    Returns
+    -------
+    f_n_mps2, f_b_mps2 : ndarray, shape (n, 3)
+        NaN at the first and last epoch, and where the accelerometer does not cover the span.
+    """
+    f_n_mps2, f_b_mps2 = np.full((2, len(t_s), 3), np.nan)
+    if len(t_s) < 3:
+        return f_n_mps2, f_b_mps2
+    first, last = t_s[:-2], t_s[2:]
+    span_s = (last - first)[:, None]
+    coriolis = 2 * v_n_mps[1:-1] @ skew(origin.earth_rate_n_radps[None])[0].T
+    f_n_mps2[1:-1] = (v_n_mps[2:] - v_n_mps[:-2]) / span_s + coriolis
+    f_n_mps2[1:-1] -= origin.gravity_n_mps2(p_n_m)[1:-1]
+    middles = (imu.f_b_mps2[1:] + imu.f_b_mps2[:-1]) / 2 * np.diff(imu.t_s)[:, None]
+    integral = np.vstack([np.zeros(3), np.cumsum(middles, axis=0)])
+    gained = [np.interp(last, imu.t_s, x) - np.interp(first, imu.t_s, x) for x in integral.T]
+    covered = (first >= imu.t_s[0]) & (last <= imu.t_s[-1])
+    f_b_mps2[1:-1] = np.where(covered[:, None], np.stack(gained, axis=1) / span_s, np.nan)
+    return f_n_mps2, f_b_mps2

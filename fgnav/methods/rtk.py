@@ -1,0 +1,92 @@
+"""The reference: what a careful user of RTK software gets, epoch by epoch, without smoothing."""
+
+from dataclasses import dataclass
+
+from fgnav.attitude.array import axis_name
+from fgnav.attitude.baselines import body_motion, weighted_baselines
+from fgnav.attitude.vector_pairs import collinear, wahba
+from fgnav.checks import BadInputError, Loss, NoSolutionError
+from fgnav.estimate import Estimate
+from fgnav.flight import Flight
+from fgnav.integers.lambda_ import Lambda
+from fgnav.integers.resolve import resolve
+from fgnav.integers.resolver import Resolver
+
+_INTEGERS = (
+    "Integers are LAMBDA's, baseline by baseline, with its ratio test, whatever resolver was asked."
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rtk:
+    """LAMBDA per baseline with the ratio test, then Wahba's problem on the fixed baselines.
+
+    The attitude's covariance is the phase noise carried to first order through baselines and
+    Wahba's solution; it takes accepted integers as right. With two antennas, or all on a line, the
+    rotation about that line is open: it is set by convention, named, and has the variance of a
+    uniform angle.
+
+    Attributes
+    ----------
+    ratio_min : float
+        Threshold of the ratio test.
+    resolver : Resolver or None
+        Ignored, and only there because methods are made by name with one: a reference that changed
+        with the integers under test would be none.
+    name : str
+    """
+
+    ratio_min: float = 3.0
+    resolver: Resolver | None = None
+    name: str = "rtk"
+
+    def __post_init__(self) -> None:
+        """Reject a threshold that no search can fail."""
+        if not self.ratio_min >= 1:
+            raise BadInputError(f"rtk ratio_min: must be 1 or more, got {self.ratio_min}")
+
+    def __call__(self, flight: Flight) -> Estimate:
+        """Estimate attitude, position and velocity at the epochs whose baselines are fixed.
+
+        Raises
+        ------
+        NoSolutionError
+            If the flight has fewer than two antennas with raw data, or no epoch is fixed.
+        """
+        if flight.observations is None or len(flight.antennas) < 2:
+            raise NoSolutionError(
+                f"{self.name}: attitude: flight {flight.name} needs raw data of two antennas"
+            )
+        differences, integers = resolve(flight, Lambda(joint=False, ratio_min=self.ratio_min))
+        baselines = weighted_baselines(differences, integers)
+        names = tuple(antenna.name for antenna in flight.antennas[1:])
+        pairs = baselines.pairs(differences.baselines_b_m, names)
+        attitude = wahba(pairs)
+        line = collinear(differences.baselines_b_m)
+        keep = attitude.rank == (1 if line else 2)
+        lost = Loss(
+            what="epoch",
+            reason="no baseline is fixed" if line else "no two baselines out of line are fixed",
+            count=int((~keep).sum()),
+        )
+        if not keep.any():
+            raise NoSolutionError(
+                f"{self.name}: attitude: {lost.reason} at any of {lost.count} epochs"
+            )
+        t_s, R_nb = differences.t_s[keep], attitude.R_nb[keep]
+        motion = body_motion(flight, t_s, R_nb)
+        return Estimate(
+            method=self.name,
+            t_s=t_s,
+            epochs=len(flight.observations.t_s),
+            R_nb=R_nb,
+            attitude_covariance_rad2=baselines.attitude_covariance_rad2(pairs, attitude)[keep],
+            p_n_m=motion.p_n_m,
+            position_covariance_m2=motion.position_covariance_m2,
+            v_n_mps=motion.v_n_mps,
+            velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2,
+            unobservable=(axis_name(differences.baselines_b_m[0]),) if line else (),
+            integers=integers,
+            losses=(*differences.losses, *integers.losses, *([lost] if lost.count else [])),
+            notes=(_INTEGERS, *motion.notes),
+        )
