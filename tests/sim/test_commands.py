@@ -1,0 +1,122 @@
+"""The command ``fgnav simulate``: a folder out, or one line that says why not."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from fgnav.checks import BadInputError
+from fgnav_sim.commands import simulate
+
+SHORT = """
+duration_s = 2.0
+antennas_b_m = [[0, 0, 0], [1, 0, 0], [0, 0.5, 0]]
+[motion]
+path = { kind = "arc" }
+yaw = { kind = "sine", amplitude_deg = 20.0 }
+[gnss]
+signals = { G = ["1C"], E = ["1C"], C = ["2I"] }
+[imu]
+[fixes]
+[seeker]
+landmark = { latitude_deg = 40.34 }
+field_of_view_deg = 13.0
+"""
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT, encoding="utf-8")
+    return path
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def test_the_same_seed_writes_the_same_bytes_and_another_seed_others(scenario, tmp_path):
+    for name, seed in (("one", 7), ("two", 7), ("other", 8)):
+        simulate(scenario, seed=seed, out=tmp_path / name)
+    one, two, other = (contents(tmp_path / name) for name in ("one", "two", "other"))
+    assert "flight.toml" in one
+    assert one == two
+    assert one.keys() == other.keys()
+    assert one != other
+
+
+def test_the_summary_says_what_was_made(scenario, tmp_path, capsys):
+    simulate(scenario, seed=1, out=tmp_path / "flight", json=True)
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["epochs"] == 20
+    assert summary["antennas"] == 3
+    assert summary["imu_samples"] == 200
+    assert summary["mean_tracked"] > 15
+    simulate(scenario, seed=1, out=tmp_path / "again")
+    printed = capsys.readouterr()
+    assert "mean tracked" in printed.out
+    assert not printed.err  # no bar on a pipe
+
+
+def test_a_folder_that_holds_something_is_refused_and_left_alone(scenario, tmp_path):
+    folder = tmp_path / "flight"
+    folder.mkdir()
+    (folder / "mine.txt").write_text("precious", encoding="utf-8")
+    with pytest.raises(BadInputError, match="--out: must be a new or an empty folder"):
+        simulate(scenario, seed=1, out=folder)
+    with pytest.raises(BadInputError, match="--out: must be a new or an empty folder"):
+        simulate(scenario, seed=1, out=scenario)
+    assert contents(folder) == {"mine.txt": b"precious"}
+
+
+def test_a_negative_seed_is_refused(scenario, tmp_path):
+    with pytest.raises(BadInputError, match="--seed: must be 0 or more, got -1"):
+        simulate(scenario, seed=-1, out=tmp_path / "flight")
+
+
+def test_a_bad_scenario_writes_nothing(scenario, tmp_path):
+    scenario.write_text("duration_s = 0", encoding="utf-8")
+    with pytest.raises(BadInputError, match=r"short\.toml: duration_s"):
+        simulate(scenario, seed=1, out=tmp_path / "flight")
+    assert not (tmp_path / "flight").exists()
+
+
+def test_the_module_of_the_command_imports_nothing_heavy():
+    code = "import sys, fgnav_sim.commands; print(*sys.modules)"
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, check=True, text=True
+    )
+    assert not {"numpy", "scipy", "numba", "msgspec", "rich"} & set(result.stdout.split())
+
+
+def test_a_flight_read_back_is_the_flight_that_was_made(scenario, tmp_path):
+    from fgnav.io.flight_folder import load_flight, save_flight
+    from fgnav_sim.scenario import load_scenario
+    from fgnav_sim.simulate import simulate as make
+
+    flight = make(load_scenario(scenario), np.random.default_rng(3))
+    save_flight(flight, tmp_path / "flight")
+    back = load_flight(tmp_path / "flight")
+
+    made, read = flight.observations, back.observations
+    assert read.satellites == made.satellites
+    assert read.signals == made.signals
+    assert np.array_equal(read.tracked, made.tracked)
+    # Half a digit of the files, and the rounding of 1e8 cycles.
+    for name, digit in (("code_m", 1e-3), ("phase_cycles", 1e-3), ("doppler_hz", 1e-3)):
+        error = getattr(read, name) - getattr(made, name)
+        assert np.nanmax(np.abs(error)) < 0.51 * digit
+    assert np.allclose(read.tag_s, made.tag_s, rtol=0, atol=1e-6)
+    assert np.allclose(back.truth.p_n_m, flight.truth.p_n_m, rtol=0, atol=1e-3)
+    assert np.allclose(back.truth.R_nb, flight.truth.R_nb, rtol=0, atol=1e-7)
+    assert np.allclose(back.imu.f_b_mps2, flight.imu.f_b_mps2, rtol=0, atol=1e-6)
+    assert np.allclose(back.seeker.landmark_n_m, flight.seeker.landmark_n_m, rtol=0, atol=1e-3)
+    assert np.allclose(back.fixes.p_n_m, flight.fixes.p_n_m, rtol=0, atol=1e-3)
+    for field in ("semi_major_axis_m", "mean_anomaly_rad", "node_rad", "toe_s", "af0_s"):
+        assert np.allclose(
+            back.broadcast.records[field], flight.broadcast.records[field], rtol=1e-12, atol=1e-12
+        )
+    assert np.allclose(back.broadcast.klobuchar, flight.broadcast.klobuchar, rtol=1e-4, atol=0)
+    assert back.gnss_noise == flight.gnss_noise

@@ -1,0 +1,186 @@
+"""A whole flight: repeatable, its sensors independent, and what estimators expect of it."""
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from fgnav.gnss.code_solution import code_solution
+from fgnav.gnss.difference import double_differences
+from fgnav_sim.motion import Arc, Motion, Sine
+from fgnav_sim.scenario import (
+    ClockTable,
+    FixesTable,
+    GnssTable,
+    ImuTable,
+    Place,
+    Scenario,
+    SeekerTable,
+    load_scenario,
+)
+from fgnav_sim.simulate import simulate
+
+SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "scenarios"
+SWING = Motion(path=Arc(), roll=Sine(amplitude_deg=20.0), pitch=Sine(amplitude_deg=20.0))
+FULL = Scenario(
+    name="full",
+    duration_s=5.0,
+    motion=SWING,
+    gnss=GnssTable(elevation_weights="uniform", code_noise_m=0.3),
+    imu=ImuTable(),
+    fixes=FixesTable(),
+    seeker=SeekerTable(landmark=Place(latitude_deg=40.34), field_of_view_deg=13.0),
+)
+
+
+def made(scenario, seed=1):
+    return simulate(scenario, np.random.default_rng(seed))
+
+
+def without(name):
+    return msgspec.structs.replace(FULL, **{name: None})
+
+
+def same(a, b):
+    return np.array_equal(a, b, equal_nan=True)
+
+
+def test_the_same_seed_gives_the_same_flight_and_another_seed_another():
+    one, two, other = made(FULL), made(FULL), made(FULL, seed=2)
+    for name in ("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz"):
+        assert same(getattr(one.observations, name), getattr(two.observations, name))
+    assert same(one.imu.f_b_mps2, two.imu.f_b_mps2)
+    assert same(one.fixes.p_n_m, two.fixes.p_n_m)
+    assert same(one.seeker.currents, two.seeker.currents)
+    assert not same(one.observations.code_m, other.observations.code_m)
+    assert not same(one.imu.f_b_mps2, other.imu.f_b_mps2)
+
+
+@pytest.mark.parametrize("name", ["gnss", "imu", "fixes", "seeker"])
+def test_a_sensor_that_is_left_out_changes_no_other(name):
+    whole, part = made(FULL), made(without(name))
+    pairs = {
+        "gnss": lambda f: f.observations.phase_cycles,
+        "imu": lambda f: f.imu.f_b_mps2,
+        "fixes": lambda f: f.fixes.p_n_m,
+        "seeker": lambda f: f.seeker.currents,
+    }
+    for other, values in pairs.items():
+        if other != name:
+            assert same(values(whole), values(part))
+    absent = part.observations if name == "gnss" else getattr(part, name)
+    assert absent is None
+
+
+def test_truth_is_the_motion():
+    flight = made(FULL)
+    state = FULL.motion(flight.truth.t_s)
+    assert same(flight.truth.p_n_m, state.p_n_m)
+    assert same(flight.truth.v_n_mps, state.v_n_mps)
+    assert same(flight.truth.R_nb, state.R_nb)
+    assert same(flight.truth.t_s, flight.observations.t_s)
+
+
+def test_the_flight_says_what_estimators_need_to_know():
+    flight = made(FULL)
+    assert [antenna.name for antenna in flight.antennas] == [f"a{k}" for k in range(1, 9)]
+    assert flight.gnss_noise.code_m == 0.3
+    assert flight.gnss_noise.elevation_weights == "uniform"
+    assert np.degrees(flight.elevation_mask_rad) == pytest.approx(10.0)
+    assert flight.imu.accelerometer_bias_mps2 == 0.03
+    assert not flight.losses
+
+
+def test_fixes_without_receivers_bring_the_one_antenna_they_speak_of():
+    flight = made(without("gnss"))
+    assert [antenna.name for antenna in flight.antennas] == ["a1"]
+    error_m = flight.fixes.p_n_m - FULL.motion(flight.fixes.t_s).p_n_m
+    assert 0 < np.abs(error_m).max() < 5.0
+
+
+def test_a_beacon_that_is_never_seen_is_counted():
+    behind = SeekerTable(landmark=Place(latitude_deg=40.32))
+    flight = made(msgspec.structs.replace(FULL, seeker=behind))
+    assert flight.seeker is None
+    assert [loss.what for loss in flight.losses] == ["seeker"]
+    assert "never within range" in flight.losses[0].reason
+
+
+@pytest.mark.parametrize("name", ["demo", "ramp", "spin", "terminal"])
+def test_double_differences_of_every_scenario_are_integers_within_the_noise(name):
+    scenario = load_scenario(SCENARIOS / f"{name}.toml")
+    flight = made(msgspec.structs.replace(scenario, duration_s=12.0))
+    differences = double_differences(flight)
+    links = differences.resolvable
+    assert links.sum(axis=(1, 2)).min() >= 7 * 5
+    array_m = differences.array_m(flight.truth.R_nb)
+    cycles = (differences.phase_m - array_m) / differences.wavelength_m
+    fraction = (cycles - np.round(cycles))[links] * differences.wavelength_m[0]
+    assert np.std(fraction) == pytest.approx(2 * 0.003, rel=0.1)  # four links of 3 mm
+    code_m = (differences.code_m - array_m)[links]
+    assert np.std(code_m) == pytest.approx(2 * 0.3, rel=0.1)
+    assert (differences.reference == differences.reference[0]).all()
+    integers = np.round(cycles)[:, links.all(axis=0)]
+    assert (integers == integers[0]).all()
+
+
+@pytest.mark.parametrize("atmosphere", [True, False])
+@pytest.mark.parametrize("clock_s", [1e-7, 1e-4])
+def test_the_code_solution_finds_the_vehicle(atmosphere, clock_s):
+    gnss = GnssTable(
+        rate_hz=2.0,
+        signals={"G": ("1C",), "E": ("1C",), "C": ("2I",)},
+        code_noise_m=0.01,
+        elevation_weights="uniform",
+        atmosphere=atmosphere,
+        clock=ClockTable(offset_s=clock_s),
+    )
+    flight = made(Scenario(duration_s=20.0, motion=SWING, gnss=gnss))
+    solution = code_solution(flight)
+    error_m = solution.p_n_m - flight.truth.p_n_m[::5][solution.epoch]
+    assert solution.atmosphere == atmosphere
+    assert len(solution.t_s) == 40
+    assert np.sqrt(np.mean(np.sum(error_m**2, axis=1))) < 0.03
+    error_mps = solution.v_n_mps - flight.truth.v_n_mps[::5][solution.epoch]
+    assert np.sqrt(np.mean(np.sum(error_mps**2, axis=1))) < 0.15  # Doppler noise 0.05 m/s
+
+
+def test_satellites_of_a_broadcast_file_fly_as_it_says(shared, tmp_path):
+    path = tmp_path / "real.toml"
+    path.write_text(
+        f"""
+        start = 2020-06-25T12:00:00
+        duration_s = 10.0
+        [motion]
+        path = {{ kind = "arc" }}
+        [gnss]
+        navigation = ["{shared / "orbits" / "ESBC00DNK_R_20201770000_01D_MN.rnx"}"]
+        signals = {{ G = ["1C"], E = ["1C"], C = ["2I"] }}
+        code_noise_m = 0.01
+        elevation_weights = "uniform"
+        """,
+        encoding="utf-8",
+    )
+    flight = made(load_scenario(path))
+    tracked = flight.observations.tracked[:, 0].sum(axis=1)
+    assert tracked.min() >= 16  # as a receiver with three constellations over Madrid
+    assert flight.broadcast.records["group_delay_s"].any()
+    assert flight.broadcast.klobuchar.any()
+    solution = code_solution(flight)
+    error_m = solution.p_n_m - flight.truth.p_n_m[solution.epoch]
+    assert len(solution.t_s) == 100
+    assert np.sqrt(np.mean(np.sum(error_m**2, axis=1))) < 0.03
+    differences = double_differences(flight)
+    cycles = (
+        differences.phase_m - differences.array_m(flight.truth.R_nb)
+    ) / differences.wavelength_m
+    fraction = (cycles - np.round(cycles)) * differences.wavelength_m
+    assert np.std(fraction[differences.resolvable]) == pytest.approx(2 * 0.003, rel=0.1)
+
+
+def test_orbits_of_a_file_flown_in_vacuum_carry_no_ionosphere(shared):
+    file = shared / "orbits" / "ESBC00DNK_R_20201770000_01D_MN.rnx"
+    gnss = GnssTable(navigation=(str(file),), atmosphere=False)
+    flight = made(Scenario(duration_s=1.0, gnss=gnss))
+    assert not flight.broadcast.klobuchar.any()
