@@ -17,6 +17,8 @@ from fgnav.gnss.differences import DoubleDifferences
 from fgnav.integers.resolver import Integers, fixed_ranges_m
 from fgnav.rotations import skew
 
+_NOTHING = 1e-10  # relative eigenvalue: rounding of an array that does not span space
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RotationQuadratic:
@@ -122,8 +124,19 @@ class RotationQuadratic:
 
     def unconstrained(self) -> FloatArray:
         """Return the matrix of least norm that minimises each form, (n, 3, 3); not a rotation."""
-        inverse = np.linalg.pinv(self.information, rcond=1e-10, hermitian=True)
-        return np.asarray(np.einsum("nij,nj->ni", inverse, self.vector).reshape(-1, 3, 3))
+        return self.square_root()[1]
+
+    def square_root(self) -> tuple[FloatArray, FloatArray]:
+        """Return W, (n, 9, 9), and M, (n, 3, 3), of ``|W (R - M).ravel()|^2 / 2`` plus a constant.
+
+        M is ``unconstrained``. Directions of which the epoch says nothing have rows of zeros.
+        """
+        values, vectors = np.linalg.eigh(self.information)
+        known = values > _NOTHING * values[:, -1:]
+        root = np.sqrt(np.where(known, values, 0.0))
+        inverse = np.where(known, 1.0 / np.where(known, values, 1.0), 0.0)
+        minimum = np.einsum("nij,nj,nkj,nk->ni", vectors, inverse, vectors, self.vector)
+        return root[:, :, None] * vectors.swapaxes(1, 2), minimum.reshape(-1, 3, 3)
 
 
 def tangent_jacobian(R_nb: FloatArray) -> FloatArray:

@@ -83,3 +83,19 @@ def test_gradient_and_jacobian_match_finite_differences():
         assert_allclose(tangent_jacobian(at) @ axis, slope, atol=1e-8)
         change = (form.chi_square(ahead) - form.chi_square(behind)) / (4 * step)
         assert_allclose(form.gradient_at(at) @ axis, change, rtol=1e-5)
+
+
+def test_square_root_rebuilds_the_form_of_a_planar_array():
+    rng = np.random.default_rng(5)
+    R_nb = random_attitudes(3, rng)
+    plane = np.array([[0.0, 0, 0], [1, 0, 0], [0, 0.5, 0]])
+    differences, true = synthetic(R_nb, sky(6, rng), rng, antennas_b_m=plane)
+    form = RotationQuadratic.of_double_differences(differences, true)
+    root, minimum = form.square_root()
+    at, other = (R_nb @ rotations.exp(rng.normal(size=(3, 3))) for _ in range(2))
+    squares = [
+        (np.einsum("nij,nj->ni", root, (R - minimum).reshape(3, 9)) ** 2).sum(axis=1)
+        for R in (at, other)
+    ]
+    change = form.chi_square(at) - form.chi_square(other)
+    assert_allclose(squares[0] - squares[1], change, rtol=1e-6)

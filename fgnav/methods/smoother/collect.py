@@ -12,14 +12,15 @@ from fgnav.gravity import GravityEstimator
 from fgnav.integers.resolve import resolve
 from fgnav.integers.resolver import Integers, Resolver
 from fgnav.methods.smoother import instruments
-from fgnav.methods.smoother.keyframes import Keyframes, Timed
+from fgnav.methods.smoother.keyframes import ArrayForm, Keyframes, Timed
 from fgnav.methods.smoother.preintegration import (
+    RATE_SPAN_S,
     Preintegrator,
     angular_acceleration_density,
     angular_rates,
     increments,
 )
-from fgnav.rotations import exp, log, transpose
+from fgnav.rotations import exp, log, skew, transpose
 
 _UNKNOWN_RATE_RADPS = 30.0  # 1-sigma of the first body rate: five turns a second
 _LONGEST_GAP_S = 0.5  # of the accelerometer's record, bridged by interpolation
@@ -80,21 +81,23 @@ def collect(flight: Flight, settings: Settings) -> Collected:
     t_s, told = differences.t_s[keep], told[keep]
     R_nb = _filled(t_s, attitude.R_nb[keep], told)
     antenna = instruments.antenna_motion(flight, imu, t_s)
-    p_n_m, v_n_mps = _start(t_s, R_nb, antenna.position, antenna.velocity)
-    slot, slot_sigma = _slot(imu, t_s, R_nb)
+    rates = _rates(imu, t_s, R_nb, attitude.covariance_rad2[keep][told])
+    velocity = _at_accelerometer(antenna.velocity, R_nb, rates)
+    p_n_m, v_n_mps = _start(t_s, R_nb, antenna.position, velocity)
+    slot, slot_sigma = _slot(imu, rates)
     sight, sight_losses = instruments.sight(flight, imu, t_s, p_n_m)
     gravity, gravity_losses = instruments.gravity(flight, settings.gravity, t_s)
     gravity_n_mps2 = flight.origin.gravity_n_mps2(p_n_m)
     keyframes = Keyframes(
         t_s=t_s,
-        form=_blanked(form[keep], told),
+        array=ArrayForm.of(form[keep], told),
         R_nb=R_nb,
         p_n_m=p_n_m,
         v_n_mps=v_n_mps,
         slot=slot,
         slot_sigma=slot_sigma,
         position=antenna.position,
-        velocity=antenna.velocity,
+        velocity=velocity,
         gravity=gravity,
         gravity_n_mps2=gravity_n_mps2,
         sight=sight,
@@ -164,16 +167,6 @@ def _filled(t_s: FloatArray, R_nb: FloatArray, told: BoolArray) -> FloatArray:
     return np.asarray(first @ exp(share * log(transpose(first) @ last)))
 
 
-def _blanked(form: RotationQuadratic, told: BoolArray) -> RotationQuadratic:
-    """Take the array's word from epochs whose integers are not consistent."""
-    return RotationQuadratic(
-        information=form.information * told[:, None, None],
-        vector=form.vector * told[:, None],
-        constant=form.constant * told,
-        count=form.count * told,
-    )
-
-
 def _start(
     t_s: FloatArray, R_nb: FloatArray, position: Timed | None, velocity: Timed | None
 ) -> tuple[FloatArray, FloatArray]:
@@ -194,11 +187,46 @@ def _interpolated(t_s: FloatArray, values: FloatArray) -> FloatArray:
     return np.stack(columns, axis=1)
 
 
-def _slot(imu: Imu, t_s: FloatArray, R_nb: FloatArray) -> tuple[FloatArray, FloatArray]:
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class _Rates:
+    """Body rates at keyframes, (n, 3), as good as they are before smoothing; their covariance."""
+
+    w_b_radps: FloatArray
+    covariance_rad2ps2: FloatArray
+
+
+def _rates(imu: Imu, t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray) -> _Rates:
+    """Return what the gyroscope says, or else the array's attitudes."""
+    if imu.w_b_radps is not None and imu.gyroscope_bias_radps is not None:
+        measured = [np.interp(t_s, imu.t_s, column) for column in imu.w_b_radps.T]
+        covariance = np.eye(3) * imu.gyroscope_bias_radps**2
+        return _Rates(w_b_radps=np.stack(measured, axis=1), covariance_rad2ps2=covariance)
+    covariance = 2 * covariance_rad2.mean(axis=0) / RATE_SPAN_S**2
+    return _Rates(w_b_radps=angular_rates(t_s, R_nb), covariance_rad2ps2=covariance)
+
+
+def _at_accelerometer(velocity: Timed | None, R_nb: FloatArray, rates: _Rates) -> Timed | None:
+    """Take the antenna's swing about the accelerometer off its velocity, and say how well.
+
+    The rates are those before smoothing: a few cm/s with a metre of lever arm, well below Doppler.
+    """
+    if velocity is None or not velocity.arm_b_m.any():
+        return velocity
+    arm = skew(velocity.arm_b_m[None])[0]
+    swing_n_mps = np.einsum("nij,nj->ni", R_nb, np.cross(rates.w_b_radps, velocity.arm_b_m))
+    doubt = R_nb @ (arm @ rates.covariance_rad2ps2 @ arm.T) @ transpose(R_nb)
+    return Timed(
+        value=velocity.value - swing_n_mps,
+        covariance=velocity.covariance + doubt,
+        arm_b_m=np.zeros(3),
+    )
+
+
+def _slot(imu: Imu, rates: _Rates) -> tuple[FloatArray, FloatArray]:
     """Return the bias slot's start, (n, 6), and its prior, (6,); see ``preintegration``."""
-    slot, sigma = np.zeros((len(t_s), 6)), imu.gyroscope_bias_radps
+    slot, sigma = np.zeros((len(rates.w_b_radps), 6)), imu.gyroscope_bias_radps
     if sigma is None:
-        slot[:, 3:] = -angular_rates(t_s, R_nb)
+        slot[:, 3:] = -rates.w_b_radps
         sigma = _UNKNOWN_RATE_RADPS
     return slot, np.repeat([imu.accelerometer_bias_mps2, sigma], 3)
 

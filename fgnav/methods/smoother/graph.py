@@ -45,19 +45,14 @@ class Solution:
 
 def measured(keyframes: Keyframes, k: int) -> Iterator[gtsam.NonlinearFactor]:
     """Yield the factors of one keyframe's own measurements."""
-    if keyframes.form.count[k]:
-        yield factors.rotation_form(X(k), keyframes.form.information[k], keyframes.form.vector[k])
+    array = keyframes.array
+    if array.there[k]:
+        yield factors.rotation_form(X(k), array.root[k], array.minimum[k])
     p, v = keyframes.position, keyframes.velocity
     if p is not None and there(p.value, k):
         yield factors.antenna_position(X(k), p.value[k], p.covariance[k], p.arm_b_m)
     if v is not None and there(v.value, k):
-        imu = keyframes.preintegrate.imu
-        steps = keyframes.preintegrate.increments
-        w_b_radps = None
-        if imu.w_b_radps is not None:
-            w_b_radps = steps.w_b_radps[min(steps.first[k], len(steps.w_b_radps) - 1)]
-        keys = (X(k), V(k), B(k))
-        yield factors.antenna_velocity(keys, v.value[k], v.covariance[k], v.arm_b_m, w_b_radps)
+        yield factors.velocity(V(k), v.value[k], v.covariance[k])
     g, sight = keyframes.gravity, keyframes.sight
     if g is not None and there(g.e_b, k):
         down_n = keyframes.gravity_n_mps2[k]

@@ -5,8 +5,31 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.attitude.quadratic import RotationQuadratic
-from fgnav.checks import FloatArray
+from fgnav.checks import BoolArray, FloatArray
 from fgnav.methods.smoother.preintegration import Preintegrator
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class ArrayForm:
+    """What the array's phases say of the attitude at keyframes.
+
+    Attributes
+    ----------
+    there : ndarray of bool, shape (n,)
+        Keyframes whose phases take part.
+    root, minimum : ndarray, shape (n, 9, 9) and (n, 3, 3)
+        ``RotationQuadratic.square_root``.
+    """
+
+    there: BoolArray
+    root: FloatArray
+    minimum: FloatArray
+
+    @classmethod
+    def of(cls, form: RotationQuadratic, there: BoolArray) -> "ArrayForm":
+        """Return the square root of a form, at the keyframes whose phases are to be used."""
+        root, minimum = form.square_root()
+        return cls(there=there & (form.count > 0), root=root, minimum=minimum)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -18,7 +41,7 @@ class Timed:
     value : ndarray, shape (n, 3)
     covariance : ndarray, shape (n, 3, 3)
     arm_b_m : ndarray, shape (3,)
-        From the accelerometer to where it was measured.
+        From the accelerometer to where it was measured; 0 of velocities.
     """
 
     value: FloatArray
@@ -47,8 +70,8 @@ class Keyframes:
     Attributes
     ----------
     t_s : ndarray, shape (n,)
-    form : RotationQuadratic
-        Array phases of each keyframe; zero where it has none.
+    array : ArrayForm
+        Phases of the antenna array.
     R_nb, p_n_m, v_n_mps : ndarray, shape (n, 3, 3), (n, 3), (n, 3)
         Where the search starts.
     slot : ndarray, shape (n, 6)
@@ -58,7 +81,7 @@ class Keyframes:
     position : Timed or None
         Positions of one antenna, m.
     velocity : Timed or None
-        Velocities of one antenna, m/s.
+        Velocities of the accelerometer, m/s.
     gravity : Directions or None
     gravity_n_mps2 : ndarray, shape (n, 3)
     sight : Directions or None
@@ -68,7 +91,7 @@ class Keyframes:
     """
 
     t_s: FloatArray
-    form: RotationQuadratic
+    array: ArrayForm
     R_nb: FloatArray
     p_n_m: FloatArray
     v_n_mps: FloatArray

@@ -92,7 +92,7 @@ def _slide(keyframes: Keyframes, lag_s: float) -> Iterator[tuple[FloatArray | fl
 
 def _expected(keyframes: Keyframes, k: int, predicted: gtsam.NavState) -> gtsam.NavState:
     """Return the predicted state, with the array's own attitude where the keyframe has one."""
-    if not keyframes.form.count[k]:
+    if not keyframes.array.there[k]:
         return predicted
     attitude = gtsam.Rot3(keyframes.R_nb[k])
     return gtsam.NavState(attitude, predicted.position(), predicted.velocity())

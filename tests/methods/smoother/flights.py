@@ -9,7 +9,7 @@ from fgnav.attitude import RotationQuadratic, maximum_likelihood
 from fgnav.earth import Origin
 from fgnav.flight import Imu, Truth
 from fgnav.methods.smoother import preintegration as pre
-from fgnav.methods.smoother.keyframes import Keyframes, Timed
+from fgnav.methods.smoother.keyframes import ArrayForm, Keyframes, Timed
 from tests.attitude.arrays import synthetic
 
 ORIGIN = Origin(latitude_rad=np.radians(40.3), longitude_rad=np.radians(-3.9), height_m=700.0)
@@ -82,7 +82,7 @@ def turning(rng, *, span_s=60.0, amplitude_deg=20.0, rate_hz=10, imu_hz=100, gyr
         slot[:, 3:] = -pre.angular_rates(t, array.R_nb)
     keyframes = Keyframes(
         t_s=t,
-        form=form,
+        array=ArrayForm.of(form, np.ones(n, dtype=bool)),
         R_nb=array.R_nb,
         p_n_m=position,
         v_n_mps=velocity,

@@ -1,0 +1,166 @@
+"""Microseconds per integer least-squares problem, against RTKLIB's C on the same problems.
+
+Both are called from one compiled loop, so neither pays for Python; the notes say what a call from
+Python takes. RTKLIB stops after 10,000 nodes, and the notes say how often it did.
+"""
+
+import ctypes
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from fgnav.checks import FloatArray
+from fgnav.integers import ils
+from fgnav.integers.affine import float_solution, search_array
+from tests.integers.arrays import L1_M, make, sky
+
+SIZES = {"lambda_n5": 1, "lambda_n10": 2, "lambda_n20": 4}
+PUBLISHED = {0.1: 99.7, 0.3: 88.5, 1.0: 20.0}  # %, means of the ranges a prototype reached
+NAMES = (
+    *SIZES,
+    "lambda_n35",
+    "lambda_n35_shared",
+    "lambda_array_epoch",
+    *(f"affine_success_{code_m}m" for code_m in PUBLISHED),
+)
+PROBLEMS, REPEATS = 300, 7
+
+
+def run() -> list[dict[str, object]]:
+    """Time ours and RTKLIB's search, and count the right answers of the paper's array."""
+    rng = np.random.default_rng(35)
+    rtklib = _rtklib()
+    rows = [
+        _against(rtklib, name, [baselines_problem(rng, b) for _ in range(PROBLEMS)], "free")
+        for name, b in SIZES.items()
+    ]
+    differences = make(rng, epochs=PROBLEMS, code_m=0.3, sine=True).differences
+    solutions = [float_solution(differences, k) for k in range(PROBLEMS)]
+    affine = [(s.cycles, s.covariance_cycles2) for s in solutions]
+    rows.append(_against(rtklib, "lambda_n35", affine, "affine array model"))
+    rows += [_shared(rows[-1], affine), _epoch(rows[-1])]
+    return rows + [_success(rng, code_m) for code_m in PUBLISHED]
+
+
+def baselines_problem(rng: np.random.Generator, b: int) -> tuple[FloatArray, FloatArray]:
+    """Return float cycles and covariance of b unknown baselines to 6 satellites of one epoch."""
+    code_m, phase_m = rng.choice([0.1, 0.3]), rng.choice([0.002, 0.003])
+    e_n, elevation = sky(rng, 1, 6)
+    D = e_n[0, :1] - e_n[0, 1:]
+    zenith = 1.0 / np.sin(elevation[0]) ** 2
+    C = np.kron(np.eye(b) + 1.0, np.diag(zenith[1:]) + zenith[0])
+    A = np.kron(np.eye(b), D)
+    Q = phase_m**2 * C + A @ np.linalg.inv(A.T @ np.linalg.solve(code_m**2 * C, A)) @ A.T
+    Q = (Q + Q.T) / (2 * L1_M**2)
+    noise = np.linalg.cholesky(Q) @ rng.normal(size=len(Q))
+    return rng.integers(-200, 200, len(Q)) + noise, Q
+
+
+def _rtklib() -> Any:
+    spec = find_spec("pyrtklib5")
+    folder = Path(str(spec.origin)).parent if spec else Path()
+    function = getattr(ctypes.CDLL(str(next(folder.glob("pyrtklib5*.so")))), "lambda")
+    function.argtypes = [ctypes.c_int, ctypes.c_int, *[ctypes.c_void_p] * 4]
+    function.restype = ctypes.c_int
+    return function
+
+
+def _loops(rtklib: Any) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    @njit  # type: ignore[misc, unused-ignore]
+    def ours(a: Any, Q: Any, integers: Any, norms: Any) -> int:
+        unsolved = 0
+        for k in range(len(a)):
+            status, integers[k], norms[k] = ils.solve(a[k], Q[k], 2, ils.WITHOUT_LIMIT)
+            unsolved += status != ils.OK
+        return unsolved
+
+    @njit  # type: ignore[misc, unused-ignore]
+    def peer(a: Any, Q: Any, integers: Any, norms: Any) -> int:
+        unsolved = 0
+        for k in range(len(a)):
+            out = (integers[k].ctypes, norms[k].ctypes)
+            unsolved += rtklib(a.shape[1], 2, a[k].ctypes, Q[k].ctypes, out[0], out[1]) != 0
+        return unsolved
+
+    return ours, peer
+
+
+def _against(
+    rtklib: Any,
+    name: str,
+    problems: list[tuple[FloatArray, FloatArray]],
+    model: str,
+) -> dict[str, object]:
+    a, Q = (np.array(part) for part in zip(*problems, strict=True))
+    found = np.zeros((len(a), 2, a.shape[1])), np.zeros((len(a), 2))
+    theirs = np.zeros((len(a), 2, a.shape[1])), np.zeros((len(a), 2))
+    ours, peer = _loops(rtklib)
+    gave_up = peer(a, Q, *theirs)
+    ours(a, Q, *found)
+    same = np.isclose(found[1][:, 0], theirs[1][:, 0], rtol=1e-6).sum()
+    ours_us, peer_us = _interleaved_us(lambda: ours(a, Q, *found), lambda: peer(a, Q, *theirs))
+    z, s, n = theirs[0][0], theirs[1][0], a.shape[1]
+    pointers = [x.ctypes.data for x in (a[0], Q[0], z, s)]
+    call_us, ctypes_us = _interleaved_us(
+        lambda: [ils.integer_least_squares(a[0], Q[0]) for _ in range(PROBLEMS)],
+        lambda: [rtklib(n, 2, *pointers) for _ in range(PROBLEMS)],
+    )
+    note = (
+        f"{model}, {len(a)} problems, same best norm in {same}, RTKLIB gave up on {gave_up}; "
+        f"one call from Python {call_us:.1f}, RTKLIB through ctypes {ctypes_us:.1f}"
+    )
+    row: dict[str, object] = {"name": name, "ours": ours_us, "peer": peer_us}
+    return {**row, "ratio": peer_us / ours_us, "unit": "us", "note": note}
+
+
+def _interleaved_us(*work: Callable[[], object]) -> list[float]:
+    """Return microseconds per problem of each, the best of runs that take turns."""
+    best = [np.inf] * len(work)
+    for _ in range(REPEATS):
+        for i, one in enumerate(work):
+            start = perf_counter()
+            one()
+            best[i] = min(best[i], (perf_counter() - start) / PROBLEMS * 1e6)
+    return best
+
+
+def _shared(
+    alone: dict[str, object], problems: list[tuple[FloatArray, FloatArray]]
+) -> dict[str, object]:
+    """Time one geometry's decorrelation shared by many epochs."""
+    Q = problems[0][1]
+    noise = np.random.default_rng(1).normal(size=(PROBLEMS, len(Q)))
+    floats = noise @ np.linalg.cholesky(Q).T
+    shared = partial(ils.integer_least_squares_batch, floats, Q)
+    shared()
+    (ours_us,) = _interleaved_us(shared)
+    row: dict[str, object] = {"name": "lambda_n35_shared", "ours": ours_us, "peer": alone["peer"]}
+    note = "as lambda_n35, one geometry's decorrelation shared by all epochs; peer: RTKLIB's C"
+    return {**row, "ratio": float(str(alone["peer"])) / ours_us, "unit": "us", "note": note}
+
+
+def _epoch(peer: dict[str, object]) -> dict[str, object]:
+    """Time a whole epoch of the paper's array: float solution and joint search."""
+    differences = make(np.random.default_rng(2), epochs=PROBLEMS, code_m=0.3, sine=True).differences
+    search = partial(search_array, differences, joint=True)
+    search()
+    (ours_us,) = _interleaved_us(search)
+    row: dict[str, object] = {"name": "lambda_array_epoch", "ours": ours_us, "peer": peer["peer"]}
+    note = "float solution and joint search of 8 antennas and 6 satellites; peer: RTKLIB's search"
+    return {**row, "ratio": float(str(peer["peer"])) / ours_us, "unit": "us", "note": note}
+
+
+def _success(rng: np.random.Generator, code_m: float) -> dict[str, object]:
+    made = make(rng, epochs=5000, code_m=code_m)
+    found = search_array(made.differences, joint=True)
+    right = 100.0 * float((found.cycles == made.cycles).all(axis=(1, 2)).mean())
+    row: dict[str, object] = {"name": f"affine_success_{code_m}m", "ours": right}
+    note = "epochs with all 35 integers right, phase 3 mm; peer: the prototype's published figure"
+    peer = PUBLISHED[code_m]
+    return {**row, "peer": peer, "ratio": right / peer, "unit": "%", "note": note}

@@ -1,0 +1,46 @@
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+
+import pytest
+
+from fgnav.checks import BadInputError
+from fgnav.integers import registry
+from fgnav.integers.lambda_ import Lambda
+from fgnav.integers.registry import resolver_named, resolver_names
+from fgnav.integers.rounding import Rounding
+from fgnav.integers.truth import Truth
+
+
+def test_own_resolvers_go_by_their_names():
+    assert resolver_names()[:3] == ("rounding", "lambda", "truth")
+    for name in ("rounding", "lambda", "truth"):
+        assert resolver_named(name).name == name
+    assert resolver_named("lambda") == Lambda()
+
+
+def test_installed_resolver_is_found_by_its_entry_point(monkeypatch):
+    entry = EntryPoint(
+        name="mine", value="fgnav.integers.rounding:Rounding", group="fgnav.resolvers"
+    )
+    monkeypatch.setattr(registry, "entry_points", lambda group: [entry] if group else [])
+    assert resolver_names() == ("rounding", "lambda", "truth", "mine")
+    assert resolver_named("mine") == Rounding()
+
+
+def test_unknown_resolver_lists_the_known_ones():
+    with pytest.raises(BadInputError, match=r"integers 'guess': not one of rounding, lambda, tru"):
+        resolver_named("guess")
+
+
+def test_resolvers_are_values():
+    assert Lambda() == Lambda(joint=True)
+    assert len({Lambda(), Lambda(ratio_min=3.0), Rounding(), Truth()}) == 4
+
+
+def test_names_are_known_without_loading_the_compiled_search():
+    code = (
+        "import sys, fgnav.integers, fgnav.integers.registry as r; r.resolver_names(); "
+        "sys.exit('numba' in sys.modules or 'scipy' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
