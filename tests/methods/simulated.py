@@ -1,0 +1,41 @@
+"""Flights of the gallery's scenarios, shortened, in memory."""
+
+from functools import cache
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from fgnav import rotations
+from fgnav.integers.truth import attitude_at
+from fgnav_sim.scenario import load_scenario
+from fgnav_sim.simulate import simulate
+
+SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "scenarios"
+
+
+@cache
+def flown(name, span_s=20.0, seed=1, imu_position_b_m=None):
+    """Return the flight of a scenario; the same object for the same arguments."""
+    scenario = msgspec.structs.replace(load_scenario(SCENARIOS / f"{name}.toml"), duration_s=span_s)
+    if imu_position_b_m is not None:
+        imu = msgspec.structs.replace(scenario.imu, position_b_m=imu_position_b_m)
+        scenario = msgspec.structs.replace(scenario, imu=imu)
+    return simulate(scenario, np.random.default_rng(seed))
+
+
+def errors_rad(flight, estimate):
+    """Body tangents from estimate to truth, (n, 3)."""
+    R_nb, covered = attitude_at(flight.truth, estimate.t_s)
+    assert covered.all()
+    return rotations.log(rotations.transpose(estimate.R_nb) @ R_nb)
+
+
+def euler_rmse_deg(flight, estimate):
+    R_nb, _ = attitude_at(flight.truth, estimate.t_s)
+    change = rotations.to_euler(estimate.R_nb) - rotations.to_euler(R_nb)
+    return np.degrees(np.sqrt((rotations.wrap(change) ** 2).mean(axis=0)))
+
+
+def nees(error, covariance):
+    return np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error).mean()

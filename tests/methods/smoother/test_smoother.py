@@ -1,0 +1,166 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fgnav.checks import BadInputError, NoSolutionError
+from fgnav.flight import Antenna, Fixes, Imu
+from fgnav.gravity import LowDynamics
+from fgnav.integers.truth import Truth
+from fgnav.methods.maximum_likelihood import MaximumLikelihood
+from fgnav.methods.smoother import Batch, Smoother
+from tests.methods.simulated import errors_rad, euler_rmse_deg, flown, nees
+from tests.methods.test_maximum_likelihood import Off
+
+RIGHT = Truth()
+
+
+@pytest.mark.parametrize("scenario", ["demo", "ramp", "spin", "terminal"])
+@pytest.mark.parametrize("method", [Smoother(resolver=RIGHT), Batch(resolver=RIGHT)])
+def test_every_motion_is_smoothed_with_a_believable_covariance(scenario, method):
+    flight = flown(scenario, 30.0)
+    estimate = method(flight)
+    assert estimate.converged
+    assert estimate.available == 1
+    single = euler_rmse_deg(flight, MaximumLikelihood(resolver=RIGHT)(flight))
+    assert (euler_rmse_deg(flight, estimate) < 0.9 * single).all()
+    assert 1.2 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4
+    truth = flight.truth
+    place = np.stack([np.interp(estimate.t_s, truth.t_s, x) for x in truth.p_n_m.T], axis=1)
+    assert np.sqrt(((estimate.p_n_m - place) ** 2).sum(axis=1).mean()) < 0.3
+    speed = np.stack([np.interp(estimate.t_s, truth.t_s, x) for x in truth.v_n_mps.T], axis=1)
+    assert np.sqrt(((estimate.v_n_mps - speed) ** 2).sum(axis=1).mean()) < 0.05
+
+
+def test_an_accelerometer_off_the_origin_gives_the_origin_all_the_same():
+    arm = (0.3, -0.1, 0.2)
+    flight = flown("demo", 30.0, imu_position_b_m=arm)
+    estimate = Batch(resolver=RIGHT)(flight)
+    assert estimate.converged
+    place = np.stack(
+        [np.interp(estimate.t_s, flight.truth.t_s, x) for x in flight.truth.p_n_m.T], axis=1
+    )
+    # Without the lever arm the error would be its length, 0.37 m.
+    assert np.sqrt(((estimate.p_n_m - place) ** 2).sum(axis=1).mean()) < 0.2
+    assert (euler_rmse_deg(flight, estimate) < [0.30, 0.15, 0.08]).all()
+
+
+def test_the_line_of_sight_sharpens_the_attitude():
+    flight = flown("terminal", 60.0)
+    with_sight, without = (
+        Batch(resolver=RIGHT)(f) for f in (flight, dataclasses.replace(flight, seeker=None))
+    )
+    last = with_sight.t_s > flight.seeker.t_s[0]
+    sigma = [
+        np.sqrt(np.einsum("nii->ni", e.attitude_covariance_rad2[last]).mean(axis=0))
+        for e in (with_sight, without)
+    ]
+    assert (sigma[0][1:] < sigma[1][1:]).all()
+    error = errors_rad(flight, with_sight)[last]
+    assert nees(error, with_sight.attitude_covariance_rad2[last]) < 4
+
+
+def test_epochs_with_wrong_integers_are_bridged_and_counted():
+    flight = flown("demo", 20.0)
+    estimate = Batch(resolver=Off(epochs=(50, 51, 52)))(flight)
+    assert estimate.available == 1
+    assert (euler_rmse_deg(flight, estimate) < [0.35, 0.2, 0.1]).all()
+    lost = {(loss.what, loss.reason): loss.count for loss in estimate.losses}
+    assert lost[("array phases of an epoch", "residuals fail the chi-square test")] == 3
+
+
+def test_gravity_directions_take_part_and_what_is_left_out_is_counted():
+    flight = flown("ramp", 20.0)
+    estimate = Batch(resolver=RIGHT, gravity=LowDynamics())(flight)
+    assert estimate.converged
+    assert (euler_rmse_deg(flight, estimate) < [0.30, 0.15, 0.08]).all()
+
+
+def test_epochs_outside_the_accelerometer_record_are_counted():
+    flight = flown("demo", 20.0)
+    imu = flight.imu
+    late = imu.t_s >= 2.0
+    short = Imu(
+        t_s=imu.t_s[late],
+        f_b_mps2=imu.f_b_mps2[late],
+        accelerometer_noise_mps2_per_sqrt_hz=imu.accelerometer_noise_mps2_per_sqrt_hz,
+        accelerometer_bias_mps2=imu.accelerometer_bias_mps2,
+        accelerometer_bias_walk_mps2_per_sqrt_s=imu.accelerometer_bias_walk_mps2_per_sqrt_s,
+    )
+    estimate = Batch(resolver=RIGHT)(dataclasses.replace(flight, imu=short))
+    assert len(estimate.t_s) == estimate.epochs - 20
+    lost = {loss.reason: loss.count for loss in estimate.losses}
+    assert lost["not covered by the accelerometer's record"] == 20
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"imu": None}, r"motion between epochs needs an \[imu\]"),
+        (
+            {
+                "imu": Imu(
+                    t_s=np.array([0.0, 1.0, 30.0]),
+                    f_b_mps2=np.zeros((3, 3)),
+                    accelerometer_noise_mps2_per_sqrt_hz=1e-3,
+                    accelerometer_bias_mps2=1e-2,
+                    accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
+                )
+            },
+            "the accelerometer has 2 gaps above",
+        ),
+    ],
+)
+def test_a_flight_without_motion_is_no_solution(change, text):
+    with pytest.raises(NoSolutionError, match=text):
+        Smoother(resolver=RIGHT)(dataclasses.replace(flown("demo", 5.0), **change))
+
+
+def test_no_consistent_attitude_is_no_solution():
+    with pytest.raises(NoSolutionError, match="0 epochs have consistent array phases"):
+        Smoother(resolver=Off(nothing=True))(flown("demo", 5.0))
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: Smoother(lag_s=0.0), "smoother lag_s: must be positive"),
+        (lambda: Batch(sub_steps=0), "batch sub_steps: must be 1 or more"),
+        (lambda: Batch(false_alarm=-1.0), "batch false_alarm: must be positive"),
+        (
+            lambda: Smoother(angular_acceleration_density=0.0),
+            "smoother angular_acceleration_density: must be positive",
+        ),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(make, text):
+    with pytest.raises(BadInputError, match=text):
+        make()
+
+
+def test_same_flight_same_bytes():
+    flight = flown("demo", 5.0)
+    first, second = (Smoother(resolver=RIGHT)(flight) for _ in range(2))
+    assert first.R_nb.tobytes() == second.R_nb.tobytes()
+    assert first.position_covariance_m2.tobytes() == second.position_covariance_m2.tobytes()
+
+
+def test_fixes_replace_code_where_there_are_no_pseudoranges():
+    """An antenna's own fixes and nothing else cannot give an attitude: the text says so."""
+    flight = flown("demo", 5.0)
+    fixes = Fixes(
+        t_s=flight.observations.t_s,
+        antenna="a1",
+        p_n_m=np.zeros((len(flight.observations.t_s), 3)),
+        v_n_mps=None,
+        position_sigma_m=np.ones((len(flight.observations.t_s), 3)),
+        velocity_sigma_mps=None,
+    )
+    alone = dataclasses.replace(
+        flight,
+        observations=None,
+        fixes=fixes,
+        antennas=(Antenna(name="a1", position_b_m=np.zeros(3)),),
+    )
+    with pytest.raises(NoSolutionError):
+        Smoother()(alone)
