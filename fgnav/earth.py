@@ -93,7 +93,7 @@ class Origin:
 
     def to_n(self, p_e_m: FloatArray) -> FloatArray:
         """Return (n, 3) local positions of ECEF positions."""
-        return (p_e_m - self.p_e_m) @ self.R_ne.T
+        return np.asarray((p_e_m - self.p_e_m) @ self.R_ne.T)
 
     def to_e(self, p_n_m: FloatArray) -> FloatArray:
         """Return (n, 3) ECEF positions of local positions."""

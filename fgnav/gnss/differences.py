@@ -96,7 +96,7 @@ class DoubleDifferences:
     @property
     def is_reference(self) -> BoolArray:
         """Whether a channel is the reference of its group, (n, m)."""
-        return self.reference[:, self.group] == np.arange(len(self.satellites))
+        return np.asarray(self.reference[:, self.group] == np.arange(len(self.satellites)))
 
     @property
     def resolvable(self) -> BoolArray:

@@ -1,0 +1,146 @@
+"""Signals by their RINEX 3 names: carrier frequencies, and which signal of a band is used."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, IntArray, Loss
+from fgnav.earth import C_MPS
+from fgnav.observations import Observations
+
+CONSTELLATIONS = {"G": "GPS", "E": "Galileo", "C": "BeiDou", "J": "QZSS"}
+
+# Hz by constellation letter and RINEX band: RINEX 3.05, tables 4, 6, 7 and 9.
+_FREQUENCY_HZ = {
+    "G": {"1": 1575.42e6, "2": 1227.60e6, "5": 1176.45e6},
+    "E": {"1": 1575.42e6, "5": 1176.45e6, "7": 1207.14e6, "8": 1191.795e6, "6": 1278.75e6},
+    "C": {
+        "2": 1561.098e6,  # B1I
+        "1": 1575.42e6,  # B1C
+        "5": 1176.45e6,  # B2a
+        "7": 1207.14e6,  # B2I, B2b
+        "8": 1191.795e6,  # B2a + B2b
+        "6": 1268.52e6,  # B3I
+    },
+    "J": {"1": 1575.42e6, "2": 1227.60e6, "5": 1176.45e6, "6": 1278.75e6},
+}
+_OLD_B1I = ("1I", "1Q")  # what RINEX 3.02 called B1I, now 2I
+
+
+def constellation(satellite: str) -> str:
+    """Return the constellation of a RINEX satellite: ``"G05"`` gives ``"GPS"``.
+
+    Raises
+    ------
+    BadInputError
+        If it is not one of GPS, Galileo, BeiDou and QZSS.
+    """
+    name = CONSTELLATIONS.get(satellite[:1])
+    if name is None:
+        raise BadInputError(f"satellite {satellite!r}: only GPS, Galileo, BeiDou, QZSS are known")
+    return name
+
+
+def band(satellite: str, signal: str) -> str:
+    """Return the band of a signal: the RINEX 3 digit of its carrier."""
+    return "2" if satellite[:1] == "C" and signal in _OLD_B1I else signal[:1]
+
+
+def known(satellite: str, signal: str) -> bool:
+    """Whether the signal's carrier frequency is known."""
+    return band(satellite, signal) in _FREQUENCY_HZ.get(satellite[:1], {})
+
+
+def frequency_hz(satellite: str, signal: str) -> float:
+    """Return the carrier frequency of a satellite's signal.
+
+    Raises
+    ------
+    BadInputError
+        If constellation or band is not known.
+    """
+    constellation(satellite)
+    if not known(satellite, signal):
+        raise BadInputError(f"signal {signal!r} of {satellite}: its carrier is not known")
+    return _FREQUENCY_HZ[satellite[0]][band(satellite, signal)]
+
+
+def wavelengths_m(satellites: tuple[str, ...], signals: tuple[str, ...]) -> FloatArray:
+    """Return the carrier wavelength of each channel, (m,)."""
+    pairs = zip(satellites, signals, strict=True)
+    return np.array([C_MPS / frequency_hz(*pair) for pair in pairs], dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Selection:
+    """One channel per satellite and band, and where each antenna's observations of it stand.
+
+    Two receivers may track one carrier through different components: Galileo E1 as 1C (pilot) by
+    one, as 1X (both) by the other. RINEX 3 aligns the phases of one carrier: they form integers.
+
+    Attributes
+    ----------
+    satellites, signals : tuple of str, length m
+        The signal is that of the first antenna that has the channel.
+    channel : ndarray of int, shape (a, m)
+        Column of the observations that holds it; -1 where an antenna never tracks the band.
+    losses : tuple of Loss
+        Observations of signals that are not used.
+    """
+
+    satellites: tuple[str, ...]
+    signals: tuple[str, ...]
+    channel: IntArray
+    losses: tuple[Loss, ...]
+
+
+def select(observations: Observations) -> Selection:
+    """Choose for every constellation and band the signal each antenna uses.
+
+    The signal that the most antennas track goes first, then the one with the most observations: two
+    signals on one carrier come from the same tracking loops and are not two measurements.
+    """
+    counts = np.isfinite(observations.code_m).sum(axis=0)  # (a, c)
+    columns: dict[tuple[str, str], dict[str, dict[str, int]]] = {}
+    for column, (satellite, signal) in enumerate(
+        zip(observations.satellites, observations.signals, strict=True)
+    ):
+        if known(satellite, signal):
+            key = (satellite[0], band(satellite, signal))
+            columns.setdefault(key, {}).setdefault(signal, {})[satellite] = column
+    rows = []
+    for by_signal in columns.values():
+        tracked = {s: counts[:, list(of.values())].sum(axis=1) for s, of in by_signal.items()}
+        order = sorted(tracked, key=lambda s: ((tracked[s] > 0).sum(), tracked[s].sum()))[::-1]
+        chosen = [next((s for s in order if tracked[s][i] > 0), None) for i in range(len(counts))]
+        for satellite in sorted({satellite for of in by_signal.values() for satellite in of}):
+            row = [by_signal[s].get(satellite, -1) if s else -1 for s in chosen]
+            names = [s for s, column in zip(chosen, row, strict=True) if s and column >= 0]
+            if names:
+                rows.append((satellite, names[0], row))
+    channel = np.array([row for _, _, row in rows], dtype=np.int64).reshape(-1, len(counts)).T
+    return Selection(
+        satellites=tuple(satellite for satellite, _, _ in rows),
+        signals=tuple(signal for _, signal, _ in rows),
+        channel=channel,
+        losses=_unused(observations, counts, channel),
+    )
+
+
+def _unused(observations: Observations, counts: IntArray, channel: IntArray) -> tuple[Loss, ...]:
+    """Count, by signal, the code observations that no channel takes."""
+    taken = np.zeros(counts.shape, dtype=bool)
+    antenna, at = np.nonzero(channel >= 0)
+    taken[antenna, channel[antenna, at]] = True
+    left = np.where(taken, 0, counts).sum(axis=0)
+    lost: dict[tuple[str, str], int] = {}
+    for column in np.nonzero(left)[0]:
+        satellite, signal = observations.satellites[column], observations.signals[column]
+        reason = (
+            "another signal of the same carrier is used"
+            if known(satellite, signal)
+            else "constellation or carrier is not supported"
+        )
+        key = (f"{satellite[0]} {signal} observation", reason)
+        lost[key] = lost.get(key, 0) + int(left[column])
+    return tuple(Loss(what=what, reason=why, count=count) for (what, why), count in lost.items())

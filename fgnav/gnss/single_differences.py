@@ -1,0 +1,199 @@
+"""Each antenna against the reference, the satellites' motion between their clocks removed."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
+from fgnav.earth import C_MPS
+from fgnav.flight import Flight
+from fgnav.gnss.code_adjustment import growing
+from fgnav.gnss.code_model import orbits_of
+from fgnav.gnss.code_solution import BLOCK, code_solution
+from fgnav.gnss.satellites import angles, signal_paths, states_at_clock
+from fgnav.gnss.signals import Selection, band, select, wavelengths_m
+from fgnav.observations import HALF_CYCLE, Observations
+
+_LONGEST_BRIDGE_S = 30.0  # without a code solution, positions are interpolated over as much
+_RATE_BASE_S = 0.5  # positions this far to both sides make a velocity where there is no Doppler
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class SingleDifferences:
+    """Antennas 2, 3, … minus antenna 1, channel by channel.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (n,)
+    baselines_b_m : ndarray, shape (b, 3)
+    satellites, signals : tuple of str, length m
+    wavelength_m : ndarray, shape (m,)
+    group : ndarray of int, shape (m,)
+        Constellation and carrier.
+    e_n : ndarray, shape (n, m, 3)
+        From the reference antenna to the satellites; NaN where a channel is not usable.
+    elevation_rad : ndarray, shape (n, m)
+        The same.
+    code_m, phase_m : ndarray, shape (n, b, m)
+    code_there, phase_there : ndarray of bool, shape (n, a, m)
+        Usable observations of every antenna; phases without half-cycle doubt.
+    lock_flags : ndarray of uint8, shape (n, a, m)
+    code_variance_m2, phase_variance_m2 : ndarray, shape (n, m)
+        Of one undifferenced link; 1 where a channel is not usable.
+    unused : tuple of Loss
+        Observations of signals that no channel takes.
+    lost : Counter
+        Links by antenna and reason.
+    """
+
+    t_s: FloatArray
+    baselines_b_m: FloatArray
+    satellites: tuple[str, ...]
+    signals: tuple[str, ...]
+    wavelength_m: FloatArray
+    group: IntArray
+    e_n: FloatArray
+    elevation_rad: FloatArray
+    code_m: FloatArray
+    phase_m: FloatArray
+    code_there: BoolArray
+    phase_there: BoolArray
+    lock_flags: IntArray
+    code_variance_m2: FloatArray
+    phase_variance_m2: FloatArray
+    unused: tuple[Loss, ...]
+    lost: Counter[tuple[str, str]]
+
+
+def single_differences(flight: Flight) -> SingleDifferences:
+    """Return all single differences of a flight.
+
+    Every receiver samples at its own time. Satellite j's signal that antenna i measured left
+    ``dt_ij = (tag_i - tag_1) - (code_ij - code_1j) / c`` after the one antenna 1 measured, whatever
+    the clocks say; the range changed by the range rate times that meanwhile, up to 0.8 m in 1 ms,
+    and this is removed. The satellite's clock and the atmosphere cancel. What is left is the
+    baseline along the line of sight, the difference of two clocks, integers and noise.
+
+    Raises
+    ------
+    NoSolutionError
+        If the flight has no observations of two antennas, or no position can be computed.
+    """
+    observations = flight.observations
+    if observations is None or len(flight.antennas) < 2:
+        raise NoSolutionError(
+            f"flight {flight.name}: attitude from GNSS needs observations of two antennas or more, "
+            f"it has {len(flight.antennas) if observations is not None else 'no observations'}"
+        )
+    chosen = select(observations)
+    n, m = len(observations.t_s), len(chosen.satellites)
+    a = len(flight.antennas)
+    carriers = [(s[0], band(s, g)) for s, g in zip(chosen.satellites, chosen.signals, strict=True)]
+    numbered = {carrier: k for k, carrier in enumerate(dict.fromkeys(carriers))}
+    positions = np.array([antenna.position_b_m for antenna in flight.antennas])
+    out = SingleDifferences(
+        t_s=observations.t_s,
+        baselines_b_m=positions[1:] - positions[0],
+        satellites=chosen.satellites,
+        signals=chosen.signals,
+        wavelength_m=wavelengths_m(chosen.satellites, chosen.signals),
+        group=np.array([numbered[carrier] for carrier in carriers], dtype=np.int64),
+        e_n=np.full((n, m, 3), np.nan),
+        elevation_rad=np.full((n, m), np.nan),
+        code_m=np.full((n, a - 1, m), np.nan),
+        phase_m=np.full((n, a - 1, m), np.nan),
+        code_there=np.zeros((n, a, m), dtype=np.bool_),
+        phase_there=np.zeros((n, a, m), dtype=np.bool_),
+        lock_flags=np.zeros((n, a, m), dtype=np.uint8),
+        code_variance_m2=np.ones((n, m)),
+        phase_variance_m2=np.ones((n, m)),
+        unused=chosen.losses,
+        lost=Counter(),
+    )
+    p_e_m, v_e_mps = _reference_motion(flight, observations.t_s)
+    for start in range(0, n, BLOCK):
+        epochs = slice(start, min(start + BLOCK, n))
+        _fill(flight, observations, chosen, epochs, p_e_m[epochs], v_e_mps[epochs], out)
+    return out
+
+
+def _reference_motion(flight: Flight, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return position and velocity of the reference antenna, (n, 3); NaN far from any solution."""
+    solution = code_solution(flight)
+
+    def at(wanted_s: FloatArray) -> FloatArray:
+        columns = [np.interp(wanted_s, solution.t_s, column) for column in solution.p_n_m.T]
+        return np.stack(columns, axis=1)
+
+    after = np.searchsorted(solution.t_s, t_s).clip(0, len(solution.t_s) - 1)
+    around = np.stack([solution.t_s[after], solution.t_s[(after - 1).clip(0)]])
+    far = np.abs(around - t_s).min(axis=0) > _LONGEST_BRIDGE_S
+    p_n_m = np.where(far[:, None], np.nan, at(t_s))
+    # Positions before and after: one epoch away, or _RATE_BASE_S if epochs are closer.
+    before_s = np.minimum(t_s - _RATE_BASE_S, np.append(t_s[:1], t_s[:-1]))
+    after_s = np.maximum(t_s + _RATE_BASE_S, np.append(t_s[1:], t_s[-1:]))
+    before_s, after_s = before_s.clip(*t_s[[0, -1]]), after_s.clip(*t_s[[0, -1]])
+    span_s = np.maximum(after_s - before_s, _RATE_BASE_S)[:, None]
+    v_n_mps = (at(after_s) - at(before_s)) / span_s
+    if solution.v_n_mps is not None:
+        known = np.isfinite(solution.v_n_mps).all(axis=1)
+        v_n_mps[solution.epoch[known]] = solution.v_n_mps[known]
+    return flight.origin.to_e(p_n_m), v_n_mps @ flight.origin.R_ne
+
+
+def _fill(
+    flight: Flight,
+    observations: Observations,
+    chosen: Selection,
+    epochs: slice,
+    p_e_m: FloatArray,
+    v_e_mps: FloatArray,
+    out: SingleDifferences,
+) -> None:
+    """Compute one block of epochs into ``out``."""
+    antenna, channel = np.arange(len(chosen.channel))[:, None], chosen.channel
+
+    def of(values: FloatArray) -> FloatArray:
+        taken = values[epochs][:, antenna, channel.clip(0)]
+        return np.asarray(np.where(channel >= 0, taken, np.nan))
+
+    code_m, cycles = of(observations.code_m), of(observations.phase_cycles)
+    flags = observations.lock_flags[epochs][:, antenna, channel.clip(0)]
+    doubtful = (flags & HALF_CYCLE) != 0
+    tag_s = observations.tag_s[epochs]
+    left_s = tag_s[:, :1] - code_m[:, 0] / C_MPS
+    states = states_at_clock(orbits_of(flight), chosen.satellites, left_s)
+    paths = signal_paths(states, p_e_m, v_e_mps)
+    here = np.asarray(np.isfinite(p_e_m).all(axis=1))
+    elevation = np.full(left_s.shape, np.nan)
+    elevation[here] = angles(p_e_m[here], paths.e_e[here])[0]
+    high = elevation >= flight.elevation_mask_rad
+    later_s = (tag_s[:, 1:] - tag_s[:, :1])[:, :, None] - (code_m[:, 1:] - code_m[:, :1]) / C_MPS
+    moved_m = paths.range_rate_mps[:, None] * later_s
+    phase_m = np.where(doubtful, np.nan, cycles) * out.wavelength_m
+    usable = high[:, None]
+    out.code_m[epochs] = np.where(usable, code_m[:, 1:] - code_m[:, :1] - moved_m, np.nan)
+    out.phase_m[epochs] = np.where(usable, phase_m[:, 1:] - phase_m[:, :1] - moved_m, np.nan)
+    out.code_there[epochs] = np.isfinite(code_m) & usable
+    out.phase_there[epochs] = np.isfinite(phase_m)
+    out.lock_flags[epochs] = flags
+    out.elevation_rad[epochs] = np.where(high, elevation, np.nan)
+    e_n = paths.e_e @ flight.origin.R_ne.T
+    out.e_n[epochs] = np.where(high[:, :, None], e_n, np.nan)
+    for name, sigma in (("code", flight.gnss_noise.code_m), ("phase", flight.gnss_noise.phase_m)):
+        variance = getattr(out, f"{name}_variance_m2")
+        variance[epochs] = np.where(high, growing(flight, sigma, elevation) ** 2, 1.0)
+    coded = np.asarray(np.isfinite(code_m))
+    clocked = np.asarray(np.isfinite(states.clock_s))
+    reasons = {
+        "half-cycle ambiguity of the phase not resolved": doubtful & np.isfinite(cycles),
+        "not tracked by the reference antenna": coded & ~coded[:, :1],
+        "satellite not healthy": coded & states.unhealthy[:, None],
+        "no usable ephemeris": coded & (coded[:, 0] & ~clocked & ~states.unhealthy)[:, None],
+        "no position of the reference antenna": coded & (clocked & ~here[:, None])[:, None],
+        "below the elevation mask": coded & (elevation < flight.elevation_mask_rad)[:, None],
+    }
+    for reason, links in reasons.items():
+        for antenna_, count in zip(flight.antennas, links.sum(axis=(0, 2)), strict=True):
+            out.lost[f"{antenna_.name} link", reason] += int(count)
