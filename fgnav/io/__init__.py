@@ -1,1 +1,1 @@
-"""."""
+"""Files in, files out: flights as folders, RINEX, SP3, estimates as CSV."""

@@ -1,0 +1,159 @@
+"""Several receivers' observations on one set of epochs and channels."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, IntArray, Loss
+from fgnav.io.signal_choice import same_signal
+from fgnav.observations import Observations
+
+_GRID_S = 1e-3  # nominal intervals are whole milliseconds
+_TOLERANCE = 0.25  # of the interval
+_LARGEST_TOLERANCE_S = 0.02  # a receiver whose clock errs by more is not comparable anyway
+
+
+def interval_s(t_s: FloatArray) -> float:
+    """Return the usual time between epochs, 1 s where there is only one."""
+    return float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
+
+
+def tolerance_s(t_s: FloatArray) -> float:
+    """Return how far two receivers' tags of one epoch may lie apart."""
+    return min(_TOLERANCE * interval_s(t_s), _LARGEST_TOLERANCE_S)
+
+
+def nominal_epochs(tag_s: FloatArray, start_gps_s: float) -> FloatArray:
+    """Return the epochs a receiver aimed at: its time tags on the grid of their interval.
+
+    Parameters
+    ----------
+    tag_s : ndarray, shape (n,)
+        Time tags since the start.
+    start_gps_s : float
+        The start; the grid is that of GPS time.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The tags themselves if they keep no grid of whole milliseconds.
+    """
+    step_s = max(round(interval_s(tag_s) / _GRID_S), 1) * _GRID_S
+    phase_s = start_gps_s % step_s
+    nominal_s = np.round((tag_s + phase_s) / step_s) * step_s - phase_s
+    on_grid = (np.abs(nominal_s - tag_s) <= tolerance_s(tag_s)).all()
+    if on_grid and (np.diff(nominal_s) > 0).all():
+        return np.asarray(np.round(nominal_s, 9))
+    return tag_s
+
+
+def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observations:
+    """Merge observations of one antenna each; the first is the reference and gives the epochs.
+
+    Parameters
+    ----------
+    per_antenna : sequence of Observations
+        One antenna each.
+    names : sequence of str
+        Their names, for the losses.
+
+    Returns
+    -------
+    Observations
+        On the reference antenna's epochs and the union of channels. An antenna without an epoch has
+        gaps there, and the epoch itself as its tag. Epochs that the reference lacks are counted.
+        Signals are named as the reference has them (``named_alike``).
+
+    Raises
+    ------
+    BadInputError
+        If there is no antenna, or an antenna shares no epoch with the reference.
+    """
+    if not per_antenna:
+        raise BadInputError("antennas: at least one is needed")
+    if len(per_antenna) == 1:
+        only = per_antenna[0]
+        return replace(only, losses=_named(only.losses, names[0]))
+    t_s = per_antenna[0].t_s
+    per_antenna = [per_antenna[0], *(named_alike(one, per_antenna[0]) for one in per_antenna[1:])]
+    channels = sorted(
+        {c for one in per_antenna for c in zip(one.satellites, one.signals, strict=True)}
+    )
+    column = {channel: k for k, channel in enumerate(channels)}
+    shape = (len(t_s), len(per_antenna), len(channels))
+    code_m, phase_cycles, doppler_hz = (np.full(shape, np.nan) for _ in range(3))
+    cn0_dbhz = np.full(shape, np.nan, np.float32)
+    lock_flags = np.zeros(shape, np.uint8)
+    tag_s = np.repeat(t_s[:, None], len(per_antenna), axis=1)
+    losses: list[Loss] = []
+    for a, (one, name) in enumerate(zip(per_antenna, names, strict=True)):
+        mine, common = _matched(t_s, one.t_s)
+        if not len(mine):
+            raise BadInputError(f"antenna {name}: shares no epoch with antenna {names[0]}")
+        pairs = zip(one.satellites, one.signals, strict=True)
+        place = np.ix_(common, np.array([a]), np.array([column[pair] for pair in pairs], int))
+        rows = slice(None) if len(mine) == len(one.t_s) else mine
+        code_m[place] = one.code_m[rows]
+        phase_cycles[place] = one.phase_cycles[rows]
+        doppler_hz[place] = one.doppler_hz[rows]
+        cn0_dbhz[place] = one.cn0_dbhz[rows]
+        lock_flags[place] = one.lock_flags[rows]
+        tag_s[common, a] = one.tag_s[rows, 0]
+        losses += _named(one.losses, name)
+        if len(mine) < len(one.t_s):
+            reason = f"the reference antenna {names[0]} has no such epoch"
+            losses.append(Loss(what=f"{name} epoch", reason=reason, count=len(one.t_s) - len(mine)))
+    return Observations(
+        t_s=t_s,
+        tag_s=tag_s,
+        satellites=tuple(satellite for satellite, _ in channels),
+        signals=tuple(signal for _, signal in channels),
+        code_m=code_m,
+        phase_cycles=phase_cycles,
+        doppler_hz=doppler_hz,
+        cn0_dbhz=cn0_dbhz,
+        lock_flags=lock_flags,
+        losses=tuple(losses),
+    )
+
+
+def named_alike(one: Observations, reference: Observations) -> Observations:
+    """Return observations whose signals are named as the reference receiver tracks them.
+
+    One receiver may track Galileo's E1 pilot (``1C``), another pilot and data (``1X``): RINEX
+    aligns the phases of the two, so both belong into one channel.
+    """
+    theirs = _signals(reference)
+    mine = _signals(one)
+    names = {}
+    for constellation, signal in mine - theirs:
+        family = same_signal(constellation, signal)
+        akin = {s for c, s in theirs - mine if (c, same_signal(c, s)) == (constellation, family)}
+        if len(akin) == 1:
+            names[constellation, signal] = akin.pop()
+    if not names or len({(c[0], s) for c, s in names.items()}) < len(names):
+        return one
+    pairs = zip(one.satellites, one.signals, strict=True)
+    return replace(one, signals=tuple(names.get((s[0], signal), signal) for s, signal in pairs))
+
+
+def _signals(one: Observations) -> set[tuple[str, str]]:
+    return {(s[0], signal) for s, signal in zip(one.satellites, one.signals, strict=True)}
+
+
+def _matched(reference_s: FloatArray, t_s: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return rows of ``t_s`` and the rows of ``reference_s`` they match, nearest in tolerance."""
+    after = np.searchsorted(reference_s, t_s).clip(1, max(len(reference_s) - 1, 1))
+    before = after - 1
+    after = after.clip(max=len(reference_s) - 1)
+    nearer = np.abs(reference_s[after] - t_s) < np.abs(reference_s[before] - t_s)
+    row = np.where(nearer, after, before)
+    mine = np.flatnonzero(np.abs(reference_s[row] - t_s) <= tolerance_s(reference_s))
+    # Two epochs of one receiver within the tolerance of one of the reference: the first counts.
+    _, first = np.unique(row[mine], return_index=True)
+    return mine[first], row[mine[first]]
+
+
+def _named(losses: tuple[Loss, ...], name: str) -> tuple[Loss, ...]:
+    return tuple(replace(loss, what=f"{name} {loss.what}") for loss in losses)

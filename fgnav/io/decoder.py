@@ -1,0 +1,200 @@
+"""Child processes that run RTKLIB's reader, so that a crash or a hang ends as one clear error."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fgnav.checks import BadInputError
+from fgnav.io.rinex_header import Kind
+
+COMMAND = (sys.executable, "-m", "fgnav.io.rtklib")
+TIMEOUT_S = 60.0  # for a file of no size; RTKLIB reads 70 MB/s
+_TIMEOUT_S_PER_MB = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """One file to decode.
+
+    Attributes
+    ----------
+    kind : {"observations", "navigation"}
+    source : Path
+        The user's file, for error texts.
+    path : Path
+        The plain, checked file to decode.
+    options : str
+        RTKLIB's reading options.
+    """
+
+    kind: Kind
+    source: Path
+    path: Path
+    options: str = ""
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Decoded:
+    """Arrays of the decoder, one per job, and what its numbers mean.
+
+    Attributes
+    ----------
+    files : tuple of Path
+        Each an array of ``RECORD_DTYPE`` or ``MESSAGE_DTYPE`` of ``fgnav.io.rtklib``.
+    satellites, signals : ndarray of str
+        RINEX names by RTKLIB's satellite and code numbers.
+    """
+
+    files: tuple[Path, ...]
+    satellites: NDArray[np.str_]
+    signals: NDArray[np.str_]
+
+    def records(self, job: int) -> NDArray[Any]:
+        """Return the records of a job; they take memory only while they are looked at."""
+        mapped = np.load(self.files[job], mmap_mode="r", allow_pickle=False)
+        return np.asarray(mapped)  # numba does not know memory maps
+
+
+class Decoder:
+    """Processes that load RTKLIB while the caller checks the files, then decode what it sends.
+
+    Parameters
+    ----------
+    files : int
+        How many files will come; never more processes than files or processors are started.
+    folder : Path
+        Temporary folder for the arrays, which outlives this object's last result.
+    command : sequence of str
+        The program that decodes.
+    timeout_s : float
+        Limit for a file of no size; 2 s per megabyte are added.
+    """
+
+    def __init__(
+        self,
+        files: int,
+        folder: Path,
+        *,
+        command: Sequence[str] = COMMAND,
+        timeout_s: float = TIMEOUT_S,
+    ) -> None:
+        package_root = str(Path(__file__).resolve().parents[2])
+        paths = [package_root, os.environ.get("PYTHONPATH", "")]
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+        self._folder = folder
+        self._timeout_s = timeout_s
+        self._children = [
+            subprocess.Popen(  # this interpreter, fixed arguments
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                env=environment,
+                text=True,
+            )
+            for _ in range(max(1, min(files, os.cpu_count() or 1)))
+        ]
+
+    def __enter__(self) -> Self:
+        """Return the decoder itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End every process that still runs."""
+        for child in self._children:
+            child.kill()
+            child.communicate()
+
+    def decode(self, jobs: Sequence[Job]) -> Decoded:
+        """Decode files, shared among the processes by size; may be called once.
+
+        Parameters
+        ----------
+        jobs : sequence of Job
+
+        Returns
+        -------
+        Decoded
+            In the order of the jobs.
+
+        Raises
+        ------
+        BadInputError
+            If the reader crashes or hangs: the text names the file.
+        """
+        sizes = [job.path.stat().st_size for job in jobs]
+        shares: list[list[int]] = [[] for _ in self._children]
+        for k in np.argsort(sizes)[::-1].tolist():  # largest first, to whoever has least
+            min(shares, key=lambda share: sum(sizes[i] for i in share)).append(k)
+        for number, (child, share) in enumerate(zip(self._children, shares, strict=True)):
+            self._send(child, number, [jobs[k] for k in share], share)
+        for child, share in zip(self._children, shares, strict=True):
+            limit_s = self._timeout_s + _TIMEOUT_S_PER_MB * sum(sizes[k] for k in share) / 1e6
+            self._finish(child, share, jobs, limit_s)
+        with np.load(self._folder / "names0.npz", allow_pickle=False) as names:
+            satellites, signals = names["satellites"], names["signals"]
+        files = tuple(self._out(k) for k in range(len(jobs)))
+        return Decoded(files=files, satellites=satellites, signals=signals)
+
+    def _out(self, job: int) -> Path:
+        return self._folder / f"records{job}.npy"
+
+    def _send(
+        self, child: subprocess.Popen[str], number: int, jobs: Sequence[Job], share: Sequence[int]
+    ) -> None:
+        """Hand a process its jobs and close its input."""
+        work = [
+            {"kind": j.kind, "path": str(j.path), "options": j.options, "out": str(self._out(k))}
+            for j, k in zip(jobs, share, strict=True)
+        ]
+        names = str(self._folder / f"names{number}.npz")
+        if child.stdin is None:  # closed: it was used before
+            raise BadInputError("decoder: takes one list of jobs only")
+        try:
+            json.dump({"names": names, "jobs": work}, child.stdin)
+            child.stdin.close()
+        except BrokenPipeError:
+            pass  # it died already: its exit status says why
+        child.stdin = None
+
+    def _finish(
+        self,
+        child: subprocess.Popen[str],
+        share: Sequence[int],
+        jobs: Sequence[Job],
+        limit_s: float,
+    ) -> None:
+        """Wait for a process and turn whatever went wrong into an error that names the file."""
+        try:
+            _, told = child.communicate(timeout=limit_s)
+        except subprocess.TimeoutExpired as error:
+            raise BadInputError(
+                f"{self._unfinished(share, jobs)}: RTKLIB's reader did not end within "
+                f"{limit_s:.0f} s; the file is damaged in a way that the checks do not see"
+            ) from error
+        if child.returncode > 0 and told:
+            raise BadInputError(f"RTKLIB's reader cannot run: {told.strip().splitlines()[-1]}")
+        if child.returncode:
+            raise BadInputError(
+                f"{self._unfinished(share, jobs)}: RTKLIB's reader crashed (status "
+                f"{child.returncode}); the file is damaged in a way that the checks do not see"
+            )
+
+    def _unfinished(self, share: Sequence[int], jobs: Sequence[Job]) -> Path:
+        """Return the file that a process was at: the first without a result."""
+        left = [k for k in share if not self._out(k).exists()]
+        return jobs[left[0] if left else share[-1]].source

@@ -1,0 +1,232 @@
+"""A flight written as a folder that appears whole or not at all."""
+
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray
+from fgnav.earth import Origin
+from fgnav.flight import Flight
+from fgnav.io import columns, flight_toml
+from fgnav.io.local_frame import attitude_of_n, place_of_n, velocity_of_n
+from fgnav.io.rinex_writer import write_navigation, write_observations
+from fgnav.io.sp3_writer import write_precise
+from fgnav.io.tables import write_table
+
+FILE_NAME = "flight.toml"
+_PLAIN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
+_TAKEN = ("base", "broadcast")
+
+
+def write_folder(flight: Flight, folder: Path) -> None:
+    """Write a flight.
+
+    Parameters
+    ----------
+    flight : Flight
+    folder : Path
+        Must not exist, or be empty.
+
+    Raises
+    ------
+    BadInputError
+        If the folder holds something, cannot be made, or a value does not fit into its file.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise BadInputError(f"{folder}: must be a new or empty folder, it holds something")
+    with _new_folder(folder) as new:
+        table = flight_toml.FlightTable(
+            format=flight_toml.FORMAT,
+            name=flight.name,
+            start=flight_toml.gps_date(flight.start_gps_s),
+            origin=_place_of_origin(flight.origin),
+            antenna=_antennas(flight, new),
+            gnss=_gnss(flight, new),
+            imu=_imu(flight, new),
+            fixes=_fixes(flight, new),
+            seeker=_seeker(flight, new),
+            truth=_truth(flight, new),
+        )
+        flight_toml.write_flight_toml(new / FILE_NAME, table)
+
+
+@contextmanager
+def _new_folder(folder: Path) -> Iterator[Path]:
+    """Give a temporary folder beside the wanted one; rename it at the end, or leave nothing."""
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    except OSError as error:
+        raise BadInputError(f"{folder}: cannot be made, {error.strerror}") from error
+    try:
+        yield temporary
+        temporary.chmod(0o755)
+        temporary.replace(folder)
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+
+
+def _place(row: FloatArray) -> flight_toml.Place:
+    latitude_deg, longitude_deg, height_m = row.tolist()
+    return flight_toml.Place(
+        latitude_deg=latitude_deg, longitude_deg=longitude_deg, height_m=height_m
+    )
+
+
+def _place_of_origin(origin: Origin) -> flight_toml.Place:
+    return _place(
+        np.array(
+            [np.degrees(origin.latitude_rad), np.degrees(origin.longitude_rad), origin.height_m]
+        )
+    )
+
+
+def _vector(value: FloatArray) -> flight_toml.Vector:
+    x, y, z = value.tolist()
+    return x, y, z
+
+
+def _antennas(flight: Flight, folder: Path) -> list[flight_toml.AntennaTable]:
+    """Write one RINEX file per antenna; return their tables."""
+    tables = []
+    for k, antenna in enumerate(flight.antennas):
+        file_name = None
+        if flight.observations is not None:
+            plain = _PLAIN_NAME.fullmatch(antenna.name) and antenna.name.lower() not in _TAKEN
+            file_name = f"{antenna.name if plain else f'antenna-{k + 1}'}.rnx"
+            if (folder / file_name).exists():  # names that differ in case only
+                file_name = f"antenna-{k + 1}.rnx"
+            write_observations(
+                folder / file_name,
+                flight.observations,
+                k,
+                start_gps_s=flight.start_gps_s,
+                marker=antenna.name,
+                position_e_m=flight.origin.p_e_m,
+            )
+        position_b_m = _vector(antenna.position_b_m)
+        tables.append(
+            flight_toml.AntennaTable(
+                name=antenna.name, position_b_m=position_b_m, observations=file_name
+            )
+        )
+    return tables
+
+
+def _gnss(flight: Flight, folder: Path) -> flight_toml.GnssTable:
+    """Write orbits and the base's observations; return their table."""
+    start_gps_s = flight.start_gps_s
+    if flight.broadcast is not None:
+        write_navigation(folder / "broadcast.rnx", flight.broadcast, start_gps_s=start_gps_s)
+    if flight.precise is not None:
+        write_precise(folder / "precise.sp3", flight.precise, start_gps_s=start_gps_s)
+    base = None
+    if flight.base is not None:
+        base = flight_toml.BaseTable(
+            observations="base.rnx", position_e_m=_vector(flight.base.position_e_m)
+        )
+        write_observations(
+            folder / "base.rnx",
+            flight.base.observations,
+            0,
+            start_gps_s=start_gps_s,
+            marker="base",
+            position_e_m=flight.base.position_e_m,
+        )
+    noise = flight.gnss_noise
+    return flight_toml.GnssTable(
+        navigation=["broadcast.rnx"] if flight.broadcast is not None else [],
+        orbits=["precise.sp3"] if flight.precise is not None else [],
+        elevation_mask_deg=float(np.degrees(flight.elevation_mask_rad)),
+        code_noise_m=noise.code_m,
+        phase_noise_m=noise.phase_m,
+        doppler_noise_mps=noise.doppler_mps,
+        elevation_weights=noise.elevation_weights,
+        base=base,
+    )
+
+
+def _write(path: Path, t_s: FloatArray, *blocks: tuple[tuple[str, ...], FloatArray | None]) -> None:
+    """Write a table of times and blocks of columns; blocks that are None are left out."""
+    table = {"t_s": t_s}
+    for names, block in blocks:
+        if block is not None:
+            table |= {name: block[:, k] for k, name in enumerate(names)}
+    write_table(path, table, columns.FORMATS)
+
+
+def _imu(flight: Flight, folder: Path) -> flight_toml.ImuTable | None:
+    imu = flight.imu
+    if imu is None:
+        return None
+    _write(
+        folder / "imu.csv",
+        imu.t_s,
+        (columns.FORCE, imu.f_b_mps2),
+        (columns.RATE, imu.w_b_radps),
+    )
+    return flight_toml.ImuTable(
+        samples="imu.csv",
+        position_b_m=_vector(imu.position_b_m),
+        accelerometer_noise_mps2_per_sqrt_hz=imu.accelerometer_noise_mps2_per_sqrt_hz,
+        accelerometer_bias_mps2=imu.accelerometer_bias_mps2,
+        accelerometer_bias_walk_mps2_per_sqrt_s=imu.accelerometer_bias_walk_mps2_per_sqrt_s,
+        gyroscope_noise_radps_per_sqrt_hz=imu.gyroscope_noise_radps_per_sqrt_hz,
+        gyroscope_bias_radps=imu.gyroscope_bias_radps,
+        gyroscope_bias_walk_radps_per_sqrt_s=imu.gyroscope_bias_walk_radps_per_sqrt_s,
+    )
+
+
+def _fixes(flight: Flight, folder: Path) -> flight_toml.FixesTable | None:
+    fixes = flight.fixes
+    if fixes is None:
+        return None
+    velocity = None
+    if fixes.v_n_mps is not None:
+        velocity = velocity_of_n(flight.origin, fixes.p_n_m, fixes.v_n_mps)
+    _write(
+        folder / "fixes.csv",
+        fixes.t_s,
+        (columns.PLACE, place_of_n(flight.origin, fixes.p_n_m)),
+        (columns.VELOCITY, velocity),
+        (columns.POSITION_SIGMA, fixes.position_sigma_m),
+        (columns.VELOCITY_SIGMA, fixes.velocity_sigma_mps),
+    )
+    return flight_toml.FixesTable(samples="fixes.csv", antenna=fixes.antenna)
+
+
+def _seeker(flight: Flight, folder: Path) -> flight_toml.SeekerTable | None:
+    seeker = flight.seeker
+    if seeker is None:
+        return None
+    _write(folder / "seeker.csv", seeker.t_s, (columns.CURRENTS, seeker.currents))
+    calibration = dict(zip(columns.CALIBRATION, seeker.calibration.T, strict=True))
+    write_table(folder / "quadrant.csv", calibration, columns.FORMATS)
+    return flight_toml.SeekerTable(
+        samples="seeker.csv",
+        position_b_m=_vector(seeker.position_b_m),
+        landmark=_place(place_of_n(flight.origin, seeker.landmark_n_m[None])[0]),
+        detector_radius_m=seeker.detector_radius_m,
+        focal_length_m=seeker.focal_length_m,
+        calibration="quadrant.csv",
+    )
+
+
+def _truth(flight: Flight, folder: Path) -> flight_toml.TruthTable | None:
+    truth = flight.truth
+    if truth is None:
+        return None
+    _write(
+        folder / "truth.csv",
+        truth.t_s,
+        (columns.PLACE, place_of_n(flight.origin, truth.p_n_m)),
+        (columns.VELOCITY, velocity_of_n(flight.origin, truth.p_n_m, truth.v_n_mps)),
+        (columns.EULER, attitude_of_n(flight.origin, truth.p_n_m, truth.R_nb)),
+    )
+    return flight_toml.TruthTable(samples="truth.csv")

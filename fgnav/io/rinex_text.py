@@ -1,0 +1,89 @@
+"""The bytes of a RINEX or SP3 file, whatever it was packed with."""
+
+import gzip
+import warnings
+import zlib
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fgnav.checks import BadInputError
+
+Bytes = NDArray[np.uint8]
+
+_FOREIGN = {b"\x1f\x9d": "compress (.Z)", b"PK": "zip", b"BZh": "bzip2"}
+
+
+def read_text(path: Path) -> Bytes:
+    """Return the plain RINEX text of a file.
+
+    Parameters
+    ----------
+    path : Path
+        Plain, .gz, or Hatanaka-compressed (.crx, .crx.gz); told by content, not by name.
+
+    Returns
+    -------
+    ndarray of uint8, read-only
+
+    Raises
+    ------
+    BadInputError
+        If the file is missing, empty, packed otherwise or damaged in its packing.
+    """
+    content = read_bytes(path)
+    if content[:2] == b"\x1f\x8b":
+        try:
+            content = gzip.decompress(content)
+        except (EOFError, OSError, zlib.error) as error:
+            raise BadInputError(f"{path}: damaged gzip file, {error}; fetch it again") from error
+    for magic, name in _FOREIGN.items():
+        if content.startswith(magic):
+            raise BadInputError(f"{path}: must be plain, gzip or Hatanaka, got {name}; unpack it")
+    if b"COMPACT RINEX FORMAT" in content[:200]:
+        content = _plain(path, content)
+    if not content[:1000].strip():
+        raise BadInputError(f"{path}: must hold text, the file is empty")
+    return np.frombuffer(content, np.uint8)
+
+
+def is_plain(path: Path, text: Bytes) -> bool:
+    """Tell whether a file holds this very text, not packed."""
+    with path.open("rb") as file:
+        return path.stat().st_size == len(text) and file.read(80) == text[:80].tobytes()
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return the content of a file.
+
+    Raises
+    ------
+    BadInputError
+        If there is no such file, or it cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except FileNotFoundError as error:
+        raise BadInputError(f"{path}: no such file; check the name") from error
+    except OSError as error:
+        raise BadInputError(f"{path}: cannot be read, {error.strerror}") from error
+
+
+def _plain(path: Path, content: bytes) -> bytes:
+    """Undo Hatanaka's compression; its warnings tell of lost data, so they are errors too."""
+    from hatanaka import crx2rnx  # noqa: PLC0415  # lazy: looks for its program when imported
+
+    # A record cut in its middle passes the unpacker with its last line missing.
+    if not content.endswith(b"\n"):
+        raise BadInputError(
+            f"{path}: must end with a line end, the last line is cut; fetch it again"
+        )
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", UserWarning)
+            plain: bytes = crx2rnx(content)
+    except (RuntimeError, ValueError, UserWarning) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise BadInputError(f"{path}: damaged Hatanaka file, {reason}; fetch it again") from error
+    return plain

@@ -1,0 +1,144 @@
+"""Time series as CSV: one header line of column names, then numbers; strict both ways."""
+
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray
+from fgnav.io.rinex_text import read_bytes
+
+_ROWS_AT_ONCE = 20_000
+
+
+def read_table(
+    path: Path,
+    required: Sequence[str],
+    optional: Sequence[Sequence[str]] = (),
+    *,
+    increasing: str = "t_s",
+) -> dict[str, FloatArray]:
+    """Read a table whose first column increases.
+
+    Parameters
+    ----------
+    path : Path
+    required : sequence of str
+        Columns that must be there, in any order.
+    optional : sequence of sequence of str
+        Groups of columns that are there in full or not at all.
+    increasing : str
+        Name of the column whose values must increase.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (k,)
+
+    Raises
+    ------
+    BadInputError
+        Naming file, line, column, rule and value.
+    """
+    content = read_bytes(path)
+    if not content.strip():
+        raise BadInputError(f"{path}: must be a table, the file is empty")
+    head, _, body = content.partition(b"\n")
+    names = [name.strip() for name in head.decode("utf-8", "replace").split(",")]
+    _check_names(path, names, required, optional)
+    if not body.strip():
+        raise BadInputError(f"{path}: must hold a row below the column names, has none")
+    _check_widths(path, body, len(names))
+    values = _parse(path, body, names)
+    column = names.index(increasing)
+    backwards = np.diff(values[:, column]) <= 0
+    if backwards.any():
+        k = int(np.argmax(backwards)) + 1
+        raise BadInputError(
+            f"{path}: line {k + 2}: {increasing} must increase, "
+            f"got {values[k, column]:.9g} after {values[k - 1, column]:.9g}"
+        )
+    return {name: values[:, k] for k, name in enumerate(names)}
+
+
+def _check_names(
+    path: Path, names: Sequence[str], required: Sequence[str], optional: Sequence[Sequence[str]]
+) -> None:
+    known = [*required, *(name for group in optional for name in group)]
+    for name in names:
+        if name not in known:
+            near = get_close_matches(name, known, n=1, cutoff=0.0)[0]
+            raise BadInputError(
+                f"{path}: line 1: unknown column {name!r}; the nearest known one is {near!r}"
+            )
+        if names.count(name) > 1:
+            raise BadInputError(f"{path}: line 1: column {name!r} must appear once")
+    wanted = [list(required)] + [list(g) for g in optional if any(name in names for name in g)]
+    missing = [name for group in wanted for name in group if name not in names]
+    if missing:
+        raise BadInputError(f"{path}: line 1: column {missing[0]!r} is missing")
+
+
+def _check_widths(path: Path, body: bytes, width: int) -> None:
+    """Raise unless every line has as many columns as the first."""
+    text = np.frombuffer(body if body.endswith(b"\n") else body + b"\n", np.uint8)
+    ends = np.flatnonzero(text == ord("\n"))
+    commas = np.searchsorted(np.flatnonzero(text == ord(",")), ends)
+    columns = np.diff(commas, prepend=0) + 1
+    blank = np.diff(ends, prepend=-1) == 1
+    wrong = (columns != width) | blank
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        got = 0 if blank[k] else columns[k]
+        raise BadInputError(f"{path}: line {k + 2}: must have {width} columns, got {got}")
+
+
+def _parse(path: Path, body: bytes, names: Sequence[str]) -> FloatArray:
+    """Return the numbers, (k, columns)."""
+    lines = body.decode("utf-8", "replace").splitlines()
+    try:
+        values = np.loadtxt(lines, delimiter=",", comments=None, ndmin=2)
+    except ValueError:
+        k, name, got = _first_not_number(lines, names)
+        raise BadInputError(
+            f"{path}: line {k + 2}: {name} must be a number, got {got.strip()!r}"
+        ) from None
+    wrong = ~np.isfinite(values)
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0]
+        raise BadInputError(
+            f"{path}: line {row + 2}: {names[column]} must be finite, got {values[row, column]}"
+        )
+    return values
+
+
+def _first_not_number(lines: Sequence[str], names: Sequence[str]) -> tuple[int, str, str]:
+    for k, line in enumerate(lines):
+        for name, field in zip(names, line.split(","), strict=True):
+            try:
+                np.float64(field)
+            except ValueError:
+                return k, name, field
+    return 0, names[0], lines[0]
+
+
+def write_table(path: Path, columns: Mapping[str, FloatArray], formats: Mapping[str, str]) -> None:
+    """Write a table.
+
+    Parameters
+    ----------
+    path : Path
+    columns : mapping of str to ndarray, shape (k,)
+    formats : mapping of str to str
+        printf formats by the end of a column's name, ``{"_deg": "%.12f"}``; others are ``%.12g``.
+    """
+    row = ",".join(
+        next((form for end, form in formats.items() if name.endswith(end)), "%.12g")
+        for name in columns
+    )
+    values = np.stack(list(columns.values()), axis=1)
+    with path.open("w", encoding="ascii", newline="\n") as file:
+        file.write(",".join(columns) + "\n")
+        for start in range(0, len(values), _ROWS_AT_ONCE):
+            block = values[start : start + _ROWS_AT_ONCE]
+            file.write((row + "\n") * len(block) % tuple(block.ravel().tolist()))

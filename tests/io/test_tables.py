@@ -1,0 +1,66 @@
+"""Time series as CSV."""
+
+import numpy as np
+import pytest
+
+from fgnav.checks import BadInputError
+from fgnav.io.tables import read_table, write_table
+
+GOOD = "t_s,x,y\n0,1,2\n0.5,3,4\n1,5,6\n"
+
+
+def read(tmp_path, text, optional=(("u", "v"),)):
+    path = tmp_path / "a.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return read_table(path, ("t_s", "x", "y"), optional)
+
+
+def test_columns_come_back_by_name_in_any_order(tmp_path):
+    got = read(tmp_path, "y,t_s,x\n2,0,1\n4,0.5,3\n")
+    assert {name: column.tolist() for name, column in got.items()} == {
+        "t_s": [0, 0.5], "x": [1, 3], "y": [2, 4]
+    }
+
+
+def test_line_ends_of_windows_and_a_missing_last_one_are_read(tmp_path):
+    for text in (GOOD.replace("\n", "\r\n"), GOOD[:-1]):
+        assert read(tmp_path, text)["y"].tolist() == [2, 4, 6]
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        ("", "a.csv: must be a table, the file is empty"),
+        ("t_s,x,y\n", "must hold a row below the column names, has none"),
+        ("t_s,x,z\n0,1,2\n", "line 1: unknown column 'z'; the nearest known one is"),
+        ("t_s,x,yy\n0,1,2\n", "line 1: unknown column 'yy'; the nearest known one is 'y'"),
+        ("t_s,x,x\n0,1,2\n", "line 1: column 'x' must appear once"),
+        ("t_s,x\n0,1\n", "line 1: column 'y' is missing"),
+        ("t_s,x,y,u\n0,1,2,3\n", "line 1: column 'v' is missing"),
+        (GOOD.replace("3,4", "3"), "line 3: must have 3 columns, got 2"),
+        (GOOD.replace("3,4", "3,4,5"), "line 3: must have 3 columns, got 4"),
+        (GOOD.replace("0.5,3,4\n", "\n"), "line 3: must have 3 columns, got 0"),
+        (GOOD + "\n", "line 5: must have 3 columns, got 0"),
+        (GOOD.replace("3,4", "three,4"), "line 3: x must be a number, got 'three'"),
+        (GOOD.replace("3,4", ",4"), "line 3: x must be a number, got ''"),
+        (GOOD.replace("3,4", "3,nan"), "line 3: y must be finite, got nan"),
+        (GOOD.replace("3,4", "3,inf"), "line 3: y must be finite, got inf"),
+        (GOOD.replace("0.5", "1.5"), "line 4: t_s must increase, got 1 after 1.5"),
+        (GOOD.replace("0.5", "0"), "line 3: t_s must increase, got 0 after 0"),
+        (b"t_s,x,y\n0,1,\xff\n", "line 2: y must be a number"),
+    ],
+)
+def test_faults_are_named_with_line_rule_and_value(tmp_path, text, rule):
+    with pytest.raises(BadInputError, match=rule) as caught:
+        read(tmp_path, text)
+    assert "\n" not in str(caught.value)
+
+
+def test_written_table_is_read_back(tmp_path):
+    rng = np.random.default_rng(1)
+    rows = 45_000  # more than are written at once
+    columns = {"t_s": np.arange(rows) / 100, "x": rng.normal(size=rows), "y": rng.normal(size=rows)}
+    write_table(tmp_path / "a.csv", columns, {"t_s": "%.8f", "x": "%.6f"})
+    got = read_table(tmp_path / "a.csv", tuple(columns))
+    np.testing.assert_allclose(got["x"], columns["x"], rtol=0, atol=0.5e-6)
+    np.testing.assert_allclose(got["y"], columns["y"], rtol=1e-11)
