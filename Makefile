@@ -1,0 +1,57 @@
+# Each goal makes .venv and installs what it needs, and again only when the lists of packages change.
+PYTHON ?= python3
+ONLY ?=
+
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install -c constraints.txt
+RUN := $(VENV)/installed-run
+DEV := $(VENV)/installed-dev
+
+.DEFAULT_GOAL := install
+.PHONY: install demo test check bench clean
+
+install: $(DEV)
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "fgnav needs Python 3.11 or newer; call make PYTHON=/path/to/python3.11"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+$(RUN): pyproject.toml constraints.txt | $(BIN)/python
+	$(PIP) --editable '.[report]'
+	@touch $@
+
+$(DEV): $(RUN)
+	$(PIP) --editable '.[dev]'
+	@touch $@
+
+demo: $(RUN)
+	rm -rf demo/flight
+	mkdir -p demo
+	$(BIN)/fgnav simulate sim/scenarios/demo.toml --seed 1 --out demo/flight
+	$(BIN)/fgnav compare demo/flight \
+	  --method closed-form,maximum-likelihood,smoother,batch,rtk \
+	  --json demo/compare.json --report demo/report.png
+
+# Two workers: more gain nothing on a small machine. Notebooks run whole, warnings of their kernel's
+# own machinery aside.
+test: $(DEV)
+	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -W default --nbmake notebooks
+
+check: $(DEV)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	@set -e; for notebook in notebooks/*.ipynb; do \
+	  if grep -q '"output_type"' $$notebook; then echo "$$notebook: strip its outputs"; exit 1; fi; \
+	  $(BIN)/jupytext --quiet --to py:percent --output - $$notebook | diff $${notebook%.ipynb}.py - || \
+	  { echo "$$notebook and its .py differ: jupytext --sync $$notebook"; exit 1; }; done
+
+bench: $(DEV)
+	$(BIN)/python -m tests.benchmarks $(ONLY)
+
+clean:
+	rm -rf $(VENV) demo bench.json build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

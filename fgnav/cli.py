@@ -1,0 +1,360 @@
+"""The command line: reads arguments, calls the library, prints; the only module that does.
+
+Nothing heavy is imported before a command runs, so that ``fgnav --help`` answers at once.
+"""
+
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import App, CycloptsError, Parameter
+
+from fgnav import __version__
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from fgnav.checks import FgnavError
+    from fgnav.estimate import Estimate, Estimator
+    from fgnav.evaluation.comparison import Comparison
+    from fgnav.flight import Flight
+    from fgnav.set_up import SetUp
+
+_DEFAULT_METHODS = "closed-form,maximum-likelihood,smoother,batch,rtk"
+_PIPE_WIDTH = 110  # columns of a table that goes to no terminal
+_HELP = """\
+Attitude, position and velocity from recorded flights, with honest uncertainty.
+
+A flight is a folder with a flight.toml and the files it names. Start with:
+
+    fgnav simulate sim/scenarios/demo.toml --seed 1 --out demo/flight
+    fgnav check demo/flight
+    fgnav compare demo/flight --report demo/report.png
+
+Exit status: 0 done, 1 no solution, 2 bad input.
+"""
+# Shown without importing the packages that bring these commands.
+_INSTALLED_HELP = {
+    "simulate": "Fly a scenario and write what its sensors would have recorded.",
+    "campaign": "Fly and compare many scenarios at once.",
+    "train": "Train a network from a recipe.",
+}
+
+app = App(
+    name="fgnav",
+    help=_HELP,
+    help_format="plaintext",
+    version=__version__,
+    result_action="return_value",
+    suppress_keyboard_interrupt=False,
+)
+
+
+def _file_or_dash(_type: object, place: str | None) -> None:
+    if place is not None and place.startswith("-") and place != "-":
+        raise ValueError(f"wants a file or -, got {place!r}")
+
+
+JsonFile = Annotated[
+    str | None,
+    Parameter(
+        help="Write all figures here; - for standard output.",
+        allow_leading_hyphen=True,
+        validator=_file_or_dash,
+    ),
+]
+IntegersName = Annotated[
+    str,
+    Parameter(help="Who resolves the integers: rounding, lambda, truth, or an installed resolver."),
+]
+
+
+@app.command
+def check(flight: Path, /, *, json: JsonFile = None) -> None:
+    """Say what is in a flight, and what is wrong with its set-up, by name.
+
+    Example: fgnav check demo/flight
+
+    Parameters
+    ----------
+    flight
+        Folder with a flight.toml.
+    """
+    from fgnav.set_up import describe  # noqa: PLC0415  # lazy, like all below
+
+    _check_places(json)
+    with _progress() as progress:
+        set_up = describe(_load(flight, progress))
+    _write_json(json, set_up.to_dict())
+    if json != "-":
+        _show_set_up(set_up)
+
+
+@app.command
+def run(
+    flight: Path,
+    /,
+    *,
+    out: Path,
+    method: str = "smoother",
+    integers: IntegersName = "lambda",
+    json: JsonFile = None,
+) -> None:
+    """Estimate a flight with one method; write estimate.csv and summary.json.
+
+    Example: fgnav run demo/flight --method smoother --out demo/smoother
+
+    Parameters
+    ----------
+    flight
+        Folder with a flight.toml.
+    out
+        Folder for the results; made if absent.
+    method
+        closed-form, maximum-likelihood, smoother, batch, rtk, or an installed one.
+    """
+    from fgnav.checks import BadInputError, NoSolutionError  # noqa: PLC0415
+    from fgnav.evaluation.report.table import remarks  # noqa: PLC0415
+    from fgnav.evaluation.report.whole_file import made_folder  # noqa: PLC0415
+    from fgnav.io.exports import write_estimate  # noqa: PLC0415
+
+    _check_places(json)
+    estimators = _estimators(method, integers)
+    if len(estimators) > 1:
+        raise BadInputError(f"--method {method}: run takes one method; compare takes several")
+    data, comparison = _compare(flight, estimators)
+    outcome = comparison.methods[0]
+    if outcome.estimate is None:
+        raise NoSolutionError(f"{outcome.name}: {outcome.score.failure}")
+    folder = made_folder(out)
+    write_estimate(outcome.estimate, data.origin, folder / "estimate.csv")
+    _write_json(str(folder / "summary.json"), comparison.to_dict())
+    _write_json(json, comparison.to_dict())
+    if json != "-":
+        n = len(outcome.estimate.t_s)
+        print(f"{outcome.name}: {n} of {comparison.epochs} epochs in {folder / 'estimate.csv'}")
+        for line in remarks(comparison):
+            print(line)
+
+
+@app.command
+def compare(
+    flight: Path,
+    /,
+    *,
+    method: str = _DEFAULT_METHODS,
+    integers: IntegersName = "lambda",
+    json: JsonFile = None,
+    report: Path | None = None,
+) -> None:
+    """Run several methods on one flight and judge them, against truth or against each other.
+
+    Example: fgnav compare demo/flight --method rtk,smoother --json - > figures.json
+
+    Parameters
+    ----------
+    flight
+        Folder with a flight.toml.
+    method
+        Names, separated by commas.
+    report
+        Draw errors in time with their 3-sigma bands into this PNG file.
+    """
+    from fgnav.checks import NoSolutionError  # noqa: PLC0415
+    from fgnav.evaluation.report.plots import check_figure, save_figure  # noqa: PLC0415
+
+    _check_places(json)
+    if report is not None:
+        check_figure(report)
+    _, comparison = _compare(flight, _estimators(method, integers))
+    _write_json(json, comparison.to_dict())
+    if json != "-":
+        _show_comparison(comparison)
+    if all(m.estimate is None for m in comparison.methods):
+        failures = "; ".join(f"{m.name}: {m.score.failure}" for m in comparison.methods)
+        raise NoSolutionError(f"no method has a solution: {failures}")
+    if report is not None:
+        save_figure(comparison, report)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit status: 0 done, 1 no solution, 2 bad input."""
+    _add_installed()
+    try:
+        app(arguments, exit_on_error=False, print_error=False, verbose=False)
+        sys.stdout.flush()
+    except CycloptsError as error:
+        return _fail(error, 2)
+    except _deliberate() as error:
+        from fgnav.checks import NoSolutionError  # noqa: PLC0415
+
+        return _fail(error, 1 if isinstance(error, NoSolutionError) else 2)
+    except BrokenPipeError:  # the reader of our output has gone; leave the rest to nobody
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except OSError as error:
+        return _fail(error, 2)
+    except KeyboardInterrupt:
+        return _fail("interrupted", 130)
+    return 0
+
+
+def _add_installed() -> None:
+    """Add the commands that installed packages bring, by name, without importing them."""
+    for entry in entry_points(group="fgnav.commands"):
+        if entry.name not in app:
+            brought_by = entry.dist.name if entry.dist is not None else "an installed package"
+            text = _INSTALLED_HELP.get(entry.name, f"From {brought_by}.")
+            app.command(entry.value, name=entry.name, help=text)
+
+
+def _deliberate() -> "type[FgnavError]":
+    """Return the base of all deliberate errors; asked only once something was raised."""
+    from fgnav.checks import FgnavError  # noqa: PLC0415
+
+    return FgnavError
+
+
+def _fail(error: object, status: int) -> int:
+    """Print an error as one line; return the exit status."""
+    print("fgnav:", " ".join(str(error).split()), file=sys.stderr)
+    return status
+
+
+@dataclass(frozen=True, slots=True)
+class _Watched:
+    """An estimator that shows while it works."""
+
+    estimator: "Estimator"
+    progress: "Progress"
+
+    @property
+    def name(self) -> str:
+        return self.estimator.name
+
+    def __call__(self, flight: "Flight") -> "Estimate":
+        with _step(self.progress, self.name):
+            return self.estimator(flight)
+
+
+def _estimators(methods: str, integers: str) -> "list[Estimator]":
+    """Return the methods of a comma-separated list, all with one resolver."""
+    from fgnav.checks import BadInputError  # noqa: PLC0415
+    from fgnav.integers.registry import resolver_named  # noqa: PLC0415
+    from fgnav.methods import method_named  # noqa: PLC0415
+
+    resolver = resolver_named(integers)
+    names = [name.strip() for name in methods.split(",") if name.strip()]
+    if not names:
+        raise BadInputError(f"--method: names no method, got {methods!r}")
+    return [method_named(name, resolver) for name in names]
+
+
+def _compare(folder: Path, estimators: "list[Estimator]") -> "tuple[Flight, Comparison]":
+    """Read a flight and compare methods on it, showing each step."""
+    from fgnav.evaluation.comparison import compare as compare_methods  # noqa: PLC0415
+
+    with _progress() as progress:
+        flight = _load(folder, progress)
+        return flight, compare_methods(flight, [_Watched(e, progress) for e in estimators])
+
+
+def _load(folder: Path, progress: "Progress") -> "Flight":
+    from fgnav.io.flight_folder import load_flight  # noqa: PLC0415
+
+    with _step(progress, f"reading {folder}"):
+        return load_flight(folder)
+
+
+@contextmanager
+def _progress() -> "Iterator[Progress]":
+    """Show steps on a terminal, nothing on a pipe."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn  # noqa: PLC0415
+
+    console = Console(stderr=True)
+    columns = (
+        SpinnerColumn(finished_text="✓"),
+        TextColumn("{task.description}"),
+        TimeElapsedColumn(),
+    )
+    hidden = not console.is_terminal
+    with Progress(*columns, console=console, disable=hidden, transient=True) as progress:
+        yield progress
+
+
+@contextmanager
+def _step(progress: "Progress", what: str) -> Iterator[None]:
+    task = progress.add_task(what, total=1)
+    yield
+    progress.update(task, completed=1)
+
+
+def _console() -> "Console":
+    """Return standard output; as wide as a table needs where nobody's window limits it."""
+    from rich.console import Console  # noqa: PLC0415
+
+    console = Console(highlight=False)
+    return console if console.is_terminal else Console(highlight=False, width=_PIPE_WIDTH)
+
+
+def _check_places(json: str | None) -> None:
+    """Raise where a file could not be written at the end: better before minutes of work."""
+    if json is not None and json != "-":
+        from fgnav.evaluation.report.whole_file import check_place  # noqa: PLC0415
+
+        check_place(Path(json))
+
+
+def _write_json(place: str | None, content: object) -> None:
+    """Write JSON to a file, or to standard output for a dash."""
+    if place is None:
+        return
+    from json import dumps  # noqa: PLC0415
+
+    text = dumps(content, indent=2, allow_nan=False) + "\n"
+    if place == "-":
+        sys.stdout.write(text)
+        return
+    from fgnav.evaluation.report.whole_file import write_text  # noqa: PLC0415
+
+    write_text(Path(place), text)
+
+
+def _show_comparison(comparison: "Comparison") -> None:
+    from fgnav.evaluation.report.table import comparison_table, remarks  # noqa: PLC0415
+
+    console = _console()
+    console.print(comparison_table(comparison))
+    for line in remarks(comparison):
+        console.print(line, markup=False, soft_wrap=True)
+
+
+def _show_set_up(set_up: "SetUp") -> None:
+    from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415
+
+    print(set_up.flight)
+    for name, text in _facts(set_up):
+        print(f"  {name:<9} {text}")
+    print("findings" if set_up.findings else "no findings")
+    for finding in set_up.findings:
+        print(f"  {finding.name}: {finding.text}")
+    for line in loss_lines({"files": set_up.losses}):
+        print(f"  {line}")
+
+
+def _facts(set_up: "SetUp") -> Iterator[tuple[str, str]]:
+    """Yield what is in a flight, a name and a line each."""
+    yield "antennas", f"{len(set_up.antennas)}: {' '.join(set_up.antennas)}".rstrip(": ")
+    yield "channels", ", ".join(f"{n} × {name}" for name, n in set_up.channels.items()) or "none"
+    yield "orbits", ", ".join(set_up.orbits) or "none"
+    yield "gyroscope", "yes" if set_up.gyroscope else "no"
+    for name, series in set_up.series.items():
+        span = f"{series.first_s:.3f} to {series.last_s:.3f} s"
+        yield name, f"{series.samples} samples, {series.rate_hz:.4g} Hz, {span}"

@@ -1,0 +1,195 @@
+"""Several methods on one flight: who is right, by how much, and how much better anyone could be."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from time import perf_counter
+from typing import Any
+
+from fgnav.checks import BadInputError, NoSolutionError
+from fgnav.estimate import Estimate, Estimator
+from fgnav.evaluation.bound import flight_bound
+from fgnav.evaluation.integer_counts import count_integers, integers_at, true_attitudes
+from fgnav.evaluation.pairwise import Difference, pairwise
+from fgnav.evaluation.scores import Angles, Errors, Score, errors_against, score
+from fgnav.flight import Flight
+from fgnav.gnss.differences import DoubleDifferences
+from fgnav.integers.resolver import Integers
+
+_SAME_EPOCH_S = 1e-6
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Method:
+    """What one method did: its figures, its estimate and its errors.
+
+    Attributes
+    ----------
+    name : str
+    score : Score
+    estimate : Estimate or None
+        None where the method failed; ``score.failure`` says why.
+    errors : Errors or None
+        None also where the flight has no truth.
+    """
+
+    name: str
+    score: Score
+    estimate: Estimate | None = None
+    errors: Errors | None = None
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Comparison:
+    """The outcome of several methods on one flight.
+
+    Attributes
+    ----------
+    flight : str
+    epochs : int
+        GNSS epochs, the largest number any method was asked for.
+    methods : tuple of Method
+        In the order asked.
+    bound : Angles
+        Cramer-Rao bound of one epoch's carrier phase with right integers, degrees.
+    differences : tuple of Difference
+        Between each pair of methods, where there is no truth to judge by; else empty.
+    """
+
+    flight: str
+    epochs: int
+    methods: tuple[Method, ...]
+    bound: Angles
+    differences: tuple[Difference, ...] = ()
+
+    def __getitem__(self, name: str) -> Method:
+        """Return the method of that name."""
+        for method in self.methods:
+            if method.name == name:
+                return method
+        names = ", ".join(method.name for method in self.methods)
+        raise BadInputError(f"method {name!r}: not one of {names}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return every figure in plain types; None, and null in JSON, where there is none."""
+        return {
+            "flight": self.flight,
+            "epochs": self.epochs,
+            "methods": {method.name: asdict(method.score) for method in self.methods},
+            "bound": {"crlb_deg": asdict(self.bound)},
+            "differences": [asdict(difference) for difference in self.differences],
+        }
+
+    def to_json(self) -> str:
+        """Return ``to_dict`` as indented JSON."""
+        import json  # noqa: PLC0415  # only here
+
+        return json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
+
+
+def compare(flight: Flight, estimators: Sequence[Estimator]) -> Comparison:
+    """Run estimators on one flight and judge them.
+
+    Against truth where the flight has it, at each estimate's own epochs; against each other where
+    not. A method that finds no solution is part of the outcome: its score says why.
+
+    Parameters
+    ----------
+    flight : Flight
+    estimators : sequence of Estimator
+        Anything with a ``name`` that turns a flight into an estimate. Names must differ.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    BadInputError
+        If there is no estimator, two share a name, or one finds the flight unfit for it.
+    """
+    names = [estimator.name for estimator in estimators]
+    if not names:
+        raise BadInputError("compare: no estimators; pass one or more")
+    for name in names:
+        if names.count(name) > 1:
+            raise BadInputError(f"compare: two estimators are named {name!r}; give each its own")
+    outcomes = [_run(flight, estimator) for estimator in estimators]
+    estimates = [estimate for estimate, _, _ in outcomes if estimate is not None]
+    differences = _differences_of(flight)
+    right = _right_integers(flight, differences)
+    methods = tuple(
+        _judge(flight, name, outcome, differences, right)
+        for name, outcome in zip(names, outcomes, strict=True)
+    )
+    gnss_epochs = 0 if flight.observations is None else len(flight.observations.t_s)
+    return Comparison(
+        flight=flight.name,
+        epochs=max((estimate.epochs for estimate in estimates), default=gnss_epochs),
+        methods=methods,
+        bound=flight_bound(differences, flight.truth, estimates) if differences else Angles(),
+        differences=() if flight.truth else pairwise(estimates),
+    )
+
+
+def _run(flight: Flight, estimator: Estimator) -> tuple[Estimate | None, float, str | None]:
+    """Return a method's estimate or why there is none, and its wall time.
+
+    Each method gets a flight object of its own, so that work shared through caches (differences,
+    integers) is in everybody's time and not only in that of whoever comes first. Compiling kernels,
+    half a minute once after an install, is in nobody's.
+    """
+    from numba.core.event import TimingListener, install_listener  # noqa: PLC0415  # lazy
+
+    own = replace(flight)
+    compiling = TimingListener()  # type: ignore[no-untyped-call]
+    started_s = perf_counter()
+    with install_listener("numba:compile", compiling):
+        try:
+            estimate, failure = estimator(own), None
+        except NoSolutionError as error:
+            estimate, failure = None, str(error)
+    seconds = perf_counter() - started_s
+    return estimate, seconds - (compiling.duration if compiling.done else 0.0), failure
+
+
+def _judge(
+    flight: Flight,
+    name: str,
+    outcome: tuple[Estimate | None, float, str | None],
+    differences: DoubleDifferences | None,
+    right: Integers | None,
+) -> Method:
+    """Return what a method did, its figures against the truth included."""
+    estimate, seconds, failure = outcome
+    if estimate is None:
+        return Method(name=name, score=Score(seconds=seconds, failure=failure))
+    errors = errors_against(flight.truth, estimate) if flight.truth else None
+    counts = None
+    if differences is not None and estimate.integers is not None:
+        counts = count_integers(differences, estimate.integers, right)
+    return Method(
+        name=name,
+        score=score(estimate, errors, counts, seconds),
+        estimate=estimate,
+        errors=errors,
+    )
+
+
+def _differences_of(flight: Flight) -> DoubleDifferences | None:
+    """Return the flight's double differences; None where it has none to judge integers by."""
+    if flight.observations is None or len(flight.antennas) < 2:
+        return None
+    from fgnav.gnss.difference import double_differences  # noqa: PLC0415  # lazy: brings numba
+
+    try:
+        differences: DoubleDifferences = double_differences(flight)
+    except NoSolutionError:  # then no method has used any either
+        return None
+    return differences
+
+
+def _right_integers(flight: Flight, differences: DoubleDifferences | None) -> Integers | None:
+    """Return the integers that the true attitude implies; None without truth."""
+    if differences is None or flight.truth is None:
+        return None
+    return integers_at(differences, *true_attitudes(flight.truth, differences.t_s))

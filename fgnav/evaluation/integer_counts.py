@@ -1,0 +1,98 @@
+"""The integers a method used against those that the truth implies."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import BadInputError, BoolArray, FloatArray
+from fgnav.evaluation.reference import covered, truth_at
+from fgnav.flight import Truth
+from fgnav.gnss.differences import DoubleDifferences
+from fgnav.integers.resolver import Integers
+from fgnav.integers.truth import true_integers
+from fgnav.integers.validation import phase_links
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IntegerCounts:
+    """What became of the links that carry an unknown integer, summed over all epochs.
+
+    Attributes
+    ----------
+    fixed, not_fixed : int
+        Links whose integer was accepted, and those left open.
+    right, wrong : int or None
+        Fixed links whose integer equals the truth's, and those where it does not; None without
+        truth. Epochs outside the truth's time span are in neither.
+    """
+
+    fixed: int
+    not_fixed: int
+    right: int | None = None
+    wrong: int | None = None
+
+
+def count_integers(
+    differences: DoubleDifferences, integers: Integers, true_cycles: Integers | None
+) -> IntegerCounts:
+    """Count the integers a method used, and, with the true ones, the right and the wrong.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+        Of the flight.
+    integers : Integers
+        In the layout of ``differences``.
+    true_cycles : Integers or None
+        ``fixed`` marks where the truth is known.
+
+    Raises
+    ------
+    BadInputError
+        If the integers are not in that layout.
+    """
+    if integers.cycles.shape != differences.phase_m.shape:
+        raise BadInputError(
+            f"integers of {integers.resolver}: expected the shape of the flight's double "
+            f"differences {differences.phase_m.shape}, got {integers.cycles.shape}"
+        )
+    fixed = integers.fixed
+    counts = IntegerCounts(
+        fixed=int(fixed.sum()), not_fixed=int((phase_links(differences) & ~fixed).sum())
+    )
+    if true_cycles is None:
+        return counts
+    judged = fixed & true_cycles.fixed
+    right = int((judged & (integers.cycles == true_cycles.cycles)).sum())
+    return IntegerCounts(
+        fixed=counts.fixed,
+        not_fixed=counts.not_fixed,
+        right=right,
+        wrong=int(judged.sum()) - right,
+    )
+
+
+def true_attitudes(truth: Truth, t_s: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return (n, 3, 3) true attitudes and (n,) whether they are known; else they are identity."""
+    known = covered(truth, t_s)
+    R_nb = np.tile(np.eye(3), (len(t_s), 1, 1))
+    R_nb[known] = truth_at(truth, t_s[known]).R_nb
+    return R_nb, known
+
+
+def integers_at(differences: DoubleDifferences, R_nb: FloatArray, known: BoolArray) -> Integers:
+    """Return the integers that attitudes imply, fixed at the epochs where the attitude is known.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+    R_nb : ndarray, shape (n, 3, 3)
+    known : ndarray of bool, shape (n,)
+    """
+    fixed = phase_links(differences) & known[:, None, None]
+    return Integers(
+        resolver="truth",
+        cycles=np.where(fixed, true_integers(differences, R_nb), 0),
+        fixed=fixed,
+        ratio=np.full(fixed.shape[:2], np.nan),
+    )

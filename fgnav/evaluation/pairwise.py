@@ -1,0 +1,63 @@
+"""Estimates against each other, where there is no truth to judge them by."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from fgnav import rotations
+from fgnav.checks import FloatArray, IntArray
+from fgnav.estimate import Estimate
+from fgnav.evaluation.reference import common_epochs
+from fgnav.evaluation.scores import EULER, Angles, angles, degrees, hidden, rms
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Difference:
+    """RMS difference of two methods on the epochs that both have.
+
+    Attributes
+    ----------
+    methods : tuple of str
+        The two names.
+    epochs : int
+    rms_deg : Angles
+    attitude_rms_deg, position_rms_m, velocity_rms_mps : float or None
+    """
+
+    methods: tuple[str, str]
+    epochs: int
+    rms_deg: Angles
+    attitude_rms_deg: float | None
+    position_rms_m: float | None
+    velocity_rms_mps: float | None
+
+
+def pairwise(estimates: Sequence[Estimate]) -> tuple[Difference, ...]:
+    """Return the difference of each pair of estimates."""
+    return tuple(_difference(a, b) for a, b in combinations(estimates, 2))
+
+
+def _difference(a: Estimate, b: Estimate) -> Difference:
+    """Return the RMS difference of two estimates on their common epochs."""
+    of_a, of_b = common_epochs(a.t_s, b.t_s)
+    lost = hidden(a) | hidden(b)
+    R_a, R_b = a.R_nb[of_a], b.R_nb[of_b]
+    euler_rad = rotations.wrap(rotations.to_euler(R_a) - rotations.to_euler(R_b))
+    euler_rad[:, [name in lost for name in EULER]] = np.nan
+    turn_rad = rotations.log(rotations.transpose(R_a) @ R_b)
+    return Difference(
+        methods=(a.method, b.method),
+        epochs=len(of_a),
+        rms_deg=angles(euler_rad),
+        attitude_rms_deg=None if lost & set(EULER) else degrees(rms(turn_rad)),
+        position_rms_m=rms(_minus(a.p_n_m, b.p_n_m, of_a, of_b)),
+        velocity_rms_mps=rms(_minus(a.v_n_mps, b.v_n_mps, of_a, of_b)),
+    )
+
+
+def _minus(
+    a: FloatArray | None, b: FloatArray | None, of_a: IntArray, of_b: IntArray
+) -> FloatArray | None:
+    return None if a is None or b is None else np.asarray(a[of_a] - b[of_b])

@@ -1,0 +1,77 @@
+"""What an epoch is held against: the truth between its samples, or the same epoch of another."""
+
+import numpy as np
+
+from fgnav import rotations
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.flight import Truth
+
+_SAME_EPOCH_S = 1e-6
+_EDGE_S = 1e-3  # times are rounded in files: an epoch this far outside the span is its end
+_GAP = 5.0  # an interval this many times the usual one is a gap: nothing is known inside it
+
+
+def covered(truth: Truth, t_s: FloatArray) -> BoolArray:
+    """Return which of (n,) epochs lie inside the truth's time span and in none of its gaps."""
+    times_s = truth.t_s
+    if len(times_s) < 2:
+        return np.asarray(np.isin(np.round(t_s / _EDGE_S), np.round(times_s / _EDGE_S)))
+    before = _before(times_s, t_s)
+    steps_s = np.diff(times_s)
+    gap = steps_s[before] > _GAP * np.median(steps_s)
+    at_sample = (
+        np.minimum(np.abs(t_s - times_s[before]), np.abs(t_s - times_s[before + 1])) < _EDGE_S
+    )
+    inside = (t_s >= times_s[0] - _EDGE_S) & (t_s <= times_s[-1] + _EDGE_S)
+    return np.asarray(inside & (~gap | at_sample))
+
+
+def truth_at(truth: Truth, t_s: FloatArray) -> Truth:
+    """Return the truth at covered epochs.
+
+    Attitude turns about one axis at constant rate between two samples (the geodesic), position
+    follows the cubic that matches position and velocity at both, velocity runs straight. At a
+    sample itself all three are exact.
+
+    Parameters
+    ----------
+    truth : Truth
+    t_s : ndarray, shape (n,)
+        Epochs for which ``covered`` says yes.
+    """
+    if len(truth.t_s) < 2:
+        keep = np.zeros(len(t_s), dtype=np.int64)
+        return Truth(
+            t_s=t_s, p_n_m=truth.p_n_m[keep], v_n_mps=truth.v_n_mps[keep], R_nb=truth.R_nb[keep]
+        )
+    k = _before(truth.t_s, t_s)
+    step_s = (truth.t_s[k + 1] - truth.t_s[k])[:, None]
+    x = (t_s - truth.t_s[k])[:, None] / step_s
+    v0, v1 = truth.v_n_mps[k], truth.v_n_mps[k + 1]
+    p0, p1 = truth.p_n_m[k], truth.p_n_m[k + 1]
+    p_n_m = (
+        (1 + 2 * x) * (1 - x) ** 2 * p0
+        + x**2 * (3 - 2 * x) * p1
+        + x * (1 - x) * ((1 - x) * v0 - x * v1) * step_s
+    )
+    turn = rotations.log(rotations.transpose(truth.R_nb[k]) @ truth.R_nb[k + 1])
+    return Truth(
+        t_s=t_s,
+        p_n_m=p_n_m,
+        v_n_mps=(1 - x) * v0 + x * v1,
+        R_nb=truth.R_nb[k] @ rotations.exp(x * turn),
+    )
+
+
+def common_epochs(a_s: FloatArray, b_s: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return the indices, in each of two increasing lists of times, of the epochs they share."""
+    a_ticks = np.round(a_s / _SAME_EPOCH_S).astype(np.int64)
+    b_ticks = np.round(b_s / _SAME_EPOCH_S).astype(np.int64)
+    _, of_a, of_b = np.intersect1d(a_ticks, b_ticks, assume_unique=True, return_indices=True)
+    return of_a, of_b
+
+
+def _before(times_s: FloatArray, t_s: FloatArray) -> IntArray:
+    """Return the index of the last sample at or before each epoch, kept off the last sample."""
+    found = np.searchsorted(times_s, t_s, side="right") - 1
+    return np.asarray(found.clip(0, len(times_s) - 2))

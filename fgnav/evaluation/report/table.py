@@ -1,0 +1,154 @@
+"""A comparison as a table on screen, and below it, in short, what was lost and what to know."""
+
+from collections import Counter
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from fgnav.checks import Loss
+from fgnav.evaluation.comparison import Comparison
+from fgnav.evaluation.integer_counts import IntegerCounts
+from fgnav.evaluation.scores import Angles, Score
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+_NONE = "–"
+_MOST_LINES = 8
+_HEADS = (
+    ("roll", "deg"),
+    ("pitch", "deg"),
+    ("yaw", "deg"),
+    ("angle", "deg"),
+    ("position", "m"),
+    ("velocity", "m/s"),
+    ("NEES", "(3)"),
+    ("epochs", "%"),
+    ("fixed", "%"),
+    ("wrong", "%"),
+    ("time", "s"),
+)
+
+
+def comparison_table(comparison: Comparison) -> "Table":
+    """Return the table of RMS errors, or, without truth, of RMS differences between methods."""
+    from rich.box import SIMPLE_HEAD  # noqa: PLC0415  # lazy: keeps the command line quick
+    from rich.table import Table  # noqa: PLC0415  # as above
+
+    judged = any(method.errors is not None for method in comparison.methods)
+    what = "RMS errors" if judged else "no truth"
+    table = Table(
+        title=f"{comparison.flight}: {what}, {comparison.epochs} epochs",
+        box=SIMPLE_HEAD,
+        title_justify="left",
+        padding=(0, 1, 0, 0),
+    )
+    table.add_column("method", no_wrap=True)
+    for name, unit in _HEADS:
+        table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
+    for method in comparison.methods:
+        table.add_row(method.name, *_row(method.score))
+    for difference in comparison.differences:
+        table.add_row(
+            " − ".join(difference.methods),
+            *_angles(difference.rms_deg),
+            _figure(difference.attitude_rms_deg),
+            _figure(difference.position_rms_m),
+            _figure(difference.velocity_rms_mps),
+        )
+    table.add_section()
+    table.add_row("bound of one epoch", *_angles(comparison.bound), style="dim")
+    return table
+
+
+def remarks(comparison: Comparison) -> list[str]:
+    """Return a line per failure, open state, note and group of losses, the largest group first."""
+    lines = []
+    for method in comparison.methods:
+        score = method.score
+        if score.failure is not None:
+            lines.append(f"{method.name}: no solution: {score.failure}")
+        elif not score.converged:
+            lines.append(f"{method.name}: did not converge; its figures are not to be trusted")
+    lines += _said_by(
+        (m.name, tuple(f"{state} is unobservable" for state in m.score.unobservable))
+        for m in comparison.methods
+    )
+    lines += _said_by((m.name, m.score.notes) for m in comparison.methods)
+    per_method = {m.name: m.score.losses for m in comparison.methods}
+    return lines + loss_lines(per_method)
+
+
+def loss_lines(per_owner: dict[str, tuple[Loss, ...]]) -> list[str]:
+    """Return losses grouped by reason, the most frequent first, and how many groups are not shown.
+
+    Parameters
+    ----------
+    per_owner : dict of str to tuple of Loss
+        By who lost them; the same loss of several owners is told once.
+    """
+    counts: dict[str, Counter[str]] = {}
+    for owner, losses in per_owner.items():
+        for loss in losses:
+            counts.setdefault(loss.reason, Counter())[owner] += loss.count
+    kinds: dict[str, dict[str, None]] = {}
+    for losses in per_owner.values():
+        for loss in losses:
+            kinds.setdefault(loss.reason, {})[loss.what] = None
+    ranked = sorted(counts.items(), key=lambda item: -max(item[1].values()))
+    lines = []
+    for reason, by_owner in ranked[:_MOST_LINES]:
+        low, high = min(by_owner.values()), max(by_owner.values())
+        number = f"{high}" if low == high else f"{low} to {high}"
+        owners = "" if by_owner.keys() == per_owner.keys() else f" ({', '.join(by_owner)})"
+        what, *others = kinds[reason]
+        what += " and others" if others else ""
+        lines.append(f"lost {number} × {what}: {reason}{owners}")
+    if len(ranked) > _MOST_LINES:
+        lines.append(f"and {len(ranked) - _MOST_LINES} more reasons for losses, all in --json")
+    return lines
+
+
+def _said_by(sayings: Iterable[tuple[str, tuple[str, ...]]]) -> list[str]:
+    """Return each saying once, with all who said it."""
+    speakers: dict[str, list[str]] = {}
+    for name, texts in sayings:
+        for text in texts:
+            speakers.setdefault(text, []).append(name)
+    return [f"{', '.join(names)}: {text}" for text, names in speakers.items()]
+
+
+def _row(score: Score) -> list[str]:
+    if score.failure is not None:
+        return [_NONE] * (len(_HEADS) - 1) + [f"{score.seconds:.2f}"]
+    return [
+        *_angles(score.rmse_deg),
+        _figure(score.attitude_rmse_deg),
+        _figure(score.position_rmse_m),
+        _figure(score.velocity_rmse_mps),
+        _figure(score.attitude_nees_mean, digits=2),
+        f"{100 * score.available:.1f}",
+        *_integers(score.integers),
+        f"{score.seconds:.2f}",
+    ]
+
+
+def _integers(counts: IntegerCounts | None) -> list[str]:
+    """Return the share of links that are fixed, and of fixed links that are wrong."""
+    if counts is None:
+        return [_NONE, _NONE]
+    links = counts.fixed + counts.not_fixed
+    fixed = f"{100 * counts.fixed / links:.1f}" if links else _NONE
+    if counts.wrong is None or counts.right is None or not counts.right + counts.wrong:
+        return [fixed, _NONE]
+    return [fixed, f"{100 * counts.wrong / (counts.right + counts.wrong):.2f}"]
+
+
+def _angles(figures: Angles) -> list[str]:
+    return [_figure(figures.roll), _figure(figures.pitch), _figure(figures.yaw)]
+
+
+def _figure(value: float | None, digits: int = 3) -> str:
+    """Return a figure with fixed decimals, so that columns align; large ones without."""
+    if value is None:
+        return _NONE
+    return f"{value:.{digits}f}" if abs(value) < 1000 else f"{value:.0f}"

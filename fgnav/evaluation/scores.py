@@ -1,0 +1,194 @@
+"""One method's figures: errors against the truth, epoch by epoch, and what they amount to."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fgnav import rotations
+from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.estimate import Estimate
+from fgnav.evaluation.integer_counts import IntegerCounts
+from fgnav.evaluation.reference import covered, truth_at
+from fgnav.flight import Truth
+
+EULER = ("roll", "pitch", "yaw")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Angles:
+    """One figure per Euler angle, degrees; None where the data do not determine the angle."""
+
+    roll: float | None = None
+    pitch: float | None = None
+    yaw: float | None = None
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Errors:
+    """Estimate minus truth at every epoch that has both.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (n,)
+    euler_rad : ndarray, shape (n, 3)
+        Roll, pitch, yaw, wrapped; NaN in the columns of unobservable angles.
+    tangent_b_rad : ndarray, shape (n, 3)
+        Body-axes rotation vector from the estimated to the true attitude.
+    position_n_m, velocity_n_mps : ndarray, shape (n, 3), or None
+    nees : ndarray, shape (n,), or None
+        Normalised attitude error squared, chi-square with 3 degrees of freedom when the stated
+        covariance is right; NaN where the covariance is not positive definite.
+    losses : tuple of Loss
+        Epochs of the estimate that could not be judged.
+    """
+
+    t_s: FloatArray
+    euler_rad: FloatArray
+    tangent_b_rad: FloatArray
+    position_n_m: FloatArray | None
+    velocity_n_mps: FloatArray | None
+    nees: FloatArray | None
+    losses: tuple[Loss, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """The figures of one method; None where the flight or the method has nothing to judge.
+
+    Attributes
+    ----------
+    rmse_deg : Angles
+    attitude_rmse_deg : float or None
+        RMS of the angle of the rotation between estimate and truth.
+    position_rmse_m, velocity_rmse_mps : float or None
+        RMS of the length of the error vector.
+    attitude_nees_mean : float or None
+        Near 3 when the stated covariance is honest.
+    available : float
+        Share of the epochs with an answer.
+    integers : IntegerCounts or None
+    seconds : float
+        Wall time from the flight to the estimate, differences and integers included, without
+        the compilation of kernels that the first run after an install brings.
+    converged : bool
+    unobservable : tuple of str
+    losses : tuple of Loss
+    notes : tuple of str
+    failure : str or None
+        Why there is no estimate at all.
+    """
+
+    rmse_deg: Angles = Angles()
+    attitude_rmse_deg: float | None = None
+    position_rmse_m: float | None = None
+    velocity_rmse_mps: float | None = None
+    attitude_nees_mean: float | None = None
+    available: float = 0.0
+    integers: IntegerCounts | None = None
+    seconds: float
+    converged: bool = False
+    unobservable: tuple[str, ...] = ()
+    losses: tuple[Loss, ...] = ()
+    notes: tuple[str, ...] = ()
+    failure: str | None = None
+
+
+def errors_against(truth: Truth, estimate: Estimate) -> Errors:
+    """Return the errors of an estimate at its own epochs, the truth interpolated to them."""
+    inside = covered(truth, estimate.t_s)
+    real = truth_at(truth, estimate.t_s[inside])
+    R_nb = estimate.R_nb[inside]
+    euler_rad = rotations.wrap(rotations.to_euler(R_nb) - rotations.to_euler(real.R_nb))
+    euler_rad[:, [name in hidden(estimate) for name in EULER]] = np.nan
+    tangent_b_rad = rotations.log(rotations.transpose(R_nb) @ real.R_nb)
+    covariance = estimate.attitude_covariance_rad2
+    nees = None if covariance is None else _normalised(tangent_b_rad, covariance[inside])
+    outside = int((~inside).sum())
+    losses = [("epoch", "not judged: outside the truth's time span or in a gap of it", outside)]
+    if nees is not None:
+        singular = int(np.isnan(nees).sum())
+        losses.append(("epoch", "not in the NEES: covariance not positive definite", singular))
+    return Errors(
+        t_s=real.t_s,
+        euler_rad=euler_rad,
+        tangent_b_rad=tangent_b_rad,
+        position_n_m=_minus(estimate.p_n_m, real.p_n_m, inside),
+        velocity_n_mps=_minus(estimate.v_n_mps, real.v_n_mps, inside),
+        nees=nees,
+        losses=tuple(Loss(what=w, reason=r, count=c) for w, r, c in losses if c),
+    )
+
+
+def score(
+    estimate: Estimate, errors: Errors | None, integers: IntegerCounts | None, seconds: float
+) -> Score:
+    """Return a method's figures; without errors (no truth) only those that need none."""
+    figures = Score(
+        available=estimate.available,
+        integers=integers,
+        seconds=seconds,
+        converged=estimate.converged,
+        unobservable=estimate.unobservable,
+        losses=estimate.losses + (errors.losses if errors else ()),
+        notes=estimate.notes,
+    )
+    if errors is None:
+        return figures
+    lost = hidden(estimate)
+    whole = not lost & set(EULER)
+    return replace(
+        figures,
+        rmse_deg=angles(errors.euler_rad),
+        attitude_rmse_deg=degrees(rms(errors.tangent_b_rad)) if whole else None,
+        position_rmse_m=None if "position" in lost else rms(errors.position_n_m),
+        velocity_rmse_mps=None if "velocity" in lost else rms(errors.velocity_n_mps),
+        attitude_nees_mean=_mean(errors.nees) if whole else None,
+    )
+
+
+def hidden(estimate: Estimate) -> set[str]:
+    """Return the states an estimate calls unobservable.
+
+    The three angles go together where the estimate names the attitude, or a rotation about an axis
+    that is none of the body's: all three then hold a share of what is unknown.
+    """
+    names = set(estimate.unobservable)
+    mixed = any(name == "attitude" or name.startswith("rotation") for name in names)
+    return names | set(EULER) if mixed else names
+
+
+def rms(values: FloatArray | None) -> float | None:
+    """Return the RMS length of (n, 3) vectors or (n,) values; None of nothing."""
+    if values is None or not values.size:
+        return None
+    return float(np.sqrt((values**2).sum() / len(values)))
+
+
+def degrees(angle_rad: float | None) -> float | None:
+    """Return degrees, or None of None."""
+    return None if angle_rad is None else float(np.degrees(angle_rad))
+
+
+def angles(euler_rad: FloatArray) -> Angles:
+    """Return the RMS per Euler angle of (n, 3) angles; None for columns that hold a NaN."""
+    columns = [None if np.isnan(c).any() else degrees(rms(c)) for c in euler_rad.T]
+    return Angles(**dict(zip(EULER, columns, strict=True)))
+
+
+def _mean(values: FloatArray | None) -> float | None:
+    if values is None or not np.isfinite(values).any():
+        return None
+    return float(np.nanmean(values))
+
+
+def _minus(estimate: FloatArray | None, truth: FloatArray, inside: BoolArray) -> FloatArray | None:
+    return None if estimate is None else np.asarray(estimate[inside] - truth)
+
+
+def _normalised(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return error' covariance^-1 error per epoch, (n,), NaN where there is no inverse."""
+    variance, axes = np.linalg.eigh(covariance)
+    sound = variance[:, 0] > 0
+    along = np.einsum("nij,ni->nj", axes, error)
+    safe = np.where(sound[:, None], variance, 1.0)
+    return np.where(sound, (along**2 / safe).sum(axis=1), np.nan)

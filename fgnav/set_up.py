@@ -1,0 +1,290 @@
+"""What a flight holds and what is wrong with its set-up, by name, before anything is estimated."""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.earth import STANDARD_GRAVITY_MPS2
+from fgnav.flight import Flight, Imu
+from fgnav.observations import Observations
+
+_GAP = 1.5  # intervals; a longer step is a gap
+_SAME_PLACE_M = 1e-3
+_COLLINEAR_M = 1e-2  # off the common line by less than phase can see
+_FEWEST_SATELLITES = 4
+_MESSAGE_REACH_S = 4 * 3600.0  # beyond, a broadcast message says little
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Series:
+    """A sensor's samples in time.
+
+    Attributes
+    ----------
+    samples : int
+    first_s, last_s : float
+    rate_hz : float
+        From the median interval; 0 for a single sample.
+    gaps : int
+        Steps longer than one and a half intervals.
+    longest_gap_s : float
+    """
+
+    samples: int
+    first_s: float
+    last_s: float
+    rate_hz: float
+    gaps: int
+    longest_gap_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """Something that will cost accuracy or an answer: its name, and a sentence on what it does."""
+
+    name: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetUp:
+    """What is in a flight.
+
+    Attributes
+    ----------
+    flight : str
+    antennas : tuple of str
+    channels : dict of str to int
+        Signals tracked at least once, by constellation and signal: ``{"GPS 1C": 9}``.
+    series : dict of str to Series
+        By sensor: ``gnss``, ``imu``, ``fixes``, ``seeker``, ``truth``; absent ones are not there.
+    orbits : tuple of str
+        ``broadcast``, ``precise``.
+    gyroscope : bool
+    findings : tuple of Finding
+    losses : tuple of Loss
+        What was in the files and could not be kept.
+    """
+
+    flight: str
+    antennas: tuple[str, ...]
+    channels: dict[str, int] = field(default_factory=dict)
+    series: dict[str, Series] = field(default_factory=dict)
+    orbits: tuple[str, ...] = ()
+    gyroscope: bool = False
+    findings: tuple[Finding, ...] = ()
+    losses: tuple[Loss, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything in plain types."""
+        return asdict(self)
+
+
+_CONSTELLATIONS = {
+    "G": "GPS",
+    "R": "GLONASS",
+    "E": "Galileo",
+    "C": "BeiDou",
+    "J": "QZSS",
+    "I": "NavIC",
+    "S": "SBAS",
+}
+
+
+def describe(flight: Flight) -> SetUp:
+    """Return what a flight holds, with every finding that its data give away without estimating."""
+    sensors = {
+        "gnss": flight.observations,
+        "imu": flight.imu,
+        "fixes": flight.fixes,
+        "seeker": flight.seeker,
+        "truth": flight.truth,
+    }
+    series = {name: _series(s.t_s) for name, s in sensors.items() if s is not None and len(s.t_s)}
+    findings = [*_array_findings(flight), *_gap_findings(series)]
+    losses = flight.losses
+    channels: dict[str, int] = {}
+    if flight.observations is not None and len(flight.observations.t_s):
+        seen = _seen(flight.observations)
+        channels = _channels(flight.observations, seen)
+        findings += _satellite_findings(flight, flight.observations, seen)
+        losses += flight.observations.losses
+    if flight.imu is not None:
+        findings += _imu_findings(flight.imu)
+    findings += _overlap_findings(series)
+    orbits = {"broadcast": flight.broadcast, "precise": flight.precise}
+    for source in (flight.broadcast, flight.precise):
+        losses += source.losses if source is not None else ()
+    return SetUp(
+        flight=flight.name,
+        antennas=tuple(antenna.name for antenna in flight.antennas),
+        channels=channels,
+        series=series,
+        orbits=tuple(name for name, source in orbits.items() if source is not None),
+        gyroscope=flight.imu is not None and flight.imu.w_b_radps is not None,
+        findings=tuple(findings),
+        losses=tuple(dict.fromkeys(losses)),
+    )
+
+
+def _series(t_s: FloatArray) -> Series:
+    steps_s = np.diff(t_s)
+    interval_s = float(np.median(steps_s)) if len(steps_s) else 0.0
+    gaps = steps_s > _GAP * interval_s
+    return Series(
+        samples=len(t_s),
+        first_s=float(t_s[0]),
+        last_s=float(t_s[-1]),
+        rate_hz=1.0 / interval_s if interval_s else 0.0,
+        gaps=int(gaps.sum()),
+        longest_gap_s=float(steps_s[gaps].max()) if gaps.any() else 0.0,
+    )
+
+
+def _seen(observations: Observations) -> BoolArray:
+    """Return which channels were tracked at least once by some antenna, (m,)."""
+    return np.asarray(observations.tracked.any(axis=(0, 1)))
+
+
+def _channels(observations: Observations, seen: BoolArray) -> dict[str, int]:
+    names = [
+        f"{_CONSTELLATIONS.get(satellite[0], satellite[0])} {signal}"
+        for satellite, signal, here in zip(
+            observations.satellites, observations.signals, seen, strict=True
+        )
+        if here
+    ]
+    return {name: names.count(name) for name in dict.fromkeys(names)}
+
+
+def _array_findings(flight: Flight) -> list[Finding]:
+    """Return what the places of the antennas leave open."""
+    names = [antenna.name for antenna in flight.antennas]
+    if not names:
+        return []
+    if len(names) == 1:
+        return [
+            Finding(
+                name="single antenna",
+                text="no baseline, so carrier phase says nothing of the attitude",
+            )
+        ]
+    places_b_m = np.stack([antenna.position_b_m for antenna in flight.antennas])
+    apart_m = np.linalg.norm(places_b_m[:, None] - places_b_m[None], axis=2)
+    findings = [
+        Finding(
+            name="duplicate antennas",
+            text=f"{names[i]} and {names[j]} are {1e3 * apart_m[i, j]:.1f} mm apart; "
+            "check position_b_m",
+        )
+        for i, j in zip(*np.nonzero(np.triu(apart_m < _SAME_PLACE_M, k=1)), strict=True)
+    ]
+    _, sizes, axes = np.linalg.svd(places_b_m - places_b_m.mean(axis=0))
+    spread_m = np.append(sizes, np.zeros(3))[:2]
+    if spread_m[0] > _SAME_PLACE_M and spread_m[1] < _COLLINEAR_M:
+        from fgnav.attitude.array import axis_name  # noqa: PLC0415  # lazy: brings numba
+
+        findings.append(
+            Finding(
+                name="collinear antennas",
+                text=f"all on one line, so phase leaves unobservable: {axis_name(axes[0])}",
+            )
+        )
+    return findings
+
+
+def _gap_findings(series: dict[str, Series]) -> list[Finding]:
+    return [
+        Finding(
+            name=f"{name} gaps",
+            text=f"steps longer than {_GAP:g} intervals: {s.gaps}, longest {s.longest_gap_s:.3f} s",
+        )
+        for name, s in series.items()
+        if s.gaps and name != "seeker"  # a seeker is blind most of the time
+    ]
+
+
+def _satellite_findings(
+    flight: Flight, observations: Observations, seen: BoolArray
+) -> list[Finding]:
+    """Return what the satellites lack: numbers, and orbits."""
+    names = np.array(observations.satellites)
+    satellites = sorted(set(names[seen].tolist()))
+    findings = []
+    without = [s for s in satellites if s not in _known(flight, observations.t_s)]
+    for letter in dict.fromkeys(s[0] for s in without):
+        mine = [s for s in without if s[0] == letter]
+        findings.append(
+            Finding(
+                name=f"no orbits for {_CONSTELLATIONS.get(letter, letter)}",
+                text=f"tracked, but without an orbit at that time: {' '.join(mine)}",
+            )
+        )
+    usable = observations.tracked[:, 0] & ~np.isin(names, without)
+    distinct = np.stack([usable[:, names == s].any(axis=1) for s in satellites or [""]], axis=1)
+    few = int((distinct.sum(axis=1) < _FEWEST_SATELLITES).sum())
+    if few:
+        findings.append(
+            Finding(
+                name="few satellites",
+                text=f"{few} of {len(distinct)} epochs have fewer than {_FEWEST_SATELLITES} "
+                "satellites with orbits at the reference antenna",
+            )
+        )
+    return findings
+
+
+def _known(flight: Flight, t_s: FloatArray) -> set[str]:
+    """Return the satellites with an orbit somewhere near the flight's time."""
+    known: set[str] = set()
+    if flight.precise is not None:
+        near = _near(flight.precise.t_s, t_s)
+        _, placed = np.nonzero(np.isfinite(flight.precise.p_e_m[near]).all(axis=2))
+        known |= {flight.precise.satellites[s] for s in set(placed.tolist())}
+    if flight.broadcast is not None:
+        records = flight.broadcast.records
+        known |= set(records["satellite"][_near(records["toe_s"], t_s)].tolist())
+    return known
+
+
+def _near(orbit_s: FloatArray, t_s: FloatArray) -> BoolArray:
+    earliest_s, latest_s = t_s[0] - _MESSAGE_REACH_S, t_s[-1] + _MESSAGE_REACH_S
+    return np.asarray((orbit_s >= earliest_s) & (orbit_s <= latest_s))
+
+
+def _imu_findings(imu: Imu) -> list[Finding]:
+    """Return what the size of the specific force gives away about its unit."""
+    if not len(imu.t_s):
+        return []
+    median_mps2 = float(np.median(np.linalg.norm(imu.f_b_mps2, axis=1)))
+    if abs(median_mps2 - 1.0) < 0.2:
+        text = (
+            f"the median of |f| is {median_mps2:.3f}: accelerations look like g, not m/s2; "
+            f"multiply by {STANDARD_GRAVITY_MPS2:g}"
+        )
+        return [Finding(name="imu unit", text=text)]
+    if median_mps2 < 0.2 * STANDARD_GRAVITY_MPS2:
+        text = (
+            f"the median of |f| is {median_mps2:.3f} m/s2: gravity looks removed, or the flight "
+            "is in free fall; specific force is wanted"
+        )
+        return [Finding(name="imu gravity", text=text)]
+    return []
+
+
+def _overlap_findings(series: dict[str, Series]) -> list[Finding]:
+    """Return sensors that do not share the time of the GNSS epochs."""
+    main = series.get("gnss") or series.get("fixes")
+    if main is None:
+        return []
+    return [
+        Finding(
+            name=f"{name} at another time",
+            text=f"{s.first_s:.3f} to {s.last_s:.3f} s, GNSS {main.first_s:.3f} to "
+            f"{main.last_s:.3f} s; check start and t_s",
+        )
+        for name, s in series.items()
+        if s.last_s < main.first_s or s.first_s > main.last_s
+    ]

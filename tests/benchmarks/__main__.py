@@ -1,0 +1,81 @@
+"""Run the benchmarks, write bench.json and print a table: ``python -m tests.benchmarks [name]``.
+
+A benchmark is a module beside this one with ``run() -> list[dict]``; each row has name, ours, peer,
+ratio (above 1: ours is better), unit and note. A module may list the names of its rows in
+``NAMES``, so that asking for one row does not run the others' modules.
+"""
+
+import json
+import os
+import sys
+import traceback
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+HERE = Path(__file__).resolve().parent
+BENCH_JSON = HERE.parent.parent / "bench.json"
+KEYS = ("name", "ours", "peer", "ratio", "unit", "note")
+
+
+def main(only: str = "") -> int:
+    """Run all benchmarks, or one; return 1 if any failed or there is none of that name."""
+    rows, failed = [], []
+    for path in sorted(HERE.glob("[!_]*.py")):
+        try:
+            module = import_module(f"{__package__}.{path.stem}")
+            if not hasattr(module, "run") or not wanted(module, path.stem, only):
+                continue
+            print(f"{path.stem} …", flush=True)
+            found = module.run()
+        except Exception:  # noqa: BLE001  # one broken benchmark must not take the others along
+            traceback.print_exc()
+            failed.append(path.stem)
+            continue
+        rows += [row for row in found if only in ("", path.stem, row["name"])]
+    write(rows)
+    show(rows)
+    for stem in failed:
+        print(f"{stem}: failed")
+    if only and not rows:
+        print(f"no benchmark is named {only}")
+    return int(bool(failed) or not rows)
+
+
+def wanted(module: ModuleType, stem: str, only: str) -> bool:
+    """Return whether a module may have the row asked for."""
+    names = getattr(module, "NAMES", None)
+    return not only or only == stem or names is None or only in names
+
+
+def write(rows: list[dict[str, Any]]) -> None:
+    """Write bench.json, whole or not at all."""
+    part = BENCH_JSON.with_suffix(f".{os.getpid()}.part")
+    part.write_text(
+        json.dumps([{key: row.get(key) for key in KEYS} for row in rows], indent=2) + "\n"
+    )
+    part.replace(BENCH_JSON)
+
+
+def show(rows: list[dict[str, Any]]) -> None:
+    """Print the rows as a table."""
+    table = Table("name", "ours", "peer", "ratio", "unit", "note", title=str(BENCH_JSON.name))
+    for row in rows:
+        figures = [figure(row.get(key)) for key in ("ours", "peer", "ratio")]
+        table.add_row(
+            str(row["name"]), *figures, str(row.get("unit", "")), str(row.get("note", ""))
+        )
+    Console(width=None if sys.stdout.isatty() else 140).print(table)
+
+
+def figure(value: float | None) -> str:
+    """Return four digits of a figure, or a dash where there is no peer."""
+    return "–" if value is None else f"{value:.4g}"
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:2]))

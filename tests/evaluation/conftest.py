@@ -1,0 +1,134 @@
+"""A flight whose truth is known in closed form, and estimators whose errors are chosen."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fgnav import rotations
+from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.earth import Origin
+from fgnav.estimate import Estimate
+from fgnav.flight import Flight, Truth
+from fgnav.gnss.differences import DoubleDifferences
+
+MADRID = Origin(latitude_rad=0.704, longitude_rad=-0.068, height_m=700.0)
+
+PHASE_M = 0.003
+L1_M = 0.190293672798
+
+
+def truth_at(t_s: FloatArray) -> Truth:
+    """Return a level turn at constant rate: yaw 0.3 rad/s, an arc of 100 m/s."""
+    yaw = 0.3 * t_s
+    zero = np.zeros_like(t_s)
+    v_n_mps = 100 * np.stack([np.cos(yaw), np.sin(yaw), zero], axis=1)
+    p_n_m = 100 / 0.3 * np.stack([np.sin(yaw), 1 - np.cos(yaw), zero], axis=1)
+    R_nb = rotations.from_euler(zero + 0.1, zero - 0.2, yaw)
+    return Truth(t_s=t_s, p_n_m=p_n_m, v_n_mps=v_n_mps, R_nb=R_nb)
+
+
+@dataclass(frozen=True)
+class Off:
+    """An estimator off by a chosen body tangent (or one per epoch), position and velocity."""
+
+    name: str
+    tangent_b_rad: Any = (0.0, 0.0, 0.0)
+    position_m: float | None = None
+    t_s: FloatArray = field(default_factory=lambda: np.arange(0, 10, 0.1))
+    more: dict[str, Any] = field(default_factory=dict)
+
+    def __call__(self, flight: Flight) -> Estimate:  # noqa: ARG002
+        real = truth_at(self.t_s)
+        tangent = np.broadcast_to(np.asarray(self.tangent_b_rad), (len(self.t_s), 3))
+        shift = np.array([0.0, 0.0, self.position_m or 0.0])
+        return Estimate(
+            **{
+                "method": self.name,
+                "t_s": self.t_s,
+                "epochs": len(self.t_s),
+                "R_nb": real.R_nb @ rotations.exp(tangent),
+                "p_n_m": None if self.position_m is None else real.p_n_m + shift,
+                "v_n_mps": None if self.position_m is None else real.v_n_mps + 2 * shift,
+                **self.more,
+            }
+        )
+
+
+@dataclass(frozen=True)
+class Lost:
+    """An estimator that never has an answer."""
+
+    name: str = "lost"
+
+    def __call__(self, flight: Flight) -> Estimate:  # noqa: ARG002
+        raise NoSolutionError("yaw: not in the data")
+
+
+def differences_of(
+    R_nb: FloatArray, baselines_b_m: FloatArray, rng: np.random.Generator, satellites: int = 6
+) -> DoubleDifferences:
+    """Return differences of one group with exact phases of random big integers."""
+    n, b, m = len(R_nb), len(baselines_b_m), satellites
+    elevation, azimuth = rng.uniform(0.3, 1.4, m), np.arange(m) * 2 * np.pi / m
+    e_n = np.stack(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            -np.sin(elevation),
+        ],
+        axis=1,
+    )
+    empty = DoubleDifferences(
+        t_s=np.arange(n) * 0.1,
+        baselines_b_m=baselines_b_m,
+        satellites=tuple(f"G{j:02d}" for j in range(1, m + 1)),
+        signals=("1C",) * m,
+        wavelength_m=np.full(m, L1_M),
+        group=np.zeros(m, dtype=np.int64),
+        reference=np.full((n, 1), 2),
+        e_n=np.tile(e_n, (n, 1, 1)),
+        elevation_rad=np.tile(elevation, (n, 1)),
+        code_m=np.zeros((n, b, m)),
+        phase_m=np.zeros((n, b, m)),
+        code_variance_m2=np.ones((n, m)),
+        phase_variance_m2=np.tile(PHASE_M**2 * np.linspace(1, 2, m), (n, 1)),
+        arc=np.zeros((n, b, m), dtype=np.int64),
+    )
+    cycles = rng.integers(-(10**6), 10**6, (b, m)) * ~empty.is_reference[:1]
+    array_m = empty.array_m(R_nb)
+    return replace(empty, code_m=array_m, phase_m=array_m + L1_M * cycles)
+
+
+@pytest.fixture
+def flight() -> Flight:
+    """Return ten seconds with truth at 10 Hz and no sensor at all."""
+    return Flight(
+        name="turn", start_gps_s=1e9, origin=MADRID, truth=truth_at(np.arange(0, 10.05, 0.1))
+    )
+
+
+@pytest.fixture
+def off() -> Callable[..., Off]:
+    """Return the maker of estimators with chosen errors."""
+    return Off
+
+
+@pytest.fixture
+def lost() -> Callable[..., Lost]:
+    """Return the maker of estimators without an answer."""
+    return Lost
+
+
+@pytest.fixture
+def true_state() -> Callable[[FloatArray], Truth]:
+    """Return the closed form of the truth."""
+    return truth_at
+
+
+@pytest.fixture
+def array_differences() -> Callable[..., DoubleDifferences]:
+    """Return the maker of double differences of attitudes and baselines."""
+    return differences_of

@@ -1,0 +1,77 @@
+from dataclasses import replace
+from io import StringIO
+
+from rich.console import Console
+
+from fgnav.checks import Loss
+from fgnav.evaluation.comparison import compare
+from fgnav.evaluation.integer_counts import IntegerCounts
+from fgnav.evaluation.report.table import comparison_table, loss_lines, remarks
+
+
+def printed(comparison) -> str:
+    out = StringIO()
+    Console(file=out, width=110).print(comparison_table(comparison))
+    return out.getvalue()
+
+
+def row(text: str, name: str) -> list[str]:
+    return next(line for line in text.splitlines() if line.strip().startswith(name)).split()
+
+
+def test_each_method_has_its_figures_in_its_row(flight, off, lost):
+    text = printed(compare(flight, [off("tilted", (0, 0, 0.01), position_m=0.25), lost()]))
+    tilted = row(text, "tilted")
+    assert tilted[4:7] == ["0.573", "0.250", "0.500"]
+    assert tilted[8] == "100.0"
+    assert set(row(text, "lost")[1:-1]) == {"–"}
+    assert "bound" in text
+
+
+def test_all_columns_fit_the_width_of_a_pipe(flight, off):
+    text = printed(compare(flight, [off("maximum-likelihood", (0, 0, 0.01), position_m=0.25)]))
+    assert "…" not in text
+    assert max(len(line.rstrip()) for line in text.splitlines()) <= 110
+
+
+def test_integers_are_shares_of_links_and_of_fixed_links(flight, off):
+    comparison = compare(flight, [off("a")])
+    method = comparison["a"]
+    counts = IntegerCounts(fixed=80, not_fixed=20, right=60, wrong=20)
+    method = replace(method, score=replace(method.score, integers=counts))
+    assert row(printed(replace(comparison, methods=(method,))), "a")[9:11] == ["80.0", "25.00"]
+
+
+def test_without_truth_the_table_holds_differences(flight, off):
+    flight = replace(flight, truth=None)
+    text = printed(compare(flight, [off("a", position_m=0.0), off("b", position_m=3.0)]))
+    assert "no truth" in text
+    assert "3.000" in text
+
+
+def test_remarks_name_failures_open_angles_notes_and_missing_convergence(flight, off, lost):
+    more = {"unobservable": ("roll",), "notes": ("It rained.",)}
+    unsure = off("unsure", more={"converged": False})
+    lines = remarks(compare(flight, [lost(), off("a", more=more), off("b", more=more), unsure]))
+    assert lines == [
+        "lost: no solution: yaw: not in the data",
+        "unsure: did not converge; its figures are not to be trusted",
+        "a, b: roll is unobservable",
+        "a, b: It rained.",
+    ]
+
+
+def test_losses_are_grouped_by_reason_with_one_example():
+    losses = tuple(Loss(what=f"link {i}", reason="low", count=2) for i in range(5))
+    other = Loss(what="epoch", reason="late", count=7)
+    assert loss_lines({"a": losses, "b": (*losses, other)}) == [
+        "lost 10 × link 0 and others: low",
+        "lost 7 × epoch: late (b)",
+    ]
+
+
+def test_many_reasons_for_losses_are_cut_and_the_cut_is_told():
+    losses = tuple(Loss(what="x", reason=f"reason {i}", count=100 - i) for i in range(11))
+    lines = loss_lines({"a": losses})
+    assert lines[0] == "lost 100 × x: reason 0"
+    assert lines[-1] == "and 3 more reasons for losses, all in --json"

@@ -1,0 +1,221 @@
+import json
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from fgnav import cli
+from fgnav.checks import BadInputError, NoSolutionError
+from fgnav.estimate import Estimate
+from fgnav.io.flight_folder import save_flight
+from fgnav_sim.scenario import load_scenario
+from fgnav_sim.simulate import simulate
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Return a flight folder of two seconds."""
+    demo = load_scenario(ROOT / "sim" / "scenarios" / "demo.toml")
+    flight = simulate(msgspec.structs.replace(demo, duration_s=2.0), np.random.default_rng(1))
+    place = tmp_path_factory.mktemp("cli") / "flight"
+    save_flight(flight, place)
+    return place
+
+
+@dataclass(frozen=True)
+class Level:
+    """Says that the flight is level and northbound, or fails as told."""
+
+    name: str = "level"
+    error: Exception | None = None
+
+    def __call__(self, flight):
+        if self.error is not None:
+            raise self.error
+        t_s = flight.truth.t_s
+        return Estimate(
+            method=self.name, t_s=t_s, epochs=len(t_s), R_nb=np.tile(np.eye(3), (len(t_s), 1, 1))
+        )
+
+
+@pytest.fixture
+def methods(monkeypatch):
+    """Return a function that says which estimators every command shall get."""
+
+    def use(*estimators):
+        monkeypatch.setattr(cli, "_estimators", lambda _names, _integers: list(estimators))
+
+    return use
+
+
+def test_help_names_all_commands_and_an_example(capsys):
+    assert cli.main(["--help"]) == 0
+    text = capsys.readouterr().out
+    for word in ("check", "run", "compare", "simulate", "fgnav simulate sim/scenarios/demo.toml"):
+        assert word in text
+
+
+def test_help_loads_nothing_heavy():
+    code = (
+        "import sys; from fgnav.cli import main; main(['--help']);"
+        "heavy = {'numpy', 'scipy', 'numba', 'gtsam', 'matplotlib', 'msgspec', 'fgnav_sim'};"
+        "sys.exit(' '.join(heavy & set(sys.modules)) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_version_is_the_library_s(capsys):
+    from fgnav import __version__
+
+    assert cli.main(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == __version__
+
+
+def test_check_tells_what_is_there(folder, capsys):
+    assert cli.main(["check", str(folder)]) == 0
+    text = capsys.readouterr().out
+    assert "antennas  8: a1 a2 a3 a4 a5 a6 a7 a8" in text
+    assert "× GPS 1C" in text
+    assert "20 samples, 10 Hz, 0.000 to 1.900 s" in text
+    assert "no findings" in text
+
+
+def test_check_as_json_is_all_there_is_on_standard_output(folder, capsys):
+    assert cli.main(["check", str(folder), "--json", "-"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["series"]["imu"]["samples"] == 200
+    assert content["findings"] == []
+
+
+def test_compare_prints_writes_json_and_draws(folder, tmp_path, capsys):
+    figures, report = tmp_path / "figures.json", tmp_path / "report.png"
+    command = ["compare", str(folder), "--method", "closed-form,maximum-likelihood,rtk"]
+    assert cli.main([*command, "--json", str(figures), "--report", str(report)]) == 0
+    streams = capsys.readouterr()
+    assert "maximum-likelihood" in streams.out
+    assert "bound of one epoch" in streams.out
+    assert streams.err == ""  # no progress on a pipe
+    content = json.loads(figures.read_text())
+    assert list(content["methods"]) == ["closed-form", "maximum-likelihood", "rtk"]
+    assert content["epochs"] == 20
+    assert content["methods"]["maximum-likelihood"]["integers"]["wrong"] == 0
+    ratio = content["methods"]["maximum-likelihood"]["attitude_rmse_deg"] / np.linalg.norm(
+        list(content["bound"]["crlb_deg"].values())
+    )
+    assert 0.5 < ratio < 1.5  # twenty epochs
+    assert report.read_bytes().startswith(b"\x89PNG")
+
+
+def test_compare_with_json_on_standard_output_prints_nothing_else(folder, methods, capsys):
+    methods(Level())
+    assert cli.main(["compare", str(folder), "--json", "-"]) == 0
+    assert list(json.loads(capsys.readouterr().out)["methods"]) == ["level"]
+
+
+def test_compare_goes_on_when_one_method_fails(folder, methods, capsys):
+    methods(Level(), Level(name="lost", error=NoSolutionError("yaw: unobservable")))
+    assert cli.main(["compare", str(folder)]) == 0
+    assert "lost: no solution: yaw: unobservable" in capsys.readouterr().out
+
+
+def test_compare_where_every_method_fails_exits_with_one(folder, methods, capsys):
+    methods(Level(name="lost", error=NoSolutionError("yaw: unobservable")))
+    assert cli.main(["compare", str(folder)]) == 1
+    want = "fgnav: no method has a solution: lost: yaw: unobservable\n"
+    assert capsys.readouterr().err == want
+
+
+def test_run_writes_the_estimate_and_its_figures(folder, methods, tmp_path, capsys):
+    methods(Level())
+    out = tmp_path / "new" / "results"
+    assert cli.main(["run", str(folder), "--out", str(out)]) == 0
+    assert sorted(path.name for path in out.iterdir()) == ["estimate.csv", "summary.json"]
+    assert len((out / "estimate.csv").read_text().splitlines()) == 21
+    assert json.loads((out / "summary.json").read_text())["methods"]["level"]["available"] == 1.0
+    assert "level: 20 of 20 epochs" in capsys.readouterr().out
+
+
+def test_run_without_solution_writes_nothing_and_exits_with_one(folder, methods, tmp_path, capsys):
+    methods(Level(error=NoSolutionError("yaw: unobservable")))
+    assert cli.main(["run", str(folder), "--out", str(tmp_path / "out")]) == 1
+    assert capsys.readouterr().err == "fgnav: level: yaw: unobservable\n"
+    assert not (tmp_path / "out").exists()
+
+
+def test_run_takes_one_method(folder, tmp_path, capsys):
+    command = ["run", str(folder), "--method", "rtk,closed-form", "--out", str(tmp_path / "out")]
+    assert cli.main(command) == 2
+    assert "--method rtk,closed-form: run takes one method" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("command", "text"),
+    [
+        (["check", "nowhere"], "nowhere"),
+        (["compare", "nowhere", "--method", "magic"], "method 'magic': not one of closed-form"),
+        (["compare", "nowhere", "--integers", "magic"], "magic"),
+        (["compare", "nowhere", "--method", ","], "--method: names no method"),
+        (["compare", "nowhere", "--report", "report.html"], "end its name in .png"),
+        (["compare", "nowhere", "--json", "absent/a.json"], "its folder does not exist"),
+        (["check"], "requires an argument"),
+        (["check", "nowhere", "--json", "--speed"], "wants a file or -, got '--speed'"),
+        (["compare", "nowhere", "--speed", "9"], "--speed"),
+        (["fly"], "fly"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_status_two(command, text, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(command) == 2
+    streams = capsys.readouterr()
+    assert streams.out == ""
+    assert streams.err.startswith("fgnav: ")
+    assert len(streams.err.splitlines()) == 1
+    assert text in streams.err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        (BadInputError("imu.csv: line 3: a column\ntoo few"), 2),
+        (OSError("disk full"), 2),
+        (KeyboardInterrupt(), 130),
+    ],
+)
+def test_errors_on_the_way_have_their_status_and_no_traceback(
+    folder, methods, error, status, capsys
+):
+    methods(Level(error=error))
+    assert cli.main(["compare", str(folder)]) == status
+    assert len(capsys.readouterr().err.splitlines()) <= 1
+
+
+def test_a_reader_that_goes_away_is_no_traceback():
+    read, write = os.pipe()
+    os.close(read)
+    command = [
+        sys.executable,
+        "-c",
+        "import sys; from fgnav.cli import main; sys.exit(main())",
+        "-h",
+    ]
+    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (1, "")
+
+
+def test_installed_commands_are_found_by_entry_point(monkeypatch, capsys):
+    entry = EntryPoint(name="greet", value="no_such_module:greet", group="fgnav.commands")
+    monkeypatch.setattr(cli, "entry_points", lambda **_: [entry])
+    assert cli.main(["--help"]) == 0  # listed without being imported
+    assert "greet" in capsys.readouterr().out
+    del cli.app["greet"]
