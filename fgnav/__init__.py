@@ -42,11 +42,15 @@ _FACE = {
     "NoSolutionError": "fgnav.checks",
 }
 
-__all__ = ["__version__", *_FACE]
+_PACKAGES = ("attitude", "gnss", "integers", "methods")
+
+__all__ = ["__version__", *_FACE, *_PACKAGES]
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401
     """Load a name of the library's face when it is first used."""
+    if name in _PACKAGES:
+        return import_module(f"fgnav.{name}")
     if name not in _FACE:
         msg = f"module 'fgnav' has no attribute {name!r}"
         raise AttributeError(msg)
