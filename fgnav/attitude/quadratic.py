@@ -145,6 +145,8 @@ def tangent_jacobian(R_nb: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("nij,kjl->nilk", R_nb, generators).reshape(-1, 9, 3))
 
 
+# The kernels below are plain loops: numba compiles them in a quarter of the time that kron, outer
+# and solve take, and a first run waits for that.
 @njit(cache=True)
 def _collect(
     ranges_m: FloatArray,
@@ -155,38 +157,29 @@ def _collect(
 ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
     """Sum the forms of all groups of all epochs; see ``of_double_differences``."""
     n, m, antennas = len(ranges_m), len(group), len(lever_arms_b_m)
-    information = np.zeros((n, 9, 9))
-    vector = np.zeros((n, 9))
-    constant = np.zeros(n)
+    # Ranges stand beside x as a tenth column: information, vector and constant at once.
+    joint = np.zeros((n, 10, 10))
     count = np.zeros(n, dtype=np.int64)
     for g in range(group.max() + 1 if m else 0):
-        channels = np.flatnonzero(group == g)
         for k in range(n):
             laplacian = np.zeros((antennas, antennas))  # of the receiver terms
-            cross = np.zeros((antennas, 10))  # receiver terms against x, and against the ranges
-            for j in channels:
-                constant[k] += _add_channel(
-                    ranges_m[k, :, j],
-                    e_n[k, j],
-                    weight[k, j],
-                    lever_arms_b_m,
-                    information[k],
-                    vector[k],
-                    laplacian,
-                    cross,
-                )
-                count[k] += np.isfinite(ranges_m[k, :, j]).sum()
-            for i in range(1, antennas):  # the reference antenna's term is the datum
-                if laplacian[i, i] == 0.0:
-                    laplacian[i, i] = 1.0  # it has no links: leave it alone
-                else:
-                    count[k] -= 1
-            known = np.ascontiguousarray(cross[1:])
-            gain = known.T @ np.linalg.solve(np.ascontiguousarray(laplacian[1:, 1:]), known)
-            information[k] -= gain[:9, :9]
-            vector[k] -= gain[:9, 9]
-            constant[k] -= gain[9, 9]
-    return information, vector, constant, count
+            cross = np.zeros((antennas, 10))
+            for j in range(m):
+                if group[j] == g:
+                    links = _add_channel(
+                        ranges_m[k, :, j],
+                        e_n[k, j],
+                        weight[k, j],
+                        lever_arms_b_m,
+                        joint[k],
+                        laplacian,
+                        cross,
+                    )
+                    count[k] += max(links - 1, 0)
+            for i in range(1, antennas):
+                count[k] -= laplacian[i, i] > 0.0
+            _eliminate(laplacian, cross, joint[k])
+    return joint[:, :9, :9].copy(), joint[:, :9, 9].copy(), joint[:, 9, 9].copy(), count
 
 
 @njit(cache=True)
@@ -195,29 +188,65 @@ def _add_channel(
     e_n: FloatArray,
     weight: float,
     lever_arms_b_m: FloatArray,
-    information: FloatArray,
-    vector: FloatArray,
+    joint: FloatArray,
     laplacian: FloatArray,
     cross: FloatArray,
-) -> float:
-    """Add one channel of one epoch, its satellite term eliminated; return its constant."""
+) -> int:
+    """Add one channel of one epoch, its satellite term eliminated; return its links."""
+    here, rows = _centred_rows(ranges_m, e_n, lever_arms_b_m)
+    antennas, links = len(here), int(here.sum())
+    for i in range(antennas if links > 1 else 0):
+        for c in range(10):
+            cross[i, c] += weight * rows[i, c]
+            for d in range(10):
+                joint[c, d] += weight * rows[i, c] * rows[i, d]
+        for other in range(antennas):
+            centred = (i == other) - 1.0 / links
+            laplacian[i, other] += weight * here[i] * here[other] * centred
+    return links
+
+
+@njit(cache=True)
+def _centred_rows(
+    ranges_m: FloatArray, e_n: FloatArray, lever_arms_b_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return which antennas have the link, and each one's range by x beside the range itself.
+
+    Less their mean over the antennas that have the link; rows of the others are zero.
+    """
     antennas = len(lever_arms_b_m)
     here = np.zeros(antennas)
-    residual = np.zeros(antennas)
+    rows = np.zeros((antennas, 10))
+    for i in range(antennas):
+        if i > 0 and np.isnan(ranges_m[i - 1]):
+            continue
+        here[i] = 1.0
+        for a in range(3):
+            for b in range(3):
+                rows[i, 3 * a + b] = -e_n[a] * lever_arms_b_m[i, b]
+        if i > 0:
+            rows[i, 9] = ranges_m[i - 1]
+    for c in range(10):
+        mean = rows[:, c].sum() / here.sum()
+        for i in range(antennas):
+            rows[i, c] -= here[i] * mean
+    return here, rows
+
+
+@njit(cache=True)
+def _eliminate(laplacian: FloatArray, cross: FloatArray, joint: FloatArray) -> None:
+    """Take the receiver terms off, by Cholesky; the reference antenna's term is the datum."""
+    antennas = len(laplacian)
     for i in range(1, antennas):
-        if not np.isnan(ranges_m[i - 1]):
-            here[0] = here[i] = 1.0
-            residual[i] = ranges_m[i - 1]
-    links = here.sum()
-    if links == 0.0:
-        return 0.0
-    residual = here * (residual - residual.sum() / links)
-    mean_arm_b_m = here @ lever_arms_b_m / links
-    arms_b_m = here.reshape(-1, 1) * (lever_arms_b_m - mean_arm_b_m)
-    design = -np.kron(e_n.reshape(1, 3), arms_b_m)  # antennas by 9: range by x
-    information += weight * (design.T @ design)
-    vector += weight * (residual @ design)
-    laplacian += weight * (np.diag(here) - np.outer(here, here) / links)
-    cross[:, :9] += weight * design
-    cross[:, 9] += weight * residual
-    return float(weight * (residual @ residual))
+        if laplacian[i, i] == 0.0:
+            continue  # it has no links
+        pivot = laplacian[i, i]
+        for c in range(10):
+            for d in range(10):
+                joint[c, d] -= cross[i, c] * cross[i, d] / pivot
+        for other in range(i + 1, antennas):
+            factor = laplacian[other, i] / pivot
+            for c in range(10):
+                cross[other, c] -= factor * cross[i, c]
+            for column in range(i + 1, antennas):
+                laplacian[other, column] -= factor * laplacian[i, column]

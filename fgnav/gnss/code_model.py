@@ -5,14 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
-from fgnav.earth import C_MPS
+from fgnav.earth import C_MPS, geodetic
 from fgnav.flight import Flight
 from fgnav.gnss.atmosphere import klobuchar_m, saastamoinen_m
 from fgnav.gnss.satellites import (
     SatelliteStates,
     accuracy_m,
     group_delay_s,
-    places,
     states_at_clock,
 )
 from fgnav.gnss.signals import band, frequency_hz, select
@@ -162,7 +161,7 @@ def atmosphere_m(
     gps_s : ndarray, shape (n,)
     """
     coefficients = np.zeros(8) if flight.broadcast is None else flight.broadcast.klobuchar
-    place = places(p_e_m)
+    place = geodetic(p_e_m)
     elevation = angles_rad[0].clip(_LOWEST_RAD)
     ionosphere = klobuchar_m(coefficients, place, elevation, angles_rad[1], gps_s)
     ionosphere = ionosphere * (_L1_HZ / channels.frequency_hz) ** 2

@@ -206,15 +206,9 @@ def look_angles(
     return (e_e, *angles(p_receiver_e_m, e_e))
 
 
-def places(p_e_m: FloatArray) -> FloatArray:
-    """Return (n, 3) latitude, longitude, height of positions, one alone included."""
-    # A second copy of the first row: the conversion drops the axis of a single position.
-    return geodetic(np.concatenate([p_e_m, p_e_m[:1]]))[: len(p_e_m)]
-
-
 def angles(p_receiver_e_m: FloatArray, e_e: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return elevations and azimuths, (n, m), of directions (n, m, 3) seen at receivers (n, 3)."""
-    place = places(p_receiver_e_m)
+    place = geodetic(p_receiver_e_m)
     e_ned = np.einsum("nij,nmj->nmi", ned_axes(place[:, 0], place[:, 1]), e_e)
     north, east, down = np.moveaxis(e_ned, 2, 0)
     return np.arcsin(np.clip(-down, -1.0, 1.0)), np.arctan2(east, north)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, Loss
+from fgnav.io.gps_time import TICKS_PER_S, to_ticks
 from fgnav.io.signal_choice import same_signal
 from fgnav.observations import Observations
 
@@ -25,7 +26,7 @@ def tolerance_s(t_s: FloatArray) -> float:
 
 
 def nominal_epochs(tag_s: FloatArray, start_gps_s: float) -> FloatArray:
-    """Return the epochs a receiver aimed at: its time tags on the grid of their interval.
+    """Return the epochs a receiver aimed at: time tags on the grid of their interval, or of 1 s.
 
     Parameters
     ----------
@@ -39,13 +40,13 @@ def nominal_epochs(tag_s: FloatArray, start_gps_s: float) -> FloatArray:
     ndarray, shape (n,)
         The tags themselves if they keep no grid of whole milliseconds.
     """
-    step_s = max(round(interval_s(tag_s) / _GRID_S), 1) * _GRID_S
-    phase_s = start_gps_s % step_s
-    nominal_s = np.round((tag_s + phase_s) / step_s) * step_s - phase_s
+    step_s = min(max(round(interval_s(tag_s) / _GRID_S), 1) * _GRID_S, 1.0)
+    step = round(step_s * TICKS_PER_S)
+    start = to_ticks(start_gps_s)
+    ticks = start + np.round(tag_s * TICKS_PER_S).astype(np.int64)
+    nominal_s = ((ticks + step // 2) // step * step - start) / TICKS_PER_S
     on_grid = (np.abs(nominal_s - tag_s) <= tolerance_s(tag_s)).all()
-    if on_grid and (np.diff(nominal_s) > 0).all():
-        return np.asarray(np.round(nominal_s, 9))
-    return tag_s
+    return nominal_s if on_grid and (np.diff(nominal_s) > 0).all() else tag_s
 
 
 def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observations:

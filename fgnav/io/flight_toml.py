@@ -14,7 +14,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError
 from fgnav.flight import ElevationWeights, GnssNoise
-from fgnav.io.rinex_header import GPS_EPOCH
+from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.rinex_text import read_bytes
 
 FORMAT = "fgnav-flight/1"

@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 
 from fgnav.checks import BadInputError
+from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.rinex_text import Bytes
 
-GPS_EPOCH = np.datetime64("1980-01-06T00:00:00", "us")
 MAX_TYPES = 63  # RTKLIB ignores the types above
 _TYPE_2 = re.compile(r"[CLPDS][1-9A-Z]")
 _TYPE_3 = re.compile(r"[CLDSIX][0-9][A-Z0-9]?")

@@ -8,9 +8,8 @@ import numpy as np
 from numba import njit
 
 from fgnav.checks import IntArray
+from fgnav.io.gps_time import TICKS_PER_S
 from fgnav.io.rinex_text import Bytes
-
-TICKS_PER_S = 10_000_000  # RINEX writes 1e-7 s
 
 # Columns of the table of epochs and events.
 TICKS, FLAG, ANNOUNCED, KEPT, LINE, START, END = range(7)

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.io.decoder import Decoded
+from fgnav.io.gps_time import UNIX_OF_GPS_S
 from fgnav.io.rinex_header import Header
 from fgnav.io.rinex_navigation import NavigationScan
-from fgnav.io.rinex_records import UNIX_OF_GPS_S
 from fgnav.orbits import EPHEMERIS_DTYPE, BroadcastOrbits
 
 # Nominal user range accuracy by index, m: IS-GPS-200N, 20.3.3.3.1.3; 15 states none.

@@ -8,14 +8,12 @@ from numpy.typing import NDArray
 from fgnav.checks import BadInputError, IntArray, Loss
 from fgnav.io.antennas import nominal_epochs
 from fgnav.io.decoder import Decoded
+from fgnav.io.gps_time import BDT_BEHIND_GPS_S, TICKS_PER_S, UNIX_OF_GPS_S, to_ticks
 from fgnav.io.rinex_header import Header
 from fgnav.io.rinex_scan import KNOWN_SATELLITES, Scan
 from fgnav.io.signal_choice import SignalChoice
 from fgnav.observations import LOST_LOCK, Observations
 
-TICKS_PER_S = 10_000_000
-UNIX_OF_GPS_S = 315_964_800  # 1980-01-06 in RTKLIB's time_t
-BDT_BEHIND_GPS_S = 14  # fixed since 2006-01-01; RTKLIB reads BDT epochs as GPS time
 _ONE_SIGNAL = "RTKLIB keeps one signal of each carrier"
 
 
@@ -65,7 +63,7 @@ def to_observations(
     count_records(records, signals, totals, present)
     losses = (*scan.losses, *_compare_values(header, scan, choice, letters, totals))
     present[:, 0] = False
-    tag_s = (ticks - round(start_gps_s * TICKS_PER_S)) / TICKS_PER_S
+    tag_s = (ticks - to_ticks(start_gps_s)) / TICKS_PER_S
     channels, arrays = _spread(records, signals, epoch, len(tag_s), present, decoded)
     arrays["lock_flags"][scan.power_failure] |= LOST_LOCK
     return Observations(
@@ -110,6 +108,7 @@ def _time_shift(header: Header, scan: Scan, records: NDArray[Any], epoch: IntArr
             f"{header.path}: RTKLIB decoded other epochs than the file holds; "
             "please report this file"
         )
+    # RTKLIB takes BDT epochs for GPS time.
     return whole + BDT_BEHIND_GPS_S * TICKS_PER_S * (header.time_system == "BDT")
 
 

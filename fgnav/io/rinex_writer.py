@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
-from fgnav.io.rinex_header import GPS_EPOCH
-from fgnav.io.rinex_records import BDT_BEHIND_GPS_S, TICKS_PER_S
+from fgnav.io.gps_time import BDT_BEHIND_GPS_S, GPS_EPOCH, TICKS_PER_S, to_ticks
 from fgnav.observations import Observations
 from fgnav.orbits import BroadcastOrbits
 
@@ -65,7 +64,7 @@ def write_observations(
             raise BadInputError(
                 f"{path}: satellite must be of {', '.join(_SYSTEMS)}, got {satellite}"
             )
-    ticks = round(start_gps_s * TICKS_PER_S) + _ticks(observations.tag_s[:, antenna])
+    ticks = to_ticks(start_gps_s) + _ticks(observations.tag_s[:, antenna])
     names, channels, signals = _layout(observations)
     dates = _dates(ticks)
     arrays = [

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, Loss
-from fgnav.io.rinex_header import GPS_EPOCH
+from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.rinex_scan import CONSTELLATIONS, KNOWN_SATELLITES
 from fgnav.io.rinex_text import read_text
 from fgnav.orbits import PreciseOrbits

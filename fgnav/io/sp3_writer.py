@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.io.rinex_header import GPS_EPOCH
+from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.orbits import PreciseOrbits
 
 _NO_CLOCK = 999_999.999999

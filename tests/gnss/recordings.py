@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.earth import Origin, ecef
+from fgnav.earth import Origin, ecef, geodetic
 from fgnav.flight import Antenna, Flight
 from fgnav.io.antennas import merge
 from fgnav.io.rinex import read_navigation, read_receivers
@@ -54,11 +54,7 @@ def wettzell(shared: Path) -> Flight:
 
 
 def _origin() -> Origin:
-    from pymap3d import ecef2geodetic
-
-    latitude, longitude, height = (
-        float(np.squeeze(v)) for v in ecef2geodetic(*_WTZR_E_M, deg=False)
-    )
+    latitude, longitude, height = geodetic(_WTZR_E_M[None])[0]
     return Origin(latitude_rad=latitude, longitude_rad=longitude, height_m=height + _WTZR_HEIGHT_M)
 
 

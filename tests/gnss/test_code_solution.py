@@ -5,11 +5,11 @@ import pytest
 from scipy.stats import chi2
 
 from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.earth import geodetic
 from fgnav.flight import Flight
 from fgnav.gnss.atmosphere import klobuchar_m, saastamoinen_m
 from fgnav.gnss.code_model import orbits_of
 from fgnav.gnss.code_solution import code_solution
-from fgnav.gnss.satellites import places
 from fgnav.observations import Observations
 from fgnav.orbits import BroadcastOrbits
 from tests.gnss import recordings, rtklib
@@ -147,7 +147,7 @@ def test_satellites_below_the_mask_and_sick_ones_are_counted():
 
 def atmosphere(klobuchar: FloatArray, made: Made):
     """Return the delays of a still antenna at the origin."""
-    place = places(ORIGIN.p_e_m[None])
+    place = geodetic(ORIGIN.p_e_m[None])
 
     def delay_m(t_s: FloatArray, elevation: FloatArray) -> FloatArray:
         low = elevation.clip(0.05)

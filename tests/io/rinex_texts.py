@@ -2,7 +2,12 @@
 
 import numpy as np
 
-TYPES = {"G": "C1C L1C D1C S1C C2W L2W C5Q L5Q", "E": "C1X L1X C5X L5X", "C": "C2I L2I", "R": "C1C L1C"}
+TYPES = {
+    "G": "C1C L1C D1C S1C C2W L2W C5Q L5Q",
+    "E": "C1X L1X C5X L5X",
+    "C": "C2I L2I",
+    "R": "C1C L1C",
+}
 SATELLITES = ("G05", "G12", "E07", "C11", "R03")
 
 
@@ -57,7 +62,7 @@ def observation_2(epochs: int = 3, satellites: int = 14) -> str:
 
 
 def values_3(text: str) -> dict[tuple[int, str, str], tuple[float, float, float, float, int]]:
-    """Return code, phase, Doppler, density, lock of each epoch's second-counter, satellite, signal."""
+    """Return code, phase, Doppler, density, lock by number of epoch, satellite and signal."""
     types: dict[str, list[str]] = {}
     lines = text.splitlines()
     letter = ""

@@ -68,7 +68,7 @@ def test_decoder_takes_one_list_only(tmp_path, jobs):
 def another_binding():
     """Return a stand-in for the binding, whose records differ from the memory that is viewed."""
     moment = SimpleNamespace(time=1, sec=0.5)
-    lists = dict.fromkeys(("P", "L", "D", "SNR", "LLI", "code"), [7, 7, 7])
+    lists = {name: [7, 7, 7] for name in ("P", "L", "D", "SNR", "LLI", "code")}
     record = SimpleNamespace(time=moment, sat=0, **lists)
     table = SimpleNamespace(n=2, data=[record] * 2, eph=[record] * 2)
     return SimpleNamespace(

@@ -49,7 +49,9 @@ def test_rinex_2_types_serve_all_constellations():
 def test_klobuchar_and_last_epoch_are_read():
     corrections = line("GPSA   1.0000E-08  2.0000E-08  0.0000E+00 -1.0000D-07", "IONOSPHERIC CORR")
     corrections += line("GPSB   1.0000E+05  2.0000E+05  0.0000E+00 -1.0000E+05", "IONOSPHERIC CORR")
-    text = navigation_head().replace(line("", "END OF HEADER"), corrections + line("", "END OF HEADER"))
+    text = navigation_head().replace(
+        line("", "END OF HEADER"), corrections + line("", "END OF HEADER")
+    )
     got = header(text, "navigation")
     assert got.klobuchar == (1e-8, 2e-8, 0.0, -1e-7, 1e5, 2e5, 0.0, -1e5)
     last = line("  2020     6    25     0     0   30.5000000     GPS", "TIME OF LAST OBS")
@@ -71,8 +73,10 @@ FIRST = "TIME OF FIRST OBS"
         (GOOD.replace("     3.04", "     x.04"), "RINEX version must be a number, got '     x.04'"),
         (GOOD.replace("     3.04", "      nan"), "RINEX version must be .*, got nan"),
         (GOOD.replace("OBSERVATION", "METEOROLOGY"), "line 1: must be a RINEX observations file"),
-        (GOOD.replace(f"{'':19s}M", f"{'':19s}X", 1).replace("DATA    M", "DATA    X"),
-         "constellation must be one of GRECJSIM, got 'X'"),
+        (
+            GOOD.replace(f"{'':19s}M", f"{'':19s}X", 1).replace("DATA    M", "DATA    X"),
+            "constellation must be one of GRECJSIM, got 'X'",
+        ),
         (GOOD.replace("SYS / # / OBS TYPES", "COMMENT"), "must have SYS / # / OBS TYPES"),
         (GOOD.replace(FIRST, "COMMENT"), "must have TIME OF FIRST OBS, it is missing"),
         (GOOD.replace("GPS ", "UTC "), "time system must be GPS, .*, got 'UTC'"),
@@ -82,12 +86,23 @@ FIRST = "TIME OF FIRST OBS"
         (GOOD.replace("C1X L1X", "Q1X L1X"), "observation type must be known and new, got 'Q1X'"),
         (GOOD.replace("E    4", "G    4"), "constellation must be new and one of GRECJSI, got 'G'"),
         (GOOD.replace("G    8", "     8"), "OBS TYPES must start with a constellation"),
-        (GOOD.replace("G    8 C1C L1C D1C S1C C2W L2W C5Q L5Q", "G    0" + " " * 32),
-         "1 to 63 observation types, got 0"),
-        (head_3(extra=line("G 10", "SYS / SCALE FACTOR")), "SYS / SCALE FACTOR must be 1, got 'G 10'"),
-        (head_3(extra=line("     2     1", "WAVELENGTH FACT L1/2")), "WAVELENGTH FACT L1/2 must be 1"),
+        (
+            GOOD.replace("G    8 C1C L1C D1C S1C C2W L2W C5Q L5Q", "G    0" + " " * 32),
+            "1 to 63 observation types, got 0",
+        ),
+        (
+            head_3(extra=line("G 10", "SYS / SCALE FACTOR")),
+            "SYS / SCALE FACTOR must be 1, got 'G 10'",
+        ),
+        (
+            head_3(extra=line("     2     1", "WAVELENGTH FACT L1/2")),
+            "WAVELENGTH FACT L1/2 must be 1",
+        ),
         (head_3(extra=line("  2020    xx", "TIME OF LAST OBS")), "TIME OF LAST OBS must be a date"),
-        (observation_2().replace("# / TYPES OF OBSERV", "COMMENT"), "must have # / TYPES OF OBSERV"),
+        (
+            observation_2().replace("# / TYPES OF OBSERV", "COMMENT"),
+            "must have # / TYPES OF OBSERV",
+        ),
     ],
 )
 def test_faults_of_a_head_are_named(text, rule):

@@ -51,7 +51,8 @@ def test_repeated_and_impossible_messages_are_counted_losses(tmp_path):
     got = read(tmp_path, GOOD + message("G05") + impossible)
     assert got.records["satellite"].tolist() == ["G05", "G07"]
     assert {loss.reason: loss.count for loss in got.losses} == {
-        "impossible orbit or time": 1, "repeated": 1
+        "impossible orbit or time": 1,
+        "repeated": 1,
     }
 
 
@@ -72,12 +73,18 @@ def test_rinex_4_record_of_a_type_that_rtklib_would_misread_is_counted(tmp_path)
     text = navigation_head("4.00")
     text += "> EPH G05 LNAV\n" + message("G05") + "> EPH G07 CNAV\n" + message("G07")
     text += "> STO G05 LNAV\n 2020 06 25 00 00 00 GPUT\n    1.0\n"
-    text += "> ION G05 LNAV\n    2020 06 25 00 00 00" + "".join(f"{k * 1e-8:19.12E}" for k in (1, 2, 3))
-    text += "\n    " + "".join(f"{k * 1e4:19.12E}" for k in (0, 5, 6, 7)) + "\n    " + f"{8e4:19.12E}\n"
+    text += "> ION G05 LNAV\n    2020 06 25 00 00 00" + "".join(
+        f"{k * 1e-8:19.12E}" for k in (1, 2, 3)
+    )
+    text += (
+        "\n    " + "".join(f"{k * 1e4:19.12E}" for k in (0, 5, 6, 7)) + "\n    " + f"{8e4:19.12E}\n"
+    )
     got = read(tmp_path, text)
     assert got.records["satellite"].tolist() == ["G05"]
     assert {loss.what: loss.count for loss in got.losses} == {
-        "G CNAV message": 1, "STO record": 1, "ION record": 1
+        "G CNAV message": 1,
+        "STO record": 1,
+        "ION record": 1,
     }
     np.testing.assert_allclose(got.klobuchar, [1e-8, 2e-8, 3e-8, 0, 5e4, 6e4, 7e4, 8e4], rtol=1e-12)
 
@@ -89,15 +96,29 @@ def test_rinex_4_record_of_a_type_that_rtklib_would_misread_is_counted(tmp_path)
         (GOOD.replace("G05 2020", "X05 2020"), "line 3: a message must start here"),
         (GOOD.replace("G05 2020 06", "G05 2020 16"), "line 3: a message must start here"),
         ("".join(GOOD.splitlines(keepends=True)[:-1]), "the message ends before its last line"),
-        ("".join(GOOD.splitlines(keepends=True)[:4] + GOOD.splitlines(keepends=True)[5:]),
-         "line 10: the message ends before its last line"),
+        (
+            "".join(GOOD.splitlines(keepends=True)[:4] + GOOD.splitlines(keepends=True)[5:]),
+            "line 10: the message ends before its last line",
+        ),
         (GOOD[:-4], "line 18: the last line is cut"),
-        (GOOD.replace("5.154800000000E+03", "5.15480000x000E+03", 1), "line 5: column 62: must be a num"),
-        (GOOD.replace("5.154800000000E+03", "5.154800000000E003", 1), "line 5: column 62: must be a num"),
+        (
+            GOOD.replace("5.154800000000E+03", "5.15480000x000E+03", 1),
+            "line 5: column 62: must be a num",
+        ),
+        (
+            GOOD.replace("5.154800000000E+03", "5.154800000000E003", 1),
+            "line 5: column 62: must be a num",
+        ),
         (GOOD.replace("5.154800000000E+03", " " * 18, 1), "line 5: column 62: must not be blank"),
-        (GOOD.replace("5.154800000000E+03", "5.154800000000E+03 1", 1), "line 5: column 81: must be"),
+        (
+            GOOD.replace("5.154800000000E+03", "5.154800000000E+03 1", 1),
+            "line 5: column 81: must be",
+        ),
         (navigation_head("4.00") + message(), "a RINEX 4 record must start here with '> '"),
-        (navigation_head("4.00") + "> EPH G06 LNAV\n" + message("G05"), "a message must start here"),
+        (
+            navigation_head("4.00") + "> EPH G06 LNAV\n" + message("G05"),
+            "a message must start here",
+        ),
         (navigation_head("4.00") + "> EPH G06 LNAV\n", "a message must start here"),
     ],
 )
@@ -124,7 +145,10 @@ def test_real_files_hold_as_many_messages_as_their_text(shared):
     count = Counter(re.findall(r"^([GECJ])\d\d \d{4}", text, re.MULTILINE))
     assert Counter(name[0] for name in got.records["satellite"].tolist()) == count
     assert not got.losses
-    assert set(got.records["data_source"][np.char.startswith(got.records["satellite"], "E")]) == {258, 517}
+    assert set(got.records["data_source"][np.char.startswith(got.records["satellite"], "E")]) == {
+        258,
+        517,
+    }
     assert got.klobuchar[0] == 4.6566e-9
 
 
@@ -142,7 +166,9 @@ def test_real_rinex_4_file_is_sorted_by_type(shared):
     heads = re.findall(r"^> (\w+) ([A-Z])(\d\d) (\w+)", text, re.MULTILINE)
     wanted = [h for h in heads if h[0] == "EPH" and h[3] in ("LNAV", "INAV", "FNAV", "D1", "D2")]
     wanted = [h for h in wanted if h[1] in "GECJ" and int(h[2]) <= 46]
-    assert len(got.records) + sum(x.count for x in got.losses if x.reason == "repeated") == len(wanted)
+    assert len(got.records) + sum(x.count for x in got.losses if x.reason == "repeated") == len(
+        wanted
+    )
     losses = {loss.what: loss.count for loss in got.losses}
     assert losses["G CNAV message"] == 334
     assert sum(losses.values()) + len(got.records) == text.count("\n> ")

@@ -100,9 +100,12 @@ EVENT_6 = epoch_3(2, flag=6, satellites=SATELLITES[:2])
 
 @pytest.mark.parametrize(
     ("event", "what", "count"),
-    [(EVENT_4, "event 4 record", 1), (EVENT_6, "event 6 record", 2),
-     (f"> {'':29s}2  0\n", "event 2 record", 1),
-     ("> 2020 06 25 00 00 01.5000000  5  0\n", "event 5 record", 1)],
+    [
+        (EVENT_4, "event 4 record", 1),
+        (EVENT_6, "event 6 record", 2),
+        (f"> {'':29s}2  0\n", "event 2 record", 1),
+        ("> 2020 06 25 00 00 01.5000000  5  0\n", "event 5 record", 1),
+    ],
 )
 def test_events_are_passed_over_and_counted(event, what, count):
     got = scan(head_3() + epoch_3(0) + epoch_3(1) + event + epoch_3(3))
@@ -125,16 +128,24 @@ def test_events_of_rinex_2_are_passed_over():
 @pytest.mark.parametrize("label", ["SYS / # / OBS TYPES", "MARKER NAME", "ANTENNA: DELTA H/E/N"])
 def test_header_lines_inside_that_change_the_meaning_are_refused(label):
     event = f"> {'':29s}3  1\n" + line("G    1 C1C", label)
-    with pytest.raises(BadInputError, match="line 15: header inside the body must not change .*split"):
+    with pytest.raises(
+        BadInputError, match=r"line 15: header inside the body must not change .*split"
+    ):
         scan(head_3() + epoch_3(0) + event + epoch_3(1))
 
 
 @pytest.mark.parametrize(
     ("text", "rule"),
     [
-        (lines_with(8, "x" + GOOD.splitlines()[7][1:] + "\n"), "line 8: an epoch line must start with '>'"),
+        (
+            lines_with(8, "x" + GOOD.splitlines()[7][1:] + "\n"),
+            "line 8: an epoch line must start with '>'",
+        ),
         (lines_with(8, "> 2020\n"), "line 8: an epoch line must start with '>'"),
-        (GOOD.replace("2020 06 25 00 00  0", "2020 06 31 00 00  0"), "line 8: epoch line is malformed"),
+        (
+            GOOD.replace("2020 06 25 00 00  0", "2020 06 31 00 00  0"),
+            "line 8: epoch line is malformed",
+        ),
         (GOOD.replace("00 00  2.0", "00 0x  2.0"), "line 20: epoch line is malformed"),
         (GOOD.replace("2.0000000  0", "2.0000000  8"), "line 20: epoch line is malformed"),
         (GOOD.replace("2.0000000  0  5", "2.0000000  0   "), "line 20: epoch line is malformed"),
@@ -143,14 +154,35 @@ def test_header_lines_inside_that_change_the_meaning_are_refused(label):
         (GOOD.replace("1.0000000  0  5", "1.0000000  0  4"), "line 19: an epoch line must start"),
         ("".join(GOOD.splitlines(keepends=True)[:-1]), "the epoch ends after 4 .*is truncated"),
         (GOOD[:-3], "the last line is cut, it has no line end, got 'R03.*fetch the file again"),
-        (GOOD.replace("E07", "Z07", 1), "line 11: satellite must be of a constellation in the header"),
-        (GOOD.replace("E07", "Exx", 1), "line 11: satellite must be of a constellation in the header"),
-        (GOOD.replace("E07", "S07", 1), "line 11: satellite must be of a constellation in the header"),
+        (
+            GOOD.replace("E07", "Z07", 1),
+            "line 11: satellite must be of a constellation in the header",
+        ),
+        (
+            GOOD.replace("E07", "Exx", 1),
+            "line 11: satellite must be of a constellation in the header",
+        ),
+        (
+            GOOD.replace("E07", "S07", 1),
+            "line 11: satellite must be of a constellation in the header",
+        ),
         (GOOD.replace("G12", "G05", 1), "line 10: satellite appears twice in one epoch"),
-        (GOOD.replace("21000000.125", "2100000O.125", 1), "line 9: column 4: value must be a number"),
-        (GOOD.replace("21000000.125", "21000000,125", 1), "line 9: column 4: value must be a number"),
-        (GOOD.replace("21000000.125", "2100000.1250", 1), "line 9: column 4: value must be a number"),
-        (GOOD.replace("21000000.125", "210 0000.125", 1), "line 9: column 4: value must be a number"),
+        (
+            GOOD.replace("21000000.125", "2100000O.125", 1),
+            "line 9: column 4: value must be a number",
+        ),
+        (
+            GOOD.replace("21000000.125", "21000000,125", 1),
+            "line 9: column 4: value must be a number",
+        ),
+        (
+            GOOD.replace("21000000.125", "2100000.1250", 1),
+            "line 9: column 4: value must be a number",
+        ),
+        (
+            GOOD.replace("21000000.125", "210 0000.125", 1),
+            "line 9: column 4: value must be a number",
+        ),
         (GOOD.replace("21000000.125 7", "21000000.125x7", 1), "line 9: column 18: value"),
         (GOOD.replace("21000000.125 7", "21000000.125 x", 1), "line 9: column 19: value"),
         (lines_with(9, "G05" + f"{1:14.3f}  " * 9 + "\n"), "line 9: column 132: value"),
@@ -173,7 +205,10 @@ TWO = observation_2()
         (TWO.replace("  0 14G01", "  x 14G01", 1), "line 5: epoch line is malformed"),
         (TWO.replace("0  0  2.0", "0  0  0.5"), "time must increase"),
         (TWO.replace("G13", "G1x", 1), "satellite must be of a constellation"),
-        (TWO.replace(" " * 32 + "G13", "x" + " " * 31 + "G13", 1), "satellite must be of a constellation"),
+        (
+            TWO.replace(" " * 32 + "G13", "x" + " " * 31 + "G13", 1),
+            "satellite must be of a constellation",
+        ),
         (TWO.replace("G13", "G12", 1), "satellite appears twice"),
         (TWO.replace("22000000.000", "22000000x000", 1), "line 7: column 1: value must be"),
         ("".join(TWO.splitlines(keepends=True)[:-1]), "the epoch ends after 13"),

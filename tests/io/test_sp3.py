@@ -20,7 +20,7 @@ def orbits(epochs=3, first_s=0.0, satellites=("C11", "E07", "G05")) -> PreciseOr
     p_e_m = rng.normal(0, 2e7, (epochs, len(satellites), 3)).round(3)
     clock_s = rng.normal(0, 1e-4, (epochs, len(satellites))).round(12)
     p_e_m[1, 1] = np.nan
-    clock_s[1, 1] = clock_s[0, 2] = np.nan
+    clock_s[1, 1] = clock_s[0, -1] = np.nan
     t_s = first_s + 300.0 * np.arange(epochs)
     return PreciseOrbits(t_s=t_s, satellites=satellites, p_e_m=p_e_m, clock_s=clock_s)
 
@@ -64,12 +64,12 @@ def test_velocities_and_other_constellations_are_counted(tmp_path, text):
 
 
 def test_two_days_are_joined_and_shared_epochs_counted(tmp_path):
-    later = orbits(first_s=600.0, satellites=("G05", "J02"))
+    later = orbits(first_s=600.0, satellites=("G05", "J01", "J02"))
     write_precise(tmp_path / "1.sp3", orbits(), start_gps_s=START_GPS_S)
     write_precise(tmp_path / "2.sp3", later, start_gps_s=START_GPS_S)
     got = read_precise([tmp_path / "2.sp3", tmp_path / "1.sp3"], START_GPS_S)
     np.testing.assert_allclose(got.t_s, 300.0 * np.arange(5), atol=1e-6)
-    assert got.satellites == ("C11", "E07", "G05", "J02")
+    assert got.satellites == ("C11", "E07", "G05", "J01", "J02")
     assert np.isnan(got.p_e_m[3, 0]).all()
     np.testing.assert_allclose(got.p_e_m[2, 2], orbits().p_e_m[2, 2], atol=0.6 * MM)
     assert [(loss.what, loss.count) for loss in got.losses] == [("2.sp3 epoch", 1)]
@@ -81,7 +81,10 @@ def test_two_days_are_joined_and_shared_epochs_counted(tmp_path):
         (lambda t: "#b" + t[2:], r"line 1: must start with #c or #d \(SP3\), got '#bP2020"),
         (lambda t: t.replace("EOF\n", ""), "must end with EOF, the file is truncated"),
         (lambda t: t[: t.index("EOF") - 20], "must end with EOF, the file is truncated"),
-        (lambda t: t.replace("      3 ORBIT", "      4 ORBIT"), "4 epochs announced, the file holds 3"),
+        (
+            lambda t: t.replace("      3 ORBIT", "      4 ORBIT"),
+            "4 epochs announced, the file holds 3",
+        ),
         (lambda t: t.replace("      3 ORBIT", "      x ORBIT"), "must tell the numbers of epochs"),
         (lambda t: t.replace("C11E07", "C11C11", 1), "list each satellite once, got '3 with repet"),
         (lambda t: t.replace("C11E07", "C11X07", 1), "list each satellite once, got 'X07'"),
@@ -89,13 +92,27 @@ def test_two_days_are_joined_and_shared_epochs_counted(tmp_path):
         (lambda t: t.replace("*  2020", "*  20x0"), "line 15: must be an epoch"),
         (lambda t: t.replace("0 10  0.0", "0  0  0.0"), "line 23: time must increase"),
         (lambda t: t.replace("0 10  0.0", "0 70  0.0"), "line 23: time must increase"),
-        (lambda t: t.replace("PE07", "PE08"), "line 17: must be a satellite of the header.*got 'E08'"),
+        (
+            lambda t: t.replace("PE07", "PE08"),
+            "line 17: must be a satellite of the header.*got 'E08'",
+        ),
         (lambda t: t.replace("PE07", "PC11"), "line 17: must be a satellite of the header, once"),
-        (lambda t: "".join(x for k, x in enumerate(t.splitlines(True)) if k != 20),
-         "line 19: the epoch must hold 3 satellites, got 2"),
-        (lambda t: t.replace("999999.999999", "999999.99x999", 1), "line 18: must hold four numbers"),
-        (lambda t: t.replace(" 999999.999999", "999999.9999990", 1), "line 18: must hold four numbers"),
-        (lambda t: t.replace("999999.999999", "          nan", 1), "line 18: must hold four numbers"),
+        (
+            lambda t: "".join(x for k, x in enumerate(t.splitlines(True)) if k != 20),
+            "line 19: the epoch must hold 3 satellites, got 2",
+        ),
+        (
+            lambda t: t.replace("999999.999999", "999999.99x999", 1),
+            "line 18: must hold four numbers",
+        ),
+        (
+            lambda t: t.replace(" 999999.999999", "999999.9999990", 1),
+            "line 18: must hold four numbers",
+        ),
+        (
+            lambda t: t.replace("999999.999999", "          nan", 1),
+            "line 18: must hold four numbers",
+        ),
     ],
 )
 def test_faults_are_named(tmp_path, text, damage, rule):

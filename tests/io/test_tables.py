@@ -18,7 +18,9 @@ def read(tmp_path, text, optional=(("u", "v"),)):
 def test_columns_come_back_by_name_in_any_order(tmp_path):
     got = read(tmp_path, "y,t_s,x\n2,0,1\n4,0.5,3\n")
     assert {name: column.tolist() for name, column in got.items()} == {
-        "t_s": [0, 0.5], "x": [1, 3], "y": [2, 4]
+        "t_s": [0, 0.5],
+        "x": [1, 3],
+        "y": [2, 4],
     }
 
 

@@ -49,7 +49,7 @@ def comparison_table(comparison: Comparison) -> "Table":
         table.add_row(method.name, *_row(method.score))
     for difference in comparison.differences:
         table.add_row(
-            " − ".join(difference.methods),
+            "\n− ".join(difference.methods),
             *_angles(difference.rms_deg),
             _figure(difference.attitude_rms_deg),
             _figure(difference.position_rms_m),
@@ -74,7 +74,7 @@ def remarks(comparison: Comparison) -> list[str]:
         for m in comparison.methods
     )
     lines += _said_by((m.name, m.score.notes) for m in comparison.methods)
-    per_method = {m.name: m.score.losses for m in comparison.methods}
+    per_method = {m.name: m.score.losses for m in comparison.methods if m.estimate is not None}
     return lines + loss_lines(per_method)
 
 

@@ -44,9 +44,12 @@ def test_integers_are_shares_of_links_and_of_fixed_links(flight, off):
 
 def test_without_truth_the_table_holds_differences(flight, off):
     flight = replace(flight, truth=None)
-    text = printed(compare(flight, [off("a", position_m=0.0), off("b", position_m=3.0)]))
+    methods = [off("closed-form", position_m=0.0), off("maximum-likelihood", position_m=3.0)]
+    text = printed(compare(flight, methods))
     assert "no truth" in text
     assert "3.000" in text
+    assert "− maximum-likelihood" in text
+    assert "…" not in text
 
 
 def test_remarks_name_failures_open_angles_notes_and_missing_convergence(flight, off, lost):

@@ -1,0 +1,105 @@
+"""Estimates as CSV."""
+
+import numpy as np
+import pytest
+
+from fgnav.checks import BadInputError
+from fgnav.earth import Origin
+from fgnav.estimate import Estimate
+from fgnav.io.exports import EULER_SIGMA, write_estimate
+from fgnav.io.local_frame import attitude_to_n, place_to_n, velocity_to_n
+from fgnav.rotations import exp, from_euler, to_euler
+
+ORIGIN = Origin(latitude_rad=1.3, longitude_rad=0.2, height_m=100.0)
+
+
+def estimate(rng, whole=True) -> Estimate:
+    n = 4
+    spread = rng.normal(size=(n, 3, 3))
+    covariance = spread @ spread.swapaxes(1, 2)
+    extra = {
+        "p_n_m": rng.normal(0, 1000, (n, 3)),
+        "v_n_mps": rng.normal(0, 50, (n, 3)),
+        "position_covariance_m2": covariance,
+        "velocity_covariance_m2ps2": np.tile(np.diag([0.01, 0.04, 0.09]), (n, 1, 1)),
+        "attitude_covariance_rad2": covariance * 1e-6,
+    }
+    R_nb = from_euler(*rng.uniform(-1, 1, (3, n)))
+    return Estimate(
+        method="m", t_s=np.arange(n) / 2, epochs=n, R_nb=R_nb, **(extra if whole else {})
+    )
+
+
+def read(path):
+    names = path.read_text().splitlines()[0].split(",")
+    return dict(zip(names, np.loadtxt(path, delimiter=",", skiprows=1).T, strict=True))
+
+
+def columns(table, *names):
+    return np.stack([table[name] for name in names], axis=1)
+
+
+def test_exported_estimate_leads_back_to_the_estimate(tmp_path):
+    want = estimate(np.random.default_rng(1))
+    write_estimate(want, ORIGIN, tmp_path / "e.csv")
+    got = read(tmp_path / "e.csv")
+    p_n_m = place_to_n(ORIGIN, columns(got, "latitude_deg", "longitude_deg", "height_m"))
+    np.testing.assert_allclose(p_n_m, want.p_n_m, rtol=0, atol=1e-6)
+    v = velocity_to_n(ORIGIN, p_n_m, columns(got, "vn_mps", "ve_mps", "vd_mps"))
+    np.testing.assert_allclose(v, want.v_n_mps, rtol=0, atol=1e-9)
+    R_nb = attitude_to_n(ORIGIN, p_n_m, columns(got, "roll_deg", "pitch_deg", "yaw_deg"))
+    np.testing.assert_allclose(R_nb, want.R_nb, rtol=0, atol=1e-12)
+    assert (
+        list(got)[:10]
+        == (
+            "t_s latitude_deg longitude_deg height_m vn_mps ve_mps vd_mps roll_deg pitch_deg yaw_deg"
+        ).split()
+    )
+
+
+def test_sigma_of_position_keeps_the_total_variance(tmp_path):
+    want = estimate(np.random.default_rng(1))
+    write_estimate(want, ORIGIN, tmp_path / "e.csv")
+    got = read(tmp_path / "e.csv")
+    sigma_m = columns(got, "sigma_n_m", "sigma_e_m", "sigma_d_m")
+    trace = np.trace(want.position_covariance_m2, axis1=1, axis2=2)
+    np.testing.assert_allclose((sigma_m**2).sum(axis=1), trace, rtol=1e-9)
+    np.testing.assert_allclose(got["sigma_ve_mps"], 0.2, rtol=1e-3)
+
+
+def test_sigma_of_euler_angles_agrees_with_a_sample(tmp_path):
+    rng = np.random.default_rng(7)
+    want = estimate(rng)
+    write_estimate(want, ORIGIN, tmp_path / "e.csv")
+    sigma_deg = columns(read(tmp_path / "e.csv"), *EULER_SIGMA)
+    delta = rng.multivariate_normal(np.zeros(3), want.attitude_covariance_rad2[0], 20_000)
+    to_n = ORIGIN.local_ned(want.p_n_m[:1])[0]
+    euler = to_euler(to_n.T @ want.R_nb[0] @ exp(delta))
+    np.testing.assert_allclose(sigma_deg[0], np.degrees(euler.std(axis=0)), rtol=0.03)
+
+
+def test_columns_of_what_is_not_estimated_are_absent(tmp_path):
+    want = estimate(np.random.default_rng(1), whole=False)
+    write_estimate(want, ORIGIN, tmp_path / "e.csv")
+    got = read(tmp_path / "e.csv")
+    assert list(got) == ["t_s", "roll_deg", "pitch_deg", "yaw_deg"]
+    np.testing.assert_allclose(np.radians(columns(got, "yaw_deg")[:, 0]), to_euler(want.R_nb)[:, 2])
+
+
+def test_file_is_replaced_whole_and_nothing_else_is_left(tmp_path, monkeypatch):
+    path = tmp_path / "e.csv"
+    path.write_text("old")
+
+    def fail(*_: object) -> None:
+        raise OSError("disk full")
+
+    monkeypatch.setattr("fgnav.io.exports.write_table", fail)
+    with pytest.raises(OSError, match="disk full"):
+        write_estimate(estimate(np.random.default_rng(1)), ORIGIN, path)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_place_that_cannot_be_written_is_named(tmp_path):
+    with pytest.raises(BadInputError, match="e.csv: cannot be written, No such file"):
+        write_estimate(estimate(np.random.default_rng(1)), ORIGIN, tmp_path / "none" / "e.csv")

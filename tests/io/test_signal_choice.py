@@ -1,0 +1,55 @@
+"""Which signals are kept."""
+
+from pathlib import Path
+
+from fgnav.io.rinex_header import Header
+from fgnav.io.signal_choice import choose_signals, same_signal
+
+
+def header(version=3.04, **types) -> Header:
+    return Header(
+        path=Path("a.rnx"),
+        kind="observations",
+        version=version,
+        system="M",
+        types={letter: tuple(names.split()) for letter, names in types.items()},
+        time_system="GPS",
+        last_us=None,
+        klobuchar=(0.0,) * 8,
+        size=0,
+        lines=0,
+    )
+
+
+def test_one_signal_per_carrier_is_kept_best_first():
+    choice = choose_signals([header(G="C1W L1W C1C L1C C2W L2W C2X L2X C5X L5X")])[0]
+    assert choice.kept["G"] == ("1C", "2W", "5X")
+    assert choice.kept["E"] == (None, None, None)
+    assert choice.options == "-SYS=GECJ -GL1C -GL2W -GL5X"
+
+
+def test_signal_with_phase_goes_before_one_with_code_only():
+    assert choose_signals([header(G="C1C C1W L1W")])[0].kept["G"][0] == "1W"
+    assert choose_signals([header(G="C1C")])[0].kept["G"][0] == "1C"
+
+
+def test_signal_that_all_receivers_share_goes_first():
+    first = header(G="C1C L1C C1W L1W", C="C2I L2I C1P L1P")
+    second = header(G="C1W L1W", C="C1P L1P")
+    kept = [choice.kept for choice in choose_signals([first, second])]
+    assert [k["G"][0] for k in kept] == ["1W", "1W"]
+    assert [k["C"][0] for k in kept] == ["1P", "1P"]
+
+
+def test_pilot_and_combined_tracking_are_the_same_signal():
+    assert same_signal("E", "1X") == same_signal("E", "1C") != same_signal("E", "1A")
+    assert same_signal("G", "2W") != same_signal("G", "2X")
+    first, second = header(E="C1C L1C C5Q L5Q"), header(E="C1X L1X C5X L5X")
+    kept = [choice.kept["E"] for choice in choose_signals([first, second])]
+    assert kept == [("1C", None, "5Q"), ("1X", None, "5X")]
+
+
+def test_unknown_attributes_and_rinex_2_get_no_choice():
+    assert choose_signals([header(G="C1Q L1Q", J="C1C L1C")])[0].kept["G"][0] is None
+    assert choose_signals([header(version=2.11, G="C1 L1")])[0].kept == {}
+    assert choose_signals([header(version=2.11, G="C1 L1")])[0].options == "-SYS=GECJ"
