@@ -104,7 +104,7 @@ class ClosedForm:
         )
 
     def _from_vectors(self, flight: Flight) -> Estimate:
-        track = _track(flight, self.name)
+        track = _track(flight)
         pairs, losses = _measured(flight, track)
         if self.moves_forward:
             pairs = _with_velocity(pairs, track)
@@ -153,7 +153,7 @@ class ClosedForm:
         """Return the loss of epochs that are not kept; raise if none is."""
         count = int((~keep).sum())
         if not keep.any():
-            raise NoSolutionError(f"{self.name}: attitude: {reason} at any of {count} epochs")
+            raise NoSolutionError(f"attitude: {reason} at any of {count} epochs")
         return (Loss(what="epoch", reason=reason, count=count),) if count else ()
 
 
@@ -168,7 +168,7 @@ class _Track:
     arm_b_m: FloatArray
 
 
-def _track(flight: Flight, method: str) -> _Track:
+def _track(flight: Flight) -> _Track:
     """Return the track by the receiver's fixes, else by code.
 
     Raises
@@ -186,7 +186,7 @@ def _track(flight: Flight, method: str) -> _Track:
         )
     if flight.observations is None:
         raise NoSolutionError(
-            f"{method}: attitude: flight {flight.name} has no antenna array, no raw data, no fixes"
+            f"attitude: flight {flight.name} has no antenna array, no raw data, no fixes"
         )
     code = code_solution(flight)
     return _Track(

@@ -61,7 +61,7 @@ class MaximumLikelihood:
         ]
         if not keep.any():
             reasons = "; ".join(f"{loss.reason} ({loss.count})" for loss in losses)
-            raise NoSolutionError(f"{self.name}: attitude: no epoch has an answer: {reasons}")
+            raise NoSolutionError(f"attitude: no epoch has an answer: {reasons}")
         R_nb = solution.R_nb[keep]
         motion = body_motion(flight, differences.t_s[keep], R_nb)
         return Estimate(

@@ -54,9 +54,7 @@ class Rtk:
             If the flight has fewer than two antennas with raw data, or no epoch is fixed.
         """
         if flight.observations is None or len(flight.antennas) < 2:
-            raise NoSolutionError(
-                f"{self.name}: attitude: flight {flight.name} needs raw data of two antennas"
-            )
+            raise NoSolutionError(f"attitude: flight {flight.name} needs raw data of two antennas")
         differences, integers = resolve(flight, Lambda(joint=False, ratio_min=self.ratio_min))
         baselines = weighted_baselines(differences, integers)
         names = tuple(antenna.name for antenna in flight.antennas[1:])
@@ -70,9 +68,7 @@ class Rtk:
             count=int((~keep).sum()),
         )
         if not keep.any():
-            raise NoSolutionError(
-                f"{self.name}: attitude: {lost.reason} at any of {lost.count} epochs"
-            )
+            raise NoSolutionError(f"attitude: {lost.reason} at any of {lost.count} epochs")
         t_s, R_nb = differences.t_s[keep], attitude.R_nb[keep]
         motion = body_motion(flight, t_s, R_nb)
         return Estimate(

@@ -55,7 +55,7 @@ def test_an_epoch_with_a_wrong_integer_is_not_answered_but_counted():
 
 
 def test_nothing_fixed_is_no_solution_and_says_why():
-    with pytest.raises(NoSolutionError, match=r"maximum-likelihood: attitude: no epoch.*do not"):
+    with pytest.raises(NoSolutionError, match=r"attitude: no epoch.*do not"):
         MaximumLikelihood(resolver=Off(nothing=True))(flown("demo", 5.0))
 
 

@@ -72,7 +72,7 @@ def collect(flight: Flight, settings: Settings) -> Collected:
     """
     imu = flight.imu
     if imu is None:
-        raise NoSolutionError("smoother: motion between epochs needs an [imu], the flight has none")
+        raise NoSolutionError("motion: between epochs it needs an [imu], the flight has none")
     differences, integers = resolve(flight, settings.resolver)
     form = RotationQuadratic.of_double_differences(differences, integers)
     attitude = maximum_likelihood(form)
@@ -131,14 +131,14 @@ def _keyframes(
     if len(gaps):
         at_s = imu.t_s[gaps[0]]
         raise NoSolutionError(
-            f"smoother: motion: the accelerometer has {len(gaps)} gaps above {_LONGEST_GAP_S} s, "
+            f"motion: the accelerometer has {len(gaps)} gaps above {_LONGEST_GAP_S} s, "
             f"the first after t_s = {at_s:.3f}"
         )
     covered = (t_s >= imu.t_s[0]) & (t_s <= imu.t_s[-1])
     good = np.flatnonzero(covered & told)
     if len(good) < 2:
         raise NoSolutionError(
-            f"smoother: attitude: {len(good)} epochs have consistent array phases, needs 2 or more"
+            f"attitude: {len(good)} epochs have consistent array phases, needs 2 or more"
         )
     early = covered & (np.arange(len(t_s)) < good[0])
     reasons = {
@@ -172,9 +172,7 @@ def _start(
 ) -> tuple[FloatArray, FloatArray]:
     """Return where positions and velocities of the accelerometer start, (n, 3) each."""
     if position is None or not np.isfinite(position.value).any():
-        raise NoSolutionError(
-            "smoother: position: neither code observations nor fixes at keyframes"
-        )
+        raise NoSolutionError("position: neither code observations nor fixes at keyframes")
     p_n_m = _interpolated(t_s, position.value) - R_nb @ position.arm_b_m
     if velocity is not None and np.isfinite(velocity.value).any():
         return p_n_m, _interpolated(t_s, velocity.value)

@@ -96,7 +96,7 @@ def test_epochs_outside_the_accelerometer_record_are_counted():
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"imu": None}, r"motion between epochs needs an \[imu\]"),
+        ({"imu": None}, r"motion: between epochs it needs an \[imu\]"),
         (
             {
                 "imu": Imu(

@@ -1,1 +1,0 @@
-"""Released weights, verified and run; neither torch nor the simulator."""
