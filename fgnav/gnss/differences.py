@@ -109,9 +109,7 @@ class DoubleDifferences:
         baselines_n_m = np.einsum("nij,bj->nbi", R_nb, self.baselines_b_m)
         ranges_m = -np.einsum("nbi,nmi->nbm", baselines_n_m, self.e_n)
         of_reference = self.reference[:, self.group].clip(0)
-        return np.asarray(
-            ranges_m - np.take_along_axis(ranges_m, of_reference[:, None, :], axis=2)
-        )
+        return np.asarray(ranges_m - np.take_along_axis(ranges_m, of_reference[:, None, :], axis=2))
 
     def covariance(self, k: int, links: BoolArray, variance_m2: FloatArray) -> FloatArray:
         """Return the full covariance, m2, of the chosen double differences of one epoch.
@@ -134,8 +132,9 @@ class DoubleDifferences:
         variance = variance_m2[k]
         of_reference = self.reference[k, self.group[channel]]
         same_group = self.group[channel][:, None] == self.group[channel][None, :]
-        satellites = same_group * variance[of_reference][:, None] + (
-            channel[:, None] == channel[None, :]
-        ) * variance[channel]
+        satellites = (
+            same_group * variance[of_reference][:, None]
+            + (channel[:, None] == channel[None, :]) * variance[channel]
+        )
         antennas = 1.0 + (baseline[:, None] == baseline[None, :])
         return np.asarray(antennas * satellites)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError
 from fgnav.io.rinex_header import Kind
+from fgnav.io.rtklib import STRUCTURES
 
 COMMAND = (sys.executable, "-m", "fgnav.io.rtklib")
 TIMEOUT_S = 60.0  # for a file of no size; RTKLIB reads 70 MB/s
@@ -48,19 +49,30 @@ class Decoded:
 
     Attributes
     ----------
+    jobs : tuple of Job
     files : tuple of Path
-        Each an array of ``RECORD_DTYPE`` or ``MESSAGE_DTYPE`` of ``fgnav.io.rtklib``.
+        The records of each job, as they lay in memory.
     satellites, signals : ndarray of str
         RINEX names by RTKLIB's satellite and code numbers.
     """
 
+    jobs: tuple[Job, ...]
     files: tuple[Path, ...]
     satellites: NDArray[np.str_]
     signals: NDArray[np.str_]
 
     def records(self, job: int) -> NDArray[Any]:
-        """Return the records of a job; they take memory only while they are looked at."""
-        mapped = np.load(self.files[job], mmap_mode="r", allow_pickle=False)
+        """Return the records of a job, read-only; they take memory only while they are looked at.
+
+        Returns
+        -------
+        ndarray, shape (k,)
+            Of the fields of ``Record`` or ``Message`` in ``fgnav.io.rtklib``.
+        """
+        dtype = np.dtype(STRUCTURES[self.jobs[job].kind])
+        if self.files[job].stat().st_size == 0:  # nothing to map
+            return np.empty(0, dtype)
+        mapped = np.memmap(self.files[job], dtype, mode="r")
         return np.asarray(mapped)  # numba does not know memory maps
 
 
@@ -145,13 +157,16 @@ class Decoder:
         for child, share in zip(self._children, shares, strict=True):
             limit_s = self._timeout_s + _TIMEOUT_S_PER_MB * sum(sizes[k] for k in share) / 1e6
             self._finish(child, share, jobs, limit_s)
-        with np.load(self._folder / "names0.npz", allow_pickle=False) as names:
-            satellites, signals = names["satellites"], names["signals"]
-        files = tuple(self._out(k) for k in range(len(jobs)))
-        return Decoded(files=files, satellites=satellites, signals=signals)
+        names = json.loads((self._folder / "names0.json").read_text(encoding="utf-8"))
+        return Decoded(
+            jobs=tuple(jobs),
+            files=tuple(self._out(k) for k in range(len(jobs))),
+            satellites=np.array(names["satellites"], "U3"),
+            signals=np.array(names["signals"], "U2"),
+        )
 
     def _out(self, job: int) -> Path:
-        return self._folder / f"records{job}.npy"
+        return self._folder / f"records{job}"
 
     def _send(
         self, child: subprocess.Popen[str], number: int, jobs: Sequence[Job], share: Sequence[int]
@@ -161,7 +176,7 @@ class Decoder:
             {"kind": j.kind, "path": str(j.path), "options": j.options, "out": str(self._out(k))}
             for j, k in zip(jobs, share, strict=True)
         ]
-        names = str(self._folder / f"names{number}.npz")
+        names = str(self._folder / f"names{number}.json")
         if child.stdin is None:  # closed: it was used before
             raise BadInputError("decoder: takes one list of jobs only")
         try:

@@ -54,7 +54,7 @@ def to_broadcast(
     headers, scans : sequence of Header, NavigationScan
         Of the files, in order.
     decoded : Decoded
-        Their ``MESSAGE_DTYPE`` records.
+        Their records of RTKLIB's ``Message``.
     start_gps_s : float
 
     Returns

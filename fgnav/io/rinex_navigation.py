@@ -145,7 +145,14 @@ def _klobuchar(header: Header, text: Bytes) -> NDArray[np.float64]:
     if start >= 0:
         lines = body[start:].splitlines()[1:4]
         fields = [line[4 + 19 * k : 23 + 19 * k] for line in lines for k in range(4)]
-        model[:] = [float(field.replace("D", "E")) for field in fields[1:9]]
+        try:
+            model[:] = [float(field.replace("D", "E")) for field in fields[1:9]]
+        except ValueError as error:
+            number = header.lines + body[:start].count("\n") + 1
+            raise BadInputError(
+                f"{header.path}: line {number}: ION record must hold eight numbers, "
+                f"got {' '.join(lines)[:60]!r}"
+            ) from error
     return model
 
 

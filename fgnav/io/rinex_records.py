@@ -14,7 +14,7 @@ from fgnav.io.rinex_scan import KNOWN_SATELLITES, Scan
 from fgnav.io.signal_choice import SignalChoice
 from fgnav.observations import LOST_LOCK, Observations
 
-_ONE_SIGNAL = "RTKLIB keeps one signal of each carrier"
+_ONE_SIGNAL = "RTKLIB keeps one signal each of L1/E1/B1I, L2/E5b/B2 and L5/E5a/B2a"
 
 
 def to_observations(
@@ -33,7 +33,7 @@ def to_observations(
     scan : Scan
     choice : SignalChoice
         The signal of each slot; empty for RINEX 2, where each record names its own.
-    records : ndarray of ``RECORD_DTYPE``, shape (k,)
+    records : ndarray of RTKLIB's ``Record``, shape (k,)
     decoded : Decoded
         The names of RTKLIB's numbers.
     start_gps_s : float
@@ -98,8 +98,8 @@ def _compare_counts(header: Header, scan: Scan, letters: IntArray, sat: IntArray
 
 def _time_shift(header: Header, scan: Scan, records: NDArray[Any], epoch: IntArray) -> int:
     """Return what to add to the file's epochs for GPS time; raise if RTKLIB read other epochs."""
-    read = (records["time"] - UNIX_OF_GPS_S) * TICKS_PER_S
-    read += np.round(records["second"] * TICKS_PER_S).astype(np.int64)
+    read = (records["time"]["time"] - UNIX_OF_GPS_S) * TICKS_PER_S
+    read += np.round(records["time"]["sec"] * TICKS_PER_S).astype(np.int64)
     shift = read - scan.ticks[epoch]
     whole = int(shift[0]) if len(shift) else 0
     leap_seconds = header.time_system == "GLO" and whole % TICKS_PER_S == 0

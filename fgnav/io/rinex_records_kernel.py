@@ -19,7 +19,7 @@ def count_records(
 
     Parameters
     ----------
-    records : ndarray of ``RECORD_DTYPE``, (k,)
+    records : ndarray of RTKLIB's ``Record``, (k,)
     signals : ndarray, (satellites, 3)
         RTKLIB's code of each satellite's slots; 0 where nothing was chosen, 255 where the record
         tells.

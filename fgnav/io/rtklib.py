@@ -1,7 +1,8 @@
 """RTKLIB's RINEX reader, run as a program of its own: ``python -m fgnav.io.rtklib < jobs.json``.
 
 The C code never complains and may crash or hang on damaged files, so it lives in a child process
-(see ``fgnav.io.decoder``) and hands plain arrays back through .npy files.
+(see ``fgnav.io.decoder``), which writes its arrays to files as they lie in memory. It imports no
+numpy: that would take longer than reading 7 MB.
 
 pyrtklib5 (RTKLIB demo5/EX 2.5.0) was chosen over pyrtklib (2.4.3 b34) by measurement: both decode
 the same number of records of observation files and of RINEX 2 and 3 navigation files; pyrtklib5
@@ -23,30 +24,70 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-# Memory layout of obsd_t and eph_t in RTKLIB EX 2.5.0 with three frequencies, as far as it is used.
-RECORD_DTYPE = np.dtype(
-    {
-        "names": ["time", "second", "sat", "LLI", "code", "L", "P", "D", "SNR"],
-        "formats": ["i8", "f8", "u1", "3u1", "3u1", "3f8", "3f8", "3f4", "3f4"],
-        "offsets": [0, 8, 16, 19, 22, 32, 56, 80, 92],
-        "itemsize": 152,
-    }
-)
-_INTEGERS = ["sat", "iode", "iodc", "sva", "svh", "week", "code", "flag"]
-_TIMES = ["toe", "toc", "ttr"]
-_REALS = ["A", "e", "i0", "OMG0", "omg", "M0", "deln", "OMGd", "idot", "crc", "crs"]
-_REALS += ["cuc", "cus", "cic", "cis", "toes", "fit", "f0", "f1", "f2"]
-MESSAGE_DTYPE = np.dtype(
-    [(name, "i4") for name in _INTEGERS]
-    + [(name, [("time", "i8"), ("sec", "f8")]) for name in _TIMES]
-    + [(name, "f8") for name in _REALS]
-    + [("tgd", "f8", (6,)), ("Adot", "f8"), ("ndot", "f8")]
-)
 _NAV_BYTES = 1 << 24  # more than any nav_t; only the head is looked at
 _EPH_POINTER = 56  # offset of nav_t.eph, after fourteen counters
+
+
+class Moment(ctypes.Structure):
+    """RTKLIB's ``gtime_t``."""
+
+    _fields_ = (("time", ctypes.c_longlong), ("sec", ctypes.c_double))
+
+
+class Record(ctypes.Structure):
+    """RTKLIB's ``obsd_t`` with three frequencies: one satellite at one epoch."""
+
+    _fields_ = (
+        ("time", Moment),
+        ("sat", ctypes.c_uint8),
+        ("rcv", ctypes.c_uint8),
+        ("freq", ctypes.c_uint8),
+        ("LLI", ctypes.c_uint8 * 3),
+        ("code", ctypes.c_uint8 * 3),
+        ("L", ctypes.c_double * 3),
+        ("P", ctypes.c_double * 3),
+        ("D", ctypes.c_float * 3),
+        ("SNR", ctypes.c_float * 3),
+        ("Lstd", ctypes.c_float * 3),
+        ("Pstd", ctypes.c_float * 3),
+        ("timevalid", ctypes.c_int),
+        ("eventime", Moment),
+    )
+
+
+_INTEGERS = ("sat", "iode", "iodc", "sva", "svh", "week", "code", "flag")
+_MOMENTS = ("toe", "toc", "ttr")
+_REALS = ("A", "e", "i0", "OMG0", "omg", "M0", "deln", "OMGd", "idot", "crc", "crs", "cuc", "cus")
+_REALS_TOO = ("cic", "cis", "toes", "fit", "f0", "f1", "f2")
+
+
+class Message(ctypes.Structure):
+    """RTKLIB's ``eph_t``: one broadcast message."""
+
+    _fields_ = (
+        *((name, ctypes.c_int) for name in _INTEGERS),
+        *((name, Moment) for name in _MOMENTS),
+        *((name, ctypes.c_double) for name in (*_REALS, *_REALS_TOO)),
+        ("tgd", ctypes.c_double * 6),
+        ("Adot", ctypes.c_double),
+        ("ndot", ctypes.c_double),
+    )
+
+
+class _Obs(ctypes.Structure):
+    """RTKLIB's ``obs_t``."""
+
+    _fields_ = (
+        ("n", ctypes.c_int),
+        ("nmax", ctypes.c_int),
+        ("flag", ctypes.c_int),
+        ("rcvcount", ctypes.c_int),
+        ("tmcount", ctypes.c_int),
+        ("data", ctypes.c_void_p),
+    )
+
+
+STRUCTURES: dict[str, type[ctypes.Structure]] = {"observations": Record, "navigation": Message}
 
 _SAMPLE_HEADER = """\
      3.04           OBSERVATION DATA    M                   RINEX VERSION / TYPE
@@ -60,27 +101,8 @@ _SAMPLE_MESSAGE = """\
 """
 
 
-class _Obs(ctypes.Structure):
-    _fields_ = (
-        ("n", ctypes.c_int),
-        ("nmax", ctypes.c_int),
-        ("flag", ctypes.c_int),
-        ("rcvcount", ctypes.c_int),
-        ("tmcount", ctypes.c_int),
-        ("data", ctypes.c_void_p),
-    )
-
-
-def _view(address: int | None, count: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return the C array at an address as a structured array, without a copy."""
-    if not count or not address:
-        return np.empty(0, dtype)
-    memory = (ctypes.c_char * (count * dtype.itemsize)).from_address(address)
-    return np.frombuffer(memoryview(memory).cast("B"), dtype)
-
-
-def read(library: ctypes.CDLL, kind: str, path: str, options: str) -> NDArray[Any]:
-    """Return the records of a file, as the C code keeps them.
+def read(library: ctypes.CDLL, kind: str, path: str, options: str) -> ctypes.Array[Any]:
+    """Return the records of a file in place, as the C code keeps them.
 
     Parameters
     ----------
@@ -92,17 +114,22 @@ def read(library: ctypes.CDLL, kind: str, path: str, options: str) -> NDArray[An
 
     Returns
     -------
-    ndarray of ``RECORD_DTYPE`` or ``MESSAGE_DTYPE``
+    ctypes array of Record or Message
     """
+    address: int | None
     if kind == "observations":
         obs = _Obs()
         library.readrnx(path.encode(), 1, options.encode(), ctypes.byref(obs), None, None)
-        return _view(obs.data, obs.n, RECORD_DTYPE)
-    nav = ctypes.create_string_buffer(_NAV_BYTES)
-    library.readrnx(path.encode(), 1, options.encode(), None, nav, None)
-    count = ctypes.c_int.from_buffer(nav).value
-    address = ctypes.c_void_p.from_buffer(nav, _EPH_POINTER).value
-    return _view(address, count, MESSAGE_DTYPE)
+        count, address = obs.n, obs.data
+    else:
+        nav = ctypes.create_string_buffer(_NAV_BYTES)
+        library.readrnx(path.encode(), 1, options.encode(), None, nav, None)
+        count = ctypes.c_int.from_buffer(nav).value
+        address = ctypes.c_void_p.from_buffer(nav, _EPH_POINTER).value
+    if not count or not address:
+        return (STRUCTURES[kind] * 0)()
+    records: ctypes.Array[Any] = (STRUCTURES[kind] * count).from_address(address)
+    return records
 
 
 def _samples() -> tuple[str, str]:
@@ -116,9 +143,19 @@ def _samples() -> tuple[str, str]:
 
 
 def differing_fields(binding: ModuleType, library: ctypes.CDLL, folder: str) -> list[str]:
-    """Return the fields where the view of the memory and the binding disagree."""
+    """Return the fields where the view of the memory and the binding disagree.
+
+    Parameters
+    ----------
+    binding : module
+        ``pyrtklib5.pyrtklib5``, whose objects know the layout.
+    library : ctypes.CDLL
+        The same file.
+    folder : str
+        Where small files may be written.
+    """
     wrong = []
-    for kind, text in zip(("observations", "navigation"), _samples(), strict=True):
+    for kind, text in zip(STRUCTURES, _samples(), strict=True):
         path = Path(folder) / kind
         path.write_text(text, encoding="ascii")
         obs, nav, station = binding.obs_t(), binding.nav_t(), binding.sta_t()
@@ -127,23 +164,20 @@ def differing_fields(binding: ModuleType, library: ctypes.CDLL, folder: str) -> 
         seen = read(library, kind, str(path), "")
         if len(seen) != count or not count:
             return [f"{kind}: number of records"]
-        last = bound[count - 1]
-        for name in seen.dtype.names or ():
-            value = seen[name][-1]
-            if name in ("time", "second"):
-                same = value == getattr(last.time, {"time": "time", "second": "sec"}[name])
-            elif name in _TIMES:
-                field = getattr(last, name)
-                same = tuple(value.tolist()) == (field.time, field.sec)
-            elif np.ndim(value):
-                same = value.tolist() == [getattr(last, name)[k] for k in range(len(value))]
+        last, known = seen[count - 1], bound[count - 1]
+        for name, *_ in STRUCTURES[kind]._fields_:
+            mine, theirs = getattr(last, name), getattr(known, name)
+            if isinstance(mine, Moment):
+                same = (mine.time, mine.sec) == (theirs.time, theirs.sec)
+            elif isinstance(mine, ctypes.Array):
+                same = list(mine) == [theirs[k] for k in range(len(mine))]
             else:
-                same = value == getattr(last, name)
+                same = mine == theirs
             wrong += [] if same else [f"{kind}: {name}"]
     return wrong
 
 
-def _names(binding: ModuleType, library: ctypes.CDLL) -> tuple[NDArray[np.str_], NDArray[np.str_]]:
+def _names(binding: ModuleType, library: ctypes.CDLL) -> dict[str, list[str]]:
     """Return RINEX names by RTKLIB's satellite numbers, and signals by its code numbers."""
     text = ctypes.create_string_buffer(16)
     satellites = [""]
@@ -152,14 +186,14 @@ def _names(binding: ModuleType, library: ctypes.CDLL) -> tuple[NDArray[np.str_],
         satellites.append(text.value.decode())
     library.code2obs.restype = ctypes.c_char_p
     signals = [library.code2obs(ctypes.c_uint8(k)).decode() for k in range(binding.MAXCODE + 1)]
-    return np.array(satellites, "U3"), np.array(signals, "U2")
+    return {"satellites": satellites, "signals": signals}
 
 
 def main() -> None:
     """Decode the files that a list of jobs on standard input names.
 
-    The list is JSON, ``{names, jobs: [{kind, path, options, out}]}``. Each array is written to
-    ``out`` (.npy) when it is whole, the names of satellites and signals to ``names`` (.npz).
+    The list is JSON, ``{names, jobs: [{kind, path, options, out}]}``. The records of each file are
+    written to ``out`` when they are whole, the names of satellites and signals to ``names`` (JSON).
     """
     import pyrtklib5.pyrtklib5 as binding  # noqa: PLC0415  # only this process may load it
 
@@ -168,13 +202,12 @@ def main() -> None:
         wrong = differing_fields(binding, library, folder)
     if wrong:
         sys.exit(f"pyrtklib5 has another memory layout than expected: {', '.join(wrong)}")
-    satellites, signals = _names(binding, library)
     work = json.load(sys.stdin)
-    np.savez(work["names"], satellites=satellites, signals=signals)
+    Path(work["names"]).write_text(json.dumps(_names(binding, library)), encoding="utf-8")
     for job in work["jobs"]:
         records = read(library, job["kind"], job["path"], job["options"])
-        part = Path(job["out"] + ".part.npy")
-        np.save(part, records, allow_pickle=False)
+        part = Path(job["out"] + ".part")
+        part.write_bytes(memoryview(records).cast("B") if len(records) else b"")
         part.rename(job["out"])
 
 

@@ -10,15 +10,15 @@ from dataclasses import dataclass
 
 from fgnav.io.rinex_header import Header
 
-# By constellation and RTKLIB's slot: bands that share the slot, best first.
+# By constellation: the band of each of RTKLIB's slots.
 _SLOTS = {
-    "G": (("1",), ("2",), ("5",)),
-    "E": (("1",), ("7",), ("5",)),
-    "C": (("2", "1"), ("7",), ("5",)),
-    "J": (("1",), ("2",), ("5",)),
+    "G": ("1", "2", "5"),
+    "E": ("1", "7", "5"),
+    "C": ("2", "7", "5"),  # B1C has no slot of these three in pyrtklib5
+    "J": ("1", "2", "5"),
 }
 # Attributes by band, best first (tracking modes of RINEX 3.05, tables 4 to 9).
-_ATTRIBUTES = {
+ATTRIBUTES = {
     "G1": "CWPYSLXMN",
     "G2": "WLXSPYCDMN",
     "G5": "QXI",
@@ -26,7 +26,6 @@ _ATTRIBUTES = {
     "E7": "QXI",
     "E5": "QXI",
     "C2": "IXQ",
-    "C1": "PXDSLZ",
     "C7": "IZDPXQ",
     "C5": "PXD",
     "J1": "CXLSZEB",
@@ -38,7 +37,7 @@ _ATTRIBUTES = {
 _SAME_SIGNAL = {
     "G": ("1PWY", "1SLX", "2PWY", "2SLX", "5IQX"),
     "E": ("1BCX", "5IQX", "7IQX"),
-    "C": ("2IQX", "1DPX", "5DPX", "7IQX", "7DPZ"),
+    "C": ("2IQX", "5DPX", "7IQX", "7DPZ"),
     "J": ("1SLX", "2SLX", "5IQX"),
 }
 
@@ -88,7 +87,7 @@ def choose_signals(headers: Sequence[Header]) -> list[SignalChoice]:
         for constellation, slots in _SLOTS.items():
             own = _offer(header.types.get(constellation, ()))
             first, second, third = (
-                _best(constellation, bands, own, offers[constellation]) for bands in slots
+                _best(constellation, band, own, offers[constellation]) for band in slots
             )
             kept[constellation] = (first, second, third)
         choices.append(SignalChoice(kept=kept))
@@ -101,20 +100,16 @@ def _offer(types: Sequence[str]) -> dict[str, int]:
 
 
 def _best(
-    constellation: str, bands: Sequence[str], own: dict[str, int], all_offers: list[dict[str, int]]
+    constellation: str, band: str, own: dict[str, int], all_offers: list[dict[str, int]]
 ) -> str | None:
-    """Return the signal of a slot: code and phase first, then shared by most, then by rank."""
+    """Return the signal of a band: code and phase first, then shared by most, then by rank."""
+    attributes = ATTRIBUTES[constellation + band]
 
-    def worth(signal: str) -> tuple[int, int, int, int, int]:
+    def worth(signal: str) -> tuple[int, int, int, int]:
         family = same_signal(constellation, signal)
         akin = sum(any(same_signal(constellation, s) == family for s in o) for o in all_offers)
         shared = sum(offer.get(signal, 0) for offer in all_offers)
-        rank = _ATTRIBUTES[constellation + signal[0]].index(signal[1])
-        return own[signal], akin, shared, -bands.index(signal[0]), -rank
+        return own[signal], akin, shared, -attributes.index(signal[1])
 
-    candidates = [
-        signal
-        for signal in own
-        if signal[0] in bands and signal[1] in _ATTRIBUTES[constellation + signal[0]]
-    ]
+    candidates = [signal for signal in own if signal[0] == band and signal[1] in attributes]
     return max(candidates, key=worth, default=None)

@@ -15,11 +15,12 @@ def line(content: str, label: str) -> str:
     return f"{content:<60s}{label}\n"
 
 
-def head_3(version: str = "3.04", system: str = "GPS", extra: str = "") -> str:
+def head_3(
+    version: str = "3.04", system: str = "GPS", extra: str = "", types: dict[str, str] = TYPES
+) -> str:
     lines = [line(f"{version:>9s}{'':11s}{'OBSERVATION DATA':20s}M", "RINEX VERSION / TYPE")]
-    for letter, names in TYPES.items():
-        types = names.split()
-        content = f"{letter}  {len(types):3d} " + " ".join(types)
+    for letter, names in types.items():
+        content = f"{letter}  {len(names.split()):3d} {names}"
         lines.append(line(content, "SYS / # / OBS TYPES"))
     first = f"  2020     6    25     0     0    0.0000000     {system}"
     lines.append(line(first, "TIME OF FIRST OBS"))

@@ -4,7 +4,6 @@ import ctypes
 import sys
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
@@ -65,22 +64,35 @@ def test_decoder_takes_one_list_only(tmp_path, jobs):
             decoder.decode(jobs)
 
 
+def stand_in(structure):
+    """Return a record as the binding would show it: moments of 1 s, arrays of 7, zeros."""
+    record = SimpleNamespace()
+    for name, kind in structure._fields_:
+        value = [7] * 6 if issubclass(kind, ctypes.Array) else 0
+        setattr(record, name, SimpleNamespace(time=1, sec=0.0) if kind is rtklib.Moment else value)
+    return record
+
+
 def another_binding():
     """Return a stand-in for the binding, whose records differ from the memory that is viewed."""
-    moment = SimpleNamespace(time=1, sec=0.5)
-    lists = {name: [7, 7, 7] for name in ("P", "L", "D", "SNR", "LLI", "code")}
-    record = SimpleNamespace(time=moment, sat=0, **lists)
-    table = SimpleNamespace(n=2, data=[record] * 2, eph=[record] * 2)
+    data, eph = stand_in(rtklib.Record), stand_in(rtklib.Message)
+    table = SimpleNamespace(n=2, data=[data] * 2, eph=[eph] * 2)
     return SimpleNamespace(
         obs_t=lambda: table, nav_t=lambda: table, sta_t=lambda: None, readrnx=lambda *_: 1
     )
 
 
 def test_another_memory_layout_is_noticed(tmp_path, monkeypatch):
-    monkeypatch.setattr(rtklib, "read", lambda *_: np.zeros(2, rtklib.RECORD_DTYPE))
-    wrong = rtklib.differing_fields(another_binding(), ctypes.CDLL(None), str(tmp_path))
-    assert wrong[:2] == ["observations: time", "observations: second"]
+    library = ctypes.CDLL(None)
+
+    def zeros(count):
+        return lambda _, kind, *__: (rtklib.STRUCTURES[kind] * count)()
+
+    monkeypatch.setattr(rtklib, "read", zeros(2))
+    wrong = rtklib.differing_fields(another_binding(), library, str(tmp_path))
+    assert wrong[:2] == ["observations: time", "observations: LLI"]
+    assert wrong[-1] == "navigation: tgd"
     assert "observations: sat" not in wrong
-    monkeypatch.setattr(rtklib, "read", lambda *_: np.zeros(1, rtklib.RECORD_DTYPE))
-    wrong = rtklib.differing_fields(another_binding(), ctypes.CDLL(None), str(tmp_path))
+    monkeypatch.setattr(rtklib, "read", zeros(1))
+    wrong = rtklib.differing_fields(another_binding(), library, str(tmp_path))
     assert wrong == ["observations: number of records"]

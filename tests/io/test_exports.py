@@ -6,6 +6,7 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.earth import Origin
 from fgnav.estimate import Estimate
+from fgnav.io.columns import EULER, PLACE, VELOCITY
 from fgnav.io.exports import EULER_SIGMA, write_estimate
 from fgnav.io.local_frame import attitude_to_n, place_to_n, velocity_to_n
 from fgnav.rotations import exp, from_euler, to_euler
@@ -49,12 +50,7 @@ def test_exported_estimate_leads_back_to_the_estimate(tmp_path):
     np.testing.assert_allclose(v, want.v_n_mps, rtol=0, atol=1e-9)
     R_nb = attitude_to_n(ORIGIN, p_n_m, columns(got, "roll_deg", "pitch_deg", "yaw_deg"))
     np.testing.assert_allclose(R_nb, want.R_nb, rtol=0, atol=1e-12)
-    assert (
-        list(got)[:10]
-        == (
-            "t_s latitude_deg longitude_deg height_m vn_mps ve_mps vd_mps roll_deg pitch_deg yaw_deg"
-        ).split()
-    )
+    assert list(got)[:10] == ["t_s", *PLACE, *VELOCITY, *EULER]
 
 
 def test_sigma_of_position_keeps_the_total_variance(tmp_path):
@@ -101,5 +97,5 @@ def test_file_is_replaced_whole_and_nothing_else_is_left(tmp_path, monkeypatch):
 
 
 def test_place_that_cannot_be_written_is_named(tmp_path):
-    with pytest.raises(BadInputError, match="e.csv: cannot be written, No such file"):
+    with pytest.raises(BadInputError, match=r"e.csv: cannot be written, No such file"):
         write_estimate(estimate(np.random.default_rng(1)), ORIGIN, tmp_path / "none" / "e.csv")

@@ -7,7 +7,9 @@ import pytest
 from hatanaka import crx2rnx, rnx2crx
 
 from fgnav.checks import BadInputError
+from fgnav.io.decoder import Decoded
 from fgnav.io.rinex import read_observations, read_receivers
+from fgnav.io.signal_choice import ATTRIBUTES
 from fgnav.observations import HALF_CYCLE, LOST_LOCK
 from tests.io.rinex_texts import (
     SATELLITES,
@@ -169,6 +171,77 @@ def test_no_receiver_gives_nothing():
 def test_file_names_that_rtklib_would_expand_or_unpack_are_read(tmp_path):
     for name in ("a*b.rnx", "with blank.20o", "x.zip", "n.Z"):
         assert len(read(tmp_path, observation_3(), name=name).t_s) == 4
+
+
+def test_every_signal_that_can_be_chosen_is_decoded(tmp_path):
+    signals = [
+        (bands[0], bands[1] + attribute)
+        for bands, attributes in ATTRIBUTES.items()
+        for attribute in attributes
+    ]
+    paths = []
+    for letter, signal in signals:
+        types = " ".join(c + signal for c in "CLDS")
+        text = head_3(types={letter: types})
+        for k in range(2):
+            fields = "".join(f"{2e7 + 100 * k + c:14.3f}  " for c in (1, 2)) + f"{9.5:14.3f}  " * 2
+            text += f"> 2020 06 25 00 00 {k:2d}.0000000  0  1\n{letter}02{fields}".rstrip() + "\n"
+        paths.append(tmp_path / f"{letter}{signal}.rnx")
+        paths[-1].write_text(text)
+    for (letter, signal), got in zip(signals, read_receivers(paths, START_GPS_S), strict=True):
+        assert (got.satellites, got.signals) == ((f"{letter}02",), (signal,))
+        assert got.phase_cycles.tolist() == [[[2e7 + 2]], [[2e7 + 102]]]
+
+
+def test_satellite_unknown_to_rtklib_is_a_counted_loss(tmp_path):
+    got = read(tmp_path, observation_3().replace("C11", "C59"))
+    assert "C59" not in got.satellites
+    assert ("C59 observation", 4) in [(loss.what, loss.count) for loss in got.losses]
+
+
+def altered(monkeypatch, change):
+    """Let the decoder hand back records that ``change`` altered."""
+    right = Decoded.records
+
+    def wrong(self, job):
+        records = right(self, job).copy()
+        return change(records)
+
+    monkeypatch.setattr(Decoded, "records", wrong)
+
+
+def without_beidou(records):
+    return records[records["sat"] != records["sat"].max()]
+
+
+def later(records):
+    records["time"]["sec"] += 0.5
+    records["time"]["sec"][-1] += 1e-3
+    return records
+
+
+def another_value(records):
+    records["L"][0, 0] += 0.001
+    return records
+
+
+@pytest.mark.parametrize(
+    ("change", "text", "rule"),
+    [
+        (
+            without_beidou,
+            observation_3(),
+            "RTKLIB decoded 0 C observations, the file holds 4",
+        ),
+        (later, observation_3(), "RTKLIB decoded other epochs than the file holds; please report"),
+        (another_value, observation_3(), "RTKLIB decoded other G 1C values than the file holds"),
+        (another_value, observation_2(), "RTKLIB decoded other L1 values than the file holds"),
+    ],
+)
+def test_whatever_rtklib_decodes_differently_is_an_error(tmp_path, monkeypatch, change, text, rule):
+    altered(monkeypatch, change)
+    with pytest.raises(BadInputError, match=rule):
+        read(tmp_path, text)
 
 
 def test_missing_file_is_named(tmp_path):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
+from fgnav.io.decoder import Decoded
 from fgnav.io.rinex import read_navigation
 from tests.io.rinex_texts import line, message, navigation_head
 
@@ -125,6 +126,19 @@ def test_rinex_4_record_of_a_type_that_rtklib_would_misread_is_counted(tmp_path)
 def test_faults_are_named_with_line_rule_and_value(tmp_path, text, rule):
     with pytest.raises(BadInputError, match=rule):
         read(tmp_path, text)
+
+
+def test_decoder_that_loses_a_message_is_noticed(tmp_path, monkeypatch):
+    right = Decoded.records
+    monkeypatch.setattr(Decoded, "records", lambda self, job: right(self, job)[1:])
+    with pytest.raises(BadInputError, match=r"RTKLIB decoded 1 messages, the file holds 2.*report"):
+        read(tmp_path, GOOD)
+
+
+def test_broken_ionosphere_record_is_named(tmp_path):
+    text = navigation_head("4.00") + "> EPH G05 LNAV\n" + message()
+    with pytest.raises(BadInputError, match=r"line 12: ION record must hold eight numbers"):
+        read(tmp_path, text + "> ION G05 LNAV\n    2020 06 25 00 00 00 oops\n")
 
 
 def test_only_impossible_orbits_are_no_orbits(tmp_path):

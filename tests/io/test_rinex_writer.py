@@ -105,12 +105,12 @@ def test_truncated_file_of_ours_is_noticed_at_any_epoch(tmp_path):
 
 
 def test_values_too_wide_are_refused(tmp_path):
-    with pytest.raises(BadInputError, match="values must be within 999999999.999"):
+    with pytest.raises(BadInputError, match=r"values must be within 999999999.999"):
         write(tmp_path, single(2e7, -1e9))
 
 
 def test_unknown_version_and_constellation_are_refused(tmp_path):
-    with pytest.raises(BadInputError, match="RINEX version: must be 3.04 or 4.00, got '2.11'"):
+    with pytest.raises(BadInputError, match=r"RINEX version: must be 3.04 or 4.00, got '2.11'"):
         write(tmp_path, single(1.0), version="2.11")
     with pytest.raises(BadInputError, match="satellite must be of C, E, G, J, got R01"):
         write(tmp_path, replace(single(1.0), satellites=("R01",)))
@@ -138,7 +138,7 @@ def test_real_messages_survive_being_written(tmp_path, shared):
 def test_clock_time_between_seconds_is_refused(tmp_path):
     records = broadcast().records.copy()
     records["toc_s"] += 0.5
-    with pytest.raises(BadInputError, match="time of clock must be a whole second, got .*.500000"):
+    with pytest.raises(BadInputError, match=r"time of clock must be a whole second, got .*.500000"):
         write_navigation(
             tmp_path / "n.rnx", replace(broadcast(), records=records), start_gps_s=START_GPS_S
         )

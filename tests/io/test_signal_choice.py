@@ -34,11 +34,11 @@ def test_signal_with_phase_goes_before_one_with_code_only():
 
 
 def test_signal_that_all_receivers_share_goes_first():
-    first = header(G="C1C L1C C1W L1W", C="C2I L2I C1P L1P")
-    second = header(G="C1W L1W", C="C1P L1P")
+    first = header(G="C1C L1C C1W L1W", C="C7I L7I C7Z L7Z")
+    second = header(G="C1W L1W", C="C7Z L7Z")
     kept = [choice.kept for choice in choose_signals([first, second])]
     assert [k["G"][0] for k in kept] == ["1W", "1W"]
-    assert [k["C"][0] for k in kept] == ["1P", "1P"]
+    assert [k["C"][1] for k in kept] == ["7Z", "7Z"]
 
 
 def test_pilot_and_combined_tracking_are_the_same_signal():
