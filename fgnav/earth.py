@@ -89,7 +89,8 @@ class Origin:
     @property
     def R_ne(self) -> FloatArray:
         """Rotation from ECEF to the local frame, (3, 3)."""
-        return ned_axes(np.array([self.latitude_rad]), np.array([self.longitude_rad]))[0]
+        place = np.array([[self.latitude_rad], [self.longitude_rad]])
+        return np.asarray(ned_axes(*place)[0])
 
     def to_n(self, p_e_m: FloatArray) -> FloatArray:
         """Return (n, 3) local positions of ECEF positions."""

@@ -19,10 +19,10 @@ class DoubleDifferences:
         code_m  =  -(e_j - e_r) . (R_nb l_i)                            + noise
         phase_m =  -(e_j - e_r) . (R_nb l_i)  +  wavelength_m N_ij      + noise
 
-    with ``l_i`` in ``baselines_b_m``, ``e_j`` in ``e_n`` and ``r`` the reference channel of j's group.
-    The link of the reference channel itself is exactly 0 wherever the antenna tracks it; every other
-    value is NaN where a link is missing. Noise of undifferenced links is independent, with variance
-    per channel and epoch; that of the differences follows (``covariance`` writes it out).
+    with ``l_i`` in ``baselines_b_m``, ``e_j`` in ``e_n`` and ``r`` the reference channel of j's
+    group. The link of the reference channel itself is exactly 0 wherever the antenna tracks it;
+    every other value is NaN where a link is missing. Noise of undifferenced links is independent,
+    with variance per channel and epoch; that of the differences follows (``covariance``).
 
     Attributes
     ----------
@@ -100,12 +100,12 @@ class DoubleDifferences:
 
     @property
     def resolvable(self) -> BoolArray:
-        """Links that carry an unknown integer, (n, b, m): phase and code there, not the reference."""
+        """Links that carry an unknown integer, (n, b, m): phase and code, not the reference."""
         both = np.isfinite(self.phase_m) & np.isfinite(self.code_m)
         return both & ~self.is_reference[:, None, :]
 
     def array_m(self, R_nb: FloatArray) -> FloatArray:
-        """Return the modelled double differences without integers, (n, b, m), of attitudes (n, 3, 3)."""
+        """Return modelled double differences without integers, (n, b, m), of attitudes."""
         baselines_n_m = np.einsum("nij,bj->nbi", R_nb, self.baselines_b_m)
         ranges_m = -np.einsum("nbi,nmi->nbm", baselines_n_m, self.e_n)
         of_reference = self.reference[:, self.group].clip(0)

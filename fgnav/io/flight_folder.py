@@ -8,7 +8,7 @@ from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.earth import Origin
 from fgnav.flight import Antenna, Base, Fixes, Flight, GnssNoise, Imu, Seeker, Truth
 from fgnav.io import flight_toml, flight_writer
-from fgnav.io.antennas import merge, named_alike
+from fgnav.io.antennas import chosen, merge, named_alike
 from fgnav.io.columns import (
     CALIBRATION,
     CURRENTS,
@@ -139,6 +139,8 @@ def _observations(
     if not files:
         return None, None
     observations = merge(receivers[: len(files)], names)
+    if table.gnss.signals:
+        observations = chosen(observations, table.gnss.signals)
     if base is None:
         return observations, None
     position_e_m = np.array(base.position_e_m)

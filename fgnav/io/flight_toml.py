@@ -2,12 +2,9 @@
 
 import json
 import re
-import tomllib
 from collections.abc import Mapping
-from difflib import get_close_matches
 from pathlib import Path
-from types import UnionType
-from typing import Any, Union, get_args, get_origin
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -15,18 +12,16 @@ import numpy as np
 from fgnav.checks import BadInputError
 from fgnav.flight import ElevationWeights, GnssNoise
 from fgnav.io.gps_time import GPS_EPOCH
-from fgnav.io.rinex_text import read_bytes
+from fgnav.io.strict_toml import Table, Vector, as_table, read_toml
 
 FORMAT = "fgnav-flight/1"
 _START = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,9})?")
-_WHERE = re.compile(r"(.*?)(?: - at `\$\.?(.*)`)?", re.DOTALL)
 
 _NOISE = GnssNoise()
+_NOTHING: tuple[Any, ...] = (None, [], (), {})
 
-Vector = tuple[float, float, float]
 
-
-class Place(msgspec.Struct, frozen=True, kw_only=True):
+class Place(Table, frozen=True, kw_only=True):
     """WGS-84 coordinates."""
 
     latitude_deg: float
@@ -34,7 +29,7 @@ class Place(msgspec.Struct, frozen=True, kw_only=True):
     height_m: float
 
 
-class AntennaTable(msgspec.Struct, frozen=True, kw_only=True):
+class AntennaTable(Table, frozen=True, kw_only=True):
     """``[[antenna]]``."""
 
     name: str
@@ -42,18 +37,19 @@ class AntennaTable(msgspec.Struct, frozen=True, kw_only=True):
     observations: str | None = None
 
 
-class BaseTable(msgspec.Struct, frozen=True, kw_only=True):
+class BaseTable(Table, frozen=True, kw_only=True):
     """``base`` of ``[gnss]``."""
 
     observations: str
     position_e_m: Vector
 
 
-class GnssTable(msgspec.Struct, frozen=True, kw_only=True):
+class GnssTable(Table, frozen=True, kw_only=True):
     """``[gnss]``."""
 
-    navigation: list[str] = []
-    orbits: list[str] = []
+    navigation: tuple[str, ...] = ()
+    orbits: tuple[str, ...] = ()
+    signals: dict[str, tuple[str, ...]] = msgspec.field(default_factory=dict)
     elevation_mask_deg: float = 10.0
     code_noise_m: float = _NOISE.code_m
     phase_noise_m: float = _NOISE.phase_m
@@ -62,7 +58,7 @@ class GnssTable(msgspec.Struct, frozen=True, kw_only=True):
     base: BaseTable | None = None
 
 
-class ImuTable(msgspec.Struct, frozen=True, kw_only=True):
+class ImuTable(Table, frozen=True, kw_only=True):
     """``[imu]``."""
 
     samples: str
@@ -75,14 +71,14 @@ class ImuTable(msgspec.Struct, frozen=True, kw_only=True):
     gyroscope_bias_walk_radps_per_sqrt_s: float | None = None
 
 
-class FixesTable(msgspec.Struct, frozen=True, kw_only=True):
+class FixesTable(Table, frozen=True, kw_only=True):
     """``[fixes]``."""
 
     samples: str
     antenna: str
 
 
-class SeekerTable(msgspec.Struct, frozen=True, kw_only=True):
+class SeekerTable(Table, frozen=True, kw_only=True):
     """``[seeker]``."""
 
     samples: str
@@ -93,20 +89,20 @@ class SeekerTable(msgspec.Struct, frozen=True, kw_only=True):
     calibration: str
 
 
-class TruthTable(msgspec.Struct, frozen=True, kw_only=True):
+class TruthTable(Table, frozen=True, kw_only=True):
     """``[truth]``."""
 
     samples: str
 
 
-class FlightTable(msgspec.Struct, frozen=True, kw_only=True):
+class FlightTable(Table, frozen=True, kw_only=True):
     """The whole file."""
 
     format: str
     name: str
     start: str
     origin: Place
-    antenna: list[AntennaTable] = []
+    antenna: tuple[AntennaTable, ...] = ()
     gnss: GnssTable = GnssTable()
     imu: ImuTable | None = None
     fixes: FixesTable | None = None
@@ -130,72 +126,13 @@ def read_flight_toml(path: Path) -> FlightTable:
     BadInputError
         Naming file, key, rule and value; of an unknown key also the nearest known one.
     """
-    content = read_bytes(path)
-    try:
-        tables = tomllib.loads(content.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise BadInputError(f"{path}: must be TOML, {error}") from error
-    if not tables:
+    content = read_toml(path)
+    if not content:
         raise BadInputError(f"{path}: must describe a flight, the file is empty")
-    got = tables.get("format")
+    got = content.get("format")
     if got != FORMAT:
         raise BadInputError(f"{path}: key format: must be {FORMAT!r}, got {got!r}")
-    _check_keys(path, FlightTable, tables, "")
-    _check_finite(path, tables, "")
-    try:
-        return msgspec.convert(tables, FlightTable)
-    except msgspec.ValidationError as error:
-        match = _WHERE.fullmatch(str(error))
-        rule, where = match.groups() if match else (str(error), None)
-        raise BadInputError(f"{path}: key {where or 'top level'}: {_plain(rule)}") from error
-
-
-def _plain(rule: str) -> str:
-    """Return msgspec's sentence in our own manner of speaking."""
-    missing = re.fullmatch(r"Object missing required field `(.*)`", rule)
-    if missing:
-        return f"{missing.group(1)!r} is missing; add it"
-    return rule.replace("Expected ", "must be ").replace("`", "")
-
-
-def _check_keys(
-    path: Path, kind: type[msgspec.Struct], table: Mapping[str, Any], where: str
-) -> None:
-    """Raise on the first key that the structure does not know, and name the nearest."""
-    fields = {field.name: field.type for field in msgspec.structs.fields(kind)}
-    for key, value in table.items():
-        if key not in fields:
-            near = get_close_matches(key, fields, n=1, cutoff=0.0)[0]
-            raise BadInputError(
-                f"{path}: key {where}{key}: unknown; the nearest known key is {where}{near}"
-            )
-        inner = _structure(fields[key])
-        rows = value if isinstance(value, list) else [value]
-        for k, row in enumerate(rows):
-            if inner is not None and isinstance(row, dict):
-                index = f"[{k}]" if isinstance(value, list) else ""
-                _check_keys(path, inner, row, f"{where}{key}{index}.")
-
-
-def _structure(kind: Any) -> type[msgspec.Struct] | None:  # noqa: ANN401  # a type expression
-    """Return the structure in ``T``, ``T | None`` or ``list[T]``."""
-    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-        return kind
-    if get_origin(kind) in (list, Union, UnionType):
-        return next((s for s in map(_structure, get_args(kind)) if s is not None), None)
-    return None
-
-
-def _check_finite(path: Path, value: Any, where: str) -> None:  # noqa: ANN401  # any TOML value
-    """Raise on the first number that is nan or inf."""
-    if isinstance(value, float) and not np.isfinite(value):
-        raise BadInputError(f"{path}: key {where}: must be finite, got {value}")
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            _check_finite(path, inner, f"{where}.{key}" if where else key)
-    elif isinstance(value, list):
-        for k, inner in enumerate(value):
-            _check_finite(path, inner, f"{where}[{k}]")
+    return as_table(path, content, FlightTable)
 
 
 def gps_seconds(path: Path, start: str) -> float:
@@ -229,9 +166,9 @@ def gps_date(start_gps_s: float) -> str:
 def write_flight_toml(path: Path, table: FlightTable) -> None:
     """Write ``flight.toml``; keys at their default are left out."""
     lines: list[str] = []
-    plain = {k: v for k, v in msgspec.to_builtins(table).items() if v not in (None, [], {})}
+    plain = {k: v for k, v in msgspec.to_builtins(table).items() if v not in _NOTHING}
     tables = {k: v for k, v in plain.items() if isinstance(v, dict)}
-    lists = {k: v for k, v in plain.items() if isinstance(v, list)}
+    lists = {k: v for k, v in plain.items() if isinstance(v, list | tuple)}
     lines += [f"{k} = {_toml(v)}" for k, v in plain.items() if k not in tables and k not in lists]
     for key, rows in lists.items():
         for row in rows:
@@ -242,7 +179,8 @@ def write_flight_toml(path: Path, table: FlightTable) -> None:
 
 
 def _entries(table: Mapping[str, Any]) -> list[str]:
-    return [f"{key} = {_toml(value)}" for key, value in table.items() if value not in (None, [])]
+    said = {key: value for key, value in table.items() if value not in _NOTHING}
+    return [f"{key} = {_toml(value)}" for key, value in said.items()]
 
 
 def _toml(value: Any) -> str:  # noqa: ANN401  # any TOML value

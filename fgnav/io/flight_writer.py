@@ -16,6 +16,7 @@ from fgnav.io import columns, flight_toml
 from fgnav.io.local_frame import attitude_of_n, place_of_n, velocity_of_n
 from fgnav.io.rinex_writer import write_navigation, write_observations
 from fgnav.io.sp3_writer import write_precise
+from fgnav.io.strict_toml import Vector
 from fgnav.io.tables import write_table
 
 FILE_NAME = "flight.toml"
@@ -87,12 +88,12 @@ def _place_of_origin(origin: Origin) -> flight_toml.Place:
     )
 
 
-def _vector(value: FloatArray) -> flight_toml.Vector:
+def _vector(value: FloatArray) -> Vector:
     x, y, z = value.tolist()
     return x, y, z
 
 
-def _antennas(flight: Flight, folder: Path) -> list[flight_toml.AntennaTable]:
+def _antennas(flight: Flight, folder: Path) -> tuple[flight_toml.AntennaTable, ...]:
     """Write one RINEX file per antenna; return their tables."""
     tables = []
     for k, antenna in enumerate(flight.antennas):
@@ -116,7 +117,7 @@ def _antennas(flight: Flight, folder: Path) -> list[flight_toml.AntennaTable]:
                 name=antenna.name, position_b_m=position_b_m, observations=file_name
             )
         )
-    return tables
+    return tuple(tables)
 
 
 def _gnss(flight: Flight, folder: Path) -> flight_toml.GnssTable:
@@ -141,8 +142,8 @@ def _gnss(flight: Flight, folder: Path) -> flight_toml.GnssTable:
         )
     noise = flight.gnss_noise
     return flight_toml.GnssTable(
-        navigation=["broadcast.rnx"] if flight.broadcast is not None else [],
-        orbits=["precise.sp3"] if flight.precise is not None else [],
+        navigation=("broadcast.rnx",) if flight.broadcast is not None else (),
+        orbits=("precise.sp3",) if flight.precise is not None else (),
         elevation_mask_deg=float(np.degrees(flight.elevation_mask_rad)),
         code_noise_m=noise.code_m,
         phase_noise_m=noise.phase_m,

@@ -7,8 +7,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.earth import GravityModel, Origin
+from fgnav.io.strict_toml import Positive, Table, Vector
 from fgnav.rotations import from_euler, transpose
-from fgnav_sim.strict_toml import Positive, Table, Vector
 
 
 class Hold(Table, frozen=True, tag="hold", tag_field="kind"):

@@ -12,8 +12,8 @@ from msgspec import field
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.earth import GravityModel, Origin
 from fgnav.gnss.signals import CONSTELLATIONS, known
+from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector, as_table, read_toml
 from fgnav_sim.motion import Motion
-from fgnav_sim.strict_toml import NotNegative, Positive, Table, Vector, read_table
 
 # The source paper's array (its section 2.3.2): reference at the origin, two beside it, nose, tail,
 # three near the fins.
@@ -238,7 +238,7 @@ def load_scenario(path: Path) -> Scenario:
     BadInputError
         One line that names file, key, rule and value.
     """
-    scenario = read_table(path, Scenario)
+    scenario = as_table(path, read_toml(path), Scenario)
     changes: dict[str, object] = {}
     if not scenario.name:
         changes["name"] = path.stem

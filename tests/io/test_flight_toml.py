@@ -78,7 +78,7 @@ def test_tables_are_read_and_written_back(tmp_path):
         ),
         (
             GOOD.replace('"uniform"', '"cosine"'),
-            "key gnss.elevation_weights: Invalid enum value 'cosine'",
+            "key gnss.elevation_weights: invalid enum value 'cosine'",
         ),
         (
             GOOD.replace('"2020-06-25T00:00:00"', "2020-06-25T00:00:00"),

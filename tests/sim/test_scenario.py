@@ -73,19 +73,19 @@ def test_epochs_fill_the_duration_without_its_end():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("duraton_s = 5", r"duraton_s: unknown key; the nearest known one is 'duration_s'"),
-        ("duration_s = -5", r"duration_s: expected float > 0.0, got -5"),
-        ("duration_s = 1e9", r"duration_s: expected float <= 604800.0, got 1000000000.0"),
+        ("duraton_s = 5", r"duraton_s: unknown; the nearest known key is .*duration_s"),
+        ("duration_s = -5", r"duration_s: must be float > 0.0, got -5"),
+        ("duration_s = 1e9", r"duration_s: must be float <= 604800.0, got 1000000000.0"),
         ("duration_s = nan", r"duration_s: must be finite, got nan"),
-        ('duration_s = "x"', r"duration_s: expected float, got str, got 'x'"),
+        ('duration_s = "x"', r"duration_s: must be float, got str, got 'x'"),
         ('start = "1970-01-01T00:00:00"', r"start: must not lie before 1980-01-06T00:00:00"),
-        ('start = "2020-06-25T00:00:00Z"', r"start: expected datetime with no timezone"),
+        ('start = "2020-06-25T00:00:00Z"', r"start: must be datetime with no timezone"),
         ('gravity = "moon"', r"gravity: invalid enum value 'moon'"),
         ("antennas_b_m = []", r"antennas_b_m: must hold one antenna or more"),
         ("antennas_b_m = [[0, 0]]", r"antennas_b_m\[0\]: .*length 3"),
         ("antennas_b_m = [[0, 0, inf]]", r"antennas_b_m\[0\]\[2\]: must be finite, got inf"),
-        ("[origin]\nlatitude_deg = 91", r"origin.latitude_deg: expected float <= 90.0, got 91"),
-        ("[motion]\nrol = {}", r"motion.rol: unknown key; the nearest known one is 'roll'"),
+        ("[origin]\nlatitude_deg = 91", r"origin.latitude_deg: must be float <= 90.0, got 91"),
+        ("[motion]\nrol = {}", r"motion.rol: unknown; the nearest known key is .*roll"),
         (
             "[motion.roll]\nkind = 'sinus'",
             r"motion.roll.kind: must be one of hold, ramp, sine, rate, got 'sinus'",
@@ -93,42 +93,42 @@ def test_epochs_fill_the_duration_without_its_end():
         ("[motion.roll]\namplitude_deg = 3", r"motion.roll.kind: must be one of .*, got nothing"),
         (
             "[motion.roll]\nkind = 'sine'\namplitude = 3",
-            r"motion.roll.amplitude: unknown key; the nearest known one is 'amplitude_deg'",
+            r"motion.roll.amplitude: unknown; the nearest known key is .*amplitude_deg",
         ),
-        ("[motion.roll]\nkind = 'sine'", r"motion.roll: .*missing required field amplitude_deg"),
+        ("[motion.roll]\nkind = 'sine'", r"motion.roll: 'amplitude_deg' is missing"),
         (
             "[motion.path]\nkind = 'arc'\nradius_m = 0",
-            r"motion.path.radius_m: expected float > 0.0, got 0",
+            r"motion.path.radius_m: must be float > 0.0, got 0",
         ),
-        ("[gnss.signals]\nR = ['1C']", r"gnss: signals.R: the constellation must be one of G "),
-        ("[gnss]\nsignals = {}", r"gnss: signals: must name one constellation or more"),
-        ("[gnss.signals]\nG = []", r"gnss: signals.G: must name one signal or more, each once"),
-        ("[gnss.signals]\nG = ['L1']", r"gnss: signals.G: 'L1' is not a RINEX 3 signal"),
+        ("[gnss.signals]\nR = ['1C']", r"gnss.signals.R: the constellation must be one of G "),
+        ("[gnss]\nsignals = {}", r"gnss.signals: must name one constellation or more"),
+        ("[gnss.signals]\nG = []", r"gnss.signals.G: must name one signal or more, each once"),
+        ("[gnss.signals]\nG = ['L1']", r"gnss.signals.G: 'L1' is not a RINEX 3 signal"),
         ("[gnss]\nelevation_weights = 'cosine'", r"gnss.elevation_weights: invalid enum value"),
-        ("[gnss.clock]\noffset_s = 1", r"gnss.clock.offset_s: expected float <= 0.001, got 1"),
+        ("[gnss.clock]\noffset_s = 1", r"gnss.clock.offset_s: must be float <= 0.001, got 1"),
         ("[gnss]\nnavigation = ['none.rnx']", r"gnss.navigation: no such file, got '.*none.rnx'"),
         (
             "[imu]\ngyroscope_bias_radps = 1e-3",
-            r"imu: gyroscope_noise_radps_per_sqrt_hz: goes with the other gyroscope keys",
+            r"imu.gyroscope_noise_radps_per_sqrt_hz: goes with the other gyroscope keys",
         ),
-        ("[seeker]", r"seeker: .*missing required field landmark"),
+        ("[seeker]", r"seeker: 'landmark' is missing"),
         (
             "[seeker]\nlandmark = {}\nfield_of_view_deg = 30",
-            r"seeker: field_of_view_deg: the spot must stay on the detector, within 13.8",
+            r"seeker.field_of_view_deg: the spot must stay on the detector, within 13.8",
         ),
-        ("name = ", r"not a TOML file"),
+        ("name = ", r"must be TOML"),
     ],
 )
 def test_what_is_wrong_is_one_line_with_file_and_key(tmp_path, text, message):
-    with pytest.raises(BadInputError, match=rf"^\S*flight\.toml: {message}") as caught:
+    with pytest.raises(BadInputError, match=rf"^\S*flight\.toml: (key )?{message}") as caught:
         load(tmp_path, text)
     assert "\n" not in str(caught.value)
 
 
 def test_a_file_that_is_not_there_or_not_text_is_named(tmp_path):
-    with pytest.raises(BadInputError, match=r"nowhere\.toml: cannot be read: No such file"):
+    with pytest.raises(BadInputError, match=r"nowhere\.toml: no such file"):
         load_scenario(tmp_path / "nowhere.toml")
     binary = tmp_path / "binary.toml"
     binary.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(BadInputError, match=r"binary\.toml: not a TOML file"):
+    with pytest.raises(BadInputError, match=r"binary\.toml: must be TOML"):
         load_scenario(binary)
