@@ -4,8 +4,8 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
+from fgnav import plugins
 from fgnav.checks import BadInputError
-from fgnav.integers import registry
 from fgnav.integers.lambda_ import Lambda
 from fgnav.integers.registry import resolver_named, resolver_names
 from fgnav.integers.rounding import Rounding
@@ -23,7 +23,7 @@ def test_installed_resolver_is_found_by_its_entry_point(monkeypatch):
     entry = EntryPoint(
         name="mine", value="fgnav.integers.rounding:Rounding", group="fgnav.resolvers"
     )
-    monkeypatch.setattr(registry, "entry_points", lambda group: [entry] if group else [])
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry] if group else [])
     assert resolver_names() == ("rounding", "lambda", "truth", "mine")
     assert resolver_named("mine") == Rounding()
 

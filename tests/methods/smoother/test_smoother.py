@@ -164,3 +164,33 @@ def test_fixes_replace_code_where_there_are_no_pseudoranges():
     )
     with pytest.raises(NoSolutionError):
         Smoother()(alone)
+
+
+def of_two_antennas(flight):
+    """The same flight with its first antenna and the one a metre ahead of it."""
+    keep = [0, 3]
+    seen = flight.observations
+    per_antenna = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
+    observations = dataclasses.replace(
+        seen, **{name: getattr(seen, name)[:, keep] for name in per_antenna}
+    )
+    antennas = tuple(flight.antennas[k] for k in keep)
+    return dataclasses.replace(flight, observations=observations, antennas=antennas)
+
+
+def test_one_baseline_and_an_accelerometer_give_all_three_angles():
+    """What phase leaves open, roll, gravity tells through the accelerometer."""
+    flight = of_two_antennas(flown("demo", 30.0))
+    single = MaximumLikelihood(resolver=RIGHT)(flight)
+    assert single.unobservable == ("roll",)
+    estimate = Batch(resolver=RIGHT)(flight)
+    assert estimate.converged
+    assert (euler_rmse_deg(flight, estimate) < [0.5, 0.3, 0.2]).all()
+    assert nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 5
+
+
+def test_a_spin_that_one_baseline_cannot_follow_is_not_called_converged():
+    flight = of_two_antennas(flown("spin", 20.0))
+    estimate = Batch(resolver=RIGHT)(flight)
+    assert not estimate.converged
+    assert any("did not end at a minimum" in note for note in estimate.notes)
