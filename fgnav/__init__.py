@@ -24,7 +24,16 @@ where a docstring says so, and is an error everywhere else.
 """
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # what an editor and a type checker see
+    from fgnav import attitude, gnss, integers, methods
+    from fgnav.checks import BadInputError, FgnavError, NoSolutionError
+    from fgnav.estimate import Estimate
+    from fgnav.evaluation.comparison import Comparison, compare
+    from fgnav.flight import Flight
+    from fgnav.io.flight_folder import load_flight, save_flight
+    from fgnav.methods.smoother import Smoother
 
 __version__ = "0.1.0"
 
@@ -44,7 +53,23 @@ _FACE = {
 
 _PACKAGES = ("attitude", "gnss", "integers", "methods")
 
-__all__ = ["__version__", *_FACE, *_PACKAGES]
+__all__ = [
+    "BadInputError",
+    "Comparison",
+    "Estimate",
+    "FgnavError",
+    "Flight",
+    "NoSolutionError",
+    "Smoother",
+    "__version__",
+    "attitude",
+    "compare",
+    "gnss",
+    "integers",
+    "load_flight",
+    "methods",
+    "save_flight",
+]
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401

@@ -1,6 +1,9 @@
 """The integers of double-differenced carrier phase: resolvers and the searches behind them."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # what an editor and a type checker see
+    from fgnav.integers.ils import integer_least_squares
 
 __all__ = ["integer_least_squares"]
 
