@@ -161,6 +161,6 @@ def _success(rng: np.random.Generator, code_m: float) -> dict[str, object]:
     found = search_array(made.differences, joint=True)
     right = 100.0 * float((found.cycles == made.cycles).all(axis=(1, 2)).mean())
     row: dict[str, object] = {"name": f"affine_success_{code_m}m", "ours": right}
-    note = "epochs with all 35 integers right, phase 3 mm; peer: the prototype's published figure"
+    note = "epochs with all 35 integers right, phase 3 mm; peer: an independent prototype's figure"
     peer = PUBLISHED[code_m]
     return {**row, "peer": peer, "ratio": right / peer, "unit": "%", "note": note}

@@ -20,6 +20,8 @@ from fgnav.methods.smoother.keyframes import Keyframes
 # Keyframes leave in blocks: their marginals share work. One by one 37 times real time, in blocks of
 # a second 63 times (10 Hz, lag 5 s).
 _BLOCK_S = 1.0
+# They enter in groups: nobody asks for the newest before the lag has passed.
+_GROUP_S = 0.5
 _ROUNDING_S = 1e-6  # of GTSAM's comparison of times
 # A state is linearised anew when its estimate has moved further than this from where it was:
 # rotations err by half the square, 0.01 degree; what enters linearly may stay.
@@ -56,38 +58,49 @@ def _slide(keyframes: Keyframes, lag_s: float) -> Iterator[tuple[FloatArray | fl
     """Yield the state of each keyframe, in order, when it leaves."""
     t_s = keyframes.t_s
     window = gtsam.IncrementalFixedLagSmoother(lag_s + _BLOCK_S, _parameters())
-    oldest, slot = 0, keyframes.slot[0]
-    for k in range(len(t_s)):
-        if t_s[oldest] < t_s[k] - lag_s - _BLOCK_S + _ROUNDING_S:
-            leaves = int(np.searchsorted(t_s, t_s[k] - lag_s + _ROUNDING_S))
-            leaves = min(leaves, k)
-            yield from _take(window, range(oldest, leaves))
-            oldest = leaves
-        graph, start, times = gtsam.NonlinearFactorGraph(), gtsam.Values(), {}
-        state = gtsam.NavState(start_pose(keyframes, k), keyframes.v_n_mps[k])
-        if k == 0:
-            for factor in priors(keyframes):
-                graph.add(factor)
-            if keyframes.landmark_n_m is not None:
-                start.insert(L(0), keyframes.landmark_n_m)
-        else:
+    oldest, known = 0, 0
+    while known < len(t_s):
+        group = range(known, int(np.searchsorted(t_s, t_s[known] + _GROUP_S - _ROUNDING_S)))
+        if t_s[oldest] < t_s[group[-1]] - lag_s - _BLOCK_S + _ROUNDING_S:
+            leaves = int(np.searchsorted(t_s, t_s[group[-1]] - lag_s + _ROUNDING_S))
+            yield from _take(window, range(oldest, min(leaves, known)))
+            oldest = min(leaves, known)
+        _enter(window, keyframes, group)
+        known = group[-1] + 1
+    yield from _take(window, range(oldest, len(t_s)))
+
+
+def _enter(window: gtsam.IncrementalFixedLagSmoother, keyframes: Keyframes, group: range) -> None:
+    """Add some keyframes to the window, each started from the one before it."""
+    graph, start = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    times: dict[int, float] = {}
+    first = group[0]
+    if first == 0:
+        slot = keyframes.slot[0]
+        state = gtsam.NavState(start_pose(keyframes, 0), keyframes.v_n_mps[0])
+        for factor in priors(keyframes):
+            graph.add(factor)
+        if keyframes.landmark_n_m is not None:
+            start.insert(L(0), keyframes.landmark_n_m)
+    else:
+        slot = window.calculateEstimateConstantBias(B(first - 1)).vector()
+        state = gtsam.NavState(
+            window.calculateEstimatePose3(X(first - 1)),
+            window.calculateEstimateVector(V(first - 1)),
+        )
+    for k in group:
+        if k:
             factor = motion(keyframes, k - 1, slot)
             graph.add(factor)
-            before = gtsam.NavState(
-                window.calculateEstimatePose3(X(k - 1)), window.calculateEstimateVector(V(k - 1))
-            )
-            pim = factor.preintegratedMeasurements()
-            state = _expected(keyframes, k, pim.predict(before, as_bias(slot)))
+            predicted = factor.preintegratedMeasurements().predict(state, as_bias(slot))
+            state = _expected(keyframes, k, predicted)
         for factor in measured(keyframes, k):
             graph.add(factor)
         start.insert(X(k), state.pose())
         start.insert(V(k), state.velocity())
-        start.insert(B(k), as_bias(slot if k else keyframes.slot[0]))
-        for key in (X(k), V(k), B(k)):
-            times[key] = t_s[k]
-        window.update(graph, start, times)
-        slot = window.calculateEstimateConstantBias(B(k)).vector()
-    yield from _take(window, range(oldest, len(t_s)))
+        start.insert(B(k), as_bias(slot))
+        times |= dict.fromkeys((X(k), V(k), B(k)), float(keyframes.t_s[k]))
+    window.update(graph, start, times)
 
 
 def _expected(keyframes: Keyframes, k: int, predicted: gtsam.NavState) -> gtsam.NavState:
