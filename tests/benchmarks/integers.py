@@ -21,13 +21,13 @@ from fgnav.integers.affine import float_solution, search_array
 from tests.integers.arrays import L1_M, make, sky
 
 SIZES = {"lambda_n5": 1, "lambda_n10": 2, "lambda_n20": 4}
-PUBLISHED = {0.1: 99.7, 0.3: 88.5, 1.0: 20.0}  # %, means of the ranges a prototype reached
+PROTOTYPE = {0.1: 99.7, 0.3: 88.5, 1.0: 20.0}  # %, means of the ranges a prototype reached
 NAMES = (
     *SIZES,
     "lambda_n35",
     "lambda_n35_shared",
     "lambda_array_epoch",
-    *(f"affine_success_{code_m}m" for code_m in PUBLISHED),
+    *(f"affine_success_{code_m}m" for code_m in PROTOTYPE),
 )
 PROBLEMS, REPEATS = 300, 7
 
@@ -45,7 +45,7 @@ def run() -> list[dict[str, object]]:
     affine = [(s.cycles, s.covariance_cycles2) for s in solutions]
     rows.append(_against(rtklib, "lambda_n35", affine, "affine array model"))
     rows += [_shared(rows[-1], affine), _epoch(rows[-1])]
-    return rows + [_success(rng, code_m) for code_m in PUBLISHED]
+    return rows + [_success(rng, code_m) for code_m in PROTOTYPE]
 
 
 def baselines_problem(rng: np.random.Generator, b: int) -> tuple[FloatArray, FloatArray]:
@@ -162,5 +162,5 @@ def _success(rng: np.random.Generator, code_m: float) -> dict[str, object]:
     right = 100.0 * float((found.cycles == made.cycles).all(axis=(1, 2)).mean())
     row: dict[str, object] = {"name": f"affine_success_{code_m}m", "ours": right}
     note = "epochs with all 35 integers right, phase 3 mm; peer: an independent prototype's figure"
-    peer = PUBLISHED[code_m]
+    peer = PROTOTYPE[code_m]
     return {**row, "peer": peer, "ratio": right / peer, "unit": "%", "note": note}

@@ -1,6 +1,7 @@
 """A sliding window over the flight: each keyframe is taken as it leaves, and then forgotten."""
 
 from collections.abc import Iterator
+from typing import SupportsIndex, SupportsInt
 
 import gtsam
 import numpy as np
@@ -73,7 +74,7 @@ def _slide(keyframes: Keyframes, lag_s: float) -> Iterator[tuple[FloatArray | fl
 def _enter(window: gtsam.IncrementalFixedLagSmoother, keyframes: Keyframes, group: range) -> None:
     """Add some keyframes to the window, each started from the one before it."""
     graph, start = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    times: dict[int, float] = {}
+    times: dict[SupportsInt | SupportsIndex, float] = {}
     first = group[0]
     if first == 0:
         slot = keyframes.slot[0]
