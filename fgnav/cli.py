@@ -183,6 +183,37 @@ def compare(
         save_figure(comparison, report)
 
 
+@app.command(name="import")
+def import_(
+    recording: Path,
+    /,
+    *,
+    out: Path,
+    format: Annotated[str, Parameter(help="umn, or an installed one.")],  # noqa: A002
+) -> None:
+    """Turn a foreign recording into a flight folder.
+
+    Example: fgnav import thor75.mat --format umn --out flights/thor75
+
+    Parameters
+    ----------
+    recording
+        The file to read.
+    out
+        Folder for the flight; made, and refused if it holds anything.
+    """
+    from fgnav.io.flight_folder import save_flight  # noqa: PLC0415
+    from fgnav.io.importers import importer_named  # noqa: PLC0415
+
+    importer = importer_named(format)
+    with _progress() as progress, _step(progress, f"reading {recording}"):
+        flight = importer(recording)
+        save_flight(flight, out)
+    print(f"{flight.name}: written to {out}")
+    for line in _loss_lines(flight):
+        print(line)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status: 0 done, 1 no solution, 2 bad input."""
     _add_installed()
@@ -241,6 +272,12 @@ class _Watched:
     def __call__(self, flight: "Flight") -> "Estimate":
         with _step(self.progress, self.name):
             return self.estimator(flight)
+
+
+def _loss_lines(flight: "Flight") -> list[str]:
+    from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415
+
+    return loss_lines({"recording": flight.losses})
 
 
 def _estimators(methods: str, integers: str) -> "list[Estimator]":

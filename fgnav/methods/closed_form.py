@@ -7,6 +7,7 @@ import numpy as np
 from fgnav import rotations
 from fgnav.attitude.array import axis_name
 from fgnav.attitude.baselines import body_motion, paper_baselines
+from fgnav.attitude.flight_vectors import measured_vectors, track_of, with_velocity
 from fgnav.attitude.vector_pairs import (
     VectorPairs,
     collinear,
@@ -17,22 +18,16 @@ from fgnav.attitude.vector_pairs import (
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
 from fgnav.estimate import Estimate
 from fgnav.flight import Flight
-from fgnav.gnss.code_solution import code_solution
-from fgnav.gravity import specific_force_pair
 from fgnav.integers.lambda_ import Lambda
 from fgnav.integers.resolve import resolve
 from fgnav.integers.resolver import Resolver
-from fgnav.seeker import line_of_sight, to_landmark_b_m
 
-_CROWDED = np.cos(np.radians(30))  # of the angle that velocity keeps from the other vectors
-_SLOW_MPS = 2.0  # below, GNSS noise and wind turn the direction of travel by too much
 # What one vector alone leaves open.
 _OPEN_ABOUT = {
     "specific force": "yaw",
     "velocity": "roll",
     "line of sight": "rotation about the line of sight",
 }
-_SEEN_TOGETHER = 2.5  # sample intervals over which the line of sight is interpolated
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,10 +99,10 @@ class ClosedForm:
         )
 
     def _from_vectors(self, flight: Flight) -> Estimate:
-        track = _track(flight)
-        pairs, losses = _measured(flight, track)
+        track = track_of(flight)
+        pairs, losses = measured_vectors(flight, track)
         if self.moves_forward:
-            pairs = _with_velocity(pairs, track)
+            pairs = with_velocity(pairs, track)
         attitude = wahba(pairs.directions())
         rank = min(2, int(attitude.rank.max(initial=0)))
         R_nb = self._rotations(pairs) if rank == 2 else attitude.R_nb
@@ -155,111 +150,3 @@ class ClosedForm:
         if not keep.any():
             raise NoSolutionError(f"attitude: {reason} at any of {count} epochs")
         return (Loss(what="epoch", reason=reason, count=count),) if count else ()
-
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class _Track:
-    """Where one antenna at ``arm_b_m`` was and how it moved, (k, 3); velocity NaN where unknown."""
-
-    t_s: FloatArray
-    epochs: int
-    p_n_m: FloatArray
-    v_n_mps: FloatArray | None
-    arm_b_m: FloatArray
-
-
-def _track(flight: Flight) -> _Track:
-    """Return the track by the receiver's fixes, else by code.
-
-    Raises
-    ------
-    NoSolutionError
-        If the flight has neither.
-    """
-    if flight.fixes is not None:
-        return _Track(
-            t_s=flight.fixes.t_s,
-            epochs=len(flight.fixes.t_s),
-            p_n_m=flight.fixes.p_n_m,
-            v_n_mps=flight.fixes.v_n_mps,
-            arm_b_m=flight.antenna(flight.fixes.antenna).position_b_m,
-        )
-    if flight.observations is None:
-        raise NoSolutionError(
-            f"attitude: flight {flight.name} has no antenna array, no raw data, no fixes"
-        )
-    code = code_solution(flight)
-    return _Track(
-        t_s=code.t_s,
-        epochs=len(flight.observations.t_s),
-        p_n_m=code.p_n_m,
-        v_n_mps=code.v_n_mps,
-        arm_b_m=flight.antennas[0].position_b_m,
-    )
-
-
-def _measured(flight: Flight, track: _Track) -> tuple[VectorPairs, tuple[Loss, ...]]:
-    """Return the pairs that instruments give in both frames: specific force, line of sight."""
-    v_n: list[FloatArray] = []
-    v_b: list[FloatArray] = []
-    sources: list[str] = []
-    losses: tuple[Loss, ...] = ()
-    if flight.imu is not None and track.v_n_mps is not None:
-        f_n, f_b = specific_force_pair(
-            flight.imu, flight.origin, track.t_s, track.p_n_m, track.v_n_mps
-        )
-        v_n, v_b, sources = [*v_n, f_n], [*v_b, f_b], [*sources, "specific force"]
-    if flight.seeker is not None:
-        sight = line_of_sight(flight.seeker)
-        losses = sight.losses
-        to_n_m = flight.seeker.landmark_n_m - track.p_n_m
-        distance_m = np.linalg.norm(to_n_m, axis=1)
-        e_b = _interpolated(sight.t_s, sight.e_b, track.t_s)
-        v_n.append(to_n_m)
-        v_b.append(to_landmark_b_m(flight.seeker, e_b, track.arm_b_m, distance_m))
-        sources.append("line of sight")
-    n, k = len(track.t_s), len(sources)
-    pairs = VectorPairs(
-        v_n=np.stack(v_n, axis=1) if k else np.zeros((n, 0, 3)),
-        v_b=np.stack(v_b, axis=1) if k else np.zeros((n, 0, 3)),
-        weight=np.ones((n, k)),
-        sources=tuple(sources),
-    )
-    return pairs, losses
-
-
-def _with_velocity(pairs: VectorPairs, track: _Track) -> VectorPairs:
-    """Add the velocity as the body's x axis at epochs whose other vectors leave an angle open.
-
-    Not beside a vector of nearly its own direction: the line of sight of a body that flies to the
-    landmark says the same as the velocity, and a few degrees of sideslip would roll it by tens.
-    """
-    if track.v_n_mps is None:
-        return pairs
-    speed_mps = np.linalg.norm(track.v_n_mps, axis=1)
-    others = pairs.directions()
-    forward_n = track.v_n_mps / np.where(speed_mps > 0, speed_mps, 1.0)[:, None]
-    cosine = np.abs(np.einsum("nki,ni->nk", others.v_n, forward_n))
-    crowded = np.nan_to_num(cosine).max(axis=1, initial=0.0) > _CROWDED
-    wanted = (wahba(others).rank < 2) & ~crowded & (speed_mps > _SLOW_MPS)
-    v_n = np.where(wanted[:, None], track.v_n_mps, np.nan)
-    v_b = speed_mps[:, None] * np.array([1.0, 0.0, 0.0])
-    return VectorPairs(
-        v_n=np.concatenate([pairs.v_n, v_n[:, None]], axis=1),
-        v_b=np.concatenate([pairs.v_b, v_b[:, None]], axis=1),
-        weight=np.ones((len(v_n), len(pairs.sources) + 1)),
-        sources=(*pairs.sources, "velocity"),
-    )
-
-
-def _interpolated(t_s: FloatArray, e_b: FloatArray, at_s: FloatArray) -> FloatArray:
-    """Return directions at other times, (n, 3): between neighbours, NaN across gaps and outside."""
-    if len(t_s) < 2:
-        return np.full((len(at_s), 3), np.nan)
-    before = np.searchsorted(t_s, at_s, side="right").clip(1, len(t_s) - 1) - 1
-    step_s = t_s[before + 1] - t_s[before]
-    share = (at_s - t_s[before]) / step_s
-    inside = (share >= 0) & (share <= 1) & (step_s < _SEEN_TOGETHER * np.median(np.diff(t_s)))
-    between = e_b[before] + share[:, None] * (e_b[before + 1] - e_b[before])
-    unit = between / np.linalg.norm(between, axis=1, keepdims=True)
-    return np.asarray(np.where(inside[:, None], unit, np.nan))

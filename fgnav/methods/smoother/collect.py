@@ -4,12 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
-from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
 from fgnav.flight import Flight, Imu
 from fgnav.gravity import GravityEstimator
-from fgnav.integers.resolve import resolve
 from fgnav.integers.resolver import Integers, Resolver
 from fgnav.methods.smoother import instruments
 from fgnav.methods.smoother.keyframes import ArrayForm, Keyframes, Timed
@@ -20,6 +17,7 @@ from fgnav.methods.smoother.preintegration import (
     angular_rates,
     increments,
 )
+from fgnav.methods.smoother.starts import Start, start_of
 from fgnav.rotations import exp, log, skew, transpose
 
 _UNKNOWN_RATE_RADPS = 30.0  # 1-sigma of the first body rate: five turns a second
@@ -46,19 +44,16 @@ class Collected:
     keyframes : Keyframes
     epochs : int
         GNSS epochs of the flight.
-    attitude : AttitudeSolution
-        Of the array alone, at every GNSS epoch.
     common_position_m2 : ndarray, shape (n, 3, 3)
         Variance of positions at keyframes that no smoothing reduces.
-    integers : Integers
+    integers : Integers or None
     losses : tuple of Loss
     """
 
     keyframes: Keyframes
     epochs: int
-    attitude: AttitudeSolution
     common_position_m2: FloatArray
-    integers: Integers
+    integers: Integers | None
     losses: tuple[Loss, ...]
 
 
@@ -73,15 +68,13 @@ def collect(flight: Flight, settings: Settings) -> Collected:
     imu = flight.imu
     if imu is None:
         raise NoSolutionError("motion: between epochs it needs an [imu], the flight has none")
-    differences, integers = resolve(flight, settings.resolver)
-    form = RotationQuadratic.of_double_differences(differences, integers)
-    attitude = maximum_likelihood(form)
-    told = attitude.solved & attitude.consistent(settings.false_alarm)
-    keep, losses = _keyframes(imu, differences.t_s, attitude.solved, told)
-    t_s, told = differences.t_s[keep], told[keep]
-    R_nb = _filled(t_s, attitude.R_nb[keep], told)
+    start = start_of(flight, settings.resolver, settings.false_alarm)
+    keep, losses = _keyframes(imu, start)
+    t_s, told = start.t_s[keep], start.told[keep]
+    R_nb = _filled(t_s, start.R_nb[keep], told)
+    covariance_rad2 = start.covariance_rad2[keep][told]
     antenna = instruments.antenna_motion(flight, imu, t_s)
-    rates = _rates(imu, t_s, R_nb, attitude.covariance_rad2[keep][told])
+    rates = _rates(imu, t_s, R_nb, covariance_rad2)
     velocity = _at_accelerometer(antenna.velocity, R_nb, rates)
     p_n_m, v_n_mps = _start(t_s, R_nb, antenna.position, velocity)
     slot, slot_sigma = _slot(imu, rates)
@@ -90,7 +83,7 @@ def collect(flight: Flight, settings: Settings) -> Collected:
     gravity_n_mps2 = flight.origin.gravity_n_mps2(p_n_m)
     keyframes = Keyframes(
         t_s=t_s,
-        array=ArrayForm.of(form[keep], told),
+        array=ArrayForm.of(start.form[keep] if start.form is not None else None, told),
         R_nb=R_nb,
         p_n_m=p_n_m,
         v_n_mps=v_n_mps,
@@ -108,25 +101,23 @@ def collect(flight: Flight, settings: Settings) -> Collected:
             gravity_n_mps2=gravity_n_mps2,
             earth_rate_n_radps=flight.origin.earth_rate_n_radps,
             angular_acceleration_density=_density(
-                imu, settings, t_s[told], R_nb[told], attitude.covariance_rad2[keep][told]
+                imu, settings, t_s[told], R_nb[told], covariance_rad2
             ),
         ),
     )
-    parts = (differences.losses, integers.losses, losses, antenna.losses)
+    parts = (start.losses, losses, antenna.losses)
     return Collected(
         keyframes=keyframes,
-        epochs=len(differences.t_s),
-        attitude=attitude,
+        epochs=len(start.t_s),
         common_position_m2=antenna.common_m2,
-        integers=integers,
+        integers=start.integers,
         losses=tuple(sum((*parts, sight_losses, gravity_losses), ())),
     )
 
 
-def _keyframes(
-    imu: Imu, t_s: FloatArray, solved: BoolArray, told: BoolArray
-) -> tuple[IntArray, tuple[Loss, ...]]:
+def _keyframes(imu: Imu, start: Start) -> tuple[IntArray, tuple[Loss, ...]]:
     """Choose the epochs that become keyframes; count the rest with their reasons."""
+    t_s = start.t_s
     gaps = np.flatnonzero(np.diff(imu.t_s) > _LONGEST_GAP_S)
     if len(gaps):
         at_s = imu.t_s[gaps[0]]
@@ -135,18 +126,17 @@ def _keyframes(
             f"the first after t_s = {at_s:.3f}"
         )
     covered = (t_s >= imu.t_s[0]) & (t_s <= imu.t_s[-1])
-    good = np.flatnonzero(covered & told)
+    good = np.flatnonzero(covered & start.told)
     if len(good) < 2:
         raise NoSolutionError(
-            f"attitude: {len(good)} epochs have consistent array phases, needs 2 or more"
+            f"attitude: {len(good)} epochs have consistent array phases, or other vectors out of "
+            "line, to start from; needs 2 or more"
         )
     early = covered & (np.arange(len(t_s)) < good[0])
     reasons = {
         ("epoch", "not covered by the accelerometer's record"): ~covered,
-        ("epoch", "before the first attitude of the array"): early,
-        ("array phases of an epoch", "residuals fail the chi-square test"): covered
-        & solved
-        & ~told,
+        ("epoch", "before the first attitude"): early,
+        ("array phases of an epoch", "residuals fail the chi-square test"): covered & start.refused,
     }
     losses = tuple(
         Loss(what=what, reason=reason, count=int(lost.sum()))

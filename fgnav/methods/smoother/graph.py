@@ -13,9 +13,9 @@ from fgnav.methods.smoother.keyframes import Keyframes, there
 
 _LANDMARK_SIGMA_M = 0.01  # a surveyed beacon
 # Next to nothing is known before the first keyframe.
-_ROTATION_PRIOR_RAD = 1e2
-_POSITION_PRIOR_M = 1e5
-_VELOCITY_PRIOR_MPS = 1e4
+_ROTATION_PRIOR_RAD = np.pi
+_POSITION_PRIOR_M = 1e4
+_VELOCITY_PRIOR_MPS = 1e3
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

@@ -26,8 +26,15 @@ class ArrayForm:
     minimum: FloatArray
 
     @classmethod
-    def of(cls, form: RotationQuadratic, there: BoolArray) -> "ArrayForm":
+    def of(cls, form: RotationQuadratic | None, there: BoolArray) -> "ArrayForm":
         """Return the square root of a form, at the keyframes whose phases are to be used."""
+        if form is None:
+            n = len(there)
+            return cls(
+                there=np.zeros(n, dtype=np.bool_),
+                root=np.zeros((n, 9, 9)),
+                minimum=np.zeros((n, 3, 3)),
+            )
         root, minimum = form.square_root()
         return cls(there=there & (form.count > 0), root=root, minimum=minimum)
 

@@ -28,6 +28,7 @@ _ROUNDING_S = 1e-6  # of GTSAM's comparison of times
 # rotations err by half the square, 0.01 degree; what enters linearly may stay.
 _MOVED_RAD = 0.02
 _MOVED_FAR = 1e3
+_REPEATS = 5  # at most, while states are linearised anew: a rough start needs three
 
 
 def solve_window(keyframes: Keyframes, lag_s: float) -> Solution:
@@ -102,6 +103,10 @@ def _enter(window: gtsam.IncrementalFixedLagSmoother, keyframes: Keyframes, grou
         start.insert(B(k), as_bias(slot))
         times |= dict.fromkeys((X(k), V(k), B(k)), float(keyframes.t_s[k]))
     window.update(graph, start, times)
+    for _ in range(_REPEATS):
+        if not window.getISAM2Result().getVariablesRelinearized():
+            break
+        window.update()
 
 
 def _expected(keyframes: Keyframes, k: int, predicted: gtsam.NavState) -> gtsam.NavState:

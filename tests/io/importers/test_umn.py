@@ -1,0 +1,97 @@
+import json
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from fgnav import rotations
+from fgnav.checks import BadInputError
+from fgnav.cli import main
+from fgnav.io.importers import importer_named, importer_names
+from fgnav.io.importers.umn import read_umn
+from fgnav.methods.smoother import Batch
+
+
+@pytest.fixture(scope="module")
+def thor(shared):
+    return shared / "flights" / "thor75" / "thor_flight75.mat"
+
+
+def made(**changes):
+    """A recording of two seconds: still, level, one fix a second."""
+    n = 100
+    t = 0.02 * np.arange(1, n + 1)
+    zero = np.zeros(n)
+    data = dict.fromkeys(("p", "q", "r", "ax", "ay", "vn", "ve", "vd"), zero)
+    data |= dict.fromkeys(("navvn", "navve", "navvd", "phi", "theta", "psi", "navValid"), zero)
+    data |= {"time": t, "az": zero - 9.8, "imuStatus": zero + 3, "GPS_TOW": np.floor(t) + 5}
+    data |= {"lat": zero + 45, "lon": zero - 93, "alt": zero + 250}
+    data |= {"navlat": np.radians(data["lat"]), "navlon": np.radians(data["lon"])}
+    data["navalt"] = data["alt"]
+    return {"flight_data": {k: v for k, v in (data | changes).items() if v is not None}}
+
+
+def written(tmp_path, content):
+    savemat(tmp_path / "flight.mat", content)
+    return tmp_path / "flight.mat"
+
+
+def test_a_made_recording_is_read_as_it_is(tmp_path):
+    flight = read_umn(written(tmp_path, made()))
+    assert len(flight.imu.t_s) == 100
+    np.testing.assert_allclose(flight.fixes.t_s, [0, 0.98, 1.98], atol=1e-9)
+    np.testing.assert_allclose(flight.truth.p_n_m, 0, atol=1e-6)
+    np.testing.assert_allclose(flight.imu.f_b_mps2[0], [0, 0, -9.8])
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        ({"other": 1}, "flight.mat: has no structure flight_data"),
+        (made(az=None), "flight.mat: flight_data.az: missing"),
+        (made(q=np.zeros(7)), r"flight_data.q: \(7,\), must be \(100,\)"),
+        (made(q=np.full(100, np.nan)), "flight_data.q: row 0 is not finite"),
+        (made(GPS_TOW=np.zeros(100)), "needs two GPS fixes and a filter solution"),
+    ],
+)
+def test_what_is_no_recording_is_named(tmp_path, content, text):
+    with pytest.raises(BadInputError, match=text):
+        read_umn(written(tmp_path, content))
+
+
+def test_files_that_are_not_matlab_are_named(tmp_path):
+    (tmp_path / "text.mat").write_text("no matlab")
+    with pytest.raises(BadInputError, match=r"text\.mat: must be a MATLAB file"):
+        read_umn(tmp_path / "text.mat")
+    with pytest.raises(BadInputError, match=r"nowhere\.mat: no such file"):
+        read_umn(tmp_path / "nowhere.mat")
+
+
+def test_formats_go_by_their_names():
+    assert importer_names()[0] == "umn"
+    with pytest.raises(BadInputError, match="format 'px4': not one of umn"):
+        importer_named("px4")
+
+
+def test_a_real_uav_flight_agrees_with_its_on_board_filter(thor):
+    """Its own fixes, accelerometer and gyroscope, against a filter that saw the same data."""
+    flight = read_umn(thor)
+    estimate = Batch()(flight)
+    assert estimate.converged
+    row = np.searchsorted(flight.truth.t_s, estimate.t_s).clip(max=len(flight.truth.t_s) - 1)
+    airborne = np.linalg.norm(estimate.v_n_mps, axis=1) > 8
+    assert airborne.sum() > 300
+    ours, theirs = (rotations.to_euler(R) for R in (estimate.R_nb, flight.truth.R_nb[row]))
+    gap = np.degrees(rotations.wrap(ours - theirs)[airborne])
+    # The filter's own heading is good to a few degrees: one antenna, no magnetometer.
+    assert (np.sqrt((gap**2).mean(axis=0)) < [1.5, 1.0, 3.0]).all()
+
+
+def test_the_command_line_turns_it_into_a_folder_that_compares(thor, tmp_path):
+    folder, place = tmp_path / "thor75", tmp_path / "figures.json"
+    assert main(["import", str(thor), "--format", "umn", "--out", str(folder)]) == 0
+    names = "closed-form,batch,rtk"
+    assert main(["compare", str(folder), "--method", names, "--json", str(place)]) == 0
+    methods = json.loads(place.read_text())["methods"]
+    assert methods["batch"]["rmse_deg"]["pitch"] < 1.0
+    assert methods["rtk"]["failure"].startswith("attitude: flight")
