@@ -78,7 +78,7 @@ def test_a_negative_seed_is_refused(scenario, tmp_path):
 
 def test_a_bad_scenario_writes_nothing(scenario, tmp_path):
     scenario.write_text("duration_s = 0", encoding="utf-8")
-    with pytest.raises(BadInputError, match=r"short\.toml: duration_s"):
+    with pytest.raises(BadInputError, match=r"short\.toml: key duration_s"):
         simulate(scenario, seed=1, out=tmp_path / "flight")
     assert not (tmp_path / "flight").exists()
 
