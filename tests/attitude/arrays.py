@@ -4,20 +4,7 @@ import numpy as np
 
 from fgnav.gnss.differences import DoubleDifferences
 from fgnav.integers.resolver import Integers
-
-PAPER_ANTENNAS_B_M = np.array(
-    [
-        [0, 0, 0],
-        [0, 0.1, 0],
-        [0, -0.1, 0],
-        [1, 0, 0],
-        [-1, 0, 0],
-        [-0.8, 0.1, 0.1],
-        [-0.8, -0.1, 0.1],
-        [-0.8, 0, -0.1],
-    ]
-)
-L1_M = 0.190293672798
+from tests.integers.arrays import L1_M, PAPER_ANTENNAS_B_M
 
 
 def sky(channels, rng):

@@ -138,7 +138,7 @@ def test_json_has_the_promised_keys_and_null_for_what_is_unknown(flight, off, lo
     assert fine["position_rmse_m"] is None
     assert fine["integers"] is None
     assert fine["available"] == 1.0
-    assert fine["seconds"] >= 0
+    assert isinstance(fine["seconds"], float)
     assert content["methods"]["lost"]["failure"] == "yaw: not in the data"
 
 
@@ -160,15 +160,18 @@ def test_an_estimator_gets_a_flight_object_of_its_own(flight, off):
 def test_compilation_of_kernels_is_in_nobody_s_time(flight, off):
     from numba.core.event import trigger_event
 
+    slept = 0.2
+
     class Compiles:
         name = "compiles"
 
         def __call__(self, given):
             with trigger_event("numba:compile"):
-                sleep(0.2)
+                sleep(slept)
             return off("compiles")(given)
 
-    assert 0 < compare(flight, [Compiles()])["compiles"].score.seconds < 0.2
+    charged = compare(flight, [Compiles()])["compiles"].score.seconds
+    assert 0 < charged < slept  # whatever the machine: what was slept is not charged
 
 
 def test_no_estimator_is_an_error(flight):

@@ -33,6 +33,7 @@ _imu = partial(
 POSITION_SIGMA_M = (3.0, 3.0, 6.0)
 VELOCITY_SIGMA_MPS = (0.3, 0.3, 0.5)
 
+_HDF5 = b"MATLAB 7.3"  # another format under the same name
 _RATES, _FORCES = ("p", "q", "r"), ("ax", "ay", "az")
 _GNSS = ("lat", "lon", "alt", "vn", "ve", "vd", "GPS_TOW")
 _FILTER = ("navlat", "navlon", "navalt", "navvn", "navve", "navvd", "phi", "theta", "psi")
@@ -109,10 +110,14 @@ def _columns(path: Path) -> dict[str, FloatArray]:
 
     if not path.is_file():
         raise BadInputError(f"{path}: no such file; check the name")
+    rule = f"{path}: must be a MATLAB file of version 7.2 or older"
+    with path.open("rb") as file:
+        if file.read(len(_HDF5)) == _HDF5:
+            raise BadInputError(f"{rule}, this is 7.3; save it with -v7")
     try:
         content: dict[str, Any] = loadmat(path, struct_as_record=False, squeeze_me=True)
-    except (matlab.MatReadError, ValueError, NotImplementedError, OSError) as error:
-        raise BadInputError(f"{path}: must be a MATLAB file of version 7.2 or older") from error
+    except (matlab.MatReadError, ValueError, OSError) as error:
+        raise BadInputError(rule) from error
     data = content.get("flight_data")
     if data is None:
         raise BadInputError(f"{path}: has no structure flight_data")

@@ -63,6 +63,9 @@ def test_files_that_are_not_matlab_are_named(tmp_path):
     (tmp_path / "text.mat").write_text("no matlab")
     with pytest.raises(BadInputError, match=r"text\.mat: must be a MATLAB file"):
         read_umn(tmp_path / "text.mat")
+    (tmp_path / "new.mat").write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64")
+    with pytest.raises(BadInputError, match=r"new\.mat: must be a MATLAB .* 7.3; save it with -v7"):
+        read_umn(tmp_path / "new.mat")
     with pytest.raises(BadInputError, match=r"nowhere\.mat: no such file"):
         read_umn(tmp_path / "nowhere.mat")
 
