@@ -9,8 +9,10 @@ if TYPE_CHECKING:
     from fgnav.flight import Flight
 
 
-def simulate(scenario: Path, *, seed: int, out: Path, json: bool = False) -> None:
-    """Make a flight whose truth is known.
+def simulate(
+    scenario: Path, *, seed: int, out: Path, batch: int | None = None, json: bool = False
+) -> None:
+    """Make a flight whose truth is known, or many.
 
     Reads what is to fly, when and where, and which sensors are on board; writes a flight folder:
     flight.toml, RINEX observations and navigation, tables of the other sensors and of the truth.
@@ -26,6 +28,8 @@ def simulate(scenario: Path, *, seed: int, out: Path, json: bool = False) -> Non
         Of all random numbers: noise, biases, clocks, integers.
     out : Path
         The flight's folder; made if it is not there, refused if it holds anything.
+    batch : int
+        Make so many flights, with this seed and those that follow it, in out/0001, out/0002, …
     json : bool
         Print the summary as JSON.
     """
@@ -33,6 +37,8 @@ def simulate(scenario: Path, *, seed: int, out: Path, json: bool = False) -> Non
 
     if seed < 0:
         raise BadInputError(f"--seed: must be 0 or more, got {seed}")
+    if batch is not None and batch < 1:
+        raise BadInputError(f"--batch: must be 1 or more, got {batch}")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BadInputError(f"--out: must be a new or an empty folder, got '{out}'")
 
@@ -43,10 +49,21 @@ def simulate(scenario: Path, *, seed: int, out: Path, json: bool = False) -> Non
     from fgnav_sim.simulate import simulate as make  # noqa: PLC0415
 
     what = load_scenario(scenario)
+    count = batch or 1
+    summaries = []
     with _shown(what.name) as progress:
-        flight = make(what, np.random.default_rng(seed), progress)
-        save_flight(flight, out)
-    _print_summary(_summary(flight, out, seed), as_json=json)
+        for k in range(count):
+            folder = out if batch is None else out / f"{k + 1:04d}"
+            flight = make(what, np.random.default_rng(seed + k), _part(progress, k, count))
+            save_flight(flight, folder)
+            summaries.append(_summary(flight, folder, seed + k))
+    summary = summaries[0] if batch is None else _summary_of_batch(summaries, out)
+    _print_summary(summary, as_json=json)
+
+
+def _part(progress: Callable[[float], None], k: int, count: int) -> Callable[[float], None]:
+    """Return the progress of one flight of a batch."""
+    return lambda share: progress((k + share) / count)
 
 
 @contextmanager
@@ -72,7 +89,22 @@ def _summary(flight: "Flight", out: Path, seed: int) -> dict[str, str | int | fl
         summary["mean_tracked"] = float(flight.observations.tracked[:, 0].sum(axis=1).mean())
     samples = {"imu": flight.imu, "fixes": flight.fixes, "seeker": flight.seeker}
     summary |= {f"{k}_samples": len(v.t_s) for k, v in samples.items() if v is not None}
-    return summary | {loss.what: loss.reason for loss in flight.losses}
+    for loss in flight.losses:
+        summary[loss.what] = f"{loss.count} times: {loss.reason}" if loss.count > 1 else loss.reason
+    return summary
+
+
+def _summary_of_batch(
+    summaries: list[dict[str, str | int | float]], out: Path
+) -> dict[str, str | int | float]:
+    """Return what was made in a batch: what the first flight holds, all the others do too."""
+    first, last = summaries[0], summaries[-1]
+    seeds = f"{first['seed']} to {last['seed']}"
+    whole = {"folder": str(out), "name": first["name"], "flights": len(summaries), "seeds": seeds}
+    alike = {
+        key: value for key, value in first.items() if all(s.get(key) == value for s in summaries)
+    }
+    return whole | {key: value for key, value in alike.items() if key not in whole}
 
 
 def _print_summary(summary: dict[str, str | int | float], *, as_json: bool) -> None:

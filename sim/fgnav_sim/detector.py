@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from fgnav.checks import FloatArray
+from fgnav.checks import FloatArray, Loss
 from fgnav.flight import Seeker
 from fgnav.rotations import transpose
 from fgnav.seeker import spot_fraction
-from fgnav_sim.scenario import Scenario, SeekerTable
+from fgnav_sim.scenario import OpticsTable, Scenario, SeekerTable
 
 
 def calibration() -> FloatArray:
@@ -27,8 +27,9 @@ def watch(sensor: SeekerTable, scenario: Scenario, *, rng: np.random.Generator) 
 
     The inverse of the reconstruction that the flight format defines: the spot of direction ``u_b``
     is at ``focal_length (u_y, u_z) / u_x``, its radius gives ``r_quad`` through the inverted
-    calibration, and ``r_quad`` along the spot's direction is ``(ln I4/I2, ln I1/I3)``. Automatic
-    gain keeps the sum of the currents at one, and their noise at a constant share of it.
+    calibration, and ``r_quad`` along the spot's direction is ``(ln I4/I2, ln I1/I3)``. Where the
+    optics are given, currents are amperes; else automatic gain keeps their sum at one, and their
+    noise at a constant share of it.
     """
     t_s = scenario.epochs_s(sensor.rate_hz)
     noise = rng.standard_normal((len(t_s), 4))  # drawn for all times: the path changes no noise
@@ -44,8 +45,17 @@ def watch(sensor: SeekerTable, scenario: Scenario, *, rng: np.random.Generator) 
     seen = in_view & (np.linalg.norm(sight_b_m, axis=1) <= sensor.range_m)
     if not seen.any():
         return None
+    distance_m = np.linalg.norm(sight_b_m[seen], axis=1)
     currents = _currents(spot_m[seen] / sensor.detector_radius_m)
-    currents += _current_noise(sensor) * noise[seen]
+    if sensor.optics is None:
+        currents += _current_noise(sensor) * noise[seen]
+    else:
+        currents *= _total_a(sensor, sensor.optics, distance_m, spot_m[seen])[:, None]
+        currents = _read(sensor.optics, currents + sensor.optics.noise_a * noise[seen])
+    for shade in sensor.occlusions:
+        until_s = np.inf if shade.until_s is None else shade.until_s
+        dark = (t_s[seen] >= shade.from_s) & (t_s[seen] < until_s)
+        currents[dark, shade.quadrant - 1] = 0.0
     return Seeker(
         t_s=t_s[seen],
         currents=currents,
@@ -55,6 +65,51 @@ def watch(sensor: SeekerTable, scenario: Scenario, *, rng: np.random.Generator) 
         focal_length_m=sensor.focal_length_m,
         calibration=calibration(),
     )
+
+
+def saturated(sensor: SeekerTable, seeker: Seeker) -> tuple[Loss, ...]:
+    """Return how many samples have a current that was cut."""
+    limit_a = sensor.optics.saturation_a if sensor.optics else None
+    if limit_a is None or not (cut := (seeker.currents >= limit_a).any(axis=1)).any():
+        return ()
+    reason = f"a current saturated at {limit_a:g} A"
+    return (Loss(what="seeker sample", reason=reason, count=int(cut.sum())),)
+
+
+def _total_a(
+    sensor: SeekerTable, optics: OpticsTable, distance_m: FloatArray, spot_m: FloatArray
+) -> FloatArray:
+    """Return the sum of the currents that the beacon's irradiance makes, (k,)."""
+    irradiance = optics.beacon_w_per_sr / distance_m**2
+    irradiance *= np.exp(-optics.attenuation_per_m * distance_m)
+    radius_m = np.linalg.norm(spot_m, axis=1)
+    cosine = 1 / np.sqrt(1 + (radius_m / sensor.focal_length_m) ** 2)
+    watts = irradiance * np.pi * optics.aperture_radius_m**2 * cosine
+    share = share_within(radius_m, optics.spot_radius_m, sensor.detector_radius_m)
+    return np.asarray(optics.responsivity_a_per_w * watts * share)
+
+
+def share_within(distance: FloatArray, small: float, large: float) -> FloatArray:
+    """Return the share of small circles that lies within a large one, centres apart, (k,).
+
+    The lens common to two circles is a segment of each.
+    """
+    if small > large:
+        return share_within(distance, large, small) * (large / small) ** 2
+    apart = np.clip(distance, large - small, large + small)
+    near = np.where(apart > 0, apart, 1.0)  # equal circles at one place
+    angle_small = np.arccos(np.clip((near**2 + small**2 - large**2) / (2 * near * small), -1, 1))
+    angle_large = np.arccos(np.clip((near**2 + large**2 - small**2) / (2 * near * large), -1, 1))
+    segments = small**2 * (angle_small - 0.5 * np.sin(2 * angle_small))
+    segments += large**2 * (angle_large - 0.5 * np.sin(2 * angle_large))
+    return np.where(apart > 0, segments / (np.pi * small**2), 1.0)
+
+
+def _read(optics: OpticsTable, currents_a: FloatArray) -> FloatArray:
+    """Return what the electronics make of currents: nothing of faint ones, no more of strong."""
+    faint = currents_a < optics.threshold_sigmas * optics.noise_a
+    largest_a = np.inf if optics.saturation_a is None else optics.saturation_a
+    return np.where(faint, 0.0, np.minimum(currents_a, largest_a))
 
 
 def _currents(spot: FloatArray) -> FloatArray:

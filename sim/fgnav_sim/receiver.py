@@ -7,38 +7,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
-from fgnav.earth import C_MPS, geodetic
+from fgnav.checks import BadInputError, BoolArray, FloatArray
+from fgnav.earth import C_MPS, geodetic, ned_axes
 from fgnav.gnss.atmosphere import klobuchar_m, saastamoinen_m
-from fgnav.gnss.satellites import group_delay_s, look_angles, satellite_states
+from fgnav.gnss.satellites import group_delay_s
 from fgnav.gnss.signals import frequency_hz, wavelengths_m
 from fgnav.observations import LOST_LOCK, Observations
-from fgnav.orbits import BroadcastOrbits
+from fgnav.orbits import BroadcastOrbits, PreciseOrbits
+from fgnav_sim.channels import Channels, channels_in_view, empty_sky, places_e_m
 from fgnav_sim.clocks import clocks
+from fgnav_sim.gauss_markov import gauss_markov
+from fgnav_sim.interruptions import LARGEST_INTEGER, Sky, Tracking, track
 from fgnav_sim.light_time import Links, links
-from fgnav_sim.scenario import GnssTable, Scenario
+from fgnav_sim.multipath import Echoes, echoes
+from fgnav_sim.receiver_tables import GnssTable, MultipathTable
+from fgnav_sim.scenario import Scenario
+from fgnav_sim.selection import chosen
 
 _BLOCK = 500  # epochs at a time: 8 antennas and 40 satellites then need some 100 MB
-_SCAN_S = 30.0  # a satellite climbs less than _MARGIN_RAD meanwhile
-_MARGIN_RAD = np.radians(0.5)
-_LARGEST_INTEGER = 1_000_000
-
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class _Channels:
-    """Signals of satellites; ``at`` is each channel's place among ``in_view``, the satellites."""
-
-    in_view: tuple[str, ...]
-    at: IntArray
-    satellites: tuple[str, ...]
-    signals: tuple[str, ...]
 
 
 def observe(
     sensor: GnssTable,
     scenario: Scenario,
-    orbits: BroadcastOrbits,
+    orbits: BroadcastOrbits | PreciseOrbits,
     *,
+    messages: BroadcastOrbits | None = None,
     rng: np.random.Generator,
     progress: Callable[[float], None],
 ) -> Observations:
@@ -46,13 +40,16 @@ def observe(
 
     A receiver measures when its own clock shows the epoch, so its time tag is the epoch and its
     pseudorange holds its clock offset. All receivers track what the reference antenna has above the
-    receivers' mask.
+    receivers' mask, as long as nothing interrupts them.
 
     Parameters
     ----------
     sensor : GnssTable
     scenario : Scenario
-    orbits : BroadcastOrbits
+    orbits : BroadcastOrbits or PreciseOrbits
+        How the satellites fly.
+    messages : BroadcastOrbits or None
+        Where orbits are tables: the messages that state group delays and the ionosphere, if any.
     rng : numpy.random.Generator
     progress : callable
         Told the share done, up to 1.
@@ -60,33 +57,68 @@ def observe(
     Raises
     ------
     BadInputError
-        If no satellite is above the mask at any time.
+        If no satellite is above the mask at any time, or none of its links is ever tracked.
     """
-    clock_rng, cycles_rng, noise_rng = rng.spawn(3)
+    clock_rng, cycles_rng, noise_rng, tracking_rng, echo_rng = rng.spawn(5)
     t_s = scenario.epochs_s(sensor.rate_hz)
-    channels = _channels(sensor, _in_view(sensor, scenario, orbits, t_s))
-    offset_s, drift_sps = clocks(sensor.clock, t_s, len(scenario.antennas_b_m), rng=clock_rng)
-    shape = (*offset_s.shape, len(channels.satellites))
-    code_m, phase_m, rate_mps = np.empty((3, *shape))
-    measured = _Measured(code_m, phase_m, rate_mps, np.empty(shape[::2]))
+    channels = channels_in_view(sensor, scenario, orbits, t_s)
+    antennas = len(scenario.antennas_b_m)
+    offset_s, drift_sps = clocks(sensor.clock, t_s, antennas, rng=clock_rng)
+    measured = _Measured.empty(sensor, (len(t_s), antennas, len(channels.satellites)))
     for first in range(0, len(t_s), _BLOCK):
         block = slice(first, first + _BLOCK)
         seen = _links(scenario, orbits, channels, t_s[block, None] - offset_s[block])
-        delays_m = _delays_m(sensor, scenario, orbits, channels, t_s[block], seen)
+        delays_m = _delays_m(sensor, scenario, messages or orbits, channels, t_s[block], seen)
         measured.fill(block, seen, offset_s, drift_sps, delays_m)
+        if measured.e_b is not None:
+            true_s = t_s[block] - offset_s[block, 0]
+            measured.e_b[block] = e_b = _directions_b(scenario, true_s, seen)
+            if sensor.reflectors:
+                measured.mirror(block, _echoes(sensor, scenario, channels, true_s, e_b))
         progress(min(1.0, (first + _BLOCK) / len(t_s)))
     measured.blur(sensor, noise_rng)
-    return _observations(sensor, channels, t_s, measured, rng=cycles_rng)
+    if sensor.multipath is not None:
+        measured.echo(sensor, sensor.multipath, echo_rng)
+    above = _above(sensor, channels, measured, t_s)
+    tracking = track(sensor, above, measured.sky, t_s, antennas, rng=tracking_rng)
+    return _observations(sensor, channels, t_s, measured, above, tracking, rng=cycles_rng)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class _Measured:
-    """Code, phase and range rate, (n, a, m), and elevation, (n, m), being filled."""
+    """Code, phase, range rate, (n, a, m), and angles, (n, m), being filled.
+
+    ``gain_db``, (n, a, m), and ``e_b``, (n, m, 3), are there where something asks for them.
+    """
 
     code_m: FloatArray
     phase_m: FloatArray
     rate_mps: FloatArray
     elevation_rad: FloatArray
+    azimuth_rad: FloatArray
+    gain_db: FloatArray
+    e_b: FloatArray | None
+
+    @staticmethod
+    def empty(sensor: GnssTable, shape: tuple[int, int, int]) -> "_Measured":
+        """Return room for measurements."""
+        code_m, phase_m, rate_mps = np.empty((3, *shape))
+        elevation_rad, azimuth_rad = np.empty((2, *shape[::2]))
+        turned = bool(sensor.reflectors) or sensor.body_mask is not None
+        return _Measured(
+            code_m=code_m,
+            phase_m=phase_m,
+            rate_mps=rate_mps,
+            elevation_rad=elevation_rad,
+            azimuth_rad=azimuth_rad,
+            gain_db=np.zeros(shape if sensor.reflectors else (shape[0], 1, 1)),
+            e_b=np.empty((*shape[::2], 3)) if turned else None,
+        )
+
+    @property
+    def sky(self) -> Sky:
+        """Where the satellites stand."""
+        return Sky(elevation_rad=self.elevation_rad, azimuth_rad=self.azimuth_rad, e_b=self.e_b)
 
     def fill(
         self,
@@ -103,6 +135,14 @@ class _Measured:
         drift = drift_sps[block, :, None] - seen.clock_drift_sps
         self.rate_mps[block] = seen.range_rate_mps + C_MPS * drift
         self.elevation_rad[block] = seen.elevation_rad
+        self.azimuth_rad[block] = seen.azimuth_rad
+
+    def mirror(self, block: slice, seen: Echoes) -> None:
+        """Add what the body mirrors, at a block of epochs."""
+        self.code_m[block] += seen.code_m
+        self.phase_m[block] += seen.phase_m
+        self.rate_mps[block] += seen.rate_mps
+        self.gain_db[block] += seen.gain_db
 
     def blur(self, sensor: GnssTable, rng: np.random.Generator) -> None:
         """Add white noise; each kind of measurement draws from its own generator."""
@@ -111,86 +151,101 @@ class _Measured:
         for value, sigma, own in zip(values, sigmas, rng.spawn(3), strict=True):
             for first in range(0, len(value), _BLOCK):
                 block = slice(first, first + _BLOCK)
-                factor = _noise_factor(sensor, self.elevation_rad[block])[:, None]
+                factor = self.noise_factor(sensor, block)
                 value[block] += sigma * factor * own.standard_normal(value[block].shape)
+
+    def echo(self, sensor: GnssTable, table: MultipathTable, rng: np.random.Generator) -> None:
+        """Add echoes from anywhere, one antenna after the other."""
+        weight = _elevation_factor(sensor, self.elevation_rad)
+        pairs = ((self.code_m, table.code_m), (self.phase_m, table.phase_m))
+        for (value, sigma), own in zip(pairs, rng.spawn(2), strict=True):
+            for antenna in range(value.shape[1]):
+                process = gauss_markov(
+                    table.time_constant_s, 1 / sensor.rate_hz, weight.shape, rng=own
+                )
+                value[:, antenna] += sigma * weight * process
+
+    def noise_factor(self, sensor: GnssTable, block: slice) -> FloatArray:
+        """Return the noise of a block of epochs against that at the zenith, (n, a or 1, m)."""
+        if sensor.cn0.sets_noise:
+            short_db = sensor.cn0.zenith_dbhz - self.cn0_dbhz(sensor, block)
+            # Thermal noise of tracking loops goes with 1 / sqrt(C/N0): Kaplan and Hegarty,
+            # Understanding GPS/GNSS, the receivers' PLL and DLL; squaring losses left out.
+            factor: FloatArray = 10 ** (short_db / 20)
+        else:
+            factor = _elevation_factor(sensor, self.elevation_rad[block])[:, None]
+        per_antenna = np.array(sensor.antenna_noise or (1.0,))
+        return np.asarray(factor * per_antenna[None, :, None])
+
+    def cn0_dbhz(self, sensor: GnssTable, block: slice) -> FloatArray:
+        """Return carrier-to-noise density, as a patch antenna would see it, (n, a or 1, m)."""
+        low, high = sensor.cn0.horizon_dbhz, sensor.cn0.zenith_dbhz
+        by_elevation = low + (high - low) * np.sin(self.elevation_rad[block])
+        return np.asarray(by_elevation[:, None] + self.gain_db[block])
+
+
+def _above(
+    sensor: GnssTable, channels: Channels, measured: _Measured, t_s: FloatArray
+) -> BoolArray:
+    """Return which channels are above the mask, and chosen, (n, m)."""
+    above = measured.elevation_rad > np.radians(sensor.receiver_mask_deg)
+    if sensor.choose == "all":
+        return np.asarray(above)
+    one = channels.first_of_satellite
+    of_satellites = chosen(
+        sensor.choose,
+        above[:, one],
+        measured.elevation_rad[:, one],
+        measured.azimuth_rad[:, one],
+        t_s,
+    )
+    return np.asarray(of_satellites[:, channels.at])
 
 
 def _observations(
     sensor: GnssTable,
-    channels: _Channels,
+    channels: Channels,
     t_s: FloatArray,
     measured: _Measured,
+    above: BoolArray,
+    tracking: Tracking,
     *,
     rng: np.random.Generator,
 ) -> Observations:
-    """Return observations of what is above the mask; channels that never are have no place."""
+    """Return observations of what is tracked; channels that never are have no place."""
     antennas = measured.code_m.shape[1]
-    tracked = measured.elevation_rad > np.radians(sensor.receiver_mask_deg)
-    rises = np.vstack([np.zeros_like(tracked[:1]), tracked[1:] & ~tracked[:-1]])
-    wavelength_m = wavelengths_m(channels.satellites, channels.signals)
-    kept = np.flatnonzero(tracked.any(axis=0))
+    kept = np.flatnonzero(tracking.there.any(axis=(0, 1)))
+    if not above.any():
+        raise empty_sky(sensor)
     if not kept.size:
-        raise _empty_sky(sensor)
+        raise BadInputError("gnss: no link is ever tracked; outages or body_mask cover them all")
+    wavelength_m = wavelengths_m(channels.satellites, channels.signals)
+    rises = np.vstack([np.zeros_like(above[:1]), above[1:] & ~above[:-1]])
 
     def dense(value: FloatArray) -> FloatArray:
-        return np.where(tracked[:, None], value, np.nan)[..., kept]
+        return np.where(tracking.there, value, np.nan)[..., kept]
 
-    def alike(value: NDArray[Any]) -> NDArray[Any]:
-        return np.repeat(value[:, None], antennas, axis=1)
-
-    phase_cycles = measured.phase_m / wavelength_m + _cycles(channels, rises, antennas, rng=rng)
+    cycles = _cycles(channels, rises, antennas, rng=rng) + tracking.cycles
+    cn0_dbhz = np.round(measured.cn0_dbhz(sensor, slice(None)), 2)
+    flags: NDArray[Any] = LOST_LOCK * tracking.flagged[..., kept]
     return Observations(
         t_s=t_s,
         tag_s=np.repeat(t_s[:, None], antennas, axis=1),
         satellites=tuple(channels.satellites[k] for k in kept),
         signals=tuple(channels.signals[k] for k in kept),
         code_m=dense(measured.code_m),
-        phase_cycles=dense(phase_cycles),
+        phase_cycles=dense(measured.phase_m / wavelength_m + cycles),
         doppler_hz=dense(-measured.rate_mps / wavelength_m),
-        cn0_dbhz=dense(alike(_cn0_dbhz(measured.elevation_rad))),
-        lock_flags=alike(LOST_LOCK * rises[:, kept]),
+        cn0_dbhz=dense(cn0_dbhz),
+        lock_flags=flags,
     )
-
-
-def _in_view(
-    sensor: GnssTable, scenario: Scenario, orbits: BroadcastOrbits, t_s: FloatArray
-) -> tuple[str, ...]:
-    """Return the satellites of the wanted constellations that may come above the mask."""
-    names = np.unique(orbits.records["satellite"])
-    wanted = tuple(str(name) for name in names if name[0] in sensor.signals)
-    scan_s = np.append(np.arange(t_s[0], t_s[-1], _SCAN_S), t_s[-1])
-    states = satellite_states(orbits, wanted, np.repeat(scan_s[:, None], len(wanted), axis=1))
-    _, elevation_rad, _ = look_angles(_places_e_m(scenario, scan_s), states.p_e_m)
-    lowest_rad = np.radians(sensor.receiver_mask_deg) - _MARGIN_RAD
-    above = (elevation_rad > lowest_rad).any(axis=0)
-    if not above.any():
-        raise _empty_sky(sensor)
-    return tuple(name for name, seen in zip(wanted, above, strict=True) if seen)
-
-
-def _empty_sky(sensor: GnssTable) -> BadInputError:
-    return BadInputError(
-        f"gnss: no satellite of {', '.join(sensor.signals)} above receiver_mask_deg "
-        f"{sensor.receiver_mask_deg:g} at this place and time"
-    )
-
-
-def _channels(sensor: GnssTable, in_view: tuple[str, ...]) -> _Channels:
-    rows = [(k, name, s) for k, name in enumerate(in_view) for s in sensor.signals[name[0]]]
-    return _Channels(
-        in_view=in_view,
-        at=np.array([k for k, _, _ in rows]),
-        satellites=tuple(name for _, name, _ in rows),
-        signals=tuple(signal for _, _, signal in rows),
-    )
-
-
-def _places_e_m(scenario: Scenario, t_s: FloatArray) -> FloatArray:
-    return scenario.origin.frame.to_e(scenario.motion(t_s).p_n_m)
 
 
 def _links(
-    scenario: Scenario, orbits: BroadcastOrbits, channels: _Channels, t_s: FloatArray
+    scenario: Scenario,
+    orbits: BroadcastOrbits | PreciseOrbits,
+    channels: Channels,
+    t_s: FloatArray,
 ) -> Links:
     """Return the links of all channels at true times of reception, (n, a)."""
     origin = scenario.origin.frame
@@ -201,11 +256,45 @@ def _links(
     return links(orbits, channels.in_view, t_s, p_e_m, v_e_mps).of(channels.at)
 
 
+def _directions_b(scenario: Scenario, t_s: FloatArray, seen: Links) -> FloatArray:
+    """Return directions to satellites in body axes, (n, m, 3), at true times (n,)."""
+    flat = np.cos(seen.elevation_rad)
+    e_local = np.stack(
+        [
+            flat * np.cos(seen.azimuth_rad),
+            flat * np.sin(seen.azimuth_rad),
+            -np.sin(seen.elevation_rad),
+        ],
+        axis=-1,
+    )
+    # Angles are those at the antenna, whose horizon is not that of the origin.
+    place = geodetic(places_e_m(scenario, t_s))
+    to_b = np.einsum(
+        "nli,ji,njk->nlk",
+        ned_axes(place[:, 0], place[:, 1]),
+        scenario.origin.frame.R_ne,
+        scenario.motion(t_s).R_nb,
+    )
+    return np.asarray(np.einsum("nml,nlk->nmk", e_local, to_b))
+
+
+def _echoes(
+    sensor: GnssTable, scenario: Scenario, channels: Channels, t_s: FloatArray, e_b: FloatArray
+) -> Echoes:
+    return echoes(
+        sensor.reflectors,
+        np.array(scenario.antennas_b_m),
+        e_b,
+        scenario.motion(t_s).w_nb_b_radps,
+        wavelengths_m(channels.satellites, channels.signals),
+    )
+
+
 def _delays_m(
     sensor: GnssTable,
     scenario: Scenario,
-    orbits: BroadcastOrbits,
-    channels: _Channels,
+    orbits: BroadcastOrbits | PreciseOrbits,
+    channels: Channels,
     t_s: FloatArray,
     seen: Links,
 ) -> tuple[FloatArray, FloatArray]:
@@ -214,11 +303,19 @@ def _delays_m(
     The air is that of the reference antenna: 1 m of height changes it by 0.3 mm at the zenith.
     """
     times_s = np.repeat(t_s[:, None], len(channels.satellites), axis=1)
-    late_m = C_MPS * group_delay_s(orbits, channels.satellites, channels.signals, times_s)
+    late_m = C_MPS * group_delay_s(
+        orbits,
+        channels.satellites,
+        channels.signals,
+        times_s,
+        precise_clocks=bool(sensor.orbits),
+    )
     if not sensor.atmosphere:
         return late_m, np.zeros_like(late_m)
-    place = geodetic(_places_e_m(scenario, t_s))
+    place = geodetic(places_e_m(scenario, t_s))
     air_m = saastamoinen_m(place, seen.elevation_rad)
+    if isinstance(orbits, PreciseOrbits):  # no messages, so no model of the ionosphere either
+        return late_m + air_m, air_m
     ions_m = klobuchar_m(
         orbits.klobuchar, place, seen.elevation_rad, seen.azimuth_rad, scenario.start_gps_s + t_s
     )
@@ -228,19 +325,14 @@ def _delays_m(
     return late_m + air_m + ions_m, air_m - ions_m
 
 
-def _noise_factor(sensor: GnssTable, elevation_rad: FloatArray) -> FloatArray:
+def _elevation_factor(sensor: GnssTable, elevation_rad: FloatArray) -> FloatArray:
     if sensor.elevation_weights == "uniform":
         return np.ones_like(elevation_rad)
     return np.asarray(1.0 / np.sin(np.maximum(elevation_rad, np.radians(1.0))))
 
 
-def _cn0_dbhz(elevation_rad: FloatArray) -> FloatArray:
-    """Return a carrier-to-noise density that a patch antenna would see, by elevation."""
-    return np.asarray(np.round(35.0 + 15.0 * np.sin(elevation_rad), 2))
-
-
 def _cycles(
-    channels: _Channels, rises: BoolArray, antennas: int, *, rng: np.random.Generator
+    channels: Channels, rises: BoolArray, antennas: int, *, rng: np.random.Generator
 ) -> FloatArray:
     """Return what phase holds beside the way, cycles, (n, a, m).
 
@@ -253,7 +345,7 @@ def _cycles(
     of_receiver = rng.random((antennas, kind.max() + 1))[:, kind]
     of_satellite = rng.random(len(kind))
     integers = rng.integers(
-        -_LARGEST_INTEGER, _LARGEST_INTEGER, (passes.max() + 1, antennas, len(kind))
+        -LARGEST_INTEGER, LARGEST_INTEGER, (passes.max() + 1, antennas, len(kind))
     )
     constant = integers + of_receiver + of_satellite
     # All channels of one pass number at once: few passes, so no array of indices (n, a, m).

@@ -3,17 +3,16 @@
 import math
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 import numpy as np
-from msgspec import field
 
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.earth import GravityModel, Origin
-from fgnav.gnss.signals import CONSTELLATIONS, known
 from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector, as_table, read_toml
 from fgnav_sim.motion import Motion
+from fgnav_sim.receiver_tables import ClockTable, GnssTable
 
 # The source paper's array (its section 2.3.2): reference at the origin, two beside it, nose, tail,
 # three near the fins.
@@ -30,7 +29,19 @@ PAPER_ANTENNAS_B_M: tuple[Vector, ...] = (
 _GPS_EPOCH = datetime(1980, 1, 6)  # GPS time has no time zone
 _LONGEST_S = 7 * 86400.0  # a flight stays within what week numbers and double precision carry
 
-Angle = Annotated[float, msgspec.Meta(ge=0, lt=90)]
+__all__ = [
+    "PAPER_ANTENNAS_B_M",
+    "ClockTable",
+    "FixesTable",
+    "GnssTable",
+    "ImuTable",
+    "OcclusionTable",
+    "OpticsTable",
+    "Place",
+    "Scenario",
+    "SeekerTable",
+    "load_scenario",
+]
 
 
 class Place(Table, frozen=True):
@@ -50,74 +61,24 @@ class Place(Table, frozen=True):
         )
 
 
-class ClockTable(Table, frozen=True):
-    """Receiver clocks: standard deviations of offset and drift at the start, and the drift's walk.
-
-    Attributes
-    ----------
-    oscillator : {"common", "separate"}
-        One oscillator for all receivers, each with its own constant offset; or one each.
-    offset_s, drift_sps, drift_walk_sps_per_sqrt_s : float
-    """
-
-    oscillator: Literal["common", "separate"] = "common"
-    offset_s: Annotated[float, msgspec.Meta(ge=0, le=1e-3)] = 1e-7
-    drift_sps: NotNegative = 1e-10
-    drift_walk_sps_per_sqrt_s: NotNegative = 1e-11
-
-
-class GnssTable(Table, frozen=True):
-    """Receivers, one per antenna, and satellites.
+class ImuTable(Table, frozen=True):
+    """Accelerometer triad, and a gyroscope where its three figures are given.
 
     Attributes
     ----------
     rate_hz : float
-    signals : dict
-        RINEX 3 signals by constellation letter: ``{ G = ["1C"], E = ["1C", "5Q"] }``.
-    navigation : tuple of str
-        Broadcast files, relative to the scenario; none: the built-in almanac.
-    receiver_mask_deg, elevation_mask_deg : float
-        Below the first nothing is tracked; the second is written to the flight for estimators.
-    code_noise_m, phase_noise_m, doppler_noise_mps : float
-        White noise of one link at the zenith.
-    elevation_weights : {"sine", "uniform"}
-        ``sine`` divides the noise by the sine of the elevation.
-    atmosphere : bool
-        Delay the signals by the broadcast ionosphere and a standard troposphere.
-    clock : ClockTable
-    """
-
-    rate_hz: Positive = 10.0
-    signals: dict[str, tuple[str, ...]] = field(default_factory=lambda: {"G": ("1C",)})
-    navigation: tuple[str, ...] = ()
-    receiver_mask_deg: Angle = 5.0
-    elevation_mask_deg: Angle = 10.0
-    code_noise_m: Positive = 0.5
-    phase_noise_m: Positive = 0.003
-    doppler_noise_mps: Positive = 0.05
-    elevation_weights: Literal["sine", "uniform"] = "sine"
-    atmosphere: bool = True
-    clock: ClockTable = ClockTable()
-
-    def __post_init__(self) -> None:
-        """Check what one key's type cannot say."""
-        for letter, signals in self.signals.items():
-            if letter not in CONSTELLATIONS:
-                choice = ", ".join(f"{key} ({name})" for key, name in CONSTELLATIONS.items())
-                raise ValueError(f"signals.{letter}: the constellation must be one of {choice}")
-            if len(set(signals)) != len(signals) or not signals:
-                raise ValueError(f"signals.{letter}: must name one signal or more, each once")
-            for signal in signals:
-                if not (len(signal) == 2 and known(letter, signal)):
-                    raise ValueError(f"signals.{letter}: {signal!r} is not a RINEX 3 signal of it")
-        if not self.signals:
-            raise ValueError("signals: must name one constellation or more")
-
-
-class ImuTable(Table, frozen=True):
-    """Accelerometer triad, and a gyroscope where its three figures are given.
-
-    Units are those of the flight format: noise density, 1-sigma of the constant bias, random walk.
+    position_b_m : vector
+    accelerometer_noise_mps2_per_sqrt_hz, accelerometer_bias_mps2,
+    accelerometer_bias_walk_mps2_per_sqrt_s : float
+        As in the flight format: noise density, 1-sigma of the constant bias, random walk.
+    accelerometer_bias_instability_mps2 : float
+        B of flicker noise: an Allan deviation of ``0.664 B`` at any averaging time.
+    accelerometer_scale, accelerometer_misalignment_rad : float
+        1-sigma of scale factors against 1, and of the angles by which axes lean to each other.
+    accelerometer_range_mps2 : float or None
+        Samples are cut there.
+    gyroscope_... :
+        The same of the gyroscope, in rad/s.
     """
 
     rate_hz: Positive = 100.0
@@ -125,15 +86,25 @@ class ImuTable(Table, frozen=True):
     accelerometer_noise_mps2_per_sqrt_hz: Positive = 1e-3
     accelerometer_bias_mps2: Positive = 3e-2
     accelerometer_bias_walk_mps2_per_sqrt_s: Positive = 1e-4
+    accelerometer_bias_instability_mps2: NotNegative = 0.0
+    accelerometer_scale: NotNegative = 0.0
+    accelerometer_misalignment_rad: NotNegative = 0.0
+    accelerometer_range_mps2: Positive | None = None
     gyroscope_noise_radps_per_sqrt_hz: Positive | None = None
     gyroscope_bias_radps: Positive | None = None
     gyroscope_bias_walk_radps_per_sqrt_s: Positive | None = None
+    gyroscope_bias_instability_radps: NotNegative = 0.0
+    gyroscope_scale: NotNegative = 0.0
+    gyroscope_misalignment_rad: NotNegative = 0.0
+    gyroscope_range_radps: Positive | None = None
 
     def __post_init__(self) -> None:
         """Require the gyroscope's figures together."""
         names = ("noise_radps_per_sqrt_hz", "bias_radps", "bias_walk_radps_per_sqrt_s")
         missing = [name for name in names if getattr(self, f"gyroscope_{name}") is None]
-        if 0 < len(missing) < len(names):
+        finer = ("bias_instability_radps", "scale", "misalignment_rad", "range_radps")
+        asked = len(missing) < len(names) or any(getattr(self, f"gyroscope_{n}") for n in finer)
+        if missing and asked:
             raise ValueError(f"gyroscope_{missing[0]}: goes with the other gyroscope keys")
 
 
@@ -143,6 +114,50 @@ class FixesTable(Table, frozen=True):
     rate_hz: Positive = 1.0
     position_noise_m: Positive = 1.0
     velocity_noise_mps: Positive = 0.05
+
+
+class OpticsTable(Table, frozen=True):
+    """From a beacon's light to photocurrents.
+
+    Attributes
+    ----------
+    beacon_w_per_sr : float
+        Radiant intensity toward the detector.
+    attenuation_per_m : float
+        Of the air; 0 in vacuum.
+    aperture_radius_m, spot_radius_m : float
+        Of the lens, and of the spot of even light it makes on the detector, whose part beyond the
+        rim is lost.
+    responsivity_a_per_w : float
+    noise_a : float
+        Standard deviation of each current's samples.
+    threshold_sigmas : float
+        A current below so many of them reads zero.
+    saturation_a : float or None
+        No current is larger.
+    """
+
+    beacon_w_per_sr: Positive = 1000.0
+    attenuation_per_m: NotNegative = 0.0
+    aperture_radius_m: Positive = 1e-2
+    spot_radius_m: Positive = 1e-3
+    responsivity_a_per_w: Positive = 0.5
+    noise_a: Positive = 2e-11
+    threshold_sigmas: NotNegative = 3.0
+    saturation_a: Positive | None = None
+
+
+class OcclusionTable(Table, frozen=True):
+    """A quadrant, 1 to 4, in the dark during a span of time: its current reads zero."""
+
+    quadrant: Annotated[int, msgspec.Meta(ge=1, le=4)]
+    from_s: NotNegative = 0.0
+    until_s: Positive | None = None
+
+    def __post_init__(self) -> None:
+        """Require a span that is not empty."""
+        if self.until_s is not None and self.until_s <= self.from_s:
+            raise ValueError(f"until_s: must lie after from_s, got {self.until_s:g}")
 
 
 class SeekerTable(Table, frozen=True):
@@ -158,7 +173,11 @@ class SeekerTable(Table, frozen=True):
     position_b_m : vector
     detector_radius_m, focal_length_m : float
     line_of_sight_noise_rad : float
-        What the noise of the currents amounts to, per axis, with the spot at the centre.
+        What the noise of the currents amounts to, per axis, with the spot at the centre; where
+        optics are given, they say how large it is.
+    optics : OpticsTable or None
+        None: automatic gain keeps the sum of the currents at one.
+    occlusions : tuple of OcclusionTable
     """
 
     landmark: Place
@@ -169,6 +188,8 @@ class SeekerTable(Table, frozen=True):
     detector_radius_m: Positive = 5e-3
     focal_length_m: Positive = 2e-2
     line_of_sight_noise_rad: Positive = 1e-3
+    optics: OpticsTable | None = None
+    occlusions: tuple[OcclusionTable, ...] = ()
 
     def __post_init__(self) -> None:
         """Keep the spot on the calibrated part of the detector."""
@@ -218,6 +239,8 @@ class Scenario(Table, frozen=True):
             raise ValueError("antennas_b_m: must hold one antenna or more")
         if self.start < _GPS_EPOCH:
             raise ValueError(f"start: must not lie before {_GPS_EPOCH.isoformat()}")
+        if self.gnss is not None:
+            self.gnss.check_antennas(len(self.antennas_b_m))
 
     @property
     def start_gps_s(self) -> float:
@@ -231,7 +254,7 @@ class Scenario(Table, frozen=True):
 
 
 def load_scenario(path: Path) -> Scenario:
-    """Return the scenario in a TOML file, its navigation files resolved against the file's folder.
+    """Return the scenario in a TOML file, the files it names resolved against the file's folder.
 
     Raises
     ------
@@ -243,11 +266,18 @@ def load_scenario(path: Path) -> Scenario:
     if not scenario.name:
         changes["name"] = path.stem
     if scenario.gnss is not None:
-        files = [path.parent / name for name in scenario.gnss.navigation]
-        for file in files:
-            if not file.is_file():
-                raise BadInputError(f"{path}: gnss.navigation: no such file, got '{file}'")
         changes["gnss"] = msgspec.structs.replace(
-            scenario.gnss, navigation=tuple(str(file) for file in files)
+            scenario.gnss,
+            navigation=_resolved(path, "navigation", scenario.gnss.navigation),
+            orbits=_resolved(path, "orbits", scenario.gnss.orbits),
         )
     return msgspec.structs.replace(scenario, **changes)
+
+
+def _resolved(path: Path, key: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return files that a scenario at ``path`` names, against its folder."""
+    files = [path.parent / name for name in names]
+    for file in files:
+        if not file.is_file():
+            raise BadInputError(f"{path}: gnss.{key}: no such file, got '{file}'")
+    return tuple(str(file) for file in files)

@@ -1,18 +1,20 @@
 """From a scenario and a seeded generator to a flight whose truth is known."""
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from fgnav.checks import Loss
 from fgnav.flight import Antenna, Flight, GnssNoise, Truth
-from fgnav.orbits import BroadcastOrbits
+from fgnav.orbits import BroadcastOrbits, PreciseOrbits
+from fgnav_sim import detector, inertial
 from fgnav_sim.constellation import KLOBUCHAR, built_in_orbits
-from fgnav_sim.detector import watch
 from fgnav_sim.fixes import fix
-from fgnav_sim.inertial import sense
 from fgnav_sim.receiver import observe
+from fgnav_sim.receiver_tables import antenna_names
 from fgnav_sim.scenario import GnssTable, Scenario
 
 
@@ -43,25 +45,35 @@ def simulate(
     """
     gnss_rng, imu_rng, fixes_rng, seeker_rng = rng.spawn(4)
     gnss, imu, fixes, seeker = scenario.gnss, scenario.imu, scenario.fixes, scenario.seeker
-    orbits = _orbits(gnss, scenario) if gnss else None
-    watched = watch(seeker, scenario, rng=seeker_rng) if seeker else None
-    unseen = Loss(what="seeker", reason="beacon never within range and field of view", count=1)
+    broadcast, precise = _orbits(gnss, scenario) if gnss else (None, None)
+    flown = precise or broadcast
+    watched = detector.watch(seeker, scenario, rng=seeker_rng) if seeker else None
+    sensed = inertial.sense(imu, scenario, rng=imu_rng) if imu else None
+    losses = inertial.saturated(imu, sensed) if imu and sensed else ()
+    if seeker and watched:
+        losses += detector.saturated(seeker, watched)
+    elif seeker:
+        reason = "beacon never within range and field of view"
+        losses += (Loss(what="seeker", reason=reason, count=1),)
     return Flight(
         name=scenario.name,
         start_gps_s=scenario.start_gps_s,
         origin=scenario.origin.frame,
         antennas=_antennas(scenario),
-        observations=observe(gnss, scenario, orbits, rng=gnss_rng, progress=progress)
-        if gnss and orbits
+        observations=observe(
+            gnss, scenario, flown, messages=broadcast, rng=gnss_rng, progress=progress
+        )
+        if gnss and flown
         else None,
-        broadcast=orbits,
+        broadcast=broadcast,
+        precise=precise,
         elevation_mask_rad=np.radians(gnss.elevation_mask_deg if gnss else 10.0),
         gnss_noise=_noise(gnss) if gnss else GnssNoise(),
-        imu=sense(imu, scenario, rng=imu_rng) if imu else None,
+        imu=sensed,
         fixes=fix(fixes, scenario, "a1", rng=fixes_rng) if fixes else None,
         seeker=watched,
         truth=_truth(scenario),
-        losses=(unseen,) if seeker and watched is None else (),
+        losses=losses,
     )
 
 
@@ -69,33 +81,42 @@ def _antennas(scenario: Scenario) -> tuple[Antenna, ...]:
     """Return the antennas that say something: all with receivers, else that of the fixes."""
     count = len(scenario.antennas_b_m) if scenario.gnss else int(scenario.fixes is not None)
     return tuple(
-        Antenna(name=f"a{k}", position_b_m=np.array(lever_b_m))
-        for k, lever_b_m in enumerate(scenario.antennas_b_m[:count], start=1)
+        Antenna(name=name, position_b_m=np.array(lever_b_m))
+        for name, lever_b_m in zip(antenna_names(count), scenario.antennas_b_m[:count], strict=True)
     )
 
 
-def _orbits(gnss: GnssTable, scenario: Scenario) -> BroadcastOrbits:
-    """Return the satellites of the scenario's files, or the built-in ones.
+def _orbits(
+    gnss: GnssTable, scenario: Scenario
+) -> tuple[BroadcastOrbits | None, PreciseOrbits | None]:
+    """Return the messages and the tables of the scenario's files, or the built-in messages.
 
     Without an atmosphere there are no coefficients of one either: estimators take zeros for none.
     """
+    if not (gnss.navigation or gnss.orbits):
+        klobuchar = KLOBUCHAR if gnss.atmosphere else np.zeros(8)
+        letters = tuple(gnss.signals)
+        return built_in_orbits(letters, scenario.start_gps_s, scenario.duration_s, klobuchar), None
+    broadcast = precise = None
     if gnss.navigation:
         from fgnav.io.rinex import read_navigation  # noqa: PLC0415  # lazy: it loads RTKLIB
 
-        orbits = read_navigation([Path(name) for name in gnss.navigation], scenario.start_gps_s)
-        if gnss.atmosphere:
-            return orbits
-        return BroadcastOrbits(records=orbits.records, klobuchar=np.zeros(8), losses=orbits.losses)
-    klobuchar = KLOBUCHAR if gnss.atmosphere else np.zeros(8)
-    return built_in_orbits(
-        tuple(gnss.signals), scenario.start_gps_s, scenario.duration_s, klobuchar
-    )
+        broadcast = read_navigation([Path(name) for name in gnss.navigation], scenario.start_gps_s)
+        if not gnss.atmosphere:
+            broadcast = replace(broadcast, klobuchar=np.zeros(8))
+    if gnss.orbits:
+        from fgnav.io.sp3 import read_precise  # noqa: PLC0415  # lazy: only few scenarios need it
+
+        precise = read_precise([Path(name) for name in gnss.orbits], scenario.start_gps_s)
+    return broadcast, precise
 
 
 def _noise(gnss: GnssTable) -> GnssNoise:
+    """Return what estimators are told of a link: its noise and echoes from anywhere together."""
+    echoes = gnss.multipath
     return GnssNoise(
-        code_m=gnss.code_noise_m,
-        phase_m=gnss.phase_noise_m,
+        code_m=math.hypot(gnss.code_noise_m, echoes.code_m if echoes else 0.0),
+        phase_m=math.hypot(gnss.phase_noise_m, echoes.phase_m if echoes else 0.0),
         doppler_mps=gnss.doppler_noise_mps,
         elevation_weights=gnss.elevation_weights,
     )

@@ -71,6 +71,29 @@ def test_a_folder_that_holds_something_is_refused_and_left_alone(scenario, tmp_p
     assert contents(folder) == {"mine.txt": b"precious"}
 
 
+def test_a_batch_is_the_flights_of_seeds_that_follow_each_other(scenario, tmp_path, capsys):
+    simulate(scenario, seed=7, out=tmp_path / "batch", batch=3, json=True)
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["flights"] == 3
+    assert summary["seeds"] == "7 to 9"
+    assert summary["epochs"] == 20
+    assert "flight" not in summary
+    folders = sorted((tmp_path / "batch").iterdir())
+    assert [folder.name for folder in folders] == ["0001", "0002", "0003"]
+    for seed, folder in zip((7, 8, 9), folders, strict=True):
+        simulate(scenario, seed=seed, out=tmp_path / f"alone{seed}")
+        assert contents(folder) == contents(tmp_path / f"alone{seed}")
+    assert contents(folders[0]) != contents(folders[1])
+
+
+def test_a_batch_of_one_has_a_folder_of_its_own_and_of_none_is_refused(scenario, tmp_path):
+    simulate(scenario, seed=1, out=tmp_path / "one", batch=1)
+    assert [folder.name for folder in (tmp_path / "one").iterdir()] == ["0001"]
+    with pytest.raises(BadInputError, match="--batch: must be 1 or more, got 0"):
+        simulate(scenario, seed=1, out=tmp_path / "none", batch=0)
+    assert not (tmp_path / "none").exists()
+
+
 def test_a_negative_seed_is_refused(scenario, tmp_path):
     with pytest.raises(BadInputError, match="--seed: must be 0 or more, got -1"):
         simulate(scenario, seed=-1, out=tmp_path / "flight")

@@ -12,6 +12,7 @@ from fgnav.observations import LOST_LOCK
 from fgnav_sim.constellation import built_in_orbits
 from fgnav_sim.motion import Arc, Motion, Sine, Straight
 from fgnav_sim.receiver import observe
+from fgnav_sim.receiver_tables import Cn0Table
 from fgnav_sim.scenario import ClockTable, GnssTable, Scenario
 
 SWING = Motion(
@@ -164,6 +165,29 @@ def test_a_satellite_that_rises_again_has_new_integers_and_says_so():
     apart = passes[1][0] - passes[0][0]
     assert abs(apart) > 1.0
     assert abs(apart - np.round(apart)) < 1e-3
+
+
+def test_noise_follows_carrier_to_noise_density_if_asked():
+    cn0 = Cn0Table(horizon_dbhz=30.0, zenith_dbhz=48.0, sets_noise=True)
+    scenario = Scenario(duration_s=200.0, motion=Motion(path=Straight(speed_mps=0.0)))
+    _, quiet = run(changed(QUIET, cn0=cn0), scenario)
+    _, noisy = run(changed(QUIET, cn0=cn0, code_noise_m=0.4), scenario)
+    assert 30.0 < np.nanmin(quiet.cn0_dbhz) < np.nanmax(quiet.cn0_dbhz) <= 48.0
+    expected_m = 0.4 * 10 ** ((48.0 - np.nanmean(quiet.cn0_dbhz, axis=(0, 1))) / 20)
+    assert np.nanstd(noisy.code_m - quiet.code_m, axis=(0, 1)) == pytest.approx(
+        expected_m, rel=0.05
+    )
+
+
+@pytest.mark.parametrize("sets_noise", [True, False])
+def test_an_antenna_may_be_noisier_than_the_others(sets_noise):
+    scenario = Scenario(duration_s=100.0, motion=Motion(path=Straight(speed_mps=0.0)))
+    flat = Cn0Table(horizon_dbhz=50.0, sets_noise=sets_noise)
+    factors = (1.0, 1.0, 3.0, 1.0, 0.5, 1.0, 1.0, 1.0)
+    _, quiet = run(QUIET, scenario)
+    _, noisy = run(changed(QUIET, cn0=flat, antenna_noise=factors, code_noise_m=0.4), scenario)
+    size = np.nanstd(noisy.code_m - quiet.code_m, axis=(0, 2))
+    assert size == pytest.approx(0.4 * np.array(factors), rel=0.05)
 
 
 def test_blocks_leave_no_seam(monkeypatch):

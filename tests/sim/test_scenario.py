@@ -106,6 +106,25 @@ def test_epochs_fill_the_duration_without_its_end():
         ("[gnss.signals]\nG = ['L1']", r"gnss.signals.G: 'L1' is not a RINEX 3 signal"),
         ("[gnss]\nelevation_weights = 'cosine'", r"gnss.elevation_weights: invalid enum value"),
         ("[gnss.clock]\noffset_s = 1", r"gnss.clock.offset_s: must be float <= 0.001, got 1"),
+        (
+            "[gnss]\nantenna_noise = [1, 2]",
+            r"gnss.antenna_noise: must hold a factor for each of 8 antennas, got 2",
+        ),
+        (
+            "[imu]\ngyroscope_scale = 1e-3",
+            r"imu.gyroscope_noise_radps_per_sqrt_hz: goes with the other gyroscope keys",
+        ),
+        (
+            "[seeker]\nlandmark = {}\nocclusions = [{ quadrant = 5 }]",
+            r"seeker.occlusions\[0\].quadrant: must be int <= 4, got 5",
+        ),
+        (
+            "[seeker]\nlandmark = {}\nocclusions = [{ quadrant = 1, from_s = 2, until_s = 1 }]",
+            r"seeker.occlusions\[0\].until_s: must lie after from_s, got 1",
+        ),
+        ("[gnss]\nchoose = 3", r"gnss.choose: must be int >= 4, got 3"),
+        ("[gnss]\nchoose = 'some'", r"gnss.choose: invalid enum value 'some'"),
+        ("[gnss]\norbits = ['none.sp3']", r"gnss.orbits: no such file, got '.*none.sp3'"),
         ("[gnss]\nnavigation = ['none.rnx']", r"gnss.navigation: no such file, got '.*none.rnx'"),
         (
             "[imu]\ngyroscope_bias_radps = 1e-3",

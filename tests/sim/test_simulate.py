@@ -125,6 +125,17 @@ def test_double_differences_of_every_scenario_are_integers_within_the_noise(name
     assert (integers == integers[0]).all()
 
 
+@pytest.mark.parametrize("name", ["rough", "six", "beacon"])
+def test_every_scenario_of_the_gallery_flies(name):
+    flight = made(load_scenario(SCENARIOS / f"{name}.toml"))
+    tracked = flight.observations.tracked.sum(axis=2)
+    gaps = flight.observations.lock_flags.any()
+    assert gaps == (name == "rough")
+    assert (tracked[:, 0] == 6).all() == (name == "six")
+    assert (flight.seeker is not None) == (name == "beacon")
+    assert [loss.what for loss in flight.losses] == ["seeker sample"] * (name == "beacon")
+
+
 @pytest.mark.parametrize("atmosphere", [True, False])
 @pytest.mark.parametrize("clock_s", [1e-7, 1e-4])
 def test_the_code_solution_finds_the_vehicle(atmosphere, clock_s):
