@@ -13,6 +13,7 @@ from fgnav.estimate import open_angle_variance_rad2
 _ITERATIONS = 100  # a well-posed epoch needs four; the weakest creep
 _RESTARTS = 8  # of 24 starts of a doubtful epoch, the most likely
 _STEP_SIGMAS = 1e-4  # a Gauss-Newton step below this share of the standard deviation is the last
+_LOUDER, _LOUDEST = 4 / 3, 9.0  # variance factors that are believed
 _ALONG_AXIS = 1e-3  # rad: an open direction this close to a body axis is that axis
 
 
@@ -51,6 +52,21 @@ class AttitudeSolution:
 
         threshold = chdtri(np.maximum(self.degrees_of_freedom, 1), false_alarm)
         return np.asarray((self.chi_square <= threshold) | (self.degrees_of_freedom < 1))
+
+    def variance_factor(self) -> float:
+        """Return how much louder the noise is than stated, as the residuals of most epochs say.
+
+        1 where they agree within a third, and never more than three times the standard deviation:
+        beyond that it is not noise that is wrong. The median of chi-square over its own median, so
+        that epochs with wrong integers do not count.
+        """
+        redundant = self.solved & (self.degrees_of_freedom > 0)
+        if not redundant.any():
+            return 1.0
+        freedom = self.degrees_of_freedom[redundant]
+        median = freedom * (1 - 2 / (9 * freedom)) ** 3  # Wilson and Hilferty
+        factor = float(np.median(self.chi_square[redundant] / median))
+        return min(factor, _LOUDEST) if factor > _LOUDER else 1.0
 
     def unobservable(self) -> tuple[str, ...]:
         """Return the names of the angles that most solved epochs leave open."""
@@ -113,6 +129,23 @@ def maximum_likelihood(
         solved=settled & (open_directions <= 1),
         open_axis_b=axes[:, :, 0] * is_open[:, :1],
     )
+
+
+def agreeing(
+    quadratic: RotationQuadratic,
+) -> tuple[RotationQuadratic, AttitudeSolution, tuple[str, ...]]:
+    """Return the form, its attitudes and a note, the noise raised to what residuals ask for.
+
+    Multipath on a body is often louder than the receiver's data sheet. Without this, every epoch
+    would fail the chi-square test, and every covariance would be too small.
+    """
+    solution = maximum_likelihood(quadratic)
+    factor = solution.variance_factor()
+    if factor == 1.0:
+        return quadratic, solution, ()
+    louder = quadratic.louder(factor)
+    note = f"Phase noise is taken as {np.sqrt(factor):.1f} times the stated: its residuals say so."
+    return louder, maximum_likelihood(louder, solution.R_nb), (note,)
 
 
 def _descend(quadratic: RotationQuadratic, start: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -105,6 +105,15 @@ class RotationQuadratic:
             count=self.count[epochs],
         )
 
+    def louder(self, factor: float) -> "RotationQuadratic":
+        """Return the form with all variances multiplied by a factor."""
+        return RotationQuadratic(
+            information=self.information / factor,
+            vector=self.vector / factor,
+            constant=self.constant / factor,
+            count=self.count,
+        )
+
     def chi_square(self, R_nb: FloatArray) -> FloatArray:
         """Return the weighted square sum of residuals, (n,), at attitudes (n, 3, 3)."""
         x = R_nb.reshape(-1, 9)

@@ -73,7 +73,7 @@ class ArraySearch:
     status: IntArray
 
 
-class _Epochs(NamedTuple):
+class Epochs(NamedTuple):
     """The arrays of ``DoubleDifferences`` a kernel reads."""
 
     code_m: FloatArray
@@ -110,7 +110,7 @@ def search_array(differences: DoubleDifferences, *, joint: bool) -> ArraySearch:
     """
     b = len(differences.baselines_b_m)
     blocks = np.ones((min(b, 1), b), dtype=np.bool_) if joint else np.eye(b, dtype=np.bool_)
-    epochs = _epochs(differences)
+    epochs = epochs_of(differences)
     cycles, squared_norms, status = _search_epochs(epochs, _arrays(differences, epochs, blocks))
     return ArraySearch(cycles=cycles, squared_norms=squared_norms, status=status)
 
@@ -139,7 +139,7 @@ def float_solution(
     if not 0 <= k < n:
         raise BadInputError(f"epoch {k}: not one of the {n} there are")
     block = np.ones((1, b), dtype=np.bool_) if baselines is None else np.array([baselines])
-    epochs = _epochs(differences)
+    epochs = epochs_of(differences)
     arrays = _arrays(differences, epochs, block)
     status, links, cycles, covariance = _float_epoch(epochs, arrays, k, 0)
     if status != OK:
@@ -150,8 +150,9 @@ def float_solution(
     return FloatSolution(cycles=cycles, covariance_cycles2=covariance, links=chosen)
 
 
-def _epochs(differences: DoubleDifferences) -> _Epochs:
-    return _Epochs(
+def epochs_of(differences: DoubleDifferences) -> Epochs:
+    """Return the arrays of double differences as kernels take them."""
+    return Epochs(
         differences.code_m,
         differences.phase_m,
         differences.e_n,
@@ -163,7 +164,7 @@ def _epochs(differences: DoubleDifferences) -> _Epochs:
     )
 
 
-def _arrays(differences: DoubleDifferences, epochs: _Epochs, blocks: BoolArray) -> _Arrays:
+def _arrays(differences: DoubleDifferences, epochs: Epochs, blocks: BoolArray) -> _Arrays:
     """Find the basis of the antennas present, once for every pattern of presence."""
     present = np.any(epochs.resolvable, axis=2)[:, None, :] & blocks  # (n, s, b)
     flat = present.reshape(-1, blocks.shape[1])
@@ -179,7 +180,7 @@ def _arrays(differences: DoubleDifferences, epochs: _Epochs, blocks: BoolArray) 
 
 
 @kernel
-def _search_epochs(epochs: _Epochs, arrays: _Arrays) -> tuple[IntArray, FloatArray, IntArray]:
+def _search_epochs(epochs: Epochs, arrays: _Arrays) -> tuple[IntArray, FloatArray, IntArray]:
     n, b, m = epochs.phase_m.shape
     cycles = np.zeros((n, b, m), dtype=np.int64)
     squared_norms = np.full((n, b, 2), np.nan)
@@ -201,17 +202,17 @@ def _search_epochs(epochs: _Epochs, arrays: _Arrays) -> tuple[IntArray, FloatArr
 
 @kernel
 def _float_epoch(
-    epochs: _Epochs, arrays: _Arrays, k: int, s: int
+    epochs: Epochs, arrays: _Arrays, k: int, s: int
 ) -> tuple[int, IntArray, FloatArray, FloatArray]:
     """Return status, links (q, 3: baseline, channel, reference), float cycles and covariance."""
     pattern = arrays.pattern[k, s]
     unknowns = 3 * arrays.rank[pattern]
-    links = _links(epochs.resolvable[k], epochs.of_reference[k], arrays.blocks[s])
+    links = epoch_links(epochs.resolvable[k], epochs.of_reference[k], arrays.blocks[s])
     q = len(links)
-    cycles, covariance = np.zeros(q), _covariance(links, epochs.phase_variance_m2[k])
+    cycles, covariance = np.zeros(q), link_covariance(links, epochs.phase_variance_m2[k])
     if q == 0:
         return NOTHING, links, cycles, covariance
-    A = _design(epochs.e_n[k], arrays.coordinates_m[pattern], links, unknowns)
+    A = link_design(epochs.e_n[k], arrays.coordinates_m[pattern], links, unknowns)
     status, H, range_m = _of_code(A, epochs.code_m[k], epochs.code_variance_m2[k], links)
     for i in range(q):
         j = links[i, 1]
@@ -228,7 +229,8 @@ def _float_epoch(
 
 
 @kernel
-def _links(resolvable: BoolArray, of_reference: IntArray, block: BoolArray) -> IntArray:
+def epoch_links(resolvable: BoolArray, of_reference: IntArray, block: BoolArray) -> IntArray:
+    """Return baseline, channel and reference channel, (q, 3), of an epoch's resolvable links."""
     links = np.empty((resolvable.size, 3), dtype=np.int64)
     q = 0
     for i in range(resolvable.shape[0]):
@@ -240,7 +242,7 @@ def _links(resolvable: BoolArray, of_reference: IntArray, block: BoolArray) -> I
 
 
 @kernel
-def _covariance(links: IntArray, variance: FloatArray) -> FloatArray:
+def link_covariance(links: IntArray, variance: FloatArray) -> FloatArray:
     """Return that of double differences, as ``DoubleDifferences.covariance`` does."""
     q = len(links)
     C = np.zeros((q, q))
@@ -256,9 +258,10 @@ def _covariance(links: IntArray, variance: FloatArray) -> FloatArray:
 
 
 @kernel
-def _design(
+def link_design(
     e_n: FloatArray, coordinates_m: FloatArray, links: IntArray, unknowns: int
 ) -> FloatArray:
+    """Return the design, (q, unknowns), of links (q, 3) by the elements of the affine array."""
     A = np.empty((len(links), unknowns))
     for i in range(len(links)):
         for u in range(unknowns):
@@ -274,7 +277,7 @@ def _of_code(
     """Return status, H with ``A C_M A^T = H^T H``, and the ranges ``A M`` that code gives."""
     q, unknowns = A.shape
     W = np.empty((q, q + unknowns + 1))
-    W[:, :q] = _covariance(links, variance)
+    W[:, :q] = link_covariance(links, variance)
     W[:, q:-1] = A
     for i in range(q):
         W[i, -1] = code_m[links[i, 0], links[i, 1]]

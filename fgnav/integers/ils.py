@@ -2,10 +2,11 @@
 
 The covariance is factored into ``Q = L^T diag(d) L`` with L unit lower triangular [1]_, taking the
 smallest conditional variance first [2]_. Integer row operations then make ``d`` flat. Only the
-element that decides about an exchange is reduced: the others change neither ``d`` nor the number of
-nodes the search visits [3]_. The search enumerates integers outward from each conditional estimate
-(Schnorr-Euchner) and shrinks its bound to the worst candidate held. What it returns is the minimum;
-a caller that cannot wait for it sets a limit of nodes and is told when that was reached.
+element that decides about an exchange is reduced, and those that have grown: the others change
+neither ``d`` nor the number of nodes the search visits [3]_. The search enumerates integers outward
+from each conditional estimate (Schnorr-Euchner) and shrinks its bound to the worst candidate held.
+What it returns is the minimum; a caller that cannot wait for it sets a limit of nodes and is told
+when that was reached.
 
 References
 ----------
@@ -30,6 +31,11 @@ _LARGEST_CYCLES = 2.0**53  # above, a double holds no fraction
 _ASYMMETRY = 1e-6  # of the geometric mean of two variances: printed tables pass, mistakes do not
 _EPSILON = 2.0**-52
 _GAIN = 1e-12  # least relative gain of an exchange: rounding errors must not cycle
+# An element that is never reduced can grow without end: of 1000 epochs of 8 antennas and 7
+# satellites one ended with a transform of 1e15, beyond which doubles hold no integers. One that has
+# grown above the first is reduced with its row; the second makes do, at 1.6 times the time.
+_GROWN = (1e3, 2.0)
+_LARGEST_TRANSFORM = 1e6  # 1e-10 of precision in the metric, and room for any cycles
 
 _WRONG = {
     NOT_FINITE: "float_cycles and covariance: must be finite, and float_cycles below 2^53",
@@ -191,7 +197,7 @@ def decorrelate(
     Returns
     -------
     positive : bool
-        Whether Q is positive definite beyond rounding errors.
+        Whether Q is positive definite beyond rounding errors, and the transform sound.
     L : ndarray, shape (n, n)
         Unit lower triangular factor of Z^T Q Z.
     d : ndarray, shape (n,)
@@ -200,15 +206,28 @@ def decorrelate(
         Integers; the rows turn z back into ambiguities, ``a = z @ T``.
     """
     n = len(Q)
-    T = np.eye(n)
-    positive, U, d = _factor(Q, carried, T)
-    if positive:
-        _reduce(U, d, carried, T)
-    L = np.empty((n, n))
-    for i in range(n):
-        for j in range(i + 1):
-            L[i, j] = U[j, i]
-    return positive, L, d, T
+    L = np.zeros((n, n))
+    d: FloatArray = np.zeros(n)
+    T: FloatArray = np.zeros((n, n))
+    before = carried.copy()
+    sound = False
+    for grown in _GROWN:
+        carried[:] = before
+        T = np.eye(n)
+        positive, U, d = _factor(Q, carried, T)
+        if not positive:
+            break
+        _reduce(U, d, carried, T, grown)
+        sound = True
+        for i in range(n):
+            for j in range(n):
+                sound = sound and abs(T[i, j]) < _LARGEST_TRANSFORM
+        if sound:
+            for i in range(n):
+                for j in range(i + 1):
+                    L[i, j] = U[j, i]
+            break
+    return sound, L, d, T
 
 
 @kernel
@@ -260,7 +279,7 @@ def _exchange_rows(A: FloatArray, i: int, j: int, first: int) -> None:
 
 
 @kernel
-def _reduce(U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray) -> None:
+def _reduce(U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray, grown: float) -> None:
     """Exchange neighbours while that lowers the variance that is searched first."""
     n = len(d)
     k = n - 2
@@ -272,12 +291,7 @@ def _reduce(U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray) ->
             k -= 1
             continue
         if mu != 0.0:
-            for j in range(k + 1, n):
-                U[k, j] -= mu * U[k + 1, j]
-            for j in range(carried.shape[1]):
-                carried[k, j] -= mu * carried[k + 1, j]
-            for j in range(n):
-                T[k + 1, j] += mu * T[k, j]
+            _subtract(U, carried, T, k, k + 1)
         eta, lam = d[k] / variance, d[k + 1] * slope / variance
         d[k], d[k + 1] = eta * d[k + 1], variance
         for j in range(k):
@@ -288,7 +302,25 @@ def _reduce(U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray) ->
         _exchange_rows(U, k, k + 1, k + 2)
         _exchange_rows(carried, k, k + 1, 0)
         _exchange_rows(T, k, k + 1, 0)
+        for j in range(k):
+            if abs(U[j, k]) + abs(U[j, k + 1]) > grown:
+                for i in range(j + 1, n):
+                    _subtract(U, carried, T, j, i)
         k = min(k + 1, n - 2)
+
+
+@kernel
+def _subtract(U: FloatArray, carried: FloatArray, T: FloatArray, k: int, i: int) -> None:
+    """Reduce element i of row k by its nearest integer times row i."""
+    mu = np.floor(U[k, i] + 0.5)
+    if mu == 0.0:
+        return
+    for j in range(i, len(U)):
+        U[k, j] -= mu * U[i, j]
+    for j in range(carried.shape[1]):
+        carried[k, j] -= mu * carried[i, j]
+    for j in range(len(T)):
+        T[i, j] += mu * T[k, j]
 
 
 @kernel

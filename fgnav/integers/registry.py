@@ -11,6 +11,7 @@ GROUP = "fgnav.resolvers"
 RESOLVERS = {
     "rounding": "fgnav.integers.rounding:Rounding",
     "lambda": "fgnav.integers.lambda_:Lambda",
+    "constrained": "fgnav.integers.constrained:Constrained",
     "truth": "fgnav.integers.truth:Truth",
 }
 

@@ -25,6 +25,9 @@ class Integers:
     ratio : ndarray, shape (n, b)
         Second-best over best squared norm of the search that fixed the baseline; NaN where there
         was none. A joint search gives all baselines the same.
+    wrong_probability : ndarray, shape (n,), or None
+        That an epoch's best integers, fixed or not, are not all right, by a resolver that can tell;
+        1 where it found none.
     losses : tuple of Loss
         Links that were there and were not fixed, with the reason.
     """
@@ -33,6 +36,7 @@ class Integers:
     cycles: IntArray
     fixed: BoolArray
     ratio: FloatArray
+    wrong_probability: FloatArray | None = None
     losses: tuple[Loss, ...] = ()
 
     def __post_init__(self) -> None:
@@ -43,6 +47,9 @@ class Integers:
         object.__setattr__(self, "cycles", cycles)
         object.__setattr__(self, "fixed", fixed)
         object.__setattr__(self, "ratio", ratio)
+        if self.wrong_probability is not None:
+            wrong = frozen("integers wrong_probability", self.wrong_probability, cycles.shape[:1])
+            object.__setattr__(self, "wrong_probability", wrong)
 
 
 class Resolver(Protocol):

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from fgnav.attitude.array import maximum_likelihood
+from fgnav.attitude.array import agreeing
 from fgnav.attitude.baselines import body_motion
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import Loss, NoSolutionError, positive
@@ -45,9 +45,8 @@ class MaximumLikelihood:
             If no epoch determines the attitude.
         """
         differences, integers = resolve(flight, self.resolver)
-        solution = maximum_likelihood(
-            RotationQuadratic.of_double_differences(differences, integers)
-        )
+        stated = RotationQuadratic.of_double_differences(differences, integers)
+        _, solution, louder = agreeing(stated)
         consistent = solution.consistent(self.false_alarm)
         keep = solution.solved & consistent
         losses = [
@@ -77,5 +76,5 @@ class MaximumLikelihood:
             unobservable=solution.unobservable(),
             integers=integers,
             losses=(*differences.losses, *integers.losses, *losses),
-            notes=motion.notes,
+            notes=(*louder, *motion.notes),
         )

@@ -1,10 +1,12 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from fgnav import rotations
 from fgnav.attitude import RotationQuadratic, maximum_likelihood
-from fgnav.attitude.array import axis_name
+from fgnav.attitude.array import agreeing, axis_name
 from fgnav.estimate import open_angle_variance_rad2
 
 from .arrays import PAPER_ANTENNAS_B_M, sky, synthetic
@@ -96,3 +98,34 @@ def test_nothing_measured_is_not_solved():
 
 def test_axes_have_their_names():
     assert axis_name(np.array([0, 0, -2.0])) == "yaw"
+
+
+@pytest.mark.parametrize(("louder", "believed"), [(1.0, 1.0), (2.0, 2.0), (10.0, 3.0)])
+def test_noise_is_raised_to_what_residuals_say_and_no_further(louder, believed):
+    rng = np.random.default_rng(11)
+    R_nb = rotations.exp(rng.normal(size=(400, 3)))
+    differences, true = synthetic(R_nb, sky(7, rng), rng, phase_m=0.003 * louder)
+    # Stated as 3 mm whatever it is.
+    stated = dataclasses.replace(
+        differences, phase_variance_m2=np.full(differences.e_n.shape[:2], 0.003**2)
+    )
+    form = RotationQuadratic.of_double_differences(stated, true)
+    raised, solution, notes = agreeing(form)
+    factor = np.sqrt(form.information[0, 0, 0] / raised.information[0, 0, 0])
+    assert_allclose(factor, believed, rtol=0.05)
+    assert bool(notes) == (louder > 1)
+    if louder == 2:
+        assert solution.consistent().mean() > 0.995
+
+
+def test_wrong_integers_in_a_third_of_the_epochs_are_not_taken_for_noise():
+    rng = np.random.default_rng(12)
+    R_nb = rotations.exp(rng.normal(size=(300, 3)))
+    differences, true = synthetic(R_nb, sky(7, rng), rng)
+    cycles = true.cycles.copy()
+    cycles[:100, 3, 2] += 1
+    wrong = dataclasses.replace(true, cycles=cycles)
+    form = RotationQuadratic.of_double_differences(differences, wrong)
+    _, solution, _ = agreeing(form)
+    assert not solution.consistent()[:100].any()
+    assert solution.consistent()[100:].mean() > 0.99

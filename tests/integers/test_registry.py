@@ -13,8 +13,8 @@ from fgnav.integers.truth import Truth
 
 
 def test_own_resolvers_go_by_their_names():
-    assert resolver_names()[:3] == ("rounding", "lambda", "truth")
-    for name in ("rounding", "lambda", "truth"):
+    assert resolver_names()[:4] == ("rounding", "lambda", "constrained", "truth")
+    for name in ("rounding", "lambda", "constrained", "truth"):
         assert resolver_named(name).name == name
     assert resolver_named("lambda") == Lambda()
 
@@ -24,12 +24,12 @@ def test_installed_resolver_is_found_by_its_entry_point(monkeypatch):
         name="mine", value="fgnav.integers.rounding:Rounding", group="fgnav.resolvers"
     )
     monkeypatch.setattr(plugins, "entry_points", lambda group: [entry] if group else [])
-    assert resolver_names() == ("rounding", "lambda", "truth", "mine")
+    assert resolver_names() == ("rounding", "lambda", "constrained", "truth", "mine")
     assert resolver_named("mine") == Rounding()
 
 
 def test_unknown_resolver_lists_the_known_ones():
-    with pytest.raises(BadInputError, match=r"integers 'guess': not one of rounding, lambda, tru"):
+    with pytest.raises(BadInputError, match=r"integers 'guess': not one of rounding, lambda, con"):
         resolver_named("guess")
 
 

@@ -48,6 +48,7 @@ class Collected:
         Variance of positions at keyframes that no smoothing reduces.
     integers : Integers or None
     losses : tuple of Loss
+    notes : tuple of str
     """
 
     keyframes: Keyframes
@@ -55,6 +56,7 @@ class Collected:
     common_position_m2: FloatArray
     integers: Integers | None
     losses: tuple[Loss, ...]
+    notes: tuple[str, ...]
 
 
 def collect(flight: Flight, settings: Settings) -> Collected:
@@ -112,6 +114,7 @@ def collect(flight: Flight, settings: Settings) -> Collected:
         common_position_m2=antenna.common_m2,
         integers=start.integers,
         losses=tuple(sum((*parts, sight_losses, gravity_losses), ())),
+        notes=start.notes,
     )
 
 

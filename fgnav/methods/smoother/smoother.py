@@ -148,7 +148,7 @@ def _at_origin(name: str, collected: Collected, solution: Solution) -> Estimate:
         converged=solution.converged,
         integers=collected.integers,
         losses=collected.losses,
-        notes=_notes(name, keyframes, solution),
+        notes=(*collected.notes, *_notes(name, keyframes, solution)),
     )
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.attitude.array import maximum_likelihood
+from fgnav.attitude.array import agreeing
 from fgnav.attitude.flight_vectors import measured_vectors, track_of, with_velocity
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.attitude.vector_pairs import wahba
@@ -35,6 +35,7 @@ class Start:
     refused : ndarray of bool, shape (n,)
         Epochs whose array phases contradict each other.
     losses : tuple of Loss
+    notes : tuple of str
     """
 
     t_s: FloatArray
@@ -45,6 +46,7 @@ class Start:
     integers: Integers | None
     refused: BoolArray
     losses: tuple[Loss, ...]
+    notes: tuple[str, ...]
 
 
 def start_of(flight: Flight, resolver: Resolver, false_alarm: float) -> Start:
@@ -62,8 +64,8 @@ def start_of(flight: Flight, resolver: Resolver, false_alarm: float) -> Start:
 
 def _of_array(flight: Flight, resolver: Resolver, false_alarm: float) -> Start:
     differences, integers = resolve(flight, resolver)
-    form = RotationQuadratic.of_double_differences(differences, integers)
-    attitude = maximum_likelihood(form)
+    stated = RotationQuadratic.of_double_differences(differences, integers)
+    form, attitude, notes = agreeing(stated)
     consistent = attitude.consistent(false_alarm)
     return Start(
         t_s=differences.t_s,
@@ -74,6 +76,7 @@ def _of_array(flight: Flight, resolver: Resolver, false_alarm: float) -> Start:
         integers=integers,
         refused=attitude.solved & ~consistent,
         losses=(*differences.losses, *integers.losses),
+        notes=notes,
     )
 
 
@@ -93,4 +96,5 @@ def _of_vectors(flight: Flight) -> Start:
         integers=None,
         refused=np.zeros(n, dtype=np.bool_),
         losses=losses,
+        notes=(),
     )
