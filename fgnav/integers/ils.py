@@ -34,7 +34,7 @@ _GAIN = 1e-12  # least relative gain of an exchange: rounding errors must not cy
 # An element that is never reduced can grow without end: of 1000 epochs of 8 antennas and 7
 # satellites one ended with a transform of 1e15, beyond which doubles hold no integers. One that has
 # grown above the first is reduced with its row; the second makes do, at 1.6 times the time.
-_GROWN = (1e3, 2.0)
+_GROWN, _GROWN_AT_ALL = 1e3, 2.0
 _LARGEST_TRANSFORM = 1e6  # 1e-10 of precision in the metric, and room for any cycles
 
 _WRONG = {
@@ -206,28 +206,37 @@ def decorrelate(
         Integers; the rows turn z back into ambiguities, ``a = z @ T``.
     """
     n = len(Q)
-    L = np.zeros((n, n))
-    d: FloatArray = np.zeros(n)
-    T: FloatArray = np.zeros((n, n))
     before = carried.copy()
-    sound = False
-    for grown in _GROWN:
+    positive, U, d, T = _reduced(Q, carried, _GROWN)
+    if positive and not _sound(T):
         carried[:] = before
-        T = np.eye(n)
-        positive, U, d = _factor(Q, carried, T)
-        if not positive:
-            break
+        positive, U, d, T = _reduced(Q, carried, _GROWN_AT_ALL)
+        positive = positive and _sound(T)
+    L = np.empty((n, n))
+    for i in range(n):
+        for j in range(i + 1):
+            L[i, j] = U[j, i]
+    return positive, L, d, T
+
+
+@kernel
+def _reduced(
+    Q: FloatArray, carried: FloatArray, grown: float
+) -> tuple[bool, FloatArray, FloatArray, FloatArray]:
+    T = np.eye(len(Q))
+    positive, U, d = _factor(Q, carried, T)
+    if positive:
         _reduce(U, d, carried, T, grown)
-        sound = True
-        for i in range(n):
-            for j in range(n):
-                sound = sound and abs(T[i, j]) < _LARGEST_TRANSFORM
-        if sound:
-            for i in range(n):
-                for j in range(i + 1):
-                    L[i, j] = U[j, i]
-            break
-    return sound, L, d, T
+    return positive, U, d, T
+
+
+@kernel
+def _sound(T: FloatArray) -> bool:
+    for row in T:
+        for value in row:
+            if not abs(value) < _LARGEST_TRANSFORM:
+                return False
+    return True
 
 
 @kernel
