@@ -212,7 +212,7 @@ def decorrelate(
         carried[:] = before
         positive, U, d, T = _reduced(Q, carried, _GROWN_AT_ALL)
         positive = positive and _sound(T)
-    L = np.empty((n, n))
+    L = np.zeros((n, n))
     for i in range(n):
         for j in range(i + 1):
             L[i, j] = U[j, i]
