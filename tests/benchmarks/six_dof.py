@@ -1,0 +1,138 @@
+"""Steps per second of the flight kernel, against RocketPy and JSBSim where they are installed.
+
+They are peers of the bench only: ``pip install rocketpy jsbsim``.
+"""
+
+import warnings
+from collections.abc import Callable
+from importlib.util import find_spec
+from time import perf_counter
+
+import numpy as np
+
+from fgnav.earth import Origin
+from fgnav_sim.atmosphere import Air
+from fgnav_sim.rigid_body import Launch, Plan, fly_batch
+from fgnav_sim.vehicle import Airframe, Axisymmetric, BodyTable, Vehicle
+
+NAMES = ("six_dof_rocketpy", "six_dof_jsbsim", "six_dof_batch")
+REPEATS, FLIGHT_S, STEP_S, FLIGHTS, JSBSIM_STEPS = 5, 5.0, 1e-3, 100, 50_000
+MACH = (0.0, 0.5, 0.8, 0.95, 1.05, 1.2, 1.5, 2.0, 3.0)
+BALL = Vehicle(
+    body=BodyTable(mass_kg=22.7, inertia_kgm2=(13.6, 13.6, 13.6)),
+    aerodynamics=Airframe(area_m2=0.0929, span_m=0.3048, chord_m=0.3048, cd0=0.5),
+)
+ROCKET = Vehicle(
+    body=BodyTable(mass_kg=17.2, inertia_kgm2=(0.0255, 16.8, 16.8), centre_m=1.813),
+    aerodynamics=Axisymmetric(
+        diameter_m=0.1328, mach=MACH, cd0=0.4, cl1=9.0, cm1=-18.0, cmq=-900.0, cspin=-3.0
+    ),
+)
+
+
+def run() -> list[dict[str, object]]:
+    """Time one flight of each kind, the peers, and a hundred flights in one call."""
+    ball, rocket = _steps_per_s(BALL, 1), _steps_per_s(ROCKET, 1)
+    batch = _steps_per_s(ROCKET, FLIGHTS)
+    return [
+        _row("six_dof_rocketpy", rocket, "rocketpy", _rocketpy, "a rocket with nine Mach numbers"),
+        _row("six_dof_jsbsim", ball, "jsbsim", _jsbsim, "a dropped ball with drag"),
+        {
+            "name": "six_dof_batch", "ours": batch, "peer": rocket, "ratio": batch / rocket,
+            "unit": "steps/s", "note": f"{FLIGHTS} rockets in one call, against one",
+        },
+    ]  # fmt: skip
+
+
+def _row(
+    name: str, ours: float, peer: str, time_peer: Callable[[], float], what: str
+) -> dict[str, object]:
+    """Return a row, without a peer where that is not installed."""
+    row: dict[str, object] = {"name": name, "ours": ours, "unit": "steps/s", "peer": None}
+    note = f"{what}, fixed RK4 steps of 1 ms on one core"
+    if find_spec(peer) is None:
+        return {**row, "ratio": None, "note": f"{note}; {peer} is not installed"}
+    other = time_peer()
+    return {**row, "peer": other, "ratio": ours / other, "note": f"{note}, against {peer}"}
+
+
+def _steps_per_s(vehicle: Vehicle, flights: int) -> float:
+    """Return the best of a few runs: on a shared machine the others measure the neighbours."""
+    start = Launch(
+        origin=Origin(latitude_rad=0.7, longitude_rad=0.0, height_m=9144.0),
+        v_n_mps=np.array([150.0, 20.0, -100.0]), euler_rad=np.radians([0.0, 33.0, 5.0]),
+        w_ib_b_radps=np.array([10.0, 0.0, 0.0]),
+    )  # fmt: skip
+    plan = Plan(duration_s=FLIGHT_S, step_s=STEP_S, row_interval_s=0.1, gravity="j2")
+    batch = [vehicle] * flights, [start] * flights, [Air()] * flights
+
+    def work() -> None:
+        fly_batch(*batch, plan)
+
+    work()
+    return flights * FLIGHT_S / STEP_S / min(_seconds(work) for _ in range(REPEATS))
+
+
+def _rocketpy() -> float:
+    """Return the steps per second of RocketPy on a rocket of the same mass, up to its apogee."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        from rocketpy import Environment, Flight, GenericMotor, Rocket
+
+        environment = Environment(latitude=40.0, longitude=-3.0, elevation=700)
+        environment.set_atmospheric_model(type="standard_atmosphere")
+        motor = GenericMotor(
+            thrust_source=[[0, 0], [0.1, 1700], [3, 1400], [3.4, 0]], burn_time=3.4,
+            chamber_radius=0.05, chamber_height=0.6, chamber_position=0.4, nozzle_position=0,
+            propellant_initial_mass=2.6, nozzle_radius=0.03, dry_mass=1.0,
+            center_of_dry_mass_position=0.4, dry_inertia=(0.1, 0.1, 0.002),
+        )  # fmt: skip
+        rocket = Rocket(
+            radius=0.0664, mass=16.2, inertia=(16.8, 16.8, 0.0255), power_off_drag=0.4,
+            power_on_drag=0.4, center_of_mass_without_motor=1.813,
+            coordinate_system_orientation="tail_to_nose",
+        )  # fmt: skip
+        rocket.add_motor(motor, position=0.0)
+        rocket.add_nose(length=0.6, kind="ogive", position=3.7)
+        rocket.add_trapezoidal_fins(4, root_chord=0.25, tip_chord=0.1, span=0.15, position=0.3)
+        steps = []
+
+        def work() -> None:
+            flight = Flight(
+                rocket=rocket, environment=environment, rail_length=5, inclination=84, heading=0,
+                terminate_on_apogee=True,
+            )  # fmt: skip
+            steps.append(len(flight.solution))
+
+        work()
+        return steps[0] / min(_seconds(work) for _ in range(REPEATS))
+
+
+def _jsbsim() -> float:
+    """Return the steps per second of JSBSim's own ball, falling."""
+    import jsbsim
+
+    ball = jsbsim.FGFDMExec(jsbsim.get_default_root_dir())
+    ball.set_debug_level(0)
+    ball.load_model("ball")
+    ball.set_dt(STEP_S)
+    ball.load_ic("reset00", useAircraftPath=True)
+    ball.run_ic()
+
+    def work() -> None:
+        for _ in range(JSBSIM_STEPS):
+            ball.run()
+
+    work()
+    fastest = min(_seconds(work) for _ in range(REPEATS))
+    if not np.isfinite(ball["position/h-sl-ft"]):
+        message = "JSBSim's ball has no height"
+        raise RuntimeError(message)
+    return JSBSIM_STEPS / fastest
+
+
+def _seconds(work: Callable[[], None]) -> float:
+    """Return how long one run takes."""
+    start = perf_counter()
+    work()
+    return perf_counter() - start
