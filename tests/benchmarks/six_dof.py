@@ -16,7 +16,7 @@ from fgnav_sim.rigid_body import Launch, Plan, fly_batch
 from fgnav_sim.vehicle import Airframe, Axisymmetric, BodyTable, Vehicle
 
 NAMES = ("six_dof_rocketpy", "six_dof_jsbsim", "six_dof_batch")
-REPEATS, FLIGHT_S, STEP_S, FLIGHTS, JSBSIM_STEPS = 5, 5.0, 1e-3, 100, 50_000
+REPEATS, FLIGHT_S, STEP_S, FLIGHTS, JSBSIM_STEPS = 5, 20.0, 1e-3, 100, 50_000
 MACH = (0.0, 0.5, 0.8, 0.95, 1.05, 1.2, 1.5, 2.0, 3.0)
 BALL = Vehicle(
     body=BodyTable(mass_kg=22.7, inertia_kgm2=(13.6, 13.6, 13.6)),

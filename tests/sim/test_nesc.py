@@ -127,5 +127,7 @@ def test_a_launched_sphere_flies_as_case_09(shared: Path) -> None:
     flight = flown(
         Vehicle(body=SPHERE, aerodynamics=BALL), Air(),
         height_m=SEA_LEVEL, v_ned_fps=(0.0, 1000.0, -1000.0), yaw_deg=90.0,
+        rates_degps=(0.0, -0.004178073, 0.0),  # at rest against the Earth
     )  # fmt: skip
     assert altitude_error_ft(flight, reference) < 1e-2
+    assert attitude_error_deg(flight, reference) < 1e-3
