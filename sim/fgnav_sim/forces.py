@@ -1,9 +1,9 @@
 """Forces and moments on a body, compiled: air, coefficients, thrust, canards (Eqs. 3-15).
 
 Vectors are tuples of three numbers, which the compiler keeps in registers. A flight's scalars are
-one record, its tables one flat array: counting references to an array for each table took more
-than half of a step's time. Equations are those of the source paper, in the forms of exterior
-ballistics, as it gives their dependencies only.
+one record, its tables one flat array: counting references to an array for each table costs time.
+Equations are those of the source paper, in the forms of exterior ballistics, as it gives their
+dependencies only.
 """
 
 from typing import Any, NamedTuple, TypeAlias
