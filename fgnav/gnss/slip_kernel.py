@@ -58,7 +58,7 @@ def _snoop(
     """Take out the worst of ``count`` steps while it is a slip; write verdicts by channel."""
     cofactor, x = np.empty((_UNKNOWNS, _UNKNOWNS)), np.empty(_UNKNOWNS)
     while count > _UNKNOWNS and _fit(A, y, sigma_m, count, cofactor, x):
-        worst = _worst(A, y - A @ x, sigma_m, least_m, cofactor, channel[:count], verdict)
+        worst = _worst(A, y, x, sigma_m, least_m, cofactor, channel[:count], verdict)
         if worst < 0:
             return
         if count == _UNKNOWNS + 1:
@@ -80,30 +80,51 @@ def _fit(
     x: FloatArray,
 ) -> bool:
     """Weighted least squares of the first ``count`` rows; False if the geometry is singular."""
-    weighted = np.empty((_UNKNOWNS, count))
-    for c in range(count):
-        weighted[:, c] = A[c] / sigma_m[c] ** 2
-    cofactor[:] = weighted @ A[:count]
-    least = 1e-9 * np.trace(cofactor)
+    pull = _normal(A, y, sigma_m, count, cofactor)
+    least = 0.0
+    for p in range(_UNKNOWNS):
+        least += 1e-9 * cofactor[p, p]
     for p in range(_UNKNOWNS):  # Gauss-Jordan: a positive definite matrix needs no pivoting
         scale = cofactor[p, p]
         if not scale > least:
             return False
         cofactor[p, p] = 1.0
-        cofactor[p] /= scale
+        for q in range(_UNKNOWNS):
+            cofactor[p, q] /= scale
         for r in range(_UNKNOWNS):
             if r != p:
                 factor = cofactor[r, p]
                 cofactor[r, p] = 0.0
-                cofactor[r] -= factor * cofactor[p]
-    x[:] = cofactor @ (weighted @ y[:count])
+                for q in range(_UNKNOWNS):
+                    cofactor[r, q] -= factor * cofactor[p, q]
+    for p in range(_UNKNOWNS):
+        x[p] = 0.0
+        for q in range(_UNKNOWNS):
+            x[p] += cofactor[p, q] * pull[q]
     return True
+
+
+@njit(cache=True)
+def _normal(
+    A: FloatArray, y: FloatArray, sigma_m: FloatArray, count: int, matrix: FloatArray
+) -> FloatArray:
+    """Write the normal matrix, return its right-hand side; loops, which compile quickly."""
+    pull = np.zeros(_UNKNOWNS)
+    matrix[:] = 0.0
+    for c in range(count):
+        weight = 1.0 / sigma_m[c] ** 2
+        for p in range(_UNKNOWNS):
+            pull[p] += weight * A[c, p] * y[c]
+            for r in range(_UNKNOWNS):
+                matrix[p, r] += weight * A[c, p] * A[c, r]
+    return pull
 
 
 @njit(cache=True)
 def _worst(
     A: FloatArray,
-    residual_m: FloatArray,
+    y: FloatArray,
+    x: FloatArray,
     sigma_m: FloatArray,
     least_m: FloatArray,
     cofactor: FloatArray,
@@ -113,12 +134,16 @@ def _worst(
     """Return the row that is a slip most clearly, -1 if none is; write what could be tested."""
     worst, most = -1, SIGNIFICANT
     for c in range(len(channel)):
-        share = 1.0 - A[c] @ (cofactor @ A[c]) / sigma_m[c] ** 2
+        share, residual_m = 1.0, y[c]
+        for p in range(_UNKNOWNS):
+            residual_m -= A[c, p] * x[p]
+            for q in range(_UNKNOWNS):
+                share -= A[c, p] * cofactor[p, q] * A[c, q] / sigma_m[c] ** 2
         if share < _LEAST_SHARE:
             verdict[channel[c]] = NOT_TESTED
             continue
         verdict[channel[c]] = FINE
-        normalised = abs(residual_m[c]) / (sigma_m[c] * np.sqrt(share))
-        if normalised > most and abs(residual_m[c]) / share > least_m[c]:
+        normalised = abs(residual_m) / (sigma_m[c] * np.sqrt(share))
+        if normalised > most and abs(residual_m) / share > least_m[c]:
             worst, most = c, normalised
     return worst
