@@ -40,12 +40,19 @@ def run() -> list[dict[str, object]]:
         _against(rtklib, name, [baselines_problem(rng, b) for _ in range(PROBLEMS)], "free")
         for name, b in SIZES.items()
     ]
+    of_array, affine = array_search(rng)
+    rows += [of_array, _shared(of_array, affine), _epoch(of_array)]
+    return rows + [_success(rng, code_m) for code_m in PROTOTYPE]
+
+
+def array_search(
+    rng: np.random.Generator,
+) -> tuple[dict[str, object], list[tuple[FloatArray, FloatArray]]]:
+    """Return the row of 35 integers under the affine array model, and its problems."""
     differences = make(rng, epochs=PROBLEMS, code_m=0.3, sine=True).differences
     solutions = [float_solution(differences, k) for k in range(PROBLEMS)]
     affine = [(s.cycles, s.covariance_cycles2) for s in solutions]
-    rows.append(_against(rtklib, "lambda_n35", affine, "affine array model"))
-    rows += [_shared(rows[-1], affine), _epoch(rows[-1])]
-    return rows + [_success(rng, code_m) for code_m in PROTOTYPE]
+    return _against(_rtklib(), "lambda_n35", affine, "affine array model"), affine
 
 
 def baselines_problem(rng: np.random.Generator, b: int) -> tuple[FloatArray, FloatArray]:

@@ -30,7 +30,6 @@ def test_several_files_come_back_in_order(tmp_path, jobs):
     assert decoded.signals[1] == "1C"
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals end processes on POSIX only")
 def test_crash_names_the_file(tmp_path, jobs):
     crash = (sys.executable, "-c", "import os; os.kill(os.getpid(), 11)")
     rule = "flown.crx.gz: RTKLIB's reader crashed .status -11.; the file is damaged"
