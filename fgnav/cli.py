@@ -42,6 +42,7 @@ Exit status: 0 done, 1 no solution, 2 bad input.
 # Shown without importing the packages that bring these commands.
 _INSTALLED_HELP = {
     "simulate": "Fly a scenario and write what its sensors would have recorded.",
+    "data-set": "Draw a data set for training from a world, in shards.",
     "campaign": "Fly and compare many scenarios at once.",
     "train": "Train a network from a recipe.",
 }
@@ -382,6 +383,10 @@ def _show_set_up(set_up: "SetUp") -> None:
     print("findings" if set_up.findings else "no findings")
     for finding in set_up.findings:
         print(f"  {finding.name}: {finding.text}")
+    if set_up.unchecked:
+        print("not checked")
+    for unchecked in set_up.unchecked:
+        print(f"  {unchecked.name}: {unchecked.text}")
     for line in loss_lines({"files": set_up.losses}):
         print(f"  {line}")
 

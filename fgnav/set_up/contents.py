@@ -1,85 +1,17 @@
-"""What a flight holds and what is wrong with its set-up, by name, before anything is estimated."""
-
-from dataclasses import asdict, dataclass, field
-from typing import Any
+"""What a flight holds, and what is wrong with it that shows before anything is estimated."""
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, Loss
-from fgnav.earth import STANDARD_GRAVITY_MPS2
-from fgnav.flight import Flight, Imu
+from fgnav.checks import BoolArray, FloatArray
+from fgnav.flight import Flight
 from fgnav.observations import Observations
+from fgnav.set_up.findings import Finding, Series, SetUp
 
 _GAP = 1.5  # intervals; a longer step is a gap
 _SAME_PLACE_M = 1e-3
 _COLLINEAR_M = 1e-2  # off the common line by less than phase can see
 _FEWEST_SATELLITES = 4
 _MESSAGE_REACH_S = 4 * 3600.0  # beyond, a broadcast message says little
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Series:
-    """A sensor's samples in time.
-
-    Attributes
-    ----------
-    samples : int
-    first_s, last_s : float
-    rate_hz : float
-        From the median interval; 0 for a single sample.
-    gaps : int
-        Steps longer than one and a half intervals.
-    longest_gap_s : float
-    """
-
-    samples: int
-    first_s: float
-    last_s: float
-    rate_hz: float
-    gaps: int
-    longest_gap_s: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
-    """Something that will cost accuracy or an answer: its name, and a sentence on what it does."""
-
-    name: str
-    text: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SetUp:
-    """What is in a flight.
-
-    Attributes
-    ----------
-    flight : str
-    antennas : tuple of str
-    channels : dict of str to int
-        Signals tracked at least once, by constellation and signal: ``{"GPS 1C": 9}``.
-    series : dict of str to Series
-        By sensor: ``gnss``, ``imu``, ``fixes``, ``seeker``, ``truth``; absent ones are not there.
-    orbits : tuple of str
-        ``broadcast``, ``precise``.
-    gyroscope : bool
-    findings : tuple of Finding
-    losses : tuple of Loss
-        What was in the files and could not be kept.
-    """
-
-    flight: str
-    antennas: tuple[str, ...]
-    channels: dict[str, int] = field(default_factory=dict)
-    series: dict[str, Series] = field(default_factory=dict)
-    orbits: tuple[str, ...] = ()
-    gyroscope: bool = False
-    findings: tuple[Finding, ...] = ()
-    losses: tuple[Loss, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return everything in plain types."""
-        return asdict(self)
 
 
 _CONSTELLATIONS = {
@@ -93,7 +25,7 @@ _CONSTELLATIONS = {
 }
 
 
-def describe(flight: Flight) -> SetUp:
+def contents(flight: Flight) -> SetUp:
     """Return what a flight holds, with every finding that its data give away without estimating."""
     sensors = {
         "gnss": flight.observations,
@@ -111,8 +43,6 @@ def describe(flight: Flight) -> SetUp:
         channels = _channels(flight.observations, seen)
         findings += _satellite_findings(flight, flight.observations, seen)
         losses += flight.observations.losses
-    if flight.imu is not None:
-        findings += _imu_findings(flight.imu)
     findings += _overlap_findings(series)
     orbits = {"broadcast": flight.broadcast, "precise": flight.precise}
     for source in (flight.broadcast, flight.precise):
@@ -252,26 +182,6 @@ def _known(flight: Flight, t_s: FloatArray) -> set[str]:
 def _near(orbit_s: FloatArray, t_s: FloatArray) -> BoolArray:
     earliest_s, latest_s = t_s[0] - _MESSAGE_REACH_S, t_s[-1] + _MESSAGE_REACH_S
     return np.asarray((orbit_s >= earliest_s) & (orbit_s <= latest_s))
-
-
-def _imu_findings(imu: Imu) -> list[Finding]:
-    """Return what the size of the specific force gives away about its unit."""
-    if not len(imu.t_s):
-        return []
-    median_mps2 = float(np.median(np.linalg.norm(imu.f_b_mps2, axis=1)))
-    if abs(median_mps2 - 1.0) < 0.2:
-        text = (
-            f"the median of |f| is {median_mps2:.3f}: accelerations look like g, not m/s2; "
-            f"multiply by {STANDARD_GRAVITY_MPS2:g}"
-        )
-        return [Finding(name="imu unit", text=text)]
-    if median_mps2 < 0.2 * STANDARD_GRAVITY_MPS2:
-        text = (
-            f"the median of |f| is {median_mps2:.3f} m/s2: gravity looks removed, or the flight "
-            "is in free fall; specific force is wanted"
-        )
-        return [Finding(name="imu gravity", text=text)]
-    return []
 
 
 def _overlap_findings(series: dict[str, Series]) -> list[Finding]:

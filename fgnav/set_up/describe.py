@@ -1,0 +1,151 @@
+"""All that can be said of a flight before it is estimated, a quick solve of its array included."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from fgnav.attitude.flight_vectors import track_of
+from fgnav.checks import NoSolutionError
+from fgnav.flight import Flight, Imu
+from fgnav.gnss.code_solution import code_solution
+from fgnav.gnss.difference import double_differences
+from fgnav.gnss.differences import DoubleDifferences
+from fgnav.set_up.contents import contents
+from fgnav.set_up.findings import Finding, SetUp
+from fgnav.set_up.sizes import size_findings
+
+_LEAP_S = 18.0
+_TRIED = 20  # epochs
+_SOLVED = 0.5  # share of epochs with a position below which the time is doubted
+_LONGEST = 3000  # epochs that are solved; of a longer flight the stretch that has it all
+
+
+def describe(flight: Flight) -> SetUp:
+    """Return what a flight holds and every mistake in its set-up that its data give away.
+
+    Raises
+    ------
+    BadInputError
+        Only for input that could not be a flight; mistakes are findings.
+    """
+    found = contents(flight)
+    findings: list[Finding] = []
+    unchecked: list[Finding] = []
+    if flight.observations is not None and len(flight.observations.t_s):
+        findings, unchecked = _solved_findings(flight)
+    elif flight.imu is not None:
+        reason = "needs raw GNSS data of three antennas or more"
+        unchecked.append(Finding(name="imu axes, lever arm, clock", text=reason))
+    if flight.imu is not None:
+        told = {finding.name.split()[0] for finding in findings}  # by motion, which knows better
+        findings += [
+            size for size in _sizes(flight, flight.imu) if size.name.split()[0] not in told
+        ]
+    return replace(found, findings=(*found.findings, *findings), unchecked=tuple(unchecked))
+
+
+def _solved_findings(flight: Flight) -> tuple[list[Finding], list[Finding]]:
+    """Solve the array quickly and hold everything else against it."""
+    late = _leap_finding(flight)
+    if late is not None:
+        return [late], []
+    if len(flight.antennas) < 2:
+        return [], [_unchecked("antennas", "a single antenna has no baseline")]
+    differences = double_differences(flight)
+    if not differences.resolvable.any():
+        return [], [_unchecked("antennas", "no double differences of code and phase")]
+    from fgnav.set_up.antennas import antenna_findings, at_epochs  # noqa: PLC0415  # lazy: scipy
+
+    findings = antenna_findings(flight, differences)
+    if findings:
+        return findings, [_unchecked("motion", "until the antennas are right")]
+    return _motion_findings(flight, at_epochs(differences, _stretch(flight, differences)))
+
+
+def _motion_findings(
+    flight: Flight, differences: DoubleDifferences
+) -> tuple[list[Finding], list[Finding]]:
+    from fgnav.set_up.inertial import inertial_findings  # noqa: PLC0415  # lazy: scipy
+    from fgnav.set_up.quick import quick_solve  # noqa: PLC0415
+    from fgnav.set_up.sight import sight_findings  # noqa: PLC0415
+
+    imu, seeker = flight.imu, flight.seeker
+    if imu is None and seeker is None:
+        return [], []
+    try:
+        quick = quick_solve(flight, differences)
+    except NoSolutionError as error:
+        return [], [_unchecked("motion", str(error))]
+    checks: dict[str, Callable[[], tuple[list[Finding], list[Finding]]]] = {}
+    if imu is not None:
+        checks["imu"] = lambda: inertial_findings(flight, imu, quick)
+    if seeker is not None:
+        checks["seeker"] = lambda: (sight_findings(flight, seeker, quick), [])
+    findings: list[Finding] = []
+    unchecked: list[Finding] = []
+    for name, check in checks.items():
+        try:
+            found, missing = check()
+        except NoSolutionError as error:
+            found, missing = [], [_unchecked(name, str(error))]
+        findings += found
+        unchecked += missing
+    return findings, unchecked
+
+
+def _sizes(flight: Flight, imu: Imu) -> list[Finding]:
+    try:
+        return size_findings(imu, track_of(flight))
+    except NoSolutionError:  # it has no track
+        return size_findings(imu)
+
+
+def _leap_finding(flight: Flight) -> Finding | None:
+    """Return a finding where code makes sense only with its times moved by the leap seconds."""
+    observations = flight.observations
+    if observations is None or _share_solved(flight) >= _SOLVED:
+        return None
+    for leap_s in (_LEAP_S, -_LEAP_S):
+        moved = replace(
+            observations, t_s=observations.t_s + leap_s, tag_s=observations.tag_s + leap_s
+        )
+        share = _share_solved(replace(flight, observations=moved))
+        if share >= _SOLVED:
+            text = (
+                f"code fits the satellites only {leap_s:+.0f} s later ({100 * share:.0f} % of "
+                "epochs have a position, none as stated): UTC taken for GPS time?"
+            )
+            return Finding(name="gnss clock", text=text)
+    return None
+
+
+def _share_solved(flight: Flight) -> float:
+    """Return the share of a few epochs that have a position by code that fits."""
+    observations = flight.observations
+    if observations is None:
+        return 0.0
+    tracked = np.flatnonzero(observations.tracked[:, 0].sum(axis=1) > 3)
+    rows = tracked[np.linspace(0, len(tracked) - 1, min(_TRIED, len(tracked))).astype(np.int64)]
+    arrays = ("t_s", "tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
+    some = replace(observations, **{name: getattr(observations, name)[rows] for name in arrays})
+    try:
+        return len(code_solution(replace(flight, observations=some)).t_s) / max(len(rows), 1)
+    except NoSolutionError:
+        return 0.0
+
+
+def _stretch(flight: Flight, differences: DoubleDifferences) -> slice:
+    """Return the epochs to solve: all of a short flight, else those around the first sights."""
+    n = len(differences.t_s)
+    if n <= _LONGEST:
+        return slice(n)
+    centre = n // 2
+    if flight.seeker is not None and len(flight.seeker.t_s):
+        centre = int(np.searchsorted(differences.t_s, np.median(flight.seeker.t_s)))
+    first = min(max(centre - _LONGEST // 2, 0), n - _LONGEST)
+    return slice(first, first + _LONGEST)
+
+
+def _unchecked(name: str, reason: str) -> Finding:
+    return Finding(name=name, text=reason)

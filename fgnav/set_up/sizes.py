@@ -1,0 +1,106 @@
+"""What the size of inertial samples gives away about their unit, without an array to judge by."""
+
+import numpy as np
+
+from fgnav.attitude.flight_vectors import Track
+from fgnav.checks import FloatArray
+from fgnav.flight import Imu
+from fgnav.rotations import wrap
+from fgnav.set_up.findings import Finding
+
+_G_MPS2 = 9.80665
+_SPAN_S = 0.5  # of means whose change is compared
+_FEWEST = 20
+_RELATED = 0.5  # correlation that says anything
+_FAST_MPS = 5.0  # a course is meant
+_NEAR_S = 2.5
+
+
+def size_findings(imu: Imu, track: Track | None = None) -> list[Finding]:
+    """Return units of specific force and of rates that cannot be right."""
+    if len(imu.t_s) < 2:
+        return []
+    return [*_force_findings(imu), *_rate_findings(imu, track)]
+
+
+def _force_findings(imu: Imu) -> list[Finding]:
+    median_mps2 = float(np.median(np.linalg.norm(imu.f_b_mps2, axis=1)))
+    rate_hz = 1.0 / float(np.median(np.diff(imu.t_s)))
+    units = {
+        f"accelerations look like g, not m/s2; multiply by {_G_MPS2:g}": 1.0,
+        f"accelerations look like increments; multiply by the rate, {rate_hz:g} Hz": (
+            _G_MPS2 / rate_hz
+        ),
+    }
+    for text, size_mps2 in units.items():
+        if abs(median_mps2 - size_mps2) < 0.2 * size_mps2:
+            return [
+                Finding(name="imu unit", text=f"the median of |f| is {median_mps2:.3f}: {text}")
+            ]
+    if median_mps2 < 0.2 * _G_MPS2:
+        text = (
+            f"the median of |f| is {median_mps2:.3f} m/s2: gravity looks removed, or the flight "
+            "is in free fall; specific force is wanted"
+        )
+        return [Finding(name="imu gravity", text=text)]
+    return []
+
+
+def _rate_findings(imu: Imu, track: Track | None) -> list[Finding]:
+    """Compare the gyroscope with whatever turns: gravity in the body, or the course."""
+    if imu.w_b_radps is None:
+        return []
+    witnesses = {"gravity turns": _gravity(imu, imu.w_b_radps)}
+    if track is not None and track.v_n_mps is not None:
+        witnesses["the course turns"] = _course(imu, imu.w_b_radps, track.t_s, track.v_n_mps)
+    related = {name: _related(told, seen) for name, (told, seen) in witnesses.items()}
+    name, (correlation, slope) = max(related.items(), key=lambda item: item[1])
+    if correlation < _RELATED:
+        return []
+    rate_hz = 1.0 / float(np.median(np.diff(imu.t_s)))
+    units = {
+        "look like degrees per second; multiply by pi / 180": np.pi / 180,
+        f"look like increments; multiply by the rate, {rate_hz:g} Hz": rate_hz,
+    }
+    for text, factor in units.items():
+        if factor / 3 < slope < 3 * factor:
+            evidence = f"{name} {slope:.3g} times as fast as they say"
+            return [Finding(name="gyroscope unit", text=f"rates {text}: {evidence}")]
+    return []
+
+
+def _related(told: FloatArray, seen: FloatArray) -> tuple[float, float]:
+    """Return correlation and slope of what is seen by what is told; 0 where there is nothing."""
+    square, product = float((told**2).sum()), float((told * seen).sum())
+    if len(told) < _FEWEST or square == 0 or product <= 0:
+        return 0.0, 0.0
+    return product / float(np.sqrt(square * (seen**2).sum())), product / square
+
+
+def _gravity(imu: Imu, w_b_radps: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return turns of specific force against the body, told by the gyroscope and seen."""
+    step_s = float(np.median(np.diff(imu.t_s)))
+    block = max(1, round(_SPAN_S / step_s))
+    count = len(imu.t_s) // block
+    f = imu.f_b_mps2[: count * block].reshape(count, block, 3).mean(axis=1)
+    w = w_b_radps[: count * block].reshape(count, block, 3).mean(axis=1)
+    turned = -np.cross(w, f) * (block * step_s)
+    return (turned[1:] + turned[:-1]) / 2, f[1:] - f[:-1]
+
+
+def _course(
+    imu: Imu, w_b_radps: FloatArray, t_s: FloatArray, v_n_mps: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return turns of the course, told by the rate about the specific force, and seen.
+
+    In coordinated flight specific force stays where it is in the body, and gravity tells nothing.
+    """
+    size = np.linalg.norm(imu.f_b_mps2, axis=1)
+    about_down = -np.einsum("ni,ni->n", w_b_radps, imu.f_b_mps2) / np.where(size > 0, size, 1.0)
+    middles = (about_down[1:] + about_down[:-1]) / 2 * np.diff(imu.t_s)
+    angle = np.interp(t_s, imu.t_s, np.concatenate([[0.0], np.cumsum(middles)]))
+    seen = wrap(np.diff(np.arctan2(v_n_mps[:, 1], v_n_mps[:, 0])))
+    fast = np.hypot(v_n_mps[:, 0], v_n_mps[:, 1]) > _FAST_MPS
+    near = (np.diff(t_s) < _NEAR_S) & (t_s[:-1] >= imu.t_s[0]) & (t_s[1:] <= imu.t_s[-1])
+    used = fast[1:] & fast[:-1] & near
+    return np.diff(angle)[used], seen[used]

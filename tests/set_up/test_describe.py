@@ -1,0 +1,74 @@
+"""Right flights raise no alarm; each mistake is named, with the one to blame."""
+
+from dataclasses import replace
+from functools import cache
+
+import msgspec
+import numpy as np
+import pytest
+
+from fgnav.io.flight_folder import load_flight
+from fgnav.set_up import describe
+from fgnav_sim.scenario import load_scenario
+from fgnav_sim.simulate import simulate
+from tests.integers.wettzell import write_flight
+from tests.methods.simulated import SCENARIOS
+from tests.set_up.faults import FAULTS, NEEDS_SEEKER, moved
+
+GYROSCOPE = {
+    "gyroscope_noise_radps_per_sqrt_hz": 1e-4,
+    "gyroscope_bias_radps": 1e-3,
+    "gyroscope_bias_walk_radps_per_sqrt_s": 1e-6,
+}
+
+
+@cache
+def flown(name):
+    scenario = load_scenario(SCENARIOS / f"{name}.toml")
+    imu = msgspec.structs.replace(scenario.imu, position_b_m=(0.3, -0.15, 0.2), **GYROSCOPE)
+    span_s = 60.0 if name == "terminal" else 30.0
+    scenario = msgspec.structs.replace(scenario, imu=imu, duration_s=span_s)
+    return simulate(scenario, np.random.default_rng(3))
+
+
+@pytest.mark.parametrize("name", ["demo", "rough", "terminal", "spin"])
+def test_a_right_flight_raises_no_alarm(name):
+    assert describe(flown(name)).findings == ()
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_mistake_is_found_and_the_right_one_blamed(name):
+    flight = flown("terminal" if name in NEEDS_SEEKER else "demo")
+    broken, culprit = FAULTS[name](flight, np.random.default_rng(5))
+    findings = describe(broken).findings
+    assert any(culprit in f"{f.name}: {f.text}" for f in findings), findings
+
+
+def test_a_misplaced_antenna_is_put_back_to_the_centimetre():
+    flight = flown("demo")
+    places = [a.position_b_m for a in flight.antennas]
+    places[4] = places[4] + [0.1, 0.2, 0.1]
+    (finding,) = describe(moved(flight, places)).findings
+    shown = ", ".join(f"{x:.2f}" for x in flight.antennas[4].position_b_m)
+    assert finding.text.endswith(f"m away, at position_b_m = [{shown}]")
+
+
+def test_what_the_motion_cannot_tell_is_said():
+    flight = flown("demo")
+    still = replace(flight, antennas=flight.antennas[:1], observations=None, imu=flight.imu)
+    (unchecked,) = describe(still).unchecked
+    assert unchecked.text == "needs raw GNSS data of three antennas or more"
+
+
+def test_two_antennas_cannot_judge_motion_and_say_so(shared, tmp_path):
+    set_up = describe(load_flight(write_flight(tmp_path, shared)))
+    names = {finding.name for finding in set_up.findings}
+    assert names == {"collinear antennas", "no orbits for BeiDou"}  # both true of that recording
+
+
+def test_antennas_that_no_exchange_explains_are_all_doubted():
+    flight = flown("demo")
+    places = np.stack([a.position_b_m for a in flight.antennas])
+    (finding,) = describe(moved(flight, 1.3 * places)).findings
+    assert finding.name == "antennas misplaced"
+    assert "check position_b_m of all" in finding.text

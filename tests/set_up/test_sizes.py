@@ -1,0 +1,89 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fgnav.attitude.flight_vectors import track_of
+from fgnav.flight import Imu
+from fgnav.io.importers.umn import read_umn
+from fgnav.set_up.sizes import size_findings
+
+T_S = np.arange(0, 60, 0.01)
+
+
+def imu(f_b_mps2, w_b_radps=None) -> Imu:
+    gyroscope = (
+        {}
+        if w_b_radps is None
+        else {
+            "w_b_radps": w_b_radps,
+            "gyroscope_noise_radps_per_sqrt_hz": 1e-4,
+            "gyroscope_bias_radps": 1e-3,
+            "gyroscope_bias_walk_radps_per_sqrt_s": 1e-6,
+        }
+    )
+    return Imu(
+        t_s=T_S,
+        f_b_mps2=f_b_mps2,
+        accelerometer_noise_mps2_per_sqrt_hz=1e-3,
+        accelerometer_bias_mps2=3e-2,
+        accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
+        **gyroscope,
+    )
+
+
+def resting(size_mps2=9.81):
+    return np.tile([0, 0, -size_mps2], (len(T_S), 1))
+
+
+def rolling():
+    """Roll that swings by 30 degrees, in still air: gravity turns against the body."""
+    roll = np.radians(30) * np.sin(T_S)
+    f_b_mps2 = -9.81 * np.stack([0 * roll, np.sin(roll), np.cos(roll)], axis=1)
+    w_b_radps = np.stack([np.radians(30) * np.cos(T_S), 0 * roll, 0 * roll], axis=1)
+    return f_b_mps2, w_b_radps
+
+
+@pytest.mark.parametrize(
+    ("size_mps2", "name", "text"),
+    [
+        (1.0, "imu unit", "accelerations look like g, not m/s2; multiply by 9.80665"),
+        (0.0981, "imu unit", "look like increments; multiply by the rate, 100 Hz"),
+        (0.01, "imu gravity", "gravity looks removed"),
+    ],
+)
+def test_a_wrong_size_of_specific_force_is_named(size_mps2, name, text):
+    (finding,) = size_findings(imu(resting(size_mps2)))
+    assert finding.name == name
+    assert text in finding.text
+
+
+def test_right_samples_at_rest_and_in_motion_raise_no_alarm():
+    assert size_findings(imu(resting())) == []
+    assert size_findings(imu(*rolling())) == []
+
+
+@pytest.mark.parametrize(
+    ("factor", "text"),
+    [(180 / np.pi, "look like degrees per second"), (0.01, "look like increments")],
+)
+def test_rates_in_another_unit_disagree_with_the_turn_of_gravity(factor, text):
+    f_b_mps2, w_b_radps = rolling()
+    (finding,) = size_findings(imu(f_b_mps2, factor * w_b_radps))
+    assert finding.name == "gyroscope unit"
+    assert text in finding.text
+
+
+def test_a_gyroscope_at_rest_tells_nothing_of_its_unit():
+    noise = np.random.default_rng(1).normal(0, 1e-3, (len(T_S), 3))
+    assert size_findings(imu(resting(), noise)) == []
+
+
+def test_a_real_gyroscope_is_right_and_its_degrees_are_found(shared):
+    flight = read_umn(shared / "flights" / "thor75" / "thor_flight75.mat")
+    track = track_of(flight)
+    assert size_findings(flight.imu, track) == []
+    degrees = replace(flight.imu, w_b_radps=np.degrees(flight.imu.w_b_radps))
+    (finding,) = size_findings(degrees, track)
+    assert "degrees per second" in finding.text
+    assert "the course turns" in finding.text
