@@ -218,6 +218,59 @@ class Seeker:
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class LinkIntegers:
+    """True integers of the carrier phase: one row per arc of a link, antenna and channel.
+
+    Phase is way over wavelength plus the integer plus what double differences remove.
+
+    Attributes
+    ----------
+    antennas, satellites, signals : tuple of str, length k
+        Antenna by name, channel as in ``Observations``.
+    from_s : ndarray, shape (k,)
+        First epoch of the arc, which lasts until the link's next row; it increases within a link.
+    cycles : ndarray, shape (k,)
+        Whole; after a slip of half a cycle, halves.
+    """
+
+    antennas: tuple[str, ...]
+    satellites: tuple[str, ...]
+    signals: tuple[str, ...]
+    from_s: FloatArray
+    cycles: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check and freeze every field."""
+        k = len(self.antennas)
+        if not len(self.satellites) == len(self.signals) == k:
+            raise BadInputError(
+                f"true integers: {k} antennas, {len(self.satellites)} satellites and "
+                f"{len(self.signals)} signals must be equally many"
+            )
+        from_s = frozen("true integers from_s", self.from_s, (k,))
+        cycles = frozen("true integers cycles", self.cycles, (k,))
+        if (2 * cycles % 1).any():
+            row = int(np.argmax(2 * cycles % 1 != 0))
+            raise BadInputError(
+                f"true integers cycles: must be whole or halves, got {cycles[row]} at row {row}"
+            )
+        _freeze(self, from_s=from_s, cycles=cycles)
+        last: dict[tuple[str, str, str], float] = {}
+        for link, start_s in zip(self.links, from_s.tolist(), strict=True):
+            if start_s <= last.get(link, -np.inf):
+                raise BadInputError(
+                    f"true integers from_s: of {' '.join(link)} must increase, "
+                    f"got {start_s:.9g} after {last[link]:.9g}"
+                )
+            last[link] = start_s
+
+    @property
+    def links(self) -> tuple[tuple[str, str, str], ...]:
+        """Antenna, satellite and signal of each row."""
+        return tuple(zip(self.antennas, self.satellites, self.signals, strict=True))
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Truth:
     """What really happened, of a simulated flight; or a reference taken as such.
 
@@ -227,12 +280,15 @@ class Truth:
     p_n_m, v_n_mps : ndarray, shape (k, 3)
         Of the body's origin.
     R_nb : ndarray, shape (k, 3, 3)
+    integers : LinkIntegers or None
+        Of the phase, where they are known.
     """
 
     t_s: FloatArray
     p_n_m: FloatArray
     v_n_mps: FloatArray
     R_nb: FloatArray
+    integers: LinkIntegers | None = None
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
@@ -304,8 +360,12 @@ class Flight:
                 )
             if self.broadcast is None and self.precise is None:
                 raise BadInputError("gnss: observations need navigation or orbits files")
-        if self.fixes is not None and self.fixes.antenna not in names:
-            raise BadInputError(f"fixes antenna: {self.fixes.antenna!r} is not one of {names}")
+        kept = self.truth.integers if self.truth is not None else None
+        speak_of = {"fixes": {self.fixes.antenna} if self.fixes is not None else set()}
+        speak_of["true integers"] = set(kept.antennas) if kept is not None else set()
+        for what, spoken_of in speak_of.items():
+            for name in sorted(spoken_of - set(names)):
+                raise BadInputError(f"{what} antenna: {name!r} is not one of {names}")
         if not 0 <= self.elevation_mask_rad < np.pi / 2:
             raise BadInputError(
                 "elevation_mask_deg: must be within 0 and 90, "

@@ -1,4 +1,4 @@
-"""Integers from the true attitude: what a perfect resolver would say, where truth is known."""
+"""What a perfect resolver would say, where truth is known: from its integers or its attitude."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,10 @@ _SAME_S = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Truth:
-    """Integers of the flight's true attitude, interpolated at the epochs."""
+    """True integers: those kept with the flight, elsewhere those of the true attitude.
+
+    The attitude is interpolated at the epochs.
+    """
 
     @property
     def name(self) -> str:
@@ -28,6 +31,9 @@ class Truth:
 
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
         """Resolve every link that has phase, at the epochs that truth covers.
+
+        ``Integers.resolver`` is ``truth`` where all integers are kept ones, else it says how many
+        are of the attitude.
 
         Raises
         ------
@@ -40,14 +46,70 @@ class Truth:
             )
         R_nb, covered = attitude_at(flight.truth, differences.t_s)
         links = phase_links(differences)
-        fixed = links & covered[:, None, None]
+        cycles, kept = kept_integers(differences, flight)
+        kept &= links
+        half = kept & (cycles % 1 != 0)
+        fixed = (kept & ~half) | (links & ~kept & covered[:, None, None])
+        of_attitude = true_integers(differences, R_nb)
         return Integers(
-            resolver=self.name,
-            cycles=np.where(fixed, true_integers(differences, R_nb), 0),
+            resolver=self.name + _source(kept, fixed & ~kept),
+            cycles=np.where(fixed, np.where(kept, cycles, of_attitude), 0),
             fixed=fixed,
             ratio=np.full(fixed.shape[:2], np.nan),
-            losses=not_fixed({"truth does not cover the epoch": links & ~fixed}),
+            losses=not_fixed(
+                {
+                    "slipped by half a cycle": half,
+                    "truth does not cover the epoch": links & ~half & ~fixed,
+                }
+            ),
         )
+
+
+def _source(kept: BoolArray, of_attitude: BoolArray) -> str:
+    """Return in words what is not of kept integers."""
+    if not kept.any():
+        return " of the attitude"
+    if not of_attitude.any():
+        return ""
+    return f", {of_attitude.sum()} of {(kept | of_attitude).sum()} of the attitude"
+
+
+def kept_integers(differences: DoubleDifferences, flight: Flight) -> tuple[FloatArray, BoolArray]:
+    """Return double differences of the integers kept with a flight's truth, and where they are.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+        Of the flight.
+    flight : Flight
+
+    Returns
+    -------
+    cycles : ndarray, shape (n, b, m)
+        Whole, or halves where a link has slipped by half a cycle.
+    known : ndarray of bool, shape (n, b, m)
+        Where all four links have one.
+    """
+    shape = (len(differences.t_s), len(flight.antennas), len(differences.satellites))
+    cycles, known = np.zeros(shape), np.zeros(shape, dtype=bool)
+    rows: dict[tuple[str, str, str], list[int]] = {}
+    kept = flight.truth.integers if flight.truth is not None else None
+    for row, link in enumerate(kept.links if kept is not None else ()):
+        rows.setdefault(link, []).append(row)
+    channels = list(zip(differences.satellites, differences.signals, strict=True))
+    for i, j in np.ndindex(shape[1:]):
+        own = rows.get((flight.antennas[i].name, *channels[j]))
+        if own is None or kept is None:
+            continue
+        at = np.searchsorted(kept.from_s[own], differences.t_s + _SAME_S, side="right") - 1
+        known[:, i, j] = at >= 0
+        cycles[:, i, j] = kept.cycles[own][at.clip(0)]
+    single, both = cycles[:, 1:] - cycles[:, :1], known[:, 1:] & known[:, :1]
+    reference = differences.reference[:, differences.group]
+    of_reference = reference.clip(0)[:, None]
+    double = single - np.take_along_axis(single, of_reference, axis=2)
+    all_four = both & np.take_along_axis(both, of_reference, axis=2) & (reference >= 0)[:, None]
+    return double, all_four
 
 
 def true_integers(differences: DoubleDifferences, R_nb: FloatArray) -> IntArray:

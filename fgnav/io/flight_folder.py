@@ -20,9 +20,18 @@ from fgnav.io.columns import (
     VELOCITY,
     VELOCITY_SIGMA,
 )
-from fgnav.io.flight_toml import FixesTable, FlightTable, GnssTable, ImuTable, SeekerTable
+from fgnav.io.flight_integers import read_integers
+from fgnav.io.flight_toml import (
+    FixesTable,
+    FlightTable,
+    GnssTable,
+    ImuTable,
+    SeekerTable,
+    TruthTable,
+)
 from fgnav.io.local_frame import attitude_to_n, columns_to_vectors, place_to_n, velocity_to_n
 from fgnav.io.rinex import read_navigation, read_receivers
+from fgnav.io.rinex_writer import RinexVersion
 from fgnav.io.sp3 import read_precise
 from fgnav.io.tables import read_table
 from fgnav.observations import Observations
@@ -67,7 +76,7 @@ def load_flight(path: Path | str) -> Flight:
         raise BadInputError(f"{toml}: {error}") from error
 
 
-def save_flight(flight: Flight, folder: Path | str) -> None:
+def save_flight(flight: Flight, folder: Path | str, *, rinex: RinexVersion = "3.04") -> None:
     """Write a flight into a new folder; it appears whole or not at all.
 
     Parameters
@@ -75,13 +84,15 @@ def save_flight(flight: Flight, folder: Path | str) -> None:
     flight : Flight
     folder : Path or str
         Must not exist, or be empty.
+    rinex : {"3.04", "4.00"}
+        Version of observation and navigation files.
 
     Raises
     ------
     BadInputError
         If the folder holds something, or a value does not fit into its file's columns.
     """
-    flight_writer.write_folder(flight, Path(folder))
+    flight_writer.write_folder(flight, Path(folder), rinex)
 
 
 def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
@@ -115,7 +126,7 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         imu=_imu(folder, table.imu) if table.imu else None,
         fixes=_fixes(folder, origin, table.fixes) if table.fixes else None,
         seeker=_seeker(folder, origin, table.seeker) if table.seeker else None,
-        truth=_truth(folder / table.truth.samples, origin) if table.truth else None,
+        truth=_truth(folder, origin, table.truth) if table.truth else None,
         losses=tuple(losses),
     )
 
@@ -221,12 +232,13 @@ def _seeker(folder: Path, origin: Origin, table: SeekerTable) -> Seeker:
     )
 
 
-def _truth(path: Path, origin: Origin) -> Truth:
-    samples = read_table(path, ("t_s", *PLACE, *VELOCITY, *EULER))
+def _truth(folder: Path, origin: Origin, table: TruthTable) -> Truth:
+    samples = read_table(folder / table.samples, ("t_s", *PLACE, *VELOCITY, *EULER))
     p_n_m = place_to_n(origin, columns_to_vectors(samples, PLACE))
     return Truth(
         t_s=samples["t_s"],
         p_n_m=p_n_m,
         v_n_mps=velocity_to_n(origin, p_n_m, columns_to_vectors(samples, VELOCITY)),
         R_nb=attitude_to_n(origin, p_n_m, columns_to_vectors(samples, EULER)),
+        integers=read_integers(folder / table.integers) if table.integers else None,
     )

@@ -93,6 +93,7 @@ class TruthTable(Table, frozen=True, kw_only=True):
     """``[truth]``."""
 
     samples: str
+    integers: str | None = None
 
 
 class FlightTable(Table, frozen=True, kw_only=True):

@@ -13,8 +13,9 @@ from fgnav.checks import BadInputError, FloatArray
 from fgnav.earth import Origin
 from fgnav.flight import Flight
 from fgnav.io import columns, flight_toml
+from fgnav.io.flight_integers import write_integers
 from fgnav.io.local_frame import attitude_of_n, place_of_n, velocity_of_n
-from fgnav.io.rinex_writer import write_navigation, write_observations
+from fgnav.io.rinex_writer import RinexVersion, write_navigation, write_observations
 from fgnav.io.sp3_writer import write_precise
 from fgnav.io.strict_toml import Vector
 from fgnav.io.tables import write_table
@@ -24,7 +25,7 @@ _PLAIN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
 _TAKEN = ("base", "broadcast")
 
 
-def write_folder(flight: Flight, folder: Path) -> None:
+def write_folder(flight: Flight, folder: Path, rinex: RinexVersion = "3.04") -> None:
     """Write a flight.
 
     Parameters
@@ -32,6 +33,8 @@ def write_folder(flight: Flight, folder: Path) -> None:
     flight : Flight
     folder : Path
         Must not exist, or be empty.
+    rinex : {"3.04", "4.00"}
+        Version of observation and navigation files.
 
     Raises
     ------
@@ -46,8 +49,8 @@ def write_folder(flight: Flight, folder: Path) -> None:
             name=flight.name,
             start=flight_toml.gps_date(flight.start_gps_s),
             origin=_place_of_origin(flight.origin),
-            antenna=_antennas(flight, new),
-            gnss=_gnss(flight, new),
+            antenna=_antennas(flight, new, rinex),
+            gnss=_gnss(flight, new, rinex),
             imu=_imu(flight, new),
             fixes=_fixes(flight, new),
             seeker=_seeker(flight, new),
@@ -93,7 +96,9 @@ def _vector(value: FloatArray) -> Vector:
     return x, y, z
 
 
-def _antennas(flight: Flight, folder: Path) -> tuple[flight_toml.AntennaTable, ...]:
+def _antennas(
+    flight: Flight, folder: Path, rinex: RinexVersion
+) -> tuple[flight_toml.AntennaTable, ...]:
     """Write one RINEX file per antenna; return their tables."""
     tables = []
     for k, antenna in enumerate(flight.antennas):
@@ -110,6 +115,7 @@ def _antennas(flight: Flight, folder: Path) -> tuple[flight_toml.AntennaTable, .
                 start_gps_s=flight.start_gps_s,
                 marker=antenna.name,
                 position_e_m=flight.origin.p_e_m,
+                version=rinex,
             )
         position_b_m = _vector(antenna.position_b_m)
         tables.append(
@@ -120,11 +126,13 @@ def _antennas(flight: Flight, folder: Path) -> tuple[flight_toml.AntennaTable, .
     return tuple(tables)
 
 
-def _gnss(flight: Flight, folder: Path) -> flight_toml.GnssTable:
+def _gnss(flight: Flight, folder: Path, rinex: RinexVersion) -> flight_toml.GnssTable:
     """Write orbits and the base's observations; return their table."""
     start_gps_s = flight.start_gps_s
     if flight.broadcast is not None:
-        write_navigation(folder / "broadcast.rnx", flight.broadcast, start_gps_s=start_gps_s)
+        write_navigation(
+            folder / "broadcast.rnx", flight.broadcast, start_gps_s=start_gps_s, version=rinex
+        )
     if flight.precise is not None:
         write_precise(folder / "precise.sp3", flight.precise, start_gps_s=start_gps_s)
     base = None
@@ -139,6 +147,7 @@ def _gnss(flight: Flight, folder: Path) -> flight_toml.GnssTable:
             start_gps_s=start_gps_s,
             marker="base",
             position_e_m=flight.base.position_e_m,
+            version=rinex,
         )
     noise = flight.gnss_noise
     return flight_toml.GnssTable(
@@ -230,4 +239,8 @@ def _truth(flight: Flight, folder: Path) -> flight_toml.TruthTable | None:
         (columns.VELOCITY, velocity_of_n(flight.origin, truth.p_n_m, truth.v_n_mps)),
         (columns.EULER, attitude_of_n(flight.origin, truth.p_n_m, truth.R_nb)),
     )
-    return flight_toml.TruthTable(samples="truth.csv")
+    if truth.integers is not None:
+        write_integers(folder / "integers.csv", truth.integers)
+    return flight_toml.TruthTable(
+        samples="truth.csv", integers=None if truth.integers is None else "integers.csv"
+    )

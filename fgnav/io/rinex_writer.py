@@ -1,7 +1,7 @@
-"""Writing RINEX: observations of one antenna (3.04 and 4.00), broadcast messages (3.04)."""
+"""Writing RINEX 3.04 and 4.00: observations of one antenna, broadcast messages."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,13 @@ from fgnav.io.gps_time import BDT_BEHIND_GPS_S, GPS_EPOCH, TICKS_PER_S, to_ticks
 from fgnav.observations import Observations
 from fgnav.orbits import BroadcastOrbits
 
+RinexVersion: TypeAlias = Literal["3.04", "4.00"]
+
 _EPOCHS_AT_ONCE = 2000
 _WEEK_S = 604_800
 _BDT_FIRST_WEEK = 1356  # GPS week of 2006-01-01
+_FNAV = 1 << 1  # of a Galileo message's data source
+_GEO = {f"C{prn:02d}" for prn in (*range(1, 6), *range(59, 64))}  # they broadcast D2
 _LARGEST = 999_999_999.999  # of a negative value in F14.3
 _SYSTEMS = {"C": "BeiDou", "E": "Galileo", "G": "GPS", "J": "QZSS"}
 
@@ -30,7 +34,7 @@ def write_observations(
     start_gps_s: float,
     marker: str,
     position_e_m: FloatArray,
-    version: Literal["3.04", "4.00"] = "3.04",
+    version: RinexVersion = "3.04",
 ) -> None:
     """Write one antenna's observations.
 
@@ -57,8 +61,7 @@ def write_observations(
     """
     from fgnav.io.rinex_writer_kernel import format_epochs  # noqa: PLC0415  # lazy: numba
 
-    if version not in ("3.04", "4.00"):
-        raise BadInputError(f"RINEX version: must be 3.04 or 4.00, got {version!r}")
+    _check_version(version)
     for satellite in observations.satellites:
         if satellite[0] not in _SYSTEMS:
             raise BadInputError(
@@ -169,8 +172,16 @@ def _head(
     return "".join(lines) + _line("", "END OF HEADER")
 
 
-def write_navigation(path: Path, broadcast: BroadcastOrbits, *, start_gps_s: float) -> None:
-    """Write broadcast messages of GPS, Galileo, BeiDou and QZSS as RINEX 3.04.
+def write_navigation(
+    path: Path,
+    broadcast: BroadcastOrbits,
+    *,
+    start_gps_s: float,
+    version: RinexVersion = "3.04",
+) -> None:
+    """Write broadcast messages of GPS, Galileo, BeiDou and QZSS.
+
+    RINEX 4 has no ionosphere in its header: the model is a record of the first GPS satellite.
 
     Parameters
     ----------
@@ -178,23 +189,60 @@ def write_navigation(path: Path, broadcast: BroadcastOrbits, *, start_gps_s: flo
     broadcast : BroadcastOrbits
     start_gps_s : float
         GPS time of ``t_s = 0``.
+    version : {"3.04", "4.00"}
 
     Raises
     ------
     BadInputError
         If a time of clock is not a whole second, which RINEX cannot express.
     """
+    _check_version(version)
+    fourth, model = version == "4.00", broadcast.klobuchar
     lines = [
-        _line(f"{3.04:9.2f}{'':11s}{'NAVIGATION DATA':20s}M", "RINEX VERSION / TYPE"),
+        _line(f"{version:>9s}{'':11s}{'NAVIGATION DATA':20s}M", "RINEX VERSION / TYPE"),
         _line("fgnav", "PGM / RUN BY / DATE"),
     ]
-    if broadcast.klobuchar.any():
-        for name, part in (("GPSA", broadcast.klobuchar[:4]), ("GPSB", broadcast.klobuchar[4:])):
+    if model.any() and not fourth:
+        for name, part in (("GPSA", model[:4]), ("GPSB", model[4:])):
             content = f"{name} " + "".join(f"{value:12.4E}" for value in part)
             lines.append(_line(content, "IONOSPHERIC CORR"))
     lines.append(_line("", "END OF HEADER"))
-    lines += [_message(path, record, start_gps_s) for record in broadcast.records]
+    for record in broadcast.records:
+        if fourth:
+            lines.append(f"> EPH {record['satellite']} {_type(record)}\n")
+        lines.append(_message(path, record, start_gps_s))
+    if model.any() and fourth:  # last: RTKLIB 2.5 skips what follows a record it does not know
+        lines.append(_ionosphere(model, start_gps_s))
     path.write_text("".join(lines), encoding="ascii")
+
+
+def _check_version(version: str) -> None:
+    if version not in get_args(RinexVersion):
+        raise BadInputError(f"RINEX version: must be 3.04 or 4.00, got {version!r}")
+
+
+def _type(record: NDArray[Any]) -> str:
+    """Return the kind of message as RINEX 4 names it."""
+    satellite = str(record["satellite"])
+    if satellite[0] == "E":
+        return "FNAV" if record["data_source"] & _FNAV else "INAV"
+    if satellite[0] == "C":
+        return "D2" if satellite in _GEO else "D1"
+    return "LNAV"
+
+
+def _ionosphere(klobuchar: FloatArray, start_gps_s: float) -> str:
+    """Return the record of the GPS ionosphere model (RINEX 4.00, table A33), worldwide."""
+    date = _dates(np.array([int(start_gps_s) * TICKS_PER_S]))[0].tolist()
+    year, *rest = date[:6]
+    first = f"    {year:04d} " + " ".join(f"{part:02d}" for part in rest)
+    fields = [f"{value:19.12E}" for value in (*klobuchar, 0.0)]
+    rows = [
+        first + "".join(fields[:3]),
+        "    " + "".join(fields[3:7]),
+        "    " + "".join(fields[7:]),
+    ]
+    return "> ION G01 LNAV\n" + "".join(f"{row}\n" for row in rows)
 
 
 def _message(path: Path, record: NDArray[Any], start_gps_s: float) -> str:

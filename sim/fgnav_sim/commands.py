@@ -3,10 +3,14 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
-    from fgnav.flight import Flight
+    from fgnav_sim.dispersions import Draw, Numbers
+    from fgnav_sim.scenario import Scenario
+    from fgnav_sim.simulate import Simulated
+
+Summary: TypeAlias = "dict[str, str | int | float | dict[str, Numbers]]"
 
 
 def simulate(
@@ -15,8 +19,9 @@ def simulate(
     """Make a flight whose truth is known, or many.
 
     Reads what is to fly, when and where, and which sensors are on board; writes a flight folder:
-    flight.toml, RINEX observations and navigation, tables of the other sensors and of the truth.
-    The same scenario and seed give the same bytes. Scenarios to start from are in sim/scenarios.
+    flight.toml, RINEX observations and navigation, tables of the other sensors and of the truth;
+    dispersions.json says what was drawn, where the scenario has a table [dispersions]. The same
+    scenario and seed give the same bytes. Scenarios to start from are in sim/scenarios.
 
     Example: fgnav simulate sim/scenarios/demo.toml --seed 1 --out demo/flight
 
@@ -42,28 +47,72 @@ def simulate(
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BadInputError(f"--out: must be a new or an empty folder, got '{out}'")
 
-    import numpy as np  # noqa: PLC0415
-
-    from fgnav.io.flight_folder import save_flight  # noqa: PLC0415
     from fgnav_sim.scenario import load_scenario  # noqa: PLC0415
-    from fgnav_sim.simulate import simulate as make  # noqa: PLC0415
 
     what = load_scenario(scenario)
-    count = batch or 1
-    summaries = []
-    with _shown(what.name) as progress:
-        for k in range(count):
-            folder = out if batch is None else out / f"{k + 1:04d}"
-            flight = make(what, np.random.default_rng(seed + k), _part(progress, k, count))
-            save_flight(flight, folder)
-            summaries.append(_summary(flight, folder, seed + k))
+    with _whole(out) as folder, _shown(what.name) as progress:
+        try:
+            summaries = _make(what, range(seed, seed + (batch or 1)), folder, batch, progress)
+        except BadInputError as error:
+            raise BadInputError(f"{scenario}: {error}") from None
+    for summary in summaries:
+        summary["flight"] = str(out / str(summary["flight"]))
     summary = summaries[0] if batch is None else _summary_of_batch(summaries, out)
     _print_summary(summary, as_json=json)
 
 
-def _part(progress: Callable[[float], None], k: int, count: int) -> Callable[[float], None]:
-    """Return the progress of one flight of a batch."""
-    return lambda share: progress((k + share) / count)
+def _make(
+    what: "Scenario",
+    seeds: range,
+    out: Path,
+    batch: int | None,
+    progress: Callable[[float], None],
+) -> list[Summary]:
+    """Write the flights of the seeds; return what was made, folders relative to ``out``."""
+    import numpy as np  # noqa: PLC0415
+
+    from fgnav.io.flight_folder import save_flight  # noqa: PLC0415
+    from fgnav_sim.simulate import simulate_many  # noqa: PLC0415
+
+    summaries = []
+    made = simulate_many(what, [np.random.default_rng(seed) for seed in seeds], progress)
+    for k, (seed, one) in enumerate(zip(seeds, made, strict=True)):
+        name = "" if batch is None else f"{k + 1:04d}"
+        save_flight(one.flight, out / name, rinex=what.gnss.rinex if what.gnss else "3.04")
+        if one.draws:
+            _write_draws(out / name / "dispersions.json", seed, one.draws)
+        summaries.append(_summary(one, name, seed))
+    return summaries
+
+
+def _write_draws(file: Path, seed: int, draws: "tuple[Draw, ...]") -> None:
+    """Write what was drawn for a flight, by dotted key of the scenario."""
+    from json import dumps  # noqa: PLC0415
+
+    drawn = {draw.key: {"nominal": draw.nominal, "value": draw.value} for draw in draws}
+    file.write_text(dumps({"seed": seed, "drawn": drawn}, indent=2) + "\n", encoding="utf-8")
+
+
+@contextmanager
+def _whole(out: Path) -> Iterator[Path]:
+    """Give a temporary folder beside the wanted one; rename it at the end, or leave nothing."""
+    import shutil  # noqa: PLC0415
+    import tempfile  # noqa: PLC0415
+
+    from fgnav.checks import BadInputError  # noqa: PLC0415
+
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+    except OSError as error:
+        raise BadInputError(f"--out: {out} cannot be made, {error.strerror}") from error
+    try:
+        yield temporary
+        temporary.chmod(0o755)
+        temporary.replace(out)
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
 
 
 @contextmanager
@@ -78,9 +127,10 @@ def _shown(name: str) -> Iterator[Callable[[float], None]]:
         yield lambda share: bar.update(task, completed=share)
 
 
-def _summary(flight: "Flight", out: Path, seed: int) -> dict[str, str | int | float]:
+def _summary(made: "Simulated", name: str, seed: int) -> Summary:
     """Return what was made, in the order in which it is shown."""
-    summary: dict[str, str | int | float] = {"flight": str(out), "name": flight.name, "seed": seed}
+    flight = made.flight
+    summary: Summary = {"flight": name, "name": flight.name, "seed": seed}
     if flight.truth is not None:
         summary["truth_samples"] = len(flight.truth.t_s)
     if flight.observations is not None:
@@ -91,28 +141,38 @@ def _summary(flight: "Flight", out: Path, seed: int) -> dict[str, str | int | fl
     summary |= {f"{k}_samples": len(v.t_s) for k, v in samples.items() if v is not None}
     for loss in flight.losses:
         summary[loss.what] = f"{loss.count} times: {loss.reason}" if loss.count > 1 else loss.reason
+    if made.draws:
+        summary["dispersions"] = {draw.key: draw.value for draw in made.draws}
     return summary
 
 
-def _summary_of_batch(
-    summaries: list[dict[str, str | int | float]], out: Path
-) -> dict[str, str | int | float]:
+def _summary_of_batch(summaries: list[Summary], out: Path) -> Summary:
     """Return what was made in a batch: what the first flight holds, all the others do too."""
     first, last = summaries[0], summaries[-1]
     seeds = f"{first['seed']} to {last['seed']}"
-    whole = {"folder": str(out), "name": first["name"], "flights": len(summaries), "seeds": seeds}
+    whole: Summary = {
+        "folder": str(out),
+        "name": first["name"],
+        "flights": len(summaries),
+        "seeds": seeds,
+    }
     alike = {
         key: value for key, value in first.items() if all(s.get(key) == value for s in summaries)
     }
     return whole | {key: value for key, value in alike.items() if key not in whole}
 
 
-def _print_summary(summary: dict[str, str | int | float], *, as_json: bool) -> None:
+def _print_summary(summary: Summary, *, as_json: bool) -> None:
     if as_json:
         from json import dumps  # noqa: PLC0415
 
         print(dumps(summary, indent=2))  # noqa: T201
         return
     for key, value in summary.items():
+        if isinstance(value, dict):
+            for name, drawn in value.items():
+                figures = drawn if isinstance(drawn, tuple) else (drawn,)
+                print(f"{name} = {', '.join(f'{x:.6g}' for x in figures)}")  # noqa: T201
+            continue
         shown = f"{value:.1f}" if isinstance(value, float) else value
         print(f"{key.replace('_', ' '):15s}{shown}")  # noqa: T201

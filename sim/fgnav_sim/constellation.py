@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
+from fgnav.gnss.broadcast import kepler_orbit
 from fgnav.orbits import EPHEMERIS_DTYPE, BroadcastOrbits
 
 # GPS ionosphere coefficients of a quiet summer day, the size of those broadcast in June 2020.
@@ -87,21 +88,59 @@ def built_in_orbits(
     BadInputError
         If a constellation has no built-in almanac.
     """
+    records = []
+    for walker in _walkers(constellations):
+        first = np.floor((start_gps_s - walker.offset_s) / walker.step_s) - 1
+        last = np.ceil((start_gps_s + duration_s - walker.offset_s) / walker.step_s) + 1
+        toe_own_s = np.arange(first, last + 1) * walker.step_s
+        records.append(_messages(walker, toe_own_s, start_gps_s).ravel())
+    return BroadcastOrbits(records=np.concatenate(records), klobuchar=klobuchar)
+
+
+def built_in_positions(
+    constellations: tuple[str, ...], start_gps_s: float, t_s: FloatArray
+) -> tuple[tuple[str, ...], FloatArray]:
+    """Return the satellites of nominal constellations and where they are, (n, s, 3), ECEF.
+
+    The same orbits as ``built_in_orbits``, a hundred thousand scattered times at once.
+
+    Parameters
+    ----------
+    constellations : tuple of str
+    start_gps_s : float
+        GPS time of ``t_s = 0``.
+    t_s : ndarray, shape (n,)
+
+    Raises
+    ------
+    BadInputError
+        If a constellation has no built-in almanac.
+    """
+    names, places = [], []
+    for walker in _walkers(constellations):
+        toe_own_s = start_gps_s + t_s - walker.offset_s
+        for messages in _messages(walker, toe_own_s, start_gps_s):
+            names.append(str(messages["satellite"][0]))
+            places.append(kepler_orbit(names[-1], messages, t_s)[0])
+    return tuple(names), np.stack(places, axis=1)
+
+
+def _walkers(constellations: tuple[str, ...]) -> list[_Walker]:
+    """Return the almanacs of constellations; BadInputError where there is none."""
     for letter in constellations:
         if letter not in _WALKERS:
             raise BadInputError(
                 f"signals: no built-in almanac of constellation {letter!r}, only of "
                 f"{', '.join(_WALKERS)}; name navigation files"
             )
-    records = [_messages(_WALKERS[letter], start_gps_s, duration_s) for letter in constellations]
-    return BroadcastOrbits(records=np.concatenate(records), klobuchar=klobuchar)
+    return [_WALKERS[letter] for letter in constellations]
 
 
-def _messages(walker: _Walker, start_gps_s: float, duration_s: float) -> np.ndarray:
-    """Return the messages of one constellation, (satellites x epochs,)."""
-    first = np.floor((start_gps_s - walker.offset_s) / walker.step_s) - 1
-    last = np.ceil((start_gps_s + duration_s - walker.offset_s) / walker.step_s) + 1
-    toe_own_s = np.arange(first, last + 1) * walker.step_s  # since the GPS epoch, own time scale
+def _messages(walker: _Walker, toe_own_s: FloatArray, start_gps_s: float) -> np.ndarray:
+    """Return the messages of one constellation, (satellites, epochs).
+
+    ``toe_own_s`` counts from the GPS epoch, in the constellation's own time scale.
+    """
     toe_gps_s = toe_own_s + walker.offset_s
     number = np.arange(walker.planes * walker.per_plane)[:, None]
     plane, slot = number // walker.per_plane, number % walker.per_plane
@@ -133,7 +172,7 @@ def _messages(walker: _Walker, start_gps_s: float, duration_s: float) -> np.ndar
     drift_sps = 1e-11 * (_spread(number, 4) - 0.5)
     records["af1_sps"] = drift_sps
     records["af0_s"] = 4e-4 * (_spread(number, 5) - 0.5) + drift_sps * (toe_gps_s - start_gps_s)
-    return records.ravel()
+    return records
 
 
 def _spread(number: np.ndarray, column: int) -> FloatArray:

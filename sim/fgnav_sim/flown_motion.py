@@ -6,16 +6,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.earth import EARTH_RATE_RADPS, Origin
+from fgnav.earth import Origin
 from fgnav.rotations import quaternion_wxyz
 from fgnav_sim.forces import P, Q, V, W
+from fgnav_sim.model import burning_curve
 from fgnav_sim.motion import State
-from fgnav_sim.rigid_body import Flown, earth_turn, rotations_of
+from fgnav_sim.rigid_body import Flown, rotations_of
+from fgnav_sim.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
-_EARTH_RATE_I_RADPS = np.array([0.0, 0.0, EARTH_RATE_RADPS])
+
+_SLACK_S = 5e-3  # receivers' clocks err; so far the outermost quintics go on
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -42,11 +45,10 @@ class FlownMotion:
         Raises
         ------
         BadInputError
-            If a time lies outside the flight.
+            If a time lies outside the flight, but for what clocks err.
         """
         first_s, last_s = self.position_n_m.x[[0, -1]]
-        slack_s = 1e-9
-        if len(t_s) and not (first_s - slack_s <= t_s.min() and t_s.max() <= last_s + slack_s):
+        if len(t_s) and not (first_s - _SLACK_S <= t_s.min() and t_s.max() <= last_s + _SLACK_S):
             raise BadInputError(
                 f"t_s: must lie within the flight, {first_s:g} to {last_s:g}, "
                 f"got {t_s.min():g} to {t_s.max():g}"
@@ -67,7 +69,9 @@ class FlownMotion:
         )
 
 
-def flown_motion(flown: Flown, origin: Origin, flight: int = 0) -> FlownMotion:
+def flown_motion(
+    flown: Flown, origin: Origin, flight: int = 0, vehicle: Vehicle | None = None
+) -> FlownMotion:
     """Return the motion of a flight in the frame ``n`` of an origin.
 
     Parameters
@@ -78,6 +82,9 @@ def flown_motion(flown: Flown, origin: Origin, flight: int = 0) -> FlownMotion:
     origin : Origin
         Of the frame; the flight starts wherever it was launched.
     flight : int
+    vehicle : Vehicle or None
+        The body's origin is its dry centre of mass, of which the burning motor's moves away; None:
+        the centre of mass.
 
     Raises
     ------
@@ -88,16 +95,17 @@ def flown_motion(flown: Flown, origin: Origin, flight: int = 0) -> FlownMotion:
     if count < 2:
         raise BadInputError(f"flight {flight}: must have two rows or more, got {count}")
     t_s, y, dy = flown.t_s[:count], flown.y[flight, :count], flown.dy[flight, :count]
-    R_ni = origin.R_ne @ earth_turn(t_s)
+    planet = flown.planet
+    R_ni = origin.R_ne @ planet.turn(t_s)
     p_i, v_i, a_i, w = y[:, P : P + 3], y[:, V : V + 3], dy[:, V : V + 3], y[:, W : W + 3]
-    earth = _EARTH_RATE_I_RADPS
+    earth = planet.rate_i_radps
     pull = np.cross(earth, np.cross(earth, p_i))
-    p_n_m = _turned(R_ni, p_i) - origin.R_ne @ origin.p_e_m
+    p_n_m = _turned(R_ni, p_i) - origin.R_ne @ planet.p_e_m(origin)
     v_n_mps = _turned(R_ni, v_i - np.cross(earth, p_i))
     a_n_mps2 = _turned(R_ni, a_i - 2 * np.cross(earth, v_i) + pull)
 
     q_ib = y[:, Q : Q + 4] / np.linalg.norm(y[:, Q : Q + 4], axis=1, keepdims=True)
-    half = 0.5 * EARTH_RATE_RADPS * t_s
+    half = 0.5 * planet.rate_radps * t_s
     zero = np.zeros_like(half)
     q_ei = np.column_stack([np.cos(half), zero, zero, -np.sin(half)])
     q_ne = np.broadcast_to(quaternion_wxyz(origin.R_ne[None]), q_ei.shape)
@@ -105,12 +113,37 @@ def flown_motion(flown: Flown, origin: Origin, flight: int = 0) -> FlownMotion:
     earth_b = _turned(rotations_of(q_ib).swapaxes(1, 2), np.broadcast_to(earth, p_i.shape))
     w_nb = w - earth_b
     alpha_nb = dy[:, W : W + 3] + np.cross(w, earth_b)
+    lever, lever_rate, lever_second = _dry_centre_b_m(vehicle, t_s)
+    swing = np.cross(w_nb, lever) + lever_rate
+    pull_b = np.cross(alpha_nb, lever) + np.cross(w_nb, swing + lever_rate) + lever_second
+    R_nb = rotations_of(q_nb)
+    p_n_m += _turned(R_nb, lever)
+    v_n_mps += _turned(R_nb, swing)
+    a_n_mps2 += _turned(R_nb, pull_b)
     rate = 0.5 * _product(q_nb, _pure(w_nb))
     second = 0.5 * (_product(rate, _pure(w_nb)) + _product(q_nb, _pure(alpha_nb)))
     return FlownMotion(
         position_n_m=_quintic(t_s, p_n_m, v_n_mps, a_n_mps2),
         quaternion_nb=_quintic(t_s, q_nb, rate, second),
     )
+
+
+def _dry_centre_b_m(
+    vehicle: Vehicle | None, t_s: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return where the dry centre of mass is from the present one, and two derivatives, (n, 3)."""
+    lever = np.zeros((3, len(t_s), 3))
+    if vehicle is not None and vehicle.motor is not None:
+        table, grid_s = vehicle.motor, vehicle.motor.time_s
+        thrust, shift_m = burning_curve(table), vehicle.body.centre_m - table.loaded_centre_m
+        impulse = thrust.antiderivative()
+        inside_s = np.clip(t_s, grid_s[0], grid_s[-1])
+        burns = (t_s >= grid_s[0]) & (t_s < grid_s[-1])
+        total = impulse(grid_s[-1])
+        lever[0, :, 0] = shift_m * (1 - impulse(inside_s) / total)
+        lever[1, :, 0] = -shift_m * burns * thrust(inside_s) / total
+        lever[2, :, 0] = -shift_m * burns * thrust(inside_s, 1) / total
+    return lever[0], lever[1], lever[2]
 
 
 def _quintic(t_s: FloatArray, value: FloatArray, rate: FloatArray, second: FloatArray) -> "PPoly":

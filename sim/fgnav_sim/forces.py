@@ -17,6 +17,7 @@ from fgnav_sim.atmosphere import CELL_M, FLOOR_M, GEOPOTENTIAL_RADIUS_M
 kernel = njit(cache=True, nogil=True, error_model="numpy")
 
 Vector: TypeAlias = tuple[float, float, float]
+Quaternion: TypeAlias = tuple[float, float, float, float]
 Frame: TypeAlias = tuple[Vector, Vector, Vector]
 Inertia: TypeAlias = tuple[float, float, float, float, float, float]
 Flow: TypeAlias = tuple[float, float, Vector, Vector]  # density, pressure, v_b and w_b against air
@@ -30,6 +31,13 @@ P, V, Q, W, SPIN, PATH, FINS, SIZE = 0, 3, 6, 10, 13, 14, 15, 19
 BODY = np.dtype(
     [
         ("gravity", "i8"),  # index into GRAVITY
+        ("axis_m", "f8"),  # the planet: semi-axes a and b, e^2, e'^2 b
+        ("polar_m", "f8"),
+        ("e2", "f8"),
+        ("bulge_m", "f8"),
+        ("earth_radps", "f8"),
+        ("gm_m3ps2", "f8"),
+        ("oblateness_m2", "f8"),  # 3/2 J2 a^2
         ("aerodynamics", "i8"),  # index into AERODYNAMICS
         ("dry_kg", "f8"),
         ("propellant_kg", "f8"),
@@ -69,7 +77,7 @@ BODY = np.dtype(
         ("commands", "i8"),
     ]
 )
-GRAVITY = ("j2", "wgs84-normal", "constant")
+GRAVITY = ("j2", "spherical", "wgs84-normal", "constant")
 AERODYNAMICS = ("none", "axisymmetric", "airframe")
 AXISYMMETRIC = (
     "cd0", "cd2", "cl1", "cl3", "cnq", "cmf", "cm1", "cm3", "cmq", "cmm", "cspin"

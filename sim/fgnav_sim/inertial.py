@@ -77,7 +77,7 @@ def sense(sensor: ImuTable, scenario: Scenario, *, rng: np.random.Generator) -> 
     gyroscope = _gyroscope(sensor)
     return Imu(
         t_s=t_s,
-        f_b_mps2=_accelerometer(sensor)(f_b_mps2, sensor.rate_hz, rng=accelerometer_rng),
+        f_b_mps2=accelerometer(sensor)(f_b_mps2, sensor.rate_hz, rng=accelerometer_rng),
         w_b_radps=gyroscope(w_b_radps, sensor.rate_hz, rng=gyroscope_rng) if gyroscope else None,
         position_b_m=lever_b_m,
         accelerometer_noise_mps2_per_sqrt_hz=sensor.accelerometer_noise_mps2_per_sqrt_hz,
@@ -104,7 +104,8 @@ def saturated(sensor: ImuTable, imu: Imu) -> tuple[Loss, ...]:
     return tuple(loss for loss in losses if loss.count)
 
 
-def _accelerometer(sensor: ImuTable) -> Triad:
+def accelerometer(sensor: ImuTable) -> Triad:
+    """Return what is wrong with the accelerometer of a table."""
     return Triad(
         density=sensor.accelerometer_noise_mps2_per_sqrt_hz,
         bias=sensor.accelerometer_bias_mps2,

@@ -43,13 +43,13 @@ class Tracking:
     there : ndarray of bool, shape (n, a, m)
     flagged : ndarray of bool, shape (n, a, m)
         Where receivers announce that phase does not continue.
-    cycles : ndarray of int, shape (n, a, m)
-        By how much the integer differs from that of the satellite's whole pass.
+    half_cycles : ndarray of int, shape (n, a, m)
+        By how much phase differs from what it is with the integer of the satellite's whole pass.
     """
 
     there: BoolArray
     flagged: BoolArray
-    cycles: IntArray
+    half_cycles: IntArray
 
 
 def track(
@@ -90,10 +90,12 @@ def track(
     risen = np.zeros_like(above)
     risen[1:] = above[1:] & ~above[:-1]
     changes[np.repeat(risen[:, None], antennas, axis=1) & relocked] = 0
+    changes *= 2
     flagged = relocked
     if sensor.slips is not None:
         flagged = flagged | _slip(sensor.slips, changes, there & before, t_s, rng=slips_rng)
-    return Tracking(there=there, flagged=flagged, cycles=np.cumsum(changes, axis=0, dtype=np.int32))
+    half_cycles = np.cumsum(changes, axis=0, dtype=np.int32)
+    return Tracking(there=there, flagged=flagged, half_cycles=half_cycles)
 
 
 def _blocked(
@@ -160,13 +162,14 @@ def _slip(
     *,
     rng: np.random.Generator,
 ) -> BoolArray:
-    """Add slips to the integers' changes, (n, a, m), in place; return those announced."""
+    """Add slips to the changes, half cycles (n, a, m), in place; return those announced."""
     n, antennas, channels = changes.shape
     span_s = float(t_s[-1] - t_s[0])
     when_s, links = _events(table.rate_per_hour, (n, antennas, channels), span_s, rng=rng)
-    size = rng.integers(1, table.largest_cycles, len(when_s), endpoint=True)
-    size *= rng.choice((-1, 1), len(when_s))
+    size = 2 * rng.integers(1, table.largest_cycles, len(when_s), endpoint=True)
+    side = rng.choice((-1, 1), len(when_s))
     announced = rng.random(len(when_s)) < table.flagged_share
+    size = side * (size + (rng.random(len(when_s)) < table.half_cycle_share))
     at = (np.searchsorted(t_s, when_s), *links)
     size *= unbroken[at]  # nothing slips where nothing is tracked
     np.add.at(changes, at, size)

@@ -1,11 +1,12 @@
 """Vehicles, air and commands as the arrays of the compiled code."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from fgnav import earth
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.earth import GravityModel
 from fgnav_sim.atmosphere import Air, us_1976, vacuum
 from fgnav_sim.forces import (
     AERODYNAMICS,
@@ -18,7 +19,13 @@ from fgnav_sim.forces import (
     Model,
 )  # fmt: skip
 from fgnav_sim.motion import Command
+from fgnav_sim.planet import WGS84, Planet
 from fgnav_sim.vehicle import Axisymmetric, CanardsTable, Column, MotorTable, Vehicle
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
+
+Attitude: TypeAlias = tuple[Command, Command, Command]  # roll, pitch, yaw
 
 _COMMAND_INTERVAL_S = 0.05  # cubics between: a sine of 1 rad/s is within 2e-8 of its amplitude
 _NO_COMMAND = np.zeros((2, 6))
@@ -27,25 +34,33 @@ _NO_COMMAND = np.zeros((2, 6))
 def pack(
     vehicles: Sequence[Vehicle],
     air: Sequence[Air],
-    gravity: GravityModel,
-    commands: tuple[Command, Command, Command] | None,
+    field: tuple[str, Planet],
+    commands: Attitude | None,
     duration_s: float,
 ) -> Model:
     """Return the arrays of a batch of flights: vehicles and air one each.
 
+    ``field`` is the gravity model and the planet it belongs to.
+
     Raises
     ------
     BadInputError
-        If the gravity model is unknown, or only some flights have air.
+        If the gravity model is unknown or another planet's, or only some flights have air.
     """
+    gravity, planet = field
     if gravity not in GRAVITY:
         raise BadInputError(f"gravity model: must be one of {', '.join(GRAVITY)}, got {gravity!r}")
+    if gravity == "wgs84-normal" and planet != WGS84:
+        raise BadInputError(
+            "gravity model: wgs84-normal is the WGS-84 Earth's; take j2, spherical or constant"
+        )
     if len({one.present for one in air}) != 1:
         raise BadInputError("air: must be present in all flights of a batch, or in none")
     command = _NO_COMMAND if commands is None else _command_table(commands, duration_s)
     bodies, tables = np.zeros(len(vehicles), BODY), []
     for row, (vehicle, one) in enumerate(zip(vehicles, air, strict=True)):
-        _write_body(bodies[row], vehicle, one, gravity)
+        _write_body(bodies[row], vehicle, one)
+        _write_field(bodies[row], gravity, planet)
         parts = {
             "mach": _coefficients(vehicle),
             "burn": _burn(vehicle.motor),
@@ -73,10 +88,19 @@ def _joined(body: np.void, parts: dict[str, tuple[FloatArray, ...]]) -> FloatArr
     return np.concatenate(flat)
 
 
-def _write_body(body: np.void, vehicle: Vehicle, air: Air, gravity: GravityModel) -> None:
+def _write_field(body: np.void, gravity: str, planet: Planet) -> None:
+    """Write the scalars of gravity and of the planet."""
+    a, b = planet.semi_major_axis_m, planet.semi_minor_axis_m
+    body["gravity"] = GRAVITY.index(gravity)
+    body["axis_m"], body["polar_m"] = a, b
+    body["e2"], body["bulge_m"] = 1 - (b / a) ** 2, (a**2 - b**2) / b
+    body["earth_radps"], body["gm_m3ps2"] = planet.rate_radps, planet.gm_m3ps2
+    body["oblateness_m2"] = 1.5 * earth.J2 * a**2 if gravity == "j2" else 0.0
+
+
+def _write_body(body: np.void, vehicle: Vehicle, air: Air) -> None:
     """Write the scalars of one flight."""
     dry, motor = vehicle.body, vehicle.motor
-    body["gravity"] = GRAVITY.index(gravity)
     body["dry_kg"], body["dry_centre_m"] = dry.mass_kg, dry.centre_m
     body["dry_kgm2"] = (*dry.inertia_kgm2, *dry.products_kgm2)
     body["loaded_kgm2"], body["loaded_centre_m"] = body["dry_kgm2"], dry.centre_m
@@ -137,13 +161,18 @@ def _coefficients(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     return mach, CubicSpline(mach, values).c.swapaxes(0, 1)
 
 
-def _burn(motor: MotorTable | None) -> tuple[FloatArray, FloatArray]:
-    """Return times, (k,), and thrust and fraction burnt as quartics, (k - 1, 5, 2)."""
+def burning_curve(motor: MotorTable) -> "PchipInterpolator":
+    """Return thrust, N, as a monotone cubic of time."""
     from scipy.interpolate import PchipInterpolator  # noqa: PLC0415  # lazy, as above
 
+    return PchipInterpolator(motor.time_s, motor.thrust_n)
+
+
+def _burn(motor: MotorTable | None) -> tuple[FloatArray, FloatArray]:
+    """Return times, (k,), and thrust and fraction burnt as quartics, (k - 1, 5, 2)."""
     if motor is None:
         return np.array([0.0, 1.0]), np.zeros((1, 5, 2))
-    thrust = PchipInterpolator(motor.time_s, motor.thrust_n)
+    thrust = burning_curve(motor)
     impulse = thrust.antiderivative()
     table = np.zeros((len(motor.time_s) - 1, 5, 2))
     table[:, 1:, 0] = thrust.c.T
@@ -151,7 +180,7 @@ def _burn(motor: MotorTable | None) -> tuple[FloatArray, FloatArray]:
     return np.array(motor.time_s), table
 
 
-def _command_table(commands: tuple[Command, Command, Command], duration_s: float) -> FloatArray:
+def _command_table(commands: Attitude, duration_s: float) -> FloatArray:
     """Return roll, pitch, yaw and their rates at equal intervals, (c, 6)."""
     t_s = np.arange(int(np.ceil(duration_s / _COMMAND_INTERVAL_S)) + 2) * _COMMAND_INTERVAL_S
     angles = [command(t_s) for command in commands]

@@ -1,7 +1,7 @@
 """Commanded motion with exact truth: every command knows its first and second derivative."""
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 
@@ -188,6 +188,13 @@ class State:
         coriolis_n_mps2 = 2 * np.cross(origin.earth_rate_n_radps, v_n_mps)
         f_n_mps2 = a_n_mps2 + coriolis_n_mps2 - origin.gravity_n_mps2(p_n_m, model)
         return _rotate(transpose(self.R_nb), f_n_mps2)
+
+
+class Trajectory(Protocol):
+    """Anything that knows the true motion at any time: commanded, or flown by a rigid body."""
+
+    def __call__(self, t_s: FloatArray, /) -> State:
+        """Return the motion at times since the start, (n,)."""
 
 
 class Motion(Table, frozen=True):

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.earth import C_MPS, geodetic, ned_axes
+from fgnav.flight import LinkIntegers
 from fgnav.gnss.atmosphere import klobuchar_m, saastamoinen_m
 from fgnav.gnss.satellites import group_delay_s
 from fgnav.gnss.signals import frequency_hz, wavelengths_m
@@ -20,9 +21,11 @@ from fgnav_sim.gauss_markov import gauss_markov
 from fgnav_sim.interruptions import LARGEST_INTEGER, Sky, Tracking, track
 from fgnav_sim.light_time import Links, links
 from fgnav_sim.multipath import Echoes, echoes
-from fgnav_sim.receiver_tables import GnssTable, MultipathTable
+from fgnav_sim.receiver_tables import GnssTable, MultipathTable, antenna_names
 from fgnav_sim.scenario import Scenario
 from fgnav_sim.selection import chosen
+from fgnav_sim.true_integers import link_integers
+from fgnav_sim.wind_up import wind_up
 
 _BLOCK = 500  # epochs at a time: 8 antennas and 40 satellites then need some 100 MB
 
@@ -35,8 +38,8 @@ def observe(
     messages: BroadcastOrbits | None = None,
     rng: np.random.Generator,
     progress: Callable[[float], None],
-) -> Observations:
-    """Return what the receivers measure.
+) -> "Received":
+    """Return what the receivers measure, and the integers that nobody tells them.
 
     A receiver measures when its own clock shows the epoch, so its time tag is the epoch and its
     pseudorange holds its clock offset. All receivers track what the reference antenna has above the
@@ -76,12 +79,22 @@ def observe(
             if sensor.reflectors:
                 measured.mirror(block, _echoes(sensor, scenario, channels, true_s, e_b))
         progress(min(1.0, (first + _BLOCK) / len(t_s)))
+    if sensor.wind_up and measured.e_b is not None:
+        measured.wind(*_wound(scenario, t_s - offset_s[:, 0], measured.e_b), channels)
     measured.blur(sensor, noise_rng)
     if sensor.multipath is not None:
         measured.echo(sensor, sensor.multipath, echo_rng)
     above = _above(sensor, channels, measured, t_s)
     tracking = track(sensor, above, measured.sky, t_s, antennas, rng=tracking_rng)
-    return _observations(sensor, channels, t_s, measured, above, tracking, rng=cycles_rng)
+    return _received(sensor, channels, t_s, measured, above, tracking, rng=cycles_rng)
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Received:
+    """Observations of all antennas, and the true integers of their phase."""
+
+    observations: Observations
+    integers: LinkIntegers
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -104,7 +117,7 @@ class _Measured:
         """Return room for measurements."""
         code_m, phase_m, rate_mps = np.empty((3, *shape))
         elevation_rad, azimuth_rad = np.empty((2, *shape[::2]))
-        turned = bool(sensor.reflectors) or sensor.body_mask is not None
+        turned = bool(sensor.reflectors) or sensor.body_mask is not None or sensor.wind_up
         return _Measured(
             code_m=code_m,
             phase_m=phase_m,
@@ -143,6 +156,12 @@ class _Measured:
         self.phase_m[block] += seen.phase_m
         self.rate_mps[block] += seen.rate_mps
         self.gain_db[block] += seen.gain_db
+
+    def wind(self, cycles: FloatArray, rate_hz: FloatArray, channels: Channels) -> None:
+        """Add the phase's wind-up, cycles, and its rate, (n, m), to all antennas alike."""
+        wavelength_m = wavelengths_m(channels.satellites, channels.signals)
+        self.phase_m[:] += (wavelength_m * cycles)[:, None]
+        self.rate_mps[:] += (wavelength_m * rate_hz)[:, None]
 
     def blur(self, sensor: GnssTable, rng: np.random.Generator) -> None:
         """Add white noise; each kind of measurement draws from its own generator."""
@@ -202,7 +221,7 @@ def _above(
     return np.asarray(of_satellites[:, channels.at])
 
 
-def _observations(
+def _received(
     sensor: GnssTable,
     channels: Channels,
     t_s: FloatArray,
@@ -211,7 +230,7 @@ def _observations(
     tracking: Tracking,
     *,
     rng: np.random.Generator,
-) -> Observations:
+) -> Received:
     """Return observations of what is tracked; channels that never are have no place."""
     antennas = measured.code_m.shape[1]
     kept = np.flatnonzero(tracking.there.any(axis=(0, 1)))
@@ -225,19 +244,26 @@ def _observations(
     def dense(value: FloatArray) -> FloatArray:
         return np.where(tracking.there, value, np.nan)[..., kept]
 
-    cycles = _cycles(channels, rises, antennas, rng=rng) + tracking.cycles
+    fractions, integers = _cycles(channels, rises, antennas, rng=rng)
+    cycles = integers + 0.5 * tracking.half_cycles
     cn0_dbhz = np.round(measured.cn0_dbhz(sensor, slice(None)), 2)
     flags: NDArray[Any] = LOST_LOCK * tracking.flagged[..., kept]
-    return Observations(
+    observations = Observations(
         t_s=t_s,
         tag_s=np.repeat(t_s[:, None], antennas, axis=1),
         satellites=tuple(channels.satellites[k] for k in kept),
         signals=tuple(channels.signals[k] for k in kept),
         code_m=dense(measured.code_m),
-        phase_cycles=dense(measured.phase_m / wavelength_m + cycles),
+        phase_cycles=dense(measured.phase_m / wavelength_m + fractions + cycles),
         doppler_hz=dense(-measured.rate_mps / wavelength_m),
         cn0_dbhz=dense(cn0_dbhz),
         lock_flags=flags,
+    )
+    named = tuple(zip(observations.satellites, observations.signals, strict=True))
+    names = antenna_names(antennas)
+    return Received(
+        observations=observations,
+        integers=link_integers(names, named, t_s, tracking.there[..., kept], cycles[..., kept]),
     )
 
 
@@ -276,6 +302,12 @@ def _directions_b(scenario: Scenario, t_s: FloatArray, seen: Links) -> FloatArra
         scenario.motion(t_s).R_nb,
     )
     return np.asarray(np.einsum("nml,nlk->nmk", e_local, to_b))
+
+
+def _wound(scenario: Scenario, t_s: FloatArray, e_b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    state = scenario.motion(t_s)
+    pole_b = scenario.origin.frame.R_ne[:, 2] @ state.R_nb
+    return wind_up(e_b, pole_b, state.w_nb_b_radps, t_s)
 
 
 def _echoes(
@@ -333,8 +365,8 @@ def _elevation_factor(sensor: GnssTable, elevation_rad: FloatArray) -> FloatArra
 
 def _cycles(
     channels: Channels, rises: BoolArray, antennas: int, *, rng: np.random.Generator
-) -> FloatArray:
-    """Return what phase holds beside the way, cycles, (n, a, m).
+) -> tuple[FloatArray, IntArray]:
+    """Return what phase holds beside the way, cycles: fractions (a, m) and integers (n, a, m).
 
     An arbitrary integer per antenna, channel and pass; a fraction per antenna and kind of signal
     and one per satellite's signal, as hardware delays are, which double differences remove.
@@ -347,6 +379,6 @@ def _cycles(
     integers = rng.integers(
         -LARGEST_INTEGER, LARGEST_INTEGER, (passes.max() + 1, antennas, len(kind))
     )
-    constant = integers + of_receiver + of_satellite
     # All channels of one pass number at once: few passes, so no array of indices (n, a, m).
-    return np.asarray(constant.transpose(0, 2, 1)[passes, np.arange(len(kind))].swapaxes(1, 2))
+    of_pass = integers.transpose(0, 2, 1)[passes, np.arange(len(kind))].swapaxes(1, 2)
+    return of_receiver + of_satellite, np.asarray(of_pass)

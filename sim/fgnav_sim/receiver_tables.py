@@ -6,6 +6,7 @@ import msgspec
 from msgspec import field
 
 from fgnav.gnss.signals import CONSTELLATIONS, known
+from fgnav.io.rinex_writer import RinexVersion
 from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector
 
 Angle = Annotated[float, msgspec.Meta(ge=0, lt=90)]
@@ -41,11 +42,14 @@ class SlipsTable(Table, frozen=True):
         A slip is of 1 up to so many cycles, either way, all alike likely.
     flagged_share : float
         Share of slips that the receiver announces.
+    half_cycle_share : float
+        Share of slips that are half a cycle larger, as those of Costas loops may be.
     """
 
     rate_per_hour: Positive
     largest_cycles: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)] = 10
     flagged_share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.5
+    half_cycle_share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
 
 
 class LossOfLockTable(Table, frozen=True):
@@ -191,7 +195,12 @@ class GnssTable(Table, frozen=True):
     cn0 : Cn0Table
     atmosphere : bool
         Delay the signals by the broadcast ionosphere and a standard troposphere.
+    wind_up : bool
+        Turns of the antennas, all of which look along -z_b, wind up the phase; in double
+        differences of a rigid body nothing of it is left.
     clock : ClockTable
+    rinex : {"3.04", "4.00"}
+        Version of the files that ``fgnav simulate`` writes.
     slips, loss_of_lock, body_mask, multipath : their tables, or None
     outages, reflectors : tuple of their tables
     """
@@ -210,7 +219,9 @@ class GnssTable(Table, frozen=True):
     antenna_noise: tuple[Positive, ...] = ()
     cn0: Cn0Table = Cn0Table()
     atmosphere: bool = True
+    wind_up: bool = False
     clock: ClockTable = ClockTable()
+    rinex: RinexVersion = "3.04"
     slips: SlipsTable | None = None
     loss_of_lock: LossOfLockTable | None = None
     outages: tuple[OutageTable, ...] = ()

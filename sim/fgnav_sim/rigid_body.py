@@ -1,22 +1,19 @@
 """Flights of rigid bodies in six degrees of freedom, many in one call."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, NoSolutionError, frozen, positive
-from fgnav.earth import EARTH_RATE_RADPS, GravityModel, Origin, geodetic, ned_axes
+from fgnav.earth import Origin, ned_axes
 from fgnav.rotations import from_euler, quaternion_wxyz, skew, to_euler
-from fgnav_sim.atmosphere import Air
+from fgnav_sim.atmosphere import FLOOR_M, Air
 from fgnav_sim.forces import COEFFICIENTS, FINS, PATH, SIZE, SPIN, Model, P, Q, V, W
-from fgnav_sim.model import pack
-from fgnav_sim.motion import Command
+from fgnav_sim.model import Attitude, pack
+from fgnav_sim.planet import WGS84, FieldModel, Planet
 from fgnav_sim.rigid_body_kernel import derivative, fly, rates
 from fgnav_sim.vehicle import Vehicle
-
-_EARTH_RATE_I_RADPS = np.array([0.0, 0.0, EARTH_RATE_RADPS])
-_LEAST_HEIGHT_M = -5000.0  # of the atmosphere's table
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -26,7 +23,9 @@ class Launch:
     Attributes
     ----------
     origin : Origin
-        Where the centre of mass is; north, east, down are those of this place.
+        North, east, down are those of this place.
+    position_n_m : ndarray, shape (3,)
+        Where the centre of mass is, from there.
     v_n_mps : ndarray, shape (3,)
         Velocity against the Earth.
     euler_rad : ndarray, shape (3,)
@@ -42,25 +41,25 @@ class Launch:
     euler_rad: FloatArray
     w_ib_b_radps: FloatArray
     spin_radps: float = 0.0
+    position_n_m: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
         """Freeze the vectors; start within the table of the atmosphere."""
-        for name in ("v_n_mps", "euler_rad", "w_ib_b_radps"):
+        for name in ("v_n_mps", "euler_rad", "w_ib_b_radps", "position_n_m"):
             object.__setattr__(self, name, frozen(name, getattr(self, name), (3,)))
         if not np.isfinite(self.spin_radps):
             raise BadInputError(f"spin_radps: must be finite, got {self.spin_radps}")
-        if self.origin.height_m < _LEAST_HEIGHT_M:
+        if self.origin.height_m < FLOOR_M:
             raise BadInputError(
-                f"height_m: must not be below {_LEAST_HEIGHT_M:g}, got {self.origin.height_m:g}"
+                f"height_m: must not be below {FLOOR_M:g}, got {self.origin.height_m:g}"
             )
 
-    @property
-    def state(self) -> FloatArray:
-        """The state of the compiled code, (SIZE,)."""
+    def state(self, planet: Planet = WGS84) -> FloatArray:
+        """Return the state of the compiled code, (SIZE,)."""
         R_in = self.origin.R_ne.T
         y = np.zeros(SIZE)
-        y[P : P + 3] = self.origin.p_e_m
-        y[V : V + 3] = R_in @ self.v_n_mps + np.cross(_EARTH_RATE_I_RADPS, self.origin.p_e_m)
+        y[P : P + 3] = planet.p_e_m(self.origin) + R_in @ self.position_n_m
+        y[V : V + 3] = R_in @ self.v_n_mps + np.cross(planet.rate_i_radps, y[P : P + 3])
         R_nb = from_euler(*self.euler_rad[:, None])[0]
         y[Q : Q + 4] = quaternion_wxyz((R_in @ R_nb)[None])[0]
         y[W : W + 3] = self.w_ib_b_radps
@@ -79,19 +78,21 @@ class Plan:
         At most; it divides the interval of rows.
     row_interval_s : float
         Between the rows that are kept.
-    gravity : {"wgs84-normal", "j2", "constant"}
+    gravity : {"wgs84-normal", "j2", "spherical", "constant"}
     ground_m : float
         Ellipsoidal height at which a flight ends.
     commands : three commands, or None
         Roll, pitch, yaw for an autopilot, against north, east, down.
+    planet : Planet
     """
 
     duration_s: float
     step_s: float = 1e-3
     row_interval_s: float = 0.01
-    gravity: GravityModel = "wgs84-normal"
-    ground_m: float = _LEAST_HEIGHT_M
-    commands: tuple[Command, Command, Command] | None = None
+    gravity: FieldModel = "wgs84-normal"
+    ground_m: float = FLOOR_M
+    commands: Attitude | None = None
+    planet: Planet = WGS84
 
     def __post_init__(self) -> None:
         """Check the times."""
@@ -129,12 +130,14 @@ class Flown:
         Their time derivatives.
     rows : ndarray of int, shape (n,)
         How many rows of each flight are above the ground.
+    planet : Planet
     """
 
     t_s: FloatArray
     y: FloatArray
     dy: FloatArray
     rows: IntArray
+    planet: Planet = WGS84
 
     def position_e_m(self, flight: int = 0) -> FloatArray:
         """Return ECEF positions of the centre of mass, (m, 3)."""
@@ -143,16 +146,16 @@ class Flown:
     def velocity_e_mps(self, flight: int = 0) -> FloatArray:
         """Return velocities against the Earth in ECEF axes, (m, 3)."""
         y = self.y[flight]
-        through = y[:, V : V + 3] - np.cross(_EARTH_RATE_I_RADPS, y[:, P : P + 3])
+        through = y[:, V : V + 3] - np.cross(self.planet.rate_i_radps, y[:, P : P + 3])
         return self._to_e(through)
 
     def place(self, flight: int = 0) -> FloatArray:
         """Return latitude rad, longitude rad, ellipsoidal height m, (m, 3)."""
-        return geodetic(self.position_e_m(flight))
+        return self.planet.geodetic(self.position_e_m(flight))
 
     def rotation_eb(self, flight: int = 0) -> FloatArray:
         """Return R_eb, (m, 3, 3)."""
-        return earth_turn(self.t_s) @ rotations_of(self.y[flight, :, Q : Q + 4])
+        return self.planet.turn(self.t_s) @ rotations_of(self.y[flight, :, Q : Q + 4])
 
     def euler_rad(self, flight: int = 0) -> FloatArray:
         """Return roll, pitch, yaw against north, east, down where the body is, (m, 3)."""
@@ -169,7 +172,7 @@ class Flown:
 
     def _to_e(self, v_i: FloatArray) -> FloatArray:
         """Return vectors of the inertial frame in ECEF axes, (m, 3)."""
-        return np.asarray(np.einsum("mij,mj->mi", earth_turn(self.t_s), v_i))
+        return np.asarray(np.einsum("mij,mj->mi", self.planet.turn(self.t_s), v_i))
 
 
 def fly_batch(
@@ -208,7 +211,7 @@ def fly_batch(
         )
     dy = np.full_like(y, np.nan)
     rates(model, plan.t_s, y, rows, dy)
-    return Flown(t_s=plan.t_s, y=y, dy=dy, rows=rows)
+    return Flown(t_s=plan.t_s, y=y, dy=dy, rows=rows, planet=plan.planet)
 
 
 def fly_reference(vehicle: Vehicle, launch: Launch, air: Air, plan: Plan) -> Flown:
@@ -245,7 +248,7 @@ def fly_reference(vehicle: Vehicle, launch: Launch, air: Air, plan: Plan) -> Flo
     y, rows = np.ascontiguousarray(found.y.T[None]), np.array([len(plan.t_s)])
     dy = np.empty_like(y)
     rates(model, plan.t_s, y, rows, dy)
-    return Flown(t_s=plan.t_s, y=y, dy=dy, rows=rows)
+    return Flown(t_s=plan.t_s, y=y, dy=dy, rows=rows, planet=plan.planet)
 
 
 def _prepared(
@@ -257,8 +260,15 @@ def _prepared(
             "vehicles, launches, air: must be of one length above 0, "
             f"got {len(vehicles)}, {len(launches)}, {len(air)}"
         )
-    model = pack(vehicles, air, plan.gravity, plan.commands, plan.t_s[-1])
-    return model, np.stack([launch.state for launch in launches])
+    for vehicle in vehicles:
+        at_work = vehicle.canards if vehicle.autopilot is not None else None
+        if at_work is not None and plan.step_s > 2.0 * at_work.lag_s:  # RK4 is stable up to 2.8
+            raise BadInputError(
+                f"step_s: must be at most twice the canards' lag_s {at_work.lag_s:g}, "
+                f"got {plan.step_s:g}; take a shorter step"
+            )
+    model = pack(vehicles, air, (plan.gravity, plan.planet), plan.commands, plan.t_s[-1])
+    return model, np.stack([launch.state(plan.planet) for launch in launches])
 
 
 def rotations_of(wxyz: FloatArray) -> FloatArray:
@@ -267,12 +277,3 @@ def rotations_of(wxyz: FloatArray) -> FloatArray:
     K = skew(v)
     norm = np.sum(wxyz**2, axis=1)[:, None, None]
     return np.asarray(np.eye(3) + 2 * (w * K + K @ K) / norm)
-
-
-def earth_turn(t_s: FloatArray) -> FloatArray:
-    """Return R_ei, (m, 3, 3)."""
-    angle = EARTH_RATE_RADPS * t_s
-    R = np.zeros((len(t_s), 3, 3))
-    R[:, 0, 0] = R[:, 1, 1] = np.cos(angle)
-    R[:, 0, 1], R[:, 1, 0], R[:, 2, 2] = np.sin(angle), -np.sin(angle), 1.0
-    return R

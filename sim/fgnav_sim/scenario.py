@@ -3,7 +3,7 @@
 import math
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import msgspec
 import numpy as np
@@ -11,8 +11,17 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.earth import GravityModel, Origin
 from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector, as_table, read_toml
-from fgnav_sim.motion import Motion
+from fgnav_sim.dispersions import check_spreads
+from fgnav_sim.flown_table import FlownTable
+from fgnav_sim.motion import Motion, Trajectory
+from fgnav_sim.planet import WGS84
 from fgnav_sim.receiver_tables import ClockTable, GnssTable
+from fgnav_sim.vehicle import Vehicle, load_vehicle
+
+if TYPE_CHECKING:  # a file's table; in a program anything that knows the motion
+    AnyMotion: TypeAlias = Trajectory
+else:
+    AnyMotion = Motion
 
 # The source paper's array (its section 2.3.2): reference at the origin, two beside it, nose, tail,
 # three near the fins.
@@ -214,7 +223,11 @@ class Scenario(Table, frozen=True):
     gravity : {"wgs84-normal", "j2", "constant"}
     truth_rate_hz : float
     origin : Place
-    motion : Motion
+    motion : Motion, or another Trajectory
+    flown : FlownTable or None
+        A rigid body in place of the commanded motion.
+    dispersions : dict
+        By which spread keys of this scenario are drawn anew for every flight: see ``dispersions``.
     antennas_b_m : tuple of vectors
         Phase centres in body axes; the first is the reference. The paper's eight by default.
     gnss, imu, fixes, seeker : their tables, or None
@@ -226,7 +239,9 @@ class Scenario(Table, frozen=True):
     gravity: GravityModel = "wgs84-normal"
     truth_rate_hz: Positive = 10.0
     origin: Place = Place()
-    motion: Motion = Motion()
+    motion: AnyMotion = Motion()
+    flown: FlownTable | None = None
+    dispersions: dict[str, Any] = msgspec.field(default_factory=dict)
     antennas_b_m: tuple[Vector, ...] = PAPER_ANTENNAS_B_M
     gnss: GnssTable | None = None
     imu: ImuTable | None = None
@@ -241,6 +256,33 @@ class Scenario(Table, frozen=True):
             raise ValueError(f"start: must not lie before {_GPS_EPOCH.isoformat()}")
         if self.gnss is not None:
             self.gnss.check_antennas(len(self.antennas_b_m))
+        if self.flown is not None:
+            self._check_flown(self.flown)
+
+    def _check_flown(self, flown: FlownTable) -> None:
+        """Check a flown scenario: where it starts, and that its sensors know its Earth."""
+        if self.motion != Motion():
+            raise ValueError("motion: a flown scenario has none; remove it, or table flown")
+        height_m = self.origin.height_m - flown.start.position_n_m[2]
+        if height_m < flown.ground_m:
+            raise ValueError(
+                f"origin.height_m: the flight must start above flown.ground_m {flown.ground_m:g}, "
+                f"got {height_m:g}"
+            )
+        aboard = [n for n in ("gnss", "imu", "seeker") if getattr(self, n) is not None]
+        if aboard and flown.earth is not None:
+            raise ValueError(
+                f"flown.earth: table {aboard[0]} knows the WGS-84 Earth only; remove one of both"
+            )
+        gravity = flown.gravity or self.gravity
+        if gravity == "wgs84-normal" and flown.earth is not None and flown.earth.planet != WGS84:
+            raise ValueError(
+                "flown.gravity: wgs84-normal is the WGS-84 Earth's; take j2, spherical or constant"
+            )
+        if self.imu is not None and flown.gravity not in (None, self.gravity):
+            raise ValueError(
+                f"flown.gravity: an inertial unit feels gravity = '{self.gravity}'; remove one"
+            )
 
     @property
     def start_gps_s(self) -> float:
@@ -265,13 +307,31 @@ def load_scenario(path: Path) -> Scenario:
     changes: dict[str, object] = {}
     if not scenario.name:
         changes["name"] = path.stem
+    if scenario.flown is not None:
+        changes["flown"] = _with_vehicle(path, scenario.flown)
     if scenario.gnss is not None:
         changes["gnss"] = msgspec.structs.replace(
             scenario.gnss,
-            navigation=_resolved(path, "navigation", scenario.gnss.navigation),
-            orbits=_resolved(path, "orbits", scenario.gnss.orbits),
+            navigation=_resolved(path, "gnss.navigation", scenario.gnss.navigation),
+            orbits=_resolved(path, "gnss.orbits", scenario.gnss.orbits),
         )
-    return msgspec.structs.replace(scenario, **changes)
+    scenario = msgspec.structs.replace(scenario, **changes)
+    try:
+        check_spreads(scenario, scenario.dispersions)
+    except BadInputError as error:
+        raise BadInputError(f"{path}: key {error}") from None
+    return scenario
+
+
+def _with_vehicle(path: Path, flown: FlownTable) -> FlownTable:
+    """Return the table with its vehicle's tables in place of their file."""
+    if isinstance(flown.vehicle, Vehicle):
+        return flown
+    vehicle = load_vehicle(Path(_resolved(path, "flown.vehicle", (flown.vehicle,))[0]))
+    try:
+        return msgspec.structs.replace(flown, vehicle=vehicle)
+    except ValueError as error:
+        raise BadInputError(f"{path}: key flown.{error}") from None
 
 
 def _resolved(path: Path, key: str, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -279,5 +339,5 @@ def _resolved(path: Path, key: str, names: tuple[str, ...]) -> tuple[str, ...]:
     files = [path.parent / name for name in names]
     for file in files:
         if not file.is_file():
-            raise BadInputError(f"{path}: gnss.{key}: no such file, got '{file}'")
+            raise BadInputError(f"{path}: {key}: no such file, got '{file}'")
     return tuple(str(file) for file in files)

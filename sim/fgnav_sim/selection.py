@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
 
 _EVERY_S = 900.0  # a satellite moves by some 7 degrees meanwhile
+_SINGULAR = 1e-12  # what is added to normal matrices, whose eigenvalues are near one otherwise
 
 
 def chosen(
@@ -28,43 +29,60 @@ def chosen(
     elevation_rad, azimuth_rad : ndarray, shape (n, s)
     t_s : ndarray, shape (n,)
     """
-    out = np.zeros_like(above)
-    period = np.floor(t_s / _EVERY_S)
-    for begin, end in zip(*_spans(period), strict=True):
-        lasting = above[begin:end].all(axis=0)
-        candidates = lasting if lasting.sum() >= wanted else above[begin]
-        kept = np.flatnonzero(candidates)
-        rows = _rows(elevation_rad[begin, kept], azimuth_rad[begin, kept])
-        while len(kept) > wanted:
-            dop = [_gdop(np.delete(rows, k, axis=0)) for k in range(len(kept))]
-            least = int(np.argmin(dop))
-            kept, rows = np.delete(kept, least), np.delete(rows, least, axis=0)
-        out[begin:end, kept] = above[begin:end, kept]
-    return out
+    begin = np.flatnonzero(np.diff(period(t_s), prepend=-1.0))
+    flat = np.cos(elevation_rad[begin])
+    e = [flat * np.cos(azimuth_rad[begin]), flat * np.sin(azimuth_rad[begin])]
+    towards = np.stack([*e, np.sin(elevation_rad[begin])], axis=-1)
+    kept = best_geometry(towards, lasting(above, begin, wanted), wanted)
+    lengths = np.diff(begin, append=len(t_s))
+    return np.asarray(above & np.repeat(kept, lengths, axis=0))
 
 
-def _spans(period: FloatArray) -> tuple[list[int], list[int]]:
-    """Return begins and ends of runs of equal values."""
-    edges = np.flatnonzero(np.diff(period)) + 1
-    return [0, *edges.tolist()], [*edges.tolist(), len(period)]
+def period(t_s: FloatArray) -> FloatArray:
+    """Return the number of the 15 min for which one choice of satellites holds, (n,)."""
+    return np.asarray(np.floor(t_s / _EVERY_S))
 
 
-def _rows(elevation_rad: FloatArray, azimuth_rad: FloatArray) -> FloatArray:
-    """Return rows of the geometry matrix, (k, 4)."""
-    flat = np.cos(elevation_rad)
-    return np.column_stack(
-        [
-            flat * np.cos(azimuth_rad),
-            flat * np.sin(azimuth_rad),
-            np.sin(elevation_rad),
-            np.ones_like(flat),
-        ]
-    )
+def lasting(above: BoolArray, begin: IntArray, wanted: int | IntArray) -> BoolArray:
+    """Return the candidates of each span of epochs, (k, s): those that stay, if they are enough.
+
+    Parameters
+    ----------
+    above : ndarray of bool, shape (n, s)
+        Which satellites are above the mask.
+    begin : ndarray of int, shape (k,)
+        First epoch of each span; it reaches up to the next one.
+    wanted : int or ndarray of int, shape (k,)
+    """
+    stay = np.logical_and.reduceat(above, begin, axis=0)
+    enough = stay.sum(axis=1) >= wanted
+    return np.asarray(np.where(enough[:, None], stay, above[begin]))
 
 
-def _gdop(rows: FloatArray) -> float:
-    """Return the geometric dilution of precision; infinite where there is no solution."""
-    scales = np.linalg.svd(rows, compute_uv=False)
-    if scales[-1] < 1e-9:
-        return float("inf")
-    return float(np.sqrt(np.sum(scales**-2.0)))
+def best_geometry(towards: FloatArray, candidates: BoolArray, wanted: int | IntArray) -> BoolArray:
+    """Return which satellites remain when the least useful ones are left out one by one, (k, s).
+
+    Without row ``r`` the normal matrix ``G`` of the geometry loses ``r r^T``, so the trace of its
+    inverse, the square of the geometric dilution of precision, grows by ``|G^-1 r|^2 / (1 - r^T
+    G^-1 r)`` (Sherman and Morrison): the row that makes it grow least goes.
+
+    Parameters
+    ----------
+    towards : ndarray, shape (k, s, 3)
+        Unit vectors to satellites, in any axes.
+    candidates : ndarray of bool, shape (k, s)
+    wanted : int or ndarray of int, shape (k,)
+        How many remain; all where there are fewer.
+    """
+    kept = candidates.copy()
+    rows = np.concatenate([towards, np.ones((*kept.shape, 1))], axis=2)
+    surplus = kept.sum(axis=1) - wanted
+    for step in range(int(surplus.max(initial=0))):
+        busy = np.flatnonzero(surplus > step)
+        A = np.where(kept[busy, :, None], rows[busy], 0.0)
+        inverse = np.linalg.inv(A.swapaxes(1, 2) @ A + _SINGULAR * np.eye(4))
+        pulled = A @ inverse
+        left = 1.0 - np.einsum("ksi,ksi->ks", pulled, A)
+        grows = np.einsum("ksi,ksi->ks", pulled, pulled) / np.maximum(left, _SINGULAR)
+        kept[busy, np.where(kept[busy], grows, np.inf).argmin(axis=1)] = False
+    return kept

@@ -1,25 +1,36 @@
 """From a scenario and a seeded generator to a flight whose truth is known."""
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from fgnav.checks import Loss
-from fgnav.flight import Antenna, Flight, GnssNoise, Truth
+from fgnav.flight import Antenna, Flight, GnssNoise, LinkIntegers, Truth
 from fgnav.orbits import BroadcastOrbits, PreciseOrbits
 from fgnav_sim import detector, inertial
 from fgnav_sim.constellation import KLOBUCHAR, built_in_orbits
+from fgnav_sim.dispersions import Draw, disperse
 from fgnav_sim.fixes import fix
 from fgnav_sim.receiver import observe
 from fgnav_sim.receiver_tables import antenna_names
 from fgnav_sim.scenario import GnssTable, Scenario
 
+_TOGETHER_S = 2000.0  # of flight in a call of the rigid body: 60 MB
+
 
 def _silent(_share: float) -> None:
     """Take note of progress where nobody watches."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Simulated:
+    """A flight, and what was drawn for it of the scenario's dispersions."""
+
+    flight: Flight
+    draws: tuple[Draw, ...]
 
 
 def simulate(
@@ -41,9 +52,54 @@ def simulate(
     Raises
     ------
     BadInputError
-        If a navigation file is bad, or no satellite is ever in view.
+        If a navigation file is bad, no satellite is ever in view, or a rigid body cannot be flown.
     """
-    gnss_rng, imu_rng, fixes_rng, seeker_rng = rng.spawn(4)
+    return next(simulate_many(scenario, [rng], progress)).flight
+
+
+def simulate_many(
+    scenario: Scenario,
+    rngs: Sequence[np.random.Generator],
+    progress: Callable[[float], None] = _silent,
+) -> Iterator[Simulated]:
+    """Yield a flight for each generator, the same that ``simulate`` makes of it alone.
+
+    Rigid bodies of several flights are flown in one call. Parameters and errors are those of
+    ``simulate``.
+    """
+    together = max(1, int(_TOGETHER_S / scenario.duration_s)) if scenario.flown else 1
+    for first in range(0, len(rngs), together):
+        streams = [rng.spawn(6) for rng in rngs[first : first + together]]
+        drawn = [disperse(scenario, scenario.dispersions, stream[4]) for stream in streams]
+        moving = _moving([one for one, _ in drawn], [stream[5] for stream in streams])
+        parts = zip(moving, drawn, streams, strict=True)
+        for k, ((settled, losses), (_, draws), stream) in enumerate(parts, start=first):
+            flight = _sensed(settled, stream[:4], _part(progress, k, len(rngs)))
+            flight = replace(flight, losses=losses + flight.losses)
+            yield Simulated(flight=flight, draws=draws)
+
+
+def _moving(
+    scenarios: Sequence[Scenario], rngs: Sequence[np.random.Generator]
+) -> list[tuple[Scenario, tuple[Loss, ...]]]:
+    """Return scenarios whose motion is known, and what could not be flown of each."""
+    if scenarios[0].flown is None:
+        return [(scenario, ()) for scenario in scenarios]
+    from fgnav_sim.take_off import take_off  # noqa: PLC0415  # lazy: it loads compiled code
+
+    return take_off(scenarios, rngs)
+
+
+def _part(progress: Callable[[float], None], k: int, count: int) -> Callable[[float], None]:
+    """Return the progress of one flight of a batch."""
+    return lambda share: progress((k + share) / count)
+
+
+def _sensed(
+    scenario: Scenario, rngs: Sequence[np.random.Generator], progress: Callable[[float], None]
+) -> Flight:
+    """Return what the sensors of a scenario measure of its motion."""
+    gnss_rng, imu_rng, fixes_rng, seeker_rng = rngs
     gnss, imu, fixes, seeker = scenario.gnss, scenario.imu, scenario.fixes, scenario.seeker
     broadcast, precise = _orbits(gnss, scenario) if gnss else (None, None)
     flown = precise or broadcast
@@ -55,16 +111,17 @@ def simulate(
     elif seeker:
         reason = "beacon never within range and field of view"
         losses += (Loss(what="seeker", reason=reason, count=1),)
+    received = None
+    if gnss and flown:
+        received = observe(
+            gnss, scenario, flown, messages=broadcast, rng=gnss_rng, progress=progress
+        )
     return Flight(
         name=scenario.name,
         start_gps_s=scenario.start_gps_s,
         origin=scenario.origin.frame,
         antennas=_antennas(scenario),
-        observations=observe(
-            gnss, scenario, flown, messages=broadcast, rng=gnss_rng, progress=progress
-        )
-        if gnss and flown
-        else None,
+        observations=received.observations if received else None,
         broadcast=broadcast,
         precise=precise,
         elevation_mask_rad=np.radians(gnss.elevation_mask_deg if gnss else 10.0),
@@ -72,7 +129,7 @@ def simulate(
         imu=sensed,
         fixes=fix(fixes, scenario, "a1", rng=fixes_rng) if fixes else None,
         seeker=watched,
-        truth=_truth(scenario),
+        truth=_truth(scenario, received.integers if received else None),
         losses=losses,
     )
 
@@ -122,7 +179,9 @@ def _noise(gnss: GnssTable) -> GnssNoise:
     )
 
 
-def _truth(scenario: Scenario) -> Truth:
+def _truth(scenario: Scenario, integers: LinkIntegers | None) -> Truth:
     t_s = scenario.epochs_s(scenario.truth_rate_hz)
     state = scenario.motion(t_s)
-    return Truth(t_s=t_s, p_n_m=state.p_n_m, v_n_mps=state.v_n_mps, R_nb=state.R_nb)
+    return Truth(
+        t_s=t_s, p_n_m=state.p_n_m, v_n_mps=state.v_n_mps, R_nb=state.R_nb, integers=integers
+    )

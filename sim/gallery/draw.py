@@ -47,6 +47,12 @@ def _draw(flight: Flight) -> Figure:
 
 def _draw_track(axes: Axes, truth: Truth) -> None:
     north_m, east_m, down_m = truth.p_n_m.T
+    level_m = np.hypot(north_m - north_m[0], east_m - east_m[0])
+    if np.ptp(down_m) > np.ptp(level_m):  # steep: seen from the side
+        axes.plot(level_m, -down_m, linewidth=1)
+        axes.plot(level_m[0], -down_m[0], "o", markersize=4)
+        axes.set(xlabel="distance, m", ylabel="height, m", aspect="equal", adjustable="datalim")
+        return
     axes.plot(east_m, north_m, linewidth=1)
     axes.plot(east_m[0], north_m[0], "o", markersize=4)
     axes.set(xlabel="east, m", ylabel="north, m", aspect="equal", adjustable="datalim")
@@ -64,7 +70,9 @@ def _draw_sky(axes: Axes, seen: Observations) -> None:
     """Draw by channel how many antennas track it, and where a receiver says it lost lock."""
     extent = (seen.t_s[0], seen.t_s[-1], len(seen.satellites) - 0.5, -0.5)
     shade = seen.tracked.mean(axis=1).T
-    axes.imshow(shade, aspect="auto", extent=extent, cmap="Blues", vmax=1.5, interpolation="none")
+    axes.imshow(
+        shade, aspect="auto", extent=extent, cmap="Blues", vmin=0, vmax=1.5, interpolation="none"
+    )
     epoch, _, channel = np.nonzero(seen.lock_flags & LOST_LOCK)
     axes.plot(seen.t_s[epoch], channel, ".", color="tab:red", markersize=2)
     axes.set_yticks(range(len(seen.satellites)), seen.satellites, fontsize=5)

@@ -10,6 +10,7 @@ from fgnav.flight import (
     Flight,
     GnssNoise,
     Imu,
+    LinkIntegers,
     Seeker,
     Truth,
 )
@@ -129,5 +130,12 @@ def whole_flight(rng: np.random.Generator) -> Flight:
             p_n_m=p_n_m,
             v_n_mps=rng.normal(0, 100, (k, 3)),
             R_nb=from_euler(*rng.uniform(-1.4, 1.4, (3, k))),
+            integers=LinkIntegers(
+                antennas=("a1", "näs/1", "a1"),
+                satellites=("G05", "E07", "G05"),
+                signals=("1C", "5X", "1C"),
+                from_s=np.array([0.0, 0.1, 1 / 3]),
+                cycles=np.array([-(10**9), 7, 10**15]),
+            ),
         ),
     )

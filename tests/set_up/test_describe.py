@@ -55,7 +55,7 @@ def test_a_misplaced_antenna_is_put_back_to_the_centimetre():
 
 def test_what_the_motion_cannot_tell_is_said():
     flight = flown("demo")
-    still = replace(flight, antennas=flight.antennas[:1], observations=None, imu=flight.imu)
+    still = replace(flight, antennas=flight.antennas[:1], observations=None, truth=None)
     (unchecked,) = describe(still).unchecked
     assert unchecked.text == "needs raw GNSS data of three antennas or more"
 

@@ -10,6 +10,7 @@ from fgnav_sim.autopilot import commanded
 from fgnav_sim.forces import SPIN
 from fgnav_sim.model import pack
 from fgnav_sim.motion import Command, Hold, Ramp, Rate, Sine
+from fgnav_sim.planet import WGS84
 from fgnav_sim.rigid_body import Flown, Launch, Plan, fly_batch
 from fgnav_sim.vehicle import Vehicle, load_vehicle
 
@@ -73,7 +74,7 @@ def test_the_autopilot_holds_roll_in_turbulence() -> None:
 
 def test_commands_in_the_table_are_those_of_the_motion_and_their_rates() -> None:
     commands = (Sine(amplitude_deg=20.0), Ramp(amplitude_deg=5.0, rise_s=3.0), Rate(rate_degps=4.0))
-    model = pack([ROCKET], [Air()], "j2", commands, 10.0)
+    model = pack([ROCKET], [Air()], ("j2", WGS84), commands, 10.0)
     for t_s in (0.0, 0.37, 2.99, 7.77, 10.0):
         angle, rate = commanded(model.bodies[0], model.tables[0], t_s)
         exact = np.array([command(np.array([t_s]))[:2, 0] for command in commands])

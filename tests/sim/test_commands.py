@@ -71,6 +71,11 @@ def test_a_folder_that_holds_something_is_refused_and_left_alone(scenario, tmp_p
     assert contents(folder) == {"mine.txt": b"precious"}
 
 
+def test_a_folder_that_cannot_be_made_is_named(scenario):
+    with pytest.raises(BadInputError, match=r"--out: .*flight cannot be made, "):
+        simulate(scenario, seed=1, out=scenario / "flight")
+
+
 def test_a_batch_is_the_flights_of_seeds_that_follow_each_other(scenario, tmp_path, capsys):
     simulate(scenario, seed=7, out=tmp_path / "batch", batch=3, json=True)
     summary = json.loads(capsys.readouterr().out)
@@ -143,3 +148,40 @@ def test_a_flight_read_back_is_the_flight_that_was_made(scenario, tmp_path):
         )
     assert np.allclose(back.broadcast.klobuchar, flight.broadcast.klobuchar, rtol=1e-4, atol=0)
     assert back.gnss_noise == flight.gnss_noise
+
+
+def test_what_was_drawn_is_kept_with_each_flight_of_a_batch(tmp_path, capsys):
+    path = tmp_path / "drawn.toml"
+    path.write_text(
+        """
+        duration_s = 2.0
+        [flown]
+        air = false
+        [flown.vehicle.body]
+        mass_kg = 10.0
+        inertia_kgm2 = [0.4, 0.9, 1.1]
+        [imu]
+        [dispersions]
+        flown.vehicle.body.mass_kg = { relative = 0.02 }
+        flown.start.v_n_mps = 1.0
+        """,
+        encoding="utf-8",
+    )
+    simulate(path, seed=7, out=tmp_path / "batch", batch=3, json=True)
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["flights"] == 3
+    assert "dispersions" not in summary  # they are each flight's own
+    drawn = [
+        json.loads((tmp_path / "batch" / f"{k:04d}" / "dispersions.json").read_text())
+        for k in (1, 2, 3)
+    ]
+    assert [one["seed"] for one in drawn] == [7, 8, 9]
+    masses = [one["drawn"]["flown.vehicle.body.mass_kg"]["value"] for one in drawn]
+    assert len(set(masses)) == 3
+    assert drawn[0]["drawn"]["flown.vehicle.body.mass_kg"]["nominal"] == 10.0
+    simulate(path, seed=8, out=tmp_path / "alone", json=True)
+    alone = json.loads(capsys.readouterr().out)
+    assert alone["dispersions"]["flown.vehicle.body.mass_kg"] == masses[1]
+    assert contents(tmp_path / "alone") == contents(tmp_path / "batch" / "0002")
+    simulate(path, seed=8, out=tmp_path / "said")
+    assert f"flown.vehicle.body.mass_kg = {masses[1]:.6g}" in capsys.readouterr().out

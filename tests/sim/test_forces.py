@@ -19,6 +19,7 @@ from fgnav_sim.forces import (
     wind_at,
 )  # fmt: skip
 from fgnav_sim.model import pack
+from fgnav_sim.planet import WGS84
 from fgnav_sim.rigid_body import Launch, Plan, fly_batch
 from fgnav_sim.vehicle import Airframe, Axisymmetric, BodyTable, Vehicle, load_vehicle
 
@@ -28,7 +29,7 @@ DENSITY = 1.1
 
 
 def packed(vehicle: Vehicle, air: Air | None = None) -> tuple[np.void, np.ndarray]:
-    model = pack([vehicle], [air or Air()], "j2", None, 1.0)
+    model = pack([vehicle], [air or Air()], ("j2", WGS84), None, 1.0)
     return model.bodies[0], model.tables[0]
 
 

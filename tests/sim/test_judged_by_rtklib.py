@@ -25,7 +25,7 @@ ROUGH = {
 }
 
 
-def written(folder, *, duration_s=30.0, **gnss):
+def written(folder, *, duration_s=30.0, rinex="3.04", **gnss):
     scenario = Scenario(
         duration_s=duration_s,
         motion=SWING,
@@ -33,7 +33,7 @@ def written(folder, *, duration_s=30.0, **gnss):
         gnss=GnssTable(code_noise_m=0.3, **gnss),
     )
     flight = simulate(scenario, np.random.default_rng(1))
-    save_flight(flight, folder)
+    save_flight(flight, folder, rinex=rinex)
     return flight
 
 
@@ -66,6 +66,22 @@ def test_rtklib_fixes_the_baselines_of_a_moving_base_within_two_centimetres(tmp_
         truth = flight.truth.R_nb[np.round(t_s * 10).astype(int)] @ antenna.position_b_m
         error_m = np.linalg.norm(arm_e_m @ flight.origin.R_ne.T - truth, axis=1)
         assert error_m[fixed].max() < 0.02
+
+
+def test_rtklib_reads_rinex_4_as_it_reads_rinex_3(tmp_path):
+    signals = {"G": ("1C",), "E": ("1C",), "C": ("2I",)}
+    found = []
+    for rinex in ("3.04", "4.00"):
+        folder = tmp_path / rinex
+        written(folder, duration_s=5.0, rate_hz=2.0, rinex=rinex, signals=signals)
+        nav = rtklib.navigation(folder / "broadcast.rnx")
+        for k in range(8):  # its ionosphere is the header's, which RINEX 4 has not
+            nav.ion_gps[k] = 0.0
+        found.append((nav.n, *rtklib.point_positions(folder / "a1.rnx", nav)))
+    (third, third_s, third_m), (fourth, fourth_s, fourth_m) = found
+    assert third == fourth
+    np.testing.assert_array_equal(third_s, fourth_s)
+    np.testing.assert_array_equal(third_m, fourth_m)
 
 
 @pytest.mark.parametrize("weights", ["uniform", "sine"])

@@ -40,7 +40,8 @@ def run(sensor, scenario=FLIGHT, seed=1):
     letters = tuple(sensor.signals)
     orbits = built_in_orbits(letters, scenario.start_gps_s, scenario.duration_s)
     rng = np.random.default_rng(seed)
-    return orbits, observe(sensor, scenario, orbits, rng=rng, progress=lambda _: None)
+    seen = observe(sensor, scenario, orbits, rng=rng, progress=lambda _: None)
+    return orbits, seen.observations
 
 
 def double_difference(value):

@@ -18,6 +18,13 @@ def load(folder, text):
     return load_scenario(path)
 
 
+@pytest.mark.parametrize("name", ["coast", "glider", "rocket", "tumble"])
+def test_flown_scenarios_come_with_their_vehicle(name):
+    scenario = load_scenario(SCENARIOS / f"{name}.toml")
+    assert scenario.flown is not None
+    assert scenario.flown.vehicle.body.mass_kg > 0
+
+
 @pytest.mark.parametrize("name", ["demo", "hour", "ramp", "spin", "terminal"])
 def test_the_scenarios_that_come_along_are_valid(name):
     scenario = load_scenario(SCENARIOS / f"{name}.toml")

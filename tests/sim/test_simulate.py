@@ -125,7 +125,7 @@ def test_double_differences_of_every_scenario_are_integers_within_the_noise(name
     assert (integers == integers[0]).all()
 
 
-@pytest.mark.parametrize("name", ["rough", "six", "beacon"])
+@pytest.mark.parametrize("name", ["rough", "six", "beacon", "coast", "tumble"])
 def test_every_scenario_of_the_gallery_flies(name):
     flight = made(load_scenario(SCENARIOS / f"{name}.toml"))
     tracked = flight.observations.tracked.sum(axis=2)
