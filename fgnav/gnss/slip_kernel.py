@@ -55,8 +55,12 @@ def _snoop(
     count: int,
     verdict: IntArray,
 ) -> None:
-    """Take out the worst of ``count`` steps while it is a slip; write verdicts by channel."""
+    """Take out the worst of ``count`` steps while it is a slip; write verdicts by channel.
+
+    The worst residual need not be a slip where there are two: then all pairs are tried.
+    """
     cofactor, x = np.empty((_UNKNOWNS, _UNKNOWNS)), np.empty(_UNKNOWNS)
+    everything = count
     while count > _UNKNOWNS and _fit(A, y, sigma_m, count, cofactor, x):
         worst = _worst(A, y, x, sigma_m, least_m, cofactor, channel[:count], verdict)
         if worst < 0:
@@ -64,10 +68,62 @@ def _snoop(
         if count == _UNKNOWNS + 1:
             verdict[channel[:count]] = SLIP
             return
+        if count == everything - 1:
+            verdict[channel[count]] = NOT_TESTED
+            first, worst = _pair(A, y, sigma_m, least_m, channel, everything)
+            _swap(A, y, sigma_m, least_m, channel, first, count)
+            verdict[channel[count]] = SLIP
         verdict[channel[worst]] = SLIP
         count -= 1
-        A[worst], y[worst], sigma_m[worst] = A[count], y[count], sigma_m[count]
-        least_m[worst], channel[worst] = least_m[count], channel[count]
+        _swap(A, y, sigma_m, least_m, channel, worst, count)
+
+
+@njit(cache=True)
+def _pair(
+    A: FloatArray,
+    y: FloatArray,
+    sigma_m: FloatArray,
+    least_m: FloatArray,
+    channel: IntArray,
+    count: int,
+) -> tuple[int, int]:
+    """Return the two rows, the later one first, without which the others fit best."""
+    cofactor, x = np.empty((_UNKNOWNS, _UNKNOWNS)), np.empty(_UNKNOWNS)
+    best, least = (count - 1, count - 2), np.inf
+    for late in range(1, count):
+        for early in range(late):
+            _swap(A, y, sigma_m, least_m, channel, late, count - 1)
+            _swap(A, y, sigma_m, least_m, channel, early, count - 2)
+            if _fit(A, y, sigma_m, count - 2, cofactor, x):
+                squares = 0.0
+                for c in range(count - 2):
+                    residual_m = y[c]
+                    for p in range(_UNKNOWNS):
+                        residual_m -= A[c, p] * x[p]
+                    squares += (residual_m / sigma_m[c]) ** 2
+                if squares < least:
+                    best, least = (late, early), squares
+            _swap(A, y, sigma_m, least_m, channel, early, count - 2)
+            _swap(A, y, sigma_m, least_m, channel, late, count - 1)
+    return best
+
+
+@njit(cache=True)
+def _swap(
+    A: FloatArray,
+    y: FloatArray,
+    sigma_m: FloatArray,
+    least_m: FloatArray,
+    channel: IntArray,
+    i: int,
+    j: int,
+) -> None:
+    for p in range(_UNKNOWNS):
+        A[i, p], A[j, p] = A[j, p], A[i, p]
+    y[i], y[j] = y[j], y[i]
+    sigma_m[i], sigma_m[j] = sigma_m[j], sigma_m[i]
+    least_m[i], least_m[j] = least_m[j], least_m[i]
+    channel[i], channel[j] = channel[j], channel[i]
 
 
 @njit(cache=True)

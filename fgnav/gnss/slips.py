@@ -43,7 +43,8 @@ def phase_arcs(differences: SingleDifferences, names: tuple[str, ...]) -> Arcs:
     so a step is the baseline's change seen along the line of sight, one change of clocks common to
     all channels (jumps of milliseconds included), and noise. These four unknowns are fitted to all
     channels of a baseline; while the largest normalised residual says a slip of more than
-    4.5 sigmas and a quarter of a cycle, that channel has one [1]_. It holds for any motion
+    4.5 sigmas and a quarter of a cycle, that channel has one [1]_; if one more then shows, the two
+    are those without which the others fit best. It holds for any motion
     and any interval; what the turn of the line of sight does to a baseline of unknown direction,
     7 mm in 30 s on 1.6 m, is added to the threshold.
 

@@ -19,11 +19,14 @@ import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, NoSolutionError, frozen
 from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.ils import OK, UNFINISHED, kernel, solve
+from fgnav.integers.decorrelation import kernel
+from fgnav.integers.ils import OK, UNFINISHED, solve_subset
+from fgnav.integers.threads import in_blocks
 
 NOTHING, WEAK, ILL = range(10, 13)  # how an epoch can end besides OK and UNFINISHED
 
 _NODES = 10**7  # 0.15 s; realistic searches take 1e2 to 1e5, and beyond the answer is seldom right
+_BLOCK = 32  # epochs a thread takes at once, 1 us each or more
 _FLAT_M = 1e-3  # an array is flat in a direction it leaves by less: below phase noise
 _SINGULAR = 1e-9  # of a pivot to its diagonal: beyond, satellites lie in a plane or are too few
 
@@ -61,6 +64,11 @@ class ArraySearch:
     ----------
     cycles : ndarray of int64, shape (n, b, m)
         0 where nothing was resolved.
+    fixed : ndarray of bool, shape (n, b, m)
+        Links that the search, of all integers or of a subset, determined.
+    success : ndarray, shape (n, b)
+        Bootstrapped success rate of what was searched, by the stated noise: a lower bound of the
+        chance that it is right. NaN where nothing was resolved.
     squared_norms : ndarray, shape (n, b, 2)
         Of the best and the second-best vector of the search a baseline took part in; NaN without.
     status : ndarray of int64, shape (n, b)
@@ -69,6 +77,8 @@ class ArraySearch:
     """
 
     cycles: IntArray
+    fixed: BoolArray
+    success: FloatArray
     squared_norms: FloatArray
     status: IntArray
 
@@ -95,24 +105,51 @@ class _Arrays(NamedTuple):
     rank: IntArray  # (p,)
 
 
-def search_array(differences: DoubleDifferences, *, joint: bool) -> ArraySearch:
-    """Resolve every epoch by integer least squares.
+class _Found(NamedTuple):
+    """What the search writes: the fields of ``ArraySearch``."""
+
+    cycles: IntArray
+    fixed: BoolArray
+    success: FloatArray
+    squared_norms: FloatArray
+    status: IntArray
+
+
+def search_array(
+    differences: DoubleDifferences, *, joint: bool, success_min: float = 0.0
+) -> ArraySearch:
+    """Resolve every epoch by integer least squares, epochs in parallel.
 
     Parameters
     ----------
     differences : DoubleDifferences
     joint : bool
         All baselines of an epoch in one search; otherwise every baseline on its own.
+    success_min : float
+        Least success rate of a search: as many decorrelated integers are searched as reach it, and
+        the links they determine are fixed. 0 searches all.
 
     Returns
     -------
     ArraySearch
     """
-    b = len(differences.baselines_b_m)
+    n, b, m = differences.phase_m.shape
     blocks = np.ones((min(b, 1), b), dtype=np.bool_) if joint else np.eye(b, dtype=np.bool_)
     epochs = epochs_of(differences)
-    cycles, squared_norms, status = _search_epochs(epochs, _arrays(differences, epochs, blocks))
-    return ArraySearch(cycles=cycles, squared_norms=squared_norms, status=status)
+    arrays = _arrays(differences, epochs, blocks)
+    found = _Found(
+        np.zeros((n, b, m), dtype=np.int64),
+        np.zeros((n, b, m), dtype=np.bool_),
+        np.full((n, b), np.nan),
+        np.full((n, b, 2), np.nan),
+        np.full((n, b), NOTHING),
+    )
+
+    def search_block(block: slice) -> None:
+        _search_epochs(epochs, arrays, found, block.start, block.stop, success_min)
+
+    in_blocks(search_block, n, least=_BLOCK)
+    return ArraySearch(**found._asdict())
 
 
 def float_solution(
@@ -150,6 +187,26 @@ def float_solution(
     return FloatSolution(cycles=cycles, covariance_cycles2=covariance, links=chosen)
 
 
+def code_residuals(differences: DoubleDifferences) -> tuple[float, int]:
+    """Return the normalised squared residuals of all code under the affine array model.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+
+    Returns
+    -------
+    squares : float
+        Sum over the epochs; if code noise is as stated its mean is ``degrees``.
+    degrees : int
+        Of freedom.
+    """
+    epochs = epochs_of(differences)
+    blocks = np.ones((1, differences.phase_m.shape[1]), dtype=np.bool_)
+    squares, degrees = _code_squares(epochs, _arrays(differences, epochs, blocks))
+    return float(squares), int(degrees)
+
+
 def epochs_of(differences: DoubleDifferences) -> Epochs:
     """Return the arrays of double differences as kernels take them."""
     return Epochs(
@@ -180,24 +237,41 @@ def _arrays(differences: DoubleDifferences, epochs: Epochs, blocks: BoolArray) -
 
 
 @kernel
-def _search_epochs(epochs: Epochs, arrays: _Arrays) -> tuple[IntArray, FloatArray, IntArray]:
-    n, b, m = epochs.phase_m.shape
-    cycles = np.zeros((n, b, m), dtype=np.int64)
-    squared_norms = np.full((n, b, 2), np.nan)
-    status = np.full((n, b), NOTHING)
-    for k in range(n):
+def _search_epochs(
+    epochs: Epochs, arrays: _Arrays, found: _Found, first: int, last: int, success_min: float
+) -> None:
+    for k in range(first, last):
         for s in range(len(arrays.blocks)):
             end, links, float_cycles, covariance = _float_epoch(epochs, arrays, k, s)
             if end == OK:
-                end, integers, norms = solve(float_cycles, covariance, 2, _NODES)
+                end, integers, norms, fixed, success = solve_subset(
+                    float_cycles, covariance, 2, _NODES, success_min
+                )
                 end = end if end in (OK, UNFINISHED) else ILL
                 for q in range(len(links)):
                     if end == OK:
-                        cycles[k, links[q, 0], links[q, 1]] = integers[0, q]
-                        squared_norms[k, links[q, 0]] = norms
+                        i, j = links[q, 0], links[q, 1]
+                        found.cycles[k, i, j], found.fixed[k, i, j] = integers[0, q], fixed[q]
+                        found.success[k, i], found.squared_norms[k, i] = success, norms
             for q in range(len(links)):
-                status[k, links[q, 0]] = end
-    return cycles, squared_norms, status
+                found.status[k, links[q, 0]] = end
+
+
+@kernel
+def _code_squares(epochs: Epochs, arrays: _Arrays) -> tuple[float, int]:
+    squares, degrees = 0.0, 0
+    for k in range(len(epochs.code_m)):
+        pattern = arrays.pattern[k, 0]
+        unknowns = 3 * arrays.rank[pattern]
+        links = epoch_links(epochs.resolvable[k], epochs.of_reference[k], arrays.blocks[0])
+        if len(links) > unknowns:
+            A = link_design(epochs.e_n[k], arrays.coordinates_m[pattern], links, unknowns)
+            variance = epochs.code_variance_m2[k]
+            status, _, _, residual = _of_code(A, epochs.code_m[k], variance, links)
+            if status == OK:
+                squares += residual
+                degrees += len(links) - unknowns
+    return squares, degrees
 
 
 @kernel
@@ -213,7 +287,7 @@ def _float_epoch(
     if q == 0:
         return NOTHING, links, cycles, covariance
     A = link_design(epochs.e_n[k], arrays.coordinates_m[pattern], links, unknowns)
-    status, H, range_m = _of_code(A, epochs.code_m[k], epochs.code_variance_m2[k], links)
+    status, H, range_m, _ = _of_code(A, epochs.code_m[k], epochs.code_variance_m2[k], links)
     for i in range(q):
         j = links[i, 1]
         cycles[i] = (epochs.phase_m[k, links[i, 0], j] - range_m[i]) / epochs.wavelength_m[j]
@@ -273,8 +347,8 @@ def link_design(
 @kernel
 def _of_code(
     A: FloatArray, code_m: FloatArray, variance: FloatArray, links: IntArray
-) -> tuple[int, FloatArray, FloatArray]:
-    """Return status, H with ``A C_M A^T = H^T H``, and the ranges ``A M`` that code gives."""
+) -> tuple[int, FloatArray, FloatArray, float]:
+    """Return status, H with ``A C_M A^T = H^T H``, ranges ``A M`` by code, squared residuals."""
     q, unknowns = A.shape
     W = np.empty((q, q + unknowns + 1))
     W[:, :q] = link_covariance(links, variance)
@@ -283,7 +357,9 @@ def _of_code(
         W[i, -1] = code_m[links[i, 0], links[i, 1]]
     _eliminate(W)
     normal = np.zeros((unknowns, unknowns + 1 + q))
+    squares = 0.0
     for i in range(q):
+        squares += W[i, -1] * W[i, -1] / W[i, i]
         for u in range(unknowns):
             weighted = W[i, q + u] / W[i, i]
             for c in range(unknowns + 1):
@@ -297,10 +373,11 @@ def _of_code(
         if not normal[u, u] > _SINGULAR * diagonal[u]:
             status = WEAK
         root = np.sqrt(normal[u, u])
+        squares -= (normal[u, unknowns] / root) ** 2
         for i in range(q):
             H[u, i] = normal[u, unknowns + 1 + i] / root
             range_m[i] += H[u, i] * normal[u, unknowns] / root
-    return status, H, range_m
+    return status, H, range_m, squares
 
 
 @kernel

@@ -1,23 +1,36 @@
 """Integers of a rigid array, of least constrained cost, accepted by their chance to be wrong."""
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 from scipy.special import chdtrc
 
-from fgnav.checks import BadInputError
+from fgnav.checks import BadInputError, BoolArray
 from fgnav.flight import Flight
 from fgnav.gnss.differences import DoubleDifferences
 from fgnav.integers.constrained_noise import with_estimated_noise
+from fgnav.integers.constrained_prior import AttitudePrior
 from fgnav.integers.constrained_search import (
     ILL,
     PROVEN,
     UNFINISHED,
     UNPROVEN,
+    ConstrainedSearch,
     search_constrained,
 )
 from fgnav.integers.resolver import Integers
-from fgnav.integers.validation import WITHOUT_CODE, not_fixed, phase_links
+from fgnav.integers.snooping import LEFT_OUT, Snooped, left_out_losses, snooped
+from fgnav.integers.thresholds import statistic, thresholds
+from fgnav.integers.validation import WITHOUT_CODE, not_fixed, phase_links, share_threshold
+
+Validation = Literal["share", "posterior", "ratio", "difference"]
+
+_GIVEN_UP = {
+    "integer search given up before anything fitted": UNFINISHED,
+    "integer search given up before its best was proven": UNPROVEN,
+    "covariance of the float solution is not positive definite": ILL,
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,63 +38,84 @@ class Constrained:
     """Integer least squares under the known shape of the array, one epoch at a time.
 
     Three or more antennas that span a plane turn as one rotation; two, or several in a line, keep
-    their length. The whole epoch is fixed or refused together.
+    their length. An epoch is fixed or refused as a whole, but for links known to be bad.
 
     Attributes
     ----------
     wrong_max : float or None
-        Epochs whose integers are wrong with a higher probability are refused; None accepts all.
+        How much may be wrong of what is accepted, in the sense of ``validation``; None accepts all.
+    validation : str
+        ``"share"``: the expected share of wrong epochs among the accepted stays below, whatever the
+        single ones are; ``"posterior"``: each accepted epoch's own probability does;
+        ``"ratio"`` and ``"difference"``: the share, by tests whose thresholds are simulated for the
+        geometry at hand.
     tail : float or None
         Epochs whose residuals after fixing are larger than noise makes them in this share of epochs
         are refused; None accepts all.
+    links_out : int
+        How many bad links, antenna to satellite, may be left out of an epoch with such residuals;
+        0 refuses it at once.
     estimate_noise : bool
-        Scale code and phase variances to what the epochs themselves show; the probabilities then
-        hold for receivers better or worse than stated. Fewer than 30 epochs are taken as stated.
+        Let the epochs themselves show how large code and phase variances are; the probabilities
+        then hold for receivers better or worse than stated. Fewer than 30 epochs are taken as
+        stated.
+    prior : AttitudePrior or None
+        What is known of each epoch's attitude beforehand.
+    sets, seed : int
+        Simulated for each pattern of links by ``"ratio"`` and ``"difference"``.
     nodes : int
         What the search of an epoch may visit before it is given up: a tenth of a second.
     """
 
     wrong_max: float | None = 1e-3
+    validation: Validation = "share"
     tail: float | None = 1e-4
+    links_out: int = 3
     estimate_noise: bool = True
+    prior: AttitudePrior | None = None
+    sets: int = 1000
+    seed: int = 0
     nodes: int = 10**6
 
     def __post_init__(self) -> None:
-        """Reject thresholds that are no probabilities."""
+        """Reject thresholds that are no probabilities, and counts of nothing."""
         for name, value in {"wrong_max": self.wrong_max, "tail": self.tail}.items():
             if value is not None and not 0.0 < value < 1.0:
                 raise BadInputError(f"{name}: must be between 0 and 1, or None, got {value}")
-        if self.nodes < 1:
-            raise BadInputError(f"nodes: must be 1 or more, got {self.nodes}")
+        for name, count in {"nodes": self.nodes, "sets": self.sets}.items():
+            if count < 1:
+                raise BadInputError(f"{name}: must be 1 or more, got {count}")
+        for name, count in {"links_out": self.links_out, "seed": self.seed}.items():
+            if count < 0:
+                raise BadInputError(f"{name}: must be 0 or more, got {count}")
+        if self.validation not in get_args(Validation):
+            known = ", ".join(get_args(Validation))
+            raise BadInputError(f"validation: must be one of {known}, got {self.validation!r}")
 
     @property
     def name(self) -> str:
         """Return the name the command line knows."""
         return "constrained"
 
-    def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:  # noqa: ARG002
-        """Resolve every epoch that has code and phase."""
+    def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
+        """Resolve every epoch that has code and phase.
+
+        Raises
+        ------
+        BadInputError
+            If there is a prior of another number of epochs.
+        """
         if self.estimate_noise:
-            differences = with_estimated_noise(differences, self.nodes)
-        found = search_constrained(differences, self.nodes)
+            differences = with_estimated_noise(differences, self.nodes, self.prior)
+        result = self._snooped(differences)
+        found = result.found
+        accepted, refused = self._validated(differences, found)
         links = differences.resolvable
-        accepted = found.status == PROVEN
-        refused = {
-            "integer search given up before anything fitted": found.status == UNFINISHED,
-            "integer search given up before its best was proven": found.status == UNPROVEN,
-            "covariance of the float solution is not positive definite": found.status == ILL,
-        }
-        if self.tail is not None:
-            cost = np.where(accepted, found.costs[:, 0], 0.0)
-            fits = chdtrc(np.maximum(found.degrees, 1), cost) >= self.tail
-            refused[f"residuals of the array above chi-square at {self.tail:g}"] = accepted & ~fits
-            accepted = accepted & fits
-        if self.wrong_max is not None:
-            unsure = accepted & ~(found.wrong_probability <= self.wrong_max)
-            refused[f"probability of wrong integers above {self.wrong_max:g}"] = unsure
-            accepted = accepted & ~unsure
-        fixed = links & accepted[:, None, None]
+        left_out = accepted[:, None, None] & result.unresolved
+        fixed = links & accepted[:, None, None] & ~left_out
         reasons = {reason: links & there[:, None, None] for reason, there in refused.items()}
+        antennas = tuple(antenna.name for antenna in flight.antennas)
+        out = result.left_out & accepted[:, None, None]
         second = np.where(np.isfinite(found.costs[:, 1]), found.costs[:, 1], np.nan)
         ratio = (second / np.maximum(found.costs[:, 0], 1e-30))[:, None]
         return Integers(
@@ -90,5 +124,77 @@ class Constrained:
             fixed=fixed,
             ratio=np.where(links.any(axis=2), ratio, np.nan),
             wrong_probability=found.wrong_probability,
-            losses=not_fixed({WITHOUT_CODE: phase_links(differences) & ~links, **reasons}),
+            reasons=_told(refused, left_out, links),
+            losses=(
+                *not_fixed({WITHOUT_CODE: phase_links(differences) & ~links, **reasons}),
+                *left_out_losses(differences, antennas, out),
+            ),
         )
+
+    def _snooped(self, differences: DoubleDifferences) -> Snooped:
+        found = search_constrained(differences, self.nodes, self.prior)
+        return snooped(
+            differences,
+            found,
+            self._spoilt(found),
+            links_max=self.links_out,
+            tail=self.tail or 0.0,
+            nodes=self.nodes,
+            prior=self.prior,
+        )
+
+    def _spoilt(self, found: ConstrainedSearch) -> BoolArray:
+        """Return the epochs, (n,), whose residuals are no noise."""
+        if self.tail is None:
+            return np.zeros(len(found.status), dtype=np.bool_)
+        proven = found.status == PROVEN
+        cost = np.where(proven, found.costs[:, 0], 0.0)
+        return np.asarray(proven & (chdtrc(np.maximum(found.degrees, 1), cost) < self.tail))
+
+    def _validated(
+        self, differences: DoubleDifferences, found: ConstrainedSearch
+    ) -> tuple[BoolArray, dict[str, BoolArray]]:
+        """Return the epochs accepted, (n,), and the others by reason."""
+        refused = {reason: found.status == end for reason, end in _GIVEN_UP.items()}
+        spoilt = self._spoilt(found)
+        accepted = (found.status == PROVEN) & ~spoilt
+        if self.tail is not None:
+            refused[f"residuals of the array above chi-square at {self.tail:g}"] = spoilt
+        if self.wrong_max is not None:
+            reason, sure = self._sure(differences, found, accepted, self.wrong_max)
+            refused[reason] = accepted & ~sure
+            accepted = accepted & sure
+        return accepted, refused
+
+    def _sure(
+        self,
+        differences: DoubleDifferences,
+        found: ConstrainedSearch,
+        sound: BoolArray,
+        wrong_max: float,
+    ) -> tuple[str, BoolArray]:
+        wrong = found.wrong_probability
+        if self.validation == "posterior":
+            return f"probability of wrong integers above {wrong_max:g}", wrong <= wrong_max
+        if self.validation == "share":
+            limit = -share_threshold(-wrong[sound], wrong[sound], wrong_max)
+            return f"integers too doubtful for a share of {wrong_max:g} wrong", wrong <= limit
+        least = thresholds(
+            differences,
+            self.validation,
+            wrong_max=wrong_max,
+            sets=self.sets,
+            nodes=self.nodes,
+            rng=np.random.default_rng(self.seed),
+        )
+        reason = f"{self.validation} of the costs too small for a share of {wrong_max:g} wrong"
+        return reason, statistic(found, self.validation) >= least
+
+
+def _told(refused: dict[str, BoolArray], left_out: BoolArray, links: BoolArray) -> tuple[str, ...]:
+    """Return the reason of each epoch, length n."""
+    told = np.where(links.any(axis=(1, 2)), "", "no link with code and phase").astype(object)
+    told[left_out.any(axis=(1, 2))] = f"a link {LEFT_OUT}"
+    for reason, there in refused.items():
+        told[there] = reason
+    return tuple(told.tolist())

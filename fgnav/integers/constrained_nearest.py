@@ -129,7 +129,7 @@ def log_volume(M: FloatArray, information: FloatArray) -> float:
     Two angles for one column, three for more: the log volume of a Gaussian around M, without the
     powers of 2 pi that all candidates share.
     """
-    J = _tangent(M)
+    J = tangent(M)
     H = _normal(J, information)
     logarithm = 0.0
     for i in range(len(H)):
@@ -174,7 +174,7 @@ def _cross(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
 
 
 @kernel
-def _tangent(M: FloatArray) -> FloatArray:
+def tangent(M: FloatArray) -> FloatArray:
     """Return the derivative of M by a turn about the axes of ``n``, (3 r, 3).
 
     One column does not feel the turn about itself: (3, 2), by two turns across it.
@@ -230,7 +230,7 @@ def _descend(
     M = start.copy()
     cost = _distance(M, columns, information)
     for _ in range(_STEPS):
-        J = _tangent(M)
+        J = tangent(M)
         residual = M.copy()
         _add(residual, -1.0, columns)
         step = _newton_step(J, information, residual)

@@ -18,12 +18,12 @@ References
    least-squares solution", J. Geodesy 86, 2012.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
-from fgnav.gnss.differences import DoubleDifferences
+from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.affine import Epochs, epoch_links, link_covariance, link_design
 from fgnav.integers.ils import kernel
 
@@ -43,6 +43,7 @@ class Spans(NamedTuple):
     pattern: IntArray  # (n,)
     coordinates_m: FloatArray  # (p, b, 3): the first r columns count, the longest axis first
     rank: IntArray  # (p,)
+    basis_b: FloatArray  # (p, 3, 3): V, the first r columns count
 
 
 class Relaxation(NamedTuple):
@@ -60,29 +61,46 @@ class Relaxation(NamedTuple):
     columns: FloatArray  # (3 r,)
     gain: FloatArray  # (3 r, q)
     information: FloatArray  # (3 r, 3 r)
-    code: FloatArray  # (3 r + 1, 3 r + 1): of the code's cost, by columns and 1
 
 
-def spans(differences: DoubleDifferences) -> Spans:
-    """Find right-handed coordinates of the antennas present, once for every pattern of presence."""
-    present = np.any(differences.resolvable, axis=2)
+def spans(baselines_b_m: FloatArray, resolvable: BoolArray) -> Spans:
+    """Find right-handed coordinates of the antennas present, once for every pattern of presence.
+
+    Parameters
+    ----------
+    baselines_b_m : ndarray, shape (b, 3)
+    resolvable : ndarray of bool, shape (n, b, m)
+    """
+    present = np.any(resolvable, axis=2)
     if (present == present[:1]).all():  # the usual case, and ten times as fast
         patterns, pattern = present[:1], np.zeros(len(present), dtype=np.int64)
     else:
         patterns, pattern = np.unique(present, axis=0, return_inverse=True)
-    coordinates = np.zeros((*patterns.shape, 3))
+    coordinates, basis_b = np.zeros((*patterns.shape, 3)), np.zeros((len(patterns), 3, 3))
     rank = np.zeros(len(patterns), dtype=np.int64)
     for p, there in enumerate(patterns):
-        baselines = differences.baselines_b_m[there]
-        size, V_T = np.linalg.svd(baselines)[1:] if there.any() else (np.zeros(3), np.eye(3))
-        rank[p] = (size > _FLAT_M).sum()
-        coordinates[p, there] = baselines @ V_T.T * [1.0, 1.0, np.linalg.det(V_T)]
-    return Spans(pattern.reshape(-1), coordinates, rank)
+        baselines = baselines_b_m[there]
+        rank[p], basis_b[p] = _basis(baselines.tobytes())
+        coordinates[p, there] = baselines @ basis_b[p]
+    return Spans(pattern.reshape(-1), coordinates, rank, basis_b)
+
+
+@lru_cache(maxsize=1000)  # single epochs of one flight ask for the same few again and again
+def _basis(baselines: bytes) -> tuple[int, FloatArray]:
+    """Return the rank of baselines, (b, 3), and right-handed axes, (3, 3), the longest first."""
+    size, V_T = np.linalg.svd(np.frombuffer(baselines).reshape(-1, 3))[1:]
+    return int((size > _FLAT_M).sum()), V_T.T * [1.0, 1.0, np.linalg.det(V_T)]
 
 
 @kernel
-def relaxation(epochs: Epochs, arrays: Spans, k: int) -> Relaxation:
-    """Relax one epoch."""
+def relaxation(
+    epochs: Epochs,
+    arrays: Spans,
+    k: int,
+    prior_columns: FloatArray,
+    prior_information: FloatArray,
+) -> Relaxation:
+    """Relax one epoch; the prior, (n, 9) and (n, 9, 9) or without rows, counts as its code does."""
     pattern = arrays.pattern[k]
     r = arrays.rank[pattern]
     everywhere = np.ones(epochs.phase_m.shape[1], dtype=np.bool_)
@@ -95,23 +113,21 @@ def relaxation(epochs: Epochs, arrays: Spans, k: int) -> Relaxation:
         code_m[i, 0] = epochs.code_m[k, links[i, 0], links[i, 1]]
 
     of_code = solved(link_covariance(links, epochs.code_variance_m2[k]), _beside(A, code_m))
-    normal = _product(_transposed(A), of_code)
+    normal = product(transposed(A), of_code)
     N, g = normal[:, :u].copy(), normal[:, u:].copy()
+    constant = np.sum(code_m[:, 0] * of_code[:, u])
+    if len(prior_columns) > 0:
+        constant += _add_prior(prior_columns[k], prior_information[k], N, g)
     multiplier = _multiplier(q, u)
-    code = np.zeros((u + 1, u + 1))
-    code[:u, :u] = N
-    code[:u, u] = -g[:, 0]
-    code[u, :u] = -g[:, 0]
-    code[u, u] = np.sum(code_m[:, 0] * of_code[:, u])
     for i in range(u):
         N[i, i] += multiplier
-    by_code = solved(N, _beside(_transposed(A), g))  # N^-1 A^T, and the columns by code
+    by_code = solved(N, _beside(transposed(A), g))  # N^-1 A^T, and the columns by code
     columns = by_code[:, q].copy()
-    constant = code[u, u] - np.sum(g[:, 0] * columns) - multiplier * r
+    constant -= np.sum(g[:, 0] * columns) + multiplier * r
 
     C = link_covariance(links, epochs.phase_variance_m2[k])
-    of_phase = _transposed(solved(C, A))
-    N += _product(of_phase, A)
+    of_phase = transposed(solved(C, A))
+    N += product(of_phase, A)
     for i in range(q):
         of_phase[:, i] *= wavelength_m[i]
     cycles = np.empty(q)
@@ -119,13 +135,25 @@ def relaxation(epochs: Epochs, arrays: Spans, k: int) -> Relaxation:
         range_m = np.sum(A[i] * columns)
         phase_m = epochs.phase_m[k, links[i, 0], links[i, 1]]
         cycles[i] = (phase_m - range_m) / wavelength_m[i]
-    covariance = C + _product(A, by_code[:, :q])
+    covariance = C + product(A, by_code[:, :q])
     for i in range(q):
         for j in range(i + 1):
             covariance[i, j] /= wavelength_m[i] * wavelength_m[j]
             covariance[j, i] = covariance[i, j]
     gain = solved(N, of_phase)
-    return Relaxation(links, cycles, covariance, constant, columns, gain, N, code)
+    return Relaxation(links, cycles, covariance, constant, columns, gain, N)
+
+
+@kernel
+def _add_prior(columns: FloatArray, information: FloatArray, N: FloatArray, g: FloatArray) -> float:
+    """Add a measurement of the columns to their normal equations; return its cost at zero."""
+    cost = 0.0
+    for i in range(len(N)):
+        for j in range(len(N)):
+            N[i, j] += information[i, j]
+            g[i, 0] += information[i, j] * columns[j]
+            cost += columns[i] * information[i, j] * columns[j]
+    return cost
 
 
 @kernel
@@ -137,12 +165,14 @@ def _beside(A: FloatArray, B: FloatArray) -> FloatArray:
 
 
 @kernel
-def _transposed(A: FloatArray) -> FloatArray:
+def transposed(A: FloatArray) -> FloatArray:
+    """Return a copy of the transpose."""
     return A.T.copy()
 
 
 @kernel
-def _product(A: FloatArray, B: FloatArray) -> FloatArray:
+def product(A: FloatArray, B: FloatArray) -> FloatArray:
+    """Return A B, in plain loops: numba compiles those in a third of the time."""
     out = np.zeros((A.shape[0], B.shape[1]))
     for i in range(A.shape[0]):
         for k in range(A.shape[1]):

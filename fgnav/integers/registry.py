@@ -12,6 +12,8 @@ RESOLVERS = {
     "rounding": "fgnav.integers.rounding:Rounding",
     "lambda": "fgnav.integers.lambda_:Lambda",
     "constrained": "fgnav.integers.constrained:Constrained",
+    "lambda-arcs": "fgnav.integers.arcs:lambda_arcs",
+    "constrained-arcs": "fgnav.integers.arcs:constrained_arcs",
     "truth": "fgnav.integers.truth:Truth",
 }
 

@@ -5,7 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, frozen
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, frozen
 from fgnav.flight import Flight
 from fgnav.gnss.differences import DoubleDifferences
 
@@ -28,6 +28,8 @@ class Integers:
     wrong_probability : ndarray, shape (n,), or None
         That an epoch's best integers, fixed or not, are not all right, by a resolver that can tell;
         1 where it found none.
+    reasons : tuple of str, length n, or None
+        Why an epoch is not fixed, or lacks some of its links; empty where nothing is missing.
     losses : tuple of Loss
         Links that were there and were not fixed, with the reason.
     """
@@ -37,6 +39,7 @@ class Integers:
     fixed: BoolArray
     ratio: FloatArray
     wrong_probability: FloatArray | None = None
+    reasons: tuple[str, ...] | None = None
     losses: tuple[Loss, ...] = ()
 
     def __post_init__(self) -> None:
@@ -50,6 +53,23 @@ class Integers:
         if self.wrong_probability is not None:
             wrong = frozen("integers wrong_probability", self.wrong_probability, cycles.shape[:1])
             object.__setattr__(self, "wrong_probability", wrong)
+        if self.reasons is not None and len(self.reasons) != len(cycles):
+            raise BadInputError(
+                f"integers reasons: expected one for each of {len(cycles)} epochs, "
+                f"got {len(self.reasons)}"
+            )
+
+    @property
+    def outcome(self) -> tuple[str, ...]:
+        """What became of each epoch, length n: fixed, refused (validation), or float (no answer).
+
+        Only a resolver that states probabilities tells refused from float.
+        """
+        answer = np.zeros(len(self.cycles), dtype=np.bool_)
+        if self.wrong_probability is not None:
+            answer = self.wrong_probability < 1.0
+        names = np.where(answer, "refused", "float")
+        return tuple(np.where(self.fixed.any(axis=(1, 2)), "fixed", names).tolist())
 
 
 class Resolver(Protocol):

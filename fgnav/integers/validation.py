@@ -17,6 +17,42 @@ def ratio(squared_norms: FloatArray) -> FloatArray:
     return np.asarray(squared_norms[..., 1] / np.maximum(squared_norms[..., 0], _SMALLEST_NORM))
 
 
+def share_threshold(
+    statistic: FloatArray, wrong_probability: FloatArray, wrong_max: float
+) -> float:
+    """Return the lowest statistic from which on no larger share is expected to be wrong than asked.
+
+    Whoever accepts all from there accepts as much as can be at that share; with minus the
+    probability as statistic it is the Bayesian control of the false discovery rate [1]_. What is
+    more likely wrong than right is never in.
+
+    Parameters
+    ----------
+    statistic : ndarray, shape (n,)
+        Larger is better.
+    wrong_probability : ndarray, shape (n,)
+    wrong_max : float
+        Share of the accepted.
+
+    Returns
+    -------
+    float
+        NaN, which nothing passes, where not even the best may be accepted.
+
+    References
+    ----------
+    .. [1] M. A. Newton, A. Noueiry, D. Sarkar, P. Ahlquist, "Detecting differential gene expression
+       with a semiparametric hierarchical mixture method", Biostatistics 5, 2004.
+    """
+    order = np.lexsort((wrong_probability, -statistic))
+    statistic, wrong = statistic[order], wrong_probability[order]
+    share = np.cumsum(wrong) / np.arange(1, len(wrong) + 1)
+    # equals are accepted together or not at all
+    last_of_equals = np.append(statistic[1:] != statistic[:-1], True)[: len(statistic)]
+    safe = np.flatnonzero((share <= wrong_max) & last_of_equals & (wrong <= 0.5))
+    return float(statistic[safe[-1]]) if len(safe) else np.nan
+
+
 def not_fixed(links: Mapping[str, BoolArray]) -> tuple[Loss, ...]:
     """Return one loss for each reason that holds of any link, (n, b, m)."""
     return tuple(

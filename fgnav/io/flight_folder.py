@@ -126,7 +126,9 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         imu=_imu(folder, table.imu) if table.imu else None,
         fixes=_fixes(folder, origin, table.fixes) if table.fixes else None,
         seeker=_seeker(folder, origin, table.seeker) if table.seeker else None,
-        truth=_truth(folder, origin, table.truth) if table.truth else None,
+        truth=_truth(folder, origin, table.truth, [a.name for a in table.antenna])
+        if table.truth
+        else None,
         losses=tuple(losses),
     )
 
@@ -232,7 +234,12 @@ def _seeker(folder: Path, origin: Origin, table: SeekerTable) -> Seeker:
     )
 
 
-def _truth(folder: Path, origin: Origin, table: TruthTable) -> Truth:
+def _truth(folder: Path, origin: Origin, table: TruthTable, names: list[str]) -> Truth:
+    integers = read_integers(folder / table.integers) if table.integers else None
+    for name in sorted(set(integers.antennas) - set(names) if integers is not None else ()):
+        raise BadInputError(
+            f"{folder / str(table.integers)}: true integers antenna: {name!r} is not one of {names}"
+        )
     samples = read_table(folder / table.samples, ("t_s", *PLACE, *VELOCITY, *EULER))
     p_n_m = place_to_n(origin, columns_to_vectors(samples, PLACE))
     return Truth(
@@ -240,5 +247,5 @@ def _truth(folder: Path, origin: Origin, table: TruthTable) -> Truth:
         p_n_m=p_n_m,
         v_n_mps=velocity_to_n(origin, p_n_m, columns_to_vectors(samples, VELOCITY)),
         R_nb=attitude_to_n(origin, p_n_m, columns_to_vectors(samples, EULER)),
-        integers=read_integers(folder / table.integers) if table.integers else None,
+        integers=integers,
     )

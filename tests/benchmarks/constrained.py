@@ -1,42 +1,30 @@
-"""The array-constrained search: right answers, real epochs, and microseconds.
+"""The array-constrained search: right answers and microseconds."""
 
-The ladder reads the Wettzell recordings from FGNAV_SHARED; without them its rows are left out.
-"""
-
-import os
 from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import perf_counter
 
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.gnss.difference import double_differences
-from fgnav.gnss.differences import DoubleDifferences
 from fgnav.integers.constrained import Constrained
 from fgnav.integers.constrained_search import PROVEN, search_constrained
-from fgnav.io.flight_folder import load_flight
 from tests.benchmarks.integers import array_search
 from tests.integers.arrays import PAPER_ANTENNAS_B_M, make
-from tests.integers.wettzell import of_signals, right_cycles, write_flight
 
 EPOCHS, NODES = 20_000, 10**6
 CODE_M = (0.1, 0.3, 1.0)
 SATELLITES = {4: 99.3, 5: 99.9, 7: 100.0, 8: 100.0}  # %, target at code 1 m
-MASKS = {10: 100.0, 15: 95.8, 20: 93.3, 25: 90.0, 30: 87.8, 35: 85.4}  # %, known length, published
 NAMES = (
     *(f"constrained_success_{code_m}m" for code_m in CODE_M),
     *(f"constrained_success_s{s}" for s in SATELLITES),
     "constrained_four_antennas",
     "constrained_batch",
     "constrained_single",
-    *(f"ladder_mask_{mask}" for mask in MASKS),
 )
 
 
 def run() -> list[dict[str, object]]:
-    """Count right answers, then time, then climb the ladder."""
+    """Count right answers, then time."""
     rng = np.random.default_rng(20)
     rows = [
         _success(rng, f"constrained_success_{c}m", 100.0, code_m=c, satellites=(6,)) for c in CODE_M
@@ -47,7 +35,7 @@ def run() -> list[dict[str, object]]:
     four_b_m = PAPER_ANTENNAS_B_M[[0, 1, 3, 7]]
     name = "constrained_four_antennas"
     rows.append(_success(rng, name, 100.0, antennas_b_m=four_b_m, code_m=1.0))
-    return [*rows, *_times(), *_ladder()]
+    return [*rows, *_times()]
 
 
 def _success(
@@ -101,32 +89,3 @@ def _best_us(work: partial[object]) -> float:
         work()
         best = min(best, (perf_counter() - start) * 1e6)
     return float(best)
-
-
-def _ladder() -> list[dict[str, object]]:
-    root = Path(__file__).resolve().parents[2]
-    shared = root / (os.environ.get("FGNAV_SHARED") or "../shared")
-    if not (shared / "data" / "wettzell").is_dir():
-        return []
-    with TemporaryDirectory() as folder:
-        flight = load_flight(write_flight(Path(folder), shared / "data"))
-    differences = double_differences(flight)
-    return [_rung(of_signals(differences, {"G1"}, mask), mask, flight) for mask in MASKS]
-
-
-def _rung(d: DoubleDifferences, mask: int, flight: object) -> dict[str, object]:
-    """Resolve the epochs that have five satellites, as the published row counts them."""
-    enough = d.resolvable.sum(axis=(1, 2)) >= 4
-    raw = search_constrained(d, NODES)
-    right = right_cycles(d, raw.cycles)[enough]
-    resolved = Constrained()(d, flight)  # type: ignore[arg-type]
-    accepted = resolved.fixed.any(axis=(1, 2))[enough]
-    wrong = accepted & ~right_cycles(d, resolved.cycles)[enough]
-    share = 100.0 * float(right.mean())
-    note = (
-        f"{enough.sum()} epochs of GPS L1; accepted {100 * accepted.mean():.1f} %, "
-        f"of them wrong: {wrong.sum()}; proven {(raw.status[enough] == PROVEN).sum()}; "
-        "peer: published share of the known-length search"
-    )
-    row: dict[str, object] = {"name": f"ladder_mask_{mask}", "ours": share, "peer": MASKS[mask]}
-    return {**row, "ratio": share / MASKS[mask], "unit": "%", "note": note}

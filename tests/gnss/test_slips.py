@@ -91,6 +91,28 @@ def test_two_slips_at_once_are_told_apart():
     assert lost(found) == {("a2 phase continuity", TEST): 2}
 
 
+@pytest.mark.parametrize("channels", [(0, 1), (1, 2), (2, 4)])
+@pytest.mark.parametrize("cycles", [(0.5, 0.5), (1.0, -1.0), (0.5, -3.0)])
+def test_two_slips_at_once_among_few_channels_are_the_right_two(channels, cycles):
+    flight, kept = few_channels(spinning(), 8)
+    phase = flight.observations.phase_cycles.copy()
+    for channel, size in zip(channels, cycles, strict=True):
+        phase[30:, 0, kept[channel]] += size
+    found = arcs(changed(flight, phase_cycles=phase))
+    assert lost(found) == {("a1 phase continuity", TEST): 2}
+    for channel in channels:
+        np.testing.assert_array_equal(found.arc[[29, 30], 0, kept[channel]], [0, 1])
+
+
+def test_slips_of_the_reference_and_of_another_antenna_at_once_are_told_apart():
+    flight, kept = few_channels(spinning(), 8)
+    phase = flight.observations.phase_cycles.copy()
+    phase[30:, 0, kept[2]] += 4
+    phase[30:, 2, kept[5]] -= 2
+    found = arcs(changed(flight, phase_cycles=phase))
+    assert lost(found) == {("a1 phase continuity", TEST): 1, ("a3 phase continuity", TEST): 1}
+
+
 def test_clock_jumps_of_a_millisecond_are_no_slips():
     def jumping(t_s: FloatArray) -> FloatArray:
         return np.where(t_s > 2.05, 1e-3, 0.0)

@@ -6,13 +6,13 @@ from numpy.testing import assert_array_equal
 
 from fgnav.checks import BadInputError
 from fgnav.integers.constrained import Constrained
-from fgnav.integers.constrained_noise import with_estimated_noise
 from fgnav.integers.registry import resolver_named
 
 from .arrays import PAPER_ANTENNAS_B_M, make
 
 PAIR_B_M = np.array([[0.0, 0.0, 0.0], [1.6, 0.0, 0.0]])
 STATED = Constrained(estimate_noise=False)
+DOUBTFUL = "integers too doubtful for a share of 0.001 wrong"
 
 
 def right(made, integers):
@@ -37,7 +37,10 @@ def test_accepted_epochs_of_a_weak_array_are_right_and_the_others_counted():
     assert right(made, found)[accepted].all()
     links = made.differences.resolvable
     assert found.fixed.sum() + sum(loss.count for loss in found.losses) == links.sum()
-    assert [loss.reason for loss in found.losses] == ["probability of wrong integers above 0.001"]
+    assert [loss.reason for loss in found.losses] == [DOUBTFUL]
+    assert set(found.reasons) == {"", DOUBTFUL}
+    assert [reason == "" for reason in found.reasons] == accepted.tolist()
+    assert set(found.outcome) == {"fixed", "refused"}
     assert (found.cycles[~accepted] == 0).all()
 
 
@@ -58,7 +61,7 @@ def test_residuals_that_are_no_noise_are_refused():
     phase_m = made.differences.phase_m.copy()
     phase_m[:50, 2, 3] += 0.045  # a quarter of a cycle on one link
     spoilt = dataclasses.replace(made.differences, phase_m=phase_m)
-    found = STATED(spoilt, made.flight)
+    found = Constrained(estimate_noise=False, links_out=0)(spoilt, made.flight)
     accepted = found.fixed.any(axis=(1, 2))
     assert not accepted[:50].any()
     assert accepted[50:].all()
@@ -73,6 +76,7 @@ def test_search_that_runs_out_of_nodes_is_counted_and_not_fixed():
     assert [(loss.count, loss.reason) for loss in found.losses] == [
         (25, "integer search given up before anything fitted")
     ]
+    assert set(found.outcome) == {"float"}
     found = Constrained(nodes=900)(made.differences, made.flight)
     assert "integer search given up before its best was proven" in {
         loss.reason for loss in found.losses
@@ -89,28 +93,6 @@ def test_phase_without_code_is_counted_and_not_fixed():
     assert [(loss.reason, loss.count) for loss in found.losses] == [("phase without code", 2)]
 
 
-@pytest.mark.parametrize("factor", [1 / 3, 1.0, 3.0])
-def test_noise_is_estimated_whatever_was_stated(factor):
-    made = make(np.random.default_rng(7), epochs=300, code_m=0.5, antennas_b_m=PAIR_B_M)
-    d = made.differences
-    stated = dataclasses.replace(
-        d,
-        code_variance_m2=d.code_variance_m2 * factor**2,
-        phase_variance_m2=d.phase_variance_m2 * factor**2,
-    )
-    estimated = with_estimated_noise(stated, 10**6)
-    code = np.sqrt(estimated.code_variance_m2 / d.code_variance_m2).mean()
-    phase = np.sqrt(estimated.phase_variance_m2 / d.phase_variance_m2).mean()
-    # 1000 and 600 degrees of freedom, less what many candidates leave open
-    assert code == pytest.approx(1.0, abs=0.10)
-    assert phase == pytest.approx(1.0, abs=0.15)
-
-
-def test_few_epochs_are_taken_as_stated():
-    made = make(np.random.default_rng(8), epochs=29)
-    assert with_estimated_noise(made.differences, 10**6) is made.differences
-
-
 def test_epochs_without_links_stay_as_they_are():
     made = make(np.random.default_rng(9), epochs=3, missing=np.ones((3, 8, 6), bool))
     found = Constrained()(made.differences, made.flight)
@@ -118,6 +100,7 @@ def test_epochs_without_links_stay_as_they_are():
     assert np.isnan(found.ratio).all()
     assert_array_equal(found.wrong_probability, 1.0)
     assert found.losses == ()
+    assert set(found.reasons) == {"no link with code and phase"}
 
 
 def test_constrained_goes_by_its_name():
@@ -132,9 +115,49 @@ def test_threshold_that_is_no_probability_is_refused(name, bad):
         Constrained(**{name: bad})
 
 
-def test_search_without_nodes_is_refused():
-    with pytest.raises(BadInputError, match="nodes: must be 1 or more, got 0"):
-        Constrained(nodes=0)
+@pytest.mark.parametrize("name", ["nodes", "sets"])
+def test_search_or_simulation_of_nothing_is_refused(name):
+    with pytest.raises(BadInputError, match=f"{name}: must be 1 or more, got 0"):
+        Constrained(**{name: 0})
+
+
+@pytest.mark.parametrize("name", ["links_out", "seed"])
+def test_count_below_zero_is_refused(name):
+    with pytest.raises(BadInputError, match=f"{name}: must be 0 or more, got -1"):
+        Constrained(**{name: -1})
+
+
+def test_unknown_validation_is_refused():
+    with pytest.raises(BadInputError, match="one of share, posterior, ratio, difference, got 'f'"):
+        Constrained(validation="f")
+
+
+def test_share_accepts_more_than_each_epoch_on_its_own_and_no_more_wrong_than_asked():
+    made = make(np.random.default_rng(11), epochs=1500, code_m=0.5, antennas_b_m=PAIR_B_M)
+    by = {
+        validation: Constrained(wrong_max=0.02, validation=validation, estimate_noise=False)
+        for validation in ("share", "posterior", "ratio", "difference")
+    }
+    accepted = {}
+    for validation, resolver in by.items():
+        found = resolver(made.differences, made.flight)
+        at = found.fixed.any(axis=(1, 2))
+        accepted[validation] = at.mean()
+        # 2 % of some 500 accepted ones: ten, with Poisson's three sigma
+        assert (~right(made, found))[at].sum() < 0.02 * at.sum() + 3 * np.sqrt(0.02 * at.sum())
+        refused = {reason.split(" of")[0] for reason in found.reasons} - {""}
+        assert len(refused) == 1
+        assert found.wrong_probability[at].mean() < 0.03
+    assert accepted["share"] > accepted["posterior"] + 0.05
+    assert accepted["share"] > accepted["difference"] - 0.02  # no statistic knows more
+    assert accepted["difference"] > accepted["ratio"] > 0.1
+
+
+def test_integers_need_a_reason_for_every_epoch():
+    made = make(np.random.default_rng(12), epochs=3)
+    found = STATED(made.differences, made.flight)
+    with pytest.raises(BadInputError, match="reasons: expected one for each of 3 epochs, got 2"):
+        dataclasses.replace(found, reasons=("", ""))
 
 
 def test_antennas_in_a_line_keep_their_length():

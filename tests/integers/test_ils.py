@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from fgnav.checks import BadInputError
 from fgnav.integers import integer_least_squares
-from fgnav.integers.ils import OK, UNFINISHED, integer_least_squares_batch, solve
+from fgnav.integers.ils import OK, UNFINISHED, integer_least_squares_batch, solve, solve_subset
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -147,6 +147,86 @@ def test_batch_of_one_geometry_gives_what_single_calls_give():
         assert_allclose(norms[k], expected_norms, rtol=1e-9)
 
 
+def test_batch_of_a_covariance_each_gives_what_single_calls_give(monkeypatch):
+    from numba import config
+
+    problems = [problem(seed, 6, 2.0) for seed in range(1100)]
+    floats, metrics = (np.array(part) for part in zip(*problems, strict=True))
+    alone = [integer_least_squares(a, Q, 3) for a, Q in problems]
+    for threads in (1, 3):
+        monkeypatch.setattr(config, "NUMBA_NUM_THREADS", threads)
+        integers, norms = integer_least_squares_batch(floats, metrics, 3)
+        assert_array_equal(integers, [one[0] for one in alone])
+        assert_allclose(norms, [one[1] for one in alone], rtol=1e-9)
+
+
+def test_batch_of_nothing_is_nothing():
+    integers, norms = integer_least_squares_batch(np.zeros((0, 2)), np.eye(2), 3)
+    assert integers.shape == (0, 3, 2)
+    assert norms.shape == (0, 3)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=seeds,
+    n=st.integers(1, 60),
+    scale=st.sampled_from([1e-12, 1.0, 1e10]),
+    sign=st.sampled_from([-1.0, 1.0]),
+)
+def test_integers_near_a_precise_float_are_found_whatever_scale_and_correlation(
+    seed, n, scale, sign
+):
+    # one sigma of 1e-2 in every direction, then stretched: code's directions far beyond a cycle
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(n, min(n, 3)))
+    A[1:] *= sign
+    precise = 1e-4 * (np.eye(n) + 1.0)
+    true = rng.integers(-(10**6), 10**6, n)
+    noise = np.linalg.cholesky(precise) @ rng.normal(size=n)
+    stretch = A @ rng.normal(size=A.shape[1]) if n > 8 else 0.0
+    metric = precise + (A @ A.T if n > 8 else 0.0)
+    integers, norms = integer_least_squares(true + noise + stretch, scale * metric, 2)
+    assert_array_equal(integers[0], true)
+    assert norms[0] < norms[1]
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 30])
+def test_as_many_candidates_as_asked_for_are_the_nearest_ones(count):
+    a, Q = problem(21, 3, 1.0)
+    integers, norms = integer_least_squares(a, Q, count)
+    expected, expected_norms = brute_force(a, Q, count, norms[-1] * (1 + 1e-9))
+    assert_allclose(norms, expected_norms, rtol=1e-8)
+    assert_array_equal(integers, expected)
+
+
+def test_ambiguities_equal_but_for_a_little_are_equal_integers():
+    # the same link twice, a thousandth of a cycle apart
+    Q = np.full((2, 2), 5.0) + 1e-6 * np.eye(2)
+    integers, _ = integer_least_squares([12.3, 12.3005], Q)
+    assert integers[0, 0] == integers[0, 1] == 12
+
+
+def test_read_only_and_transposed_input_is_as_good():
+    a, Q = problem(9, 4, 1.0)
+    a.flags.writeable = Q.flags.writeable = False
+    expected, _ = integer_least_squares(a.copy(), Q.copy())
+    assert_array_equal(integer_least_squares(a, Q.T)[0], expected)
+    assert_array_equal(integer_least_squares(a.tolist(), Q.tolist())[0], expected)
+
+
+@pytest.mark.parametrize("success_min", [0.0, 0.9])
+def test_subset_is_searched_and_its_ambiguities_alone_are_determined(success_min):
+    Q = np.diag([1e-4, 4.0, 1e-3])
+    status, integers, norms, determined, success = solve_subset(
+        np.array([3.01, 0.4, -2.02]), Q, 1, 10**6, success_min
+    )
+    assert status == OK
+    assert_array_equal(integers, [[3, 0, -2]])
+    assert_array_equal(determined, [True, success_min == 0.0, True])
+    assert_allclose(norms[0], 0.01**2 / 1e-4 + 0.02**2 / 1e-3 + (0.04 if determined[1] else 0.0))
+    assert success >= success_min
+
+
 def test_search_says_that_it_reached_a_limit_of_nodes():
     a, Q = problem(7, 6, 2.0)
     assert solve(a, Q, 2, 3)[0] == UNFINISHED
@@ -187,5 +267,11 @@ def test_batch_refuses_what_the_single_call_refuses():
         integer_least_squares_batch([0.5], np.eye(1))
     with pytest.raises(BadInputError, match="must be finite"):
         integer_least_squares_batch([[0.5], [np.nan]], np.eye(1))
+    with pytest.raises(BadInputError, match="must be symmetric"):
+        integer_least_squares_batch(np.zeros((1, 2)), [[[1.0, 0.5], [0.1, 1.0]]])
+    with pytest.raises(
+        BadInputError, match=r"covariance: expected shape \(1, 1\), got \(3, 1, 1\)"
+    ):
+        integer_least_squares_batch([[0.5], [0.1]], np.ones((3, 1, 1)))
     with pytest.raises(BadInputError, match="positive definite"):
         integer_least_squares_batch([[0.5]], -np.eye(1))

@@ -11,10 +11,12 @@ from fgnav.integers.registry import resolver_named, resolver_names
 from fgnav.integers.rounding import Rounding
 from fgnav.integers.truth import Truth
 
+OWN = ("rounding", "lambda", "constrained", "lambda-arcs", "constrained-arcs", "truth")
+
 
 def test_own_resolvers_go_by_their_names():
-    assert resolver_names()[:4] == ("rounding", "lambda", "constrained", "truth")
-    for name in ("rounding", "lambda", "constrained", "truth"):
+    assert resolver_names()[: len(OWN)] == OWN
+    for name in OWN:
         assert resolver_named(name).name == name
     assert resolver_named("lambda") == Lambda()
 
@@ -24,7 +26,7 @@ def test_installed_resolver_is_found_by_its_entry_point(monkeypatch):
         name="mine", value="fgnav.integers.rounding:Rounding", group="fgnav.resolvers"
     )
     monkeypatch.setattr(plugins, "entry_points", lambda group: [entry] if group else [])
-    assert resolver_names() == ("rounding", "lambda", "constrained", "truth", "mine")
+    assert resolver_names() == (*OWN, "mine")
     assert resolver_named("mine") == Rounding()
 
 

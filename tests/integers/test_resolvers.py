@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -79,12 +81,10 @@ def test_ratio_test_keeps_what_passes_and_drops_the_rest():
 def test_vague_float_solution_is_given_up_and_counted(monkeypatch):
     from fgnav.integers import affine, lambda_
 
-    def unfinished(differences, *, joint):
-        found = affine.search_array(differences, joint=joint)
+    def unfinished(differences, **options):
+        found = affine.search_array(differences, **options)
         status = np.full_like(found.status, affine.UNFINISHED)
-        return affine.ArraySearch(
-            cycles=found.cycles, squared_norms=found.squared_norms, status=status
-        )
+        return replace(found, status=status, fixed=np.zeros_like(found.fixed))
 
     monkeypatch.setattr(lambda_, "search_array", unfinished)
     made = make(np.random.default_rng(6))

@@ -1,0 +1,192 @@
+"""Bad links: which of them spoil the residuals of an epoch, and what the rest makes of it.
+
+Detection, identification, adaptation [1]_: an epoch whose residuals are no noise is asked which
+link, of one antenna to one satellite, explains them best. The most suspect ones are left out in
+turn and the integers searched again from the start; the first whose absence leaves but noise stays
+out. If there is none, the one that leaves the likeliest residuals does, and the next is looked for.
+
+References
+----------
+.. [1] P. J. G. Teunissen, "Quality control in integrated navigation systems", IEEE Aerospace and
+   Electronic Systems Magazine 5, 1990.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtrc
+
+from fgnav.checks import BoolArray, IntArray, Loss
+from fgnav.gnss.differences import DoubleDifferences
+from fgnav.integers.constrained_prior import AttitudePrior
+from fgnav.integers.constrained_search import PROVEN, ConstrainedSearch, search_constrained
+from fgnav.integers.epochs import epochs_at
+from fgnav.integers.suspects import suspects
+
+LEFT_OUT = "left out: its residual is no noise, and without it the epoch's others are"
+
+_SUSPECTS = 12  # links tried: where the integers are wrong as well, the first is seldom the bad one
+_DOUBT = 14.0  # of squared w-tests: a link behind by less is the bad one with 1 in 1000 or more
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Snooped:
+    """A search in which some epochs go without some links.
+
+    Attributes
+    ----------
+    found : ConstrainedSearch
+        Of all epochs; of those saved, what their remaining links give.
+    left_out : ndarray of bool, shape (n, b + 1, m)
+        Links, those of the reference antenna first, that were left out to save an epoch.
+    unresolved : ndarray of bool, shape (n, b, m)
+        Double differences that the links left out take part in.
+    """
+
+    found: ConstrainedSearch
+    left_out: BoolArray
+    unresolved: BoolArray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Attempt:
+    """Some epochs, the links they go without, and what that gives."""
+
+    at: IntArray  # (k,)
+    out: BoolArray  # (k, b + 1, m)
+    found: ConstrainedSearch
+
+    def some(self, which: BoolArray) -> "_Attempt":
+        return _Attempt(self.at[which], self.out[which], self.found.rows(np.flatnonzero(which)))
+
+
+def snooped(
+    differences: DoubleDifferences,
+    found: ConstrainedSearch,
+    refused: BoolArray,
+    *,
+    links_max: int,
+    tail: float,
+    nodes: int,
+    prior: AttitudePrior | None = None,
+) -> Snooped:
+    """Try refused epochs again without the links that spoil them.
+
+    An epoch is saved if its residuals without at most ``links_max`` links pass chi-square, and if
+    whatever else could have been left out to the same effect leads to the same integers.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+    found : ConstrainedSearch
+        Of the same differences.
+    refused : ndarray of bool, shape (n,)
+        Epochs to try.
+    links_max : int
+    tail : float
+        Residuals that noise exceeds in a smaller share of epochs are not accepted.
+    nodes : int
+        What a search may visit.
+    prior : AttitudePrior or None
+    """
+    n, b, m = differences.phase_m.shape
+    left_out = np.zeros((n, b + 1, m), dtype=np.bool_)
+    if links_max == 0 or not refused.any():
+        return Snooped(found=found, left_out=left_out, unresolved=np.zeros((n, b, m), np.bool_))
+    at = np.flatnonzero(refused & np.isfinite(found.costs[:, 0]))
+    now = _Attempt(at, left_out[at], found.rows(at))
+    for _ in range(links_max):
+        if len(now.at) == 0:
+            break
+        now, passed, agreed = _one_more(differences, now, tail, nodes, prior)
+        saved = now.some(passed & agreed)
+        left_out[saved.at] = saved.out
+        found = found.with_rows(saved.at, saved.found)
+        now = now.some(~passed & np.isfinite(now.found.costs[:, 0]))
+    unresolved = touched(differences, np.arange(n), left_out)
+    return Snooped(found=found, left_out=left_out, unresolved=unresolved)
+
+
+def touched(differences: DoubleDifferences, epochs: IntArray, links: BoolArray) -> BoolArray:
+    """Return the double differences, (k, b, m), that links, (k, b + 1, m), of epochs take part in.
+
+    Each is made of four: of its channel and of the group's reference, at its antenna and at the
+    reference antenna.
+    """
+    of_reference = differences.reference[epochs][:, differences.group].clip(0)[:, None, :]
+    either = links | np.take_along_axis(links, of_reference, axis=2)
+    return np.asarray(either[:, 1:] | either[:, :1])
+
+
+def left_out_losses(
+    differences: DoubleDifferences, antennas: tuple[str, ...], left_out: BoolArray
+) -> tuple[Loss, ...]:
+    """Return a loss for every antenna and channel of which links were left out.
+
+    A double difference that lacks two such links is counted with the first.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+    antennas : tuple of str, length b + 1
+    left_out : ndarray of bool, shape (n, b + 1, m)
+    """
+    some = np.flatnonzero(left_out.any(axis=(1, 2)))
+    losses, counted = [], ~differences.resolvable[some]
+    for a, j in np.argwhere(left_out.any(axis=0)):
+        one = np.zeros_like(left_out[some])
+        one[:, a, j] = left_out[some, a, j]
+        lost = touched(differences, some, one) & ~counted
+        counted = counted | lost
+        # of two antennas nothing tells which one it is
+        antenna = " or ".join(antennas) if len(antennas) == 2 else antennas[a]
+        what = f"{antenna} {differences.satellites[j]} {differences.signals[j]} link"
+        losses.append(Loss(what=what, reason=LEFT_OUT, count=int(lost.sum())))
+    return tuple(losses)
+
+
+def _one_more(
+    differences: DoubleDifferences,
+    now: _Attempt,
+    tail: float,
+    nodes: int,
+    prior: AttitudePrior | None,
+) -> tuple[_Attempt, BoolArray, BoolArray]:
+    """Leave one more link out; return whether that passes, and whether all that do agree."""
+    prior = None if prior is None else prior.at(now.at)
+    without = touched(differences, now.at, now.out)
+    less = epochs_at(differences, now.at, without)
+    which, explained = suspects(less, now.found.cycles, _SUSPECTS, prior)
+    trials, links, likelihood = [], [], np.zeros((which.shape[1], len(now.at)))
+    for s in range(which.shape[1]):
+        out = now.out.copy()
+        np.put_along_axis(out.reshape(len(out), -1), which[:, s : s + 1], values=True, axis=1)
+        less = epochs_at(differences, now.at, touched(differences, now.at, out))
+        found = search_constrained(less, nodes, prior)
+        sound = (found.status == PROVEN) & (found.degrees > 0)
+        cost = np.where(sound, found.costs[:, 0], np.inf)
+        likelihood[s] = np.where(sound, chdtrc(np.maximum(found.degrees, 1), cost), -1.0)
+        trials.append(_Attempt(now.at, out, found))
+        links.append(less.resolvable)
+    passes: BoolArray = np.asarray(likelihood >= tail)
+    best = np.where(passes.any(axis=0), passes.argmax(axis=0), likelihood.argmax(axis=0))
+    now = _picked(trials, best)
+    of_best = np.choose(best[:, None, None], links)
+    near = np.take_along_axis(explained.T, best[None], axis=0) - explained.T < _DOUBT
+    agreed = np.full(now.at.shape, fill_value=True)
+    for s, trial in enumerate(trials):
+        same = (trial.found.cycles == now.found.cycles) | ~(links[s] & of_best)
+        agreed = agreed & (~passes[s] | same.all(axis=(1, 2)))
+        # who explains the residuals as well stays out as well
+        now.out[passes[s] & near[s]] |= trial.out[passes[s] & near[s]]
+    return now, np.asarray(passes.any(axis=0)), agreed
+
+
+def _picked(trials: list[_Attempt], best: IntArray) -> _Attempt:
+    """Return for each epoch the trial of that number."""
+    found = trials[0].found
+    for s, trial in enumerate(trials):
+        at = np.flatnonzero(best == s)
+        found = found.with_rows(at, trial.found.rows(at))
+    out = np.choose(best[:, None, None], [trial.out for trial in trials])
+    return _Attempt(trials[0].at, out, found)

@@ -1,0 +1,137 @@
+"""Integers over arcs beside integers of single epochs: real antennas, and simulated flights.
+
+The real ones are the Wettzell recordings of FGNAV_SHARED, GPS L1 at rising elevation masks; without
+them these rows are left out. A wrong epoch is one with any wrong integer among those accepted.
+"""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
+
+import msgspec
+import numpy as np
+
+from fgnav.checks import BoolArray, IntArray
+from fgnav.flight import Flight
+from fgnav.gnss.difference import double_differences
+from fgnav.gnss.differences import DoubleDifferences
+from fgnav.integers.arcs import constrained_arcs, lambda_arcs
+from fgnav.integers.constrained import Constrained
+from fgnav.integers.lambda_ import Lambda
+from fgnav.integers.resolver import Resolver
+from fgnav.integers.truth import attitude_at, true_integers
+from fgnav.integers.validation import phase_links
+from fgnav.io.flight_folder import load_flight
+from fgnav_sim.receiver_tables import MultipathTable
+from fgnav_sim.scenario import load_scenario
+from fgnav_sim.simulate import simulate
+from tests.integers.wettzell import of_signals, surveyed_cycles, write_flight
+
+ROOT = Path(__file__).resolve().parents[2]
+MASKS = (10, 15, 20, 25, 30, 35)
+SECONDS, SEEDS = 40.0, 12
+ECHOES = MultipathTable(code_m=1.0, phase_m=0.002, time_constant_s=20.0)
+FLIGHTS: dict[str, tuple[str, dict[str, object]]] = {
+    "rough": ("rough", {}),
+    "echoes": ("demo", {"code_noise_m": 1.0, "multipath": ECHOES}),
+}
+# the reference, one antenna beside it: 1 m apart
+PAIR_M = (1.0, 0.0, 0.0)
+RESOLVERS: dict[str, tuple[Resolver, Resolver]] = {
+    "constrained": (constrained_arcs(), Constrained()),
+    "lambda": (lambda_arcs(), Lambda(success_min=0.999)),
+}
+NAMES = (
+    *(f"arcs_{name}_mask_{mask}" for mask in MASKS for name in RESOLVERS),
+    *(f"arcs_{name}_{flight}" for flight in (*FLIGHTS, "pair") for name in RESOLVERS),
+)
+
+
+@dataclass(frozen=True)
+class Tally:
+    """What a resolver accepted."""
+
+    links: float  # share of those with code and phase, %
+    epochs: float  # share with all of those, %
+    wrong: int  # epochs
+    seconds: float
+
+
+def run() -> list[dict[str, object]]:
+    """Return the rows."""
+    return [*_wettzell(), *_flights(), *_pairs()]
+
+
+def _wettzell() -> list[dict[str, object]]:
+    shared = ROOT / (os.environ.get("FGNAV_SHARED") or "../shared") / "data"
+    if not (shared / "wettzell").is_dir():
+        return []
+    with TemporaryDirectory() as folder:
+        flight = load_flight(write_flight(Path(folder), shared))
+    differences = double_differences(flight)
+    rows = []
+    for mask in MASKS:
+        d = of_signals(differences, {"G1"}, mask)
+        enough = d.resolvable.sum(axis=(1, 2)) >= 4
+        rows += _rows(f"mask_{mask}", [(d, flight, surveyed_cycles(d), enough)])
+    return rows
+
+
+def _flights() -> list[dict[str, object]]:
+    rows = []
+    for name, (scenario, gnss) in FLIGHTS.items():
+        rows += _rows(name, [_simulated(scenario, gnss, 1)])
+    return rows
+
+
+def _pairs() -> list[dict[str, object]]:
+    """Two antennas of the array under echoes, many seeds: what is accepted must be right."""
+    return _rows("pair", [_simulated("demo", {**FLIGHTS["echoes"][1]}, s, 2) for s in range(SEEDS)])
+
+
+Case = tuple[DoubleDifferences, Flight, IntArray, BoolArray]
+
+
+def _simulated(name: str, gnss: dict[str, object], seed: int, antennas: int = 8) -> Case:
+    scenario = load_scenario(ROOT / "sim" / "scenarios" / f"{name}.toml")
+    table = msgspec.structs.replace(scenario.gnss, **gnss)
+    changed: dict[str, object] = {"duration_s": SECONDS, "gnss": table, "imu": None}
+    if antennas == 2:
+        changed["antennas_b_m"] = ((0.0, 0.0, 0.0), PAIR_M)
+    flight = simulate(msgspec.structs.replace(scenario, **changed), np.random.default_rng(seed))
+    d = double_differences(flight)
+    true = true_integers(d, attitude_at(flight.truth, d.t_s)[0])
+    return d, flight, true, d.resolvable.any(axis=(1, 2))
+
+
+def _rows(label: str, cases: list[Case]) -> list[dict[str, object]]:
+    rows = []
+    for name, (over_arcs, alone) in RESOLVERS.items():
+        ours, peer = _tally(over_arcs, cases), _tally(alone, cases)
+        note = (
+            f"links accepted; epochs with all {ours.epochs:.1f} against {peer.epochs:.1f} % of "
+            f"single epochs; epochs with a wrong one {ours.wrong} against {peer.wrong}; "
+            f"{ours.seconds:.2f} against {peer.seconds:.2f} s"
+        )
+        row: dict[str, object] = {"name": f"arcs_{name}_{label}", "ours": ours.links}
+        ratio = ours.links / peer.links if peer.links else None
+        rows.append({**row, "peer": peer.links, "ratio": ratio, "unit": "%", "note": note})
+    return rows
+
+
+def _tally(resolver: Resolver, cases: list[Case]) -> Tally:
+    fixed_links, links, whole, epochs, wrong = 0, 0, 0, 0, 0
+    start = perf_counter()
+    answers = [resolver(d, flight) for d, flight, _, _ in cases]
+    seconds = perf_counter() - start
+    for (d, _, true, wanted), found in zip(cases, answers, strict=True):
+        there = (d.resolvable & phase_links(d))[wanted]
+        fixed = found.fixed[wanted]
+        fixed_links += int((fixed & there).sum())
+        links += int(there.sum())
+        whole += int((fixed | ~there).all(axis=(1, 2)).sum())
+        epochs += len(there)
+        wrong += int((fixed & (found.cycles != true)[wanted]).any(axis=(1, 2)).sum())
+    return Tally(100 * fixed_links / max(links, 1), 100 * whole / max(epochs, 1), wrong, seconds)
