@@ -1,0 +1,1 @@
+"""Released networks at work: numpy and onnxruntime, never torch."""

@@ -1,0 +1,183 @@
+"""The source paper's ambiguity networks as resolvers, which every method takes."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
+from fgnav.flight import Flight
+from fgnav.gnss.differences import DoubleDifferences
+from fgnav.integers.resolver import Integers
+from fgnav.integers.validation import not_fixed, phase_links
+from fgnav_models.features import ambiguity_inputs, by_elevation, wrapped
+from fgnav_models.runtime.load import Model, load
+
+_SATELLITES = 6
+# The source paper's array (its section 2.3.2), antennas 2 to 8 from the first.
+_BASELINES_B_M = np.array(
+    [
+        [0.0, 0.1, 0.0],
+        [0.0, -0.1, 0.0],
+        [1.0, 0.0, 0.0],
+        [-1.0, 0.0, 0.0],
+        [-0.8, 0.1, 0.1],
+        [-0.8, -0.1, 0.1],
+        [-0.8, 0.0, -0.1],
+    ]
+)
+_ELSEWHERE_M = 1e-3  # an antenna further off than surveys are wrong is another array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AmbiguityNetwork:
+    """A network that says how many whole wavelengths a double-differenced range holds.
+
+    It knows GPS 1C, the source paper's eight antennas and epochs of six satellites, all tracked by
+    all antennas; other links are not fixed. It is a quantiser of the range: where that has more
+    than millimetres of noise, its integers are wrong. Where a double difference is near half a
+    cycle, phase and range may round to different sides, and then the integer is wrong however well
+    the network answers.
+
+    Attributes
+    ----------
+    network : str
+        A released network, ``"ambiguity-classification"`` or ``"ambiguity-regression"``.
+    probability_min : float
+        Integers that the network itself holds less likely are not fixed; 0 takes all.
+    """
+
+    network: str = "ambiguity-classification"
+    probability_min: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Reject what is no probability."""
+        if not 0.0 <= self.probability_min < 1.0:
+            raise BadInputError(
+                f"{self.network} probability_min: must be from 0 up to, and without, 1, "
+                f"got {self.probability_min}"
+            )
+
+    @property
+    def name(self) -> str:
+        """Return the name the command line knows."""
+        return self.network
+
+    def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
+        """Resolve the epochs that the network knows.
+
+        Raises
+        ------
+        BadInputError
+            If the array is not the network's, the network's files are bad, or it states no
+            probabilities and some are asked.
+        """
+        _check_array(self.network, differences.baselines_b_m, flight)
+        links = phase_links(differences)
+        signal = _of_signal(differences)
+        whole = _whole(differences, signal)
+        cycles, sure = np.zeros(links.shape, dtype=np.int64), np.zeros(links.shape, dtype=np.bool_)
+        if whole.any():
+            order = _order(differences, signal)[whole]
+            answers, accepted = self._answers(differences, np.flatnonzero(whole), order)
+            _put(cycles, whole, order, answers)
+            _put(sure, whole, order, accepted)
+        fixed = links & sure
+        known = whole[:, None, None] & signal
+        return Integers(
+            resolver=self.name,
+            cycles=np.where(fixed, cycles, 0),
+            fixed=fixed,
+            ratio=np.full(links.shape[:2], np.nan),
+            losses=not_fixed(
+                {
+                    f"not GPS 1C, all that network {self.network} knows": links & ~signal,
+                    f"network {self.network} wants six satellites, tracked by all antennas": (
+                        links & signal & ~known
+                    ),
+                    f"probability below {self.probability_min:g}": links & known & ~sure,
+                }
+            ),
+        )
+
+    def _answers(
+        self, differences: DoubleDifferences, rows: IntArray, order: IntArray
+    ) -> tuple[IntArray, BoolArray]:
+        """Return cycles in the phases of whole epochs, (k, b, 6), and which are accepted."""
+        wavelength_m = differences.wavelength_m[order[0, 0]]
+        baselines = len(_BASELINES_B_M)
+        shape = (len(rows), baselines, _SATELLITES - 1)
+        at = order[:, None]
+        code_m = np.take_along_axis(differences.code_m[rows], at, axis=2)[..., 1:]
+        phase_m = np.take_along_axis(differences.phase_m[rows], at, axis=2)[..., 1:]
+        features = ambiguity_inputs(
+            ("range", "constellation"),
+            range_cycles=code_m.reshape(len(rows), -1) / wavelength_m,
+            phase_cycles=np.zeros((len(rows), baselines * (_SATELLITES - 1))),
+            e_n=np.take_along_axis(differences.e_n[rows], order[..., None], axis=1),
+            t_s=differences.t_s[rows],
+        )
+        answer = _loaded(self.network)(features=features[:, None])
+        if self.probability_min and "probability" not in answer:
+            raise BadInputError(
+                f"{self.network} probability_min: the network states no probabilities; take 0"
+            )
+        _, taken = wrapped(phase_m / wavelength_m)
+        cycles = taken - answer["cycles"].reshape(shape)
+        probability = answer.get("probability", np.ones(answer["cycles"].shape)).reshape(shape)
+        of_reference = ((0, 0), (0, 0), (1, 0))
+        return np.pad(cycles, of_reference), np.pad(probability >= self.probability_min, of_reference)
+
+
+def classification() -> AmbiguityNetwork:
+    """Return the resolver ``ambiguity-classification``."""
+    return AmbiguityNetwork()
+
+
+def regression() -> AmbiguityNetwork:
+    """Return the resolver ``ambiguity-regression``."""
+    return AmbiguityNetwork(network="ambiguity-regression")
+
+
+@cache
+def _loaded(network: str) -> Model:
+    return load(network)
+
+
+def _check_array(network: str, baselines_b_m: FloatArray, flight: Flight) -> None:
+    """Raise unless the antennas stand where the network saw them."""
+    same = baselines_b_m.shape == _BASELINES_B_M.shape
+    if not (same and np.abs(baselines_b_m - _BASELINES_B_M).max() < _ELSEWHERE_M):
+        raise BadInputError(
+            f"flight {flight.name}: integers {network!r} are of a network that knows the source "
+            "paper's eight antennas in their order, and no others; take 'constrained'"
+        )
+
+
+def _of_signal(differences: DoubleDifferences) -> BoolArray:
+    """Return which channels are of the network's signal, (m,)."""
+    channels = zip(differences.satellites, differences.signals, strict=True)
+    return np.array([(satellite[0], signal) == ("G", "1C") for satellite, signal in channels])
+
+
+def _whole(differences: DoubleDifferences, signal: BoolArray) -> BoolArray:
+    """Return the epochs, (n,), in which all antennas track six satellites and there are no more."""
+    both = np.isfinite(differences.code_m) & np.isfinite(differences.phase_m) & signal
+    used = np.isfinite(differences.elevation_rad) & signal
+    return np.asarray(
+        (used.sum(axis=1) == _SATELLITES) & (both.sum(axis=2) == _SATELLITES).all(axis=1)
+    )
+
+
+def _order(differences: DoubleDifferences, signal: BoolArray) -> IntArray:
+    """Return each epoch's first six channels of the signal by falling elevation, (n, 6)."""
+    return by_elevation(np.where(signal, differences.elevation_rad, np.nan))[:, :_SATELLITES]
+
+
+def _put(
+    links: IntArray | BoolArray, whole: BoolArray, order: IntArray, values: IntArray | BoolArray
+) -> None:
+    """Write what is known of whole epochs, in the network's order, into all links (n, b, m)."""
+    part = links[whole]
+    np.put_along_axis(part, order[:, None], values, axis=2)
+    links[whole] = part

@@ -1,0 +1,1 @@
+"""Making of networks: the only place with torch."""
