@@ -1,12 +1,11 @@
-"""The command line: reads arguments, calls the library, prints; the only module that does.
+"""The command line: reads arguments, calls the library, and has ``terminal`` show the answer.
 
 Nothing heavy is imported before a command runs, so that ``fgnav --help`` answers at once.
 """
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -15,19 +14,24 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from fgnav import __version__
+from fgnav.terminal import (
+    check_places,
+    progress,
+    show_comparison,
+    show_set_up,
+    step,
+    write_json,
+)
 
 if TYPE_CHECKING:
-    from rich.console import Console
     from rich.progress import Progress
 
     from fgnav.checks import FgnavError
     from fgnav.estimate import Estimate, Estimator
     from fgnav.evaluation.comparison import Comparison
     from fgnav.flight import Flight
-    from fgnav.set_up import SetUp
 
 _DEFAULT_METHODS = "closed-form,maximum-likelihood,smoother,batch,rtk"
-_PIPE_WIDTH = 110  # columns of a table that goes to no terminal
 _HELP = """\
 Attitude, position and velocity from recorded flights, with honest uncertainty.
 
@@ -45,6 +49,7 @@ _INSTALLED_HELP = {
     "data-set": "Draw a data set for training from a world, in shards.",
     "campaign": "Fly and compare many scenarios at once.",
     "train": "Train a network from a recipe.",
+    "restitution": "Restore commanded angles by the source paper's method and by others.",
 }
 
 app = App(
@@ -72,7 +77,20 @@ JsonFile = Annotated[
 ]
 IntegersName = Annotated[
     str,
-    Parameter(help="Who resolves the integers: rounding, lambda, truth, or an installed resolver."),
+    Parameter(
+        help="Who resolves the integers: rounding, lambda, constrained, lambda-arcs, "
+        "constrained-arcs, truth, or an installed resolver such as network."
+    ),
+]
+GravityName = Annotated[
+    str | None,
+    Parameter(help="Who tells the smoother where down is: low-dynamics, or an installed one."),
+]
+TuneFlag = Annotated[
+    bool,
+    Parameter(
+        help="Tell the noise of phase, position and velocity from the flight first.", negative=""
+    ),
 ]
 
 
@@ -89,12 +107,12 @@ def check(flight: Path, /, *, json: JsonFile = None) -> None:
     """
     from fgnav.set_up import describe  # noqa: PLC0415  # lazy, like all below
 
-    _check_places(json)
-    with _progress() as progress:
-        set_up = describe(_load(flight, progress))
-    _write_json(json, set_up.to_dict())
+    check_places(json)
+    with progress() as shown:
+        set_up = describe(_load(flight, shown))
+    write_json(json, set_up.to_dict())
     if json != "-":
-        _show_set_up(set_up)
+        show_set_up(set_up)
 
 
 @app.command
@@ -105,6 +123,8 @@ def run(
     out: Path,
     method: str = "smoother",
     integers: IntegersName = "lambda",
+    gravity: GravityName = None,
+    tune: TuneFlag = False,
     json: JsonFile = None,
 ) -> None:
     """Estimate a flight with one method; write estimate.csv and summary.json.
@@ -118,25 +138,33 @@ def run(
     out
         Folder for the results; made if absent.
     method
-        closed-form, maximum-likelihood, smoother, batch, rtk, or an installed one.
+        closed-form, maximum-likelihood, smoother, forward, batch, rtk, or an installed one.
     """
     from fgnav.checks import BadInputError, NoSolutionError  # noqa: PLC0415
     from fgnav.evaluation.report.table import remarks  # noqa: PLC0415
     from fgnav.evaluation.report.whole_file import made_folder  # noqa: PLC0415
     from fgnav.io.exports import write_estimate  # noqa: PLC0415
 
-    _check_places(json)
-    estimators = _estimators(method, integers)
+    check_places(json)
+    estimators = _estimators(method, integers, gravity)
+    if tune:
+        estimators = _tuned(estimators, integers)
     if len(estimators) > 1:
         raise BadInputError(f"--method {method}: run takes one method; compare takes several")
     data, comparison = _compare(flight, estimators)
     outcome = comparison.methods[0]
     if outcome.estimate is None:
         raise NoSolutionError(f"{outcome.name}: {outcome.score.failure}")
+    if not outcome.estimate.converged:  # a file of it would look like a success
+        open_ = " and ".join(outcome.estimate.unobservable)
+        raise NoSolutionError(
+            f"{outcome.name}: did not end at a minimum, nothing is written"
+            + (f"; the data leave open: {open_}" if open_ else "")
+        )
     folder = made_folder(out)
     write_estimate(outcome.estimate, data.origin, folder / "estimate.csv")
-    _write_json(str(folder / "summary.json"), comparison.to_dict())
-    _write_json(json, comparison.to_dict())
+    write_json(str(folder / "summary.json"), comparison.to_dict())
+    write_json(json, comparison.to_dict())
     if json != "-":
         n = len(outcome.estimate.t_s)
         print(f"{outcome.name}: {n} of {comparison.epochs} epochs in {folder / 'estimate.csv'}")
@@ -151,6 +179,8 @@ def compare(
     *,
     method: str = _DEFAULT_METHODS,
     integers: IntegersName = "lambda",
+    gravity: GravityName = None,
+    tune: TuneFlag = False,
     json: JsonFile = None,
     report: Path | None = None,
 ) -> None:
@@ -170,13 +200,16 @@ def compare(
     from fgnav.checks import NoSolutionError  # noqa: PLC0415
     from fgnav.evaluation.report.plots import check_figure, save_figure  # noqa: PLC0415
 
-    _check_places(json)
+    check_places(json)
     if report is not None:
         check_figure(report)
-    _, comparison = _compare(flight, _estimators(method, integers))
-    _write_json(json, comparison.to_dict())
+    estimators = _estimators(method, integers, gravity)
+    if tune:
+        estimators = _tuned(estimators, integers)
+    _, comparison = _compare(flight, estimators)
+    write_json(json, comparison.to_dict())
     if json != "-":
-        _show_comparison(comparison)
+        show_comparison(comparison)
     if all(m.estimate is None for m in comparison.methods):
         failures = "; ".join(f"{m.name}: {m.score.failure}" for m in comparison.methods)
         raise NoSolutionError(f"no method has a solution: {failures}")
@@ -207,7 +240,7 @@ def import_(
     from fgnav.io.importers import importer_named  # noqa: PLC0415
 
     importer = importer_named(format)
-    with _progress() as progress, _step(progress, f"reading {recording}"):
+    with progress() as shown, step(shown, f"reading {recording}"):
         flight = importer(recording)
         save_flight(flight, out)
     print(f"{flight.name}: written to {out}")
@@ -271,7 +304,7 @@ class _Watched:
         return self.estimator.name
 
     def __call__(self, flight: "Flight") -> "Estimate":
-        with _step(self.progress, self.name):
+        with step(self.progress, self.name):
             return self.estimator(flight)
 
 
@@ -281,122 +314,43 @@ def _loss_lines(flight: "Flight") -> list[str]:
     return loss_lines({"recording": flight.losses})
 
 
-def _estimators(methods: str, integers: str) -> "list[Estimator]":
-    """Return the methods of a comma-separated list, all with one resolver."""
+def _estimators(methods: str, integers: str, gravity: str | None = None) -> "list[Estimator]":
+    """Return the methods of a comma-separated list, all with one resolver and one gravity."""
     from fgnav.checks import BadInputError  # noqa: PLC0415
+    from fgnav.gravity import gravity_named  # noqa: PLC0415
     from fgnav.integers.registry import resolver_named  # noqa: PLC0415
-    from fgnav.methods import method_named  # noqa: PLC0415
+    from fgnav.methods import WITH_GRAVITY, method_named  # noqa: PLC0415
 
     resolver = resolver_named(integers)
+    down = None if gravity is None else gravity_named(gravity)
     names = [name.strip() for name in methods.split(",") if name.strip()]
     if not names:
         raise BadInputError(f"--method: names no method, got {methods!r}")
-    return [method_named(name, resolver) for name in names]
+    if down is not None and not set(names) & set(WITH_GRAVITY):
+        raise BadInputError(f"--gravity: only {', '.join(WITH_GRAVITY)} use it, got {methods!r}")
+    return [method_named(name, resolver, down) for name in names]
+
+
+def _tuned(estimators: "list[Estimator]", integers: str) -> "list[Estimator]":
+    """Return the methods on a flight whose noise was told from it, once for all."""
+    from fgnav.integers.registry import resolver_named  # noqa: PLC0415
+    from fgnav.methods.smoother.tune import Tuned  # noqa: PLC0415
+
+    resolver = resolver_named(integers)
+    return [Tuned(method, resolver) for method in estimators]
 
 
 def _compare(folder: Path, estimators: "list[Estimator]") -> "tuple[Flight, Comparison]":
     """Read a flight and compare methods on it, showing each step."""
     from fgnav.evaluation.comparison import compare as compare_methods  # noqa: PLC0415
 
-    with _progress() as progress:
-        flight = _load(folder, progress)
-        return flight, compare_methods(flight, [_Watched(e, progress) for e in estimators])
+    with progress() as shown:
+        flight = _load(folder, shown)
+        return flight, compare_methods(flight, [_Watched(e, shown) for e in estimators])
 
 
-def _load(folder: Path, progress: "Progress") -> "Flight":
+def _load(folder: Path, shown: "Progress") -> "Flight":
     from fgnav.io.flight_folder import load_flight  # noqa: PLC0415
 
-    with _step(progress, f"reading {folder}"):
+    with step(shown, f"reading {folder}"):
         return load_flight(folder)
-
-
-@contextmanager
-def _progress() -> "Iterator[Progress]":
-    """Show steps on a terminal, nothing on a pipe."""
-    from rich.console import Console  # noqa: PLC0415
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn  # noqa: PLC0415
-
-    console = Console(stderr=True)
-    columns = (
-        SpinnerColumn(finished_text="✓"),
-        TextColumn("{task.description}"),
-        TimeElapsedColumn(),
-    )
-    hidden = not console.is_terminal
-    with Progress(*columns, console=console, disable=hidden, transient=True) as progress:
-        yield progress
-
-
-@contextmanager
-def _step(progress: "Progress", what: str) -> Iterator[None]:
-    task = progress.add_task(what, total=1)
-    yield
-    progress.update(task, completed=1)
-
-
-def _console() -> "Console":
-    """Return standard output; as wide as a table needs where nobody's window limits it."""
-    from rich.console import Console  # noqa: PLC0415
-
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=_PIPE_WIDTH)
-
-
-def _check_places(json: str | None) -> None:
-    """Raise where a file could not be written at the end: better before minutes of work."""
-    if json is not None and json != "-":
-        from fgnav.evaluation.report.whole_file import check_place  # noqa: PLC0415
-
-        check_place(Path(json))
-
-
-def _write_json(place: str | None, content: object) -> None:
-    """Write JSON to a file, or to standard output for a dash."""
-    if place is None:
-        return
-    from json import dumps  # noqa: PLC0415
-
-    text = dumps(content, indent=2, allow_nan=False) + "\n"
-    if place == "-":
-        sys.stdout.write(text)
-        return
-    from fgnav.evaluation.report.whole_file import write_text  # noqa: PLC0415
-
-    write_text(Path(place), text)
-
-
-def _show_comparison(comparison: "Comparison") -> None:
-    from fgnav.evaluation.report.table import comparison_table, remarks  # noqa: PLC0415
-
-    console = _console()
-    console.print(comparison_table(comparison))
-    for line in remarks(comparison):
-        console.print(line, markup=False, soft_wrap=True)
-
-
-def _show_set_up(set_up: "SetUp") -> None:
-    from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415
-
-    print(set_up.flight)
-    for name, text in _facts(set_up):
-        print(f"  {name:<9} {text}")
-    print("findings" if set_up.findings else "no findings")
-    for finding in set_up.findings:
-        print(f"  {finding.name}: {finding.text}")
-    if set_up.unchecked:
-        print("not checked")
-    for unchecked in set_up.unchecked:
-        print(f"  {unchecked.name}: {unchecked.text}")
-    for line in loss_lines({"files": set_up.losses}):
-        print(f"  {line}")
-
-
-def _facts(set_up: "SetUp") -> Iterator[tuple[str, str]]:
-    """Yield what is in a flight, a name and a line each."""
-    yield "antennas", f"{len(set_up.antennas)}: {' '.join(set_up.antennas)}".rstrip(": ")
-    yield "channels", ", ".join(f"{n} × {name}" for name, n in set_up.channels.items()) or "none"
-    yield "orbits", ", ".join(set_up.orbits) or "none"
-    yield "gyroscope", "yes" if set_up.gyroscope else "no"
-    for name, series in set_up.series.items():
-        span = f"{series.first_s:.3f} to {series.last_s:.3f} s"
-        yield name, f"{series.samples} samples, {series.rate_hz:.4g} Hz, {span}"

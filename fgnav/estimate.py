@@ -13,6 +13,54 @@ _MOTION_VECTORS = ("p_n_m", "v_n_mps", "angular_rate_b_radps", "accelerometer_bi
 _MOTION_MATRICES = ("position_covariance_m2", "velocity_covariance_m2ps2")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rejected:
+    """A measurement that an estimator mended, or did not believe, over a span of time.
+
+    Attributes
+    ----------
+    what : str
+        The kind of measurement: ``"phase"``, ``"position"``.
+    link : str
+        Who measured it: ``"a3 G05 1C"``, ``"a1"``.
+    from_s, until_s : float
+        First and last epoch.
+    reason : str
+        What was wrong with it, and what was done.
+    """
+
+    what: str
+    link: str
+    from_s: float
+    until_s: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Consistency:
+    """How well one kind of measurement agrees with the estimate made from all others.
+
+    Attributes
+    ----------
+    what : str
+        The kind: ``"position"``.
+    count : int
+        Measurements tested.
+    freedom : int
+        Their degrees of freedom in all.
+    nis : float
+        Normalised innovation squared per degree of freedom; 1 is expected.
+    beyond_99 : float
+        Share beyond the gate that 99 % of right measurements pass; 0.01 is expected.
+    """
+
+    what: str
+    count: int
+    freedom: int
+    nis: float
+    beyond_99: float
+
+
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Estimate:
     """Estimates at the epochs that have one.
@@ -42,6 +90,10 @@ class Estimate:
         The integers it used, in the layout of the flight's double differences.
     losses : tuple of Loss
         Measurements and epochs that did not take part, with the reason.
+    rejections : tuple of Rejected
+        Measurements that contradicted the others, each with its link and its span of time.
+    consistency : tuple of Consistency
+        Innovations of a method that states them, by kind of measurement.
     notes : tuple of str
         What a reader of the result should know, one sentence each.
     """
@@ -61,6 +113,8 @@ class Estimate:
     converged: bool = True
     integers: Integers | None = None
     losses: tuple[Loss, ...] = ()
+    rejections: tuple[Rejected, ...] = ()
+    consistency: tuple[Consistency, ...] = ()
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

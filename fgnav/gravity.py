@@ -1,14 +1,22 @@
-"""Gravity seen from the body: its direction at low dynamics, specific force as a pair."""
+"""Gravity seen from the body: its direction at low dynamics, specific force as a pair.
+
+Third parties add estimators through the entry-point group ``fgnav.gravity``: a callable without
+arguments that returns a ``GravityEstimator``.
+"""
 
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
+from fgnav import plugins
 from fgnav.checks import BadInputError, FloatArray, Loss, frozen, increasing, positive
 from fgnav.earth import Origin
 from fgnav.flight import Flight, Imu
 from fgnav.rotations import skew
+
+GROUP = "fgnav.gravity"
+ESTIMATORS = {"low-dynamics": "fgnav.gravity:LowDynamics"}
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -53,6 +61,24 @@ class GravityEstimator(Protocol):
     def __call__(self, flight: Flight) -> GravityDirection:
         """Estimate; what has no answer is left out and counted as a loss."""
         ...
+
+
+def gravity_names() -> tuple[str, ...]:
+    """Return the names of all gravity estimators: the library's own, then installed ones."""
+    return plugins.names(GROUP, ESTIMATORS)
+
+
+def gravity_named(name: str) -> GravityEstimator:
+    """Return the gravity estimator of that name.
+
+    Raises
+    ------
+    BadInputError
+        If there is none; the text lists what there is.
+    """
+    factory = plugins.named(GROUP, ESTIMATORS, name, kind="gravity estimator")
+    estimator: GravityEstimator = factory()
+    return estimator
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

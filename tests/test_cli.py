@@ -36,13 +36,19 @@ class Level:
 
     name: str = "level"
     error: Exception | None = None
+    converged: bool = True
 
     def __call__(self, flight):
         if self.error is not None:
             raise self.error
         t_s = flight.truth.t_s
         return Estimate(
-            method=self.name, t_s=t_s, epochs=len(t_s), R_nb=np.tile(np.eye(3), (len(t_s), 1, 1))
+            method=self.name,
+            t_s=t_s,
+            epochs=len(t_s),
+            R_nb=np.tile(np.eye(3), (len(t_s), 1, 1)),
+            converged=self.converged,
+            unobservable=("roll",),
         )
 
 
@@ -51,7 +57,7 @@ def methods(monkeypatch):
     """Return a function that says which estimators every command shall get."""
 
     def use(*estimators):
-        monkeypatch.setattr(cli, "_estimators", lambda _names, _integers: list(estimators))
+        monkeypatch.setattr(cli, "_estimators", lambda *_names: list(estimators))
 
     return use
 
@@ -211,6 +217,14 @@ def test_a_reader_that_goes_away_is_no_traceback():
     done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True, check=False)
     os.close(write)
     assert (done.returncode, done.stderr) == (1, "")
+
+
+def test_a_run_that_did_not_converge_writes_nothing(folder, methods, tmp_path, capsys):
+    methods(Level(converged=False))
+    assert cli.main(["run", str(folder), "--out", str(tmp_path / "out")]) == 1
+    text = "level: did not end at a minimum, nothing is written; the data leave open: roll"
+    assert text in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 def test_installed_commands_are_found_by_entry_point(monkeypatch, capsys):

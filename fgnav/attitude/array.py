@@ -43,15 +43,18 @@ class AttitudeSolution:
     solved: BoolArray
     open_axis_b: FloatArray
 
-    def consistent(self, false_alarm: float = 1e-4) -> BoolArray:
+    def consistent(self, false_alarm: float = 1e-4, variance_factor: float = 1.0) -> BoolArray:
         """Return which epochs pass the chi-square test of their residuals, (n,).
+
+        With a factor, as if all variances were so many times the stated.
 
         An epoch without redundancy passes: it cannot be tested.
         """
         from scipy.special import chdtri  # noqa: PLC0415  # lazy: half a second
 
         threshold = chdtri(np.maximum(self.degrees_of_freedom, 1), false_alarm)
-        return np.asarray((self.chi_square <= threshold) | (self.degrees_of_freedom < 1))
+        fits = self.chi_square <= variance_factor * threshold
+        return np.asarray(fits | (self.degrees_of_freedom < 1))
 
     def variance_factor(self) -> float:
         """Return how much louder the noise is than stated, as the residuals of most epochs say.
@@ -132,14 +135,14 @@ def maximum_likelihood(
 
 
 def agreeing(
-    quadratic: RotationQuadratic,
+    quadratic: RotationQuadratic, R_nb_start: FloatArray | None = None
 ) -> tuple[RotationQuadratic, AttitudeSolution, tuple[str, ...]]:
     """Return the form, its attitudes and a note, the noise raised to what residuals ask for.
 
     Multipath on a body is often louder than the receiver's data sheet. Without this, every epoch
     would fail the chi-square test, and every covariance would be too small.
     """
-    solution = maximum_likelihood(quadratic)
+    solution = maximum_likelihood(quadratic, R_nb_start)
     factor = solution.variance_factor()
     if factor == 1.0:
         return quadratic, solution, ()

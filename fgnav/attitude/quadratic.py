@@ -49,10 +49,19 @@ class RotationQuadratic:
         antenna and group, which equals double differencing with the full covariance, for any
         reference, any weights and any missing links.
         """
+        return cls.of_ranges(differences, fixed_ranges_m(differences, integers))
+
+    @classmethod
+    def of_ranges(cls, differences: DoubleDifferences, ranges_m: FloatArray) -> "RotationQuadratic":
+        """Collect double differences without integers, m, (n, b, m); NaN rows are left out.
+
+        A NaN at a reference channel takes that one link of that antenna out: the rest of the
+        antenna's group shares its error as a constant, which its receiver term takes up.
+        """
         lever_arms_b_m = np.vstack([np.zeros(3), differences.baselines_b_m])
         return cls(
             *_collect(
-                fixed_ranges_m(differences, integers),
+                np.ascontiguousarray(ranges_m),
                 np.ascontiguousarray(differences.e_n),
                 1.0 / differences.phase_variance_m2,
                 differences.group,

@@ -6,7 +6,7 @@ from time import perf_counter
 from typing import Any
 
 from fgnav.checks import BadInputError, NoSolutionError
-from fgnav.estimate import Estimate, Estimator
+from fgnav.estimate import Estimate, Estimator, Rejected
 from fgnav.evaluation.bound import flight_bound
 from fgnav.evaluation.integer_counts import count_integers, integers_at, true_attitudes
 from fgnav.evaluation.pairwise import Difference, pairwise
@@ -36,6 +36,15 @@ class Method:
     score: Score
     estimate: Estimate | None = None
     errors: Errors | None = None
+
+    @property
+    def rejections(self) -> tuple[Rejected, ...]:
+        """Measurements that it mended or did not believe."""
+        return () if self.estimate is None else self.estimate.rejections
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return every figure in plain types, and each rejected measurement with its reason."""
+        return asdict(self.score) | {"rejections": [asdict(one) for one in self.rejections]}
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -74,7 +83,7 @@ class Comparison:
         return {
             "flight": self.flight,
             "epochs": self.epochs,
-            "methods": {method.name: asdict(method.score) for method in self.methods},
+            "methods": {method.name: method.to_dict() for method in self.methods},
             "bound": {"crlb_deg": asdict(self.bound)},
             "differences": [asdict(difference) for difference in self.differences],
         }

@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav import rotations
 from fgnav.checks import BoolArray, FloatArray, Loss
-from fgnav.estimate import Estimate
+from fgnav.estimate import Consistency, Estimate
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.reference import covered, truth_at
 from fgnav.flight import Truth
@@ -73,6 +73,8 @@ class Score:
     converged : bool
     unobservable : tuple of str
     losses : tuple of Loss
+    consistency : tuple of Consistency
+        Innovations by kind of measurement, of a method that states them.
     notes : tuple of str
     failure : str or None
         Why there is no estimate at all.
@@ -89,6 +91,7 @@ class Score:
     converged: bool = False
     unobservable: tuple[str, ...] = ()
     losses: tuple[Loss, ...] = ()
+    consistency: tuple[Consistency, ...] = ()
     notes: tuple[str, ...] = ()
     failure: str | None = None
 
@@ -130,6 +133,7 @@ def score(
         converged=estimate.converged,
         unobservable=estimate.unobservable,
         losses=estimate.losses + (errors.losses if errors else ()),
+        consistency=estimate.consistency,
         notes=estimate.notes,
     )
     if errors is None:

@@ -33,8 +33,13 @@ def double_differences(flight: Flight) -> DoubleDifferences:
 
 
 def _difference(flight: Flight) -> DoubleDifferences:
-    single = single_differences(flight)
-    names = tuple(antenna.name for antenna in flight.antennas)
+    return differenced(
+        single_differences(flight), tuple(antenna.name for antenna in flight.antennas)
+    )
+
+
+def differenced(single: SingleDifferences, names: tuple[str, ...]) -> DoubleDifferences:
+    """Return double differences of single ones, whose antennas have these names."""
     arcs = phase_arcs(single, names)
     reference = _references(single)
     of_reference = reference[:, single.group]  # (n, m)

@@ -111,14 +111,14 @@ def single_differences(flight: Flight) -> SingleDifferences:
         unused=chosen.losses,
         lost=Counter(),
     )
-    p_e_m, v_e_mps = _reference_motion(flight, observations.t_s)
+    p_e_m, v_e_mps = reference_motion(flight, observations.t_s)
     for start in range(0, n, BLOCK):
         epochs = slice(start, min(start + BLOCK, n))
         _fill(flight, observations, chosen, epochs, p_e_m[epochs], v_e_mps[epochs], out)
     return out
 
 
-def _reference_motion(flight: Flight, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def reference_motion(flight: Flight, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return position and velocity of the reference antenna, (n, 3); NaN far from any solution."""
     solution = code_solution(flight)
 

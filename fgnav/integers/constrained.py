@@ -67,7 +67,7 @@ class Constrained:
         What the search of an epoch may visit before it is given up: a tenth of a second.
     """
 
-    wrong_max: float | None = 1e-3
+    wrong_max: float | None = 1e-2
     validation: Validation = "share"
     tail: float | None = 1e-4
     links_out: int = 3

@@ -130,7 +130,7 @@ def log_volume(M: FloatArray, information: FloatArray) -> float:
     powers of 2 pi that all candidates share.
     """
     J = tangent(M)
-    H = _normal(J, information)
+    H = normal_matrix(J, information)
     logarithm = 0.0
     for i in range(len(H)):
         logarithm += np.log(H[i, i])
@@ -197,7 +197,8 @@ def tangent(M: FloatArray) -> FloatArray:
 
 
 @kernel
-def _normal(J: FloatArray, information: FloatArray) -> FloatArray:
+def normal_matrix(J: FloatArray, information: FloatArray) -> FloatArray:
+    """Return ``J^T information J``."""
     n, u = J.shape
     weighted = np.zeros((u, n))
     for i in range(n):
@@ -250,7 +251,7 @@ def _descend(
 
 @kernel
 def _newton_step(J: FloatArray, information: FloatArray, residual: FloatArray) -> FloatArray:
-    H = _normal(J, information)
+    H = normal_matrix(J, information)
     g = np.zeros(3)
     for i in range(len(residual)):
         row = _dot(information[i], residual)

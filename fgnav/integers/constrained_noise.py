@@ -4,9 +4,10 @@ A probability means what it says only as far as the noise model does, and stated
 or three times off and grows towards the horizon by a rule of thumb. Here each variance becomes
 ``scale v0 (v / v0)^power`` of the stated v and its median v0, with two scales and two powers, for
 code and phase, under which the recorded epochs are most likely: summed over all integer candidates
-of each epoch, none of which has to be believed for that (marginal likelihood [1]_). Epochs may be
-calmer or rougher than the mean: their common scale is integrated out, as in Student's distribution,
-so that a spoilt epoch counts no more than a rough one.
+of each epoch, none of which has to be believed for that (marginal likelihood [1]_). Only integers
+that are beyond doubt, before and after, are held instead of searched for. Epochs may be calmer or
+rougher than the mean: their common scale is integrated out, as in Student's distribution, so that a
+spoilt epoch counts no more than a rough one.
 
 References
 ----------
@@ -18,11 +19,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import FloatArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.gnss.differences import DoubleDifferences
 from fgnav.integers.affine import Epochs, epoch_links, epochs_of, link_covariance
+from fgnav.integers.constrained_held import Held, hold
 from fgnav.integers.constrained_prior import AttitudePrior
-from fgnav.integers.constrained_search import PROVEN, search_constrained
+from fgnav.integers.constrained_search import PROVEN, ConstrainedSearch, search_constrained
 from fgnav.integers.epochs import epochs_at
 from fgnav.integers.ils import kernel
 
@@ -34,6 +36,7 @@ _STATED_POWER_SIGMA = 0.5
 _ROUGHNESS = 20.0  # degrees of freedom of an epoch's own scale; 17 to 25 fitted two real receivers
 _NODES = 10**5  # of an epoch, per trial of noise: one that takes more tells little
 _TRIALS = 120
+_DOUBT = 1e-6  # chance that integers held are wrong
 _SETTLED = 0.1  # of log scale and power: what 200 epochs of two antennas tell them to
 
 
@@ -42,6 +45,23 @@ class _Sample(NamedTuple):
     prior: AttitudePrior | None
     code: FloatArray  # (n, m): stated variance by its median, whose logarithm is raised
     phase: FloatArray
+
+    def at(self, which: BoolArray) -> "_Sample":
+        pick = np.flatnonzero(which)
+        prior = None if self.prior is None else self.prior.at(pick)
+        of_pick = epochs_at(self.differences, pick)
+        return _Sample(of_pick, prior, self.code[pick], self.phase[pick])
+
+    def variances_m2(self, law: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return those of code and phase, (n, m) each, under a law of noise."""
+        return (
+            self.differences.code_variance_m2 * np.exp(law[0]) * self.code ** law[1],
+            self.differences.phase_variance_m2 * np.exp(law[2]) * self.phase ** law[3],
+        )
+
+    def with_law(self, law: FloatArray) -> DoubleDifferences:
+        code_m2, phase_m2 = self.variances_m2(law)
+        return replace(self.differences, code_variance_m2=code_m2, phase_variance_m2=phase_m2)
 
 
 def with_estimated_noise(
@@ -58,6 +78,8 @@ def with_estimated_noise(
         What the search of an epoch may visit.
     prior : AttitudePrior or None
     """
+    if len(differences.t_s) < _ENOUGH:
+        return differences
     links = differences.resolvable.sum(axis=(1, 2))
     there = np.flatnonzero(links)
     if len(there) < _ENOUGH:
@@ -67,32 +89,51 @@ def with_estimated_noise(
     used = differences.resolvable.any(axis=1)
     stated = [differences.code_variance_m2, differences.phase_variance_m2]
     code, phase = (variance / np.median(variance[used]) for variance in stated)
-    sample = _Sample(
-        epochs_at(differences, pick),
-        None if prior is None else prior.at(pick),
-        code[pick],
-        phase[pick],
-    )
-    law = _fitted(sample, min(nodes, _NODES))
-    return _with_law(differences, code, phase, law)
+    whole = _Sample(differences, prior, code, phase)
+    sample = whole.at(np.isin(np.arange(len(links)), pick))
+    return whole.with_law(_fitted(sample, min(nodes, _NODES)))
 
 
 def _fitted(sample: _Sample, nodes: int) -> FloatArray:
     """Return log scale and power minus 1, of code and of phase, (4,), that are most likely."""
+    found = search_constrained(sample.differences, nodes, sample.prior)
+    sure = _sure(found)
+    law = _most_likely(sample, found, sure, nodes)
+    if sure.any():
+        again = search_constrained(sample.at(sure).with_law(law), nodes, sample.at(sure).prior)
+        same = (again.cycles == found.cycles[sure]).all()
+        if not (same and _sure(again).all()):
+            law = _most_likely(sample, found, np.zeros_like(sure), nodes)
+    law[[0, 2]] += np.log(_ROUGHNESS / (_ROUGHNESS - 2.0))  # the mean of the epochs' variances
+    return law
+
+
+def _sure(found: ConstrainedSearch) -> BoolArray:
+    """Return the epochs, (n,), whose integers are beyond doubt."""
+    return np.asarray((found.status == PROVEN) & (found.wrong_probability < _DOUBT))
+
+
+def _most_likely(
+    sample: _Sample, found: ConstrainedSearch, sure: BoolArray, nodes: int
+) -> FloatArray:
+    """Return the law under which epochs, some with integers held, are most likely."""
     from scipy.optimize import minimize  # noqa: PLC0415  # heavy, and seldom needed
 
     used = sample.differences.resolvable.any(axis=1)
     flat = [np.ptp(np.log(part[used])) < _SETTLED for part in (sample.code, sample.phase)]
     free = np.array([True, not flat[0], True, not flat[1]])
     sigma = np.array([2 * _STATED_LOG_SIGMA, _STATED_POWER_SIGMA] * 2)[free]
-
-    def whole(x: FloatArray) -> FloatArray:
-        law = np.zeros(4)
-        law[free] = x
-        return law
+    known, doubtful = sample.at(sure), sample.at(~sure)
+    held = hold(known.differences, found.rows(np.flatnonzero(sure)), known.prior)
 
     def misfit(x: FloatArray) -> float:
-        return 0.5 * float(np.sum((x / sigma) ** 2)) - _log_likelihood(sample, whole(x), nodes)
+        law = _whole(x, free)
+        likely = 0.0
+        if sure.any():
+            likely += _log_held(held, known.variances_m2(law))
+        if not sure.all():
+            likely += _log_searched(doubtful.with_law(law), doubtful.prior, nodes)
+        return 0.5 * float(np.sum((x / sigma) ** 2)) - likely
 
     start = np.zeros(free.sum())
     corners = np.vstack([start, np.diag(np.array([-1.0, -0.5, -1.0, -0.5])[free])])
@@ -102,32 +143,36 @@ def _fitted(sample: _Sample, nodes: int) -> FloatArray:
         "fatol": 2 * _SETTLED,
         "maxfev": _TRIALS,
     }
-    law = whole(minimize(misfit, start, method="Nelder-Mead", options=options).x)
-    law[[0, 2]] += np.log(_ROUGHNESS / (_ROUGHNESS - 2.0))  # the mean of the epochs' variances
+    return _whole(minimize(misfit, start, method="Nelder-Mead", options=options).x, free)
+
+
+def _whole(x: FloatArray, free: BoolArray) -> FloatArray:
+    law = np.zeros(len(free))
+    law[free] = x
     return law
 
 
-def _log_likelihood(sample: _Sample, law: FloatArray, nodes: int) -> float:
-    d = _with_law(sample.differences, sample.code, sample.phase, law)
-    found = search_constrained(d, nodes, sample.prior)
+def _log_held(held: Held, variances_m2: tuple[FloatArray, FloatArray]) -> float:
+    cost, rest = held.log_likelihoods(*variances_m2)
+    return float(np.sum(rest - 0.5 * cost + _student(cost, held.degrees)))
+
+
+def _log_searched(d: DoubleDifferences, prior: AttitudePrior | None, nodes: int) -> float:
+    found = search_constrained(d, nodes, prior)
     sound = found.status == PROVEN
     epochs = epochs_of(d)
     determinants = _log_determinants(epochs, d.code_variance_m2)
     determinants += _log_determinants(epochs, d.phase_variance_m2)
-    cost, degrees = found.costs[sound, 0], found.degrees[sound]
-    # The best cost becomes Student's; what other candidates and the volume add stays as it is.
-    student = 0.5 * (cost - (_ROUGHNESS + degrees) * np.log1p(cost / _ROUGHNESS))
+    student = _student(found.costs[sound, 0], found.degrees[sound])
     return float(np.sum(found.log_evidence[sound] + student - 0.5 * determinants[sound]))
 
 
-def _with_law(
-    differences: DoubleDifferences, code: FloatArray, phase: FloatArray, law: FloatArray
-) -> DoubleDifferences:
-    return replace(
-        differences,
-        code_variance_m2=differences.code_variance_m2 * np.exp(law[0]) * code ** law[1],
-        phase_variance_m2=differences.phase_variance_m2 * np.exp(law[2]) * phase ** law[3],
-    )
+def _student(cost: FloatArray, degrees: IntArray) -> FloatArray:
+    """Return what makes a Gaussian's ``-cost / 2`` Student's.
+
+    That of the best integers; what other candidates and the volume add stays as it is.
+    """
+    return np.asarray(0.5 * (cost - (_ROUGHNESS + degrees) * np.log1p(cost / _ROUGHNESS)))
 
 
 @kernel

@@ -131,6 +131,8 @@ def left_out_losses(
     antennas : tuple of str, length b + 1
     left_out : ndarray of bool, shape (n, b + 1, m)
     """
+    if not left_out.any():
+        return ()
     some = np.flatnonzero(left_out.any(axis=(1, 2)))
     losses, counted = [], ~differences.resolvable[some]
     for a, j in np.argwhere(left_out.any(axis=0)):

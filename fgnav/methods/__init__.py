@@ -1,12 +1,14 @@
 """Ways from a flight to an estimate, found by name.
 
 A method is a frozen dataclass with ``name`` and ``__call__(flight) -> Estimate``; those that use
-carrier phase take a ``resolver``. Third parties add their own through the entry-point group
-``fgnav.methods``: a callable that takes ``resolver`` and returns an ``Estimator``.
+carrier phase take a ``resolver``, those in ``WITH_GRAVITY`` a ``gravity`` estimator. Third parties
+add their own through the entry-point group ``fgnav.methods``: a callable that takes ``resolver``
+and returns an ``Estimator``.
 """
 
 from fgnav import plugins
 from fgnav.estimate import Estimator
+from fgnav.gravity import GravityEstimator
 from fgnav.integers.resolver import Resolver
 
 GROUP = "fgnav.methods"
@@ -14,9 +16,11 @@ METHODS = {
     "closed-form": "fgnav.methods.closed_form:ClosedForm",
     "maximum-likelihood": "fgnav.methods.maximum_likelihood:MaximumLikelihood",
     "smoother": "fgnav.methods.smoother:Smoother",
+    "forward": "fgnav.methods.smoother:Forward",
     "batch": "fgnav.methods.smoother:Batch",
     "rtk": "fgnav.methods.rtk:Rtk",
 }
+WITH_GRAVITY = ("smoother", "forward", "batch")
 
 
 def method_names() -> tuple[str, ...]:
@@ -24,8 +28,10 @@ def method_names() -> tuple[str, ...]:
     return plugins.names(GROUP, METHODS)
 
 
-def method_named(name: str, resolver: Resolver) -> Estimator:
-    """Return the method of that name.
+def method_named(
+    name: str, resolver: Resolver, gravity: GravityEstimator | None = None
+) -> Estimator:
+    """Return the method of that name; ``gravity`` goes to those in ``WITH_GRAVITY`` alone.
 
     Raises
     ------
@@ -33,5 +39,7 @@ def method_named(name: str, resolver: Resolver) -> Estimator:
         If there is none; the text lists what there is.
     """
     factory = plugins.named(GROUP, METHODS, name, kind="method")
-    estimator: Estimator = factory(resolver=resolver)
+    takes_gravity = gravity is not None and name in WITH_GRAVITY
+    options = {"gravity": gravity} if takes_gravity else {}
+    estimator: Estimator = factory(resolver=resolver, **options)
     return estimator

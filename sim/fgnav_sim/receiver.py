@@ -1,6 +1,6 @@
 """GNSS receivers: code, carrier phase, Doppler and C/N0 of every antenna, from light time up."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,6 +36,7 @@ def observe(
     orbits: BroadcastOrbits | PreciseOrbits,
     *,
     messages: BroadcastOrbits | None = None,
+    satellite_cycles: Mapping[tuple[str, str], float] | None = None,
     rng: np.random.Generator,
     progress: Callable[[float], None],
 ) -> "Received":
@@ -53,6 +54,9 @@ def observe(
         How the satellites fly.
     messages : BroadcastOrbits or None
         Where orbits are tables: the messages that state group delays and the ionosphere, if any.
+    satellite_cycles : mapping, optional
+        What satellites add to the phase of a channel, by satellite and signal; drawn where it is
+        not given.
     rng : numpy.random.Generator
     progress : callable
         Told the share done, up to 1.
@@ -86,15 +90,20 @@ def observe(
         measured.echo(sensor, sensor.multipath, echo_rng)
     above = _above(sensor, channels, measured, t_s)
     tracking = track(sensor, above, measured.sky, t_s, antennas, rng=tracking_rng)
-    return _received(sensor, channels, t_s, measured, above, tracking, rng=cycles_rng)
+    given = satellite_cycles or {}
+    return _received(sensor, channels, t_s, measured, above, tracking, given, rng=cycles_rng)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Received:
-    """Observations of all antennas, and the true integers of their phase."""
+    """Observations of all antennas, and the true integers of their phase.
+
+    ``satellite_cycles`` is the fraction of a cycle that each satellite's signal brings along.
+    """
 
     observations: Observations
     integers: LinkIntegers
+    satellite_cycles: dict[tuple[str, str], float]
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -228,6 +237,7 @@ def _received(
     measured: _Measured,
     above: BoolArray,
     tracking: Tracking,
+    given: Mapping[tuple[str, str], float],
     *,
     rng: np.random.Generator,
 ) -> Received:
@@ -244,7 +254,11 @@ def _received(
     def dense(value: FloatArray) -> FloatArray:
         return np.where(tracking.there, value, np.nan)[..., kept]
 
-    fractions, integers = _cycles(channels, rises, antennas, rng=rng)
+    of_satellite, of_receiver, integers = _cycles(channels, rises, antennas, rng=rng)
+    pairs = tuple(zip(channels.satellites, channels.signals, strict=True))
+    drawn = dict(zip(pairs, of_satellite.tolist(), strict=True))
+    sent = {pair: given.get(pair, fraction) for pair, fraction in drawn.items()}
+    fractions = of_receiver + np.array(list(sent.values()))
     cycles = integers + 0.5 * tracking.half_cycles
     cn0_dbhz = np.round(measured.cn0_dbhz(sensor, slice(None)), 2)
     flags: NDArray[Any] = LOST_LOCK * tracking.flagged[..., kept]
@@ -264,6 +278,7 @@ def _received(
     return Received(
         observations=observations,
         integers=link_integers(names, named, t_s, tracking.there[..., kept], cycles[..., kept]),
+        satellite_cycles=sent,
     )
 
 
@@ -365,8 +380,10 @@ def _elevation_factor(sensor: GnssTable, elevation_rad: FloatArray) -> FloatArra
 
 def _cycles(
     channels: Channels, rises: BoolArray, antennas: int, *, rng: np.random.Generator
-) -> tuple[FloatArray, IntArray]:
-    """Return what phase holds beside the way, cycles: fractions (a, m) and integers (n, a, m).
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Return what phase holds beside the way, cycles: of satellites, of receivers, and integers.
+
+    Shapes are (m,), (a, m) and (n, a, m).
 
     An arbitrary integer per antenna, channel and pass; a fraction per antenna and kind of signal
     and one per satellite's signal, as hardware delays are, which double differences remove.
@@ -381,4 +398,4 @@ def _cycles(
     )
     # All channels of one pass number at once: few passes, so no array of indices (n, a, m).
     of_pass = integers.transpose(0, 2, 1)[passes, np.arange(len(kind))].swapaxes(1, 2)
-    return of_receiver + of_satellite, np.asarray(of_pass)
+    return of_satellite, of_receiver, np.asarray(of_pass)

@@ -169,6 +169,14 @@ class Cn0Table(Table, frozen=True):
     sets_noise: bool = False
 
 
+class BaseTable(Table, frozen=True):
+    """Where a receiver stands on the ground; its make and rate are those on board."""
+
+    latitude_deg: Annotated[float, msgspec.Meta(ge=-90, le=90)]
+    longitude_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)]
+    height_m: Annotated[float, msgspec.Meta(gt=-1e4, lt=1e5)]
+
+
 class GnssTable(Table, frozen=True):
     """Receivers, one per antenna, and satellites.
 
@@ -195,12 +203,17 @@ class GnssTable(Table, frozen=True):
     cn0 : Cn0Table
     atmosphere : bool
         Delay the signals by the broadcast ionosphere and a standard troposphere.
+    message_errors : bool
+        Give every satellite an error in its ranges as large as estimators expect of messages and
+        of models of the atmosphere; else both are perfect.
     wind_up : bool
         Turns of the antennas, all of which look along -z_b, wind up the phase; in double
         differences of a rigid body nothing of it is left.
     clock : ClockTable
     rinex : {"3.04", "4.00"}
         Version of the files that ``fgnav simulate`` writes.
+    base : BaseTable or None
+        A station on the ground that records, too.
     slips, loss_of_lock, body_mask, multipath : their tables, or None
     outages, reflectors : tuple of their tables
     """
@@ -219,9 +232,11 @@ class GnssTable(Table, frozen=True):
     antenna_noise: tuple[Positive, ...] = ()
     cn0: Cn0Table = Cn0Table()
     atmosphere: bool = True
+    message_errors: bool = False
     wind_up: bool = False
     clock: ClockTable = ClockTable()
     rinex: RinexVersion = "3.04"
+    base: BaseTable | None = None
     slips: SlipsTable | None = None
     loss_of_lock: LossOfLockTable | None = None
     outages: tuple[OutageTable, ...] = ()

@@ -11,9 +11,11 @@ from fgnav.checks import Loss
 from fgnav.flight import Antenna, Flight, GnssNoise, LinkIntegers, Truth
 from fgnav.orbits import BroadcastOrbits, PreciseOrbits
 from fgnav_sim import detector, inertial
+from fgnav_sim.base import stand
 from fgnav_sim.constellation import KLOBUCHAR, built_in_orbits
 from fgnav_sim.dispersions import Draw, disperse
 from fgnav_sim.fixes import fix
+from fgnav_sim.message_errors import with_message_errors
 from fgnav_sim.receiver import observe
 from fgnav_sim.receiver_tables import antenna_names
 from fgnav_sim.scenario import GnssTable, Scenario
@@ -111,12 +113,22 @@ def _sensed(
     elif seeker:
         reason = "beacon never within range and field of view"
         losses += (Loss(what="seeker", reason=reason, count=1),)
-    received = None
+    received = base = None
     if gnss and flown:
         received = observe(
             gnss, scenario, flown, messages=broadcast, rng=gnss_rng, progress=progress
         )
-    return Flight(
+        if gnss.base:
+            base = stand(
+                gnss.base,
+                gnss,
+                scenario,
+                flown,
+                messages=broadcast,
+                satellite_cycles=received.satellite_cycles,
+                rng=gnss_rng.spawn(1)[0],
+            )
+    flight = Flight(
         name=scenario.name,
         start_gps_s=scenario.start_gps_s,
         origin=scenario.origin.frame,
@@ -126,12 +138,16 @@ def _sensed(
         precise=precise,
         elevation_mask_rad=np.radians(gnss.elevation_mask_deg if gnss else 10.0),
         gnss_noise=_noise(gnss) if gnss else GnssNoise(),
+        base=base,
         imu=sensed,
         fixes=fix(fixes, scenario, "a1", rng=fixes_rng) if fixes else None,
         seeker=watched,
         truth=_truth(scenario, received.integers if received else None),
         losses=losses,
     )
+    if gnss and gnss.message_errors:
+        return with_message_errors(flight, gnss_rng.spawn(1)[0])
+    return flight
 
 
 def _antennas(scenario: Scenario) -> tuple[Antenna, ...]:

@@ -60,7 +60,7 @@ def _rung(flight: Flight, mask: int, published: dict[str, float]) -> dict[str, o
     note = (
         f"{enough.sum()} epochs; peer: published known length; LAMBDA {free:.1f} %, published "
         f"{of_lambda:.1f} %; accepted % (of them wrong) where a share may be wrong: "
-        f"{_curve(d, flight, enough)}; more signals at 1e-3: {', '.join(more)}; "
+        f"{_curve(d, flight, enough)}; more signals at the default: {', '.join(more)}; "
         f"proven {(raw.status[enough] == PROVEN).sum()}"
     )
     row: dict[str, object] = {"name": f"ladder_mask_{mask}", "ours": share, "peer": known}

@@ -1,18 +1,27 @@
 """The smoother's speed against real time, and accuracy against the bound, on the demo's motion."""
 
-from dataclasses import replace
+import tracemalloc
+from dataclasses import fields, replace
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 
+import gtsam
 import msgspec
 import numpy as np
+from gtsam.symbol_shorthand import B, V, X
 
 from fgnav.evaluation.comparison import compare
 from fgnav.flight import Flight
 from fgnav.integers.lambda_ import Lambda
+from fgnav.integers.registry import resolver_named
 from fgnav.integers.resolve import resolve
 from fgnav.methods import method_named
 from fgnav.methods.smoother import Batch, Smoother
+from fgnav.methods.smoother.batch import solve_batch
+from fgnav.methods.smoother.collect import Settings, collect
+from fgnav.methods.smoother.graph import State, link, motion, priors
+from fgnav.methods.smoother.keyframes import Keyframes
+from fgnav.methods.smoother.window import Window, solve_window
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 
@@ -22,8 +31,11 @@ SETTING = "demo motion, 8 antennas, 10 Hz keyframes, 100 Hz accelerometer, 300 s
 ACCURATE = ("closed-form", "maximum-likelihood", "smoother", "batch", "rtk")
 NAMES = (
     "smoother_batch",
-    "smoother_window",
-    "flight_to_estimate",
+    "smoother_fixed_lag",
+    "smoother_with_integers",
+    "smoother_growth",
+    "smoother_memory",
+    "smoother_solver",
     *(
         f"accuracy_{name.replace('-', '_')}_{angle}"
         for name in ACCURATE
@@ -39,35 +51,118 @@ def run() -> list[dict]:
     for method in (Batch(), Smoother()):
         method(flight)  # compiles kernels; its front end and integers stay cached with the flight
     resolve(flight, Lambda())
+    constrained = resolver_named("constrained")
+    Batch(resolver=constrained)(replace(flight))
     smoothing = "smoothing alone: single-epoch attitudes, preintegration, solution, covariances"
     return [
         _speed("smoother_batch", lambda: Batch()(flight), f"{smoothing}; {SETTING}"),
-        _speed("smoother_window", lambda: Smoother()(flight), f"lag 5 s, {smoothing}; {SETTING}"),
         _speed(
-            "flight_to_estimate",
-            lambda: Batch()(replace(flight)),
-            f"differences, integers and batch smoothing; {SETTING}",
+            "smoother_fixed_lag",
+            lambda: Smoother(lag_s=2.0)(flight),
+            f"lag 2 s, {smoothing}; {SETTING}",
         ),
+        _speed(
+            "smoother_with_integers",
+            lambda: Batch(resolver=constrained)(replace(flight)),
+            f"differences, array-constrained integers and batch smoothing; {SETTING}",
+        ),
+        *_chain(flight),
         *_accuracy(flight),
     ]
 
 
 def _speed(name, work, note):
     """Return flight seconds per second of work, the median of five."""
-    seconds = []
-    for _ in range(5):
-        started_s = perf_counter()
-        work()
-        seconds.append(perf_counter() - started_s)
-    factor = SPAN_S / float(np.median(seconds))
-    return {
-        "name": name,
-        "ours": factor,
-        "peer": 1.0,
-        "ratio": factor,
-        "unit": "x real time",
-        "note": note,
-    }
+    factor = SPAN_S / float(np.median([_seconds(work) for _ in range(5)]))
+    return _row(name, factor, 1.0, factor, "x real time", note)
+
+
+def _seconds(work):
+    started_s = process_time()  # of one core, whoever else uses it
+    work()
+    return process_time() - started_s
+
+
+def _row(name, ours, peer, ratio, unit, note):
+    keys = ("name", "ours", "peer", "ratio", "unit", "note")
+    return dict(zip(keys, (name, ours, peer, ratio, unit, note), strict=True))
+
+
+def _chain(flight: Flight) -> list[dict]:
+    """Return how the solvers grow with the flight, and the batch beside GTSAM's own."""
+    settings = Settings(
+        resolver=Lambda(),
+        gravity=None,
+        angular_acceleration_density=None,
+        sub_steps=2,
+        false_alarm=1e-4,
+    )
+    whole = collect(flight, settings).keyframes
+    short = _first(whole, len(whole.t_s) // 10)
+    seconds = [[_seconds(lambda k=k: solve_window(k, 2.0)) for k in (short, whole)] for _ in "aaa"]
+    growth = float(np.median([b / a for a, b in seconds]))
+    held = [_held(part) for part in (short, whole)]
+    ours = np.median([_seconds(lambda: solve_batch(short)) for _ in range(5)])
+    theirs = np.median([_seconds(lambda: _by_gtsam(short)) for _ in range(3)])
+    note = "time of ten times the flight over that of the flight, window of 2 s; peer: linear"
+    return [
+        _row("smoother_growth", growth, 10.0, 10.0 / growth, "", note),
+        _row(
+            "smoother_memory",
+            held[1],
+            held[0],
+            held[0] / held[1],
+            "MB",
+            "peak of Python's and numpy's memory in the window; peer: a tenth of the flight",
+        ),
+        _row(
+            "smoother_solver",
+            len(short.t_s) / ours,
+            len(short.t_s) / theirs,
+            theirs / ours,
+            "keyframes/s",
+            "batch; peer: GTSAM's GaussNewtonOptimizer and Marginals, same links",
+        ),
+    ]
+
+
+def _first(keyframes: Keyframes, n: int) -> Keyframes:
+    """Return the first n keyframes; what has a row for each is cut, the rest is shared."""
+
+    def cut(part):
+        arrays = {f.name: getattr(part, f.name) for f in fields(part)}
+        long = {
+            name: value[:n]
+            for name, value in arrays.items()
+            if isinstance(value, np.ndarray) and len(value) == len(keyframes.t_s)
+        }
+        return replace(part, **long)
+
+    parts = {name: cut(getattr(keyframes, name)) for name in ("array", "position", "velocity")}
+    return replace(cut(keyframes), **parts)
+
+
+def _held(keyframes: Keyframes) -> float:
+    window = Window(2.0)
+    tracemalloc.start()
+    for row in range(len(keyframes.t_s)):
+        window.update(keyframes, row)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak / 1e6
+
+
+def _by_gtsam(keyframes: Keyframes) -> None:
+    graph, values, keys = gtsam.NonlinearFactorGraph(), gtsam.Values(), range(len(keyframes.t_s))
+    for k in keys:
+        before = (motion(keyframes, k, keyframes.slot[k - 1], k),) if k else priors(keyframes)
+        graph.push_back(link(keyframes, k, before))
+        State.start(keyframes, k).insert(values, k)
+    found = gtsam.GaussNewtonOptimizer(graph, values).optimize()
+    marginals = gtsam.Marginals(graph, found)
+    for k in keys:
+        for symbol in (X, V, B):
+            marginals.marginalCovariance(symbol(k))
 
 
 def _accuracy(flight: Flight) -> list[dict]:

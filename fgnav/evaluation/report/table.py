@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from fgnav.checks import Loss
+from fgnav.estimate import Rejected
 from fgnav.evaluation.comparison import Comparison
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.scores import Angles, Score
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
 _NONE = "–"
 _MOST_LINES = 8
+_MOST_LINKS = 3
 _HEADS = (
     ("roll", "deg"),
     ("pitch", "deg"),
@@ -61,7 +63,7 @@ def comparison_table(comparison: Comparison) -> "Table":
 
 
 def remarks(comparison: Comparison) -> list[str]:
-    """Return a line per failure, open state, note and group of losses, the largest group first."""
+    """Return a line per failure, open state, note, kind of rejection and group of losses."""
     lines = []
     for method in comparison.methods:
         score = method.score
@@ -74,8 +76,28 @@ def remarks(comparison: Comparison) -> list[str]:
         for m in comparison.methods
     )
     lines += _said_by((m.name, m.score.notes) for m in comparison.methods)
+    lines += _said_by((m.name, rejection_lines(m.rejections)) for m in comparison.methods)
     per_method = {m.name: m.score.losses for m in comparison.methods if m.estimate is not None}
     return lines + loss_lines(per_method)
+
+
+def rejection_lines(rejections: tuple[Rejected, ...]) -> tuple[str, ...]:
+    """Return a line per kind of measurement that was mended or not believed, with who made it."""
+    links: dict[str, list[str]] = {}
+    for one in rejections:
+        links.setdefault(one.what, []).append(one.link)
+    return tuple(
+        f"{what} contradicted the rest {len(by)} times ({_some(by)}): mended or left out, each "
+        "in --json"
+        for what, by in links.items()
+    )
+
+
+def _some(links: list[str]) -> str:
+    """Return who was rejected most often, and how many others were."""
+    ranked = [link for link, _ in Counter(links).most_common()]
+    more = len(ranked) - _MOST_LINKS
+    return ", ".join(ranked[:_MOST_LINKS]) + (f" and {more} more" if more > 0 else "")
 
 
 def loss_lines(per_owner: dict[str, tuple[Loss, ...]]) -> list[str]:

@@ -1,5 +1,15 @@
 """Factor-graph smoothing: the only place with gtsam."""
 
-from fgnav.methods.smoother.smoother import Batch, Smoother
+from fgnav.methods.smoother.smoother import Batch, Forward, Smoother
+from fgnav.methods.smoother.stream import Direction, Measured, Measurements, Stream, StreamSetUp
 
-__all__ = ["Batch", "Smoother"]
+__all__ = [
+    "Batch",
+    "Direction",
+    "Forward",
+    "Measured",
+    "Measurements",
+    "Smoother",
+    "Stream",
+    "StreamSetUp",
+]

@@ -1,27 +1,42 @@
 """From a flight to keyframes: what each GNSS epoch measured, and where to start."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
+from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
+from fgnav.estimate import Rejected
 from fgnav.flight import Flight, Imu
 from fgnav.gravity import GravityEstimator
 from fgnav.integers.resolver import Integers, Resolver
 from fgnav.methods.smoother import instruments
-from fgnav.methods.smoother.keyframes import ArrayForm, Keyframes, Timed
-from fgnav.methods.smoother.preintegration import (
-    RATE_SPAN_S,
-    Preintegrator,
+from fgnav.methods.smoother.antenna_motion import antenna_motion
+from fgnav.methods.smoother.density import (
     angular_acceleration_density,
-    angular_rates,
-    increments,
+    density_of_rough_attitudes,
 )
-from fgnav.methods.smoother.starts import Start, start_of
-from fgnav.rotations import exp, log, skew, transpose
+from fgnav.methods.smoother.gaps import (
+    LONGEST_GAP_S,
+    LOST_S,
+    Bridged,
+    BridgingPreintegrator,
+    bridged,
+    carried,
+    density_in_gaps,
+    hardly_known,
+    keyframe_times,
+    spans,
+    told,
+    without_attitude,
+)
+from fgnav.methods.smoother.gate import gated
+from fgnav.methods.smoother.keyframes import ArrayForm, Keyframes, Timed
+from fgnav.methods.smoother.preintegration import angular_rates, increments
+from fgnav.methods.smoother.rates import Rates
+from fgnav.methods.smoother.starts import Start, at_keyframes, start_of
+from fgnav.rotations import exp, log, transpose
 
-_UNKNOWN_RATE_RADPS = 30.0  # 1-sigma of the first body rate: five turns a second
-_LONGEST_GAP_S = 0.5  # of the accelerometer's record, bridged by interpolation
+_FEWEST = 5  # attitudes that tell how briskly a body turns
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,11 +58,12 @@ class Collected:
     ----------
     keyframes : Keyframes
     epochs : int
-        GNSS epochs of the flight.
+        GNSS epochs of the flight, and times between them that are far apart.
     common_position_m2 : ndarray, shape (n, 3, 3)
         Variance of positions at keyframes that no smoothing reduces.
     integers : Integers or None
     losses : tuple of Loss
+    rejections : tuple of Rejected
     notes : tuple of str
     """
 
@@ -56,6 +72,7 @@ class Collected:
     common_position_m2: FloatArray
     integers: Integers | None
     losses: tuple[Loss, ...]
+    rejections: tuple[Rejected, ...]
     notes: tuple[str, ...]
 
 
@@ -67,73 +84,67 @@ def collect(flight: Flight, settings: Settings) -> Collected:
     NoSolutionError
         Naming the part of the flight that is missing.
     """
-    imu = flight.imu
-    if imu is None:
-        raise NoSolutionError("motion: between epochs it needs an [imu], the flight has none")
-    start = start_of(flight, settings.resolver, settings.false_alarm)
-    keep, losses = _keyframes(imu, start)
-    t_s, told = start.t_s[keep], start.told[keep]
-    R_nb = _filled(t_s, start.R_nb[keep], told)
-    covariance_rad2 = start.covariance_rad2[keep][told]
-    antenna = instruments.antenna_motion(flight, imu, t_s)
-    rates = _rates(imu, t_s, R_nb, covariance_rad2)
-    velocity = _at_accelerometer(antenna.velocity, R_nb, rates)
-    p_n_m, v_n_mps = _start(t_s, R_nb, antenna.position, velocity)
-    slot, slot_sigma = _slot(imu, rates)
+    record = bridged(_inertial(flight))
+    imu, epochs = record.imu, start_of(flight, settings.resolver, settings.false_alarm)
+    start, losses = _keyframes(imu, epochs)
+    t_s = start.t_s
+    rates = Rates.of(imu, t_s, start.R_nb, start.covariance_rad2[start.told])
+    antenna = antenna_motion(flight, imu, start, rates)
+    preintegrate = _preintegrator(flight, settings, record, start, _places(t_s, antenna.position))
+    blind = (without_attitude(t_s, start.told) > LONGEST_GAP_S) | record.touched(t_s)
+    fixes = (antenna.position, antenna.velocity)
+    gate = gated(preintegrate, t_s, start.R_nb, fixes, blind, antenna.name)
+    p_n_m, v_n_mps = _start(t_s, start.R_nb, gate.position, gate.velocity)
+    slot, slot_sigma = rates.slot(imu)
     sight, sight_losses = instruments.sight(flight, imu, t_s, p_n_m)
     gravity, gravity_losses = instruments.gravity(flight, settings.gravity, t_s)
-    gravity_n_mps2 = flight.origin.gravity_n_mps2(p_n_m)
     keyframes = Keyframes(
         t_s=t_s,
-        array=ArrayForm.of(start.form[keep] if start.form is not None else None, told),
-        R_nb=R_nb,
+        array=_phases(imu, start),
+        R_nb=start.R_nb,
         p_n_m=p_n_m,
         v_n_mps=v_n_mps,
         slot=slot,
         slot_sigma=slot_sigma,
-        position=antenna.position,
-        velocity=velocity,
+        position=gate.position,
+        velocity=gate.velocity,
         gravity=gravity,
-        gravity_n_mps2=gravity_n_mps2,
+        gravity_n_mps2=preintegrate.gravity_n_mps2,
         sight=sight,
         landmark_n_m=None if sight is None or flight.seeker is None else flight.seeker.landmark_n_m,
-        preintegrate=Preintegrator(
-            imu=imu,
-            increments=increments(imu, t_s, settings.sub_steps),
-            gravity_n_mps2=gravity_n_mps2,
-            earth_rate_n_radps=flight.origin.earth_rate_n_radps,
-            angular_acceleration_density=_density(
-                imu, settings, t_s[told], R_nb[told], covariance_rad2
-            ),
-        ),
+        preintegrate=preintegrate,
     )
-    parts = (start.losses, losses, antenna.losses)
+    parts = (start.losses, losses, antenna.losses, gate.losses)
     return Collected(
         keyframes=keyframes,
-        epochs=len(start.t_s),
+        epochs=len(keyframe_times(epochs.t_s)),
         common_position_m2=antenna.common_m2,
         integers=start.integers,
         losses=tuple(sum((*parts, sight_losses, gravity_losses), ())),
-        notes=start.notes,
+        rejections=(*start.rejections, *gate.rejections),
+        notes=(*start.notes, *antenna.notes, *_gaps(keyframes, start.told, record.gaps_s)),
     )
 
 
-def _keyframes(imu: Imu, start: Start) -> tuple[IntArray, tuple[Loss, ...]]:
-    """Choose the epochs that become keyframes; count the rest with their reasons."""
+def _inertial(flight: Flight) -> Imu:
+    """Return the accelerometer's record, if it says anything of motion."""
+    if flight.imu is None:
+        raise NoSolutionError("motion: between epochs it needs an [imu], the flight has none")
+    if len(flight.imu.t_s) < 2:
+        raise NoSolutionError(f"motion: the [imu] has {len(flight.imu.t_s)} samples, needs 2")
+    return flight.imu
+
+
+def _keyframes(imu: Imu, epochs: Start) -> tuple[Start, tuple[Loss, ...]]:
+    """Choose epochs, and times between them, as keyframes; count the rest with their reasons."""
+    start = at_keyframes(epochs, keyframe_times(epochs.t_s))
     t_s = start.t_s
-    gaps = np.flatnonzero(np.diff(imu.t_s) > _LONGEST_GAP_S)
-    if len(gaps):
-        at_s = imu.t_s[gaps[0]]
-        raise NoSolutionError(
-            f"motion: the accelerometer has {len(gaps)} gaps above {_LONGEST_GAP_S} s, "
-            f"the first after t_s = {at_s:.3f}"
-        )
     covered = (t_s >= imu.t_s[0]) & (t_s <= imu.t_s[-1])
     good = np.flatnonzero(covered & start.told)
     if len(good) < 2:
         raise NoSolutionError(
             f"attitude: {len(good)} epochs have consistent array phases, or other vectors out of "
-            "line, to start from; needs 2 or more"
+            f"line, to start from; needs 2 or more: {_why(imu, start, covered)}"
         )
     early = covered & (np.arange(len(t_s)) < good[0])
     reasons = {
@@ -146,18 +157,103 @@ def _keyframes(imu: Imu, start: Start) -> tuple[IntArray, tuple[Loss, ...]]:
         for (what, reason), lost in reasons.items()
         if lost.any()
     )
-    return np.flatnonzero(covered & ~early), losses
+    start = start[np.flatnonzero(covered & ~early)]
+    return replace(start, R_nb=_filled(t_s=start.t_s, R_nb=start.R_nb, told=start.told)), losses
+
+
+def _places(t_s: FloatArray, position: Timed | None) -> FloatArray:
+    """Return where fixes say that each keyframe is, (n, 3); gravity minds no jumps of 100 m."""
+    if position is None or not np.isfinite(position.value).any():
+        raise NoSolutionError("position: neither code observations nor fixes at keyframes")
+    return _interpolated(t_s, position.value)
+
+
+def _preintegrator(
+    flight: Flight, settings: Settings, record: Bridged, start: Start, p_n_m: FloatArray
+) -> BridgingPreintegrator:
+    """Return what makes the factors between keyframes, of those in gaps, too."""
+    imu, t_s, told = record.imu, start.t_s, start.told
+    covariance_rad2 = start.covariance_rad2[told]
+    rough = start.form is None
+    usual = _density(imu, settings, t_s[told], start.R_nb[told], covariance_rad2, rough=rough)
+    unfelt, density = record.touched(t_s)[:-1], np.tile(usual, (len(t_s) - 1, 1))
+    if imu.w_b_radps is None:
+        away_s = without_attitude(t_s, told)
+        unfelt = unfelt | (np.minimum(away_s[1:], away_s[:-1]) > LOST_S)
+        density = density_in_gaps(t_s, start.R_nb, told, covariance_rad2, usual)
+    return BridgingPreintegrator(
+        imu=imu,
+        increments=increments(imu, t_s, settings.sub_steps),
+        gravity_n_mps2=flight.origin.gravity_n_mps2(p_n_m),
+        earth_rate_n_radps=flight.origin.earth_rate_n_radps,
+        angular_acceleration_density=usual,
+        loose=record.loose,
+        loosened=unfelt,
+        density=density,
+    )
+
+
+def _phases(imu: Imu, start: Start) -> ArrayForm:
+    """Return what the array says; without a gyroscope, next to nothing elsewhere, too."""
+    form, told = start.form, start.told
+    lost = (without_attitude(start.t_s, told) > LOST_S).any()
+    if imu.w_b_radps is not None or (form is not None and not lost):
+        return ArrayForm.of(form, told)
+    vague = hardly_known(form, start.R_nb, start.t_s, told)
+    return ArrayForm.of(vague, np.ones_like(told))
+
+
+def _gaps(keyframes: Keyframes, attitude: BoolArray, inertial_s: FloatArray) -> tuple[str, ...]:
+    """Tell where measurements are missing for long."""
+    t_s, notes = keyframes.t_s, [*told("inertial samples", inertial_s)]
+    missing = {
+        "position": None if keyframes.position is None else keyframes.position.value,
+        "velocity": None if keyframes.velocity is None else keyframes.velocity.value,
+        "line of sight": None if keyframes.sight is None else keyframes.sight.e_b,
+    }
+    notes += told("attitude of single epochs", spans(t_s, ~attitude))
+    for what, values in missing.items():
+        if values is not None:
+            notes += told(what, spans(t_s, np.isnan(values[:, 0])))
+    return tuple(notes)
+
+
+def _why(imu: Imu, start: Start, covered: BoolArray) -> str:
+    """Return what keeps a flight from having attitudes to start from."""
+    if not covered.any():
+        return (
+            f"no GNSS epoch lies within the accelerometer's record, {imu.t_s[0]:.3f} to "
+            f"{imu.t_s[-1]:.3f} s"
+        )
+    if start.refused.any():
+        return f"array phases contradict each other at {int(start.refused.sum())} epochs"
+    if start.unobservable:
+        angles = " and ".join(start.unobservable)
+        return f"the array leaves {angles} open; a baseline out of line, or Doppler, would tell"
+    if start.form is not None and not start.told.any():
+        return "the integers of the array's phases are not fixed, or too few"
+    if start.form is None and not start.told.any():
+        return "with one antenna it takes Doppler or velocities, or a line of sight, to tell roll"
+    return f"{int((covered & start.told).sum())} within the accelerometer's record"
 
 
 def _filled(t_s: FloatArray, R_nb: FloatArray, told: BoolArray) -> FloatArray:
-    """Turn evenly between neighbours where an epoch has no attitude; hold the last one."""
+    """Turn where an epoch has no attitude by the cubic between its neighbours; hold the last one.
+
+    Evenly in gaps so long that the rates at their ends say nothing of their middle.
+    """
     known = np.flatnonzero(told)
+    if len(known) == len(t_s):
+        return R_nb
+    rates = angular_rates(t_s[known], R_nb[known])
     place = np.interp(t_s, t_s[known], np.arange(len(known)))
     before = np.floor(place).astype(np.int64)
     after = np.minimum(before + 1, len(known) - 1)
-    first, last = R_nb[known[before]], R_nb[known[after]]
-    share = (place - before)[:, None]
-    return np.asarray(first @ exp(share * log(transpose(first) @ last)))
+    first, last, share = R_nb[known[before]], R_nb[known[after]], (place - before)[:, None]
+    span_s = (t_s[known[after]] - t_s[known[before]])[:, None]
+    cubic = carried(first, last, rates[before], rates[after], span_s, share)
+    even = first @ exp(share * log(transpose(first) @ last))
+    return np.asarray(np.where(span_s[:, None] <= 2 * LOST_S, cubic, even))
 
 
 def _start(
@@ -178,56 +274,25 @@ def _interpolated(t_s: FloatArray, values: FloatArray) -> FloatArray:
     return np.stack(columns, axis=1)
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class _Rates:
-    """Body rates at keyframes, (n, 3), as good as they are before smoothing; their covariance."""
-
-    w_b_radps: FloatArray
-    covariance_rad2ps2: FloatArray
-
-
-def _rates(imu: Imu, t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray) -> _Rates:
-    """Return what the gyroscope says, or else the array's attitudes."""
-    if imu.w_b_radps is not None and imu.gyroscope_bias_radps is not None:
-        measured = [np.interp(t_s, imu.t_s, column) for column in imu.w_b_radps.T]
-        covariance = np.eye(3) * imu.gyroscope_bias_radps**2
-        return _Rates(w_b_radps=np.stack(measured, axis=1), covariance_rad2ps2=covariance)
-    covariance = 2 * covariance_rad2.mean(axis=0) / RATE_SPAN_S**2
-    return _Rates(w_b_radps=angular_rates(t_s, R_nb), covariance_rad2ps2=covariance)
-
-
-def _at_accelerometer(velocity: Timed | None, R_nb: FloatArray, rates: _Rates) -> Timed | None:
-    """Take the antenna's swing about the accelerometer off its velocity, and say how well.
-
-    The rates are those before smoothing: a few cm/s with a metre of lever arm, well below Doppler.
-    """
-    if velocity is None or not velocity.arm_b_m.any():
-        return velocity
-    arm = skew(velocity.arm_b_m[None])[0]
-    swing_n_mps = np.einsum("nij,nj->ni", R_nb, np.cross(rates.w_b_radps, velocity.arm_b_m))
-    doubt = R_nb @ (arm @ rates.covariance_rad2ps2 @ arm.T) @ transpose(R_nb)
-    return Timed(
-        value=velocity.value - swing_n_mps,
-        covariance=velocity.covariance + doubt,
-        arm_b_m=np.zeros(3),
-    )
-
-
-def _slot(imu: Imu, rates: _Rates) -> tuple[FloatArray, FloatArray]:
-    """Return the bias slot's start, (n, 6), and its prior, (6,); see ``preintegration``."""
-    slot, sigma = np.zeros((len(rates.w_b_radps), 6)), imu.gyroscope_bias_radps
-    if sigma is None:
-        slot[:, 3:] = -rates.w_b_radps
-        sigma = _UNKNOWN_RATE_RADPS
-    return slot, np.repeat([imu.accelerometer_bias_mps2, sigma], 3)
-
-
 def _density(
-    imu: Imu, settings: Settings, t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray
+    imu: Imu,
+    settings: Settings,
+    t_s: FloatArray,
+    R_nb: FloatArray,
+    covariance_rad2: FloatArray,
+    *,
+    rough: bool,
 ) -> FloatArray:
     """Return the angular acceleration density about the body axes, (3,)."""
     if imu.w_b_radps is not None:
         return np.zeros(3)
     if settings.angular_acceleration_density is not None:
         return np.full(3, settings.angular_acceleration_density)
+    if len(t_s) < _FEWEST:
+        raise NoSolutionError(
+            f"rate: {len(t_s)} epochs with an attitude are too few to tell how briskly the body "
+            f"turns without a gyroscope, needs {_FEWEST}; or state angular_acceleration_density"
+        )
+    if rough:  # their stated covariance is a guess
+        return density_of_rough_attitudes(t_s, R_nb)
     return angular_acceleration_density(t_s, R_nb, covariance_rad2)

@@ -1,35 +1,42 @@
-"""Keyframes as a factor graph: X pose, V velocity, B bias slot, L(0) the landmark."""
+"""Keyframes as a factor graph: X pose, V velocity, B bias slot, L(0) the landmark.
 
-from collections.abc import Iterator
+The graph of a flight is a chain of links: what a keyframe measured, and how the body came to it
+from the keyframe before. ``links`` says the same to faster kernels, tested against these factors.
+"""
+
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 import gtsam
 import numpy as np
 from gtsam.symbol_shorthand import B, L, V, X
 
-from fgnav.checks import FloatArray
+from fgnav.checks import FloatArray, IntArray
 from fgnav.methods.smoother import factors
+from fgnav.methods.smoother.chain import STATE, Chain
 from fgnav.methods.smoother.keyframes import Keyframes, there
 
 _LANDMARK_SIGMA_M = 0.01  # a surveyed beacon
-# Next to nothing is known before the first keyframe.
-_ROTATION_PRIOR_RAD = np.pi
-_POSITION_PRIOR_M = 1e4
-_VELOCITY_PRIOR_MPS = 1e3
+_LANDMARK = 3  # dimensions
+# Next to nothing is known before the first keyframe. Ten times less of the position, and rounding
+# would leave it open where the first fix is some keyframes away.
+ROTATION_PRIOR_RAD = np.pi
+POSITION_PRIOR_M = 1e3
+VELOCITY_PRIOR_MPS = 1e3
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Solution:
-    """States of the accelerometer at keyframes, with their marginal covariances.
+    """States of the accelerometer at keyframes, with their covariances.
 
     Attributes
     ----------
     R_nb, p_n_m, v_n_mps, slot : ndarray, shape (n, 3, 3), (n, 3), (n, 3), (n, 6)
-    pose_covariance : ndarray, shape (n, 6, 6)
-        Rotation tangent, then position, both in body axes (GTSAM's order).
-    velocity_covariance_m2ps2 : ndarray, shape (n, 3, 3)
-        In the frame ``n``.
-    slot_covariance : ndarray, shape (n, 6, 6)
+    covariance : ndarray, shape (n, 15, 15)
+        Rotation tangent, position, both in body axes (GTSAM's order); velocity in ``n``; slot.
+    cross : ndarray, shape (n - 1, 15, 15), or None
+        Covariance of each state with the next; None of states that are not of one smoothing.
     converged : bool
     """
 
@@ -37,59 +44,166 @@ class Solution:
     p_n_m: FloatArray
     v_n_mps: FloatArray
     slot: FloatArray
-    pose_covariance: FloatArray
-    velocity_covariance_m2ps2: FloatArray
-    slot_covariance: FloatArray
+    covariance: FloatArray
+    cross: FloatArray | None
     converged: bool
 
+    @property
+    def pose_covariance(self) -> FloatArray:
+        """Rotation tangent, then position, both in body axes, (n, 6, 6)."""
+        return self.covariance[:, :6, :6]
 
-def measured(keyframes: Keyframes, k: int) -> Iterator[gtsam.NonlinearFactor]:
+    @property
+    def velocity_covariance_m2ps2(self) -> FloatArray:
+        """In the frame ``n``, (n, 3, 3)."""
+        return self.covariance[:, 6:9, 6:9]
+
+    @property
+    def slot_covariance(self) -> FloatArray:
+        """Accelerometer bias, then rate or gyroscope bias, (n, 6, 6)."""
+        return self.covariance[:, 9:, 9:]
+
+    def __getitem__(self, rows: IntArray) -> "Solution":
+        """Return some of the states, (m,) of them, without their neighbours."""
+        return Solution(
+            R_nb=self.R_nb[rows],
+            p_n_m=self.p_n_m[rows],
+            v_n_mps=self.v_n_mps[rows],
+            slot=self.slot[rows],
+            covariance=self.covariance[rows],
+            cross=None,
+            converged=self.converged,
+        )
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class State:
+    """One keyframe's state: pose, velocity (3,) and slot (6,)."""
+
+    pose: gtsam.Pose3
+    v_n_mps: FloatArray
+    slot: FloatArray
+
+    @classmethod
+    def start(cls, keyframes: Keyframes, row: int) -> "State":
+        """Return where the search for a keyframe's state starts."""
+        pose = gtsam.Pose3(gtsam.Rot3(keyframes.R_nb[row]), keyframes.p_n_m[row])
+        return cls(pose=pose, v_n_mps=keyframes.v_n_mps[row], slot=keyframes.slot[row])
+
+    def insert(self, values: gtsam.Values, key: int) -> None:
+        """Add the state to the values, or put it in place of the one that was there."""
+        values.insert_or_assign(X(key), self.pose)
+        values.insert_or_assign(V(key), self.v_n_mps)
+        values.insert_or_assign(B(key), as_bias(self.slot))
+
+
+def border(keyframes: Keyframes) -> int:
+    """Return the dimensions of what all keyframes share: the landmark, if there is one."""
+    return 0 if keyframes.landmark_n_m is None else _LANDMARK
+
+
+def link(
+    keyframes: Keyframes, row: int, before: Iterable[gtsam.NonlinearFactor], key: int | None = None
+) -> gtsam.NonlinearFactorGraph:
+    """Return what enters with a keyframe: its measurements, and the motion or priors before it.
+
+    Parameters
+    ----------
+    keyframes : Keyframes
+    row : int
+        Which of them.
+    before : factors
+        ``priors`` of the first keyframe, the ``motion`` to any other.
+    key : int, optional
+        The keyframe's number in the graph; its row by default.
+    """
+    graph = gtsam.NonlinearFactorGraph()
+    for factor in chain(before, measured(keyframes, row, row if key is None else key)):
+        graph.add(factor)
+    return graph
+
+
+def measured(keyframes: Keyframes, row: int, key: int) -> Iterator[gtsam.NonlinearFactor]:
     """Yield the factors of one keyframe's own measurements."""
     array = keyframes.array
-    if array.there[k]:
-        yield factors.rotation_form(X(k), array.root[k], array.minimum[k])
+    if array.there[row]:
+        yield factors.rotation_form(X(key), array.root[row], array.minimum[row])
     p, v = keyframes.position, keyframes.velocity
-    if p is not None and there(p.value, k):
-        yield factors.antenna_position(X(k), p.value[k], p.covariance[k], p.arm_b_m)
-    if v is not None and there(v.value, k):
-        yield factors.velocity(V(k), v.value[k], v.covariance[k])
+    if p is not None and there(p.value, row):
+        yield factors.antenna_position(X(key), p.value[row], p.covariance[row], p.arm_b_m)
+    if v is not None and there(v.value, row):
+        yield factors.velocity(V(key), v.value[row], v.covariance[row])
     g, sight = keyframes.gravity, keyframes.sight
-    if g is not None and there(g.e_b, k):
-        down_n = keyframes.gravity_n_mps2[k]
-        yield factors.direction(X(k), down_n, g.e_b[k], float(g.sigma_rad[k]))
-    if sight is not None and there(sight.e_b, k):
-        yield factors.bearing(X(k), L(0), sight.e_b[k], float(sight.sigma_rad[k]))
+    if g is not None and there(g.e_b, row):
+        down_n = keyframes.gravity_n_mps2[row]
+        yield factors.direction(X(key), down_n, g.e_b[row], float(g.sigma_rad[row]))
+    if sight is not None and there(sight.e_b, row):
+        yield factors.bearing(X(key), L(0), sight.e_b[row], float(sight.sigma_rad[row]))
 
 
-def priors(keyframes: Keyframes) -> list[gtsam.NonlinearFactor]:
+def priors(keyframes: Keyframes) -> tuple[gtsam.NonlinearFactor, ...]:
     """Return what is known before the flight: the slot's size, and next to nothing of the rest."""
     sigma = gtsam.noiseModel.Diagonal.Sigmas
-    loose = np.repeat([_ROTATION_PRIOR_RAD, _POSITION_PRIOR_M], 3)
+    loose = np.repeat([ROTATION_PRIOR_RAD, POSITION_PRIOR_M], 3)
     # The slot's own start is told from the data and must not be used twice: its mean is zero.
-    found: list[gtsam.NonlinearFactor] = [
-        gtsam.PriorFactorPose3(X(0), start_pose(keyframes, 0), sigma(loose)),
-        gtsam.PriorFactorVector(V(0), np.zeros(3), sigma(np.full(3, _VELOCITY_PRIOR_MPS))),
+    found = [
+        gtsam.PriorFactorPose3(X(0), State.start(keyframes, 0).pose, sigma(loose)),
+        gtsam.PriorFactorVector(V(0), np.zeros(3), sigma(np.full(3, VELOCITY_PRIOR_MPS))),
         gtsam.PriorFactorConstantBias(
             B(0), gtsam.imuBias.ConstantBias(), sigma(keyframes.slot_sigma)
         ),
     ]
     if keyframes.landmark_n_m is not None:
-        near = sigma(np.full(3, _LANDMARK_SIGMA_M))
+        near = gtsam.noiseModel.Gaussian.Covariance(landmark_covariance_m2(keyframes))
         found.append(gtsam.PriorFactorPoint3(L(0), keyframes.landmark_n_m, near))
-    return found
+    return tuple(found)
 
 
-def motion(keyframes: Keyframes, k: int, slot: FloatArray) -> gtsam.CombinedImuFactor:
-    """Return the factor from keyframe k to the next, preintegrated about a slot, (6,)."""
-    pim = keyframes.preintegrate(k, as_bias(slot))
-    return gtsam.CombinedImuFactor(X(k), V(k), X(k + 1), V(k + 1), B(k), B(k + 1), pim)
+def landmark_covariance_m2(keyframes: Keyframes) -> FloatArray:
+    """Return how well the landmark is known beside positions, (3, 3): their common error, too."""
+    survey_m2 = _LANDMARK_SIGMA_M**2 * np.eye(3)
+    common_m2 = keyframes.common_position_m2
+    return survey_m2 if common_m2 is None else survey_m2 + common_m2
+
+
+def motion(keyframes: Keyframes, row: int, slot: FloatArray, key: int) -> gtsam.CombinedImuFactor:
+    """Return the factor to a keyframe from the one before, preintegrated about a slot, (6,)."""
+    pim = keyframes.preintegrate(row - 1, as_bias(slot))
+    return gtsam.CombinedImuFactor(X(key - 1), V(key - 1), X(key), V(key), B(key - 1), B(key), pim)
+
+
+def enter(
+    into: Chain, k: int, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, *, first: bool
+) -> float:
+    """Linearise a link into row k of a chain; return twice its cost."""
+    augmented = graph.linearize(values).augmentedHessian()
+    seen = len(augmented) != (STATE if first else 2 * STATE) + 1
+    into.enter(k, augmented.T, _PLACES[first, seen, into.border])  # symmetric: rows are columns
+    return float(augmented[-1, -1])
+
+
+def _places(*, first: bool, seen: bool, width: int) -> IntArray:
+    """Return where GTSAM's rows, by key (B L V X), stand in a link of the chain."""
+    blocks = {"b": (9, 6), "v": (6, 3), "x": (0, 6)}
+    found: list[int] = []
+    for name in "blvx":
+        if name == "l":
+            found += range(2 * STATE, 2 * STATE + width) if seen else ()
+            continue
+        start, size = blocks[name]
+        for state in (STATE,) if first else (0, STATE):
+            found += range(state + start, state + start + size)
+    return np.array([*found, 2 * STATE + width])
+
+
+_PLACES = {
+    (first, seen, width): _places(first=first, seen=seen, width=width)
+    for first in (False, True)
+    for width in (0, _LANDMARK)
+    for seen in (False, True)
+}
 
 
 def as_bias(slot: FloatArray) -> gtsam.imuBias.ConstantBias:
     """Return a slot, (6,), as GTSAM's type."""
     return gtsam.imuBias.ConstantBias(slot[:3], slot[3:])
-
-
-def start_pose(keyframes: Keyframes, k: int) -> gtsam.Pose3:
-    """Return where the search for a keyframe's pose starts."""
-    return gtsam.Pose3(gtsam.Rot3(keyframes.R_nb[k]), keyframes.p_n_m[k])

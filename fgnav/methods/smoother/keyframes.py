@@ -1,6 +1,7 @@
 """What a flight says at each keyframe: measurements and a start, ready to become factors."""
 
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 
@@ -95,6 +96,8 @@ class Keyframes:
         From the body point to the landmark.
     landmark_n_m : ndarray, shape (3,), or None
     preintegrate : Preintegrator
+    common_position_m2 : ndarray, shape (3, 3), or None
+        Variance of an error that all positions share, and the way to the landmark with them.
     """
 
     t_s: FloatArray
@@ -111,8 +114,9 @@ class Keyframes:
     sight: Directions | None
     landmark_n_m: FloatArray | None
     preintegrate: Preintegrator
+    common_position_m2: FloatArray | None = None
 
 
 def there(values: FloatArray, k: int) -> bool:
     """Return whether a keyframe has a measurement."""
-    return bool(np.isfinite(values[k]).all())
+    return isfinite(values[k, 0])  # a row is NaN as a whole

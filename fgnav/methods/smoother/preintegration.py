@@ -6,14 +6,15 @@ bias.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import gtsam
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from fgnav.checks import BadInputError, FloatArray, IntArray, positive
+from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.flight import Imu
-from fgnav.rotations import log, transpose
+from fgnav.rotations import log, skew, transpose
 
 # Sub-steps of one accelerometer sample: GTSAM discretises the covariance per call. On the joint
 # chi-square of rotation, velocity and rate (9 expected): one step 25, three 10.7, ten 9.1.
@@ -21,8 +22,6 @@ SUB_STEPS = 5
 _PSEUDO_GYROSCOPE_RADPS_PER_SQRT_HZ = 1e-6  # of the rate of zero: the slot does all the work
 _INTEGRATION_M2 = 1e-6  # m2/s: a millimetre in a second keeps the linear systems well posed
 RATE_SPAN_S = 0.5  # angular rates are told from attitudes this far apart
-# (rad/s2)2/Hz: a body that held its rates so far may still change them by 2 deg/s within a second.
-_LEAST_DENSITY = 1e-3
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -36,8 +35,7 @@ class Increments:
     first : ndarray of int, shape (n,)
         Index of each interval's first sub-step; the last entry is their number.
     f_b_mps2, w_b_radps : ndarray, shape (k, 3)
-        At the start of each sub-step, where GTSAM takes the attitude that turns them; taken at its
-        middle, a spin of 1 Hz would roll by 0.4 degree. Rates are 0 without a gyroscope.
+        At the middle of each sub-step. Rates are 0 without a gyroscope.
     """
 
     step_s: FloatArray
@@ -56,16 +54,16 @@ def increments(imu: Imu, t_s: FloatArray, sub_steps: int = SUB_STEPS) -> Increme
     first = np.concatenate([[0], np.cumsum(counts)])
     step_s = span_s / counts
     within = np.arange(first[-1]) - np.repeat(first[:-1], counts)
-    start_s = np.repeat(t_s[:-1], counts) + within * np.repeat(step_s, counts)
+    middle_s = np.repeat(t_s[:-1], counts) + (within + 0.5) * np.repeat(step_s, counts)
     # A straight line between samples would cut the corners of a spin: 3 mm/s2 at 1 Hz.
-    no_rate = np.zeros((len(start_s), 3))
+    no_rate = np.zeros((len(middle_s), 3))
     return Increments(
         step_s=step_s,
         first=first,
-        f_b_mps2=CubicSpline(imu.t_s, imu.f_b_mps2)(start_s),
+        f_b_mps2=CubicSpline(imu.t_s, imu.f_b_mps2)(middle_s),
         w_b_radps=no_rate
         if imu.w_b_radps is None
-        else CubicSpline(imu.t_s, imu.w_b_radps)(start_s),
+        else CubicSpline(imu.t_s, imu.w_b_radps)(middle_s),
     )
 
 
@@ -97,27 +95,66 @@ class Preintegrator:
         """Integrate from keyframe k to the next, about a guess of the bias slot."""
         steps = self.increments
         pim = gtsam.PreintegratedCombinedMeasurements(self._parameters(k), bias)
-        step_s = float(steps.step_s[k])
-        for i in range(steps.first[k], steps.first[k + 1]):
-            pim.integrateMeasurement(steps.f_b_mps2[i], steps.w_b_radps[i], step_s)
+        part, step_s = slice(steps.first[k], steps.first[k + 1]), float(steps.step_s[k])
+        w_b_radps, f_b_mps2 = steps.w_b_radps[part], self._turned(part, step_s, bias)
+        integrate = pim.integrateMeasurement
+        for felt_b_mps2, rate_b_radps in zip(f_b_mps2, w_b_radps, strict=True):
+            integrate(felt_b_mps2, rate_b_radps, step_s)
         return pim
+
+    @property
+    def noise(self) -> FloatArray:
+        """Return the noise of each interval, (n - 1, 6), for ``motion_kernel``.
+
+        Densities of the accelerometer's noise, the gyroscope's, the walk of the accelerometer's
+        bias, and those of the walk of the slot's second half about the three axes.
+        """
+        imu, n = self.imu, len(self.increments.step_s)
+        walk = imu.gyroscope_bias_walk_radps_per_sqrt_s
+        density = self.angular_acceleration_density if walk is None else np.full(3, walk**2)
+        return np.tile(np.concatenate([self._densities(imu), density]), (n, 1))
+
+    @staticmethod
+    def _densities(imu: Imu) -> FloatArray:
+        noise = imu.gyroscope_noise_radps_per_sqrt_hz or _PSEUDO_GYROSCOPE_RADPS_PER_SQRT_HZ
+        felt = imu.accelerometer_noise_mps2_per_sqrt_hz
+        return np.array([felt, noise, imu.accelerometer_bias_walk_mps2_per_sqrt_s]) ** 2
+
+    def _turned(self, part: slice, step_s: float, bias: gtsam.imuBias.ConstantBias) -> FloatArray:
+        """Return specific forces of sub-steps in the axes that the body had at their start.
+
+        GTSAM turns them with the attitude there: half a sub-step late, velocities would be those of
+        a millisecond ago. To second order in the angle, 0.06 rad at two turns a second.
+        """
+        w_b_radps = self.increments.w_b_radps[part]
+        if self.imu.w_b_radps is None:  # all alike
+            w_b_radps = w_b_radps[:1]
+        K = skew((w_b_radps - bias.gyroscope()) * (step_s / 2))
+        b_b_mps2 = bias.accelerometer()
+        f_b_mps2 = self.increments.f_b_mps2[part] - b_b_mps2
+        return np.asarray(((np.eye(3) + K + K @ K / 2) @ f_b_mps2[:, :, None])[:, :, 0] + b_b_mps2)
 
     def _parameters(self, k: int) -> gtsam.PreintegrationCombinedParams:
         imu = self.imu
         parameters = gtsam.PreintegrationCombinedParams(self.gravity_n_mps2[k])
         parameters.setOmegaCoriolis(self.earth_rate_n_radps)
         parameters.setAccelerometerCovariance(
-            np.eye(3) * imu.accelerometer_noise_mps2_per_sqrt_hz**2
+            _isotropic(imu.accelerometer_noise_mps2_per_sqrt_hz**2)
         )
-        parameters.setBiasAccCovariance(np.eye(3) * imu.accelerometer_bias_walk_mps2_per_sqrt_s**2)
-        parameters.setIntegrationCovariance(np.eye(3) * _INTEGRATION_M2)
+        parameters.setBiasAccCovariance(_isotropic(imu.accelerometer_bias_walk_mps2_per_sqrt_s**2))
+        parameters.setIntegrationCovariance(_isotropic(_INTEGRATION_M2))
         noise = imu.gyroscope_noise_radps_per_sqrt_hz or _PSEUDO_GYROSCOPE_RADPS_PER_SQRT_HZ
         walk = imu.gyroscope_bias_walk_radps_per_sqrt_s
-        parameters.setGyroscopeCovariance(np.eye(3) * noise**2)
+        parameters.setGyroscopeCovariance(_isotropic(noise**2))
         parameters.setBiasOmegaCovariance(
-            np.diag(self.angular_acceleration_density) if walk is None else np.eye(3) * walk**2
+            np.diag(self.angular_acceleration_density) if walk is None else _isotropic(walk**2)
         )
         return parameters
+
+
+@lru_cache(maxsize=32)
+def _isotropic(variance: float) -> FloatArray:
+    return np.eye(3) * variance
 
 
 def angular_rates(t_s: FloatArray, R_nb: FloatArray) -> FloatArray:
@@ -132,35 +169,3 @@ def angular_rates(t_s: FloatArray, R_nb: FloatArray) -> FloatArray:
     ahead = np.maximum(ahead, np.minimum(np.arange(len(t_s)) + 1, len(t_s) - 1))
     behind = np.minimum(behind, np.maximum(np.arange(len(t_s)) - 1, 0))
     return np.asarray((total[ahead] - total[behind]) / (t_s[ahead] - t_s[behind])[:, None])
-
-
-def angular_acceleration_density(
-    t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray
-) -> FloatArray:
-    """Return the intensity of white angular acceleration, (rad/s2)2/Hz, (3,), told from attitudes.
-
-    Rates over neighbouring spans of length T differ by a variance of ``2/3 S T`` from the motion
-    and ``6 sigma^2 / T^2`` from the attitudes' own noise.
-
-    Parameters
-    ----------
-    t_s, R_nb, covariance_rad2 : ndarray, shape (n,), (n, 3, 3), (n, 3, 3)
-        Attitudes of single epochs, their errors independent.
-    """
-    spacing_s = float(np.median(np.diff(t_s)))
-    positive("keyframe spacing", spacing_s)
-    span = max(1, round(RATE_SPAN_S / spacing_s))
-    if len(t_s) <= 2 * span:
-        raise BadInputError(
-            f"keyframes: {len(t_s)} are too few to tell the angular acceleration; "
-            "state angular_acceleration_density"
-        )
-    between = log(transpose(R_nb[:-1]) @ R_nb[1:])
-    total = np.vstack([np.zeros(3), np.cumsum(between, axis=0)])
-    turn = total[span:] - total[:-span]
-    span_s = span * spacing_s
-    regular = np.abs(t_s[2 * span :] - t_s[: -2 * span] - 2 * span_s) < 0.1 * spacing_s
-    change = ((turn[span:] - turn[:-span]) / span_s)[regular]
-    noise = 6 * np.einsum("nii->ni", covariance_rad2).mean(axis=0) / span_s**2
-    density = ((change**2).mean(axis=0) - noise) / (2 / 3 * span_s)
-    return np.asarray(np.maximum(density, _LEAST_DENSITY))

@@ -126,7 +126,9 @@ class AmbiguityNetwork:
         cycles = taken - answer["cycles"].reshape(shape)
         probability = answer.get("probability", np.ones(answer["cycles"].shape)).reshape(shape)
         of_reference = ((0, 0), (0, 0), (1, 0))
-        return np.pad(cycles, of_reference), np.pad(probability >= self.probability_min, of_reference)
+        return np.pad(cycles, of_reference), np.pad(
+            probability >= self.probability_min, of_reference
+        )
 
 
 def classification() -> AmbiguityNetwork:

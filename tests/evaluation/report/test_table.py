@@ -4,6 +4,7 @@ from io import StringIO
 from rich.console import Console
 
 from fgnav.checks import Loss
+from fgnav.estimate import Rejected
 from fgnav.evaluation.comparison import compare
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.report.table import comparison_table, loss_lines, remarks
@@ -62,6 +63,30 @@ def test_remarks_name_failures_open_angles_notes_and_missing_convergence(flight,
         "a, b: roll is unobservable",
         "a, b: It rained.",
     ]
+
+
+def test_rejected_measurements_are_told_by_kind_and_whole_in_the_figures(flight, off):
+    links = ["a3 G05 1C"] * 3 + ["a2 G07 1C", "a4 G07 1C", "a5 G07 1C"]
+    rejected = [
+        Rejected(what="phase", link=link, from_s=k, until_s=k + 1.0, reason="left out")
+        for k, link in enumerate(links)
+    ]
+
+    careful = off("careful", more={"rejections": tuple(rejected)})
+    comparison = compare(flight, [careful])
+    told = (
+        "careful: phase contradicted the rest 6 times (a3 G05 1C, a2 G07 1C, a4 G07 1C and 1 more)"
+    )
+    assert [line for line in remarks(comparison) if line.startswith(told)]
+    listed = comparison.to_dict()["methods"]["careful"]["rejections"]
+    assert len(listed) == 6
+    assert listed[3] == {
+        "what": "phase",
+        "link": "a2 G07 1C",
+        "from_s": 3,
+        "until_s": 4.0,
+        "reason": "left out",
+    }
 
 
 def test_losses_are_grouped_by_reason_with_one_example():

@@ -9,6 +9,7 @@ from fgnav.attitude import RotationQuadratic, maximum_likelihood
 from fgnav.earth import Origin
 from fgnav.flight import Imu, Truth
 from fgnav.methods.smoother import preintegration as pre
+from fgnav.methods.smoother.density import angular_acceleration_density
 from fgnav.methods.smoother.keyframes import ArrayForm, Keyframes, Timed
 from tests.attitude.arrays import synthetic
 
@@ -38,6 +39,7 @@ def motion(t_s, amplitude_rad):
 class Case:
     keyframes: Keyframes
     truth: Truth
+    form: RotationQuadratic
 
 
 def turning(rng, *, span_s=60.0, amplitude_deg=20.0, rate_hz=10, imu_hz=100, gyro=False):
@@ -76,7 +78,7 @@ def turning(rng, *, span_s=60.0, amplitude_deg=20.0, rate_hz=10, imu_hz=100, gyr
     gravity = ORIGIN.gravity_n_mps2(position)
     density = np.zeros(3)
     if not gyro:
-        density = pre.angular_acceleration_density(t, array.R_nb, array.covariance_rad2)
+        density = angular_acceleration_density(t, array.R_nb, array.covariance_rad2)
     slot = np.zeros((n, 6))
     if not gyro:
         slot[:, 3:] = -pre.angular_rates(t, array.R_nb)
@@ -108,7 +110,7 @@ def turning(rng, *, span_s=60.0, amplitude_deg=20.0, rate_hz=10, imu_hz=100, gyr
             angular_acceleration_density=density,
         ),
     )
-    return Case(keyframes, Truth(t_s=t, p_n_m=p, v_n_mps=v, R_nb=R))
+    return Case(keyframes, Truth(t_s=t, p_n_m=p, v_n_mps=v, R_nb=R), form)
 
 
 def attitude_errors_rad(R_nb, truth):

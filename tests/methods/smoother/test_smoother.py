@@ -7,6 +7,7 @@ from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.flight import Antenna, Fixes, Imu
 from fgnav.gravity import LowDynamics
 from fgnav.integers.truth import Truth
+from fgnav.io.importers.umn import read_umn
 from fgnav.methods.maximum_likelihood import MaximumLikelihood
 from fgnav.methods.smoother import Batch, Smoother
 from tests.methods.simulated import errors_rad, euler_rmse_deg, flown, nees
@@ -24,7 +25,8 @@ def test_every_motion_is_smoothed_with_a_believable_covariance(scenario, method)
     assert estimate.available == 1
     single = euler_rmse_deg(flight, MaximumLikelihood(resolver=RIGHT)(flight))
     assert (euler_rmse_deg(flight, estimate) < 0.9 * single).all()
-    assert 1.2 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4
+    # Errors last for seconds: thirty of them are ten samples of a mean of three.
+    assert 0.8 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
     truth = flight.truth
     place = np.stack([np.interp(estimate.t_s, truth.t_s, x) for x in truth.p_n_m.T], axis=1)
     assert np.sqrt(((estimate.p_n_m - place) ** 2).sum(axis=1).mean()) < 0.3
@@ -60,13 +62,15 @@ def test_the_line_of_sight_sharpens_the_attitude():
     assert nees(error, with_sight.attitude_covariance_rad2[last]) < 4
 
 
-def test_epochs_with_wrong_integers_are_bridged_and_counted():
+def test_epochs_with_wrong_integers_are_mended_and_listed():
     flight = flown("demo", 20.0)
     estimate = Batch(resolver=Off(epochs=(50, 51, 52)))(flight)
     assert estimate.available == 1
-    assert (euler_rmse_deg(flight, estimate) < [0.35, 0.2, 0.1]).all()
-    lost = {(loss.what, loss.reason): loss.count for loss in estimate.losses}
-    assert lost[("array phases of an epoch", "residuals fail the chi-square test")] == 3
+    assert (euler_rmse_deg(flight, estimate) < [0.30, 0.15, 0.08]).all()
+    mended = [one for one in estimate.rejections if "mended" in one.reason]
+    assert mended
+    assert {(one.what, one.from_s, one.until_s) for one in mended} == {("phase", 5.0, 5.2)}
+    assert not any("chi-square" in loss.reason for loss in estimate.losses)
 
 
 def test_gravity_directions_take_part_and_what_is_left_out_is_counted():
@@ -93,27 +97,21 @@ def test_epochs_outside_the_accelerometer_record_are_counted():
     assert lost["not covered by the accelerometer's record"] == 20
 
 
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        ({"imu": None}, r"motion: between epochs it needs an \[imu\]"),
-        (
-            {
-                "imu": Imu(
-                    t_s=np.array([0.0, 1.0, 30.0]),
-                    f_b_mps2=np.zeros((3, 3)),
-                    accelerometer_noise_mps2_per_sqrt_hz=1e-3,
-                    accelerometer_bias_mps2=1e-2,
-                    accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
-                )
-            },
-            "the accelerometer has 2 gaps above",
-        ),
-    ],
-)
-def test_a_flight_without_motion_is_no_solution(change, text):
-    with pytest.raises(NoSolutionError, match=text):
-        Smoother(resolver=RIGHT)(dataclasses.replace(flown("demo", 5.0), **change))
+def test_a_flight_without_motion_is_no_solution():
+    flight = dataclasses.replace(flown("demo", 5.0), imu=None)
+    with pytest.raises(NoSolutionError, match=r"motion: between epochs it needs an \[imu\]"):
+        Smoother(resolver=RIGHT)(flight)
+
+
+def test_an_inertial_record_of_two_samples_bridges_its_hole_with_phase_alone():
+    """What it says is wrong by all of gravity: the attitude must not believe it."""
+    flight = flown("demo", 5.0)
+    ends = flight.imu.t_s[[0, -1]]
+    empty = dataclasses.replace(flight.imu, t_s=ends, f_b_mps2=np.zeros((2, 3)))
+    estimate = Batch(resolver=RIGHT)(dataclasses.replace(flight, imu=empty))
+    assert f"No inertial samples from 0.00 to {ends[1]:.2f} s." in estimate.notes
+    single = euler_rmse_deg(flight, MaximumLikelihood(resolver=RIGHT)(flight))
+    assert (euler_rmse_deg(flight, estimate) < 1.1 * single).all()
 
 
 def test_no_consistent_attitude_is_no_solution():
@@ -189,8 +187,21 @@ def test_one_baseline_and_an_accelerometer_give_all_three_angles():
     assert nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 5
 
 
-def test_a_spin_that_one_baseline_cannot_follow_is_not_called_converged():
+@pytest.mark.parametrize("method", [Smoother(resolver=RIGHT), Batch(resolver=RIGHT)])
+def test_a_spin_is_followed_with_one_baseline(method):
+    """Other vectors say where to start: a body at rest would be a turn away after a second."""
     flight = of_two_antennas(flown("spin", 20.0))
-    estimate = Batch(resolver=RIGHT)(flight)
-    assert not estimate.converged
-    assert any("did not end at a minimum" in note for note in estimate.notes)
+    estimate = method(flight)
+    assert estimate.converged
+    assert (euler_rmse_deg(flight, estimate) < [0.1, 0.1, 0.1]).all()
+    assert nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 5
+
+
+def test_the_window_follows_a_real_flight_with_its_gyroscope(shared):
+    """Against the filter on board, which saw the same data; on the ground nothing tells heading."""
+    flight = read_umn(shared / "flights" / "thor75" / "thor_flight75.mat")
+    estimate = Smoother()(flight)
+    assert estimate.converged
+    airborne = np.linalg.norm(estimate.v_n_mps, axis=1) > 8
+    gap = np.degrees(errors_rad(flight, estimate)[airborne])
+    assert (np.sqrt((gap**2).mean(axis=0)) < [2.0, 2.0, 6.0]).all()

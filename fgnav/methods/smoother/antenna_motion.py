@@ -1,0 +1,178 @@
+"""How an antenna moved, at keyframes: by code and Doppler, or by the receiver's own fixes."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
+from fgnav.estimate import open_angle_variance_rad2
+from fgnav.flight import Fixes, Flight, Imu
+from fgnav.gnss.code_solution import code_solution
+from fgnav.methods.smoother.base import Attitudes, positions
+from fgnav.methods.smoother.instruments import nearest, unused
+from fgnav.methods.smoother.keyframes import Timed
+from fgnav.methods.smoother.rates import Rates
+from fgnav.methods.smoother.stand_ins import views
+from fgnav.methods.smoother.starts import Start
+from fgnav.rotations import skew, transpose
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class AntennaMotion:
+    """Position of an antenna and velocity at keyframes.
+
+    Attributes
+    ----------
+    name : str
+        Of the antenna.
+    position : Timed or None
+    velocity : Timed or None
+        Of the accelerometer. Both covariances are the noise that is new at each keyframe.
+    common_m2 : ndarray, shape (n, 3, 3)
+        Variance of positions that is common to all keyframes: no smoothing reduces it.
+    losses : tuple of Loss
+    notes : tuple of str
+    """
+
+    name: str
+    position: Timed | None
+    velocity: Timed | None
+    common_m2: FloatArray
+    losses: tuple[Loss, ...]
+    notes: tuple[str, ...] = ()
+
+
+def antenna_motion(flight: Flight, imu: Imu, start: Start, rates: Rates) -> AntennaMotion:
+    """Return what code and Doppler, or else the receiver's own fixes, say at keyframes.
+
+    Where the reference antenna has no solution, that of one which stands in for it is moved there
+    by the attitudes of single epochs, and their doubt with it.
+
+    Parameters
+    ----------
+    flight : Flight
+    imu : Imu
+    start : Start
+        Attitudes at keyframes.
+    rates : Rates
+
+    Raises
+    ------
+    NoSolutionError
+        If no antenna has a single code solution.
+    """
+    t_s, R_nb = start.t_s, start.R_nb
+    if flight.observations is None:
+        motion = _of_fixes(flight, imu, t_s)
+        return replace(motion, velocity=rates.at_accelerometer(motion.velocity, R_nb))
+    found: list[AntennaMotion] = []
+    failure = None
+    for view in views(flight):
+        try:
+            motion = _of_code(view.flight, imu, start)
+        except NoSolutionError as error:
+            failure = failure or error
+            continue
+        found.append(replace(motion, velocity=rates.at_accelerometer(motion.velocity, R_nb)))
+    if not found:
+        raise failure or NoSolutionError("position: no antenna has observations")
+    whole = found[0]
+    for other in found[1:]:
+        whole = _filled(whole, other, start)
+    return whole
+
+
+def _of_code(flight: Flight, imu: Imu, start: Start) -> AntennaMotion:
+    code, antenna = code_solution(flight), flight.antennas[0]
+    arm_b_m = antenna.position_b_m - imu.position_b_m
+    row, found = nearest(code.t_s, start.t_s)
+    best = positions(flight, code, Attitudes(t_s=start.t_s, R_nb=start.R_nb))
+    return AntennaMotion(
+        name=antenna.name,
+        position=_timed(best.p_n_m, best.noise_m2, row, found, arm_b_m),
+        velocity=_velocity(code.v_n_mps, code.velocity_covariance_m2ps2, row, found, arm_b_m),
+        common_m2=best.common_m2[row],
+        losses=(*code.losses, *best.losses, *unused("code solution", len(code.t_s), found)),
+        notes=best.notes,
+    )
+
+
+def _of_fixes(flight: Flight, imu: Imu, t_s: FloatArray) -> AntennaMotion:
+    none, fixes = np.zeros((len(t_s), 3, 3)), flight.fixes
+    if fixes is None:
+        return AntennaMotion(name="", position=None, velocity=None, common_m2=none, losses=())
+    arm_b_m = flight.antenna(fixes.antenna).position_b_m - imu.position_b_m
+    row, found = nearest(fixes.t_s, t_s)
+    return AntennaMotion(
+        name=fixes.antenna,
+        position=_timed(fixes.p_n_m, _diagonal(fixes.position_sigma_m), row, found, arm_b_m),
+        velocity=_velocity(fixes.v_n_mps, _velocity_covariance(fixes), row, found, arm_b_m),
+        common_m2=none,
+        losses=unused("fix", len(fixes.t_s), found),
+    )
+
+
+def _filled(whole: AntennaMotion, other: AntennaMotion, start: Start) -> AntennaMotion:
+    """Take what is missing from another antenna's motion."""
+    position = whole.position
+    if position is None or other.position is None:
+        return whole
+    lever_b_m = position.arm_b_m - other.position.arm_b_m
+    lever_n_m = start.R_nb @ lever_b_m
+    known = start.told[:, None, None]
+    doubt_rad2 = np.where(known, start.covariance_rad2, open_angle_variance_rad2() * np.eye(3))
+    turn = start.R_nb @ skew(lever_b_m[None])
+    moved = replace(
+        other.position,
+        value=other.position.value + lever_n_m,
+        covariance=other.position.covariance
+        + turn @ doubt_rad2 @ transpose(turn)
+        + other.common_m2,  # what is common to all of its positions is not common to both antennas
+    )
+    missing = np.isnan(position.value[:, 0]) & np.isfinite(moved.value[:, 0])
+    velocity = whole.velocity or other.velocity
+    if whole.velocity is not None and other.velocity is not None:
+        velocity = _with(whole.velocity, other.velocity, np.isnan(whole.velocity.value[:, 0]))
+    return replace(
+        whole,
+        position=_with(position, moved, missing),
+        velocity=velocity,
+        common_m2=np.where(missing[:, None, None], other.common_m2, whole.common_m2),
+        losses=(*whole.losses, *other.losses),
+        notes=tuple(dict.fromkeys((*whole.notes, *other.notes))),
+    )
+
+
+def _with(timed: Timed, other: Timed, missing: BoolArray) -> Timed:
+    return replace(
+        timed,
+        value=np.where(missing[:, None], other.value, timed.value),
+        covariance=np.where(missing[:, None, None], other.covariance, timed.covariance),
+    )
+
+
+def _velocity(
+    v_n_mps: FloatArray | None,
+    covariance: FloatArray | None,
+    row: IntArray,
+    found: BoolArray,
+    arm_b_m: FloatArray,
+) -> Timed | None:
+    if v_n_mps is None or covariance is None:
+        return None
+    return _timed(v_n_mps, covariance, row, found, arm_b_m)
+
+
+def _timed(
+    value: FloatArray, covariance: FloatArray, row: IntArray, found: BoolArray, arm_b_m: FloatArray
+) -> Timed:
+    value = np.where(found[:, None], value[row], np.nan)
+    return Timed(value=value, covariance=covariance[row], arm_b_m=arm_b_m)
+
+
+def _diagonal(sigma: FloatArray) -> FloatArray:
+    return np.asarray(sigma[:, :, None] ** 2 * np.eye(3))
+
+
+def _velocity_covariance(fixes: Fixes) -> FloatArray | None:
+    return None if fixes.velocity_sigma_mps is None else _diagonal(fixes.velocity_sigma_mps)

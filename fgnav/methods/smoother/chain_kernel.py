@@ -1,0 +1,196 @@
+"""Elimination along a chain of states and back, block by block, in plain loops.
+
+Blocks of fifteen are too small for LAPACK: calling it would cost more than its work.
+"""
+
+import numpy as np
+from numba import njit
+
+from fgnav.checks import BoolArray, FloatArray, IntArray
+
+STATE = 15  # pose 6 (rotation, position), velocity 3, slot 6
+
+
+@njit(cache=True)
+def place(out: FloatArray, augmented: FloatArray, index: IntArray) -> None:
+    """Set ``out`` to a matrix whose row and column i stand at ``index[i]``, 0 elsewhere."""
+    out[:] = 0.0
+    for i in range(len(index)):
+        for j in range(len(index)):
+            out[index[i], index[j]] = augmented[i, j]
+
+
+@njit(cache=True)
+def eliminate(
+    link: FloatArray,
+    message: FloatArray,
+    root: FloatArray,
+    gain: FloatArray,
+    first: int,
+    last: int,
+    loud: float,
+) -> int:
+    """Carry the message of state ``first`` on to ``last``; see ``Chain``.
+
+    Returns the first state whose pivot, its diagonal times ``loud``, is not positive, or -1.
+    """
+    wide = message.shape[1]
+    Y = np.empty((STATE, wide))
+    for k in range(first, last):
+        joint, before, after, pivot = link[k + 1], message[k], message[k + 1], root[k]
+        pivot[:] = joint[:STATE, :STATE] + before[:STATE, :STATE]
+        Y[:] = joint[:STATE, STATE:]
+        Y[:, STATE:] += before[:STATE, STATE:]
+        for i in range(STATE):
+            pivot[i, i] *= loud
+        if not cholesky(pivot):
+            return k
+        forward(pivot, Y)
+        after[:] = joint[STATE:, STATE:]
+        after[STATE:, STATE:] += before[STATE:, STATE:]
+        _less_square(after, Y)
+        _backward(pivot, Y)
+        gain[k] = Y
+    return -1
+
+
+@njit(cache=True)
+def substitute(
+    gain: FloatArray, newest: FloatArray, first: int, last: int, steps: FloatArray
+) -> float:
+    """Fill the steps of states first to last; return twice the least cost, NaN if it has none."""
+    width = steps.shape[1]
+    L, end = newest[:width, :width].copy(), newest[:width, width:].copy()
+    if not cholesky(L):
+        return np.nan
+    forward(L, end)
+    least = newest[width, width] - (end[:, 0] ** 2).sum()
+    _backward(L, end)
+    steps[last - first] = end[:, 0]
+    for k in range(last - 1, first - 1, -1):
+        after, step = steps[k + 1 - first], steps[k - first]
+        step[:STATE] = gain[k, :, width]
+        step[STATE:] = after[STATE:]
+        for j in range(width):
+            for i in range(STATE):
+                step[i] -= gain[k, i, j] * after[j]
+    return float(least)
+
+
+@njit(cache=True)
+def marginals(
+    gain: FloatArray, root: FloatArray, newest: FloatArray, first: int, covariance: FloatArray
+) -> FloatArray:
+    """Fill the covariances of states from ``first`` on; return those of each with the next.
+
+    ``newest`` is the covariance of the last state and the border.
+    """
+    count, width = len(covariance), len(newest)
+    cross = np.empty((count - 1, STATE, STATE))
+    covariance[count - 1] = newest[:STATE, :STATE]
+    joint, alone, T = newest.copy(), np.empty((STATE, STATE)), np.empty((STATE, width))
+    for k in range(count - 2, -1, -1):
+        G, here = gain[first + k], covariance[k]
+        _product(G, joint, T)
+        alone[:] = 0.0
+        for i in range(STATE):
+            alone[i, i] = 1.0
+        forward(root[first + k], alone)
+        _backward(root[first + k], alone)
+        for i in range(STATE):
+            for j in range(i + 1):
+                total = alone[i, j]
+                for c in range(width):
+                    total += T[i, c] * G[j, c]
+                here[i, j] = total
+                here[j, i] = total
+        cross[k] = -T[:, :STATE]
+        joint[:STATE, :STATE] = here
+        joint[:STATE, STATE:] = -T[:, STATE:]
+        joint[STATE:, :STATE] = -T[:, STATE:].T
+    return cross
+
+
+@njit(cache=True)
+def far(
+    steps: FloatArray,
+    t_s: FloatArray,
+    slot: FloatArray,
+    about: FloatArray,
+    moved_rad: float,
+    turned_rad: float,
+) -> tuple[BoolArray, BoolArray, int]:
+    """Return which rotations are far from where they are linearised, which motions' slots; count.
+
+    The slot of a motion is that of the keyframe before.
+    """
+    n = len(steps)
+    moved, turned = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+    for k in range(n):
+        moved[k] = (steps[k, :3] ** 2).sum() > moved_rad**2
+        if k:
+            change = slot[k - 1, 3:] + steps[k - 1, 12:15] - about[k, 3:]
+            turned[k] = (t_s[k] - t_s[k - 1]) ** 2 * (change**2).sum() > turned_rad**2
+    return moved, turned, moved.sum() + turned.sum()
+
+
+@njit(cache=True)
+def cholesky(A: FloatArray) -> bool:
+    """Leave the factor in A's lower half; return whether A was positive definite."""
+    n = len(A)
+    for j in range(n):
+        for k in range(j):
+            scale = A[j, k]
+            for i in range(j, n):
+                A[i, j] -= A[i, k] * scale
+        if not A[j, j] > 0.0:
+            return False
+        scale = np.sqrt(A[j, j])
+        for i in range(j, n):
+            A[i, j] /= scale
+    return True
+
+
+@njit(cache=True)
+def _less_square(A: FloatArray, Y: FloatArray) -> None:
+    """Take Y' Y off A."""
+    for k in range(len(Y)):
+        for i in range(len(A)):
+            scale = Y[k, i]
+            for j in range(len(A)):
+                A[i, j] -= scale * Y[k, j]
+
+
+@njit(cache=True)
+def _product(A: FloatArray, B: FloatArray, out: FloatArray) -> None:
+    """Set ``out`` to the product of A's first columns with a square B."""
+    out[:] = 0.0
+    for i in range(len(out)):
+        for k in range(len(B)):
+            scale = A[i, k]
+            for j in range(len(B)):
+                out[i, j] += scale * B[k, j]
+
+
+@njit(cache=True)
+def forward(L: FloatArray, Y: FloatArray) -> None:
+    """Solve L X = Y in place."""
+    for i in range(len(L)):
+        for k in range(i):
+            scale = L[i, k]
+            for j in range(Y.shape[1]):
+                Y[i, j] -= scale * Y[k, j]
+        for j in range(Y.shape[1]):
+            Y[i, j] /= L[i, i]
+
+
+@njit(cache=True)
+def _backward(L: FloatArray, Y: FloatArray) -> None:
+    """Solve L' X = Y in place."""
+    for i in range(len(L) - 1, -1, -1):
+        for k in range(i + 1, len(L)):
+            scale = L[k, i]
+            for j in range(Y.shape[1]):
+                Y[i, j] -= scale * Y[k, j]
+        for j in range(Y.shape[1]):
+            Y[i, j] /= L[i, i]

@@ -1,0 +1,62 @@
+"""Whether measurements and solution agree as well as both say they do: NIS per kind."""
+
+import numpy as np
+from scipy.special import chdtri
+
+from fgnav.checks import BoolArray, FloatArray
+from fgnav.estimate import Consistency
+from fgnav.methods.smoother.graph import Solution
+from fgnav.methods.smoother.keyframes import Keyframes
+from fgnav.methods.smoother.residuals import Residuals, residuals
+
+_GATE = 0.01  # share of right measurements beyond it
+# A measurement that holds this share of what is known of its own residual tests nothing.
+_UNTESTED = 1e-6
+
+
+def consistency(keyframes: Keyframes, solution: Solution) -> tuple[Consistency, ...]:
+    """Return the normalised innovation squared of every kind of measurement.
+
+    Each measurement is held against what the solution would be without it: of a filter's states
+    that is the innovation, of smoothed ones the deletion residual [1]_. A whitened residual r of
+    Jacobian J at a solution of covariance P has the covariance ``S = I - J P J'``, and
+    ``r' S^-1 r`` has the chi-square distribution either way.
+
+    References
+    ----------
+    .. [1] Cook, Weisberg: Residuals and Influence in Regression, 1982, section 2.2.
+    """
+    return tuple(_judged(part, *nis(part, solution)) for part in residuals(keyframes, solution))
+
+
+def nis(part: Residuals, solution: Solution) -> tuple[FloatArray, BoolArray]:
+    """Return normalised innovations squared, (k,), and which of them test anything.
+
+    Parameters
+    ----------
+    part : Residuals
+    solution : Solution
+    """
+    P, J, r = solution.covariance[part.row, :9, :9], part.jacobian, part.value
+    rest = np.zeros(len(r))
+    if r.shape[1] > 3:  # S^-1 = I + J (P^-1 - J'J)^-1 J', three dimensions of rotation for nine
+        known, J = np.linalg.inv(P[:, :3, :3]), J[:, :, :3]
+        S, most = known - J.swapaxes(1, 2) @ J, np.linalg.eigvalsh(known)[:, -1]
+        rest, r = np.einsum("km,km->k", r, r), np.einsum("kmi,km->ki", J, r)
+    else:
+        S, most = np.eye(r.shape[1]) - J @ P @ J.swapaxes(1, 2), np.ones(len(r))
+    tested = np.linalg.eigvalsh(S)[:, 0] > _UNTESTED * most
+    S[~tested] = np.eye(S.shape[1])
+    return rest + np.einsum("ki,ki->k", r, np.linalg.solve(S, r[:, :, None])[:, :, 0]), tested
+
+
+def _judged(part: Residuals, squared: FloatArray, tested: BoolArray) -> Consistency:
+    squared, freedom = squared[tested], part.freedom[tested]
+    beyond = squared > chdtri(freedom, _GATE)
+    return Consistency(
+        what=part.what,
+        count=len(squared),
+        freedom=int(freedom.sum()),
+        nis=float(squared.sum() / max(freedom.sum(), 1)),
+        beyond_99=float(beyond.mean()) if len(beyond) else 0.0,
+    )

@@ -1,0 +1,119 @@
+"""From states of the accelerometer to an estimate of the body's origin, covariances with them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.estimate import Estimate
+from fgnav.flight import Imu
+from fgnav.methods.smoother.collect import Collected
+from fgnav.methods.smoother.consistency import consistency
+from fgnav.methods.smoother.graph import Solution
+from fgnav.methods.smoother.observability import undetermined
+from fgnav.rotations import skew
+
+
+def estimate_of(
+    name: str, collected: Collected, solution: Solution, rows: IntArray | None = None
+) -> Estimate:
+    """Return the estimate at keyframes, or at some of them, with all that is to be said of it."""
+    keyframes = collected.keyframes
+    imu = keyframes.preintegrate.imu
+    open_states, weak = undetermined(keyframes, solution)
+    notes = [weak] if weak else []
+    if imu.w_b_radps is None:
+        density = keyframes.preintegrate.angular_acceleration_density
+        told = ", ".join(f"{value:.2g}" for value in density)
+        notes.append(f"Angular acceleration density about the body axes: {told} (rad/s2)2/Hz.")
+    if not solution.converged:
+        notes.append(f"{name} did not end at a minimum: do not use the estimate.")
+    rows = np.arange(len(keyframes.t_s)) if rows is None else rows
+    t_s, tests = keyframes.t_s[rows], consistency(keyframes, solution)
+    solution = solution[rows]
+    motion = origin_motion(
+        solution,
+        gyroscope_at(imu, t_s),
+        -imu.position_b_m,
+        keyframes.preintegrate.earth_rate_n_radps,
+    )
+    return Estimate(
+        method=name,
+        t_s=t_s,
+        epochs=collected.epochs,
+        R_nb=solution.R_nb,
+        attitude_covariance_rad2=solution.covariance[:, :3, :3],
+        p_n_m=motion.p_n_m,
+        position_covariance_m2=motion.position_covariance_m2 + collected.common_position_m2[rows],
+        v_n_mps=motion.v_n_mps,
+        velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2,
+        angular_rate_b_radps=motion.w_b_radps,
+        accelerometer_bias_mps2=solution.slot[:, :3],
+        unobservable=open_states,
+        converged=solution.converged,
+        integers=collected.integers,
+        losses=collected.losses,
+        rejections=collected.rejections,
+        consistency=tests,
+        notes=(*collected.notes, *notes),
+    )
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class OriginMotion:
+    """Motion of the body's origin.
+
+    Attributes
+    ----------
+    w_b_radps : ndarray, shape (n, 3)
+        Body rates against inertial space.
+    p_n_m, v_n_mps : ndarray, shape (n, 3)
+    position_covariance_m2, velocity_covariance_m2ps2 : ndarray, shape (n, 3, 3)
+    """
+
+    w_b_radps: FloatArray
+    p_n_m: FloatArray
+    position_covariance_m2: FloatArray
+    v_n_mps: FloatArray
+    velocity_covariance_m2ps2: FloatArray
+
+
+def origin_motion(
+    solution: Solution,
+    told_b_radps: FloatArray,
+    arm_b_m: FloatArray,
+    earth_rate_n_radps: FloatArray,
+) -> OriginMotion:
+    """Move states from the accelerometer to the origin: ``p + R a`` and ``v + R (w x a)``.
+
+    Parameters
+    ----------
+    solution : Solution
+    told_b_radps : ndarray, shape (n, 3)
+        What a gyroscope says; 0 without one. The rate is this less the slot.
+    arm_b_m : ndarray, shape (3,)
+        From the accelerometer to the origin.
+    earth_rate_n_radps : ndarray, shape (3,)
+    """
+    R_nb, P, arm = solution.R_nb, solution.covariance, skew(arm_b_m[None])[0]
+    w_b_radps = told_b_radps - solution.slot[:, 3:]
+    earth_b_radps = np.einsum("nji,j->ni", R_nb, earth_rate_n_radps)
+    swing_b_mps = np.cross(w_b_radps - earth_b_radps, arm_b_m)
+    A, B = np.zeros((2, len(R_nb), 3, 15))  # derivatives of position and velocity by the state
+    A[:, :, :3], A[:, :, 3:6] = -R_nb @ arm, R_nb
+    B[:, :, :3] = R_nb @ (arm @ skew(earth_b_radps) - skew(swing_b_mps))
+    B[:, :, 6:9], B[:, :, 12:] = np.eye(3), R_nb @ arm
+    return OriginMotion(
+        w_b_radps=w_b_radps,
+        p_n_m=solution.p_n_m + R_nb @ arm_b_m,
+        position_covariance_m2=A @ P @ A.swapaxes(1, 2),
+        v_n_mps=solution.v_n_mps + np.einsum("nij,nj->ni", R_nb, swing_b_mps),
+        velocity_covariance_m2ps2=B @ P @ B.swapaxes(1, 2),
+    )
+
+
+def gyroscope_at(imu: Imu, t_s: FloatArray) -> FloatArray:
+    """Return what the gyroscope says at times, (n,), as (n, 3); 0 without one."""
+    if imu.w_b_radps is None:
+        return np.zeros((len(t_s), 3))
+    return np.stack([np.interp(t_s, imu.t_s, column) for column in imu.w_b_radps.T], axis=1)

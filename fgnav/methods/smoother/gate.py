@@ -1,0 +1,186 @@
+"""Fixes that jump: positions and velocities held against the inertial track about them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.estimate import Rejected
+from fgnav.flight import Imu
+from fgnav.methods.smoother.keyframes import Timed
+from fgnav.methods.smoother.preintegration import Preintegrator
+
+_AROUND = 15  # fixes before and after: fourteen in a row may be wrong
+_APART_S = 2.0  # fixes further apart are not held against each other
+_AROUND_S = 1.5  # the inertial track drifts; but three on either side are needed to vote
+_LEAST = 3
+_SIGMAS = 6.0
+# What attitudes a third of a degree off make of gravity: how well the track itself is known. Over
+# a second and a half it outweighs positions by phase, which are good to millimetres.
+_TRACK_MPS2 = 0.05
+_NORMAL = 1.4826  # sigma of normal noise over its median size
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Gated:
+    """Positions and velocities at keyframes, NaN where they are not believed."""
+
+    position: Timed | None
+    velocity: Timed | None
+    rejections: tuple[Rejected, ...]
+    losses: tuple[Loss, ...]
+
+
+def gated(
+    preintegrate: Preintegrator,
+    t_s: FloatArray,
+    R_nb: FloatArray,
+    measured: tuple[Timed | None, Timed | None],
+    blind: BoolArray,
+    antenna: str,
+) -> Gated:
+    """Take out fixes that are off their neighbours by more than noise can be.
+
+    Specific force turned by approximate attitudes tells how velocity changes, and velocity how
+    position does, far better over seconds than fixes do. What is left of a fix is nearly constant;
+    its distance from the median of its neighbours, a second and a half before and after, is tested
+    at six sigmas, of the stated noise and of the flight's own spread together. Nothing is tested
+    where the track itself is blind.
+
+    Parameters
+    ----------
+    preintegrate : Preintegrator
+        With the inertial record, and gravity at keyframes.
+    t_s : ndarray, shape (n,)
+        Keyframes.
+    R_nb : ndarray, shape (n, 3, 3)
+        Approximate attitudes.
+    measured : tuple of Timed or None
+        Positions of the antenna and velocities of the accelerometer.
+    blind : ndarray of bool, shape (n,)
+        Keyframes without specific force or attitude.
+    antenna : str
+        Its name.
+    """
+    position, velocity = measured
+    gained_n_mps = _inertial(preintegrate.imu, t_s, R_nb, preintegrate.gravity_n_mps2)
+    tested = ~_about(t_s, blind)
+    found: list[tuple[str, str, FloatArray]] = []
+    v_n_mps = gained_n_mps
+    if velocity is not None:
+        left = velocity.value - gained_n_mps
+        off, middle = _against_neighbours(t_s, left, velocity.covariance, _TRACK_MPS2 * _AROUND_S)
+        off *= tested
+        velocity = _without(velocity, off > 0)
+        v_n_mps = gained_n_mps + middle
+        found.append(("velocity", "m/s", off))
+    elif position is not None:
+        v_n_mps = gained_n_mps + _drift(t_s, position, gained_n_mps)
+    if position is not None:
+        moved_n_m = _integral(t_s, v_n_mps) + R_nb @ position.arm_b_m
+        left, track_m = position.value - moved_n_m, _TRACK_MPS2 * _AROUND_S**2 / 2
+        off, _ = _against_neighbours(t_s, left, position.covariance, track_m)
+        off *= tested
+        position = _without(position, off > 0)
+        found.append(("position", "m", off))
+    lists = [_listed(what, unit, antenna, t_s, off) for what, unit, off in found]
+    return Gated(
+        position=position,
+        velocity=velocity,
+        rejections=tuple(one for part in lists for one in part),
+        losses=tuple(
+            Loss(what=what, reason="off its neighbours", count=int((off > 0).sum()))
+            for what, _, off in found
+            if off.any()
+        ),
+    )
+
+
+def _about(t_s: FloatArray, marked: BoolArray) -> BoolArray:
+    """Return which keyframes are within the reach of a median of a marked one."""
+    total = np.concatenate([[0], np.cumsum(marked)])
+    first = np.searchsorted(t_s, t_s - _AROUND_S)
+    last = np.searchsorted(t_s, t_s + _AROUND_S, side="right")
+    return np.asarray(total[last] > total[first])
+
+
+def _inertial(
+    imu: Imu, t_s: FloatArray, R_nb: FloatArray, gravity_n_mps2: FloatArray
+) -> FloatArray:
+    """Return the velocity gained since the first keyframe, (n, 3), by the accelerometer."""
+    means = (imu.f_b_mps2[1:] + imu.f_b_mps2[:-1]) / 2 * np.diff(imu.t_s)[:, None]
+    total = np.vstack([np.zeros(3), np.cumsum(means, axis=0)])
+    gained_b = np.diff([np.interp(t_s, imu.t_s, column) for column in total.T], axis=1).T
+    between = (R_nb[1:] + R_nb[:-1]) / 2
+    gained = np.einsum("nij,nj->ni", between, gained_b)
+    gained += gravity_n_mps2[1:] * np.diff(t_s)[:, None]
+    return np.vstack([np.zeros(3), np.cumsum(gained, axis=0)])
+
+
+def _integral(t_s: FloatArray, values: FloatArray) -> FloatArray:
+    steps = (values[1:] + values[:-1]) / 2 * np.diff(t_s)[:, None]
+    return np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+
+
+def _drift(t_s: FloatArray, position: Timed, gained_n_mps: FloatArray) -> FloatArray:
+    """Return what positions say that the gained velocity lacks, (n, 3), smoothed by medians."""
+    known = np.flatnonzero(np.isfinite(position.value[:, 0]))
+    left = (position.value - _integral(t_s, gained_n_mps))[known]
+    if len(known) < 2:
+        return np.zeros_like(gained_n_mps)
+    slopes = np.diff(left, axis=0) / np.diff(t_s[known])[:, None]
+    middle = _medians(t_s[known][1:], slopes)
+    return np.stack([np.interp(t_s, t_s[known][1:], column) for column in middle.T], axis=1)
+
+
+def _against_neighbours(
+    t_s: FloatArray, left: FloatArray, covariance: FloatArray, track: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return how far rejected values are off, (n,), 0 of the others; and the medians, (n, 3).
+
+    ``track`` is the sigma of the inertial track.
+    """
+    known = np.isfinite(left[:, 0])
+    middle = np.zeros_like(left)
+    off = np.zeros(len(t_s))
+    if not known.any():
+        return off, middle
+    medians = _medians(t_s[known], left[known])
+    middle = np.stack([np.interp(t_s, t_s[known], column) for column in medians.T], axis=1)
+    apart = left[known] - medians
+    spread = _NORMAL * np.median(np.abs(apart), axis=0)
+    sigma = np.sqrt(np.einsum("nii->ni", covariance[known]) + spread**2 + track**2)
+    out = (np.abs(apart) > _SIGMAS * sigma).any(axis=1)
+    off[known] = np.where(out, np.linalg.norm(apart, axis=1), 0.0)
+    return off, middle
+
+
+def _medians(t_s: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the median of each value and its neighbours, (k, 3), none from beyond a gap."""
+    segment = np.concatenate([[0], np.cumsum(np.diff(t_s) > _APART_S)])
+    rows = np.arange(len(t_s))[:, None] + np.arange(-_AROUND, _AROUND + 1)
+    inside = rows.clip(0, len(t_s) - 1)
+    belongs = (rows == inside) & (segment[inside] == segment[:, None])
+    near = np.abs(t_s[inside] - t_s[:, None]) <= _AROUND_S
+    belongs &= near | (np.abs(np.arange(-_AROUND, _AROUND + 1)) <= _LEAST)
+    return np.asarray(np.nanmedian(np.where(belongs[..., None], values[inside], np.nan), axis=1))
+
+
+def _without(timed: Timed, out: BoolArray) -> Timed:
+    return replace(timed, value=np.where(out[:, None], np.nan, timed.value))
+
+
+def _listed(what: str, unit: str, antenna: str, t_s: FloatArray, off: FloatArray) -> list[Rejected]:
+    """Return what was taken out, runs of neighbours together."""
+    edges = np.diff(np.concatenate([[False], off > 0, [False]]).astype(np.int8))
+    first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
+    return [
+        Rejected(
+            what=what,
+            link=antenna,
+            from_s=float(t_s[a]),
+            until_s=float(t_s[b]),
+            reason=f"{off[a : b + 1].max():.3g} {unit} off its neighbours: left out",
+        )
+        for a, b in zip(first, last, strict=True)
+    ]

@@ -1,0 +1,109 @@
+"""Any time within a flight as a keyframe: estimates between GNSS epochs, by the motion model.
+
+A time that is asked for enters the graph as a keyframe that measures nothing. What comes out for
+it is what inertial samples say from the keyframes on both sides, with the covariance of that.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, IntArray
+from fgnav.methods.smoother.collect import Collected
+from fgnav.methods.smoother.gaps import BridgingPreintegrator
+from fgnav.methods.smoother.keyframes import ArrayForm, Directions, Keyframes, Timed
+from fgnav.methods.smoother.preintegration import Preintegrator, increments
+from fgnav.rotations import exp, log, transpose
+
+_SAME_S = 1e-4  # a time this close to a keyframe is that keyframe
+
+
+def with_times(collected: Collected, t_s: FloatArray, sub_steps: int) -> tuple[Collected, IntArray]:
+    """Return keyframes with some more among them, and the rows that times, (m,), have become.
+
+    Raises
+    ------
+    BadInputError
+        If there are no times, they do not increase, or one lies outside the keyframes.
+    """
+    wanted, have = np.asarray(t_s, dtype=float), collected.keyframes.t_s
+    if wanted.ndim != 1 or not len(wanted) or not (np.diff(wanted) > _SAME_S).all():
+        raise BadInputError(f"t_s: must be one or more times, each {_SAME_S} s after the last")
+    if not (wanted[0] >= have[0] - _SAME_S and wanted[-1] <= have[-1] + _SAME_S):
+        raise BadInputError(
+            f"t_s: must lie within the keyframes, {have[0]:.3f} to {have[-1]:.3f}, "
+            f"got {wanted[0]:.3f} to {wanted[-1]:.3f}"
+        )
+    new = wanted[np.abs(wanted - have[_nearest(have, wanted)]) > _SAME_S]
+    dense_s = np.union1d(have, new)
+    dense = replace(
+        collected,
+        keyframes=_dense(collected.keyframes, dense_s, sub_steps),
+        epochs=len(wanted),
+        common_position_m2=collected.common_position_m2[_nearest(have, dense_s)],
+    )
+    return dense, _nearest(dense_s, wanted)
+
+
+def _nearest(have_s: FloatArray, want_s: FloatArray) -> IntArray:
+    after = np.searchsorted(have_s, want_s).clip(1, len(have_s) - 1)
+    return np.asarray(after - (want_s - have_s[after - 1] < have_s[after] - want_s))
+
+
+def _dense(keyframes: Keyframes, t_s: FloatArray, sub_steps: int) -> Keyframes:
+    """Return keyframes at more times; where there was none, they only have a start."""
+    have, row = keyframes.t_s, np.searchsorted(t_s, keyframes.t_s)
+    before = (np.searchsorted(have, t_s, side="right") - 1).clip(0, len(have) - 2)
+    share = ((t_s - have[before]) / (have[before + 1] - have[before]))[:, None]
+    first, last = keyframes.R_nb[before], keyframes.R_nb[before + 1]
+
+    def between(values: FloatArray) -> FloatArray:
+        return np.asarray((1 - share) * values[before] + share * values[before + 1])
+
+    def timed(part: Timed | None) -> Timed | None:
+        if part is None:
+            return None
+        value = np.full((len(t_s), 3), np.nan)
+        value[row] = part.value
+        return replace(part, value=value, covariance=part.covariance[before + (share[:, 0] == 1)])
+
+    def directions(part: Directions | None) -> Directions | None:
+        if part is None:
+            return None
+        e_b, sigma_rad = np.full((len(t_s), 3), np.nan), np.ones(len(t_s))
+        e_b[row], sigma_rad[row] = part.e_b, part.sigma_rad
+        return Directions(e_b=e_b, sigma_rad=sigma_rad)
+
+    gravity_n_mps2 = between(keyframes.gravity_n_mps2)
+    return replace(
+        keyframes,
+        t_s=t_s,
+        array=_array(keyframes.array, row, len(t_s)),
+        R_nb=first @ exp(share * log(transpose(first) @ last)),
+        p_n_m=between(keyframes.p_n_m),
+        v_n_mps=between(keyframes.v_n_mps),
+        slot=between(keyframes.slot),
+        position=timed(keyframes.position),
+        velocity=timed(keyframes.velocity),
+        gravity=directions(keyframes.gravity),
+        gravity_n_mps2=gravity_n_mps2,
+        sight=directions(keyframes.sight),
+        preintegrate=_preintegrator(keyframes.preintegrate, t_s, before, gravity_n_mps2, sub_steps),
+    )
+
+
+def _array(array: ArrayForm, row: IntArray, n: int) -> ArrayForm:
+    there, root, minimum = np.zeros(n, dtype=np.bool_), np.zeros((n, 9, 9)), np.zeros((n, 3, 3))
+    there[row], root[row], minimum[row] = array.there, array.root, array.minimum
+    return ArrayForm(there=there, root=root, minimum=minimum)
+
+
+def _preintegrator(
+    of: Preintegrator, t_s: FloatArray, before: IntArray, gravity_n_mps2: FloatArray, sub_steps: int
+) -> Preintegrator:
+    """Return a preintegrator of the intervals between more times, each as the one it is part of."""
+    made = replace(of, increments=increments(of.imu, t_s, sub_steps), gravity_n_mps2=gravity_n_mps2)
+    if isinstance(of, BridgingPreintegrator) and isinstance(made, BridgingPreintegrator):
+        part = before[:-1]
+        return replace(made, loosened=of.loosened[part], density=of.density[part])
+    return made

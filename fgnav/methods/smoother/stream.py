@@ -1,0 +1,254 @@
+"""The sliding window fed epoch by epoch, as measurements come, for as long as they come."""
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fgnav.attitude.array import maximum_likelihood
+from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.checks import BadInputError, FloatArray
+from fgnav.earth import Origin
+from fgnav.estimate import Estimate
+from fgnav.flight import Imu
+from fgnav.methods.smoother.estimates import gyroscope_at, origin_motion
+from fgnav.methods.smoother.keyframes import ArrayForm, Directions, Keyframes, Timed
+from fgnav.methods.smoother.preintegration import SUB_STEPS, Preintegrator, increments
+from fgnav.methods.smoother.window import Taken, Window, solution_of
+
+_UNKNOWN_RATE_RADPS = 30.0  # 1-sigma of the first body rate: five turns a second
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class StreamSetUp:
+    """What is known of a vehicle before its measurements come.
+
+    Attributes
+    ----------
+    origin : Origin
+    antenna_b_m : ndarray, shape (3,)
+        The antenna that positions speak of.
+    accelerometer_b_m : ndarray, shape (3,)
+    slot_sigma : ndarray, shape (6,)
+        1-sigma of the accelerometer's bias, then of the gyroscope's; without one, of the first
+        body rate.
+    angular_acceleration_density : ndarray, shape (3,)
+        (rad/s2)2/Hz about the body axes; 0 with a gyroscope.
+    landmark_n_m : ndarray, shape (3,), or None
+    first_rate_b_radps : ndarray, shape (3,)
+        Where the search for the first body rate starts; only without a gyroscope.
+    sub_steps : int
+        Integration steps per inertial sample.
+    """
+
+    origin: Origin
+    antenna_b_m: FloatArray
+    accelerometer_b_m: FloatArray = field(default_factory=lambda: np.zeros(3))
+    slot_sigma: FloatArray
+    angular_acceleration_density: FloatArray
+    landmark_n_m: FloatArray | None = None
+    first_rate_b_radps: FloatArray = field(default_factory=lambda: np.zeros(3))
+    sub_steps: int = SUB_STEPS
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Measured:
+    """A value with its covariance, (3,) and (3, 3)."""
+
+    value: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Direction:
+    """A unit vector in body axes, (3,), with its sigma, rad."""
+
+    e_b: FloatArray
+    sigma_rad: float
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Measurements:
+    """What came in up to a keyframe since the one before.
+
+    Attributes
+    ----------
+    t_s : float
+        Of the keyframe.
+    imu : Imu
+        Inertial samples from the keyframe before, or earlier, to this one, or later: a few more on
+        either side, and the curve through them is that of the whole record.
+    array : RotationQuadratic or None
+        What the array's phases say, one epoch.
+    R_nb : ndarray, shape (3, 3), or None
+        Where the search for the first attitude starts; needed only without an array.
+    position : Measured or None
+        Of the antenna, frame ``n``.
+    velocity : Measured or None
+        Of the accelerometer, frame ``n``.
+    gravity, sight : Direction or None
+        Of gravity, and from the accelerometer to the landmark.
+    """
+
+    t_s: float
+    imu: Imu
+    array: RotationQuadratic | None = None
+    R_nb: FloatArray | None = None
+    position: Measured | None = None
+    velocity: Measured | None = None
+    gravity: Direction | None = None
+    sight: Direction | None = None
+
+
+class Stream:
+    """A sliding window that runs on: one update per keyframe, memory bounded by the lag.
+
+    Parameters
+    ----------
+    set_up : StreamSetUp
+    lag_s : float
+        Keyframes leave when they are known from the measurements up to this long after them, or
+        up to a second longer.
+    """
+
+    def __init__(self, set_up: StreamSetUp, lag_s: float = 5.0) -> None:
+        self._set_up = set_up
+        self._window = Window(lag_s)
+        self._told: deque[FloatArray] = deque()  # rates by the gyroscope at the keyframes kept
+        self._last_s = -np.inf
+
+    def update(self, measurements: Measurements) -> Estimate:
+        """Take a keyframe in; return the keyframes that leave by that, smoothed; often none.
+
+        Raises
+        ------
+        BadInputError
+            If it does not come after the one before, or the first has nothing to start from.
+        """
+        if not measurements.t_s > self._last_s:
+            raise BadInputError(
+                f"measurements t_s: must come after {self._last_s}, got {measurements.t_s}"
+            )
+        keyframes = self._keyframes(measurements)
+        taken = self._window.update(keyframes, len(keyframes.t_s) - 1)
+        self._last_s = measurements.t_s
+        self._told.append(gyroscope_at(measurements.imu, np.array([measurements.t_s]))[0])
+        estimate = self._estimate(taken)
+        for _ in estimate.t_s:
+            self._told.popleft()
+        return estimate
+
+    def newest(self) -> Estimate:
+        """Return the newest keyframe, known from what has come so far."""
+        taken = self._window.newest()
+        return self._estimate(taken, first=len(self._told) - 1)
+
+    def rest(self) -> Estimate:
+        """Return the keyframes that have not left, known from all that has come."""
+        return self._estimate(self._window.rest())
+
+    def _estimate(self, taken: Taken | None, first: int = 0) -> Estimate:
+        if taken is None:
+            return Estimate(method="smoother", t_s=np.empty(0), epochs=0, R_nb=np.empty((0, 3, 3)))
+        solution, n = solution_of([taken]), len(taken.t_s)
+        set_up = self._set_up
+        told = np.array([self._told[k] for k in range(first, first + n)])
+        motion = origin_motion(
+            solution, told, -set_up.accelerometer_b_m, set_up.origin.earth_rate_n_radps
+        )
+        return Estimate(
+            method="smoother",
+            t_s=taken.t_s,
+            epochs=n,
+            R_nb=solution.R_nb,
+            attitude_covariance_rad2=solution.covariance[:, :3, :3],
+            p_n_m=motion.p_n_m,
+            position_covariance_m2=motion.position_covariance_m2,
+            v_n_mps=motion.v_n_mps,
+            velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2,
+            angular_rate_b_radps=motion.w_b_radps,
+            accelerometer_bias_mps2=solution.slot[:, :3],
+            converged=solution.converged,
+        )
+
+    def _keyframes(self, now: Measurements) -> Keyframes:
+        """Return the keyframe as the last of one or two rows; the first only lends its time."""
+        set_up, is_first = self._set_up, not len(self._window)
+        if is_first:
+            R_nb, p_n_m = _first(now, set_up)
+        else:
+            told, p_n_m = _attitude(now), self._window.place_n_m()
+            R_nb = np.eye(3) if told is None else told
+        t_s = np.array([now.t_s] if is_first else [self._last_s, now.t_s])
+        n = len(t_s)
+        slot = np.concatenate([np.zeros(3), -set_up.first_rate_b_radps])
+        gravity_n_mps2 = np.tile(set_up.origin.gravity_n_mps2(p_n_m[None]), (n, 1))
+        v_n_mps = np.zeros(3) if now.velocity is None else now.velocity.value
+        return Keyframes(
+            t_s=t_s,
+            array=_array(now.array, n),
+            R_nb=np.tile(R_nb, (n, 1, 1)),
+            p_n_m=np.tile(p_n_m, (n, 1)),
+            v_n_mps=np.tile(v_n_mps, (n, 1)),
+            slot=np.tile(slot if now.imu.w_b_radps is None else np.zeros(6), (n, 1)),
+            slot_sigma=set_up.slot_sigma,
+            position=_timed(now.position, n, set_up.antenna_b_m - set_up.accelerometer_b_m),
+            velocity=_timed(now.velocity, n, np.zeros(3)),
+            gravity=_directions(now.gravity, n),
+            gravity_n_mps2=gravity_n_mps2,
+            sight=_directions(now.sight, n),
+            landmark_n_m=set_up.landmark_n_m,
+            preintegrate=Preintegrator(
+                imu=now.imu,
+                increments=increments(now.imu, t_s, set_up.sub_steps),
+                gravity_n_mps2=gravity_n_mps2,
+                earth_rate_n_radps=set_up.origin.earth_rate_n_radps,
+                angular_acceleration_density=set_up.angular_acceleration_density,
+            ),
+        )
+
+
+def _attitude(now: Measurements) -> FloatArray | None:
+    """Return the array's own attitude, (3, 3)."""
+    if now.array is None:
+        return None
+    solution = maximum_likelihood(now.array)
+    return solution.R_nb[0] if solution.solved[0] else None
+
+
+def _first(now: Measurements, set_up: StreamSetUp) -> tuple[FloatArray, FloatArray]:
+    """Return where the first keyframe's search starts."""
+    R_nb = now.R_nb if now.R_nb is not None else _attitude(now)
+    if R_nb is None:
+        raise BadInputError("first measurements R_nb: needed where no array tells an attitude")
+    if now.position is None:
+        raise BadInputError("first measurements position: needed to start from")
+    arm_b_m = set_up.antenna_b_m - set_up.accelerometer_b_m
+    return R_nb, now.position.value - R_nb @ arm_b_m
+
+
+def _array(form: RotationQuadratic | None, n: int) -> ArrayForm:
+    """Return the form in the last of n rows."""
+    there = np.zeros(n, dtype=np.bool_)
+    if form is None:
+        return ArrayForm.of(None, there)
+    there[-1] = True
+    return ArrayForm.of(form[np.zeros(n, dtype=np.int64)], there)
+
+
+def _timed(measured: Measured | None, n: int, arm_b_m: FloatArray) -> Timed | None:
+    """Return a measurement in the last of n rows."""
+    if measured is None:
+        return None
+    value = np.full((n, 3), np.nan)
+    value[-1] = measured.value
+    return Timed(value=value, covariance=np.tile(measured.covariance, (n, 1, 1)), arm_b_m=arm_b_m)
+
+
+def _directions(direction: Direction | None, n: int) -> Directions | None:
+    """Return a direction in the last of n rows."""
+    if direction is None:
+        return None
+    e_b = np.full((n, 3), np.nan)
+    e_b[-1] = direction.e_b
+    return Directions(e_b=e_b, sigma_rad=np.full(n, direction.sigma_rad))

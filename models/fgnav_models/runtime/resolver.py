@@ -1,0 +1,277 @@
+"""``--integers network``: the constrained search proposes, a network says how sure it is."""
+
+from dataclasses import dataclass, field
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
+from fgnav.flight import Flight
+from fgnav.gnss.differences import DoubleDifferences
+from fgnav.integers.candidates import Candidates, candidates
+from fgnav.integers.constrained import Constrained
+from fgnav.integers.epochs import epochs_at
+from fgnav.integers.resolver import Integers
+from fgnav.integers.snooping import touched
+from fgnav.integers.validation import WITHOUT_CODE, not_fixed, phase_links
+from fgnav_models.runtime.load import Model, load
+from fgnav_models.trust_features import TrustRows, links_of, probabilities, trust_rows
+
+_ROWS = 4096  # candidates at a time
+_ENOUGH = 30  # epochs whose median residual tells how well the noise is stated
+
+
+class Trust(NamedTuple):
+    """What the network makes of some epochs."""
+
+    cycles: IntArray  # (n, b, m): of the likeliest candidate
+    wrong_probability: FloatArray  # (n,)
+    ratio: FloatArray  # (n,): second-least over least cost
+    outlier: FloatArray  # (n, b + 1, m): probability of a link to be worse than stated
+    misfit: FloatArray  # (n,): least cost per degree of freedom
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Network:
+    """Integers of the constrained search, accepted by a network's calibrated probability.
+
+    Epochs outside what the network was trained on go to ``fallback``, and a loss says how many.
+
+    Attributes
+    ----------
+    wrong_max : float
+        Largest probability that an accepted epoch's integers are not all right.
+    outlier_max : float
+        A link more likely than this to be worse than stated is not fixed.
+    nodes : int
+        What the search of an epoch may visit.
+    model : str
+        A released network, or a path to its ONNX file.
+    fallback : Constrained
+    """
+
+    wrong_max: float = 1e-3
+    outlier_max: float = 0.95
+    nodes: int = 10**6
+    model: str = "trust"
+    fallback: Constrained = field(default_factory=Constrained)
+
+    def __post_init__(self) -> None:
+        """Reject thresholds that are no probabilities."""
+        for name, value in {"wrong_max": self.wrong_max, "outlier_max": self.outlier_max}.items():
+            if not 0.0 < value < 1.0:
+                raise BadInputError(f"{name}: must be between 0 and 1, got {value}")
+
+    @property
+    def name(self) -> str:
+        """Return the name the command line knows."""
+        return "network"
+
+    def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
+        """Resolve every epoch that has code and phase.
+
+        Raises
+        ------
+        BadInputError
+            If onnxruntime is missing or the network's file is not the released one.
+        """
+        network = _loaded(self.model)
+        outside = outside_domain(differences, network.manifest.domain)
+        out = np.array([bool(text) for text in outside])
+        if out.all():
+            return self._beyond(differences, flight, np.arange(len(out)), outside)
+        inside, at = np.flatnonzero(~out), np.flatnonzero(out)
+        some = epochs_at(differences, inside) if len(at) else differences
+        trust = trusted(some, network, nodes=self.nodes)
+        low, high = network.manifest.domain["misfit"]
+        median = float(np.median(trust.misfit)) if len(inside) >= _ENOUGH else low
+        if not low <= median <= high:
+            outside = (f"median misfit {median:.2g} is not {low:g} to {high:g}",) * len(out)
+            return self._beyond(differences, flight, np.arange(len(out)), outside)
+        own = self._accepted(some, trust)
+        if not len(at):
+            return own
+        other = self._beyond(epochs_at(differences, at), flight, at, outside)
+        return _merged(len(out), (inside, own), (at, other), self.name)
+
+    def _accepted(self, differences: DoubleDifferences, trust: Trust) -> Integers:
+        links = differences.resolvable
+        there = links.any(axis=(1, 2))
+        sure = there & (trust.wrong_probability <= self.wrong_max)
+        bad = touched(differences, np.arange(len(sure)), trust.outlier > self.outlier_max) & links
+        doubt = f"probability of wrong integers above {self.wrong_max:g} by the network"
+        worse = "part of a link that the network takes for worse than stated"
+        fixed = links & sure[:, None, None] & ~bad
+        told = np.where(there, "", "no link with code and phase").astype(object)
+        told[sure & bad.any(axis=(1, 2))] = worse
+        told[there & ~sure] = doubt
+        missing = {
+            WITHOUT_CODE: phase_links(differences) & ~links,
+            doubt: links & ~sure[:, None, None],
+            worse: links & sure[:, None, None] & bad,
+        }
+        return Integers(
+            resolver=self.name,
+            cycles=np.where(fixed, trust.cycles, 0),
+            fixed=fixed,
+            ratio=np.where(links.any(axis=2), trust.ratio[:, None], np.nan),
+            wrong_probability=trust.wrong_probability,
+            reasons=tuple(told.tolist()),
+            losses=not_fixed(missing),
+        )
+
+    def _beyond(
+        self,
+        differences: DoubleDifferences,
+        flight: Flight,
+        at: IntArray,
+        outside: tuple[str, ...],
+    ) -> Integers:
+        """Return what the fallback makes of epochs outside the domain, and say so."""
+        found = self.fallback(differences, flight)
+        texts, counts = np.unique([outside[k] for k in at], return_counts=True)
+        told = [
+            Loss(
+                what="epoch's trust",
+                reason=f"outside the network's domain, {text}: left to {self.fallback.name}",
+                count=int(count),
+            )
+            for text, count in zip(texts, counts, strict=True)
+        ]
+        return Integers(
+            resolver=self.name,
+            cycles=found.cycles,
+            fixed=found.fixed,
+            ratio=found.ratio,
+            wrong_probability=found.wrong_probability,
+            reasons=found.reasons,
+            losses=(*told, *found.losses),
+        )
+
+
+def outside_domain(
+    differences: DoubleDifferences, domain: dict[str, tuple[float, float]]
+) -> tuple[str, ...]:
+    """Return why each epoch is not what the network was trained on, length n; empty where it is.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+    domain : dict
+        Of the network's manifest.
+    """
+    links = links_of(differences)
+    antennas, used = np.asarray(links.any(axis=2)), np.asarray(links.any(axis=1))
+    groups = differences.group == np.arange(differences.reference.shape[1])[:, None]
+    length_m = np.linalg.norm(differences.baselines_b_m, axis=1)
+    there = links.any(axis=(1, 2))
+    phase_m = _range(np.sqrt(differences.phase_variance_m2), used)
+    code_m = _range(np.sqrt(differences.code_variance_m2), used)
+    texts = np.full(len(links), "", dtype=object)
+    counted = {
+        "antennas": (antennas.sum(axis=1),) * 2,
+        "satellites": (used.sum(axis=1),) * 2,
+        "groups": ((used[:, None] & groups).any(axis=2).sum(axis=1),) * 2,
+        "phase_sigma_m": (phase_m[0],) * 2,
+        "code_sigma_m": (code_m[0],) * 2,
+        "sigma_ratio": (np.ones(len(links)), np.maximum(*(v[1] / v[0] for v in (phase_m, code_m)))),
+        "baseline_m": _range(np.broadcast_to(length_m, antennas[:, 1:].shape), antennas[:, 1:]),
+    }
+    for name, (least, most) in counted.items():
+        low, high = domain[name]
+        out = there & ((least < low) | (most > high)) & (texts == "")
+        texts[out] = f"{name.replace('_', ' ')} not {low:g} to {high:g}"
+    return tuple(texts.tolist())
+
+
+def trusted(differences: DoubleDifferences, network: Model, *, nodes: int) -> Trust:
+    """Return the likeliest integers of each epoch, and how likely they are wrong.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+        Within the network's domain.
+    network : Model
+    nodes : int
+        What the search of an epoch may visit.
+    """
+    n, b, m = differences.phase_m.shape
+    found = candidates(differences, nodes=nodes)
+    rows = trust_rows(differences, found)
+    score, none, logit = _run(network, rows)
+    probability, _, best = probabilities(score, none, found.epoch, n)
+    some = np.flatnonzero(best >= 0)
+    top = best[some]
+    wrong, cycles = np.ones(n), np.zeros((n, b, m), dtype=np.int64)
+    wrong[some] = np.clip(1.0 - probability[top], 0.0, 1.0)
+    cycles[some] = found.cycles[top]
+    outlier = np.zeros((n, (b + 1) * m))
+    slot = rows.slot[some]
+    at, place = np.nonzero(slot >= 0)
+    outlier[some[at], slot[at, place]] = 1.0 / (1.0 + np.exp(-logit[top][at, place]))
+    ratio, misfit = _costs(differences, found)
+    return Trust(cycles, wrong, ratio, outlier.reshape(n, b + 1, m), misfit)
+
+
+def _costs(differences: DoubleDifferences, found: Candidates) -> tuple[FloatArray, FloatArray]:
+    """Return second-least over least cost, and least cost per degree of freedom, (n,)."""
+    n = len(differences.t_s)
+    degrees = np.maximum(2 * differences.resolvable.sum(axis=(1, 2)) - 3, 1)
+    first = np.searchsorted(found.epoch, np.arange(n))
+    number = np.bincount(found.epoch, minlength=n)
+    ratio, misfit = np.full(n, np.nan), np.ones(n)
+    some, two = np.flatnonzero(number > 0), np.flatnonzero(number > 1)
+    misfit[some] = found.cost[first[some]] / degrees[some]
+    ratio[two] = found.cost[first[two] + 1] / np.maximum(found.cost[first[two]], 1e-30)
+    return ratio, misfit
+
+
+def _run(network: Model, rows: TrustRows) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return score and score of none, (c,), and logits of outliers, (c, l)."""
+    total, length = rows.there.shape
+    out = np.zeros(total), np.zeros(total), np.zeros((total, length))
+    for start in range(0, total, _ROWS):
+        part = slice(start, start + _ROWS)
+        answer = network(links=rows.links[part], there=rows.there[part], whole=rows.whole[part])
+        for value, name in zip(out, ("score", "none", "outlier"), strict=True):
+            value[part] = answer[name]
+    return out
+
+
+def _range(value: FloatArray, there: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return least and largest value of each epoch, (n,): 1 where there is none."""
+    least = np.where(there, value, np.inf).min(axis=1, initial=np.inf)
+    most = np.where(there, value, -np.inf).max(axis=1, initial=-np.inf)
+    some = there.any(axis=1)
+    return np.where(some, least, 1.0), np.where(some, most, 1.0)
+
+
+def _merged(
+    n: int, one: tuple[IntArray, Integers], other: tuple[IntArray, Integers], name: str
+) -> Integers:
+    """Return the integers of two sets of epochs as those of all."""
+    b, m = one[1].cycles.shape[1:]
+    cycles, fixed = np.zeros((n, b, m), dtype=np.int64), np.zeros((n, b, m), dtype=np.bool_)
+    ratio, wrong = np.full((n, b), np.nan), np.ones(n)
+    reasons = np.full(n, "", dtype=object)
+    for at, part in (one, other):
+        cycles[at], fixed[at], ratio[at] = part.cycles, part.fixed, part.ratio
+        if part.wrong_probability is not None:
+            wrong[at] = part.wrong_probability
+        if part.reasons is not None:
+            reasons[at] = part.reasons
+    return Integers(
+        resolver=name,
+        cycles=cycles,
+        fixed=fixed,
+        ratio=ratio,
+        wrong_probability=wrong,
+        reasons=tuple(reasons.tolist()),
+        losses=(*one[1].losses, *other[1].losses),
+    )
+
+
+@cache
+def _loaded(model: str) -> Model:
+    return load(model)

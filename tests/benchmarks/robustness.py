@@ -1,0 +1,207 @@
+"""What wrong integers, jumping fixes and outages cost: against the same flights without them."""
+
+from dataclasses import dataclass, replace
+
+import msgspec
+import numpy as np
+
+from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.flight import Flight
+from fgnav.integers.resolver import Integers
+from fgnav.integers.truth import Truth
+from fgnav.methods.smoother import Batch, Forward
+from fgnav_sim.receiver_tables import OutageTable, SlipsTable
+from fgnav_sim.scenario import Place, load_scenario
+from fgnav_sim.simulate import simulate
+from tests.methods.simulated import SCENARIOS, errors_rad
+
+SHARES = {0.01: 1.03, 0.05: 1.05, 0.10: 1.10, 0.20: 2.0}
+LENGTHS_S = (5.0, 15.0, 30.0, 60.0)
+FROM_S = 15.0  # an outage begins
+BOTH = ("attitude", "position")
+# What an outage takes away: without one antenna, or the detector, positions go on.
+KINDS = {
+    "all_gnss": BOTH,
+    "all_gnss_gyro": BOTH,
+    "antenna": BOTH[:1],
+    "reference": BOTH[:1],
+    "seeker": BOTH[:1],
+}
+WITHIN, PEAK = 0.99, 0.35
+NAMES = (
+    *(f"wrong_arcs_{round(100 * share)}_percent" for share in SHARES),
+    "wrong_arcs_10_percent_worst",
+    *(f"outage_{kind}_{length_s:.0f}_s_within" for kind in KINDS for length_s in LENGTHS_S),
+    *(f"outage_{kind}_peak_{what}" for kind, lost in KINDS.items() for what in lost),
+)
+SLIPS_PER_HOUR = 120.0  # of a link: with those of the reference, arcs of some ten seconds
+# A beacon that the detector sees from the first second on, eleven kilometres down the path.
+BEACON = Place(latitude_deg=40.43, longitude_deg=-3.88, height_m=170.0)
+FAR = {"range_m": 12_000.0, "landmark": BEACON}
+GYROSCOPE = {
+    "gyroscope_noise_radps_per_sqrt_hz": 1e-4,
+    "gyroscope_bias_radps": 2e-3,
+    "gyroscope_bias_walk_radps_per_sqrt_s": 1e-6,
+}
+
+
+def run(flights: int = 50) -> list[dict]:
+    """Return the rows."""
+    return [*_wrong_arcs(flights), *_outages(max(2, flights // 25))]
+
+
+@dataclass(frozen=True)
+class WrongArcs:
+    """True integers, a share of arcs off by one to three cycles as a whole."""
+
+    share: float
+    seed: int
+    name: str = "wrong-arcs"
+
+    def __call__(self, differences, flight):
+        """Resolve."""
+        true, rng = Truth()(differences, flight), np.random.default_rng(self.seed)
+        shape = (*differences.arc.shape[1:], differences.arc.max() + 1)
+        size = rng.integers(1, 4, shape) * rng.choice((-1, 1), shape)
+        size *= rng.random(shape) < self.share
+        arc = differences.arc.clip(0).transpose(1, 2, 0)
+        off = np.take_along_axis(size, arc, axis=2).transpose(2, 0, 1)
+        cycles = np.where(true.fixed, true.cycles + off, 0)
+        return Integers(resolver=self.name, cycles=cycles, fixed=true.fixed, ratio=true.ratio)
+
+
+def _wrong_arcs(flights: int) -> list[dict]:
+    """Every other flight has slips; in the others arcs last the whole flight."""
+    growth = {share: [] for share in SHARES}
+    for seed in range(flights):
+        slips = SlipsTable(rate_per_hour=SLIPS_PER_HOUR, flagged_share=0.7) if seed % 2 else None
+        flight = _flown(seed, 20.0 + 5.0 * (seed % 5), gnss={"slips": slips})
+        clean_rad = _rms(errors_rad(flight, Batch(resolver=Truth())(flight)))
+        for share in SHARES:
+            estimate = Batch(resolver=WrongArcs(share, seed))(flight)
+            growth[share].append(_rms(errors_rad(flight, estimate)) / clean_rad)
+    note = f"attitude RMSE over that with right integers; {flights} flights of 20 to 40 s"
+    rows = [
+        _row(f"wrong_arcs_{round(100 * share)}_percent", np.median(growth[share]), most, note)
+        for share, most in SHARES.items()
+    ]
+    worst = max(growth[0.10])
+    return [*rows, _row("wrong_arcs_10_percent_worst", worst, 2.0, f"the worst flight: {note}")]
+
+
+def _outages(flights: int) -> list[dict]:
+    rows = []
+    for kind, affected in KINDS.items():
+        ratios, lost = [], 0
+        for length_s in LENGTHS_S:
+            judged = [
+                _judged(_with_outage(kind, length_s, seed), length_s) for seed in range(flights)
+            ]
+            rows.append(_share_row(kind, length_s, [one.within for one in judged]))
+            both = [one for one in judged if one.forward is not None]
+            lost += len(judged) - len(both)
+            if both:
+                ratios.append(sum(one.smoothed for one in both) / sum(one.forward for one in both))
+        note = f"largest error in an outage, batch over forward, worst length; forward lost {lost}"
+        rows += [
+            _row(f"outage_{kind}_peak_{what}", worst, PEAK, note)
+            for what, worst in zip(affected, np.max(ratios, axis=0), strict=False)
+        ]
+    return rows
+
+
+def _share_row(kind: str, length_s: float, within: list[float]) -> dict:
+    share = float(np.mean(within))
+    return {
+        "name": f"outage_{kind}_{length_s:.0f}_s_within",
+        "ours": share,
+        "peer": WITHIN,
+        "ratio": share / WITHIN,
+        "unit": "share of epochs",
+        "note": f"attitude and position of batch within three sigmas; {len(within)} flights",
+    }
+
+
+def _with_outage(kind: str, length_s: float, seed: int) -> Flight:
+    """Return a flight in which something is missing for a while."""
+    span_s, until_s = FROM_S + length_s + 15.0, FROM_S + length_s
+    if kind == "seeker":
+        return _blinded(_flown(seed, span_s, "terminal", seeker=FAR), until_s)
+    antennas = {"antenna": ("a3",), "reference": ("a1",)}.get(kind, ())
+    outage = OutageTable(from_s=FROM_S, until_s=until_s, antennas=antennas)
+    imu = GYROSCOPE if kind == "all_gnss_gyro" else {}
+    return _flown(seed, span_s, gnss={"outages": (outage,)}, imu=imu)
+
+
+def _blinded(flight: Flight, until_s: float) -> Flight:
+    """Return a flight without what its detector saw in the outage."""
+    seeker = flight.seeker
+    seen = (seeker.t_s < FROM_S) | (seeker.t_s >= until_s)
+    rest = replace(seeker, t_s=seeker.t_s[seen], currents=seeker.currents[seen])
+    return replace(flight, seeker=rest)
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """Share of epochs within three sigmas; largest errors, attitude and position, (2,) each."""
+
+    within: float
+    smoothed: FloatArray
+    forward: FloatArray | None  # None: it has no solution
+
+
+def _judged(flight: Flight, length_s: float) -> _Judged:
+    smoothed = Batch(resolver=Truth())(flight)
+    try:
+        forward = _peaks(flight, Forward(resolver=Truth())(flight), length_s)
+    except NoSolutionError:
+        forward = None
+    return _Judged(
+        within=_within(flight, smoothed),
+        smoothed=_peaks(flight, smoothed, length_s),
+        forward=forward,
+    )
+
+
+def _peaks(flight, estimate, length_s: float) -> FloatArray:
+    during = (estimate.t_s >= FROM_S) & (estimate.t_s <= FROM_S + length_s)
+    errors = errors_rad(flight, estimate), _off_m(flight, estimate)
+    return np.array([np.linalg.norm(error[during], axis=1).max() for error in errors])
+
+
+def _within(flight, estimate) -> float:
+    """Return the share of epochs whose attitude and position are within three sigmas."""
+    sigma = np.sqrt(np.einsum("nii->ni", estimate.attitude_covariance_rad2))
+    attitude = (np.abs(errors_rad(flight, estimate)) < 3 * sigma).all(axis=1)
+    sigma = np.sqrt(np.einsum("nii->ni", estimate.position_covariance_m2))
+    return float((attitude & (np.abs(_off_m(flight, estimate)) < 3 * sigma).all(axis=1)).mean())
+
+
+def _row(name: str, ours: float, most: float, note: str) -> dict:
+    """Return a row whose ours should stay below a bound, its peer."""
+    return {
+        "name": name,
+        "ours": float(ours),
+        "peer": most,
+        "ratio": most / float(ours),
+        "unit": "x",
+        "note": note,
+    }
+
+
+def _flown(seed: int, span_s: float, name: str = "demo", **tables: dict) -> Flight:
+    """Return a flight of a scenario with some entries of its tables replaced."""
+    scenario, change = load_scenario(SCENARIOS / f"{name}.toml"), msgspec.structs.replace
+    changed = {table: change(getattr(scenario, table), **new) for table, new in tables.items()}
+    scenario = change(scenario, duration_s=span_s, **changed)
+    return simulate(scenario, np.random.default_rng(seed))
+
+
+def _off_m(flight, estimate) -> FloatArray:
+    truth = flight.truth
+    place = [np.interp(estimate.t_s, truth.t_s, column) for column in truth.p_n_m.T]
+    return estimate.p_n_m - np.stack(place, axis=1)
+
+
+def _rms(error: FloatArray) -> float:
+    return float(np.sqrt((error**2).sum(axis=1).mean()))

@@ -1,0 +1,181 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fgnav.checks import BadInputError
+from fgnav.methods.smoother import Measured, Measurements, Stream, StreamSetUp
+from fgnav.methods.smoother.batch import solve_batch
+from fgnav.methods.smoother.keyframes import ArrayForm, Timed
+from fgnav.methods.smoother.window import Window, solution_of, solve_forward, solve_window
+from fgnav.rotations import log, transpose
+
+from .flights import ORIGIN, attitude_errors_rad, euler_rmse_deg, turning
+
+
+@pytest.fixture(scope="module")
+def case():
+    return turning(np.random.default_rng(0), span_s=20.0)
+
+
+@pytest.fixture(scope="module")
+def window(case):
+    return solve_window(case.keyframes, 2.0)
+
+
+def one(keyframes, row):
+    """A keyframe with the one before it, as a stream would have them."""
+    rows = np.array([max(row - 1, 0), row]) if row else np.array([0])
+    pre, p, v, a = keyframes.preintegrate, keyframes.position, keyframes.velocity, keyframes.array
+    steps = pre.increments
+    part = slice(steps.first[rows[0]], steps.first[rows[-1]])
+    return dataclasses.replace(
+        keyframes,
+        **{name: getattr(keyframes, name)[rows] for name in ("t_s", "R_nb", "p_n_m", "v_n_mps")},
+        slot=keyframes.slot[rows],
+        gravity_n_mps2=keyframes.gravity_n_mps2[rows],
+        array=ArrayForm(there=a.there[rows], root=a.root[rows], minimum=a.minimum[rows]),
+        position=Timed(value=p.value[rows], covariance=p.covariance[rows], arm_b_m=p.arm_b_m),
+        velocity=Timed(value=v.value[rows], covariance=v.covariance[rows], arm_b_m=v.arm_b_m),
+        preintegrate=dataclasses.replace(
+            pre,
+            gravity_n_mps2=pre.gravity_n_mps2[rows],
+            increments=dataclasses.replace(
+                steps,
+                step_s=steps.step_s[rows[:-1]],
+                first=steps.first[rows] - steps.first[rows[0]],
+                f_b_mps2=steps.f_b_mps2[part],
+                w_b_radps=steps.w_b_radps[part],
+            ),
+        ),
+    )
+
+
+def test_keyframes_given_one_by_one_end_where_the_whole_flight_ends_bit_for_bit(case, window):
+    streamed, taken = Window(2.0), []
+    for row in range(len(case.keyframes.t_s)):
+        keyframes = one(case.keyframes, row)
+        left = streamed.update(keyframes, len(keyframes.t_s) - 1)
+        taken += [left] if left is not None else []
+    found = solution_of([*taken, streamed.rest()])
+    for name in ("R_nb", "p_n_m", "v_n_mps", "slot", "covariance", "cross"):
+        assert getattr(found, name).tobytes() == getattr(window, name).tobytes(), name
+
+
+def test_the_window_forgets(case):
+    window, held, rows = Window(1.0), [], []
+    for row in range(len(case.keyframes.t_s)):
+        window.update(case.keyframes, row)
+        held.append(len(window))
+        rows.append(len(window._rows.t_s))
+    assert max(held) <= 21
+    assert max(rows) <= 2 * 21 + 2
+
+
+def test_forward_is_less_than_the_window_and_ends_where_it_ends(case, window):
+    forward = solve_forward(case.keyframes, 2.0)
+    sigma, smoothed = (np.sqrt(np.einsum("nii->ni", s.covariance)) for s in (forward, window))
+    assert (smoothed[:, :9] < 1.01 * sigma[:, :9]).all()
+    assert sigma[50:150, 0].mean() > 1.5 * smoothed[50:150, 0].mean()
+    np.testing.assert_allclose(forward.covariance[-1], window.covariance[-1], rtol=1e-9)
+    np.testing.assert_allclose(forward.p_n_m[-1], window.p_n_m[-1], rtol=0, atol=1e-9)
+    assert forward.cross is None
+    batch = solve_batch(case.keyframes)
+    assert euler_rmse_deg(forward.R_nb, case.truth)[0] > euler_rmse_deg(batch.R_nb, case.truth)[0]
+
+
+def test_a_window_started_without_rates_finds_them(case):
+    keyframes = dataclasses.replace(case.keyframes, slot=np.zeros_like(case.keyframes.slot))
+    found = solve_window(keyframes, 2.0)
+    assert found.converged
+    ratio = euler_rmse_deg(found.R_nb, case.truth) / euler_rmse_deg(
+        solve_batch(case.keyframes).R_nb, case.truth
+    )
+    assert (ratio < 1.1).all()
+
+
+def stream_of(case, lag_s=2.0):
+    """Feed a stream with raw samples, forms and fixes; return what left it and the stream."""
+    keyframes = case.keyframes
+    imu, pre = keyframes.preintegrate.imu, keyframes.preintegrate
+    set_up = StreamSetUp(
+        origin=ORIGIN,
+        antenna_b_m=np.zeros(3),
+        slot_sigma=keyframes.slot_sigma,
+        angular_acceleration_density=pre.angular_acceleration_density,
+        first_rate_b_radps=-keyframes.slot[0, 3:],
+    )
+    stream, left = Stream(set_up, lag_s), []
+    for row, t_s in enumerate(keyframes.t_s):
+        near = (imu.t_s > t_s - 0.25) & (imu.t_s < t_s + 0.15)
+        samples = {"t_s": imu.t_s[near], "f_b_mps2": imu.f_b_mps2[near]}
+        if imu.w_b_radps is not None:
+            samples["w_b_radps"] = imu.w_b_radps[near]
+        left.append(
+            stream.update(
+                Measurements(
+                    t_s=float(t_s),
+                    imu=dataclasses.replace(imu, **samples),
+                    array=case.form[np.array([row])],
+                    position=Measured(
+                        value=keyframes.position.value[row],
+                        covariance=keyframes.position.covariance[row],
+                    ),
+                    velocity=Measured(
+                        value=keyframes.velocity.value[row],
+                        covariance=keyframes.velocity.covariance[row],
+                    ),
+                )
+            )
+        )
+    return stream, left
+
+
+@pytest.mark.parametrize("gyro", [False, True])
+def test_a_stream_of_raw_samples_says_what_the_window_says(gyro):
+    case = turning(np.random.default_rng(0), span_s=8.0, gyro=gyro)
+    stream, left = stream_of(case)
+    parts = [part for part in (*left, stream.rest()) if len(part.t_s)]
+    t_s = np.concatenate([part.t_s for part in parts])
+    np.testing.assert_array_equal(t_s, case.keyframes.t_s)
+    window = solve_window(case.keyframes, 2.0)
+    R_nb = np.concatenate([part.R_nb for part in parts])
+    sigma = np.sqrt(np.einsum("nii->ni", window.covariance))
+    apart = attitude_errors_rad(R_nb, window) / sigma[:, :3]
+    assert np.abs(apart).max() < 0.05  # the curve through few samples is not that through all
+    p_n_m = np.concatenate([part.p_n_m for part in parts])
+    assert (np.abs(p_n_m - window.p_n_m).max(axis=1) < 0.05 * sigma[:, 3:6].max(axis=1)).all()
+    newest = stream.newest()
+    np.testing.assert_array_equal(newest.R_nb[0], stream.rest().R_nb[-1])
+    rate = np.concatenate([part.angular_rate_b_radps for part in parts])
+    turn = log(transpose(case.truth.R_nb[:-1]) @ case.truth.R_nb[1:]) / 0.1
+    assert np.abs(rate[5:-5] - turn[5:-4]).max() < 0.15
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"t_s": 0.0}, "measurements t_s: must come after"),
+        ({"array": None}, "first measurements R_nb: needed where no array"),
+        ({"position": None}, "first measurements position: needed"),
+    ],
+)
+def test_a_stream_says_what_a_keyframe_lacks(case, change, text):
+    keyframes, imu = case.keyframes, case.keyframes.preintegrate.imu
+    set_up = StreamSetUp(
+        origin=ORIGIN,
+        antenna_b_m=np.zeros(3),
+        slot_sigma=keyframes.slot_sigma,
+        angular_acceleration_density=keyframes.preintegrate.angular_acceleration_density,
+    )
+    first = Measurements(
+        t_s=0.0,
+        imu=imu,
+        array=case.form[np.array([0])],
+        position=Measured(value=keyframes.p_n_m[0], covariance=np.eye(3)),
+    )
+    stream = Stream(set_up)
+    if "t_s" in change:
+        assert not len(stream.update(first).t_s)
+    with pytest.raises(BadInputError, match=text):
+        stream.update(dataclasses.replace(first, **change))
