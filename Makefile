@@ -4,7 +4,7 @@ ONLY ?=
 
 VENV := .venv
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install -c constraints.txt
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install --no-compile -c constraints.txt
 RUN := $(VENV)/installed-run
 DEV := $(VENV)/installed-dev
 

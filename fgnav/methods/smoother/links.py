@@ -122,7 +122,7 @@ def senses_of(keyframes: Keyframes) -> Senses:
     velocity, velocity_white, _ = _weighted(keyframes.velocity, n)
     down_n = keyframes.gravity_n_mps2[:, None]
     return Senses(
-        root=np.where(there, array.root, 0.0),
+        root=np.ascontiguousarray(np.where(there, array.root, 0.0)),  # else compiled twice
         minimum=np.where(there, array.minimum, 0.0),
         position_n_m=position,
         position_white=white,
