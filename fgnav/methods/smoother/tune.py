@@ -17,6 +17,7 @@ _GATE = 0.01  # share of right measurements beyond it
 _HONEST = (0.005, 0.02)  # shares beyond it that are near enough
 _FEWEST = 30  # measurements of a kind that speak for it
 _FARTHEST = 100.0  # a variance is changed by no more: beyond, it is not noise that is wrong
+_DEAF = 0.2  # of what was asked for: less of a response is none
 _TOLD = 0.05  # a standard deviation that changes by less is as stated
 
 
@@ -77,6 +78,8 @@ def tuned(flight: Flight, resolver: Resolver) -> TunedFlight:
     by group; here every measurement's own, by deletion.
     """
     factors: dict[str, float] = {}
+    before: dict[str, float] = {}
+    deaf: set[str] = set()  # kinds on which the stated noise has no say
     batch, told = Batch(resolver=resolver), flight
     for _ in range(_ROUNDS):
         consistency = batch(told).consistency
@@ -85,6 +88,13 @@ def tuned(flight: Flight, resolver: Resolver) -> TunedFlight:
             raise NoSolutionError(
                 f"flight {flight.name}: tuning needs {_FEWEST} measurements of a kind or more"
             )
+        heard = {k: v for k, v in before.items() if k in asked and abs(v - 1) >= _SETTLED}
+        deaf |= {k for k, v in heard.items() if abs(asked[k] - v) < _DEAF * abs(v - 1)}
+        before = asked
+        asked = {what: factor for what, factor in asked.items() if what not in deaf}
+        if deaf & factors.keys():
+            factors = {what: factor for what, factor in factors.items() if what not in deaf}
+            told = _louder(flight, factors)
         if all(abs(factor - 1) < _SETTLED for factor in asked.values()):
             return TunedFlight(flight=told, factors=factors, settled=True)
         for what, factor in asked.items():
