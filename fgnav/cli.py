@@ -138,7 +138,7 @@ def run(
     out
         Folder for the results; made if absent.
     method
-        closed-form, maximum-likelihood, smoother, forward, batch, rtk, or an installed one.
+        closed-form, maximum-likelihood, smoother, forward, batch, gtsam, rtk, or an installed one.
     """
     from fgnav.checks import BadInputError, NoSolutionError  # noqa: PLC0415
     from fgnav.evaluation.report.table import remarks  # noqa: PLC0415

@@ -18,9 +18,10 @@ METHODS = {
     "smoother": "fgnav.methods.smoother:Smoother",
     "forward": "fgnav.methods.smoother:Forward",
     "batch": "fgnav.methods.smoother:Batch",
+    "gtsam": "fgnav.methods.smoother:GtsamBatch",
     "rtk": "fgnav.methods.rtk:Rtk",
 }
-WITH_GRAVITY = ("smoother", "forward", "batch")
+WITH_GRAVITY = ("smoother", "forward", "batch", "gtsam")
 
 
 def method_names() -> tuple[str, ...]:

@@ -5,10 +5,8 @@ from dataclasses import fields, replace
 from pathlib import Path
 from time import process_time
 
-import gtsam
 import msgspec
 import numpy as np
-from gtsam.symbol_shorthand import B, V, X
 
 from fgnav.evaluation.comparison import compare
 from fgnav.flight import Flight
@@ -18,8 +16,8 @@ from fgnav.integers.resolve import resolve
 from fgnav.methods import method_named
 from fgnav.methods.smoother import Batch, Smoother
 from fgnav.methods.smoother.batch import solve_batch
+from fgnav.methods.smoother.by_gtsam import solve_by_gtsam
 from fgnav.methods.smoother.collect import Settings, collect
-from fgnav.methods.smoother.graph import State, link, motion, priors
 from fgnav.methods.smoother.keyframes import Keyframes
 from fgnav.methods.smoother.window import Window, solve_window
 from fgnav_sim.scenario import load_scenario
@@ -103,7 +101,7 @@ def _chain(flight: Flight) -> list[dict]:
     growth = float(np.median([b / a for a, b in seconds]))
     held = [_held(part) for part in (short, whole)]
     ours = np.median([_seconds(lambda: solve_batch(short)) for _ in range(5)])
-    theirs = np.median([_seconds(lambda: _by_gtsam(short)) for _ in range(3)])
+    theirs = np.median([_seconds(lambda: solve_by_gtsam(short)) for _ in range(3)])
     note = "time of ten times the flight over that of the flight, window of 2 s; peer: linear"
     return [
         _row("smoother_growth", growth, 10.0, 10.0 / growth, "", note),
@@ -121,7 +119,7 @@ def _chain(flight: Flight) -> list[dict]:
             len(short.t_s) / theirs,
             theirs / ours,
             "keyframes/s",
-            "batch; peer: GTSAM's GaussNewtonOptimizer and Marginals, same links",
+            "batch; peer: GTSAM's LevenbergMarquardtOptimizer and Marginals, same links",
         ),
     ]
 
@@ -150,19 +148,6 @@ def _held(keyframes: Keyframes) -> float:
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     return peak / 1e6
-
-
-def _by_gtsam(keyframes: Keyframes) -> None:
-    graph, values, keys = gtsam.NonlinearFactorGraph(), gtsam.Values(), range(len(keyframes.t_s))
-    for k in keys:
-        before = (motion(keyframes, k, keyframes.slot[k - 1], k),) if k else priors(keyframes)
-        graph.push_back(link(keyframes, k, before))
-        State.start(keyframes, k).insert(values, k)
-    found = gtsam.GaussNewtonOptimizer(graph, values).optimize()
-    marginals = gtsam.Marginals(graph, found)
-    for k in keys:
-        for symbol in (X, V, B):
-            marginals.marginalCovariance(symbol(k))
 
 
 def _accuracy(flight: Flight) -> list[dict]:

@@ -15,6 +15,7 @@ from fgnav.integers.lambda_ import Lambda
 from fgnav.integers.resolver import Resolver
 from fgnav.methods.smoother.ahead import foretelling
 from fgnav.methods.smoother.batch import solve_batch
+from fgnav.methods.smoother.by_gtsam import solve_by_gtsam
 from fgnav.methods.smoother.collect import Collected, Settings, collect
 from fgnav.methods.smoother.estimates import estimate_of
 from fgnav.methods.smoother.graph import Solution
@@ -152,6 +153,21 @@ class Batch:
     def at(self, flight: Flight, t_s: FloatArray) -> Estimate:
         """Estimate at any times, as ``Smoother`` does."""
         return _estimate(self, flight, solve_batch, t_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GtsamBatch(Batch):
+    """The same graph, solved by GTSAM itself: slower, and the place for factors of one's own."""
+
+    name: str = "gtsam"
+
+    def __call__(self, flight: Flight) -> Estimate:
+        """Estimate every keyframe; raises as ``Smoother`` does."""
+        return _estimate(self, flight, solve_by_gtsam)
+
+    def at(self, flight: Flight, t_s: FloatArray) -> Estimate:
+        """Estimate at any times, as ``Smoother`` does."""
+        return _estimate(self, flight, solve_by_gtsam, t_s)
 
 
 def _check(method: Smoother | Forward | Batch) -> None:
