@@ -51,8 +51,7 @@ def test_a_training_cut_and_resumed_ends_in_the_same_bytes(whole, tmp_path, caps
     train(RECIPE, out=out, scale="smoke", slice_s=1e-6)
     assert "the same command with --resume goes on" in capsys.readouterr().out
     while not (out / "gravity" / "checkpoint.safetensors").exists():
-        train(RECIPE, out=out, scale="smoke", slice_s=0.5, resume=True)
-    train(RECIPE, out=out, scale="smoke", slice_s=1e-6, resume=True)
+        train(RECIPE, out=out, scale="smoke", slice_s=0.05, resume=True)
     assert not (out / "report.md").exists()
     train(RECIPE, out=out, scale="smoke", resume=True)
     assert (out / "gravity.onnx").read_bytes() == (whole / "gravity.onnx").read_bytes()
