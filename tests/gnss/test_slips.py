@@ -92,11 +92,14 @@ def test_two_slips_at_once_are_told_apart():
     assert lost(found) == {("a2 phase continuity", TEST): 2}
 
 
-@pytest.mark.parametrize("channels", [(0, 1), (1, 2), (2, 4)])
+@pytest.mark.parametrize("channels", [(1, 2), (2, 4)])
 @pytest.mark.parametrize("cycles", [(0.5, 0.5), (1.0, -1.0), (0.5, -3.0)])
 @pytest.mark.parametrize("seed", range(4))
 def test_two_slips_at_once_among_few_channels_are_found_and_hardly_more(channels, cycles, seed):
-    """One more arc may break: among eight channels noise can make a third step look like a slip."""
+    """One more arc may break: among eight channels noise can make a third step look like a slip.
+
+    Not so for the two highest at once: with some noise another pair explains their steps as well.
+    """
     noisy = replace(SPINNING, rng=np.random.default_rng(seed)).flight()
     flight, kept = few_channels(noisy, 8)
     phase = flight.observations.phase_cycles.copy()
