@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.earth import C_MPS, geodetic, ned_axes
 from fgnav.flight import LinkIntegers
-from fgnav.gnss.atmosphere import klobuchar_m, saastamoinen_m
-from fgnav.gnss.satellites import group_delay_s
-from fgnav.gnss.signals import frequency_hz, wavelengths_m
+from fgnav.gnss.signals import wavelengths_m
 from fgnav.observations import LOST_LOCK, Observations
 from fgnav.orbits import BroadcastOrbits, PreciseOrbits
 from fgnav_sim.channels import Channels, channels_in_view, empty_sky, places_e_m
 from fgnav_sim.clocks import clocks
+from fgnav_sim.delays import delays_m
 from fgnav_sim.gauss_markov import gauss_markov
 from fgnav_sim.interruptions import LARGEST_INTEGER, Sky, Tracking, track
 from fgnav_sim.light_time import Links, links
@@ -75,8 +74,8 @@ def observe(
     for first in range(0, len(t_s), _BLOCK):
         block = slice(first, first + _BLOCK)
         seen = _links(scenario, orbits, channels, t_s[block, None] - offset_s[block])
-        delays_m = _delays_m(sensor, scenario, messages or orbits, channels, t_s[block], seen)
-        measured.fill(block, seen, offset_s, drift_sps, delays_m)
+        held_up_m = delays_m(sensor, scenario, messages or orbits, channels, t_s[block], seen)
+        measured.fill(block, seen, offset_s, drift_sps, held_up_m)
         if measured.e_b is not None:
             true_s = t_s[block] - offset_s[block, 0]
             measured.e_b[block] = e_b = _directions_b(scenario, true_s, seen)
@@ -148,12 +147,12 @@ class _Measured:
         seen: Links,
         offset_s: FloatArray,
         drift_sps: FloatArray,
-        delays_m: tuple[FloatArray, FloatArray],
+        held_up_m: tuple[FloatArray, FloatArray],
     ) -> None:
         """Set what perfect receivers with these clocks would measure at a block of epochs."""
         biased_m = seen.range_m + C_MPS * (offset_s[block, :, None] - seen.clock_s)
-        self.code_m[block] = biased_m + delays_m[0][:, None]
-        self.phase_m[block] = biased_m + delays_m[1][:, None]
+        self.code_m[block] = biased_m + held_up_m[0][:, None]
+        self.phase_m[block] = biased_m + held_up_m[1][:, None]
         drift = drift_sps[block, :, None] - seen.clock_drift_sps
         self.rate_mps[block] = seen.range_rate_mps + C_MPS * drift
         self.elevation_rad[block] = seen.elevation_rad
@@ -335,41 +334,6 @@ def _echoes(
         scenario.motion(t_s).w_nb_b_radps,
         wavelengths_m(channels.satellites, channels.signals),
     )
-
-
-def _delays_m(
-    sensor: GnssTable,
-    scenario: Scenario,
-    orbits: BroadcastOrbits | PreciseOrbits,
-    channels: Channels,
-    t_s: FloatArray,
-    seen: Links,
-) -> tuple[FloatArray, FloatArray]:
-    """Return what code and phase travel longer than light in vacuum, (n, m), at all antennas.
-
-    The air is that of the reference antenna: 1 m of height changes it by 0.3 mm at the zenith.
-    """
-    times_s = np.repeat(t_s[:, None], len(channels.satellites), axis=1)
-    late_m = C_MPS * group_delay_s(
-        orbits,
-        channels.satellites,
-        channels.signals,
-        times_s,
-        precise_clocks=bool(sensor.orbits),
-    )
-    if not sensor.atmosphere:
-        return late_m, np.zeros_like(late_m)
-    place = geodetic(places_e_m(scenario, t_s))
-    air_m = saastamoinen_m(place, seen.elevation_rad)
-    if isinstance(orbits, PreciseOrbits):  # no messages, so no model of the ionosphere either
-        return late_m + air_m, air_m
-    ions_m = klobuchar_m(
-        orbits.klobuchar, place, seen.elevation_rad, seen.azimuth_rad, scenario.start_gps_s + t_s
-    )
-    pairs = zip(channels.satellites, channels.signals, strict=True)
-    hz = np.array([frequency_hz(*pair) for pair in pairs])
-    ions_m *= (frequency_hz("G", "1C") / hz) ** 2
-    return late_m + air_m + ions_m, air_m - ions_m
 
 
 def _elevation_factor(sensor: GnssTable, elevation_rad: FloatArray) -> FloatArray:
