@@ -13,7 +13,7 @@ from fgnav_models.gravity_features import SPAN_S, differenced, windows
 from fgnav_models.runtime.gravity import AccelerometerGravity, NetworkGravity
 from fgnav_models.runtime.load import load
 from fgnav_models.training.gravity_data import angles_deg, rms
-from fgnav_sim import data_sets_gravity as drawn
+from fgnav_sim.data_sets_gravity_motions import PHASES, drawn_motion
 from fgnav_sim.data_sets_gravity_world import GravityWorld
 from fgnav_sim.scenario import FixesTable, Scenario
 from fgnav_sim.simulate import simulate
@@ -92,9 +92,8 @@ def flights(count: int, seed: int) -> list[Flight]:
     world = GravityWorld()
     out = []
     for number, rng in enumerate(np.random.default_rng(seed).spawn(count)):
-        draw = drawn._drawing(rng)
-        kind = drawn.PHASES[number % len(drawn.PHASES)]
-        motion = drawn._surging(drawn._MOTIONS[kind](world, draw), world, draw)
+        kind = PHASES[number % len(PHASES)]
+        motion = drawn_motion(world, kind, rng=rng)
         scenario = Scenario(
             name=f"{kind} {number}",
             duration_s=DURATION_S,

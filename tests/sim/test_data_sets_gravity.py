@@ -6,7 +6,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from fgnav.checks import BadInputError
-from fgnav_sim.data_sets_gravity import PHASES, gravity_epochs
+from fgnav_sim.data_sets_gravity import gravity_epochs
+from fgnav_sim.data_sets_gravity_motions import PHASES
 from fgnav_sim.data_sets_gravity_world import GravityWorld, PhasesTable, WindowsTable
 from fgnav_sim.scenario import ImuTable
 

@@ -7,7 +7,8 @@ import torch
 from fgnav.checks import FloatArray
 from fgnav_models.training.gravity_data import BASELINES, Rows, angles_deg, baseline, draw, rms
 from fgnav_models.training.gravity_nets import GravityNet, deviation
-from fgnav_sim.data_sets_gravity import PHASES, GravityEpochs
+from fgnav_sim.data_sets_gravity import GravityEpochs
+from fgnav_sim.data_sets_gravity_motions import PHASES
 from fgnav_sim.data_sets_gravity_world import GravityWorld
 
 _SPAN_S, _EACH = 20.0, 200  # to tell how errors of one flight hang together
