@@ -83,12 +83,16 @@ class AttitudeSolution:
 
 
 def axis_name(axis_b: FloatArray) -> str:
-    """Return the Euler angle about a body axis, or the axis in words where it is none of them."""
+    """Return the Euler angle about a body axis, or the axis in words where it is none of them.
+
+    Either direction of the axis gives the same name: its first component that shows is positive.
+    """
     axis_b = axis_b / np.linalg.norm(axis_b)
     across = np.linalg.norm(np.cross(axis_b, np.eye(3)), axis=1)
     if across.min() < _ALONG_AXIS:
         return ("roll", "pitch", "yaw")[int(across.argmin())]
-    x, y, z = np.round(axis_b, 3) + 0.0  # no negative zero
+    shown = np.round(axis_b, 3)
+    x, y, z = shown * np.sign(shown[shown != 0][0]) + 0.0  # no negative zero
     return f"rotation about the body axis [{x:.3f}, {y:.3f}, {z:.3f}]"
 
 

@@ -60,6 +60,7 @@ def test_a_wrong_integer_fails_the_chi_square_test():
         ([0, 1, 0], "pitch"),
         ([0, 0, 1], "yaw"),
         ([1, 1, 0], "rotation about the body axis [0.707, 0.707, 0.000]"),
+        ([-1, -1, 0], "rotation about the body axis [0.707, 0.707, 0.000]"),
     ],
 )
 def test_one_baseline_leaves_one_angle_open_and_names_it(baseline, name):
