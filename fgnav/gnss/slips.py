@@ -10,7 +10,8 @@ from fgnav.gnss.single_differences import SingleDifferences
 from fgnav.observations import LOST_LOCK
 
 LONGEST_GAP = 5.0  # median intervals without any epoch, after which nothing is continuous
-NOT_TESTED, FINE, SLIP = 0, 1, 2  # verdicts of the kernel
+# Verdicts of the kernel; of tied channels two slipped, but not to be told which.
+NOT_TESTED, FINE, SLIP, TIED = range(4)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -44,9 +45,10 @@ def phase_arcs(differences: SingleDifferences, names: tuple[str, ...]) -> Arcs:
     all channels (jumps of milliseconds included), and noise. These four unknowns are fitted to all
     channels of a baseline; while the largest normalised residual says a slip of more than
     4.5 sigmas and a quarter of a cycle, that channel has one [1]_; if one more then shows, the two
-    are those without which the others fit best. It holds for any motion
-    and any interval; what the turn of the line of sight does to a baseline of unknown direction,
-    7 mm in 30 s on 1.6 m, is added to the threshold.
+    are those that explain all steps best as slips of whole half cycles, and whatever else could be
+    the two with a chance of 1 in 1000 breaks as well: a lost arc is better than a wrong one. It
+    holds for any motion and any interval; what the turn of the line of sight does to a baseline of
+    unknown direction, 7 mm in 30 s on 1.6 m, is added to the threshold.
 
     A slip found on most of the baselines, and at least two, is the reference antenna's; with a
     single baseline nothing tells, and the second antenna is blamed. If five channels contradict
@@ -102,10 +104,15 @@ def phase_arcs(differences: SingleDifferences, names: tuple[str, ...]) -> Arcs:
 
 
 def _blame(verdict: IntArray) -> BoolArray:
-    """Turn verdicts on baselines (n, b, m) into slips of antennas (n, a, m)."""
-    slips = verdict == SLIP
+    """Turn verdicts on baselines (n, b, m) into slips of antennas (n, a, m).
+
+    Where two of the tied are the reference antenna's, by what other baselines say, the rest is not.
+    """
+    tied = verdict == TIED
+    slips = tied | (verdict == SLIP)
     of_reference = (slips.sum(axis=1) >= 2) & (
         2 * slips.sum(axis=1) > (verdict != NOT_TESTED).sum(axis=1)
     )
-    own = slips & ~of_reference[:, None]
+    settled = (tied & of_reference[:, None]).sum(axis=2) >= 2
+    own = slips & ~of_reference[:, None] & ~(tied & settled[:, :, None])
     return np.concatenate([of_reference[:, None], own], axis=1)

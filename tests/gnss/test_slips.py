@@ -92,25 +92,44 @@ def test_two_slips_at_once_are_told_apart():
     assert lost(found) == {("a2 phase continuity", TEST): 2}
 
 
-@pytest.mark.parametrize("channels", [(1, 2), (2, 4)])
-@pytest.mark.parametrize("cycles", [(0.5, 0.5), (1.0, -1.0), (0.5, -3.0)])
-@pytest.mark.parametrize("seed", range(4))
-def test_two_slips_at_once_among_few_channels_are_found_and_hardly_more(channels, cycles, seed):
-    """One more arc may break: among eight channels noise can make a third step look like a slip.
+@cache
+def eight_channels(seed: int) -> tuple[Flight, list[int]]:
+    return few_channels(replace(SPINNING, rng=np.random.default_rng(seed)).flight(), 8)
 
-    Not so for the two highest at once: with some noise another pair explains their steps as well.
-    """
-    noisy = replace(SPINNING, rng=np.random.default_rng(seed)).flight()
-    flight, kept = few_channels(noisy, 8)
+
+def two_slips(
+    channels: tuple[int, int], cycles: tuple[float, float], seed: int
+) -> tuple[set[int], int]:
+    """Return the channels of the first antenna that break, among eight, and breaks elsewhere."""
+    flight, kept = eight_channels(seed)
     phase = flight.observations.phase_cycles.copy()
     for channel, size in zip(channels, cycles, strict=True):
         phase[30:, 0, kept[channel]] += size
     found = arcs(changed(flight, phase_cycles=phase))
     breaks = lost(found)
-    assert breaks.pop(("a1 phase continuity", TEST)) == 2
-    assert sum(breaks.values()) <= 1
-    for channel in channels:
-        np.testing.assert_array_equal(found.arc[[29, 30], 0, kept[channel]], [0, 1])
+    breaks.pop(("a1 phase continuity", TEST))
+    broken = found.arc[30, 0, kept] != found.arc[29, 0, kept]
+    return {int(j) for j in np.flatnonzero(broken)}, sum(breaks.values())
+
+
+@pytest.mark.parametrize("channels", [(0, 1), (1, 2), (2, 4)])
+@pytest.mark.parametrize("cycles", [(0.5, 0.5), (1.0, -1.0), (0.5, -3.0)])
+@pytest.mark.parametrize("seed", range(4))
+def test_two_slips_at_once_among_few_channels_are_both_found(channels, cycles, seed):
+    """One more arc may break: among eight channels noise can make a third step look like a slip."""
+    broken, elsewhere = two_slips(channels, cycles, seed)
+    assert set(channels) <= broken
+    assert elsewhere <= 1
+
+
+def test_more_arcs_break_where_noise_leaves_it_open_which_two_slipped():
+    def more(channels: tuple[int, int]) -> int:
+        sizes = [(0.5, 0.5), (1.0, -1.0), (0.5, -3.0)]
+        return sum(len(two_slips(channels, c, seed)[0]) - 2 for c in sizes for seed in range(4))
+
+    # other pairs often explain the steps of the two highest as well, those of these two never
+    assert more((0, 1)) > 0
+    assert more((2, 4)) == 0
 
 
 def test_slips_of_the_reference_and_of_another_antenna_at_once_are_told_apart():
