@@ -13,7 +13,8 @@ References
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.integers.ils import kernel
+from fgnav.integers.decorrelation import kernel
+from fgnav.integers.principal_axes import principal_axes
 
 _STEPS = 20
 _HALVINGS = 6
@@ -46,17 +47,22 @@ def nearest(
     if len(columns) == 3:
         M = _nearest_direction(columns, information)
         return _distance(M, columns, information), M
+    weak = weak_axis[0] != 0.0 or weak_axis[1] != 0.0 or weak_axis[2] != 0.0
+    distance = np.empty(_STARTS if weak else 1)
+    starts = np.empty((len(distance), len(columns)))
+    for i in range(len(distance)):
+        start = _start(columns, weak_axis, i)
+        distance[i] = _distance(start, columns, information)
+        for c in range(len(columns)):
+            starts[i, c] = start[c]
     best, M = np.inf, columns
-    weak = np.any(weak_axis != 0.0)
-    starts = np.empty((_STARTS if weak else 1, len(columns)))
-    distance = np.empty(len(starts))
-    for i in range(len(starts)):
-        starts[i] = _start(columns, weak_axis, i)
-        distance[i] = _distance(starts[i], columns, information)
     for _ in range(_DESCENTS if weak else 1):
-        i = int(np.argmin(distance))
-        distance[i] = np.inf
-        there, turned = _descend(starts[i], columns, information)
+        nearest_start = 0
+        for i in range(1, len(distance)):
+            if distance[i] < distance[nearest_start]:
+                nearest_start = i
+        distance[nearest_start] = np.inf
+        there, turned = _descend(starts[nearest_start], columns, information)
         if there < best:
             best, M = there, turned
     return best, M
@@ -76,7 +82,11 @@ def weak_axis(information: FloatArray, variance: float) -> FloatArray:
     for c in range(len(information)):
         for i in range(3):
             across[c % 3, i] += information[c, c - c % 3 + i]
-    return np.linalg.eigh(across)[1][:, 0].copy()
+    axes = principal_axes(across)[1]
+    least = np.empty(3)
+    for i in range(3):
+        least[i] = axes[i, 0]
+    return least
 
 
 @kernel
@@ -188,7 +198,8 @@ def tangent(M: FloatArray) -> FloatArray:
     if len(M) > 3:
         return J
     bare = np.zeros(9)
-    bare[:3] = M
+    for i in range(3):
+        bare[i] = M[i]
     axes = orthonormal(bare)
     across = np.zeros((3, 2))
     for i in range(3):
@@ -289,7 +300,7 @@ def _turned(M: FloatArray, turn_rad: FloatArray) -> FloatArray:
 @kernel
 def _nearest_direction(column: FloatArray, information: FloatArray) -> FloatArray:
     """Return the unit vector; ``(information - mu) x = information column`` at the least mu."""
-    values, vectors = np.linalg.eigh(information)
+    values, vectors = principal_axes(information)
     weighted, x, out = np.zeros(3), np.zeros(3), np.zeros(3)
     for i in range(3):
         for j in range(3):

@@ -25,7 +25,8 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.affine import Epochs, epoch_links, link_covariance, link_design
-from fgnav.integers.ils import kernel
+from fgnav.integers.decorrelation import kernel
+from fgnav.integers.link_weights import solved, weighed
 
 _FLAT_M = 1e-3  # an array is flat in a direction it leaves by less: below phase noise
 
@@ -72,24 +73,29 @@ def spans(baselines_b_m: FloatArray, resolvable: BoolArray) -> Spans:
     resolvable : ndarray of bool, shape (n, b, m)
     """
     present = np.any(resolvable, axis=2)
-    if (present == present[:1]).all():  # the usual case, and ten times as fast
-        patterns, pattern = present[:1], np.zeros(len(present), dtype=np.int64)
+    if len(present) == 1 or (len(present) > 1 and (present == present[:1]).all()):
+        patterns, pattern = present[:1], np.zeros(len(present), dtype=np.int64)  # the usual case
     else:
         patterns, pattern = np.unique(present, axis=0, return_inverse=True)
-    coordinates, basis_b = np.zeros((*patterns.shape, 3)), np.zeros((len(patterns), 3, 3))
-    rank = np.zeros(len(patterns), dtype=np.int64)
-    for p, there in enumerate(patterns):
-        baselines = baselines_b_m[there]
-        rank[p], basis_b[p] = _basis(baselines.tobytes())
-        coordinates[p, there] = baselines @ basis_b[p]
-    return Spans(pattern.reshape(-1), coordinates, rank, basis_b)
+    known = _spans(baselines_b_m.tobytes(), patterns.tobytes())
+    return known._replace(pattern=pattern.reshape(-1))
 
 
 @lru_cache(maxsize=1000)  # single epochs of one flight ask for the same few again and again
-def _basis(baselines: bytes) -> tuple[int, FloatArray]:
-    """Return the rank of baselines, (b, 3), and right-handed axes, (3, 3), the longest first."""
-    size, V_T = np.linalg.svd(np.frombuffer(baselines).reshape(-1, 3))[1:]
-    return int((size > _FLAT_M).sum()), V_T.T * [1.0, 1.0, np.linalg.det(V_T)]
+def _spans(baselines: bytes, patterns: bytes) -> Spans:
+    """Return the spans of patterns of presence, (p, b), read-only; no epochs."""
+    baselines_b_m = np.frombuffer(baselines).reshape(-1, 3)
+    present = np.frombuffer(patterns, dtype=np.bool_).reshape(-1, len(baselines_b_m))
+    coordinates, basis_b = np.zeros((*present.shape, 3)), np.zeros((len(present), 3, 3))
+    rank = np.zeros(len(present), dtype=np.int64)
+    for p, there in enumerate(present):
+        size, V_T = np.linalg.svd(baselines_b_m[there])[1:]
+        rank[p] = (size > _FLAT_M).sum()
+        basis_b[p] = V_T.T * [1.0, 1.0, np.linalg.det(V_T)]
+        coordinates[p, there] = baselines_b_m[there] @ basis_b[p]
+    for array in (coordinates, rank, basis_b):
+        array.flags.writeable = False
+    return Spans(np.zeros(0, dtype=np.int64), coordinates, rank, basis_b)
 
 
 @kernel
@@ -106,107 +112,92 @@ def relaxation(
     everywhere = np.ones(epochs.phase_m.shape[1], dtype=np.bool_)
     links = epoch_links(epochs.resolvable[k], epochs.of_reference[k], everywhere)
     q, u = len(links), 3 * r
-    A = link_design(epochs.e_n[k], arrays.coordinates_m[pattern], links, u)
-    wavelength_m, code_m = np.empty(q), np.empty((q, 1))
-    for i in range(q):
-        wavelength_m[i] = epochs.wavelength_m[links[i, 1]]
-        code_m[i, 0] = epochs.code_m[k, links[i, 0], links[i, 1]]
-
-    of_code = solved(link_covariance(links, epochs.code_variance_m2[k]), _beside(A, code_m))
-    normal = product(transposed(A), of_code)
-    N, g = normal[:, :u].copy(), normal[:, u:].copy()
-    constant = np.sum(code_m[:, 0] * of_code[:, u])
+    A = _design_and_code(epochs, arrays.coordinates_m[pattern], k, links, u)
+    weighted = weighed(links, epochs.code_variance_m2[k], epochs.phase_variance_m2[k], A)
+    normal, of_phase = _normal(A, weighted[0]), _normal(A, weighted[1])
+    constant = normal[u, u]
     if len(prior_columns) > 0:
-        constant += _add_prior(prior_columns[k], prior_information[k], N, g)
+        constant += _add_prior(prior_columns[k], prior_information[k], normal)
     multiplier = _multiplier(q, u)
+    N, by_code, gain = np.empty((u, u)), np.empty((u, q + 1)), np.empty((u, q))
     for i in range(u):
+        for j in range(u):
+            N[i, j] = normal[i, j]
         N[i, i] += multiplier
-    by_code = solved(N, _beside(transposed(A), g))  # N^-1 A^T, and the columns by code
-    columns = by_code[:, q].copy()
-    constant -= np.sum(g[:, 0] * columns) + multiplier * r
-
-    C = link_covariance(links, epochs.phase_variance_m2[k])
-    of_phase = transposed(solved(C, A))
-    N += product(of_phase, A)
-    for i in range(q):
-        of_phase[:, i] *= wavelength_m[i]
-    cycles = np.empty(q)
-    for i in range(q):
-        range_m = np.sum(A[i] * columns)
-        phase_m = epochs.phase_m[k, links[i, 0], links[i, 1]]
-        cycles[i] = (phase_m - range_m) / wavelength_m[i]
-    covariance = C + product(A, by_code[:, :q])
-    for i in range(q):
-        for j in range(i + 1):
-            covariance[i, j] /= wavelength_m[i] * wavelength_m[j]
-            covariance[j, i] = covariance[i, j]
-    gain = solved(N, of_phase)
-    return Relaxation(links, cycles, covariance, constant, columns, gain, N)
+        for j in range(q):
+            by_code[i, j] = A[j, i]
+        by_code[i, q] = normal[i, u]
+    by_code = solved(N, by_code)  # N^-1 A^T, and the columns by code
+    columns = np.empty(u)
+    for i in range(u):
+        columns[i] = by_code[i, q]
+        constant -= normal[i, u] * columns[i]
+    cycles, covariance = _floats(epochs, k, links, A, by_code)
+    for i in range(u):
+        for j in range(u):
+            N[i, j] += of_phase[i, j]
+        for j in range(q):
+            gain[i, j] = weighted[1, j, i] * epochs.wavelength_m[links[j, 1]]
+    gain = solved(N, gain)
+    return Relaxation(links, cycles, covariance, constant - multiplier * r, columns, gain, N)
 
 
 @kernel
-def _add_prior(columns: FloatArray, information: FloatArray, N: FloatArray, g: FloatArray) -> float:
-    """Add a measurement of the columns to their normal equations; return its cost at zero."""
-    cost = 0.0
-    for i in range(len(N)):
-        for j in range(len(N)):
-            N[i, j] += information[i, j]
-            g[i, 0] += information[i, j] * columns[j]
-            cost += columns[i] * information[i, j] * columns[j]
-    return cost
-
-
-@kernel
-def _beside(A: FloatArray, B: FloatArray) -> FloatArray:
-    W = np.empty((A.shape[0], A.shape[1] + B.shape[1]))
-    W[:, : A.shape[1]] = A
-    W[:, A.shape[1] :] = B
-    return W
-
-
-@kernel
-def transposed(A: FloatArray) -> FloatArray:
-    """Return a copy of the transpose."""
-    return A.T.copy()
-
-
-@kernel
-def product(A: FloatArray, B: FloatArray) -> FloatArray:
-    """Return A B, in plain loops: numba compiles those in a third of the time."""
-    out = np.zeros((A.shape[0], B.shape[1]))
-    for i in range(A.shape[0]):
-        for k in range(A.shape[1]):
-            if A[i, k] != 0.0:
-                for j in range(B.shape[1]):
-                    out[i, j] += A[i, k] * B[k, j]
+def _design_and_code(
+    epochs: Epochs, coordinates_m: FloatArray, k: int, links: IntArray, u: int
+) -> FloatArray:
+    """Return the design of links by the columns, and their code behind it, (q, u + 1)."""
+    design = link_design(epochs.e_n[k], coordinates_m, links, u)
+    out = np.empty((len(links), u + 1))
+    for i in range(len(links)):
+        for c in range(u):
+            out[i, c] = design[i, c]
+        out[i, u] = epochs.code_m[k, links[i, 0], links[i, 1]]
     return out
 
 
 @kernel
-def solved(S: FloatArray, B: FloatArray) -> FloatArray:
-    """Return ``S^-1 B``, S symmetric and positive definite; zeros of S between groups are free."""
-    q = len(B)
-    U, X = S.copy(), B.copy()
-    for j in range(q):
-        for i in range(j + 1, q):
-            factor = U[j, i] / U[j, j]
-            if factor != 0.0:
-                _subtract(U, i, j, factor, i)
-                _subtract(X, i, j, factor, 0)
-    for j in range(q - 1, -1, -1):
-        for i in range(j + 1, q):
-            if U[j, i] != 0.0:
-                _subtract(X, j, i, U[j, i], 0)
-        for c in range(X.shape[1]):
-            X[j, c] /= U[j, j]
-    return X
+def _normal(A: FloatArray, weighted: FloatArray) -> FloatArray:
+    """Return the transpose of A times what it is when weighed."""
+    out = np.zeros((A.shape[1], A.shape[1]))
+    for i in range(len(A)):
+        for c in range(A.shape[1]):
+            for d in range(A.shape[1]):
+                out[c, d] += weighted[i, c] * A[i, d]
+    return out
 
 
 @kernel
-def _subtract(A: FloatArray, i: int, j: int, factor: float, first: int) -> None:
-    """Take a multiple of row j off row i."""
-    for c in range(first, A.shape[1]):
-        A[i, c] -= factor * A[j, c]
+def _floats(
+    epochs: Epochs, k: int, links: IntArray, A: FloatArray, by_code: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the cycles of phase minus the range that code gives, (q,), and their covariance."""
+    q, u = len(links), len(by_code)
+    cycles, covariance = np.empty(q), link_covariance(links, epochs.phase_variance_m2[k])
+    for i in range(q):
+        wavelength_m = epochs.wavelength_m[links[i, 1]]
+        cycles[i] = epochs.phase_m[k, links[i, 0], links[i, 1]]
+        for c in range(u):
+            cycles[i] -= A[i, c] * by_code[c, q]
+            for j in range(i + 1):
+                covariance[i, j] += A[i, c] * by_code[c, j]
+        cycles[i] /= wavelength_m
+        for j in range(i + 1):
+            covariance[i, j] /= wavelength_m * epochs.wavelength_m[links[j, 1]]
+            covariance[j, i] = covariance[i, j]
+    return cycles, covariance
+
+
+@kernel
+def _add_prior(columns: FloatArray, information: FloatArray, normal: FloatArray) -> float:
+    """Add a measurement of the columns to their normal equations; return its cost at zero."""
+    cost, u = 0.0, len(normal) - 1
+    for i in range(u):
+        for j in range(u):
+            normal[i, j] += information[i, j]
+            normal[i, u] += information[i, j] * columns[j]
+            cost += columns[i] * information[i, j] * columns[j]
+    return cost
 
 
 @kernel

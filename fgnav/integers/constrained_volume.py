@@ -16,7 +16,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.integers.constrained_nearest import normal_matrix, tangent
-from fgnav.integers.ils import kernel
+from fgnav.integers.decorrelation import kernel
+from fgnav.integers.principal_axes import principal_axes
 
 _STEPS = 60
 _EXACT = 1e-9  # of the squared length
@@ -55,7 +56,7 @@ def _log_over_sphere(column: FloatArray, information: FloatArray) -> float:
     ``K(t) = sum(-log(d) / 2 + t a^2 / d)`` with ``d = 1 - 2 t / value`` and a the column's share
     in each eigenvector; its saddlepoint is where ``K'(t) = 1``.
     """
-    values, vectors = np.linalg.eigh(information)
+    values, vectors = principal_axes(information)
     share = np.zeros(3)
     for i in range(3):
         for j in range(3):

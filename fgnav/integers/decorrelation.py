@@ -55,25 +55,25 @@ def decorrelate(
     """
     n = len(Q)
     before = carried.copy()
-    positive, U, d, T = _reduced(Q, carried, _GROWN)
-    if positive and not _sound(T):
-        carried[:] = before
-        positive, U, d, T = _reduced(Q, carried, _GROWN_AT_ALL)
-        positive = positive and _sound(T)
+    U = np.empty((n, n))  # L^T: the rows that the reduction works on lie together in memory
+    d, T = np.empty(n), np.empty((n, n))
+    positive = False
+    for grown in (_GROWN, _GROWN_AT_ALL):
+        for i in range(n):
+            for j in range(n):
+                T[i, j] = 1.0 if i == j else 0.0
+            for j in range(carried.shape[1]):
+                carried[i, j] = before[i, j]
+        positive = _factor(Q, U, d, carried, T)
+        if not positive:
+            break
+        _reduce(U, d, carried, T, grown)
+        positive = _sound(T)
+        if positive:
+            break
     for i in range(n):  # U^T in its place
         for j in range(i):
             U[i, j], U[j, i] = U[j, i], 0.0
-    return positive, U, d, T
-
-
-@kernel
-def _reduced(
-    Q: FloatArray, carried: FloatArray, grown: float
-) -> tuple[bool, FloatArray, FloatArray, FloatArray]:
-    T = np.eye(len(Q))
-    positive, U, d = _factor(Q, carried, T)
-    if positive:
-        _reduce(U, d, carried, T, grown)
     return positive, U, d, T
 
 
@@ -88,12 +88,10 @@ def _sound(T: FloatArray) -> bool:
 
 @kernel
 def _factor(
-    Q: FloatArray, carried: FloatArray, T: FloatArray
-) -> tuple[bool, FloatArray, FloatArray]:
-    """Return whether Q is positive definite, U = L^T in an upper triangle, and d."""
+    Q: FloatArray, U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray
+) -> bool:
+    """Set U = L^T in an upper triangle, and d; return whether Q is positive definite."""
     n = len(Q)
-    U = np.empty((n, n))  # U, not L: the rows that the reduction works on lie together in memory
-    d = np.empty(n)
     for i in range(n):
         d[i] = 4.0 * n * _EPSILON * Q[i, i]  # until the factor gets there: what rounding can leave
         for j in range(i + 1):
@@ -101,14 +99,14 @@ def _factor(
     for i in range(n - 1, -1, -1):
         best = _least_diagonal(U, i)
         if best != i:
-            _exchange_rows(U, i, best, 0)
-            _exchange_rows(carried, i, best, 0)
-            _exchange_rows(T, i, best, 0)
+            _exchange_rows(U, i, best)
+            _exchange_rows(carried, i, best)
+            _exchange_rows(T, i, best)
             d[i], d[best] = d[best], d[i]
             for j in range(i + 1):
                 U[j, i], U[j, best] = U[j, best], U[j, i]
         if not U[i, i] > d[i]:
-            return False, U, d
+            return False
         d[i] = U[i, i]
         for j in range(i):
             factor = U[i, j] / d[i]
@@ -116,7 +114,7 @@ def _factor(
                 U[j, k] -= factor * U[i, k]
             U[j, i] = factor
         U[i, i] = 1.0
-    return True, U, d
+    return True
 
 
 @kernel
@@ -129,8 +127,8 @@ def _least_diagonal(U: FloatArray, last: int) -> int:
 
 
 @kernel
-def _exchange_rows(A: FloatArray, i: int, j: int, first: int) -> None:
-    for k in range(first, A.shape[1]):
+def _exchange_rows(A: FloatArray, i: int, j: int) -> None:
+    for k in range(A.shape[1]):
         A[i, k], A[j, k] = A[j, k], A[i, k]
 
 
@@ -155,9 +153,10 @@ def _reduce(U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray, gr
             U[j, k] = right - slope * left
             U[j, k + 1] = eta * left + lam * right
         U[k, k + 1] = lam
-        _exchange_rows(U, k, k + 1, k + 2)
-        _exchange_rows(carried, k, k + 1, 0)
-        _exchange_rows(T, k, k + 1, 0)
+        for j in range(k + 2, n):
+            U[k, j], U[k + 1, j] = U[k + 1, j], U[k, j]
+        _exchange_rows(carried, k, k + 1)
+        _exchange_rows(T, k, k + 1)
         for j in range(k):
             if abs(U[j, k]) + abs(U[j, k + 1]) > grown:
                 for i in range(j + 1, n):

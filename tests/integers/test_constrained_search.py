@@ -12,13 +12,9 @@ from fgnav.integers.affine import epochs_of, float_solution
 from fgnav.integers.constrained_nearest import log_volume, nearest, weak_axis
 from fgnav.integers.constrained_prior import prior_columns
 from fgnav.integers.constrained_relaxation import relaxation, spans
-from fgnav.integers.constrained_search import (
-    PROVEN,
-    UNFINISHED,
-    _least_distance,
-    search_constrained,
-)
-from fgnav.integers.ils import decorrelate
+from fgnav.integers.constrained_search import PROVEN, UNFINISHED, search_constrained
+from fgnav.integers.constrained_walk import least_distance
+from fgnav.integers.decorrelation import decorrelate
 
 from .arrays import PAPER_ANTENNAS_B_M, make
 
@@ -163,7 +159,7 @@ def test_bound_from_products_is_below_the_distance_and_no_empty_one(r, usual):
         M = Rotation.random(random_state=rng).as_matrix()[:, :r].T.ravel()
         columns = M + rng.normal(size=3 * r) * 10.0 ** rng.uniform(-2, 0)
         distance, _ = nearest(columns, information, weak_axis(information, np.inf))
-        bound = _least_distance(columns, np.linalg.inv(information))
+        bound = least_distance(columns, np.linalg.inv(information))
         assert bound <= distance * (1 + 1e-9)
         shares.append(bound / distance)
     assert np.median(shares) > usual
