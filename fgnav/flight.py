@@ -9,6 +9,7 @@ from fgnav.checks import BadInputError, FloatArray, Loss, frozen, increasing, po
 from fgnav.earth import Origin
 from fgnav.observations import Observations
 from fgnav.orbits import BroadcastOrbits, PreciseOrbits
+from fgnav.surroundings import Barometer, Magnetometer
 
 ElevationWeights: TypeAlias = Literal["sine", "uniform"]
 
@@ -325,7 +326,7 @@ class Flight:
         Satellites below are not used.
     gnss_noise : GnssNoise
     base : Base or None
-    imu, fixes, seeker, truth : their types, or None
+    imu, fixes, seeker, barometer, magnetometer, truth : their types, or None
     losses : tuple of Loss
         What was in the files and is not here.
     """
@@ -343,6 +344,8 @@ class Flight:
     imu: Imu | None = None
     fixes: Fixes | None = None
     seeker: Seeker | None = None
+    barometer: Barometer | None = None
+    magnetometer: Magnetometer | None = None
     truth: Truth | None = None
     losses: tuple[Loss, ...] = ()
 

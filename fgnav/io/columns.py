@@ -7,6 +7,8 @@ FORCE = ("fx_mps2", "fy_mps2", "fz_mps2")
 RATE = ("wx_radps", "wy_radps", "wz_radps")
 CURRENTS = ("i1", "i2", "i3", "i4")
 CALIBRATION = ("r_quad", "r_c")
+HEIGHT = ("height_m",)
+FIELD = ("mx_ut", "my_ut", "mz_ut")
 POSITION_SIGMA = ("sigma_n_m", "sigma_e_m", "sigma_d_m")
 VELOCITY_SIGMA = ("sigma_vn_mps", "sigma_ve_mps", "sigma_vd_mps")
 # 1e-13 deg is 10 nm; seconds are kept to 10 ns.

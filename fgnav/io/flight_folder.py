@@ -13,7 +13,9 @@ from fgnav.io.columns import (
     CALIBRATION,
     CURRENTS,
     EULER,
+    FIELD,
     FORCE,
+    HEIGHT,
     PLACE,
     POSITION_SIGMA,
     RATE,
@@ -22,10 +24,12 @@ from fgnav.io.columns import (
 )
 from fgnav.io.flight_integers import read_integers
 from fgnav.io.flight_toml import (
+    BarometerTable,
     FixesTable,
     FlightTable,
     GnssTable,
     ImuTable,
+    MagnetometerTable,
     SeekerTable,
     TruthTable,
 )
@@ -35,6 +39,7 @@ from fgnav.io.rinex_writer import RinexVersion
 from fgnav.io.sp3 import read_precise
 from fgnav.io.tables import read_table
 from fgnav.observations import Observations
+from fgnav.surroundings import Barometer, Magnetometer
 
 # What a receiver's own solution is good for where the file does not say: a single-frequency code
 # solution under open sky.
@@ -126,6 +131,8 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         imu=_imu(folder, table.imu) if table.imu else None,
         fixes=_fixes(folder, origin, table.fixes) if table.fixes else None,
         seeker=_seeker(folder, origin, table.seeker) if table.seeker else None,
+        barometer=_barometer(folder, table.barometer) if table.barometer else None,
+        magnetometer=_magnetometer(folder, table.magnetometer) if table.magnetometer else None,
         truth=_truth(folder, origin, table.truth, [a.name for a in table.antenna])
         if table.truth
         else None,
@@ -231,6 +238,30 @@ def _seeker(folder: Path, origin: Origin, table: SeekerTable) -> Seeker:
         detector_radius_m=table.detector_radius_m,
         focal_length_m=table.focal_length_m,
         calibration=columns_to_vectors(calibration, CALIBRATION),
+    )
+
+
+def _barometer(folder: Path, table: BarometerTable) -> Barometer:
+    samples = read_table(folder / table.samples, ("t_s", *HEIGHT))
+    return Barometer(
+        t_s=samples["t_s"],
+        height_m=samples[HEIGHT[0]],
+        position_b_m=np.array(table.position_b_m),
+        noise_m=table.noise_m,
+        offset_m=table.offset_m,
+        wander_m=table.wander_m,
+        wander_time_s=table.wander_time_s,
+    )
+
+
+def _magnetometer(folder: Path, table: MagnetometerTable) -> Magnetometer:
+    samples = read_table(folder / table.samples, ("t_s", *FIELD))
+    return Magnetometer(
+        t_s=samples["t_s"],
+        field_b_ut=columns_to_vectors(samples, FIELD),
+        field_n_ut=np.array(table.field_n_ut),
+        noise_ut=table.noise_ut,
+        hard_iron_ut=table.hard_iron_ut,
     )
 
 

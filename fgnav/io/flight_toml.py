@@ -89,6 +89,26 @@ class SeekerTable(Table, frozen=True, kw_only=True):
     calibration: str
 
 
+class BarometerTable(Table, frozen=True, kw_only=True):
+    """``[barometer]``: t_s and height_m; the other keys are those of ``Barometer``."""
+
+    samples: str
+    position_b_m: Vector = (0.0, 0.0, 0.0)
+    noise_m: float
+    offset_m: float
+    wander_m: float = 0.0
+    wander_time_s: float = 300.0
+
+
+class MagnetometerTable(Table, frozen=True, kw_only=True):
+    """``[magnetometer]``: t_s, mx_ut, my_ut, mz_ut in body axes; keys as of ``Magnetometer``."""
+
+    samples: str
+    field_n_ut: Vector
+    noise_ut: float
+    hard_iron_ut: float
+
+
 class TruthTable(Table, frozen=True, kw_only=True):
     """``[truth]``."""
 
@@ -108,6 +128,8 @@ class FlightTable(Table, frozen=True, kw_only=True):
     imu: ImuTable | None = None
     fixes: FixesTable | None = None
     seeker: SeekerTable | None = None
+    barometer: BarometerTable | None = None
+    magnetometer: MagnetometerTable | None = None
     truth: TruthTable | None = None
 
 

@@ -54,6 +54,8 @@ def write_folder(flight: Flight, folder: Path, rinex: RinexVersion = "3.04") -> 
             imu=_imu(flight, new),
             fixes=_fixes(flight, new),
             seeker=_seeker(flight, new),
+            barometer=_barometer(flight, new),
+            magnetometer=_magnetometer(flight, new),
             truth=_truth(flight, new),
         )
         flight_toml.write_flight_toml(new / FILE_NAME, table)
@@ -225,6 +227,35 @@ def _seeker(flight: Flight, folder: Path) -> flight_toml.SeekerTable | None:
         detector_radius_m=seeker.detector_radius_m,
         focal_length_m=seeker.focal_length_m,
         calibration="quadrant.csv",
+    )
+
+
+def _barometer(flight: Flight, folder: Path) -> flight_toml.BarometerTable | None:
+    barometer = flight.barometer
+    if barometer is None:
+        return None
+    heights_m = barometer.height_m[:, None]
+    _write(folder / "barometer.csv", barometer.t_s, (columns.HEIGHT, heights_m))
+    return flight_toml.BarometerTable(
+        samples="barometer.csv",
+        position_b_m=_vector(barometer.position_b_m),
+        noise_m=barometer.noise_m,
+        offset_m=barometer.offset_m,
+        wander_m=barometer.wander_m,
+        wander_time_s=barometer.wander_time_s,
+    )
+
+
+def _magnetometer(flight: Flight, folder: Path) -> flight_toml.MagnetometerTable | None:
+    sensor = flight.magnetometer
+    if sensor is None:
+        return None
+    _write(folder / "magnetometer.csv", sensor.t_s, (columns.FIELD, sensor.field_b_ut))
+    return flight_toml.MagnetometerTable(
+        samples="magnetometer.csv",
+        field_n_ut=_vector(sensor.field_n_ut),
+        noise_ut=sensor.noise_ut,
+        hard_iron_ut=sensor.hard_iron_ut,
     )
 
 

@@ -32,6 +32,8 @@ def contents(flight: Flight) -> SetUp:
         "imu": flight.imu,
         "fixes": flight.fixes,
         "seeker": flight.seeker,
+        "barometer": flight.barometer,
+        "magnetometer": flight.magnetometer,
         "truth": flight.truth,
     }
     series = {name: _series(s.t_s) for name, s in sensors.items() if s is not None and len(s.t_s)}

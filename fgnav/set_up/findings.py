@@ -48,7 +48,8 @@ class SetUp:
     channels : dict of str to int
         Signals tracked at least once, by constellation and signal: ``{"GPS 1C": 9}``.
     series : dict of str to Series
-        By sensor: ``gnss``, ``imu``, ``fixes``, ``seeker``, ``truth``; absent ones are not there.
+        By sensor: ``gnss``, ``imu``, ``fixes``, ``seeker``, ``barometer``, ``magnetometer``,
+        ``truth``; absent ones are not there.
     orbits : tuple of str
         ``broadcast``, ``precise``.
     gyroscope : bool

@@ -16,6 +16,7 @@ from fgnav_sim.flown_table import FlownTable
 from fgnav_sim.motion import Motion, Trajectory
 from fgnav_sim.planet import WGS84
 from fgnav_sim.receiver_tables import ClockTable, GnssTable
+from fgnav_sim.surroundings_tables import BarometerTable, MagnetometerTable
 from fgnav_sim.vehicle import Vehicle, load_vehicle
 
 if TYPE_CHECKING:  # a file's table; in a program anything that knows the motion
@@ -36,6 +37,7 @@ PAPER_ANTENNAS_B_M: tuple[Vector, ...] = (
     (-0.8, 0.0, -0.1),
 )
 _GPS_EPOCH = datetime(1980, 1, 6)  # GPS time has no time zone
+_ON_EARTH = ("gnss", "imu", "seeker", "barometer")  # sensors that know the WGS-84 Earth
 _LONGEST_S = 7 * 86400.0  # a flight stays within what week numbers and double precision carry
 
 __all__ = [
@@ -230,7 +232,7 @@ class Scenario(Table, frozen=True):
         By which spread keys of this scenario are drawn anew for every flight: see ``dispersions``.
     antennas_b_m : tuple of vectors
         Phase centres in body axes; the first is the reference. The paper's eight by default.
-    gnss, imu, fixes, seeker : their tables, or None
+    gnss, imu, fixes, seeker, barometer, magnetometer : their tables, or None
     """
 
     name: str = ""
@@ -247,6 +249,8 @@ class Scenario(Table, frozen=True):
     imu: ImuTable | None = None
     fixes: FixesTable | None = None
     seeker: SeekerTable | None = None
+    barometer: BarometerTable | None = None
+    magnetometer: MagnetometerTable | None = None
 
     def __post_init__(self) -> None:
         """Check what one key's type cannot say."""
@@ -269,7 +273,7 @@ class Scenario(Table, frozen=True):
                 f"origin.height_m: the flight must start above flown.ground_m {flown.ground_m:g}, "
                 f"got {height_m:g}"
             )
-        aboard = [n for n in ("gnss", "imu", "seeker") if getattr(self, n) is not None]
+        aboard = [n for n in _ON_EARTH if getattr(self, n) is not None]
         if aboard and flown.earth is not None:
             raise ValueError(
                 f"flown.earth: table {aboard[0]} knows the WGS-84 Earth only; remove one of both"

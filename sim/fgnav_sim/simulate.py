@@ -19,6 +19,7 @@ from fgnav_sim.message_errors import with_message_errors
 from fgnav_sim.receiver import observe
 from fgnav_sim.receiver_tables import antenna_names
 from fgnav_sim.scenario import GnssTable, Scenario
+from fgnav_sim.surroundings import point, press
 
 _TOGETHER_S = 2000.0  # of flight in a call of the rigid body: 60 MB
 
@@ -71,12 +72,12 @@ def simulate_many(
     """
     together = max(1, int(_TOGETHER_S / scenario.duration_s)) if scenario.flown else 1
     for first in range(0, len(rngs), together):
-        streams = [rng.spawn(6) for rng in rngs[first : first + together]]
+        streams = [rng.spawn(8) for rng in rngs[first : first + together]]
         drawn = [disperse(scenario, scenario.dispersions, stream[4]) for stream in streams]
         moving = _moving([one for one, _ in drawn], [stream[5] for stream in streams])
         parts = zip(moving, drawn, streams, strict=True)
         for k, ((settled, losses), (_, draws), stream) in enumerate(parts, start=first):
-            flight = _sensed(settled, stream[:4], _part(progress, k, len(rngs)))
+            flight = _sensed(settled, stream, _part(progress, k, len(rngs)))
             flight = replace(flight, losses=losses + flight.losses)
             yield Simulated(flight=flight, draws=draws)
 
@@ -100,9 +101,10 @@ def _part(progress: Callable[[float], None], k: int, count: int) -> Callable[[fl
 def _sensed(
     scenario: Scenario, rngs: Sequence[np.random.Generator], progress: Callable[[float], None]
 ) -> Flight:
-    """Return what the sensors of a scenario measure of its motion."""
-    gnss_rng, imu_rng, fixes_rng, seeker_rng = rngs
+    """Return what the sensors of a scenario measure of its motion; each has its place in rngs."""
+    gnss_rng, imu_rng, fixes_rng, seeker_rng, _, _, barometer_rng, magnetometer_rng = rngs
     gnss, imu, fixes, seeker = scenario.gnss, scenario.imu, scenario.fixes, scenario.seeker
+    barometer, magnet = scenario.barometer, scenario.magnetometer
     broadcast, precise = _orbits(gnss, scenario) if gnss else (None, None)
     flown = precise or broadcast
     watched = detector.watch(seeker, scenario, rng=seeker_rng) if seeker else None
@@ -142,6 +144,8 @@ def _sensed(
         imu=sensed,
         fixes=fix(fixes, scenario, "a1", rng=fixes_rng) if fixes else None,
         seeker=watched,
+        barometer=press(barometer, scenario, rng=barometer_rng) if barometer else None,
+        magnetometer=point(magnet, scenario, rng=magnetometer_rng) if magnet else None,
         truth=_truth(scenario, received.integers if received else None),
         losses=losses,
     )

@@ -17,6 +17,7 @@ from fgnav.flight import (
 from fgnav.observations import Observations
 from fgnav.orbits import EPHEMERIS_DTYPE, BroadcastOrbits, PreciseOrbits
 from fgnav.rotations import from_euler
+from fgnav.surroundings import Barometer, Magnetometer
 
 START_GPS_S = 1_277_078_400.0  # 2020-06-25, second 345600 of GPS week 2111
 ORIGIN = Origin(latitude_rad=np.radians(78.0), longitude_rad=np.radians(-3.9), height_m=700.0)
@@ -124,6 +125,22 @@ def whole_flight(rng: np.random.Generator) -> Flight:
             detector_radius_m=5e-3,
             focal_length_m=2e-2,
             calibration=np.array([[0.0, 0.0], [1.0, 0.3], [2.0, 0.7]]),
+        ),
+        barometer=Barometer(
+            t_s=t_s,
+            height_m=np.linspace(700, 720, k) + 1 / 3,
+            position_b_m=np.array([0.5, 0.0, -0.1]),
+            noise_m=0.4,
+            offset_m=25.0,
+            wander_m=1.5,
+            wander_time_s=120.0,
+        ),
+        magnetometer=Magnetometer(
+            t_s=t_s,
+            field_b_ut=np.outer(np.linspace(1, 2, k), [20.0, -3.0, 40.0]) / 3,
+            field_n_ut=np.array([25.8, -0.2, 36.6]),
+            noise_ut=0.25,
+            hard_iron_ut=3.0,
         ),
         truth=Truth(
             t_s=t_s,

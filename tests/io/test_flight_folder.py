@@ -72,6 +72,8 @@ def test_tables_come_back_within_the_digits(saved):
         "imu": ("t_s", "f_b_mps2", "w_b_radps", "position_b_m"),
         "fixes": ("t_s", "p_n_m", "v_n_mps", "position_sigma_m", "velocity_sigma_mps"),
         "seeker": ("t_s", "currents", "position_b_m", "landmark_n_m", "calibration"),
+        "barometer": ("t_s", "height_m", "position_b_m"),
+        "magnetometer": ("t_s", "field_b_ut", "field_n_ut"),
         "truth": ("t_s", "p_n_m", "v_n_mps", "R_nb"),
     }.items():
         want, got = getattr(saved[0], part), getattr(saved[1], part)
@@ -98,6 +100,12 @@ def test_settings_come_back(saved):
     scalars = ("detector_radius_m", "focal_length_m")
     assert all(getattr(got.seeker, name) == getattr(want.seeker, name) for name in scalars)
     assert got.imu.gyroscope_bias_walk_radps_per_sqrt_s == 1e-5
+    for part, names in {
+        "barometer": ("noise_m", "offset_m", "wander_m", "wander_time_s"),
+        "magnetometer": ("noise_ut", "hard_iron_ut"),
+    }.items():
+        one, other = getattr(got, part), getattr(want, part)
+        assert all(getattr(one, name) == getattr(other, name) for name in names)
     assert not got.losses
 
 

@@ -20,6 +20,7 @@ from fgnav_sim.scenario import (
     load_scenario,
 )
 from fgnav_sim.simulate import simulate
+from fgnav_sim.surroundings_tables import BarometerTable, MagnetometerTable
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "scenarios"
 SWING = Motion(path=Arc(), roll=Sine(amplitude_deg=20.0), pitch=Sine(amplitude_deg=20.0))
@@ -31,6 +32,8 @@ FULL = Scenario(
     imu=ImuTable(),
     fixes=FixesTable(),
     seeker=SeekerTable(landmark=Place(latitude_deg=40.34), field_of_view_deg=13.0),
+    barometer=BarometerTable(),
+    magnetometer=MagnetometerTable(),
 )
 
 
@@ -57,7 +60,7 @@ def test_the_same_seed_gives_the_same_flight_and_another_seed_another():
     assert not same(one.imu.f_b_mps2, other.imu.f_b_mps2)
 
 
-@pytest.mark.parametrize("name", ["gnss", "imu", "fixes", "seeker"])
+@pytest.mark.parametrize("name", ["gnss", "imu", "fixes", "seeker", "barometer", "magnetometer"])
 def test_a_sensor_that_is_left_out_changes_no_other(name):
     whole, part = made(FULL), made(without(name))
     pairs = {
@@ -65,6 +68,8 @@ def test_a_sensor_that_is_left_out_changes_no_other(name):
         "imu": lambda f: f.imu.f_b_mps2,
         "fixes": lambda f: f.fixes.p_n_m,
         "seeker": lambda f: f.seeker.currents,
+        "barometer": lambda f: f.barometer.height_m,
+        "magnetometer": lambda f: f.magnetometer.field_b_ut,
     }
     for other, values in pairs.items():
         if other != name:
