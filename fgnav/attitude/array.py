@@ -139,14 +139,20 @@ def maximum_likelihood(
 
 
 def agreeing(
-    quadratic: RotationQuadratic, R_nb_start: FloatArray | None = None
+    quadratic: RotationQuadratic, solution: AttitudeSolution | None = None
 ) -> tuple[RotationQuadratic, AttitudeSolution, tuple[str, ...]]:
     """Return the form, its attitudes and a note, the noise raised to what residuals ask for.
 
     Multipath on a body is often louder than the receiver's data sheet. Without this, every epoch
     would fail the chi-square test, and every covariance would be too small.
+
+    Parameters
+    ----------
+    quadratic : RotationQuadratic
+    solution : AttitudeSolution, optional
+        Its ``maximum_likelihood``, if that is known.
     """
-    solution = maximum_likelihood(quadratic, R_nb_start)
+    solution = maximum_likelihood(quadratic) if solution is None else solution
     factor = solution.variance_factor()
     if factor == 1.0:
         return quadratic, solution, ()

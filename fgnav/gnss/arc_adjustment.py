@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
-from fgnav.gnss.arc_equations import Epochs, epochs_of, pieces
+from fgnav.gnss import arc_kernel as kernel
+from fgnav.gnss.arc_equations import Code, Epochs, code_of, epochs_of, pieces
 from fgnav.gnss.position_phase import PositionPhase
 
 _UNKNOWN_M = 1e2  # an arc's constant, once the mean of phase less code is taken off
@@ -68,6 +69,8 @@ class ArcAdjustment:
         Mean square of the residuals of phase in stated sigmas, large ones cut.
     rejected : int
         Phases taken out, whose residuals are no noise.
+    code_thinning : float
+        How many times less averages of code tell than its noise says.
     """
 
     equations: PositionPhase
@@ -79,6 +82,7 @@ class ArcAdjustment:
     piece: IntArray
     misfit: float
     rejected: int
+    code_thinning: float
 
     def given(self, combinations: FloatArray, values_m: FloatArray) -> "ArcAdjustment":
         """Return the adjustment once combinations of constants are known.
@@ -99,15 +103,15 @@ class ArcAdjustment:
     def positions(self) -> PhasePositions:
         """Return positions at the epochs that have one."""
         own, row = self.epochs, np.flatnonzero(self.solved)
-        fitted = _fitted(own, self.cofactor, self.constant_m)
-        p_n_m = self.equations.start_n_m + fitted.x[:, :3] - self.equations.late_n_m
-        S, arc = fitted.gain[row, :3, own.phases], own.arc[row, own.phases]
-        between = self.covariance_m2[arc[:, :, None], arc[:, None, :]]
+        x, _ = _fitted(own, self.cofactor, self.constant_m)
+        p_n_m = self.equations.start_n_m + x[:, :3] - self.equations.late_n_m
+        A, weight = own.A[:, own.phases], own.weight[:, own.phases]
+        arc = own.arc[:, own.phases]
         return PhasePositions(
             t_s=self.equations.single.t_s[row],
             p_n_m=p_n_m[row],
             noise_m2=self.cofactor[row, :3, :3],
-            common_m2=S @ between @ S.swapaxes(1, 2),
+            common_m2=kernel.spread(A, weight, self.cofactor, row, arc, self.covariance_m2),
             piece=self.piece[row],
         )
 
@@ -129,35 +133,72 @@ def adjust_arcs(equations: PositionPhase, names: tuple[str, str]) -> ArcAdjustme
     NoSolutionError
         If phases contradict each other, or the code, by more than noise.
     """
-    own = epochs_of(equations.single, names)
-    at = _adjusted(own)
-    squares = _shown(own, at)
-    if not len(squares):  # nothing is checked by anything
-        squares = np.ones(1)
-    own, at, rejected = _cleaned(own, max(1.0, float(np.median(squares)) / _NORMAL))
-    thinned = own.weight.copy()
-    thinned[:, : own.phases.start] /= _inflation(own, at)
+    return adjust_best((equations,), names)
+
+
+def adjust_best(candidates: tuple[PositionPhase, ...], names: tuple[str, str]) -> ArcAdjustment:
+    """Adjust those of some equations, alike but for their phases, whose phases fit best.
+
+    Parameters
+    ----------
+    candidates : tuple of PositionPhase
+    names : tuple of str
+        As in ``adjust_arcs``.
+
+    Raises
+    ------
+    NoSolutionError
+        As ``adjust_arcs``, if none of them has an adjustment; of the one that fits best.
+    """
+    code, failure = code_of(candidates[0].single), None
+    begun = [_begun(equations, names, code) for equations in candidates]
+    for one in sorted(begun, key=lambda one: one.misfit):
+        try:
+            return _finished(one)
+        except NoSolutionError as error:
+            failure = failure or error
+    raise failure or NoSolutionError("position by phase: no equations")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Begun:
+    """A first adjustment with the stated noise, and what its phases show of theirs."""
+
+    equations: PositionPhase
+    epochs: Epochs
+    squares: FloatArray
+
+    @property
+    def misfit(self) -> float:
+        return float(np.minimum(self.squares, _SIGMAS**2).mean())
+
+
+def _begun(equations: PositionPhase, names: tuple[str, str], code: Code) -> _Begun:
+    own = epochs_of(equations.single, names, code)
+    squares = _shown(own, _adjusted(own))
+    return _Begun(equations, own, squares if len(squares) else np.ones(1))  # nothing is checked
+
+
+def _finished(begun: _Begun) -> ArcAdjustment:
+    own, group = begun.epochs, begun.equations.single.group
+    own, at, rejected = _cleaned(own, max(1.0, float(np.median(begun.squares)) / _NORMAL))
+    thinned, code_thinning = own.weight.copy(), _inflation(own, at)
+    thinned[:, : own.phases.start] /= code_thinning
     thinned[:, own.phases] /= 1 + _DOUBT * 2 * _likeness(own, at.residual_m, own.phases)
     constants = _adjusted(own._replace(weight=thinned))
     used = own.weight[:, own.phases] > 0
     return ArcAdjustment(
-        equations=equations,
+        equations=begun.equations,
         epochs=own,
         cofactor=at.cofactor,
         solved=at.solved,
         constant_m=constants.constant_m,
         covariance_m2=constants.covariance_m2,
-        piece=pieces(np.where(used, own.arc[:, own.phases], -1), equations.single.group),
-        misfit=float(np.minimum(squares, _SIGMAS**2).mean()),
+        piece=pieces(np.where(used, own.arc[:, own.phases], -1), group),
+        misfit=begun.misfit,
         rejected=rejected,
+        code_thinning=code_thinning,
     )
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Fitted:
-    gain: FloatArray  # (n, p, 2 m)
-    x: FloatArray  # (n, p)
-    residual_m: FloatArray  # (n, 2 m)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -169,19 +210,19 @@ class _Adjusted:
     residual_m: FloatArray
 
 
-def _fitted(own: Epochs, cofactor: FloatArray, constant_m: FloatArray) -> _Fitted:
-    """Fit the unknowns of every epoch, the constants of arcs known."""
-    gain = np.einsum("npq,nmq,nm->npm", cofactor, own.A, own.weight)
-    left_m = own.y - constant_m[own.arc]
-    x = np.einsum("npm,nm->np", gain, left_m)
-    return _Fitted(gain, x, left_m - np.einsum("nmp,np->nm", own.A, x))
+def _fitted(
+    own: Epochs, cofactor: FloatArray, constant_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the unknowns of every epoch, the constants of arcs known; and residuals."""
+    return kernel.fit(own.A, own.y - constant_m[own.arc], own.weight, cofactor)
 
 
 def _adjusted(own: Epochs) -> _Adjusted:
     """Fit the unknowns of every epoch and the constants of all arcs."""
-    cofactor, solved = _eliminated(own)
+    cofactor = np.empty((*own.A.shape[::2], own.A.shape[2]))
+    solved = kernel.eliminate(own.A, own.weight, cofactor) < _FLAT**2
     constant_m, Q = _constants(own, cofactor, solved)
-    residual_m = _fitted(own, cofactor, constant_m).residual_m * solved[:, None]
+    residual_m = _fitted(own, cofactor, constant_m)[1] * solved[:, None]
     return _Adjusted(cofactor, solved, constant_m, Q, residual_m)
 
 
@@ -217,8 +258,8 @@ def _cleaned(own: Epochs, factor: float) -> tuple[Epochs, _Adjusted, int]:
 
 def _shown(own: Epochs, at: _Adjusted) -> FloatArray:
     """Return squares of phase residuals over their variance by the stated noise, (k,)."""
-    share = 1 - own.weight * np.einsum("nmp,npq,nmq->nm", own.A, at.cofactor, own.A)
-    share, weight = share[:, own.phases], own.weight[:, own.phases]
+    weight = own.weight[:, own.phases]
+    share = kernel.shares(own.A[:, own.phases], weight, at.cofactor)
     told = (weight > 0) & (share > _LEAST_SHARE) & at.solved[:, None]
     return np.asarray(weight[told] * at.residual_m[:, own.phases][told] ** 2 / share[told])
 
@@ -268,36 +309,13 @@ def _likeness(own: Epochs, residual_m: FloatArray, part: slice, sill: float | No
     return total
 
 
-def _eliminated(own: Epochs) -> tuple[FloatArray, BoolArray]:
-    """Return the cofactors of the epochs' unknowns, arcs known, (n, p, p); and who has one."""
-    used = (own.weight > 0).astype(np.float64)
-    unit = np.einsum("nmp,nm,nmq->npq", own.A, used, own.A)
-    N = np.einsum("nmp,nm,nmq->npq", own.A, own.weight, own.A)
-    diagonal = np.arange(N.shape[1])
-    nothing = N[:, diagonal, diagonal] == 0
-    enough = (used.sum(axis=1) >= (~nothing).sum(axis=1)) & used.any(axis=1)
-    for matrix in (unit, N):
-        matrix[:, diagonal, diagonal] += np.where(nothing, 1.0, 0.0)
-        matrix[~enough] = np.eye(len(diagonal))
-        matrix[:, diagonal, diagonal] *= 1 + 1e-13  # a flat geometry gets a huge cofactor
-    dilution = np.einsum("nii->n", np.linalg.inv(unit)[:, :3, :3])
-    return np.linalg.inv(N), enough & (dilution > 0) & (dilution < _FLAT**2)
-
-
 def _constants(
     own: Epochs, cofactor: FloatArray, solved: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the constants of the arcs, (a + 1,), and their covariance; the last is none, 0."""
-    count = 1 + len(own.channel)
-    alone = _fitted(own, cofactor, np.zeros(count))
-    arc, A = own.arc[:, own.phases], own.A[:, own.phases]
-    weight = own.weight[:, own.phases] * solved[:, None]
-    left_m = alone.residual_m[:, own.phases]
-    pull = np.bincount(arc.ravel(), (weight * left_m).ravel(), count)
-    N = np.diag(np.bincount(arc.ravel(), weight.ravel(), count) + 1 / _UNKNOWN_M**2)
-    shared = np.einsum("nm,nmp,npl->nml", weight, A, alone.gain[:, :, own.phases])
-    np.add.at(N, (arc[:, :, None], arc[:, None, :]), -shared)
-    Q = np.zeros((count, count))
-    Q[:-1, :-1] = np.linalg.inv(N[:-1, :-1])
-    pull[-1] = 0.0
-    return Q @ pull, Q
+    a = len(own.channel)
+    N, pull = np.diag(np.full(a, 1 / _UNKNOWN_M**2)), np.zeros(a)
+    kernel.reduce(own.A, own.y, own.weight, cofactor, solved, own.arc, N, pull)
+    Q = np.zeros((a + 1, a + 1))
+    Q[:-1, :-1] = np.linalg.inv(np.tril(N) + np.tril(N, -1).T)
+    return Q @ np.append(pull, 0.0), Q

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.gnss.least_squares import fit_consistent
 from fgnav.gnss.single_differences import SingleDifferences
 from fgnav.gnss.slips import phase_arcs
@@ -33,8 +33,25 @@ class Epochs(NamedTuple):
         return slice(self.y.shape[1] // 2, None)
 
 
-def epochs_of(single: SingleDifferences, names: tuple[str, str]) -> Epochs:
-    """Return the equations of single differences, code as noisy as it shows.
+class Code(NamedTuple):
+    """What the code of n epochs and m channels is good for."""
+
+    there: BoolArray  # (n, m): it does not contradict the others of its epoch
+    variance_m2: FloatArray  # (n, m), as large as it shows
+
+
+def code_of(single: SingleDifferences) -> Code:
+    """Return which code of one antenna to use, and its variance: that which it shows, or more."""
+    of_code, code_m = _designs(single)[0], single.code_m[:, 0]
+    variance_m2 = 2 * single.code_variance_m2
+    fits, there = fit_consistent(of_code, code_m, variance_m2, np.isfinite(code_m))
+    spare = fits.solved & (fits.freedom > 0)
+    squares = np.where(there, fits.residual**2 / variance_m2, 0.0)[spare].sum()
+    return Code(there, variance_m2 * max(1.0, squares / max(fits.freedom[spare].sum(), 1)))
+
+
+def epochs_of(single: SingleDifferences, names: tuple[str, str], code: Code) -> Epochs:
+    """Return the equations of single differences.
 
     Parameters
     ----------
@@ -42,19 +59,10 @@ def epochs_of(single: SingleDifferences, names: tuple[str, str]) -> Epochs:
         Of one antenna.
     names : tuple of str
         Of base and antenna.
+    code : Code
     """
-    groups = np.eye(1 + int(single.group.max(initial=-1)))[single.group]
     n, m = single.elevation_rad.shape
-    e_n = np.where(np.isfinite(single.e_n), single.e_n, 0.0)
-    clocks = np.broadcast_to(groups, (n, *groups.shape))
-    code_m, phase_m = single.code_m[:, 0], single.phase_m[:, 0]
-    code_variance, phase_variance = 2 * single.code_variance_m2, 2 * single.phase_variance_m2
-    of_code = np.concatenate([-e_n, clocks, 0 * clocks], axis=2)
-    of_phase = np.concatenate([-e_n, 0 * clocks, clocks], axis=2)
-    fits, coded = fit_consistent(of_code, code_m, code_variance, np.isfinite(code_m))
-    spare = fits.solved & (fits.freedom > 0)
-    squares = np.where(coded, fits.residual**2 / code_variance, 0.0)[spare].sum()
-    code_variance *= max(1.0, squares / max(fits.freedom[spare].sum(), 1))  # as large as it shows
+    code_m, phase_m, coded = single.code_m[:, 0], single.phase_m[:, 0], code.there
     arc = _arcs(single, names)
     count = 1 + int(arc.max(initial=0))
     # Integers are large: what is left is small once the mean of an arc's phase less code is off.
@@ -66,15 +74,24 @@ def epochs_of(single: SingleDifferences, names: tuple[str, str]) -> Epochs:
     channel = np.zeros(count, dtype=np.int64)
     channel[arc[arc >= 0]] = np.nonzero(arc >= 0)[1]
     y = [np.where(coded, code_m, 0.0), np.where(known, phase_m - offset_m[arc], 0.0)]
-    weight = [np.where(coded, 1 / code_variance, 0.0), np.where(known, 1 / phase_variance, 0.0)]
+    variances = ((coded, code.variance_m2), (known, 2 * single.phase_variance_m2))
     return Epochs(
-        A=np.concatenate([of_code, of_phase], axis=1),
+        A=np.concatenate(_designs(single), axis=1),
         y=np.concatenate(y, axis=1),
-        weight=np.concatenate(weight, axis=1),
+        weight=np.concatenate([np.where(there, 1 / of, 0.0) for there, of in variances], axis=1),
         arc=np.concatenate([np.full((n, m), count), np.where(known, arc, count)], axis=1),
         offset_m=offset_m,
         channel=channel,
     )
+
+
+def _designs(single: SingleDifferences) -> tuple[FloatArray, FloatArray]:
+    """Return how code and phase follow position and clocks, (n, m, p) each."""
+    groups = np.eye(1 + int(single.group.max(initial=-1)))[single.group]
+    clocks = np.broadcast_to(groups, (len(single.t_s), *groups.shape))
+    e_n = np.where(np.isfinite(single.e_n), single.e_n, 0.0)
+    of_code = np.concatenate([-e_n, clocks, 0 * clocks], axis=2)
+    return of_code, np.concatenate([-e_n, 0 * clocks, clocks], axis=2)
 
 
 def _arcs(single: SingleDifferences, names: tuple[str, str]) -> IntArray:

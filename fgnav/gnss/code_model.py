@@ -115,13 +115,22 @@ def orbits_of(flight: Flight) -> BroadcastOrbits | PreciseOrbits:
 
 
 def code_ranges(
-    flight: Flight, obs: Observations, channels: CodeChannels, antenna: int, epoch: IntArray
+    flight: Flight,
+    obs: Observations,
+    channels: CodeChannels,
+    antenna: int,
+    epoch: IntArray,
+    *,
+    rates: bool = True,
 ) -> CodeRanges:
-    """Look up the satellites of some epochs and correct their observations."""
+    """Look up the satellites of some epochs and correct their observations.
+
+    Without ``rates`` Doppler and what moves are NaN, and it takes half the time.
+    """
     orbits = orbits_of(flight)
     code_m = obs.code_m[epoch, antenna][:, channels.column]
     left_s = obs.tag_s[epoch, antenna][:, None] - code_m / C_MPS
-    states = states_at_clock(orbits, channels.satellites, left_s)
+    states = states_at_clock(orbits, channels.satellites, left_s, rates=rates)
     accuracy = accuracy_m(orbits, channels.satellites, left_s)
     delay_s = group_delay_s(
         flight.broadcast or orbits,

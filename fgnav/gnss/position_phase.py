@@ -8,6 +8,7 @@ and one adjustment serve both.
 from collections import Counter
 from dataclasses import dataclass, replace
 from functools import partial
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -18,11 +19,12 @@ from fgnav.gnss.atmosphere import saastamoinen_m
 from fgnav.gnss.code_adjustment import growing
 from fgnav.gnss.code_model import CodeChannels, atmosphere_m, code_ranges
 from fgnav.gnss.code_solution import BLOCK, code_solution
+from fgnav.gnss.doppler_slips import slipped
 from fgnav.gnss.satellites import angles, signal_paths
 from fgnav.gnss.signals import Selection, band, frequency_hz, select, wavelengths_m
 from fgnav.gnss.single_differences import SingleDifferences, reference_motion
 from fgnav.gnss.wind_up import wind_up_cycles
-from fgnav.observations import HALF_CYCLE, Observations
+from fgnav.observations import HALF_CYCLE, LOST_LOCK, Observations
 
 _SAME_S = 1e-3  # epochs of vehicle and base this close are one
 _SPATIAL = 1e-6  # a choice for quiet days: 1 mm per km that the zenith's ionosphere differs
@@ -77,14 +79,26 @@ class _Left:
     elevation_rad: FloatArray
 
 
+_KNOWN: WeakKeyDictionary[Flight, dict[bool, PositionPhase]] = WeakKeyDictionary()
+
+
 def position_phase(flight: Flight, *, base: bool) -> PositionPhase:
     """Return the equations of a flight, at epochs that the base has, too, where it is asked for.
+
+    Computed once per flight.
 
     Raises
     ------
     NoSolutionError
         If the flight has no observations, no base or no position by code.
     """
+    known = _KNOWN.setdefault(flight, {})
+    if base not in known:
+        known[base] = _equations(flight, base=base)
+    return known[base]
+
+
+def _equations(flight: Flight, *, base: bool) -> PositionPhase:
     observations = flight.observations
     if observations is None or (base and flight.base is None):
         missing = "observations" if observations is None else "a base station"
@@ -99,6 +113,8 @@ def position_phase(flight: Flight, *, base: bool) -> PositionPhase:
     late_e_m = v_e_mps * late_s[:, None]
     of = partial(_left, flight, model=code_solution(flight).atmosphere)
     ours = of(observations, _channels(names, chosen.channel[0, kept]), row, p_e_m + late_e_m)
+    slips = _slips(flight, names, ours, chosen.channel[0, kept], row)
+    ours = replace(ours, flags=ours.flags | slips)
     theirs = None
     if base and flight.base is not None:
         place_e_m = np.repeat(flight.base.position_e_m[None], len(row), axis=0)
@@ -118,6 +134,28 @@ def _paired(flight: Flight, t_s: FloatArray, *, base: bool) -> tuple[IntArray, I
     near = np.searchsorted(have_s, t_s - _SAME_S).clip(max=len(have_s) - 1)
     row = np.flatnonzero(np.abs(have_s[near] - t_s) < _SAME_S)
     return row, near[row]
+
+
+def _slips(
+    flight: Flight,
+    names: list[tuple[str, str]],
+    left: _Left,
+    columns: IntArray,
+    row: IntArray,
+) -> IntArray:
+    """Return flags of lost lock, (n, m), where few satellites leave slips to Doppler."""
+    observations, noise = flight.observations, flight.gnss_noise
+    if observations is None or not left.elevation_rad.size:
+        return np.zeros_like(left.flags)
+    lowest = np.where(np.isfinite(left.elevation_rad), left.elevation_rad, np.pi / 2).min(axis=0)
+    slips = slipped(
+        observations,
+        columns,
+        wavelengths_m(*zip(*names, strict=True)),
+        growing(flight, noise.phase_m, lowest),
+        growing(flight, noise.doppler_mps, lowest),
+    )
+    return np.where(slips[row], LOST_LOCK, 0).astype(left.flags.dtype)
 
 
 def _late_s(flight: Flight, observations: Observations) -> FloatArray:
@@ -176,7 +214,7 @@ def _block(
     *,
     model: bool,
 ) -> tuple[FloatArray, FloatArray, IntArray, FloatArray, FloatArray]:
-    ranges = code_ranges(flight, observations, channels, 0, row)
+    ranges = code_ranges(flight, observations, channels, 0, row, rates=False)
     paths = signal_paths(ranges.states, p_e_m, np.zeros_like(p_e_m))
     seen = angles(p_e_m, paths.e_e)
     air_m = ions_m = np.zeros_like(paths.range_m)

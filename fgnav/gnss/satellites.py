@@ -39,7 +39,11 @@ class SatelliteStates:
 
 
 def satellite_states(
-    orbits: BroadcastOrbits | PreciseOrbits, satellites: tuple[str, ...], t_s: FloatArray
+    orbits: BroadcastOrbits | PreciseOrbits,
+    satellites: tuple[str, ...],
+    t_s: FloatArray,
+    *,
+    rates: bool = True,
 ) -> SatelliteStates:
     """Return the states of satellites at their times of transmission.
 
@@ -53,6 +57,8 @@ def satellite_states(
         One may stand more than once.
     t_s : ndarray, shape (n, m)
         GPS time since the flight's start at which the signal truly left; NaN gives NaN.
+    rates : bool
+        Velocities and clock drifts are wanted, two more looks at every orbit; else they are NaN.
 
     References
     ----------
@@ -64,8 +70,9 @@ def satellite_states(
     p, v = np.full((*shape, 3), np.nan), np.full((*shape, 3), np.nan)
     clock, drift = np.full(shape, np.nan), np.full(shape, np.nan)
     unhealthy = np.zeros(shape, dtype=bool)
-    steps_s = (-_STEP_S, 0.0, _STEP_S)
     table = InertialTable.of(orbits) if isinstance(orbits, PreciseOrbits) else None
+    rates = rates or table is not None  # clocks of tables lack what velocities tell
+    steps_s = (0.0, -_STEP_S, _STEP_S) if rates else (0.0,)
     for column, satellite in enumerate(satellites):
         t = t_s[:, column]
         if isinstance(orbits, BroadcastOrbits):
@@ -73,18 +80,17 @@ def satellite_states(
             if not usable.any():
                 continue
             message = chosen[usable]
-            state = [
-                kepler_orbit(satellite, message, t[usable] + h) for h in (-_STEP_S, 0, _STEP_S)
-            ]
+            state = [kepler_orbit(satellite, message, t[usable] + h) for h in steps_s]
         elif table is not None and satellite in table.satellites:
             usable = table.covers(t)
             state = [table.at(satellite, t[usable] + h) for h in steps_s]
         else:
             continue
-        (p_before, c_before), (p_now, c_now), (p_after, c_after) = state
-        p[usable, column], clock[usable, column] = p_now, c_now
-        v[usable, column] = (p_after - p_before) / (2 * _STEP_S)
-        drift[usable, column] = (c_after - c_before) / (2 * _STEP_S)
+        p[usable, column], clock[usable, column] = state[0]
+        if rates:
+            (p_before, c_before), (p_after, c_after) = state[1:]
+            v[usable, column] = (p_after - p_before) / (2 * _STEP_S)
+            drift[usable, column] = (c_after - c_before) / (2 * _STEP_S)
     if table is not None:  # broadcast clocks have it already, from the eccentric anomaly
         clock -= 2 * np.einsum("nmi,nmi->nm", p, v) / C_MPS**2
     return SatelliteStates(
@@ -215,8 +221,13 @@ def angles(p_receiver_e_m: FloatArray, e_e: FloatArray) -> tuple[FloatArray, Flo
 
 
 def states_at_clock(
-    orbits: BroadcastOrbits | PreciseOrbits, satellites: tuple[str, ...], clock_t_s: FloatArray
+    orbits: BroadcastOrbits | PreciseOrbits,
+    satellites: tuple[str, ...],
+    clock_t_s: FloatArray,
+    *,
+    rates: bool = True,
 ) -> SatelliteStates:
     """Return states when the satellites' own clocks show ``clock_t_s``, (n, m)."""
-    offset_s = satellite_states(orbits, satellites, clock_t_s).clock_s
-    return satellite_states(orbits, satellites, clock_t_s - np.nan_to_num(offset_s))
+    offset_s = satellite_states(orbits, satellites, clock_t_s, rates=False).clock_s
+    left_s = clock_t_s - np.nan_to_num(offset_s)
+    return satellite_states(orbits, satellites, left_s, rates=rates)

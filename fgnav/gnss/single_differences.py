@@ -10,12 +10,13 @@ from fgnav.earth import C_MPS
 from fgnav.flight import Flight
 from fgnav.gnss.code_adjustment import growing
 from fgnav.gnss.code_model import orbits_of
-from fgnav.gnss.code_solution import BLOCK, code_solution
+from fgnav.gnss.code_solution import BLOCK, CodeSolution, code_solution
 from fgnav.gnss.satellites import angles, signal_paths, states_at_clock
 from fgnav.gnss.signals import Selection, band, select, wavelengths_m
 from fgnav.observations import HALF_CYCLE, Observations
 
 _LONGEST_BRIDGE_S = 30.0  # without a code solution, positions are interpolated over as much
+_GAP = 1.5  # usual intervals: ways across longer ones are bent
 _RATE_BASE_S = 0.5  # positions this far to both sides make a velocity where there is no Doppler
 
 
@@ -130,16 +131,41 @@ def reference_motion(flight: Flight, t_s: FloatArray) -> tuple[FloatArray, Float
     around = np.stack([solution.t_s[after], solution.t_s[(after - 1).clip(0)]])
     far = np.abs(around - t_s).min(axis=0) > _LONGEST_BRIDGE_S
     p_n_m = np.where(far[:, None], np.nan, at(t_s))
+    _bend(p_n_m, t_s, solution)
     # Positions before and after: one epoch away, or _RATE_BASE_S if epochs are closer.
     before_s = np.minimum(t_s - _RATE_BASE_S, np.append(t_s[:1], t_s[:-1]))
     after_s = np.maximum(t_s + _RATE_BASE_S, np.append(t_s[1:], t_s[-1:]))
     before_s, after_s = before_s.clip(*t_s[[0, -1]]), after_s.clip(*t_s[[0, -1]])
     span_s = np.maximum(after_s - before_s, _RATE_BASE_S)[:, None]
-    v_n_mps = (at(after_s) - at(before_s)) / span_s
+    ends = np.stack([at(before_s), at(after_s)])
+    for p, when_s in zip(ends, (before_s, after_s), strict=True):
+        _bend(p, when_s, solution)
+    v_n_mps = (ends[1] - ends[0]) / span_s
     if solution.v_n_mps is not None:
         known = np.isfinite(solution.v_n_mps).all(axis=1)
         v_n_mps[solution.epoch[known]] = solution.v_n_mps[known]
     return flight.origin.to_e(p_n_m), v_n_mps @ flight.origin.R_ne
+
+
+def _bend(p_n_m: FloatArray, t_s: FloatArray, solution: CodeSolution) -> None:
+    """Put the cubic through velocities at both ends in place of straight ways across gaps.
+
+    In a turn a straight way of 20 s is off by hundreds of metres, and ranges from there to the
+    satellites by centimetres that no linear equation has.
+    """
+    have_s, v_n_mps = solution.t_s, solution.v_n_mps
+    if v_n_mps is None or len(have_s) < 2:
+        return
+    after = np.searchsorted(have_s, t_s).clip(1, len(have_s) - 1)
+    span_s = have_s[after] - have_s[after - 1]
+    inside = (span_s > _GAP * np.median(np.diff(have_s))) & (have_s[after - 1] < t_s)
+    inside &= (t_s < have_s[after]) & np.isfinite(v_n_mps[[after - 1, after]]).all(axis=(0, 2))
+    row = after[inside]
+    span_s = span_s[inside, None]
+    share = (t_s[inside] - have_s[row - 1])[:, None] / span_s
+    rest = solution.p_n_m[row] - solution.p_n_m[row - 1]
+    first, last = v_n_mps[row - 1] * span_s - rest, rest - v_n_mps[row] * span_s
+    p_n_m[inside] += share * (1 - share) * ((1 - share) * first + share * last)
 
 
 def _fill(
