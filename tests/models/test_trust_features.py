@@ -7,7 +7,7 @@ import pytest
 
 from fgnav.integers.candidates import candidates
 from fgnav_models.trust_features import links_of, probabilities, trust_rows
-from tests.integers.arrays import make
+from tests.integers.arrays import PAPER_ANTENNAS_B_M, make
 
 
 def rows_of(differences):
@@ -31,7 +31,7 @@ def test_missing_links_leave_the_square_sum_what_it_is():
     found, rows = rows_of(made.differences)
     assert (rows.there.sum(axis=1) == (~missing).sum(axis=(1, 2))[rows.epoch]).all()
     total = (rows.links[..., 0] ** 2 + rows.links[..., 2] ** 2).sum(axis=1)
-    np.testing.assert_allclose(total, found.cost, rtol=0.02)
+    np.testing.assert_allclose(total, found.cost, rtol=1e-4)
 
 
 def test_order_and_reference_of_satellites_make_no_difference():
@@ -77,3 +77,18 @@ def test_probabilities_are_shares_of_exponentials():
     np.testing.assert_allclose(probability, [3 / 8, 1 / 8, 4 / 5])
     np.testing.assert_allclose(of_none, [4 / 8, 1.0, 1 / 5])
     assert best.tolist() == [0, -1, 2]
+
+
+def test_the_true_integers_are_likelier_by_the_mixture_where_links_are_bad():
+    rng = np.random.default_rng(6)
+    made = make(rng, epochs=60, antennas_b_m=PAPER_ANTENNAS_B_M[::2], code_m=1.0, satellites=(4,))
+    d = made.differences
+    bad = (rng.random(d.phase_m.shape) < 0.1) & d.resolvable
+    phase_m = d.phase_m + 0.03 * bad * rng.normal(size=bad.shape)
+    code_m = d.code_m + 3.0 * bad * rng.normal(size=bad.shape)
+    found, rows = rows_of(replace(d, phase_m=phase_m, code_m=code_m))
+    right = (found.cycles == made.cycles[found.epoch]).all(axis=(1, 2))
+    several = right & (np.bincount(found.epoch, minlength=60) > 1)[found.epoch]
+    assert several.sum() > 10
+    mixture, gauss = rows.whole[several, 0], rows.whole[several, 1]
+    assert mixture.mean() > 0.5 * gauss.mean()

@@ -1,6 +1,7 @@
 """The trust network's training: seconds of it, and figures that can be checked by hand."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
@@ -18,10 +19,11 @@ from fgnav_models.training.trust_score import (
     Posteriors,
     calibration_error,
     posteriors,
+    share_covered,
     summary,
     temperature,
 )
-from fgnav_models.trust_features import LINK_FEATURES, WHOLE_FEATURES
+from fgnav_models.trust_features import LINK_FEATURES, SATELLITES, WHOLE_FEATURES
 
 RECIPE = Path(__file__).parents[2] / "models" / "recipes" / "trust.toml"
 
@@ -46,6 +48,9 @@ def test_smoke_scale_ends_in_a_network_that_runs_and_goes_on_where_it_was_cut(tm
     assert run(order(out, perf_counter())) is None
     lines = run(order(out))
     assert any(line.startswith("calibration_error") for line in lines)
+    table = [line for line in lines if line.startswith("| 8 satellites | 20 |")]
+    assert len(table) == 1
+    assert table[0] in (out / "trust.md").read_text().splitlines()
     network = load(out / "trust.onnx")
     assert {"antennas", "satellites", "misfit"} <= network.manifest.domain.keys()
     again = tmp_path / "again"
@@ -65,6 +70,19 @@ def samples_with(truth, rows):
         cost=np.ones(n),
         degrees=np.ones(n),
     )
+
+
+def test_some_epochs_keep_their_own_rows():
+    samples = samples_with([0, NONE, 1, 0], 2)
+    whole = samples.whole.copy()
+    whole[:, SATELLITES] = np.repeat([4, 7, 5, 7], 2) / 8.0
+    samples = replace(samples, whole=whole, outlier=np.arange(8.0)[:, None])
+    assert samples.satellites.tolist() == [4, 7, 5, 7]
+    some = samples.chosen(samples.satellites != 7)
+    assert some.satellites.tolist() == [4, 5]
+    assert some.truth.tolist() == [0, 1]
+    assert some.start.tolist() == [0, 2, 4]
+    assert some.outlier.ravel().tolist() == [0, 1, 4, 5]
 
 
 def test_posteriors_follow_the_best_candidate():
@@ -96,6 +114,11 @@ def test_figures_are_those_counted_by_hand():
     p = figures["wrong_of_sure_bound_percent"] / 100
     assert (1 - p) ** 8 + 8 * p * (1 - p) ** 7 == pytest.approx(0.05)
     assert calibration_error(trust, right) == pytest.approx((8 * 0.9999 - 7 + 0.0) / 10)
+
+
+def test_as_many_are_covered_as_keep_the_mean_chance_to_be_wrong_below_one_in_a_thousand():
+    trust = np.array([1.0, 1.0, 1.0, 0.9972, 0.9971, 0.5])
+    assert share_covered(trust) == pytest.approx(4 / 6)  # mean of 0.0028 and three zeros: 0.0007
 
 
 def test_links_may_come_in_any_order_and_absent_ones_do_not_count():

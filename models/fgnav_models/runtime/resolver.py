@@ -218,8 +218,8 @@ def _costs(differences: DoubleDifferences, found: Candidates) -> tuple[FloatArra
     """Return second-least over least cost, and least cost per degree of freedom, (n,)."""
     n = len(differences.t_s)
     degrees = np.maximum(2 * differences.resolvable.sum(axis=(1, 2)) - 3, 1)
-    first = np.searchsorted(found.epoch, np.arange(n))
-    number = np.bincount(found.epoch, minlength=n)
+    first = np.searchsorted(found.epoch, np.arange(n + 1))
+    number = np.diff(first)
     ratio, misfit = np.full(n, np.nan), np.ones(n)
     some, two = np.flatnonzero(number > 0), np.flatnonzero(number > 1)
     misfit[some] = found.cost[first[some]] / degrees[some]

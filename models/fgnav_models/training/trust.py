@@ -1,6 +1,8 @@
 """``fgnav train models/recipes/trust.toml``: draw worlds, train the trust network, release it."""
 
 import platform
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -15,7 +17,7 @@ from fgnav.io.strict_toml import Table
 from fgnav_models.runtime.manifest import Port
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import scaled
-from fgnav_models.training.release import Story, release
+from fgnav_models.training.release import Story, markdown_table, release
 from fgnav_models.training.train import Batch, Settings, train
 from fgnav_models.training.trust_data import TrustSamples, joined, random_world, samples_of
 from fgnav_models.training.trust_net import TrustNet, loss_of
@@ -25,6 +27,16 @@ from fgnav_sim.data_sets_world import RandomArray, World
 
 _CHUNK = 4096  # rows at a time through the network
 _VALIDATION = 6  # every so many arrays, one is for validation and temperature
+_TRIAL_NODES = 10**6  # as the resolver
+_TOLD = {  # of a trial, and how the card calls it
+    "epochs": "epochs",
+    "success_percent": "right, %",
+    "coverage_percent": "P > 0.999, %",
+    "wrong_of_sure": "wrong of them",
+    "wrong_of_sure_bound_percent": "at most so, %",
+    "coverage_at_share_percent": "all but 0.1 % right, %",
+    "calibration_error": "calibration error",
+}
 
 
 class Draw(Table, frozen=True):
@@ -50,12 +62,31 @@ class Draw(Table, frozen=True):
     outliers: tuple[float, float] = (0.0, 0.2)
 
 
+class Trial(Table, frozen=True):
+    """A world that the network is judged on once it is trained, noise as stated.
+
+    Attributes
+    ----------
+    name : str
+    world : World
+        With a given array.
+    epochs : int
+    """
+
+    name: str
+    world: World
+    epochs: int
+
+
 class Recipe(Table, frozen=True):
     """What the trust network is made of.
 
     Attributes
     ----------
     draws : tuple of Draw
+    trials : tuple of Trial
+    never_seen : tuple of int
+        Epochs of so many satellites are left out of what is drawn: not of the trials.
     training : Settings
     width : int
         Of the hidden layers.
@@ -74,7 +105,9 @@ class Recipe(Table, frozen=True):
     notes: dict[str, str]
     domain: dict[str, Any]
     draws: tuple[Draw, ...]
+    trials: tuple[Trial, ...]
     training: Settings
+    never_seen: tuple[int, ...] = ()
     width: int = 32
     batch: int = 512
     nodes: int = 100_000
@@ -108,26 +141,50 @@ def run(order: Order) -> list[str] | None:
         return None
     score, none = scores(net, kept)
     net.cold.fill_(1.0 / temperature(score, none, kept))
-    cold = float(net.cold)
-    figures = judged(score * cold, none * cold, kept)
-    _release(net, recipe, kept, figures, _misfit(parts), order.out)
-    return [f"{name}: {value:.6g}" for name, value in figures.items()]
+    trials = _tried(net, recipe, order)
+    if trials is None:
+        return None
+    figures = judged(*scores(net, kept), kept)
+    _release(net, recipe, kept, figures, trials, _misfit(parts), order.out)
+    return [f"{name}: {value:.6g}" for name, value in figures.items()] + trials.split("\n")
 
 
 def _parts(recipe: Recipe, order: Order) -> list[TrustSamples] | None:
-    """Return the samples of every array, drawn or read, or None where the time was up."""
-    folder = made_folder(order.out / "samples")
+    """Return the samples of every array, or None where the time was up."""
     parts = []
     for d, draw in enumerate(recipe.draws):
         for k in range(draw.arrays):
-            path = folder / f"{d}-{k}.npz"
-            if not path.exists():
-                if perf_counter() >= order.deadline_s:
-                    return None
-                _write(path, _drawn(recipe, draw, np.random.default_rng([recipe.seed, d, k])))
-            with np.load(path, allow_pickle=False) as file:
-                parts.append(TrustSamples(**file))
+            rng = np.random.default_rng([recipe.seed, d, k])
+            part = _kept(order, f"{d}-{k}", partial(_drawn, recipe, draw, rng))
+            if part is None:
+                return None
+            parts.append(part.chosen(~np.isin(part.satellites, recipe.never_seen)))
     return parts
+
+
+def _tried(net: TrustNet, recipe: Recipe, order: Order) -> str | None:
+    """Return a table of the trials, Markdown, or None where the time was up."""
+    rows = []
+    for k, trial in enumerate(recipe.trials):
+        rng = np.random.default_rng([recipe.seed, len(recipe.draws), k])
+        draw = partial(samples_of, trial.world, rng, trial.epochs, nodes=_TRIAL_NODES)
+        part = _kept(order, f"trial-{k}", draw)
+        if part is None:
+            return None
+        found = judged(*scores(net, part), part)
+        rows.append((trial.name, *(f"{found[name]:.4g}" for name in _TOLD)))
+    return markdown_table(("world", *_TOLD.values()), rows)
+
+
+def _kept(order: Order, name: str, draw: Callable[[], TrustSamples]) -> TrustSamples | None:
+    """Return samples, drawn or read, or None where there are none and the time is up."""
+    path = made_folder(order.out / "samples") / f"{name}.npz"
+    if not path.exists():
+        if perf_counter() >= order.deadline_s:
+            return None
+        _write(path, draw())
+    with np.load(path, allow_pickle=False) as file:
+        return TrustSamples(**file)
 
 
 def _drawn(recipe: Recipe, draw: Draw, rng: np.random.Generator) -> TrustSamples:
@@ -193,7 +250,11 @@ def _misfit(parts: list[TrustSamples]) -> list[float]:
 
     Arrays of few degrees of freedom say little and are not asked.
     """
-    medians = [np.nanmedian(part.cost / part.degrees) for part in parts if part.degrees.min() > 8]
+    medians = [
+        np.nanmedian(part.cost / part.degrees)
+        for part in parts
+        if len(part) and part.degrees.min() > 8
+    ]
     low, high = np.quantile(medians if medians else np.ones(1), [0.005, 0.995])
     return [round(float(low), 2), round(float(high), 2)]
 
@@ -203,6 +264,7 @@ def _release(
     recipe: Recipe,
     samples: TrustSamples,
     figures: dict[str, float],
+    trials: str,
     misfit: list[float],
     folder: Path,
 ) -> None:
@@ -250,4 +312,4 @@ def _release(
         made_with={"hardware": f"CPU {platform.machine()}"},
     )
     examples = [x[:256] for x in (samples.links, samples.there, samples.whole)]
-    release(net, examples, story, folder, notes=recipe.notes)
+    release(net, examples, story, folder, notes={**recipe.notes, "On worlds of bad links": trials})

@@ -7,7 +7,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.candidates import candidates
-from fgnav_models.trust_features import TrustRows, links_of, trust_rows
+from fgnav_models.trust_features import SATELLITES, TrustRows, links_of, trust_rows
 from fgnav_sim.data_sets import array_epochs
 from fgnav_sim.data_sets_differences import double_differences_of, true_cycles
 from fgnav_sim.data_sets_world import GivenArray, OutliersTable, RandomArray, World
@@ -45,6 +45,29 @@ class TrustSamples:
     def __len__(self) -> int:
         """Return the number of epochs."""
         return len(self.truth)
+
+    @property
+    def satellites(self) -> IntArray:
+        """How many an epoch has, (n,); 0 where it has no candidate."""
+        out = np.zeros(len(self), dtype=np.int64)
+        some = np.diff(self.start) > 0
+        out[some] = np.rint(8.0 * self.whole[self.start[:-1][some], SATELLITES])
+        return out
+
+    def chosen(self, epochs: BoolArray) -> "TrustSamples":
+        """Return some of the epochs, (n,)."""
+        number = np.diff(self.start)
+        rows = np.repeat(epochs, number)
+        return TrustSamples(
+            start=np.append(0, np.cumsum(number[epochs])),
+            truth=self.truth[epochs],
+            links=self.links[rows],
+            there=self.there[rows],
+            whole=self.whole[rows],
+            outlier=self.outlier[rows],
+            cost=self.cost[epochs],
+            degrees=self.degrees[epochs],
+        )
 
 
 def samples_of(

@@ -7,12 +7,14 @@ from fgnav_models.trust_features import LINK_FEATURES, WHOLE_FEATURES
 
 _POOL = 1.0 / 16.0  # brings a sum over links to the size of one
 _OUTLIER_SHARE = 0.3  # of the loss of links in that of an epoch
+_LEAST = 1e-6  # probability of a link to be worse, or to be as stated
 
 
 class TrustNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
     """A deep set: links embedded alike, pooled by sum and maximum, then judged with the whole.
 
-    The Gaussian posterior is added to the score as it is: with all else at zero it is the answer.
+    What ``fgnav_models.trust_fit`` makes of candidates and links is added as it is: with all else
+    at zero it is the answer.
     """
 
     def __init__(self, width: int, *, seed: int) -> None:
@@ -33,6 +35,7 @@ class TrustNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
             self.of_link, self.of_whole = nn.Linear(width, 16), nn.Linear(width, 16)
             self.outlier = nn.Linear(16, 1)
             nn.init.zeros_(self.answer.weight)
+            nn.init.zeros_(self.outlier.weight)
         self.register_buffer("link_mean", torch.zeros(LINK_FEATURES))
         self.register_buffer("link_scale", torch.ones(LINK_FEATURES))
         self.register_buffer("whole_mean", torch.zeros(WHOLE_FEATURES))
@@ -57,12 +60,10 @@ class TrustNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
         h = self.judge(torch.cat([*pooled, figures], dim=1))
         answer = self.answer(h)
         together = torch.tanh(self.of_link(x) + self.of_whole(h)[:, None, :])
+        worse = links[:, :, LINK_FEATURES - 1].clamp(_LEAST, 1.0 - _LEAST)
+        bad = self.outlier(together)[:, :, 0] + torch.log(worse) - torch.log(1.0 - worse)
         score = answer[:, 0] + whole[:, 0]
-        return (
-            score * self.cold,
-            (answer[:, 1] - 6.0) * self.cold,
-            self.outlier(together)[:, :, 0],
-        )
+        return score * self.cold, (answer[:, 1] - 6.0) * self.cold, bad
 
 
 def log_probabilities(

@@ -7,6 +7,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import beta
 
 from fgnav.checks import BoolArray, FloatArray
+from fgnav.integers.validation import share_threshold
 from fgnav_models.training.trust_data import TrustSamples
 from fgnav_models.trust_features import probabilities
 
@@ -58,7 +59,11 @@ def judged(score: FloatArray, none: FloatArray, samples: TrustSamples) -> dict[s
 
 
 def summary(of: Posteriors) -> dict[str, float]:
-    """Return figures of trust: percent, with the Clopper-Pearson bound at 95 %."""
+    """Return figures of trust: percent, with the Clopper-Pearson bound at 95 %.
+
+    ``coverage_at_share_percent`` is how much can be accepted if the expected share of wrong ones
+    among all accepted, not the chance of each to be wrong, is to stay below ``1 - SURE``.
+    """
     sure = of.trust > SURE
     wrong, all_sure = int((sure & ~of.right).sum()), int(sure.sum())
     bound = float(beta.ppf(0.95, wrong + 1, all_sure - wrong)) if all_sure > wrong else 1.0
@@ -68,9 +73,16 @@ def summary(of: Posteriors) -> dict[str, float]:
         "coverage_percent": 100.0 * float(sure.mean()),
         "wrong_of_sure": float(wrong),
         "wrong_of_sure_bound_percent": 100.0 * bound,
+        "coverage_at_share_percent": 100.0 * share_covered(of.trust),
         "calibration_error": calibration_error(of.trust, of.right),
         "entropy": of.entropy,
     }
+
+
+def share_covered(trust: FloatArray) -> float:
+    """Return the largest share of epochs of which no more than ``1 - SURE`` should be wrong."""
+    limit = share_threshold(trust, 1.0 - trust, 1.0 - SURE)
+    return float((trust >= limit).mean())
 
 
 def calibration_error(trust: FloatArray, right: BoolArray) -> float:
