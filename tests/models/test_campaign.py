@@ -4,6 +4,7 @@ import re
 import tomllib
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -14,7 +15,8 @@ from fgnav_models.runtime.load import load
 from fgnav_models.training.data import draw
 from fgnav_models.training.experiment import Experiment, columns_of
 from fgnav_models.training.phases import Grid
-from fgnav_models.training.recipes import laid_over
+from fgnav_models.training.recipes import laid_over, said
+from fgnav_sim.data_sets_gravity_world import GravityWorld, WindowsTable
 from fgnav_sim.data_sets_world import NoiseTable, World
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -141,6 +143,15 @@ def test_a_released_study_answers_in_cycles(frame):
     metrics = network.manifest.metrics
     assert metrics["half a metre: rounding, % right"] < 20.0
     assert (frame / "short.md").exists()
+
+
+def test_what_a_recipe_says_is_told_without_what_goes_unsaid():
+    world = GravityWorld(windows=WindowsTable(samples=7))
+    assert said({"world": world, "steps": (1, 2)}) == {
+        "world": {"kind": "gravity", "windows": {"samples": 7}},
+        "steps": [1, 2],
+    }
+    assert msgspec.convert(said(world), GravityWorld) == world
 
 
 @pytest.mark.parametrize(

@@ -44,8 +44,9 @@ def test_a_release_loads_and_answers_like_torch(tmp_path):
     np.testing.assert_allclose(answer, expected, rtol=AGREEMENT, atol=AGREEMENT)
     assert manifest.size_bytes == (tmp_path / "toy.onnx").stat().st_size
     card = (tmp_path / "toy.md").read_text(encoding="utf-8")
-    for words in ("# toy", "A clock.", "satellites: 4 to 8", "99.25", manifest.sha256, '"steps"'):
+    for words in ("# toy", "A clock.", "satellites: 4 to 8", "99.25", manifest.sha256, "toy.json"):
         assert words in card
+    assert load(tmp_path / "toy.onnx").manifest.recipe == {"steps": 3}
 
 
 def test_half_precision_halves_the_file_and_still_agrees_with_its_own_torch_module(tmp_path):

@@ -18,7 +18,7 @@ from fgnav_models.training.gravity_figures import figures_of, independent_after_
 from fgnav_models.training.gravity_nets import GravityNet, deviation, negative_log_likelihood
 from fgnav_models.training.gravity_paper import PaperStudy, run_paper
 from fgnav_models.training.order import Order
-from fgnav_models.training.recipes import scaled
+from fgnav_models.training.recipes import said, scaled
 from fgnav_models.training.release import Story, markdown_table, release
 from fgnav_models.training.released import Release
 from fgnav_models.training.train import Settings, train
@@ -217,9 +217,7 @@ def _release(
         ),
         Port(name="covariance", shape=("n", 3, 3), unit="rad2", meaning="of g_b, across it"),
     )
-    content = msgspec.to_builtins(
-        {"world": recipe.world, "aided": learned.aided, "training": recipe.training}
-    )
+    content = said({"world": recipe.world, "aided": learned.aided, "training": recipe.training})
     story = Story(
         name=words.name,
         purpose=words.purpose,

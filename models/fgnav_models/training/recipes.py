@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
+import msgspec
+
 from fgnav.checks import BadInputError
 from fgnav.io.strict_toml import as_table
 from fgnav_models.training.order import Order
@@ -38,3 +40,26 @@ def laid_over(content: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[st
         both = isinstance(below, Mapping) and isinstance(value, Mapping)
         result[key] = laid_over(below, value) if both else value  # type: ignore[arg-type]
     return result
+
+
+def said(part: object) -> Any:  # noqa: ANN401  # plain content of any part
+    """Return a part of a recipe as plain content, without what it would be unsaid."""
+    if isinstance(part, msgspec.Struct):
+        config = part.__struct_config__
+        kind = {config.tag_field: config.tag} if config.tag is not None else {}
+        return kind | {
+            field.encode_name: said(value)
+            for field in msgspec.structs.fields(part)
+            if (value := getattr(part, field.name)) != _unsaid(field)
+        }
+    if isinstance(part, Mapping):
+        return {key: said(value) for key, value in part.items()}
+    if isinstance(part, list | tuple):
+        return [said(value) for value in part]
+    return msgspec.to_builtins(part)
+
+
+def _unsaid(field: msgspec.structs.FieldInfo) -> object:
+    """Return what a field is where nobody says it."""
+    made = field.default_factory
+    return field.default if made is msgspec.NODEFAULT else made()

@@ -108,14 +108,13 @@ def card_text(manifest: Manifest, notes: Mapping[str, str]) -> str:
     figures = [(_words(key), f"{value:.6g}") for key, value in manifest.metrics.items()]
     domain = [f"- {_words(key)}: {_plain(value)}" for key, value in manifest.domain.items()]
     made_with = ", ".join(f"{key} {value}" for key, value in manifest.made_with.items())
-    recipe = msgspec.json.format(msgspec.json.encode(manifest.recipe), indent=2).decode()
     sections = {
         **notes,
         "Inputs and outputs": markdown_table(("", "name", "shape", "unit", "meaning"), ports),
         "Domain": "\n".join(domain),
         "Measured on data it never saw": markdown_table(("figure", "value"), figures),
         "Origin": f"Seed {manifest.seed}; {made_with}.\n{manifest.size_bytes} bytes, "
-        f"sha256 `{manifest.sha256}`.\n\nRecipe:\n\n```json\n{recipe}\n```",
+        f"sha256 `{manifest.sha256}`. The recipe is in the manifest, {manifest.name}.json.",
     }
     parts = [f"# {manifest.name}", manifest.purpose]
     parts += [f"## {title}\n\n{text.strip()}" for title, text in sections.items()]

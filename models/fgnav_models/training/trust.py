@@ -7,7 +7,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import msgspec
 import numpy as np
 import torch
 
@@ -16,7 +15,7 @@ from fgnav.evaluation.report.whole_file import made_folder, whole_file
 from fgnav.io.strict_toml import Table
 from fgnav_models.runtime.manifest import Port
 from fgnav_models.training.order import Order
-from fgnav_models.training.recipes import scaled
+from fgnav_models.training.recipes import said, scaled
 from fgnav_models.training.release import Story, markdown_table, release
 from fgnav_models.training.train import Batch, Settings, train
 from fgnav_models.training.trust_data import TrustSamples, joined, random_world, samples_of
@@ -268,9 +267,7 @@ def _release(
     misfit: list[float],
     folder: Path,
 ) -> None:
-    content: dict[str, Any] = msgspec.to_builtins(recipe)
-    for key in ("notes", "domain"):
-        content.pop(key)
+    content = {k: v for k, v in said(recipe).items() if k not in ("notes", "domain")}
     link = ("c", "l")
     story = Story(
         name=recipe.name,
