@@ -86,6 +86,20 @@ GravityName = Annotated[
     str | None,
     Parameter(help="Who tells the smoother where down is: low-dynamics, or an installed one."),
 ]
+EstimateWords = Annotated[
+    str,
+    Parameter(
+        help="What the smoother estimates with the flight: landmark, boresight, gravity, "
+        "lever-arm, antennas or antenna:NAME, separated by commas; landmark=30 states a 1-sigma, "
+        "m or deg."
+    ),
+]
+TimesFile = Annotated[
+    Path | None, Parameter(help="Estimate at the times of this CSV, column t_s, of the flight.")
+]
+RateHz = Annotated[
+    float | None, Parameter(help="Estimate this many times a second, between epochs, too.")
+]
 TuneFlag = Annotated[
     bool,
     Parameter(
@@ -116,7 +130,7 @@ def check(flight: Path, /, *, json: JsonFile = None) -> None:
 
 
 @app.command
-def run(
+def run(  # noqa: PLR0913  # a command has as many options as it takes
     flight: Path,
     /,
     *,
@@ -124,7 +138,10 @@ def run(
     method: str = "smoother",
     integers: IntegersName = "lambda",
     gravity: GravityName = None,
+    estimate: EstimateWords = "",
     tune: TuneFlag = False,
+    at: TimesFile = None,
+    rate: RateHz = None,
     json: JsonFile = None,
 ) -> None:
     """Estimate a flight with one method; write estimate.csv and summary.json.
@@ -144,9 +161,12 @@ def run(
     from fgnav.evaluation.report.table import remarks  # noqa: PLC0415
     from fgnav.evaluation.report.whole_file import made_folder  # noqa: PLC0415
     from fgnav.io.exports import write_estimate  # noqa: PLC0415
+    from fgnav.methods.at_times import at_times  # noqa: PLC0415
 
     check_places(json)
-    estimators = _estimators(method, integers, gravity)
+    estimators = [
+        at_times(one, at, rate) for one in _estimators(method, integers, gravity, estimate)
+    ]
     if tune:
         estimators = _tuned(estimators, integers)
     if len(estimators) > 1:
@@ -180,6 +200,7 @@ def compare(
     method: str = _DEFAULT_METHODS,
     integers: IntegersName = "lambda",
     gravity: GravityName = None,
+    estimate: EstimateWords = "",
     tune: TuneFlag = False,
     json: JsonFile = None,
     report: Path | None = None,
@@ -203,7 +224,7 @@ def compare(
     check_places(json)
     if report is not None:
         check_figure(report)
-    estimators = _estimators(method, integers, gravity)
+    estimators = _estimators(method, integers, gravity, estimate)
     if tune:
         estimators = _tuned(estimators, integers)
     _, comparison = _compare(flight, estimators)
@@ -314,7 +335,9 @@ def _loss_lines(flight: "Flight") -> list[str]:
     return loss_lines({"recording": flight.losses})
 
 
-def _estimators(methods: str, integers: str, gravity: str | None = None) -> "list[Estimator]":
+def _estimators(
+    methods: str, integers: str, gravity: str | None = None, estimate: str = ""
+) -> "list[Estimator]":
     """Return the methods of a comma-separated list, all with one resolver and one gravity."""
     from fgnav.checks import BadInputError  # noqa: PLC0415
     from fgnav.gravity import gravity_named  # noqa: PLC0415
@@ -323,12 +346,20 @@ def _estimators(methods: str, integers: str, gravity: str | None = None) -> "lis
 
     resolver = resolver_named(integers)
     down = None if gravity is None else gravity_named(gravity)
-    names = [name.strip() for name in methods.split(",") if name.strip()]
+    words = _words(estimate)
+    names = list(_words(methods))
     if not names:
         raise BadInputError(f"--method: names no method, got {methods!r}")
     if down is not None and not set(names) & set(WITH_GRAVITY):
         raise BadInputError(f"--gravity: only {', '.join(WITH_GRAVITY)} use it, got {methods!r}")
-    return [method_named(name, resolver, down) for name in names]
+    if words and not set(names) & set(WITH_GRAVITY):
+        raise BadInputError(f"--estimate: only {', '.join(WITH_GRAVITY)} do it, got {methods!r}")
+    return [method_named(name, resolver, down, words) for name in names]
+
+
+def _words(text: str) -> tuple[str, ...]:
+    """Return what stands between commas."""
+    return tuple(word.strip() for word in text.split(",") if word.strip())
 
 
 def _tuned(estimators: "list[Estimator]", integers: str) -> "list[Estimator]":

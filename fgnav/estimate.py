@@ -9,8 +9,19 @@ from fgnav.checks import BadInputError, FloatArray, Loss, frozen, increasing
 from fgnav.flight import Flight
 from fgnav.integers.resolver import Integers
 
-_MOTION_VECTORS = ("p_n_m", "v_n_mps", "angular_rate_b_radps", "accelerometer_bias_mps2")
-_MOTION_MATRICES = ("position_covariance_m2", "velocity_covariance_m2ps2")
+_MOTION_VECTORS = (
+    "p_n_m",
+    "v_n_mps",
+    "angular_rate_b_radps",
+    "accelerometer_bias_mps2",
+    "gyroscope_bias_radps",
+)
+_MOTION_MATRICES = (
+    "position_covariance_m2",
+    "velocity_covariance_m2ps2",
+    "accelerometer_bias_covariance_m2ps4",
+    "gyroscope_bias_covariance_rad2ps2",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +73,46 @@ class Consistency:
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Constant:
+    """What holds for a whole flight and was estimated with it, off what the flight states.
+
+    Attributes
+    ----------
+    name : str
+        ``"landmark"``, ``"boresight"``, ``"antenna a4"``.
+    axes : tuple of str, length d
+        What each number stands for: ``"north"``, ``"about y_b"``.
+    unit : str
+        ``"m"``, ``"rad"``, ``"uT"``.
+    value : ndarray, shape (d,)
+    covariance : ndarray, shape (d, d)
+    """
+
+    name: str
+    axes: tuple[str, ...]
+    unit: str
+    value: FloatArray
+    covariance: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check and freeze every field."""
+        d = len(self.axes)
+        for name, shape in {"value": (d,), "covariance": (d, d)}.items():
+            array = frozen(f"constant {self.name} {name}", getattr(self, name), shape)
+            object.__setattr__(self, name, array)
+
+    def to_dict(self) -> dict[str, object]:
+        """Return value and 1-sigma by axis, in plain types."""
+        sigma = np.sqrt(np.diag(self.covariance)).tolist()
+        return {
+            "name": self.name,
+            "unit": self.unit,
+            "value": dict(zip(self.axes, self.value.tolist(), strict=True)),
+            "sigma": dict(zip(self.axes, sigma, strict=True)),
+        }
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Estimate:
     """Estimates at the epochs that have one.
 
@@ -81,6 +132,9 @@ class Estimate:
         Of the body's origin; NaN where an epoch has an attitude and no position or velocity.
     position_covariance_m2, velocity_covariance_m2ps2 : ndarray, shape (n, 3, 3), or None
     angular_rate_b_radps, accelerometer_bias_mps2 : ndarray, shape (n, 3), or None
+    accelerometer_bias_covariance_m2ps4 : ndarray, shape (n, 3, 3), or None
+    gyroscope_bias_radps, gyroscope_bias_covariance_rad2ps2 : ndarray or None
+        Of a flight with a gyroscope, the same shapes.
     unobservable : tuple of str
         States the data do not determine, by name: ``"roll"``. Their values are conventions
         (zero), not estimates.
@@ -94,6 +148,8 @@ class Estimate:
         Measurements that contradicted the others, each with its link and its span of time.
     consistency : tuple of Consistency
         Innovations of a method that states them, by kind of measurement.
+    constants : tuple of Constant
+        What was estimated with the flight and holds for all of it.
     notes : tuple of str
         What a reader of the result should know, one sentence each.
     """
@@ -109,12 +165,16 @@ class Estimate:
     velocity_covariance_m2ps2: FloatArray | None = None
     angular_rate_b_radps: FloatArray | None = None
     accelerometer_bias_mps2: FloatArray | None = None
+    accelerometer_bias_covariance_m2ps4: FloatArray | None = None
+    gyroscope_bias_radps: FloatArray | None = None
+    gyroscope_bias_covariance_rad2ps2: FloatArray | None = None
     unobservable: tuple[str, ...] = ()
     converged: bool = True
     integers: Integers | None = None
     losses: tuple[Loss, ...] = ()
     rejections: tuple[Rejected, ...] = ()
     consistency: tuple[Consistency, ...] = ()
+    constants: tuple[Constant, ...] = ()
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -87,8 +87,10 @@ def show_set_up(set_up: "SetUp") -> None:
     from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415
 
     print(set_up.flight)
-    for name, text in _facts(set_up):
-        print(f"  {name:<9} {text}")
+    facts = list(_facts(set_up))
+    width = max(len(name) for name, _ in facts)
+    for name, text in facts:
+        print(f"  {name:<{width}} {text}")
     print("findings" if set_up.findings else "no findings")
     for finding in set_up.findings:
         print(f"  {finding.name}: {finding.text}")

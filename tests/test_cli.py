@@ -150,6 +150,24 @@ def test_run_writes_the_estimate_and_its_figures(folder, methods, tmp_path, caps
     assert "level: 20 of 20 epochs" in capsys.readouterr().out
 
 
+def test_run_writes_what_was_estimated_with_the_flight(folder, tmp_path, capsys):
+    command = ["run", str(folder), "--method", "batch", "--estimate", "lever-arm, antenna:a4=0.02"]
+    assert cli.main([*command, "--out", str(tmp_path / "out")]) == 0
+    told = json.loads((tmp_path / "out" / "summary.json").read_text())["methods"]["batch"]
+    names = [one["name"] for one in told["constants"]]
+    assert names == ["lever-arm", "antenna a4"]
+    assert all(0 < sigma < 0.02 for sigma in told["constants"][1]["sigma"].values())
+    assert "Antenna a4, off what the flight states: x_b" in capsys.readouterr().out
+
+
+def test_run_at_a_rate_writes_as_many_rows(folder, tmp_path, capsys):
+    out = tmp_path / "results"
+    command = ["run", str(folder), "--method", "batch", "--integers", "truth", "--out", str(out)]
+    assert cli.main([*command, "--rate", "50"]) == 0
+    assert len((out / "estimate.csv").read_text().splitlines()) == 97
+    assert "batch: 96 of 96 epochs" in capsys.readouterr().out
+
+
 def test_run_without_solution_writes_nothing_and_exits_with_one(folder, methods, tmp_path, capsys):
     methods(Level(error=NoSolutionError("yaw: unobservable")))
     assert cli.main(["run", str(folder), "--out", str(tmp_path / "out")]) == 1
@@ -170,6 +188,12 @@ def test_run_takes_one_method(folder, tmp_path, capsys):
         (["compare", "nowhere", "--method", "magic"], "method 'magic': not one of closed-form"),
         (["compare", "nowhere", "--integers", "magic"], "magic"),
         (["compare", "nowhere", "--method", ","], "--method: names no method"),
+        (["compare", "nowhere", "--estimate", "landmrk"], "'landmrk' is none of landmark"),
+        (["run", "nowhere", "--out", "o", "--method", "rtk", "--estimate", "landmark"], "only smo"),
+        (
+            ["run", "nowhere", "--out", "o", "--method", "rtk", "--rate", "9"],
+            "its own epochs alone",
+        ),
         (["compare", "nowhere", "--report", "report.html"], "end its name in .png"),
         (["compare", "nowhere", "--json", "absent/a.json"], "its folder does not exist"),
         (["check"], "requires an argument"),

@@ -193,7 +193,7 @@ def _bounded_inverse(
     values, vectors = np.linalg.eigh(information)
     is_open = values < 1.0 / open_angle_variance_rad2()
     variance = np.where(is_open, open_variance_rad2, 1.0 / np.where(is_open, 1.0, values))
-    inverse = np.einsum("nij,nj,nkj->nik", vectors, variance, vectors)
+    inverse = (vectors * variance[:, None]) @ vectors.swapaxes(1, 2)
     return inverse, is_open, vectors
 
 

@@ -153,8 +153,9 @@ class RotationQuadratic:
         known = values > _NOTHING * values[:, -1:]
         root = np.sqrt(np.where(known, values, 0.0))
         inverse = np.where(known, 1.0 / np.where(known, values, 1.0), 0.0)
-        minimum = np.einsum("nij,nj,nkj,nk->ni", vectors, inverse, vectors, self.vector)
-        return root[:, :, None] * vectors.swapaxes(1, 2), minimum.reshape(-1, 3, 3)
+        across = vectors.swapaxes(1, 2)
+        minimum = vectors @ (inverse[:, :, None] * (across @ self.vector[:, :, None]))
+        return root[:, :, None] * across, minimum.reshape(-1, 3, 3)
 
 
 def tangent_jacobian(R_nb: FloatArray) -> FloatArray:

@@ -43,8 +43,12 @@ class Method:
         return () if self.estimate is None else self.estimate.rejections
 
     def to_dict(self) -> dict[str, Any]:
-        """Return every figure in plain types, and each rejected measurement with its reason."""
-        return asdict(self.score) | {"rejections": [asdict(one) for one in self.rejections]}
+        """Return every figure in plain types, each rejected measurement with its reason."""
+        constants = () if self.estimate is None else self.estimate.constants
+        return asdict(self.score) | {
+            "rejections": [asdict(one) for one in self.rejections],
+            "constants": [one.to_dict() for one in constants],
+        }
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

@@ -35,9 +35,9 @@ class Errors:
     tangent_b_rad : ndarray, shape (n, 3)
         Body-axes rotation vector from the estimated to the true attitude.
     position_n_m, velocity_n_mps : ndarray, shape (n, 3), or None
-    nees : ndarray, shape (n,), or None
-        Normalised attitude error squared, chi-square with 3 degrees of freedom when the stated
-        covariance is right; NaN where the covariance is not positive definite.
+    nees, position_nees, velocity_nees : ndarray, shape (n,), or None
+        Normalised errors squared of attitude, position, velocity: chi-square with 3 degrees of
+        freedom when the stated covariance is right; NaN where that is not positive definite.
     losses : tuple of Loss
         Epochs of the estimate that could not be judged.
     """
@@ -48,6 +48,8 @@ class Errors:
     position_n_m: FloatArray | None
     velocity_n_mps: FloatArray | None
     nees: FloatArray | None
+    position_nees: FloatArray | None = None
+    velocity_nees: FloatArray | None = None
     losses: tuple[Loss, ...] = ()
 
 
@@ -62,8 +64,9 @@ class Score:
         RMS of the angle of the rotation between estimate and truth.
     position_rmse_m, velocity_rmse_mps : float or None
         RMS of the length of the error vector.
-    attitude_nees_mean : float or None
-        Near 3 when the stated covariance is honest.
+    attitude_nees_mean, position_nees_mean, velocity_nees_mean : float or None
+        Near 3 when the stated covariance is honest, over many flights: errors of position are
+        nearly the same all along one.
     available : float
         Share of the epochs with an answer.
     integers : IntegerCounts or None
@@ -85,6 +88,8 @@ class Score:
     position_rmse_m: float | None = None
     velocity_rmse_mps: float | None = None
     attitude_nees_mean: float | None = None
+    position_nees_mean: float | None = None
+    velocity_nees_mean: float | None = None
     available: float = 0.0
     integers: IntegerCounts | None = None
     seconds: float
@@ -104,8 +109,9 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
     euler_rad = rotations.wrap(rotations.to_euler(R_nb) - rotations.to_euler(real.R_nb))
     euler_rad[:, [name in hidden(estimate) for name in EULER]] = np.nan
     tangent_b_rad = rotations.log(rotations.transpose(R_nb) @ real.R_nb)
-    covariance = estimate.attitude_covariance_rad2
-    nees = None if covariance is None else _normalised(tangent_b_rad, covariance[inside])
+    position_n_m = _minus(estimate.p_n_m, real.p_n_m, inside)
+    velocity_n_mps = _minus(estimate.v_n_mps, real.v_n_mps, inside)
+    nees = _nees(tangent_b_rad, estimate.attitude_covariance_rad2, inside)
     outside = int((~inside).sum())
     losses = [("epoch", "not judged: outside the truth's time span or in a gap of it", outside)]
     if nees is not None:
@@ -115,9 +121,11 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
         t_s=real.t_s,
         euler_rad=euler_rad,
         tangent_b_rad=tangent_b_rad,
-        position_n_m=_minus(estimate.p_n_m, real.p_n_m, inside),
-        velocity_n_mps=_minus(estimate.v_n_mps, real.v_n_mps, inside),
+        position_n_m=position_n_m,
+        velocity_n_mps=velocity_n_mps,
         nees=nees,
+        position_nees=_nees(position_n_m, estimate.position_covariance_m2, inside),
+        velocity_nees=_nees(velocity_n_mps, estimate.velocity_covariance_m2ps2, inside),
         losses=tuple(Loss(what=w, reason=r, count=c) for w, r, c in losses if c),
     )
 
@@ -147,6 +155,8 @@ def score(
         position_rmse_m=None if "position" in lost else rms(errors.position_n_m),
         velocity_rmse_mps=None if "velocity" in lost else rms(errors.velocity_n_mps),
         attitude_nees_mean=_mean(errors.nees) if whole else None,
+        position_nees_mean=None if "position" in lost else _mean(errors.position_nees),
+        velocity_nees_mean=None if "velocity" in lost else _mean(errors.velocity_nees),
     )
 
 
@@ -189,9 +199,15 @@ def _minus(estimate: FloatArray | None, truth: FloatArray, inside: BoolArray) ->
     return None if estimate is None else np.asarray(estimate[inside] - truth)
 
 
-def _normalised(error: FloatArray, covariance: FloatArray) -> FloatArray:
+def _nees(
+    error: FloatArray | None, covariance: FloatArray | None, inside: BoolArray
+) -> FloatArray | None:
     """Return error' covariance^-1 error per epoch, (n,), NaN where there is no inverse."""
-    variance, axes = np.linalg.eigh(covariance)
+    if error is None or covariance is None:
+        return None
+    covariance = covariance[inside]
+    told = np.isfinite(np.concatenate([covariance, error[:, :, None]], axis=2)).all(axis=(1, 2))
+    variance, axes = np.linalg.eigh(np.where(np.reshape(told, (-1, 1, 1)), covariance, 0.0))
     sound = variance[:, 0] > 0
     along = np.einsum("nij,ni->nj", axes, error)
     safe = np.where(sound[:, None], variance, 1.0)

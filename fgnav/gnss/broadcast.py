@@ -1,11 +1,11 @@
 """One satellite by its broadcast messages: which message, where, what clock, what group delays."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fgnav.checks import BoolArray, FloatArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.earth import C_MPS, SEMI_MAJOR_AXIS_M
 from fgnav.gnss.turning import turned
 from fgnav.orbits import BroadcastOrbits
@@ -24,9 +24,16 @@ _L1_HZ, _L5_HZ = 1575.42e6, 1176.45e6
 _B1I_HZ, _B2I_HZ, _B3I_HZ = 1561.098e6, 1207.14e6, 1268.52e6  # B2I shares its carrier with E5b
 
 
-def choose(
-    orbits: BroadcastOrbits, satellite: str, t_s: FloatArray
-) -> tuple[NDArray[Any], BoolArray, BoolArray]:
+class Chosen(NamedTuple):
+    """A satellite's messages, and which of them is to be used at each of n times."""
+
+    records: NDArray[Any]
+    row: IntArray  # (n,)
+    usable: BoolArray  # (n,)
+    unhealthy: BoolArray  # (n,), not usable because of the message's health
+
+
+def choose(orbits: BroadcastOrbits, satellite: str, t_s: FloatArray) -> Chosen:
     """Return the message for each time, whether it is usable, and whether its health forbids it."""
     nobody = np.zeros(len(t_s), dtype=bool)
     bounds = (np.searchsorted(orbits.records["satellite"], satellite, s) for s in ("left", "right"))
@@ -34,16 +41,16 @@ def choose(
     if satellite[0] == "E" and (records["data_source"] & _INAV_CLOCK).any():
         records = records[(records["data_source"] & _INAV_CLOCK) != 0]
     if not len(records) or satellite[0] not in _GM:
-        return records, nobody, nobody
+        return Chosen(records, nobody.astype(np.int64), nobody, nobody)
     records = records[np.lexsort((records["transmission_s"], records["toe_s"]))]
     records = records[np.append(np.diff(records["toe_s"]) > 0, True)]  # the latest of equal toe
     toe_s = records["toe_s"]
-    chosen = records[np.searchsorted((toe_s[1:] + toe_s[:-1]) / 2, t_s)]
-    fresh = np.abs(t_s - chosen["toe_s"]) <= _MAX_AGE_S[satellite[0]]
+    row = np.searchsorted((toe_s[1:] + toe_s[:-1]) / 2, t_s)
     # Receivers write down empty messages, too.
-    fresh &= (chosen["eccentricity"] < 1.0) & (chosen["semi_major_axis_m"] > SEMI_MAJOR_AXIS_M)
-    health = chosen["health"] & (~_QZSS_LEX if satellite[0] == "J" else ~0)
-    return chosen, fresh & (health == 0), fresh & (health != 0)
+    sound = (records["eccentricity"] < 1.0) & (records["semi_major_axis_m"] > SEMI_MAJOR_AXIS_M)
+    fresh = (np.abs(t_s - toe_s[row]) <= _MAX_AGE_S[satellite[0]]) & sound[row]
+    ill = (records["health"] & (~_QZSS_LEX if satellite[0] == "J" else ~0)) != 0
+    return Chosen(records, row, fresh & ~ill[row], fresh & ill[row])
 
 
 def _eccentric_anomaly(mean_rad: FloatArray, eccentricity: FloatArray) -> FloatArray:

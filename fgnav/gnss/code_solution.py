@@ -192,8 +192,9 @@ def _block(
     """Solve some epochs, and count what is lost."""
     wanted = np.isfinite(ranges.range_m)
     at = adjust(flight, channels, ranges, wanted, model=model)
-    eq = at.equations
-    _, kept = fit_consistent(eq.A, eq.y, eq.variance_m2, at.use)
+    eq, kept = at.equations, at.use
+    if not at.fits.consistent[at.fits.solved].all():
+        _, kept = fit_consistent(eq.A, eq.y, eq.variance_m2, at.use)
     dropped = at.use & ~kept
     if dropped.any():
         at = adjust(flight, channels, ranges, wanted & ~dropped, model=model, start_e_m=at.p_e_m)

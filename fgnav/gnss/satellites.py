@@ -6,7 +6,8 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.earth import C_MPS, EARTH_RATE_RADPS, geodetic, ned_axes
-from fgnav.gnss.broadcast import choose, kepler_orbit, signal_delay_s
+from fgnav.gnss.broadcast import choose, signal_delay_s
+from fgnav.gnss.orbit_pieces import orbit_at
 from fgnav.gnss.precise import InertialTable
 from fgnav.gnss.signals import frequency_hz, known
 from fgnav.gnss.turning import turned
@@ -58,7 +59,8 @@ def satellite_states(
     t_s : ndarray, shape (n, m)
         GPS time since the flight's start at which the signal truly left; NaN gives NaN.
     rates : bool
-        Velocities and clock drifts are wanted, two more looks at every orbit; else they are NaN.
+        Velocities and clock drifts are wanted; else those of messages are NaN. Clocks of tables
+        lack what velocities tell.
 
     References
     ----------
@@ -71,24 +73,19 @@ def satellite_states(
     clock, drift = np.full(shape, np.nan), np.full(shape, np.nan)
     unhealthy = np.zeros(shape, dtype=bool)
     table = InertialTable.of(orbits) if isinstance(orbits, PreciseOrbits) else None
-    rates = rates or table is not None  # clocks of tables lack what velocities tell
-    steps_s = (0.0, -_STEP_S, _STEP_S) if rates else (0.0,)
     for column, satellite in enumerate(satellites):
         t = t_s[:, column]
         if isinstance(orbits, BroadcastOrbits):
-            chosen, usable, unhealthy[:, column] = choose(orbits, satellite, t)
-            if not usable.any():
-                continue
-            message = chosen[usable]
-            state = [kepler_orbit(satellite, message, t[usable] + h) for h in steps_s]
+            chosen = choose(orbits, satellite, t)
+            unhealthy[:, column] = chosen.unhealthy
+            state, rate = orbit_at(satellite, chosen, t, rates=rates)
+            p[:, column], clock[:, column] = state[:, :3], state[:, 3]
+            v[:, column], drift[:, column] = rate[:, :3], rate[:, 3]
         elif table is not None and satellite in table.satellites:
             usable = table.covers(t)
-            state = [table.at(satellite, t[usable] + h) for h in steps_s]
-        else:
-            continue
-        p[usable, column], clock[usable, column] = state[0]
-        if rates:
-            (p_before, c_before), (p_after, c_after) = state[1:]
+            at = (table.at(satellite, t[usable] + h) for h in (0.0, -_STEP_S, _STEP_S))
+            (p[usable, column], clock[usable, column]), *around = at
+            (p_before, c_before), (p_after, c_after) = around
             v[usable, column] = (p_after - p_before) / (2 * _STEP_S)
             drift[usable, column] = (c_after - c_before) / (2 * _STEP_S)
     if table is not None:  # broadcast clocks have it already, from the eccentric anomaly
@@ -126,12 +123,11 @@ def group_delay_s(
         return delay_s
     for column, (satellite, signal) in enumerate(zip(satellites, signals, strict=True)):
         if known(satellite, signal):
-            chosen, usable, _ = choose(orbits, satellite, t_s[:, column])
+            records, row, usable, _ = choose(orbits, satellite, t_s[:, column])
             if usable.any():
-                message = chosen[usable]
-                delay_s[usable, column] = signal_delay_s(
-                    satellite, frequency_hz(satellite, signal), message, precise_clocks
-                )
+                carrier_hz = frequency_hz(satellite, signal)
+                by_message = signal_delay_s(satellite, carrier_hz, records, precise_clocks)
+                delay_s[usable, column] = by_message[row[usable]]
     return delay_s
 
 
@@ -146,9 +142,8 @@ def accuracy_m(
         return np.full(t_s.shape, _TABLE_ACCURACY_M)
     out = np.zeros(t_s.shape)
     for column, satellite in enumerate(satellites):
-        chosen, usable, _ = choose(orbits, satellite, t_s[:, column])
-        if usable.any():
-            out[usable, column] = chosen["accuracy_m"][usable].clip(0.0)
+        records, row, usable, _ = choose(orbits, satellite, t_s[:, column])
+        out[usable, column] = records["accuracy_m"][row[usable]].clip(0.0)
     return out
 
 
@@ -215,7 +210,7 @@ def look_angles(
 def angles(p_receiver_e_m: FloatArray, e_e: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return elevations and azimuths, (n, m), of directions (n, m, 3) seen at receivers (n, 3)."""
     place = geodetic(p_receiver_e_m)
-    e_ned = np.einsum("nij,nmj->nmi", ned_axes(place[:, 0], place[:, 1]), e_e)
+    e_ned = e_e @ ned_axes(place[:, 0], place[:, 1]).swapaxes(1, 2)
     north, east, down = np.moveaxis(e_ned, 2, 0)
     return np.arcsin(np.clip(-down, -1.0, 1.0)), np.arctan2(east, north)
 

@@ -1,7 +1,8 @@
 """Ways from a flight to an estimate, found by name.
 
 A method is a frozen dataclass with ``name`` and ``__call__(flight) -> Estimate``; those that use
-carrier phase take a ``resolver``, those in ``WITH_GRAVITY`` a ``gravity`` estimator. Third parties
+carrier phase take a ``resolver``, those in ``WITH_GRAVITY`` a ``gravity`` estimator, and words of
+what to ``estimate`` with the flight. Third parties
 add their own through the entry-point group ``fgnav.methods``: a callable that takes ``resolver``
 and returns an ``Estimator``.
 """
@@ -30,9 +31,12 @@ def method_names() -> tuple[str, ...]:
 
 
 def method_named(
-    name: str, resolver: Resolver, gravity: GravityEstimator | None = None
+    name: str,
+    resolver: Resolver,
+    gravity: GravityEstimator | None = None,
+    estimate: tuple[str, ...] = (),
 ) -> Estimator:
-    """Return the method of that name; ``gravity`` goes to those in ``WITH_GRAVITY`` alone.
+    """Return the method of that name; those in ``WITH_GRAVITY`` alone take the last two options.
 
     Raises
     ------
@@ -40,7 +44,9 @@ def method_named(
         If there is none; the text lists what there is.
     """
     factory = plugins.named(GROUP, METHODS, name, kind="method")
-    takes_gravity = gravity is not None and name in WITH_GRAVITY
-    options = {"gravity": gravity} if takes_gravity else {}
+    options: dict[str, object] = {}
+    if name in WITH_GRAVITY:
+        options |= {"gravity": gravity} if gravity is not None else {}
+        options |= {"estimate": estimate} if estimate else {}
     estimator: Estimator = factory(resolver=resolver, **options)
     return estimator

@@ -1,11 +1,12 @@
 """Whether the smoother's covariance can be believed: many flights, errors over stated sigmas.
 
 ``python -m tests.benchmarks consistency`` flies ``FLIGHTS`` of each case (the environment variable
-``FGNAV_FLIGHTS``). Codes err by what messages and atmosphere models state, drawn per satellite and
-flight, which the simulator by itself does not do: without that positions are better than stated.
+``CONSISTENCY_FLIGHTS``) in two processes. Codes err by what messages and atmosphere models state,
+drawn per satellite and flight: without that positions are better than stated.
 """
 
 import os
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,17 +24,23 @@ from fgnav.flight import Flight
 from fgnav.integers.resolve import resolve
 from fgnav.integers.truth import Truth, attitude_at
 from fgnav.methods.smoother import Batch
+from fgnav.methods.smoother.posterior_bound import posterior_bound
+from fgnav.methods.smoother.smoother import collected_for
 from fgnav_sim.message_errors import with_message_errors
 from fgnav_sim.motion import Hold, Ramp, Rate, Sine
 from fgnav_sim.scenario import FixesTable, Scenario, load_scenario
 from fgnav_sim.simulate import simulate
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "scenarios"
-FLIGHTS = int(os.environ.get("FGNAV_FLIGHTS", "10"))
+FLIGHTS = int(os.environ.get("CONSISTENCY_FLIGHTS", "10"))
+PROCESSES = 2
 RIGHT = Truth()
+METHOD = Batch(resolver=RIGHT)
+ANGLES = ("roll", "pitch", "yaw")
 DRAWN_DENSITY = 1e-4  # (rad/s2)2/Hz: in 20 s an angle walks by half a radian
 SHARES = erf(np.array([1, 2, 3]) / np.sqrt(2))
-STATES = ("attitude", "position", "velocity")
+STATES = ("attitude", "position", "velocity", "bias")
+QUIET = 1e-12  # of a noise, in its own unit: none
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +97,7 @@ def cases() -> dict[str, Scenario]:
         "gyro": change(sine[20.0], imu=gyroscope),
         "sight": load_scenario(SCENARIOS / "terminal.toml"),
         "no_phase": change(sine[20.0], gnss=None, fixes=FixesTable(rate_hz=10.0)),
+        "between": sine[20.0],
         "drawn": change(turned(six, Hold()), duration_s=20.0),
     }
 
@@ -97,56 +105,113 @@ def cases() -> dict[str, Scenario]:
 NAMES = (
     *(f"rmse_over_sigma_{case}" for case in cases()),
     *(f"anees_{state}_{case}" for case in cases() for state in STATES),
-    *(f"rmse_{case}_{angle}" for case in cases() for angle in ("roll", "pitch", "yaw")),
+    *(f"rmse_{case}_{angle}" for case in cases() for angle in ANGLES),
 )
 
 
-def flown(scenario: Scenario, name: str, seed: int) -> Flight:
+def scenario_of(name: str, rng: np.random.Generator) -> Scenario:
+    """Return the scenario of one flight of a case."""
+    scenario = cases()[name]
+    return drawn(scenario, rng) if name == "drawn" else scenario
+
+
+def flown(name: str, seed: int) -> Flight:
     """Return one flight of a case."""
     rng = np.random.default_rng(seed)
-    flight = simulate(drawn(scenario, rng) if name == "drawn" else scenario, rng)
+    flight = simulate(scenario_of(name, rng), rng)
     return flight if flight.observations is None else with_message_errors(flight, rng)
+
+
+def true_bias(name: str, seed: int) -> tuple[FloatArray, FloatArray]:
+    """Return the times of a flight's inertial samples and their bias, (k,) and (k, 3).
+
+    The gyroscope's where there is one. Told from the same unit with the same random numbers and no
+    noise, less the same without a bias.
+    """
+    change = msgspec.structs.replace
+    rng = np.random.default_rng(seed)
+    whole = scenario_of(name, rng)
+    part, gyroscope = change(whole, gnss=None, fixes=None, seeker=None), None
+    if whole.imu.gyroscope_bias_radps is not None:
+        gyroscope = {"gyroscope_noise_radps_per_sqrt_hz": QUIET}
+    felt = change(part.imu, accelerometer_noise_mps2_per_sqrt_hz=QUIET, **(gyroscope or {}))
+    none = {"accelerometer_bias_mps2": QUIET, "accelerometer_bias_walk_mps2_per_sqrt_s": QUIET}
+    if gyroscope:
+        none |= {"gyroscope_bias_radps": QUIET, "gyroscope_bias_walk_radps_per_sqrt_s": QUIET}
+    with_bias, without = (
+        simulate(change(part, imu=imu), np.random.default_rng(seed)).imu
+        for imu in (felt, change(felt, **none))
+    )
+    if gyroscope:
+        return with_bias.t_s, with_bias.w_b_radps - without.w_b_radps
+    return with_bias.t_s, with_bias.f_b_mps2 - without.f_b_mps2
 
 
 @dataclass(frozen=True, eq=False)
 class Flown:
-    """Errors and covariances of one flight, (n, 3) and (n, 3, 3) by state; its bound, degrees."""
+    """Errors and covariances of one flight, (n, 3) and (n, 3, 3) by state.
+
+    Attributes
+    ----------
+    bounds_deg : ndarray, shape (2, 3)
+        See ``bounds_deg``.
+    """
 
     converged: bool
     errors: dict[str, FloatArray]
     covariances: dict[str, FloatArray]
     euler_deg: FloatArray
-    bound_deg: FloatArray
+    bounds_deg: FloatArray
 
 
-def judged(flight: Flight, estimate: Estimate) -> Flown:
+def judged(flight: Flight, estimate: Estimate, bias: tuple[FloatArray, FloatArray]) -> Flown:
     """Return the errors of an estimate with the covariances it states."""
-    truth = flight.truth
-    R_nb, covered = attitude_at(truth, estimate.t_s)
+    truth, t_s = flight.truth, estimate.t_s
+    R_nb, covered = attitude_at(truth, t_s)
     assert covered.all()
-    place, speed = (CubicSpline(truth.t_s, x)(estimate.t_s) for x in (truth.p_n_m, truth.v_n_mps))
-    bound = np.full(3, np.nan)
-    if flight.observations is not None:
-        found = attitude_bound(
-            *resolve(flight, RIGHT), attitude_at(truth, flight.observations.t_s)[0]
-        )
-        bound = np.array([found.roll, found.pitch, found.yaw], dtype=float)
+    place, speed = (CubicSpline(truth.t_s, x)(t_s) for x in (truth.p_n_m, truth.v_n_mps))
     euler = rotations.to_euler(estimate.R_nb) - rotations.to_euler(R_nb)
+    true_bias_b = np.stack([np.interp(t_s, bias[0], column) for column in bias[1].T], axis=1)
+    found, covariance = estimate.gyroscope_bias_radps, estimate.gyroscope_bias_covariance_rad2ps2
+    if found is None:
+        found = estimate.accelerometer_bias_mps2
+        covariance = estimate.accelerometer_bias_covariance_m2ps4
     return Flown(
         converged=estimate.converged,
         errors={
             "attitude": rotations.log(rotations.transpose(estimate.R_nb) @ R_nb),
             "position": estimate.p_n_m - place,
             "velocity": estimate.v_n_mps - speed,
+            "bias": found - true_bias_b,
         },
         covariances={
             "attitude": estimate.attitude_covariance_rad2,
             "position": estimate.position_covariance_m2,
             "velocity": estimate.velocity_covariance_m2ps2,
+            "bias": covariance,
         },
         euler_deg=np.degrees(rotations.wrap(euler)),
-        bound_deg=bound,
+        bounds_deg=bounds_deg(flight),
     )
+
+
+def bounds_deg(flight: Flight) -> FloatArray:
+    """Return the RMS bounds of roll, pitch, yaw, (2, 3): of one epoch's phase, and posterior.
+
+    The posterior bound is that of a rate which walks as far as the true one, see
+    ``posterior_bound``; NaN where there is none.
+    """
+    bounds = np.full((2, 3), np.nan)
+    if flight.observations is not None:
+        at = attitude_at(flight.truth, flight.observations.t_s)[0]
+        one = attitude_bound(*resolve(flight, RIGHT), at)
+        bounds[0] = np.array([one.roll, one.pitch, one.yaw], dtype=float)
+    if flight.observations is not None and flight.imu.w_b_radps is None:
+        collected = collected_for(METHOD, flight)
+        jacobian = rotations.euler_jacobian(attitude_at(flight.truth, collected.keyframes.t_s)[0])
+        covariance = jacobian @ posterior_bound(flight, collected) @ jacobian.swapaxes(1, 2)
+        bounds[1] = np.degrees(np.sqrt(np.einsum("nii->ni", covariance).mean(axis=0)))
+    return bounds
 
 
 def anees(errors: FloatArray, covariances: FloatArray) -> tuple[FloatArray, float]:
@@ -191,22 +256,29 @@ def rows_of(name: str, flights: list[Flown]) -> list[dict[str, object]]:
     note = f"{len(flights)} flights, {converged} converged; RMSE over RMS sigma: {', '.join(notes)}"
     rows.append(_row(f"rmse_over_sigma_{name}", ratios[0], 1.0, "", note))
     rmse_deg = np.sqrt(np.mean([(f.euler_deg**2).mean(axis=0) for f in flights], axis=0))
-    bound_deg = np.sqrt(np.mean([f.bound_deg**2 for f in flights], axis=0))
-    for angle, ours, bound in zip(("roll", "pitch", "yaw"), rmse_deg, bound_deg, strict=True):
-        peer = float(bound) if np.isfinite(bound) else None
-        note = "peer: bound of one epoch's phase"
+    bounds = np.sqrt(np.mean([f.bounds_deg**2 for f in flights], axis=0))
+    for angle, ours, (one, posterior) in zip(ANGLES, rmse_deg, bounds.T, strict=True):
+        note = f"peer: bound of one epoch's phase; posterior bound {posterior:.4f} deg"
+        peer = float(one) if np.isfinite(one) else None
         rows.append(_row(f"rmse_{name}_{angle}", float(ours), peer, "deg", note))
     return rows
 
 
+def one(name: str, seed: int) -> Flown:
+    """Fly once, and judge what the batch makes of it."""
+    flight = flown(name, seed)
+    estimate = METHOD(flight)
+    if name == "between":
+        estimate = METHOD.at(flight, (estimate.t_s[1:] + estimate.t_s[:-1]) / 2)
+    return judged(flight, estimate, true_bias(name, seed))
+
+
 def run() -> list[dict[str, object]]:
     """Fly all cases."""
-    method = Batch(resolver=RIGHT)
     rows: list[dict[str, object]] = []
-    for name, scenario in cases().items():
-        fly = partial(flown, scenario, name)
-        flights = [judged(flight, method(flight)) for flight in map(fly, range(FLIGHTS))]
-        rows += rows_of(name, flights)
+    with ProcessPoolExecutor(PROCESSES) as processes:
+        for name in cases():
+            rows += rows_of(name, list(processes.map(partial(one, name), range(FLIGHTS))))
     return rows
 
 

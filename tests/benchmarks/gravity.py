@@ -7,7 +7,7 @@ import numpy as np
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.flight import Flight
 from fgnav.gravity import GravityDirection, GravityEstimator
-from fgnav.methods.smoother import Smoother
+from fgnav.methods.smoother import Batch
 from fgnav.rotations import log, to_euler, transpose, wrap
 from fgnav_models.gravity_features import SPAN_S, differenced, windows
 from fgnav_models.runtime.gravity import AccelerometerGravity, NetworkGravity
@@ -48,7 +48,7 @@ class Pair:
 
 
 def run(count: int = FLIGHTS) -> list[dict[str, object]]:
-    """Return a row for each source of gravity, against the smoother without one."""
+    """Return a row for each source of gravity, against the batch without one."""
     table = ablation(flights(count, SEED), sources())
     named = dict(zip(NAMES, ("network", "physical pair", "network-accelerometer"), strict=True))
     note = f"median flight's RMS tilt, {count} flights without phase; peer: no gravity. "
@@ -117,7 +117,7 @@ def sources() -> dict[str, GravityEstimator | None]:
 
 
 def ablation(flown: list[Flight], by: dict[str, GravityEstimator | None]) -> dict[str, Tally]:
-    """Return the smoother's errors with each source of gravity, on the same flights."""
+    """Return the batch's errors with each source of gravity, on the same flights."""
     errors = {
         name: [errors_of(flight, gravity) for flight in flown] for name, gravity in by.items()
     }
@@ -129,9 +129,10 @@ def ablation(flown: list[Flight], by: dict[str, GravityEstimator | None]) -> dic
 
 
 def errors_of(flight: Flight, gravity: GravityEstimator | None) -> Errors | None:
-    """Return the smoother's errors on a flight; None where it has no solution."""
+    """Return the batch's errors on a flight; None where it has no solution."""
     try:
-        estimate = Smoother(gravity=gravity)(flight)
+        # Without phase the window fixes where it is linearised long before heading is known.
+        estimate = Batch(gravity=gravity)(flight)
     except NoSolutionError:
         return None
     R_nb = flight.truth.R_nb[np.searchsorted(flight.truth.t_s, estimate.t_s - 1e-6)]

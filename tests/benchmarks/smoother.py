@@ -10,9 +10,11 @@ import numpy as np
 
 from fgnav.evaluation.comparison import compare
 from fgnav.flight import Flight
+from fgnav.gnss.differences import DoubleDifferences
 from fgnav.integers.lambda_ import Lambda
 from fgnav.integers.registry import resolver_named
 from fgnav.integers.resolve import resolve
+from fgnav.integers.resolver import Integers
 from fgnav.methods import method_named
 from fgnav.methods.smoother import Batch, Smoother
 from fgnav.methods.smoother.batch import solve_batch
@@ -30,6 +32,7 @@ ACCURATE = ("closed-form", "maximum-likelihood", "smoother", "batch", "rtk")
 NAMES = (
     "smoother_batch",
     "smoother_fixed_lag",
+    "smoother_fixed_lag_next",
     "smoother_with_integers",
     "smoother_growth",
     "smoother_memory",
@@ -42,27 +45,42 @@ NAMES = (
 )
 
 
+class Given:
+    """A resolver that was told the integers of one flight."""
+
+    def __init__(self, integers: Integers) -> None:
+        self.integers = integers
+
+    def __call__(self, _differences: DoubleDifferences, _flight: Flight) -> Integers:
+        """Return them."""
+        return self.integers
+
+
 def run() -> list[dict]:
     """Return the rows."""
     scenario = msgspec.structs.replace(load_scenario(SCENARIO), duration_s=SPAN_S)
     flight = simulate(scenario, np.random.default_rng(1))
-    for method in (Batch(), Smoother()):
-        method(flight)  # compiles kernels; its front end and integers stay cached with the flight
-    resolve(flight, Lambda())
-    constrained = resolver_named("constrained")
-    Batch(resolver=constrained)(replace(flight))
-    smoothing = "smoothing alone: single-epoch attitudes, preintegration, solution, covariances"
+    given, constrained = Given(resolve(flight, Lambda())[1]), resolver_named("constrained")
+    batch, window = Batch(resolver=given), Smoother(resolver=given, lag_s=2.0)
+    with_integers = Batch(resolver=constrained)
+    for method in (batch, window, with_integers):
+        method(replace(flight))  # compiles kernels
+    batch(flight)
+    whole = "all of a method on a flight that nothing is known of, integers given"
     return [
-        _speed("smoother_batch", lambda: Batch()(flight), f"{smoothing}; {SETTING}"),
+        _speed("smoother_batch", lambda: batch(replace(flight)), f"{whole}; {SETTING}"),
         _speed(
-            "smoother_fixed_lag",
-            lambda: Smoother(lag_s=2.0)(flight),
-            f"lag 2 s, {smoothing}; {SETTING}",
+            "smoother_fixed_lag", lambda: window(replace(flight)), f"lag 2 s; {whole}; {SETTING}"
+        ),
+        _speed(
+            "smoother_fixed_lag_next",
+            lambda: window(flight),
+            f"lag 2 s; as the next method of a comparison, keyframes collected; {SETTING}",
         ),
         _speed(
             "smoother_with_integers",
-            lambda: Batch(resolver=constrained)(replace(flight)),
-            f"differences, array-constrained integers and batch smoothing; {SETTING}",
+            lambda: with_integers(replace(flight)),
+            f"all of it and array-constrained integers, batch; {SETTING}",
         ),
         *_chain(flight),
         *_accuracy(flight),

@@ -71,6 +71,16 @@ def test_an_epoch_with_a_broken_covariance_is_left_out_of_the_nees_and_counted(f
     assert Loss(what="epoch", reason=reason, count=1) in score.losses
 
 
+def test_position_and_velocity_are_held_against_their_covariances(flight, off):
+    wide = np.tile(np.diag([1.0, 1.0, 4.0]), (100, 1, 1))
+    more = {"position_covariance_m2": wide, "velocity_covariance_m2ps2": wide}
+    score = compare(flight, [off("off", position_m=3.0, more=more)])["off"].score
+    assert score.position_nees_mean == pytest.approx(9 / 4, rel=1e-3)
+    assert score.velocity_nees_mean == pytest.approx(36 / 4, rel=1e-3)
+    bare = compare(flight, [off("bare", position_m=3.0)])["bare"].score
+    assert bare.position_nees_mean is None
+
+
 def test_epochs_outside_the_truth_are_not_judged_but_counted(flight, off):
     early = off("early", t_s=np.arange(-1, 10, 0.1))
     method = compare(flight, [early])["early"]

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.attitude.quadratic import tangent_jacobian
+from fgnav.checks import FloatArray
 from fgnav.methods.smoother.density import angular_acceleration_density
 from fgnav.methods.smoother.gaps import BridgingPreintegrator
 from fgnav.methods.smoother.keyframes import Keyframes
@@ -22,17 +23,9 @@ def foretelling(keyframes: Keyframes) -> Keyframes:
 
     As they are where a gyroscope tells the rate, or where no array tells attitudes.
     """
-    pre, row = keyframes.preintegrate, np.flatnonzero(keyframes.array.there)
-    if pre.imu.w_b_radps is not None or len(row) < _FEWEST:
+    pre, ahead = keyframes.preintegrate, array_attitudes(keyframes)
+    if pre.imu.w_b_radps is not None or ahead is None:
         return keyframes
-    R_nb = keyframes.R_nb[row]
-    J = keyframes.array.root[row] @ tangent_jacobian(R_nb)
-    information = J.swapaxes(1, 2) @ J
-    sound = np.linalg.eigvalsh(information)[:, 0] > _LEAST
-    if sound.sum() < _FEWEST:
-        return keyframes
-    covariance_rad2 = np.linalg.inv(information[sound])
-    ahead = (keyframes.t_s[row[sound]], R_nb[sound], covariance_rad2)
     density = np.maximum(
         angular_acceleration_density(*ahead, ahead=True), pre.angular_acceleration_density
     )
@@ -40,3 +33,21 @@ def foretelling(keyframes: Keyframes) -> Keyframes:
     if isinstance(pre, BridgingPreintegrator) and isinstance(made, BridgingPreintegrator):
         made = replace(made, density=np.maximum(pre.density, density))
     return replace(keyframes, preintegrate=made)
+
+
+def array_attitudes(keyframes: Keyframes) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Return what the array alone tells of attitude, as ``angular_acceleration_density`` takes it.
+
+    Returns
+    -------
+    t_s, R_nb, covariance_rad2 : ndarray, shape (k,), (k, 3, 3), (k, 3, 3)
+        None where there are next to none.
+    """
+    row = np.flatnonzero(keyframes.array.sure)
+    R_nb = keyframes.R_nb[row]
+    J = keyframes.array.root[row] @ tangent_jacobian(R_nb)
+    information = J.swapaxes(1, 2) @ J
+    sound = np.linalg.eigvalsh(information)[:, 0] > _LEAST
+    if sound.sum() < _FEWEST:
+        return None
+    return keyframes.t_s[row[sound]], R_nb[sound], np.linalg.inv(information[sound])

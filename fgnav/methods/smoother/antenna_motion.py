@@ -9,6 +9,7 @@ from fgnav.estimate import open_angle_variance_rad2
 from fgnav.flight import Fixes, Flight, Imu
 from fgnav.gnss.code_solution import code_solution
 from fgnav.methods.smoother.base import Attitudes, positions
+from fgnav.methods.smoother.few import Few, at_accelerometer, few_of
 from fgnav.methods.smoother.instruments import nearest, unused
 from fgnav.methods.smoother.keyframes import Timed
 from fgnav.methods.smoother.rates import Rates
@@ -32,6 +33,8 @@ class AntennaMotion:
         Variance of positions that is common to all keyframes: no smoothing reduces it.
     losses : tuple of Loss
     notes : tuple of str
+    few : Few or None
+        Directions known at keyframes without a position of the reference antenna.
     """
 
     name: str
@@ -40,6 +43,7 @@ class AntennaMotion:
     common_m2: FloatArray
     losses: tuple[Loss, ...]
     notes: tuple[str, ...] = ()
+    few: Few | None = None
 
 
 def antenna_motion(flight: Flight, imu: Imu, start: Start, rates: Rates) -> AntennaMotion:
@@ -69,7 +73,7 @@ def antenna_motion(flight: Flight, imu: Imu, start: Start, rates: Rates) -> Ante
     failure = None
     for view in views(flight):
         try:
-            motion = _of_code(view.flight, imu, start)
+            motion = _of_code(view.flight, imu, start, rates)
         except NoSolutionError as error:
             failure = failure or error
             continue
@@ -82,18 +86,27 @@ def antenna_motion(flight: Flight, imu: Imu, start: Start, rates: Rates) -> Ante
     return whole
 
 
-def _of_code(flight: Flight, imu: Imu, start: Start) -> AntennaMotion:
+def _of_code(flight: Flight, imu: Imu, start: Start, rates: Rates) -> AntennaMotion:
     code, antenna = code_solution(flight), flight.antennas[0]
     arm_b_m = antenna.position_b_m - imu.position_b_m
     row, found = nearest(code.t_s, start.t_s)
     best = positions(flight, code, Attitudes(t_s=start.t_s, R_nb=start.R_nb))
+    few = few_of(flight, code, best.adjustment, start.t_s)
+    if few is not None:
+        few = at_accelerometer(few, rates, start.R_nb, arm_b_m)
     return AntennaMotion(
         name=antenna.name,
         position=_timed(best.p_n_m, best.noise_m2, row, found, arm_b_m),
         velocity=_velocity(code.v_n_mps, code.velocity_covariance_m2ps2, row, found, arm_b_m),
         common_m2=best.common_m2[row],
-        losses=(*code.losses, *best.losses, *unused("code solution", len(code.t_s), found)),
+        losses=(
+            *code.losses,
+            *best.losses,
+            *(() if few is None else few.losses),
+            *unused("code solution", len(code.t_s), found),
+        ),
         notes=best.notes,
+        few=few,
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
 from fgnav.flight import Flight
-from fgnav.gnss.arc_adjustment import ArcAdjustment, PhasePositions, adjust_arcs
+from fgnav.gnss.arc_adjustment import ArcAdjustment, PhasePositions, adjust_best
 from fgnav.gnss.code_solution import CodeSolution
 from fgnav.gnss.position_phase import position_phase
 from fgnav.integers.arc_integers import ArcIntegers, resolve_arcs
@@ -30,6 +30,8 @@ class Positions:
         Whether integers against the base are known.
     losses : tuple of Loss
     notes : tuple of str
+    adjustment : ArcAdjustment or None
+        What positions by phase are from; None where all are by code.
     """
 
     p_n_m: FloatArray
@@ -38,6 +40,7 @@ class Positions:
     fixed: BoolArray
     losses: tuple[Loss, ...] = ()
     notes: tuple[str, ...] = ()
+    adjustment: ArcAdjustment | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -120,15 +123,7 @@ def _adjusted(flight: Flight, attitudes: Attitudes, *, base: bool) -> ArcAdjustm
     wound = position_phase(flight, base=base)
     pole_n = flight.origin.R_ne[:, 2]
     unwound = wound.unwound(attitudes.at(wound.single.t_s), pole_n)
-    found, failure = [], None
-    for equations in (wound, unwound):
-        try:
-            found.append(adjust_arcs(equations, names))
-        except NoSolutionError as error:
-            failure = error
-    if not found:
-        raise failure or NoSolutionError("position by phase: none")
-    return min(found, key=lambda one: one.misfit)
+    return adjust_best((wound, unwound), names)
 
 
 def _fixed(integers: ArcIntegers) -> BoolArray:
@@ -148,7 +143,8 @@ def _placed(
     out.common_m2[row] = common_m2[row] + found.common_m2[at]
     what, reason = "phase for positions", "off the others by more than noise"
     loss = Loss(what=what, reason=reason, count=adjustment.rejected)
-    return replace(out, losses=(loss,) if loss.count else ())
+    losses = (loss,) if loss.count else ()
+    return replace(out, losses=losses, adjustment=adjustment)
 
 
 def _noise(found: PhasePositions) -> FloatArray:

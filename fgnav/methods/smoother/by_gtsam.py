@@ -8,7 +8,16 @@ import numpy as np
 from gtsam.symbol_shorthand import B, L, V, X
 
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.methods.smoother.graph import Solution, State, link, motion, priors
+from fgnav.methods.smoother.chain import STATE
+from fgnav.methods.smoother.constants import LANDMARK
+from fgnav.methods.smoother.graph import (
+    SharedSolution,
+    Solution,
+    State,
+    link,
+    motion,
+    priors,
+)
 from fgnav.methods.smoother.keyframes import Keyframes
 
 _ITERATIONS = 50
@@ -29,7 +38,7 @@ def factor_graph(keyframes: Keyframes) -> tuple[gtsam.NonlinearFactorGraph, gtsa
         graph.push_back(link(keyframes, k, before))
         State.start(keyframes, k).insert(start, k)
     if keyframes.landmark_n_m is not None:
-        start.insert(L(0), keyframes.landmark_n_m)
+        start.insert(L(0), keyframes.landmark_n_m + keyframes.shared[LANDMARK].start)
     return graph, start
 
 
@@ -39,8 +48,15 @@ def solve_by_gtsam(keyframes: Keyframes) -> Solution:
     Raises
     ------
     NoSolutionError
-        If the factors leave a state open.
+        If the factors leave a state open, or GTSAM has none for a constant: an instrument's own
+        angles, places of antennas, a barometer's offset, hard iron.
     """
+    ours = [one.name for one in keyframes.constants if one.place != LANDMARK]
+    if ours:
+        raise NoSolutionError(
+            f"{ours[0]}: gtsam has factors for the landmark alone of what holds for a flight; "
+            "use batch"
+        )
     graph, start = factor_graph(keyframes)
     parameters = gtsam.LevenbergMarquardtParams()
     parameters.setRelativeErrorTol(_RELATIVE_COST)
@@ -53,7 +69,11 @@ def solve_by_gtsam(keyframes: Keyframes) -> Solution:
         reason = str(error).strip().splitlines()[0]
         raise NoSolutionError(f"state: the factors leave one open ({reason})") from None
     keys = range(len(keyframes.t_s))
-    covariance = np.array([_covariance(marginals, k) for k in keys])
+    # A surveyed landmark is as good as known, and joint covariances with it take GTSAM long.
+    is_asked = any(one.place == LANDMARK for one in keyframes.constants)
+    landmark = [L(0)] if is_asked else []
+    joint = np.array([_joint(marginals, k, landmark) for k in keys])
+    covariance = joint[:, :STATE, :STATE]
     sigma = np.sqrt(np.einsum("nii->ni", covariance[:, :6, :6]))
     steps = np.array([step.at(X(k)) for k in keys])
     poses = [found.atPose3(X(k)) for k in keys]
@@ -65,11 +85,18 @@ def solve_by_gtsam(keyframes: Keyframes) -> Solution:
         covariance=covariance,
         cross=None,
         converged=bool((np.abs(steps) < _STEP_SIGMAS * sigma).all()),
+        shared=SharedSolution(
+            value=found.atPoint3(L(0)),
+            covariance=joint[:, STATE:, STATE:],
+            cross=joint[:, :STATE, STATE:],
+        )
+        if landmark
+        else None,
     )
 
 
-def _covariance(marginals: gtsam.Marginals, k: int) -> FloatArray:
-    """Return the joint covariance of one keyframe, (15, 15): pose, velocity, slot."""
-    symbols = (X(k), V(k), B(k))
-    joint = marginals.jointMarginalCovariance(list(symbols))
+def _joint(marginals: gtsam.Marginals, k: int, shared: list[int]) -> FloatArray:
+    """Return the joint covariance of a keyframe, (15 + b, ..): pose, velocity, slot, shared."""
+    symbols = [X(k), V(k), B(k), *shared]
+    joint = marginals.jointMarginalCovariance(symbols)
     return np.asarray(np.block([[joint.at(one, other) for other in symbols] for one in symbols]))

@@ -12,9 +12,44 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.methods.smoother import chain_kernel as kernel
+from fgnav.methods.smoother.chain_rows_kernel import eliminate_rows
 
 STATE = kernel.STATE
-_OPEN = "state: the data do not determine that of keyframe {}"
+_NAMES = (
+    "attitude",
+    "position",
+    "velocity",
+    "accelerometer bias",
+    "angular rate or gyroscope bias",
+)
+_UNKNOWN = np.array([np.pi, 1e3, 1e3, 1.0, 1.0])  # rad, m, m/s, m/s2, rad/s: as good as nothing
+
+
+class OpenStateError(NoSolutionError):
+    """The data leave a state of a keyframe open.
+
+    Parameters
+    ----------
+    row : int
+        Of the keyframe.
+    information : ndarray, shape (15, 15) or more
+        What is known of its state.
+    """
+
+    def __init__(self, row: int, information: FloatArray) -> None:
+        self.row, self.what = row, _least_known(information[:STATE, :STATE])
+        super().__init__(f"{self.what}: the data do not determine it at keyframe {row}")
+
+    def at(self, t_s: float) -> NoSolutionError:
+        """Return the same with the keyframe's time in place of its row."""
+        return NoSolutionError(f"{self.what}: the data do not determine it at {t_s:.2f} s")
+
+
+def _least_known(information: FloatArray) -> str:
+    """Return the name of the part of a state that takes most part in its least known direction."""
+    unit = np.repeat(_UNKNOWN, 3)
+    _, vectors = np.linalg.eigh(information * np.outer(unit, unit))
+    return _NAMES[int(np.linalg.norm(vectors[:, 0].reshape(5, 3), axis=1).argmax())]
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -68,25 +103,20 @@ class Chain:
         """Start the chain at keyframe k: nothing comes before what enters with it."""
         self.message[k] = self.link[k, STATE:, STATE:]
 
-    def eliminate(self, first: int, last: int, damping: float = 0.0) -> None:
+    def eliminate(self, first: int, last: int) -> None:
         """Carry the message of keyframe ``first`` on to ``last``.
-
-        Parameters
-        ----------
-        first, last : int
-        damping : float
-            Levenberg and Marquardt's: this share of the diagonal is added to every pivot.
 
         Raises
         ------
-        NoSolutionError
-            Naming the keyframe whose state the data leave open.
+        OpenStateError
+            Naming the state that the data leave open.
         """
-        failed = kernel.eliminate(
-            self.link, self.message, self.root, self.gain, first, last, 1.0 + damping
-        )
+        parts = (self.link, self.message, self.root, self.gain)
+        failed = kernel.eliminate(*parts, first, last)
+        if failed >= 0:  # the digits of squares do not do; those of rows may
+            failed = eliminate_rows(*parts, failed, last)
         if failed >= 0:
-            raise NoSolutionError(_OPEN.format(failed))
+            raise OpenStateError(failed, self.message[failed])
 
     def step(self, first: int, last: int) -> tuple[FloatArray, float]:
         """Return how far states are from where they are linearised, and what getting there gains.
@@ -96,11 +126,20 @@ class Chain:
         steps : ndarray, shape (last - first + 1, 15 + b)
         least : float
             Twice the least cost of all that entered up to ``last``.
+
+        Raises
+        ------
+        OpenStateError
+            If the newest state is left open.
         """
         steps = np.empty((last - first + 1, STATE + self.border))
         least = kernel.substitute(self.gain, self.message[last], first, last, steps)
         if not np.isfinite(least):
-            raise NoSolutionError(_OPEN.format(last))
+            parts = (self.link, self.message, self.root, self.gain)
+            if eliminate_rows(*parts, first, last) < 0:
+                least = kernel.substitute(self.gain, self.message[last], first, last, steps)
+        if not np.isfinite(least):
+            raise OpenStateError(last, self.message[last])
         return steps, float(least)
 
     def marginals(self, first: int, last: int) -> "Marginals":
@@ -108,16 +147,18 @@ class Chain:
 
         Raises
         ------
-        NoSolutionError
+        OpenStateError
             If the newest state is left open.
         """
         try:
             root = np.linalg.inv(np.linalg.cholesky(self.message[last][:-1, :-1]))
         except np.linalg.LinAlgError as error:
-            raise NoSolutionError(_OPEN.format(last)) from error
-        covariance = np.empty((last - first + 1, STATE, STATE))
-        cross = kernel.marginals(self.gain, self.root, root.T @ root, first, covariance)
-        return Marginals(covariance=covariance, cross=cross)
+            raise OpenStateError(last, self.message[last]) from error
+        newest, count = root.T @ root, last - first + 1
+        covariance, beside = np.empty((count, STATE, STATE)), np.empty((count, STATE, self.border))
+        cross = kernel.marginals(self.gain, self.root, newest, first, covariance, beside)
+        border = newest[STATE:, STATE:].copy()
+        return Marginals(covariance=covariance, cross=cross, border=border, beside=beside)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -129,7 +170,12 @@ class Marginals:
     covariance : ndarray, shape (m, 15, 15)
     cross : ndarray, shape (m - 1, 15, 15)
         Of each state with the next.
+    border : ndarray, shape (b, b)
+    beside : ndarray, shape (m, 15, b)
+        Of each state with the border.
     """
 
     covariance: FloatArray
     cross: FloatArray
+    border: FloatArray
+    beside: FloatArray

@@ -28,11 +28,10 @@ def eliminate(
     gain: FloatArray,
     first: int,
     last: int,
-    loud: float,
 ) -> int:
     """Carry the message of state ``first`` on to ``last``; see ``Chain``.
 
-    Returns the first state whose pivot, its diagonal times ``loud``, is not positive, or -1.
+    Returns the first state whose pivot is not positive, or -1.
     """
     wide = message.shape[1]
     Y = np.empty((STATE, wide))
@@ -41,15 +40,13 @@ def eliminate(
         pivot[:] = joint[:STATE, :STATE] + before[:STATE, :STATE]
         Y[:] = joint[:STATE, STATE:]
         Y[:, STATE:] += before[:STATE, STATE:]
-        for i in range(STATE):
-            pivot[i, i] *= loud
         if not cholesky(pivot):
             return k
         forward(pivot, Y)
         after[:] = joint[STATE:, STATE:]
         after[STATE:, STATE:] += before[STATE:, STATE:]
         _less_square(after, Y)
-        _backward(pivot, Y)
+        backward(pivot, Y)
         gain[k] = Y
     return -1
 
@@ -65,7 +62,7 @@ def substitute(
         return np.nan
     forward(L, end)
     least = newest[width, width] - (end[:, 0] ** 2).sum()
-    _backward(L, end)
+    backward(L, end)
     steps[last - first] = end[:, 0]
     for k in range(last - 1, first - 1, -1):
         after, step = steps[k + 1 - first], steps[k - first]
@@ -79,15 +76,22 @@ def substitute(
 
 @njit(cache=True)
 def marginals(
-    gain: FloatArray, root: FloatArray, newest: FloatArray, first: int, covariance: FloatArray
+    gain: FloatArray,
+    root: FloatArray,
+    newest: FloatArray,
+    first: int,
+    covariance: FloatArray,
+    beside: FloatArray,
 ) -> FloatArray:
     """Fill the covariances of states from ``first`` on; return those of each with the next.
 
-    ``newest`` is the covariance of the last state and the border.
+    ``newest`` is the covariance of the last state and the border; ``beside``, (m, 15, b), is filled
+    with those of states with the border.
     """
     count, width = len(covariance), len(newest)
     cross = np.empty((count - 1, STATE, STATE))
     covariance[count - 1] = newest[:STATE, :STATE]
+    beside[count - 1] = newest[:STATE, STATE:]
     joint, alone, T = newest.copy(), np.empty((STATE, STATE)), np.empty((STATE, width))
     for k in range(count - 2, -1, -1):
         G, here = gain[first + k], covariance[k]
@@ -96,7 +100,7 @@ def marginals(
         for i in range(STATE):
             alone[i, i] = 1.0
         forward(root[first + k], alone)
-        _backward(root[first + k], alone)
+        backward(root[first + k], alone)
         for i in range(STATE):
             for j in range(i + 1):
                 total = alone[i, j]
@@ -106,7 +110,8 @@ def marginals(
                 here[j, i] = total
         cross[k] = -T[:, :STATE]
         joint[:STATE, :STATE] = here
-        joint[:STATE, STATE:] = -T[:, STATE:]
+        beside[k] = -T[:, STATE:]
+        joint[:STATE, STATE:] = beside[k]
         joint[STATE:, :STATE] = -T[:, STATE:].T
     return cross
 
@@ -185,7 +190,7 @@ def forward(L: FloatArray, Y: FloatArray) -> None:
 
 
 @njit(cache=True)
-def _backward(L: FloatArray, Y: FloatArray) -> None:
+def backward(L: FloatArray, Y: FloatArray) -> None:
     """Solve L' X = Y in place."""
     for i in range(len(L) - 1, -1, -1):
         for k in range(i + 1, len(L)):

@@ -1,6 +1,7 @@
 """From a flight to keyframes: what each GNSS epoch measured, and where to start."""
 
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -9,12 +10,22 @@ from fgnav.estimate import Rejected
 from fgnav.flight import Flight, Imu
 from fgnav.gravity import GravityEstimator
 from fgnav.integers.resolver import Integers, Resolver
-from fgnav.methods.smoother import instruments
+from fgnav.methods.smoother import instruments, surroundings
 from fgnav.methods.smoother.antenna_motion import antenna_motion
+from fgnav.methods.smoother.array_shape import shape_at, shaped
+from fgnav.methods.smoother.constants import (
+    ANTENNAS,
+    Asked,
+    FlightConstant,
+    constants_of,
+    with_evidence,
+)
 from fgnav.methods.smoother.density import (
     angular_acceleration_density,
     density_of_rough_attitudes,
 )
+from fgnav.methods.smoother.few import with_few
+from fgnav.methods.smoother.float_arcs import Floating, with_float_arcs
 from fgnav.methods.smoother.gaps import (
     LONGEST_GAP_S,
     LOST_S,
@@ -34,6 +45,7 @@ from fgnav.methods.smoother.keyframes import ArrayForm, Keyframes, Timed
 from fgnav.methods.smoother.preintegration import angular_rates, increments
 from fgnav.methods.smoother.rates import Rates
 from fgnav.methods.smoother.starts import Start, at_keyframes, start_of
+from fgnav.methods.smoother.surroundings import with_offsets
 from fgnav.rotations import exp, log, transpose
 
 _FEWEST = 5  # attitudes that tell how briskly a body turns
@@ -48,6 +60,9 @@ class Settings:
     angular_acceleration_density: float | None
     sub_steps: int
     false_alarm: float
+    constants: tuple[Asked, ...] = ()
+    float_arcs: bool = True
+    causal: bool = False  # each keyframe by what came before it alone: no bridge knows its end
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -76,31 +91,60 @@ class Collected:
     notes: tuple[str, ...]
 
 
+_LATEST: WeakKeyDictionary[Flight, tuple[Settings, Collected]] = WeakKeyDictionary()
+
+
 def collect(flight: Flight, settings: Settings) -> Collected:
     """Return the keyframes of a flight: its GNSS epochs within the accelerometer's record.
+
+    What was collected last is kept as long as the flight lives, so that methods of one comparison
+    share it; if the settings hash, as frozen dataclasses do.
 
     Raises
     ------
     NoSolutionError
         Naming the part of the flight that is missing.
     """
+    try:
+        hash(settings)
+    except TypeError:
+        return _collected(flight, settings)
+    known = _LATEST.get(flight)
+    if known is None or known[0] != settings:
+        known = _LATEST[flight] = settings, _collected(flight, settings)
+    return known[1]
+
+
+def _collected(flight: Flight, settings: Settings) -> Collected:
+    gravity_told = settings.gravity is not None
+    constants = constants_of(settings.constants, flight, gravity=gravity_told)
+    flight, constants = shaped(flight, constants, settings.resolver)
     record = bridged(_inertial(flight))
-    imu, epochs = record.imu, start_of(flight, settings.resolver, settings.false_alarm)
-    start, losses = _keyframes(imu, epochs)
+    down = None if settings.gravity is None else settings.gravity(flight)
+    imu, epochs = record.imu, start_of(flight, settings.resolver, settings.false_alarm, down)
+    start, losses = _keyframes(imu, epochs, causal=settings.causal)
+    start, floating = _floating(start, settings, constants)
     t_s = start.t_s
     rates = Rates.of(imu, t_s, start.R_nb, start.covariance_rad2[start.told])
     antenna = antenna_motion(flight, imu, start, rates)
-    preintegrate = _preintegrator(flight, settings, record, start, _places(t_s, antenna.position))
+    sure, places_n_m = start.told & (floating.stretch < 0), _places(t_s, antenna.position)
+    preintegrate = _preintegrator(flight, settings, record, start, sure, places_n_m)
     blind = (without_attitude(t_s, start.told) > LONGEST_GAP_S) | record.touched(t_s)
     fixes = (antenna.position, antenna.velocity)
     gate = gated(preintegrate, t_s, start.R_nb, fixes, blind, antenna.name)
     p_n_m, v_n_mps = _start(t_s, start.R_nb, gate.position, gate.velocity)
     slot, slot_sigma = rates.slot(imu)
     sight, sight_losses = instruments.sight(flight, imu, t_s, p_n_m)
-    gravity, gravity_losses = instruments.gravity(flight, settings.gravity, t_s)
+    gravity, gravity_losses = instruments.gravity(down, t_s)
+    heights, height_losses = surroundings.heights(flight, imu, t_s, p_n_m)
+    field, field_losses = surroundings.magnetic_field(flight, t_s)
+    offsets = with_offsets(with_evidence(constants, sight=sight is not None), heights, field)
     keyframes = Keyframes(
         t_s=t_s,
-        array=_phases(imu, start),
+        array=replace(
+            _phases(imu, start, causal=settings.causal),
+            floating=floating.stretch if floating.count else None,
+        ),
         R_nb=start.R_nb,
         p_n_m=p_n_m,
         v_n_mps=v_n_mps,
@@ -113,16 +157,22 @@ def collect(flight: Flight, settings: Settings) -> Collected:
         sight=sight,
         landmark_n_m=None if sight is None or flight.seeker is None else flight.seeker.landmark_n_m,
         preintegrate=preintegrate,
+        constants=tuple(sorted((*offsets, *floating.constants), key=lambda one: one.place)),
+        baselines=shape_at(start.phases, start.form, t_s, start.told, constants),
+        heights=heights,
+        field=field,
     )
     parts = (start.losses, losses, antenna.losses, gate.losses)
+    notes = (*start.notes, *antenna.notes, *_gaps(keyframes, start.told, record.gaps_s))
+    keyframes, few_notes = with_few(keyframes, antenna.few, without_attitude(t_s, start.told))
     return Collected(
         keyframes=keyframes,
         epochs=len(keyframe_times(epochs.t_s)),
         common_position_m2=antenna.common_m2,
         integers=start.integers,
-        losses=tuple(sum((*parts, sight_losses, gravity_losses), ())),
+        losses=tuple(sum((*parts, sight_losses, gravity_losses, height_losses, field_losses), ())),
         rejections=(*start.rejections, *gate.rejections),
-        notes=(*start.notes, *antenna.notes, *_gaps(keyframes, start.told, record.gaps_s)),
+        notes=(*notes, *floating.notes, *few_notes),
     )
 
 
@@ -135,7 +185,7 @@ def _inertial(flight: Flight) -> Imu:
     return flight.imu
 
 
-def _keyframes(imu: Imu, epochs: Start) -> tuple[Start, tuple[Loss, ...]]:
+def _keyframes(imu: Imu, epochs: Start, *, causal: bool) -> tuple[Start, tuple[Loss, ...]]:
     """Choose epochs, and times between them, as keyframes; count the rest with their reasons."""
     start = at_keyframes(epochs, keyframe_times(epochs.t_s))
     t_s = start.t_s
@@ -158,7 +208,8 @@ def _keyframes(imu: Imu, epochs: Start) -> tuple[Start, tuple[Loss, ...]]:
         if lost.any()
     )
     start = start[np.flatnonzero(covered & ~early)]
-    return replace(start, R_nb=_filled(t_s=start.t_s, R_nb=start.R_nb, told=start.told)), losses
+    fill = _held_on if causal else _filled
+    return replace(start, R_nb=fill(start.t_s, start.R_nb, start.told)), losses
 
 
 def _places(t_s: FloatArray, position: Timed | None) -> FloatArray:
@@ -168,19 +219,40 @@ def _places(t_s: FloatArray, position: Timed | None) -> FloatArray:
     return _interpolated(t_s, position.value)
 
 
+def _floating(
+    start: Start, settings: Settings, constants: tuple[FlightConstant, ...]
+) -> tuple[Start, Floating]:
+    """Let epochs without integers tell attitudes, where the array's shape is no question."""
+    if not settings.float_arcs or any(one.place >= ANTENNAS for one in constants):
+        return start, Floating(stretch=np.full(len(start.t_s), -1, dtype=np.int64), count=0)
+    start, floating = with_float_arcs(start, settings.false_alarm, causal=settings.causal)
+    if not floating.count:
+        return start, floating
+    fill = _held_on if settings.causal else _filled
+    return replace(start, R_nb=fill(start.t_s, start.R_nb, start.told)), floating
+
+
 def _preintegrator(
-    flight: Flight, settings: Settings, record: Bridged, start: Start, p_n_m: FloatArray
+    flight: Flight,
+    settings: Settings,
+    record: Bridged,
+    start: Start,
+    sure: BoolArray,
+    p_n_m: FloatArray,
 ) -> BridgingPreintegrator:
-    """Return what makes the factors between keyframes, of those in gaps, too."""
+    """Return what makes the factors between keyframes, of those in gaps, too.
+
+    How briskly the body turns is told by attitudes that are ``sure``, (n,): with integers.
+    """
     imu, t_s, told = record.imu, start.t_s, start.told
-    covariance_rad2 = start.covariance_rad2[told]
-    rough = start.form is None
-    usual = _density(imu, settings, t_s[told], start.R_nb[told], covariance_rad2, rough=rough)
+    of_sure = (t_s[sure], start.R_nb[sure], start.covariance_rad2[sure])
+    usual = _density(imu, settings, *of_sure, rough=start.rough)
     unfelt, density = record.touched(t_s)[:-1], np.tile(usual, (len(t_s) - 1, 1))
     if imu.w_b_radps is None:
-        away_s = without_attitude(t_s, told)
+        away_s = without_attitude(t_s, told, causal=settings.causal)
         unfelt = unfelt | (np.minimum(away_s[1:], away_s[:-1]) > LOST_S)
-        density = density_in_gaps(t_s, start.R_nb, told, covariance_rad2, usual)
+        density = density_in_gaps(t_s, start.R_nb, sure, of_sure[2], usual)
+        density[told[1:] & told[:-1]] = usual  # phases without integers tell how it turned there
     return BridgingPreintegrator(
         imu=imu,
         increments=increments(imu, t_s, settings.sub_steps),
@@ -193,10 +265,10 @@ def _preintegrator(
     )
 
 
-def _phases(imu: Imu, start: Start) -> ArrayForm:
+def _phases(imu: Imu, start: Start, *, causal: bool) -> ArrayForm:
     """Return what the array says; without a gyroscope, next to nothing elsewhere, too."""
     form, told = start.form, start.told
-    lost = (without_attitude(start.t_s, told) > LOST_S).any()
+    lost = (without_attitude(start.t_s, told, causal=causal) > LOST_S).any()
     if imu.w_b_radps is not None or (form is not None and not lost):
         return ArrayForm.of(form, told)
     vague = hardly_known(form, start.R_nb, start.t_s, told)
@@ -235,6 +307,11 @@ def _why(imu: Imu, start: Start, covered: BoolArray) -> str:
     if start.form is None and not start.told.any():
         return "with one antenna it takes Doppler or velocities, or a line of sight, to tell roll"
     return f"{int((covered & start.told).sum())} within the accelerometer's record"
+
+
+def _held_on(t_s: FloatArray, R_nb: FloatArray, told: BoolArray) -> FloatArray:
+    """Hold the last attitude where an epoch has none."""
+    return np.asarray(R_nb[np.maximum.accumulate(np.where(told, np.arange(len(t_s)), 0))])
 
 
 def _filled(t_s: FloatArray, R_nb: FloatArray, told: BoolArray) -> FloatArray:

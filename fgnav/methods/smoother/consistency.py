@@ -37,10 +37,12 @@ def nis(part: Residuals, solution: Solution) -> tuple[FloatArray, BoolArray]:
     part : Residuals
     solution : Solution
     """
-    P, J, r = solution.covariance[part.row, :9, :9], part.jacobian, part.value
+    P, r = _covariance(part, solution), part.value
+    J = part.jacobian[:, :, : P.shape[1]]
     rest = np.zeros(len(r))
-    if r.shape[1] > 3:  # S^-1 = I + J (P^-1 - J'J)^-1 J', three dimensions of rotation for nine
-        known, J = np.linalg.inv(P[:, :3, :3]), J[:, :, :3]
+    if r.shape[1] > 3:  # S^-1 = I + J (P^-1 - J'J)^-1 J', a few dimensions for nine or more
+        seen = np.flatnonzero(J.any(axis=(0, 1)))
+        known, J = np.linalg.inv(P[:, seen[:, None], seen]), J[:, :, seen]
         S, most = known - J.swapaxes(1, 2) @ J, np.linalg.eigvalsh(known)[:, -1]
         rest, r = np.einsum("km,km->k", r, r), np.einsum("kmi,km->ki", J, r)
     else:
@@ -48,6 +50,19 @@ def nis(part: Residuals, solution: Solution) -> tuple[FloatArray, BoolArray]:
     tested = np.linalg.eigvalsh(S)[:, 0] > _UNTESTED * most
     S[~tested] = np.eye(S.shape[1])
     return rest + np.einsum("ki,ki->k", r, np.linalg.solve(S, r[:, :, None])[:, :, 0]), tested
+
+
+def _covariance(part: Residuals, solution: Solution) -> FloatArray:
+    """Return the covariance of rotation, position, velocity and what is shared, (k, 9 + b, ..).
+
+    Without what is shared where the solution says nothing of it: it is taken as known.
+    """
+    own, shared = solution.covariance[part.row, :9, :9], solution.shared
+    if shared is None or part.jacobian.shape[2] == own.shape[2]:
+        return own
+    shared = shared[part.row]
+    cross = shared.cross[:, :9]
+    return np.block([[own, cross], [cross.swapaxes(1, 2), shared.covariance]])
 
 
 def _judged(part: Residuals, squared: FloatArray, tested: BoolArray) -> Consistency:

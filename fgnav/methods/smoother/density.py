@@ -19,6 +19,7 @@ from fgnav.rotations import log, transpose
 _FEWEST = 5  # attitudes; two start the filter
 _MOST, _BLOCK = 600, 50  # of a longer flight, blocks spread evenly
 _LAG_S = 0.5  # of the first guess
+_FINE = 20  # parts of an interval, for means over two
 _LEAST_GUESS = 1e-4  # (rad/s2)2/Hz
 _SMOOTH = 0.1  # of a guess by the lag is closer where the motion is smooth
 # (rad/s2)2/Hz. A body that is thrown; and one at rest or in a steady spin: below this, what the
@@ -74,7 +75,8 @@ def density_of_rough_attitudes(t_s: FloatArray, R_nb: FloatArray) -> FloatArray:
     """Return what intensity, (3,), explains attitudes whose own errors nobody knows.
 
     Those of a flight without an array err for seconds on end, which no statistics of theirs can
-    tell from motion: all that changes counts as motion.
+    tell from motion: all that changes counts as motion. Each is a mean over two intervals, which
+    keeps a part of that.
 
     Parameters
     ----------
@@ -87,7 +89,19 @@ def density_of_rough_attitudes(t_s: FloatArray, R_nb: FloatArray) -> FloatArray:
     """
     _enough(t_s)
     told = _by_lag(_Attitudes(t_s, R_nb, np.zeros((len(t_s), 3, 3))))
-    return np.clip(told, _LOWEST, _HIGHEST)
+    return np.asarray(np.clip(told / _kept(_span(t_s)), _LOWEST, _HIGHEST))
+
+
+def _kept(span: int) -> float:
+    """Return the share of a change of rates that means over two intervals leave, of the variance.
+
+    White acceleration counts in the change of the mean rates over two neighbouring spans as much as
+    a triangle over both is high; the means blur the triangle.
+    """
+    even = np.ones(span * _FINE)
+    triangle = np.convolve(even, even)
+    blurred = np.convolve(triangle, np.full(2 * _FINE, 0.5 / _FINE))
+    return float((blurred**2).sum() / (triangle**2).sum())
 
 
 def _enough(t_s: FloatArray) -> None:
@@ -147,6 +161,11 @@ def _sound(attitudes: _Attitudes) -> tuple[_Attitudes, FloatArray]:
     return attitudes, guess
 
 
+def _span(t_s: FloatArray) -> int:
+    """Return how many attitudes further a rate is told, for a first guess."""
+    return max(1, min(round(_LAG_S / float(np.median(np.diff(t_s)))), (len(t_s) - 1) // 2))
+
+
 def _by_lag(attitudes: _Attitudes) -> FloatArray:
     """Return a first guess, (3,), from how much rates over neighbouring spans differ.
 
@@ -154,8 +173,7 @@ def _by_lag(attitudes: _Attitudes) -> FloatArray:
     from the attitudes' own noise.
     """
     t_s, R_nb = attitudes.t_s, attitudes.R_nb
-    spacing_s = float(np.median(np.diff(t_s)))
-    span = max(1, min(round(_LAG_S / spacing_s), (len(t_s) - 1) // 2))
+    spacing_s, span = float(np.median(np.diff(t_s))), _span(t_s)
     total = np.vstack([np.zeros(3), np.cumsum(log(transpose(R_nb[:-1]) @ R_nb[1:]), axis=0)])
     turn = total[span:] - total[:-span]
     span_s = span * spacing_s

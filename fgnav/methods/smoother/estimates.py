@@ -9,33 +9,54 @@ from fgnav.estimate import Estimate
 from fgnav.flight import Imu
 from fgnav.methods.smoother.collect import Collected
 from fgnav.methods.smoother.consistency import consistency
-from fgnav.methods.smoother.graph import Solution
+from fgnav.methods.smoother.constants_found import arm_off, constants_found, sentence
+from fgnav.methods.smoother.graph import SharedSolution, Solution
 from fgnav.methods.smoother.observability import undetermined
 from fgnav.rotations import skew
 
 
 def estimate_of(
-    name: str, collected: Collected, solution: Solution, rows: IntArray | None = None
+    name: str,
+    collected: Collected,
+    solution: Solution,
+    rows: IntArray | None = None,
+    believed: Solution | None = None,
 ) -> Estimate:
-    """Return the estimate at keyframes, or at some of them, with all that is to be said of it."""
+    """Return the estimate at keyframes, or at some of them, with all that is to be said of it.
+
+    Parameters
+    ----------
+    name : str
+    collected : Collected
+    solution : Solution
+        As solved.
+    rows : ndarray of int, optional
+        Keyframes to speak of; all by default.
+    believed : Solution, optional
+        The same with covariances to be stated; as solved by default.
+    """
     keyframes = collected.keyframes
     imu = keyframes.preintegrate.imu
     open_states, weak = undetermined(keyframes, solution)
-    notes = [weak] if weak else []
-    if imu.w_b_radps is None:
+    notes, gyro_free = [weak] if weak else [], imu.w_b_radps is None
+    if gyro_free:
         density = keyframes.preintegrate.angular_acceleration_density
         told = ", ".join(f"{value:.2g}" for value in density)
         notes.append(f"Angular acceleration density about the body axes: {told} (rad/s2)2/Hz.")
     if not solution.converged:
         notes.append(f"{name} did not end at a minimum: do not use the estimate.")
+    constants = constants_found(keyframes, solution)
+    notes += map(sentence, constants)
     rows = np.arange(len(keyframes.t_s)) if rows is None else rows
     t_s, tests = keyframes.t_s[rows], consistency(keyframes, solution)
-    solution = solution[rows]
+    solution = (solution if believed is None else believed)[rows]
+    off = arm_off(keyframes, solution)
     motion = origin_motion(
         solution,
         gyroscope_at(imu, t_s),
-        -imu.position_b_m,
+        -imu.position_b_m if off is None else off.value - imu.position_b_m,
         keyframes.preintegrate.earth_rate_n_radps,
+        off,
     )
     return Estimate(
         method=name,
@@ -49,12 +70,18 @@ def estimate_of(
         velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2,
         angular_rate_b_radps=motion.w_b_radps,
         accelerometer_bias_mps2=solution.slot[:, :3],
+        accelerometer_bias_covariance_m2ps4=solution.slot_covariance[:, :3, :3],
+        gyroscope_bias_radps=None if gyro_free else solution.slot[:, 3:],
+        gyroscope_bias_covariance_rad2ps2=(
+            None if gyro_free else solution.slot_covariance[:, 3:, 3:]
+        ),
         unobservable=open_states,
         converged=solution.converged,
         integers=collected.integers,
         losses=collected.losses,
         rejections=collected.rejections,
         consistency=tests,
+        constants=constants,
         notes=(*collected.notes, *notes),
     )
 
@@ -83,6 +110,7 @@ def origin_motion(
     told_b_radps: FloatArray,
     arm_b_m: FloatArray,
     earth_rate_n_radps: FloatArray,
+    off: SharedSolution | None = None,
 ) -> OriginMotion:
     """Move states from the accelerometer to the origin: ``p + R a`` and ``v + R (w x a)``.
 
@@ -94,15 +122,22 @@ def origin_motion(
     arm_b_m : ndarray, shape (3,)
         From the accelerometer to the origin.
     earth_rate_n_radps : ndarray, shape (3,)
+    off : SharedSolution, optional
+        What is in the arm of an estimate of it, with its doubt.
     """
     R_nb, P, arm = solution.R_nb, solution.covariance, skew(arm_b_m[None])[0]
     w_b_radps = told_b_radps - solution.slot[:, 3:]
     earth_b_radps = np.einsum("nji,j->ni", R_nb, earth_rate_n_radps)
     swing_b_mps = np.cross(w_b_radps - earth_b_radps, arm_b_m)
-    A, B = np.zeros((2, len(R_nb), 3, 15))  # derivatives of position and velocity by the state
+    derivatives: FloatArray = np.zeros((2, len(R_nb), 3, 15))
+    A, B = derivatives  # of position and velocity by the state
     A[:, :, :3], A[:, :, 3:6] = -R_nb @ arm, R_nb
     B[:, :, :3] = R_nb @ (arm @ skew(earth_b_radps) - skew(swing_b_mps))
     B[:, :, 6:9], B[:, :, 12:] = np.eye(3), R_nb @ arm
+    if off is not None:
+        P = np.asarray(np.block([[P, off.cross], [off.cross.swapaxes(1, 2), off.covariance]]))
+        spin = skew(w_b_radps - earth_b_radps)
+        A, B = (np.concatenate(pair, axis=2) for pair in ((A, R_nb), (B, R_nb @ spin)))
     return OriginMotion(
         w_b_radps=w_b_radps,
         p_n_m=solution.p_n_m + R_nb @ arm_b_m,

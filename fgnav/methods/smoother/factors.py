@@ -34,16 +34,16 @@ def rotation_form(key: int, root: FloatArray, minimum: FloatArray) -> gtsam.Nonl
 
 
 def antenna_position(
-    key: int, p_n_m: FloatArray, covariance_m2: FloatArray, arm_b_m: FloatArray
+    key: int, p_n_m: FloatArray, white: FloatArray, arm_b_m: FloatArray
 ) -> gtsam.NonlinearFactor:
-    """Return the factor of an antenna's position, (3,), with its covariance and lever arm."""
-    noise = gtsam.noiseModel.Gaussian.Covariance(covariance_m2)
+    """Return the factor of an antenna's position, (3,), with what whitens it, and lever arm."""
+    noise = gtsam.noiseModel.Gaussian.SqrtInformation(white, False)
     return gtsam.GPSFactorArm(key, p_n_m, arm_b_m, noise)
 
 
-def velocity(key: int, v_n_mps: FloatArray, covariance_m2ps2: FloatArray) -> gtsam.NonlinearFactor:
-    """Return the factor of the accelerometer's velocity, (3,), with its covariance."""
-    noise = gtsam.noiseModel.Gaussian.Covariance(covariance_m2ps2)
+def velocity(key: int, v_n_mps: FloatArray, white: FloatArray) -> gtsam.NonlinearFactor:
+    """Return the factor of the accelerometer's velocity, (3,), with what whitens it, (3, 3)."""
+    noise = gtsam.noiseModel.Gaussian.SqrtInformation(white, False)
     return gtsam.PriorFactorVector(key, v_n_mps, noise)
 
 

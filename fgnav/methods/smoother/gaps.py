@@ -120,8 +120,10 @@ def _as_white(variance: float) -> float:
     return float(np.sqrt(2 * _CORRELATION_S * variance))
 
 
-def without_attitude(t_s: FloatArray, there: BoolArray) -> FloatArray:
-    """Return how far each keyframe is from one with an attitude, s, (n,)."""
+def without_attitude(t_s: FloatArray, there: BoolArray, *, causal: bool = False) -> FloatArray:
+    """Return how far each keyframe is from one with an attitude, s, (n,); causal: from the last."""
+    if causal:
+        return np.asarray(t_s - t_s[np.maximum.accumulate(np.where(there, np.arange(len(t_s)), 0))])
     known_s = t_s[there]
     after = np.searchsorted(known_s, t_s).clip(1, len(known_s) - 1)
     before_s, after_s = np.abs(t_s - known_s[after - 1]), np.abs(known_s[after] - t_s)

@@ -163,7 +163,10 @@ def _medians(t_s: FloatArray, values: FloatArray) -> FloatArray:
     belongs = (rows == inside) & (segment[inside] == segment[:, None])
     near = np.abs(t_s[inside] - t_s[:, None]) <= _AROUND_S
     belongs &= near | (np.abs(np.arange(-_AROUND, _AROUND + 1)) <= _LEAST)
-    return np.asarray(np.nanmedian(np.where(belongs[..., None], values[inside], np.nan), axis=1))
+    # What does not belong is sorted to the end; numpy's own nanmedian takes three times as long.
+    ordered = np.sort(np.where(belongs[..., None], values[inside], np.inf), axis=1)
+    count, row = belongs.sum(axis=1), np.arange(len(t_s))
+    return np.asarray((ordered[row, (count - 1) // 2] + ordered[row, count // 2]) / 2)
 
 
 def _without(timed: Timed, out: BoolArray) -> Timed:

@@ -15,15 +15,39 @@ from gtsam.symbol_shorthand import B, L, V, X
 from fgnav.checks import FloatArray, IntArray
 from fgnav.methods.smoother import factors
 from fgnav.methods.smoother.chain import STATE, Chain
+from fgnav.methods.smoother.constants import LANDMARK, width
 from fgnav.methods.smoother.keyframes import Keyframes, there
 
-_LANDMARK_SIGMA_M = 0.01  # a surveyed beacon
 _LANDMARK = 3  # dimensions
 # Next to nothing is known before the first keyframe. Ten times less of the position, and rounding
 # would leave it open where the first fix is some keyframes away.
 ROTATION_PRIOR_RAD = np.pi
 POSITION_PRIOR_M = 1e3
 VELOCITY_PRIOR_MPS = 1e3
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class SharedSolution:
+    """What all keyframes share, as the solution has it.
+
+    Attributes
+    ----------
+    value : ndarray, shape (b,)
+    covariance : ndarray, shape (n, b, b)
+        At each keyframe: what was known of it by then, of a window; else the same everywhere.
+    cross : ndarray, shape (n, 15, b)
+        Of each state with it.
+    """
+
+    value: FloatArray
+    covariance: FloatArray
+    cross: FloatArray
+
+    def __getitem__(self, rows: IntArray) -> "SharedSolution":
+        """Return what is said of some of the states, (m,) of them."""
+        return SharedSolution(
+            value=self.value, covariance=self.covariance[rows], cross=self.cross[rows]
+        )
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -38,6 +62,7 @@ class Solution:
     cross : ndarray, shape (n - 1, 15, 15), or None
         Covariance of each state with the next; None of states that are not of one smoothing.
     converged : bool
+    shared : SharedSolution or None
     """
 
     R_nb: FloatArray
@@ -47,6 +72,7 @@ class Solution:
     covariance: FloatArray
     cross: FloatArray | None
     converged: bool
+    shared: SharedSolution | None = None
 
     @property
     def pose_covariance(self) -> FloatArray:
@@ -73,6 +99,7 @@ class Solution:
             covariance=self.covariance[rows],
             cross=None,
             converged=self.converged,
+            shared=None if self.shared is None else self.shared[rows],
         )
 
 
@@ -98,8 +125,8 @@ class State:
 
 
 def border(keyframes: Keyframes) -> int:
-    """Return the dimensions of what all keyframes share: the landmark, if there is one."""
-    return 0 if keyframes.landmark_n_m is None else _LANDMARK
+    """Return the dimensions of what all keyframes share: the landmark, constants asked for."""
+    return width(keyframes.shared)
 
 
 def link(
@@ -130,9 +157,10 @@ def measured(keyframes: Keyframes, row: int, key: int) -> Iterator[gtsam.Nonline
         yield factors.rotation_form(X(key), array.root[row], array.minimum[row])
     p, v = keyframes.position, keyframes.velocity
     if p is not None and there(p.value, row):
-        yield factors.antenna_position(X(key), p.value[row], p.covariance[row], p.arm_b_m)
+        white = p.white(np.array([row]))[0]
+        yield factors.antenna_position(X(key), p.value[row], white, p.arm_b_m)
     if v is not None and there(v.value, row):
-        yield factors.velocity(V(key), v.value[row], v.covariance[row])
+        yield factors.velocity(V(key), v.value[row], v.white(np.array([row]))[0])
     g, sight = keyframes.gravity, keyframes.sight
     if g is not None and there(g.e_b, row):
         down_n = keyframes.gravity_n_mps2[row]
@@ -154,16 +182,9 @@ def priors(keyframes: Keyframes) -> tuple[gtsam.NonlinearFactor, ...]:
         ),
     ]
     if keyframes.landmark_n_m is not None:
-        near = gtsam.noiseModel.Gaussian.Covariance(landmark_covariance_m2(keyframes))
+        near = gtsam.noiseModel.Gaussian.Covariance(keyframes.shared[LANDMARK].covariance)
         found.append(gtsam.PriorFactorPoint3(L(0), keyframes.landmark_n_m, near))
     return tuple(found)
-
-
-def landmark_covariance_m2(keyframes: Keyframes) -> FloatArray:
-    """Return how well the landmark is known beside positions, (3, 3): their common error, too."""
-    survey_m2 = _LANDMARK_SIGMA_M**2 * np.eye(3)
-    common_m2 = keyframes.common_position_m2
-    return survey_m2 if common_m2 is None else survey_m2 + common_m2
 
 
 def motion(keyframes: Keyframes, row: int, slot: FloatArray, key: int) -> gtsam.CombinedImuFactor:

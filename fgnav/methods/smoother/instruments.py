@@ -4,7 +4,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.flight import Flight, Imu
-from fgnav.gravity import GravityEstimator
+from fgnav.gravity import GravityDirection
 from fgnav.methods.smoother.keyframes import Directions
 from fgnav.seeker import line_of_sight, to_landmark_b_m
 
@@ -35,12 +35,11 @@ def sight(
 
 
 def gravity(
-    flight: Flight, estimator: GravityEstimator | None, t_s: FloatArray
+    told: GravityDirection | None, t_s: FloatArray
 ) -> tuple[Directions | None, tuple[Loss, ...]]:
     """Return the direction of gravity at the keyframes nearest to each estimate."""
-    if estimator is None:
+    if told is None:
         return None, ()
-    told = estimator(flight)
     keyframe, _ = nearest(t_s, told.t_s)
     spacing_s = float(np.median(np.diff(t_s)))
     close = np.abs(t_s[keyframe] - told.t_s) <= spacing_s / 2

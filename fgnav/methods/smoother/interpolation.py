@@ -18,15 +18,20 @@ from fgnav.rotations import exp, log, transpose
 _SAME_S = 1e-4  # a time this close to a keyframe is that keyframe
 
 
-def with_times(collected: Collected, t_s: FloatArray, sub_steps: int) -> tuple[Collected, IntArray]:
+def with_times(
+    collected: Collected, t_s: FloatArray | float, sub_steps: int
+) -> tuple[Collected, IntArray]:
     """Return keyframes with some more among them, and the rows that times, (m,), have become.
+
+    A number for times is a rate, Hz: multiples of its period from first keyframe to last.
 
     Raises
     ------
     BadInputError
         If there are no times, they do not increase, or one lies outside the keyframes.
     """
-    wanted, have = np.asarray(t_s, dtype=float), collected.keyframes.t_s
+    have = collected.keyframes.t_s
+    wanted = _regular(have, t_s) if isinstance(t_s, float) else np.asarray(t_s, dtype=float)
     if wanted.ndim != 1 or not len(wanted) or not (np.diff(wanted) > _SAME_S).all():
         raise BadInputError(f"t_s: must be one or more times, each {_SAME_S} s after the last")
     if not (wanted[0] >= have[0] - _SAME_S and wanted[-1] <= have[-1] + _SAME_S):
@@ -43,6 +48,12 @@ def with_times(collected: Collected, t_s: FloatArray, sub_steps: int) -> tuple[C
         common_position_m2=collected.common_position_m2[_nearest(have, dense_s)],
     )
     return dense, _nearest(dense_s, wanted)
+
+
+def _regular(have_s: FloatArray, rate_hz: float) -> FloatArray:
+    """Return multiples of a rate's period within the keyframes."""
+    first, last = np.ceil(have_s[0] * rate_hz - _SAME_S), np.floor(have_s[-1] * rate_hz + _SAME_S)
+    return np.asarray(np.arange(first, last + 1) / rate_hz)
 
 
 def _nearest(have_s: FloatArray, want_s: FloatArray) -> IntArray:
@@ -65,7 +76,12 @@ def _dense(keyframes: Keyframes, t_s: FloatArray, sub_steps: int) -> Keyframes:
             return None
         value = np.full((len(t_s), 3), np.nan)
         value[row] = part.value
-        return replace(part, value=value, covariance=part.covariance[before + (share[:, 0] == 1)])
+        covariance = part.covariance[before + (share[:, 0] == 1)]
+        partial = None
+        if part.partial is not None:
+            partial = np.zeros((len(t_s), 3, 3))
+            partial[row] = part.partial
+        return replace(part, value=value, covariance=covariance, partial=partial)
 
     def directions(part: Directions | None) -> Directions | None:
         if part is None:
@@ -79,6 +95,9 @@ def _dense(keyframes: Keyframes, t_s: FloatArray, sub_steps: int) -> Keyframes:
         keyframes,
         t_s=t_s,
         array=_array(keyframes.array, row, len(t_s)),
+        baselines=keyframes.baselines and keyframes.baselines.at(row, len(t_s)),
+        heights=keyframes.heights and keyframes.heights.at(row, t_s, have),
+        field=keyframes.field and keyframes.field.at(row, len(t_s)),
         R_nb=first @ exp(share * log(transpose(first) @ last)),
         p_n_m=between(keyframes.p_n_m),
         v_n_mps=between(keyframes.v_n_mps),
@@ -95,7 +114,11 @@ def _dense(keyframes: Keyframes, t_s: FloatArray, sub_steps: int) -> Keyframes:
 def _array(array: ArrayForm, row: IntArray, n: int) -> ArrayForm:
     there, root, minimum = np.zeros(n, dtype=np.bool_), np.zeros((n, 9, 9)), np.zeros((n, 3, 3))
     there[row], root[row], minimum[row] = array.there, array.root, array.minimum
-    return ArrayForm(there=there, root=root, minimum=minimum)
+    floating = None
+    if array.floating is not None:
+        floating = np.full(n, -1, dtype=np.int64)
+        floating[row] = array.floating
+    return ArrayForm(there=there, root=root, minimum=minimum, floating=floating)
 
 
 def _preintegrator(

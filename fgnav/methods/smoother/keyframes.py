@@ -1,13 +1,23 @@
 """What a flight says at each keyframe: measurements and a start, ready to become factors."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 
 import numpy as np
 
 from fgnav.attitude.quadratic import RotationQuadratic
-from fgnav.checks import BoolArray, FloatArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.methods.smoother.array_shape import BaselineForm
+from fgnav.methods.smoother.constants import (
+    HEIGHT,
+    LANDMARK,
+    SURVEYED_M,
+    FlightConstant,
+    columns,
+    constant,
+)
 from fgnav.methods.smoother.preintegration import Preintegrator
+from fgnav.methods.smoother.surroundings import Heights, MagneticField
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -20,11 +30,20 @@ class ArrayForm:
         Keyframes whose phases take part.
     root, minimum : ndarray, shape (n, 9, 9) and (n, 3, 3)
         ``RotationQuadratic.square_root``.
+    floating : ndarray of int, shape (n,), or None
+        Stretch of epochs without integers that a keyframe is in; -1 of the others. Its form tells
+        R_nb beside nine unknown elements that the stretch shares; see ``float_arcs``.
     """
 
     there: BoolArray
     root: FloatArray
     minimum: FloatArray
+    floating: IntArray | None = None
+
+    @property
+    def sure(self) -> BoolArray:
+        """Keyframes whose form tells the attitude and nothing beside it, (n,)."""
+        return self.there if self.floating is None else self.there & (self.floating < 0)
 
     @classmethod
     def of(cls, form: RotationQuadratic | None, there: BoolArray) -> "ArrayForm":
@@ -50,11 +69,24 @@ class Timed:
     covariance : ndarray, shape (n, 3, 3)
     arm_b_m : ndarray, shape (3,)
         From the accelerometer to where it was measured; 0 of velocities.
+    partial : ndarray, shape (n, 3, 3), or None
+        What whitens values known in some directions only, in place of a covariance; rows of zeros
+        for the others. Zero of values that are known in all.
     """
 
     value: FloatArray
     covariance: FloatArray
     arm_b_m: FloatArray
+    partial: FloatArray | None = None
+
+    def white(self, rows: IntArray) -> FloatArray:
+        """Return what whitens the values of some keyframes, (k, 3, 3); 0 where there is none."""
+        there, white = np.isfinite(self.value[rows, 0]), np.zeros((len(rows), 3, 3))
+        if self.partial is not None:
+            white += self.partial[rows]
+            there = there & ~white.any(axis=(1, 2))
+        white[there] = np.linalg.inv(np.linalg.cholesky(self.covariance[rows[there]]))
+        return white
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -97,7 +129,16 @@ class Keyframes:
     landmark_n_m : ndarray, shape (3,), or None
     preintegrate : Preintegrator
     common_position_m2 : ndarray, shape (3, 3), or None
-        Variance of an error that all positions share, and the way to the landmark with them.
+        Variance of an error that all positions share, and the way to the landmark and what
+        heights are off with them.
+    constants : tuple of FlightConstant
+        What is estimated with the flight, in the order of their places.
+    baselines : BaselineForm or None
+        Where antennas are among the constants: phases that tell the array's shape, too; they stand
+        in for ``array`` where they are.
+    heights : Heights or None
+    field : MagneticField or None
+        Their offset and hard iron are among the constants.
     """
 
     t_s: FloatArray
@@ -115,6 +156,54 @@ class Keyframes:
     landmark_n_m: FloatArray | None
     preintegrate: Preintegrator
     common_position_m2: FloatArray | None = None
+    constants: tuple[FlightConstant, ...] = ()
+    baselines: BaselineForm | None = None
+    heights: Heights | None = None
+    field: MagneticField | None = None
+
+    @property
+    def shared(self) -> tuple[FlightConstant, ...]:
+        """What all keyframes lean on: the constants, and the landmark in any case."""
+        found, common_m2 = self.constants, self.common_position_m2
+        if self.landmark_n_m is not None and not any(c.place == LANDMARK for c in found):
+            axes = ("north", "east", "down")
+            found = (constant("landmark", LANDMARK, axes, "m", SURVEYED_M), *found)
+        if common_m2 is None:
+            return found
+        also = {LANDMARK: common_m2, HEIGHT: common_m2[2, 2]}
+        return tuple(
+            replace(one, covariance=one.covariance + also[one.place]) if one.place in also else one
+            for one in found
+        )
+
+    @property
+    def rigid(self) -> BoolArray:
+        """Keyframes whose array is taken as the flight states it, (n,)."""
+        there, shape = self.array.there, self.baselines
+        return there if shape is None else there & ~shape.there
+
+    @property
+    def columns(self) -> IntArray:
+        """First column of each kind of ``shared``, antennas last; -1 of what is not there."""
+        antennas = 0 if self.baselines is None else len(self.baselines.baselines_b_m)
+        return columns(self.shared, antennas)
+
+    @property
+    def rate_b_radps(self) -> FloatArray:
+        """Body rates where the search starts, (n, 3): the gyroscope's, or the slot's own."""
+        imu, slot = self.preintegrate.imu, self.slot[:, 3:]
+        if imu.w_b_radps is None:
+            return -slot
+        told = [np.interp(self.t_s, imu.t_s, column) for column in imu.w_b_radps.T]
+        return np.stack(told, axis=1) - slot
+
+    @property
+    def shared_mean(self) -> FloatArray:
+        """What is expected of ``shared`` before the flight, (b,): the landmark's place, else 0."""
+        means: list[FloatArray] = [np.zeros(len(one.start)) for one in self.shared]
+        if self.landmark_n_m is not None:
+            means[0] = self.landmark_n_m
+        return np.concatenate([np.empty(0), *means])
 
 
 def there(values: FloatArray, k: int) -> bool:

@@ -3,40 +3,41 @@
 ``graph`` says the same in GTSAM's factors; the tests hold one against the other.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.methods.smoother.constants import columns, covariance
 from fgnav.methods.smoother.graph import (
     POSITION_PRIOR_M,
     ROTATION_PRIOR_RAD,
     VELOCITY_PRIOR_MPS,
-    landmark_covariance_m2,
 )
 from fgnav.methods.smoother.keyframes import Directions, Keyframes, Timed
-from fgnav.methods.smoother.link_kernel import Motions, Prior, Senses, States
+from fgnav.methods.smoother.link_types import Motions, Prior, Samples, Senses, States
 from fgnav.methods.smoother.motion_kernel import MOTION, Gained, preintegrate
-
-_NO_LANDMARK = np.zeros(3)
 
 
 def states_of(keyframes: Keyframes) -> States:
     """Return where the search starts."""
-    landmark_n_m = keyframes.landmark_n_m
+    shared, shape = keyframes.shared, keyframes.baselines
     return States(
         R_nb=np.array(keyframes.R_nb, order="C"),
         p_n_m=np.array(keyframes.p_n_m, order="C"),
         v_n_mps=np.array(keyframes.v_n_mps, order="C"),
         slot=np.array(keyframes.slot, order="C"),
-        landmark_n_m=np.array(_NO_LANDMARK if landmark_n_m is None else landmark_n_m, float),
+        constants=keyframes.shared_mean + np.concatenate([np.empty(0), *(c.start for c in shared)]),
+        columns=keyframes.columns,
+        baselines_b_m=np.zeros((0, 3)) if shape is None else np.array(shape.baselines_b_m),
     )
 
 
-def empty_states(n: int) -> States:
-    """Return room for the states of n keyframes."""
+def empty_states(n: int, like: States | None = None) -> States:
+    """Return room for the states of n keyframes, with what others share."""
     R_nb, three = np.zeros((n, 3, 3)), np.zeros((2, n, 3))
-    return States(R_nb, three[0], three[1], np.zeros((n, 6)), np.zeros(3))
+    own = (R_nb, three[0], three[1], np.zeros((n, 6)))
+    if like is None:
+        return States(*own, np.empty(0), columns((), 0), np.zeros((0, 3)))
+    return States(*own, like.constants.copy(), like.columns, like.baselines_b_m)
 
 
 def empty_motions(n: int) -> Motions:
@@ -50,19 +51,6 @@ def empty_motions(n: int) -> Motions:
         gravity_n_mps2=np.zeros((n, 3)),
         earth_rate_n_radps=np.zeros((n, 3)),
     )
-
-
-class Samples(NamedTuple):
-    """Inertial samples of intervals between n keyframes; see ``Increments``."""
-
-    t_s: FloatArray  # (n,), of the keyframes
-    first: IntArray
-    step_s: FloatArray
-    f_b_mps2: FloatArray
-    w_b_radps: FloatArray
-    noise: FloatArray
-    gravity_n_mps2: FloatArray
-    earth_rate_n_radps: FloatArray
 
 
 def samples_of(keyframes: Keyframes) -> Samples:
@@ -116,53 +104,75 @@ def integrate(
 
 def senses_of(keyframes: Keyframes) -> Senses:
     """Return what the keyframes measured, with the weight of each measurement."""
-    n, array = len(keyframes.t_s), keyframes.array
-    there = array.there[:, None, None]
+    n, array, shape = len(keyframes.t_s), keyframes.array, keyframes.baselines
+    there = keyframes.rigid[:, None, None]
     position, white, arm_b_m = _weighted(keyframes.position, n)
     velocity, velocity_white, _ = _weighted(keyframes.velocity, n)
     down_n = keyframes.gravity_n_mps2[:, None]
     return Senses(
         root=np.ascontiguousarray(np.where(there, array.root, 0.0)),  # else compiled twice
         minimum=np.where(there, array.minimum, 0.0),
+        floating=np.full(n, -1.0) if array.floating is None else array.floating.astype(float),
         position_n_m=position,
         position_white=white,
         arm_b_m=arm_b_m,
+        rate_b_radps=keyframes.rate_b_radps,
+        shape_root=np.zeros((n, 0, 0)) if shape is None else np.ascontiguousarray(shape.root),
+        shape_minimum_n_m=np.zeros((n, 0, 3)) if shape is None else shape.minimum,
         velocity_n_mps=velocity,
         velocity_white=velocity_white,
         known_n=down_n / np.linalg.norm(down_n, axis=2, keepdims=True).clip(1e-9),
         known_across_b=_across(keyframes.gravity, n)[:, None].copy(),
         sight_across_b=_across(keyframes.sight, n),
+        **_surroundings(keyframes, n),
     )
 
 
-def empty_senses(n: int) -> Senses:
-    """Return room for the measurements of n keyframes."""
-    three, white = np.zeros((4, n, 1, 3)), np.zeros((2, n, 1, 3, 3))
-    return Senses(
-        root=np.zeros((n, 9, 9)),
-        minimum=np.zeros((n, 3, 3)),
-        position_n_m=three[0],
-        position_white=white[0],
-        arm_b_m=three[1],
-        velocity_n_mps=three[2],
-        velocity_white=white[1],
-        known_n=three[3],
-        known_across_b=np.zeros((n, 1, 2, 3)),
-        sight_across_b=np.zeros((n, 2, 3)),
-    )
+def _surroundings(keyframes: Keyframes, n: int) -> dict[str, FloatArray]:
+    """Return the senses of barometer and magnetometer; nothing weighs where there are none."""
+    found: dict[str, FloatArray] = {
+        "height_weight": np.zeros(n),
+        "height_down_n_m": np.zeros(n),
+        "height_arm_b_m": np.zeros((n, 3)),
+        "height_at": np.zeros((n, 2)),
+        "field_across_b": np.zeros((n, 2, 3)),
+        "field_n_ut": np.zeros((n, 3)),
+    }
+    heights, field = keyframes.heights, keyframes.field
+    if heights is not None:
+        there, before = np.isfinite(heights.down_n_m), np.floor(heights.place)
+        found["height_weight"] = there / heights.sigma_m
+        found["height_down_n_m"] = np.where(there, heights.down_n_m, 0.0)
+        found["height_arm_b_m"][:] = heights.arm_b_m
+        found["height_at"] = np.stack([before, heights.place - before], axis=1)
+    if field is not None:
+        measured = Directions(e_b=field.e_b, sigma_rad=field.sigma_rad)
+        found["field_across_b"] = _across(measured, n)
+        found["field_n_ut"][:] = field.field_n_ut
+    return found
+
+
+def empty_senses(n: int, like: Senses) -> Senses:
+    """Return room for the measurements of n keyframes of the kinds that others have."""
+    return Senses(*(np.zeros((n, *part.shape[1:])) for part in like))
+
+
+def no_senses() -> Senses:
+    """Return measurements of no keyframes, for a memory that is still empty."""
+    return Senses(*(np.zeros(0) for _ in Senses._fields))
 
 
 def prior_of(keyframes: Keyframes) -> Prior:
     """Return what is known before the first keyframe, see ``graph.priors``."""
     sigma = (ROTATION_PRIOR_RAD, POSITION_PRIOR_M, VELOCITY_PRIOR_MPS)
-    white = np.linalg.inv(np.linalg.cholesky(landmark_covariance_m2(keyframes)))
+    white = np.linalg.inv(np.linalg.cholesky(covariance(keyframes.shared)))
     states = states_of(keyframes)
     return Prior(
         R_nb=states.R_nb[0].copy(),
         p_n_m=states.p_n_m[0].copy(),
         sigma=np.concatenate([np.repeat(sigma, 3), keyframes.slot_sigma]),
-        landmark_n_m=states.landmark_n_m,
-        landmark_white=white,
+        constants=keyframes.shared_mean,
+        constants_white=white,
     )
 
 
@@ -171,9 +181,8 @@ def _weighted(timed: Timed | None, n: int) -> tuple[FloatArray, FloatArray, Floa
     if timed is None:
         return np.zeros((n, 1, 3)), np.zeros((n, 1, 3, 3)), np.zeros((n, 1, 3))
     there = np.isfinite(timed.value[:, 0])
-    white = np.zeros((n, 1, 3, 3))
-    white[there, 0] = np.linalg.inv(np.linalg.cholesky(timed.covariance[there]))
     value = np.where(there[:, None], timed.value, 0.0)
+    white = timed.white(np.arange(n))[:, None]
     return value[:, None].copy(), white, np.tile(timed.arm_b_m, (n, 1, 1))
 
 

@@ -38,6 +38,8 @@ class CleanArray:
         Of the links that take part, the noise raised to what their residuals ask for.
     attitude : AttitudeSolution
         Of the form.
+    ranges_m : ndarray, shape (n, b, m)
+        Double differences without integers that the form is of.
     refused : ndarray of bool, shape (n,)
         Epochs that nothing brings to agree.
     rejections : tuple of Rejected
@@ -47,6 +49,7 @@ class CleanArray:
     integers: Integers
     form: RotationQuadratic
     attitude: AttitudeSolution
+    ranges_m: FloatArray
     refused: BoolArray
     rejections: tuple[Rejected, ...]
     notes: tuple[str, ...]
@@ -79,11 +82,12 @@ def clean_array(
     attitude = maximum_likelihood(form)
     doubtful = (form.count > 0) & ~(attitude.solved & attitude.consistent(false_alarm))
     if not doubtful.any():
-        form, attitude, notes = agreeing(form, attitude.R_nb)
+        form, attitude, notes = agreeing(form, attitude)
         return CleanArray(
             integers=integers,
             form=form,
             attitude=attitude,
+            ranges_m=ranges_m,
             refused=np.zeros(len(doubtful), dtype=np.bool_),
             rejections=(),
             notes=notes,
@@ -92,7 +96,8 @@ def clean_array(
     ranges_m = fixed_ranges_m(differences, replace(integers, cycles=cycles))
     left_out, R_nb = _left_out(differences, ranges_m, R_nb, false_alarm)
     rest_m = _rest(ranges_m, left_out)
-    form, attitude, notes = agreeing(RotationQuadratic.of_ranges(differences, rest_m), R_nb)
+    form = RotationQuadratic.of_ranges(differences, rest_m)
+    form, attitude, notes = agreeing(form, maximum_likelihood(form, R_nb))
     refused = attitude.solved & ~attitude.consistent(false_alarm)
     believed = ~refused[:, None, None]
     fixed = integers.fixed & ~left_out[:, 1:]
@@ -101,6 +106,7 @@ def clean_array(
         integers=replace(integers, fixed=fixed, cycles=np.where(fixed, cycles, 0)),
         form=form,
         attitude=attitude,
+        ranges_m=rest_m,
         refused=refused,
         rejections=_listed(differences, antennas, change, left_out & believed),
         notes=notes,

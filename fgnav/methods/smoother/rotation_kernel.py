@@ -8,7 +8,7 @@ from numba import njit
 
 from fgnav.checks import FloatArray
 
-_SMALL_RAD = 1e-5  # below, series are exact to double precision
+SMALL_RAD = 1e-5  # below, series are exact to double precision
 _BERNOULLI_RAD = 0.2  # below, four terms are exact to 1e-12
 
 
@@ -90,7 +90,7 @@ def exp(v: FloatArray) -> FloatArray:
     """Return the rotation of a rotation vector, (3, 3)."""
     square = v[0] ** 2 + v[1] ** 2 + v[2] ** 2
     angle = np.sqrt(square)
-    if angle < _SMALL_RAD:
+    if angle < SMALL_RAD:
         return series(v, 1 - square / 6, 0.5 - square / 24)
     return series(v, np.sin(angle) / angle, (1 - np.cos(angle)) / square)
 
@@ -100,7 +100,7 @@ def right_jacobian(v: FloatArray) -> FloatArray:
     """Return the change of the turn's end, in body axes, by the rotation vector, (3, 3)."""
     square = v[0] ** 2 + v[1] ** 2 + v[2] ** 2
     angle = np.sqrt(square)
-    if angle < _SMALL_RAD:
+    if angle < SMALL_RAD:
         return series(v, -0.5 + square / 24, 1 / 6 - square / 120)
     return series(v, -(1 - np.cos(angle)) / square, (angle - np.sin(angle)) / (angle * square))
 
@@ -168,4 +168,4 @@ def turn(R_from: FloatArray, R_to: FloatArray) -> FloatArray:
     out[0], out[1], out[2] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
     length = np.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2)  # twice the sine
     angle = np.arctan2(length, R[0, 0] + R[1, 1] + R[2, 2] - 1)
-    return scaled(out, 0.5 if length < _SMALL_RAD else angle / length)
+    return scaled(out, 0.5 if length < SMALL_RAD else angle / length)

@@ -7,7 +7,7 @@ from math import ceil
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, positive
+from fgnav.checks import BadInputError, FloatArray, NoSolutionError, positive
 from fgnav.estimate import Estimate
 from fgnav.flight import Flight
 from fgnav.gravity import GravityEstimator
@@ -16,7 +16,10 @@ from fgnav.integers.resolver import Resolver
 from fgnav.methods.smoother.ahead import foretelling
 from fgnav.methods.smoother.batch import solve_batch
 from fgnav.methods.smoother.by_gtsam import solve_by_gtsam
+from fgnav.methods.smoother.calibration import calibrated
 from fgnav.methods.smoother.collect import Collected, Settings, collect
+from fgnav.methods.smoother.constants import LINEAR, asked
+from fgnav.methods.smoother.constants_found import started_there
 from fgnav.methods.smoother.estimates import estimate_of
 from fgnav.methods.smoother.graph import Solution
 from fgnav.methods.smoother.interpolation import with_times
@@ -52,6 +55,9 @@ class Smoother:
         Integration steps per accelerometer sample; None: as many as the keyframes' spacing asks.
     false_alarm : float
         Share of right epochs that the chi-square test of the array may turn away.
+    estimate : tuple of str
+        What to estimate with the flight, such as ``("landmark", "antenna:a4")``; see
+        ``constants.asked``. The window's constants are linearised where the batch has them.
     name : str
     """
 
@@ -61,6 +67,7 @@ class Smoother:
     angular_acceleration_density: float | None = None
     sub_steps: int | None = None
     false_alarm: float = 1e-4
+    estimate: tuple[str, ...] = ()
     name: str = "smoother"
 
     def __post_init__(self) -> None:
@@ -78,8 +85,10 @@ class Smoother:
         """
         return _estimate(self, flight, partial(solve_window, lag_s=self.lag_s))
 
-    def at(self, flight: Flight, t_s: FloatArray) -> Estimate:
+    def at(self, flight: Flight, t_s: FloatArray | float) -> Estimate:
         """Estimate at any times, (m,), within the flight: these become keyframes without GNSS.
+
+        A number is a rate, Hz: as many times a second, from the first keyframe to the last.
 
         Raises
         ------
@@ -97,7 +106,7 @@ class Forward:
 
     Attributes
     ----------
-    resolver, gravity, angular_acceleration_density, sub_steps, false_alarm, name
+    resolver, gravity, angular_acceleration_density, sub_steps, false_alarm, estimate, name
         As in ``Smoother``.
     lag_s : float
         States this far back are still linearised anew.
@@ -109,6 +118,7 @@ class Forward:
     angular_acceleration_density: float | None = None
     sub_steps: int | None = None
     false_alarm: float = 1e-4
+    estimate: tuple[str, ...] = ()
     name: str = "forward"
 
     def __post_init__(self) -> None:
@@ -120,7 +130,7 @@ class Forward:
         """Estimate every keyframe; raises as ``Smoother`` does."""
         return _estimate(self, flight, partial(solve_forward, lag_s=self.lag_s))
 
-    def at(self, flight: Flight, t_s: FloatArray) -> Estimate:
+    def at(self, flight: Flight, t_s: FloatArray | float) -> Estimate:
         """Estimate at any times, as ``Smoother`` does."""
         return _estimate(self, flight, partial(solve_forward, lag_s=self.lag_s), t_s)
 
@@ -131,7 +141,7 @@ class Batch:
 
     Attributes
     ----------
-    resolver, gravity, angular_acceleration_density, sub_steps, false_alarm, name
+    resolver, gravity, angular_acceleration_density, sub_steps, false_alarm, estimate, name
         As in ``Smoother``.
     """
 
@@ -140,6 +150,7 @@ class Batch:
     angular_acceleration_density: float | None = None
     sub_steps: int | None = None
     false_alarm: float = 1e-4
+    estimate: tuple[str, ...] = ()
     name: str = "batch"
 
     def __post_init__(self) -> None:
@@ -150,7 +161,7 @@ class Batch:
         """Estimate every keyframe; raises as ``Smoother`` does."""
         return _estimate(self, flight, solve_batch)
 
-    def at(self, flight: Flight, t_s: FloatArray) -> Estimate:
+    def at(self, flight: Flight, t_s: FloatArray | float) -> Estimate:
         """Estimate at any times, as ``Smoother`` does."""
         return _estimate(self, flight, solve_batch, t_s)
 
@@ -165,13 +176,14 @@ class GtsamBatch(Batch):
         """Estimate every keyframe; raises as ``Smoother`` does."""
         return _estimate(self, flight, solve_by_gtsam)
 
-    def at(self, flight: Flight, t_s: FloatArray) -> Estimate:
+    def at(self, flight: Flight, t_s: FloatArray | float) -> Estimate:
         """Estimate at any times, as ``Smoother`` does."""
         return _estimate(self, flight, solve_by_gtsam, t_s)
 
 
 def _check(method: Smoother | Forward | Batch) -> None:
     positive(f"{method.name} false_alarm", method.false_alarm)
+    asked(method.estimate)
     if method.sub_steps is not None and method.sub_steps < 1:
         raise BadInputError(f"{method.name} sub_steps: must be 1 or more, got {method.sub_steps}")
     if method.angular_acceleration_density is not None:
@@ -182,36 +194,87 @@ def _estimate(
     method: Smoother | Forward | Batch,
     flight: Flight,
     solve: Callable[[Keyframes], Solution],
-    at_s: FloatArray | None = None,
+    at_s: FloatArray | float | None = None,
 ) -> Estimate:
-    sub_steps = _sub_steps(flight) if method.sub_steps is None else method.sub_steps
+    collected, rows = collected_for(method, flight), None
+    curved = any(one.place not in LINEAR for one in collected.keyframes.constants)
+    if curved and not isinstance(method, Batch):
+        collected = _constants_started(collected)
+    solve = _naming(method, collected, solve)
+    found = None
+    if not isinstance(method, Forward) and method.angular_acceleration_density is None:
+        found = calibrated(collected.keyframes, solve)
+        notes = (*collected.notes, *found.notes)
+        collected = replace(collected, keyframes=found.keyframes, notes=notes)
+    if at_s is not None:
+        collected, rows = with_times(collected, at_s, _sub_steps(method, flight))
+    if found is None:
+        return estimate_of(method.name, collected, solve(collected.keyframes), rows)
+    solution = found.solution if rows is None else solve(collected.keyframes)
+    return estimate_of(method.name, collected, solution, rows, found.believed(solution))
+
+
+def collected_for(method: Smoother | Forward | Batch, flight: Flight) -> Collected:
+    """Return the keyframes that a method smooths; raises as the method does."""
     settings = Settings(
         resolver=method.resolver,
         gravity=method.gravity,
         angular_acceleration_density=method.angular_acceleration_density,
-        sub_steps=sub_steps,
+        sub_steps=_sub_steps(method, flight),
         false_alarm=method.false_alarm,
+        causal=isinstance(method, Forward),
+        constants=asked(method.estimate),
+        float_arcs=not isinstance(method, GtsamBatch),  # it has no factor for them
     )
     collected = _beside_landmark(collect(flight, settings))
     if isinstance(method, Forward) and method.angular_acceleration_density is None:
         collected = replace(collected, keyframes=foretelling(collected.keyframes))
-    if at_s is None:
-        return estimate_of(method.name, collected, solve(collected.keyframes))
-    dense, rows = with_times(collected, at_s, sub_steps)
-    return estimate_of(method.name, dense, solve(dense.keyframes), rows)
+    return collected
+
+
+def _naming(
+    method: Smoother | Forward | Batch, collected: Collected, solve: Callable[[Keyframes], Solution]
+) -> Callable[[Keyframes], Solution]:
+    """Return a solver that says what a window is lost by: attitudes that nothing but a start tells.
+
+    It cannot linearise what has left it anew; the batch can.
+    """
+    keyframes = collected.keyframes
+    told = collected.integers is not None or keyframes.gravity is not None
+    if told or keyframes.preintegrate.imu.w_b_radps is not None or isinstance(method, Batch):
+        return solve
+
+    def named(keyframes: Keyframes) -> Solution:
+        try:
+            return solve(keyframes)
+        except NoSolutionError as error:
+            raise NoSolutionError(
+                f"attitude: without an array, a gyroscope or gravity directions {method.name} lost "
+                f"it, the batch may not: {error}"
+            ) from error
+
+    return named
+
+
+def _constants_started(collected: Collected) -> Collected:
+    """Start constants where the batch has them: a window cannot linearise what has left it anew."""
+    keyframes = collected.keyframes
+    return replace(collected, keyframes=started_there(keyframes, solve_batch(keyframes)))
 
 
 def _beside_landmark(collected: Collected) -> Collected:
-    """Let the way to the landmark share the error that all positions have in common."""
+    """Let the way to the landmark, and heights, share the error that all positions have."""
     keyframes = collected.keyframes
-    if keyframes.landmark_n_m is None:
+    if keyframes.landmark_n_m is None and keyframes.heights is None:
         return collected
     common_m2 = collected.common_position_m2.mean(axis=0)
     return replace(collected, keyframes=replace(keyframes, common_position_m2=common_m2))
 
 
-def _sub_steps(flight: Flight) -> int:
-    """Return how many steps per inertial sample the keyframes' spacing asks for."""
+def _sub_steps(method: Smoother | Forward | Batch, flight: Flight) -> int:
+    """Return how many steps per inertial sample: as stated, or as the keyframes' spacing asks."""
+    if method.sub_steps is not None:
+        return method.sub_steps
     source = flight.observations or flight.fixes
     if flight.imu is None or source is None or len(source.t_s) < 2 or len(flight.imu.t_s) < 2:
         return 1

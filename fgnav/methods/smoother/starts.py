@@ -6,23 +6,26 @@ from typing import Any
 import numpy as np
 
 from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
-from fgnav.attitude.flight_vectors import measured_vectors, track_of, with_velocity
+from fgnav.attitude.flight_vectors import measured_vectors, track_of
 from fgnav.attitude.quadratic import RotationQuadratic
-from fgnav.attitude.vector_pairs import wahba
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
 from fgnav.estimate import Rejected
 from fgnav.flight import Flight
 from fgnav.gnss.differences import DoubleDifferences
+from fgnav.gravity import GravityDirection
 from fgnav.integers.resolve import resolve
 from fgnav.integers.resolver import Integers, Resolver
 from fgnav.methods.smoother.gaps import spans, told
+from fgnav.methods.smoother.held import held
 from fgnav.methods.smoother.instruments import nearest
 from fgnav.methods.smoother.robust import CleanArray, clean_array
 from fgnav.methods.smoother.stand_ins import references_told, stood_in, views
+from fgnav.methods.smoother.vector_starts import (
+    VECTOR_SIGMA_RAD,
+    VectorAttitudes,
+    vector_attitudes,
+)
 
-# Vectors told without an array lean on a velocity along x_b and an attitude that holds for two
-# epochs: this is what they are good for when rates are told from them.
-_VECTOR_SIGMA_RAD = 0.1
 _Rows = FloatArray | BoolArray | IntArray
 
 
@@ -40,6 +43,8 @@ class Start:
     form : RotationQuadratic or None
         What the array's phases say; None without an array.
     integers : Integers or None
+    phases : tuple of DoubleDifferences and ndarray, or None
+        The array's own, and what of them its form is of, without integers, whatever the epochs.
     refused : ndarray of bool, shape (n,)
         Epochs whose array phases contradict each other.
     losses : tuple of Loss
@@ -48,6 +53,8 @@ class Start:
         Among them the gaps.
     unobservable : tuple of str
         Angles that the array leaves open and no other vector tells.
+    rough : bool
+        Whether the covariance is a guess.
     """
 
     t_s: FloatArray
@@ -61,6 +68,8 @@ class Start:
     rejections: tuple[Rejected, ...]
     notes: tuple[str, ...]
     unobservable: tuple[str, ...] = ()
+    rough: bool = False
+    phases: tuple[DoubleDifferences, FloatArray] | None = None
 
     def __getitem__(self, rows: IntArray) -> "Start":
         """Return the start at some of its epochs."""
@@ -107,8 +116,21 @@ def at_keyframes(start: Start, t_s: FloatArray) -> Start:
     )
 
 
-def start_of(flight: Flight, resolver: Resolver, false_alarm: float) -> Start:
+def start_of(
+    flight: Flight,
+    resolver: Resolver,
+    false_alarm: float,
+    gravity: GravityDirection | None = None,
+) -> Start:
     """Return single-epoch attitudes by the best means that the flight has.
+
+    Parameters
+    ----------
+    flight : Flight
+    resolver : Resolver
+    false_alarm : float
+    gravity : GravityDirection or None
+        A vector of epochs without an array.
 
     Raises
     ------
@@ -116,7 +138,7 @@ def start_of(flight: Flight, resolver: Resolver, false_alarm: float) -> Start:
         If it has neither an array nor a track.
     """
     if flight.observations is None or len(flight.antennas) < 2:
-        return _of_vectors(flight)
+        return _of_vectors(vector_attitudes(flight, gravity))
     whole, *others = views(flight)
     start = _of_array(whole.flight, resolver, false_alarm)
     for view in others:
@@ -165,7 +187,8 @@ def _filled(start: Start, other: Start, rows: IntArray) -> Start:
 def _of_array(flight: Flight, resolver: Resolver, false_alarm: float) -> Start:
     differences, integers = resolve(flight, resolver)
     names = tuple(antenna.name for antenna in flight.antennas)
-    clean = clean_array(differences, integers, names, false_alarm)
+    hold = held(differences, integers, names)
+    clean = clean_array(differences, hold.integers, names, false_alarm)
     attitude = _closed(flight, differences, clean)
     return Start(
         t_s=differences.t_s,
@@ -176,9 +199,10 @@ def _of_array(flight: Flight, resolver: Resolver, false_alarm: float) -> Start:
         integers=clean.integers,
         refused=clean.refused,
         losses=(*differences.losses, *integers.losses),
-        rejections=clean.rejections,
-        notes=(*clean.notes, *_antenna_gaps(names, differences)),
+        rejections=(*hold.rejections, *clean.rejections),
+        notes=(*hold.notes, *clean.notes, *_antenna_gaps(names, differences)),
         unobservable=attitude.unobservable(),
+        phases=(differences, clean.ranges_m),
     )
 
 
@@ -200,29 +224,24 @@ def _closed(flight: Flight, differences: DoubleDifferences, clean: CleanArray) -
         form = form + RotationQuadratic.of_vector_pairs(
             np.where(told[:, None], v_n[row], 0.0),
             np.where(told[:, None], v_b[row], np.nan),
-            (_VECTOR_SIGMA_RAD * size)[:, None, None] ** 2 * np.eye(3),
+            (VECTOR_SIGMA_RAD * size)[:, None, None] ** 2 * np.eye(3),
         )
     return maximum_likelihood(form)
 
 
-def _of_vectors(flight: Flight) -> Start:
-    """Specific force, line of sight and, where they leave an angle open, the velocity as x_b."""
-    track = track_of(flight)
-    pairs, losses = measured_vectors(flight, track)
-    attitude = wahba(with_velocity(pairs, track).directions())
-    known = attitude.rank == 2
-    n = len(track.t_s)
+def _of_vectors(attitudes: VectorAttitudes) -> Start:
     return Start(
-        t_s=track.t_s,
-        R_nb=np.where(known[:, None, None], attitude.R_nb, np.eye(3)),
-        covariance_rad2=np.tile(_VECTOR_SIGMA_RAD**2 * np.eye(3), (n, 1, 1)),
-        told=known,
+        t_s=attitudes.t_s,
+        R_nb=attitudes.R_nb,
+        covariance_rad2=attitudes.covariance_rad2,
+        told=attitudes.told,
         form=None,
         integers=None,
-        refused=np.zeros(n, dtype=np.bool_),
-        losses=losses,
+        refused=np.zeros(len(attitudes.t_s), dtype=np.bool_),
+        losses=attitudes.losses,
         rejections=(),
-        notes=(),
+        notes=attitudes.notes,
+        rough=attitudes.rough,
     )
 
 

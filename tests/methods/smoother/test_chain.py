@@ -5,7 +5,9 @@ from gtsam.symbol_shorthand import B, V, X
 from numpy.testing import assert_allclose
 
 from fgnav.checks import NoSolutionError
-from fgnav.methods.smoother.chain import STATE, Chain
+from fgnav.methods.smoother import chain_kernel as kernel
+from fgnav.methods.smoother.chain import STATE, Chain, OpenStateError
+from fgnav.methods.smoother.chain_rows_kernel import eliminate_rows
 from fgnav.methods.smoother.graph import State, enter, link, motion, priors
 
 from .flights import turning
@@ -53,13 +55,69 @@ def test_a_state_that_nothing_determines_is_named():
     chain.link[1, :STATE], chain.link[1, :, :STATE] = 0.0, 0.0
     chain.link[0] = 0.0
     chain.begin(0)
-    with pytest.raises(NoSolutionError, match="do not determine that of keyframe 0"):
+    with pytest.raises(NoSolutionError, match=r"attitude: the data do not .* at keyframe 0"):
         chain.eliminate(0, 2)
     chain.message[2] = 0.0
-    with pytest.raises(NoSolutionError, match="do not determine that of keyframe 2"):
+    with pytest.raises(NoSolutionError, match="do not determine it at keyframe 2"):
         chain.step(2, 2)
-    with pytest.raises(NoSolutionError, match="do not determine that of keyframe 2"):
+    with pytest.raises(NoSolutionError, match="do not determine it at keyframe 2"):
         chain.marginals(2, 2)
+
+
+@pytest.mark.parametrize(
+    ("part", "name"),
+    [(0, "attitude"), (3, "position"), (6, "velocity"), (9, "accelerometer bias"), (12, "angular")],
+)
+def test_the_part_of_a_state_that_is_known_least_has_its_name(part, name):
+    information = np.diag(np.repeat([1e4, 1.0, 1e2, 1e4, 1e4], 3))
+    information[part, part] = 1e-12
+    error = OpenStateError(3, information)
+    assert str(error).startswith(name)
+    assert str(error.at(4.5)).endswith("do not determine it at 4.50 s")
+
+
+@pytest.mark.parametrize("border", [0, 3])
+def test_elimination_by_rows_equals_that_by_squares(border):
+    chain = random_chain(6, border, np.random.default_rng(4))[0]
+    chain.begin(0)
+    chain.eliminate(0, 5)
+    arrays = (chain.message, chain.root, chain.gain)
+    squares = [array.copy() for array in arrays]
+    assert eliminate_rows(chain.link, *arrays, 0, 5) == -1
+    squares[1] = np.tril(squares[1])
+    for mine, theirs in zip(arrays, squares, strict=True):
+        assert_allclose(mine, theirs, rtol=1e-9, atol=1e-11)
+
+
+def drifting(n, far):
+    """A random walk of fifteen dimensions that begins nowhere, 1e-4 wide from step to step."""
+    chain = Chain.empty(n, 0)
+    for k in range(n):
+        J = np.zeros((STATE, 2 * STATE + 1))
+        J[:, STATE : 2 * STATE] = np.eye(STATE) * (1e4 if k else 1 / far)
+        J[:, :STATE] = -1e4 * np.eye(STATE) * (k > 0)
+        chain.enter(k, J.T @ J, np.arange(2 * STATE + 1))
+    chain.begin(0)
+    return chain
+
+
+def test_what_squares_lose_rows_keep():
+    """Sixteen digits do not hold 1e8 and 1e-10 beside each other; variances just add up."""
+    chain = drifting(50, 1e5)
+    arrays = (chain.message, chain.root, chain.gain)
+    kernel.eliminate(chain.link, *arrays, 0, 49)
+    assert abs(chain.message[49, 0, 0] * 1e10 - 1) > 0.5  # nothing of it is left
+    assert eliminate_rows(chain.link, *arrays, 0, 49) == -1
+    assert_allclose(chain.message[49, :STATE, :STATE] * 1e10, np.eye(STATE), atol=1e-3)
+
+
+def test_a_chain_that_squares_cannot_solve_is_solved_by_rows():
+    chain = drifting(50, 1e6)
+    chain.eliminate(0, 49)
+    steps, _ = chain.step(0, 49)
+    assert_allclose(steps, 0, atol=1e-3)
+    sigma = np.sqrt(np.einsum("nii->ni", chain.marginals(0, 49).covariance))
+    assert_allclose(sigma, 1e6, rtol=0.01)
 
 
 def test_chain_of_a_flight_equals_gtsam_marginals():

@@ -127,6 +127,19 @@ def test_all_that_rough_attitudes_change_by_counts_as_motion():
     assert (density_of_rough_attitudes(t, noisy(rng, R, 0.02)) > 2 * quiet).all()
 
 
+def test_what_means_over_two_seconds_blur_still_counts():
+    """Attitudes once a second, means over a second before and after: 0.575 of it is left."""
+    rng, found = np.random.default_rng(7), []
+    for _ in range(10):
+        t, R = walking(rng, np.full(3, 0.01))
+        rows = np.arange(10, len(t) - 10, 10)
+        near = R[rows[:, None] + np.arange(-10, 11)]
+        apart = rotations.log((rotations.transpose(R[rows])[:, None] @ near).reshape(-1, 3, 3))
+        blurred = R[rows] @ rotations.exp(apart.reshape(len(rows), 21, 3).mean(axis=1))
+        found.append(density_of_rough_attitudes(t[rows], blurred))
+    assert_allclose(np.mean(found, axis=0), 0.01, rtol=0.2)
+
+
 def test_blocks_of_a_long_flight_speak_for_it():
     density = np.full(3, 0.01)
     t, R = walking(np.random.default_rng(7), density, n=3000)

@@ -46,7 +46,9 @@ def keyframes(request):
     def gone(timed, arm_b_m):
         value = timed.value.copy()
         value[3] = np.nan
-        return dataclasses.replace(timed, value=value, arm_b_m=arm_b_m)
+        partial = np.zeros((n, 3, 3))
+        partial[4, 0] = [2.0, -1.0, 0.5]  # one direction only
+        return dataclasses.replace(timed, value=value, arm_b_m=arm_b_m, partial=partial)
 
     there = np.arange(n) != 3
     return dataclasses.replace(
@@ -84,11 +86,11 @@ class Ours:
 
     def moved(self, row, step):
         """States with those before and at a row, and the landmark, a step, (33,), away."""
-        states = type(self.states)(*(part.copy() for part in self.states))
+        states = self.states.copied()
         for k, part in ((row - 1, step[:STATE]), (row, step[STATE : 2 * STATE])):
             if k >= 0:
                 move(states, part[None], k, states, k, wholly=True)
-        states.landmark_n_m[:] += step[2 * STATE :]
+        states.constants[:] += step[2 * STATE :]
         return states
 
 

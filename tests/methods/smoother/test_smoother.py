@@ -205,3 +205,23 @@ def test_the_window_follows_a_real_flight_with_its_gyroscope(shared):
     airborne = np.linalg.norm(estimate.v_n_mps, axis=1) > 8
     gap = np.degrees(errors_rad(flight, estimate)[airborne])
     assert (np.sqrt((gap**2).mean(axis=0)) < [2.0, 2.0, 6.0]).all()
+
+
+def test_the_batch_solves_a_real_flight_without_its_gyroscope(shared):
+    """Fixes once a second and an accelerometer: roll and pitch to degrees, heading to tens."""
+    flight = read_umn(shared / "flights" / "thor75" / "thor_flight75.mat")
+    gone = dict.fromkeys(
+        (
+            "w_b_radps",
+            "gyroscope_noise_radps_per_sqrt_hz",
+            "gyroscope_bias_radps",
+            "gyroscope_bias_walk_radps_per_sqrt_s",
+        )
+    )
+    blind = dataclasses.replace(flight, imu=dataclasses.replace(flight.imu, **gone))
+    estimate = Batch()(blind)
+    assert estimate.converged
+    assert "starts with the velocity along x_b" in estimate.notes[0]
+    airborne = np.linalg.norm(estimate.v_n_mps, axis=1) > 8
+    gap = np.degrees(errors_rad(flight, estimate)[airborne])
+    assert (np.sqrt((gap**2).mean(axis=0)) < [10.0, 5.0, 40.0]).all()

@@ -48,7 +48,7 @@ def test_others_stand_in_one_after_another_with_their_own_antennas_first():
 
 
 def test_a_reference_that_never_tracks_is_replaced_for_good():
-    flight = flown(gone(0.0, 30.0, "a1"), span_s=10.0)
+    flight = flown(gone(0.0, 30.0, "a1"))
     (view,) = views(flight)
     assert view.flight.antennas[0].name != "a1"
     assert len(view.rows) == len(flight.observations.t_s)

@@ -1,0 +1,66 @@
+"""A method at times of the user's own choice: those of a table, or at a steady rate."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+from fgnav.checks import BadInputError, FloatArray, positive
+from fgnav.estimate import Estimate, Estimator
+from fgnav.flight import Flight
+from fgnav.io.tables import read_table
+
+
+@runtime_checkable
+class AnyTime(Protocol):
+    """A method that knows the motion between its epochs, too."""
+
+    @property
+    def name(self) -> str:
+        """Short label."""
+        ...
+
+    def at(self, flight: Flight, t_s: FloatArray | float) -> Estimate:
+        """Estimate at times, (m,), or at a rate, Hz."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AtTimes:
+    """A method's estimates at chosen times instead of its own epochs.
+
+    Attributes
+    ----------
+    name : str
+    method : AnyTime
+    t_s : ndarray, shape (m,), or float
+        Times, or a rate, Hz.
+    """
+
+    name: str
+    method: AnyTime
+    t_s: FloatArray | float
+
+    def __call__(self, flight: Flight) -> Estimate:
+        """Estimate; raises as ``method.at`` does."""
+        return self.method.at(flight, self.t_s)
+
+
+def at_times(method: Estimator, times: Path | None, rate_hz: float | None) -> Estimator:
+    """Return a method at the times of a table (a CSV with the column t_s), or at a rate.
+
+    Raises
+    ------
+    BadInputError
+        If both are asked for, the table cannot be read, or the method has no motion model.
+    """
+    if times is None and rate_hz is None:
+        return method
+    if times is not None and rate_hz is not None:
+        raise BadInputError("--at and --rate: name one of them")
+    if not isinstance(method, AnyTime):
+        raise BadInputError(f"--at, --rate: {method.name} knows its own epochs alone")
+    if times is not None:
+        return AtTimes(name=method.name, method=method, t_s=read_table(times, ["t_s"])["t_s"])
+    rate = float(rate_hz or 0.0)
+    positive("--rate", rate)
+    return AtTimes(name=method.name, method=method, t_s=rate)

@@ -1,0 +1,207 @@
+"""Barometric height and the magnetic field, brought to the keyframes, and what they may be off.
+
+A barometer's drift is no constant, but it is slow: its values at a few times a fraction of its time
+constant apart are constants of the flight, as correlated as a Gauss-Markov process is, with
+straight lines between them.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray, Loss
+from fgnav.earth import geodetic
+from fgnav.flight import Flight, Imu
+from fgnav.methods.smoother.constants import HEIGHT, IRON, FlightConstant, constant
+from fgnav.surroundings import Barometer
+
+_PER_CONSTANT = 8  # times at which a drift is estimated in each of its time constants
+_TIMES_AT_MOST = 12  # dimensions of the border are paid for at every keyframe
+_LONGEST_S = 2.0  # between samples: across longer ones nothing is interpolated
+_SAME_S = 1e-4
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Heights:
+    """Barometric heights at keyframes.
+
+    Attributes
+    ----------
+    down_n_m : ndarray, shape (n,)
+        Where the port is along the third axis of ``n``; NaN where there is none.
+    sigma_m : float
+        Of what is new at each keyframe.
+    arm_b_m : ndarray, shape (3,)
+        From the accelerometer to the port.
+    place : ndarray, shape (n,)
+        Where each keyframe lies among the times of the drift, in intervals.
+    offset : FlightConstant
+        What is to be taken off heights, at those times.
+    """
+
+    down_n_m: FloatArray
+    sigma_m: float
+    arm_b_m: FloatArray
+    place: FloatArray
+    offset: FlightConstant
+
+    def at(self, rows: IntArray, t_s: FloatArray, have_s: FloatArray) -> "Heights":
+        """Return the heights among more keyframes, (n,), of which ``rows`` are those so far."""
+        down_n_m = np.full(len(t_s), np.nan)
+        down_n_m[rows] = self.down_n_m
+        return replace(self, down_n_m=down_n_m, place=np.interp(t_s, have_s, self.place))
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class MagneticField:
+    """The magnetic field at keyframes.
+
+    Attributes
+    ----------
+    e_b : ndarray, shape (n, 3)
+        Measured directions; NaN where there is none.
+    sigma_rad : ndarray, shape (n,)
+        About each axis across them.
+    field_n_ut : ndarray, shape (3,)
+    iron : FlightConstant
+        The vehicle's own field.
+    """
+
+    e_b: FloatArray
+    sigma_rad: FloatArray
+    field_n_ut: FloatArray
+    iron: FlightConstant
+
+    def at(self, rows: IntArray, n: int) -> "MagneticField":
+        """Return the field among n keyframes, of which ``rows`` are those so far."""
+        e_b, sigma_rad = np.full((n, 3), np.nan), np.ones(n)
+        e_b[rows], sigma_rad[rows] = self.e_b, self.sigma_rad
+        return replace(self, e_b=e_b, sigma_rad=sigma_rad)
+
+
+def heights(
+    flight: Flight, imu: Imu, t_s: FloatArray, p_n_m: FloatArray
+) -> tuple[Heights | None, tuple[Loss, ...]]:
+    """Return barometric heights at keyframes, (n,), the ellipsoid taken as flat about each place.
+
+    Parameters
+    ----------
+    flight : Flight
+    imu : Imu
+    t_s : ndarray, shape (n,)
+    p_n_m : ndarray, shape (n, 3)
+        Approximate places of keyframes: a kilometre off bends a height by 0.1 m.
+    """
+    barometer = flight.barometer
+    if barometer is None or not len(barometer.t_s):
+        return None, ()
+    value, losses = _sampled("barometric height", barometer.t_s, barometer.height_m[:, None], t_s)
+    geodetic_m = geodetic(flight.origin.to_e(p_n_m))[:, 2]
+    times_s = _times(barometer, t_s)
+    missed_m2 = _between(barometer, times_s, t_s)
+    found = Heights(
+        down_n_m=p_n_m[:, 2] + geodetic_m - value[:, 0],
+        sigma_m=float(np.sqrt(barometer.noise_m**2 + missed_m2)),
+        arm_b_m=barometer.position_b_m - imu.position_b_m,
+        place=np.interp(t_s, times_s, np.arange(len(times_s))),
+        offset=_offset(barometer, times_s),
+    )
+    return found, losses
+
+
+def magnetic_field(
+    flight: Flight, t_s: FloatArray
+) -> tuple[MagneticField | None, tuple[Loss, ...]]:
+    """Return directions of the magnetic field at keyframes, (n,)."""
+    sensor = flight.magnetometer
+    if sensor is None or not len(sensor.t_s):
+        return None, ()
+    value, losses = _sampled("magnetic field", sensor.t_s, sensor.field_b_ut, t_s)
+    size_ut = np.linalg.norm(value, axis=1)
+    value[size_ut == 0] = np.nan
+    axes = ("x_b", "y_b", "z_b")
+    found = MagneticField(
+        e_b=value / size_ut.clip(1e-12)[:, None],
+        sigma_rad=sensor.noise_ut / size_ut.clip(1e-12),
+        field_n_ut=sensor.field_n_ut,
+        iron=constant("hard iron", IRON, axes, "uT", sensor.hard_iron_ut),
+    )
+    return found, losses
+
+
+def _sampled(
+    what: str, have_s: FloatArray, values: FloatArray, t_s: FloatArray
+) -> tuple[FloatArray, tuple[Loss, ...]]:
+    """Return samples, (k, d), at the keyframes nearest to them, (n, d), interpolated; NaN else.
+
+    One for each: neighbours of one sample would share its noise.
+    """
+    spacing_s = float(np.median(np.diff(t_s)))
+    after = np.searchsorted(t_s, have_s).clip(1, len(t_s) - 1)
+    row = np.where(have_s - t_s[after - 1] < t_s[after] - have_s, after - 1, after)
+    near = np.abs(t_s[row] - have_s) <= spacing_s / 2 + _SAME_S
+    told = np.zeros(len(t_s), dtype=np.bool_)
+    told[row[near]] = True
+    told &= (t_s >= have_s[0] - _SAME_S) & (t_s <= have_s[-1] + _SAME_S)
+    if len(have_s) > 1:
+        following = np.searchsorted(have_s, t_s - _SAME_S).clip(1, len(have_s) - 1)
+        before = have_s[following - 1]
+        same = np.minimum(np.abs(t_s - before), np.abs(have_s[following] - t_s)) < _SAME_S
+        told &= same | (have_s[following] - before <= _LONGEST_S)
+    found = np.full((len(t_s), values.shape[1]), np.nan)
+    for k, column in enumerate(values.T):
+        found[told, k] = np.interp(t_s[told], have_s, column)
+    left = len(have_s) - int(told.sum())
+    reason = "not at a keyframe, or not alone there"
+    return found, (Loss(what=what, reason=reason, count=left),) if left > 0 else ()
+
+
+def _times(barometer: Barometer, t_s: FloatArray) -> FloatArray:
+    """Return the times at which a drift is estimated; one where there is no drift."""
+    span_s = float(t_s[-1] - t_s[0])
+    if barometer.wander_m == 0 or span_s == 0:
+        return t_s[:1]
+    wanted = int(np.ceil(span_s * _PER_CONSTANT / barometer.wander_time_s)) + 1
+    return np.linspace(t_s[0], t_s[-1], min(max(wanted, 2), _TIMES_AT_MOST))
+
+
+def _between(barometer: Barometer, times_s: FloatArray, t_s: FloatArray) -> float:
+    """Return white noise, m2 at each keyframe, as loud at low frequencies as what lines miss.
+
+    A Gauss-Markov process with its values D apart known is Brownian between them, ``2 s^2 / T`` the
+    variance it gains in a second: of mean variance ``s^2 D / (3 T)``, its mean over D as
+    uncertain as that of independent values half an interval apart. Beyond the time constant it is
+    ``s^2``, a time constant to either side.
+    """
+    if barometer.wander_m == 0 or len(times_s) < 2:
+        return 0.0
+    spacing_s, apart_s = float(np.median(np.diff(t_s))), float(times_s[1] - times_s[0])
+    T_s, variance_m2 = barometer.wander_time_s, barometer.wander_m**2
+    missed = variance_m2 * apart_s**2 / (6 * T_s)
+    return max(
+        min(missed, 2 * variance_m2 * T_s) / spacing_s, min(apart_s / T_s / 3, 1.0) * variance_m2
+    )
+
+
+def _offset(barometer: Barometer, times_s: FloatArray) -> FlightConstant:
+    """Return offset and drift at those times, as correlated as they are."""
+    apart_s = np.abs(times_s[:, None] - times_s)
+    drift_m2 = barometer.wander_m**2 * np.exp(-apart_s / barometer.wander_time_s)
+    n = len(times_s)
+    return FlightConstant(
+        name="barometer",
+        place=HEIGHT,
+        axes=("height",) if n == 1 else tuple(f"at {t:.1f} s" for t in times_s),
+        unit="m",
+        start=np.zeros(n),
+        covariance=barometer.offset_m**2 + drift_m2,
+    )
+
+
+def with_offsets(
+    constants: tuple[FlightConstant, ...], heights: Heights | None, field: MagneticField | None
+) -> tuple[FlightConstant, ...]:
+    """Return constants with those of barometer and magnetometer among them."""
+    more = [] if heights is None else [heights.offset]
+    more += [] if field is None else [field.iron]
+    return tuple(sorted((*constants, *more), key=lambda one: one.place))

@@ -1,0 +1,114 @@
+"""Whether a stream's memory is flat: an hour of epochs made as they are needed, in a process.
+
+A body that hovers while all its angles swing; ten epochs a second with three vectors known in the
+body, a position and a velocity, a hundred samples of the accelerometer. Nothing of it is kept here.
+"""
+
+import multiprocessing
+import resource
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from time import process_time
+
+import numpy as np
+
+from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.earth import Origin
+from fgnav.flight import Imu
+from fgnav.methods.smoother import Measured, Measurements, Stream, StreamSetUp
+from fgnav.rotations import from_euler
+
+NAMES = ("smoother_memory_hour",)
+RATE_HZ, SAMPLE_S = 10, 0.01
+MARKS_S = (600, 3600)
+ORIGIN = Origin(latitude_rad=0.7, longitude_rad=-0.07, height_m=700.0)
+ACCELERATION_DENSITY = 0.005  # (rad/s2)2/Hz
+FORCE_SIGMA_MPS2, VECTOR_SIGMA, POSITION_SIGMA_M, VELOCITY_SIGMA_MPS = 0.01, 0.01, 0.5, 0.05
+
+
+def run() -> list[dict[str, object]]:
+    """Return the row."""
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        found = pool.submit(streamed).result()
+    first, last = found.peaks_mb
+    note = (
+        "peak resident memory of a process by 60 minutes of a stream, lag 2 s; peer: by 10 minutes;"
+        f" {found.seconds_per_second:.0f} x real time, epochs made up included"
+    )
+    return [
+        {
+            "name": "smoother_memory_hour",
+            "ours": last,
+            "peer": first,
+            "ratio": first / last,
+            "unit": "MB",
+            "note": note,
+        }
+    ]
+
+
+@dataclass(frozen=True)
+class Streamed:
+    """Peaks of memory at the marks, MB; and flight seconds per second of one core."""
+
+    peaks_mb: tuple[float, ...]
+    seconds_per_second: float
+
+
+def streamed() -> Streamed:
+    """Feed a stream for as long as the last mark says."""
+    rng, started_s, peaks_mb = np.random.default_rng(1), process_time(), []
+    stream = Stream(
+        StreamSetUp(
+            origin=ORIGIN,
+            antenna_b_m=np.zeros(3),
+            slot_sigma=np.repeat([0.03, 3.0], 3),
+            angular_acceleration_density=np.full(3, ACCELERATION_DENSITY),
+        ),
+        lag_s=2.0,
+    )
+    for k in range(1, MARKS_S[-1] * RATE_HZ + 1):
+        stream.update(measurements(k / RATE_HZ, rng))
+        if k % RATE_HZ == 0 and k // RATE_HZ in MARKS_S:
+            peaks_mb.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    return Streamed(tuple(peaks_mb), MARKS_S[-1] / (process_time() - started_s))
+
+
+def measurements(t_s: float, rng: np.random.Generator) -> Measurements:
+    """Return what came in up to an epoch."""
+    R_nb, zero = attitudes(np.array([t_s])), np.zeros(3)
+    samples_s = np.arange(round((t_s - 0.2) / SAMPLE_S), round((t_s + 0.1) / SAMPLE_S)) * SAMPLE_S
+    felt = -np.einsum("nji,j->ni", attitudes(samples_s), ORIGIN.gravity_n_mps2(zero[None])[0])
+    imu = Imu(
+        t_s=samples_s,
+        f_b_mps2=felt + FORCE_SIGMA_MPS2 * rng.standard_normal(felt.shape),
+        position_b_m=zero,
+        accelerometer_noise_mps2_per_sqrt_hz=FORCE_SIGMA_MPS2 * SAMPLE_S**0.5,
+        accelerometer_bias_mps2=0.03,
+        accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
+    )
+    v_n = np.eye(3)
+    v_b = v_n @ R_nb[0] + VECTOR_SIGMA * rng.standard_normal((3, 3))
+    pairs = (
+        RotationQuadratic.of_vector_pairs(n[None], b[None], VECTOR_SIGMA**2 * np.eye(3)[None])
+        for n, b in zip(v_n, v_b, strict=True)
+    )
+    first, second, third = pairs
+    return Measurements(
+        t_s=t_s,
+        imu=imu,
+        array=first + second + third,
+        position=measured(POSITION_SIGMA_M, rng),
+        velocity=measured(VELOCITY_SIGMA_MPS, rng),
+    )
+
+
+def measured(sigma: float, rng: np.random.Generator) -> Measured:
+    """Return zero, with noise."""
+    return Measured(value=sigma * rng.standard_normal(3), covariance=sigma**2 * np.eye(3))
+
+
+def attitudes(t_s: np.ndarray) -> np.ndarray:
+    """Return how the body swings, (n, 3, 3)."""
+    angle_rad = np.radians(20.0) * np.sin(t_s)
+    return from_euler(angle_rad, angle_rad, angle_rad)

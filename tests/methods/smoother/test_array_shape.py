@@ -1,0 +1,82 @@
+"""The array's shape from its phases: the same form as of a rigid array, and places found."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.integers.lambda_ import Lambda
+from fgnav.integers.resolver import fixed_ranges_m
+from fgnav.methods.smoother.array_shape import BaselineForm, baseline_information, shaped
+from fgnav.methods.smoother.constants import asked, constants_of
+from tests.attitude.arrays import synthetic
+from tests.methods.simulated import flown
+
+from .flights import E_N, motion
+
+OFF_B_M = np.array([0.0, 0.02, 0.0224])  # three centimetres
+MM = 1e-3
+
+
+@pytest.fixture(scope="module")
+def ranges():
+    """Double differences of a minute at 1 Hz, some links missing."""
+    rng = np.random.default_rng(0)
+    differences, integers = synthetic(motion(np.arange(60.0), 0.3)[0], E_N, rng)
+    ranges_m = fixed_ranges_m(differences, integers)
+    ranges_m[rng.random(ranges_m.shape) < 0.1] = np.nan
+    return differences, ranges_m
+
+
+def to_baselines(arms_b_m):
+    """Derivative of the baselines in n by the elements of the rotation, row by row."""
+    rows = [np.kron(np.eye(3), arm) for arm in arms_b_m]
+    return np.concatenate(rows)
+
+
+def test_places_that_are_known_leave_the_form_of_the_rotation(ranges):
+    differences, ranges_m = ranges
+    T = to_baselines(differences.baselines_b_m)
+    information, vector = baseline_information(differences, ranges_m)
+    form = RotationQuadratic.of_ranges(differences, ranges_m)
+    scale = np.abs(form.information).max()
+    assert_allclose(T.T @ information @ T / scale, form.information / scale, rtol=0, atol=1e-12)
+    assert_allclose(vector @ T, form.vector, rtol=1e-9, atol=1e-9 * np.abs(form.vector).max())
+
+
+def test_the_form_is_as_loud_as_that_of_the_rotation(ranges):
+    differences, ranges_m = ranges
+    rows = np.arange(10, 40)
+    louder = RotationQuadratic.of_ranges(differences, ranges_m)[rows].louder(4.0)
+    form = BaselineForm.of_ranges(differences, ranges_m)
+    quiet = form.as_loud_as(louder, rows)
+    assert_allclose(quiet.root, form.root / 2, rtol=1e-9)
+    moved = quiet.at(np.arange(60) + 5, 70)
+    assert moved.there.sum() == 60
+    assert not moved.root[:5].any()
+    assert_allclose(moved.root[5:65], quiet.root, rtol=0, atol=0)
+
+
+def off(flight, k, by_b_m):
+    antennas = list(flight.antennas)
+    place_b_m = antennas[k].position_b_m + by_b_m
+    antennas[k] = dataclasses.replace(antennas[k], position_b_m=place_b_m)
+    return dataclasses.replace(flight, antennas=tuple(antennas))
+
+
+def test_an_antenna_that_is_off_is_put_where_its_phases_say():
+    flight = off(flown("demo", 20.0), 3, OFF_B_M)
+    constants = constants_of(asked(("antenna:a4",)), flight, gravity=False)
+    mended, started = shaped(flight, constants, Lambda())
+    assert np.abs(started[0].start + OFF_B_M).max() < 1.0 * MM
+    right = flown("demo", 20.0).antennas[3].position_b_m
+    assert np.abs(mended.antennas[3].position_b_m - right).max() < 1.0 * MM
+    assert_allclose(started[0].covariance, constants[0].covariance, rtol=0, atol=0)
+
+
+def test_flights_whose_array_is_not_asked_about_stay_as_they_are():
+    flight = flown("demo", 20.0)
+    constants = constants_of(asked(("lever-arm",)), flight, gravity=False)
+    assert shaped(flight, constants, Lambda()) == (flight, constants)
