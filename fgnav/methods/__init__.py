@@ -25,11 +25,6 @@ METHODS = {
 WITH_GRAVITY = ("smoother", "forward", "batch", "gtsam")
 
 
-def method_names() -> tuple[str, ...]:
-    """Return the names of all methods: the library's own, then installed ones."""
-    return plugins.names(GROUP, METHODS)
-
-
 def method_named(
     name: str,
     resolver: Resolver,

@@ -14,6 +14,7 @@ from fgnav.checks import BoolArray, IntArray
 from fgnav.estimate import Rejected
 from fgnav.gnss.differences import DoubleDifferences
 from fgnav.integers.resolver import Integers
+from fgnav.methods.smoother.votes import elected
 
 _FEWEST = 5  # epochs of an arc that say which integer it has: wrong ones seldom say the same
 _AGREED = 0.75  # of them say the same
@@ -100,17 +101,10 @@ def _agreed(label: IntArray, cycles: IntArray, fixed: BoolArray) -> tuple[IntArr
     Both (n, b, m).
     """
     count = 1 + int(label.max())
-    order = np.lexsort((cycles[fixed], label[fixed]))
-    labels, integers = label[fixed][order], cycles[fixed][order]
-    begins = (np.diff(labels, prepend=-1) != 0) | (np.diff(integers, prepend=0) != 0)
-    first = np.flatnonzero(begins)
-    votes = np.diff(first, append=len(labels))
-    by_votes = np.lexsort((votes, labels[first]))
+    labels, integers, votes = elected(label[fixed], cycles[fixed])
     known, most = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
-    # Of equal places the last one stays, which has the most votes.
-    known[labels[first][by_votes]] = integers[first][by_votes]
-    most[labels[first][by_votes]] = votes[by_votes]
-    total = np.bincount(labels, minlength=count)
+    known[labels], most[labels] = integers, votes
+    total = np.bincount(label[fixed], minlength=count)
     agreed = (total >= _FEWEST) & (most >= _AGREED * total)
     return known[label], agreed[label]
 

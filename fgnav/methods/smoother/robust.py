@@ -15,6 +15,7 @@ from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.estimate import Rejected, open_angle_variance_rad2
 from fgnav.gnss.differences import DoubleDifferences
 from fgnav.integers.resolver import Integers, fixed_ranges_m
+from fgnav.methods.smoother.votes import elected
 from fgnav.rotations import skew
 
 _NEAR_CYCLES = 0.15  # a residual this near to a whole number says which one it is
@@ -175,15 +176,7 @@ def _voted(arc: IntArray, cycles: IntArray, own: IntArray, knows: BoolArray) -> 
         return cycles
     links = np.arange(arc[0].size).reshape(arc[0].shape)
     label = links * (arc.max() + 1) + arc
-    order = np.lexsort((own[knows], label[knows]))
-    labels, integers = label[knows][order], own[knows][order]
-    begins = (np.diff(labels, prepend=-1) != 0) | (np.diff(integers, prepend=0) != 0)
-    first = np.flatnonzero(begins)
-    votes = np.diff(first, append=len(labels))
-    by_votes = np.lexsort((votes, labels[first]))
-    labels, integers = labels[first][by_votes], integers[first][by_votes]
-    wins = np.diff(labels, append=-1) != 0  # the most votes of a label stand last
-    labels, integers = labels[wins], integers[wins]
+    labels, integers, _ = elected(label[knows], own[knows])
     place = np.searchsorted(labels, label).clip(max=len(labels) - 1)
     return np.asarray(np.where(labels[place] == label, integers[place], cycles))
 
