@@ -209,8 +209,10 @@ def solve_subset(
         Bootstrapped success rate of the fixed ones: a lower bound of that of the search.
     """
     n = len(a)
-    whole = np.floor(a + 0.5)
-    carried = (a - whole).reshape(n, 1)
+    whole, carried = np.empty(n), np.empty((n, 1))
+    for i in range(n):
+        whole[i] = np.floor(a[i] + 0.5)
+        carried[i, 0] = a[i] - whole[i]
     integers = np.zeros((candidates, n), dtype=np.int64)
     determined = np.zeros(n, dtype=np.bool_)
     status = fault(a, Q)
@@ -302,9 +304,9 @@ def search(
     """Return whether it finished, the best integers, (candidates, n), and their squared norms."""
     n = len(d)
     found, squared_norms = np.zeros((candidates, n)), np.full(candidates, np.inf)
-    above = np.zeros((n, n))  # row k: what the levels above k add to the conditional estimates
-    state = np.zeros((5, n))
-    norm_above, centre, z, step, weight = state[0], state[1], state[2], state[3], state[4]
+    room = np.zeros((n + 5, n))
+    above = room[5:]  # row k: what the levels above k add to the conditional estimates
+    norm_above, centre, z, step, weight = room[0], room[1], room[2], room[3], room[4]
     for k in range(n):
         weight[k] = 1.0 / d[k]
     k = n - 1
@@ -339,10 +341,12 @@ def _insert(found: FloatArray, squared_norms: FloatArray, z: FloatArray, norm: f
     i = len(squared_norms) - 1
     while i > 0 and squared_norms[i - 1] > norm:
         squared_norms[i] = squared_norms[i - 1]
-        found[i] = found[i - 1]
+        for j in range(len(z)):
+            found[i, j] = found[i - 1, j]
         i -= 1
     squared_norms[i] = norm
-    found[i] = z
+    for j in range(len(z)):
+        found[i, j] = z[j]
 
 
 @kernel

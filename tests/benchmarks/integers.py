@@ -33,7 +33,7 @@ NAMES = (
     "lambda_array_epoch",
     *(f"affine_success_{code_m}m" for code_m in PROTOTYPE),
 )
-PROBLEMS, REPEATS, BATCH, WEAK = 300, 7, 9000, 100
+PROBLEMS, REPEATS, BATCH, WEAK = 300, 40, 9000, 100
 
 
 def run() -> list[dict[str, object]]:
