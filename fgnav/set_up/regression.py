@@ -31,22 +31,14 @@ class Regression:
         information = A.T @ A + np.diag(np.broadcast_to(ridge, A.shape[1]))
         return Regression(information, A.T @ y, float(y @ y), len(y))
 
-    def fit(self, held: dict[int, float]) -> tuple[FloatArray, FloatArray, float]:
-        """Return all unknowns, (q,), their covariance at unit noise, (q, q), and the squares left.
-
-        Parameters
-        ----------
-        held : dict of int to float
-            Unknowns held at a value; their variance is 0.
-        """
+    def fit(self, held: dict[int, float]) -> tuple[FloatArray, float]:
+        """Return all unknowns, (q,), some held at a value, by place, and the squares left."""
         q = len(self.vector)
         fixed = np.array(sorted(held), dtype=np.int64)
         free = np.setdiff1d(np.arange(q), fixed)
-        x, covariance = np.zeros(q), np.zeros((q, q))
+        x = np.zeros(q)
         x[fixed] = [held[i] for i in fixed]
         rest = self.vector[free] - self.information[np.ix_(free, fixed)] @ x[fixed]
-        inverse = np.linalg.pinv(self.information[np.ix_(free, free)], hermitian=True)
-        x[free] = inverse @ rest
-        covariance[np.ix_(free, free)] = inverse
+        x[free] = np.linalg.pinv(self.information[np.ix_(free, free)], hermitian=True) @ rest
         left = self.constant - 2 * x @ self.vector + x @ self.information @ x
-        return x, covariance, max(float(left), 0.0)
+        return x, max(float(left), 0.0)

@@ -37,7 +37,7 @@ def sight_findings(flight: Flight, seeker: Seeker, quick: Quick) -> list[Finding
     square = float(residual @ residual)
     found: list[tuple[float, str, FloatArray]] = []
     for name, (A, widest, notable) in causes.items():
-        unknown, _, left = Regression.of(A, residual, widest**-2).fit({})
+        unknown, left = Regression.of(A, residual, widest**-2).fit({})
         if square - left > _SQUARES and np.linalg.norm(unknown) > notable:
             found.append((left, name, unknown))
     if not found:

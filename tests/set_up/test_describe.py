@@ -36,6 +36,16 @@ def test_a_right_flight_raises_no_alarm(name):
     assert describe(flown(name)).findings == ()
 
 
+def test_a_lever_arm_that_noise_of_the_rates_hides_is_not_judged():
+    """Noise draws what velocities tell of it to zero: half way to the reversed one."""
+    scenario, rng = load_scenario(SCENARIOS / "ramp.toml"), np.random.default_rng([0, 54])
+    arm_b_m = tuple(rng.choice([-1, 1], 3) * rng.uniform(0.15, 0.4, 3))
+    imu = msgspec.structs.replace(scenario.imu, position_b_m=arm_b_m, **GYROSCOPE)
+    set_up = describe(simulate(msgspec.structs.replace(scenario, imu=imu), rng))
+    assert set_up.findings == ()
+    assert "imu lever arm" in {unchecked.name for unchecked in set_up.unchecked}
+
+
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_mistake_is_found_and_the_right_one_blamed(name):
     flight = flown("terminal" if name in NEEDS_SEEKER else "demo")
