@@ -48,14 +48,26 @@ def velocity(key: int, v_n_mps: FloatArray, white: FloatArray) -> gtsam.Nonlinea
 
 
 def direction(
-    key: int, known_n: FloatArray, measured_b: FloatArray, sigma_rad: float
+    key: int, known_n: FloatArray, measured_b: FloatArray, across_b: FloatArray
 ) -> gtsam.NonlinearFactor:
-    """Return the factor of a direction known in ``n`` and measured in body axes (gravity)."""
-    noise = gtsam.noiseModel.Isotropic.Sigma(2, sigma_rad)
-    return gtsam.AttitudeFactorPose3(key, gtsam.Unit3(known_n), noise, gtsam.Unit3(measured_b))
+    """Return the factor of a direction known in ``n`` and measured in body axes (gravity).
+
+    What whitens it, (2, 3), holds in body axes. ``AttitudeFactorPose3`` errs in two axes of ``n``,
+    about which a long axis in the body would turn with the estimate; a magnetic field of size one
+    errs in body axes, and of its three the third weighs nothing.
+    """
+    whitening = np.vstack([across_b, np.zeros(3)])
+    noise = gtsam.noiseModel.Gaussian.SqrtInformation(whitening, False)
+    known = gtsam.Unit3(known_n)
+    return gtsam.MagPoseFactorPose3(key, measured_b, 1.0, known.point3(), np.zeros(3), noise)
 
 
-def bearing(key: int, landmark: int, measured_b: FloatArray, sigma_rad: float) -> Any:  # noqa: ANN401
-    """Return the factor of the direction from the body point to the landmark, body axes."""
-    noise = gtsam.noiseModel.Isotropic.Sigma(2, sigma_rad)
+def bearing(key: int, landmark: int, measured_b: FloatArray, across_b: FloatArray) -> Any:  # noqa: ANN401
+    """Return the factor of the direction from the body point to the landmark, body axes.
+
+    GTSAM errs in the two axes that it lays across the expected direction, taken here as those
+    across the measured one: a long axis is turned where the two choose theirs by other body axes.
+    """
+    whitening = across_b @ gtsam.Unit3(measured_b).basis()
+    noise = gtsam.noiseModel.Gaussian.SqrtInformation(whitening, False)
     return gtsam.BearingFactor3D(key, landmark, gtsam.Unit3(measured_b), noise)

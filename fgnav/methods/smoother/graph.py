@@ -164,9 +164,9 @@ def measured(keyframes: Keyframes, row: int, key: int) -> Iterator[gtsam.Nonline
     g, sight = keyframes.gravity, keyframes.sight
     if g is not None and there(g.e_b, row):
         down_n = keyframes.gravity_n_mps2[row]
-        yield factors.direction(X(key), down_n, g.e_b[row], float(g.sigma_rad[row]))
+        yield factors.direction(X(key), down_n, g.e_b[row], g.across_b[row])
     if sight is not None and there(sight.e_b, row):
-        yield factors.bearing(X(key), L(0), sight.e_b[row], float(sight.sigma_rad[row]))
+        yield factors.bearing(X(key), L(0), sight.e_b[row], sight.across_b[row])
 
 
 def priors(keyframes: Keyframes) -> tuple[gtsam.NonlinearFactor, ...]:

@@ -5,7 +5,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.flight import Flight, Imu
 from fgnav.gravity import GravityDirection
-from fgnav.methods.smoother.keyframes import Directions
+from fgnav.methods.smoother.directions import Directions
 from fgnav.seeker import line_of_sight, to_landmark_b_m
 
 _SAME_S = 1e-4  # measurements this close to a keyframe are of that keyframe
@@ -30,25 +30,28 @@ def sight(
     to_landmark = to_landmark_b_m(seeker, seen.e_b[row], imu.position_b_m, distance_m)
     to_landmark[~found] = np.nan
     e_b = to_landmark / np.linalg.norm(to_landmark, axis=1, keepdims=True)
-    directions = Directions(e_b=e_b, sigma_rad=np.full(len(t_s), seen.sigma_rad))
-    return directions, (*seen.losses, *unused("line of sight", len(seen.t_s), found))
+    losses = (*seen.losses, *unused("line of sight", len(seen.t_s), found))
+    return Directions.isotropic(e_b, seen.sigma_rad), losses
 
 
 def gravity(
     told: GravityDirection | None, t_s: FloatArray
 ) -> tuple[Directions | None, tuple[Loss, ...]]:
-    """Return the direction of gravity at the keyframes nearest to each estimate."""
+    """Return the direction of gravity at the keyframes nearest to each estimate.
+
+    Raises
+    ------
+    BadInputError
+        If an estimate has a covariance that is not positive definite across it.
+    """
     if told is None:
         return None, ()
     keyframe, _ = nearest(t_s, told.t_s)
     spacing_s = float(np.median(np.diff(t_s)))
     close = np.abs(t_s[keyframe] - told.t_s) <= spacing_s / 2
-    e_b, sigma_rad = np.full((len(t_s), 3), np.nan), np.ones(len(t_s))
-    e_b[keyframe[close]] = told.g_b[close]
-    across = np.einsum("nii->n", told.covariance) / 2
-    sigma_rad[keyframe[close]] = np.sqrt(across[close])
+    seen = Directions.of("gravity direction", told.g_b, told.covariance)
     losses = (*told.losses, *unused("gravity direction", len(told.t_s), close))
-    return Directions(e_b=e_b, sigma_rad=sigma_rad), losses
+    return seen[close].at(keyframe[close], len(t_s)), losses
 
 
 def nearest(have_s: FloatArray, want_s: FloatArray) -> tuple[IntArray, BoolArray]:

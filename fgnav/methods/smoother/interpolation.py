@@ -11,7 +11,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.methods.smoother.collect import Collected
 from fgnav.methods.smoother.gaps import BridgingPreintegrator
-from fgnav.methods.smoother.keyframes import ArrayForm, Directions, Keyframes, Timed
+from fgnav.methods.smoother.keyframes import ArrayForm, Keyframes, Timed
 from fgnav.methods.smoother.preintegration import Preintegrator, increments
 from fgnav.rotations import exp, log, transpose
 
@@ -83,13 +83,6 @@ def _dense(keyframes: Keyframes, t_s: FloatArray, sub_steps: int) -> Keyframes:
             partial[row] = part.partial
         return replace(part, value=value, covariance=covariance, partial=partial)
 
-    def directions(part: Directions | None) -> Directions | None:
-        if part is None:
-            return None
-        e_b, sigma_rad = np.full((len(t_s), 3), np.nan), np.ones(len(t_s))
-        e_b[row], sigma_rad[row] = part.e_b, part.sigma_rad
-        return Directions(e_b=e_b, sigma_rad=sigma_rad)
-
     gravity_n_mps2 = between(keyframes.gravity_n_mps2)
     return replace(
         keyframes,
@@ -104,9 +97,9 @@ def _dense(keyframes: Keyframes, t_s: FloatArray, sub_steps: int) -> Keyframes:
         slot=between(keyframes.slot),
         position=timed(keyframes.position),
         velocity=timed(keyframes.velocity),
-        gravity=directions(keyframes.gravity),
+        gravity=keyframes.gravity and keyframes.gravity.at(row, len(t_s)),
         gravity_n_mps2=gravity_n_mps2,
-        sight=directions(keyframes.sight),
+        sight=keyframes.sight and keyframes.sight.at(row, len(t_s)),
         preintegrate=_preintegrator(keyframes.preintegrate, t_s, before, gravity_n_mps2, sub_steps),
     )
 

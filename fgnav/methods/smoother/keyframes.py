@@ -16,6 +16,7 @@ from fgnav.methods.smoother.constants import (
     columns,
     constant,
 )
+from fgnav.methods.smoother.directions import Directions
 from fgnav.methods.smoother.preintegration import Preintegrator
 from fgnav.methods.smoother.surroundings import Heights, MagneticField
 
@@ -87,20 +88,6 @@ class Timed:
             there = there & ~white.any(axis=(1, 2))
         white[there] = np.linalg.inv(np.linalg.cholesky(self.covariance[rows[there]]))
         return white
-
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Directions:
-    """Unit vectors at keyframes, body axes; NaN rows where there is none.
-
-    Attributes
-    ----------
-    e_b : ndarray, shape (n, 3)
-    sigma_rad : ndarray, shape (n,)
-    """
-
-    e_b: FloatArray
-    sigma_rad: FloatArray
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

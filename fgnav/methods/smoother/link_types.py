@@ -52,7 +52,7 @@ class Senses(NamedTuple):
     velocity_n_mps: FloatArray  # (n, k, 3)
     velocity_white: FloatArray  # (n, k, 3, 3)
     known_n: FloatArray  # (n, k, 3), unit vectors
-    known_across_b: FloatArray  # (n, k, 2, 3), across the measured ones, over sigma
+    known_across_b: FloatArray  # (n, k, 2, 3), what whitens those measured
     sight_across_b: FloatArray  # (n, 2, 3)
     height_weight: FloatArray  # (n,), one over sigma
     height_down_n_m: FloatArray  # (n,)

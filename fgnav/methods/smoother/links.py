@@ -7,12 +7,13 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.methods.smoother.constants import columns, covariance
+from fgnav.methods.smoother.directions import Directions
 from fgnav.methods.smoother.graph import (
     POSITION_PRIOR_M,
     ROTATION_PRIOR_RAD,
     VELOCITY_PRIOR_MPS,
 )
-from fgnav.methods.smoother.keyframes import Directions, Keyframes, Timed
+from fgnav.methods.smoother.keyframes import Keyframes, Timed
 from fgnav.methods.smoother.link_types import Motions, Prior, Samples, Senses, States
 from fgnav.methods.smoother.motion_kernel import MOTION, Gained, preintegrate
 
@@ -146,8 +147,7 @@ def _surroundings(keyframes: Keyframes, n: int) -> dict[str, FloatArray]:
         found["height_arm_b_m"][:] = heights.arm_b_m
         found["height_at"] = np.stack([before, heights.place - before], axis=1)
     if field is not None:
-        measured = Directions(e_b=field.e_b, sigma_rad=field.sigma_rad)
-        found["field_across_b"] = _across(measured, n)
+        found["field_across_b"] = _across(field.directions, n)
         found["field_n_ut"][:] = field.field_n_ut
     return found
 
@@ -187,18 +187,5 @@ def _weighted(timed: Timed | None, n: int) -> tuple[FloatArray, FloatArray, Floa
 
 
 def _across(directions: Directions | None, n: int) -> FloatArray:
-    """Return two vectors across each direction, over its sigma, (n, 2, 3)."""
-    out = np.zeros((n, 2, 3))
-    if directions is not None:
-        there = np.isfinite(directions.e_b[:, 0])
-        sigma_rad = directions.sigma_rad[there, None, None]
-        out[there] = across(directions.e_b[there]) / sigma_rad
-    return out
-
-
-def across(e: FloatArray) -> FloatArray:
-    """Return two unit vectors across each unit vector, (n, 2, 3)."""
-    least = np.eye(3)[np.abs(e).argmin(axis=1)]
-    first = np.cross(e, least)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(e, first)], axis=1)
+    """Return what whitens each direction, (n, 2, 3); zeros where there is none."""
+    return np.zeros((n, 2, 3)) if directions is None else directions.across_b.copy()

@@ -21,9 +21,9 @@ from fgnav.methods.smoother.constants import (
     LANDMARK,
     LEVER,
 )
+from fgnav.methods.smoother.directions import Directions
 from fgnav.methods.smoother.graph import Solution
-from fgnav.methods.smoother.keyframes import Directions, Keyframes, Timed
-from fgnav.methods.smoother.links import across
+from fgnav.methods.smoother.keyframes import Keyframes, Timed
 from fgnav.methods.smoother.rotation_kernel import right_jacobian
 from fgnav.methods.smoother.surroundings import Heights, MagneticField
 from fgnav.rotations import exp, skew, transpose
@@ -171,21 +171,20 @@ def _velocity(
 def _gravity(
     keyframes: Keyframes, gravity: Directions, solution: Solution, shared: _Shared
 ) -> Residuals:
-    row = np.flatnonzero(np.isfinite(gravity.e_b[:, 0]))
-    v_n = keyframes.gravity_n_mps2[row]
-    return _direction("gravity", row, v_n, gravity, solution, shared, GRAVITY)
+    v_n = keyframes.gravity_n_mps2[gravity.row]
+    return _direction("gravity", v_n, gravity, solution, shared, GRAVITY)
 
 
 def _sight(sight: Directions, solution: Solution, shared: _Shared) -> Residuals:
     """Return residuals of directions to a near point: they turn when the body moves, or it."""
-    row = np.flatnonzero(np.isfinite(sight.e_b[:, 0]))
+    row = sight.row
     v_n = shared[LANDMARK, 3] - solution.p_n_m[row]
-    part = _direction("line of sight", row, v_n, sight, solution, shared, BORESIGHT)
+    part = _direction("line of sight", v_n, sight, solution, shared, BORESIGHT)
     R_bn = transpose(solution.R_nb[row])
     distance = np.linalg.norm(v_n, axis=1)[:, None, None]
     u_b = (R_bn @ v_n[:, :, None]) / distance
     flat = (u_b * u_b.swapaxes(1, 2) - np.eye(3)) / distance
-    tilted = _across(sight, row, shared, BORESIGHT)
+    tilted = _across(sight, shared, BORESIGHT)
     part.jacobian[:, :, 3:6] = tilted @ flat
     shared.put(part.jacobian, LANDMARK, -tilted @ flat @ R_bn)
     return part
@@ -211,11 +210,11 @@ def _heights(heights: Heights, solution: Solution, shared: _Shared) -> Residuals
 
 
 def _field(field: MagneticField, solution: Solution, shared: _Shared) -> Residuals:
-    row = np.flatnonzero(np.isfinite(field.e_b[:, 0]))
+    row = field.directions.row
     earth_b = transpose(solution.R_nb[row]) @ field.field_n_ut
     size = np.linalg.norm(earth_b + shared[IRON, 3], axis=1)[:, None, None]
     u_b = (earth_b + shared[IRON, 3])[:, :, None] / size
-    whitened = across(field.e_b[row]) / field.sigma_rad[row, None, None]
+    whitened = field.directions.across_b[row]
     by_field = whitened @ (np.eye(3) - u_b * u_b.swapaxes(1, 2)) / size
     jacobian = np.zeros((len(row), 2, shared.width))
     jacobian[:, :, :3] = by_field @ skew(earth_b)
@@ -232,10 +231,9 @@ def _field(field: MagneticField, solution: Solution, shared: _Shared) -> Residua
 _FIRST_AXIS = {GRAVITY: 0, BORESIGHT: 1}  # of the two that an instrument may be turned about
 
 
-def _across(directions: Directions, row: IntArray, shared: _Shared, place: int) -> FloatArray:
-    """Return what takes a unit vector to its residual, (k, 2, 3): across, as the instrument is."""
-    whitened = across(directions.e_b[row]) / directions.sigma_rad[row, None, None]
-    return np.asarray(whitened @ exp(_tilt(shared, place)[None])[0])
+def _across(directions: Directions, shared: _Shared, place: int) -> FloatArray:
+    """Return what takes a unit vector to its residual, (k, 2, 3), as the instrument is turned."""
+    return np.asarray(directions.across_b[directions.row] @ exp(_tilt(shared, place)[None])[0])
 
 
 def _tilt(shared: _Shared, place: int) -> FloatArray:
@@ -247,7 +245,6 @@ def _tilt(shared: _Shared, place: int) -> FloatArray:
 
 def _direction(
     what: str,
-    row: IntArray,
     v_n: FloatArray,
     directions: Directions,
     solution: Solution,
@@ -255,9 +252,10 @@ def _direction(
     place: int,
 ) -> Residuals:
     """Return where known vectors, (k, 3), stand across their measured directions."""
-    R_bn, first = transpose(solution.R_nb[row]), _FIRST_AXIS[place]
+    row, first = directions.row, _FIRST_AXIS[place]
+    R_bn = transpose(solution.R_nb[row])
     u_b = np.einsum("nij,nj->ni", R_bn, v_n) / np.linalg.norm(v_n, axis=1)[:, None]
-    tilted = _across(directions, row, shared, place)
+    tilted = _across(directions, shared, place)
     jacobian = np.zeros((len(row), 2, shared.width))
     jacobian[:, :, :3] = tilted @ skew(u_b)
     by_tilt = jacobian[:, :, :3] @ right_jacobian(_tilt(shared, place))

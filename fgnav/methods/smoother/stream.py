@@ -11,8 +11,9 @@ from fgnav.checks import BadInputError, FloatArray
 from fgnav.earth import Origin
 from fgnav.estimate import Estimate
 from fgnav.flight import Imu
+from fgnav.methods.smoother.directions import Directions
 from fgnav.methods.smoother.estimates import gyroscope_at, origin_motion
-from fgnav.methods.smoother.keyframes import ArrayForm, Directions, Keyframes, Timed
+from fgnav.methods.smoother.keyframes import ArrayForm, Keyframes, Timed
 from fgnav.methods.smoother.preintegration import SUB_STEPS, Preintegrator, increments
 from fgnav.methods.smoother.window import Taken, Window, solution_of
 
@@ -61,10 +62,14 @@ class Measured:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Direction:
-    """A unit vector in body axes, (3,), with its sigma, rad."""
+    """A unit vector in body axes, (3,), with its covariance, (3, 3), rad2.
+
+    Only what it says of the two angles across the vector counts: ``sigma_rad**2 * np.eye(3)`` is
+    right for one as well known about either axis.
+    """
 
     e_b: FloatArray
-    sigma_rad: float
+    covariance: FloatArray
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -194,9 +199,9 @@ class Stream:
             slot_sigma=set_up.slot_sigma,
             position=_timed(now.position, n, set_up.antenna_b_m - set_up.accelerometer_b_m),
             velocity=_timed(now.velocity, n, np.zeros(3)),
-            gravity=_directions(now.gravity, n),
+            gravity=_directions("gravity", now.gravity, n),
             gravity_n_mps2=gravity_n_mps2,
-            sight=_directions(now.sight, n),
+            sight=_directions("line of sight", now.sight, n),
             landmark_n_m=set_up.landmark_n_m,
             preintegrate=Preintegrator(
                 imu=now.imu,
@@ -245,10 +250,9 @@ def _timed(measured: Measured | None, n: int, arm_b_m: FloatArray) -> Timed | No
     return Timed(value=value, covariance=np.tile(measured.covariance, (n, 1, 1)), arm_b_m=arm_b_m)
 
 
-def _directions(direction: Direction | None, n: int) -> Directions | None:
+def _directions(what: str, direction: Direction | None, n: int) -> Directions | None:
     """Return a direction in the last of n rows."""
     if direction is None:
         return None
-    e_b = np.full((n, 3), np.nan)
-    e_b[-1] = direction.e_b
-    return Directions(e_b=e_b, sigma_rad=np.full(n, direction.sigma_rad))
+    one = Directions.of(what, direction.e_b[None], direction.covariance[None])
+    return one.at(np.array([n - 1]), n)

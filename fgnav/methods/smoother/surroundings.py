@@ -13,6 +13,7 @@ from fgnav.checks import FloatArray, IntArray, Loss
 from fgnav.earth import geodetic
 from fgnav.flight import Flight, Imu
 from fgnav.methods.smoother.constants import HEIGHT, IRON, FlightConstant, constant
+from fgnav.methods.smoother.directions import Directions
 from fgnav.surroundings import Barometer
 
 _PER_CONSTANT = 8  # times at which a drift is estimated in each of its time constants
@@ -58,25 +59,19 @@ class MagneticField:
 
     Attributes
     ----------
-    e_b : ndarray, shape (n, 3)
-        Measured directions; NaN where there is none.
-    sigma_rad : ndarray, shape (n,)
-        About each axis across them.
+    directions : Directions
     field_n_ut : ndarray, shape (3,)
     iron : FlightConstant
         The vehicle's own field.
     """
 
-    e_b: FloatArray
-    sigma_rad: FloatArray
+    directions: Directions
     field_n_ut: FloatArray
     iron: FlightConstant
 
     def at(self, rows: IntArray, n: int) -> "MagneticField":
         """Return the field among n keyframes, of which ``rows`` are those so far."""
-        e_b, sigma_rad = np.full((n, 3), np.nan), np.ones(n)
-        e_b[rows], sigma_rad[rows] = self.e_b, self.sigma_rad
-        return replace(self, e_b=e_b, sigma_rad=sigma_rad)
+        return replace(self, directions=self.directions.at(rows, n))
 
 
 def heights(
@@ -118,11 +113,10 @@ def magnetic_field(
         return None, ()
     value, losses = _sampled("magnetic field", sensor.t_s, sensor.field_b_ut, t_s)
     size_ut = np.linalg.norm(value, axis=1)
-    value[size_ut == 0] = np.nan
+    size_ut[size_ut == 0] = np.nan
     axes = ("x_b", "y_b", "z_b")
     found = MagneticField(
-        e_b=value / size_ut.clip(1e-12)[:, None],
-        sigma_rad=sensor.noise_ut / size_ut.clip(1e-12),
+        directions=Directions.isotropic(value / size_ut[:, None], sensor.noise_ut / size_ut),
         field_n_ut=sensor.field_n_ut,
         iron=constant("hard iron", IRON, axes, "uT", sensor.hard_iron_ut),
     )

@@ -7,12 +7,12 @@ from numpy.testing import assert_allclose
 
 from fgnav.methods.smoother.batch import solve_batch
 from fgnav.methods.smoother.consistency import consistency
+from fgnav.methods.smoother.directions import Directions
 from fgnav.methods.smoother.estimates import gyroscope_at, origin_motion
-from fgnav.methods.smoother.keyframes import Directions
 from fgnav.methods.smoother.observability import undetermined
 from fgnav.methods.smoother.residuals import residuals
 from fgnav.methods.smoother.window import solve_forward
-from fgnav.rotations import transpose
+from fgnav.rotations import exp, transpose
 
 from .flights import turning
 
@@ -28,14 +28,16 @@ def keyframes():
     keyframes = case.keyframes
     arm = np.array([0.3, -0.2, 0.1])
 
-    def seen(v_n, sigma_rad):
+    def seen(v_n, sigma_rad, rows):
+        """Known as well as stated: about one axis, a new one each time, four times better."""
         u = np.einsum("nij,nj->ni", R_bn, v_n / np.linalg.norm(v_n, axis=1, keepdims=True))
-        u += sigma_rad * rng.standard_normal((n, 3))
+        turn = exp(rng.standard_normal((n, 3)))
+        root = turn * (sigma_rad * np.array([1.0, 0.25, 0.25]))
+        u += np.einsum("nij,nj->ni", root, rng.standard_normal((n, 3)))
         u /= np.linalg.norm(u, axis=1, keepdims=True)
-        return Directions(e_b=u, sigma_rad=np.full(n, sigma_rad))
+        return Directions.of("some", u, root @ transpose(root))[rows].at(rows, n)
 
-    sight = seen(LANDMARK - case.truth.p_n_m, 2e-3)
-    sight.e_b[: n // 2] = np.nan
+    sight = seen(LANDMARK - case.truth.p_n_m, 2e-3, np.arange(n // 2, n))
     position = keyframes.position
     # What foretells a sine a tenth of a second ahead: less is enough with data on both sides.
     preintegrate = dataclasses.replace(
@@ -43,7 +45,7 @@ def keyframes():
     )
     return dataclasses.replace(
         keyframes,
-        gravity=seen(keyframes.gravity_n_mps2, 0.05),
+        gravity=seen(keyframes.gravity_n_mps2, 0.05, np.arange(n)),
         sight=sight,
         landmark_n_m=LANDMARK,
         preintegrate=preintegrate,

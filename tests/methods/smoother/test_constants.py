@@ -27,7 +27,7 @@ from fgnav.methods.smoother.constants import (
     with_evidence,
 )
 from fgnav.methods.smoother.constants_found import constants_found, sentence, started_there
-from fgnav.methods.smoother.keyframes import Directions
+from fgnav.methods.smoother.directions import Directions
 from fgnav.methods.smoother.link_kernel import linearise, move
 from fgnav.methods.smoother.residuals import residuals
 from fgnav.methods.smoother.surroundings import Heights, MagneticField, with_offsets
@@ -76,8 +76,7 @@ def keyframes():
         offset=drift,
     )
     field = MagneticField(
-        e_b=seen(np.tile(FIELD_N_UT, (n, 1))),
-        sigma_rad=np.full(n, 0.01),
+        directions=Directions.isotropic(seen(np.tile(FIELD_N_UT, (n, 1))), 0.01),
         field_n_ut=FIELD_N_UT,
         iron=constant("hard iron", IRON, three, "uT", 3.0),
     )
@@ -95,11 +94,12 @@ def keyframes():
     )
     root = rng.standard_normal((n, 9, 9)) * 20
     there = np.arange(n) > 1
+    covariance = np.tile(np.diag([0.02, 0.1, 0.05]) ** 2, (n, 1, 1))
     return dataclasses.replace(
         keyframes,
         position=dataclasses.replace(keyframes.position, arm_b_m=np.array([0.5, -0.3, 0.1])),
-        gravity=Directions(e_b=seen(keyframes.gravity_n_mps2), sigma_rad=np.full(n, 0.05)),
-        sight=Directions(e_b=seen(LANDMARK_N_M - keyframes.p_n_m), sigma_rad=np.full(n, 0.02)),
+        gravity=Directions.of("gravity", seen(keyframes.gravity_n_mps2), covariance),
+        sight=Directions.isotropic(seen(LANDMARK_N_M - keyframes.p_n_m), 0.02),
         landmark_n_m=LANDMARK_N_M,
         heights=heights,
         field=field,
@@ -269,7 +269,7 @@ def test_gtsam_finds_the_landmark_where_the_batch_does():
     e_b /= np.linalg.norm(e_b, axis=1, keepdims=True)
     keyframes = dataclasses.replace(
         keyframes,
-        sight=Directions(e_b=e_b, sigma_rad=np.full(len(e_b), 1e-3)),
+        sight=Directions.isotropic(e_b, 1e-3),
         landmark_n_m=LANDMARK_N_M + np.array([0.0, 5.0, -3.0]),
         constants=(numbered(("north", "east", "down"), LANDMARK, 30.0),),
     )

@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 from fgnav import rotations
 from fgnav.attitude import RotationQuadratic
 from fgnav.methods.smoother import factors
+from fgnav.methods.smoother.directions import across
 from tests.attitude.arrays import L1_M, sky, synthetic
 
 X, V = 0, 1
@@ -77,6 +78,38 @@ def test_velocity_is_a_prior():
     assert_allclose(factor.error(values), 0.5)
 
 
+def test_a_direction_weighs_its_errors_along_the_axes_of_its_covariance():
+    """Whatever the attitude: the axes are the body's."""
+    rng = np.random.default_rng(3)
+    x, down = pose(rng), np.array([0, 0, 9.8])
+    e_b = rng.standard_normal(3)
+    e_b /= np.linalg.norm(e_b)
+    R = x.rotation().matrix()
+    across_b = np.array([[50.0], [2.0]]) * across(e_b[None])[0]
+    factor = factors.direction(X, down, e_b, across_b)
+    apart = across_b @ R.T @ down / 9.8
+    assert_allclose(factor.error(values_of(x)), apart @ apart / 2, rtol=1e-12)
+    J, b = factor.linearize(values_of(x)).jacobian()
+    expected = across_b @ rotations.skew((R.T @ down / 9.8)[None])[0]
+    assert_allclose((J.T @ J)[:3, :3], expected.T @ expected, rtol=0, atol=1e-9 * 50**2)
+    assert_allclose(J.T @ b, np.concatenate([-expected.T @ apart, np.zeros(3)]), atol=1e-9 * 50**2)
+
+
+def test_a_bearing_weighs_its_errors_along_the_axes_of_its_covariance():
+    rng = np.random.default_rng(5)
+    x, landmark = pose(rng), np.array([100.0, 50.0, 5.0])
+    u_b = x.rotation().matrix().T @ (landmark - x.translation())
+    u_b /= np.linalg.norm(u_b)
+    axes = across(u_b[None])[0]
+    across_b, errors, values = np.array([[1000.0], [20.0]]) * axes, [], values_of(x)
+    values.insert(9, landmark)
+    for axis in axes:
+        e_b = u_b + 1e-3 * axis
+        factor = factors.bearing(X, 9, e_b / np.linalg.norm(e_b), across_b)
+        errors.append(np.sqrt(2 * factor.error(values)))
+    assert_allclose(errors, [1.0, 0.02], rtol=1e-3)
+
+
 def test_position_direction_and_bearing_vanish_at_the_truth():
     rng = np.random.default_rng(4)
     x, arm, landmark = pose(rng), np.array([0.1, 0.2, 0.3]), np.array([100.0, 50.0, 5.0])
@@ -84,9 +117,10 @@ def test_position_direction_and_bearing_vanish_at_the_truth():
     values = values_of(x)
     values.insert(9, landmark)
     down = np.array([0, 0, 9.8])
+    down_b, to_b = R.T @ down / 9.8, R.T @ (landmark - p) / np.linalg.norm(landmark - p)
     for factor in (
         factors.antenna_position(X, p + R @ arm, np.eye(3), arm),
-        factors.direction(X, down, R.T @ down / 9.8, 0.05),
-        factors.bearing(X, 9, R.T @ (landmark - p), 1e-3),
+        factors.direction(X, down, down_b, across(down_b[None])[0] / 0.05),
+        factors.bearing(X, 9, to_b, across(to_b[None])[0] / 1e-3),
     ):
         assert_allclose(factor.error(values), 0, atol=1e-12)

@@ -12,8 +12,8 @@ from fgnav.checks import NoSolutionError
 from fgnav.methods.smoother import links
 from fgnav.methods.smoother.batch import solve_batch
 from fgnav.methods.smoother.chain import STATE, Chain
+from fgnav.methods.smoother.directions import Directions
 from fgnav.methods.smoother.graph import State, enter, link, motion, priors
-from fgnav.methods.smoother.keyframes import Directions
 from fgnav.methods.smoother.link_kernel import linearise, move, predict
 from fgnav.rotations import exp, log, transpose
 
@@ -38,10 +38,13 @@ def keyframes(request):
     n, R_bn = len(keyframes.t_s), transpose(keyframes.R_nb)
 
     def seen(v_n, sigma_rad):
+        """Known five times better about one axis than about another, a new one each time."""
         e_b = np.einsum("nij,nj->ni", R_bn, v_n) + 0.01 * rng.standard_normal((n, 3))
         e_b /= np.linalg.norm(e_b, axis=1, keepdims=True)
         e_b[3] = np.nan
-        return Directions(e_b=e_b, sigma_rad=np.full(n, sigma_rad))
+        R = exp(rng.standard_normal((n, 3)))
+        covariance = sigma_rad**2 * R @ np.diag([1.0, 25.0, 5.0]) @ transpose(R)
+        return Directions.of("some", e_b, covariance)
 
     def gone(timed, arm_b_m):
         value = timed.value.copy()

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.methods.smoother import Measured, Measurements, Stream, StreamSetUp
+from fgnav.methods.smoother import Direction, Measured, Measurements, Stream, StreamSetUp
 from fgnav.methods.smoother.batch import solve_batch
+from fgnav.methods.smoother.directions import Directions
 from fgnav.methods.smoother.keyframes import ArrayForm, Timed
 from fgnav.methods.smoother.window import Window, solution_of, solve_forward, solve_window
 from fgnav.rotations import log, transpose
@@ -94,8 +95,21 @@ def test_a_window_started_without_rates_finds_them(case):
     assert (ratio < 1.1).all()
 
 
-def stream_of(case, lag_s=2.0):
-    """Feed a stream with raw samples, forms and fixes; return what left it and the stream."""
+def test_a_window_that_stays_linearised_at_the_batch_ends_as_the_batch_does(case):
+    found = solve_batch(case.keyframes)
+    states = {name: getattr(found, name) for name in ("R_nb", "p_n_m", "v_n_mps", "slot")}
+    keyframes = dataclasses.replace(case.keyframes, **states)
+    whole, batch = solve_window(keyframes, 100.0, anew=False), solve_batch(keyframes)
+    assert whole.converged
+    sigma = np.sqrt(np.einsum("nii->ni", batch.covariance))
+    assert (np.abs(attitude_errors_rad(whole.R_nb, batch)) < 0.01 * sigma[:, :3]).all()
+    assert (np.abs(whole.slot - batch.slot) < 0.01 * sigma[:, 9:]).all()
+    scale = sigma[:, :, None] * sigma[:, None, :]
+    np.testing.assert_allclose(whole.covariance / scale, batch.covariance / scale, atol=1e-3)
+
+
+def stream_of(case, gravity, lag_s=2.0):
+    """Feed a stream, gravity by row with the rest; return it and what has left it."""
     keyframes = case.keyframes
     imu, pre = keyframes.preintegrate.imu, keyframes.preintegrate
     set_up = StreamSetUp(
@@ -125,6 +139,7 @@ def stream_of(case, lag_s=2.0):
                         value=keyframes.velocity.value[row],
                         covariance=keyframes.velocity.covariance[row],
                     ),
+                    gravity=gravity.get(row),
                 )
             )
         )
@@ -134,11 +149,16 @@ def stream_of(case, lag_s=2.0):
 @pytest.mark.parametrize("gyro", [False, True])
 def test_a_stream_of_raw_samples_says_what_the_window_says(gyro):
     case = turning(np.random.default_rng(0), span_s=8.0, gyro=gyro)
-    stream, left = stream_of(case)
+    rows, e_b = np.array([20, 50]), np.array([[0.1, 0.2, 1.0], [-0.1, 0.0, 1.0]])
+    e_b /= np.linalg.norm(e_b, axis=1, keepdims=True)
+    covariance = np.tile(np.diag([0.01, 0.2, 0.1]) ** 2, (2, 1, 1))
+    told = [Direction(e_b=e, covariance=C) for e, C in zip(e_b, covariance, strict=True)]
+    stream, left = stream_of(case, dict(zip(rows, told, strict=True)))
     parts = [part for part in (*left, stream.rest()) if len(part.t_s)]
     t_s = np.concatenate([part.t_s for part in parts])
     np.testing.assert_array_equal(t_s, case.keyframes.t_s)
-    window = solve_window(case.keyframes, 2.0)
+    gravity = Directions.of("gravity", e_b, covariance).at(rows, len(t_s))
+    window = solve_window(dataclasses.replace(case.keyframes, gravity=gravity), 2.0)
     R_nb = np.concatenate([part.R_nb for part in parts])
     sigma = np.sqrt(np.einsum("nii->ni", window.covariance))
     apart = attitude_errors_rad(R_nb, window) / sigma[:, :3]
