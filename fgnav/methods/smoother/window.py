@@ -119,10 +119,16 @@ class Window:
     lag_s : float
         Keyframes leave when they are known from the data up to this long after them, or up to a
         second longer.
+    anew : bool
+        Whether states are linearised anew as their estimates move. What has left cannot be: where
+        that was far from what came out, as a heading that only later motion tells, the window
+        grows too sure. Else states are linearised where keyframes start, and stay there.
     """
 
-    def __init__(self, lag_s: float) -> None:
+    def __init__(self, lag_s: float, *, anew: bool = True) -> None:
         self._lag_s = lag_s
+        self._anew = anew
+        self._limits = (MOVED_RAD, TURNED_RAD) if anew else (np.inf, np.inf)
         self._key = 0  # number of the oldest keyframe kept
         self._first = 0  # its row
         self._kept: list[tuple[_Source, int]] = []  # each with its place among its keyframes
@@ -195,18 +201,23 @@ class Window:
         self._brought = source, offset, here + count
 
     def _start(self, keyframes: Keyframes, row: int, here: int) -> None:
-        start, states = links.states_of(keyframes), self._rows.states
-        for mine, its in zip(states[:4], start[:4], strict=True):
+        starts = (keyframes.R_nb, keyframes.p_n_m, keyframes.v_n_mps, keyframes.slot)
+        for mine, its in zip(self._rows.states[:4], starts, strict=True):
             mine[here] = its[row]
 
     def _carry_on(self, source: _Source, row: int, place: int) -> None:
         """Put a keyframe where the motion leads from the one before, by the array's attitude."""
-        rows, here = self._rows, self._first + place
+        rows, here, keyframes = self._rows, self._first + place, source.keyframes
+        if not self._anew:
+            self._start(keyframes, row, here)
+            one, of = np.array([here]), np.array([row])
+            links.integrate(rows.motions, one, source.samples, of, keyframes.slot[row - 1 : row])
+            return
         step = self._steps[place - 1 :]
         if not carry_on(rows.states, rows.motions, source.samples, step, row, here):
             raise NoSolutionError(f"motion: that to keyframe {row} has no covariance")
-        if source.keyframes.array.there[row]:
-            rows.states.R_nb[here] = source.keyframes.R_nb[row]
+        if keyframes.array.there[row]:
+            rows.states.R_nb[here] = keyframes.R_nb[row]
 
     def _solve(self, place: int) -> None:
         """Solve with a link new, and again while that moves estimates too far."""
@@ -227,10 +238,10 @@ class Window:
             shift=self._shift(),
         )
         self._steps = np.empty((place + 1, STATE + chain.border))
-        changed, rounds, limits = np.arange(place + 1) == place, _REPEATS, (MOVED_RAD, TURNED_RAD)
+        changed, rounds = np.arange(place + 1) == place, _REPEATS
         while rounds and changed.any():
             whole = self._key == 0
-            end, rounds = settle(held, self._steps, changed, first, whole, limits, rounds)
+            end, rounds = settle(held, self._steps, changed, first, whole, self._limits, rounds)
             if end == SETTLED:
                 return
             if end == OPEN:
@@ -259,8 +270,7 @@ class Window:
             self._rows.t_s[rows],
             states.slot[rows],
             motions.about[rows],
-            MOVED_RAD,
-            TURNED_RAD,
+            *self._limits,
         )
         moved[0] &= self._key == 0
         places = np.flatnonzero(turned)
@@ -316,7 +326,7 @@ class Window:
         )
 
 
-def solve_window(keyframes: Keyframes, lag_s: float) -> Solution:
+def solve_window(keyframes: Keyframes, lag_s: float, *, anew: bool = True) -> Solution:
     """Return each keyframe as known from the data up to at least ``lag_s`` after it.
 
     Parameters
@@ -324,8 +334,10 @@ def solve_window(keyframes: Keyframes, lag_s: float) -> Solution:
     keyframes : Keyframes
     lag_s : float
         Length of the window; a block of a second is added to it before keyframes leave.
+    anew : bool
+        As in ``Window``.
     """
-    window = Window(lag_s)
+    window = Window(lag_s, anew=anew)
     left = [window.update(keyframes, row) for row in range(len(keyframes.t_s))]
     return solution_of([taken for taken in (*left, window.rest()) if taken is not None])
 
