@@ -131,7 +131,7 @@ def ablation(flown: list[Flight], by: dict[str, GravityEstimator | None]) -> dic
 def errors_of(flight: Flight, gravity: GravityEstimator | None) -> Errors | None:
     """Return the batch's errors on a flight; None where it has no solution."""
     try:
-        # Without phase the window fixes where it is linearised long before heading is known.
+        # The window is linearised where this has the flight, and says the same.
         estimate = Batch(gravity=gravity)(flight)
     except NoSolutionError:
         return None
