@@ -7,7 +7,7 @@ the smoother's factor all start from it. With equal antennas and no gaps it fall
 vector measurements; with gaps it does not, which is why the nine-by-nine form is kept.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
@@ -15,7 +15,6 @@ from numba import njit
 from fgnav.checks import FloatArray, IntArray
 from fgnav.gnss.differences import DoubleDifferences
 from fgnav.integers.resolver import Integers, fixed_ranges_m
-from fgnav.rotations import skew
 
 _NOTHING = 1e-10  # relative eigenvalue: rounding of an array that does not span space
 
@@ -38,6 +37,9 @@ class RotationQuadratic:
     vector: FloatArray
     constant: FloatArray
     count: IntArray
+    _root: list[tuple[FloatArray, FloatArray]] = field(
+        default_factory=list, init=False, repr=False
+    )  # once it is known: eigenvectors of nine dimensions are dear
 
     @classmethod
     def of_double_differences(
@@ -149,6 +151,11 @@ class RotationQuadratic:
 
         M is ``unconstrained``. Directions of which the epoch says nothing have rows of zeros.
         """
+        if not self._root:
+            self._root.append(self._split())
+        return self._root[0]
+
+    def _split(self) -> tuple[FloatArray, FloatArray]:
         values, vectors = np.linalg.eigh(self.information)
         known = values > _NOTHING * values[:, -1:]
         root = np.sqrt(np.where(known, values, 0.0))
@@ -160,8 +167,11 @@ class RotationQuadratic:
 
 def tangent_jacobian(R_nb: FloatArray) -> FloatArray:
     """Return the derivative of R_nb.ravel() by its body-axes tangent, (n, 9, 3)."""
-    generators = skew(np.eye(3))
-    return np.asarray(np.einsum("nij,kjl->nilk", R_nb, generators).reshape(-1, 9, 3))
+    J: FloatArray = np.zeros((*R_nb.shape, 3))
+    for k in range(3):  # about axis k, the next axis turns towards the one after it
+        near, far = (k + 1) % 3, (k + 2) % 3
+        J[:, :, near, k], J[:, :, far, k] = R_nb[:, :, far], -R_nb[:, :, near]
+    return J.reshape(-1, 9, 3)
 
 
 # The kernels below are plain loops: numba compiles them in a quarter of the time that kron, outer

@@ -68,11 +68,13 @@ def adjust(
     model: bool,
     start_e_m: FloatArray | None = None,
 ) -> Adjusted:
-    """Solve for position and clocks by Gauss-Newton, all epochs at once."""
-    origin = np.repeat(flight.origin.p_e_m[None], len(wanted), axis=0)
-    p_e_m = origin if start_e_m is None else start_e_m
-    step_m = np.full(len(p_e_m), np.inf)
-    steps = 0
+    """Solve for position and clocks by Gauss-Newton, all epochs at once.
+
+    From the origin, which may be far away, or from places (n, 3) less than 10 km off.
+    """
+    n, steps = len(wanted), 0
+    p_e_m = np.repeat(flight.origin.p_e_m[None], n, axis=0) if start_e_m is None else start_e_m
+    step_m = np.full(n, np.inf if start_e_m is None else _NEAR_M)
     while True:
         equations = _equations(flight, channels, ranges, p_e_m, model=model)
         far = (step_m > _NEAR_M)[:, None]
@@ -87,10 +89,8 @@ def adjust(
         p_e_m = p_e_m + step
 
 
-def misfit(flight: Flight, channels: CodeChannels, ranges: CodeRanges, *, model: bool) -> float:
+def misfit(flight: Flight, at: Adjusted) -> float:
     """Return the median residual of a sample of epochs, in sigmas of the code noise per freedom."""
-    wanted = np.isfinite(ranges.range_m)
-    at = adjust(flight, channels, ranges, wanted, model=model)
     sigma_m = growing(flight, flight.gnss_noise.code_m, at.equations.elevation_rad)
     spare = at.converged & (at.fits.freedom > 0)
     if not spare.any():

@@ -143,17 +143,21 @@ def _solve(flight: Flight, antenna: int, atmosphere: bool | None) -> CodeSolutio
     if not channels.satellites:
         raise NoSolutionError(f"antenna {name}: no code observation of a supported satellite")
     n = len(observations.t_s)
+    trial = np.unique(np.linspace(0, n - 1, _TRIAL_EPOCHS).astype(np.int64))
+    ranges = code_ranges(flight, observations, channels, antenna, trial, rates=False)
+    wanted = np.isfinite(ranges.range_m)
+    tried = adjust(flight, channels, ranges, wanted, model=atmosphere is not False)
     if atmosphere is None:
-        trial = np.unique(np.linspace(0, n - 1, _TRIAL_EPOCHS).astype(np.int64))
-        ranges = code_ranges(flight, observations, channels, antenna, trial)
-        with_model, without = (misfit(flight, channels, ranges, model=m) for m in (True, False))
-        atmosphere = not without < min(with_model, _STATED_NOISE)
+        start_e_m = _between(trial, tried, trial)
+        without = adjust(flight, channels, ranges, wanted, model=False, start_e_m=start_e_m)
+        atmosphere = not misfit(flight, without) < min(misfit(flight, tried), _STATED_NOISE)
     lost: Counter[tuple[str, str]] = Counter()
     blocks = []
-    for start in range(0, n, BLOCK):
-        epoch = np.arange(start, min(start + BLOCK, n))
+    for first in range(0, n, BLOCK):
+        epoch = np.arange(first, min(first + BLOCK, n))
         ranges = code_ranges(flight, observations, channels, antenna, epoch)
-        blocks.append(_block(flight, channels, ranges, epoch, lost, model=atmosphere))
+        start_e_m = _between(trial, tried, epoch)
+        blocks.append(_block(flight, channels, ranges, epoch, lost, start_e_m, model=atmosphere))
     columns = ([getattr(block, field.name) for block in blocks] for field in fields(_Solved))
     solved = _Solved(*(np.concatenate(column) for column in columns))
     losses = tuple(
@@ -162,6 +166,18 @@ def _solve(flight: Flight, antenna: int, atmosphere: bool | None) -> CodeSolutio
         if count
     )
     return _finish(flight, observations, antenna, channels, solved, losses, model=atmosphere)
+
+
+def _between(trial: IntArray, tried: Adjusted, epoch: IntArray) -> FloatArray | None:
+    """Return about where the antenna was at epochs, (k, 3), by trial ones; None if those fail.
+
+    From there positions take half the steps that they take from the origin.
+    """
+    there = tried.converged
+    if not there.any():
+        return None
+    columns = (np.interp(epoch, trial[there], column) for column in tried.p_e_m[there].T)
+    return np.stack(list(columns), axis=1)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -186,12 +202,13 @@ def _block(
     ranges: CodeRanges,
     epoch: IntArray,
     lost: Counter[tuple[str, str]],
+    start_e_m: FloatArray | None,
     *,
     model: bool,
 ) -> _Solved:
     """Solve some epochs, and count what is lost."""
     wanted = np.isfinite(ranges.range_m)
-    at = adjust(flight, channels, ranges, wanted, model=model)
+    at = adjust(flight, channels, ranges, wanted, model=model, start_e_m=start_e_m)
     eq, kept = at.equations, at.use
     if not at.fits.consistent[at.fits.solved].all():
         _, kept = fit_consistent(eq.A, eq.y, eq.variance_m2, at.use)

@@ -21,7 +21,7 @@ _STEP_S = 0.05  # half step of central differences: errors below 1e-6 m/s
 
 
 def orbit_at(
-    satellite: str, chosen: Chosen, t_s: FloatArray, *, rates: bool
+    satellite: str, chosen: Chosen, t_s: FloatArray, *, rates: bool, by_clock: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Return where a satellite is and how its clock stands, and the rates of both, (n, 4) each.
 
@@ -34,6 +34,8 @@ def orbit_at(
         Where the message is not usable the answer is NaN.
     rates : bool
         Rates are wanted; else they are NaN.
+    by_clock : bool
+        Times are those that the satellite's own clock shows.
     """
     state, rate = np.full((2, len(t_s), 4), np.nan)
     usable = np.flatnonzero(chosen.usable)
@@ -44,7 +46,7 @@ def orbit_at(
         rows = usable[one]
         message = chosen.records[chosen.row[rows[:1]]]
         found = _smooth if len(rows) >= _FEWEST else _each
-        state[rows], rate[rows] = found(satellite, message, t_s[rows], rates=rates)
+        state[rows], rate[rows] = found(satellite, message, t_s[rows], rates, by_clock)
         usable, label = usable[~one], label[~one]
     return state, rate
 
@@ -54,9 +56,12 @@ def _orbit(satellite: str, message: NDArray[Any], t_s: FloatArray) -> FloatArray
 
 
 def _each(
-    satellite: str, message: NDArray[Any], t_s: FloatArray, *, rates: bool
+    satellite: str, message: NDArray[Any], t_s: FloatArray, rates: bool, by_clock: bool
 ) -> tuple[FloatArray, FloatArray]:
     state = _orbit(satellite, message, t_s)
+    if by_clock:
+        t_s = t_s - state[:, 3]
+        state = _orbit(satellite, message, t_s)
     if not rates:
         return state, np.full_like(state, np.nan)
     before, after = (_orbit(satellite, message, t_s + h) for h in (-_STEP_S, _STEP_S))
@@ -64,12 +69,15 @@ def _each(
 
 
 def _smooth(
-    satellite: str, message: NDArray[Any], t_s: FloatArray, *, rates: bool
+    satellite: str, message: NDArray[Any], t_s: FloatArray, rates: bool, by_clock: bool
 ) -> tuple[FloatArray, FloatArray]:
     first_s, last_s = t_s.min(), t_s.max()
     middle_s, half_s = (first_s + last_s) / 2, max((last_s - first_s) / 2, _STEP_S)
     c = _FIT @ _orbit(satellite, message, middle_s + half_s * _AT)
     basis = chebvander((t_s - middle_s) / half_s, _NODES - 1)
+    if by_clock:
+        t_s = t_s - basis @ c[:, 3]
+        basis = chebvander((t_s - middle_s) / half_s, _NODES - 1)
     if not rates:
         return basis @ c, np.full((len(t_s), 4), np.nan)
     return basis @ c, basis[:, :-1] @ (chebder(c) / half_s)

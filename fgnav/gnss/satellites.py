@@ -45,6 +45,7 @@ def satellite_states(
     t_s: FloatArray,
     *,
     rates: bool = True,
+    by_clock: bool = False,
 ) -> SatelliteStates:
     """Return the states of satellites at their times of transmission.
 
@@ -61,6 +62,8 @@ def satellite_states(
     rates : bool
         Velocities and clock drifts are wanted; else those of messages are NaN. Clocks of tables
         lack what velocities tell.
+    by_clock : bool
+        Times are those that the satellites' own clocks show; of messages only.
 
     References
     ----------
@@ -78,7 +81,7 @@ def satellite_states(
         if isinstance(orbits, BroadcastOrbits):
             chosen = choose(orbits, satellite, t)
             unhealthy[:, column] = chosen.unhealthy
-            state, rate = orbit_at(satellite, chosen, t, rates=rates)
+            state, rate = orbit_at(satellite, chosen, t, rates=rates, by_clock=by_clock)
             p[:, column], clock[:, column] = state[:, :3], state[:, 3]
             v[:, column], drift[:, column] = rate[:, :3], rate[:, 3]
         elif table is not None and satellite in table.satellites:
@@ -223,6 +226,8 @@ def states_at_clock(
     rates: bool = True,
 ) -> SatelliteStates:
     """Return states when the satellites' own clocks show ``clock_t_s``, (n, m)."""
+    if isinstance(orbits, BroadcastOrbits):
+        return satellite_states(orbits, satellites, clock_t_s, rates=rates, by_clock=True)
     offset_s = satellite_states(orbits, satellites, clock_t_s, rates=False).clock_s
     left_s = clock_t_s - np.nan_to_num(offset_s)
     return satellite_states(orbits, satellites, left_s, rates=rates)

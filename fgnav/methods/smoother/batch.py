@@ -29,6 +29,9 @@ _ROTATION, _TURNING = np.arange(3), np.array([0, 1, 2, 12, 13, 14])  # of a stat
 # Motion is preintegrated anew where the slot has moved so far that turns come out differently: the
 # correction to first order errs by half the square.
 TURNED_RAD = 0.002
+# Of a first step: what turns on a little after it is then not done a third time, and all links and
+# the chain with it.
+_FIRST_TURNED_RAD = TURNED_RAD / 2
 _TRUSTED_RAD = 0.5  # a first step that changes turns by more is not
 _REPEATS = 3
 
@@ -85,7 +88,7 @@ class _Search:
         self._steps, least = self._step()
         if not self._turned_rad().max() < _TRUSTED_RAD:
             return
-        self.preintegrated_anew()
+        self.preintegrated_anew(_FIRST_TURNED_RAD)
         self._states = self._moved()
         if self._linearised(self._rows) < cost:
             self._promised = cost - least
@@ -151,9 +154,9 @@ class _Search:
             at = STATE + parts
             self._chain.link[:, at, at] += information
 
-    def preintegrated_anew(self) -> IntArray:
+    def preintegrated_anew(self, turned_rad: float = TURNED_RAD) -> IntArray:
         """Preintegrate about the last step's slots where that matters; return where."""
-        matters = np.flatnonzero(self._turned_rad() > TURNED_RAD) + 1
+        matters = np.flatnonzero(self._turned_rad() > turned_rad) + 1
         self._integrate(matters, self._moved().slot)
         return matters
 

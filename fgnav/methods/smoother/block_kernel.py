@@ -39,26 +39,20 @@ def whitened(white: FloatArray, E: FloatArray) -> FloatArray:
 
 @njit(cache=True)
 def add_square(out: FloatArray, E: FloatArray, first: int) -> None:
-    """Add E'E to the upper triangle of a matrix, from a row and column on.
+    """Add E'E to a matrix, from a row and column on.
 
-    Rows are summed up beside it: the compiler then knows that they are not E's.
+    Three rows of E at once: sums then wait less for memory, and most of E comes in threes.
     """
-    n = E.shape[1]
-    total = np.empty(n)
-    for i in range(n):
-        total[:] = 0.0
-        for k in range(E.shape[0]):
-            scale = E[k, i]
-            if scale != 0.0:
+    m, n = E.shape
+    for k in range(0, m - 2, 3):
+        x, y, z = E[k], E[k + 1], E[k + 2]
+        for i in range(n):
+            a, b, c = x[i], y[i], z[i]
+            if a != 0.0 or b != 0.0 or c != 0.0:
+                total = out[first + i, first:]
                 for j in range(n):
-                    total[j] += scale * E[k, j]
-        for j in range(i, n):
-            out[first + i, first + j] += total[j]
-
-
-@njit(cache=True)
-def mirror(out: FloatArray) -> None:
-    """Copy the upper triangle to the lower."""
-    for i in range(len(out)):
-        for j in range(i):
-            out[i, j] = out[j, i]
+                    total[j] += a * x[j] + b * y[j] + c * z[j]
+    for k in range(m - m % 3, m):
+        for i in range(n):
+            for j in range(n):
+                out[first + i, first + j] += E[k, i] * E[k, j]

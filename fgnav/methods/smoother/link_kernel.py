@@ -8,7 +8,7 @@ from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.methods.smoother import rotation_kernel as rot
-from fgnav.methods.smoother.block_kernel import add_square, mirror, put, whitened
+from fgnav.methods.smoother.block_kernel import add_square, put, whitened
 from fgnav.methods.smoother.chain_kernel import STATE
 from fgnav.methods.smoother.link_types import Motions, Prior, Senses, States
 from fgnav.methods.smoother.sense_kernel import (
@@ -61,7 +61,6 @@ def linearise(
         directions(rest, out, states, senses, row)
         height(rest, out, states, senses, row)
         field(rest, out, states, senses, row)
-        mirror(out)
         cost += out[width - 1, width - 1]
     return cost
 

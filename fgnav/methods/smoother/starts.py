@@ -72,7 +72,9 @@ class Start:
     phases: tuple[DoubleDifferences, FloatArray] | None = None
 
     def __getitem__(self, rows: IntArray) -> "Start":
-        """Return the start at some of its epochs."""
+        """Return the start at some of its epochs, in their order."""
+        if len(rows) == len(self.t_s):
+            return self
         return replace(
             self,
             t_s=self.t_s[rows],
