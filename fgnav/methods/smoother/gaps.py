@@ -13,13 +13,16 @@ from fgnav.methods.smoother.preintegration import RATE_SPAN_S, Preintegrator, an
 from fgnav.rotations import exp, log, transpose
 
 LONGEST_GAP_S = 0.5  # longer ones are bridged with what little is known, and told
-LONGEST_STEP_S = 0.2  # between keyframes: a second of a 20 degree sine is not one preintegration
+# Between keyframes. With GNSS once a second and a sine of 20 degrees, twice as much puts the
+# accelerometer's bias off by 1.5 sigma.
+LONGEST_STEP_S = 0.1
 _ROUNDING = 1.5  # intervals: a tag that is late is no gap
 _SEVERAL = 2.5  # usual intervals without a measurement are worth a sentence
 _VAGUE_RAD = 1.0  # of an attitude that nothing tells
 _CORRELATION_S = 2.0  # of what a body does while nobody measures it
 LOST_S = 2.0  # from the next attitude: a body without a gyroscope may be anyhow by then
 _SHORT_S = 0.3  # between attitudes: the usual intensity holds
+_LENGTHEN = np.sqrt(2)  # of one pretended gap to the next
 _MISPLACED = 0.05  # of a pretended gap, its middle and end
 _FEWEST = 5  # pretended gaps
 _GRAVITY_MPS2 = 9.8  # felt at least, most of the time
@@ -214,8 +217,9 @@ def density_in_gaps(
 
     The usual one is that of the shortest times, and a body that swings wanders further than it says
     while nobody looks. So each gap between attitudes has its own: that with which a random walk of
-    the rate errs half-way as much as the cubic through both ends does in pretended gaps of the same
-    length, up to four seconds, all over the flight.
+    the rate errs half-way as much as the cubic through both ends does in pretended gaps all over
+    the flight, of the gap's length or of a shorter one that asks for more: a swing errs most over a
+    period, and by no more over many.
 
     Parameters
     ----------
@@ -228,12 +232,15 @@ def density_in_gaps(
     known = np.flatnonzero(there)
     density = np.tile(usual, (len(t_s) - 1, 1))
     length_s = np.diff(t_s[known])
-    longest_s = min(2 * LOST_S, (t_s[known[-1]] - t_s[known[0]]) / 2)
-    regular_s = float(np.median(length_s))
-    for gap in np.flatnonzero(length_s > max(_SHORT_S, _ROUNDING * regular_s)):
-        span_s = min(length_s[gap], longest_s)
-        found = _pretended(t_s[known], R_nb[known], covariance_rad2, span_s)
-        density[known[gap] : known[gap + 1]] = np.maximum(usual, found)
+    gaps = np.flatnonzero(length_s > max(_SHORT_S, _ROUNDING * float(np.median(length_s))))
+    if not len(gaps):
+        return density
+    more = np.log(length_s[gaps].max() / _SHORT_S) / np.log(_LENGTHEN)
+    spans_s = np.union1d(length_s[gaps], _SHORT_S * _LENGTHEN ** np.arange(np.ceil(more)))
+    found = [_pretended(t_s[known], R_nb[known], covariance_rad2, span_s) for span_s in spans_s]
+    asked = np.maximum.accumulate([usual, *found])[1:]
+    for gap in gaps:
+        density[known[gap] : known[gap + 1]] = asked[np.searchsorted(spans_s, length_s[gap])]
     return density
 
 

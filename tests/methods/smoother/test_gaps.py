@@ -74,7 +74,7 @@ def test_keyframes_from_which_the_way_leads_through_a_hole_are_named():
     ("epochs_s", "expected_s"),
     [
         ([0, 0.1, 0.2, 0.5, 0.6], [0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6]),
-        ([0, 1, 2], np.arange(11) / 5),
+        ([0, 1, 2], np.arange(21) / 10),
         ([0, 0.1, 0.2, 0.31, 0.4], [0, 0.1, 0.2, 0.31, 0.4]),
         ([7.0], [7.0]),
     ],
@@ -122,6 +122,19 @@ def test_a_pretended_gap_finds_the_intensity_of_a_random_walk():
     assert (found[1100:] == usual).all()
     # Rates told from half a second are not those of an instant: a quarter more, and chance.
     np.testing.assert_allclose(found[1005], density, rtol=0.5)
+
+
+def test_a_longer_gap_is_bridged_by_no_calmer_a_walk_than_a_shorter_one():
+    t_s = np.arange(0, 60.05, 0.1)
+    R_nb = rotations.exp(np.radians(20) * np.sin(t_s)[:, None] * np.eye(3)[:1])
+    asked = []
+    for length_s in (4.0, 5.0, 20.0):
+        there = (t_s < 20.05) | (t_s > 19.95 + length_s)
+        covariance = np.tile(1e-6 * np.eye(3), (there.sum(), 1, 1))
+        found = gaps.density_in_gaps(t_s, R_nb, there, covariance, np.full(3, 1e-6))
+        asked.append(found[220, 0])
+    assert asked[1] > 2 * asked[0]  # the cubic errs by the fourth power of the length
+    assert asked[2] > asked[1]
 
 
 def test_a_steady_spin_is_carried_through_whole_turns():
