@@ -1,4 +1,4 @@
-"""The likelihood of noise where integers are beyond doubt: no search, every epoch in closed form.
+"""The likelihood of noise where integers are given: no search, every epoch in closed form.
 
 With its integers an epoch knows its attitude to milliradians, whatever the noise, and the residuals
 around that attitude are linear in what is left of it. Double differences and their covariance are
@@ -15,7 +15,6 @@ from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.gnss.differences import DoubleDifferences
 from fgnav.integers.constrained_prior import AttitudePrior, prior_columns
 from fgnav.integers.constrained_relaxation import spans
-from fgnav.integers.constrained_search import ConstrainedSearch
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -40,13 +39,11 @@ class Held:
         The prior's normal equations of turns and residual.
     open_axis : ndarray, shape (n, 3, 3)
         Information added to the turn about the only direction of an array in a line.
-    degrees : ndarray of int64, shape (n,)
     """
 
     groups: Sequence[_Group]
     known: FloatArray
     open_axis: FloatArray
-    degrees: IntArray
 
     def log_likelihoods(
         self, code_variance_m2: FloatArray, phase_variance_m2: FloatArray
@@ -70,22 +67,26 @@ class Held:
 
 
 def hold(
-    differences: DoubleDifferences, found: ConstrainedSearch, prior: AttitudePrior | None
+    differences: DoubleDifferences,
+    cycles: IntArray,
+    columns: FloatArray,
+    prior: AttitudePrior | None,
 ) -> Held:
-    """Hold the integers that a search found.
+    """Hold integers that a search found.
 
     Parameters
     ----------
     differences : DoubleDifferences
-    found : ConstrainedSearch
-        Of the same epochs, something in each.
+    cycles : ndarray of int64, shape (n, b, m)
+    columns : ndarray, shape (n, 9)
+        Of the attitudes that these lead to, as in ``ConstrainedSearch``.
     prior : AttitudePrior or None
     """
     arrays = spans(differences.baselines_b_m, differences.resolvable)
-    M = found.columns.reshape(-1, 3, 3)  # a column in each row
+    M = columns.reshape(-1, 3, 3)  # a column in each row
     baselines_n_m = arrays.coordinates_m[arrays.pattern] @ M
     e_n = np.nan_to_num(differences.e_n)
-    cycles_m = differences.wavelength_m * found.cycles
+    cycles_m = differences.wavelength_m * cycles
     range_m = -np.einsum("nbi,nji->nbj", baselines_n_m, e_n)
     turned_m = -np.cross(baselines_n_m[:, :, None], e_n[:, None])  # of the range, by turns
     parts = [
@@ -100,7 +101,6 @@ def hold(
         groups=groups,
         known=_of_prior(M, known.columns, known.information),
         open_axis=np.where(line, M[:, 0, :, None] * M[:, 0, None, :], 0.0),
-        degrees=found.degrees,
     )
 
 

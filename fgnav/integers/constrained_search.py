@@ -14,7 +14,7 @@ from scipy.special import chdtri
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.affine import epochs_of
+from fgnav.integers.affine import Epochs, epochs_of
 from fgnav.integers.constrained_kernel import (
     ILL,
     NOTHING,
@@ -24,8 +24,8 @@ from fgnav.integers.constrained_kernel import (
     nothing_found,
     search_epochs,
 )
-from fgnav.integers.constrained_prior import AttitudePrior, prior_columns
-from fgnav.integers.constrained_relaxation import spans
+from fgnav.integers.constrained_prior import AttitudePrior, PriorColumns, prior_columns
+from fgnav.integers.constrained_relaxation import Spans, spans
 
 __all__ = [
     "FIRST_BOUND",
@@ -35,6 +35,8 @@ __all__ = [
     "UNFINISHED",
     "UNPROVEN",
     "ConstrainedSearch",
+    "cost_degrees",
+    "first_bound",
     "search_constrained",
 ]
 
@@ -128,15 +130,9 @@ def search_constrained(
     epochs = epochs_of(differences)
     arrays = spans(differences.baselines_b_m, epochs.resolvable)
     known = prior_columns(prior, arrays)
-    rank = arrays.rank[arrays.pattern]
-    links = epochs.resolvable.sum(axis=(1, 2))
-    open_angles = np.where(rank == 1, 2, 3)
-    if prior is not None:
-        open_angles[known.information.any(axis=(1, 2))] = 0
-    degrees = np.maximum(2 * links - open_angles, 0)
-    first_bound = chdtri(np.maximum(degrees, 1), FIRST_BOUND)
+    degrees = cost_degrees(epochs, arrays, known)
     found = nothing_found(epochs.phase_m.shape, held=2, written=1)
-    search_epochs(epochs, arrays, known, first_bound, found, _REACH, nodes, False)
+    search_epochs(epochs, arrays, known, first_bound(degrees), found, _REACH, nodes, False)
     return ConstrainedSearch(
         cycles=found.cycles[:, 0],
         costs=found.costs,
@@ -147,3 +143,16 @@ def search_constrained(
         status=found.status,
         nodes=found.nodes,
     )
+
+
+def cost_degrees(epochs: Epochs, arrays: Spans, known: PriorColumns) -> IntArray:
+    """Return the degrees of freedom of true integers' cost, (n,)."""
+    open_angles = np.where(arrays.rank[arrays.pattern] == 1, 2, 3)
+    if len(known.information):
+        open_angles[known.information.any(axis=(1, 2))] = 0
+    return np.asarray(np.maximum(2 * epochs.resolvable.sum(axis=(1, 2)) - open_angles, 0))
+
+
+def first_bound(degrees: IntArray) -> FloatArray:
+    """Return the cost up to which all integers are looked at, (n,)."""
+    return np.asarray(chdtri(np.maximum(degrees, 1), FIRST_BOUND))
