@@ -121,9 +121,30 @@ def _equations(flight: Flight, *, base: bool) -> PositionPhase:
         columns = _columns(select(flight.base.observations), names)
         theirs = of(flight.base.observations, _channels(names, columns), of_base, place_e_m)
     single = _single(flight, observations.t_s[row], names, ours, theirs, p_e_m)
+    if theirs is None:
+        single = replace(single, code_m=_without_constants(single.code_m, single.group))
     late_n_m = late_e_m @ flight.origin.R_ne.T
     start_n_m = flight.origin.to_n(p_e_m) + late_n_m
     return PositionPhase(single=single, start_n_m=start_n_m, late_n_m=late_n_m)
+
+
+def _without_constants(code_m: FloatArray, group: IntArray) -> FloatArray:
+    """Take off each channel, (n, 1, m), what its code is off the others' all along.
+
+    An error of the satellite's message or of a model of the atmosphere: phase has it, too, and its
+    arcs have constants for it. In code it is metres that no averaging reduces, and would be taken
+    for noise, or for a motion that phase denies. The positions of code, where all of this starts
+    from, have had their share of it.
+    """
+    out = code_m.copy()
+    for one in np.unique(group):
+        own = np.flatnonzero(group == one)
+        there = np.isfinite(code_m[:, 0, own])
+        apart_m = np.where(there, code_m[:, 0, own], 0.0)
+        clock_m = apart_m.sum(axis=1) / there.sum(axis=1).clip(1)
+        apart_m = np.where(there, apart_m - clock_m[:, None], 0.0)
+        out[:, 0, own] -= apart_m.sum(axis=0) / there.sum(axis=0).clip(1)
+    return out
 
 
 def _paired(flight: Flight, t_s: FloatArray, *, base: bool) -> tuple[IntArray, IntArray]:

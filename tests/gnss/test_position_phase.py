@@ -42,6 +42,18 @@ def rows(base, at):
     return replace(seen, **{name: getattr(seen, name)[at] for name in names})
 
 
+def test_what_stays_with_a_satellite_is_not_in_its_code():
+    """Neither an error of its message, nor the clock that all of a group share."""
+    flight = flown(span_s=3.0, base=None, **QUIET)
+    off_m = np.random.default_rng(0).normal(0.0, 2.0, flight.observations.code_m.shape[-1])
+    seen = replace(flight.observations, code_m=flight.observations.code_m + off_m)
+    code_m = position_phase(replace(flight, observations=seen), base=False).single.code_m[:, 0]
+    code_m = code_m[:, np.isfinite(code_m).all(axis=0)]
+    assert code_m.shape[1] >= 6
+    clock_m = np.median(code_m, axis=1, keepdims=True)
+    np.testing.assert_allclose(code_m - clock_m, 0.0, atol=0.1)
+
+
 def test_a_flight_without_a_base_or_observations_says_so():
     with pytest.raises(NoSolutionError, match="a position by phase needs a base station"):
         position_phase(flown(span_s=3.0, base=None), base=True)

@@ -14,6 +14,10 @@ from fgnav.methods.smoother.graph import SharedSolution, Solution
 from fgnav.methods.smoother.observability import undetermined
 from fgnav.rotations import skew
 
+# Satellites of half a day turn by this much about the Earth: an error that stays in their ranges
+# moves the position that it shifts.
+_SKY_RADPS = 1.46e-4
+
 
 def estimate_of(
     name: str,
@@ -67,7 +71,8 @@ def estimate_of(
         p_n_m=motion.p_n_m,
         position_covariance_m2=motion.position_covariance_m2 + collected.common_position_m2[rows],
         v_n_mps=motion.v_n_mps,
-        velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2,
+        velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2
+        + _SKY_RADPS**2 * collected.common_position_m2[rows],
         angular_rate_b_radps=motion.w_b_radps,
         accelerometer_bias_mps2=solution.slot[:, :3],
         accelerometer_bias_covariance_m2ps4=solution.slot_covariance[:, :3, :3],

@@ -15,7 +15,7 @@ from fgnav.methods.smoother import rotation_kernel as rot
 from fgnav.methods.smoother.chain_kernel import cholesky, forward
 
 MOTION = 15  # rotation vector, position, velocity, slot
-_INTEGRATION_M2 = 1e-6  # m2/s: a millimetre in a second keeps the linear systems well posed
+INTEGRATION_M2 = 1e-8  # m2/s: a tenth of a millimetre in a second keeps linear systems well posed
 
 
 class Gained(NamedTuple):
@@ -235,7 +235,7 @@ def _rate_by(
 def _add_noise(P: FloatArray, F: FloatArray, noise: FloatArray, dt: float) -> None:
     """Add what a sub-step's own noise brings; ``noise`` is a row of ``Preintegrator.noise``."""
     for i in range(3):
-        P[3 + i, 3 + i] += noise[0] * dt**3 / 4 + _INTEGRATION_M2 * dt
+        P[3 + i, 3 + i] += noise[0] * dt**3 / 4 + INTEGRATION_M2 * dt
         P[3 + i, 6 + i] += noise[0] * dt**2 / 2
         P[6 + i, 3 + i] += noise[0] * dt**2 / 2
         P[6 + i, 6 + i] += noise[0] * dt

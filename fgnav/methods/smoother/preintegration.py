@@ -14,13 +14,13 @@ from scipy.interpolate import CubicSpline
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.flight import Imu
+from fgnav.methods.smoother.motion_kernel import INTEGRATION_M2
 from fgnav.rotations import log, skew, transpose
 
 # Sub-steps of one accelerometer sample: GTSAM discretises the covariance per call. On the joint
 # chi-square of rotation, velocity and rate (9 expected): one step 25, three 10.7, ten 9.1.
 SUB_STEPS = 5
 _PSEUDO_GYROSCOPE_RADPS_PER_SQRT_HZ = 1e-6  # of the rate of zero: the slot does all the work
-_INTEGRATION_M2 = 1e-6  # m2/s: a millimetre in a second keeps the linear systems well posed
 RATE_SPAN_S = 0.5  # angular rates are told from attitudes this far apart
 
 
@@ -142,7 +142,7 @@ class Preintegrator:
             _isotropic(imu.accelerometer_noise_mps2_per_sqrt_hz**2)
         )
         parameters.setBiasAccCovariance(_isotropic(imu.accelerometer_bias_walk_mps2_per_sqrt_s**2))
-        parameters.setIntegrationCovariance(_isotropic(_INTEGRATION_M2))
+        parameters.setIntegrationCovariance(_isotropic(INTEGRATION_M2))
         noise = imu.gyroscope_noise_radps_per_sqrt_hz or _PSEUDO_GYROSCOPE_RADPS_PER_SQRT_HZ
         walk = imu.gyroscope_bias_walk_radps_per_sqrt_s
         parameters.setGyroscopeCovariance(_isotropic(noise**2))

@@ -21,6 +21,7 @@ from fgnav.methods.smoother.collect import Collected, Settings, collect
 from fgnav.methods.smoother.constants import LINEAR, asked
 from fgnav.methods.smoother.constants_found import started_there
 from fgnav.methods.smoother.estimates import estimate_of
+from fgnav.methods.smoother.gaps import LONGEST_STEP_S
 from fgnav.methods.smoother.graph import Solution
 from fgnav.methods.smoother.interpolation import with_times
 from fgnav.methods.smoother.keyframes import Keyframes
@@ -30,7 +31,7 @@ from fgnav.methods.smoother.window import solve_forward, solve_window
 # proportion to the square of that time. Against 100 steps, 20 cost 0.3 % of the RMS error in roll
 # and 0.6 % in pitch, 50 cost 0.1 % (sine of 20 degrees, six flights).
 _STEPS, _SPAN_S = 20, 0.1
-_LONGEST_S, _MOST = 0.2, 5  # keyframes are no further apart; and that is fine enough
+_MOST = 5  # and that is fine enough
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -296,6 +297,6 @@ def _sub_steps(method: Smoother | Forward | Batch, flight: Flight) -> int:
     source = flight.observations or flight.fixes
     if flight.imu is None or source is None or len(source.t_s) < 2 or len(flight.imu.t_s) < 2:
         return 1
-    span_s = min(float(np.median(np.diff(source.t_s))), _LONGEST_S)
+    span_s = min(float(np.median(np.diff(source.t_s))), LONGEST_STEP_S)
     samples = span_s / float(np.median(np.diff(flight.imu.t_s)))
     return min(max(ceil(_STEPS * (span_s / _SPAN_S) ** 2 / samples - 1e-6), 1), _MOST)

@@ -10,6 +10,7 @@ from fgnav.integers.truth import Truth
 from fgnav.io.importers.umn import read_umn
 from fgnav.methods.maximum_likelihood import MaximumLikelihood
 from fgnav.methods.smoother import Batch, Smoother
+from tests.benchmarks import consistency
 from tests.benchmarks.gravity import flights
 from tests.methods.simulated import errors_rad, euler_rmse_deg, flown, nees
 from tests.methods.test_maximum_likelihood import Off
@@ -196,6 +197,13 @@ def test_a_spin_is_followed_with_one_baseline(method):
     assert estimate.converged
     assert (euler_rmse_deg(flight, estimate) < [0.1, 0.1, 0.1]).all()
     assert nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 5
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_errors_of_messages_do_not_pass_for_a_motion_that_phase_denies(seed):
+    """Metres that stay with a satellite's code: its arcs have a constant for them."""
+    estimate = Batch(resolver=Truth())(consistency.flown("a20", seed))
+    assert not any("Positions are those of code" in note for note in estimate.notes)
 
 
 def test_without_phase_the_window_is_as_sure_of_its_heading_as_it_may_be():
