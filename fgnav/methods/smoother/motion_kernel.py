@@ -15,7 +15,7 @@ from fgnav.methods.smoother import rotation_kernel as rot
 from fgnav.methods.smoother.chain_kernel import cholesky, forward
 
 MOTION = 15  # rotation vector, position, velocity, slot
-INTEGRATION_M2 = 1e-8  # m2/s: a tenth of a millimetre in a second keeps linear systems well posed
+INTEGRATION_M2 = 1e-7  # m2/s: a third of a millimetre in a second keeps linear systems well posed
 
 
 class Gained(NamedTuple):
