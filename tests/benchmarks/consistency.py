@@ -100,7 +100,10 @@ def cases() -> dict[str, Scenario]:
         "sight": load_scenario(SCENARIOS / "terminal.toml"),
         "no_phase": change(sine[20.0], gnss=None, fixes=FixesTable(rate_hz=10.0)),
         "between": sine[20.0],
+        # Of a random walk: its intensity stated, so that all of the model is as the truth is drawn;
+        # and told from the flight, as it is of all others.
         "drawn": change(turned(six, Hold()), duration_s=20.0),
+        "drawn_told": change(turned(six, Hold()), duration_s=20.0),
     }
 
 
@@ -114,7 +117,7 @@ NAMES = (
 def scenario_of(name: str, rng: np.random.Generator) -> Scenario:
     """Return the scenario of one flight of a case."""
     scenario = cases()[name]
-    return drawn(scenario, rng) if name == "drawn" else scenario
+    return drawn(scenario, rng) if name.startswith("drawn") else scenario
 
 
 def flown(name: str, seed: int) -> Flight:
@@ -270,7 +273,8 @@ def one(name: str, seed: int) -> Flown:
     """Fly once, and judge what the batch makes of it."""
     flight = flown(name, seed)
     gravity = TrueGravity(seed=seed) if name == "no_phase" else None
-    method = replace(METHOD, gravity=gravity)
+    density = DRAWN_DENSITY if name == "drawn" else None
+    method = replace(METHOD, gravity=gravity, angular_acceleration_density=density)
     estimate = method(flight)
     if name == "between":
         estimate = method.at(flight, (estimate.t_s[1:] + estimate.t_s[:-1]) / 2)
