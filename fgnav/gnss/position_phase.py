@@ -129,7 +129,7 @@ def _equations(flight: Flight, *, base: bool) -> PositionPhase:
 
 
 def _without_constants(code_m: FloatArray, group: IntArray) -> FloatArray:
-    """Take off each channel, (n, 1, m), what its code is off the others' all along.
+    """Return code, (n, 1, m), without what each channel's is off its group's, (m,), all along.
 
     An error of the satellite's message or of a model of the atmosphere: phase has it, too, and its
     arcs have constants for it. In code it is metres that no averaging reduces, and would be taken

@@ -8,7 +8,6 @@ can make the true integers cost more than wrong ones, and both of them more than
 from dataclasses import dataclass, fields
 
 import numpy as np
-from scipy.special import chdtri
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.gnss.differences import DoubleDifferences
@@ -16,7 +15,7 @@ from fgnav.integers.affine import epochs_of
 from fgnav.integers.constrained_kernel import nothing_found, search_epochs
 from fgnav.integers.constrained_prior import prior_columns
 from fgnav.integers.constrained_relaxation import Spans, spans
-from fgnav.integers.constrained_search import FIRST_BOUND
+from fgnav.integers.constrained_search import cost_degrees, first_bound
 from fgnav.integers.epochs import epochs_at
 
 _BLOCK = 256  # epochs whose lists are held at full length
@@ -99,12 +98,10 @@ def _searched(
 ) -> Candidates:
     """Search a block of epochs, of which ``start`` is the first."""
     epochs = epochs_of(differences)
-    links = epochs.resolvable.sum(axis=(1, 2))
-    angles = np.where(arrays.rank[arrays.pattern] == 1, 2, 3)
-    first_bound = chdtri(np.maximum(2 * links - angles, 1), FIRST_BOUND)
-    found = nothing_found(epochs.phase_m.shape, held=most, written=most)
     known = prior_columns(None, arrays)
-    search_epochs(epochs, arrays, known, first_bound, found, reach, nodes, True)
+    bound = first_bound(cost_degrees(epochs, arrays, known))
+    found = nothing_found(epochs.phase_m.shape, held=most, written=most)
+    search_epochs(epochs, arrays, known, bound, found, reach, nodes, True)
     there = np.isfinite(found.costs)
     of_epoch, cost = np.nonzero(there)[0], found.costs[there]
     coordinates_m = arrays.coordinates_m[arrays.pattern[of_epoch]]

@@ -28,7 +28,6 @@ from fgnav.integers.constrained_prior import AttitudePrior, PriorColumns, prior_
 from fgnav.integers.constrained_relaxation import Spans, spans
 
 __all__ = [
-    "FIRST_BOUND",
     "ILL",
     "NOTHING",
     "PROVEN",
@@ -43,7 +42,7 @@ __all__ = [
 # Chance that the true integers cost more. They are then missed, whatever is found instead: of two
 # antennas under 7 satellites, 480,000 sets, 111 of those accepted were wrong with 104.0 expected
 # at 1e-4, and 101 with 103.5 expected at 1e-7, which takes a sixth more nodes.
-FIRST_BOUND = 1e-7
+_FIRST_BOUND = 1e-7
 
 _REACH = 25.0  # above the least cost a candidate weighs below exp(-12.5) = 4e-6
 
@@ -155,4 +154,4 @@ def cost_degrees(epochs: Epochs, arrays: Spans, known: PriorColumns) -> IntArray
 
 def first_bound(degrees: IntArray) -> FloatArray:
     """Return the cost up to which all integers are looked at, (n,)."""
-    return np.asarray(chdtri(np.maximum(degrees, 1), FIRST_BOUND))
+    return np.asarray(chdtri(np.maximum(degrees, 1), _FIRST_BOUND))

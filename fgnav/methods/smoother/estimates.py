@@ -14,8 +14,8 @@ from fgnav.methods.smoother.graph import SharedSolution, Solution
 from fgnav.methods.smoother.observability import undetermined
 from fgnav.rotations import skew
 
-# Satellites of half a day turn by this much about the Earth: an error that stays in their ranges
-# moves the position that it shifts.
+# Satellites of half a sidereal day turn by this much about the Earth, 2 pi in 43,082 s: an error
+# that stays in their ranges moves the position that it shifts.
 _SKY_RADPS = 1.46e-4
 
 
