@@ -115,9 +115,9 @@ def _scatter(motion: Motion, of: Equations, A: FloatArray, left_mps: FloatArray)
     spread = (left_mps**2).sum(axis=1).mean()
     size, length = np.einsum("kii->k", step_m2ps2).mean(), _neighbours(window)
     walks = size * np.mean(length - 1 / length) / 6
-    own, grown = np.linalg.solve(
-        [[6.0, size], [3 * np.mean(1 - 1 / length), walks]], [differ, spread]
-    ).clip(0.0)
+    parts = [[6.0, size], [3 * np.mean(1 - 1 / length), walks]]
+    # Least squares, because pairs of epochs between gaps do not tell the two apart.
+    own, grown = np.linalg.lstsq(parts, [differ, spread], rcond=None)[0].clip(0.0)
     # Each window's rows add up to nothing: sums from its start are those to its end, reversed.
     sums = np.cumsum(A, axis=0)
     integrated = np.einsum("kip,kij,kjq->pq", sums, step_m2ps2, sums)

@@ -117,15 +117,15 @@ def _rates(quick: Quick, reach: int) -> tuple[FloatArray, FloatArray]:
     return (total[last] - total[first]) / span_s, (P[last] + P[first]) / span_s[..., None] ** 2
 
 
-def equations(motion: Motion, late_s: float = 0.0) -> Equations:
-    """Return equations of all unknowns, as if the accelerometer's times were to be raised so much.
+def equations(motion: Motion) -> Equations:
+    """Return equations of all unknowns.
 
     Raises
     ------
     NoSolutionError
         If the accelerometer does not overlap the epochs.
     """
-    at_s, R_nb, f_b = _forces(motion, late_s)
+    at_s, R_nb, f_b = _forces(motion, 0.0)
     by_element = (R_nb[:, :, :, None] * f_b[:, None, None, :]).reshape(-1, 3, 9)
     jerk = np.einsum("nij,nj->ni", R_nb, np.gradient(f_b, at_s, axis=0))[:, :, None]
     A, epochs = _integrated(motion, at_s, np.concatenate([by_element, R_nb, jerk], axis=2))
@@ -134,7 +134,10 @@ def equations(motion: Motion, late_s: float = 0.0) -> Equations:
 
 
 def scale_equations(motion: Motion, late_s: float) -> Equations:
-    """Return equations of the specific force's scale and bias alone; see ``equations``."""
+    """Return equations of the specific force's scale and bias alone; raises as ``equations`` does.
+
+    As if the accelerometer's times were to be raised by so much.
+    """
     at_s, R_nb, f_b = _forces(motion, late_s)
     scale = np.einsum("nij,nj->ni", R_nb, f_b)[:, :, None]
     A, epochs = _integrated(motion, at_s, np.concatenate([scale, R_nb], axis=2))
@@ -177,6 +180,7 @@ def _centred(
 
 
 def _less_mean(x: FloatArray, window: IntArray) -> FloatArray:
+    """Take each window's mean off (k, ...)."""
     count = np.bincount(window).clip(1)
     flat = x.reshape(len(x), -1)
     mean = np.stack([np.bincount(window, c) / count for c in flat.T], axis=1)
