@@ -155,15 +155,19 @@ def constants_of(
     for word in words:
         if lacking.get(word.kind):
             raise BadInputError(f"estimate {word.kind}: {lacking[word.kind]}")
-        kind = _KINDS[word.kind]
         if word.kind != "antenna":
-            unit = "rad" if kind.degrees else "m"
-            found.append(constant(word.kind, kind.place, kind.axes, unit, word.sigma))
+            found.append(of_vehicle(word))
             continue
         for i in _antennas(word, flight):
             name = f"antenna {flight.antennas[i].name}"
             found.append(constant(name, ANTENNAS + i - 1, _SPACE_B, "m", word.sigma))
     return tuple(sorted(found, key=lambda one: one.place))
+
+
+def of_vehicle(word: Asked) -> FlightConstant:
+    """Return the constant that a word asks for, of all but antennas."""
+    kind = _KINDS[word.kind]
+    return constant(word.kind, kind.place, kind.axes, "rad" if kind.degrees else "m", word.sigma)
 
 
 def with_evidence(

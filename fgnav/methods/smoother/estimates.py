@@ -1,6 +1,6 @@
 """From states of the accelerometer to an estimate of the body's origin, covariances with them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from fgnav.methods.smoother.collect import Collected
 from fgnav.methods.smoother.consistency import consistency
 from fgnav.methods.smoother.constants_found import arm_off, constants_found, sentence
 from fgnav.methods.smoother.graph import SharedSolution, Solution
+from fgnav.methods.smoother.keyframes import Keyframes
 from fgnav.methods.smoother.observability import undetermined
 from fgnav.rotations import skew
 
@@ -54,10 +55,48 @@ def estimate_of(
     rows = np.arange(len(keyframes.t_s)) if rows is None else rows
     t_s, tests = keyframes.t_s[rows], consistency(keyframes, solution)
     solution = (solution if believed is None else believed)[rows]
-    off = arm_off(keyframes, solution)
+    told_b_radps, common_m2 = gyroscope_at(imu, t_s), collected.common_position_m2[rows]
+    return replace(
+        stated(name, keyframes, solution, t_s, told_b_radps, common_m2),
+        epochs=collected.epochs,
+        unobservable=open_states,
+        integers=collected.integers,
+        losses=collected.losses,
+        rejections=collected.rejections,
+        consistency=tests,
+        constants=constants,
+        notes=(*collected.notes, *notes),
+    )
+
+
+def stated(
+    name: str,
+    keyframes: Keyframes,
+    solution: Solution,
+    t_s: FloatArray,
+    told_b_radps: FloatArray,
+    common_position_m2: FloatArray | float = 0.0,
+) -> Estimate:
+    """Return what a solution says of the body, and nothing of how it came about.
+
+    Parameters
+    ----------
+    name : str
+    keyframes : Keyframes
+        Of the same instruments and constants as those solved.
+    solution : Solution
+    t_s : ndarray, shape (n,)
+        Times of its states.
+    told_b_radps : ndarray, shape (n, 3)
+        What a gyroscope says then; 0 without one.
+    common_position_m2 : ndarray, shape (n, 3, 3), or float
+        Variance of positions that no smoothing reduces.
+    """
+    imu, off = keyframes.preintegrate.imu, arm_off(keyframes, solution)
+    gyro_free = imu.w_b_radps is None
     motion = origin_motion(
         solution,
-        gyroscope_at(imu, t_s),
+        told_b_radps,
         -imu.position_b_m if off is None else off.value - imu.position_b_m,
         keyframes.preintegrate.earth_rate_n_radps,
         off,
@@ -65,14 +104,14 @@ def estimate_of(
     return Estimate(
         method=name,
         t_s=t_s,
-        epochs=collected.epochs,
+        epochs=len(t_s),
         R_nb=solution.R_nb,
         attitude_covariance_rad2=solution.covariance[:, :3, :3],
         p_n_m=motion.p_n_m,
-        position_covariance_m2=motion.position_covariance_m2 + collected.common_position_m2[rows],
+        position_covariance_m2=motion.position_covariance_m2 + common_position_m2,
         v_n_mps=motion.v_n_mps,
         velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2
-        + _SKY_RADPS**2 * collected.common_position_m2[rows],
+        + _SKY_RADPS**2 * common_position_m2,
         angular_rate_b_radps=motion.w_b_radps,
         accelerometer_bias_mps2=solution.slot[:, :3],
         accelerometer_bias_covariance_m2ps4=solution.slot_covariance[:, :3, :3],
@@ -80,14 +119,7 @@ def estimate_of(
         gyroscope_bias_covariance_rad2ps2=(
             None if gyro_free else solution.slot_covariance[:, 3:, 3:]
         ),
-        unobservable=open_states,
         converged=solution.converged,
-        integers=collected.integers,
-        losses=collected.losses,
-        rejections=collected.rejections,
-        consistency=tests,
-        constants=constants,
-        notes=(*collected.notes, *notes),
     )
 
 

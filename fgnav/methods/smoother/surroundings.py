@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, Loss
-from fgnav.earth import geodetic
+from fgnav.earth import Origin, geodetic
 from fgnav.flight import Flight, Imu
 from fgnav.methods.smoother.constants import HEIGHT, IRON, FlightConstant, constant
 from fgnav.methods.smoother.directions import Directions
-from fgnav.surroundings import Barometer
+from fgnav.surroundings import Barometer, Magnetometer
 
 _PER_CONSTANT = 8  # times at which a drift is estimated in each of its time constants
 _TIMES_AT_MOST = 12  # dimensions of the border are paid for at every keyframe
@@ -91,17 +91,40 @@ def heights(
     if barometer is None or not len(barometer.t_s):
         return None, ()
     value, losses = _sampled("barometric height", barometer.t_s, barometer.height_m[:, None], t_s)
-    geodetic_m = geodetic(flight.origin.to_e(p_n_m))[:, 2]
+    found = heights_of(barometer, imu.position_b_m, flight.origin, t_s, p_n_m, value[:, 0])
+    return found, losses
+
+
+def heights_of(
+    barometer: Barometer,
+    accelerometer_b_m: FloatArray,
+    origin: Origin,
+    t_s: FloatArray,
+    p_n_m: FloatArray,
+    height_m: FloatArray,
+) -> Heights:
+    """Return what a barometer's heights at keyframes, (n,), NaN of none, say of their places.
+
+    Parameters
+    ----------
+    barometer : Barometer
+        Its record is not read.
+    accelerometer_b_m : ndarray, shape (3,)
+    origin : Origin
+    t_s : ndarray, shape (n,)
+    p_n_m : ndarray, shape (n, 3)
+        As in ``heights``.
+    height_m : ndarray, shape (n,)
+    """
     times_s = _times(barometer, t_s)
     missed_m2 = _between(barometer, times_s, t_s)
-    found = Heights(
-        down_n_m=p_n_m[:, 2] + geodetic_m - value[:, 0],
+    return Heights(
+        down_n_m=p_n_m[:, 2] + geodetic(origin.to_e(p_n_m))[:, 2] - height_m,
         sigma_m=float(np.sqrt(barometer.noise_m**2 + missed_m2)),
-        arm_b_m=barometer.position_b_m - imu.position_b_m,
+        arm_b_m=barometer.position_b_m - accelerometer_b_m,
         place=np.interp(t_s, times_s, np.arange(len(times_s))),
         offset=_offset(barometer, times_s),
     )
-    return found, losses
 
 
 def magnetic_field(
@@ -112,15 +135,26 @@ def magnetic_field(
     if sensor is None or not len(sensor.t_s):
         return None, ()
     value, losses = _sampled("magnetic field", sensor.t_s, sensor.field_b_ut, t_s)
-    size_ut = np.linalg.norm(value, axis=1)
+    return field_of(sensor, value), losses
+
+
+def field_of(sensor: Magnetometer, field_b_ut: FloatArray) -> MagneticField:
+    """Return what a magnetometer's samples at keyframes, (n, 3), NaN rows of none, say.
+
+    Parameters
+    ----------
+    sensor : Magnetometer
+        Its record is not read.
+    field_b_ut : ndarray, shape (n, 3)
+    """
+    size_ut = np.linalg.norm(field_b_ut, axis=1)
     size_ut[size_ut == 0] = np.nan
     axes = ("x_b", "y_b", "z_b")
-    found = MagneticField(
-        directions=Directions.isotropic(value / size_ut[:, None], sensor.noise_ut / size_ut),
+    return MagneticField(
+        directions=Directions.isotropic(field_b_ut / size_ut[:, None], sensor.noise_ut / size_ut),
         field_n_ut=sensor.field_n_ut,
         iron=constant("hard iron", IRON, axes, "uT", sensor.hard_iron_ut),
     )
-    return found, losses
 
 
 def _sampled(

@@ -3,15 +3,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fgnav.checks import BadInputError
-from fgnav.methods.smoother import Direction, Measured, Measurements, Stream, StreamSetUp
 from fgnav.methods.smoother.batch import solve_batch
-from fgnav.methods.smoother.directions import Directions
 from fgnav.methods.smoother.keyframes import ArrayForm, Timed
 from fgnav.methods.smoother.window import Window, solution_of, solve_forward, solve_window
-from fgnav.rotations import log, transpose
 
-from .flights import ORIGIN, attitude_errors_rad, euler_rmse_deg, turning
+from .flights import attitude_errors_rad, euler_rmse_deg, turning
 
 
 @pytest.fixture(scope="module")
@@ -106,96 +102,3 @@ def test_a_window_that_stays_linearised_at_the_batch_ends_as_the_batch_does(case
     assert (np.abs(whole.slot - batch.slot) < 0.01 * sigma[:, 9:]).all()
     scale = sigma[:, :, None] * sigma[:, None, :]
     np.testing.assert_allclose(whole.covariance / scale, batch.covariance / scale, atol=1e-3)
-
-
-def stream_of(case, gravity, lag_s=2.0):
-    """Feed a stream, gravity by row with the rest; return it and what has left it."""
-    keyframes = case.keyframes
-    imu, pre = keyframes.preintegrate.imu, keyframes.preintegrate
-    set_up = StreamSetUp(
-        origin=ORIGIN,
-        antenna_b_m=np.zeros(3),
-        slot_sigma=keyframes.slot_sigma,
-        angular_acceleration_density=pre.angular_acceleration_density,
-        first_rate_b_radps=-keyframes.slot[0, 3:],
-    )
-    stream, left = Stream(set_up, lag_s), []
-    for row, t_s in enumerate(keyframes.t_s):
-        near = (imu.t_s > t_s - 0.25) & (imu.t_s < t_s + 0.15)
-        samples = {"t_s": imu.t_s[near], "f_b_mps2": imu.f_b_mps2[near]}
-        if imu.w_b_radps is not None:
-            samples["w_b_radps"] = imu.w_b_radps[near]
-        left.append(
-            stream.update(
-                Measurements(
-                    t_s=float(t_s),
-                    imu=dataclasses.replace(imu, **samples),
-                    array=case.form[np.array([row])],
-                    position=Measured(
-                        value=keyframes.position.value[row],
-                        covariance=keyframes.position.covariance[row],
-                    ),
-                    velocity=Measured(
-                        value=keyframes.velocity.value[row],
-                        covariance=keyframes.velocity.covariance[row],
-                    ),
-                    gravity=gravity.get(row),
-                )
-            )
-        )
-    return stream, left
-
-
-@pytest.mark.parametrize("gyro", [False, True])
-def test_a_stream_of_raw_samples_says_what_the_window_says(gyro):
-    case = turning(np.random.default_rng(0), span_s=8.0, gyro=gyro)
-    rows, e_b = np.array([20, 50]), np.array([[0.1, 0.2, 1.0], [-0.1, 0.0, 1.0]])
-    e_b /= np.linalg.norm(e_b, axis=1, keepdims=True)
-    covariance = np.tile(np.diag([0.01, 0.2, 0.1]) ** 2, (2, 1, 1))
-    told = [Direction(e_b=e, covariance=C) for e, C in zip(e_b, covariance, strict=True)]
-    stream, left = stream_of(case, dict(zip(rows, told, strict=True)))
-    parts = [part for part in (*left, stream.rest()) if len(part.t_s)]
-    t_s = np.concatenate([part.t_s for part in parts])
-    np.testing.assert_array_equal(t_s, case.keyframes.t_s)
-    gravity = Directions.of("gravity", e_b, covariance).at(rows, len(t_s))
-    window = solve_window(dataclasses.replace(case.keyframes, gravity=gravity), 2.0)
-    R_nb = np.concatenate([part.R_nb for part in parts])
-    sigma = np.sqrt(np.einsum("nii->ni", window.covariance))
-    apart = attitude_errors_rad(R_nb, window) / sigma[:, :3]
-    assert np.abs(apart).max() < 0.05  # the curve through few samples is not that through all
-    p_n_m = np.concatenate([part.p_n_m for part in parts])
-    assert (np.abs(p_n_m - window.p_n_m).max(axis=1) < 0.05 * sigma[:, 3:6].max(axis=1)).all()
-    newest = stream.newest()
-    np.testing.assert_array_equal(newest.R_nb[0], stream.rest().R_nb[-1])
-    rate = np.concatenate([part.angular_rate_b_radps for part in parts])
-    turn = log(transpose(case.truth.R_nb[:-1]) @ case.truth.R_nb[1:]) / 0.1
-    assert np.abs(rate[5:-5] - turn[5:-4]).max() < 0.15
-
-
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        ({"t_s": 0.0}, "measurements t_s: must come after"),
-        ({"array": None}, "first measurements R_nb: needed where no array"),
-        ({"position": None}, "first measurements position: needed"),
-    ],
-)
-def test_a_stream_says_what_a_keyframe_lacks(case, change, text):
-    keyframes, imu = case.keyframes, case.keyframes.preintegrate.imu
-    set_up = StreamSetUp(
-        origin=ORIGIN,
-        antenna_b_m=np.zeros(3),
-        slot_sigma=keyframes.slot_sigma,
-        angular_acceleration_density=keyframes.preintegrate.angular_acceleration_density,
-    )
-    first = Measurements(
-        t_s=0.0,
-        imu=imu,
-        array=case.form[np.array([0])],
-        position=Measured(value=keyframes.p_n_m[0], covariance=np.eye(3)),
-    )
-    stream = Stream(set_up)
-    if "t_s" in change:
-        assert not len(stream.update(first).t_s)
-    with pytest.raises(BadInputError, match=text):
-        stream.update(dataclasses.replace(first, **change))
