@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.gnss.slips import FINE, NOT_TESTED, SLIP, TIED
+from fgnav.gnss.slip_verdicts import FINE, NOT_TESTED, SLIP, TIED
 
 SIGNIFICANT = 4.5  # sigmas a step must reach …
 LEAST_CYCLES = 0.25  # … and cycles: the smallest slip is half a cycle, multipath moves less

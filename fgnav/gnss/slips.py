@@ -7,11 +7,10 @@ import numpy as np
 
 from fgnav.checks import BoolArray, IntArray, Loss
 from fgnav.gnss.single_differences import SingleDifferences
+from fgnav.gnss.slip_verdicts import NOT_TESTED, SLIP, TIED
 from fgnav.observations import LOST_LOCK
 
 LONGEST_GAP = 5.0  # median intervals without any epoch, after which nothing is continuous
-# Verdicts of the kernel; of tied channels two slipped, but not to be told which.
-NOT_TESTED, FINE, SLIP, TIED = range(4)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

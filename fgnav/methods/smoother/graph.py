@@ -75,11 +75,6 @@ class Solution:
     shared: SharedSolution | None = None
 
     @property
-    def pose_covariance(self) -> FloatArray:
-        """Rotation tangent, then position, both in body axes, (n, 6, 6)."""
-        return self.covariance[:, :6, :6]
-
-    @property
     def velocity_covariance_m2ps2(self) -> FloatArray:
         """In the frame ``n``, (n, 3, 3)."""
         return self.covariance[:, 6:9, 6:9]

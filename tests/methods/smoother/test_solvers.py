@@ -26,11 +26,11 @@ def test_batch_is_three_times_better_than_single_epochs_and_believable(case, bat
     assert (rmse < [0.30, 0.15, 0.08]).all()
     assert rmse[0] < single[0] / 2.5
     error = attitude_errors_rad(batch.R_nb, case.truth)
-    assert 1.5 < nees(error, batch.pose_covariance[:, :3, :3]).mean() < 4
+    assert 1.5 < nees(error, batch.covariance[:, :3, :3]).mean() < 4
     R_bn = batch.R_nb.swapaxes(1, 2)
     gap = np.einsum("nij,nj->ni", R_bn, case.truth.p_n_m - batch.p_n_m)
     # Positions of one flight share their error: this is a handful of independent samples.
-    assert 0.3 < nees(gap, batch.pose_covariance[:, 3:, 3:]).mean() < 8
+    assert 0.3 < nees(gap, batch.covariance[:, 3:6, 3:6]).mean() < 8
     gap = case.truth.v_n_mps - batch.v_n_mps
     assert 1 < nees(gap, batch.velocity_covariance_m2ps2).mean() < 6
 
@@ -39,7 +39,7 @@ def test_window_reaches_the_batch(case):
     window = solve_window(case.keyframes, 2.0)
     assert window.converged
     error = attitude_errors_rad(window.R_nb, case.truth)
-    assert 1.5 < nees(error, window.pose_covariance[:, :3, :3]).mean() < 4
+    assert 1.5 < nees(error, window.covariance[:, :3, :3]).mean() < 4
     squares = []
     for seed in range(3):  # of one flight alone the ratio is luck
         turn = turning(np.random.default_rng(seed), span_s=40.0)
@@ -52,7 +52,7 @@ def test_window_reaches_the_batch(case):
 def test_a_window_longer_than_the_flight_is_the_batch(case, batch):
     window = solve_window(case.keyframes, 1000.0)
     assert np.abs(attitude_errors_rad(window.R_nb, batch)).max() < np.radians(0.02)
-    sigmas = [np.sqrt(np.einsum("nii->ni", x.pose_covariance)) for x in (window, batch)]
+    sigmas = [np.sqrt(np.einsum("nii->ni", x.covariance[:, :6, :6])) for x in (window, batch)]
     np.testing.assert_allclose(*sigmas, rtol=0.01)
 
 
@@ -85,7 +85,7 @@ def test_a_keyframe_without_phases_is_bridged(case):
         preintegrate=preintegrate,
     )
     for solution in (solve_batch(gap), solve_window(gap, 5.0)):
-        sigma = np.sqrt(np.einsum("nii->ni", solution.pose_covariance[:, :3, :3]))
+        sigma = np.sqrt(np.einsum("nii->ni", solution.covariance[:, :3, :3]))
         assert sigma[110, 0] > 1.5 * sigma[50, 0]
         error = attitude_errors_rad(solution.R_nb, case.truth)
         assert np.abs(error[100:120] / sigma[100:120]).max() < 5
