@@ -100,6 +100,13 @@ TimesFile = Annotated[
 RateHz = Annotated[
     float | None, Parameter(help="Estimate this many times a second, between epochs, too.")
 ]
+LagSeconds = Annotated[
+    float | None,
+    Parameter(
+        help="How long the smoother's window waits for what comes after a keyframe, s; its own "
+        "default is 5."
+    ),
+]
 TuneFlag = Annotated[
     bool,
     Parameter(
@@ -139,6 +146,7 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     integers: IntegersName = "lambda",
     gravity: GravityName = None,
     estimate: EstimateWords = "",
+    lag: LagSeconds = None,
     tune: TuneFlag = False,
     at: TimesFile = None,
     rate: RateHz = None,
@@ -164,9 +172,8 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     from fgnav.methods.at_times import at_times  # noqa: PLC0415
 
     check_places(json)
-    estimators = [
-        at_times(one, at, rate) for one in _estimators(method, integers, gravity, estimate)
-    ]
+    named = _estimators(method, integers, gravity, estimate, lag)
+    estimators = [at_times(one, at, rate) for one in named]
     if tune:
         estimators = _tuned(estimators, integers)
     if len(estimators) > 1:
@@ -193,7 +200,7 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
 
 
 @app.command
-def compare(
+def compare(  # noqa: PLR0913  # a command has as many options as it takes
     flight: Path,
     /,
     *,
@@ -201,6 +208,7 @@ def compare(
     integers: IntegersName = "lambda",
     gravity: GravityName = None,
     estimate: EstimateWords = "",
+    lag: LagSeconds = None,
     tune: TuneFlag = False,
     json: JsonFile = None,
     report: Path | None = None,
@@ -224,7 +232,7 @@ def compare(
     check_places(json)
     if report is not None:
         check_figure(report)
-    estimators = _estimators(method, integers, gravity, estimate)
+    estimators = _estimators(method, integers, gravity, estimate, lag)
     if tune:
         estimators = _tuned(estimators, integers)
     _, comparison = _compare(flight, estimators)
@@ -336,13 +344,13 @@ def _loss_lines(flight: "Flight") -> list[str]:
 
 
 def _estimators(
-    methods: str, integers: str, gravity: str | None = None, estimate: str = ""
+    methods: str, integers: str, gravity: str | None, estimate: str, lag_s: float | None
 ) -> "list[Estimator]":
     """Return the methods of a comma-separated list, all with one resolver and one gravity."""
     from fgnav.checks import BadInputError  # noqa: PLC0415
     from fgnav.gravity import gravity_named  # noqa: PLC0415
     from fgnav.integers.registry import resolver_named  # noqa: PLC0415
-    from fgnav.methods import WITH_GRAVITY, method_named  # noqa: PLC0415
+    from fgnav.methods import WITH_GRAVITY, WITH_LAG, method_named  # noqa: PLC0415
 
     resolver = resolver_named(integers)
     down = None if gravity is None else gravity_named(gravity)
@@ -354,7 +362,9 @@ def _estimators(
         raise BadInputError(f"--gravity: only {', '.join(WITH_GRAVITY)} use it, got {methods!r}")
     if words and not set(names) & set(WITH_GRAVITY):
         raise BadInputError(f"--estimate: only {', '.join(WITH_GRAVITY)} do it, got {methods!r}")
-    return [method_named(name, resolver, down, words) for name in names]
+    if lag_s is not None and not set(names) & set(WITH_LAG):
+        raise BadInputError(f"--lag: only {', '.join(WITH_LAG)} has one, got {methods!r}")
+    return [method_named(name, resolver, down, words, lag_s) for name in names]
 
 
 def _words(text: str) -> tuple[str, ...]:

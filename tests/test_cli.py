@@ -160,6 +160,17 @@ def test_run_writes_what_was_estimated_with_the_flight(folder, tmp_path, capsys)
     assert "Antenna a4, off what the flight states: x_b" in capsys.readouterr().out
 
 
+def test_a_lag_is_the_window_s(folder, tmp_path):
+    command = ["run", str(folder), "--integers", "truth"]
+    for lag in ("0.1", "5"):
+        assert cli.main([*command, "--lag", lag, "--out", str(tmp_path / lag)]) == 0
+    assert cli.main([*command, "--out", str(tmp_path / "usual")]) == 0
+    short, long, usual = (
+        (tmp_path / name / "estimate.csv").read_bytes() for name in ("0.1", "5", "usual")
+    )
+    assert short != long == usual
+
+
 def test_run_at_a_rate_writes_as_many_rows(folder, tmp_path, capsys):
     out = tmp_path / "results"
     command = ["run", str(folder), "--method", "batch", "--integers", "truth", "--out", str(out)]
@@ -194,6 +205,8 @@ def test_run_takes_one_method(folder, tmp_path, capsys):
             ["run", "nowhere", "--out", "o", "--method", "rtk", "--rate", "9"],
             "its own epochs alone",
         ),
+        (["compare", "nowhere", "--method", "batch,rtk", "--lag", "2"], "--lag: only smoother"),
+        (["compare", "nowhere", "--lag", "0"], "smoother lag_s: must be"),
         (["compare", "nowhere", "--report", "report.html"], "end its name in .png"),
         (["compare", "nowhere", "--json", "absent/a.json"], "its folder does not exist"),
         (["check"], "requires an argument"),

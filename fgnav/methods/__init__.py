@@ -2,9 +2,9 @@
 
 A method is a frozen dataclass with ``name`` and ``__call__(flight) -> Estimate``; those that use
 carrier phase take a ``resolver``, those in ``WITH_GRAVITY`` a ``gravity`` estimator, and words of
-what to ``estimate`` with the flight. Third parties
-add their own through the entry-point group ``fgnav.methods``: a callable that takes ``resolver``
-and returns an ``Estimator``.
+what to ``estimate`` with the flight, those in ``WITH_LAG`` a ``lag_s``. Third parties add their own
+through the entry-point group ``fgnav.methods``: a callable that takes ``resolver`` and returns an
+``Estimator``.
 """
 
 from fgnav import plugins
@@ -23,6 +23,7 @@ METHODS = {
     "rtk": "fgnav.methods.rtk:Rtk",
 }
 WITH_GRAVITY = ("smoother", "forward", "batch", "gtsam")
+WITH_LAG = ("smoother",)
 
 
 def method_named(
@@ -30,8 +31,9 @@ def method_named(
     resolver: Resolver,
     gravity: GravityEstimator | None = None,
     estimate: tuple[str, ...] = (),
+    lag_s: float | None = None,
 ) -> Estimator:
-    """Return the method of that name; those in ``WITH_GRAVITY`` alone take the last two options.
+    """Return the method of that name, with those of the options that it takes.
 
     Raises
     ------
@@ -43,5 +45,7 @@ def method_named(
     if name in WITH_GRAVITY:
         options |= {"gravity": gravity} if gravity is not None else {}
         options |= {"estimate": estimate} if estimate else {}
+    if name in WITH_LAG:
+        options |= {"lag_s": lag_s} if lag_s is not None else {}
     estimator: Estimator = factory(resolver=resolver, **options)
     return estimator
