@@ -4,12 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.checks import FloatArray, Loss, frozen, positive
+from fgnav.checks import BoolArray, FloatArray, Loss, frozen, positive
 from fgnav.flight import Seeker
 
 # The flight format does not state the detector's noise, so this is a choice: 20 um of spot at a
 # focal length of 20 mm, 0.4 % of a detector of 5 mm radius.
 LINE_OF_SIGHT_SIGMA_RAD = 1e-3
+_REPEATED = 3  # samples with the very same largest current: no noise does that
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -50,8 +51,8 @@ def line_of_sight(seeker: Seeker, sigma_rad: float = LINE_OF_SIGHT_SIGMA_RAD) ->
     """Reconstruct the line of sight from photocurrents (Eqs. 34-36) [1]_.
 
     The spot sits at ``R_det f(r_quad) l / r_quad`` with ``l = (ln I4/I2, ln I1/I3)``, and the
-    direction is (focal length, x_c, y_c) in body axes. A current at or below zero, or a spot off
-    the detector or beyond its calibration, is a gap.
+    direction is (focal length, x_c, y_c) in body axes. A current at or below zero or cut at the
+    electronics' limit, or a spot off the detector or beyond its calibration, is a gap.
 
     Parameters
     ----------
@@ -64,7 +65,7 @@ def line_of_sight(seeker: Seeker, sigma_rad: float = LINE_OF_SIGHT_SIGMA_RAD) ->
     .. [1] Neural Networks for Estimating Attitude, Line of Sight, and GNSS Ambiguity Through
        Onboard Sensor Fusion, Sensors, 2025, Eqs. 34-36 and Table 3.
     """
-    lit = seeker.currents.min(axis=1) > 0
+    lit, cut = seeker.currents.min(axis=1) > 0, _cut(seeker.currents)
     logarithm = np.log(np.where(lit[:, None], seeker.currents, 1.0))
     quadrants = np.stack(
         [logarithm[:, 3] - logarithm[:, 1], logarithm[:, 0] - logarithm[:, 2]], axis=1
@@ -76,11 +77,12 @@ def line_of_sight(seeker: Seeker, sigma_rad: float = LINE_OF_SIGHT_SIGMA_RAD) ->
     scale = seeker.detector_radius_m * r_c / np.where(r_quad > 0, r_quad, 1.0)
     boresight = np.full(len(r_quad), seeker.focal_length_m)
     ray_b = np.column_stack([boresight, scale[:, None] * quadrants])
-    seen = lit & on_detector
+    seen = lit & ~cut & on_detector
     e_b = ray_b[seen] / np.linalg.norm(ray_b[seen], axis=1, keepdims=True)
     reasons = {
         "a current is zero or below": ~lit,
-        "spot off the detector or beyond its calibration": lit & ~on_detector,
+        "a current stands at its limit": lit & cut,
+        "spot off the detector or beyond its calibration": lit & ~cut & ~on_detector,
     }
     losses = tuple(
         Loss(what="seeker sample", reason=reason, count=int(lost.sum()))
@@ -88,6 +90,16 @@ def line_of_sight(seeker: Seeker, sigma_rad: float = LINE_OF_SIGHT_SIGMA_RAD) ->
         if lost.any()
     )
     return LineOfSight(t_s=seeker.t_s[seen], e_b=e_b, sigma_rad=sigma_rad, losses=losses)
+
+
+def _cut(currents: FloatArray) -> BoolArray:
+    """Return which samples have a current that was cut at a limit nobody states, (k,).
+
+    Where the largest of all currents comes time and again while others change, it is the limit.
+    """
+    cut: BoolArray = (currents == currents.max(initial=0.0)).any(axis=1)
+    stands = cut.sum() >= _REPEATED and np.ptp(currents[cut], axis=0).any()
+    return np.asarray(cut & stands)
 
 
 def spot_fraction(calibration: FloatArray, r_quad: FloatArray) -> FloatArray:

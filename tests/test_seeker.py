@@ -35,6 +35,24 @@ def currents_of(spot_m):
     return np.exp(np.stack([y, -x, -y, x], axis=1))
 
 
+def test_a_current_cut_at_its_limit_is_a_counted_gap():
+    x_m = np.linspace(-0.2, 0.6, 9)[:, None] * RADIUS_M
+    currents = currents_of(np.hstack([x_m, 0.1 * RADIUS_M + 0 * x_m]))
+    limit = currents[6, 3]  # the last three reach it
+    sight = line_of_sight(seeker(np.minimum(currents, limit)))
+    np.testing.assert_array_equal(sight.t_s, np.arange(6))
+    assert [(loss.reason, loss.count) for loss in sight.losses] == [
+        ("a current stands at its limit", 3)
+    ]
+    whole = line_of_sight(seeker(currents))
+    np.testing.assert_array_equal(whole.e_b[:6], sight.e_b)
+    assert whole.losses == ()
+
+
+def test_a_record_that_does_not_change_is_not_cut():
+    assert line_of_sight(seeker([[1.0, 2.0, 1.5, 1.2]] * 5)).losses == ()
+
+
 def test_equal_currents_look_along_the_boresight():
     sight = line_of_sight(seeker([[1, 1, 1, 1], [7, 7, 7, 7]]))
     np.testing.assert_array_equal(sight.e_b, [[1, 0, 0], [1, 0, 0]])
