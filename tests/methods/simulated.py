@@ -24,6 +24,14 @@ def flown(name, span_s=20.0, seed=1, imu_position_b_m=None):
     return simulate(scenario, np.random.default_rng(seed))
 
 
+def flown_with(name, span_s, *, seed=1, **gnss):
+    """Return a flight of a scenario whose receivers differ."""
+    scenario = load_scenario(SCENARIOS / f"{name}.toml")
+    changed = msgspec.structs.replace(scenario.gnss, **gnss)
+    scenario = msgspec.structs.replace(scenario, duration_s=span_s, gnss=changed)
+    return simulate(scenario, np.random.default_rng(seed))
+
+
 def errors_rad(flight, estimate):
     """Body tangents from estimate to truth, (n, 3)."""
     R_nb, covered = attitude_at(flight.truth, estimate.t_s)

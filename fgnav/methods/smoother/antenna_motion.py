@@ -29,6 +29,8 @@ class AntennaMotion:
     position : Timed or None
     velocity : Timed or None
         Of the accelerometer. Both covariances are the noise that is new at each keyframe.
+    arcs_m2 : ndarray, shape (n, 3, 3)
+        Variance that positions of a stretch have in common, see ``Timed.piece``.
     common_m2 : ndarray, shape (n, 3, 3)
         Variance of positions that is common to all keyframes: no smoothing reduces it.
     losses : tuple of Loss
@@ -40,6 +42,7 @@ class AntennaMotion:
     name: str
     position: Timed | None
     velocity: Timed | None
+    arcs_m2: FloatArray
     common_m2: FloatArray
     losses: tuple[Loss, ...]
     notes: tuple[str, ...] = ()
@@ -96,8 +99,11 @@ def _of_code(flight: Flight, imu: Imu, start: Start, rates: Rates) -> AntennaMot
         few = at_accelerometer(few, rates, start.R_nb, arm_b_m)
     return AntennaMotion(
         name=antenna.name,
-        position=_timed(best.p_n_m, best.noise_m2, row, found, arm_b_m),
+        position=replace(
+            _timed(best.p_n_m, best.noise_m2, row, found, arm_b_m), piece=best.piece[row]
+        ),
         velocity=_velocity(code.v_n_mps, code.velocity_covariance_m2ps2, row, found, arm_b_m),
+        arcs_m2=best.arcs_m2[row],
         common_m2=best.common_m2[row],
         losses=(
             *code.losses,
@@ -113,13 +119,16 @@ def _of_code(flight: Flight, imu: Imu, start: Start, rates: Rates) -> AntennaMot
 def _of_fixes(flight: Flight, imu: Imu, t_s: FloatArray) -> AntennaMotion:
     none, fixes = np.zeros((len(t_s), 3, 3)), flight.fixes
     if fixes is None:
-        return AntennaMotion(name="", position=None, velocity=None, common_m2=none, losses=())
+        return AntennaMotion(
+            name="", position=None, velocity=None, arcs_m2=none, common_m2=none, losses=()
+        )
     arm_b_m = flight.antenna(fixes.antenna).position_b_m - imu.position_b_m
     row, found = nearest(fixes.t_s, t_s)
     return AntennaMotion(
         name=fixes.antenna,
         position=_timed(fixes.p_n_m, _diagonal(fixes.position_sigma_m), row, found, arm_b_m),
         velocity=_velocity(fixes.v_n_mps, _velocity_covariance(fixes), row, found, arm_b_m),
+        arcs_m2=none,
         common_m2=none,
         losses=unused("fix", len(fixes.t_s), found),
     )
@@ -138,9 +147,8 @@ def _filled(whole: AntennaMotion, other: AntennaMotion, start: Start) -> Antenna
     moved = replace(
         other.position,
         value=other.position.value + lever_n_m,
-        covariance=other.position.covariance
-        + turn @ doubt_rad2 @ transpose(turn)
-        + other.common_m2,  # what is common to all of its positions is not common to both antennas
+        covariance=other.position.covariance + turn @ doubt_rad2 @ transpose(turn),
+        piece=_numbered_on(position, other.position),
     )
     missing = np.isnan(position.value[:, 0]) & np.isfinite(moved.value[:, 0])
     velocity = whole.velocity or other.velocity
@@ -150,17 +158,29 @@ def _filled(whole: AntennaMotion, other: AntennaMotion, start: Start) -> Antenna
         whole,
         position=_with(position, moved, missing),
         velocity=velocity,
+        arcs_m2=np.where(missing[:, None, None], other.arcs_m2, whole.arcs_m2),
         common_m2=np.where(missing[:, None, None], other.common_m2, whole.common_m2),
         losses=(*whole.losses, *other.losses),
         notes=tuple(dict.fromkeys((*whole.notes, *other.notes))),
     )
 
 
+def _numbered_on(timed: Timed, other: Timed) -> IntArray | None:
+    """Return the other's stretches, numbered on from one's own: no arc is common to both."""
+    if timed.piece is None or other.piece is None:
+        return other.piece
+    return np.where(other.piece >= 0, other.piece + timed.piece.max() + 1, -1)
+
+
 def _with(timed: Timed, other: Timed, missing: BoolArray) -> Timed:
+    piece = timed.piece
+    if piece is not None and other.piece is not None:
+        piece = np.where(missing, other.piece, piece)
     return replace(
         timed,
         value=np.where(missing[:, None], other.value, timed.value),
         covariance=np.where(missing[:, None, None], other.covariance, timed.covariance),
+        piece=piece,
     )
 
 

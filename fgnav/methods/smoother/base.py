@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
 from fgnav.flight import Flight
-from fgnav.gnss.arc_adjustment import ArcAdjustment, PhasePositions, adjust_best
+from fgnav.gnss.arc_adjustment import ArcAdjustment, adjust_best
 from fgnav.gnss.code_solution import CodeSolution
 from fgnav.gnss.position_phase import position_phase
 from fgnav.integers.arc_integers import ArcIntegers, resolve_arcs
@@ -24,8 +24,11 @@ class Positions:
     Attributes
     ----------
     p_n_m : ndarray, shape (k, 3)
-    noise_m2, common_m2 : ndarray, shape (k, 3, 3)
-        Covariance that is new at every epoch; and common to all, which no smoothing reduces.
+    noise_m2, arcs_m2, common_m2 : ndarray, shape (k, 3, 3)
+        Covariance that is new at every epoch; common to a stretch of epochs that phase connects;
+        and common to all, which no smoothing reduces.
+    piece : ndarray of int, shape (k,)
+        Number of that stretch, 0 the longest; -1 of positions by code.
     fixed : ndarray of bool, shape (k,)
         Whether integers against the base are known.
     losses : tuple of Loss
@@ -36,7 +39,9 @@ class Positions:
 
     p_n_m: FloatArray
     noise_m2: FloatArray
+    arcs_m2: FloatArray
     common_m2: FloatArray
+    piece: IntArray
     fixed: BoolArray
     losses: tuple[Loss, ...] = ()
     notes: tuple[str, ...] = ()
@@ -71,7 +76,9 @@ def positions(flight: Flight, code: CodeSolution, attitudes: Attitudes) -> Posit
     out = Positions(
         p_n_m=code.p_n_m.copy(),
         noise_m2=code.position_noise_m2.copy(),
+        arcs_m2=np.zeros_like(code.position_noise_m2),
         common_m2=code.position_covariance_m2 - code.position_noise_m2,
+        piece=np.full(len(code.t_s), -1),
         fixed=np.zeros(len(code.t_s), dtype=np.bool_),
     )
     if flight.base is None:
@@ -136,23 +143,17 @@ def _fixed(integers: ArcIntegers) -> BoolArray:
 def _placed(
     adjustment: ArcAdjustment, code: CodeSolution, out: Positions, common_m2: FloatArray
 ) -> Positions:
-    """Put an adjustment's positions in place of those by code, common errors added to others."""
+    """Put an adjustment's positions in place of those by code."""
     found = adjustment.positions()
     row, at = _rows(code.t_s, found.t_s)
-    out.p_n_m[row], out.noise_m2[row] = found.p_n_m[at], _noise(found)[at]
-    out.common_m2[row] = common_m2[row] + found.common_m2[at]
+    out.p_n_m[row], out.noise_m2[row] = found.p_n_m[at], found.noise_m2[at]
+    out.arcs_m2[row], out.common_m2[row] = found.common_m2[at], common_m2[row]
+    _, piece, count = np.unique(found.piece, return_inverse=True, return_counts=True)
+    out.piece[row] = np.argsort(np.argsort(-count, kind="stable"))[piece][at]
     what, reason = "phase for positions", "off the others by more than noise"
     loss = Loss(what=what, reason=reason, count=adjustment.rejected)
     losses = (loss,) if loss.count else ()
     return replace(out, losses=losses, adjustment=adjustment)
-
-
-def _noise(found: PhasePositions) -> FloatArray:
-    """Return noise variances; pieces other than the longest are off against it."""
-    longest = np.bincount(found.piece).argmax()
-    other = (found.piece != longest)[:, None, None]
-    of_longest = found.common_m2[found.piece == longest].mean(axis=0)
-    return np.asarray(found.noise_m2 + np.where(other, found.common_m2 + of_longest, 0.0))
 
 
 def _rows(into_s: FloatArray, of_s: FloatArray) -> tuple[IntArray, IntArray]:

@@ -42,6 +42,7 @@ from fgnav.methods.smoother.gaps import (
 )
 from fgnav.methods.smoother.gate import gated
 from fgnav.methods.smoother.keyframes import ArrayForm, Keyframes, Timed
+from fgnav.methods.smoother.pieces import in_pieces
 from fgnav.methods.smoother.preintegration import angular_rates, increments
 from fgnav.methods.smoother.rates import Rates
 from fgnav.methods.smoother.starts import Start, at_keyframes, start_of
@@ -61,7 +62,7 @@ class Settings:
     sub_steps: int
     false_alarm: float
     constants: tuple[Asked, ...] = ()
-    float_arcs: bool = True
+    own_factors: bool = True  # float arcs, offsets of positions: GTSAM has none for them
     causal: bool = False  # each keyframe by what came before it alone: no bridge knows its end
 
 
@@ -165,15 +166,28 @@ def _collected(flight: Flight, settings: Settings) -> Collected:
     parts = (start.losses, losses, antenna.losses, gate.losses)
     notes = (*start.notes, *antenna.notes, *_gaps(keyframes, start.told, record.gaps_s))
     keyframes, few_notes = with_few(keyframes, antenna.few, without_attitude(t_s, start.told))
+    keyframes, shared_m2 = _in_pieces(keyframes, antenna.arcs_m2, settings)
     return Collected(
         keyframes=keyframes,
         epochs=len(keyframe_times(epochs.t_s)),
-        common_position_m2=antenna.common_m2,
+        common_position_m2=antenna.common_m2 + shared_m2,
         integers=start.integers,
         losses=tuple(sum((*parts, sight_losses, gravity_losses, height_losses, field_losses), ())),
         rejections=(*start.rejections, *gate.rejections),
         notes=(*notes, *floating.notes, *few_notes),
     )
+
+
+def _in_pieces(
+    keyframes: Keyframes, arcs_m2: FloatArray, settings: Settings
+) -> tuple[Keyframes, FloatArray]:
+    """Give stretches of positions their offsets; return what all have in common, (n, 3, 3)."""
+    if keyframes.position is None:
+        return keyframes, arcs_m2
+    found = in_pieces(keyframes.position, arcs_m2, offsets=settings.own_factors)
+    constants = sorted((*keyframes.constants, *found.constants), key=lambda one: one.place)
+    keyframes = replace(keyframes, position=found.position, constants=tuple(constants))
+    return keyframes, found.common_m2
 
 
 def _inertial(flight: Flight) -> Imu:
@@ -223,7 +237,7 @@ def _floating(
     start: Start, settings: Settings, constants: tuple[FlightConstant, ...]
 ) -> tuple[Start, Floating]:
     """Let epochs without integers tell attitudes, where the array's shape is no question."""
-    if not settings.float_arcs or any(one.place >= ANTENNAS for one in constants):
+    if not settings.own_factors or any(one.place >= ANTENNAS for one in constants):
         return start, Floating(stretch=np.full(len(start.t_s), -1, dtype=np.int64), count=0)
     start, floating = with_float_arcs(start, settings.false_alarm, causal=settings.causal)
     if not floating.count:

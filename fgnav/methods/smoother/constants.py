@@ -15,8 +15,8 @@ from fgnav.flight import Flight
 
 # Where the kinds stand in the columns that the kernels read; antennas follow, one place for each
 # but the reference.
-LANDMARK, BORESIGHT, GRAVITY, LEVER, HEIGHT, IRON, FLOAT, ANTENNAS = range(8)
-LINEAR = (HEIGHT, FLOAT)  # however much they are off, derivatives stay
+LANDMARK, BORESIGHT, GRAVITY, LEVER, HEIGHT, IRON, FLOAT, PIECE, ANTENNAS = range(9)
+LINEAR = (HEIGHT, FLOAT, PIECE)  # however much they are off, derivatives stay
 SURVEYED_M = 0.01  # 1-sigma of a landmark that is not asked for: a surveyed beacon
 _SPACE_N = ("north", "east", "down")
 _SPACE_B = ("x_b", "y_b", "z_b")
@@ -223,7 +223,7 @@ def width(constants: tuple[FlightConstant, ...]) -> int:
 
 
 def columns(constants: tuple[FlightConstant, ...], antennas: int) -> IntArray:
-    """Return the first column of each kind within the border, (7 + antennas,); -1 of absent."""
+    """Return the first column of each kind within the border, (8 + antennas,); -1 of absent."""
     found = np.full(ANTENNAS + antennas, -1, dtype=np.int64)
     first = 0
     for one in constants:

@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.estimate import Constant
-from fgnav.methods.smoother.constants import FLOAT, HEIGHT, LANDMARK, LEVER
+from fgnav.methods.smoother.constants import FLOAT, HEIGHT, LANDMARK, LEVER, PIECE
 from fgnav.methods.smoother.graph import SharedSolution, Solution
 from fgnav.methods.smoother.keyframes import Keyframes
 
@@ -31,7 +31,7 @@ def constants_found(keyframes: Keyframes, solution: Solution) -> tuple[Constant,
         rows = slice(first, first + len(one.start))
         first = rows.stop
         value, P = shared.value[rows], shared.covariance[-1, rows, rows]
-        if one.place not in asked or one.place == FLOAT:
+        if one.place not in asked or one.place in (FLOAT, PIECE):
             continue
         value = value - keyframes.shared_mean[rows]
         if one.place in (LANDMARK, HEIGHT):

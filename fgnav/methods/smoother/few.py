@@ -136,4 +136,8 @@ def _filled(
     row, part = row[missing], part[missing]
     value, partial = timed.value.copy(), np.zeros((len(timed.value), 3, 3))
     value[row], partial[row] = part.value, part.root
-    return replace(timed, value=value, partial=partial), len(row)
+    piece = timed.piece
+    if piece is not None:  # what is known in part is so of the longest stretch's arcs
+        piece = piece.copy()
+        piece[row] = 0
+    return replace(timed, value=value, partial=partial, piece=piece), len(row)

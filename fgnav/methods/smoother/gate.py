@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.estimate import Rejected
 from fgnav.flight import Imu
 from fgnav.methods.smoother.keyframes import Timed
@@ -69,7 +69,8 @@ def gated(
     v_n_mps = gained_n_mps
     if velocity is not None:
         left = velocity.value - gained_n_mps
-        off, middle = _against_neighbours(t_s, left, velocity.covariance, _TRACK_MPS2 * _AROUND_S)
+        track_mps = _TRACK_MPS2 * _AROUND_S
+        off, middle = _against_neighbours(t_s, left, velocity.covariance, track_mps)
         off *= tested
         velocity = _without(velocity, off > 0)
         v_n_mps = gained_n_mps + middle
@@ -79,7 +80,7 @@ def gated(
     if position is not None:
         moved_n_m = _integral(t_s, v_n_mps) + R_nb @ position.arm_b_m
         left, track_m = position.value - moved_n_m, _TRACK_MPS2 * _AROUND_S**2 / 2
-        off, _ = _against_neighbours(t_s, left, position.covariance, track_m)
+        off, _ = _against_neighbours(t_s, left, position.covariance, track_m, position.piece)
         off *= tested
         position = _without(position, off > 0)
         found.append(("position", "m", off))
@@ -134,18 +135,22 @@ def _drift(t_s: FloatArray, position: Timed, gained_n_mps: FloatArray) -> FloatA
 
 
 def _against_neighbours(
-    t_s: FloatArray, left: FloatArray, covariance: FloatArray, track: float
+    t_s: FloatArray,
+    left: FloatArray,
+    covariance: FloatArray,
+    track: float,
+    piece: IntArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return how far rejected values are off, (n,), 0 of the others; and the medians, (n, 3).
 
-    ``track`` is the sigma of the inertial track.
+    ``track`` is the sigma of the inertial track; values of different pieces are not neighbours.
     """
     known = np.isfinite(left[:, 0])
     middle = np.zeros_like(left)
     off = np.zeros(len(t_s))
     if not known.any():
         return off, middle
-    medians = _medians(t_s[known], left[known])
+    medians = _medians(t_s[known], left[known], None if piece is None else piece[known])
     middle = np.stack([np.interp(t_s, t_s[known], column) for column in medians.T], axis=1)
     apart = left[known] - medians
     spread = _NORMAL * np.median(np.abs(apart), axis=0)
@@ -155,9 +160,12 @@ def _against_neighbours(
     return off, middle
 
 
-def _medians(t_s: FloatArray, values: FloatArray) -> FloatArray:
+def _medians(t_s: FloatArray, values: FloatArray, piece: IntArray | None = None) -> FloatArray:
     """Return the median of each value and its neighbours, (k, 3), none from beyond a gap."""
-    segment = np.concatenate([[0], np.cumsum(np.diff(t_s) > _APART_S)])
+    apart = np.diff(t_s) > _APART_S
+    if piece is not None:
+        apart |= np.diff(piece) != 0
+    segment = np.concatenate([[0], np.cumsum(apart)])
     rows = np.arange(len(t_s))[:, None] + np.arange(-_AROUND, _AROUND + 1)
     inside = rows.clip(0, len(t_s) - 1)
     belongs = (rows == inside) & (segment[inside] == segment[:, None])

@@ -81,7 +81,11 @@ def _dense(keyframes: Keyframes, t_s: FloatArray, sub_steps: int) -> Keyframes:
         if part.partial is not None:
             partial = np.zeros((len(t_s), 3, 3))
             partial[row] = part.partial
-        return replace(part, value=value, covariance=covariance, partial=partial)
+        piece = None
+        if part.piece is not None:
+            piece = np.full(len(t_s), -1)
+            piece[row] = part.piece
+        return replace(part, value=value, covariance=covariance, partial=partial, piece=piece)
 
     gravity_n_mps2 = between(keyframes.gravity_n_mps2)
     return replace(

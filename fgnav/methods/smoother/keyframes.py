@@ -73,12 +73,16 @@ class Timed:
     partial : ndarray, shape (n, 3, 3), or None
         What whitens values known in some directions only, in place of a covariance; rows of zeros
         for the others. Zero of values that are known in all.
+    piece : ndarray of int, shape (n,), or None
+        Stretch of positions that a value is in: all of one are off by the same offset; -1 of
+        values that are off by noise alone.
     """
 
     value: FloatArray
     covariance: FloatArray
     arm_b_m: FloatArray
     partial: FloatArray | None = None
+    piece: IntArray | None = None
 
     def white(self, rows: IntArray) -> FloatArray:
         """Return what whitens the values of some keyframes, (k, 3, 3); 0 where there is none."""

@@ -13,7 +13,7 @@ class States(NamedTuple):
     v_n_mps: FloatArray  # (n, 3)
     slot: FloatArray  # (n, 6)
     constants: FloatArray  # (b,)
-    columns: IntArray  # (7 + a,), where each kind of constant begins; -1 of those that are not
+    columns: IntArray  # (8 + a,), where each kind of constant begins; -1 of those that are not
     baselines_b_m: FloatArray  # (a, 3), as stated; none where the array's shape is no question
 
     def copied(self) -> "States":
@@ -46,6 +46,7 @@ class Senses(NamedTuple):
     position_n_m: FloatArray  # (n, k, 3)
     position_white: FloatArray  # (n, k, 3, 3)
     arm_b_m: FloatArray  # (n, k, 3)
+    position_piece: FloatArray  # (n, k), the stretch that shares an offset, or -1
     rate_b_radps: FloatArray  # (n, 3), about as fast as the body turns
     shape_root: FloatArray  # (n, 3 a, 3 a), of a form of the baselines in n
     shape_minimum_n_m: FloatArray  # (n, a, 3)

@@ -108,6 +108,7 @@ def senses_of(keyframes: Keyframes) -> Senses:
     n, array, shape = len(keyframes.t_s), keyframes.array, keyframes.baselines
     there = keyframes.rigid[:, None, None]
     position, white, arm_b_m = _weighted(keyframes.position, n)
+    piece = None if keyframes.position is None else keyframes.position.piece
     velocity, velocity_white, _ = _weighted(keyframes.velocity, n)
     down_n = keyframes.gravity_n_mps2[:, None]
     return Senses(
@@ -117,6 +118,7 @@ def senses_of(keyframes: Keyframes) -> Senses:
         position_n_m=position,
         position_white=white,
         arm_b_m=arm_b_m,
+        position_piece=np.full((n, 1), -1.0) if piece is None else piece[:, None].astype(float),
         rate_b_radps=keyframes.rate_b_radps,
         shape_root=np.zeros((n, 0, 0)) if shape is None else np.ascontiguousarray(shape.root),
         shape_minimum_n_m=np.zeros((n, 0, 3)) if shape is None else shape.minimum,

@@ -20,6 +20,7 @@ from fgnav.methods.smoother.constants import (
     IRON,
     LANDMARK,
     LEVER,
+    PIECE,
 )
 from fgnav.methods.smoother.directions import Directions
 from fgnav.methods.smoother.graph import Solution
@@ -150,6 +151,11 @@ def _position(position: Timed, solution: Solution, shared: _Shared) -> Residuals
     jacobian[:, :, 3:6] = R_nb
     shared.put(jacobian, LEVER, R_nb)
     apart = solution.p_n_m[row] + R_nb @ arm_b_m - position.value[row]
+    if position.piece is not None and shared.columns[PIECE] >= 0:
+        own = np.flatnonzero(position.piece[row] >= 0)
+        first = shared.columns[PIECE] + 3 * position.piece[row[own], None] + np.arange(3)
+        apart[own] += shared.value[first]
+        jacobian[own[:, None], np.arange(3), _STATE + first] = 1.0
     return _whitened("position", row, apart, jacobian, position.white(row))
 
 

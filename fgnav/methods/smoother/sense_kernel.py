@@ -19,6 +19,7 @@ from fgnav.methods.smoother.constants import (
     IRON,
     LANDMARK,
     LEVER,
+    PIECE,
 )
 from fgnav.methods.smoother.link_types import Senses, States
 
@@ -65,7 +66,8 @@ def shape(out: FloatArray, states: States, senses: Senses, row: int) -> None:
 def fixes(E: FloatArray, out: FloatArray, states: States, senses: Senses, row: int) -> None:
     """Add positions and velocities to a link; E, (9, 16 + b), is room to work in.
 
-    An unknown lever arm is one from the accelerometer to all antennas.
+    An unknown lever arm is one from the accelerometer to all antennas; an unknown offset one of all
+    positions of a stretch.
     """
     R, lever, rate = states.R_nb[row], states.columns[LEVER], senses.rate_b_radps[row]
     more = np.zeros(3)
@@ -76,10 +78,14 @@ def fixes(E: FloatArray, out: FloatArray, states: States, senses: Senses, row: i
         E[:] = 0.0
         apart = states.p_n_m[row] + rot.times(R, arm) - senses.position_n_m[row, k]
         turned = rot.product(white, R)
-        fill(E, 3, turned, rot.times(white, apart))
         put(E, 0, 0, rot.product(turned, rot.skew(arm)), -1.0)
         if lever >= 0:
             put(E, 0, STATE + lever, turned, 1.0)
+        if states.columns[PIECE] >= 0 and senses.position_piece[row, k] >= 0.0:
+            first = states.columns[PIECE] + 3 * int(senses.position_piece[row, k])
+            apart += states.constants[first : first + 3]
+            put(E, 0, STATE + first, white, 1.0)
+        fill(E, 3, turned, rot.times(white, apart))
         add_square(out, E[:3], STATE)
     for k in range(senses.velocity_n_mps.shape[1]):
         white = senses.velocity_white[row, k]

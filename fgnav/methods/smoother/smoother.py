@@ -224,7 +224,7 @@ def collected_for(method: Smoother | Forward | Batch, flight: Flight) -> Collect
         false_alarm=method.false_alarm,
         causal=isinstance(method, Forward),
         constants=asked(method.estimate),
-        float_arcs=not isinstance(method, GtsamBatch),  # it has no factor for them
+        own_factors=not isinstance(method, GtsamBatch),
     )
     collected = _beside_landmark(collect(flight, settings))
     if isinstance(method, Forward) and method.angular_acceleration_density is None:

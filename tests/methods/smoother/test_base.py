@@ -64,6 +64,8 @@ def of_code(flight, code, attitudes):
         found,
         p_n_m=code.p_n_m,
         noise_m2=code.position_noise_m2,
+        arcs_m2=0 * code.position_noise_m2,
+        piece=np.full(len(code.t_s), -1),
         common_m2=code.position_covariance_m2 - code.position_noise_m2,
     )
 
@@ -74,7 +76,7 @@ def test_fixed_positions_have_nothing_in_common_that_is_larger_than_they_are():
     assert found.fixed.all()
     assert not found.losses
     error = found.p_n_m - antenna_n_m(flight, code_solution(flight).t_s)
-    assert 2.0 < nees(error, found.noise_m2 + found.common_m2) < 4.0
+    assert 2.0 < nees(error, found.noise_m2 + found.arcs_m2 + found.common_m2) < 4.0
 
 
 def test_a_base_that_records_once_a_second_leaves_the_rest_to_code_and_says_so():
@@ -108,10 +110,10 @@ def test_a_spin_wound_up_beyond_repair_keeps_its_code_and_says_why():
     assert found.notes[0].startswith("Positions are those of code: position by phase:")
 
 
-def test_what_an_outage_parts_is_uncertain_against_the_rest():
+def test_what_an_outage_parts_is_told_apart_from_the_rest():
     flight = flown(base=None, outages=(OutageTable(from_s=12.0, until_s=15.0),))
     found = found_in(flight)
-    t_s = code_solution(flight).t_s
-    before, after = found.noise_m2[t_s < 12.0], found.noise_m2[t_s >= 15.0]
-    assert np.sqrt(np.einsum("nii->n", before)).max() < 0.01
-    assert np.sqrt(np.einsum("nii->n", after)).min() > 0.05
+    after = code_solution(flight).t_s >= 15.0
+    np.testing.assert_array_equal(found.piece, after)  # the longer one comes first
+    assert np.sqrt(np.einsum("nii->n", found.noise_m2)).max() < 0.01
+    assert np.sqrt(np.einsum("nii->n", found.arcs_m2)).min() > 0.05

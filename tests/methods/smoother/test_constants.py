@@ -20,6 +20,7 @@ from fgnav.methods.smoother.constants import (
     IRON,
     LANDMARK,
     LEVER,
+    PIECE,
     FlightConstant,
     asked,
     constant,
@@ -86,6 +87,7 @@ def keyframes():
             numbered(("about y_b", "about z_b"), BORESIGHT),
             numbered(("about x_b", "about y_b"), GRAVITY),
             numbered(three, LEVER),
+            numbered(three + three, PIECE),
             numbered(three, ANTENNAS),
             numbered(three, ANTENNAS + 2),
         ),
@@ -97,7 +99,11 @@ def keyframes():
     covariance = np.tile(np.diag([0.02, 0.1, 0.05]) ** 2, (n, 1, 1))
     return dataclasses.replace(
         keyframes,
-        position=dataclasses.replace(keyframes.position, arm_b_m=np.array([0.5, -0.3, 0.1])),
+        position=dataclasses.replace(
+            keyframes.position,
+            arm_b_m=np.array([0.5, -0.3, 0.1]),
+            piece=np.where(np.arange(n) < ROW, 0, 1) - (np.arange(n) == ROW + 1),
+        ),
         gravity=Directions.of("gravity", seen(keyframes.gravity_n_mps2), covariance),
         sight=Directions.isotropic(seen(LANDMARK_N_M - keyframes.p_n_m), 0.02),
         landmark_n_m=LANDMARK_N_M,
@@ -132,8 +138,9 @@ def test_links_are_the_derivatives_of_their_cost_by_every_constant(keyframes, ro
     here = linked(keyframes, states, row)
     b = len(states.constants)
     size = np.sqrt(np.diag(here)[2 * STATE : -1])
-    assert b == 22
-    assert (size > 0).sum() == (22 if row == 0 else 21)  # two of three times of the drift
+    assert b == 28
+    # Two of three times of the drift, one of two stretches of positions.
+    assert (size > 0).sum() == (28 if row == 0 else 24)
     for k in np.flatnonzero(size):
         h, costs = 1e-3 / size[k], []
         for sign in (1, -1):
@@ -182,7 +189,8 @@ def test_a_solution_lists_what_was_asked_for_off_what_is_stated(keyframes):
     assert [len(one.value) for one in found] == [3, 2, 2, 3, 3, 3, 3, 3]
     off = np.concatenate([one.value for one in found])
     assert_allclose(off[:3], solution.shared.value[:3] - LANDMARK_N_M, rtol=0, atol=1e-9)
-    assert_allclose(off[3:], solution.shared.value[3:], rtol=0, atol=1e-12)
+    own = np.r_[3:16, 22:28]  # but for the offsets of positions
+    assert_allclose(off[3:], solution.shared.value[own], rtol=0, atol=1e-12)
     again = started_there(keyframes, solution)
     assert_allclose(links.states_of(again).constants, solution.shared.value, rtol=0, atol=1e-9)
     assert_allclose(again.shared_mean, keyframes.shared_mean, rtol=0, atol=0)

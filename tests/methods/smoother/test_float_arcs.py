@@ -146,7 +146,7 @@ def test_attitude_is_held_without_a_single_integer(flight, method):
 
 
 def test_without_them_nothing_is_known_there(flight):
-    keyframes = collect(flight, settings(float_arcs=False)).keyframes
+    keyframes = collect(flight, settings(own_factors=False)).keyframes
     inside = (keyframes.t_s >= WITHOUT_S[0]) & (keyframes.t_s < WITHOUT_S[1] - 0.01)
     assert keyframes.array.floating is None
     assert not keyframes.constants
@@ -160,7 +160,7 @@ def test_gtsam_does_without(flight):
         patch.setattr("fgnav.methods.smoother.smoother.collect", _stop)
         with pytest.raises(_StoppedError) as stopped:
             method(flight)
-    assert not stopped.value.settings.float_arcs
+    assert not stopped.value.settings.own_factors
 
 
 class _StoppedError(Exception):
