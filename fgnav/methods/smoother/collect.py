@@ -13,6 +13,7 @@ from fgnav.integers.resolver import Integers, Resolver
 from fgnav.methods.smoother import instruments, surroundings
 from fgnav.methods.smoother.antenna_motion import antenna_motion
 from fgnav.methods.smoother.array_shape import shape_at, shaped
+from fgnav.methods.smoother.bursts import Intensity, intensity
 from fgnav.methods.smoother.constants import (
     ANTENNAS,
     Asked,
@@ -20,10 +21,7 @@ from fgnav.methods.smoother.constants import (
     constants_of,
     with_evidence,
 )
-from fgnav.methods.smoother.density import (
-    angular_acceleration_density,
-    density_of_rough_attitudes,
-)
+from fgnav.methods.smoother.density import density_of_rough_attitudes
 from fgnav.methods.smoother.few import with_few
 from fgnav.methods.smoother.float_arcs import Floating, with_float_arcs
 from fgnav.methods.smoother.gaps import (
@@ -129,7 +127,7 @@ def _collected(flight: Flight, settings: Settings) -> Collected:
     rates = Rates.of(imu, t_s, start.R_nb, start.covariance_rad2[start.told])
     antenna = antenna_motion(flight, imu, start, rates)
     sure, places_n_m = start.told & (floating.stretch < 0), _places(t_s, antenna.position)
-    preintegrate = _preintegrator(flight, settings, record, start, sure, places_n_m)
+    preintegrate, brisk = _preintegrator(flight, settings, record, start, sure, places_n_m)
     blind = (without_attitude(t_s, start.told) > LONGEST_GAP_S) | record.touched(t_s)
     fixes = (antenna.position, antenna.velocity)
     gate = gated(preintegrate, t_s, start.R_nb, fixes, blind, antenna.name)
@@ -164,7 +162,7 @@ def _collected(flight: Flight, settings: Settings) -> Collected:
         field=field,
     )
     parts = (start.losses, losses, antenna.losses, gate.losses)
-    notes = (*start.notes, *antenna.notes, *_gaps(keyframes, start.told, record.gaps_s))
+    notes = (*start.notes, *brisk, *antenna.notes, *_gaps(keyframes, start.told, record.gaps_s))
     keyframes, few_notes = with_few(keyframes, antenna.few, without_attitude(t_s, start.told))
     keyframes, shared_m2 = _in_pieces(keyframes, antenna.arcs_m2, settings)
     return Collected(
@@ -253,21 +251,23 @@ def _preintegrator(
     start: Start,
     sure: BoolArray,
     p_n_m: FloatArray,
-) -> BridgingPreintegrator:
-    """Return what makes the factors between keyframes, of those in gaps, too.
+) -> tuple[BridgingPreintegrator, tuple[str, ...]]:
+    """Return what makes the factors between keyframes, of those in gaps, too; and what to note.
 
     How briskly the body turns is told by attitudes that are ``sure``, (n,): with integers.
     """
     imu, t_s, told = record.imu, start.t_s, start.told
     of_sure = (t_s[sure], start.R_nb[sure], start.covariance_rad2[sure])
-    usual = _density(imu, settings, *of_sure, rough=start.rough)
-    unfelt, density = record.touched(t_s)[:-1], np.tile(usual, (len(t_s) - 1, 1))
+    told_by = _intensity(imu, settings, *of_sure, rough=start.rough)
+    usual, density = told_by.usual, told_by.at(t_s)
+    unfelt = record.touched(t_s)[:-1]
     if imu.w_b_radps is None:
         away_s = without_attitude(t_s, told, causal=settings.causal)
         unfelt = unfelt | (np.minimum(away_s[1:], away_s[:-1]) > LOST_S)
-        density = density_in_gaps(t_s, start.R_nb, sure, of_sure[2], usual)
-        density[told[1:] & told[:-1]] = usual  # phases without integers tell how it turned there
-    return BridgingPreintegrator(
+        gaps = density_in_gaps(t_s, start.R_nb, sure, of_sure[2], usual)
+        gaps[told[1:] & told[:-1]] = usual  # phases without integers tell how it turned there
+        density = np.maximum(density, gaps)
+    made = BridgingPreintegrator(
         imu=imu,
         increments=increments(imu, t_s, settings.sub_steps),
         gravity_n_mps2=flight.origin.gravity_n_mps2(p_n_m),
@@ -277,6 +277,7 @@ def _preintegrator(
         loosened=unfelt,
         density=density,
     )
+    return made, told_by.notes
 
 
 def _phases(imu: Imu, start: Start, *, causal: bool) -> ArrayForm:
@@ -365,7 +366,7 @@ def _interpolated(t_s: FloatArray, values: FloatArray) -> FloatArray:
     return np.stack(columns, axis=1)
 
 
-def _density(
+def _intensity(
     imu: Imu,
     settings: Settings,
     t_s: FloatArray,
@@ -373,17 +374,17 @@ def _density(
     covariance_rad2: FloatArray,
     *,
     rough: bool,
-) -> FloatArray:
-    """Return the angular acceleration density about the body axes, (3,)."""
+) -> Intensity:
+    """Return the intensity of angular acceleration about the body axes."""
     if imu.w_b_radps is not None:
-        return np.zeros(3)
+        return Intensity.steady(np.zeros(3))
     if settings.angular_acceleration_density is not None:
-        return np.full(3, settings.angular_acceleration_density)
+        return Intensity.steady(np.full(3, settings.angular_acceleration_density))
     if len(t_s) < _FEWEST:
         raise NoSolutionError(
             f"rate: {len(t_s)} epochs with an attitude are too few to tell how briskly the body "
             f"turns without a gyroscope, needs {_FEWEST}; or state angular_acceleration_density"
         )
     if rough:  # their stated covariance is a guess
-        return density_of_rough_attitudes(t_s, R_nb)
-    return angular_acceleration_density(t_s, R_nb, covariance_rad2)
+        return Intensity.steady(density_of_rough_attitudes(t_s, R_nb))
+    return intensity(t_s, R_nb, covariance_rad2)
