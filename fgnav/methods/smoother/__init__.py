@@ -1,4 +1,4 @@
-"""Factor-graph smoothing: the only place with gtsam."""
+"""Factor-graph smoothing: the only place with gtsam, and only for who asks for it."""
 
 from fgnav.methods.smoother.smoother import Batch, Forward, GtsamBatch, Smoother
 from fgnav.methods.smoother.stream import Direction, Measured, Measurements, Stream, StreamSetUp

@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.methods.smoother.chain import STATE, Chain, Marginals, OpenStateError
-from fgnav.methods.smoother.graph import SharedSolution, Solution, border
+from fgnav.methods.smoother.constants import width
 from fgnav.methods.smoother.keyframes import Keyframes
 from fgnav.methods.smoother.link_kernel import linearise, move
 from fgnav.methods.smoother.link_types import States
@@ -18,6 +18,7 @@ from fgnav.methods.smoother.links import (
     senses_of,
     states_of,
 )
+from fgnav.methods.smoother.solution import SharedSolution, Solution
 
 _ITERATIONS = 100
 _STEP_SIGMAS = 0.01  # a next Newton step below this share of every sigma: it is a minimum
@@ -68,7 +69,7 @@ class _Search:
         self._rows = np.arange(self._n)
         self._motions = empty_motions(self._n)
         self._integrate(self._rows[1:], keyframes.slot)
-        self._chain = Chain.empty(self._n, border(keyframes))
+        self._chain = Chain.empty(self._n, width(keyframes.shared))
         self._states, self._senses = states_of(keyframes), senses_of(keyframes)
         self._prior = prior_of(keyframes)
         self._steps: FloatArray = np.zeros((0, STATE))  # the last, not taken yet

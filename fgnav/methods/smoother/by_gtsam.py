@@ -10,15 +10,9 @@ from gtsam.symbol_shorthand import B, L, V, X
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.methods.smoother.chain import STATE
 from fgnav.methods.smoother.constants import LANDMARK
-from fgnav.methods.smoother.graph import (
-    SharedSolution,
-    Solution,
-    State,
-    link,
-    motion,
-    priors,
-)
+from fgnav.methods.smoother.graph import State, link, motion, priors
 from fgnav.methods.smoother.keyframes import Keyframes
+from fgnav.methods.smoother.solution import SharedSolution, Solution
 
 _ITERATIONS = 50
 _RELATIVE_COST = 1e-8  # a smaller change ends the search

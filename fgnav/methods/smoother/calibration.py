@@ -17,9 +17,9 @@ from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.methods.smoother.ahead import array_attitudes
 from fgnav.methods.smoother.chain import STATE
 from fgnav.methods.smoother.gaps import BridgingPreintegrator
-from fgnav.methods.smoother.graph import Solution
 from fgnav.methods.smoother.keyframes import Keyframes
 from fgnav.methods.smoother.linear import Block, blocks_of, eliminated, stepped
+from fgnav.methods.smoother.solution import Solution
 
 _RATIO = 3.0  # of intensities that are compared
 _MOST, _BLOCK = 600, 300  # keyframes to look at; of a longer flight, blocks spread evenly

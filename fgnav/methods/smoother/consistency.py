@@ -5,9 +5,9 @@ from scipy.special import chdtri
 
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.estimate import Consistency
-from fgnav.methods.smoother.graph import Solution
 from fgnav.methods.smoother.keyframes import Keyframes
 from fgnav.methods.smoother.residuals import Residuals, residuals
+from fgnav.methods.smoother.solution import Solution
 
 _GATE = 0.01  # share of right measurements beyond it
 # A measurement that holds this share of what is known of its own residual tests nothing.

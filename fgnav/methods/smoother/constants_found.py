@@ -7,8 +7,8 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.estimate import Constant
 from fgnav.methods.smoother.constants import FLOAT, HEIGHT, LANDMARK, LEVER, PIECE
-from fgnav.methods.smoother.graph import SharedSolution, Solution
 from fgnav.methods.smoother.keyframes import Keyframes
+from fgnav.methods.smoother.solution import SharedSolution, Solution
 
 _TOLD = 3  # axes
 

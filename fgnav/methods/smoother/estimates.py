@@ -10,9 +10,9 @@ from fgnav.flight import Imu
 from fgnav.methods.smoother.collect import Collected
 from fgnav.methods.smoother.consistency import consistency
 from fgnav.methods.smoother.constants_found import arm_off, constants_found, sentence
-from fgnav.methods.smoother.graph import SharedSolution, Solution
 from fgnav.methods.smoother.keyframes import Keyframes
 from fgnav.methods.smoother.observability import undetermined
+from fgnav.methods.smoother.solution import SharedSolution, Solution
 from fgnav.rotations import skew
 
 # Satellites of half a sidereal day turn by this much about the Earth, 2 pi in 43,082 s: an error

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import gtsam
 import numpy as np
 
 from fgnav.attitude.quadratic import RotationQuadratic
@@ -189,21 +188,6 @@ class BridgingPreintegrator(Preintegrator):
         if self.imu.gyroscope_bias_walk_radps_per_sqrt_s is None:
             noise[:, 3:] = self.density
         return noise
-
-    def __call__(
-        self, k: int, bias: gtsam.imuBias.ConstantBias
-    ) -> gtsam.PreintegratedCombinedMeasurements:
-        """Integrate from keyframe k to the next, about a guess of the bias slot."""
-        usual = np.array_equal(self.density[k], self.angular_acceleration_density)
-        if usual and not self.loosened[k]:
-            return Preintegrator.__call__(self, k, bias)
-        return Preintegrator(
-            imu=self.loose if self.loosened[k] else self.imu,
-            increments=self.increments,
-            gravity_n_mps2=self.gravity_n_mps2,
-            earth_rate_n_radps=self.earth_rate_n_radps,
-            angular_acceleration_density=self.density[k],
-        )(k, bias)
 
 
 def density_in_gaps(

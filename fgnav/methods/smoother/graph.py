@@ -15,87 +15,17 @@ from gtsam.symbol_shorthand import B, L, V, X
 from fgnav.checks import FloatArray, IntArray
 from fgnav.methods.smoother import factors
 from fgnav.methods.smoother.chain import STATE, Chain
-from fgnav.methods.smoother.constants import LANDMARK, width
-from fgnav.methods.smoother.keyframes import Keyframes, there
+from fgnav.methods.smoother.constants import LANDMARK
+from fgnav.methods.smoother.keyframes import (
+    POSITION_PRIOR_M,
+    ROTATION_PRIOR_RAD,
+    VELOCITY_PRIOR_MPS,
+    Keyframes,
+    there,
+)
+from fgnav.methods.smoother.motion_factor import preintegrated
 
 _LANDMARK = 3  # dimensions
-# Next to nothing is known before the first keyframe. Ten times less of the position, and rounding
-# would leave it open where the first fix is some keyframes away.
-ROTATION_PRIOR_RAD = np.pi
-POSITION_PRIOR_M = 1e3
-VELOCITY_PRIOR_MPS = 1e3
-
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class SharedSolution:
-    """What all keyframes share, as the solution has it.
-
-    Attributes
-    ----------
-    value : ndarray, shape (b,)
-    covariance : ndarray, shape (n, b, b)
-        At each keyframe: what was known of it by then, of a window; else the same everywhere.
-    cross : ndarray, shape (n, 15, b)
-        Of each state with it.
-    """
-
-    value: FloatArray
-    covariance: FloatArray
-    cross: FloatArray
-
-    def __getitem__(self, rows: IntArray) -> "SharedSolution":
-        """Return what is said of some of the states, (m,) of them."""
-        return SharedSolution(
-            value=self.value, covariance=self.covariance[rows], cross=self.cross[rows]
-        )
-
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Solution:
-    """States of the accelerometer at keyframes, with their covariances.
-
-    Attributes
-    ----------
-    R_nb, p_n_m, v_n_mps, slot : ndarray, shape (n, 3, 3), (n, 3), (n, 3), (n, 6)
-    covariance : ndarray, shape (n, 15, 15)
-        Rotation tangent, position, both in body axes (GTSAM's order); velocity in ``n``; slot.
-    cross : ndarray, shape (n - 1, 15, 15), or None
-        Covariance of each state with the next; None of states that are not of one smoothing.
-    converged : bool
-    shared : SharedSolution or None
-    """
-
-    R_nb: FloatArray
-    p_n_m: FloatArray
-    v_n_mps: FloatArray
-    slot: FloatArray
-    covariance: FloatArray
-    cross: FloatArray | None
-    converged: bool
-    shared: SharedSolution | None = None
-
-    @property
-    def velocity_covariance_m2ps2(self) -> FloatArray:
-        """In the frame ``n``, (n, 3, 3)."""
-        return self.covariance[:, 6:9, 6:9]
-
-    @property
-    def slot_covariance(self) -> FloatArray:
-        """Accelerometer bias, then rate or gyroscope bias, (n, 6, 6)."""
-        return self.covariance[:, 9:, 9:]
-
-    def __getitem__(self, rows: IntArray) -> "Solution":
-        """Return some of the states, (m,) of them, without their neighbours."""
-        return Solution(
-            R_nb=self.R_nb[rows],
-            p_n_m=self.p_n_m[rows],
-            v_n_mps=self.v_n_mps[rows],
-            slot=self.slot[rows],
-            covariance=self.covariance[rows],
-            cross=None,
-            converged=self.converged,
-            shared=None if self.shared is None else self.shared[rows],
-        )
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -117,11 +47,6 @@ class State:
         values.insert_or_assign(X(key), self.pose)
         values.insert_or_assign(V(key), self.v_n_mps)
         values.insert_or_assign(B(key), as_bias(self.slot))
-
-
-def border(keyframes: Keyframes) -> int:
-    """Return the dimensions of what all keyframes share: the landmark, constants asked for."""
-    return width(keyframes.shared)
 
 
 def link(
@@ -184,7 +109,7 @@ def priors(keyframes: Keyframes) -> tuple[gtsam.NonlinearFactor, ...]:
 
 def motion(keyframes: Keyframes, row: int, slot: FloatArray, key: int) -> gtsam.CombinedImuFactor:
     """Return the factor to a keyframe from the one before, preintegrated about a slot, (6,)."""
-    pim = keyframes.preintegrate(row - 1, as_bias(slot))
+    pim = preintegrated(keyframes.preintegrate, row - 1, as_bias(slot))
     return gtsam.CombinedImuFactor(X(key - 1), V(key - 1), X(key), V(key), B(key - 1), B(key), pim)
 
 

@@ -20,6 +20,12 @@ from fgnav.methods.smoother.directions import Directions
 from fgnav.methods.smoother.preintegration import Preintegrator
 from fgnav.methods.smoother.surroundings import Heights, MagneticField
 
+# Next to nothing is known before the first keyframe. Ten times less of the position, and rounding
+# would leave it open where the first fix is some keyframes away.
+ROTATION_PRIOR_RAD = np.pi
+POSITION_PRIOR_M = 1e3
+VELOCITY_PRIOR_MPS = 1e3
+
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class ArrayForm:

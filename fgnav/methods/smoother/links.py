@@ -8,12 +8,13 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.methods.smoother.constants import columns, covariance
 from fgnav.methods.smoother.directions import Directions
-from fgnav.methods.smoother.graph import (
+from fgnav.methods.smoother.keyframes import (
     POSITION_PRIOR_M,
     ROTATION_PRIOR_RAD,
     VELOCITY_PRIOR_MPS,
+    Keyframes,
+    Timed,
 )
-from fgnav.methods.smoother.keyframes import Keyframes, Timed
 from fgnav.methods.smoother.link_types import Motions, Prior, Samples, Senses, States
 from fgnav.methods.smoother.motion_kernel import MOTION, Gained, preintegrate
 

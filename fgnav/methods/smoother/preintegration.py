@@ -1,21 +1,17 @@
-"""Accelerometer samples between keyframes as one factor, with or without a gyroscope.
+"""Accelerometer samples between keyframes, cut for integration, with or without a gyroscope.
 
-Without one, GTSAM's combined preintegration is fed a rate of zero and its gyro-bias slot carries
-minus the body's angular rate, a random walk: white angular acceleration. With one, the slot is its
-bias.
+Without one, the rate is taken as zero and the gyro-bias slot carries minus the body's angular rate,
+a random walk: white angular acceleration. With one, the slot is its bias.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
-import gtsam
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.flight import Imu
-from fgnav.methods.smoother.motion_kernel import INTEGRATION_M2
-from fgnav.rotations import log, skew, transpose
+from fgnav.rotations import log, transpose
 
 # Sub-steps of one accelerometer sample: GTSAM discretises the covariance per call. On the joint
 # chi-square of rotation, velocity and rate (9 expected): one step 25, three 10.7, ten 9.1.
@@ -69,7 +65,7 @@ def increments(imu: Imu, t_s: FloatArray, sub_steps: int = SUB_STEPS) -> Increme
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Preintegrator:
-    """Makes the factor of any interval between keyframes.
+    """What the motion between keyframes is integrated from; see ``links`` and ``motion_factor``.
 
     Attributes
     ----------
@@ -89,19 +85,6 @@ class Preintegrator:
     earth_rate_n_radps: FloatArray
     angular_acceleration_density: FloatArray
 
-    def __call__(
-        self, k: int, bias: gtsam.imuBias.ConstantBias
-    ) -> gtsam.PreintegratedCombinedMeasurements:
-        """Integrate from keyframe k to the next, about a guess of the bias slot."""
-        steps = self.increments
-        pim = gtsam.PreintegratedCombinedMeasurements(self._parameters(k), bias)
-        part, step_s = slice(steps.first[k], steps.first[k + 1]), float(steps.step_s[k])
-        w_b_radps, f_b_mps2 = steps.w_b_radps[part], self._turned(part, step_s, bias)
-        integrate = pim.integrateMeasurement
-        for felt_b_mps2, rate_b_radps in zip(f_b_mps2, w_b_radps, strict=True):
-            integrate(felt_b_mps2, rate_b_radps, step_s)
-        return pim
-
     @property
     def noise(self) -> FloatArray:
         """Return the noise of each interval, (n - 1, 6), for ``motion_kernel``.
@@ -119,42 +102,6 @@ class Preintegrator:
         noise = imu.gyroscope_noise_radps_per_sqrt_hz or _PSEUDO_GYROSCOPE_RADPS_PER_SQRT_HZ
         felt = imu.accelerometer_noise_mps2_per_sqrt_hz
         return np.array([felt, noise, imu.accelerometer_bias_walk_mps2_per_sqrt_s]) ** 2
-
-    def _turned(self, part: slice, step_s: float, bias: gtsam.imuBias.ConstantBias) -> FloatArray:
-        """Return specific forces of sub-steps in the axes that the body had at their start.
-
-        GTSAM turns them with the attitude there: half a sub-step late, velocities would be those of
-        a millisecond ago. To second order in the angle, 0.06 rad at two turns a second.
-        """
-        w_b_radps = self.increments.w_b_radps[part]
-        if self.imu.w_b_radps is None:  # all alike
-            w_b_radps = w_b_radps[:1]
-        K = skew((w_b_radps - bias.gyroscope()) * (step_s / 2))
-        b_b_mps2 = bias.accelerometer()
-        f_b_mps2 = self.increments.f_b_mps2[part] - b_b_mps2
-        return np.asarray(((np.eye(3) + K + K @ K / 2) @ f_b_mps2[:, :, None])[:, :, 0] + b_b_mps2)
-
-    def _parameters(self, k: int) -> gtsam.PreintegrationCombinedParams:
-        imu = self.imu
-        parameters = gtsam.PreintegrationCombinedParams(self.gravity_n_mps2[k])
-        parameters.setOmegaCoriolis(self.earth_rate_n_radps)
-        parameters.setAccelerometerCovariance(
-            _isotropic(imu.accelerometer_noise_mps2_per_sqrt_hz**2)
-        )
-        parameters.setBiasAccCovariance(_isotropic(imu.accelerometer_bias_walk_mps2_per_sqrt_s**2))
-        parameters.setIntegrationCovariance(_isotropic(INTEGRATION_M2))
-        noise = imu.gyroscope_noise_radps_per_sqrt_hz or _PSEUDO_GYROSCOPE_RADPS_PER_SQRT_HZ
-        walk = imu.gyroscope_bias_walk_radps_per_sqrt_s
-        parameters.setGyroscopeCovariance(_isotropic(noise**2))
-        parameters.setBiasOmegaCovariance(
-            np.diag(self.angular_acceleration_density) if walk is None else _isotropic(walk**2)
-        )
-        return parameters
-
-
-@lru_cache(maxsize=32)
-def _isotropic(variance: float) -> FloatArray:
-    return np.eye(3) * variance
 
 
 def angular_rates(t_s: FloatArray, R_nb: FloatArray) -> FloatArray:

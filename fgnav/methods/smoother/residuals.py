@@ -23,9 +23,9 @@ from fgnav.methods.smoother.constants import (
     PIECE,
 )
 from fgnav.methods.smoother.directions import Directions
-from fgnav.methods.smoother.graph import Solution
 from fgnav.methods.smoother.keyframes import Keyframes, Timed
 from fgnav.methods.smoother.rotation_kernel import right_jacobian
+from fgnav.methods.smoother.solution import Solution
 from fgnav.methods.smoother.surroundings import Heights, MagneticField
 from fgnav.rotations import exp, skew, transpose
 

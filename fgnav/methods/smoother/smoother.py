@@ -15,16 +15,15 @@ from fgnav.integers.lambda_ import Lambda
 from fgnav.integers.resolver import Resolver
 from fgnav.methods.smoother.ahead import foretelling
 from fgnav.methods.smoother.batch import solve_batch
-from fgnav.methods.smoother.by_gtsam import solve_by_gtsam
 from fgnav.methods.smoother.calibration import calibrated
 from fgnav.methods.smoother.collect import Collected, Settings, collect
 from fgnav.methods.smoother.constants import LINEAR, asked
 from fgnav.methods.smoother.constants_found import started_there
 from fgnav.methods.smoother.estimates import estimate_of
 from fgnav.methods.smoother.gaps import LONGEST_STEP_S
-from fgnav.methods.smoother.graph import Solution
 from fgnav.methods.smoother.interpolation import with_times
 from fgnav.methods.smoother.keyframes import Keyframes
+from fgnav.methods.smoother.solution import Solution
 from fgnav.methods.smoother.window import solve_forward, solve_window
 
 # Integration steps between keyframes a tenth of a second apart; the lag of GTSAM's steps shows in
@@ -175,11 +174,17 @@ class GtsamBatch(Batch):
 
     def __call__(self, flight: Flight) -> Estimate:
         """Estimate every keyframe; raises as ``Smoother`` does."""
-        return _estimate(self, flight, solve_by_gtsam)
+        return _estimate(self, flight, _by_gtsam())
 
     def at(self, flight: Flight, t_s: FloatArray | float) -> Estimate:
         """Estimate at any times, as ``Smoother`` does."""
-        return _estimate(self, flight, solve_by_gtsam, t_s)
+        return _estimate(self, flight, _by_gtsam(), t_s)
+
+
+def _by_gtsam() -> Callable[[Keyframes], Solution]:
+    from fgnav.methods.smoother.by_gtsam import solve_by_gtsam  # noqa: PLC0415  # lazy: gtsam
+
+    return solve_by_gtsam
 
 
 def _check(method: Smoother | Forward | Batch) -> None:

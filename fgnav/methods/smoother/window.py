@@ -13,10 +13,10 @@ from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.methods.smoother import links
 from fgnav.methods.smoother.chain import STATE, Chain, Marginals, OpenStateError
 from fgnav.methods.smoother.chain_kernel import far
-from fgnav.methods.smoother.graph import SharedSolution, Solution
 from fgnav.methods.smoother.keyframes import Keyframes
 from fgnav.methods.smoother.link_kernel import move
 from fgnav.methods.smoother.link_types import Motions, Prior, Samples, Senses, States
+from fgnav.methods.smoother.solution import SharedSolution, Solution
 from fgnav.methods.smoother.window_kernel import OPEN, SETTLED, Held, carry_on, settle
 
 # Keyframes leave in blocks: one run over the window gives the marginals of all of them.

@@ -15,6 +15,7 @@ from fgnav.methods.smoother.chain import STATE, Chain
 from fgnav.methods.smoother.directions import Directions
 from fgnav.methods.smoother.graph import State, enter, link, motion, priors
 from fgnav.methods.smoother.link_kernel import linearise, move, predict
+from fgnav.methods.smoother.motion_factor import preintegrated
 from fgnav.rotations import exp, log, transpose
 
 from .flights import turning
@@ -102,7 +103,7 @@ def test_samples_are_summed_up_as_gtsam_does(keyframes):
     for rows in (np.array([1]), np.array([5])):
         links.integrate(ours, np.array([1]), links.samples_of(keyframes), rows, about)
         bias = gtsam.imuBias.ConstantBias(about[0, :3], about[0, 3:])
-        theirs = keyframes.preintegrate(int(rows[0]) - 1, bias)
+        theirs = preintegrated(keyframes.preintegrate, int(rows[0]) - 1, bias)
         z, white = ours.gained[1], ours.white[1]
         assert_allclose(exp(z[None, :3])[0], theirs.deltaRij().matrix(), atol=1e-13)
         assert_allclose(z[3:6], theirs.deltaPij(), rtol=0, atol=1e-13)
