@@ -108,11 +108,11 @@ def spot_fraction(calibration: FloatArray, r_quad: FloatArray) -> FloatArray:
     The cubic spline through the calibration, (c, 2) rows of r_quad and r_c. A calibration that
     starts off the centre is led to it: equal currents mean a centred spot.
     """
-    from scipy.interpolate import CubicSpline  # noqa: PLC0415  # lazy: keeps the command line quick
+    from fgnav.cubic_spline import cubic_spline  # noqa: PLC0415  # lazy: scipy
 
     if calibration[0, 0] > 0:
         calibration = np.vstack([np.zeros(2), calibration])
-    return np.asarray(CubicSpline(calibration[:, 0], calibration[:, 1])(r_quad))
+    return cubic_spline(calibration[:, 0], calibration[:, 1], r_quad)
 
 
 def to_landmark_b_m(

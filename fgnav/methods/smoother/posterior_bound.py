@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.cubic_spline import cubic_spline
 from fgnav.flight import Flight, Truth
 from fgnav.integers.truth import attitude_at
 from fgnav.methods.smoother.collect import Collected
@@ -73,7 +73,7 @@ def _at_truth(keyframes: Keyframes, truth: Truth) -> Keyframes:
     before, after = (np.clip(t_s + h, truth.t_s[0], truth.t_s[-1]) for h in (-half_s, half_s))
     turned = log(transpose(attitude_at(truth, before)[0]) @ attitude_at(truth, after)[0])
     w_b_radps = turned / (after - before)[:, None]
-    p_n_m, v_n_mps = (CubicSpline(truth.t_s, x)(t_s) for x in (truth.p_n_m, truth.v_n_mps))
+    p_n_m, v_n_mps = (cubic_spline(truth.t_s, x, t_s) for x in (truth.p_n_m, truth.v_n_mps))
     swing_n_mps = np.einsum("nij,nj->ni", R_nb, np.cross(w_b_radps, arm_b_m))
     inertial_b_radps = w_b_radps + np.einsum("nji,j->ni", R_nb, earth_n_radps)
     slot = np.hstack([np.zeros((len(t_s), 3)), -inertial_b_radps])

@@ -7,9 +7,9 @@ a random walk: white angular acceleration. With one, the slot is its bias.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
+from fgnav.cubic_spline import cubic_spline
 from fgnav.flight import Imu
 from fgnav.rotations import log, transpose
 
@@ -56,10 +56,10 @@ def increments(imu: Imu, t_s: FloatArray, sub_steps: int = SUB_STEPS) -> Increme
     return Increments(
         step_s=step_s,
         first=first,
-        f_b_mps2=CubicSpline(imu.t_s, imu.f_b_mps2)(middle_s),
+        f_b_mps2=cubic_spline(imu.t_s, imu.f_b_mps2, middle_s),
         w_b_radps=no_rate
         if imu.w_b_radps is None
-        else CubicSpline(imu.t_s, imu.w_b_radps)(middle_s),
+        else cubic_spline(imu.t_s, imu.w_b_radps, middle_s),
     )
 
 
