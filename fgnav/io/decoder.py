@@ -20,6 +20,7 @@ from fgnav.io.rtklib import STRUCTURES
 COMMAND = (sys.executable, "-m", "fgnav.io.rtklib")
 TIMEOUT_S = 60.0  # for a file of no size; RTKLIB reads 70 MB/s
 _TIMEOUT_S_PER_MB = 2.0
+_FEW_BYTES = 5_000_000  # decoded in the time that another process takes to start
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,8 +82,9 @@ class Decoder:
 
     Parameters
     ----------
-    files : int
-        How many files will come; never more processes than files or processors are started.
+    files : sequence of Path
+        What will come, of whoever made it; few bytes are decoded by one process, more by as many
+        as there are files and processors.
     folder : Path
         Temporary folder for the arrays, which outlives this object's last result.
     command : sequence of str
@@ -93,7 +95,7 @@ class Decoder:
 
     def __init__(
         self,
-        files: int,
+        files: Sequence[Path],
         folder: Path,
         *,
         command: Sequence[str] = COMMAND,
@@ -113,7 +115,7 @@ class Decoder:
                 env=environment,
                 text=True,
             )
-            for _ in range(max(1, min(files, os.cpu_count() or 1)))
+            for _ in range(_processes(files))
         ]
 
     def __enter__(self) -> Self:
@@ -213,3 +215,8 @@ class Decoder:
         """Return the file that a process was at: the first without a result."""
         left = [k for k in share if not self._out(k).exists()]
         return jobs[left[0] if left else share[-1]].source
+
+
+def _processes(files: Sequence[Path]) -> int:
+    size = sum(file.stat().st_size for file in files if file.exists())  # else: told by who reads it
+    return 1 if size < _FEW_BYTES else min(len(files), os.cpu_count() or 1)

@@ -34,11 +34,12 @@ from fgnav.io.flight_toml import (
     TruthTable,
 )
 from fgnav.io.local_frame import attitude_to_n, columns_to_vectors, place_to_n, velocity_to_n
-from fgnav.io.rinex import read_navigation, read_receivers
+from fgnav.io.rinex import read_rinex
 from fgnav.io.rinex_writer import RinexVersion
 from fgnav.io.sp3 import read_precise
 from fgnav.io.tables import read_table
 from fgnav.observations import Observations
+from fgnav.orbits import BroadcastOrbits
 from fgnav.surroundings import Barometer, Magnetometer
 
 # What a receiver's own solution is good for where the file does not say: a single-frequency code
@@ -108,10 +109,8 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
     )
     gnss = table.gnss
     orbits = [folder / name for name in gnss.orbits]
-    messages = [folder / name for name in gnss.navigation]
-    broadcast = read_navigation(messages, start_gps_s) if messages else None
     precise = read_precise(orbits, start_gps_s) if orbits else None
-    observations, base = _observations(folder, table, start_gps_s)
+    broadcast, observations, base = _rinex(folder, table, start_gps_s)
     losses: list[Loss] = []
     for part in (observations, base.observations if base else None, broadcast, precise):
         losses += part.losses if part is not None else ()
@@ -140,10 +139,10 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
     )
 
 
-def _observations(
+def _rinex(
     folder: Path, table: FlightTable, start_gps_s: float
-) -> tuple[Observations | None, Base | None]:
-    """Return the observations of the antennas, and of the base with its signals named alike."""
+) -> tuple[BroadcastOrbits | None, Observations | None, Base | None]:
+    """Return messages, observations of antennas, and of the base with its signals named alike."""
     names = [antenna.name for antenna in table.antenna]
     files = [antenna.observations for antenna in table.antenna if antenna.observations]
     if files and len(files) < len(names):
@@ -155,17 +154,20 @@ def _observations(
     paths = [folder / name for name in (*files, *([base.observations] if base else []))]
     if base and not files:
         raise BadInputError("key gnss.base: needs antennas with observations, there are none")
-    receivers = read_receivers(paths, start_gps_s)
+    messages = [folder / name for name in table.gnss.navigation]
+    broadcast, receivers = read_rinex(messages, paths, start_gps_s)
     if not files:
-        return None, None
+        return broadcast, None, None
     observations = merge(receivers[: len(files)], names)
     if table.gnss.signals:
         observations = chosen(observations, table.gnss.signals)
     if base is None:
-        return observations, None
+        return broadcast, observations, None
     position_e_m = np.array(base.position_e_m)
-    return observations, Base(
-        position_e_m=position_e_m, observations=named_alike(receivers[-1], observations)
+    return (
+        broadcast,
+        observations,
+        Base(position_e_m=position_e_m, observations=named_alike(receivers[-1], observations)),
     )
 
 

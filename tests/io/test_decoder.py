@@ -23,17 +23,33 @@ def test_several_files_come_back_in_order(tmp_path, jobs):
     longer = tmp_path / "b.rnx"
     longer.write_text(observation_3(epochs=6))
     both = [jobs[0], Job(kind="observations", source=longer, path=longer)]
-    with Decoder(2, tmp_path) as decoder:
+    with Decoder([job.path for job in both], tmp_path) as decoder:
         decoded = decoder.decode(both)
     assert [len(decoded.records(k)) for k in range(2)] == [20, 30]
     assert decoded.satellites[5] == "G05"
     assert decoded.signals[1] == "1C"
 
 
+def test_few_bytes_are_decoded_by_one_process_and_many_by_several(tmp_path, jobs, monkeypatch):
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    large = tmp_path / "large.rnx"
+    with large.open("wb") as file:
+        file.truncate(5_000_000)
+    for extra, processes in ((jobs[0].path, 1), (tmp_path / "none.rnx", 1), (large, 2)):
+        folder = tmp_path / f"out{extra.stem}"
+        folder.mkdir()
+        with Decoder([jobs[0].path, extra], folder) as decoder:
+            decoder.decode(jobs)
+        assert len(list(folder.glob("names*.json"))) == processes
+
+
 def test_crash_names_the_file(tmp_path, jobs):
     crash = (sys.executable, "-c", "import os; os.kill(os.getpid(), 11)")
     rule = "flown.crx.gz: RTKLIB's reader crashed .status -11.; the file is damaged"
-    with Decoder(1, tmp_path, command=crash) as decoder, pytest.raises(BadInputError, match=rule):
+    with (
+        Decoder([jobs[0].path], tmp_path, command=crash) as decoder,
+        pytest.raises(BadInputError, match=rule),
+    ):
         decoder.decode(jobs)
 
 
@@ -41,7 +57,7 @@ def test_hang_names_the_file(tmp_path, jobs):
     hang = (sys.executable, "-c", "import time; time.sleep(60)")
     rule = "flown.crx.gz: RTKLIB's reader did not end within 0 s"
     with (
-        Decoder(1, tmp_path, command=hang, timeout_s=0.2) as decoder,
+        Decoder([jobs[0].path], tmp_path, command=hang, timeout_s=0.2) as decoder,
         pytest.raises(BadInputError, match=rule),
     ):
         decoder.decode(jobs)
@@ -50,14 +66,14 @@ def test_hang_names_the_file(tmp_path, jobs):
 def test_program_that_cannot_run_says_why(tmp_path, jobs):
     broken = (sys.executable, "-c", "import sys; sys.exit('no pyrtklib5')")
     with (
-        Decoder(1, tmp_path, command=broken) as decoder,
+        Decoder([jobs[0].path], tmp_path, command=broken) as decoder,
         pytest.raises(BadInputError, match="RTKLIB's reader cannot run: no pyrtklib5"),
     ):
         decoder.decode(jobs)
 
 
 def test_decoder_takes_one_list_only(tmp_path, jobs):
-    with Decoder(1, tmp_path) as decoder:
+    with Decoder([jobs[0].path], tmp_path) as decoder:
         decoder.decode(jobs)
         with pytest.raises(BadInputError, match="takes one list of jobs only"):
             decoder.decode(jobs)

@@ -8,7 +8,7 @@ from hatanaka import crx2rnx, rnx2crx
 
 from fgnav.checks import BadInputError
 from fgnav.io.decoder import Decoded
-from fgnav.io.rinex import read_observations, read_receivers
+from fgnav.io.rinex import read_navigation, read_observations, read_receivers, read_rinex
 from fgnav.io.signal_choice import ATTRIBUTES
 from fgnav.observations import HALF_CYCLE, LOST_LOCK
 from tests.io.rinex_texts import (
@@ -16,6 +16,8 @@ from tests.io.rinex_texts import (
     epoch_3,
     head_3,
     line,
+    message,
+    navigation_head,
     observation_2,
     observation_3,
     values_3,
@@ -166,6 +168,22 @@ def test_receivers_that_track_a_signal_differently_agree_where_they_can(tmp_path
 
 def test_no_receiver_gives_nothing():
     assert read_receivers([], START_GPS_S) == []
+
+
+def test_messages_and_receivers_read_together_are_those_read_apart(tmp_path):
+    messages, receivers = (
+        [tmp_path / f"{k}.20n" for k in "ab"],
+        [tmp_path / f"{k}.rnx" for k in "ab"],
+    )
+    for path, satellite in zip(messages, ("G05", "G07"), strict=True):
+        path.write_text(navigation_head() + message(satellite))
+    for path, epochs in zip(receivers, (4, 6), strict=True):
+        path.write_text(observation_3(epochs=epochs))
+    broadcast, observations = read_rinex(messages, receivers, START_GPS_S)
+    apart = read_navigation(messages, START_GPS_S)
+    np.testing.assert_array_equal(broadcast.records, apart.records)
+    for got, want in zip(observations, read_receivers(receivers, START_GPS_S), strict=True):
+        np.testing.assert_array_equal(got.phase_cycles, want.phase_cycles)
 
 
 def test_file_names_that_rtklib_would_expand_or_unpack_are_read(tmp_path):
