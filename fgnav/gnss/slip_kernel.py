@@ -50,7 +50,8 @@ def judge(
                 if not (unbroken[k, 0, j] and unbroken[k, i + 1, j] and np.isfinite(step_m)):
                     continue
                 turn = e_n[k, j] - e_n[k - 1, j]
-                steps.A[count, :3] = -0.5 * (e_n[k, j] + e_n[k - 1, j])
+                for c in range(3):
+                    steps.A[count, c] = -0.5 * (e_n[k, j, c] + e_n[k - 1, j, c])
                 steps.A[count, 3] = 1.0
                 steps.y_m[count] = step_m
                 steps.sigma_m[count] = np.sqrt(2 * (variance_m2[k, j] + variance_m2[k - 1, j]))

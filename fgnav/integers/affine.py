@@ -252,7 +252,9 @@ def _search_epochs(
                     if end == OK:
                         i, j = links[q, 0], links[q, 1]
                         found.cycles[k, i, j], found.fixed[k, i, j] = integers[0, q], fixed[q]
-                        found.success[k, i], found.squared_norms[k, i] = success, norms
+                        found.success[k, i] = success
+                        for c in range(len(norms)):
+                            found.squared_norms[k, i, c] = norms[c]
             for q in range(len(links)):
                 found.status[k, links[q, 0]] = end
 
@@ -350,11 +352,7 @@ def _of_code(
 ) -> tuple[int, FloatArray, FloatArray, float]:
     """Return status, H with ``A C_M A^T = H^T H``, ranges ``A M`` by code, squared residuals."""
     q, unknowns = A.shape
-    W = np.empty((q, q + unknowns + 1))
-    W[:, :q] = link_covariance(links, variance)
-    W[:, q:-1] = A
-    for i in range(q):
-        W[i, -1] = code_m[links[i, 0], links[i, 1]]
+    W = _observed(A, code_m, variance, links)
     _eliminate(W)
     normal = np.zeros((unknowns, unknowns + 1 + q))
     squares = 0.0
@@ -364,7 +362,9 @@ def _of_code(
             weighted = W[i, q + u] / W[i, i]
             for c in range(unknowns + 1):
                 normal[u, c] += weighted * W[i, q + c]
-    normal[:, unknowns + 1 :] = A.T
+    for u in range(unknowns):
+        for i in range(q):
+            normal[u, unknowns + 1 + i] = A[i, u]
     diagonal = np.diag(normal).copy()
     _eliminate(normal)
     status = OK
@@ -378,6 +378,22 @@ def _of_code(
             H[u, i] = normal[u, unknowns + 1 + i] / root
             range_m[i] += H[u, i] * normal[u, unknowns] / root
     return status, H, range_m, squares
+
+
+@kernel
+def _observed(
+    A: FloatArray, code_m: FloatArray, variance: FloatArray, links: IntArray
+) -> FloatArray:
+    """Return covariance, design and codes of links side by side, (q, q + unknowns + 1)."""
+    q, unknowns = A.shape
+    W, C = np.empty((q, q + unknowns + 1)), link_covariance(links, variance)
+    for i in range(q):
+        for c in range(q):
+            W[i, c] = C[i, c]
+        for u in range(unknowns):
+            W[i, q + u] = A[i, u]
+        W[i, -1] = code_m[links[i, 0], links[i, 1]]
+    return W
 
 
 @kernel

@@ -1,6 +1,8 @@
 """Elimination along a chain of states and back, block by block, in plain loops.
 
-Blocks of fifteen are too small for LAPACK: calling it would cost more than its work.
+Blocks of fifteen are too small for LAPACK: calling it would cost more than its work. Arrays are
+not set to arrays, here and in the kernels that call these: for the text of an error that never
+comes, numba adds so much code that a kernel takes twice as long to load.
 """
 
 import numpy as np
@@ -34,9 +36,9 @@ def eliminate(
     Returns the first state whose pivot is not positive, or -1.
     """
     wide = message.shape[1]
-    rows, Y = np.empty((STATE, STATE + wide)), np.empty((STATE, wide))
+    rows = np.empty((STATE, STATE + wide))
     for k in range(first, last):
-        joint, before, after, pivot = link[k + 1], message[k], message[k + 1], root[k]
+        joint, before, after, pivot, Y = link[k + 1], message[k], message[k + 1], root[k], gain[k]
         for i in range(STATE):
             for j in range(STATE + wide):
                 rows[i, j] = joint[i, j]
@@ -51,12 +53,20 @@ def eliminate(
                 pivot[j, i] = rows[i, j]
             for j in range(wide):
                 Y[i, j] = rows[i, STATE + j]
-        after[:] = joint[STATE:, STATE:]
-        after[STATE:, STATE:] += before[STATE:, STATE:]
+        _pass_on(joint, before, after)
         _less_square(after, Y)
         backward(pivot, Y)
-        gain[k] = Y
     return -1
+
+
+@njit(cache=True)
+def _pass_on(joint: FloatArray, before: FloatArray, after: FloatArray) -> None:
+    """Fill what a link says of the later state and the border, and of that what came before."""
+    for i in range(len(after)):
+        for j in range(len(after)):
+            after[i, j] = joint[STATE + i, STATE + j]
+            if i >= STATE and j >= STATE:
+                after[i, j] += before[i, j]
 
 
 @njit(cache=True)
@@ -71,11 +81,14 @@ def substitute(
     forward(L, end)
     least = newest[width, width] - (end[:, 0] ** 2).sum()
     backward(L, end)
-    steps[last - first] = end[:, 0]
+    for i in range(width):
+        steps[last - first, i] = end[i, 0]
     for k in range(last - 1, first - 1, -1):
         after, step = steps[k + 1 - first], steps[k - first]
-        step[:STATE] = gain[k, :, width]
-        step[STATE:] = after[STATE:]
+        for i in range(STATE):
+            step[i] = gain[k, i, width]
+        for i in range(STATE, width):
+            step[i] = after[i]
         for j in range(width):
             for i in range(STATE):
                 step[i] -= gain[k, i, j] * after[j]
@@ -98,8 +111,7 @@ def marginals(
     """
     count, width = len(covariance), len(newest)
     cross = np.empty((count - 1, STATE, STATE))
-    covariance[count - 1] = newest[:STATE, :STATE]
-    beside[count - 1] = newest[:STATE, STATE:]
+    _split(newest, 1.0, covariance[count - 1], beside[count - 1])
     joint, alone, T = newest.copy(), np.empty((STATE, STATE)), np.empty((STATE, width))
     for k in range(count - 2, -1, -1):
         G, here = gain[first + k], covariance[k]
@@ -116,12 +128,23 @@ def marginals(
                     total += T[i, c] * G[j, c]
                 here[i, j] = total
                 here[j, i] = total
-        cross[k] = -T[:, :STATE]
-        joint[:STATE, :STATE] = here
-        beside[k] = -T[:, STATE:]
-        joint[:STATE, STATE:] = beside[k]
-        joint[STATE:, :STATE] = -T[:, STATE:].T
+        _split(T, -1.0, cross[k], beside[k])
+        for i in range(STATE):
+            for j in range(STATE):
+                joint[i, j] = here[i, j]
+            for j in range(STATE, width):
+                joint[i, j] = joint[j, i] = -T[i, j]
     return cross
+
+
+@njit(cache=True)
+def _split(values: FloatArray, sign: float, own: FloatArray, beside: FloatArray) -> None:
+    """Fill a state's covariances with a state, (15, 15), and with the border, (15, b)."""
+    for i in range(STATE):
+        for j in range(STATE):
+            own[i, j] = sign * values[i, j]
+        for j in range(beside.shape[1]):
+            beside[i, j] = sign * values[i, STATE + j]
 
 
 @njit(cache=True)

@@ -69,8 +69,20 @@ def linearise(
 def predict(states: States, motions: Motions, row: int) -> None:
     """Set the state of a keyframe to where the motion leads from the one before."""
     R, p, v, _ = _predicted(states, motions, row)
-    states.R_nb[row], states.p_n_m[row], states.v_n_mps[row] = R, p, v
-    states.slot[row] = states.slot[row - 1]
+    put_state(states, row, R, p, v, states.slot[row - 1])
+
+
+@njit(cache=True)
+def put_state(
+    states: States, row: int, R: FloatArray, p: FloatArray, v: FloatArray, slot: FloatArray
+) -> None:
+    """Set the state of a keyframe."""
+    for i in range(3):
+        states.p_n_m[row, i], states.v_n_mps[row, i] = p[i], v[i]
+        for j in range(3):
+            states.R_nb[row, i, j] = R[i, j]
+    for i in range(6):
+        states.slot[row, i] = slot[i]
 
 
 @njit(cache=True)
@@ -94,9 +106,11 @@ def move(
         for i in range(3):
             turn[i], shift[i] = step[i], step[3 + i]
         apart = rot.times(states.R_nb[k], shift)
+        turned = rot.product(states.R_nb[k], rot.exp(turn))
         for i in range(3):
             moved.p_n_m[to, i] = states.p_n_m[k, i] + apart[i]
-        moved.R_nb[to] = rot.product(states.R_nb[k], rot.exp(turn))
+            for j in range(3):
+                moved.R_nb[to, i, j] = turned[i, j]
         if wholly:
             for i in range(3):
                 moved.v_n_mps[to, i] = states.v_n_mps[k, i] + step[6 + i]

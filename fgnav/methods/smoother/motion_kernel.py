@@ -53,17 +53,15 @@ def preintegrate(
     """
     failed = 0
     P, half, F = np.empty((MOTION, MOTION)), np.empty((9, MOTION)), np.empty((9, 6))
-    room, by_slot = np.empty((5, 3, 3)), np.empty((9, 6))
+    room = np.empty((5, 3, 3))
     for row in range(len(intervals)):
-        k = intervals[row]
-        z, P[:], by_slot[:] = gained.total[row], 0.0, 0.0
-        z[:] = 0.0
+        k, z, by_slot = intervals[row], gained.total[row], gained.correction[row]
+        z[:], P[:], by_slot[:] = 0.0, 0.0, 0.0
         for i in range(first[k], first[k + 1]):
             _step(z, f_b_mps2[i], w_b_radps[i], about[row], step_s[k], F, room)
             _carry_slope(F, step_s[k], by_slot)
             _carry_covariance(F, step_s[k], P, half)
             _add_noise(P, F, noise[k], step_s[k])
-        gained.correction[row] = by_slot
         failed += 0 if _whitening(z, P, gained.white[row]) else 1
     return failed
 

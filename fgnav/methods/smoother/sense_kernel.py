@@ -72,7 +72,8 @@ def fixes(E: FloatArray, out: FloatArray, states: States, senses: Senses, row: i
     R, lever, rate = states.R_nb[row], states.columns[LEVER], senses.rate_b_radps[row]
     more = np.zeros(3)
     if lever >= 0:
-        more[:] = states.constants[lever : lever + 3]
+        for i in range(3):
+            more[i] = states.constants[lever + i]
     for k in range(senses.position_n_m.shape[1]):
         white, arm = senses.position_white[row, k], senses.arm_b_m[row, k] + more
         E[:] = 0.0

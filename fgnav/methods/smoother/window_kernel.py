@@ -7,7 +7,7 @@ from numba import njit
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.methods.smoother.chain_kernel import STATE, eliminate, far, substitute
-from fgnav.methods.smoother.link_kernel import linearise, move, predict
+from fgnav.methods.smoother.link_kernel import linearise, move, predict, put_state
 from fgnav.methods.smoother.link_types import Motions, Prior, Samples, Senses, States
 from fgnav.methods.smoother.motion_kernel import Gained, preintegrate
 
@@ -43,7 +43,7 @@ def carry_on(
     move(states, step, k, states, k, True)
     there = _integrate(motions, samples, states.slot[k], row, into)
     predict(states, motions, into)
-    states.R_nb[k], states.p_n_m[k], states.v_n_mps[k], states.slot[k] = R, p, v, slot
+    put_state(states, k, R, p, v, slot)
     return there
 
 
@@ -63,9 +63,11 @@ def _integrate(motions: Motions, samples: Samples, slot: FloatArray, row: int, i
         gained,
     )
     motions.span_s[into] = samples.t_s[row] - samples.t_s[row - 1]
-    motions.about[into] = slot
-    motions.gravity_n_mps2[into] = samples.gravity_n_mps2[row - 1]
-    motions.earth_rate_n_radps[into] = samples.earth_rate_n_radps
+    for i in range(6):
+        motions.about[into, i] = slot[i]
+    for i in range(3):
+        motions.gravity_n_mps2[into, i] = samples.gravity_n_mps2[row - 1, i]
+        motions.earth_rate_n_radps[into, i] = samples.earth_rate_n_radps[i]
     return failed == 0
 
 
@@ -141,8 +143,8 @@ def settle(
             if moved[place]:
                 row = first + place
                 move(states, steps[place : place + 1], row, states, row, whole)
-        changed[:] = moved | turned
-        changed[1:] |= moved[:-1]
+        for place in range(len(steps)):
+            changed[place] = moved[place] or turned[place] or (place > 0 and moved[place - 1])
         if not changed.any():
             break
     return SETTLED, rounds
@@ -155,7 +157,9 @@ def _solved(held: Held, steps: FloatArray, new: IntArray, first: int, whole: boo
     last, start = first + len(steps) - 1, first if whole else -1
     linearise(link, held.states, held.motions, held.senses, held.prior, new, start)
     if new[0] == start:
-        message[first] = link[first, STATE:, STATE:]
+        for i in range(message.shape[1]):
+            for j in range(message.shape[1]):
+                message[first, i, j] = link[first, STATE + i, STATE + j]
     if eliminate(link, message, root, gain, max(new[0] - 1, first), last) >= 0:
         return False
     return bool(np.isfinite(substitute(gain, message[last], first, last, steps)))
