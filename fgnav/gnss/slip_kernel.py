@@ -44,7 +44,7 @@ def judge(
     tied = np.empty(m, dtype=np.bool_)
     for k in range(1, n):
         for i in range(b):
-            count = 0
+            count = np.int64(0)  # a plain 0 is a type to numba: all below would be compiled twice
             for j in range(m):
                 step_m = phase_m[k, i, j] - phase_m[k - 1, i, j]
                 if not (unbroken[k, 0, j] and unbroken[k, i + 1, j] and np.isfinite(step_m)):
@@ -60,7 +60,7 @@ def judge(
                 steps.channel[count] = j
                 count += 1
             tied[:] = False
-            _snoop(steps, count, tied, verdict[k, i])
+            _snoop(steps, int(count), tied, verdict[k, i])
             if tied.sum() > 2:
                 verdict[k, i][tied] = TIED
 

@@ -1,13 +1,21 @@
 """Blocks of derivatives put together and squared, in plain loops; see ``link_kernel``."""
 
+from typing import TypeAlias
+
 import numpy as np
 from numba import njit
 
 from fgnav.checks import FloatArray
 
+# Where parts of a state stand, and what comes after it. Plain integers would be types of their own
+# to numba: it compiles a function anew for each that it is called with.
+ROTATION, POSITION, VELOCITY, SLOT, NEXT = (np.int64(k) for k in (0, 3, 6, 9, 15))
+TOP = np.int64(0)  # row
+Place: TypeAlias = int | np.int64
+
 
 @njit(cache=True)
-def fill(E: FloatArray, column: int, J: FloatArray, r: FloatArray) -> None:
+def fill(E: FloatArray, column: Place, J: FloatArray, r: FloatArray) -> None:
     """Set a residual, negative, and its derivative by three columns."""
     end = E.shape[1] - 1
     for i in range(len(r)):
@@ -17,7 +25,7 @@ def fill(E: FloatArray, column: int, J: FloatArray, r: FloatArray) -> None:
 
 
 @njit(cache=True)
-def put(E: FloatArray, row: int, column: int, block: FloatArray, factor: float) -> None:
+def put(E: FloatArray, row: Place, column: Place, block: FloatArray, factor: float) -> None:
     """Add a block times a factor."""
     for i in range(block.shape[0]):
         for j in range(block.shape[1]):
@@ -38,12 +46,13 @@ def whitened(white: FloatArray, E: FloatArray) -> FloatArray:
 
 
 @njit(cache=True)
-def add_square(out: FloatArray, E: FloatArray, first: int) -> None:
-    """Add E'E to a matrix, from a row and column on.
+def add_square(out: FloatArray, E: FloatArray) -> None:
+    """Add E'E to a matrix, to its last rows and columns.
 
     Three rows of E at once: sums then wait less for memory, and most of E comes in threes.
     """
     m, n = E.shape
+    first = len(out) - n
     for k in range(0, m - 2, 3):
         x, y, z = E[k], E[k + 1], E[k + 2]
         for i in range(n):

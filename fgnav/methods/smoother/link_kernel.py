@@ -8,7 +8,16 @@ from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.methods.smoother import rotation_kernel as rot
-from fgnav.methods.smoother.block_kernel import add_square, put, whitened
+from fgnav.methods.smoother.block_kernel import (
+    NEXT,
+    POSITION,
+    ROTATION,
+    SLOT,
+    VELOCITY,
+    add_square,
+    put,
+    whitened,
+)
 from fgnav.methods.smoother.chain_kernel import STATE
 from fgnav.methods.smoother.link_types import Motions, Prior, Senses, States
 from fgnav.methods.smoother.sense_kernel import (
@@ -50,12 +59,12 @@ def linearise(
         out[:] = 0.0
         if row == start:
             _prior(after, prior, states, row)
-            add_square(out, after, STATE)
+            add_square(out, after)
         else:
             _motion(before, states, motions, row)
-            add_square(out, whitened(motions.white[row], before), 0)
+            add_square(out, whitened(motions.white[row], before))
         array(rest, states, senses, row)
-        add_square(out, rest, STATE)
+        add_square(out, rest)
         shape(out, states, senses, row)
         fixes(rest, out, states, senses, row)
         directions(rest, out, states, senses, row)
@@ -163,22 +172,22 @@ def _motion(E: FloatArray, states: States, motions: Motions, row: int) -> None:
     by_gain = rot.product(by_end, by_turn)
     swung = rot.product(to_b, rot.skew(motions.earth_rate_n_radps[row]))
     E[:] = 0.0
-    put(E, 0, 0, rot.product(by_end, rot.transposed(rot.exp(turn))), 1.0)
-    put(E, 0, STATE, rot.product(by_end, rot.transposed(rot.exp(off))), -1.0)
-    put(E, 3, 0, rot.product(between, rot.skew(p_b)), -1.0)
-    put(E, 3, 3, between, 1.0)
-    put(E, 3, 6, to_b, dt)
-    put(E, 3, 6, swung, -(dt**2))
-    put(E, 3, STATE, rot.skew(p), 1.0)
-    put(E, 6, 0, rot.product(between, rot.skew(v_b)), -1.0)
-    put(E, 6, 6, to_b, 1.0)
-    put(E, 6, 6, swung, -2 * dt)
-    put(E, 6, STATE, rot.skew(v), 1.0)
-    put(E, 6, STATE + 6, to_b, -1.0)
+    put(E, ROTATION, ROTATION, rot.product(by_end, rot.transposed(rot.exp(turn))), 1.0)
+    put(E, ROTATION, NEXT, rot.product(by_end, rot.transposed(rot.exp(off))), -1.0)
+    put(E, POSITION, ROTATION, rot.product(between, rot.skew(p_b)), -1.0)
+    put(E, POSITION, POSITION, between, 1.0)
+    put(E, POSITION, VELOCITY, to_b, dt)
+    put(E, POSITION, VELOCITY, swung, -(dt**2))
+    put(E, POSITION, NEXT, rot.skew(p), 1.0)
+    put(E, VELOCITY, ROTATION, rot.product(between, rot.skew(v_b)), -1.0)
+    put(E, VELOCITY, VELOCITY, to_b, 1.0)
+    put(E, VELOCITY, VELOCITY, swung, -2 * dt)
+    put(E, VELOCITY, NEXT, rot.skew(v), 1.0)
+    put(E, VELOCITY, NEXT + VELOCITY, to_b, -1.0)
     by_slot = motions.correction[row]
-    put(E, 0, 9, rot.product(by_gain, by_slot[:3]), 1.0)
-    put(E, 3, 9, rot.product(between, by_slot[3:6]), 1.0)
-    put(E, 6, 9, rot.product(between, by_slot[6:]), 1.0)
+    put(E, ROTATION, SLOT, rot.product(by_gain, by_slot[:3]), 1.0)
+    put(E, POSITION, SLOT, rot.product(between, by_slot[3:6]), 1.0)
+    put(E, VELOCITY, SLOT, rot.product(between, by_slot[6:]), 1.0)
     for i in range(3):
         E[3 + i, STATE + 3 + i] = -1.0
         E[i, end], E[3 + i, end], E[6 + i, end] = -off[i], -p[i], -v[i]
@@ -194,8 +203,8 @@ def _prior(E: FloatArray, prior: Prior, states: States, row: int) -> None:
     R_0, end = rot.transposed(prior.R_nb), E.shape[1] - 1
     off = rot.turn(prior.R_nb, states.R_nb[row])
     moved = rot.times(R_0, states.p_n_m[row] - prior.p_n_m)
-    put(E, 0, 0, rot.inverse_right_jacobian(off), 1.0)
-    put(E, 3, 3, rot.product(R_0, states.R_nb[row]), 1.0)
+    put(E, ROTATION, ROTATION, rot.inverse_right_jacobian(off), 1.0)
+    put(E, POSITION, POSITION, rot.product(R_0, states.R_nb[row]), 1.0)
     for i in range(3):
         E[i, end], E[3 + i, end], E[6 + i, end] = -off[i], -moved[i], -states.v_n_mps[row, i]
         E[6 + i, 6 + i] = 1.0

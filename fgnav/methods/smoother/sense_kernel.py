@@ -8,7 +8,17 @@ from numba import njit
 
 from fgnav.checks import FloatArray
 from fgnav.methods.smoother import rotation_kernel as rot
-from fgnav.methods.smoother.block_kernel import add_square, fill, put
+from fgnav.methods.smoother.block_kernel import (
+    NEXT,
+    POSITION,
+    ROTATION,
+    TOP,
+    VELOCITY,
+    Place,
+    add_square,
+    fill,
+    put,
+)
 from fgnav.methods.smoother.chain_kernel import STATE
 from fgnav.methods.smoother.constants import (
     ANTENNAS,
@@ -22,6 +32,8 @@ from fgnav.methods.smoother.constants import (
     PIECE,
 )
 from fgnav.methods.smoother.link_types import Senses, States
+
+_X, _Y = np.int64(0), np.int64(1)  # axes of the body; see ``block_kernel`` on why not 0 and 1
 
 
 @njit(cache=True)
@@ -38,8 +50,8 @@ def array(E: FloatArray, states: States, senses: Senses, row: int) -> None:
     if states.columns[FLOAT] >= 0 and senses.floating[row] >= 0.0:  # beside unknown elements
         first = states.columns[FLOAT] + 9 * int(senses.floating[row])
         apart += states.constants[first : first + 9]
-        put(E, 0, STATE + first, root, 1.0)
-    fill(E, 0, rot.product(root, by_turn), rot.times(root, apart))
+        put(E, TOP, NEXT + first, root, 1.0)
+    fill(E, ROTATION, rot.product(root, by_turn), rot.times(root, apart))
 
 
 @njit(cache=True)
@@ -54,12 +66,12 @@ def shape(out: FloatArray, states: States, senses: Senses, row: int) -> None:
         place, arm = states.columns[ANTENNAS + i], states.baselines_b_m[i].copy()
         if place >= 0:
             arm += states.constants[place : place + 3]
-            put(D, 3 * i, STATE + place, R, 1.0)
-        put(D, 3 * i, 0, rot.product(R, rot.skew(arm)), -1.0)
+            put(D, 3 * i, NEXT + place, R, 1.0)
+        put(D, 3 * i, ROTATION, rot.product(R, rot.skew(arm)), -1.0)
         apart = rot.times(R, arm) - senses.shape_minimum_n_m[row, i]
         for c in range(3):
             D[3 * i + c, end] = -apart[c]
-    add_square(out, rot.product(senses.shape_root[row], D), STATE)
+    add_square(out, rot.product(senses.shape_root[row], D))
 
 
 @njit(cache=True)
@@ -79,15 +91,15 @@ def fixes(E: FloatArray, out: FloatArray, states: States, senses: Senses, row: i
         E[:] = 0.0
         apart = states.p_n_m[row] + rot.times(R, arm) - senses.position_n_m[row, k]
         turned = rot.product(white, R)
-        put(E, 0, 0, rot.product(turned, rot.skew(arm)), -1.0)
+        put(E, TOP, ROTATION, rot.product(turned, rot.skew(arm)), -1.0)
         if lever >= 0:
-            put(E, 0, STATE + lever, turned, 1.0)
+            put(E, TOP, NEXT + lever, turned, 1.0)
         if states.columns[PIECE] >= 0 and senses.position_piece[row, k] >= 0.0:
             first = states.columns[PIECE] + 3 * int(senses.position_piece[row, k])
             apart += states.constants[first : first + 3]
-            put(E, 0, STATE + first, white, 1.0)
-        fill(E, 3, turned, rot.times(white, apart))
-        add_square(out, E[:3], STATE)
+            put(E, TOP, NEXT + first, white, 1.0)
+        fill(E, POSITION, turned, rot.times(white, apart))
+        add_square(out, E[:3])
     for k in range(senses.velocity_n_mps.shape[1]):
         white = senses.velocity_white[row, k]
         E[:] = 0.0
@@ -96,10 +108,10 @@ def fixes(E: FloatArray, out: FloatArray, states: States, senses: Senses, row: i
             turned, spin = rot.product(white, R), rot.skew(rate)
             swing = rot.times(spin, more)
             apart += rot.times(R, swing)
-            put(E, 0, 0, rot.product(turned, rot.skew(swing)), -1.0)
-            put(E, 0, STATE + lever, rot.product(turned, spin), 1.0)
-        fill(E, 6, white, rot.times(white, apart))
-        add_square(out, E[:3], STATE)
+            put(E, TOP, ROTATION, rot.product(turned, rot.skew(swing)), -1.0)
+            put(E, TOP, NEXT + lever, rot.product(turned, spin), 1.0)
+        fill(E, VELOCITY, white, rot.times(white, apart))
+        add_square(out, E[:3])
 
 
 @njit(cache=True)
@@ -121,7 +133,7 @@ def height(E: FloatArray, out: FloatArray, states: States, senses: Senses, row: 
         apart -= share * states.constants[column + 1]
         E[0, STATE + column + 1] = -weight * share
     E[0, E.shape[1] - 1] = -weight * apart
-    add_square(out, E[:1], STATE)
+    add_square(out, E[:1])
 
 
 @njit(cache=True)
@@ -143,9 +155,9 @@ def field(E: FloatArray, out: FloatArray, states: States, senses: Senses, row: i
         for j in range(3):
             flat[i, j] = ((i == j) - u_b[i] * u_b[j]) / size
     by_field = rot.product(across, flat)
-    fill(E, 0, rot.product(by_field, rot.skew(earth)), rot.times(across, u_b))
-    put(E, 0, STATE + iron, by_field, 1.0)
-    add_square(out, E[:2], STATE)
+    fill(E, ROTATION, rot.product(by_field, rot.skew(earth)), rot.times(across, u_b))
+    put(E, TOP, NEXT + iron, by_field, 1.0)
+    add_square(out, E[:2])
 
 
 @njit(cache=True)
@@ -158,8 +170,8 @@ def directions(E: FloatArray, out: FloatArray, states: States, senses: Senses, r
             continue
         E[:] = 0.0
         u_b = rot.times(to_b, senses.known_n[row, k])
-        _tilted(E, across, u_b, states, states.columns[GRAVITY], 0)
-        add_square(out, E[:2], STATE)
+        _tilted(E, across, u_b, states, states.columns[GRAVITY], _X)
+        add_square(out, E[:2])
     landmark = states.columns[LANDMARK]
     if landmark < 0:
         return
@@ -173,16 +185,16 @@ def directions(E: FloatArray, out: FloatArray, states: States, senses: Senses, r
         for j in range(3):
             flat[i, j] = -u_b[i] * u_b[j] / distance_m
         flat[i, i] += 1 / distance_m
-    across = _tilted(E, senses.sight_across_b[row], u_b, states, states.columns[BORESIGHT], 1)
+    across = _tilted(E, senses.sight_across_b[row], u_b, states, states.columns[BORESIGHT], _Y)
     by_place = rot.product(across, flat)
-    put(E, 0, 3, by_place, -1.0)
-    put(E, 0, STATE + landmark, rot.product(by_place, to_b), 1.0)
-    add_square(out, E[:2], STATE)
+    put(E, TOP, POSITION, by_place, -1.0)
+    put(E, TOP, NEXT + landmark, rot.product(by_place, to_b), 1.0)
+    add_square(out, E[:2])
 
 
 @njit(cache=True)
 def _tilted(
-    E: FloatArray, across: FloatArray, u_b: FloatArray, states: States, column: int, axis: int
+    E: FloatArray, across: FloatArray, u_b: FloatArray, states: States, column: int, axis: Place
 ) -> FloatArray:
     """Fill the residual of a unit vector, and its derivative by rotation and instrument's tilt.
 
@@ -194,7 +206,7 @@ def _tilted(
         tilt[axis], tilt[axis + 1] = -states.constants[column], -states.constants[column + 1]
         across = rot.product(across, rot.exp(tilt))
     by_turn = rot.product(across, rot.skew(u_b))
-    fill(E, 0, by_turn, rot.times(across, u_b))
+    fill(E, ROTATION, by_turn, rot.times(across, u_b))
     if column >= 0:
         by_tilt = rot.product(by_turn, rot.right_jacobian(tilt))
         for i in range(2):
