@@ -126,9 +126,10 @@ def compare(flight: Flight, estimators: Sequence[Estimator]) -> Comparison:
     for name in names:
         if names.count(name) > 1:
             raise BadInputError(f"compare: two estimators are named {name!r}; give each its own")
-    outcomes = [_run(flight, estimator) for estimator in estimators]
+    own = replace(flight)
+    outcomes = [_run(replace(flight) if k else own, e) for k, e in enumerate(estimators)]
     estimates = [estimate for estimate, _, _ in outcomes if estimate is not None]
-    differences = _differences_of(flight)
+    differences = _differences_of(own)  # the first method's, as a rule: what it made is kept there
     right = _right_integers(flight, differences)
     methods = tuple(
         _judge(flight, name, outcome, differences, right)
@@ -145,7 +146,7 @@ def compare(flight: Flight, estimators: Sequence[Estimator]) -> Comparison:
 
 
 def _run(flight: Flight, estimator: Estimator) -> tuple[Estimate | None, float, str | None]:
-    """Return a method's estimate or why there is none, and its wall time.
+    """Return a method's estimate or why there is none, and its wall time, on a flight of its own.
 
     Each method gets a flight object of its own, so that work shared through caches (differences,
     integers) is in everybody's time and not only in that of whoever comes first. Compiling kernels,
@@ -153,12 +154,11 @@ def _run(flight: Flight, estimator: Estimator) -> tuple[Estimate | None, float, 
     """
     from numba.core.event import TimingListener, install_listener  # noqa: PLC0415  # lazy
 
-    own = replace(flight)
     compiling = TimingListener()  # type: ignore[no-untyped-call]
     started_s = perf_counter()
     with install_listener("numba:compile", compiling):
         try:
-            estimate, failure = estimator(own), None
+            estimate, failure = estimator(flight), None
         except NoSolutionError as error:
             estimate, failure = None, str(error)
     seconds = perf_counter() - started_s

@@ -167,6 +167,24 @@ def test_an_estimator_gets_a_flight_object_of_its_own(flight, off):
     assert seen[0].truth is flight.truth
 
 
+def test_methods_are_judged_by_what_the_first_one_made_of_its_flight(flight, off, monkeypatch):
+    """Differences are kept with the flight object; of another's no method would profit."""
+    seen, judged = [], []
+
+    class Keeper:
+        def __init__(self, name):
+            self.name = name
+
+        def __call__(self, given):
+            seen.append(given)
+            return off(self.name)(given)
+
+    monkeypatch.setattr("fgnav.evaluation.comparison._differences_of", judged.append)
+    compare(flight, [Keeper("first"), Keeper("second")])
+    assert judged == seen[:1]
+    assert seen[1] is not seen[0]
+
+
 def test_compilation_of_kernels_is_in_nobody_s_time(flight, off):
     from numba.core.event import trigger_event
 
