@@ -115,7 +115,8 @@ class _Search:
             self._held(hold, _ROTATION)
             previous, (self._steps, least) = promised, self._step()
             promised = cost - least
-            ratio = min(promised / previous, 1.0) if promised < _NEAR else 1.0
+            near = 0.0 < promised < min(previous, _NEAR)
+            ratio = promised / previous if near else 1.0
             if hold == 0.0 and promised * ratio < _STEP_SIGMAS**2:
                 self._promised = previous
                 return True

@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fgnav.methods.smoother.batch import solve_batch
+from fgnav.methods.smoother.batch import _Search, solve_batch
 from fgnav.methods.smoother.window import solve_window
 
 from .flights import attitude_errors_rad, euler_rmse_deg, nees, turning
@@ -71,6 +71,14 @@ def test_a_start_far_from_the_minimum_is_not_called_converged(case):
     lost = solve_batch(dataclasses.replace(case.keyframes, R_nb=turned))
     far = np.degrees(np.linalg.norm(attitude_errors_rad(lost.R_nb, case.truth), axis=1)).max()
     assert not lost.converged or far < 5
+
+
+def test_a_search_that_stands_at_its_minimum_ends(case):
+    search = _Search(case.keyframes)
+    search.begin()
+    assert search.descend()
+    search._promised = 0.0  # rounding may leave a step nothing to promise
+    assert search.descend()
 
 
 def test_a_keyframe_without_phases_is_bridged(case):
