@@ -260,7 +260,7 @@ def _preintegrator(
     of_sure = (t_s[sure], start.R_nb[sure], start.covariance_rad2[sure])
     told_by = _intensity(imu, settings, *of_sure, rough=start.rough)
     usual, density = told_by.usual, told_by.at(t_s)
-    unfelt = record.touched(t_s)[:-1]
+    unfelt = holed = record.touched(t_s)[:-1]
     if imu.w_b_radps is None:
         away_s = without_attitude(t_s, told, causal=settings.causal)
         unfelt = unfelt | (np.minimum(away_s[1:], away_s[:-1]) > LOST_S)
@@ -274,6 +274,7 @@ def _preintegrator(
         earth_rate_n_radps=flight.origin.earth_rate_n_radps,
         angular_acceleration_density=usual,
         loose=record.loose,
+        holed=holed,
         loosened=unfelt,
         density=density,
     )

@@ -55,7 +55,8 @@ def estimate_of(
     rows = np.arange(len(keyframes.t_s)) if rows is None else rows
     t_s, tests = keyframes.t_s[rows], consistency(keyframes, solution)
     solution = (solution if believed is None else believed)[rows]
-    told_b_radps, common_m2 = gyroscope_at(imu, t_s), collected.common_position_m2[rows]
+    told_b_radps = keyframes.preintegrate.told_radps(t_s)
+    common_m2 = collected.common_position_m2[rows]
     return replace(
         stated(name, keyframes, solution, t_s, told_b_radps, common_m2),
         epochs=collected.epochs,

@@ -169,14 +169,16 @@ class BridgingPreintegrator(Preintegrator):
     Attributes
     ----------
     loose : Imu
-        Of intervals that touch a gap of the inertial record.
-    loosened : ndarray of bool, shape (n - 1,)
-        Those intervals.
+        Of intervals that are loosened.
+    holed, loosened : ndarray of bool, shape (n - 1,)
+        Intervals that touch a gap of the inertial record; those, and others whose attitude is so
+        little known that nobody can say where specific force points.
     density : ndarray, shape (n - 1, 3)
         Intensity of white angular acceleration of each interval; only without a gyroscope.
     """
 
     loose: Imu
+    holed: BoolArray
     loosened: BoolArray
     density: FloatArray
 

@@ -122,8 +122,16 @@ def _preintegrator(
     of: Preintegrator, t_s: FloatArray, before: IntArray, gravity_n_mps2: FloatArray, sub_steps: int
 ) -> Preintegrator:
     """Return a preintegrator of the intervals between more times, each as the one it is part of."""
-    made = replace(of, increments=increments(of.imu, t_s, sub_steps), gravity_n_mps2=gravity_n_mps2)
+    steps = increments(of.imu, t_s, sub_steps)
+    if of.foretold is not None:
+        steps = steps.told(t_s, of.foretold)
+    made = replace(of, increments=steps, gravity_n_mps2=gravity_n_mps2)
     if isinstance(of, BridgingPreintegrator) and isinstance(made, BridgingPreintegrator):
         part = before[:-1]
-        return replace(made, loosened=of.loosened[part], density=of.density[part])
+        return replace(
+            made,
+            loosened=of.loosened[part],
+            holed=of.holed[part],
+            density=of.density[part],
+        )
     return made

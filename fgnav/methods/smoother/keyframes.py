@@ -194,11 +194,7 @@ class Keyframes:
     @property
     def rate_b_radps(self) -> FloatArray:
         """Body rates where the search starts, (n, 3): the gyroscope's, or the slot's own."""
-        imu, slot = self.preintegrate.imu, self.slot[:, 3:]
-        if imu.w_b_radps is None:
-            return -slot
-        told = [np.interp(self.t_s, imu.t_s, column) for column in imu.w_b_radps.T]
-        return np.stack(told, axis=1) - slot
+        return self.preintegrate.told_radps(self.t_s) - self.slot[:, 3:]
 
     @property
     def shared_mean(self) -> FloatArray:

@@ -34,7 +34,7 @@ def _turned(
     a millisecond ago. To second order in the angle, 0.06 rad at two turns a second.
     """
     w_b_radps = pre.increments.w_b_radps[part]
-    if pre.imu.w_b_radps is None:  # all alike
+    if not w_b_radps.any():  # all alike
         w_b_radps = w_b_radps[:1]
     K = skew((w_b_radps - bias.gyroscope()) * (step_s / 2))
     b_b_mps2 = bias.accelerometer()

@@ -4,7 +4,7 @@ Without one, the rate is taken as zero and the gyro-bias slot carries minus the 
 a random walk: white angular acceleration. With one, the slot is its bias.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,38 @@ from fgnav.rotations import log, transpose
 SUB_STEPS = 5
 _PSEUDO_GYROSCOPE_RADPS_PER_SQRT_HZ = 1e-6  # of the rate of zero: the slot does all the work
 RATE_SPAN_S = 0.5  # angular rates are told from attitudes this far apart
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Foretold:
+    """Body rates that are expected in gaps, and that the slot is counted from.
+
+    Beside and between gaps on straight lines, which a random walk that measurements hold hardly
+    minds.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (k,)
+        Increasing.
+    w_b_radps : ndarray, shape (k, 3)
+    """
+
+    t_s: FloatArray
+    w_b_radps: FloatArray
+
+    def at(self, t_s: FloatArray) -> FloatArray:
+        """Return rates at times, (n,), as (n, 3)."""
+        return np.stack([np.interp(t_s, self.t_s, x) for x in self.w_b_radps.T], axis=1)
+
+    def after(self, other: "Foretold | None") -> "Foretold":
+        """Return these rates with those of earlier gaps, as far as these leave room for them."""
+        if other is None:
+            return self
+        before = other.t_s < self.t_s[0]
+        return Foretold(
+            t_s=np.concatenate([other.t_s[before], self.t_s]),
+            w_b_radps=np.concatenate([other.w_b_radps[before], self.w_b_radps]),
+        )
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -39,6 +71,10 @@ class Increments:
     f_b_mps2: FloatArray
     w_b_radps: FloatArray
 
+    def told(self, t_s: FloatArray, foretold: Foretold) -> "Increments":
+        """Return them with rates that are expected between keyframes, (n,)."""
+        return replace(self, w_b_radps=foretold.at(_middle_s(t_s, self.first, self.step_s)))
+
 
 def increments(imu: Imu, t_s: FloatArray, sub_steps: int = SUB_STEPS) -> Increments:
     """Cut the time between keyframes, (n,), into equal sub-steps of samples."""
@@ -49,8 +85,7 @@ def increments(imu: Imu, t_s: FloatArray, sub_steps: int = SUB_STEPS) -> Increme
     counts = np.maximum(1, np.rint(span_s / sample_s * sub_steps)).astype(np.int64)
     first = np.concatenate([[0], np.cumsum(counts)])
     step_s = span_s / counts
-    within = np.arange(first[-1]) - np.repeat(first[:-1], counts)
-    middle_s = np.repeat(t_s[:-1], counts) + (within + 0.5) * np.repeat(step_s, counts)
+    middle_s = _middle_s(t_s, first, step_s)
     # A straight line between samples would cut the corners of a spin: 3 mm/s2 at 1 Hz.
     no_rate = np.zeros((len(middle_s), 3))
     return Increments(
@@ -61,6 +96,13 @@ def increments(imu: Imu, t_s: FloatArray, sub_steps: int = SUB_STEPS) -> Increme
         if imu.w_b_radps is None
         else cubic_spline(imu.t_s, imu.w_b_radps, middle_s),
     )
+
+
+def _middle_s(t_s: FloatArray, first: IntArray, step_s: FloatArray) -> FloatArray:
+    """Return the middles of sub-steps."""
+    counts = np.diff(first)
+    within = np.arange(first[-1]) - np.repeat(first[:-1], counts)
+    return np.asarray(np.repeat(t_s[:-1], counts) + (within + 0.5) * np.repeat(step_s, counts))
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -77,6 +119,8 @@ class Preintegrator:
     angular_acceleration_density : ndarray, shape (3,)
         Intensity of white angular acceleration about the body axes, (rad/s2)2/Hz; only without a
         gyroscope.
+    foretold : Foretold or None
+        Rates that the slot is counted from, as from a gyroscope's; only without one.
     """
 
     imu: Imu
@@ -84,6 +128,7 @@ class Preintegrator:
     gravity_n_mps2: FloatArray
     earth_rate_n_radps: FloatArray
     angular_acceleration_density: FloatArray
+    foretold: Foretold | None = None
 
     @property
     def noise(self) -> FloatArray:
@@ -102,6 +147,12 @@ class Preintegrator:
         noise = imu.gyroscope_noise_radps_per_sqrt_hz or _PSEUDO_GYROSCOPE_RADPS_PER_SQRT_HZ
         felt = imu.accelerometer_noise_mps2_per_sqrt_hz
         return np.array([felt, noise, imu.accelerometer_bias_walk_mps2_per_sqrt_s]) ** 2
+
+    def told_radps(self, t_s: FloatArray) -> FloatArray:
+        """Return rates at times, (n,), that less the slot are the body's: (n, 3)."""
+        if self.imu.w_b_radps is None:
+            return np.zeros((len(t_s), 3)) if self.foretold is None else self.foretold.at(t_s)
+        return np.stack([np.interp(t_s, self.imu.t_s, x) for x in self.imu.w_b_radps.T], axis=1)
 
 
 def angular_rates(t_s: FloatArray, R_nb: FloatArray) -> FloatArray:

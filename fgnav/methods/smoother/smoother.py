@@ -24,6 +24,7 @@ from fgnav.methods.smoother.gaps import LONGEST_STEP_S
 from fgnav.methods.smoother.interpolation import with_times
 from fgnav.methods.smoother.keyframes import Keyframes
 from fgnav.methods.smoother.solution import Solution
+from fgnav.methods.smoother.swings import crossed
 from fgnav.methods.smoother.window import solve_forward, solve_window
 
 # Integration steps between keyframes a tenth of a second apart; the lag of GTSAM's steps shows in
@@ -210,6 +211,9 @@ def _estimate(
     if not isinstance(method, Forward) and method.angular_acceleration_density is None:
         found = calibrated(collected.keyframes, solve)
         notes = (*collected.notes, *found.notes)
+        if isinstance(method, Batch):
+            found, across = crossed(found, solve)
+            notes += across
         collected = replace(collected, keyframes=found.keyframes, notes=notes)
     if at_s is not None:
         collected, rows = with_times(collected, at_s, _sub_steps(method, flight))

@@ -139,3 +139,11 @@ def test_rates_of_a_steady_spin_are_exact():
     t = np.arange(50) * 0.1
     R = rotations.exp(np.outer(t, [2 * np.pi * 1.5, 0, 0]))
     assert_allclose(pre.angular_rates(t, R), np.tile([3 * np.pi, 0, 0], (50, 1)), atol=1e-9)
+
+
+def test_rates_foretold_for_gaps_that_meet_stay_in_their_order():
+    first = pre.Foretold(t_s=np.array([0.0, 1.0, 2.0]), w_b_radps=np.ones((3, 3)))
+    second = pre.Foretold(t_s=np.array([1.5, 2.5]), w_b_radps=np.full((2, 3), 3.0))
+    both = second.after(first)
+    assert (np.diff(both.t_s) > 0).all()
+    assert_allclose(both.at(np.array([0.5, 1.25, 2.0, 9.0]))[:, 0], [1, 2, 3, 3], atol=1e-12)
