@@ -6,19 +6,24 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.flight import Flight
 from fgnav.integers.resolver import Integers
 from fgnav.integers.truth import Truth
 from fgnav.methods.smoother import Batch, Forward
+from fgnav.methods.smoother.smoother import collected_for
 from fgnav_sim.receiver_tables import OutageTable, SlipsTable
 from fgnav_sim.scenario import Place, load_scenario
 from fgnav_sim.simulate import simulate
+from tests.benchmarks.allowed import allowed_peaks
 from tests.methods.simulated import SCENARIOS, errors_rad
 
 SHARES = {0.01: 1.03, 0.05: 1.05, 0.10: 1.10, 0.20: 2.0}
 LENGTHS_S = (5.0, 15.0, 30.0, 60.0)
-FROM_S = 15.0  # an outage begins
+FROM_S, SWING_S = (
+    15.0,
+    2 * np.pi,
+)  # an outage begins, in one flight here, in another there in a swing
 EPOCH_S = 0.11  # and a little
 BOTH = ("attitude", "position")
 # What an outage takes away: without one antenna, or the detector, positions go on.
@@ -30,9 +35,8 @@ KINDS = {
     "seeker": BOTH[:1],
 }
 WITHIN, PEAK = 0.99, 0.35
-# What the estimate says is missing. Without a gyroscope nothing tells the attitude of an outage of
-# all satellites: both peaks are as large as the body swings. With one, an attitude's error is a
-# random walk of the gyroscope's noise: a bridge of it peaks at half of what it walks to, 0.5.
+DRAWS = 50
+# What the estimate says is missing.
 LISTED = {
     "all_gnss": "position",
     "all_gnss_gyro": "position",
@@ -45,6 +49,7 @@ NAMES = (
     "wrong_arcs_10_percent_worst",
     *(f"outage_{kind}_{length_s:.0f}_s_within" for kind in KINDS for length_s in LENGTHS_S),
     *(f"outage_{kind}_peak_{what}" for kind, lost in KINDS.items() for what in lost),
+    *(f"outage_all_gnss_gyro_allowed_{what}" for what in BOTH),
     *(f"outage_{kind}_listed" for kind in KINDS),
 )
 SLIPS_PER_HOUR = 120.0  # of a link: with those of the reference, arcs of some ten seconds
@@ -60,7 +65,7 @@ GYROSCOPE = {
 
 def run(flights: int = 50) -> list[dict]:
     """Return the rows."""
-    return [*_wrong_arcs(flights), *_outages(max(2, flights // 25))]
+    return [*_wrong_arcs(flights), *_outages(max(2, flights // 8))]
 
 
 @dataclass(frozen=True)
@@ -103,34 +108,63 @@ def _wrong_arcs(flights: int) -> list[dict]:
 
 
 def _outages(flights: int) -> list[dict]:
+    """In each flight an outage begins at another phase of the body's swing."""
     rows = []
     for kind, affected in KINDS.items():
-        ratios, lost, listed = [], 0, []
+        ratios, lost, listed, allowed = [], 0, [], []
         for length_s in LENGTHS_S:
-            judged = [
-                _judged(_with_outage(kind, length_s, seed), length_s) for seed in range(flights)
+            outages = [
+                (FROM_S + k / flights * SWING_S, FROM_S + k / flights * SWING_S + length_s)
+                for k in range(flights)
             ]
+            flown = [_with_outage(kind, outage_s, k) for k, outage_s in enumerate(outages)]
+            judged = [_judged(*pair) for pair in zip(flown, outages, strict=True)]
             rows.append(_share_row(kind, length_s, [one.within for one in judged]))
-            listed += [_is_listed(kind, length_s, one.notes) for one in judged]
+            listed += [
+                _is_listed(kind, outage_s, one.notes)
+                for outage_s, one in zip(outages, judged, strict=True)
+            ]
             both = [one for one in judged if one.forward is not None]
             lost += len(judged) - len(both)
             if both:
                 ratios.append(sum(one.smoothed for one in both) / sum(one.forward for one in both))
-        note = f"largest error in an outage, batch over forward, worst length; forward lost {lost}"
-        rows += [
-            _row(f"outage_{kind}_peak_{what}", worst, PEAK, note)
-            for what, worst in zip(affected, np.max(ratios, axis=0), strict=False)
-        ]
+            if kind == "all_gnss_gyro":
+                allowed.append(_allowed(flown[0], outages[0]))
+        note = f"largest errors in outages, batch over forward; {flights} flights, {lost} lost"
+        rows += _peak_rows(f"outage_{kind}_peak", affected, ratios, f"{note} by forward")
+        if allowed:
+            note = "what peaks are to be with errors drawn from the model that both have"
+            rows += _peak_rows(f"outage_{kind}_allowed", affected, allowed, note)
         rows.append(_listed_row(kind, listed))
     return rows
 
 
-def _is_listed(kind: str, length_s: float, notes: tuple[str, ...]) -> bool:
+def _peak_rows(
+    name: str, affected: tuple[str, ...], ratios: list[FloatArray], note: str
+) -> list[dict]:
+    """Return a row for each of attitude and position, its worst length of outages."""
+    rows = []
+    for what, of in zip(affected, np.transpose(ratios), strict=False):
+        each = ", ".join(f"{ratio:.2f}" for ratio in of)
+        rows.append(_row(f"{name}_{what}", of.max(), PEAK, f"{note}; each length: {each}"))
+    return rows
+
+
+def _allowed(flight: Flight, outage_s: tuple[float, float]) -> FloatArray:
+    """Return the smoother's mean peaks over the filter's, drawn from the model, (2,)."""
+    collected = collected_for(Batch(resolver=Truth()), flight)
+    during = _during(collected.keyframes.t_s, outage_s)
+    rng = np.random.default_rng(0)
+    smoothed, forward = allowed_peaks(collected, during, DRAWS, rng)
+    return np.asarray(smoothed / forward)
+
+
+def _is_listed(kind: str, outage_s: tuple[float, float], notes: tuple[str, ...]) -> bool:
     """Return whether the notes have a gap of the outage's own times, but for an epoch."""
     for note in notes:
         found = re.search(rf"No {LISTED[kind]} from ([\d.]+) to ([\d.]+) s", note)
         times_s = np.array(found.groups(), dtype=float) if found else np.full(2, np.inf)
-        if (np.abs(times_s - [FROM_S, FROM_S + length_s]) < EPOCH_S).all():
+        if (np.abs(times_s - outage_s) < EPOCH_S).all():
             return True
     return False
 
@@ -155,21 +189,21 @@ def _share_row(kind: str, length_s: float, within: list[float]) -> dict:
     }
 
 
-def _with_outage(kind: str, length_s: float, seed: int) -> Flight:
+def _with_outage(kind: str, outage_s: tuple[float, float], seed: int) -> Flight:
     """Return a flight in which something is missing for a while."""
-    span_s, until_s = FROM_S + length_s + 15.0, FROM_S + length_s
+    span_s = outage_s[1] + 15.0
     if kind == "seeker":
-        return _blinded(_flown(seed, span_s, "terminal", seeker=FAR), until_s)
+        return _blinded(_flown(seed, span_s, "terminal", seeker=FAR), outage_s)
     antennas = {"antenna": ("a3",), "reference": ("a1",)}.get(kind, ())
-    outage = OutageTable(from_s=FROM_S, until_s=until_s, antennas=antennas)
+    outage = OutageTable(from_s=outage_s[0], until_s=outage_s[1], antennas=antennas)
     imu = GYROSCOPE if kind == "all_gnss_gyro" else {}
     return _flown(seed, span_s, gnss={"outages": (outage,)}, imu=imu)
 
 
-def _blinded(flight: Flight, until_s: float) -> Flight:
+def _blinded(flight: Flight, outage_s: tuple[float, float]) -> Flight:
     """Return a flight without what its detector saw in the outage."""
     seeker = flight.seeker
-    seen = (seeker.t_s < FROM_S) | (seeker.t_s >= until_s)
+    seen = (seeker.t_s < outage_s[0]) | (seeker.t_s >= outage_s[1])
     rest = replace(seeker, t_s=seeker.t_s[seen], currents=seeker.currents[seen])
     return replace(flight, seeker=rest)
 
@@ -184,24 +218,28 @@ class _Judged:
     forward: FloatArray | None  # None: it has no solution
 
 
-def _judged(flight: Flight, length_s: float) -> _Judged:
+def _judged(flight: Flight, outage_s: tuple[float, float]) -> _Judged:
     smoothed = Batch(resolver=Truth())(flight)
     try:
-        forward = _peaks(flight, Forward(resolver=Truth())(flight), length_s)
+        forward = _peaks(flight, Forward(resolver=Truth())(flight), outage_s)
     except NoSolutionError:
         forward = None
     return _Judged(
         within=_within(flight, smoothed),
         notes=smoothed.notes,
-        smoothed=_peaks(flight, smoothed, length_s),
+        smoothed=_peaks(flight, smoothed, outage_s),
         forward=forward,
     )
 
 
-def _peaks(flight, estimate, length_s: float) -> FloatArray:
-    during = (estimate.t_s >= FROM_S) & (estimate.t_s <= FROM_S + length_s)
+def _peaks(flight, estimate, outage_s: tuple[float, float]) -> FloatArray:
+    during = _during(estimate.t_s, outage_s)
     errors = errors_rad(flight, estimate), _off_m(flight, estimate)
     return np.array([np.linalg.norm(error[during], axis=1).max() for error in errors])
+
+
+def _during(t_s: FloatArray, outage_s: tuple[float, float]) -> BoolArray:
+    return (t_s >= outage_s[0]) & (t_s <= outage_s[1])
 
 
 def _within(flight, estimate) -> float:
