@@ -24,6 +24,7 @@ _ITERATIONS = 100
 _STEP_SIGMAS = 0.01  # a next Newton step below this share of every sigma: it is a minimum
 _NEAR = 1.0  # a promise below it is Newton's
 _MISSED = 0.1  # of a promise that is not kept: the step left the curve of the path
+_KEPT = 0.5  # of a promise: less, and the step was too long
 _HOLD, _FIRMEST = 0.1, 1e8  # 1/rad2, first and last resort of Levenberg and Marquardt
 _FAST = 1e14  # of what is not to move at all
 _ROTATION, _TURNING = np.arange(3), np.array([0, 1, 2, 12, 13, 14])  # of a state; its rate, too
@@ -48,9 +49,9 @@ def solve_batch(keyframes: Keyframes) -> Solution:
         before, anew = search.place, search.preintegrated_anew()
         if not len(anew):
             break
-        if not search.descend(anew):
+        converged = search.descend(anew)
+        if not converged:  # a minimum of motions integrated about other slots is none
             search.go_back(before)
-            break
     return search.solution(converged=converged)
 
 
@@ -121,7 +122,7 @@ class _Search:
                 self._promised = previous
                 return True
             before, last = self._states, cost
-            cost = self._gone(least + _MISSED * promised)
+            cost = self._gone(cost, promised)
             if cost <= last:
                 hold = hold / 10 if hold > _HOLD else 0.0
                 continue
@@ -134,7 +135,27 @@ class _Search:
         sigma = np.sqrt(np.einsum("nii->ni", self._marginals().covariance[:, :6, :6]))
         return bool((np.abs(self._steps[:, :6]) < _STEP_SIGMAS * sigma).all())
 
-    def _gone(self, expected: float) -> float:
+    def _gone(self, cost: float, promised: float) -> float:
+        """Take the step; return the cost there.
+
+        Where it gains less than half of what it promised it was too long, and the parabola through
+        both costs tells how much: Newton's own curvature is that of residuals which do not bend,
+        and along the valley of a heading that is known to twenty degrees it is half of the true
+        one. Full steps would cross that valley to and fro.
+        """
+        before, steps = self._states, self._steps
+        whole = self._followed(cost - (1 - _MISSED) * promised)
+        if whole <= cost - _KEPT * promised:
+            return whole
+        there, self._states = self._states, before
+        self._steps = steps * promised / (whole - cost + 2 * promised)
+        part = self._followed(-np.inf)
+        if part < whole:
+            return part
+        self._states = there
+        return self._linearised(self._rows)
+
+    def _followed(self, expected: float) -> float:
         """Take the step; return the cost there.
 
         If that is above what is expected, velocities, positions and biases follow the rotations: of

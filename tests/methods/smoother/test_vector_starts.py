@@ -12,10 +12,12 @@ from fgnav.integers.truth import attitude_at
 from fgnav.methods.smoother import Batch, Forward, Smoother, smoother
 from fgnav.methods.smoother.batch import solve_batch
 from fgnav.methods.smoother.collect import Settings, collect
+from fgnav.methods.smoother.smoother import collected_for
 from fgnav.methods.smoother.vector_starts import vector_attitudes
 from fgnav_sim.motion import Sine
 from fgnav_sim.scenario import FixesTable, load_scenario
 from fgnav_sim.simulate import simulate
+from tests.benchmarks.gravity import Pair, flights
 from tests.methods.simulated import SCENARIOS, errors_rad, euler_rmse_deg, nees
 from tests.methods.true_gravity import TrueGravity
 
@@ -67,6 +69,13 @@ def test_a_flight_without_phases_is_solved_with_gravity_and_an_honest_covariance
     assert (euler_rmse_deg(flight, estimate) < 1.5).all()
     assert 1 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
     assert not any(loss.what == "velocity" for loss in estimate.losses)
+
+
+def test_a_heading_known_to_twenty_degrees_ends_at_its_minimum():
+    """Full steps cross the valley to and fro: after a hundred they still were at it."""
+    cruise = flights(2, 77)[1]
+    keyframes = collected_for(Batch(gravity=Pair(interval_s=6.0)), cruise).keyframes
+    assert solve_batch(keyframes).converged
 
 
 @pytest.mark.parametrize("method", [Smoother(), Forward()])
