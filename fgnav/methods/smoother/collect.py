@@ -79,6 +79,8 @@ class Collected:
     losses : tuple of Loss
     rejections : tuple of Rejected
     notes : tuple of str
+    rough : bool
+        Whether how well attitudes are known that the search starts from is a guess.
     """
 
     keyframes: Keyframes
@@ -88,6 +90,7 @@ class Collected:
     losses: tuple[Loss, ...]
     rejections: tuple[Rejected, ...]
     notes: tuple[str, ...]
+    rough: bool = False
 
 
 _LATEST: WeakKeyDictionary[Flight, tuple[Settings, Collected]] = WeakKeyDictionary()
@@ -173,6 +176,7 @@ def _collected(flight: Flight, settings: Settings) -> Collected:
         losses=tuple(sum((*parts, sight_losses, gravity_losses, height_losses, field_losses), ())),
         rejections=(*start.rejections, *gate.rejections),
         notes=(*notes, *floating.notes, *few_notes),
+        rough=start.rough,
     )
 
 

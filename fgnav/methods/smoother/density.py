@@ -68,7 +68,7 @@ def angular_acceleration_density(
     _enough(t_s)
     attitudes = _Attitudes(t_s, R_nb, covariance_rad2, ahead)[_spread(len(t_s))]
     attitudes, guess = _sound(attitudes)
-    return np.exp(_climbed(lambda x: _penalised(attitudes, x), np.log(guess)))
+    return np.exp(climbed(lambda x: _penalised(attitudes, x), np.log(guess)))
 
 
 def density_of_rough_attitudes(t_s: FloatArray, R_nb: FloatArray) -> FloatArray:
@@ -186,7 +186,7 @@ def _by_lag(attitudes: _Attitudes) -> FloatArray:
     return np.asarray(np.maximum(density, _LEAST_GUESS))
 
 
-def _climbed(score: Callable[[FloatArray], float], x: FloatArray) -> FloatArray:
+def climbed(score: Callable[[FloatArray], float], x: FloatArray) -> FloatArray:
     """Return where a score of three variables peaks, within bounds: Newton, one axis by one.
 
     The axes hardly know of each other, so curvatures along them are enough.

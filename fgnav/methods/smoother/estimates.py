@@ -48,6 +48,13 @@ def estimate_of(
         density = keyframes.preintegrate.angular_acceleration_density
         told = ", ".join(f"{value:.2g}" for value in density)
         notes.append(f"Angular acceleration density about the body axes: {told} (rad/s2)2/Hz.")
+        white = keyframes.preintegrate.rate_density
+        if white.any():
+            told = ", ".join(f"{value:.2g}" for value in white)
+            notes.append(
+                f"Of rates, a part comes and goes between fixes: {told} (rad/s)2/Hz; those stated "
+                "are without it."
+            )
     if not solution.converged:
         notes.append(f"{name} did not end at a minimum: do not use the estimate.")
     constants = constants_found(keyframes, solution)

@@ -184,11 +184,11 @@ class BridgingPreintegrator(Preintegrator):
 
     @property
     def noise(self) -> FloatArray:
-        """Return the noise of each interval, (n - 1, 6), as ``Preintegrator`` does."""
+        """Return the noise of each interval, (n - 1, 8), as ``Preintegrator`` does."""
         noise = super(BridgingPreintegrator, self).noise
-        noise[self.loosened, :3] = self._densities(self.loose)
+        noise[self.loosened, :5] = self._densities(self.loose)
         if self.imu.gyroscope_bias_walk_radps_per_sqrt_s is None:
-            noise[:, 3:] = self.density
+            noise[:, 5:] = self.density
         return noise
 
 

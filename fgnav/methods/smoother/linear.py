@@ -1,4 +1,4 @@
-"""The smoother as a linear map, linearised once: its steps and covariances at some intensity."""
+"""The smoother as a linear map, linearised once: its steps, covariances and likelihood."""
 
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from fgnav.methods.smoother import links
 from fgnav.methods.smoother.chain import STATE, Chain
 from fgnav.methods.smoother.keyframes import Keyframes
 from fgnav.methods.smoother.link_kernel import linearise, move
-from fgnav.methods.smoother.link_types import Prior, Samples, Senses, States
+from fgnav.methods.smoother.link_types import Motions, Prior, Samples, Senses, States
 
 
 class Block(NamedTuple):
@@ -53,17 +53,39 @@ def eliminated(block: Block, density: FloatArray | float) -> Chain:
     NoSolutionError
         Naming the keyframe whose state the data leave open.
     """
-    own, n = block.states, len(block.rows)
     noise = block.samples.noise.copy()
-    noise[:, 3:] *= density
+    noise[:, 5:] *= density
+    return _eliminated(block._replace(samples=block.samples._replace(noise=noise)))[0]
+
+
+def _eliminated(block: Block) -> tuple[Chain, Motions]:
+    own, n = block.states, len(block.rows)
     motions, rows = links.empty_motions(n), np.arange(n)
-    samples = block.samples._replace(noise=noise)
-    links.integrate(motions, rows[1:], samples, block.rows[1:], own.slot[:-1])
+    links.integrate(motions, rows[1:], block.samples, block.rows[1:], own.slot[:-1])
     chain = Chain.empty(n, len(own.constants))
     linearise(chain.link, own, motions, block.senses, block.prior, rows, 0)
     chain.begin(0)
     chain.eliminate(0, n - 1)
-    return chain
+    return chain, motions
+
+
+def log_likelihood(block: Block) -> float:
+    """Return the log-likelihood of what a block measured, all states integrated out.
+
+    Up to a constant that neither the noise of the motion nor the states change.
+
+    Raises
+    ------
+    NoSolutionError
+        As ``eliminated`` does.
+    """
+    chain, motions = _eliminated(block)
+    last = len(block.rows) - 1
+    _, least = chain.step(0, last)
+    pivots = np.einsum("nii->ni", chain.root[:last])
+    _, newest = np.linalg.slogdet(chain.message[last, :-1, :-1])
+    whitens = np.einsum("nii->ni", motions.white[1:])
+    return float(np.log(whitens).sum() - np.log(pivots).sum() - newest / 2 - least / 2)
 
 
 def stepped(block: Block) -> Block:

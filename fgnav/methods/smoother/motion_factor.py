@@ -43,12 +43,12 @@ def _turned(
 
 
 def _parameters(pre: Preintegrator, k: int) -> gtsam.PreintegrationCombinedParams:
-    felt, rate, bias_walk, *slot_walk = pre.noise[k]
+    felt, bias_walk, *of_rate = pre.noise[k]
     parameters = gtsam.PreintegrationCombinedParams(pre.gravity_n_mps2[k])
     parameters.setOmegaCoriolis(pre.earth_rate_n_radps)
     parameters.setAccelerometerCovariance(np.eye(3) * felt)
     parameters.setBiasAccCovariance(np.eye(3) * bias_walk)
     parameters.setIntegrationCovariance(np.eye(3) * INTEGRATION_M2)
-    parameters.setGyroscopeCovariance(np.eye(3) * rate)
-    parameters.setBiasOmegaCovariance(np.diag(slot_walk))
+    parameters.setGyroscopeCovariance(np.diag(of_rate[:3]))
+    parameters.setBiasOmegaCovariance(np.diag(of_rate[3:]))
     return parameters

@@ -44,7 +44,7 @@ def preintegrate(
     intervals : ndarray of int, shape (m,)
     first, step_s, f_b_mps2, w_b_radps : ndarray
         As in ``Increments``.
-    noise : ndarray, shape (n, 6)
+    noise : ndarray, shape (n, 8)
         Of each interval; see ``Preintegrator.noise``.
     about : ndarray, shape (m, 6)
         Slots that the intervals are integrated about.
@@ -237,11 +237,11 @@ def _add_noise(P: FloatArray, F: FloatArray, noise: FloatArray, dt: float) -> No
         P[3 + i, 6 + i] += noise[0] * dt**2 / 2
         P[6 + i, 3 + i] += noise[0] * dt**2 / 2
         P[6 + i, 6 + i] += noise[0] * dt
-        P[9 + i, 9 + i] += noise[2] * dt
-        P[12 + i, 12 + i] += noise[3 + i] * dt
+        P[9 + i, 9 + i] += noise[1] * dt
+        P[12 + i, 12 + i] += noise[5 + i] * dt
         for j in range(3):
             for m in range(3):
-                P[i, j] += F[i, 3 + m] * F[j, 3 + m] * noise[1] / dt
+                P[i, j] += F[i, 3 + m] * F[j, 3 + m] * noise[2 + m] / dt
 
 
 @njit(cache=True)

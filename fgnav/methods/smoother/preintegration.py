@@ -4,7 +4,7 @@ Without one, the rate is taken as zero and the gyro-bias slot carries minus the 
 a random walk: white angular acceleration. With one, the slot is its bias.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -121,6 +121,9 @@ class Preintegrator:
         gyroscope.
     foretold : Foretold or None
         Rates that the slot is counted from, as from a gyroscope's; only without one.
+    rate_density : ndarray, shape (3,)
+        Intensity of the part of the rate that is white, (rad/s)2/Hz, beside the part that walks;
+        only without a gyroscope, whose own noise stands in its place.
     """
 
     imu: Imu
@@ -129,24 +132,25 @@ class Preintegrator:
     earth_rate_n_radps: FloatArray
     angular_acceleration_density: FloatArray
     foretold: Foretold | None = None
+    rate_density: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     @property
     def noise(self) -> FloatArray:
-        """Return the noise of each interval, (n - 1, 6), for ``motion_kernel``.
+        """Return the noise of each interval, (n - 1, 8), for ``motion_kernel``.
 
-        Densities of the accelerometer's noise, the gyroscope's, the walk of the accelerometer's
-        bias, and those of the walk of the slot's second half about the three axes.
+        Densities of the accelerometer's noise, of the walk of its bias, and about the three axes
+        those of the rate's noise, then of the walk of the slot's second half.
         """
         imu, n = self.imu, len(self.increments.step_s)
         walk = imu.gyroscope_bias_walk_radps_per_sqrt_s
         density = self.angular_acceleration_density if walk is None else np.full(3, walk**2)
         return np.tile(np.concatenate([self._densities(imu), density]), (n, 1))
 
-    @staticmethod
-    def _densities(imu: Imu) -> FloatArray:
-        noise = imu.gyroscope_noise_radps_per_sqrt_hz or _PSEUDO_GYROSCOPE_RADPS_PER_SQRT_HZ
+    def _densities(self, imu: Imu) -> FloatArray:
         felt = imu.accelerometer_noise_mps2_per_sqrt_hz
-        return np.array([felt, noise, imu.accelerometer_bias_walk_mps2_per_sqrt_s]) ** 2
+        walk = imu.accelerometer_bias_walk_mps2_per_sqrt_s
+        noise = imu.gyroscope_noise_radps_per_sqrt_hz or _PSEUDO_GYROSCOPE_RADPS_PER_SQRT_HZ
+        return np.array([felt**2, walk**2, *(noise**2 + self.rate_density)])
 
     def told_radps(self, t_s: FloatArray) -> FloatArray:
         """Return rates at times, (n,), that less the slot are the body's: (n, 3)."""

@@ -7,18 +7,18 @@ from math import ceil
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, NoSolutionError, positive
+from fgnav.checks import BadInputError, FloatArray, positive
 from fgnav.estimate import Estimate
 from fgnav.flight import Flight
 from fgnav.gravity import GravityEstimator
 from fgnav.integers.lambda_ import Lambda
 from fgnav.integers.resolver import Resolver
+from fgnav.methods.smoother import blind
 from fgnav.methods.smoother.ahead import foretelling
 from fgnav.methods.smoother.batch import solve_batch
 from fgnav.methods.smoother.calibration import calibrated
 from fgnav.methods.smoother.collect import Collected, Settings, collect
-from fgnav.methods.smoother.constants import LINEAR, asked
-from fgnav.methods.smoother.constants_found import started_there
+from fgnav.methods.smoother.constants import asked
 from fgnav.methods.smoother.estimates import estimate_of
 from fgnav.methods.smoother.gaps import LONGEST_STEP_S
 from fgnav.methods.smoother.interpolation import with_times
@@ -204,9 +204,11 @@ def _estimate(
     at_s: FloatArray | float | None = None,
 ) -> Estimate:
     collected, rows = collected_for(method, flight), None
+    if method.angular_acceleration_density is None:
+        collected = blind.quickened(collected)
     if not isinstance(method, Batch):
-        collected, solve = _linearised(method, collected, solve)
-    solve = _naming(method, collected, solve)
+        collected, solve = blind.linearised(collected, solve, ahead=isinstance(method, Forward))
+        solve = blind.naming(method.name, collected, solve)
     found = None
     if not isinstance(method, Forward) and method.angular_acceleration_density is None:
         found = calibrated(collected.keyframes, solve)
@@ -239,55 +241,6 @@ def collected_for(method: Smoother | Forward | Batch, flight: Flight) -> Collect
     if isinstance(method, Forward) and method.angular_acceleration_density is None:
         collected = replace(collected, keyframes=foretelling(collected.keyframes))
     return collected
-
-
-def _naming(
-    method: Smoother | Forward | Batch, collected: Collected, solve: Callable[[Keyframes], Solution]
-) -> Callable[[Keyframes], Solution]:
-    """Return a solver that says what a window is lost by: attitudes that nothing but a start tells.
-
-    It cannot linearise what has left it anew; the batch can.
-    """
-    keyframes = collected.keyframes
-    told = collected.integers is not None or keyframes.gravity is not None
-    if told or keyframes.preintegrate.imu.w_b_radps is not None or isinstance(method, Batch):
-        return solve
-
-    def named(keyframes: Keyframes) -> Solution:
-        try:
-            return solve(keyframes)
-        except NoSolutionError as error:
-            raise NoSolutionError(
-                f"attitude: without an array, a gyroscope or gravity directions {method.name} lost "
-                f"it, the batch may not: {error}"
-            ) from error
-
-    return named
-
-
-def _linearised(
-    method: Smoother | Forward, collected: Collected, solve: Callable[[Keyframes], Solution]
-) -> tuple[Collected, Callable[[Keyframes], Solution]]:
-    """Linearise at the batch what a window cannot linearise anew once it has left.
-
-    Constants; and all states where later motion alone tells the heading: of 30 flights of 30 s
-    without phase, the window's attitudes erred by 267 sigmas squared (median; 3 is right) where it
-    linearised them itself, by 1.6 so. ``Forward`` is not to know what is ahead.
-    """
-    keyframes = collected.keyframes
-    curved = any(one.place not in LINEAR for one in keyframes.constants)
-    told = collected.integers is not None or keyframes.preintegrate.imu.w_b_radps is not None
-    blind = isinstance(method, Smoother) and not told
-    if not (curved or blind):
-        return collected, solve
-    found = solve_batch(keyframes)
-    keyframes = started_there(keyframes, found)
-    if blind and found.converged:
-        keyframes = replace(
-            keyframes, R_nb=found.R_nb, p_n_m=found.p_n_m, v_n_mps=found.v_n_mps, slot=found.slot
-        )
-        solve = partial(solve_window, lag_s=method.lag_s, anew=False)
-    return replace(collected, keyframes=keyframes), solve
 
 
 def _beside_landmark(collected: Collected) -> Collected:

@@ -1,8 +1,9 @@
 """What solving yields: states at keyframes, what they share, and how well both are known."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.methods.smoother.keyframes import Keyframes
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -75,3 +76,14 @@ class Solution:
             converged=self.converged,
             shared=None if self.shared is None else self.shared[rows],
         )
+
+
+def started_at(keyframes: Keyframes, solution: Solution) -> Keyframes:
+    """Return keyframes whose search starts where a solution has their states."""
+    return replace(
+        keyframes,
+        R_nb=solution.R_nb,
+        p_n_m=solution.p_n_m,
+        v_n_mps=solution.v_n_mps,
+        slot=solution.slot,
+    )

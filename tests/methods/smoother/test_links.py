@@ -55,8 +55,10 @@ def keyframes(request):
         return dataclasses.replace(timed, value=value, arm_b_m=arm_b_m, partial=partial)
 
     there = np.arange(n) != 3
+    white = np.zeros(3) if request.param else np.array([0.3, 1e-3, 0.02])
     return dataclasses.replace(
         keyframes,
+        preintegrate=dataclasses.replace(keyframes.preintegrate, rate_density=white),
         array=dataclasses.replace(keyframes.array, there=there),
         position=gone(keyframes.position, np.array([0.5, -0.3, 0.1])),
         velocity=gone(keyframes.velocity, np.zeros(3)),
