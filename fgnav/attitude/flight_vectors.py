@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fgnav.attitude.own_rotation import OwnRotation
 from fgnav.attitude.vector_pairs import VectorPairs, wahba
 from fgnav.checks import FloatArray, Loss, NoSolutionError
 from fgnav.flight import Flight
@@ -57,16 +58,23 @@ def track_of(flight: Flight) -> Track:
     )
 
 
-def measured_vectors(flight: Flight, track: Track) -> tuple[VectorPairs, tuple[Loss, ...]]:
-    """Return the pairs that instruments give in both frames: specific force, line of sight."""
+def measured_vectors(
+    flight: Flight, track: Track, own: OwnRotation | None = None
+) -> tuple[VectorPairs, tuple[Loss, ...]]:
+    """Return the pairs that instruments give in both frames: specific force, line of sight.
+
+    Specific force is a mean over neighbouring epochs, in axes that do not spin where the body's own
+    rotation is known: else a spin blurs it.
+    """
     v_n: list[FloatArray] = []
     v_b: list[FloatArray] = []
     sources: list[str] = []
     losses: tuple[Loss, ...] = ()
     if flight.imu is not None and track.v_n_mps is not None:
-        f_n, f_b = specific_force_pair(
-            flight.imu, flight.origin, track.t_s, track.p_n_m, track.v_n_mps
-        )
+        imu = flight.imu if own is None else own.forces(flight.imu)
+        f_n, f_b = specific_force_pair(imu, flight.origin, track.t_s, track.p_n_m, track.v_n_mps)
+        if own is not None:
+            f_b = np.einsum("nji,nj->ni", own.at(track.t_s), f_b)
         v_n, v_b, sources = [*v_n, f_n], [*v_b, f_b], [*sources, "specific force"]
     if flight.seeker is not None:
         sight = line_of_sight(flight.seeker)

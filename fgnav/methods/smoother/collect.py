@@ -5,6 +5,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from fgnav.attitude.own_rotation import spun
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
 from fgnav.estimate import Rejected
 from fgnav.flight import Flight, Imu
@@ -127,13 +128,13 @@ def _collected(flight: Flight, settings: Settings) -> Collected:
     start, losses = _keyframes(imu, epochs, causal=settings.causal)
     start, floating = _floating(start, settings, constants)
     t_s = start.t_s
-    rates = Rates.of(imu, t_s, start.R_nb, start.covariance_rad2[start.told])
+    rates = Rates.of(imu, t_s, start.R_nb, start.covariance_rad2[start.told], start.own)
     antenna = antenna_motion(flight, imu, start, rates)
     sure, places_n_m = start.told & (floating.stretch < 0), _places(t_s, antenna.position)
     preintegrate, brisk = _preintegrator(flight, settings, record, start, sure, places_n_m)
     blind = (without_attitude(t_s, start.told) > LONGEST_GAP_S) | record.touched(t_s)
     fixes = (antenna.position, antenna.velocity)
-    gate = gated(preintegrate, t_s, start.R_nb, fixes, blind, antenna.name)
+    gate = gated(preintegrate, t_s, start.R_nb, fixes, blind, antenna.name, start.own)
     p_n_m, v_n_mps = _start(t_s, start.R_nb, gate.position, gate.velocity)
     slot, slot_sigma = rates.slot(imu)
     sight, sight_losses = instruments.sight(flight, imu, t_s, p_n_m)
@@ -225,7 +226,8 @@ def _keyframes(imu: Imu, epochs: Start, *, causal: bool) -> tuple[Start, tuple[L
     )
     start = start[np.flatnonzero(covered & ~early)]
     fill = _held_on if causal else _filled
-    return replace(start, R_nb=fill(start.t_s, start.R_nb, start.told)), losses
+    R_nu = fill(start.t_s, start.R_nu, start.told)
+    return replace(start, R_nb=spun(start.own, start.t_s, R_nu)), losses
 
 
 def _places(t_s: FloatArray, position: Timed | None) -> FloatArray:
@@ -261,14 +263,14 @@ def _preintegrator(
     How briskly the body turns is told by attitudes that are ``sure``, (n,): with integers.
     """
     imu, t_s, told = record.imu, start.t_s, start.told
-    of_sure = (t_s[sure], start.R_nb[sure], start.covariance_rad2[sure])
+    of_sure = (t_s[sure], start.R_nu[sure], start.covariance_rad2[sure])
     told_by = _intensity(imu, settings, *of_sure, rough=start.rough)
     usual, density = told_by.usual, told_by.at(t_s)
     unfelt = holed = record.touched(t_s)[:-1]
     if imu.w_b_radps is None:
         away_s = without_attitude(t_s, told, causal=settings.causal)
         unfelt = unfelt | (np.minimum(away_s[1:], away_s[:-1]) > LOST_S)
-        gaps = density_in_gaps(t_s, start.R_nb, sure, of_sure[2], usual)
+        gaps = density_in_gaps(t_s, start.R_nu, sure, of_sure[2], usual)
         gaps[told[1:] & told[:-1]] = usual  # phases without integers tell how it turned there
         density = np.maximum(density, gaps)
     made = BridgingPreintegrator(

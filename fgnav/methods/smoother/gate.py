@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fgnav.attitude.own_rotation import OwnRotation, despun
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.estimate import Rejected
 from fgnav.flight import Imu
@@ -38,6 +39,7 @@ def gated(
     measured: tuple[Timed | None, Timed | None],
     blind: BoolArray,
     antenna: str,
+    own: OwnRotation | None = None,
 ) -> Gated:
     """Take out fixes that are off their neighbours by more than noise can be.
 
@@ -61,9 +63,12 @@ def gated(
         Keyframes without specific force or attitude.
     antenna : str
         Its name.
+    own : OwnRotation, optional
+        How the body spins between keyframes.
     """
     position, velocity = measured
-    gained_n_mps = _inertial(preintegrate.imu, t_s, R_nb, preintegrate.gravity_n_mps2)
+    imu = preintegrate.imu if own is None else own.forces(preintegrate.imu)
+    gained_n_mps = _inertial(imu, t_s, despun(own, t_s, R_nb), preintegrate.gravity_n_mps2)
     tested = ~_about(t_s, blind)
     found: list[tuple[str, str, FloatArray]] = []
     v_n_mps = gained_n_mps

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fgnav.attitude.own_rotation import OwnRotation, despun
 from fgnav.checks import FloatArray
 from fgnav.flight import Imu
 from fgnav.methods.smoother.keyframes import Timed
@@ -30,15 +31,26 @@ class Rates:
 
     @classmethod
     def of(
-        cls, imu: Imu, t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray
+        cls,
+        imu: Imu,
+        t_s: FloatArray,
+        R_nb: FloatArray,
+        covariance_rad2: FloatArray,
+        own: OwnRotation | None = None,
     ) -> "Rates":
-        """Return what the gyroscope says, or else attitudes, (n, 3, 3), with their covariances."""
+        """Return what the gyroscope says, or else attitudes, (n, 3, 3), with their covariances.
+
+        A spin may be half a turn from one attitude to the next: what is known of it is taken out.
+        """
         if imu.w_b_radps is not None and imu.gyroscope_bias_radps is not None:
             measured = [np.interp(t_s, imu.t_s, column) for column in imu.w_b_radps.T]
             covariance = np.eye(3) * imu.gyroscope_bias_radps**2
             return cls(w_b_radps=np.stack(measured, axis=1), covariance_rad2ps2=covariance)
         covariance = 2 * covariance_rad2.mean(axis=0) / RATE_SPAN_S**2
-        return cls(w_b_radps=angular_rates(t_s, R_nb), covariance_rad2ps2=covariance)
+        rest_radps = angular_rates(t_s, despun(own, t_s, R_nb))
+        if own is not None:
+            rest_radps = np.einsum("nji,nj->ni", own.at(t_s), rest_radps) + own.rates(t_s)
+        return cls(w_b_radps=rest_radps, covariance_rad2ps2=covariance)
 
     def at_accelerometer(self, velocity: Timed | None, R_nb: FloatArray) -> Timed | None:
         """Take an antenna's swing about the accelerometer off its velocity, and say how well.

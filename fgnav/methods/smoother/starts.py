@@ -7,6 +7,7 @@ import numpy as np
 
 from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.flight_vectors import measured_vectors, track_of
+from fgnav.attitude.own_rotation import OwnRotation, despun
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
 from fgnav.estimate import Rejected
@@ -55,6 +56,8 @@ class Start:
         Angles that the array leaves open and no other vector tells.
     rough : bool
         Whether the covariance is a guess.
+    own : OwnRotation or None
+        How a body without an array spins.
     """
 
     t_s: FloatArray
@@ -70,6 +73,12 @@ class Start:
     unobservable: tuple[str, ...] = ()
     rough: bool = False
     phases: tuple[DoubleDifferences, FloatArray] | None = None
+    own: OwnRotation | None = None
+
+    @property
+    def R_nu(self) -> FloatArray:
+        """Attitudes of axes that do not spin, (n, 3, 3)."""
+        return despun(self.own, self.t_s, self.R_nb)
 
     def __getitem__(self, rows: IntArray) -> "Start":
         """Return the start at some of its epochs, in their order."""
@@ -244,6 +253,7 @@ def _of_vectors(attitudes: VectorAttitudes) -> Start:
         rejections=(),
         notes=attitudes.notes,
         rough=attitudes.rough,
+        own=attitudes.own,
     )
 
 

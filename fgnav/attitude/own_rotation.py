@@ -1,0 +1,106 @@
+"""How a body turns, told by what it carries: its gyroscope or, of a spin, its accelerometer alone.
+
+Specific force keeps its direction in ``n`` for longer than a spin takes. So it turns through the
+body's axes against the body's own rate, and that tells the rate, all three components of it, as
+soon as its direction has swept some angle.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray
+from fgnav.flight import Imu
+from fgnav.rotations import exp, skew, transpose
+
+_SPAN_S = 0.5  # over which the rate is taken as constant
+_FAST_RADPS = 1.0  # slower turns blur nothing between fixes a fraction of a second apart
+_EXPLAINED = 0.8  # of how the specific force changes, by the spin alone
+_SWEPT = 0.02  # least eigenvalue over trace: 0 of a force that keeps its direction in the body
+_FEWEST = 5  # samples
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class OwnRotation:
+    """Axes ``u`` that do not turn with it: the body's at first, ``v_u = R_ub @ v_b``.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (n,)
+    R_ub : ndarray, shape (n, 3, 3)
+    w_b_radps : ndarray, shape (n, 3)
+        As the gyroscope has it, or of the spin; 0 where there is none.
+    """
+
+    t_s: FloatArray
+    R_ub: FloatArray
+    w_b_radps: FloatArray
+
+    def at(self, t_s: FloatArray) -> FloatArray:
+        """Return R_ub at times, (n,), as (n, 3, 3)."""
+        row = (np.searchsorted(self.t_s, t_s, side="right") - 1).clip(0)
+        since_s = (t_s - self.t_s[row])[:, None]
+        return np.asarray(self.R_ub[row] @ exp(self.w_b_radps[row] * since_s))
+
+    def rates(self, t_s: FloatArray) -> FloatArray:
+        """Return rates at times, (n,), as (n, 3)."""
+        return np.stack([np.interp(t_s, self.t_s, column) for column in self.w_b_radps.T], axis=1)
+
+    def forces(self, imu: Imu) -> Imu:
+        """Return a record of the same samples with specific forces in the axes ``u``."""
+        return replace(imu, f_b_mps2=np.einsum("nij,nj->ni", self.at(imu.t_s), imu.f_b_mps2))
+
+
+def despun(own: OwnRotation | None, t_s: FloatArray, R_nb: FloatArray) -> FloatArray:
+    """Return attitudes R_nu of axes that do not spin, (n, 3, 3), at times, (n,)."""
+    return R_nb if own is None else np.asarray(R_nb @ transpose(own.at(t_s)))
+
+
+def spun(own: OwnRotation | None, t_s: FloatArray, R_nu: FloatArray) -> FloatArray:
+    """Return the body's attitudes R_nb, (n, 3, 3), at times, (n,), of those that do not spin."""
+    return R_nu if own is None else np.asarray(R_nu @ own.at(t_s))
+
+
+def own_rotation(imu: Imu) -> OwnRotation | None:
+    """Return the rotation by the gyroscope, or else that of a spin; None where nothing is told."""
+    if len(imu.t_s) < _FEWEST:
+        return None
+    w_b_radps = imu.w_b_radps
+    if w_b_radps is None:
+        told_b_radps, sure = _told(imu.t_s, imu.f_b_mps2)
+        spins = sure & (np.linalg.norm(told_b_radps, axis=1) > _FAST_RADPS)
+        if not spins.any():
+            return None
+        w_b_radps = np.where(spins[:, None], told_b_radps, 0.0)
+    turns = exp((w_b_radps[1:] + w_b_radps[:-1]) / 2 * np.diff(imu.t_s)[:, None])
+    R_ub = [np.eye(3)]
+    for turn in turns:
+        R_ub.append(R_ub[-1] @ turn)
+    return OwnRotation(t_s=imu.t_s, R_ub=np.array(R_ub), w_b_radps=w_b_radps)
+
+
+def _told(t_s: FloatArray, f_b_mps2: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return rates by ``df/dt = f x w`` over a span about each sample, (n, 3), and which are told.
+
+    Least squares: with ``A`` the sum of ``|f|^2 - f f'``, ``A w`` is the sum of ``df/dt x f``.
+    """
+    span_s = t_s[2:] - t_s[:-2]
+    f, slope = f_b_mps2[1:-1], (f_b_mps2[2:] - f_b_mps2[:-2]) / span_s[:, None]
+    K = skew(f)
+    first = np.searchsorted(t_s[1:-1], t_s - _SPAN_S / 2)
+    last = np.searchsorted(t_s[1:-1], t_s + _SPAN_S / 2, side="right")
+
+    def about(values: FloatArray) -> FloatArray:
+        total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+        return np.asarray(total[last] - total[first])
+
+    A, b = about(K.swapaxes(1, 2) @ K), about(np.cross(slope, f))
+    values = np.linalg.eigvalsh(A)
+    sure = values[:, 0] > _SWEPT * values.sum(axis=1)
+    A[~sure] = np.eye(3)
+    w = np.linalg.solve(A, b[:, :, None])[:, :, 0]
+    sure &= np.einsum("ni,ni->n", w, b) > _EXPLAINED * about((slope**2).sum(axis=1))
+    # A difference over a finite time is the chord of the arc that was turned.
+    half_s, size = float(np.median(span_s)) / 2, np.linalg.norm(w, axis=1, keepdims=True)
+    chord = (size * half_s).clip(1e-12, 1.0)
+    return w * np.arcsin(chord) / chord, sure

@@ -1,0 +1,61 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fgnav import rotations
+from fgnav.attitude.own_rotation import despun, own_rotation, spun
+from fgnav.flight import Imu
+
+T_S = np.arange(0.0, 4.0, 0.01)
+F_N_MPS2 = np.array([3.0, -2.0, -9.5])
+
+
+def turning(w_b_radps, *, gyroscope=False, noise_mps2=0.0):
+    """A record of a body that turns at a constant rate under one specific force."""
+    w_b_radps = np.asarray(w_b_radps, dtype=float)
+    R_nb = rotations.exp(w_b_radps * T_S[:, None])
+    f_b = np.einsum("nji,j->ni", R_nb, F_N_MPS2)
+    f_b += noise_mps2 * np.random.default_rng(0).standard_normal(f_b.shape)
+    told = {
+        "w_b_radps": np.tile(w_b_radps, (len(T_S), 1)),
+        "gyroscope_noise_radps_per_sqrt_hz": 1e-4,
+        "gyroscope_bias_radps": 1e-3,
+        "gyroscope_bias_walk_radps_per_sqrt_s": 1e-6,
+    }
+    imu = Imu(
+        t_s=T_S,
+        f_b_mps2=f_b,
+        accelerometer_noise_mps2_per_sqrt_hz=1e-3,
+        accelerometer_bias_mps2=0.03,
+        accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
+        **(told if gyroscope else {}),
+    )
+    return imu, R_nb
+
+
+@pytest.mark.parametrize("rate", [2.0, -12.6, 30.0])
+@pytest.mark.parametrize("axis", [[1, 0, 0], [0.6, 0.0, 0.8]])
+def test_the_accelerometer_tells_a_spin_and_its_axis(rate, axis):
+    w_b = rate * np.array(axis)
+    imu, _ = turning(w_b, noise_mps2=0.01)
+    own = own_rotation(imu)
+    assert_allclose(own.w_b_radps[30:-30], np.tile(w_b, (len(T_S) - 60, 1)), atol=0.02 * abs(rate))
+
+
+def test_what_does_not_spin_or_does_not_show_it_has_no_rotation_of_its_own():
+    assert own_rotation(turning([0.5, 0.0, 0.0])[0]) is None
+    assert own_rotation(turning(5 * F_N_MPS2 / np.linalg.norm(F_N_MPS2))[0]) is None
+    assert own_rotation(turning([0.0, 0.0, 0.0], noise_mps2=1.0)[0]) is None
+
+
+def test_a_gyroscope_tells_slow_turns_too():
+    imu, R_nb = turning([0.1, -0.3, 0.2], gyroscope=True)
+    own = own_rotation(imu)
+    at_s = np.array([0.005, 1.2345, 3.9])
+    there = rotations.exp(np.array([0.1, -0.3, 0.2]) * at_s[:, None])
+    assert_allclose(own.at(at_s), there, atol=1e-9)
+    steady = despun(own, T_S, R_nb)
+    assert_allclose(steady, np.tile(np.eye(3), (len(T_S), 1, 1)), atol=1e-9)
+    assert_allclose(spun(own, T_S, steady), R_nb, atol=1e-12)
+    force = own.forces(imu).f_b_mps2
+    assert_allclose(force, np.tile(F_N_MPS2, (len(T_S), 1)), atol=1e-9)
