@@ -25,30 +25,36 @@ def is_blind(collected: Collected) -> bool:
     return collected.integers is None and imu.w_b_radps is None
 
 
-def quickened(collected: Collected) -> Collected:
+def quickened(collected: Collected, *, ahead: bool) -> Collected:
     """Return keyframes that know of rates which come and go between fixes, where nothing else does.
 
-    They start where they did: on a real flight the search went on from there to a lower cost than
-    from where the stiffer motion had led.
+    The intensity is told about where motion without it leads, even if that is no minimum: of a spin
+    whose nose wobbles, there is none near the truth. The search starts where it did: on a real
+    flight it went on from there to a lower cost than from where the stiffer motion had led.
+
+    Parameters
+    ----------
+    collected : Collected
+    ahead : bool
+        Whether it is for a filter. Where vectors tell attitudes well, their intensity is told as a
+        smoother needs it; the likelihood is a filter's own measure.
     """
-    if not (collected.rough and is_blind(collected)):
+    if not is_blind(collected) or not (collected.rough or ahead):
         return collected
     try:
-        found = solve_batch(collected.keyframes)
-        if not found.converged:
-            return collected
-        keyframes = with_quick_rates(collected.keyframes, found)
+        keyframes = with_quick_rates(collected.keyframes, solve_batch(collected.keyframes))
     except NoSolutionError:  # the method itself will say so
         return collected
     return replace(collected, keyframes=keyframes)
 
 
 def linearised(collected: Collected, solve: Solve, *, ahead: bool) -> tuple[Collected, Solve]:
-    """Linearise at the batch what a window cannot linearise anew once it has left.
+    """Linearise where the flight is known what a window cannot linearise anew once it has left.
 
-    Constants; and all states where later motion alone tells the heading: of 30 flights of 30 s
-    without phase, the window's attitudes erred by 267 sigmas squared (median; 3 is right) where it
-    linearised them itself, by 1.6 so.
+    At the batch constants; and all states where later motion alone tells the heading: of 30 flights
+    of 30 s without phase, the window's attitudes erred by 267 sigmas squared (median; 3 is right)
+    where it linearised them itself, by 1.6 so. A filter is not to know what is ahead: its states
+    are linearised where each epoch's own vectors have them, 73 and 1.6.
 
     Parameters
     ----------
@@ -56,11 +62,13 @@ def linearised(collected: Collected, solve: Solve, *, ahead: bool) -> tuple[Coll
     solve : callable
         A window's; it takes ``anew``.
     ahead : bool
-        Whether it is a filter, which is not to know what is ahead.
+        Whether it is a filter's.
     """
     keyframes = collected.keyframes
     curved = any(one.place not in LINEAR for one in keyframes.constants)
     later = is_blind(collected) and not ahead
+    if is_blind(collected) and ahead and collected.rough:
+        solve = partial(solve, anew=False)
     if not (curved or later):
         return collected, solve
     found = solve_batch(keyframes)

@@ -29,7 +29,7 @@ def with_quick_rates(keyframes: Keyframes, solution: Solution) -> Keyframes:
     ----------
     keyframes : Keyframes
     solution : Solution
-        Of these keyframes, at a minimum.
+        Of these keyframes.
 
     References
     ----------

@@ -203,11 +203,11 @@ def _estimate(
     solve: Callable[[Keyframes], Solution],
     at_s: FloatArray | float | None = None,
 ) -> Estimate:
-    collected, rows = collected_for(method, flight), None
+    collected, rows, ahead = collected_for(method, flight), None, isinstance(method, Forward)
     if method.angular_acceleration_density is None:
-        collected = blind.quickened(collected)
+        collected = blind.quickened(collected, ahead=ahead)
     if not isinstance(method, Batch):
-        collected, solve = blind.linearised(collected, solve, ahead=isinstance(method, Forward))
+        collected, solve = blind.linearised(collected, solve, ahead=ahead)
         solve = blind.naming(method.name, collected, solve)
     found = None
     if not isinstance(method, Forward) and method.angular_acceleration_density is None:

@@ -342,7 +342,7 @@ def solve_window(keyframes: Keyframes, lag_s: float, *, anew: bool = True) -> So
     return solution_of([taken for taken in (*left, window.rest()) if taken is not None])
 
 
-def solve_forward(keyframes: Keyframes, lag_s: float) -> Solution:
+def solve_forward(keyframes: Keyframes, lag_s: float, *, anew: bool = True) -> Solution:
     """Return each keyframe as known from the data up to it, what a filter would say.
 
     Parameters
@@ -350,8 +350,10 @@ def solve_forward(keyframes: Keyframes, lag_s: float) -> Solution:
     keyframes : Keyframes
     lag_s : float
         States this far back are still linearised anew.
+    anew : bool
+        As in ``Window``.
     """
-    window, taken = Window(lag_s), []
+    window, taken = Window(lag_s, anew=anew), []
     for row in range(len(keyframes.t_s)):
         window.update(keyframes, row)
         taken.append(window.newest())

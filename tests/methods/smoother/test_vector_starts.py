@@ -17,6 +17,7 @@ from fgnav.methods.smoother.vector_starts import vector_attitudes
 from fgnav_sim.motion import Sine
 from fgnav_sim.scenario import FixesTable, load_scenario
 from fgnav_sim.simulate import simulate
+from tests.benchmarks import consistency
 from tests.benchmarks.gravity import Pair, flights
 from tests.methods.simulated import SCENARIOS, errors_rad, euler_rmse_deg, nees
 from tests.methods.true_gravity import TrueGravity
@@ -76,6 +77,41 @@ def test_a_heading_known_to_twenty_degrees_ends_at_its_minimum():
     cruise = flights(2, 77)[1]
     keyframes = collected_for(Batch(gravity=Pair(interval_s=6.0)), cruise).keyframes
     assert solve_batch(keyframes).converged
+
+
+@pytest.mark.parametrize("number", [4, 29])
+def test_a_spin_is_solved_without_phase(number):
+    """1.2 and 3.5 turns a second; before, roll was lost and a wrong minimum passed for a flight."""
+    flight = flights(30, 77)[number]
+    estimate = Batch()(flight)
+    assert estimate.converged
+    assert not any(loss.what == "velocity" for loss in estimate.losses)
+    assert 0.5 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
+
+
+@pytest.mark.parametrize("gravity", [None, TrueGravity(every=100)], ids=["none", "too little"])
+@pytest.mark.parametrize("method", [Batch, Smoother])
+def test_a_gyroscope_tells_the_attitude_of_a_body_that_is_never_nose_first(method, gravity):
+    """Specific forces of different times are vectors enough: no direction of travel is assumed."""
+    gyroscope = consistency.cases()["gyro"]
+    scenario = msgspec.structs.replace(
+        gyroscope, duration_s=20.0, gnss=None, fixes=FixesTable(rate_hz=10.0)
+    )
+    flight = simulate(scenario, np.random.default_rng(1))
+    estimate = method(gravity=gravity)(flight)
+    assert estimate.converged
+    # The window's first states are told by no more than its lag.
+    assert (euler_rmse_deg(flight, estimate) < (0.1 if method is Batch else 1.0)).all()
+    assert 0.5 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 6
+
+
+def test_a_filter_without_phase_is_as_sure_of_its_heading_as_it_may_be(flight):
+    """Linearised where it had its states by then, and by a smoother's intensity: 173, 123 and 7."""
+    _, cruise, _, turn = flights(4, 77)
+    for one, gravity in ((cruise, None), (turn, None), (flight, TrueGravity())):
+        estimate = Forward(gravity=gravity)(one)
+        assert estimate.converged
+        assert 0.5 < nees(errors_rad(one, estimate), estimate.attitude_covariance_rad2) < 4.5
 
 
 @pytest.mark.parametrize("method", [Smoother(), Forward()])
