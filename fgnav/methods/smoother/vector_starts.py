@@ -12,7 +12,7 @@ from fgnav.flight import Flight
 from fgnav.gravity import GravityDirection
 from fgnav.methods.smoother.gaps import without_attitude
 from fgnav.methods.smoother.instruments import nearest
-from fgnav.rotations import skew
+from fgnav.rotations import exp, log, skew, transpose
 
 # Attitudes that lean on a velocity along x_b, and hold for two epochs: this is what they are good
 # for when rates are told from them.
@@ -65,7 +65,7 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Vector
     Specific force and gravity are two vectors wherever the body accelerates across gravity; they
     tell the attitude without any assumption. So are, with a gyroscope, specific forces of different
     times. Where few epochs are near one with either, line of sight closes the angle that specific
-    force leaves open, or else the velocity as x_b.
+    force leaves open, or else the velocity as x_b, turned as those few have it.
 
     Raises
     ------
@@ -75,10 +75,11 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Vector
     track = track_of(flight)
     own = None if flight.imu is None else own_rotation(flight.imu)
     pairs, losses = measured_vectors(flight, track, own)
+    few = None
     if gravity is not None and "specific force" in pairs.sources:
-        found = _by_gravity(flight, track, pairs, gravity)
-        if found is not None:
-            return replace(found, losses=losses, own=own)
+        few = _by_gravity(flight, track, pairs, gravity)
+        if few is not None and _dense(few):
+            return replace(few, losses=losses, own=own)
     if own is not None and flight.imu is not None and flight.imu.w_b_radps is not None:
         found = _by_times(track, pairs, own)
         if found is not None:
@@ -86,9 +87,13 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Vector
     assumed = with_velocity(pairs, track)
     attitude = wahba(assumed.directions())
     known, n = attitude.rank == 2, len(track.t_s)
+    R_nb = np.where(known[:, None, None], attitude.R_nb, np.eye(3))
+    if few is not None:
+        f_n = assumed.directions().v_n[:, pairs.sources.index("specific force")]
+        R_nb = _turned_as(R_nb, known & np.isfinite(f_n[:, 0]), np.nan_to_num(f_n), few)
     return VectorAttitudes(
         t_s=track.t_s,
-        R_nb=np.where(known[:, None, None], attitude.R_nb, np.eye(3)),
+        R_nb=R_nb,
         covariance_rad2=np.tile(VECTOR_SIGMA_RAD**2 * np.eye(3), (n, 1, 1)),
         told=known,
         rough=True,
@@ -96,6 +101,29 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Vector
         notes=_told(flight, assumed),
         own=own,
     )
+
+
+def _dense(attitudes: VectorAttitudes) -> bool:
+    """Return whether most epochs are close to one with an attitude."""
+    told = attitudes.told
+    away_s = without_attitude(attitudes.t_s, told)
+    return bool(told.sum() >= _FEWEST and (away_s > _NEAR_S).mean() <= 0.5)
+
+
+def _turned_as(
+    R_nb: FloatArray, known: BoolArray, f_n: FloatArray, few: VectorAttitudes
+) -> FloatArray:
+    """Return attitudes turned about the specific force, (n, 3), by what a few epochs ask for.
+
+    A body that is not nose first is off by the turn about it alone, and that goes along slowly.
+    """
+    rows = np.flatnonzero(known & few.told)
+    if not len(rows):
+        return R_nb
+    apart = log(few.R_nb[rows] @ transpose(R_nb[rows]))
+    turn = np.unwrap(np.einsum("ni,ni->n", apart, f_n[rows]))
+    between = np.interp(few.t_s, few.t_s[rows], turn)
+    return np.asarray(np.where(known[:, None, None], exp(between[:, None] * f_n) @ R_nb, R_nb))
 
 
 def _told(flight: Flight, pairs: VectorPairs) -> tuple[str, ...]:
@@ -155,7 +183,7 @@ def _by_times(track: Track, pairs: VectorPairs, own: OwnRotation) -> VectorAttit
 def _by_gravity(
     flight: Flight, track: Track, pairs: VectorPairs, gravity: GravityDirection
 ) -> VectorAttitudes | None:
-    """Return attitudes by gravity and specific force; None where few epochs have any nearby."""
+    """Return attitudes by gravity and specific force; None where few epochs have any."""
     row, there = nearest(gravity.t_s, track.t_s) if len(gravity.t_s) else (None, None)
     if row is None or there is None:
         return None
@@ -169,7 +197,7 @@ def _by_gravity(
     ).directions()
     across = np.linalg.norm(np.cross(both.v_n[:, 0], both.v_n[:, 1]), axis=1)
     told = there & both.valid.all(axis=1) & (across > _APART)
-    if told.sum() < _FEWEST or (without_attitude(track.t_s, told) > _NEAR_S).mean() > 0.5:
+    if not told.any():
         return None
     variance = np.stack(
         [np.full(len(row), _FORCE_SIGMA_RAD**2), np.einsum("nii->n", gravity.covariance)[row] / 2],
