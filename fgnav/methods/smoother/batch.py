@@ -204,7 +204,10 @@ class _Search:
         link, parts = self._chain.link, (self._motions, self._senses, self._prior)
         if rows is not None:
             linearise(link, self._states, *parts, rows, 0)
-        return float(link[:, -1, -1].sum())
+        return self._cost()
+
+    def _cost(self) -> float:
+        return float(self._chain.link[:, -1, -1].sum())
 
     def _step(self) -> tuple[FloatArray, float]:
         self._chain.begin(0)
@@ -235,6 +238,7 @@ class _Search:
             covariance=marginals.covariance,
             cross=marginals.cross,
             converged=converged,
+            cost=self._cost(),
             shared=SharedSolution(
                 value=states.constants,
                 covariance=np.broadcast_to(marginals.border, (self._n, *marginals.border.shape)),

@@ -11,7 +11,7 @@ from fgnav.methods.smoother.collect import Collected
 from fgnav.methods.smoother.consistency import consistency
 from fgnav.methods.smoother.constants_found import arm_off, constants_found, sentence
 from fgnav.methods.smoother.keyframes import Keyframes
-from fgnav.methods.smoother.observability import undetermined
+from fgnav.methods.smoother.observability import TURN, undetermined
 from fgnav.methods.smoother.solution import SharedSolution, Solution
 from fgnav.rotations import skew
 
@@ -43,6 +43,8 @@ def estimate_of(
     keyframes = collected.keyframes
     imu = keyframes.preintegrate.imu
     open_states, weak = undetermined(keyframes, solution)
+    if collected.rough and not solution.converged:
+        open_states = (TURN, *open_states)
     notes, gyro_free = [weak] if weak else [], imu.w_b_radps is None
     if gyro_free:
         density = keyframes.preintegrate.angular_acceleration_density

@@ -12,6 +12,7 @@ _OPEN = 0.5  # of the sigma before the flight: a state that keeps more of it is 
 _MOST = 0.5  # of keyframes: a state must be open at that share of them
 _UPRIGHT = np.cos(np.radians(20.0))  # an axis this close to the vertical has heading's name
 _AXES = ("x", "y", "z")
+TURN = "turn about the specific force"  # what attitudes of one vector each leave open
 
 
 def undetermined(keyframes: Keyframes, solution: Solution) -> tuple[tuple[str, ...], str]:

@@ -206,7 +206,9 @@ def _estimate(
     collected, rows, ahead = collected_for(method, flight), None, isinstance(method, Forward)
     if method.angular_acceleration_density is None:
         collected = blind.quickened(collected, ahead=ahead)
-    if not isinstance(method, Batch):
+    if isinstance(method, Batch):
+        solve = blind.fitting(collected, solve)
+    else:
         collected, solve = blind.linearised(collected, solve, ahead=ahead)
         solve = blind.naming(method.name, collected, solve)
     found = None

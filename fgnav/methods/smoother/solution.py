@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from fgnav.checks import FloatArray, IntArray
 from fgnav.methods.smoother.keyframes import Keyframes
 
@@ -43,6 +45,8 @@ class Solution:
         Covariance of each state with the next; None of states that are not of one smoothing.
     converged : bool
     shared : SharedSolution or None
+    cost : float
+        Sum of all residuals squared, in sigmas; NaN of what is not one minimum.
     """
 
     R_nb: FloatArray
@@ -53,6 +57,7 @@ class Solution:
     cross: FloatArray | None
     converged: bool
     shared: SharedSolution | None = None
+    cost: float = np.nan
 
     @property
     def velocity_covariance_m2ps2(self) -> FloatArray:

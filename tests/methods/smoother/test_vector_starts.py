@@ -9,7 +9,7 @@ import pytest
 from fgnav import rotations
 from fgnav.checks import NoSolutionError
 from fgnav.integers.truth import attitude_at
-from fgnav.methods.smoother import Batch, Forward, Smoother, smoother
+from fgnav.methods.smoother import Batch, Forward, Smoother, blind, smoother, vector_starts
 from fgnav.methods.smoother.batch import solve_batch
 from fgnav.methods.smoother.collect import Settings, collect
 from fgnav.methods.smoother.smoother import collected_for
@@ -87,6 +87,37 @@ def test_a_spin_is_solved_without_phase(number):
     assert estimate.converged
     assert not any(loss.what == "velocity" for loss in estimate.losses)
     assert 0.5 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
+
+
+@pytest.fixture
+def unturned(monkeypatch):
+    """A spin whose own rotation nobody tells: no search finds attitudes that explain it."""
+    monkeypatch.setattr(vector_starts, "own_rotation", lambda _: None)
+    return flights(5, 77)[4]
+
+
+def test_a_wrong_minimum_does_not_look_like_a_flight(unturned):
+    estimate = Batch()(unturned)
+    assert not estimate.converged
+    assert estimate.unobservable == ("turn about the specific force",)
+
+
+def test_a_window_is_not_linearised_at_a_wrong_minimum(unturned):
+    text = "attitude: the turn about the specific force is left open: .* explains the measurements"
+    with pytest.raises(NoSolutionError, match=text):
+        Smoother()(unturned)
+
+
+def test_a_minimum_counts_where_it_explains_what_was_measured(flight):
+    """The very same search, the noise stated three times too small."""
+    fixes = flight.fixes
+    loud = dataclasses.replace(
+        flight, fixes=dataclasses.replace(fixes, velocity_sigma_mps=fixes.velocity_sigma_mps / 3)
+    )
+    for one, explained in ((flight, True), (loud, False)):
+        collected = collected_for(Batch(), one)
+        found = blind.fitting(collected, solve_batch)(collected.keyframes)
+        assert found.converged is explained
 
 
 @pytest.mark.parametrize("every", [20, 30, 60])
