@@ -71,7 +71,9 @@ def measured_vectors(
     sources: list[str] = []
     losses: tuple[Loss, ...] = ()
     if flight.imu is not None and track.v_n_mps is not None:
-        imu = flight.imu if own is None else own.forces(flight.imu)
+        imu = flight.imu
+        if own is not None:
+            imu = own.forces(imu, track.arm_b_m - imu.position_b_m)
         f_n, f_b = specific_force_pair(imu, flight.origin, track.t_s, track.p_n_m, track.v_n_mps)
         if own is not None:
             f_b = np.einsum("nji,nj->ni", own.at(track.t_s), f_b)

@@ -13,7 +13,7 @@ from fgnav.checks import BoolArray, FloatArray
 from fgnav.flight import Imu
 from fgnav.rotations import exp, skew, transpose
 
-_SPAN_S = 0.5  # over which the rate is taken as constant
+_SPAN_S = 1.0  # over which the rate is taken as constant
 _FAST_RADPS = 1.0  # slower turns blur nothing between fixes a fraction of a second apart
 _EXPLAINED = 0.8  # of how the specific force changes, by the spin alone
 _SWEPT = 0.02  # least eigenvalue over trace: 0 of a force that keeps its direction in the body
@@ -46,9 +46,15 @@ class OwnRotation:
         """Return rates at times, (n,), as (n, 3)."""
         return np.stack([np.interp(t_s, self.t_s, column) for column in self.w_b_radps.T], axis=1)
 
-    def forces(self, imu: Imu) -> Imu:
-        """Return a record of the same samples with specific forces in the axes ``u``."""
-        return replace(imu, f_b_mps2=np.einsum("nij,nj->ni", self.at(imu.t_s), imu.f_b_mps2))
+    def forces(self, imu: Imu, arm_b_m: FloatArray | None = None) -> Imu:
+        """Return a record of the same samples with specific forces in the axes ``u``.
+
+        As felt at the accelerometer or, less what the rotation adds there, (3,) away from it.
+        """
+        f_b_mps2, w_b_radps = imu.f_b_mps2, self.rates(imu.t_s)
+        if arm_b_m is not None:
+            f_b_mps2 = f_b_mps2 + np.cross(w_b_radps, np.cross(w_b_radps, arm_b_m))
+        return replace(imu, f_b_mps2=np.einsum("nij,nj->ni", self.at(imu.t_s), f_b_mps2))
 
 
 def despun(own: OwnRotation | None, t_s: FloatArray, R_nb: FloatArray) -> FloatArray:
@@ -80,9 +86,11 @@ def own_rotation(imu: Imu) -> OwnRotation | None:
 
 
 def _told(t_s: FloatArray, f_b_mps2: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return rates by ``df/dt = f x w`` over a span about each sample, (n, 3), and which are told.
+    """Return rates by ``df/dt = (f - c) x w`` over a span about each sample, and which are told.
 
-    Least squares: with ``A`` the sum of ``|f|^2 - f f'``, ``A w`` is the sum of ``df/dt x f``.
+    The constant ``c`` is bias, and what a rotation adds off its axis: 3 m/s2 at 2 cm and two turns
+    a second. Least squares, of ``f`` and its slope less their means: with ``A`` the sum of
+    ``|f|^2 - f f'``, ``A w`` is the sum of ``df/dt x f``.
     """
     span_s = t_s[2:] - t_s[:-2]
     f, slope = f_b_mps2[1:-1], (f_b_mps2[2:] - f_b_mps2[:-2]) / span_s[:, None]
@@ -94,12 +102,17 @@ def _told(t_s: FloatArray, f_b_mps2: FloatArray) -> tuple[FloatArray, BoolArray]
         total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
         return np.asarray(total[last] - total[first])
 
-    A, b = about(K.swapaxes(1, 2) @ K), about(np.cross(slope, f))
+    count = np.maximum(last - first, 1)[:, None]
+    f_mean, slope_mean = about(f) / count, about(slope) / count
+    K_mean = skew(f_mean)
+    A = about(K.swapaxes(1, 2) @ K) - count[:, :, None] * (K_mean.swapaxes(1, 2) @ K_mean)
+    b = about(np.cross(slope, f)) - count * np.cross(slope_mean, f_mean)
+    changed = about((slope**2).sum(axis=1)) - count[:, 0] * (slope_mean**2).sum(axis=1)
     values = np.linalg.eigvalsh(A)
     sure = values[:, 0] > _SWEPT * values.sum(axis=1)
     A[~sure] = np.eye(3)
     w = np.linalg.solve(A, b[:, :, None])[:, :, 0]
-    sure &= np.einsum("ni,ni->n", w, b) > _EXPLAINED * about((slope**2).sum(axis=1))
+    sure &= np.einsum("ni,ni->n", w, b) > _EXPLAINED * changed
     # A difference over a finite time is the chord of the arc that was turned.
     half_s, size = float(np.median(span_s)) / 2, np.linalg.norm(w, axis=1, keepdims=True)
     chord = (size * half_s).clip(1e-12, 1.0)

@@ -10,11 +10,15 @@ T_S = np.arange(0.0, 4.0, 0.01)
 F_N_MPS2 = np.array([3.0, -2.0, -9.5])
 
 
-def turning(w_b_radps, *, gyroscope=False, noise_mps2=0.0):
+ARM_B_M = np.array([0.3, 0.02, 0.0])
+
+
+def turning(w_b_radps, *, gyroscope=False, noise_mps2=0.0, arm_b_m=(0.0, 0.0, 0.0)):
     """A record of a body that turns at a constant rate under one specific force."""
     w_b_radps = np.asarray(w_b_radps, dtype=float)
     R_nb = rotations.exp(w_b_radps * T_S[:, None])
     f_b = np.einsum("nji,j->ni", R_nb, F_N_MPS2)
+    f_b += np.cross(w_b_radps, np.cross(w_b_radps, arm_b_m))
     f_b += noise_mps2 * np.random.default_rng(0).standard_normal(f_b.shape)
     told = {
         "w_b_radps": np.tile(w_b_radps, (len(T_S), 1)),
@@ -35,11 +39,19 @@ def turning(w_b_radps, *, gyroscope=False, noise_mps2=0.0):
 
 @pytest.mark.parametrize("rate", [2.0, -12.6, 30.0])
 @pytest.mark.parametrize("axis", [[1, 0, 0], [0.6, 0.0, 0.8]])
-def test_the_accelerometer_tells_a_spin_and_its_axis(rate, axis):
+@pytest.mark.parametrize("arm_b_m", [np.zeros(3), ARM_B_M], ids=["centre", "off the axis"])
+def test_the_accelerometer_tells_a_spin_and_its_axis(rate, axis, arm_b_m):
     w_b = rate * np.array(axis)
-    imu, _ = turning(w_b, noise_mps2=0.01)
+    imu, _ = turning(w_b, noise_mps2=0.01, arm_b_m=arm_b_m)
     own = own_rotation(imu)
-    assert_allclose(own.w_b_radps[30:-30], np.tile(w_b, (len(T_S) - 60, 1)), atol=0.02 * abs(rate))
+    # From one fix to the next, a tenth of a second, 0.01 rad.
+    assert_allclose(own.w_b_radps[60:-60], np.tile(w_b, (len(T_S) - 120, 1)), atol=0.1)
+
+
+def test_what_a_rotation_adds_off_its_axis_is_taken_off_where_asked():
+    imu, _ = turning([0.5, 3.0, -1.0], gyroscope=True, arm_b_m=ARM_B_M)
+    centre = own_rotation(imu).forces(imu, -ARM_B_M).f_b_mps2
+    assert_allclose(centre, np.tile(F_N_MPS2, (len(T_S), 1)), atol=1e-9)
 
 
 def test_what_does_not_spin_or_does_not_show_it_has_no_rotation_of_its_own():
