@@ -1,5 +1,7 @@
 """Rotation matrices, batched over the first axis; tangents are body-axes rotation vectors."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from fgnav.checks import FloatArray
@@ -104,3 +106,23 @@ def transpose(R: FloatArray) -> FloatArray:
 def wrap(angle_rad: FloatArray) -> FloatArray:
     """Return angles wrapped to [-pi, pi)."""
     return (angle_rad + np.pi) % (2 * np.pi) - np.pi
+
+
+def accumulated(turns: FloatArray) -> FloatArray:
+    """Return where turns one after another lead from the identity, (n + 1, 3, 3).
+
+    Parameters
+    ----------
+    turns : ndarray, shape (n, 3, 3)
+        Each about the axes that the turns before it have led to: the first product is ``turns[0]``,
+        the next ``turns[0] @ turns[1]``.
+    """
+    n = len(turns)
+    width = max(int(np.sqrt(n)), 1)  # by blocks side by side: a step is for all of them at once
+    blocks = np.tile(np.eye(3), (-(-n // width), width, 1, 1))
+    blocks.reshape(-1, 3, 3)[:n] = turns
+    for k in range(1, width):
+        blocks[:, k] = blocks[:, k - 1] @ blocks[:, k]
+    for before, block in pairwise(blocks):
+        block[:] = before[-1] @ block
+    return np.concatenate([np.eye(3)[None], blocks.reshape(-1, 3, 3)[:n]])

@@ -70,3 +70,14 @@ def test_nearest_rotation_beats_its_neighbours_and_is_no_reflection():
 @pytest.mark.parametrize(("angle", "wrapped"), [(np.pi, -np.pi), (-7.0, 2 * np.pi - 7), (0.5, 0.5)])
 def test_wrapped_angles_lie_within_half_a_turn(angle, wrapped):
     assert_allclose(rotations.wrap(np.array([angle])), wrapped, atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 10, 100])
+def test_turns_lead_where_their_products_do(n):
+    turns = rotations.exp(np.random.default_rng(n).standard_normal((n, 3)))
+    found = rotations.accumulated(turns)
+    assert found.shape == (n + 1, 3, 3)
+    R = np.eye(3)
+    for k, turn in enumerate([np.eye(3), *turns]):
+        R = R @ turn
+        assert_allclose(found[k], R, rtol=0, atol=1e-13)

@@ -11,7 +11,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.flight import Imu
-from fgnav.rotations import exp, skew, transpose
+from fgnav.rotations import accumulated, exp, skew, transpose
 
 _SPAN_S = 1.0  # over which the rate is taken as constant
 _FAST_RADPS = 1.0  # slower turns blur nothing between fixes a fraction of a second apart
@@ -79,10 +79,7 @@ def own_rotation(imu: Imu) -> OwnRotation | None:
             return None
         w_b_radps = np.where(spins[:, None], told_b_radps, 0.0)
     turns = exp((w_b_radps[1:] + w_b_radps[:-1]) / 2 * np.diff(imu.t_s)[:, None])
-    R_ub = [np.eye(3)]
-    for turn in turns:
-        R_ub.append(R_ub[-1] @ turn)
-    return OwnRotation(t_s=imu.t_s, R_ub=np.array(R_ub), w_b_radps=w_b_radps)
+    return OwnRotation(t_s=imu.t_s, R_ub=accumulated(turns), w_b_radps=w_b_radps)
 
 
 def _told(t_s: FloatArray, f_b_mps2: FloatArray) -> tuple[FloatArray, BoolArray]:

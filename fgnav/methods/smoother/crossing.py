@@ -11,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.methods.smoother.autoregression import interpolated
-from fgnav.rotations import exp, log, transpose
+from fgnav.rotations import accumulated, exp, log, transpose
 
 STEP_S = 0.1
 # Of the autoregression: its last four seconds. With two, sines of 20 degrees once in 6.3 s are
@@ -107,7 +107,4 @@ class Around:
 
 def _turned(R_nb: FloatArray, w_b_radps: FloatArray, step_s: float) -> FloatArray:
     """Return the attitudes, (k, 3, 3), that rates, (k, 3), lead to from the first."""
-    found = [R_nb]
-    for turn in exp(step_s * (w_b_radps[1:] + w_b_radps[:-1]) / 2):
-        found.append(found[-1] @ turn)
-    return np.array(found)
+    return R_nb @ accumulated(exp(step_s * (w_b_radps[1:] + w_b_radps[:-1]) / 2))
