@@ -13,7 +13,8 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
 from fgnav.gnss import arc_kernel as kernel
-from fgnav.gnss.arc_equations import Code, Epochs, code_of, epochs_of, pieces
+from fgnav.gnss.arc_drift import Drift, columns_of
+from fgnav.gnss.arc_equations import Epochs, code_of, epochs_of, pieces
 from fgnav.gnss.position_phase import PositionPhase
 
 _UNKNOWN_M = 1e2  # an arc's constant, once the mean of phase less code is taken off
@@ -71,6 +72,8 @@ class ArcAdjustment:
         Phases taken out, whose residuals are no noise.
     code_thinning : float
         How many times less averages of code tell than its noise says.
+    shift_covariance_m2 : ndarray, shape (3, 3)
+        Of what positions have in common with the errors of messages, and phase does not tell.
     """
 
     equations: PositionPhase
@@ -83,6 +86,7 @@ class ArcAdjustment:
     misfit: float
     rejected: int
     code_thinning: float
+    shift_covariance_m2: FloatArray
 
     def given(self, combinations: FloatArray, values_m: FloatArray) -> "ArcAdjustment":
         """Return the adjustment once combinations of constants are known.
@@ -136,7 +140,11 @@ def adjust_arcs(equations: PositionPhase, names: tuple[str, str]) -> ArcAdjustme
     return adjust_best((equations,), names)
 
 
-def adjust_best(candidates: tuple[PositionPhase, ...], names: tuple[str, str]) -> ArcAdjustment:
+def adjust_best(
+    candidates: tuple[PositionPhase, ...],
+    names: tuple[str, str],
+    common_m2: FloatArray | None = None,
+) -> ArcAdjustment:
     """Adjust those of some equations, alike but for their phases, whose phases fit best.
 
     Parameters
@@ -144,6 +152,8 @@ def adjust_best(candidates: tuple[PositionPhase, ...], names: tuple[str, str]) -
     candidates : tuple of PositionPhase
     names : tuple of str
         As in ``adjust_arcs``.
+    common_m2 : ndarray, shape (3, 3), optional
+        Covariance of the shift that errors of messages put to all positions; None: there is none.
 
     Raises
     ------
@@ -151,7 +161,11 @@ def adjust_best(candidates: tuple[PositionPhase, ...], names: tuple[str, str]) -
         As ``adjust_arcs``, if none of them has an adjustment; of the one that fits best.
     """
     code, failure = code_of(candidates[0].single), None
-    begun = [_begun(equations, names, code) for equations in candidates]
+    begun: list[_Begun] = []
+    for equations in candidates:
+        own = epochs_of(equations.single, names, code)
+        drift = begun[0].drift if begun else _drift(own, common_m2)  # phases there are the same
+        begun.append(_begun(equations, own, drift))
     for one in sorted(begun, key=lambda one: one.misfit):
         try:
             return _finished(one)
@@ -167,24 +181,48 @@ class _Begun:
     equations: PositionPhase
     epochs: Epochs
     squares: FloatArray
+    drift: Drift | None
 
     @property
     def misfit(self) -> float:
         return float(np.minimum(self.squares, _SIGMAS**2).mean())
 
 
-def _begun(equations: PositionPhase, names: tuple[str, str], code: Code) -> _Begun:
-    own = epochs_of(equations.single, names, code)
-    squares = _shown(own, _adjusted(own))
-    return _Begun(equations, own, squares if len(squares) else np.ones(1))  # nothing is checked
+def _drift(own: Epochs, common_m2: FloatArray | None) -> Drift | None:
+    if common_m2 is None:
+        return None
+    columns = columns_of(own)
+    shown = np.stack(
+        [_adjusted(own._replace(y=column)).residual_m for column in np.moveaxis(columns, 2, 0)],
+        axis=2,
+    )
+    return Drift(
+        columns=columns,
+        shown=shown,
+        information=np.einsum("nmi,nm,nmj->ij", shown, own.weight, shown),
+        prior=np.linalg.inv(common_m2),
+    )
+
+
+def _begun(equations: PositionPhase, own: Epochs, drift: Drift | None) -> _Begun:
+    at = _adjusted(own)
+    if drift is not None:
+        shift_m = drift.shift_m(own, at.residual_m)
+        own = own._replace(y=own.y - drift.columns @ shift_m)
+        at = replace(at, residual_m=at.residual_m - drift.shown @ shift_m)
+    squares = _shown(own, at)
+    squares = squares if len(squares) else np.ones(1)  # nothing is checked
+    return _Begun(equations, own, squares, drift)
 
 
 def _finished(begun: _Begun) -> ArcAdjustment:
     own, group = begun.epochs, begun.equations.single.group
-    own, at, rejected = _cleaned(own, max(1.0, float(np.median(begun.squares)) / _NORMAL))
+    inflation = max(1.0, float(np.median(begun.squares)) / _NORMAL)
+    own, at, rejected = _cleaned(own, inflation)
     thinned, code_thinning = own.weight.copy(), _inflation(own, at)
     thinned[:, : own.phases.start] /= code_thinning
-    thinned[:, own.phases] /= 1 + _DOUBT * 2 * _likeness(own, at.residual_m, own.phases)
+    thinning = 1 + _DOUBT * 2 * _likeness(own, at.residual_m, own.phases)
+    thinned[:, own.phases] /= thinning
     constants = _adjusted(own._replace(weight=thinned))
     used = own.weight[:, own.phases] > 0
     return ArcAdjustment(
@@ -198,6 +236,11 @@ def _finished(begun: _Begun) -> ArcAdjustment:
         misfit=begun.misfit,
         rejected=rejected,
         code_thinning=code_thinning,
+        shift_covariance_m2=(
+            np.zeros((3, 3))
+            if begun.drift is None
+            else begun.drift.covariance_m2(inflation * thinning)
+        ),
     )
 
 

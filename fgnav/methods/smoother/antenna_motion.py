@@ -33,6 +33,8 @@ class AntennaMotion:
         Variance that positions of a stretch have in common, see ``Timed.piece``.
     common_m2 : ndarray, shape (n, 3, 3)
         Variance of positions that is common to all keyframes: no smoothing reduces it.
+    drift_m2ps2 : ndarray, shape (n, 3, 3)
+        Variance of the velocity at which such errors move as the sky turns.
     losses : tuple of Loss
     notes : tuple of str
     few : Few or None
@@ -44,6 +46,7 @@ class AntennaMotion:
     velocity: Timed | None
     arcs_m2: FloatArray
     common_m2: FloatArray
+    drift_m2ps2: FloatArray
     losses: tuple[Loss, ...]
     notes: tuple[str, ...] = ()
     few: Few | None = None
@@ -97,6 +100,7 @@ def _of_code(flight: Flight, imu: Imu, start: Start, rates: Rates) -> AntennaMot
     few = few_of(flight, code, best.adjustment, start.t_s)
     if few is not None:
         few = at_accelerometer(few, rates, start.R_nb, arm_b_m)
+    drift_per_s = code.drift_per_s[row]
     return AntennaMotion(
         name=antenna.name,
         position=replace(
@@ -105,6 +109,7 @@ def _of_code(flight: Flight, imu: Imu, start: Start, rates: Rates) -> AntennaMot
         velocity=_velocity(code.v_n_mps, code.velocity_covariance_m2ps2, row, found, arm_b_m),
         arcs_m2=best.arcs_m2[row],
         common_m2=best.common_m2[row],
+        drift_m2ps2=drift_per_s @ best.drifting_m2[row] @ transpose(drift_per_s),
         losses=(
             *code.losses,
             *best.losses,
@@ -120,7 +125,13 @@ def _of_fixes(flight: Flight, imu: Imu, t_s: FloatArray) -> AntennaMotion:
     none, fixes = np.zeros((len(t_s), 3, 3)), flight.fixes
     if fixes is None:
         return AntennaMotion(
-            name="", position=None, velocity=None, arcs_m2=none, common_m2=none, losses=()
+            name="",
+            position=None,
+            velocity=None,
+            arcs_m2=none,
+            common_m2=none,
+            drift_m2ps2=none,
+            losses=(),
         )
     arm_b_m = flight.antenna(fixes.antenna).position_b_m - imu.position_b_m
     row, found = nearest(fixes.t_s, t_s)
@@ -130,6 +141,7 @@ def _of_fixes(flight: Flight, imu: Imu, t_s: FloatArray) -> AntennaMotion:
         velocity=_velocity(fixes.v_n_mps, _velocity_covariance(fixes), row, found, arm_b_m),
         arcs_m2=none,
         common_m2=none,
+        drift_m2ps2=none,
         losses=unused("fix", len(fixes.t_s), found),
     )
 
@@ -160,6 +172,7 @@ def _filled(whole: AntennaMotion, other: AntennaMotion, start: Start) -> Antenna
         velocity=velocity,
         arcs_m2=np.where(missing[:, None, None], other.arcs_m2, whole.arcs_m2),
         common_m2=np.where(missing[:, None, None], other.common_m2, whole.common_m2),
+        drift_m2ps2=np.where(missing[:, None, None], other.drift_m2ps2, whole.drift_m2ps2),
         losses=(*whole.losses, *other.losses),
         notes=tuple(dict.fromkeys((*whole.notes, *other.notes))),
     )

@@ -29,6 +29,8 @@ class Positions:
         and common to all, which no smoothing reduces.
     piece : ndarray of int, shape (k,)
         Number of that stretch, 0 the longest; -1 of positions by code.
+    drifting_m2 : ndarray, shape (k, 3, 3)
+        Of what is common, the part that moves on as the sky turns.
     fixed : ndarray of bool, shape (k,)
         Whether integers against the base are known.
     losses : tuple of Loss
@@ -41,6 +43,7 @@ class Positions:
     noise_m2: FloatArray
     arcs_m2: FloatArray
     common_m2: FloatArray
+    drifting_m2: FloatArray
     piece: IntArray
     fixed: BoolArray
     losses: tuple[Loss, ...] = ()
@@ -73,11 +76,13 @@ def positions(flight: Flight, code: CodeSolution, attitudes: Attitudes) -> Posit
     the phase if its residuals become smaller by that: simulated flights may have no wind-up, and
     not every antenna looks up.
     """
+    common_m2 = code.position_covariance_m2 - code.position_noise_m2
     out = Positions(
         p_n_m=code.p_n_m.copy(),
         noise_m2=code.position_noise_m2.copy(),
         arcs_m2=np.zeros_like(code.position_noise_m2),
-        common_m2=code.position_covariance_m2 - code.position_noise_m2,
+        common_m2=common_m2,
+        drifting_m2=common_m2.copy(),
         piece=np.full(len(code.t_s), -1),
         fixed=np.zeros(len(code.t_s), dtype=np.bool_),
     )
@@ -93,7 +98,7 @@ def positions(flight: Flight, code: CodeSolution, attitudes: Attitudes) -> Posit
 def _alone(flight: Flight, code: CodeSolution, attitudes: Attitudes, out: Positions) -> Positions:
     """Put positions by phase in place of those by code; what ails the messages stays common."""
     try:
-        found = _adjusted(flight, attitudes, base=False)
+        found = _adjusted(flight, attitudes, out.common_m2.mean(axis=0), base=False)
     except NoSolutionError as error:
         return replace(out, notes=(*out.notes, f"Positions are those of code: {error}."))
     return _placed(found, code, out, out.common_m2)
@@ -104,7 +109,7 @@ def _against_base(
 ) -> Positions | None:
     """Return positions against the base; None if it has no epoch in common with the flight."""
     try:
-        found = _adjusted(flight, attitudes, base=True)
+        found = _adjusted(flight, attitudes, None, base=True)
     except NoSolutionError as error:
         return replace(out, notes=(f"Positions are those of code: {error}.",))
     if not found.solved.any():
@@ -124,13 +129,15 @@ def _not_fixed(out: Positions, reason: str) -> tuple[Loss, ...]:
     return (Loss(what="position against the base", reason=reason, count=count),) if count else ()
 
 
-def _adjusted(flight: Flight, attitudes: Attitudes, *, base: bool) -> ArcAdjustment:
+def _adjusted(
+    flight: Flight, attitudes: Attitudes, common_m2: FloatArray | None, *, base: bool
+) -> ArcAdjustment:
     """Adjust phases as they are, and without wind-up; return what fits better."""
     names = ("base" if base else "models", flight.antennas[0].name)
     wound = position_phase(flight, base=base)
     pole_n = flight.origin.R_ne[:, 2]
     unwound = wound.unwound(attitudes.at(wound.single.t_s), pole_n)
-    return adjust_best((wound, unwound), names)
+    return adjust_best((wound, unwound), names, common_m2)
 
 
 def _fixed(integers: ArcIntegers) -> BoolArray:
@@ -150,6 +157,7 @@ def _placed(
     out.arcs_m2[row], out.common_m2[row] = found.common_m2[at], common_m2[row]
     _, piece, count = np.unique(found.piece, return_inverse=True, return_counts=True)
     out.piece[row] = np.argsort(np.argsort(-count, kind="stable"))[piece][at]
+    out.drifting_m2[row] = adjustment.shift_covariance_m2
     what, reason = "phase for positions", "off the others by more than noise"
     loss = Loss(what=what, reason=reason, count=adjustment.rejected)
     losses = (loss,) if loss.count else ()

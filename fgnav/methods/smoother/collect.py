@@ -76,6 +76,8 @@ class Collected:
         GNSS epochs of the flight, and times between them that are far apart.
     common_position_m2 : ndarray, shape (n, 3, 3)
         Variance of positions at keyframes that no smoothing reduces.
+    common_velocity_m2ps2 : ndarray, shape (n, 3, 3)
+        Of the velocity at which such errors move.
     integers : Integers or None
     losses : tuple of Loss
     rejections : tuple of Rejected
@@ -87,6 +89,7 @@ class Collected:
     keyframes: Keyframes
     epochs: int
     common_position_m2: FloatArray
+    common_velocity_m2ps2: FloatArray
     integers: Integers | None
     losses: tuple[Loss, ...]
     rejections: tuple[Rejected, ...]
@@ -173,6 +176,7 @@ def _collected(flight: Flight, settings: Settings) -> Collected:
         keyframes=keyframes,
         epochs=len(keyframe_times(epochs.t_s)),
         common_position_m2=antenna.common_m2 + shared_m2,
+        common_velocity_m2ps2=antenna.drift_m2ps2,
         integers=start.integers,
         losses=tuple(sum((*parts, sight_losses, gravity_losses, height_losses, field_losses), ())),
         rejections=(*start.rejections, *gate.rejections),

@@ -15,10 +15,6 @@ from fgnav.methods.smoother.observability import TURN, undetermined
 from fgnav.methods.smoother.solution import SharedSolution, Solution
 from fgnav.rotations import skew
 
-# Satellites of half a sidereal day turn by this much about the Earth, 2 pi in 43,082 s: an error
-# that stays in their ranges moves the position that it shifts.
-_SKY_RADPS = 1.46e-4
-
 
 def estimate_of(
     name: str,
@@ -65,9 +61,9 @@ def estimate_of(
     t_s, tests = keyframes.t_s[rows], consistency(keyframes, solution)
     solution = (solution if believed is None else believed)[rows]
     told_b_radps = keyframes.preintegrate.told_radps(t_s)
-    common_m2 = collected.common_position_m2[rows]
+    common = (collected.common_position_m2[rows], collected.common_velocity_m2ps2[rows])
     return replace(
-        stated(name, keyframes, solution, t_s, told_b_radps, common_m2),
+        stated(name, keyframes, solution, t_s, told_b_radps, common),
         epochs=collected.epochs,
         unobservable=open_states,
         integers=collected.integers,
@@ -85,7 +81,7 @@ def stated(
     solution: Solution,
     t_s: FloatArray,
     told_b_radps: FloatArray,
-    common_position_m2: FloatArray | float = 0.0,
+    common: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0),
 ) -> Estimate:
     """Return what a solution says of the body, and nothing of how it came about.
 
@@ -99,8 +95,8 @@ def stated(
         Times of its states.
     told_b_radps : ndarray, shape (n, 3)
         What a gyroscope says then; 0 without one.
-    common_position_m2 : ndarray, shape (n, 3, 3), or float
-        Variance of positions that no smoothing reduces.
+    common : tuple of ndarray, shape (n, 3, 3), or float
+        Variance of positions that no smoothing reduces, m2, and of their drift, m2/s2.
     """
     imu, off = keyframes.preintegrate.imu, arm_off(keyframes, solution)
     gyro_free = imu.w_b_radps is None
@@ -118,10 +114,9 @@ def stated(
         R_nb=solution.R_nb,
         attitude_covariance_rad2=solution.covariance[:, :3, :3],
         p_n_m=motion.p_n_m,
-        position_covariance_m2=motion.position_covariance_m2 + common_position_m2,
+        position_covariance_m2=motion.position_covariance_m2 + common[0],
         v_n_mps=motion.v_n_mps,
-        velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2
-        + _SKY_RADPS**2 * common_position_m2,
+        velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2 + common[1],
         angular_rate_b_radps=motion.w_b_radps,
         accelerometer_bias_mps2=solution.slot[:, :3],
         accelerometer_bias_covariance_m2ps4=solution.slot_covariance[:, :3, :3],

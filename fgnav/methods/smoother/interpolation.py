@@ -41,11 +41,13 @@ def with_times(
         )
     new = wanted[np.abs(wanted - have[_nearest(have, wanted)]) > _SAME_S]
     dense_s = np.union1d(have, new)
+    nearest = _nearest(have, dense_s)
     dense = replace(
         collected,
         keyframes=_dense(collected.keyframes, dense_s, sub_steps),
         epochs=len(wanted),
-        common_position_m2=collected.common_position_m2[_nearest(have, dense_s)],
+        common_position_m2=collected.common_position_m2[nearest],
+        common_velocity_m2ps2=collected.common_velocity_m2ps2[nearest],
     )
     return dense, _nearest(dense_s, wanted)
 
