@@ -15,6 +15,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
 from scipy.special import chdtri, erf
 
 from fgnav import rotations
@@ -172,8 +173,9 @@ class Flown:
 def judged(flight: Flight, estimate: Estimate, bias: tuple[FloatArray, FloatArray]) -> Flown:
     """Return the errors of an estimate with the covariances it states."""
     truth, t_s = flight.truth, estimate.t_s
-    R_nb, covered = attitude_at(truth, t_s)
-    assert covered.all()
+    # Turned evenly between its samples a tenth of a second apart, a swing of 20 degrees is off by
+    # 0.02 degrees in their middle.
+    R_nb = RotationSpline(truth.t_s, Rotation.from_matrix(truth.R_nb))(t_s).as_matrix()
     place, speed = (CubicSpline(truth.t_s, x)(t_s) for x in (truth.p_n_m, truth.v_n_mps))
     euler = rotations.to_euler(estimate.R_nb) - rotations.to_euler(R_nb)
     true_bias_b = np.stack([np.interp(t_s, bias[0], column) for column in bias[1].T], axis=1)
