@@ -2,9 +2,8 @@
 
 A covariance has two parts: noise let through, and motion smoothed away. The second holds for a rate
 that is a random walk; a swing or a steady turn is smoother, and loses far less than that. How much
-it does lose shows where the same flight is smoothed with three times the intensity of angular
-acceleration: the two solutions differ by noise, which is known, and by what the first smoothed
-away.
+it does lose shows where the same flight is smoothed with other intensities of angular acceleration:
+two solutions differ by noise, which is known, and by what the one smoothed away more.
 """
 
 from collections.abc import Callable
@@ -15,43 +14,38 @@ import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.methods.smoother.ahead import array_attitudes
-from fgnav.methods.smoother.chain import STATE
+from fgnav.methods.smoother.chain import STATE, Chain
 from fgnav.methods.smoother.gaps import BridgingPreintegrator
 from fgnav.methods.smoother.keyframes import Keyframes
 from fgnav.methods.smoother.linear import Block, blocks_of, eliminated, stepped
+from fgnav.methods.smoother.motion_lost import HERE, PLACES, RATIO, USUAL, Levels
 from fgnav.methods.smoother.solution import Solution
 
-_RATIO = 3.0  # of intensities that are compared
 _MOST, _BLOCK = 600, 300  # keyframes to look at; of a longer flight, blocks spread evenly
 _STEPS = 5  # of Newton, at most, from where attitudes start
 # RMS of a next step: differences of smoothers are then told as from the minimum, to a percent.
 _NEAR_SIGMAS = 0.2
 _EDGE = 15  # keyframes at a block's ends are known worse than within
 _FEWEST = 25  # keyframes within that tell anything
-_USUAL = 4.0  # times the median variance: beyond, a keyframe is in a gap
-_PARTS = 8  # of the keyframes, for how well their mean is known
-_DOUBT = 2.0  # 1-sigma of the walk's share before the flight says anything, about 1
-_LARGEST = 4.0  # times as much as the model says
 _TURNING = np.array([0, 1, 2, 12, 13, 14])  # rotation and rate: what the intensity rules
 _VELOCITY = slice(6, 9)  # which specific forces turned wrongly move
-_RULED = np.array([0, 1, 2, 6, 7, 8, 12, 13, 14])
-_CLEARLY = 0.25  # of the noise that a lower intensity saves: less is lost by it
+_ROUNDING = 1e-12  # of variances: less is not told from nothing
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Calibrated:
-    """A solution, and what its variances are to be multiplied by.
+    """A solution, and what its covariances are to be multiplied by.
 
     Attributes
     ----------
     keyframes : Keyframes
         With the intensity of angular acceleration that was used.
     solution : Solution
-    told : ndarray, shape (15,)
-        Of the variance of each part of a usual state, velocity in body axes; 1 where nothing speaks
-        against the model.
-    usual : ndarray, shape (15,)
-        Median variances as solved, velocity in body axes.
+    told : ndarray, shape (15, 15)
+        What is to stand between the roots ``L`` and ``L'`` of a usual keyframe's covariance,
+        velocity in body axes; the identity where nothing speaks against the model.
+    usual : ndarray, shape (3,)
+        Median variances of rotation as solved.
     """
 
     keyframes: Keyframes
@@ -62,9 +56,9 @@ class Calibrated:
     @property
     def notes(self) -> tuple[str, ...]:
         """What was found, in a sentence."""
-        if (self.told == 1).all():
+        if (self.told == np.eye(STATE)).all():
             return ()
-        factors = ", ".join(f"{value:.2f}" for value in self.told[:3])
+        factors = ", ".join(f"{value:.2f}" for value in np.diag(self.told)[:3])
         return (
             f"Variances of rotation about the body axes: {factors} times those of a rate that is a "
             "random walk, as the flight itself says.",
@@ -72,33 +66,31 @@ class Calibrated:
 
     def believed(self, solution: Solution) -> Solution:
         """Return a solution of the flight with covariances as they are to be believed."""
-        R_nb, covariance = solution.R_nb, solution.covariance
-        variance = _variances(R_nb, covariance[:, :STATE, :STATE])
+        turn = _to_body(solution.R_nb)
+        covariance = turn @ solution.covariance @ turn.swapaxes(1, 2)
+        variance = np.einsum("nii->ni", covariance)
         # What is known far worse than usual, as in a gap, keeps the rest of its variance.
-        usual = (_USUAL * self.usual / variance.clip(np.finfo(float).tiny)).clip(None, 1.0)
-        root = np.sqrt(np.where(self.told < 1, 1 - (1 - self.told) * usual, self.told))
-        of_velocity = (R_nb * root[:, None, _VELOCITY]) @ R_nb.swapaxes(1, 2)
-        root[:, _VELOCITY] = 1.0
-        covariance = covariance * root[:, :, None] * root[:, None, :]
-        covariance[:, _VELOCITY] = of_velocity @ covariance[:, _VELOCITY]
-        covariance[:, :, _VELOCITY] = covariance[:, :, _VELOCITY] @ of_velocity
-        return replace(solution, covariance=covariance)
+        room = USUAL * self.usual / variance[:, :3].clip(np.finfo(float).tiny)
+        share = room.min(axis=1).clip(None, 1.0)[:, None, None]
+        between = np.eye(STATE) + share * (self.told - np.eye(STATE))
+        try:
+            root = np.linalg.cholesky(covariance + _ROUNDING * variance[:, None] * np.eye(STATE))
+        except np.linalg.LinAlgError:  # of what is hardly known, rounding leaves no root
+            return solution
+        root = turn.swapaxes(1, 2) @ root
+        return replace(solution, covariance=root @ between @ root.swapaxes(1, 2))
 
 
 def calibrated(keyframes: Keyframes, solve: Callable[[Keyframes], Solution]) -> Calibrated:
-    """Solve, and hold the covariance of rotations, rates and velocities against the flight.
+    """Solve, and hold the covariance against the flight.
 
     With a gyroscope nothing is changed: its noise is stated.
 
-    For linear smoothers ``x(S)`` of intensity S and covariance ``P(S)``: with ``P' = dP/dlnS``, the
-    noise in x(S) has the covariance ``P - P'``, the motion smoothed away ``P'`` if the rate is a
-    random walk of intensity S. Noise in ``x(S)`` and ``x(cS)`` has the common covariance
-    ``(c P(S) - P(cS)) / (c - 1)``, since the two informations differ by a multiple of one matrix.
-    So the mean square of ``x(cS) - x(S)`` has a known part of noise, and a part of the motion,
-    ``P(cS) - (1 - 1/c) P'(cS) - P(S)`` less that of noise, if it is a random walk. The share that
-    is found instead, k, makes the variance ``P - (1 - k) P'``. It may be above 1. The flight tells
-    k to some standard deviation only, and its intensity no better: by so much of its logarithm the
-    solution may be off along ``dx/dlnS``, the square of which is added [2]_.
+    What a random walk would lose, ``P'``, is lost to some share k, see ``motion_lost``: the
+    covariance is ``P - (1 - k) P'``. The flight tells its intensity to some standard deviation
+    only: by so much of its logarithm the solution may be off along ``dx/dlnS``, the square of which
+    is added [1]_. Both are means over the flight, relative to the root of each covariance: what the
+    intensity does to velocities and biases goes with rotations, in their directions.
 
     Where the difference to a third of the intensity shows that next to nothing would be lost by it,
     the flight is solved with that: epochs a second apart tell the intensity badly. All this is told
@@ -112,22 +104,18 @@ def calibrated(keyframes: Keyframes, solve: Callable[[Keyframes], Solution]) -> 
 
     References
     ----------
-    .. [1] Bias and variance of a linear smoother whose motion is not the model's: Wahba, Bayesian
-       "confidence intervals" for the cross-validated smoothing spline, JRSS B 45, 1983.
-    .. [2] Kass, Steffey: Approximate Bayesian inference in conditionally independent hierarchical
+    .. [1] Kass, Steffey: Approximate Bayesian inference in conditionally independent hierarchical
        models, J. Am. Stat. Assoc. 84, 1989.
     """
-    here, lower = _spreads(keyframes)
+    here, lower = _told(keyframes)
     if lower is not None:
-        third = with_intensity(keyframes, 1 / _RATIO)
+        third = with_intensity(keyframes, RATIO**-HERE)
         found = solve(third)
         if found.converged:
             return Calibrated(keyframes=third, solution=found, told=lower.told, usual=lower.usual)
     found = solve(keyframes)
     if here is None or not found.converged:
-        return Calibrated(
-            keyframes=keyframes, solution=found, told=np.ones(STATE), usual=np.ones(STATE)
-        )
+        here = _Told(np.eye(STATE), np.ones(3))
     return Calibrated(keyframes=keyframes, solution=found, told=here.told, usual=here.usual)
 
 
@@ -142,101 +130,55 @@ def with_intensity(keyframes: Keyframes, factor: FloatArray | float) -> Keyframe
     return replace(keyframes, preintegrate=made)
 
 
+class _Told(NamedTuple):
+    """What blocks of a flight tell; see ``Calibrated``."""
+
+    told: FloatArray
+    usual: FloatArray
+
+    @classmethod
+    def by(cls, levels: Levels) -> "_Told":
+        (share, doubt), row = levels.share(), levels.usual
+        white = np.linalg.inv(np.linalg.cholesky(levels.covariance[HERE, row]))
+        moved = np.einsum("kij,kj->ki", white, levels.step_slope()[row])
+        told = np.eye(STATE)
+        told -= (1 - share) * (white @ levels.slope()[row] @ white.swapaxes(1, 2)).mean(axis=0)
+        # An intensity told by few epochs: without this a drawn walk's attitudes have NEES 3.17.
+        told += doubt * moved.T @ moved / len(moved)
+        return cls(told, np.median(np.einsum("kii->ki", levels.covariance[HERE])[:, :3], axis=0))
+
+
 class _Level(NamedTuple):
-    """The linear smoother of one intensity, (k, 15) each."""
+    """The linear smoother of one intensity, (k, 15) and (k, 15, 15), velocities in body axes."""
 
     step: FloatArray
-    variance: FloatArray
+    covariance: FloatArray
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Spread:
-    """Linear smoothers of three intensities: a third of one, that, and three times it."""
-
-    low: _Level
-    here: _Level
-    high: _Level
-
-    @property
-    def slopes(self) -> tuple[FloatArray, ...]:
-        """``P'`` of each, by the parabola through logarithms of intensity and variance."""
-        a, b, c = (np.log(level.variance) for level in (self.low, self.here, self.high))
-        twice = (4 * b - 3 * a - c, c - a, 3 * c - 4 * b + a)
-        levels = zip(twice, (self.low, self.here, self.high), strict=True)
-        apart = 2 * np.log(_RATIO)
-        return tuple(slope.clip(0) / apart * level.variance for slope, level in levels)
-
-    @property
-    def too_loose(self) -> bool:
-        """Whether a third of the intensity would clearly lose less than the noise it saves."""
-        slope, slope_here, _ = self.slopes
-        P, P_here = self.low.variance, self.here.variance
-        noise = _noise_apart(P, slope, P_here, slope_here)
-        lost = ((self.here.step - self.low.step) ** 2 - noise) / P_here
-        saved = ((P_here - slope_here) - (P - slope)) / P_here
-        # A smooth motion loses by the square of one over the intensity: that at a third, less that
-        # here, is twice the square of the difference.
-        return bool(2 * lost[:, :3].mean() < _CLEARLY * saved[:, :3].mean())
-
-    @property
-    def usual(self) -> FloatArray:
-        """Median variance of each state, (15,)."""
-        return np.asarray(np.median(self.here.variance, axis=0))
-
-    @property
-    def told(self) -> FloatArray:
-        """Return what the variances of a usual keyframe are to be multiplied by, (15,)."""
-        _, slope, slope_high = self.slopes
-        P, P_high = self.here.variance, self.high.variance
-        noise = _noise_apart(P, slope, P_high, slope_high)
-        walk = P_high - (1 - 1 / _RATIO) * slope_high - P - noise
-        apart = (self.high.step - self.here.step) ** 2
-        moved = apart - noise
-        told = np.ones(STATE)
-        for i in _RULED:
-            usual = P[:, i] < _USUAL * self.usual[i]
-            share, doubt = _share(*(part[usual, i] / P[usual, i] for part in (moved, walk)))
-            told[i] = 1 - (slope[usual, i] / P[usual, i]).mean() * (1 - share)
-            # An intensity told by few epochs: without this a drawn walk's attitudes have NEES 3.17.
-            told[i] += (doubt / np.log(_RATIO)) ** 2 * (apart[usual, i] / P[usual, i]).mean()
-        return told
-
-
-def _noise_apart(
-    P: FloatArray, slope: FloatArray, P_high: FloatArray, slope_high: FloatArray
-) -> FloatArray:
-    """Return the variance of noise in the difference of two smoothers, intensities 1 to 3."""
-    common = (_RATIO * P - P_high) / (_RATIO - 1)
-    return (P - slope) + (P_high - slope_high) - 2 * common
-
-
-def _share(moved: FloatArray, walk: FloatArray) -> tuple[float, float]:
-    """Return how much of what a random walk would lose was lost, and how well that is told.
-
-    Of (k,) each; near 1 if unsure.
-    """
-    if not walk.mean() > 0:
-        return 1.0, 0.0
-    share = moved.mean() / walk.mean()
-    parts = [part.mean() for part in np.array_split(moved, _PARTS)]
-    doubt = np.std(parts, ddof=1) / np.sqrt(_PARTS) / walk.mean()
-    trust = _DOUBT**2 / (_DOUBT**2 + doubt**2)
-    return float(np.clip(1 + trust * (share - 1), 0.0, _LARGEST)), float(np.sqrt(trust) * doubt)
-
-
-def _spreads(keyframes: Keyframes) -> tuple[_Spread | None, _Spread | None]:
-    """Return linear smoothers about the flight's intensity, and about a third where that is better.
+def _told(keyframes: Keyframes) -> tuple[_Told | None, _Told | None]:
+    """Return what is told at the flight's intensity, and at a third where that is better.
 
     None where there is nothing to be told.
     """
+    known: dict[int, _Level] = {}
+
+    def around(place: int) -> Levels:
+        places = [place + int(at) for at in PLACES]
+        for at in places:
+            if at not in known:
+                known[at] = _level(blocks, [eliminated(block, RATIO**at) for block in blocks])
+        chosen = [known[at] for at in places]
+        return Levels(
+            step=np.array([one.step for one in chosen]),
+            covariance=np.array([one.covariance for one in chosen]),
+        )
+
     try:
-        blocks, level = _settled(keyframes)
-        low, high = (_level(blocks, factor) for factor in (1 / _RATIO, _RATIO))
-        here = _Spread(low, level, high)
-        if not here.too_loose:
-            return here, None
-        return here, _Spread(_level(blocks, _RATIO**-2), low, level)
-    except NoSolutionError:  # a block may leave open what the whole flight determines
+        blocks, known[0] = _settled(keyframes)
+        here = around(0)
+        return _Told.by(here), _Told.by(around(-HERE)) if here.too_loose else None
+    except (NoSolutionError, np.linalg.LinAlgError):
+        # A block may leave open what the whole flight determines, or all but rounding.
         return None, None
 
 
@@ -257,37 +199,37 @@ def _settled(keyframes: Keyframes) -> tuple[list[Block], _Level]:
         firsts = [int(first) for first in np.linspace(0, n - _BLOCK, _MOST // _BLOCK)]
         length = _BLOCK
     blocks = list(blocks_of(keyframes, firsts, length))
+    chains = [eliminated(block, 1.0) for block in blocks]
     for _ in range(_STEPS):
-        blocks = [stepped(block) for block in blocks]
-        here = _level(blocks, 1.0)
-        left = here.step[:, _TURNING] ** 2 / here.variance[:, _TURNING]
-        if left.mean() < _NEAR_SIGMAS**2:
+        blocks = [stepped(*pair) for pair in zip(blocks, chains, strict=True)]
+        chains = [eliminated(block, 1.0) for block in blocks]
+        here = _level(blocks, chains)
+        variance = np.einsum("kii->ki", here.covariance)[:, _TURNING]
+        if (here.step[:, _TURNING] ** 2 / variance).mean() < _NEAR_SIGMAS**2:
             return blocks, here
     raise NoSolutionError("intensity: rotations do not settle")
 
 
-def _level(blocks: list[Block], factor: float) -> _Level:
-    steps, variances = zip(*(_solved(block, factor) for block in blocks), strict=True)
-    return _Level(np.concatenate(steps), np.concatenate(variances))
+def _level(blocks: list[Block], chains: list[Chain]) -> _Level:
+    pairs = zip(blocks, chains, strict=True)
+    steps, covariances = zip(*(_solved(*pair) for pair in pairs), strict=True)
+    return _Level(np.concatenate(steps), np.concatenate(covariances))
 
 
-def _solved(block: Block, factor: float) -> tuple[FloatArray, FloatArray]:
-    """Return steps and variances of a block's inner keyframes, (k, 15) each."""
-    chain, last = eliminated(block, factor), len(block.rows) - 1
-    step, _ = chain.step(0, last)
-    covariance = chain.marginals(0, last).covariance[:, :STATE, :STATE]
+def _solved(block: Block, chain: Chain) -> tuple[FloatArray, FloatArray]:
+    """Return steps and covariances of a block's inner keyframes."""
+    last = len(block.rows) - 1
     inner = slice(_EDGE, last + 1 - _EDGE)
-    R_nb, step = block.states.R_nb[inner], step[inner, :STATE]
-    step[:, _VELOCITY] = np.einsum("nji,nj->ni", R_nb, step[:, _VELOCITY])
-    return step, _variances(R_nb, covariance[inner])
+    step, turn = chain.step(0, last)[0][inner, :STATE], _to_body(block.states.R_nb[inner])
+    covariance = chain.marginals(0, last).covariance[inner]
+    return np.einsum("kij,kj->ki", turn, step), turn @ covariance @ turn.swapaxes(1, 2)
 
 
-def _variances(R_nb: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return variances of states, (n, 15), those of velocity along the body axes.
+def _to_body(R_nb: FloatArray) -> FloatArray:
+    """Return what turns velocities of states to body axes, (n, 15, 15).
 
     Specific forces turned wrongly about one body axis move velocity along the other two.
     """
-    variance: FloatArray = np.einsum("nii->ni", covariance).copy()
-    own = covariance[:, _VELOCITY, _VELOCITY]
-    variance[:, _VELOCITY] = np.einsum("nji,nji->ni", R_nb, own @ R_nb)
-    return variance
+    turn = np.tile(np.eye(STATE), (len(R_nb), 1, 1))
+    turn[:, _VELOCITY, _VELOCITY] = R_nb.swapaxes(1, 2)
+    return turn

@@ -88,15 +88,9 @@ def log_likelihood(block: Block) -> float:
     return float(np.log(whitens).sum() - np.log(pivots).sum() - newest / 2 - least / 2)
 
 
-def stepped(block: Block) -> Block:
-    """Return a block where a step of Newton's method leads, what is known before it unmoved.
-
-    Raises
-    ------
-    NoSolutionError
-        As ``eliminated`` does.
-    """
-    steps, _ = eliminated(block, 1.0).step(0, len(block.rows) - 1)
+def stepped(block: Block, chain: Chain) -> Block:
+    """Return a block where a step of Newton's method leads, what is known before it unmoved."""
+    steps, _ = chain.step(0, len(block.rows) - 1)
     states = block.states.copied()
     move(block.states, steps, 0, states, 0, wholly=True)
     states.constants[:] += steps[0, STATE:]
