@@ -23,6 +23,9 @@ _SIGMAS = 5.0  # residuals of phase beyond are no noise
 _MOST_REJECTED = 0.02  # share of phases; with more the stated noise is not what ails them
 _LEAST_SHARE = 0.05  # of its own error that a residual must show, to tell noise by
 _MOST_APART = 1.5  # squared residuals of code against phase, over those against code alone
+_CLEARLY = 100.0  # of chi-square: who fits worse by more is wrong, however alike errors are
+_UNLIKELY = 0.01  # chance of being right that is not worth a thought
+_SLOW = 3  # degree in time of a drift
 _RESEMBLE = 0.05  # autocorrelation that still counts
 _DOUBT = 2.0  # an autocorrelation told by few minutes errs by half, and integers hang on it
 _NORMAL = 0.4549  # median of a squared normal variable of variance 1
@@ -74,6 +77,8 @@ class ArcAdjustment:
         How many times less averages of code tell than its noise says.
     shift_covariance_m2 : ndarray, shape (3, 3)
         Of what positions have in common with the errors of messages, and phase does not tell.
+    unsure_n_m : ndarray, shape (n, 3)
+        1-sigma of a shift that drifts over the flight, where two readings of the phases fit alike.
     """
 
     equations: PositionPhase
@@ -87,6 +92,7 @@ class ArcAdjustment:
     rejected: int
     code_thinning: float
     shift_covariance_m2: FloatArray
+    unsure_n_m: FloatArray
 
     def given(self, combinations: FloatArray, values_m: FloatArray) -> "ArcAdjustment":
         """Return the adjustment once combinations of constants are known.
@@ -147,6 +153,9 @@ def adjust_best(
 ) -> ArcAdjustment:
     """Adjust those of some equations, alike but for their phases, whose phases fit best.
 
+    Where the two best fit so nearly alike that either may be right, phases are taken between both,
+    as likely as each is, and how far positions of the one drift off those of the other is kept.
+
     Parameters
     ----------
     candidates : tuple of PositionPhase
@@ -166,7 +175,9 @@ def adjust_best(
         own = epochs_of(equations.single, names, code)
         drift = begun[0].drift if begun else _drift(own, common_m2)  # phases there are the same
         begun.append(_begun(equations, own, drift))
-    for one in sorted(begun, key=lambda one: one.misfit):
+    begun.sort(key=lambda one: one.misfit)
+    between = () if common_m2 is None else _between(begun, names)  # integers are of one of them
+    for one in (*between, *begun):
         try:
             return _finished(one)
         except NoSolutionError as error:
@@ -182,6 +193,15 @@ class _Begun:
     epochs: Epochs
     squares: FloatArray
     drift: Drift | None
+    residual_m: FloatArray
+    unsure_n_m: FloatArray
+
+    @property
+    def chi_square(self) -> float:
+        """Sum of squares of phase residuals in stated sigmas, large ones cut."""
+        phases = self.epochs.phases
+        squares = self.epochs.weight[:, phases] * self.residual_m[:, phases] ** 2
+        return float(np.minimum(squares, _SIGMAS**2).sum())
 
     @property
     def misfit(self) -> float:
@@ -212,7 +232,41 @@ def _begun(equations: PositionPhase, own: Epochs, drift: Drift | None) -> _Begun
         at = replace(at, residual_m=at.residual_m - drift.shown @ shift_m)
     squares = _shown(own, at)
     squares = squares if len(squares) else np.ones(1)  # nothing is checked
-    return _Begun(equations, own, squares, drift)
+    return _Begun(equations, own, squares, drift, at.residual_m, np.zeros((len(own.y), 3)))
+
+
+def _between(begun: list[_Begun], names: tuple[str, str]) -> tuple[_Begun, ...]:
+    """Return equations between the two that fit best, if either may be right."""
+    if len(begun) < 2:
+        return ()
+    best, other = begun[:2]
+    worse = other.chi_square - best.chi_square
+    if worse > _CLEARLY or not np.array_equal(best.epochs.arc, other.epochs.arc):
+        return ()
+    alike = 1 + 2 * _likeness(best.epochs, best.residual_m, best.epochs.phases)
+    noise = max(1.0, float(np.median(best.squares)) / _NORMAL) * alike
+    chance = 1 / (1 + np.exp(worse / noise / 2))
+    if chance < _UNLIKELY:
+        return ()
+    single, of_other = best.equations.single, other.equations.single
+    phase_m = (1 - chance) * single.phase_m + chance * of_other.phase_m
+    equations = replace(best.equations, single=replace(single, phase_m=phase_m))
+    own = epochs_of(equations.single, names, code_of(single))
+    unsure_n_m = np.sqrt(chance * (1 - chance)) * _drifting(best.epochs, other.epochs)
+    return (replace(_begun(equations, own, best.drift), unsure_n_m=unsure_n_m),)
+
+
+def _drifting(best: Epochs, other: Epochs) -> FloatArray:
+    """Return how positions of the other drift off those of the best, (n, 3).
+
+    Slowly: constants of arcs have the mean, and the rest comes and goes with attitudes.
+    """
+    apart = best._replace(y=other.y - best.y)
+    at = _adjusted(apart)
+    apart_n_m = _fitted(apart, at.cofactor, at.constant_m)[0][:, :3]
+    slow = np.polynomial.legendre.legvander(np.linspace(-1, 1, len(apart_n_m)), _SLOW)
+    found = np.linalg.lstsq(slow[at.solved], apart_n_m[at.solved], rcond=None)[0]
+    return np.asarray(slow[:, 1:] @ found[1:])
 
 
 def _finished(begun: _Begun) -> ArcAdjustment:
@@ -241,6 +295,7 @@ def _finished(begun: _Begun) -> ArcAdjustment:
             if begun.drift is None
             else begun.drift.covariance_m2(inflation * thinning)
         ),
+        unsure_n_m=begun.unsure_n_m,
     )
 
 

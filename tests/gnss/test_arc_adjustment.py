@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import NoSolutionError
-from fgnav.gnss.arc_adjustment import adjust_arcs
+from fgnav.gnss.arc_adjustment import adjust_arcs, adjust_best
 from fgnav.gnss.position_phase import position_phase
 from fgnav_sim.receiver_tables import MultipathTable, OutageTable, SlipsTable
 from tests.gnss.based import antenna_n_m, flown
@@ -113,3 +113,44 @@ def test_phase_that_drifts_off_the_code_is_refused():
     moved = replace(single, phase_m=single.phase_m + drift_m[:, None])
     with pytest.raises(NoSolutionError, match=r"code is .* times as far from it, squared"):
         adjust_arcs(replace(equations, single=moved), NAMES)
+
+
+def with_phases(equations, more_m):
+    """Return equations with something added to their phases."""
+    single = equations.single
+    return replace(equations, single=replace(single, phase_m=single.phase_m + more_m))
+
+
+def test_between_readings_of_phases_that_fit_alike_positions_are_half_way_and_unsure():
+    """The other reading only moves: nothing in its phases contradicts that."""
+    equations, drift_n_mps = (
+        position_phase(flown(base=None), base=False),
+        np.array([2e-3, 0, -1e-3]),
+    )
+    t_s = equations.single.t_s - equations.single.t_s.mean()
+    moving = with_phases(equations, -(equations.single.e_n @ drift_n_mps * t_s[:, None])[:, None])
+    found = adjust_best((equations, moving), NAMES, np.eye(3))
+    slope = np.polyfit(t_s, found.unsure_n_m, 1)[0]
+    np.testing.assert_allclose(np.abs(slope), np.abs(drift_n_mps) / 2, rtol=0, atol=1e-4)
+    alone = adjust_best((equations,), NAMES, np.eye(3)).positions().p_n_m
+    moved = np.polyfit(t_s, found.positions().p_n_m - alone, 1)[0]
+    np.testing.assert_allclose(moved, drift_n_mps / 2, rtol=0, atol=3e-4)
+
+
+def test_a_reading_that_clearly_fits_worse_makes_nothing_unsure():
+    equations = position_phase(flown(base=None), base=False)
+    noise_m = 0.01 * np.random.default_rng(0).standard_normal(equations.single.phase_m.shape)
+    for pair in (
+        (equations, with_phases(equations, noise_m)),
+        (with_phases(equations, noise_m), equations),
+    ):
+        found = adjust_best(pair, NAMES, np.eye(3))
+        assert not found.unsure_n_m.any()
+        assert found.equations is equations
+
+
+def test_against_a_base_phases_are_never_between_readings():
+    """Their integers are those of one."""
+    equations = position_phase(flown(base=None), base=False)
+    found = adjust_best((equations, with_phases(equations, 0.0)), NAMES)
+    assert not found.unsure_n_m.any()

@@ -101,6 +101,10 @@ def _of_code(flight: Flight, imu: Imu, start: Start, rates: Rates) -> AntennaMot
     if few is not None:
         few = at_accelerometer(few, rates, start.R_nb, arm_b_m)
     drift_per_s = code.drift_per_s[row]
+    drift_m2ps2 = drift_per_s @ best.drifting_m2[row] @ transpose(drift_per_s)
+    if best.unsure_n_m.any():
+        drift_n_mps = np.gradient(best.unsure_n_m, code.t_s, axis=0)[row]
+        drift_m2ps2 += drift_n_mps[:, :, None] * drift_n_mps[:, None, :]
     return AntennaMotion(
         name=antenna.name,
         position=replace(
@@ -108,8 +112,9 @@ def _of_code(flight: Flight, imu: Imu, start: Start, rates: Rates) -> AntennaMot
         ),
         velocity=_velocity(code.v_n_mps, code.velocity_covariance_m2ps2, row, found, arm_b_m),
         arcs_m2=best.arcs_m2[row],
-        common_m2=best.common_m2[row],
-        drift_m2ps2=drift_per_s @ best.drifting_m2[row] @ transpose(drift_per_s),
+        common_m2=best.common_m2[row]
+        + best.unsure_n_m[row, :, None] * best.unsure_n_m[row, None, :],
+        drift_m2ps2=drift_m2ps2,
         losses=(
             *code.losses,
             *best.losses,

@@ -31,6 +31,8 @@ class Positions:
         Number of that stretch, 0 the longest; -1 of positions by code.
     drifting_m2 : ndarray, shape (k, 3, 3)
         Of what is common, the part that moves on as the sky turns.
+    unsure_n_m : ndarray, shape (k, 3)
+        1-sigma of a shift that drifts over the flight, see ``ArcAdjustment``.
     fixed : ndarray of bool, shape (k,)
         Whether integers against the base are known.
     losses : tuple of Loss
@@ -44,6 +46,7 @@ class Positions:
     arcs_m2: FloatArray
     common_m2: FloatArray
     drifting_m2: FloatArray
+    unsure_n_m: FloatArray
     piece: IntArray
     fixed: BoolArray
     losses: tuple[Loss, ...] = ()
@@ -83,6 +86,7 @@ def positions(flight: Flight, code: CodeSolution, attitudes: Attitudes) -> Posit
         arcs_m2=np.zeros_like(code.position_noise_m2),
         common_m2=common_m2,
         drifting_m2=common_m2.copy(),
+        unsure_n_m=np.zeros_like(code.p_n_m),
         piece=np.full(len(code.t_s), -1),
         fixed=np.zeros(len(code.t_s), dtype=np.bool_),
     )
@@ -158,6 +162,7 @@ def _placed(
     _, piece, count = np.unique(found.piece, return_inverse=True, return_counts=True)
     out.piece[row] = np.argsort(np.argsort(-count, kind="stable"))[piece][at]
     out.drifting_m2[row] = adjustment.shift_covariance_m2
+    out.unsure_n_m[row] = adjustment.unsure_n_m[adjustment.solved][at]
     what, reason = "phase for positions", "off the others by more than noise"
     loss = Loss(what=what, reason=reason, count=adjustment.rejected)
     losses = (loss,) if loss.count else ()
