@@ -13,7 +13,7 @@ from scipy.special import chdtri
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.earth import C_MPS
 from fgnav.flight import Flight
-from fgnav.gnss.arc_adjustment import ArcAdjustment
+from fgnav.gnss.arc_solution import ArcAdjustment
 from fgnav.gnss.code_adjustment import growing
 from fgnav.gnss.code_model import code_channels, code_ranges
 from fgnav.gnss.satellites import angles, signal_paths

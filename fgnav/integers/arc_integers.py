@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.gnss.arc_adjustment import ArcAdjustment
+from fgnav.gnss.arc_solution import ArcAdjustment
 from fgnav.integers.partial import partial_integer_least_squares
 
 _FALSE_ALARM = 1e-4  # of the test of integers against the float solution

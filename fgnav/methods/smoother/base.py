@@ -6,7 +6,8 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
 from fgnav.flight import Flight
-from fgnav.gnss.arc_adjustment import ArcAdjustment, adjust_best
+from fgnav.gnss.arc_adjustment import adjust_best
+from fgnav.gnss.arc_solution import ArcAdjustment
 from fgnav.gnss.code_solution import CodeSolution
 from fgnav.gnss.position_phase import position_phase
 from fgnav.integers.arc_integers import ArcIntegers, resolve_arcs

@@ -24,6 +24,7 @@ from fgnav.methods.smoother.constants import (
 )
 from fgnav.methods.smoother.density import density_of_rough_attitudes
 from fgnav.methods.smoother.few import with_few
+from fgnav.methods.smoother.filling import filled, held_on
 from fgnav.methods.smoother.float_arcs import Floating, with_float_arcs
 from fgnav.methods.smoother.gaps import (
     LONGEST_GAP_S,
@@ -31,7 +32,6 @@ from fgnav.methods.smoother.gaps import (
     Bridged,
     BridgingPreintegrator,
     bridged,
-    carried,
     density_in_gaps,
     hardly_known,
     keyframe_times,
@@ -42,11 +42,10 @@ from fgnav.methods.smoother.gaps import (
 from fgnav.methods.smoother.gate import gated
 from fgnav.methods.smoother.keyframes import ArrayForm, Keyframes, Timed
 from fgnav.methods.smoother.pieces import in_pieces
-from fgnav.methods.smoother.preintegration import angular_rates, increments
+from fgnav.methods.smoother.preintegration import increments
 from fgnav.methods.smoother.rates import Rates
 from fgnav.methods.smoother.starts import Start, at_keyframes, start_of
 from fgnav.methods.smoother.surroundings import with_offsets
-from fgnav.rotations import exp, log, transpose
 
 _FEWEST = 5  # attitudes that tell how briskly a body turns
 
@@ -229,7 +228,7 @@ def _keyframes(imu: Imu, epochs: Start, *, causal: bool) -> tuple[Start, tuple[L
         if lost.any()
     )
     start = start[np.flatnonzero(covered & ~early)]
-    fill = _held_on if causal else _filled
+    fill = held_on if causal else filled
     R_nu = fill(start.t_s, start.R_nu, start.told)
     return replace(start, R_nb=spun(start.own, start.t_s, R_nu)), losses
 
@@ -250,7 +249,7 @@ def _floating(
     start, floating = with_float_arcs(start, settings.false_alarm, causal=settings.causal)
     if not floating.count:
         return start, floating
-    fill = _held_on if settings.causal else _filled
+    fill = held_on if settings.causal else filled
     return replace(start, R_nb=fill(start.t_s, start.R_nb, start.told)), floating
 
 
@@ -333,30 +332,6 @@ def _why(imu: Imu, start: Start, covered: BoolArray) -> str:
     if start.form is None and not start.told.any():
         return "with one antenna it takes Doppler or velocities, or a line of sight, to tell roll"
     return f"{int((covered & start.told).sum())} within the accelerometer's record"
-
-
-def _held_on(t_s: FloatArray, R_nb: FloatArray, told: BoolArray) -> FloatArray:
-    """Hold the last attitude where an epoch has none."""
-    return np.asarray(R_nb[np.maximum.accumulate(np.where(told, np.arange(len(t_s)), 0))])
-
-
-def _filled(t_s: FloatArray, R_nb: FloatArray, told: BoolArray) -> FloatArray:
-    """Turn where an epoch has no attitude by the cubic between its neighbours; hold the last one.
-
-    Evenly in gaps so long that the rates at their ends say nothing of their middle.
-    """
-    known = np.flatnonzero(told)
-    if len(known) == len(t_s):
-        return R_nb
-    rates = angular_rates(t_s[known], R_nb[known])
-    place = np.interp(t_s, t_s[known], np.arange(len(known)))
-    before = np.floor(place).astype(np.int64)
-    after = np.minimum(before + 1, len(known) - 1)
-    first, last, share = R_nb[known[before]], R_nb[known[after]], (place - before)[:, None]
-    span_s = (t_s[known[after]] - t_s[known[before]])[:, None]
-    cubic = carried(first, last, rates[before], rates[after], span_s, share)
-    even = first @ exp(share * log(transpose(first) @ last))
-    return np.asarray(np.where(span_s[:, None] <= 2 * LOST_S, cubic, even))
 
 
 def _start(

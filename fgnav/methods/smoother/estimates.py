@@ -6,7 +6,6 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.estimate import Estimate
-from fgnav.flight import Imu
 from fgnav.methods.smoother.collect import Collected
 from fgnav.methods.smoother.consistency import consistency
 from fgnav.methods.smoother.constants_found import arm_off, constants_found, sentence
@@ -187,10 +186,3 @@ def origin_motion(
         v_n_mps=solution.v_n_mps + np.einsum("nij,nj->ni", R_nb, swing_b_mps),
         velocity_covariance_m2ps2=B @ P @ B.swapaxes(1, 2),
     )
-
-
-def gyroscope_at(imu: Imu, t_s: FloatArray) -> FloatArray:
-    """Return what the gyroscope says at times, (n,), as (n, 3); 0 without one."""
-    if imu.w_b_radps is None:
-        return np.zeros((len(t_s), 3))
-    return np.stack([np.interp(t_s, imu.t_s, column) for column in imu.w_b_radps.T], axis=1)

@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.flight import Flight
-from fgnav.gnss.arc_adjustment import ArcAdjustment
+from fgnav.gnss.arc_solution import ArcAdjustment
 from fgnav.gnss.code_solution import CodeSolution
 from fgnav.gnss.few_satellites import Partial, few_positions, few_velocities
 from fgnav.methods.smoother.gaps import LOST_S

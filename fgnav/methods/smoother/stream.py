@@ -14,7 +14,7 @@ from fgnav.flight import Imu
 from fgnav.methods.smoother.constants import asked, of_vehicle
 from fgnav.methods.smoother.constants_found import constants_found
 from fgnav.methods.smoother.directions import Directions
-from fgnav.methods.smoother.estimates import gyroscope_at, stated
+from fgnav.methods.smoother.estimates import stated
 from fgnav.methods.smoother.keyframes import ArrayForm, Keyframes, Timed
 from fgnav.methods.smoother.preintegration import SUB_STEPS, Preintegrator, increments
 from fgnav.methods.smoother.surroundings import (
@@ -188,7 +188,7 @@ class Stream:
         self._latest = keyframes = self._keyframes(measurements)
         taken = self._window.update(keyframes, len(keyframes.t_s) - 1)
         self._last_s = measurements.t_s
-        self._told.append(gyroscope_at(measurements.imu, np.array([measurements.t_s]))[0])
+        self._told.append(keyframes.preintegrate.told_radps(keyframes.t_s[-1:])[0])
         estimate = self._estimate(taken)
         for _ in estimate.t_s:
             self._told.popleft()

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from fgnav.methods.smoother.batch import solve_batch
 from fgnav.methods.smoother.consistency import consistency
 from fgnav.methods.smoother.directions import Directions
-from fgnav.methods.smoother.estimates import gyroscope_at, origin_motion
+from fgnav.methods.smoother.estimates import origin_motion
 from fgnav.methods.smoother.observability import undetermined
 from fgnav.methods.smoother.residuals import residuals
 from fgnav.methods.smoother.window import solve_forward
@@ -156,4 +156,4 @@ def test_the_origin_moves_with_the_state_and_its_covariance_by_the_right_derivat
 
 
 def test_without_a_gyroscope_it_says_nothing(keyframes):
-    assert not gyroscope_at(keyframes.preintegrate.imu, keyframes.t_s).any()
+    assert not keyframes.preintegrate.told_radps(keyframes.t_s).any()

@@ -8,7 +8,8 @@ from fgnav import rotations
 from fgnav.attitude import RotationQuadratic
 from fgnav.flight import Imu
 from fgnav.integers.truth import Truth
-from fgnav.methods.smoother import Batch, Forward, collect, gaps
+from fgnav.methods.smoother import Batch, Forward, gaps
+from fgnav.methods.smoother.filling import filled, held_on
 from fgnav_sim.receiver_tables import OutageTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
@@ -241,8 +242,8 @@ def test_a_filter_holds_on_to_the_last_attitude_and_a_smoother_turns_to_the_next
     there[3:8] = False
     R_nb = rotations.exp(np.stack([t_s, 0 * t_s, 0 * t_s], axis=1))
     seen = np.where(there[:, None, None], R_nb, np.eye(3))
-    np.testing.assert_allclose(collect._held_on(t_s, seen, there)[3:8], np.tile(R_nb[2], (5, 1, 1)))
-    np.testing.assert_allclose(collect._filled(t_s, seen, there), R_nb, atol=1e-9)
+    np.testing.assert_allclose(held_on(t_s, seen, there)[3:8], np.tile(R_nb[2], (5, 1, 1)))
+    np.testing.assert_allclose(filled(t_s, seen, there), R_nb, atol=1e-9)
 
 
 def test_a_minute_without_satellites_leaves_a_filter_within_what_it_states():
