@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.methods.smoother.rotation_kernel import (
+from fgnav.rotation_kernel import (
     exp,
     inverse,
     product,

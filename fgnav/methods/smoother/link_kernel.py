@@ -6,8 +6,8 @@ What GTSAM's factors say, at a fifth of the time; the tests hold one against the
 import numpy as np
 from numba import njit
 
+from fgnav import rotation_kernel as rot
 from fgnav.checks import FloatArray, IntArray
-from fgnav.methods.smoother import rotation_kernel as rot
 from fgnav.methods.smoother.block_kernel import (
     NEXT,
     POSITION,

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from fgnav import rotation_kernel as rot
 from fgnav.checks import FloatArray, IntArray
-from fgnav.methods.smoother import rotation_kernel as rot
 from fgnav.methods.smoother.chain_kernel import cholesky, forward
 
 MOTION = 15  # rotation vector, position, velocity, slot

@@ -24,9 +24,9 @@ from fgnav.methods.smoother.constants import (
 )
 from fgnav.methods.smoother.directions import Directions
 from fgnav.methods.smoother.keyframes import Keyframes, Timed
-from fgnav.methods.smoother.rotation_kernel import right_jacobian
 from fgnav.methods.smoother.solution import Solution
 from fgnav.methods.smoother.surroundings import Heights, MagneticField
+from fgnav.rotation_kernel import right_jacobian
 from fgnav.rotations import exp, skew, transpose
 
 _STATE = 9  # rotation, position, velocity

@@ -1,0 +1,1 @@
+"""From a flight to a smoothing problem: keyframes, alignment, fault detection, measurements."""

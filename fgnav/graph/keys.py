@@ -1,0 +1,83 @@
+"""Names of the graph's variables, as GTSAM's symbols: a letter and a number in one integer."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, frozen, increasing
+
+_INDEX_BITS = 56  # gtsam::Symbol: the letter stands in the highest byte
+
+
+def pose(k: int) -> int:
+    """Return the key of keyframe k's pose: accelerometer in ``n``, ``gtsam.Pose3``."""
+    return _symbol("x", k)
+
+
+def velocity(k: int) -> int:
+    """Return the key of keyframe k's velocity of the accelerometer, (3,), m/s, ``n``."""
+    return _symbol("v", k)
+
+
+def imu_bias(k: int) -> int:
+    """Return the key of keyframe k's biases, ``gtsam.imuBias.ConstantBias``; with a gyroscope."""
+    return _symbol("b", k)
+
+
+def angular_motion(k: int) -> int:
+    """Return the key of keyframe k's vector, (12,), of a flight without a gyroscope.
+
+    Accelerometer bias, body rate w, then ``T0`` times its first and ``T0**2`` times its second
+    derivative, ``T0`` 0.1 s.
+    """
+    return _symbol("m", k)
+
+
+def constant(i: int) -> int:
+    """Return the key of the flight's i-th constant, a vector."""
+    return _symbol("c", i)
+
+
+def letter(key: int) -> str:
+    """Return the letter of a key."""
+    return chr(key >> _INDEX_BITS)
+
+
+def index(key: int) -> int:
+    """Return the number of a key."""
+    return key & ((1 << _INDEX_BITS) - 1)
+
+
+def _symbol(name: str, number: int) -> int:
+    if not 0 <= number < 1 << _INDEX_BITS:
+        raise BadInputError(f"key {name}({number}): the number must be 0 or more")
+    return ord(name) << _INDEX_BITS | int(number)
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Timeline:
+    """When the keyframes of a graph are: what a source of factors of one's own is given.
+
+    Keyframe k stands at ``t_s[k]``; its variables are ``pose(k)``, ``velocity(k)`` and, with a
+    gyroscope, ``imu_bias(k)``, else ``angular_motion(k)``.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (n,)
+        Strictly increasing.
+    gyroscope : bool
+        Whether the flight has one.
+    """
+
+    t_s: FloatArray
+    gyroscope: bool
+
+    def __post_init__(self) -> None:
+        """Check and freeze the times."""
+        t_s = frozen("timeline t_s", self.t_s, (None,))
+        increasing("timeline t_s", t_s)
+        object.__setattr__(self, "t_s", t_s)
+
+    def nearest(self, t_s: float) -> int:
+        """Return the keyframe nearest to a time."""
+        return int(np.abs(self.t_s - t_s).argmin())

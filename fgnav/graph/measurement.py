@@ -1,0 +1,63 @@
+"""What every sensor's factor states, and who reads it."""
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph.states import States
+
+if TYPE_CHECKING:
+    import gtsam
+
+
+class Linearised(NamedTuple):
+    """Whitened residuals of k measurements where states stand, and their derivatives."""
+
+    value: FloatArray  # (k, m)
+    state: FloatArray  # (k, m, D), by the tangent of their keyframe
+    shared: FloatArray  # (k, m, b), by the constants
+
+
+_Self = TypeVar("_Self", bound="Measurement")
+
+
+class Measurement(Protocol):
+    """All measurements of one sensor in a flight, k of them, each of one keyframe.
+
+    The one statement of the sensor's model: GTSAM's factors, the compiled chain, innovations and
+    reports read it.
+    """
+
+    @property
+    def name(self) -> str:
+        """What reports call it: ``"position"``."""
+        ...
+
+    @property
+    def row(self) -> IntArray:
+        """Keyframes that have one, (k,), increasing."""
+        ...
+
+    @property
+    def freedom(self) -> IntArray:
+        """How many of the residual's dimensions each one tells, (k,)."""
+        ...
+
+    def linearise(self, at: States, which: IntArray) -> Linearised:
+        """Return whitened residuals of some of the measurements, (j,).
+
+        Parameters
+        ----------
+        at : States
+            Of their keyframes: row i of it belongs to measurement ``which[i]``.
+        which : ndarray of int, shape (j,)
+            Rows of this sensor's own arrays.
+        """
+        ...
+
+    def factor(self, i: int, key: int) -> "gtsam.NonlinearFactor":
+        """Return measurement i as GTSAM's factor of keyframe ``key``."""
+        ...
+
+    def on(self: _Self, row: IntArray) -> _Self:
+        """Return the same measurements at other rows, (k,): of a timeline with more keyframes."""
+        ...

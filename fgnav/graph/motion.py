@@ -1,0 +1,61 @@
+"""What leads from one keyframe to the next, with or without a gyroscope."""
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph.states import States
+
+if TYPE_CHECKING:
+    import gtsam
+
+
+class LinearisedMotion(NamedTuple):
+    """Whitened residuals of j intervals, and their derivatives by both states and the constants."""
+
+    value: FloatArray  # (j, D)
+    before: FloatArray  # (j, D, D)
+    after: FloatArray  # (j, D, D)
+    shared: FloatArray  # (j, D, b)
+
+
+class Motion(Protocol):
+    """The motion between the keyframes of a flight; interval k leads from keyframe k to k + 1."""
+
+    @property
+    def aux(self) -> int:
+        """Dimensions of ``States.aux``: 6 with a gyroscope, 12 without."""
+        ...
+
+    @property
+    def t_s(self) -> FloatArray:
+        """Keyframes, (n,)."""
+        ...
+
+    def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
+        """Return whitened residuals of some intervals, (j,), between states, j of each."""
+        ...
+
+    def predict(self, before: States, intervals: IntArray) -> States:
+        """Return the states that intervals, (j,), lead to from others, j of them."""
+        ...
+
+    def rates_b_radps(self, t_s: FloatArray, aux: FloatArray) -> FloatArray:
+        """Return body rates against inertial space, (m, 3), at times with states' ``aux``."""
+        ...
+
+    def prior(self, constants: int) -> tuple[FloatArray, FloatArray]:
+        """Return mean, (aux,), and whitening rows of the first keyframe's ``aux``.
+
+        Rows, (aux, aux + b): ``rows @ (aux - mean, constants)`` is white; ``constants`` is b.
+        """
+        ...
+
+    def factors(
+        self, k: int, key_before: int, key_after: int, about: States
+    ) -> "tuple[gtsam.NonlinearFactor, ...]":
+        """Return interval k as GTSAM's factors between two keyframes, about one state, row 0."""
+        ...
+
+    def at_times(self, t_s: FloatArray) -> "Motion":
+        """Return the same motion between other keyframes, (m,), the present ones among them."""
+        ...

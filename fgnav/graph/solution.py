@@ -1,0 +1,53 @@
+"""What solving yields: states at keyframes, constants, and how well both are known."""
+
+from dataclasses import dataclass
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph.states import States
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Solution:
+    """States of n keyframes with their covariances, D dimensions each.
+
+    Attributes
+    ----------
+    states : States
+        Its constants are as known by all that was used.
+    covariance : ndarray, shape (n, D, D)
+        Tangents as in ``states``: rotation, position in body axes; velocity in ``n``; ``aux``.
+    cross : ndarray, shape (n - 1, D, D), or None
+        Covariance of each state with the next; None of states that are not of one smoothing.
+    constant_covariance : ndarray, shape (n, b, b)
+        Of the constants at each keyframe: what was known of them by then, of a window; else the
+        same everywhere.
+    constant_cross : ndarray, shape (n, D, b)
+        Of each state with the constants.
+    converged : bool
+    cost : float
+        Sum of all whitened residuals squared; NaN of what is not one minimum.
+    updates : int
+        Updates of GTSAM's smoother, or iterations of a batch.
+    """
+
+    states: States
+    covariance: FloatArray
+    cross: FloatArray | None
+    constant_covariance: FloatArray
+    constant_cross: FloatArray
+    converged: bool
+    cost: float = float("nan")
+    updates: int = 0
+
+    def __getitem__(self, rows: IntArray) -> "Solution":
+        """Return some of the states, (m,) of them, without their neighbours."""
+        return Solution(
+            states=self.states.at(rows),
+            covariance=self.covariance[rows],
+            cross=None,
+            constant_covariance=self.constant_covariance[rows],
+            constant_cross=self.constant_cross[rows],
+            converged=self.converged,
+            cost=self.cost,
+            updates=self.updates,
+        )

@@ -1,0 +1,64 @@
+"""States of keyframes as arrays, their tangent, and steps along it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.rotations import exp
+
+# Where the parts of a keyframe's tangent stand, in GTSAM's order: the pose's rotation, its position
+# (both in body axes), velocity in n, then the vector ``aux``: accelerometer bias and, with a
+# gyroscope, its bias (6); else rate, T0 * its first and T0**2 * its second derivative (12).
+ROTATION, POSITION, VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9)
+ACCELEROMETER_BIAS, RATE = slice(9, 12), slice(12, 15)  # RATE: of the gyroscope's bias with one
+AUX = 9
+DERIVATIVE_SCALE_S = 0.1  # T0: makes rate and derivatives alike in size
+
+
+class States(NamedTuple):
+    """Where n keyframes are linearised; constants belong to all of them.
+
+    The body point is the accelerometer.
+    """
+
+    R_nb: FloatArray  # (n, 3, 3)
+    p_n_m: FloatArray  # (n, 3)
+    v_n_mps: FloatArray  # (n, 3)
+    aux: FloatArray  # (n, 6) with a gyroscope, (n, 12) without
+    constants: FloatArray  # (b,)
+
+    @property
+    def width(self) -> int:
+        """Dimensions of one keyframe's tangent, 15 or 21."""
+        return AUX + int(self.aux.shape[1])
+
+    def at(self, rows: IntArray | slice) -> "States":
+        """Return some keyframes, with the constants of all."""
+        return States(
+            R_nb=self.R_nb[rows],
+            p_n_m=self.p_n_m[rows],
+            v_n_mps=self.v_n_mps[rows],
+            aux=self.aux[rows],
+            constants=self.constants,
+        )
+
+    def copied(self) -> "States":
+        """Return the same in memory of its own."""
+        return States._make(np.array(part, order="C") for part in self)
+
+    def moved(self, steps: FloatArray, constant_steps: FloatArray) -> "States":
+        """Return the states a step away, (n, D) along their tangents and (b,)."""
+        return States(
+            R_nb=self.R_nb @ exp(steps[:, ROTATION]),
+            p_n_m=self.p_n_m + np.einsum("nij,nj->ni", self.R_nb, steps[:, POSITION]),
+            v_n_mps=self.v_n_mps + steps[:, VELOCITY],
+            aux=self.aux + steps[:, AUX:],
+            constants=self.constants + constant_steps,
+        )
+
+
+def joined(parts: list[States]) -> States:
+    """Return states one after another, with the constants of the last part."""
+    own = (np.concatenate([part[i] for part in parts]) for i in range(4))
+    return States._make((*own, parts[-1].constants))

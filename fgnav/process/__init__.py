@@ -1,0 +1,1 @@
+"""How a body turns when nobody measures its rate: the Matern prior and its evidence."""
