@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from fgnav.checks import FgnavError
-    from fgnav.estimate import Estimate, Estimator
+    from fgnav.estimate import Estimator
     from fgnav.evaluation.comparison import Comparison
     from fgnav.flight import Flight
 
@@ -109,6 +110,18 @@ LagSeconds = Annotated[
         "default is 5."
     ),
 ]
+SolverName = Annotated[
+    str | None,
+    Parameter(help="Who solves the smoother's graph: gtsam (its default) or chain, compiled."),
+]
+FactorNames = Annotated[
+    str,
+    Parameter(help="Installed sources of factors of your own for the smoother, by commas."),
+]
+CausalFlag = Annotated[
+    bool,
+    Parameter(help="Let the smoother know nothing beyond its lag, settings included.", negative=""),
+]
 TuneFlag = Annotated[
     bool,
     Parameter(
@@ -149,6 +162,9 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     gravity: GravityName = None,
     estimate: EstimateWords = "",
     lag: LagSeconds = None,
+    solver: SolverName = None,
+    factors: FactorNames = "",
+    causal: CausalFlag = False,
     tune: TuneFlag = False,
     at: TimesFile = None,
     rate: RateHz = None,
@@ -174,13 +190,11 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     from fgnav.methods.at_times import at_times  # noqa: PLC0415
 
     check_places(json)
-    named = _estimators(method, integers, gravity, estimate, lag)
-    estimators = [at_times(one, at, rate) for one in named]
-    if tune:
-        estimators = _tuned(estimators, integers)
+    asked = _Asked(gravity, estimate, lag, solver, factors, causal)
+    estimators = [at_times(one, at, rate) for one in _estimators(method, integers, asked)]
     if len(estimators) > 1:
         raise BadInputError(f"--method {method}: run takes one method; compare takes several")
-    data, comparison = _compare(flight, estimators)
+    data, comparison = _compare(flight, estimators, integers if tune else None)
     outcome = comparison.methods[0]
     if outcome.estimate is None:
         raise NoSolutionError(f"{outcome.name}: {outcome.score.failure}")
@@ -211,6 +225,9 @@ def compare(  # noqa: PLR0913  # a command has as many options as it takes
     gravity: GravityName = None,
     estimate: EstimateWords = "",
     lag: LagSeconds = None,
+    solver: SolverName = None,
+    factors: FactorNames = "",
+    causal: CausalFlag = False,
     tune: TuneFlag = False,
     json: JsonFile = None,
     report: Path | None = None,
@@ -234,10 +251,9 @@ def compare(  # noqa: PLR0913  # a command has as many options as it takes
     check_places(json)
     if report is not None:
         check_figure(report)
-    estimators = _estimators(method, integers, gravity, estimate, lag)
-    if tune:
-        estimators = _tuned(estimators, integers)
-    _, comparison = _compare(flight, estimators)
+    asked = _Asked(gravity, estimate, lag, solver, factors, causal)
+    estimators = _estimators(method, integers, asked)
+    _, comparison = _compare(flight, estimators, integers if tune else None)
     write_json(json, comparison.to_dict())
     if json != "-":
         show_comparison(comparison)
@@ -323,22 +339,6 @@ def _fail(error: object, status: int) -> int:
     return status
 
 
-@dataclass(frozen=True, slots=True)
-class _Watched:
-    """An estimator that shows while it works."""
-
-    estimator: "Estimator"
-    progress: "Progress"
-
-    @property
-    def name(self) -> str:
-        return self.estimator.name
-
-    def __call__(self, flight: "Flight") -> "Estimate":
-        with step(self.progress, self.name):
-            return self.estimator(flight)
-
-
 def _loss_lines(flight: "Flight") -> list[str]:
     from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415
 
@@ -356,29 +356,49 @@ def _loading() -> Iterator[None]:
         gc.enable()
 
 
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What the command line says of smoothers, as text."""
+
+    gravity: str | None
+    estimate: str
+    lag_s: float | None
+    solver: str | None
+    factors: str
+    causal: bool
+
+
 @_loading()
-def _estimators(
-    methods: str, integers: str, gravity: str | None, estimate: str, lag_s: float | None
-) -> "list[Estimator]":
-    """Return the methods of a comma-separated list, all with one resolver and one gravity."""
+def _estimators(methods: str, integers: str, asked: _Asked) -> "list[Estimator]":
+    """Return the methods of a comma-separated list, all with one resolver and the same options."""
     from fgnav.checks import BadInputError  # noqa: PLC0415
     from fgnav.gravity import gravity_named  # noqa: PLC0415
     from fgnav.integers.registry import resolver_named  # noqa: PLC0415
-    from fgnav.methods import WITH_GRAVITY, WITH_LAG, method_named  # noqa: PLC0415
+    from fgnav.methods import SMOOTHERS, WITH_LAG, Options, method_named  # noqa: PLC0415
 
-    resolver = resolver_named(integers)
-    down = None if gravity is None else gravity_named(gravity)
-    words = _words(estimate)
-    names = list(_words(methods))
+    resolver, names = resolver_named(integers), list(_words(methods))
+    options = Options(
+        gravity=None if asked.gravity is None else gravity_named(asked.gravity),
+        estimate=_words(asked.estimate),
+        factors=_words(asked.factors),
+        solver=asked.solver,
+        causal=asked.causal,
+        lag_s=asked.lag_s,
+    )
     if not names:
         raise BadInputError(f"--method: names no method, got {methods!r}")
-    if down is not None and not set(names) & set(WITH_GRAVITY):
-        raise BadInputError(f"--gravity: only {', '.join(WITH_GRAVITY)} use it, got {methods!r}")
-    if words and not set(names) & set(WITH_GRAVITY):
-        raise BadInputError(f"--estimate: only {', '.join(WITH_GRAVITY)} do it, got {methods!r}")
-    if lag_s is not None and not set(names) & set(WITH_LAG):
-        raise BadInputError(f"--lag: only {', '.join(WITH_LAG)} has one, got {methods!r}")
-    return [method_named(name, resolver, down, words, lag_s) for name in names]
+    takers = {
+        "--gravity": (options.gravity is not None, SMOOTHERS),
+        "--estimate": (bool(options.estimate), SMOOTHERS),
+        "--factors": (bool(options.factors), SMOOTHERS),
+        "--solver": (options.solver is not None, SMOOTHERS),
+        "--causal": (options.causal, ("smoother",)),
+        "--lag": (options.lag_s is not None, WITH_LAG),
+    }
+    for option, (is_given, taken_by) in takers.items():
+        if is_given and not set(names) & set(taken_by):
+            raise BadInputError(f"{option}: only {', '.join(taken_by)} takes it, got {methods!r}")
+    return [method_named(name, resolver, options) for name in names]
 
 
 def _words(text: str) -> tuple[str, ...]:
@@ -386,22 +406,24 @@ def _words(text: str) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(",") if word.strip())
 
 
-def _tuned(estimators: "list[Estimator]", integers: str) -> "list[Estimator]":
-    """Return the methods on a flight whose noise was told from it, once for all."""
-    from fgnav.integers.registry import resolver_named  # noqa: PLC0415
-    from fgnav.methods.smoother.tune import Tuned  # noqa: PLC0415
-
-    resolver = resolver_named(integers)
-    return [Tuned(method, resolver) for method in estimators]
-
-
-def _compare(folder: Path, estimators: "list[Estimator]") -> "tuple[Flight, Comparison]":
-    """Read a flight and compare methods on it, showing each step."""
+def _compare(
+    folder: Path, estimators: "list[Estimator]", tuned_by: str | None
+) -> "tuple[Flight, Comparison]":
+    """Read a flight and compare methods on it, showing each step; tune its noise first if asked."""
     from fgnav.evaluation.comparison import compare as compare_methods  # noqa: PLC0415
 
     with progress() as shown:
         flight = _load(folder, shown)
-        return flight, compare_methods(flight, [_Watched(e, shown) for e in estimators])
+        notes: tuple[str, ...] = ()
+        if tuned_by is not None:
+            from fgnav.integers.registry import resolver_named  # noqa: PLC0415
+            from fgnav.methods.tuned import tuned  # noqa: PLC0415
+
+            with step(shown, "tuning"):
+                found = tuned(flight, resolver_named(tuned_by))
+            flight, notes = found.flight, found.notes
+        watch = partial(step, shown)
+        return flight, compare_methods(flight, estimators, watch=watch).noted(notes)
 
 
 def _load(folder: Path, shown: "Progress") -> "Flight":

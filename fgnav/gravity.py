@@ -4,7 +4,7 @@ Third parties add estimators through the entry-point group ``fgnav.gravity``: a 
 arguments that returns a ``GravityEstimator``.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +17,8 @@ from fgnav.rotations import skew
 
 GROUP = "fgnav.gravity"
 ESTIMATORS = {"low-dynamics": "fgnav.gravity:LowDynamics"}
+
+_HELD_INTERVALS = 1.5  # of the accelerometer: its last sample holds as long
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -57,6 +59,8 @@ class GravityEstimator(Protocol):
     def name(self) -> str:
         """Short label, as the reports know it."""
         ...
+
+    # ``looks_ahead``, where it has it: whether an answer may depend on what comes after its time.
 
     def __call__(self, flight: Flight) -> GravityDirection:
         """Estimate; what has no answer is left out and counted as a loss."""
@@ -99,12 +103,16 @@ class LowDynamics:
         Root mean square of the samples about their mean that still counts as steady.
     acceleration_mps2 : float
         Standard deviation, per axis, of acceleration that passes both tests.
+    causal : bool
+        An answer stands at the first sample after its window, when all of it is known, instead of
+        at its middle; what may have turned since is stated as noise.
     """
 
     window_s: float = 0.5
     size_tolerance_mps2: float = 0.3
     steadiness_mps2: float = 0.3
     acceleration_mps2: float = 0.5  # 3 degrees
+    causal: bool = False
     name: str = "low-dynamics"
 
     def __post_init__(self) -> None:
@@ -112,8 +120,13 @@ class LowDynamics:
         for name in ("window_s", "size_tolerance_mps2", "steadiness_mps2", "acceleration_mps2"):
             positive(f"low dynamics {name}", getattr(self, name))
 
+    @property
+    def looks_ahead(self) -> bool:
+        """Return whether an answer stands before the end of what it is made of."""
+        return not self.causal
+
     def __call__(self, flight: Flight) -> GravityDirection:
-        """Estimate at the middle of each window.
+        """Estimate at the middle of each window, or after it.
 
         Raises
         ------
@@ -144,17 +157,49 @@ class LowDynamics:
             if lost.any()
         )
         keep = ~(wrong_size | restless)
+        if self.causal:
+            keep[-1] = False  # nothing says that the last window is complete
         g_b = -mean[keep] / size[keep, None]
         white = imu.accelerometer_noise_mps2_per_sqrt_hz**2 / self.window_s
         constant = imu.accelerometer_bias_mps2**2 + self.acceleration_mps2**2
-        variance = (white + constant) / g_mps2**2
-        t_s = np.add.reduceat(imu.t_s, start)[keep] / count[keep]
+        variance = np.full(len(g_b), (white + constant) / g_mps2**2)
+        t_s = np.add.reduceat(imu.t_s, start) / count
+        if self.causal:
+            t_s = imu.t_s[np.append(start[1:], 0)]
+            # steady turning that spreads samples by s about their mean is sqrt(3) s off at the end
+            variance += 3 * spread[keep] ** 2 / g_mps2**2
         across = np.eye(3) - g_b[:, :, None] * g_b[:, None, :]
-        return GravityDirection(t_s=t_s, g_b=g_b, covariance=variance * across, losses=losses)
+        return GravityDirection(
+            t_s=t_s[keep], g_b=g_b, covariance=variance[:, None, None] * across, losses=losses
+        )
+
+
+def causal_gravity(estimator: GravityEstimator) -> GravityEstimator:
+    """Return an estimator whose answers are made of what came before them.
+
+    Raises
+    ------
+    BadInputError
+        If there is none, naming what to take instead.
+    """
+    if not getattr(estimator, "looks_ahead", True):
+        return estimator
+    if isinstance(estimator, LowDynamics):
+        return replace(estimator, causal=True)
+    raise BadInputError(
+        f"gravity {estimator.name!r}: its answers depend on what comes after them; for causal "
+        "estimates take 'low-dynamics', or state looks_ahead = False where they do not"
+    )
 
 
 def specific_force_pair(
-    imu: Imu, origin: Origin, t_s: FloatArray, p_n_m: FloatArray, v_n_mps: FloatArray
+    imu: Imu,
+    origin: Origin,
+    t_s: FloatArray,
+    p_n_m: FloatArray,
+    v_n_mps: FloatArray,
+    *,
+    causal: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
     """Return specific force in local and in body axes, m/s2, (n, 3) each: one vector, two frames.
 
@@ -171,6 +216,9 @@ def specific_force_pair(
     t_s : ndarray, shape (n,)
         Epochs of positions and velocities, strictly increasing.
     p_n_m, v_n_mps : ndarray, shape (n, 3)
+    causal : bool
+        Each epoch by what is known by then: the span is that from the epoch before, and the
+        accelerometer's last sample holds until the epoch. The pair is that of the span's middle.
 
     Returns
     -------
@@ -180,14 +228,33 @@ def specific_force_pair(
     f_n_mps2, f_b_mps2 = np.full((2, len(t_s), 3), np.nan)
     if len(t_s) < 3:
         return f_n_mps2, f_b_mps2
-    first, last = t_s[:-2], t_s[2:]
-    span_s = (last - first)[:, None]
-    coriolis = 2 * v_n_mps[1:-1] @ skew(origin.earth_rate_n_radps[None])[0].T
-    f_n_mps2[1:-1] = (v_n_mps[2:] - v_n_mps[:-2]) / span_s + coriolis
-    f_n_mps2[1:-1] -= origin.gravity_n_mps2(p_n_m)[1:-1]
     middles = (imu.f_b_mps2[1:] + imu.f_b_mps2[:-1]) / 2 * np.diff(imu.t_s)[:, None]
     integral = np.vstack([np.zeros(3), np.cumsum(middles, axis=0)])
+    coriolis = 2 * v_n_mps @ skew(origin.earth_rate_n_radps[None])[0].T
+    against_n_mps2 = coriolis - origin.gravity_n_mps2(p_n_m)
+    if causal:
+        span_s = np.diff(t_s)[:, None]
+        f_n_mps2[1:] = np.diff(v_n_mps, axis=0) / span_s
+        f_n_mps2[1:] += (against_n_mps2[1:] + against_n_mps2[:-1]) / 2
+        f_b_mps2[1:] = np.diff(_integral_so_far(imu, integral, t_s), axis=0) / span_s
+        return f_n_mps2, f_b_mps2
+    first, last = t_s[:-2], t_s[2:]
+    span_s = (last - first)[:, None]
+    f_n_mps2[1:-1] = (v_n_mps[2:] - v_n_mps[:-2]) / span_s + against_n_mps2[1:-1]
     gained = [np.interp(last, imu.t_s, x) - np.interp(first, imu.t_s, x) for x in integral.T]
     covered = (first >= imu.t_s[0]) & (last <= imu.t_s[-1])
     f_b_mps2[1:-1] = np.where(covered[:, None], np.stack(gained, axis=1) / span_s, np.nan)
     return f_n_mps2, f_b_mps2
+
+
+def _integral_so_far(imu: Imu, integral: FloatArray, t_s: FloatArray) -> FloatArray:
+    """Return specific force integrated up to times, (n, 3), by the samples before each.
+
+    NaN before the first sample, and later than one and a half intervals after the last.
+    """
+    last = np.searchsorted(imu.t_s, t_s, side="right") - 1
+    at = last.clip(1)
+    held_s = (t_s - imu.t_s[at])[:, None]
+    usual_s = (imu.t_s[at] - imu.t_s[at - 1])[:, None]
+    there = (last >= 1)[:, None] & (held_s <= _HELD_INTERVALS * usual_s)
+    return np.where(there, integral[at] + imu.f_b_mps2[at] * held_s, np.nan)

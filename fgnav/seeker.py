@@ -47,7 +47,9 @@ class LineOfSight:
         return np.asarray(self.sigma_rad**2 * across)
 
 
-def line_of_sight(seeker: Seeker, sigma_rad: float = LINE_OF_SIGHT_SIGMA_RAD) -> LineOfSight:
+def line_of_sight(
+    seeker: Seeker, sigma_rad: float = LINE_OF_SIGHT_SIGMA_RAD, *, causal: bool = False
+) -> LineOfSight:
     """Reconstruct the line of sight from photocurrents (Eqs. 34-36) [1]_.
 
     The spot sits at ``R_det f(r_quad) l / r_quad`` with ``l = (ln I4/I2, ln I1/I3)``, and the
@@ -59,13 +61,16 @@ def line_of_sight(seeker: Seeker, sigma_rad: float = LINE_OF_SIGHT_SIGMA_RAD) ->
     seeker : Seeker
     sigma_rad : float
         Standard deviation of the direction; recordings do not state it.
+    causal : bool
+        Each sample by samples up to it alone: the electronics' limit shows when the largest current
+        so far comes for the third time, and the first two times are not recognised.
 
     References
     ----------
     .. [1] Neural Networks for Estimating Attitude, Line of Sight, and GNSS Ambiguity Through
        Onboard Sensor Fusion, Sensors, 2025, Eqs. 34-36 and Table 3.
     """
-    lit, cut = seeker.currents.min(axis=1) > 0, _cut(seeker.currents)
+    lit, cut = seeker.currents.min(axis=1) > 0, _cut(seeker.currents, causal=causal)
     logarithm = np.log(np.where(lit[:, None], seeker.currents, 1.0))
     quadrants = np.stack(
         [logarithm[:, 3] - logarithm[:, 1], logarithm[:, 0] - logarithm[:, 2]], axis=1
@@ -92,14 +97,29 @@ def line_of_sight(seeker: Seeker, sigma_rad: float = LINE_OF_SIGHT_SIGMA_RAD) ->
     return LineOfSight(t_s=seeker.t_s[seen], e_b=e_b, sigma_rad=sigma_rad, losses=losses)
 
 
-def _cut(currents: FloatArray) -> BoolArray:
+def _cut(currents: FloatArray, *, causal: bool = False) -> BoolArray:
     """Return which samples have a current that was cut at a limit nobody states, (k,).
 
     Where the largest of all currents comes time and again while others change, it is the limit.
     """
+    if causal:
+        return _cut_so_far(currents)
     cut: BoolArray = (currents == currents.max(initial=0.0)).any(axis=1)
     stands = cut.sum() >= _REPEATED and np.ptp(currents[cut], axis=0).any()
     return np.asarray(cut & stands)
+
+
+def _cut_so_far(currents: FloatArray) -> BoolArray:
+    """Return the same, (k,), with the largest of the currents up to each sample."""
+    largest = currents.max(axis=1, initial=0.0)
+    limit = np.maximum.accumulate(largest)
+    out = np.zeros(len(currents), dtype=np.bool_)
+    values, counts = np.unique(limit[largest == limit], return_counts=True)
+    for value in values[counts >= _REPEATED]:
+        rows = np.flatnonzero((limit == value) & (largest == value))
+        changed = np.cumsum((currents[rows] != currents[rows[0]]).any(axis=1)) > 0
+        out[rows] = changed & (np.arange(1, len(rows) + 1) >= _REPEATED)
+    return out
 
 
 def spot_fraction(calibration: FloatArray, r_quad: FloatArray) -> FloatArray:

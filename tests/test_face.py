@@ -24,13 +24,3 @@ def test_importing_the_library_brings_nothing_heavy():
     code = "import fgnav, sys; print(sorted({'numpy','numba','gtsam','scipy'} & set(sys.modules)))"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "[]"
-
-
-def test_the_smoother_loads_without_gtsam_and_most_of_scipy():
-    """They would take a quarter of a second each time."""
-    code = (
-        "import sys, fgnav.methods.smoother;"
-        "print(sorted({'gtsam', 'scipy.interpolate', 'scipy.optimize'} & set(sys.modules)))"
-    )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "[]"

@@ -14,6 +14,9 @@ _ITERATIONS = 100  # a well-posed epoch needs four; the weakest creep
 _RESTARTS = 8  # of 24 starts of a doubtful epoch, the most likely
 _STEP_SIGMAS = 1e-4  # a Gauss-Newton step below this share of the standard deviation is the last
 _LOUDER, _LOUDEST = 4 / 3, 9.0  # variance factors that are believed
+# Degrees of freedom of epochs whose median chi-square tells a third: its standard deviation is
+# 1.25 sqrt(2 / freedom) then (normal distribution), a third of that third.
+_TELLING = 2 * (1.25 / ((_LOUDER - 1) / 3)) ** 2
 _ALONG_AXIS = 1e-3  # rad: an open direction this close to a body axis is that axis
 
 
@@ -43,10 +46,12 @@ class AttitudeSolution:
     solved: BoolArray
     open_axis_b: FloatArray
 
-    def consistent(self, false_alarm: float = 1e-4, variance_factor: float = 1.0) -> BoolArray:
+    def consistent(
+        self, false_alarm: float = 1e-4, variance_factor: float | FloatArray = 1.0
+    ) -> BoolArray:
         """Return which epochs pass the chi-square test of their residuals, (n,).
 
-        With a factor, as if all variances were so many times the stated.
+        With a factor, or one for each epoch, (n,), as if variances were so many times the stated.
 
         An epoch without redundancy passes: it cannot be tested.
         """
@@ -63,13 +68,30 @@ class AttitudeSolution:
         beyond that it is not noise that is wrong. The median of chi-square over its own median, so
         that epochs with wrong integers do not count.
         """
-        redundant = self.solved & (self.degrees_of_freedom > 0)
-        if not redundant.any():
-            return 1.0
-        freedom = self.degrees_of_freedom[redundant]
+        _, shares = self._shares_of_median()
+        return _believed(shares)
+
+    def variance_factor_so_far(self) -> FloatArray:
+        """Return the same for each epoch by epochs up to it alone, (n,).
+
+        1 until their residuals have some 250 degrees of freedom together, of which the median knows
+        the factor to a ninth; renewed whenever the number of epochs has doubled since.
+        """
+        rows, shares = self._shares_of_median()
+        out = np.ones(len(self.solved))
+        telling = np.cumsum(self.degrees_of_freedom[rows]) >= _TELLING
+        count = 1 + int(telling.argmax()) if telling.any() else len(rows) + 1
+        while count <= len(rows):
+            out[rows[count - 1] :] = _believed(shares[:count])
+            count *= 2
+        return out
+
+    def _shares_of_median(self) -> tuple[IntArray, FloatArray]:
+        """Return epochs with redundancy, (k,), and their chi-square over its median."""
+        rows = np.flatnonzero(self.solved & (self.degrees_of_freedom > 0))
+        freedom = self.degrees_of_freedom[rows]
         median = freedom * (1 - 2 / (9 * freedom)) ** 3  # Wilson and Hilferty
-        factor = float(np.median(self.chi_square[redundant] / median))
-        return min(factor, _LOUDEST) if factor > _LOUDER else 1.0
+        return rows, self.chi_square[rows] / median
 
     def unobservable(self) -> tuple[str, ...]:
         """Return the names of the angles that most solved epochs leave open."""
@@ -80,6 +102,12 @@ class AttitudeSolution:
         axes = axes[is_open]
         aligned = axes * np.sign(axes @ axes[0])[:, None]
         return (axis_name(aligned.mean(axis=0)),)
+
+
+def _believed(shares: FloatArray) -> float:
+    """Return the variance factor that shares of the median, (k,), ask for, within bounds."""
+    factor = float(np.median(shares)) if len(shares) else 1.0
+    return min(factor, _LOUDEST) if factor > _LOUDER else 1.0
 
 
 def axis_name(axis_b: FloatArray) -> str:

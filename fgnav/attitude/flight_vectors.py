@@ -9,6 +9,7 @@ from fgnav.attitude.vector_pairs import VectorPairs, wahba
 from fgnav.checks import FloatArray, Loss, NoSolutionError
 from fgnav.flight import Flight
 from fgnav.gnss.code_solution import code_solution
+from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gravity import specific_force_pair
 from fgnav.seeker import line_of_sight, to_landmark_b_m
 
@@ -28,8 +29,10 @@ class Track:
     arm_b_m: FloatArray
 
 
-def track_of(flight: Flight) -> Track:
+def track_of(flight: Flight, *, causal: bool = False) -> Track:
     """Return the track by code, or, where raw data are absent, by the receiver's fixes.
+
+    With ``causal``, each epoch by epochs up to it alone.
 
     Raises
     ------
@@ -37,7 +40,7 @@ def track_of(flight: Flight) -> Track:
         If the flight has neither.
     """
     if flight.observations is not None:
-        code = code_solution(flight)
+        code = code_solution(flight, causal=causal)
         return Track(
             t_s=code.t_s,
             epochs=len(flight.observations.t_s),
@@ -59,12 +62,13 @@ def track_of(flight: Flight) -> Track:
 
 
 def measured_vectors(
-    flight: Flight, track: Track, own: OwnRotation | None = None
+    flight: Flight, track: Track, own: OwnRotation | None = None, *, causal: bool = False
 ) -> tuple[VectorPairs, tuple[Loss, ...]]:
     """Return the pairs that instruments give in both frames: specific force, line of sight.
 
     Specific force is a mean over neighbouring epochs, in axes that do not spin where the body's own
-    rotation is known: else a spin blurs it.
+    rotation is known: else a spin blurs it. With ``causal`` it is that since the epoch before, and
+    the line of sight is the last sample's; ``own`` is then the caller's to have without the future.
     """
     v_n: list[FloatArray] = []
     v_b: list[FloatArray] = []
@@ -74,16 +78,19 @@ def measured_vectors(
         imu = flight.imu
         if own is not None:
             imu = own.forces(imu, track.arm_b_m - imu.position_b_m)
-        f_n, f_b = specific_force_pair(imu, flight.origin, track.t_s, track.p_n_m, track.v_n_mps)
+        f_n, f_b = specific_force_pair(
+            imu, flight.origin, track.t_s, track.p_n_m, track.v_n_mps, causal=causal
+        )
         if own is not None:
             f_b = np.einsum("nji,nj->ni", own.at(track.t_s), f_b)
         v_n, v_b, sources = [*v_n, f_n], [*v_b, f_b], [*sources, "specific force"]
     if flight.seeker is not None:
-        sight = line_of_sight(flight.seeker)
+        sight = line_of_sight(flight.seeker, causal=causal)
         losses = sight.losses
         to_n_m = flight.seeker.landmark_n_m - track.p_n_m
         distance_m = np.linalg.norm(to_n_m, axis=1)
-        e_b = _interpolated(sight.t_s, sight.e_b, track.t_s)
+        at_epochs = _last_seen if causal else _interpolated
+        e_b = at_epochs(sight.t_s, sight.e_b, track.t_s)
         v_n.append(to_n_m)
         v_b.append(to_landmark_b_m(flight.seeker, e_b, track.arm_b_m, distance_m))
         sources.append("line of sight")
@@ -132,3 +139,16 @@ def _interpolated(t_s: FloatArray, e_b: FloatArray, at_s: FloatArray) -> FloatAr
     between = e_b[before] + share[:, None] * (e_b[before + 1] - e_b[before])
     unit = between / np.linalg.norm(between, axis=1, keepdims=True)
     return np.asarray(np.where(inside[:, None], unit, np.nan))
+
+
+def _last_seen(t_s: FloatArray, e_b: FloatArray, at_s: FloatArray) -> FloatArray:
+    """Return directions at other times, (n, 3), by samples up to each: the last one, if recent.
+
+    NaN where it is older than the usual interval, and where nothing tells what is usual.
+    """
+    last = np.searchsorted(t_s, at_s, side="right") - 1
+    if not len(t_s):
+        return np.full((len(at_s), 3), np.nan)
+    usual_s = usual_interval_so_far_s(t_s)[last.clip(0)]
+    recent = (last >= 0) & np.isfinite(usual_s) & (at_s - t_s[last.clip(0)] <= usual_s)
+    return np.where(recent[:, None], e_b[last.clip(0)], np.nan)

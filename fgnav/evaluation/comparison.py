@@ -1,9 +1,10 @@
 """Several methods on one flight: who is right, by how much, and how much better anyone could be."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.estimate import Estimate, Estimator, Rejected
@@ -82,6 +83,17 @@ class Comparison:
         names = ", ".join(method.name for method in self.methods)
         raise BadInputError(f"method {name!r}: not one of {names}")
 
+    def noted(self, notes: tuple[str, ...]) -> "Comparison":
+        """Return the same with notes added to every estimate."""
+
+        def with_notes(method: Method) -> Method:
+            estimate = method.estimate
+            if estimate is None:
+                return method
+            return replace(method, estimate=replace(estimate, notes=(*estimate.notes, *notes)))
+
+        return replace(self, methods=tuple(map(with_notes, self.methods))) if notes else self
+
     def to_dict(self) -> dict[str, Any]:
         """Return every figure in plain types; None, and null in JSON, where there is none."""
         return {
@@ -99,7 +111,30 @@ class Comparison:
         return json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
 
 
-def compare(flight: Flight, estimators: Sequence[Estimator]) -> Comparison:
+@runtime_checkable
+class SharesPreparation(Protocol):
+    """An estimator whose work on a flight begins with a part that others may share."""
+
+    @property
+    def preparation(self) -> Hashable:
+        """What decides that part: estimators that agree in it share it."""
+        ...
+
+    def prepare(self, flight: Flight) -> Any:  # noqa: ANN401
+        """Do that part."""
+        ...
+
+    def estimate_prepared(self, flight: Flight, prepared: Any) -> Estimate:  # noqa: ANN401
+        """Do the rest."""
+        ...
+
+
+Watch = Callable[[str], AbstractContextManager[object]]
+
+
+def compare(
+    flight: Flight, estimators: Sequence[Estimator], *, watch: Watch = nullcontext
+) -> Comparison:
     """Run estimators on one flight and judge them.
 
     Against truth where the flight has it, at each estimate's own epochs; against each other where
@@ -109,7 +144,11 @@ def compare(flight: Flight, estimators: Sequence[Estimator]) -> Comparison:
     ----------
     flight : Flight
     estimators : sequence of Estimator
-        Anything with a ``name`` that turns a flight into an estimate. Names must differ.
+        Anything with a ``name`` that turns a flight into an estimate. Names must differ. Those with
+        a ``preparation`` (see ``SharesPreparation``) share it where it is the same; it counts in
+        the time of each.
+    watch : callable
+        From an estimator's name to a context that it runs in, for progress.
 
     Returns
     -------
@@ -127,7 +166,11 @@ def compare(flight: Flight, estimators: Sequence[Estimator]) -> Comparison:
         if names.count(name) > 1:
             raise BadInputError(f"compare: two estimators are named {name!r}; give each its own")
     own = replace(flight)
-    outcomes = [_run(replace(flight) if k else own, e) for k, e in enumerate(estimators)]
+    known: dict[Hashable, _Prepared] = {}
+    outcomes = []
+    for k, estimator in enumerate(estimators):
+        with watch(estimator.name):
+            outcomes.append(_run(replace(flight) if k else own, estimator, known))
     estimates = [estimate for estimate, _, _ in outcomes if estimate is not None]
     differences = _differences_of(own)  # the first method's, as a rule: what it made is kept there
     right = _right_integers(flight, differences)
@@ -145,30 +188,64 @@ def compare(flight: Flight, estimators: Sequence[Estimator]) -> Comparison:
     )
 
 
-def _run(flight: Flight, estimator: Estimator) -> tuple[Estimate | None, float, str | None]:
+class _Prepared(NamedTuple):
+    """A part of the work that estimators share, or why it cannot be done, and its time."""
+
+    value: Any
+    failure: str | None
+    seconds: float
+
+
+_Outcome = tuple[Estimate | None, float, str | None]
+
+
+def _run(flight: Flight, estimator: Estimator, known: dict[Hashable, _Prepared]) -> _Outcome:
     """Return a method's estimate or why there is none, and its wall time, on a flight of its own.
 
-    Each method gets a flight object of its own, so that work shared through caches (differences,
-    integers) is in everybody's time and not only in that of whoever comes first. Compiling kernels,
-    half a minute once after an install, is in nobody's.
+    Each method gets a flight object of its own, and what it shares with others counts in full, so
+    that nobody is faster for coming later. Compiling kernels, half a minute once after an install,
+    is in nobody's time.
     """
+    if not isinstance(estimator, SharesPreparation):
+        return _timed(lambda: estimator(flight))
+    key = estimator.preparation
+    try:
+        hash(key)
+    except TypeError:  # settings that do not hash are nobody else's
+        key = object()
+    if key not in known:
+        known[key] = _prepared(flight, estimator)
+    shared = known[key]
+    if shared.failure is not None:
+        return None, shared.seconds, shared.failure
+    estimate, seconds, failure = _timed(lambda: estimator.estimate_prepared(flight, shared.value))
+    return estimate, seconds + shared.seconds, failure
+
+
+def _prepared(flight: Flight, estimator: SharesPreparation) -> _Prepared:
+    value, seconds, failure = _timed(lambda: estimator.prepare(flight))
+    return _Prepared(value, failure, seconds)
+
+
+def _timed(work: Callable[[], Any]) -> tuple[Any, float, str | None]:
+    """Return what work yields or why it has no solution, and its seconds without compilation."""
     from numba.core.event import TimingListener, install_listener  # noqa: PLC0415  # lazy
 
     compiling = TimingListener()  # type: ignore[no-untyped-call]
     started_s = perf_counter()
     with install_listener("numba:compile", compiling):
         try:
-            estimate, failure = estimator(flight), None
+            result, failure = work(), None
         except NoSolutionError as error:
-            estimate, failure = None, str(error)
+            result, failure = None, str(error)
     seconds = perf_counter() - started_s
-    return estimate, seconds - (compiling.duration if compiling.done else 0.0), failure
+    return result, seconds - (compiling.duration if compiling.done else 0.0), failure
 
 
 def _judge(
     flight: Flight,
     name: str,
-    outcome: tuple[Estimate | None, float, str | None],
+    outcome: _Outcome,
     differences: DoubleDifferences | None,
     right: Integers | None,
 ) -> Method:

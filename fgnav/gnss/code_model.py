@@ -14,7 +14,7 @@ from fgnav.gnss.satellites import (
     group_delay_s,
     states_at_clock,
 )
-from fgnav.gnss.signals import band, frequency_hz, select
+from fgnav.gnss.signals import Selection, band, frequency_hz, select
 from fgnav.observations import Observations
 from fgnav.orbits import BroadcastOrbits, PreciseOrbits
 
@@ -51,18 +51,25 @@ class CodeChannels:
     clock_of: FloatArray
 
 
-def code_channels(observations: Observations, antenna: int) -> CodeChannels:
-    """Return the channels of one antenna that its position is made of."""
-    chosen = select(observations)
+def code_channels(
+    observations: Observations, antenna: int, *, causal: bool = False
+) -> CodeChannels:
+    """Return the channels of one antenna that its position is made of.
+
+    One carrier of each constellation: the preferred one of those it has at all; with ``causal``, of
+    those it has at the first epoch at which it has any.
+    """
+    chosen = select(observations, causal=causal)
     has = chosen.channel[antenna] >= 0
+    eligible = _first_seen(observations, antenna, chosen) if causal else has
     bands = [band(*pair) for pair in zip(chosen.satellites, chosen.signals, strict=True)]
     letters = [satellite[0] for satellite in chosen.satellites]
     first: dict[str, str] = {}
     for letter in "GEJC":
-        there = {b for b, c, h in zip(bands, letters, has, strict=True) if h and c == letter}
+        there = {b for b, c, h in zip(bands, letters, eligible, strict=True) if h and c == letter}
         if there:
             first[letter] = min(there, key=_BANDS[letter].index)
-    keep = [j for j in np.nonzero(has)[0] if bands[j] == first[letters[j]]]
+    keep = [j for j in np.nonzero(has)[0] if bands[j] == first.get(letters[j])]
     satellites = tuple(chosen.satellites[j] for j in keep)
     signals = tuple(chosen.signals[j] for j in keep)
     member = [[float(s[0] == letter) for letter in first] for s in satellites]
@@ -74,6 +81,20 @@ def code_channels(observations: Observations, antenna: int) -> CodeChannels:
         constellations=tuple(first),
         clock_of=np.array(member).reshape(len(satellites), len(first)),
     )
+
+
+def _first_seen(observations: Observations, antenna: int, chosen: Selection) -> BoolArray:
+    """Return the channels, (m,), there when their constellation is first seen by one antenna."""
+    column = chosen.channel[antenna]
+    coded = np.isfinite(observations.code_m[:, antenna][:, column.clip(0)]) & (column >= 0)
+    letters = np.array([satellite[0] for satellite in chosen.satellites])
+    out = np.zeros(len(column), dtype=np.bool_)
+    for letter in np.unique(letters):
+        members = letters == letter
+        seen = coded[:, members].any(axis=1)
+        if seen.any():
+            out |= members & coded[seen.argmax()]
+    return out
 
 
 @dataclass(frozen=True, eq=False, slots=True)

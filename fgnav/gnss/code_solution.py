@@ -1,7 +1,7 @@
 """Position, velocity and clock of one antenna from its code and Doppler, epoch by epoch."""
 
 from collections import Counter
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -9,16 +9,16 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError, frozen
 from fgnav.earth import C_MPS
 from fgnav.flight import Flight
-from fgnav.gnss.code_adjustment import Adjusted, adjust, growing, misfit
+from fgnav.gnss.atmosphere_choice import atmosphere_so_far
+from fgnav.gnss.code_adjustment import Adjusted, adjust, adjust_each, growing
 from fgnav.gnss.code_model import CodeChannels, CodeRanges, code_channels, code_ranges
+from fgnav.gnss.code_trial import trial
 from fgnav.gnss.least_squares import fit, fit_consistent
 from fgnav.gnss.satellites import signal_paths
 from fgnav.observations import Observations
 
 BLOCK = 2000  # epochs worked on at once: temporaries stay within some 10 MB
 _MAX_DOP = 100.0
-_TRIAL_EPOCHS = 200
-_STATED_NOISE = 1.5  # squared residuals per freedom that still agree with the stated noise
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -55,7 +55,8 @@ class CodeSolution:
     used : ndarray of bool, shape (k, m)
         Satellites that took part in the position.
     atmosphere : bool
-        Whether models of ionosphere and troposphere were applied.
+        Whether models of ionosphere and troposphere were applied; of causal solutions, at the last
+        epoch.
     losses : tuple of Loss
     """
 
@@ -103,11 +104,12 @@ class CodeSolution:
         object.__setattr__(self, "used", used)
 
 
-_CACHE: WeakKeyDictionary[Flight, dict[tuple[int, bool | None], CodeSolution]] = WeakKeyDictionary()
+_Key = tuple[int, bool | None, bool]
+_CACHE: WeakKeyDictionary[Flight, dict[_Key, CodeSolution]] = WeakKeyDictionary()
 
 
 def code_solution(
-    flight: Flight, *, antenna: int = 0, atmosphere: bool | None = None
+    flight: Flight, *, antenna: int = 0, atmosphere: bool | None = None, causal: bool = False
 ) -> CodeSolution:
     """Return the code solution of one antenna; computed once per flight.
 
@@ -125,6 +127,10 @@ def code_solution(
         Apply the broadcast ionosphere and Saastamoinen's troposphere. None asks the data, because
         a simulated flight may have no atmosphere: it is left out where that makes the median
         residuals of a sample of epochs smaller, and as small as the stated code noise.
+    causal : bool
+        Each epoch by epochs up to it alone: channels by those first seen, the atmosphere by the
+        first 64 epochs with redundant code, decided anew whenever their number doubles. Velocities
+        are never None then.
 
     Raises
     ------
@@ -132,56 +138,61 @@ def code_solution(
         If the flight lacks observations or orbits, or no epoch has a solution.
     """
     known = _CACHE.setdefault(flight, {})
-    key = (antenna, atmosphere)
+    key = (antenna, atmosphere, causal)
     if key not in known:
-        known[key] = _solve(flight, antenna, atmosphere)
+        known[key] = _solve(flight, antenna, atmosphere, causal=causal)
     return known[key]
 
 
-def _solve(flight: Flight, antenna: int, atmosphere: bool | None) -> CodeSolution:
+def _solve(flight: Flight, antenna: int, atmosphere: bool | None, *, causal: bool) -> CodeSolution:
     observations = flight.observations
     if observations is None:
         raise NoSolutionError(f"flight {flight.name}: position needs GNSS observations")
     name = flight.antennas[antenna].name
-    channels = code_channels(observations, antenna)
+    channels = code_channels(observations, antenna, causal=causal)
     if not channels.satellites:
         raise NoSolutionError(f"antenna {name}: no code observation of a supported satellite")
     n = len(observations.t_s)
-    trial = np.unique(np.linspace(0, n - 1, _TRIAL_EPOCHS).astype(np.int64))
-    ranges = code_ranges(flight, observations, channels, antenna, trial, rates=False)
-    wanted = np.isfinite(ranges.range_m)
-    tried = adjust(flight, channels, ranges, wanted, model=atmosphere is not False)
-    if atmosphere is None:
-        start_e_m = _between(trial, tried, trial)
-        without = adjust(flight, channels, ranges, wanted, model=False, start_e_m=start_e_m)
-        atmosphere = not misfit(flight, without) < min(misfit(flight, tried), _STATED_NOISE)
+    starts, model = None, np.full(n, atmosphere is not False)
+    if not causal:
+        starts, applied = trial(flight, observations, channels, antenna, atmosphere)
+        model = np.full(n, applied)
+    elif atmosphere is None:
+        model = atmosphere_so_far(flight, observations, channels, antenna)
     lost: Counter[tuple[str, str]] = Counter()
     blocks = []
     for first in range(0, n, BLOCK):
         epoch = np.arange(first, min(first + BLOCK, n))
         ranges = code_ranges(flight, observations, channels, antenna, epoch)
-        start_e_m = _between(trial, tried, epoch)
-        blocks.append(_block(flight, channels, ranges, epoch, lost, start_e_m, model=atmosphere))
-    columns = ([getattr(block, field.name) for block in blocks] for field in fields(_Solved))
+        solve = _Solver(flight, channels, ranges, model[epoch], causal=causal)
+        blocks.append(_block(solve, epoch, lost, None if starts is None else starts.at(epoch)))
+    columns = ([getattr(block, one.name) for block in blocks] for one in fields(_Solved))
     solved = _Solved(*(np.concatenate(column) for column in columns))
     losses = tuple(
         Loss(what=f"{name} {what}", reason=reason, count=count)
         for (what, reason), count in lost.items()
         if count
     )
-    return _finish(flight, observations, antenna, channels, solved, losses, model=atmosphere)
+    return _finish(
+        flight, observations, antenna, channels, solved, losses, model=model, causal=causal
+    )
 
 
-def _between(trial: IntArray, tried: Adjusted, epoch: IntArray) -> FloatArray | None:
-    """Return about where the antenna was at epochs, (k, 3), by trial ones; None if those fail.
+@dataclass(frozen=True, eq=False, slots=True)
+class _Solver:
+    """How positions of a block of epochs are found."""
 
-    From there positions take half the steps that they take from the origin.
-    """
-    there = tried.converged
-    if not there.any():
-        return None
-    columns = (np.interp(epoch, trial[there], column) for column in tried.p_e_m[there].T)
-    return np.stack(list(columns), axis=1)
+    flight: Flight
+    channels: CodeChannels
+    ranges: CodeRanges
+    model: BoolArray  # (n,)
+    causal: bool = field(kw_only=True)
+
+    def __call__(self, wanted: BoolArray, start_e_m: FloatArray | None) -> Adjusted:
+        problem = (self.flight, self.channels, self.ranges, wanted)
+        if self.causal:
+            return adjust_each(*problem, model=self.model)
+        return adjust(*problem, model=self.model, start_e_m=start_e_m)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -202,24 +213,21 @@ class _Solved:
 
 
 def _block(
-    flight: Flight,
-    channels: CodeChannels,
-    ranges: CodeRanges,
+    solve: _Solver,
     epoch: IntArray,
     lost: Counter[tuple[str, str]],
     start_e_m: FloatArray | None,
-    *,
-    model: bool,
 ) -> _Solved:
     """Solve some epochs, and count what is lost."""
+    flight, ranges = solve.flight, solve.ranges
     wanted = np.isfinite(ranges.range_m)
-    at = adjust(flight, channels, ranges, wanted, model=model, start_e_m=start_e_m)
+    at = solve(wanted, start_e_m)
     eq, kept = at.equations, at.use
     if not at.fits.consistent[at.fits.solved].all():
         _, kept = fit_consistent(eq.A, eq.y, eq.variance_m2, at.use)
     dropped = at.use & ~kept
     if dropped.any():
-        at = adjust(flight, channels, ranges, wanted & ~dropped, model=model, start_e_m=at.p_e_m)
+        at = solve(wanted & ~dropped, at.p_e_m)
         eq = at.equations
     geometry = fit(eq.A, eq.y, np.ones_like(eq.y), at.use).covariance
     flat = np.trace(geometry, axis1=1, axis2=2) > _MAX_DOP**2
@@ -296,7 +304,8 @@ def _finish(
     solved: _Solved,
     losses: tuple[Loss, ...],
     *,
-    model: bool,
+    model: BoolArray,
+    causal: bool,
 ) -> CodeSolution:
     """Turn what was solved in ECEF into the local frame, at the nominal epochs."""
     R = flight.origin.R_ne
@@ -308,6 +317,7 @@ def _finish(
     clock_s = solved.clock_s[np.arange(len(t_s)), first]
     late_s = observations.tag_s[solved.epoch, antenna] - clock_s - t_s
     moving = np.asarray(np.isfinite(solved.v_e_mps).all(axis=1))
+    doppler = causal or bool(moving.any())
     v_e_mps = np.where(moving[:, None], solved.v_e_mps, 0.0)
     geometry = solved.geometry[:, :3, :3]
     variances = np.diagonal(R @ geometry @ R.T, axis1=1, axis2=2)
@@ -321,16 +331,14 @@ def _finish(
         position_covariance_m2=R @ solved.covariance_m2 @ R.T,
         position_noise_m2=R @ solved.noise_m2 @ R.T,
         drift_per_s=R @ solved.drift_per_s @ R.T,
-        v_n_mps=solved.v_e_mps @ R.T if moving.any() else None,
-        velocity_covariance_m2ps2=(
-            R @ solved.velocity_covariance_m2ps2 @ R.T if moving.any() else None
-        ),
+        v_n_mps=solved.v_e_mps @ R.T if doppler else None,
+        velocity_covariance_m2ps2=(R @ solved.velocity_covariance_m2ps2 @ R.T if doppler else None),
         constellations=channels.constellations,
         clock_s=solved.clock_s,
         clock_drift_sps=solved.drift_sps,
         dop=np.sqrt(np.stack(dop, axis=1)),
         satellites=channels.satellites,
         used=solved.used,
-        atmosphere=model,
+        atmosphere=bool(model[solved.epoch[-1]]),
         losses=losses,
     )

@@ -10,10 +10,10 @@ from fgnav.gnss.differences import DoubleDifferences
 from fgnav.gnss.single_differences import SingleDifferences, single_differences
 from fgnav.gnss.slips import phase_arcs
 
-_CACHE: WeakKeyDictionary[Flight, DoubleDifferences] = WeakKeyDictionary()
+_CACHE: WeakKeyDictionary[Flight, dict[bool, DoubleDifferences]] = WeakKeyDictionary()
 
 
-def double_differences(flight: Flight) -> DoubleDifferences:
+def double_differences(flight: Flight, *, causal: bool = False) -> DoubleDifferences:
     """Return the double differences of a flight; computed once per flight.
 
     Satellites at the time each signal left, elevation mask, unhealthy satellites out, one signal
@@ -22,25 +22,31 @@ def double_differences(flight: Flight) -> DoubleDifferences:
     the highest of equals. A group of fewer than two channels is not usable. Epochs without any
     usable link stay, all NaN.
 
+    Parameters
+    ----------
+    flight : Flight
+    causal : bool
+        Each epoch by epochs up to it alone, numbers of arcs included. Of a flight that is cut, the
+        satellites that only come later are missing.
+
     Raises
     ------
     NoSolutionError
         If the flight has no observations of two antennas, or no position can be computed.
     """
-    if flight not in _CACHE:
-        _CACHE[flight] = _difference(flight)
-    return _CACHE[flight]
+    known = _CACHE.setdefault(flight, {})
+    if causal not in known:
+        single = single_differences(flight, causal=causal)
+        names = tuple(antenna.name for antenna in flight.antennas)
+        known[causal] = differenced(single, names, causal=causal)
+    return known[causal]
 
 
-def _difference(flight: Flight) -> DoubleDifferences:
-    return differenced(
-        single_differences(flight), tuple(antenna.name for antenna in flight.antennas)
-    )
-
-
-def differenced(single: SingleDifferences, names: tuple[str, ...]) -> DoubleDifferences:
+def differenced(
+    single: SingleDifferences, names: tuple[str, ...], *, causal: bool = False
+) -> DoubleDifferences:
     """Return double differences of single ones, whose antennas have these names."""
-    arcs = phase_arcs(single, names)
+    arcs = phase_arcs(single, names, causal=causal)
     reference = _references(single)
     of_reference = reference[:, single.group]  # (n, m)
     grouped = of_reference >= 0

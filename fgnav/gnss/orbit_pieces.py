@@ -1,12 +1,14 @@
 """One satellite at many times: a polynomial through its orbit at a few of them.
 
 An orbit is smooth: ten nodes tell ten minutes of it to rounding, and their slopes its velocity.
+Pieces begin at whole multiples of ten minutes, and the polynomial of a piece is the same whatever
+times are asked for: what is said of one time depends on no other.
 """
 
 from typing import Any
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebder, chebpts1, chebvander
+from numpy.polynomial.chebyshev import chebder, chebpts1, chebval, chebvander
 from numpy.typing import NDArray
 
 from fgnav.checks import FloatArray
@@ -14,10 +16,8 @@ from fgnav.gnss.broadcast import Chosen, kepler_orbit
 
 _NODES = 10
 _PIECE_S = 600.0  # 2.5 degrees to both sides of the middle: what is cut off is below 1e-8 m
-_FEWEST = 4 * _NODES  # times; of fewer each is looked at
 _AT = chebpts1(_NODES)
 _FIT = np.linalg.inv(chebvander(_AT, _NODES - 1))
-_STEP_S = 0.05  # half step of central differences: errors below 1e-6 m/s
 
 
 def orbit_at(
@@ -39,15 +39,17 @@ def orbit_at(
     """
     state, rate = np.full((2, len(t_s), 4), np.nan)
     usable = np.flatnonzero(chosen.usable)
-    piece = ((t_s[usable] - t_s[usable].min(initial=np.inf)) // _PIECE_S).astype(np.int64)
+    piece = np.floor(t_s[usable] / _PIECE_S).astype(np.int64)
     label = piece * len(chosen.records) + chosen.row[usable]  # each piece has one message
     while len(usable):
         one = label == label[0]
         rows = usable[one]
         message = chosen.records[chosen.row[rows[:1]]]
-        found = _smooth if len(rows) >= _FEWEST else _each
-        state[rows], rate[rows] = found(satellite, message, t_s[rows], rates, by_clock)
-        usable, label = usable[~one], label[~one]
+        middle_s = (piece[0] + 0.5) * _PIECE_S
+        state[rows], rate[rows] = _in_piece(
+            satellite, message, middle_s, t_s[rows], rates=rates, by_clock=by_clock
+        )
+        usable, label, piece = usable[~one], label[~one], piece[~one]
     return state, rate
 
 
@@ -55,29 +57,20 @@ def _orbit(satellite: str, message: NDArray[Any], t_s: FloatArray) -> FloatArray
     return np.column_stack(kepler_orbit(satellite, message, t_s))
 
 
-def _each(
-    satellite: str, message: NDArray[Any], t_s: FloatArray, rates: bool, by_clock: bool
+def _in_piece(
+    satellite: str,
+    message: NDArray[Any],
+    middle_s: float,
+    t_s: FloatArray,
+    *,
+    rates: bool,
+    by_clock: bool,
 ) -> tuple[FloatArray, FloatArray]:
-    state = _orbit(satellite, message, t_s)
-    if by_clock:
-        t_s = t_s - state[:, 3]
-        state = _orbit(satellite, message, t_s)
-    if not rates:
-        return state, np.full_like(state, np.nan)
-    before, after = (_orbit(satellite, message, t_s + h) for h in (-_STEP_S, _STEP_S))
-    return state, (after - before) / (2 * _STEP_S)
-
-
-def _smooth(
-    satellite: str, message: NDArray[Any], t_s: FloatArray, rates: bool, by_clock: bool
-) -> tuple[FloatArray, FloatArray]:
-    first_s, last_s = t_s.min(), t_s.max()
-    middle_s, half_s = (first_s + last_s) / 2, max((last_s - first_s) / 2, _STEP_S)
+    half_s = _PIECE_S / 2
     c = _FIT @ _orbit(satellite, message, middle_s + half_s * _AT)
-    basis = chebvander((t_s - middle_s) / half_s, _NODES - 1)
+    u = (t_s - middle_s) / half_s
     if by_clock:
-        t_s = t_s - basis @ c[:, 3]
-        basis = chebvander((t_s - middle_s) / half_s, _NODES - 1)
-    if not rates:
-        return basis @ c, np.full((len(t_s), 4), np.nan)
-    return basis @ c, basis[:, :-1] @ (chebder(c) / half_s)
+        u = u - chebval(u, c[:, 3]) / half_s
+    state = chebval(u, c).T
+    rate = chebval(u, chebder(c) / half_s).T if rates else np.full_like(state, np.nan)
+    return state, rate

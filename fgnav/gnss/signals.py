@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, IntArray, Loss
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
 from fgnav.earth import C_MPS
 from fgnav.observations import Observations
 
@@ -94,13 +94,21 @@ class Selection:
     losses: tuple[Loss, ...]
 
 
-def select(observations: Observations) -> Selection:
+def select(observations: Observations, *, causal: bool = False) -> Selection:
     """Choose for every constellation and band the signal each antenna uses.
 
     The signal that the most antennas track goes first, then the one with the most observations: two
     signals on one carrier come from the same tracking loops and are not two measurements.
+
+    Parameters
+    ----------
+    observations : Observations
+    causal : bool
+        Each antenna by the epochs up to the first at which it has code of that band: what it
+        chooses there it keeps.
     """
-    counts = np.isfinite(observations.code_m).sum(axis=0)  # (a, c)
+    coded = np.isfinite(observations.code_m)  # (n, a, c)
+    counts = coded.sum(axis=0)
     columns: dict[tuple[str, str], dict[str, dict[str, int]]] = {}
     for column, (satellite, signal) in enumerate(
         zip(observations.satellites, observations.signals, strict=True)
@@ -110,9 +118,7 @@ def select(observations: Observations) -> Selection:
             columns.setdefault(key, {}).setdefault(signal, {})[satellite] = column
     rows = []
     for by_signal in columns.values():
-        tracked = {s: counts[:, list(of.values())].sum(axis=1) for s, of in by_signal.items()}
-        order = sorted(tracked, key=lambda s: ((tracked[s] > 0).sum(), tracked[s].sum()))[::-1]
-        chosen = [next((s for s in order if tracked[s][i] > 0), None) for i in range(len(counts))]
+        chosen = _chosen_first(coded, by_signal) if causal else _chosen(counts, by_signal)
         for satellite in sorted({satellite for of in by_signal.values() for satellite in of}):
             row = [by_signal[s].get(satellite, -1) if s else -1 for s in chosen]
             names = [s for s, column in zip(chosen, row, strict=True) if s and column >= 0]
@@ -125,6 +131,25 @@ def select(observations: Observations) -> Selection:
         channel=channel,
         losses=_unused(observations, counts, channel),
     )
+
+
+def _chosen(counts: IntArray, by_signal: dict[str, dict[str, int]]) -> list[str | None]:
+    """Return the signal of one band that each antenna takes, by its code observations (a, c)."""
+    tracked = {s: counts[:, list(of.values())].sum(axis=1) for s, of in by_signal.items()}
+    order = sorted(tracked, key=lambda s: ((tracked[s] > 0).sum(), tracked[s].sum()))[::-1]
+    return [next((s for s in order if tracked[s][i] > 0), None) for i in range(len(counts))]
+
+
+def _chosen_first(coded: BoolArray, by_signal: dict[str, dict[str, int]]) -> list[str | None]:
+    """Return the same by what each antenna, (n, a, c), has when it has any of them first."""
+    by_name = {signal: by_signal[signal] for signal in sorted(by_signal)}
+    columns = [column for of in by_name.values() for column in of.values()]
+    tracks = coded[:, :, columns].any(axis=2)
+    first = np.where(tracks.any(axis=0), tracks.argmax(axis=0), -1)
+    return [
+        _chosen(coded[: k + 1].sum(axis=0), by_name)[i] if k >= 0 else None
+        for i, k in enumerate(first.tolist())
+    ]
 
 
 def _unused(observations: Observations, counts: IntArray, channel: IntArray) -> tuple[Loss, ...]:

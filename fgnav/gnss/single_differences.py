@@ -67,7 +67,7 @@ class SingleDifferences:
     lost: Counter[tuple[str, str]]
 
 
-def single_differences(flight: Flight) -> SingleDifferences:
+def single_differences(flight: Flight, *, causal: bool = False) -> SingleDifferences:
     """Return all single differences of a flight.
 
     Every receiver samples at its own time. Satellite j's signal that antenna i measured left
@@ -75,6 +75,12 @@ def single_differences(flight: Flight) -> SingleDifferences:
     the clocks say; the range changed by the range rate times that meanwhile, up to 0.8 m in 1 ms,
     and this is removed. The satellite's clock and the atmosphere cancel. What is left is the
     baseline along the line of sight, the difference of two clocks, integers and noise.
+
+    Parameters
+    ----------
+    flight : Flight
+    causal : bool
+        Each epoch by epochs up to it alone: signals, and where the reference antenna is.
 
     Raises
     ------
@@ -87,7 +93,7 @@ def single_differences(flight: Flight) -> SingleDifferences:
             f"flight {flight.name}: attitude from GNSS needs observations of two antennas or more, "
             f"it has {len(flight.antennas) if observations is not None else 'no observations'}"
         )
-    chosen = select(observations)
+    chosen = select(observations, causal=causal)
     n, m = len(observations.t_s), len(chosen.satellites)
     a = len(flight.antennas)
     carriers = [(s[0], band(s, g)) for s, g in zip(chosen.satellites, chosen.signals, strict=True)]
@@ -112,7 +118,8 @@ def single_differences(flight: Flight) -> SingleDifferences:
         unused=chosen.losses,
         lost=Counter(),
     )
-    p_e_m, v_e_mps = reference_motion(flight, observations.t_s)
+    motion = motion_so_far if causal else reference_motion
+    p_e_m, v_e_mps = motion(flight, observations.t_s)
     for start in range(0, n, BLOCK):
         epochs = slice(start, min(start + BLOCK, n))
         _fill(flight, observations, chosen, epochs, p_e_m[epochs], v_e_mps[epochs], out)
@@ -145,6 +152,43 @@ def reference_motion(flight: Flight, t_s: FloatArray) -> tuple[FloatArray, Float
         known = np.isfinite(solution.v_n_mps).all(axis=1)
         v_n_mps[solution.epoch[known]] = solution.v_n_mps[known]
     return flight.origin.to_e(p_n_m), v_n_mps @ flight.origin.R_ne
+
+
+def motion_so_far(flight: Flight, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return position and velocity of the reference antenna by what is known by then, (n, 3).
+
+    The causal code solution; where it has none, the last one carried on at its velocity, for 30 s
+    at most, then NaN. A velocity without Doppler is the change of position since the last solution
+    a second or more before, 0 where there is none.
+
+    Parameters
+    ----------
+    flight : Flight
+    t_s : ndarray, shape (n,)
+    """
+    solution = code_solution(flight, causal=True)
+    v_n_mps = _velocities_so_far(solution)
+    last = np.searchsorted(solution.t_s, t_s, side="right") - 1
+    age_s = t_s - solution.t_s[last.clip(0)]
+    known = (last >= 0) & (age_s <= _LONGEST_BRIDGE_S)
+    p_n_m = solution.p_n_m[last.clip(0)] + v_n_mps[last.clip(0)] * age_s[:, None]
+    p_n_m = np.where(known[:, None], p_n_m, np.nan)
+    v_n_mps = np.where(known[:, None], v_n_mps[last.clip(0)], np.nan)
+    return flight.origin.to_e(p_n_m), v_n_mps @ flight.origin.R_ne
+
+
+def _velocities_so_far(solution: CodeSolution) -> FloatArray:
+    """Return the velocity at each solution, (k, 3): by Doppler, else by positions up to it."""
+    t_s, p_n_m = solution.t_s, solution.p_n_m
+    before = np.searchsorted(t_s, t_s - 2 * _RATE_BASE_S, side="right") - 1
+    span_s = t_s - t_s[before.clip(0)]
+    near = (before >= 0) & (span_s <= _LONGEST_BRIDGE_S)
+    change_m = p_n_m - p_n_m[before.clip(0)]
+    by_position = np.where(near[:, None], change_m / np.where(near, span_s, 1.0)[:, None], 0.0)
+    if solution.v_n_mps is None:
+        return by_position
+    unknown = np.isnan(solution.v_n_mps)
+    return np.where(unknown.any(axis=1, keepdims=True), by_position, solution.v_n_mps)
 
 
 def _bend(p_n_m: FloatArray, t_s: FloatArray, solution: CodeSolution) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import BoolArray, IntArray, Loss
+from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_differences import SingleDifferences
 from fgnav.gnss.slip_verdicts import NOT_TESTED, SLIP, TIED
 from fgnav.observations import LOST_LOCK
@@ -34,7 +35,9 @@ class Arcs:
     losses: tuple[Loss, ...]
 
 
-def phase_arcs(differences: SingleDifferences, names: tuple[str, ...]) -> Arcs:
+def phase_arcs(
+    differences: SingleDifferences, names: tuple[str, ...], *, causal: bool = False
+) -> Arcs:
     """Find the arcs of every antenna and channel.
 
     An arc ends at a loss-of-lock flag, at an epoch without phase and at a gap in time longer than
@@ -58,6 +61,9 @@ def phase_arcs(differences: SingleDifferences, names: tuple[str, ...]) -> Arcs:
     differences : SingleDifferences
     names : tuple of str, length a
         Of the antennas.
+    causal : bool
+        Each epoch by epochs up to it alone. The slip test looks at an epoch and the one before in
+        any case; here the median interval, too, is that of intervals before.
 
     References
     ----------
@@ -68,7 +74,8 @@ def phase_arcs(differences: SingleDifferences, names: tuple[str, ...]) -> Arcs:
     before[1:] = there[:-1]
     step_s = np.diff(t_s, prepend=t_s[:1])
     if len(t_s) > 1:
-        before[step_s > LONGEST_GAP * np.median(step_s[1:])] = False
+        usual_s = usual_interval_so_far_s(t_s) if causal else np.median(step_s[1:])
+        before[step_s > LONGEST_GAP * usual_s] = False
     flagged = there & before & ((differences.lock_flags & LOST_LOCK) != 0)
     unbroken = there & before & ~flagged
     verdict = np.full(differences.phase_m.shape, NOT_TESTED, dtype=np.int8)

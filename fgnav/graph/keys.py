@@ -67,10 +67,14 @@ class Timeline:
         Strictly increasing.
     gyroscope : bool
         Whether the flight has one.
+    new : int
+        First keyframe that is new: 0 of a recorded flight; of a stream, which asks at every update
+        with all keyframes so far, the newest. Factors of earlier ones alone are not taken again.
     """
 
     t_s: FloatArray
     gyroscope: bool
+    new: int = 0
 
     def __post_init__(self) -> None:
         """Check and freeze the times."""

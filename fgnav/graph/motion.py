@@ -40,7 +40,10 @@ class Motion(Protocol):
         ...
 
     def rates_b_radps(self, t_s: FloatArray, aux: FloatArray) -> FloatArray:
-        """Return body rates against inertial space, (m, 3), at times with states' ``aux``."""
+        """Return body rates, (m, 3), at times with states' ``aux``.
+
+        With a gyroscope, against inertial space; without, against n.
+        """
         ...
 
     def prior(self, constants: int) -> tuple[FloatArray, FloatArray]:

@@ -23,6 +23,8 @@ class Solution:
         same everywhere.
     constant_cross : ndarray, shape (n, D, b)
         Of each state with the constants.
+    constants : ndarray, shape (n, b), or None
+        The constants as known at each keyframe, of a window; None: everywhere those of ``states``.
     converged : bool
     cost : float
         Sum of all whitened residuals squared; NaN of what is not one minimum.
@@ -36,6 +38,7 @@ class Solution:
     constant_covariance: FloatArray
     constant_cross: FloatArray
     converged: bool
+    constants: FloatArray | None = None
     cost: float = float("nan")
     updates: int = 0
 
@@ -48,6 +51,7 @@ class Solution:
             constant_covariance=self.constant_covariance[rows],
             constant_cross=self.constant_cross[rows],
             converged=self.converged,
+            constants=None if self.constants is None else self.constants[rows],
             cost=self.cost,
             updates=self.updates,
         )

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.process.matern_kernel import DERIVATIVE_SCALE_S as DERIVATIVE_SCALE_S
 from fgnav.rotations import exp
 
 # Where the parts of a keyframe's tangent stand, in GTSAM's order: the pose's rotation, its position
@@ -13,7 +14,17 @@ from fgnav.rotations import exp
 ROTATION, POSITION, VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9)
 ACCELEROMETER_BIAS, RATE = slice(9, 12), slice(12, 15)  # RATE: of the gyroscope's bias with one
 AUX = 9
-DERIVATIVE_SCALE_S = 0.1  # T0: makes rate and derivatives alike in size
+__all__ = [
+    "ACCELEROMETER_BIAS",
+    "AUX",
+    "DERIVATIVE_SCALE_S",
+    "POSITION",
+    "RATE",
+    "ROTATION",
+    "VELOCITY",
+    "States",
+    "joined",
+]
 
 
 class States(NamedTuple):

@@ -37,8 +37,26 @@ class _Run(NamedTuple):
     chance: float
 
 
-def carry(answers: Answers) -> Carried:
+class _SoFar(NamedTuple):
+    """What epochs of a run have said until now."""
+
+    source: int  # the surest; -1: none
+    cycles: int
+    voices: int
+    least: float  # chance of the surest to be wrong
+    against: float  # of the surest that contradicts it
+    for_it: float  # sums of logarithms of chances to be right, and wrong
+    other: float
+
+
+def carry(answers: Answers, *, causal: bool = False) -> Carried:
     """Give every link of an arc the integer of the arc's surest epoch.
+
+    Parameters
+    ----------
+    answers : Answers
+    causal : bool
+        Each epoch by epochs up to it alone: the surest so far.
 
     Returns
     -------
@@ -55,7 +73,7 @@ def carry(answers: Answers) -> Carried:
     epoch, channel = np.nonzero(answers.of_reference >= 0)
     pairs[channel, answers.of_reference[epoch, channel]] = True
     pairs[np.arange(m), np.arange(m)] = False
-    _carry_pairs(answers, np.argwhere(pairs), carried)
+    (_carry_pairs_so_far if causal else _carry_pairs)(answers, np.argwhere(pairs), carried)
     return carried
 
 
@@ -83,11 +101,35 @@ def _carry_pairs(answers: Answers, pairs: IntArray, carried: Carried) -> None:
 
 
 @kernel
+def _carry_pairs_so_far(answers: Answers, pairs: IntArray, carried: Carried) -> None:
+    """Carry the same on from epoch to epoch."""
+    n, b, _ = answers.cycles.shape
+    for i in range(b):
+        for p in range(len(pairs)):
+            j, r = pairs[p, 0], pairs[p, 1]
+            so_far = _nothing_said()
+            arc_j, arc_r = -1, -1
+            for k in range(n):
+                if answers.arc[k, i, j] < 0 or answers.arc[k, i, r] < 0:
+                    continue
+                if answers.arc[k, i, j] != arc_j or answers.arc[k, i, r] != arc_r:
+                    arc_j, arc_r = answers.arc[k, i, j], answers.arc[k, i, r]
+                    so_far = _nothing_said()
+                if answers.known[k, i, j] and answers.known[k, i, r]:
+                    said = answers.cycles[k, i, j] - answers.cycles[k, i, r]
+                    so_far = _hear(so_far, k, said, answers.wrong[k])
+                if so_far.source >= 0 and answers.of_reference[k, j] == r:
+                    run = _judged(so_far, k + 1)
+                    carried.cycles[k, i, j] = run.cycles
+                    carried.source[k, i, j] = run.source
+                    carried.chance[k, i, j] = run.chance
+
+
+@kernel
 def _listen(answers: Answers, i: int, j: int, r: int, first: int) -> _Run:
     """Hear the epochs from ``first`` on, while both arcs last."""
     n = len(answers.cycles)
-    last, source, cycles, voices = n, -1, 0, 0
-    least, against, for_it, other = np.inf, np.inf, 0.0, 0.0
+    last, so_far = n, _nothing_said()
     for k in range(first, n):
         if answers.arc[k, i, j] < 0 or answers.arc[k, i, r] < 0:
             continue
@@ -98,13 +140,32 @@ def _listen(answers: Answers, i: int, j: int, r: int, first: int) -> _Run:
         if not (answers.known[k, i, j] and answers.known[k, i, r]):
             continue
         said = answers.cycles[k, i, j] - answers.cycles[k, i, r]
-        voices += 1
-        for_it += np.log(max(1.0 - answers.wrong[k], _TINY))
-        other += np.log(max(answers.wrong[k], _TINY))
-        if source >= 0 and said != cycles:
-            against = min(against, max(answers.wrong[k], least))
-        if answers.wrong[k] < least:
-            source, cycles, least = k, said, answers.wrong[k]
+        so_far = _hear(so_far, k, said, answers.wrong[k])
+    return _judged(so_far, last)
+
+
+@kernel
+def _nothing_said() -> _SoFar:
+    return _SoFar(-1, 0, 0, np.inf, np.inf, 0.0, 0.0)
+
+
+@kernel
+def _hear(so_far: _SoFar, k: int, said: int, wrong: float) -> _SoFar:
+    """Add what epoch k says, and its chance to be wrong."""
+    source, cycles, voices, least, against, for_it, other = so_far
+    if source >= 0 and said != cycles:
+        against = min(against, max(wrong, least))
+    if wrong < least:
+        source, cycles, least = k, said, wrong
+    for_it += np.log(max(1.0 - wrong, _TINY))
+    other += np.log(max(wrong, _TINY))
+    return _SoFar(source, cycles, voices + 1, least, against, for_it, other)
+
+
+@kernel
+def _judged(so_far: _SoFar, last: int) -> _Run:
+    """Return what the epochs say together."""
+    source, cycles, voices, least, against, for_it, other = so_far
     if source < 0:
         return _Run(last, source, cycles, 1.0)
     # Of as many chances one may be small by chance; their geometric mean is never so. Both bound

@@ -11,7 +11,7 @@ choose from; and more where another epoch speaks against it.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,12 +42,16 @@ class Arcs:
         Correlation time of code noise; None measures it.
     prepare : callable or None
         Applied to the differences first, such as to find out how large their noise is.
+    causal : bool
+        Each epoch by epochs up to it alone: code is not smoothed, and an arc has the integer of its
+        surest epoch so far. ``inner`` and ``prepare`` must be causal as well.
     """
 
     inner: Resolver
     wrong_max: float = _WRONG_MAX
     correlation_s: float | None = None
     prepare: Callable[[DoubleDifferences], DoubleDifferences] | None = None
+    causal: bool = False
 
     def __post_init__(self) -> None:
         """Reject what is no probability and what is no time."""
@@ -63,6 +67,27 @@ class Arcs:
         """Return the name the command line knows."""
         return f"{self.inner.name}-arcs"
 
+    @property
+    def looks_ahead(self) -> bool:
+        """Return whether code is smoothed over whole arcs, whose surest epoch speaks for all."""
+        return not self.causal
+
+    def causal_form(self, inner: Resolver) -> "Arcs":
+        """Return the same by the past alone, with an inner resolver that is causal.
+
+        Raises
+        ------
+        BadInputError
+            If nothing is known of ``prepare`` but that it is given all epochs.
+        """
+        if self.prepare not in (None, noise_as_shown):
+            raise BadInputError(
+                f"integers {self.name!r}: what 'prepare' makes of an epoch may depend on later "
+                "ones; for causal integers take 'constrained' or 'lambda'"
+            )
+        prepare = noise_so_far if self.prepare is noise_as_shown else None
+        return replace(self, inner=inner, prepare=prepare, causal=True)
+
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
         """Resolve every link of phase whose arc has code.
 
@@ -71,9 +96,10 @@ class Arcs:
         BadInputError
             If the inner resolver does not say how likely its integers are wrong.
         """
-        arc = link_arcs(differences, flight)
-        prepared = self.prepare(differences) if self.prepare else differences
-        smooth = smoothed(prepared, arc, self.correlation_s).differences
+        arc = link_arcs(differences, flight, causal=self.causal)
+        smooth = self.prepare(differences) if self.prepare else differences
+        if not self.causal:
+            smooth = smoothed(smooth, arc, self.correlation_s).differences
         found = self.inner(smooth, flight)
         if found.wrong_probability is None:
             raise BadInputError(
@@ -83,7 +109,7 @@ class Arcs:
         of_reference = np.ascontiguousarray(differences.reference[:, differences.group])
         known = found.fixed | (differences.is_reference[:, None] & (differences.phase_m == 0))
         answers = Answers(found.cycles, known, found.wrong_probability, arc, of_reference)
-        carried = carry(answers)
+        carried = carry(answers, causal=self.causal)
         links = phase_links(differences) & (of_reference >= 0)[:, None]
         there = links & (carried.source >= 0)
         chance, sources = chance_of_epochs(carried, there)
@@ -126,19 +152,28 @@ def noise_as_shown(differences: DoubleDifferences) -> DoubleDifferences:
     return with_estimated_noise(differences, Constrained().nodes)
 
 
-def link_arcs(differences: DoubleDifferences, flight: Flight) -> IntArray:
+def noise_so_far(differences: DoubleDifferences) -> DoubleDifferences:
+    """Return the same, each epoch's variances by epochs up to it alone."""
+    from fgnav.integers.constrained import Constrained  # noqa: PLC0415
+    from fgnav.integers.constrained_noise import with_noise_so_far  # noqa: PLC0415
+
+    return with_noise_so_far(differences, Constrained().nodes)
+
+
+def link_arcs(differences: DoubleDifferences, flight: Flight, *, causal: bool = False) -> IntArray:
     """Return numbers, (n, b, m), that change where a single difference's integer may; -1 without.
 
     Those of the double differences, which a change of reference ends, where the flight's own
     observations are not what they come from.
     """
     try:
-        single = single_differences(flight)
+        single = single_differences(flight, causal=causal)
     except NoSolutionError:
         return differences.arc
     if single.phase_m.shape != differences.phase_m.shape:
         return differences.arc
-    arc = phase_arcs(single, tuple(antenna.name for antenna in flight.antennas)).arc.astype(int)
+    names = tuple(antenna.name for antenna in flight.antennas)
+    arc = phase_arcs(single, names, causal=causal).arc.astype(int)
     both = arc[:, :1] * (arc.max(initial=0) + 1) + arc[:, 1:]
     there = (arc[:, :1] >= 0) & (arc[:, 1:] >= 0) & np.isfinite(single.phase_m)
     return np.asarray(np.where(there, both, -1))

@@ -9,7 +9,7 @@ from scipy.special import chdtrc
 from fgnav.checks import BadInputError, BoolArray
 from fgnav.flight import Flight
 from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.constrained_noise import with_estimated_noise
+from fgnav.integers.constrained_noise import with_estimated_noise, with_noise_so_far
 from fgnav.integers.constrained_prior import AttitudePrior
 from fgnav.integers.constrained_search import (
     ILL,
@@ -22,7 +22,13 @@ from fgnav.integers.constrained_search import (
 from fgnav.integers.resolver import Integers
 from fgnav.integers.snooping import LEFT_OUT, Snooped, left_out_losses, snooped
 from fgnav.integers.thresholds import statistic, thresholds
-from fgnav.integers.validation import WITHOUT_CODE, not_fixed, phase_links, share_threshold
+from fgnav.integers.validation import (
+    WITHOUT_CODE,
+    not_fixed,
+    phase_links,
+    share_so_far,
+    share_threshold,
+)
 
 Validation = Literal["share", "posterior", "ratio", "difference"]
 
@@ -70,6 +76,10 @@ class Constrained:
         Simulated for each pattern of links by ``"ratio"`` and ``"difference"``.
     nodes : int
         What the search of an epoch may visit before it is given up: a tenth of a second.
+    causal : bool
+        Each epoch by epochs up to it alone: noise by the first 30, 120, 480, … epochs, as stated
+        until then; the share as if the flight ended with the epoch. Not with ``"ratio"`` and
+        ``"difference"``, whose thresholds are those of all epochs with the same links.
     """
 
     wrong_max: float | None = 1e-2
@@ -81,6 +91,7 @@ class Constrained:
     sets: int = 1000
     seed: int = 0
     nodes: int = 10**6
+    causal: bool = False
 
     def __post_init__(self) -> None:
         """Reject thresholds that are no probabilities, and counts of nothing."""
@@ -96,11 +107,26 @@ class Constrained:
         if self.validation not in get_args(Validation):
             known = ", ".join(get_args(Validation))
             raise BadInputError(f"validation: must be one of {known}, got {self.validation!r}")
+        if self.causal and self._simulates:
+            raise BadInputError(
+                f"integers 'constrained': thresholds of validation {self.validation!r} are those "
+                "of all epochs with the same links; for causal integers take 'share' or 'posterior'"
+            )
 
     @property
     def name(self) -> str:
         """Return the name the command line knows."""
         return "constrained"
+
+    @property
+    def looks_ahead(self) -> bool:
+        """Return whether noise, shares or thresholds are those of the whole flight."""
+        pooled = self.wrong_max is not None and self.validation != "posterior"
+        return not self.causal and (self.estimate_noise or pooled)
+
+    @property
+    def _simulates(self) -> bool:
+        return self.wrong_max is not None and self.validation in ("ratio", "difference")
 
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
         """Resolve every epoch that has code and phase.
@@ -111,7 +137,8 @@ class Constrained:
             If there is a prior of another number of epochs.
         """
         if self.estimate_noise:
-            differences = with_estimated_noise(differences, self.nodes, self.prior)
+            estimated = with_noise_so_far if self.causal else with_estimated_noise
+            differences = estimated(differences, self.nodes, self.prior)
         result = self._snooped(differences)
         found = result.found
         accepted, refused = self._validated(differences, found)
@@ -183,6 +210,10 @@ class Constrained:
         wrong = found.wrong_probability
         if self.validation == "posterior":
             return f"probability of wrong integers above {wrong_max:g}", wrong <= wrong_max
+        if self.validation == "share" and self.causal:
+            sure = np.zeros(len(wrong), dtype=np.bool_)
+            sure[sound] = share_so_far(wrong[sound], wrong_max)
+            return f"integers too doubtful for a share of {wrong_max:g} wrong so far", sure
         if self.validation == "share":
             limit = -share_threshold(-wrong[sound], wrong[sound], wrong_max)
             return f"integers too doubtful for a share of {wrong_max:g} wrong", wrong <= limit

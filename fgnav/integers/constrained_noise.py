@@ -25,6 +25,7 @@ from fgnav.integers.constrained_prior import AttitudePrior
 from fgnav.integers.epochs import epochs_at
 
 _ENOUGH = 30  # epochs
+_RENEWED = 4  # times as many epochs tell standard deviations twice as well
 _SAMPLE = 200  # epochs, spread evenly: variance factors to 3 %
 _LINKS = 3000  # double differences in a sample are enough; larger arrays get by with fewer epochs
 _STATED_LOG_SIGMA = 1.0  # of standard deviations: a factor e beside the stated is nothing unusual
@@ -76,19 +77,56 @@ def with_estimated_noise(
         What the search of an epoch may visit.
     prior : AttitudePrior or None
     """
-    if len(differences.t_s) < _ENOUGH:
-        return differences
-    links = differences.resolvable.sum(axis=(1, 2))
-    there = np.flatnonzero(links)
+    there = np.flatnonzero(differences.resolvable.any(axis=(1, 2)))
     if len(there) < _ENOUGH:
         return differences
-    many = int(np.clip(_LINKS / links[there].mean(), _ENOUGH, _SAMPLE))
-    pick = there[np.linspace(0, len(there) - 1, min(many, len(there))).astype(np.int64)]
-    used = differences.resolvable.any(axis=1)
-    stated = [differences.code_variance_m2, differences.phase_variance_m2]
-    code, phase = (variance / np.median(variance[used]) for variance in stated)
-    whole = _Sample(differences, prior, code, phase)
-    return whole.with_law(_fitted(whole.at(pick), min(nodes, _NODES)))
+    whole = _sample(differences, prior, there)
+    return whole.with_law(_fitted(whole.at(_picked(differences, there)), min(nodes, _NODES)))
+
+
+def with_noise_so_far(
+    differences: DoubleDifferences, nodes: int, prior: AttitudePrior | None = None
+) -> DoubleDifferences:
+    """Return the same, each epoch's variances by epochs up to it alone.
+
+    As stated until 30 epochs have links; renewed when there are four times as many, and again.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+    nodes : int
+    prior : AttitudePrior or None
+    """
+    there = np.flatnonzero(differences.resolvable.any(axis=(1, 2)))
+    code_m2 = differences.code_variance_m2.copy()
+    phase_m2 = differences.phase_variance_m2.copy()
+    count, start = _ENOUGH, np.array(_CALM)
+    while count <= len(there):
+        past = there[:count]
+        whole = _sample(differences, prior, past)
+        sample = whole.at(_picked(differences, past))
+        law, enough = _typical(sample, min(nodes, _NODES), start)
+        later, variances = slice(int(past[-1]), None), whole.variances_m2(_of_mean(law, enough))
+        code_m2[later], phase_m2[later] = (part[later] for part in variances)
+        count, start = _RENEWED * count, law if enough else np.array(_CALM)
+    return replace(differences, code_variance_m2=code_m2, phase_variance_m2=phase_m2)
+
+
+def _sample(
+    differences: DoubleDifferences, prior: AttitudePrior | None, there: IntArray
+) -> _Sample:
+    """Return all epochs, variances by their medians over some, (k,)."""
+    used = differences.resolvable[there].any(axis=1)
+    stated = (differences.code_variance_m2, differences.phase_variance_m2)
+    code, phase = (variance / np.median(variance[there][used]) for variance in stated)
+    return _Sample(differences, prior, code, phase)
+
+
+def _picked(differences: DoubleDifferences, there: IntArray) -> IntArray:
+    """Return as many of some epochs, (k,), as suffice, spread evenly."""
+    links = differences.resolvable[there].sum(axis=(1, 2)).mean()
+    many = int(np.clip(_LINKS / links, _ENOUGH, _SAMPLE))
+    return there[np.linspace(0, len(there) - 1, min(many, len(there))).astype(np.int64)]
 
 
 def _fitted(sample: _Sample, nodes: int) -> FloatArray:
@@ -96,16 +134,28 @@ def _fitted(sample: _Sample, nodes: int) -> FloatArray:
 
     None is below the stated where too few epochs can tell.
     """
-    law = np.array(_CALM)
+    return _of_mean(*_typical(sample, nodes, np.array(_CALM)))
+
+
+def _typical(sample: _Sample, nodes: int, start: FloatArray) -> tuple[FloatArray, bool]:
+    """Return the law of a typical epoch, (4,), and whether there are epochs enough to tell it."""
+    law = start
     for _ in range(_ROUNDS):
         likelihood = likelihood_of(sample.with_law(law), nodes, sample.prior)
         if likelihood.epochs < _ENOUGH:
-            return np.asarray(np.maximum(law, 0.0))
+            return law, False
         last, law = law, _most_likely(sample, likelihood, law)
         if np.abs(law - last).max() < _SETTLED:
             break
-    law[[0, 2]] += np.log(_ROUGHNESS / (_ROUGHNESS - 2.0))  # the mean of the epochs' variances
-    return law
+    return law, True
+
+
+def _of_mean(law: FloatArray, enough: bool) -> FloatArray:
+    """Return the law of the mean of the epochs' variances; not below the stated if unsure."""
+    if not enough:
+        return np.asarray(np.maximum(law, 0.0))
+    of_mean = np.log(_ROUGHNESS / (_ROUGHNESS - 2.0))
+    return np.asarray(law + of_mean * np.array([1.0, 0.0, 1.0, 0.0]))
 
 
 def _most_likely(sample: _Sample, likelihood: Likelihood, start: FloatArray) -> FloatArray:

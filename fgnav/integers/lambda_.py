@@ -50,6 +50,11 @@ class Lambda:
         """Return the name the command line knows."""
         return "lambda"
 
+    @property
+    def looks_ahead(self) -> bool:
+        """Return False: every epoch is resolved alone."""
+        return False
+
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:  # noqa: ARG002
         """Resolve every link with code and phase, where the epoch's code determines the array."""
         found = search_array(differences, joint=self.joint, success_min=self.success_min or 0.0)

@@ -5,12 +5,16 @@ from weakref import WeakKeyDictionary
 from fgnav.flight import Flight
 from fgnav.gnss.difference import double_differences
 from fgnav.gnss.differences import DoubleDifferences
+from fgnav.integers.causal import causal_form
 from fgnav.integers.resolver import Integers, Resolver
 
-_RESOLVED: WeakKeyDictionary[Flight, dict[Resolver, Integers]] = WeakKeyDictionary()
+_Key = tuple[Resolver, bool]
+_RESOLVED: WeakKeyDictionary[Flight, dict[_Key, Integers]] = WeakKeyDictionary()
 
 
-def resolve(flight: Flight, resolver: Resolver) -> tuple[DoubleDifferences, Integers]:
+def resolve(
+    flight: Flight, resolver: Resolver, *, causal: bool = False
+) -> tuple[DoubleDifferences, Integers]:
     """Return a flight's double differences and what a resolver makes of them.
 
     Methods that share a resolver share its work: integers are kept as long as the flight lives, for
@@ -20,17 +24,29 @@ def resolve(flight: Flight, resolver: Resolver) -> tuple[DoubleDifferences, Inte
     ----------
     flight : Flight
     resolver : Resolver
+    causal : bool
+        Each epoch by epochs up to it alone, by the resolver's ``causal_form``.
 
     Returns
     -------
     DoubleDifferences, Integers
+
+    Raises
+    ------
+    BadInputError
+        If the resolver has no causal form.
     """
-    differences = double_differences(flight)
+    if causal:
+        resolver = causal_form(resolver)
+        differences = double_differences(flight, causal=True)
+    else:
+        differences = double_differences(flight)
     try:
         hash(resolver)
     except TypeError:
         return differences, resolver(differences, flight)
     known = _RESOLVED.setdefault(flight, {})
-    if resolver not in known:
-        known[resolver] = resolver(differences, flight)
-    return differences, known[resolver]
+    key = (resolver, causal)
+    if key not in known:
+        known[key] = resolver(differences, flight)
+    return differences, known[key]

@@ -80,6 +80,9 @@ class Resolver(Protocol):
         """Short label, as the command line knows it."""
         ...
 
+    # ``looks_ahead``, where it has it: whether what it says of an epoch may depend on later ones;
+    # taken as true if not stated. ``fgnav.integers.causal`` makes one of it that does not.
+
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
         """Resolve every epoch; an epoch without an answer is not fixed and counted as a loss."""
         ...

@@ -19,6 +19,11 @@ class Rounding:
         """Return the name the command line knows."""
         return "rounding"
 
+    @property
+    def looks_ahead(self) -> bool:
+        """Return False: every epoch is resolved alone."""
+        return False
+
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:  # noqa: ARG002
         """Resolve every link that has code and phase."""
         fixed = differences.resolvable

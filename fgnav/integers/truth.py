@@ -29,6 +29,11 @@ class Truth:
         """Return the name the command line knows."""
         return "truth"
 
+    @property
+    def looks_ahead(self) -> bool:
+        """Return False: it knows the truth of every epoch."""
+        return False
+
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
         """Resolve every link that has phase, at the epochs that truth covers.
 

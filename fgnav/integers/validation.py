@@ -53,6 +53,25 @@ def share_threshold(
     return float(statistic[safe[-1]]) if len(safe) else np.nan
 
 
+def share_so_far(wrong_probability: FloatArray, wrong_max: float) -> BoolArray:
+    """Return which epochs, (n,), are accepted by the ``share_threshold`` of those up to each.
+
+    An epoch is judged as if the flight ended with it: it is accepted where the mean probability of
+    all epochs so far that are no more likely wrong is at most the share asked for.
+
+    Parameters
+    ----------
+    wrong_probability : ndarray, shape (n,)
+    wrong_max : float
+        Share of the accepted.
+    """
+    accepted = np.asarray(wrong_probability <= min(wrong_max, 0.5))
+    for k in np.flatnonzero(~accepted & (wrong_probability <= 0.5)):
+        so_far = wrong_probability[: k + 1]
+        accepted[k] = so_far[so_far <= so_far[k]].mean() <= wrong_max
+    return accepted
+
+
 def not_fixed(links: Mapping[str, BoolArray]) -> tuple[Loss, ...]:
     """Return one loss for each reason that holds of any link, (n, b, m)."""
     return tuple(

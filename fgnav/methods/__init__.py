@@ -1,11 +1,12 @@
 """Ways from a flight to an estimate, found by name.
 
 A method is a frozen dataclass with ``name`` and ``__call__(flight) -> Estimate``; those that use
-carrier phase take a ``resolver``, those in ``WITH_GRAVITY`` a ``gravity`` estimator, and words of
-what to ``estimate`` with the flight, those in ``WITH_LAG`` a ``lag_s``. Third parties add their own
+carrier phase take a ``resolver``, those in ``SMOOTHERS`` the ``Options``. Third parties add theirs
 through the entry-point group ``fgnav.methods``: a callable that takes ``resolver`` and returns an
 ``Estimator``.
 """
+
+from dataclasses import dataclass
 
 from fgnav import plugins
 from fgnav.estimate import Estimator
@@ -22,17 +23,50 @@ METHODS = {
     "gtsam": "fgnav.methods.smoother:GtsamBatch",
     "rtk": "fgnav.methods.rtk:Rtk",
 }
-WITH_GRAVITY = ("smoother", "forward", "batch", "gtsam")
-WITH_LAG = ("smoother",)
+SMOOTHERS = ("smoother", "forward", "batch", "gtsam")  # those that take all of ``Options``
+WITH_LAG = ("smoother", "forward")
 
 
-def method_named(
-    name: str,
-    resolver: Resolver,
-    gravity: GravityEstimator | None = None,
-    estimate: tuple[str, ...] = (),
-    lag_s: float | None = None,
-) -> Estimator:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """What smoothers take beside a resolver; None and empty leave their own defaults.
+
+    Attributes
+    ----------
+    gravity : GravityEstimator or None
+    estimate : tuple of str
+    factors : tuple of str
+        Names of installed sources of factors.
+    solver : str or None
+    causal : bool
+        Of the smoother alone: the others are what they are.
+    lag_s : float or None
+        Of those in ``WITH_LAG``.
+    """
+
+    gravity: GravityEstimator | None = None
+    estimate: tuple[str, ...] = ()
+    factors: tuple[str, ...] = ()
+    solver: str | None = None
+    causal: bool = False
+    lag_s: float | None = None
+
+    def of(self, name: str) -> dict[str, object]:
+        """Return the arguments of the method of that name."""
+        if name not in SMOOTHERS:
+            return {}
+        wanted: dict[str, object] = {
+            "gravity": self.gravity,
+            "estimate": self.estimate or None,
+            "factors": self.factors or None,
+            "solver": self.solver,
+            "causal": True if self.causal and name == "smoother" else None,
+            "lag_s": self.lag_s if name in WITH_LAG else None,
+        }
+        return {option: value for option, value in wanted.items() if value is not None}
+
+
+def method_named(name: str, resolver: Resolver, options: Options | None = None) -> Estimator:
     """Return the method of that name, with those of the options that it takes.
 
     Raises
@@ -41,11 +75,5 @@ def method_named(
         If there is none; the text lists what there is.
     """
     factory = plugins.named(GROUP, METHODS, name, kind="method")
-    options: dict[str, object] = {}
-    if name in WITH_GRAVITY:
-        options |= {"gravity": gravity} if gravity is not None else {}
-        options |= {"estimate": estimate} if estimate else {}
-    if name in WITH_LAG:
-        options |= {"lag_s": lag_s} if lag_s is not None else {}
-    estimator: Estimator = factory(resolver=resolver, **options)
+    estimator: Estimator = factory(resolver=resolver, **(options or Options()).of(name))
     return estimator

@@ -19,8 +19,10 @@ class AnyTime(Protocol):
         """Short label."""
         ...
 
-    def at(self, flight: Flight, t_s: FloatArray | float) -> Estimate:
-        """Estimate at times, (m,), or at a rate, Hz."""
+    def at(
+        self, flight: Flight, t_s: FloatArray | None = None, *, rate_hz: float | None = None
+    ) -> Estimate:
+        """Estimate at times, (m,), or at a rate."""
         ...
 
 
@@ -32,17 +34,19 @@ class AtTimes:
     ----------
     name : str
     method : AnyTime
-    t_s : ndarray, shape (m,), or float
-        Times, or a rate, Hz.
+    t_s : ndarray, shape (m,), or None
+    rate_hz : float or None
+        One of both.
     """
 
     name: str
     method: AnyTime
-    t_s: FloatArray | float
+    t_s: FloatArray | None = None
+    rate_hz: float | None = None
 
     def __call__(self, flight: Flight) -> Estimate:
         """Estimate; raises as ``method.at`` does."""
-        return self.method.at(flight, self.t_s)
+        return self.method.at(flight, self.t_s, rate_hz=self.rate_hz)
 
 
 def at_times(method: Estimator, times: Path | None, rate_hz: float | None) -> Estimator:
@@ -63,4 +67,4 @@ def at_times(method: Estimator, times: Path | None, rate_hz: float | None) -> Es
         return AtTimes(name=method.name, method=method, t_s=read_table(times, ["t_s"])["t_s"])
     rate = float(rate_hz or 0.0)
     positive("--rate", rate)
-    return AtTimes(name=method.name, method=method, t_s=rate)
+    return AtTimes(name=method.name, method=method, rate_hz=rate)

@@ -1,73 +1,106 @@
 """How much better a smoother may be than a filter: errors drawn from the model that both have."""
 
-from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.methods.smoother.batch import solve_batch
-from fgnav.methods.smoother.chain import STATE, Chain
-from fgnav.methods.smoother.collect import Collected
-from fgnav.methods.smoother.linear import blocks_of, eliminated
+from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
+from fgnav.graph.problem import SmoothingProblem
+from fgnav.graph.states import States
+from fgnav.solve.chain import back_kernel, kernel
+from fgnav.solve.chain.batch import solve_batch
+from fgnav.solve.chain.linear import Links, linearise
 
-_ROUNDING = 1e-12  # of information in units of its own; noise of a link's motion is above
+_POSE = 6  # first of a state's dimensions: rotation and position
+_ROUNDING = 1e-12  # of information in units of its own; noise of what is measured is above
 
 
 def allowed_peaks(
-    collected: Collected, during: BoolArray, draws: int, rng: np.random.Generator
+    problem: SmoothingProblem, during: BoolArray, draws: int, rng: np.random.Generator
 ) -> FloatArray:
     """Return mean peaks of errors at some keyframes, (2, 2): of the smoother, then the filter.
 
     Of rotation, rad, and position, m. Measurements and motion err as their own noise says, linear
-    at the batch's solution: a link of information ``J'J`` has its right-hand side shifted by
-    ``J'e``, which has that very covariance. The error that all positions share is in both.
+    at the batch's solution: whitened rows err by unit noise e, and measurements of information
+    ``J'J`` by ``J'e``, which has that very covariance. The error that all positions share is in
+    neither: flights whose messages are right have none.
 
     Parameters
     ----------
-    collected : Collected
+    problem : SmoothingProblem
     during : ndarray of bool, shape (n,)
         Keyframes to look at.
     draws : int
     rng : Generator
     """
-    solution = solve_batch(collected.keyframes)
-    there = replace(
-        collected.keyframes,
-        R_nb=solution.R_nb,
-        p_n_m=solution.p_n_m,
-        v_n_mps=solution.v_n_mps,
-        slot=solution.slot,
-    )
-    chain = eliminated(next(blocks_of(there, [0], len(during))), 1.0)
-    root = _roots(chain.link[:, :-1, :-1])
+    states = solve_batch(problem).states
+    links = _linearised(problem, states)
+    root = _roots(links.node[:, :-1, :-1])
     rows = np.flatnonzero(during)
-    common = np.linalg.cholesky(collected.common_position_m2[rows].mean(axis=0))
     peaks = []
     for _ in range(draws):
-        errors = _errors(chain, root, rows, rng)
-        common_n_m = common @ rng.standard_normal(3)
-        errors[:, :, 3:] += common_n_m @ solution.R_nb[rows]  # the chain has positions in body axes
+        errors = _errors(links, root, rows, rng)
         sizes = np.linalg.norm(errors.reshape(2, len(rows), 2, 3), axis=3)
         peaks.append(sizes.max(axis=1))
     return np.asarray(np.mean(peaks, axis=0))
 
 
+class _Eliminated(NamedTuple):
+    """A chain from its first keyframe to its last; see ``kernel.eliminate``."""
+
+    forward: FloatArray  # (n, W, W)
+    gain: FloatArray  # (n - 1, D, W)
+
+
+def _linearised(problem: SmoothingProblem, states: States) -> Links:
+    """Return all of a problem, linear at some states."""
+    n = len(problem.t_s)
+    links = Links.empty(n, problem.width, problem.constants.width)
+    every, before = np.arange(n), states.at(slice(0, n - 1))
+    linearise(problem, every, states, before, links, every)
+    return links
+
+
+def _eliminated(links: Links) -> _Eliminated:
+    n, D, W = len(links.node), links.motion.shape[1], links.node.shape[1]
+    forward, gain = np.zeros_like(links.node), np.empty((n - 1, D, W))
+    forward[0] = links.node[0]
+    root = np.empty((n - 1, D, D))
+    for by_rows in (False, True):
+        failed = kernel.eliminate(links.motion, links.node, forward, root, gain, by_rows)
+        if failed < 0:
+            return _Eliminated(forward, gain)
+    raise NoSolutionError(f"drawn errors: keyframe {failed} is open")
+
+
 def _roots(information: FloatArray) -> FloatArray:
-    """Return square roots, (n, k, k), of what links say; what is rounding of it is nothing."""
-    size = np.sqrt(np.einsum("nii->ni", information)).clip(np.finfo(float).tiny)
-    value, vectors = np.linalg.eigh(information / size[:, :, None] / size[:, None, :])
+    """Return square roots, (n, k, k), of information, of which upper halves are filled.
+
+    What is rounding of it is nothing.
+    """
+    whole = np.triu(information) + np.triu(information, 1).swapaxes(1, 2)
+    size = np.sqrt(np.einsum("nii->ni", whole)).clip(np.finfo(float).tiny)
+    value, vectors = np.linalg.eigh(whole / size[:, :, None] / size[:, None, :])
     value[value < _ROUNDING] = 0.0
     return np.asarray(size[:, :, None] * vectors * np.sqrt(value)[:, None])
 
 
-def _errors(chain: Chain, root: FloatArray, rows: IntArray, rng: np.random.Generator) -> FloatArray:
-    """Return errors of one draw, (2, m, 6): of states given all links, and given those before."""
-    last = len(root) - 1
+def _errors(links: Links, root: FloatArray, rows: IntArray, rng: np.random.Generator) -> FloatArray:
+    """Return errors of one draw, (2, m, 6): of states given all there is, and given the past."""
     e = rng.standard_normal(root.shape[:2])
-    chain.link[:, :-1, -1] = chain.link[:, -1, :-1] = np.einsum("nij,nj->ni", root, e)
-    chain.link[:, -1, -1] = (e**2).sum(axis=1)
-    chain.begin(0)
-    chain.eliminate(0, last)
-    smoothed = chain.step(0, last)[0][rows, :STATE]
-    filtered = np.stack([chain.step(k, k)[0][0, :STATE] for k in rows])
-    return np.stack([smoothed, filtered])[:, :, :6]
+    links.node[:, :-1, -1] = np.einsum("nij,nj->ni", root, e)
+    links.node[:, -1, -1] = (e**2).sum(axis=1)
+    links.motion[1:, :, -1] = rng.standard_normal((len(links.motion) - 1, links.motion.shape[1]))
+    chain = _eliminated(links)
+    smoothed = np.empty((len(root), links.motion.shape[1]))
+    back_kernel.substitute(chain.gain, _newest(chain.forward[-1]), smoothed)
+    filtered = np.stack([_newest(chain.forward[k]) for k in rows])
+    return np.stack([smoothed[rows, :_POSE], filtered[:, :_POSE]])
+
+
+def _newest(forward: FloatArray) -> FloatArray:
+    """Return state and constants, (D + b,), by the information up to a keyframe."""
+    step = np.empty(len(forward) - 1)
+    if not np.isfinite(back_kernel.newest(forward, np.empty((len(step), len(step))), step)):
+        raise NoSolutionError("drawn errors: a state is open")
+    return step

@@ -1,5 +1,9 @@
-"""What a learned gravity direction is worth: alone, and to a smoother without an antenna array."""
+"""What a learned gravity direction is worth: alone, and to a smoother without an antenna array.
 
+``GRAVITY_FLIGHTS`` in the environment states how many flights (30).
+"""
+
+import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +23,8 @@ from fgnav_sim.scenario import FixesTable, Scenario
 from fgnav_sim.simulate import simulate
 
 NAMES = ("gravity_ablation", "gravity_ablation_pair", "gravity_ablation_accelerometer")
-FLIGHTS, DURATION_S, SEED = 30, 30.0, 77
+FLIGHTS = int(os.environ.get("GRAVITY_FLIGHTS", "30"))
+DURATION_S, SEED = 30.0, 20_077
 PAIR_SIGMA_RAD = np.radians(2.1)  # per axis, of the pair's errors in the world of training
 
 
@@ -60,7 +65,7 @@ def run(count: int = FLIGHTS) -> list[dict[str, object]]:
             "peer": peer,
             "ratio": peer / table[source].tilt_deg,
             "unit": "deg",
-            "note": note + told(table),
+            "note": note + figures_of(table),
         }
         for name, source in named.items()
     ]
@@ -106,7 +111,7 @@ def flights(count: int, seed: int) -> list[Flight]:
 
 
 def sources() -> dict[str, GravityEstimator | None]:
-    """Return what tells the smoother where down is."""
+    """Return sources of gravity directions by name."""
     interval_s = float(load("gravity").manifest.domain["independent_after_s"])
     return {
         "none": None,
@@ -158,7 +163,7 @@ def tally(errors: list[Errors], failed: int) -> Tally:
     )
 
 
-def told(table: dict[str, Tally]) -> str:
+def figures_of(table: dict[str, Tally]) -> str:
     """Return a table as a sentence."""
     parts = []
     for name, t in table.items():

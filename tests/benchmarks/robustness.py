@@ -1,5 +1,10 @@
-"""What wrong integers, jumping fixes and outages cost: against the same flights without them."""
+"""What wrong integers, jumping fixes and outages cost: against the same flights without them.
 
+``ROBUSTNESS_FLIGHTS`` in the environment states how many (50), ``ROBUSTNESS_SEED`` their first seed
+(20000: none that has chosen a constant of the library).
+"""
+
+import os
 import re
 from dataclasses import dataclass, replace
 
@@ -11,13 +16,14 @@ from fgnav.flight import Flight
 from fgnav.integers.resolver import Integers
 from fgnav.integers.truth import Truth
 from fgnav.methods.smoother import Batch, Forward
-from fgnav.methods.smoother.smoother import collected_for
 from fgnav_sim.receiver_tables import OutageTable, SlipsTable
 from fgnav_sim.scenario import Place, load_scenario
 from fgnav_sim.simulate import simulate
 from tests.benchmarks.allowed import allowed_peaks
 from tests.methods.simulated import SCENARIOS, errors_rad
 
+FLIGHTS = int(os.environ.get("ROBUSTNESS_FLIGHTS", "50"))
+SEED = int(os.environ.get("ROBUSTNESS_SEED", "20000"))
 SHARES = {0.01: 1.03, 0.05: 1.05, 0.10: 1.10, 0.20: 2.0}
 LENGTHS_S = (5.0, 15.0, 30.0, 60.0)
 FROM_S, SWING_S = (
@@ -64,7 +70,7 @@ GYROSCOPE = {
 }
 
 
-def run(flights: int = 50) -> list[dict]:
+def run(flights: int = FLIGHTS) -> list[dict]:
     """Return the rows."""
     return [*_wrong_arcs(flights), *_outages(max(2, flights // 8))]
 
@@ -92,7 +98,7 @@ class WrongArcs:
 def _wrong_arcs(flights: int) -> list[dict]:
     """Every other flight has slips; in the others arcs last the whole flight."""
     growth = {share: [] for share in SHARES}
-    for seed in range(flights):
+    for seed in range(SEED, SEED + flights):
         slips = SlipsTable(rate_per_hour=SLIPS_PER_HOUR, flagged_share=0.7) if seed % 2 else None
         flight = _flown(seed, 20.0 + 5.0 * (seed % 5), gnss={"slips": slips})
         clean_rad = _rms(errors_rad(flight, Batch(resolver=Truth())(flight)))
@@ -119,7 +125,7 @@ def _outages(few: int) -> list[dict]:
                 (FROM_S + k / flights * SWING_S, FROM_S + k / flights * SWING_S + length_s)
                 for k in range(flights)
             ]
-            flown = [_with_outage(kind, outage_s, k) for k, outage_s in enumerate(outages)]
+            flown = [_with_outage(kind, outage_s, SEED + k) for k, outage_s in enumerate(outages)]
             judged = [_judged(*pair) for pair in zip(flown, outages, strict=True)]
             rows.append(_share_row(kind, length_s, [one.within for one in judged]))
             listed += [
@@ -154,10 +160,9 @@ def _peak_rows(
 
 def _allowed(flight: Flight, outage_s: tuple[float, float]) -> FloatArray:
     """Return the smoother's mean peaks over the filter's, drawn from the model, (2,)."""
-    collected = collected_for(Batch(resolver=Truth()), flight)
-    during = _during(collected.keyframes.t_s, outage_s)
-    rng = np.random.default_rng(0)
-    smoothed, forward = allowed_peaks(collected, during, DRAWS, rng)
+    problem = Batch(resolver=Truth()).prepare(flight).problem
+    during = _during(problem.t_s, outage_s)
+    smoothed, forward = allowed_peaks(problem, during, DRAWS, np.random.default_rng(0))
     return np.asarray(smoothed / forward)
 
 

@@ -1,7 +1,12 @@
-"""The smoother's speed against real time, and accuracy against the bound, on the demo's motion."""
+"""The smoother's speed against real time, and accuracy against the bound, on the demo's motion.
+
+Speeds are flight seconds per second of one core (``process_time``), covariances included; where a
+row has a target, that is its peer.
+"""
 
 import tracemalloc
-from dataclasses import fields, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import process_time
 
@@ -11,28 +16,38 @@ import numpy as np
 from fgnav.evaluation.comparison import compare
 from fgnav.flight import Flight
 from fgnav.gnss.differences import DoubleDifferences
+from fgnav.graph.problem import SmoothingProblem
 from fgnav.integers.lambda_ import Lambda
 from fgnav.integers.registry import resolver_named
 from fgnav.integers.resolve import resolve
 from fgnav.integers.resolver import Integers
 from fgnav.methods import method_named
-from fgnav.methods.smoother import Batch, Smoother
-from fgnav.methods.smoother.batch import solve_batch
-from fgnav.methods.smoother.by_gtsam import solve_by_gtsam
-from fgnav.methods.smoother.collect import Settings, collect
-from fgnav.methods.smoother.keyframes import Keyframes
-from fgnav.methods.smoother.window import Window, solve_window
-from fgnav_sim.scenario import load_scenario
+from fgnav.methods.smoother import Batch, Smoother, Stream
+from fgnav.solve import chain
+from fgnav.solve.batch import solve_batch
+from fgnav.solve.fixed_lag import FixedLag, solve_fixed_lag
+from fgnav_sim.scenario import Scenario, load_scenario
 from fgnav_sim.simulate import simulate
+from tests.benchmarks.smoother_memory import RATE_HZ, SET_UP, measurements
 
 SCENARIO = Path(__file__).resolve().parents[2] / "sim" / "scenarios" / "demo.toml"
 SPAN_S = 300.0
-SETTING = "demo motion, 8 antennas, 10 Hz keyframes, 100 Hz accelerometer, 300 s"
+STREAM_S = 60.0
+LAG_S = 2.0
+ROUNDS = 3
+SHORT = 10  # the whole flight is so many times the short one
+# x real time, of one core at 10 Hz.
+TARGETS = {
+    "smoother_fixed_lag": 100.0,
+    "smoother_fixed_lag_whole": 50.0,
+    "smoother_every_keyframe": 80.0,
+    "smoother_chain": 150.0,
+}
 ACCURATE = ("closed-form", "maximum-likelihood", "smoother", "batch", "rtk")
 NAMES = (
+    *TARGETS,
+    "smoother_stream",
     "smoother_batch",
-    "smoother_fixed_lag",
-    "smoother_fixed_lag_next",
     "smoother_with_integers",
     "smoother_growth",
     "smoother_memory",
@@ -45,124 +60,155 @@ NAMES = (
 )
 
 
+@dataclass(frozen=True)
 class Given:
-    """A resolver that was told the integers of one flight."""
+    """A resolver that has the integers of one flight."""
 
-    def __init__(self, integers: Integers) -> None:
-        self.integers = integers
+    integers: Integers
+    name: str = "given"
 
     def __call__(self, _differences: DoubleDifferences, _flight: Flight) -> Integers:
         """Return them."""
         return self.integers
 
 
-def run() -> list[dict]:
+def run(span_s: float = SPAN_S) -> list[dict]:
     """Return the rows."""
-    scenario = msgspec.structs.replace(load_scenario(SCENARIO), duration_s=SPAN_S)
+    scenario = msgspec.structs.replace(load_scenario(SCENARIO), duration_s=span_s)
     flight = simulate(scenario, np.random.default_rng(1))
-    given, constrained = Given(resolve(flight, Lambda())[1]), resolver_named("constrained")
-    batch, window = Batch(resolver=given), Smoother(resolver=given, lag_s=2.0)
-    with_integers = Batch(resolver=constrained)
-    for method in (batch, window, with_integers):
-        method(replace(flight))  # compiles kernels
-    batch(flight)
-    whole = "all of a method on a flight that nothing is known of, integers given"
+    given = Given(resolve(flight, Lambda())[1])
+    _compile(scenario)
+    problem = Smoother(resolver=given).prepare(flight).problem
+    setting = f"demo motion, 8 antennas, 10 Hz keyframes, 100 Hz accelerometer, {span_s:g} s"
     return [
-        _speed("smoother_batch", lambda: batch(replace(flight)), f"{whole}; {SETTING}"),
-        _speed(
-            "smoother_fixed_lag", lambda: window(replace(flight)), f"lag 2 s; {whole}; {SETTING}"
-        ),
-        _speed(
-            "smoother_fixed_lag_next",
-            lambda: window(flight),
-            f"lag 2 s; as the next method of a comparison, keyframes collected; {SETTING}",
-        ),
-        _speed(
-            "smoother_with_integers",
-            lambda: with_integers(replace(flight)),
-            f"all of it and array-constrained integers, batch; {SETTING}",
-        ),
-        *_chain(flight),
+        *_solves(problem, setting),
+        _stream(min(span_s, STREAM_S)),
+        *_methods(flight, given, setting),
+        *_growth(problem),
+        _solver(problem),
         *_accuracy(flight),
     ]
 
 
-def _speed(name, work, note):
-    """Return flight seconds per second of work, the median of five."""
-    factor = SPAN_S / float(np.median([_seconds(work) for _ in range(5)]))
-    return _row(name, factor, 1.0, factor, "x real time", note)
+def _compile(scenario: Scenario) -> None:
+    """Compile all kernels on a few seconds."""
+    short = msgspec.structs.replace(scenario, duration_s=5.0)
+    flight = simulate(short, np.random.default_rng(1))
+    for resolver in (Lambda(), resolver_named("constrained")):
+        for method in (Smoother, Batch):
+            for solver in ("gtsam", "chain"):
+                method(resolver=resolver, solver=solver)(flight)
 
 
-def _seconds(work):
-    started_s = process_time()  # of one core, whoever else uses it
-    work()
-    return process_time() - started_s
-
-
-def _row(name, ours, peer, ratio, unit, note):
-    keys = ("name", "ours", "peer", "ratio", "unit", "note")
-    return dict(zip(keys, (name, ours, peer, ratio, unit, note), strict=True))
-
-
-def _chain(flight: Flight) -> list[dict]:
-    """Return how the solvers grow with the flight, and the batch beside GTSAM's own."""
-    settings = Settings(
-        resolver=Lambda(),
-        gravity=None,
-        angular_acceleration_density=None,
-        sub_steps=2,
-        false_alarm=1e-4,
-    )
-    whole = collect(flight, settings).keyframes
-    short = _first(whole, len(whole.t_s) // 10)
-    seconds = [[_seconds(lambda k=k: solve_window(k, 2.0)) for k in (short, whole)] for _ in "aaa"]
-    growth = float(np.median([b / a for a, b in seconds]))
-    held = [_held(part) for part in (short, whole)]
-    ours = np.median([_seconds(lambda: solve_batch(short)) for _ in range(5)])
-    theirs = np.median([_seconds(lambda: solve_by_gtsam(short)) for _ in range(3)])
-    note = "time of ten times the flight over that of the flight, window of 2 s; peer: linear"
+def _solves(problem: SmoothingProblem, setting: str) -> list[dict]:
+    """Return the window's speeds on a problem that is prepared."""
+    span_s = float(problem.t_s[-1] - problem.t_s[0])
+    lag = f"lag {LAG_S:g} s, GTSAM, the solve alone"
     return [
-        _row("smoother_growth", growth, 10.0, 10.0 / growth, "", note),
-        _row(
-            "smoother_memory",
-            held[1],
-            held[0],
-            held[0] / held[1],
-            "MB",
-            "peak of Python's and numpy's memory in the window; peer: a tenth of the flight",
+        _speed(
+            "smoother_fixed_lag",
+            span_s,
+            lambda: solve_fixed_lag(problem, LAG_S),
+            f"{lag}, an update a second; {setting}",
         ),
-        _row(
-            "smoother_solver",
-            len(short.t_s) / ours,
-            len(short.t_s) / theirs,
-            theirs / ours,
-            "keyframes/s",
-            "batch; peer: GTSAM's LevenbergMarquardtOptimizer and Marginals, same links",
+        _speed(
+            "smoother_every_keyframe",
+            span_s,
+            lambda: _windowed(problem, len(problem.t_s), FixedLag(LAG_S, block_s=0.0)),
+            f"{lag}, an update for each keyframe; {setting}",
         ),
     ]
 
 
-def _first(keyframes: Keyframes, n: int) -> Keyframes:
-    """Return the first n keyframes; what has a row for each is cut, the rest is shared."""
+def _stream(span_s: float) -> dict:
+    """Return the speed of a stream, its epochs at hand."""
+    rng = np.random.default_rng(1)
+    epochs = [measurements(k / RATE_HZ, rng) for k in range(1, round(span_s * RATE_HZ) + 1)]
 
-    def cut(part):
-        arrays = {f.name: getattr(part, f.name) for f in fields(part)}
-        long = {
-            name: value[:n]
-            for name, value in arrays.items()
-            if isinstance(value, np.ndarray) and len(value) == len(keyframes.t_s)
-        }
-        return replace(part, **long)
+    def run_through() -> None:
+        stream = Stream(SET_UP, lag_s=LAG_S)
+        for epoch in epochs:
+            stream.update(epoch)
+        stream.rest()
 
-    parts = {name: cut(getattr(keyframes, name)) for name in ("array", "position", "velocity")}
-    return replace(cut(keyframes), **parts)
+    note = f"Stream.update with each epoch of smoother_memory, lag {LAG_S:g} s, {span_s:g} s"
+    return _speed("smoother_stream", span_s, run_through, note)
 
 
-def _held(keyframes: Keyframes) -> float:
-    window = Window(2.0)
+def _methods(flight: Flight, given: Given, setting: str) -> list[dict]:
+    """Return the speeds of whole methods on a flight of which nothing is prepared."""
+    span_s = float(flight.observations.t_s[-1] - flight.observations.t_s[0])
+    window = Smoother(resolver=given, lag_s=LAG_S)
+    whole = "all of a method, hyperparameters included, integers given"
+    methods = {
+        "smoother_fixed_lag_whole": (window, f"GTSAM, lag {LAG_S:g} s; {whole}"),
+        "smoother_chain": (replace(window, solver="chain"), f"chain, lag {LAG_S:g} s; {whole}"),
+        "smoother_batch": (Batch(resolver=given), f"GTSAM; {whole}"),
+        "smoother_with_integers": (
+            Batch(resolver=resolver_named("constrained")),
+            "GTSAM, batch; all of it and array-constrained integers",
+        ),
+    }
+    return [
+        _speed(name, span_s, lambda method=method: method(replace(flight)), f"{note}; {setting}")
+        for name, (method, note) in methods.items()
+    ]
+
+
+def _growth(problem: SmoothingProblem) -> list[dict]:
+    """Return how the window's time and memory grow with the flight."""
+    n = len(problem.t_s)
+    counts = (n // SHORT, n)
+    seconds = [
+        [_seconds(lambda k=k: _windowed(problem, k, FixedLag(LAG_S))) for k in counts]
+        for _ in range(ROUNDS)
+    ]
+    growth = float(np.median([long / short for short, long in seconds]))
+    short_mb, long_mb = (_peak_mb(problem, k) for k in counts)
+    note = f"time of {SHORT} times the flight over that of the flight, window of {LAG_S:g} s"
+    return [
+        _row("smoother_growth", growth, SHORT, SHORT / growth, "", f"{note}; peer: linear"),
+        _row(
+            "smoother_memory",
+            long_mb,
+            short_mb,
+            short_mb / long_mb,
+            "MB",
+            "peak of Python's and numpy's memory in the window, estimates not kept; peer: a tenth "
+            "of the flight; GTSAM's own: smoother_memory_hour",
+        ),
+    ]
+
+
+def _solver(problem: SmoothingProblem) -> dict:
+    """Return the compiled chain's batch beside GTSAM's."""
+    n = len(problem.t_s)
+    ours, theirs = (
+        float(np.median([_seconds(lambda f=f: f(problem)) for _ in range(ROUNDS)]))
+        for f in (chain.solve_batch, solve_batch)
+    )
+    return _row(
+        "smoother_solver",
+        n / ours,
+        n / theirs,
+        theirs / ours,
+        "keyframes/s",
+        "compiled chain, batch; peer: GTSAM's Levenberg-Marquardt of the same problem; covariances "
+        "included",
+    )
+
+
+def _windowed(problem: SmoothingProblem, count: int, window: FixedLag) -> None:
+    """Pass the first keyframes through a window; estimates are not kept."""
+    for row in range(count):
+        window.update(problem, row)
+    window.rest()
+
+
+def _peak_mb(problem: SmoothingProblem, count: int) -> float:
+    window = FixedLag(LAG_S)
     tracemalloc.start()
-    for row in range(len(keyframes.t_s)):
-        window.update(keyframes, row)
+    _windowed(problem, count, window)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     return peak / 1e6
@@ -176,15 +222,28 @@ def _accuracy(flight: Flight) -> list[dict]:
     rows = []
     for name in ACCURATE:
         score = figures["methods"][name]
+        note = f"peer: bound of one epoch; {100 * score['available']:.1f} % of epochs"
         for angle, rmse_deg in score["rmse_deg"].items():
-            rows.append(
-                {
-                    "name": f"accuracy_{name.replace('-', '_')}_{angle}",
-                    "ours": rmse_deg,
-                    "peer": bound_deg[angle],
-                    "ratio": bound_deg[angle] / rmse_deg,
-                    "unit": "deg",
-                    "note": f"peer: bound of one epoch; {100 * score['available']:.1f} % of epochs",
-                }
-            )
+            of = f"accuracy_{name.replace('-', '_')}_{angle}"
+            peer = bound_deg[angle]
+            rows.append(_row(of, rmse_deg, peer, peer / rmse_deg, "deg", note))
     return rows
+
+
+def _speed(name: str, span_s: float, work: Callable[[], object], note: str) -> dict:
+    """Return flight seconds per second of work, the median of some rounds."""
+    factor = span_s / float(np.median([_seconds(work) for _ in range(ROUNDS)]))
+    peer = TARGETS.get(name, 1.0)
+    of = "target" if name in TARGETS else "real time"
+    return _row(name, factor, peer, factor / peer, "x real time", f"{note}; peer: {of}")
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    started_s = process_time()  # of one core, whoever else uses it
+    work()
+    return process_time() - started_s
+
+
+def _row(*figures: object) -> dict:
+    keys = ("name", "ours", "peer", "ratio", "unit", "note")
+    return dict(zip(keys, figures, strict=True))

@@ -17,6 +17,7 @@ class TrueGravity:
     seed: int = 0
     every: int = 1  # epoch
     name: str = "true-gravity"
+    looks_ahead: bool = False
 
     def __call__(self, flight: Flight) -> GravityDirection:
         """Estimate."""

@@ -63,6 +63,11 @@ class AmbiguityNetwork:
         """Return the name the command line knows."""
         return self.network
 
+    @property
+    def looks_ahead(self) -> bool:
+        """Return that each epoch is classified by itself."""
+        return False
+
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
         """Resolve the epochs that the network knows.
 

@@ -1,0 +1,126 @@
+"""The best that all measurements allow: the posterior Cramer-Rao bound of the whole flight."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, NoSolutionError
+from fgnav.cubic_spline import cubic_spline
+from fgnav.flight import Flight, Truth
+from fgnav.frontend.problem import PreparedFlight
+from fgnav.frontend.rates import swing_n_mps
+from fgnav.graph.factors.gyro_free import GyroFree
+from fgnav.graph.problem import SmoothingProblem
+from fgnav.graph.states import States
+from fgnav.integers.truth import attitude_at
+from fgnav.process.evidence import RatePrior, rate_prior
+from fgnav.rotations import log, transpose
+
+_APART_S = 0.01  # of two attitudes whose difference is a rate
+_TRUTH_RAD = 1e-4  # 1-sigma of true attitudes: between their samples they are interpolated
+
+
+def posterior_bound(
+    flight: Flight, prepared: PreparedFlight, prior: RatePrior | None = None
+) -> FloatArray:
+    """Return the least covariance of rotations at keyframes, (n, 3, 3), rad2, body axes.
+
+    The inverse of the information of all that is measured and of the prior, both linearised at the
+    truth [1]_. It bounds the mean error over motions drawn from that prior; an estimator that
+    knows more of one motion, as that a swing is commanded, may have less.
+
+    Parameters
+    ----------
+    flight : Flight
+        With truth.
+    prepared : PreparedFlight
+        Of this flight: its keyframes and measurements.
+    prior : RatePrior, optional
+        Of the body rate, instead of that in ``prepared``; without a gyroscope only.
+
+    Raises
+    ------
+    BadInputError
+        If a prior is given of a flight with a gyroscope.
+    NoSolutionError
+        If the flight has no truth.
+
+    References
+    ----------
+    .. [1] Tichavsky, Muravchik, Nehorai: Posterior Cramer-Rao bounds for discrete-time nonlinear
+       filtering, IEEE Trans. Signal Processing 46, 1998, eqs. 3 and 21.
+    """
+    from fgnav.solve.chain.batch import covariance_at  # noqa: PLC0415  # lazy: its kernels
+
+    problem = prepared.problem
+    if prior is not None:
+        problem = _with_prior(problem, prior)
+    states = true_states(flight, prepared)
+    return np.asarray(covariance_at(problem, states).covariance[:, :3, :3])
+
+
+def true_states(flight: Flight, prepared: PreparedFlight) -> States:
+    """Return the true states of the accelerometer at keyframes.
+
+    Biases and derivatives of the rate, of which flights keep no truth, are zero; constants are
+    where the search starts. What was measured is linear in them, or next to it.
+
+    Raises
+    ------
+    NoSolutionError
+        If the flight has no truth.
+    """
+    truth, problem = _truth_of(flight), prepared.problem
+    t_s, arm_b_m = problem.t_s, prepared.imu.position_b_m
+    R_nb, w_b_radps = attitude_at(truth, t_s)[0], _rates_b_radps(truth, t_s)
+    p_n_m, v_n_mps = (cubic_spline(truth.t_s, x, t_s) for x in (truth.p_n_m, truth.v_n_mps))
+    aux = np.zeros_like(problem.start.aux)
+    if prepared.imu.w_b_radps is None:
+        aux[:, 3:6] = w_b_radps
+    return States(
+        R_nb=R_nb,
+        p_n_m=p_n_m + R_nb @ arm_b_m,
+        v_n_mps=v_n_mps + swing_n_mps(R_nb, w_b_radps, arm_b_m),
+        aux=aux,
+        constants=problem.start.constants,
+    )
+
+
+def true_rate_prior(flight: Flight, t_s: FloatArray) -> RatePrior:
+    """Return the rate prior under which the true attitudes at some times, (n,), are most likely.
+
+    Raises
+    ------
+    NoSolutionError
+        If the flight has no truth.
+    """
+    R_nb = attitude_at(_truth_of(flight), t_s)[0]
+    return rate_prior(t_s, R_nb, np.tile(_TRUTH_RAD**2 * np.eye(3), (len(t_s), 1, 1)))
+
+
+def _truth_of(flight: Flight) -> Truth:
+    if flight.truth is None:
+        raise NoSolutionError(f"flight {flight.name}: a posterior bound needs its truth")
+    return flight.truth
+
+
+def _rates_b_radps(truth: Truth, t_s: FloatArray) -> FloatArray:
+    """Return true body rates against n, (n, 3)."""
+    ends = (np.clip(t_s + h, truth.t_s[0], truth.t_s[-1]) for h in (-_APART_S / 2, _APART_S / 2))
+    before, after = ends
+    turned = log(transpose(attitude_at(truth, before)[0]) @ attitude_at(truth, after)[0])
+    return np.asarray(turned / (after - before)[:, None])
+
+
+def _with_prior(problem: SmoothingProblem, prior: RatePrior) -> SmoothingProblem:
+    """Return the same problem, its body rate by another prior."""
+    motion = problem.motion
+    if not isinstance(motion, GyroFree):
+        raise BadInputError("posterior bound prior: the flight has a gyroscope, which needs none")
+    n = len(problem.t_s) - 1
+    other = replace(
+        motion,
+        length_s=np.full(n, prior.length_s),
+        variance_rad2ps2=np.tile(prior.variance_rad2ps2, (n, 1)),
+    )
+    return replace(problem, motion=other)

@@ -1,0 +1,270 @@
+"""Attitudes of single epochs, where the smoother starts: of the array, or of other vectors."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
+from fgnav.attitude.flight_vectors import measured_vectors, track_of
+from fgnav.attitude.own_rotation import OwnRotation, despun
+from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
+from fgnav.estimate import Rejected
+from fgnav.flight import Flight
+from fgnav.frontend.array.consensus import arc_consensus
+from fgnav.frontend.array.exclusion import ConsistentArray, exclude_faults
+from fgnav.frontend.array.pivot import pivot_losses, pivot_notes, pivot_views
+from fgnav.frontend.gaps import gap_notes, spans
+from fgnav.frontend.matching import nearest
+from fgnav.frontend.vector_alignment import (
+    VECTOR_SIGMA_RAD,
+    VectorAttitudes,
+    vector_attitudes,
+)
+from fgnav.gnss.differences import DoubleDifferences
+from fgnav.gravity import GravityDirection
+from fgnav.integers.resolve import resolve
+from fgnav.integers.resolver import Integers, Resolver
+
+_Rows = FloatArray | BoolArray | IntArray
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Alignment:
+    """Attitudes at the flight's GNSS epochs, each from that epoch alone.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (n,)
+    R_nb : ndarray, shape (n, 3, 3)
+    covariance_rad2 : ndarray, shape (n, 3, 3)
+    valid : ndarray of bool, shape (n,)
+        Whether the epoch has an attitude that its own residuals do not contradict.
+    form : RotationQuadratic or None
+        What the array's phases say; None without an array.
+    integers : Integers or None
+    phases : tuple of DoubleDifferences and ndarray, or None
+        The array's own, and what of them its form is of, without integers, whatever the epochs.
+    refused : ndarray of bool, shape (n,)
+        Epochs whose array phases contradict each other.
+    losses : tuple of Loss
+    rejections : tuple of Rejected
+    notes : tuple of str
+        Among them the gaps.
+    unobservable : tuple of str
+        Angles that the array leaves open and no other vector tells.
+    rough : bool
+        Whether the covariance is a guess.
+    own : OwnRotation or None
+        How a body without an array spins.
+    """
+
+    t_s: FloatArray
+    R_nb: FloatArray
+    covariance_rad2: FloatArray
+    valid: BoolArray
+    form: RotationQuadratic | None
+    integers: Integers | None
+    refused: BoolArray
+    losses: tuple[Loss, ...]
+    rejections: tuple[Rejected, ...]
+    notes: tuple[str, ...]
+    unobservable: tuple[str, ...] = ()
+    rough: bool = False
+    phases: tuple[DoubleDifferences, FloatArray] | None = None
+    own: OwnRotation | None = None
+
+    @property
+    def R_nu(self) -> FloatArray:
+        """Attitudes of axes that do not spin, (n, 3, 3)."""
+        return despun(self.own, self.t_s, self.R_nb)
+
+    def __getitem__(self, rows: IntArray) -> "Alignment":
+        """Return the start at some of its epochs, in their order."""
+        if len(rows) == len(self.t_s):
+            return self
+        return replace(
+            self,
+            t_s=self.t_s[rows],
+            R_nb=self.R_nb[rows],
+            covariance_rad2=self.covariance_rad2[rows],
+            valid=self.valid[rows],
+            form=None if self.form is None else self.form[rows],
+            refused=self.refused[rows],
+        )
+
+
+def at_keyframes(start: Alignment, t_s: FloatArray) -> Alignment:
+    """Return an alignment at keyframes, (n,), among them all its epochs; the others have none."""
+    row = np.searchsorted(t_s, start.t_s)
+    n, form = len(t_s), start.form
+    if n == len(row):
+        return start
+
+    def spread(values: _Rows) -> Any:  # noqa: ANN401
+        out = np.zeros((n, *values.shape[1:]), dtype=values.dtype)
+        out[row] = values
+        return out
+
+    if form is not None:
+        form = RotationQuadratic(
+            information=spread(form.information),
+            vector=spread(form.vector),
+            constant=spread(form.constant),
+            count=spread(form.count),
+        )
+    R_nb = np.tile(np.eye(3), (n, 1, 1))
+    R_nb[row] = start.R_nb
+    return replace(
+        start,
+        t_s=t_s,
+        R_nb=R_nb,
+        covariance_rad2=spread(start.covariance_rad2),
+        valid=spread(start.valid),
+        form=form,
+        refused=spread(start.refused),
+    )
+
+
+def align(
+    flight: Flight,
+    resolver: Resolver,
+    false_alarm: float,
+    gravity: GravityDirection | None = None,
+) -> Alignment:
+    """Return single-epoch attitudes by the best means that the flight has.
+
+    Parameters
+    ----------
+    flight : Flight
+    resolver : Resolver
+    false_alarm : float
+    gravity : GravityDirection or None
+        A vector of epochs without an array.
+
+    Raises
+    ------
+    NoSolutionError
+        If it has neither an array nor a track.
+    """
+    if flight.observations is None or len(flight.antennas) < 2:
+        return _of_vectors(vector_attitudes(flight, gravity))
+    whole, *others = pivot_views(flight)
+    start = _of_array(whole.flight, resolver, false_alarm)
+    for view in others:
+        try:
+            start = completed_by(start, _of_array(view.flight, resolver, false_alarm), view.rows)
+        except NoSolutionError:  # then these epochs stay without
+            continue
+    return replace(
+        start,
+        losses=pivot_losses((whole, *others), start.losses),
+        notes=tuple(dict.fromkeys((*start.notes, *pivot_notes((whole, *others))))),
+    )
+
+
+def completed_by(start: Alignment, other: Alignment, rows: IntArray) -> Alignment:
+    """Put what another reference antenna tells of some epochs, (k,), in the place of nothing."""
+
+    def put(
+        values: FloatArray | BoolArray | IntArray, of: FloatArray | BoolArray | IntArray
+    ) -> Any:  # noqa: ANN401
+        out = values.copy()
+        out[rows] = of
+        return out
+
+    form = start.form
+    if form is not None and other.form is not None:
+        form = RotationQuadratic(
+            information=put(form.information, other.form.information),
+            vector=put(form.vector, other.form.vector),
+            constant=put(form.constant, other.form.constant),
+            count=put(form.count, other.form.count),
+        )
+    return replace(
+        start,
+        R_nb=put(start.R_nb, other.R_nb),
+        covariance_rad2=put(start.covariance_rad2, other.covariance_rad2),
+        valid=put(start.valid, other.valid),
+        form=form,
+        refused=put(start.refused, other.refused),
+        losses=(*start.losses, *other.losses),
+        rejections=(*start.rejections, *other.rejections),
+        notes=(*start.notes, *other.notes),
+    )
+
+
+def _of_array(flight: Flight, resolver: Resolver, false_alarm: float) -> Alignment:
+    differences, integers = resolve(flight, resolver)
+    names = tuple(antenna.name for antenna in flight.antennas)
+    consensus = arc_consensus(differences, integers, names)
+    clean = exclude_faults(differences, consensus.integers, names, false_alarm)
+    attitude = _closed(flight, differences, clean)
+    return Alignment(
+        t_s=differences.t_s,
+        R_nb=attitude.R_nb,
+        covariance_rad2=attitude.covariance_rad2,
+        valid=attitude.solved & ~clean.refused & ~attitude.open_axis_b.any(axis=1),
+        form=clean.form,
+        integers=clean.integers,
+        refused=clean.refused,
+        losses=(*differences.losses, *integers.losses),
+        rejections=(*consensus.rejections, *clean.rejections),
+        notes=(*consensus.notes, *clean.notes, *_antenna_gaps(names, differences)),
+        unobservable=attitude.unobservable(),
+        phases=(differences, clean.ranges_m),
+    )
+
+
+def _closed(
+    flight: Flight, differences: DoubleDifferences, clean: ConsistentArray
+) -> AttitudeSolution:
+    """Return the array's attitudes, an angle that one baseline leaves open told by other vectors.
+
+    They only say where to start: the smoother's own factors know them better.
+    """
+    is_open = clean.attitude.solved & clean.attitude.open_axis_b.any(axis=1)
+    if not is_open.any():
+        return clean.attitude
+    track = track_of(flight)
+    pairs, _ = measured_vectors(flight, track)
+    row, found = nearest(track.t_s, differences.t_s)
+    form = clean.form
+    for v_n, v_b in zip(np.moveaxis(pairs.v_n, 1, 0), np.moveaxis(pairs.v_b, 1, 0), strict=True):
+        valid = found & np.isfinite(v_n[row]).all(axis=1) & is_open
+        size = np.where(valid, np.linalg.norm(v_b[row], axis=1), 1.0)
+        form = form + RotationQuadratic.of_vector_pairs(
+            np.where(valid[:, None], v_n[row], 0.0),
+            np.where(valid[:, None], v_b[row], np.nan),
+            (VECTOR_SIGMA_RAD * size)[:, None, None] ** 2 * np.eye(3),
+        )
+    return maximum_likelihood(form)
+
+
+def _of_vectors(attitudes: VectorAttitudes) -> Alignment:
+    return Alignment(
+        t_s=attitudes.t_s,
+        R_nb=attitudes.R_nb,
+        covariance_rad2=attitudes.covariance_rad2,
+        valid=attitudes.valid,
+        form=None,
+        integers=None,
+        refused=np.zeros(len(attitudes.t_s), dtype=np.bool_),
+        losses=attitudes.losses,
+        rejections=(),
+        notes=attitudes.notes,
+        rough=attitudes.rough,
+        own=attitudes.own,
+    )
+
+
+def _antenna_gaps(names: tuple[str, ...], differences: DoubleDifferences) -> tuple[str, ...]:
+    """Tell where one antenna has no phase while another has."""
+    there = np.isfinite(differences.phase_m).any(axis=2)
+    missing = ~there & np.any(there, axis=1)[:, None]
+    return tuple(
+        sentence
+        for name, column in zip(names[1:], missing.T, strict=True)
+        for sentence in gap_notes(f"phase of antenna {name}", spans(differences.t_s, column))
+    )

@@ -1,0 +1,258 @@
+"""Arrays whose antennas are not quite where the flight states: phases that tell the shape, too.
+
+The quadratic form of the rotation takes baselines in body axes as known. Here the unknowns of an
+epoch are the baselines in the frame ``n`` themselves, so that a place in body axes can be estimated
+with the flight; with the places known it is the same form.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fgnav.attitude.array import maximum_likelihood
+from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.flight import Flight
+from fgnav.gnss.differences import DoubleDifferences
+from fgnav.graph.constants import FlightConstant
+from fgnav.integers.resolve import resolve
+from fgnav.integers.resolver import Resolver, fixed_ranges_m
+from fgnav.rotations import exp, skew
+
+_NOTHING = 1e-10  # relative eigenvalue: rounding
+_AT_ONCE = 2000  # epochs: 100 MB
+_ITERATIONS = 20
+_STEP_M = 1e-5
+_MISFIT = 4.0  # times the median: an epoch with wrong integers
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class BaselineForm:
+    """What phases say of the baselines u, (b, 3), in ``n``: ``|root (u - minimum).ravel()|^2 / 2``.
+
+    Attributes
+    ----------
+    there : ndarray of bool, shape (n,)
+    root : ndarray, shape (n, 3 b, 3 b)
+    minimum : ndarray, shape (n, b, 3)
+    baselines_b_m : ndarray, shape (b, 3)
+        As the flight states them.
+    """
+
+    there: BoolArray
+    root: FloatArray
+    minimum: FloatArray
+    baselines_b_m: FloatArray
+
+    def at(self, rows: IntArray, n: int, mine: IntArray | None = None) -> "BaselineForm":
+        """Return the form, or (k,) epochs of it, at some, (k,), of n keyframes."""
+        mine = np.arange(len(self.there)) if mine is None else mine
+        there, root = np.zeros(n, dtype=np.bool_), np.zeros((n, *self.root.shape[1:]))
+        minimum = np.zeros((n, *self.minimum.shape[1:]))
+        there[rows] = self.there[mine]
+        root[rows], minimum[rows] = self.root[mine], self.minimum[mine]
+        return replace(self, there=there, root=root, minimum=minimum)
+
+    def as_loud_as(self, form: RotationQuadratic, mine: IntArray) -> "BaselineForm":
+        """Return the form, its noise raised to that of (k,) forms of the rotation.
+
+        The same ranges make them, as the places stand by which this one's baselines are known.
+        """
+        arms_b_m = self.baselines_b_m
+        by_rotation = np.einsum("ia,bc->bica", np.eye(3), arms_b_m)
+        root = self.root[mine] @ by_rotation.reshape(-1, 9)
+        share = np.einsum("nii->", form.information) / np.einsum("nki,nki->", root, root)
+        return replace(self, root=np.sqrt(share) * self.root)
+
+    @classmethod
+    def of_ranges(cls, differences: DoubleDifferences, ranges_m: FloatArray) -> "BaselineForm":
+        """Collect double differences without integers; see ``RotationQuadratic.of_ranges``."""
+        information, vector = baseline_information(differences, ranges_m)
+        values, vectors = np.linalg.eigh(information)
+        known = values > _NOTHING * values[:, -1:].clip(1e-30)
+        root = np.sqrt(np.where(known, values, 0.0))
+        inverse = np.where(known, 1.0 / np.where(known, values, 1.0), 0.0)
+        minimum = np.einsum("nij,nj,nkj,nk->ni", vectors, inverse, vectors, vector)
+        return cls(
+            there=values[:, -1] > 0,
+            root=root[:, :, None] * vectors.swapaxes(1, 2),
+            minimum=minimum.reshape(len(minimum), -1, 3),
+            baselines_b_m=differences.baselines_b_m,
+        )
+
+
+def baseline_information(
+    differences: DoubleDifferences, ranges_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return information, (n, 3 b, 3 b), and vector, (n, 3 b), of the baselines in ``n``.
+
+    Satellite terms are eliminated per channel, receiver terms per antenna and group, as in
+    ``RotationQuadratic``: any reference, any weights, any missing links.
+    """
+    n, b, _ = ranges_m.shape
+    information, vector = np.zeros((n, 3 * b, 3 * b)), np.zeros((n, 3 * b))
+    for first in range(0, n, _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        joint = np.zeros((len(ranges_m[part]), 3 * b + 1, 3 * b + 1))
+        for g in range(int(differences.group.max(initial=-1)) + 1):
+            _add_group(joint, differences, ranges_m[part], part, g)
+        information[part], vector[part] = joint[:, :-1, :-1], joint[:, :-1, -1]
+    return information, vector
+
+
+def _add_group(
+    joint: FloatArray, differences: DoubleDifferences, ranges_m: FloatArray, part: slice, g: int
+) -> None:
+    """Add the links of one group, satellite and receiver terms eliminated; ranges stand last."""
+    n, b, _ = ranges_m.shape
+    laplacian, cross = np.zeros((n, b + 1, b + 1)), np.zeros((n, b + 1, 3 * b + 1))
+    for j in np.flatnonzero(differences.group == g):
+        seen = np.isfinite(ranges_m[:, :, j])
+        here = np.concatenate([np.ones((n, 1)), seen], axis=1)  # of the reference antenna always
+        rows = np.zeros((n, b + 1, 3 * b + 1))
+        for i in range(b):
+            rows[:, i + 1, 3 * i : 3 * i + 3] = -differences.e_n[part, j] * seen[:, i, None]
+        rows[:, 1:, -1] = np.where(seen, ranges_m[:, :, j], 0.0)
+        weight = seen.any(axis=1) / differences.phase_variance_m2[part, j]
+        links = here.sum(axis=1)[:, None, None]
+        rows -= here[:, :, None] * rows.sum(axis=1, keepdims=True) / links
+        weighted = weight[:, None, None] * rows
+        joint += rows.swapaxes(1, 2) @ weighted
+        cross += weighted
+        between = here[:, :, None] * np.eye(b + 1) - here[:, :, None] * here[:, None, :] / links
+        laplacian += weight[:, None, None] * between
+    # The reference antenna's term is the datum; antennas without links have no term.
+    L, C = laplacian[:, 1:, 1:], cross[:, 1:]
+    empty = np.einsum("nii->ni", L) == 0
+    L = L + empty[:, :, None] * np.eye(b)
+    joint -= C.swapaxes(1, 2) @ np.linalg.solve(L, C)
+
+
+def shape_at(
+    phases: tuple[DoubleDifferences, FloatArray] | None,
+    form: RotationQuadratic | None,
+    t_s: FloatArray,
+    valid: BoolArray,
+    constants: tuple[FlightConstant, ...],
+    names: tuple[str, ...],
+) -> BaselineForm | None:
+    """Return what phases say, at keyframes, of an array whose shape is estimated.
+
+    Parameters
+    ----------
+    phases : tuple of DoubleDifferences and ndarray, or None
+        Of the array where its phases say it is, and their ranges without integers.
+    form : RotationQuadratic or None
+        Of the rotation, by the same ranges, at keyframes.
+    t_s, valid : ndarray, shape (n,)
+        Keyframes, and which of them have an attitude by it.
+    constants : tuple of FlightConstant
+        They start where the phases say; the baselines returned are those that the flight states.
+    names : tuple of str
+        Of the antennas, the reference first.
+    """
+    offs = {i: constants[k].start for i, k in enumerate(antenna_parts(constants, names)) if k >= 0}
+    if not offs or phases is None or form is None:
+        return None
+    differences, ranges_m = phases
+    row = np.searchsorted(t_s, differences.t_s).clip(max=len(t_s) - 1)
+    mine = np.flatnonzero((t_s[row] == differences.t_s) & valid[row])
+    found = BaselineForm.of_ranges(differences, ranges_m).as_loud_as(form[row[mine]], mine)
+    stated_b_m = found.baselines_b_m.copy()
+    for place, off_b_m in offs.items():
+        stated_b_m[place] -= off_b_m
+    return replace(found.at(row[mine], len(t_s), mine), baselines_b_m=stated_b_m)
+
+
+def initial_shape(
+    flight: Flight, constants: tuple[FlightConstant, ...], resolver: Resolver
+) -> tuple[Flight, tuple[FlightConstant, ...]]:
+    """Return a flight whose array fits its phases, and constants that start there.
+
+    Residuals of an antenna that is some centimetres off would pass for loud noise, or for bad
+    links. So places are found first from fixed phases alone, attitudes of single epochs beside
+    them, by Gauss-Newton; epochs that fit badly have wrong integers and take no part. That only
+    says what to hold phases against, and where the search begins: what is known before stays about
+    the places that the flight states.
+
+    Parameters
+    ----------
+    flight : Flight
+    constants : tuple of FlightConstant
+        Antennas among them.
+    resolver : Resolver
+    """
+    parts = antenna_parts(constants, tuple(antenna.name for antenna in flight.antennas))
+    places = [i for i, k in enumerate(parts) if k >= 0]
+    if not places:
+        return flight, constants
+    differences, integers = resolve(flight, resolver)
+    ranges_m = fixed_ranges_m(differences, integers)
+    variance_m2 = np.concatenate([np.diag(constants[parts[i]].covariance) for i in places])
+    off_m = _shape(differences, ranges_m, places, variance_m2)
+    moved, started = list(flight.antennas), list(constants)
+    for i, off_b_m in zip(places, off_m, strict=True):
+        antenna = moved[i + 1]
+        moved[i + 1] = replace(antenna, position_b_m=antenna.position_b_m + off_b_m)
+        started[parts[i]] = replace(started[parts[i]], start=off_b_m)
+    return replace(flight, antennas=tuple(moved)), tuple(started)
+
+
+def antenna_parts(constants: tuple[FlightConstant, ...], names: tuple[str, ...]) -> tuple[int, ...]:
+    """Return which of the constants is the place of each antenna but the reference; -1 of none."""
+    places = {one.name: k for k, one in enumerate(constants)}
+    return tuple(places.get(f"antenna {name}", -1) for name in names[1:])
+
+
+def _shape(
+    differences: DoubleDifferences,
+    ranges_m: FloatArray,
+    places: list[int],
+    variance_m2: FloatArray,
+) -> FloatArray:
+    """Return how far antennas, (a,) of them, are from their places, (a, 3)."""
+    information, vector = baseline_information(differences, ranges_m)
+    nominal = differences.baselines_b_m
+    attitude = maximum_likelihood(RotationQuadratic.of_ranges(differences, ranges_m))
+    R_nb, off_m = attitude.R_nb[attitude.solved], np.zeros((len(nominal), 3))
+    J, h = information[attitude.solved], vector[attitude.solved]
+    if not len(R_nb):
+        return off_m[places]
+    columns = np.concatenate([np.arange(3) + 3 * place for place in places])
+    prior = np.diag(1.0 / variance_m2)
+    for _ in range(_ITERATIONS):
+        arms_b_m = nominal + off_m
+        u = (R_nb @ arms_b_m.T).swapaxes(1, 2).reshape(len(R_nb), -1)
+        slope = h - np.einsum("nij,nj->ni", J, u)
+        misfit = np.einsum("ni,nij,nj->n", slope, np.linalg.pinv(J, hermitian=True), slope)
+        fits = misfit <= _MISFIT * np.median(misfit)
+        by_turn = -(R_nb[:, None] @ skew(arms_b_m)).reshape(len(R_nb), -1, 3)
+        by_place = np.zeros((len(R_nb), u.shape[1], len(columns)))
+        for k, place in enumerate(places):
+            by_place[:, 3 * place : 3 * place + 3, 3 * k : 3 * k + 3] = R_nb
+        turn, of_turn = _step(J, slope, by_turn, by_place)
+        normal = by_place.swapaxes(1, 2) @ J @ by_place
+        right = np.einsum("nji,nj->ni", by_place, slope)
+        coupled = by_place.swapaxes(1, 2) @ J @ by_turn
+        normal, right = (
+            normal - coupled @ of_turn,
+            right - np.einsum("nij,nj->ni", coupled, turn),
+        )
+        known = off_m.ravel()[columns]
+        step = np.linalg.solve(normal[fits].sum(0) + prior, right[fits].sum(0) - prior @ known)
+        R_nb = R_nb @ exp(turn - np.einsum("nij,j->ni", of_turn, step))
+        off_m.ravel()[columns] += step
+        if np.abs(step).max() < _STEP_M:
+            break
+    return off_m[places]
+
+
+def _step(
+    J: FloatArray, slope: FloatArray, by_turn: FloatArray, by_place: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return each epoch's own turn, (n, 3), and how it changes with the places, (n, 3, 3 a)."""
+    weighted = by_turn.swapaxes(1, 2) @ J
+    normal = weighted @ by_turn
+    inverse = np.linalg.pinv(normal, hermitian=True)
+    turn = np.einsum("nij,nkj,nk->ni", inverse, by_turn, slope)
+    return turn, inverse @ (weighted @ by_place)

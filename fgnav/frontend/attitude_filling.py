@@ -1,0 +1,33 @@
+"""Attitudes for keyframes that have none of their own, to start a search from."""
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray
+from fgnav.frontend.gaps import LOST_S, carried
+from fgnav.frontend.rates import angular_rates
+from fgnav.rotations import exp, log, transpose
+
+
+def zero_order_hold(t_s: FloatArray, R_nb: FloatArray, valid: BoolArray) -> FloatArray:
+    """Hold the last of attitudes, (n, 3, 3), where an epoch is not valid, (n,)."""
+    return np.asarray(R_nb[np.maximum.accumulate(np.where(valid, np.arange(len(t_s)), 0))])
+
+
+def interpolated_attitudes(t_s: FloatArray, R_nb: FloatArray, valid: BoolArray) -> FloatArray:
+    """Turn where an epoch is not valid, (n,), by the cubic between its neighbours; hold the last.
+
+    Of attitudes, (n, 3, 3). Evenly in gaps so long that the rates at their ends say nothing of
+    their middle.
+    """
+    known = np.flatnonzero(valid)
+    if len(known) == len(t_s):
+        return R_nb
+    rates = angular_rates(t_s[known], R_nb[known])
+    place = np.interp(t_s, t_s[known], np.arange(len(known)))
+    before = np.floor(place).astype(np.int64)
+    after = np.minimum(before + 1, len(known) - 1)
+    first, last, share = R_nb[known[before]], R_nb[known[after]], (place - before)[:, None]
+    span_s = (t_s[known[after]] - t_s[known[before]])[:, None]
+    cubic = carried(first, last, rates[before], rates[after], span_s, share)
+    even = first @ exp(share * log(transpose(first) @ last))
+    return np.asarray(np.where(span_s[:, None] <= 2 * LOST_S, cubic, even))

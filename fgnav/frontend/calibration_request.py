@@ -1,0 +1,217 @@
+"""Constants of a flight that are asked for: landmark, boresight, gravity's tilt, lever arm, array.
+
+Each is how far something is from what the flight states, the landmark excepted, which is a place.
+Off unless asked for, but for the landmark, which always has its survey's doubt.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, NoSolutionError
+from fgnav.flight import Flight
+from fgnav.graph.constants import FlightConstant, flight_constant
+
+MEAN_RATE = "mean rate"
+# 1-sigma of the constant part of a rate, rad/s: two and a half turns a second, as rockets spin
+# (docs/model.md, the motion prior).
+_MEAN_RATE_RADPS = 15.0
+SURVEYED_M = 0.01  # 1-sigma of a landmark that is not asked for: a surveyed beacon
+_SPACE_N = ("north", "east", "down")
+_SPACE_B = ("x_b", "y_b", "z_b")
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """What may be asked for: axes, whether its sigma is stated in degrees, its default."""
+
+    axes: tuple[str, ...]
+    degrees: bool
+    sigma: float
+
+
+_KINDS = {
+    "landmark": _Kind(_SPACE_N, False, 10.0),
+    "boresight": _Kind(("about y_b", "about z_b"), True, 2.0),
+    "gravity": _Kind(("about x_b", "about y_b"), True, 2.0),
+    "lever-arm": _Kind(_SPACE_B, False, 0.3),
+    "antenna": _Kind(_SPACE_B, False, 0.05),
+}
+NAMES = (*(name for name in _KINDS if name != "antenna"), "antennas", "antenna:NAME")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationRequest:
+    """One word of ``estimate``: a kind, for antennas a name or all, and a sigma, m or rad."""
+
+    kind: str
+    antenna: str | None
+    sigma: float
+
+
+def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, ...]:
+    """Return what the words of ``estimate`` ask for.
+
+    Parameters
+    ----------
+    estimate : iterable of str
+        ``"landmark"`` (10 m), ``"boresight"`` (2 degrees about y_b and z_b), ``"gravity"`` (2
+        degrees about x_b and y_b, of a gravity estimator), ``"lever-arm"`` (0.3 m, from the
+        accelerometer to the antennas), ``"antennas"`` (0.05 m, each but the reference), or
+        ``"antenna:a4"``. ``"landmark=30"`` states another 1-sigma, in metres or degrees.
+
+    Raises
+    ------
+    BadInputError
+        Naming the word and what is known.
+    """
+    found = []
+    for word in estimate:
+        name, said, sigma = word.partition("=")
+        kind, of_one, antenna = name.partition(":")
+        kind = "antenna" if kind == "antennas" and not of_one else kind
+        known = _KINDS.get(kind)
+        if known is None or bool(of_one) != bool(antenna) or (antenna and kind != "antenna"):
+            raise BadInputError(f"estimate: {word!r} is none of {', '.join(NAMES)}")
+        if kind == name == "antenna":
+            raise BadInputError("estimate: 'antenna' must name one, antenna:a4, or be antennas")
+        value = _sigma(word, sigma) if said else known.sigma
+        found.append(
+            CalibrationRequest(
+                kind=kind,
+                antenna=antenna or None,
+                sigma=float(np.radians(value)) if known.degrees else value,
+            )
+        )
+    said_of = [(one.kind, one.antenna) for one in found]
+    for word, of in zip(estimate, said_of, strict=True):
+        if said_of.count(of) > 1 or (of[1] and ("antenna", None) in said_of):
+            raise BadInputError(f"estimate: {word!r} is asked for twice")
+    return tuple(found)
+
+
+def _sigma(word: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0 < value < np.inf:
+        raise BadInputError(f"estimate: {word!r}: after = comes a positive 1-sigma, got {text!r}")
+    return value
+
+
+def constants_of(
+    words: tuple[CalibrationRequest, ...], flight: Flight, *, gravity: bool
+) -> tuple[FlightConstant, ...]:
+    """Return the constants that are asked for.
+
+    Parameters
+    ----------
+    words : tuple of CalibrationRequest
+    flight : Flight
+    gravity : bool
+        Whether something tells the direction of gravity.
+
+    Raises
+    ------
+    BadInputError
+        If the flight has nothing that the constant belongs to.
+    """
+    lacking = {
+        "landmark": flight.seeker is None and "the flight has no [seeker]",
+        "boresight": flight.seeker is None and "the flight has no [seeker]",
+        "gravity": not gravity and "nothing tells the direction of gravity; see --gravity",
+        "lever-arm": flight.imu is None and "the flight has no [imu]",
+    }
+    found = []
+    for word in words:
+        if lacking.get(word.kind):
+            raise BadInputError(f"estimate {word.kind}: {lacking[word.kind]}")
+        if word.kind != "antenna":
+            found.append(of_vehicle(word))
+            continue
+        for i in _antennas(word, flight):
+            name = f"antenna {flight.antennas[i].name}"
+            found.append(flight_constant(name, _SPACE_B, "m", word.sigma))
+    return tuple(found)
+
+
+def of_vehicle(word: CalibrationRequest) -> FlightConstant:
+    """Return the constant that a word asks for, of all but antennas."""
+    kind = _KINDS[word.kind]
+    return flight_constant(word.kind, kind.axes, "rad" if kind.degrees else "m", word.sigma)
+
+
+def with_evidence(
+    constants: tuple[FlightConstant, ...], *, sight: bool
+) -> tuple[FlightConstant, ...]:
+    """Return constants that something measured.
+
+    Raises
+    ------
+    NoSolutionError
+        Naming one of which nothing tells.
+    """
+    for one in constants:
+        if one.name in ("landmark", "boresight") and not sight:
+            raise NoSolutionError(f"{one.name}: the detector never sees the landmark")
+    return constants
+
+
+def with_landmark(
+    constants: tuple[FlightConstant, ...], landmark_n_m: FloatArray
+) -> tuple[FlightConstant, ...]:
+    """Return constants with the landmark's place among them: surveyed, if it was not asked for."""
+    if not any(one.name == "landmark" for one in constants):
+        surveyed = flight_constant("landmark", _SPACE_N, "m", SURVEYED_M, reported=False)
+        constants = (*constants, surveyed)
+    return tuple(
+        replace(one, mean=landmark_n_m, start=landmark_n_m + one.start)
+        if one.name == "landmark"
+        else one
+        for one in constants
+    )
+
+
+def with_common_error(
+    constants: tuple[FlightConstant, ...], common_m2: FloatArray
+) -> tuple[FlightConstant, ...]:
+    """Let the landmark and the barometer's offset share the error, (3, 3), of all positions.
+
+    Positions, and so the way to a place that is known on the Earth, are off by it together.
+    """
+    shared = {"landmark": common_m2, "barometer": common_m2[2, 2]}
+    return tuple(
+        replace(
+            one,
+            covariance=one.covariance + shared[one.name],
+            common=np.broadcast_to(shared[one.name], one.covariance.shape),
+        )
+        if one.name in shared
+        else one
+        for one in constants
+    )
+
+
+def mean_rate() -> FlightConstant:
+    """Return the constant about which the rate of a body without a gyroscope wanders."""
+    one = flight_constant(MEAN_RATE, _SPACE_B, "rad/s", _MEAN_RATE_RADPS, reported=False)
+    return replace(one, linear=True)
+
+
+def _antennas(word: CalibrationRequest, flight: Flight) -> tuple[int, ...]:
+    """Return which antennas a word means; the reference is where its own lever arm says."""
+    count = len(flight.antennas)
+    if count < 2 or flight.observations is None:
+        raise BadInputError("estimate antennas: the flight has no array of antennas")
+    if word.antenna is None:
+        return tuple(range(1, count))
+    names = [antenna.name for antenna in flight.antennas]
+    if word.antenna not in names:
+        raise BadInputError(f"estimate antenna:{word.antenna}: not one of {', '.join(names)}")
+    if word.antenna == names[0]:
+        raise BadInputError(
+            f"estimate antenna:{word.antenna}: is the reference of the array; ask for lever-arm"
+        )
+    return (names.index(word.antenna),)

@@ -1,0 +1,188 @@
+"""From what keyframes measured to the graph's measurements, one for each sensor."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.frontend.array import float_arcs
+from fgnav.frontend.array.shape import BaselineForm, antenna_parts
+from fgnav.frontend.position import segments
+from fgnav.frontend.position.series import VectorSeries
+from fgnav.frontend.sensors.sensed import Sensed
+from fgnav.graph.constants import Constants
+from fgnav.graph.factors.array_phase import ArrayPhase
+from fgnav.graph.factors.array_shape import ArrayShape
+from fgnav.graph.factors.barometer import BarometricHeight
+from fgnav.graph.factors.gravity import Gravity
+from fgnav.graph.factors.line_of_sight import LineOfSight
+from fgnav.graph.factors.magnetometer import MagneticField
+from fgnav.graph.factors.position import Position
+from fgnav.graph.factors.velocity import Velocity
+from fgnav.graph.measurement import Measurement
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Recorded:
+    """What n keyframes measured.
+
+    Attributes
+    ----------
+    array : RotationQuadratic or None
+        Of the array's phases.
+    array_valid : ndarray of bool, shape (n,)
+        Keyframes whose phases take part.
+    float_stretch : ndarray of int, shape (n,)
+        Stretch of epochs without integers that a keyframe is in, or -1.
+    shape : BaselineForm or None
+        Where antennas are estimated: stands in for ``array`` where it is.
+    antennas : tuple of str
+        The reference first.
+    position, velocity : VectorSeries or None
+        Of an antenna.
+    sensed : Sensed
+    gravity_n_mps2 : ndarray, shape (n, 3)
+    measured_b_radps : ndarray, shape (n, 3), or None
+        By a gyroscope.
+    earth_rate_n_radps : ndarray, shape (3,)
+    """
+
+    array: RotationQuadratic | None
+    array_valid: BoolArray
+    float_stretch: IntArray
+    shape: BaselineForm | None
+    antennas: tuple[str, ...]
+    position: VectorSeries | None
+    velocity: VectorSeries | None
+    sensed: Sensed
+    gravity_n_mps2: FloatArray
+    measured_b_radps: FloatArray | None
+    earth_rate_n_radps: FloatArray
+
+
+def measurements_of(recorded: Recorded, constants: Constants) -> tuple[Measurement, ...]:
+    """Return the graph's measurements of all sensors that have any."""
+    parts = (
+        *_array(recorded, constants),
+        *_antenna(recorded, constants),
+        *_directions(recorded, constants),
+        *_surroundings(recorded, constants),
+    )
+    return tuple(part for part in parts if len(part.row))
+
+
+def _array(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
+    form, shape, valid = recorded.array, recorded.shape, recorded.array_valid
+    if form is None:
+        return
+    if shape is not None:
+        row = np.flatnonzero(shape.there)
+        parts = antenna_parts(constants.parts, recorded.antennas)
+        yield ArrayShape(
+            row=row,
+            root=shape.root[row],
+            minimum_n_m=shape.minimum[row],
+            baselines_b_m=shape.baselines_b_m,
+            column=np.array([constants.first[k] if k >= 0 else -1 for k in parts]),
+            constants=constants,
+        )
+        valid = valid & ~shape.there
+    row = np.flatnonzero(valid & (form.count > 0))
+    root, minimum = form[row].square_root()
+    yield ArrayPhase(
+        row=row,
+        root=root,
+        minimum=minimum,
+        element_column=_columns(
+            constants, float_arcs.NAME, recorded.float_stretch[row], float_arcs.ELEMENTS
+        ),
+        constants=constants,
+    )
+
+
+def _antenna(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
+    lever = constants.column("lever-arm")
+    position, velocity = recorded.position, recorded.velocity
+    if position is not None:
+        row = np.flatnonzero(position.valid)
+        segment = np.full(len(row), -1) if position.segment is None else position.segment[row]
+        yield Position(
+            row=row,
+            value_n_m=position.value[row],
+            white=position.white(row),
+            arm_b_m=position.arm_b_m,
+            lever_column=lever,
+            segment_column=_columns(constants, segments.NAME, segment, 3),
+            constants=constants,
+        )
+    if velocity is not None:
+        measured = recorded.measured_b_radps
+        moving = np.flatnonzero(velocity.valid)
+        yield Velocity(
+            row=moving,
+            value_n_mps=velocity.value[moving],
+            white=velocity.white(moving),
+            arm_b_m=velocity.arm_b_m,
+            measured_b_radps=None if measured is None else measured[moving],
+            earth_rate_n_radps=recorded.earth_rate_n_radps,
+            lever_column=lever,
+            constants=constants,
+        )
+
+
+def _columns(constants: Constants, name: str, number: IntArray, size: int) -> IntArray:
+    """Return the first column of each one's part of a constant, (k,); -1 of those without."""
+    first = constants.column(name)
+    if first < 0:
+        return np.full(len(number), -1, dtype=np.int64)
+    return np.where(number >= 0, first + size * number, -1).astype(np.int64)
+
+
+def _directions(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
+    gravity, sight = recorded.sensed.gravity, recorded.sensed.sight
+    if gravity is not None:
+        row = gravity.row
+        down_n = recorded.gravity_n_mps2[row]
+        yield Gravity(
+            row=row,
+            known_n=down_n / np.linalg.norm(down_n, axis=1, keepdims=True),
+            across_b=gravity.across_b[row],
+            tilt_column=constants.column("gravity"),
+            constants=constants,
+        )
+    if sight is not None and constants.column("landmark") >= 0:
+        yield LineOfSight(
+            row=sight.row,
+            across_b=sight.across_b[sight.row],
+            landmark_column=constants.column("landmark"),
+            boresight_column=constants.column("boresight"),
+            constants=constants,
+        )
+
+
+def _surroundings(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
+    heights, field = recorded.sensed.heights, recorded.sensed.field
+    if heights is not None:
+        row = np.flatnonzero(np.isfinite(heights.down_n_m))
+        node = np.floor(heights.place[row]).astype(np.int64)
+        yield BarometricHeight(
+            row=row,
+            down_n_m=heights.down_n_m[row],
+            sigma_m=heights.sigma_m,
+            arm_b_m=heights.arm_b_m,
+            column=constants.column("barometer"),
+            node=node,
+            share=heights.place[row] - node,
+            constants=constants,
+        )
+    if field is not None:
+        seen = field.directions
+        yield MagneticField(
+            row=seen.row,
+            across_b=seen.across_b[seen.row],
+            field_n_ut=field.field_n_ut,
+            iron_column=constants.column("hard iron"),
+            constants=constants,
+        )

@@ -1,0 +1,111 @@
+"""What leads from keyframe to keyframe: by the gyroscope, or by the prior of the body's rate."""
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.flight import Flight
+from fgnav.frontend.alignment import Alignment
+from fgnav.frontend.calibration_request import MEAN_RATE
+from fgnav.frontend.gaps import LOST_S, Bridged
+from fgnav.frontend.settings import ProblemSettings
+from fgnav.frontend.stages import Aligned, Tracked
+from fgnav.graph.constants import Constants
+from fgnav.graph.factors.gyro_free import GyroFree
+from fgnav.graph.factors.inertial import Inertial
+from fgnav.graph.motion import Motion
+from fgnav.process.evidence import RatePrior, causal_rate_priors, rate_prior
+
+_FEWEST = 5  # attitudes that tell how a body turns
+# Integration steps per inertial sample. Without a gyroscope the quadrature of one step errs by .02
+# sigma at most (sine of 45 degrees, spin of 2 Hz); GTSAM's integration of measured rates by 1.2 of
+# velocity on that spin, with two steps by .3.
+_SUB_STEPS, _SUB_STEPS_WITH_GYROSCOPE = 1, 2
+
+
+def motion_of(
+    flight: Flight,
+    settings: ProblemSettings,
+    stages: tuple[Aligned, Tracked],
+    constants: Constants,
+) -> tuple[Motion, tuple[str, ...]]:
+    """Return what leads from keyframe to keyframe, gaps included; and what to note."""
+    stage, track = stages
+    imu, inflated = stage.record.imu, stage.record.inflated
+    holed = stage.record.overlaps(track.t_s)[:-1]
+    if imu.gyroscope_noise_radps_per_sqrt_hz is not None:
+        rate_noise = inflated.gyroscope_noise_radps_per_sqrt_hz or 0.0
+        return Inertial(
+            t_s=track.t_s,
+            imu=imu,
+            sub_steps=settings.sub_steps or _SUB_STEPS_WITH_GYROSCOPE,
+            gravity_n_mps2=track.gravity_n_mps2,
+            earth_rate_n_radps=flight.origin.earth_rate_n_radps,
+            accelerometer_noise=_accelerometer_noise(stage.record, holed),
+            gyroscope_noise=np.where(holed, rate_noise, imu.gyroscope_noise_radps_per_sqrt_hz) ** 2,
+        ), ()
+    length_s, variance, notes = _rate_priors(stage, settings)
+    away_s = stage.away_s
+    lost = holed | (np.minimum(away_s[1:], away_s[:-1]) > LOST_S)
+    return GyroFree(
+        t_s=track.t_s,
+        imu=imu,
+        sub_steps=settings.sub_steps or _SUB_STEPS,
+        gravity_n_mps2=track.gravity_n_mps2,
+        earth_rate_n_radps=flight.origin.earth_rate_n_radps,
+        length_s=length_s,
+        variance_rad2ps2=variance,
+        accelerometer_noise=_accelerometer_noise(stage.record, lost),
+        rate_column=constants.column(MEAN_RATE),
+        constants=constants,
+    ), notes
+
+
+def _rate_priors(
+    stage: Aligned, settings: ProblemSettings
+) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
+    """Return length, (n - 1,), and variances, (n - 1, 3), of each interval's prior; what to note.
+
+    Stated, or identified by the evidence of attitudes with integers: by those of the whole flight,
+    or, where nothing is to look ahead, by those up to each interval.
+    """
+    start = stage.start
+    sure = start.valid & (stage.float_arcs.stretch < 0)
+    n = len(start.t_s) - 1
+    if settings.rate_prior is None and sure.sum() < _FEWEST:
+        raise NoSolutionError(
+            f"rate: {int(sure.sum())} epochs with an attitude are too few to tell how the body "
+            f"turns without a gyroscope, needs {_FEWEST}; or state rate_prior"
+        )
+    if settings.causal and settings.rate_prior is None:
+        length_s, variance = _causal_priors(start, sure)
+        return length_s, variance, ("Rate prior: identified by the attitudes up to each keyframe.",)
+    attitudes = start.t_s[sure], start.R_nu[sure], start.covariance_rad2[sure]
+    prior = settings.rate_prior or rate_prior(*attitudes)
+    return np.full(n, prior.length_s), np.tile(prior.variance_rad2ps2, (n, 1)), (prior_note(prior),)
+
+
+def _causal_priors(start: Alignment, sure: BoolArray) -> tuple[FloatArray, FloatArray]:
+    t_s, R_nu, P = start.t_s[sure], start.R_nu[sure], start.covariance_rad2[sure]
+    # One attitude more: that after the last interval, which takes no part in its prior.
+    length_s, variance = causal_rate_priors(
+        np.append(t_s, t_s[-1] + 1.0),
+        np.concatenate([R_nu, R_nu[-1:]]),
+        np.concatenate([P, P[-1:]]),
+    )
+    latest = (np.searchsorted(t_s, start.t_s[:-1], side="right") - 1).clip(0)
+    return length_s[latest], variance[latest]
+
+
+def _accelerometer_noise(record: Bridged, inflated: BoolArray) -> FloatArray:
+    """Return the density squared of each interval, (n - 1,): inflated where nobody knows force."""
+    noise = record.imu.accelerometer_noise_mps2_per_sqrt_hz
+    return np.where(inflated, record.inflated.accelerometer_noise_mps2_per_sqrt_hz, noise) ** 2
+
+
+def prior_note(prior: RatePrior) -> str:
+    """Return the hyperparameters of the rate's prior in a sentence."""
+    sigma = ", ".join(f"{value:.3g}" for value in np.degrees(np.sqrt(prior.variance_rad2ps2)))
+    return (
+        f"Rate prior (Matern 5/2 about a constant): length {prior.length_s:.3g} s, "
+        f"sigma about the body axes {sigma} deg/s."
+    )

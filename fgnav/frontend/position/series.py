@@ -1,0 +1,52 @@
+"""Vectors measured at keyframes, some of them missing."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class VectorSeries:
+    """Measurements at keyframes: NaN rows where there is none.
+
+    Attributes
+    ----------
+    value : ndarray, shape (n, 3)
+    covariance : ndarray, shape (n, 3, 3)
+    arm_b_m : ndarray, shape (3,)
+        From the accelerometer to where it was measured.
+    partial : ndarray, shape (n, 3, 3), or None
+        What whitens values known in some directions only, in place of a covariance; rows of zeros
+        for the others. Zero of values that are known in all.
+    segment : ndarray of int, shape (n,), or None
+        Segment of positions that a value is in: all of one are off by the same bias; -1 of
+        values that are off by noise alone.
+    """
+
+    value: FloatArray
+    covariance: FloatArray
+    arm_b_m: FloatArray
+    partial: FloatArray | None = None
+    segment: IntArray | None = None
+
+    @property
+    def valid(self) -> BoolArray:
+        """Keyframes that have a value, (n,)."""
+        return np.isfinite(self.value[:, 0])
+
+    def white(self, rows: IntArray) -> FloatArray:
+        """Return what whitens the values of some keyframes, (k, 3, 3); 0 where there is none."""
+        there, white = np.isfinite(self.value[rows, 0]), np.zeros((len(rows), 3, 3))
+        if self.partial is not None:
+            white += self.partial[rows]
+            there = there & ~white.any(axis=(1, 2))
+        L = np.linalg.cholesky(self.covariance[rows[there]])
+        inverse = np.tile(np.eye(3), (len(L), 1, 1))
+        for i in range(3):  # a tenth of LAPACK's time for matrices this small
+            for j in range(i):
+                inverse[:, i] -= L[:, i, j, None] * inverse[:, j]
+            inverse[:, i] /= L[:, i, i, None]
+        white[there] = inverse
+        return white

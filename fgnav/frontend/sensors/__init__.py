@@ -1,0 +1,1 @@
+"""Instruments beside the antennas, brought to the keyframes."""

@@ -1,0 +1,74 @@
+"""What instruments beside the antennas measured at keyframes."""
+
+from dataclasses import dataclass
+
+from fgnav.checks import FloatArray, Loss
+from fgnav.flight import Flight, Imu
+from fgnav.frontend.sensors.directional import gravity, sight
+from fgnav.frontend.sensors.surroundings import Heights, MagneticField, heights, magnetic_field
+from fgnav.graph.constants import FlightConstant
+from fgnav.graph.directions import Directions
+from fgnav.gravity import GravityDirection
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Sensed:
+    """Measurements at keyframes, each None where the flight has no such instrument.
+
+    Attributes
+    ----------
+    sight : Directions or None
+        From the accelerometer to the landmark.
+    gravity : Directions or None
+    heights : Heights or None
+    field : MagneticField or None
+    losses : tuple of Loss
+    """
+
+    sight: Directions | None = None
+    gravity: Directions | None = None
+    heights: Heights | None = None
+    field: MagneticField | None = None
+    losses: tuple[Loss, ...] = ()
+
+    @property
+    def constants(self) -> tuple[FlightConstant, ...]:
+        """What the instruments bring with them to be estimated: offset, hard iron."""
+        offset = () if self.heights is None else (self.heights.offset,)
+        return (*offset, *(() if self.field is None else (self.field.iron,)))
+
+
+def sense(
+    flight: Flight,
+    imu: Imu,
+    direction: GravityDirection | None,
+    t_s: FloatArray,
+    p_n_m: FloatArray,
+    *,
+    causal: bool = False,
+) -> Sensed:
+    """Return what the instruments of a flight say at keyframes, (n,).
+
+    Parameters
+    ----------
+    flight : Flight
+    imu : Imu
+    direction : GravityDirection or None
+        Of a gravity estimator.
+    t_s : ndarray, shape (n,)
+    p_n_m : ndarray, shape (n, 3)
+        Approximate places of keyframes.
+    causal : bool
+        Whether each keyframe may have samples up to it alone.
+    """
+    seen, sight_losses = sight(flight, imu, t_s, p_n_m, causal=causal)
+    down, gravity_losses = gravity(direction, t_s, causal=causal)
+    high, height_losses = heights(flight, imu, t_s, p_n_m, causal=causal)
+    field, field_losses = magnetic_field(flight, t_s, causal=causal)
+    return Sensed(
+        sight=seen,
+        gravity=down,
+        heights=high,
+        field=field,
+        losses=(*sight_losses, *gravity_losses, *height_losses, *field_losses),
+    )

@@ -1,0 +1,21 @@
+"""What decides how a flight becomes a smoothing problem."""
+
+from dataclasses import dataclass
+
+from fgnav.frontend.calibration_request import CalibrationRequest
+from fgnav.gravity import GravityEstimator
+from fgnav.integers.resolver import Resolver
+from fgnav.process.evidence import RatePrior
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProblemSettings:
+    """What decides how a flight becomes a smoothing problem; see ``Smoother``."""
+
+    resolver: Resolver
+    gravity: GravityEstimator | None = None
+    calibration: tuple[CalibrationRequest, ...] = ()
+    rate_prior: RatePrior | None = None
+    sub_steps: int | None = None
+    false_alarm: float = 1e-4
+    causal: bool = False  # each quantity from epochs up to its own alone

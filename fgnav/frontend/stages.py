@@ -1,0 +1,211 @@
+"""The two stages before a smoothing problem: attitudes at keyframes, then the antenna's motion."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.attitude.own_rotation import spun
+from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
+from fgnav.flight import Flight, Imu
+from fgnav.frontend.alignment import Alignment, align, at_keyframes
+from fgnav.frontend.array.float_arcs import FloatArcs, with_float_arcs
+from fgnav.frontend.attitude_filling import interpolated_attitudes
+from fgnav.frontend.gaps import (
+    LONGEST_GAP_S,
+    Bridged,
+    bridged,
+    keyframe_times,
+    time_from_attitude_s,
+)
+from fgnav.frontend.position.antenna_motion import AntennaMotion, antenna_motion
+from fgnav.frontend.position.gate import Gated, InertialTrack, gated
+from fgnav.frontend.position.rank_deficient import completed, gaps_with_attitude
+from fgnav.frontend.position.segments import Segments, segmented
+from fgnav.frontend.position.series import VectorSeries
+from fgnav.frontend.rates import rough_rates
+from fgnav.frontend.settings import ProblemSettings
+from fgnav.graph.constants import FlightConstant
+from fgnav.gravity import GravityDirection
+from fgnav.rotations import log, transpose
+
+
+class Aligned(NamedTuple):
+    """The inertial record, and keyframes with the attitudes of single epochs."""
+
+    record: Bridged
+    down: GravityDirection | None
+    start: Alignment
+    float_arcs: FloatArcs
+    rates: FloatArray  # (n, 3), approximate
+    epochs: int
+    losses: tuple[Loss, ...]
+    causal: bool = False
+
+    @property
+    def gyroscope(self) -> bool:
+        """Whether rates are measured."""
+        return self.record.imu.w_b_radps is not None
+
+    @property
+    def away_s(self) -> FloatArray:
+        """How far each keyframe is from one with an attitude, (n,); causal: from the last."""
+        return time_from_attitude_s(self.start.t_s, self.start.valid, causal=self.causal)
+
+
+class Tracked(NamedTuple):
+    """How an antenna moved, what contradicts the inertial track left out."""
+
+    t_s: FloatArray
+    antenna: AntennaMotion
+    places_n_m: FloatArray
+    gravity_n_mps2: FloatArray
+    gate: Gated
+    segments: Segments
+    velocity: VectorSeries | None
+    notes: tuple[str, ...]
+
+
+def inertial_record(flight: Flight) -> Imu:
+    """Return the accelerometer's record, if it says anything of motion."""
+    if flight.imu is None:
+        raise NoSolutionError("motion: between epochs it needs an [imu], the flight has none")
+    if len(flight.imu.t_s) < 2:
+        raise NoSolutionError(f"motion: the [imu] has {len(flight.imu.t_s)} samples, needs 2")
+    return flight.imu
+
+
+def aligned(
+    flight: Flight, settings: ProblemSettings, asked: tuple[FlightConstant, ...]
+) -> Aligned:
+    """Return attitudes at keyframes, each from its own epoch; integers may hold along arcs.
+
+    Raises
+    ------
+    NoSolutionError
+        If there are fewer than two attitudes.
+    """
+    record = bridged(inertial_record(flight))
+    down = None if settings.gravity is None else settings.gravity(flight)
+    epochs = align(flight, settings.resolver, settings.false_alarm, down)
+    start, count, losses = _keyframes(record.imu, epochs)
+    start, float_arcs = _float_arcs(start, settings, asked)
+    rates = rough_rates(record.imu, start.t_s, start.R_nb, start.own)
+    return Aligned(record, down, start, float_arcs, rates, count, losses)
+
+
+def _keyframes(imu: Imu, epochs: Alignment) -> tuple[Alignment, int, tuple[Loss, ...]]:
+    """Choose epochs, and times between them, as keyframes; count the rest with their reasons."""
+    turn_rad = None
+    if imu.w_b_radps is None and len(epochs.t_s) > 1:
+        R_nu = epochs.R_nu  # a spin may be half a turn from one epoch to the next
+        turn_rad = np.linalg.norm(log(transpose(R_nu[:-1]) @ R_nu[1:]), axis=1)
+        turn_rad[~(epochs.valid[1:] & epochs.valid[:-1])] = np.nan
+        if epochs.own is not None:
+            spin_radps = np.linalg.norm(epochs.own.rates(epochs.t_s), axis=1)
+            turn_rad = np.nan_to_num(turn_rad) + spin_radps[1:] * np.diff(epochs.t_s)
+    start = at_keyframes(epochs, keyframe_times(epochs.t_s, float(imu.t_s[-1]), turn_rad))
+    t_s = start.t_s
+    covered = (t_s >= imu.t_s[0]) & (t_s <= imu.t_s[-1])
+    good = np.flatnonzero(covered & start.valid)
+    if len(good) < 2:
+        raise NoSolutionError(
+            f"attitude: {len(good)} epochs have consistent array phases, or other vectors out of "
+            f"line, to start from; needs 2 or more: {reason_without_attitude(imu, start, covered)}"
+        )
+    early = covered & (np.arange(len(t_s)) < good[0])
+    reasons = {
+        ("epoch", "not covered by the accelerometer's record"): ~covered,
+        ("epoch", "before the first attitude"): early,
+        ("array phases of an epoch", "residuals fail the chi-square test"): covered & start.refused,
+    }
+    losses = tuple(
+        Loss(what=what, reason=reason, count=int(lost.sum()))
+        for (what, reason), lost in reasons.items()
+        if lost.any()
+    )
+    start = start[np.flatnonzero(covered & ~early)]
+    R_nu = interpolated_attitudes(start.t_s, start.R_nu, start.valid)
+    return replace(start, R_nb=spun(start.own, start.t_s, R_nu)), len(t_s), losses
+
+
+def _float_arcs(
+    start: Alignment, settings: ProblemSettings, asked: tuple[FlightConstant, ...]
+) -> tuple[Alignment, FloatArcs]:
+    """Let epochs without integers tell attitudes, where the array's shape is no question."""
+    if any(one.name.startswith("antenna ") for one in asked):
+        return start, FloatArcs(stretch=np.full(len(start.t_s), -1, dtype=np.int64), count=0)
+    start, float_arcs = with_float_arcs(start, settings.false_alarm)
+    if not float_arcs.count:
+        return start, float_arcs
+    R_nb = interpolated_attitudes(start.t_s, start.R_nb, start.valid)
+    return replace(start, R_nb=R_nb), float_arcs
+
+
+def tracked(flight: Flight, stage: Aligned) -> Tracked:
+    """Return how an antenna moved, by phase where it has any, tested against the inertial track.
+
+    Raises
+    ------
+    NoSolutionError
+        If nothing tells a position.
+    """
+    record, start = stage.record, stage.start
+    t_s, own = start.t_s, start.own
+    antenna = antenna_motion(flight, record.imu, start, stage.rates)
+    places_n_m = _places(t_s, antenna.position)
+    gravity_n_mps2 = flight.origin.gravity_n_mps2(places_n_m)
+    inertial = InertialTrack(
+        t_s=t_s,
+        R_nb=start.R_nb,
+        R_nu=start.R_nu,
+        w_b_radps=stage.rates,
+        imu=record.imu if own is None else own.forces(record.imu),
+        gravity_n_mps2=gravity_n_mps2,
+        blind=(stage.away_s > LONGEST_GAP_S) | record.overlaps(t_s),
+    )
+    gate = gated(inertial, (antenna.position, antenna.velocity), antenna.name)
+    usable = np.ones(len(t_s), dtype=np.bool_)
+    if not stage.gyroscope:
+        usable = gaps_with_attitude(gate.position, stage.away_s)
+    position, velocity, notes = completed(gate.position, gate.velocity, antenna.few, usable)
+    if position is None or not position.valid.any():
+        raise NoSolutionError("position: neither code observations nor fixes at keyframes")
+    segments = segmented(position, antenna.arcs_m2)
+    return Tracked(t_s, antenna, places_n_m, gravity_n_mps2, gate, segments, velocity, notes)
+
+
+def _places(t_s: FloatArray, position: VectorSeries | None) -> FloatArray:
+    """Return where fixes say that each keyframe is, (n, 3); gravity minds no jumps of 100 m."""
+    if position is None or not position.valid.any():
+        raise NoSolutionError("position: neither code observations nor fixes at keyframes")
+    return interpolated(t_s, position.value)
+
+
+def interpolated(t_s: FloatArray, values: FloatArray, *, causal: bool = False) -> FloatArray:
+    """Return values, (n, d), where rows are NaN from their neighbours; causal: the last one's."""
+    known = np.isfinite(values).all(axis=1)
+    if causal:
+        last = np.maximum.accumulate(np.where(known, np.arange(len(t_s)), int(known.argmax())))
+        return np.asarray(values[last])
+    columns = [np.interp(t_s, t_s[known], column[known]) for column in values.T]
+    return np.stack(columns, axis=1)
+
+
+def reason_without_attitude(imu: Imu, start: Alignment, covered: BoolArray) -> str:
+    """Return what keeps a flight from having attitudes to start from."""
+    if not covered.any():
+        return (
+            f"no GNSS epoch lies within the accelerometer's record, {imu.t_s[0]:.3f} to "
+            f"{imu.t_s[-1]:.3f} s"
+        )
+    if start.refused.any():
+        return f"array phases contradict each other at {int(start.refused.sum())} epochs"
+    if start.unobservable:
+        angles = " and ".join(start.unobservable)
+        return f"the array leaves {angles} open; a baseline out of line, or Doppler, would tell"
+    if start.form is not None and not start.valid.any():
+        return "the integers of the array's phases are not fixed, or too few"
+    if start.form is None and not start.valid.any():
+        return "with one antenna it takes Doppler or velocities, or a line of sight, to tell roll"
+    return f"{int((covered & start.valid).sum())} within the accelerometer's record"

@@ -1,0 +1,219 @@
+"""Attitudes of single epochs of a flight without an array: vectors known in two frames."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fgnav.attitude.flight_vectors import Track, measured_vectors, track_of, with_velocity
+from fgnav.attitude.own_rotation import OwnRotation, despun, own_rotation, spun
+from fgnav.attitude.vector_pairs import VectorPairs, wahba
+from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.flight import Flight
+from fgnav.frontend.gaps import time_from_attitude_s
+from fgnav.frontend.matching import nearest
+from fgnav.gravity import GravityDirection
+from fgnav.rotations import exp, log, skew, transpose
+
+# Attitudes that lean on a velocity along x_b, and hold for two epochs: this is what they are good
+# for when rates are told from them.
+VECTOR_SIGMA_RAD = 0.1
+# Of the specific force that velocities tell: 0.2 to 0.35 m/s2 of 15.
+_FORCE_SIGMA_RAD = 0.02
+_APART = np.sin(np.radians(15.0))  # of gravity and specific force, to tell the turn about either
+_NOSE_FIRST = (
+    "Nothing but smoothness tells the turn about the specific force: the search for attitudes "
+    "starts with the velocity along x_b, and the estimate holds for a body that flies so."
+)
+_FEWEST = 5  # attitudes that tell how briskly a body turns
+_AROUND_S = 10  # a gyroscope's bias of 0.02 rad/s turns by 0.2 rad in it
+_TURNED = np.sin(np.radians(5.0))  # of specific forces about their mean direction, RMS
+# And how close: of six turns with gravity told every 5.8 s, three ended at a wrong minimum when
+# these attitudes alone started the search, none when all epochs leant on velocity.
+_NEAR_S = 0.5
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class VectorAttitudes:
+    """Attitudes of epochs, each from that epoch's vectors.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (n,)
+    R_nb, covariance_rad2 : ndarray, shape (n, 3, 3)
+    valid : ndarray of bool, shape (n,)
+    rough : bool
+        Whether the covariance is a guess.
+    losses : tuple of Loss
+    notes : tuple of str
+    own : OwnRotation or None
+        How the body spins.
+    """
+
+    t_s: FloatArray
+    R_nb: FloatArray
+    covariance_rad2: FloatArray
+    valid: BoolArray
+    rough: bool
+    losses: tuple[Loss, ...]
+    notes: tuple[str, ...] = ()
+    own: OwnRotation | None = None
+
+
+def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> VectorAttitudes:
+    """Return attitudes by specific force and gravity or, failing that, what else there is.
+
+    Specific force and gravity are two vectors wherever the body accelerates across gravity; they
+    tell the attitude without any assumption. So are, with a gyroscope, specific forces of different
+    times. Where few epochs are near one with either, line of sight closes the angle that specific
+    force leaves open, or else the velocity as x_b, turned as those few have it.
+
+    Raises
+    ------
+    NoSolutionError
+        If the flight has no track.
+    """
+    track = track_of(flight)
+    own = None if flight.imu is None else own_rotation(flight.imu)
+    pairs, losses = measured_vectors(flight, track, own)
+    few = None
+    if gravity is not None and "specific force" in pairs.sources:
+        few = _by_gravity(flight, track, pairs, gravity)
+        if few is not None and _dense(few):
+            return replace(few, losses=losses, own=own)
+    if own is not None and flight.imu is not None and flight.imu.w_b_radps is not None:
+        found = _by_times(track, pairs, own)
+        if found is not None:
+            return replace(found, losses=losses)
+    assumed = with_velocity(pairs, track)
+    attitude = wahba(assumed.directions())
+    known, n = attitude.rank == 2, len(track.t_s)
+    R_nb = np.where(known[:, None, None], attitude.R_nb, np.eye(3))
+    if few is not None:
+        f_n = assumed.directions().v_n[:, pairs.sources.index("specific force")]
+        R_nb = _turned_as(R_nb, known & np.isfinite(f_n[:, 0]), np.nan_to_num(f_n), few)
+    return VectorAttitudes(
+        t_s=track.t_s,
+        R_nb=R_nb,
+        covariance_rad2=np.tile(VECTOR_SIGMA_RAD**2 * np.eye(3), (n, 1, 1)),
+        valid=known,
+        rough=True,
+        losses=losses,
+        notes=_told(flight, assumed),
+        own=own,
+    )
+
+
+def _dense(attitudes: VectorAttitudes) -> bool:
+    """Return whether most epochs are close to one with an attitude."""
+    valid = attitudes.valid
+    away_s = time_from_attitude_s(attitudes.t_s, valid)
+    return bool(valid.sum() >= _FEWEST and (away_s > _NEAR_S).mean() <= 0.5)
+
+
+def _turned_as(
+    R_nb: FloatArray, known: BoolArray, f_n: FloatArray, few: VectorAttitudes
+) -> FloatArray:
+    """Return attitudes turned about the specific force, (n, 3), by what a few epochs ask for.
+
+    A body that is not nose first is off by the turn about it alone, and that goes along slowly.
+    """
+    rows = np.flatnonzero(known & few.valid)
+    if not len(rows):
+        return R_nb
+    apart = log(few.R_nb[rows] @ transpose(R_nb[rows]))
+    turn = np.unwrap(np.einsum("ni,ni->n", apart, f_n[rows]))
+    between = np.interp(few.t_s, few.t_s[rows], turn)
+    return np.asarray(np.where(known[:, None, None], exp(between[:, None] * f_n) @ R_nb, R_nb))
+
+
+def _told(flight: Flight, pairs: VectorPairs) -> tuple[str, ...]:
+    """Say what the attitudes lean on, where no gyroscope carries what some epochs know to others.
+
+    Between minima of the smoother's cost a turn apart the data hardly tell: on flights of a body
+    that swings by 20 degrees about all axes, their costs were within one percent.
+    """
+    gyroscope = flight.imu is not None and flight.imu.w_b_radps is not None
+    assumed = "velocity" in pairs.sources and pairs.valid[:, pairs.sources.index("velocity")].any()
+    return (_NOSE_FIRST,) if assumed and not gyroscope else ()
+
+
+def _by_times(track: Track, pairs: VectorPairs, own: OwnRotation) -> VectorAttitudes | None:
+    """Return attitudes by specific forces of other times, which a gyroscope turns to each epoch's.
+
+    Wahba's problem of one each second, ten before and ten after; None where they hardly turn, as on
+    a straight flight.
+    """
+    t_s, R_ub = track.t_s, own.at(track.t_s)
+    if "specific force" not in pairs.sources or len(t_s) < _FEWEST:
+        return None
+    force = pairs.sources.index("specific force")
+    f_n, f_b = pairs.v_n[:, force], pairs.v_b[:, force]
+    wanted_s = t_s[:, None] + np.arange(-_AROUND_S, _AROUND_S + 1)
+    row = np.stack([nearest(t_s, column)[0] for column in wanted_s.T], axis=1)
+    there = (np.abs(t_s[row] - wanted_s) < 0.5)[..., None]  # each epoch once
+    f_u = np.einsum("nij,nj->ni", R_ub, f_b)
+    around = VectorPairs(
+        v_n=np.where(there, f_n[row], np.nan),
+        v_b=np.where(there, np.einsum("nji,nkj->nki", R_ub, f_u[row]), np.nan),
+        weight=np.ones(row.shape),
+        sources=("specific force",) * row.shape[1],
+    ).directions()
+    v_n, count = np.nan_to_num(around.v_n), around.valid.sum(axis=1)
+    share = np.linalg.eigvalsh(v_n.swapaxes(1, 2) @ v_n) / count.clip(1)[:, None]
+    turned = np.flatnonzero((count >= _FEWEST) & (share[:, 1] > _TURNED**2))
+    if len(turned) < _FEWEST:
+        return None
+    # Where they do not turn, the gyroscope carries what was known last, or will be next.
+    known = turned[nearest(t_s[turned], t_s)[0]]
+    valid = np.abs(t_s[known] - t_s) <= _AROUND_S
+    if valid.mean() < 0.5:
+        return None
+    R_nu = despun(own, t_s, np.nan_to_num(wahba(around).R_nb))[known]
+    return VectorAttitudes(
+        t_s=t_s,
+        R_nb=np.where(valid[:, None, None], spun(own, t_s, R_nu), np.eye(3)),
+        covariance_rad2=np.tile(VECTOR_SIGMA_RAD**2 * np.eye(3), (len(t_s), 1, 1)),
+        valid=valid,
+        rough=True,
+        losses=(),
+        own=own,
+    )
+
+
+def _by_gravity(
+    flight: Flight, track: Track, pairs: VectorPairs, gravity: GravityDirection
+) -> VectorAttitudes | None:
+    """Return attitudes by gravity and specific force; None where few epochs have any."""
+    row, there = nearest(gravity.t_s, track.t_s) if len(gravity.t_s) else (None, None)
+    if row is None or there is None:
+        return None
+    down_n = flight.origin.gravity_n_mps2(track.p_n_m)
+    force = pairs.sources.index("specific force")
+    both = VectorPairs(
+        v_n=np.stack([pairs.v_n[:, force], down_n], axis=1),
+        v_b=np.stack([pairs.v_b[:, force], gravity.g_b[row]], axis=1),
+        weight=np.ones((len(track.t_s), 2)),
+        sources=("specific force", "gravity"),
+    ).directions()
+    across = np.linalg.norm(np.cross(both.v_n[:, 0], both.v_n[:, 1]), axis=1)
+    valid = there & both.valid.all(axis=1) & (across > _APART)
+    if not valid.any():
+        return None
+    variance = np.stack(
+        [np.full(len(row), _FORCE_SIGMA_RAD**2), np.einsum("nii->n", gravity.covariance)[row] / 2],
+        axis=1,
+    )
+    both = replace(both, weight=both.weight / variance)
+    R_nb = wahba(both).R_nb
+    v_b = np.einsum("nji,nkj->nki", R_nb, np.nan_to_num(both.v_n))
+    across_b = skew(v_b.reshape(-1, 3)).reshape(*v_b.shape, 3)
+    information = np.einsum("nkji,nkjl,nk->nil", across_b, across_b, both.weight)
+    information[~valid] = np.eye(3)
+    return VectorAttitudes(
+        t_s=track.t_s,
+        R_nb=np.where(valid[:, None, None], R_nb, np.eye(3)),
+        covariance_rad2=np.linalg.inv(information),
+        valid=valid,
+        rough=False,
+        losses=(),
+    )

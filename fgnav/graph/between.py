@@ -1,0 +1,96 @@
+"""Any time within a flight as a keyframe: estimates between GNSS epochs, by the motion model.
+
+A time that is asked for enters the graph as a keyframe that measures nothing. What comes out for
+it is what inertial samples say from the keyframes on both sides, with the covariance of that.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, IntArray
+from fgnav.graph.problem import SmoothingProblem
+from fgnav.graph.states import States
+from fgnav.rotations import exp, log, transpose
+
+_SAME_S = 1e-4  # a time this close to a keyframe is that keyframe
+
+
+def regular_times(problem: SmoothingProblem, rate_hz: float) -> FloatArray:
+    """Return multiples of a rate's period within the keyframes, (m,)."""
+    first = np.ceil(problem.t_s[0] * rate_hz - _SAME_S)
+    last = np.floor(problem.t_s[-1] * rate_hz + _SAME_S)
+    return np.asarray(np.arange(first, last + 1) / rate_hz)
+
+
+def with_times(
+    problem: SmoothingProblem, t_s: FloatArray
+) -> tuple[SmoothingProblem, IntArray, IntArray]:
+    """Return a problem with more keyframes, and what has become of which.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    t_s : ndarray, shape (m,)
+        Times that become keyframes, where none is there.
+
+    Returns
+    -------
+    problem : SmoothingProblem
+        Of n keyframes.
+    rows : ndarray of int, shape (m,)
+        The keyframes that the times have become.
+    nearest : ndarray of int, shape (n,)
+        The present keyframe nearest to each.
+
+    Raises
+    ------
+    BadInputError
+        If there are no times, they do not increase, or one lies outside the keyframes.
+    """
+    have, wanted = problem.t_s, np.asarray(t_s, dtype=float)
+    if wanted.ndim != 1 or not len(wanted) or not (np.diff(wanted) > _SAME_S).all():
+        raise BadInputError(f"t_s: must be one or more times, each {_SAME_S} s after the last")
+    if not (wanted[0] >= have[0] - _SAME_S and wanted[-1] <= have[-1] + _SAME_S):
+        raise BadInputError(
+            f"t_s: must lie within the keyframes, {have[0]:.3f} to {have[-1]:.3f}, "
+            f"got {wanted[0]:.3f} to {wanted[-1]:.3f}"
+        )
+    new = wanted[np.abs(wanted - have[_nearest(have, wanted)]) > _SAME_S]
+    dense_s = np.union1d(have, new)
+    row = np.searchsorted(dense_s, have)
+    attitude_known = np.zeros(len(dense_s), dtype=np.bool_)
+    attitude_known[row] = problem.attitude_known
+    dense = replace(
+        problem,
+        t_s=dense_s,
+        start=_interpolated(problem, dense_s),
+        motion=problem.motion.at_times(dense_s),
+        measurements=tuple(part.on(row[part.row]) for part in problem.measurements),
+        attitude_known=attitude_known,
+    )
+    return dense, _nearest(dense_s, wanted), _nearest(have, dense_s)
+
+
+def _interpolated(problem: SmoothingProblem, t_s: FloatArray) -> States:
+    """Return where the search starts at more keyframes."""
+    have, start = problem.t_s, problem.start
+    before = (np.searchsorted(have, t_s, side="right") - 1).clip(0, len(have) - 2)
+    share = ((t_s - have[before]) / (have[before + 1] - have[before]))[:, None]
+    first, last = start.R_nb[before], start.R_nb[before + 1]
+
+    def between(values: FloatArray) -> FloatArray:
+        return np.asarray((1 - share) * values[before] + share * values[before + 1])
+
+    return States(
+        R_nb=np.asarray(first @ exp(share * log(transpose(first) @ last))),
+        p_n_m=between(start.p_n_m),
+        v_n_mps=between(start.v_n_mps),
+        aux=between(start.aux),
+        constants=start.constants,
+    )
+
+
+def _nearest(have_s: FloatArray, want_s: FloatArray) -> IntArray:
+    after = np.searchsorted(have_s, want_s).clip(1, len(have_s) - 1)
+    return np.asarray(after - (want_s - have_s[after - 1] < have_s[after] - want_s))

@@ -1,0 +1,220 @@
+"""A smoothing problem as GTSAM takes it: values and factors of its keyframes and constants.
+
+Keyframe k has ``pose(k)``, ``velocity(k)`` and ``imu_bias(k)`` with a gyroscope, else
+``angular_motion(k)``; part i of the constants has ``constant(i)``.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.graph import keys
+from fgnav.graph.constants import Constants
+from fgnav.graph.motion import Motion
+from fgnav.graph.problem import SmoothingProblem, pose_prior_sigma
+from fgnav.graph.states import AUX, States
+
+_GYROSCOPE_AUX = 6  # dimensions of States.aux with a gyroscope
+_POSE, _VELOCITY, _IMU_BIAS, _ANGULAR_MOTION = (
+    of(0) for of in (keys.pose, keys.velocity, keys.imu_bias, keys.angular_motion)
+)
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Layout:
+    """Which variables a keyframe and the flight have.
+
+    Attributes
+    ----------
+    gyroscope : bool
+    constants : Constants
+    """
+
+    gyroscope: bool
+    constants: Constants
+
+    @classmethod
+    def of(cls, problem: SmoothingProblem) -> "Layout":
+        """Return the variables of a problem."""
+        gyroscope = problem.motion.aux == _GYROSCOPE_AUX
+        return cls(gyroscope=gyroscope, constants=problem.constants)
+
+    @property
+    def width(self) -> int:
+        """Dimensions of one keyframe's tangent, D."""
+        return AUX + (_GYROSCOPE_AUX if self.gyroscope else 2 * _GYROSCOPE_AUX)
+
+    @property
+    def constant_keys(self) -> list[int]:
+        """Return the keys of all constants."""
+        return [keys.constant(i) for i in range(len(self.constants.parts))]
+
+    def keyframe(self, k: int) -> tuple[int, int, int]:
+        """Return the keys of keyframe k, in the order of its tangent."""
+        return _POSE | k, _VELOCITY | k, (_IMU_BIAS if self.gyroscope else _ANGULAR_MOTION) | k
+
+
+def insert_keyframe(values: gtsam.Values, layout: Layout, k: int, at: States, row: int = 0) -> None:
+    """Add row ``row`` of states to the values, as keyframe k."""
+    x, v, aux = layout.keyframe(k)
+    values.insert(x, gtsam.Pose3(gtsam.Rot3(at.R_nb[row]), at.p_n_m[row]))
+    values.insert(v, at.v_n_mps[row])
+    # 30 us: ConstantBias is the last of insert's overloads, and there is no other way to a new key.
+    values.insert(aux, as_bias(at.aux[row]) if layout.gyroscope else at.aux[row])
+
+
+def insert_constants(values: gtsam.Values, layout: Layout, at: FloatArray) -> None:
+    """Add constants, (b,), to the values."""
+    for key, part, first in _parts(layout.constants):
+        values.insert(key, at[first : first + part])
+
+
+def read_keyframes(values: gtsam.Values, layout: Layout, numbers: Iterable[int]) -> States:
+    """Return keyframes and constants that stand in values."""
+    poses, v_n_mps, aux = [], [], []
+    for k in numbers:
+        pose, velocity, vector = layout.keyframe(k)
+        poses.append(values.atPose3(pose))
+        v_n_mps.append(values.atVector(velocity))
+        aux.append(
+            values.atConstantBias(vector).vector() if layout.gyroscope else values.atVector(vector)
+        )
+    parts = [values.atVector(key) for key in layout.constant_keys]
+    return States(
+        R_nb=np.array([pose.rotation().matrix() for pose in poses]),
+        p_n_m=np.array([pose.translation() for pose in poses]),
+        v_n_mps=np.array(v_n_mps),
+        aux=np.array(aux),
+        constants=np.concatenate([np.empty(0), *parts]),
+    )
+
+
+def as_bias(aux: FloatArray) -> gtsam.imuBias.ConstantBias:
+    """Return the biases of a state with a gyroscope, (6,), as GTSAM's type."""
+    return gtsam.imuBias.ConstantBias(aux[:3], aux[3:])
+
+
+class KeyframeMeasurements:
+    """Which measurements each keyframe of a problem has.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    """
+
+    def __init__(self, problem: SmoothingProblem) -> None:
+        edges = np.arange(len(problem.t_s) + 1)
+        self._of = [
+            (measurement, np.searchsorted(measurement.row, edges).tolist())
+            for measurement in problem.measurements
+        ]
+
+    def factors(self, row: int, k: int) -> Iterator[gtsam.NonlinearFactor]:
+        """Yield what row ``row`` measured, as factors of keyframe k."""
+        for measurement, first in self._of:
+            for i in range(first[row], first[row + 1]):
+                yield measurement.factor(i, k)
+
+
+def keyframe_priors(problem: SmoothingProblem, k: int = 0) -> list[gtsam.NonlinearFactor]:
+    """Return what is known of the first keyframe before the flight.
+
+    Pose about where the search starts, velocity about zero, both hardly known; ``aux`` as the
+    motion states it.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    k : int
+        Number of that keyframe in the graph.
+    """
+    layout, sigma = Layout.of(problem), pose_prior_sigma()
+    x, v, _ = layout.keyframe(k)
+    pose = gtsam.Pose3(gtsam.Rot3(problem.start.R_nb[0]), problem.start.p_n_m[0])
+    diagonal = gtsam.noiseModel.Diagonal.Sigmas
+    return [
+        gtsam.PriorFactorPose3(x, pose, diagonal(sigma[:6])),
+        gtsam.PriorFactorVector(v, np.zeros(3), diagonal(sigma[6:])),
+        _aux_prior(problem.motion, layout, k),
+    ]
+
+
+def _aux_prior(motion: Motion, layout: Layout, k: int) -> gtsam.NonlinearFactor:
+    """Return ``rows @ (aux - mean, constants)``, white, as a linear factor."""
+    mean, rows = motion.prior(layout.constants.width)
+    aux, n = layout.keyframe(k)[2], motion.aux
+    point = gtsam.Values()
+    point.insert(aux, as_bias(mean) if layout.gyroscope else mean)
+    terms = [(aux, rows[:, :n])]
+    for key, size, first in _parts(layout.constants):
+        block = rows[:, n + first : n + first + size]
+        if block.any():
+            terms.append((key, block))
+            point.insert(key, np.zeros(size))
+    return gtsam.LinearContainerFactor(linear_factor(terms, np.zeros(len(rows))), point)
+
+
+def linear_factor(
+    terms: Sequence[tuple[int, FloatArray]], right: FloatArray
+) -> gtsam.JacobianFactor:
+    """Return the white rows ``sum of A_i x_i = right``, of any number of variables.
+
+    GTSAM's own constructors end at three variables; those of a conditional do not.
+    """
+    unit = gtsam.noiseModel.Unit.Create(len(right))
+    blocks = [(key, np.asfortranarray(A)) for key, A in terms]
+    return gtsam.JacobianFactor(gtsam.GaussianConditional(blocks, 1, right, unit))
+
+
+def constant_priors(constants: Constants) -> list[gtsam.NonlinearFactor]:
+    """Return what is known of the constants before the flight."""
+    covariance = gtsam.noiseModel.Gaussian.Covariance
+    return [
+        gtsam.PriorFactorVector(keys.constant(i), part.mean, covariance(part.covariance))
+        for i, part in enumerate(constants.parts)
+    ]
+
+
+def flight_graph(
+    problem: SmoothingProblem, about: States, own: Iterable[gtsam.NonlinearFactor] = ()
+) -> gtsam.NonlinearFactorGraph:
+    """Return all factors of a flight; keyframe k is row k.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    about : States
+        Where motion is preintegrated.
+    own : iterable of gtsam.NonlinearFactor
+        Factors of one's own.
+    """
+    graph, measured = gtsam.NonlinearFactorGraph(), KeyframeMeasurements(problem)
+    for factor in (*keyframe_priors(problem), *constant_priors(problem.constants)):
+        graph.add(factor)
+    for k in range(len(problem.t_s)):
+        if k:
+            for factor in problem.motion.factors(k - 1, k - 1, k, about.at(slice(k - 1, k))):
+                graph.add(factor)
+        for factor in measured.factors(k, k):
+            graph.add(factor)
+    for factor in own:
+        graph.add(factor)
+    return graph
+
+
+def flight_values(problem: SmoothingProblem, at: States) -> gtsam.Values:
+    """Return all variables of a flight where states stand."""
+    values, layout = gtsam.Values(), Layout.of(problem)
+    insert_constants(values, layout, at.constants)
+    for k in range(len(problem.t_s)):
+        insert_keyframe(values, layout, k, at, k)
+    return values
+
+
+def _parts(constants: Constants) -> Iterator[tuple[int, int, int]]:
+    """Yield key, size and first column of each constant."""
+    for i, (part, first) in enumerate(zip(constants.parts, constants.first, strict=True)):
+        yield keys.constant(i), part.size, first

@@ -1,0 +1,79 @@
+"""Unit vectors that the body sees, each with the covariance of its two angles."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
+
+_SINGULAR = 1e-12  # of two variances' ratio: of smaller ones rounding leaves no three digits
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Directions:
+    """Unit vectors at keyframes, body axes; NaN rows where there is none.
+
+    Attributes
+    ----------
+    e_b : ndarray, shape (n, 3)
+    across_b : ndarray, shape (n, 2, 3)
+        What whitens them, the root of their information: ``across_b @ u_b`` is by how many sigmas a
+        unit vector u_b lies beside e_b, whose own is zero. Zeros where there is none.
+    """
+
+    e_b: FloatArray
+    across_b: FloatArray
+
+    @classmethod
+    def of(cls, what: str, e_b: FloatArray, covariance: FloatArray) -> "Directions":
+        """Return directions with covariances, (n, 3, 3), of which the part across e_b counts.
+
+        Raises
+        ------
+        BadInputError
+            If a direction has no variance about an axis; names ``what`` and the row.
+        """
+        measured, across_b = np.isfinite(e_b[:, 0]), np.zeros((len(e_b), 2, 3))
+        axes = across(e_b[measured])
+        tangent = axes @ covariance[measured] @ axes.swapaxes(1, 2)
+        least, most = np.linalg.eigvalsh(tangent).T
+        singular = np.flatnonzero(~(least > _SINGULAR * most))
+        if len(singular):
+            k = singular[0]
+            raise BadInputError(
+                f"{what} covariance: must be positive definite across the direction, row "
+                f"{np.flatnonzero(measured)[k]} has variances {least[k]:.3g} and {most[k]:.3g} rad2"
+            )
+        across_b[measured] = np.linalg.inv(np.linalg.cholesky(tangent)) @ axes
+        return cls(e_b=e_b, across_b=across_b)
+
+    @classmethod
+    def isotropic(cls, e_b: FloatArray, sigma_rad: FloatArray | float) -> "Directions":
+        """Return directions as well known about either axis, by standard deviations, (n,)."""
+        measured, across_b = np.isfinite(e_b[:, 0]), np.zeros((len(e_b), 2, 3))
+        sigma = np.broadcast_to(sigma_rad, len(e_b))[measured]
+        across_b[measured] = across(e_b[measured]) / sigma[:, None, None]
+        return cls(e_b=e_b, across_b=across_b)
+
+    @property
+    def row(self) -> IntArray:
+        """Keyframes that have one, (k,)."""
+        return np.flatnonzero(np.isfinite(self.e_b[:, 0]))
+
+    def __getitem__(self, rows: IntArray | BoolArray) -> "Directions":
+        """Return some of them."""
+        return Directions(e_b=self.e_b[rows], across_b=self.across_b[rows])
+
+    def at(self, rows: IntArray, n: int) -> "Directions":
+        """Return them among n keyframes, of which ``rows`` are those so far."""
+        e_b, across_b = np.full((n, 3), np.nan), np.zeros((n, 2, 3))
+        e_b[rows], across_b[rows] = self.e_b, self.across_b
+        return Directions(e_b=e_b, across_b=across_b)
+
+
+def across(e: FloatArray) -> FloatArray:
+    """Return two unit vectors across each unit vector, (n, 2, 3)."""
+    least = np.eye(3)[np.abs(e).argmin(axis=1)]
+    first = np.cross(e, least)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(e, first)], axis=1)

@@ -1,0 +1,118 @@
+"""Phases of the antenna array, integers resolved: a quadratic form of the rotation.
+
+Double differences of one epoch are linear in the elements of ``R_nb``, so their negative log
+likelihood is ``|root (vec(R_nb) - vec(minimum))|^2 / 2``, without loss [1]_. In a stretch of epochs
+whose integers are not known the minimum is off by nine unknown elements that all of it shares.
+
+References
+----------
+.. [1] Teunissen: The affine constrained GNSS attitude model and its multivariate integer
+   least-squares solution, Journal of Geodesy 86, 2012: the rotation's elements as the unknowns.
+"""
+
+from dataclasses import dataclass, replace
+
+import gtsam
+import numpy as np
+from numba import njit
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph import keys
+from fgnav.graph.constants import Constants
+from fgnav.graph.factors.arrays import contiguous, freeze
+from fgnav.graph.measurement import Linearised
+from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.states import States
+
+# Where the elements of R.ravel() stand in the column-major vector of a 4 by 4 pose matrix.
+_IN_POSE = [4 * column + row for row in range(3) for column in range(3)]
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class ArrayPhase:
+    """Quadratic forms of the rotation: ``r = root (vec(R_nb) + c - vec(minimum))``, nine rows.
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (k,)
+    root, minimum : ndarray, shape (k, 9, 9) and (k, 3, 3)
+        ``RotationQuadratic.square_root``; elements of matrices by row.
+    element_column : ndarray of int, shape (k,)
+        First of the nine constants c of the stretch that an epoch without integers is in; -1 of
+        epochs with integers.
+    constants : Constants
+    """
+
+    row: IntArray
+    root: FloatArray
+    minimum: FloatArray
+    element_column: IntArray
+    constants: Constants
+
+    def __post_init__(self) -> None:
+        """Check and freeze the arrays."""
+        k = len(self.row)
+        freeze(
+            self,
+            {"root": (k, 9, 9), "minimum": (k, 3, 3)},
+            {"row": (k,), "element_column": (k,)},
+        )
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        return "array phases"
+
+    @property
+    def freedom(self) -> IntArray:
+        """Rows of the root that are not zero, (k,)."""
+        return np.asarray(self.root.any(axis=2).sum(axis=1))
+
+    def linearise(self, at: States, which: IntArray) -> Linearised:
+        """Return whitened residuals of epochs ``which``, (j,); see ``Measurement``."""
+        return Linearised._make(
+            _kernel(*contiguous(at, which), self.root, self.minimum, self.element_column)
+        )
+
+    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
+        """Return epoch i as a factor of keyframe ``key``: native where integers are known."""
+        if self.element_column[i] >= 0:
+            parts = parts_of(self.constants, (int(self.element_column[i]),))
+            return of_measurement(self, i, key, ("pose",), parts, rows=9)
+        whitening, M = np.zeros((16, 16)), np.zeros((4, 4))
+        whitening[:9, _IN_POSE] = self.root[i]
+        M[:3, :3] = self.minimum[i]
+        noise = gtsam.noiseModel.Gaussian.SqrtInformation(whitening, False)
+        return gtsam.FrobeniusPriorPose3(keys.pose(key), M, noise)
+
+    def on(self, row: IntArray) -> "ArrayPhase":
+        """Return the same measurements at other rows, (k,)."""
+        return replace(self, row=row)
+
+
+@njit(cache=True)
+def _kernel(
+    at: States, which: IntArray, root: FloatArray, minimum: FloatArray, element_column: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
+    value, state, shared = np.zeros((j, 9)), np.zeros((j, 9, D)), np.zeros((j, 9, b))
+    apart = np.empty(9)
+    for k in range(j):
+        i, R = which[k], at.R_nb[k]
+        first = element_column[i]
+        for e in range(9):
+            apart[e] = R[e // 3, e % 3] - minimum[i, e // 3, e % 3]
+            if first >= 0:
+                apart[e] += at.constants[first + e]
+        for m in range(9):
+            for e in range(9):
+                weight, a, c = root[i, m, e], e // 3, e % 3
+                if weight == 0.0:
+                    continue
+                value[k, m] += weight * apart[e]
+                # R [d]x: column c gains d[c + 2] R[:, c + 1] - d[c + 1] R[:, c + 2], cyclically.
+                state[k, m, (c + 2) % 3] += weight * R[a, (c + 1) % 3]
+                state[k, m, (c + 1) % 3] -= weight * R[a, (c + 2) % 3]
+                if first >= 0:
+                    shared[k, m, first + e] = weight
+    return value, state, shared

@@ -1,0 +1,125 @@
+"""Phases of an antenna array whose antennas may stand elsewhere than the flight states.
+
+``r = root (stack_i R_nb (d_i + c_i) - minimum)``: d_i the baseline of antenna i as stated, c_i what
+it is off, both in body axes. The unknowns of an epoch are the baselines in ``n`` themselves, of
+which double differences with resolved integers are linear functions [1]_; with all c_i known this
+is the form of ``ArrayPhase``.
+
+References
+----------
+.. [1] Teunissen, Montenbruck (eds.): Springer Handbook of Global Navigation Satellite Systems,
+   2017, chapter 27: the baselines of an array as unknowns.
+"""
+
+from dataclasses import dataclass, replace
+
+import gtsam
+import numpy as np
+from numba import njit
+
+from fgnav import rotation_kernel as rot
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph.constants import Constants
+from fgnav.graph.factors.arrays import contiguous, freeze
+from fgnav.graph.measurement import Linearised
+from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.states import States
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class ArrayShape:
+    """Quadratic forms of a baselines in ``n``, three rows for each baseline.
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (k,)
+    root : ndarray, shape (k, 3 a, 3 a)
+        Of the information about all baselines, one after another.
+    minimum_n_m : ndarray, shape (k, a, 3)
+    baselines_b_m : ndarray, shape (a, 3)
+        d, as the flight states them.
+    column : ndarray of int, shape (a,)
+        First of the three constants c_i of each antenna; -1 of those that stand where stated.
+    constants : Constants
+    """
+
+    row: IntArray
+    root: FloatArray
+    minimum_n_m: FloatArray
+    baselines_b_m: FloatArray
+    column: IntArray
+    constants: Constants
+
+    def __post_init__(self) -> None:
+        """Check and freeze the arrays."""
+        k, a = len(self.row), len(self.baselines_b_m)
+        freeze(
+            self,
+            {
+                "root": (k, 3 * a, 3 * a),
+                "minimum_n_m": (k, a, 3),
+                "baselines_b_m": (a, 3),
+            },
+            {"row": (k,), "column": (a,)},
+        )
+
+    @property
+    def name(self) -> str:
+        """What reports call it: the same phases as those of an array of known shape."""
+        return "array phases"
+
+    @property
+    def freedom(self) -> IntArray:
+        """Rows of the root that are not zero, (k,)."""
+        return np.asarray(self.root.any(axis=2).sum(axis=1))
+
+    def linearise(self, at: States, which: IntArray) -> Linearised:
+        """Return whitened residuals of epochs ``which``, (j,); see ``Measurement``."""
+        return Linearised._make(
+            _kernel(
+                *contiguous(at, which), self.root, self.minimum_n_m, self.baselines_b_m, self.column
+            )
+        )
+
+    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
+        """Return epoch i as a factor of keyframe ``key``; GTSAM has none of its own."""
+        parts = parts_of(self.constants, (int(column) for column in self.column))
+        return of_measurement(self, i, key, ("pose",), parts, rows=self.root.shape[1])
+
+    def on(self, row: IntArray) -> "ArrayShape":
+        """Return the same measurements at other rows, (k,)."""
+        return replace(self, row=row)
+
+
+@njit(cache=True)
+def _kernel(
+    at: States,
+    which: IntArray,
+    root: FloatArray,
+    minimum_n_m: FloatArray,
+    baselines_b_m: FloatArray,
+    column: IntArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    j, m, D, b = len(which), root.shape[1], 9 + at.aux.shape[1], len(at.constants)
+    value, state, shared = np.zeros((j, m)), np.zeros((j, m, D)), np.zeros((j, m, b))
+    arm = np.empty(3)
+    for k in range(j):
+        i, R = which[k], at.R_nb[k]
+        for a in range(len(baselines_b_m)):
+            for c in range(3):
+                arm[c] = baselines_b_m[a, c]
+                if column[a] >= 0:
+                    arm[c] += at.constants[column[a] + c]
+            apart, by_turn = rot.times(R, arm), rot.product(R, rot.skew(arm))
+            for c in range(3):
+                apart[c] -= minimum_n_m[i, a, c]
+            part = np.ascontiguousarray(root[i, :, 3 * a : 3 * a + 3])
+            residual = rot.times(part, apart)
+            turned, moved = rot.product(part, by_turn), rot.product(part, R)
+            for e in range(m):
+                value[k, e] += residual[e]
+                for c in range(3):
+                    state[k, e, c] -= turned[e, c]
+                    if column[a] >= 0:
+                        shared[k, e, column[a] + c] = moved[e, c]
+    return value, state, shared

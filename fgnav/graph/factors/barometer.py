@@ -1,0 +1,140 @@
+"""Barometric heights, with lever arm and an offset that drifts slowly.
+
+``r = (p_D + R_D a_b - h - ((1 - s) o_i + s o_i+1)) / sigma``: p_D and R_D the third rows of
+position and rotation, a_b the port from the accelerometer, h where the barometer has it along the
+third axis of ``n`` [1]_. Offset and drift are estimated at a few times, nodes, with straight lines
+between them; how the drift is correlated stands in the covariance of the nodes.
+
+References
+----------
+.. [1] Groves: Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd
+   edition, 2013, section 6.2.1: barometric altimeter.
+"""
+
+from dataclasses import dataclass, replace
+
+import gtsam
+import numpy as np
+from numba import njit
+
+from fgnav.checks import FloatArray, IntArray, positive
+from fgnav.graph.constants import Constants
+from fgnav.graph.factors.arrays import contiguous, freeze
+from fgnav.graph.measurement import Linearised
+from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.states import States
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class BarometricHeight:
+    """Barometric heights, one row each.
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (k,)
+    down_n_m : ndarray, shape (k,)
+        h, where the port is along the third axis of ``n``.
+    sigma_m : float
+        Of what is new at each keyframe.
+    arm_b_m : ndarray, shape (3,)
+        From the accelerometer to the port.
+    column : int
+        First of the constants o, metres along the third axis of ``n``; -1 where there are none.
+    node : ndarray of int, shape (k,)
+        i, the node at or before each keyframe.
+    share : ndarray, shape (k,)
+        s, of the node after that: 0 to 1.
+    constants : Constants
+    """
+
+    row: IntArray
+    down_n_m: FloatArray
+    sigma_m: float
+    arm_b_m: FloatArray
+    column: int
+    node: IntArray
+    share: FloatArray
+    constants: Constants
+
+    def __post_init__(self) -> None:
+        """Check and freeze the arrays."""
+        k = len(self.row)
+        freeze(
+            self,
+            {"down_n_m": (k,), "arm_b_m": (3,), "share": (k,)},
+            {"row": (k,), "node": (k,)},
+        )
+        positive("barometric height sigma_m", self.sigma_m)
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        return "barometric height"
+
+    @property
+    def freedom(self) -> IntArray:
+        """One of each, (k,)."""
+        return np.ones(len(self.row), dtype=np.int64)
+
+    def linearise(self, at: States, which: IntArray) -> Linearised:
+        """Return whitened residuals of heights ``which``, (j,); see ``Measurement``."""
+        return Linearised._make(
+            _kernel(
+                *contiguous(at, which),
+                self.down_n_m,
+                1 / self.sigma_m,
+                self.arm_b_m,
+                self.column,
+                self.node,
+                self.share,
+            )
+        )
+
+    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
+        """Return height i as a factor of keyframe ``key``.
+
+        Not ``BarometricFactor``: its offset is one scalar, and it has no lever arm.
+        """
+        first = self.column + int(self.node[i])
+        columns = (first, first + int(self.share[i] > 0)) if self.column >= 0 else ()
+        parts = parts_of(self.constants, columns)
+        return of_measurement(self, i, key, ("pose",), parts, rows=1)
+
+    def on(self, row: IntArray) -> "BarometricHeight":
+        """Return the same measurements at other rows, (k,)."""
+        return replace(self, row=row)
+
+
+@njit(cache=True)
+def _kernel(
+    at: States,
+    which: IntArray,
+    down_n_m: FloatArray,
+    weight: float,
+    arm_b_m: FloatArray,
+    column: int,
+    node: IntArray,
+    share: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
+    value, state, shared = np.zeros((j, 1)), np.zeros((j, 1, D)), np.zeros((j, 1, b))
+    for k in range(j):
+        i, R = which[k], at.R_nb[k]
+        apart = at.p_n_m[k, 2] - down_n_m[i]
+        for c in range(3):
+            after, before = (c + 1) % 3, (c + 2) % 3
+            apart += R[2, c] * arm_b_m[c]
+            # The third row of -R [a]x.
+            state[k, 0, c] = weight * (
+                R[2, before] * arm_b_m[after] - R[2, after] * arm_b_m[before]
+            )
+            state[k, 0, 3 + c] = weight * R[2, c]
+        if column >= 0:
+            first, s = column + node[i], share[i]
+            apart -= (1.0 - s) * at.constants[first]
+            shared[k, 0, first] = -weight * (1.0 - s)
+            if s > 0.0:
+                apart -= s * at.constants[first + 1]
+                shared[k, 0, first + 1] = -weight * s
+        value[k, 0] = weight * apart
+    return value, state, shared

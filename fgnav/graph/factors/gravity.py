@@ -1,0 +1,106 @@
+"""Directions of gravity, as an estimator sees them in body axes.
+
+``r = A Exp(-t) R_nb' g_n``: g_n the known unit vector, A the whitening rows across the measured
+one, t the angles about x_b and y_b by which the instrument is turned in the body; its derivative by
+them has the right Jacobian of the rotation group in it [1]_.
+
+References
+----------
+.. [1] Forster, Carlone, Dellaert, Scaramuzza: On-Manifold Preintegration for Real-Time
+   Visual-Inertial Odometry, IEEE Transactions on Robotics 33, 2017, section III.
+"""
+
+from dataclasses import dataclass, replace
+
+import gtsam
+import numpy as np
+from numba import njit
+
+from fgnav import rotation_kernel as rot
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph import keys
+from fgnav.graph.constants import Constants
+from fgnav.graph.factors.arrays import contiguous, freeze
+from fgnav.graph.factors.tilt_kernel import ABOUT_X, fill, tilt
+from fgnav.graph.measurement import Linearised
+from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.states import States
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Gravity:
+    """Directions of gravity, two rows each.
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (k,)
+    known_n : ndarray, shape (k, 3)
+        Unit vectors of gravity at the keyframes.
+    across_b : ndarray, shape (k, 2, 3)
+        Whitening rows of the measured unit vectors; see ``Directions``.
+    tilt_column : int
+        First of the two constants t; -1 where the instrument stands as stated.
+    constants : Constants
+    """
+
+    row: IntArray
+    known_n: FloatArray
+    across_b: FloatArray
+    tilt_column: int
+    constants: Constants
+
+    def __post_init__(self) -> None:
+        """Check and freeze the arrays."""
+        k = len(self.row)
+        freeze(self, {"known_n": (k, 3), "across_b": (k, 2, 3)}, {"row": (k,)})
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        return "gravity"
+
+    @property
+    def freedom(self) -> IntArray:
+        """Two of each, (k,)."""
+        return np.full(len(self.row), 2)
+
+    def linearise(self, at: States, which: IntArray) -> Linearised:
+        """Return whitened residuals of directions ``which``, (j,); see ``Measurement``."""
+        return Linearised._make(
+            _kernel(*contiguous(at, which), self.known_n, self.across_b, self.tilt_column)
+        )
+
+    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
+        """Return direction i as a factor of keyframe ``key``: native without tilt.
+
+        ``AttitudeFactorPose3`` errs in two axes of ``n``, about which a long axis in the body would
+        turn with the estimate. A magnetic field of size one errs in body axes; against a measured
+        field of zero its whitened residual is ours, as the measured direction's own is zero.
+        """
+        if self.tilt_column >= 0:
+            parts = parts_of(self.constants, (self.tilt_column,))
+            return of_measurement(self, i, key, ("pose",), parts, rows=2)
+        whitening = np.vstack([self.across_b[i], np.zeros(3)])
+        noise = gtsam.noiseModel.Gaussian.SqrtInformation(whitening, False)
+        none = np.zeros(3)
+        return gtsam.MagPoseFactorPose3(keys.pose(key), none, 1.0, self.known_n[i], none, noise)
+
+    def on(self, row: IntArray) -> "Gravity":
+        """Return the same measurements at other rows, (k,)."""
+        return replace(self, row=row)
+
+
+@njit(cache=True)
+def _kernel(
+    at: States, which: IntArray, known_n: FloatArray, across_b: FloatArray, column: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
+    value, state, shared = np.zeros((j, 2)), np.zeros((j, 2, D)), np.zeros((j, 2, b))
+    minus_tilt = tilt(at.constants, column, ABOUT_X)
+    turn = rot.exp(minus_tilt)
+    for k in range(j):
+        i = which[k]
+        u_b = rot.times(rot.transposed(at.R_nb[k]), known_n[i])
+        across = rot.product(across_b[i], turn)
+        fill(value[k], state[k], shared[k], across, u_b, minus_tilt, column, ABOUT_X)
+    return value, state, shared

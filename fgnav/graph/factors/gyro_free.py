@@ -1,0 +1,308 @@
+"""Motion without a gyroscope: attitude by a Gaussian process, velocity by the accelerometer.
+
+The body rate is a constant m of the flight plus, about each axis, a Matern-5/2 process. A keyframe
+has the accelerometer's bias b and, about each axis, ``x = (w, T0 a, T0^2 j)``. An interval of
+length T has 21 rows; in them ``theta = Log(R_0' R_1)``, and ``x - m`` is short for
+``x - (m, 0, 0)``. Rates are those against the frame n, as attitudes tell them that identify the
+process:
+
+    rotation    theta - T^2/12 w_0 x w_1 - m T - H (x_0 - m)            second order, [1]_
+    position    p_1 - p_0 - v_0 T - (g/2 - w_earth x v_0) T^2
+                - R_0 sum (T - t_i) Exp(theta_i) f_i dt
+    velocity    v_1 - v_0 - (g - 2 w_earth x v_0) T - R_0 sum Exp(theta_i) f_i dt
+    bias        b_1 - b_0
+    process     x_1 - m - F (x_0 - m)
+
+``f_i`` is the specific force less b_0 in the middle of sub-step i, and ``theta_i`` the cubic
+Hermite path from 0 with slope w_0 to theta with slope ``J_r^-1(theta) w_1``. Rotation and process
+are whitened together, and so are position and velocity.
+
+References
+----------
+.. [1] Blanes, Casas, Oteo, Ros: The Magnus expansion and some of its applications, Physics Reports
+   470, 2009.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+from fgnav.checks import BadInputError, FloatArray, IntArray
+from fgnav.flight import Imu
+from fgnav.graph import keys
+from fgnav.graph.constants import Constants
+from fgnav.graph.factors import gyro_free_kernel as kernel
+from fgnav.graph.factors.gyro_free_kernel import ROWS, Filled, Rows
+from fgnav.graph.factors.gyro_free_path_kernel import Intervals
+from fgnav.graph.increments import increments, parents
+from fgnav.graph.motion import LinearisedMotion
+from fgnav.graph.states import AUX, States
+from fgnav.process import matern
+
+INTEGRATION_M2 = 1e-7  # m2/s: a third of a millimetre in a second keeps linear systems well posed
+_VECTOR = 12  # accelerometer bias, rate, its two derivatives
+_UNIT = gtsam.noiseModel.Unit.Create(ROWS)
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class GyroFree:
+    """The motion between n keyframes of a flight without a gyroscope.
+
+    A caller splits intervals such that the rate times their length stays below 0.7 rad.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (n,)
+    imu : Imu
+        Without a gyroscope, or with one that is not used.
+    sub_steps : int
+        Of one sample of the accelerometer.
+    gravity_n_mps2 : ndarray, shape (n, 3)
+        Where each keyframe is.
+    earth_rate_n_radps : ndarray, shape (3,)
+    length_s : ndarray, shape (n - 1,)
+        Correlation length of the rate's process in each interval.
+    variance_rad2ps2 : ndarray, shape (n - 1, 3)
+        Its variance about each body axis.
+    accelerometer_noise : ndarray, shape (n - 1,)
+        Power spectral density of the specific force, (m/s2)^2/Hz.
+    rate_column : int
+        First column of the mean rate among the constants.
+    constants : Constants
+    """
+
+    t_s: FloatArray
+    imu: Imu
+    sub_steps: int
+    gravity_n_mps2: FloatArray
+    earth_rate_n_radps: FloatArray
+    length_s: FloatArray
+    variance_rad2ps2: FloatArray
+    accelerometer_noise: FloatArray
+    rate_column: int
+    constants: Constants
+    _intervals: Intervals = field(init=False, repr=False)
+    _buffer: "_Buffer" = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Check shapes; cut the samples and prepare noise and process of each interval.
+
+        Raises
+        ------
+        BadInputError
+            If an array has a wrong shape or the mean rate is not among the constants.
+        """
+        n = len(self.t_s)
+        shapes = {
+            "gravity_n_mps2": (n, 3),
+            "length_s": (n - 1,),
+            "variance_rad2ps2": (n - 1, 3),
+            "accelerometer_noise": (n - 1,),
+        }
+        for name, shape in shapes.items():
+            got = getattr(self, name).shape
+            if got != shape:
+                raise BadInputError(f"gyro-free {name}: expected shape {shape}, got {got}")
+        if not 0 <= self.rate_column <= self.constants.width - 3:
+            raise BadInputError("gyro-free rate_column: the mean rate is not among the constants")
+        object.__setattr__(self, "_intervals", self._prepared())
+        object.__setattr__(self, "_buffer", _Buffer.empty())
+
+    def _prepared(self) -> Intervals:
+        cut = increments(self.imu, self.t_s, self.sub_steps)
+        span_s = np.diff(self.t_s)
+        F, H, W = matern.intervals(span_s, self.length_s)
+        walk = self.imu.accelerometer_bias_walk_mps2_per_sqrt_s
+        return Intervals(
+            span_s=span_s,
+            step_s=cut.step_s,
+            first=cut.first,
+            f_b_mps2=cut.f_b_mps2,
+            gravity_n_mps2=_contiguous(self.gravity_n_mps2),
+            earth_rate_n_radps=_contiguous(self.earth_rate_n_radps),
+            transition=_contiguous(F),
+            turn=_contiguous(H),
+            white=_contiguous(W),
+            sigma_radps=np.sqrt(self.variance_rad2ps2),
+            force_white=_force_white(span_s, self.accelerometer_noise),
+            walk_white=1 / (walk * np.sqrt(span_s)),
+        )
+
+    @property
+    def aux(self) -> int:
+        """Dimensions of ``States.aux``."""
+        return _VECTOR
+
+    @property
+    def mean_rate(self) -> slice:
+        """Columns of the mean rate among the constants."""
+        return slice(self.rate_column, self.rate_column + 3)
+
+    def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
+        """Return whitened residuals of some intervals, (j,), between states, j of each."""
+        out, mean = _room(len(intervals)), before.constants[self.mean_rate].copy()
+        kernel.linearise(
+            _indices(intervals), self._intervals, _rows(before), _rows(after), mean, out
+        )
+        shared = np.zeros((len(intervals), ROWS, len(before.constants)))
+        shared[:, :, self.mean_rate] = out.by_mean
+        return LinearisedMotion(out.value[:, :, 0], out.before, out.after, shared)
+
+    def predict(self, before: States, intervals: IntArray) -> States:
+        """Return the states that intervals, (j,), lead to: all 21 rows are zero there."""
+        after = Rows(*(np.empty(part.shape) for part in before[:4]))
+        mean = before.constants[self.mean_rate].copy()
+        kernel.predict(_indices(intervals), self._intervals, _rows(before), mean, after)
+        return States(*after, constants=before.constants)
+
+    def rates_b_radps(self, t_s: FloatArray, aux: FloatArray) -> FloatArray:  # noqa: ARG002
+        """Return body rates against inertial space, (m, 3), of states' ``aux``, (m, 12)."""
+        return aux[:, 3:6]
+
+    def prior(self, constants: int) -> tuple[FloatArray, FloatArray]:
+        """Return mean, (12,), and whitening rows, (12, 12 + b), of the first keyframe's ``aux``.
+
+        The bias by its 1-sigma; rate less mean rate, and derivatives, by the process's stationary
+        covariance. The mean rate has a prior of its own.
+        """
+        rows = np.zeros((_VECTOR, _VECTOR + constants))
+        rows[range(3), range(3)] = 1 / self.imu.accelerometer_bias_mps2
+        white = np.linalg.inv(np.linalg.cholesky(matern.stationary(float(self.length_s[0]))))
+        for i in range(3):
+            own = [3 + i, 6 + i, 9 + i]
+            weighted = white / np.sqrt(self.variance_rad2ps2[0, i])
+            rows[np.ix_(own, own)] = weighted
+            rows[own, _VECTOR + self.rate_column + i] = -weighted[:, 0]
+        return np.zeros(_VECTOR), rows
+
+    def log_white(self, intervals: IntArray) -> float:
+        """Return the log determinants of the process's whitening in some intervals, summed.
+
+        Those of the specific force do not depend on what is identified.
+        """
+        of = self._intervals
+        own = np.log(np.einsum("nii->ni", of.white[intervals])).sum() * 3
+        return float(own - 4 * np.log(of.sigma_radps[intervals]).sum())
+
+    def factors(
+        self, k: int, key_before: int, key_after: int, about: States
+    ) -> tuple[gtsam.NonlinearFactor, ...]:
+        """Return interval k as one factor between two keyframes; ``about`` does not matter."""
+        del about
+        symbols = (keys.pose, keys.velocity, keys.angular_motion)
+        names = [symbol(key) for key in (key_before, key_after) for symbol in symbols]
+        names.append(keys.constant(self.constants.first.index(self.rate_column)))
+        error = _IntervalError(self._intervals, np.array([k]), tuple(names), self._buffer)
+        return (gtsam.CustomFactor(_UNIT, names, error),)
+
+    def at_times(self, t_s: FloatArray) -> "GyroFree":
+        """Return the same motion between other keyframes, (m,), the present ones among them.
+
+        An interval has the process and the noise of the one that its middle is in.
+        """
+        part = parents(self.t_s, t_s)
+        gravity = [np.interp(t_s, self.t_s, column) for column in self.gravity_n_mps2.T]
+        return replace(
+            self,
+            t_s=t_s,
+            gravity_n_mps2=np.stack(gravity, axis=1),
+            length_s=self.length_s[part],
+            variance_rad2ps2=self.variance_rad2ps2[part],
+            accelerometer_noise=self.accelerometer_noise[part],
+        )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Buffer:
+    """Where factors put their states and derivatives, one after another: GTSAM copies both."""
+
+    before: Rows
+    after: Rows
+    mean: FloatArray  # (3,)
+    out: Filled
+    blocks: tuple[FloatArray, ...]  # derivatives by each of the factor's keys
+
+    @classmethod
+    def empty(cls) -> "_Buffer":
+        """Return room for one interval."""
+        before, after = (
+            Rows(np.empty((1, 3, 3)), np.empty((1, 3)), np.empty((1, 3)), np.empty((1, _VECTOR)))
+            for _ in range(2)
+        )
+        out, parts = _room(1), (slice(0, 6), slice(6, AUX), slice(AUX, ROWS))
+        blocks = [E[0][:, part] for E in (out.before, out.after) for part in parts]
+        return cls(before, after, np.empty(3), out, (*blocks, out.by_mean[0]))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _IntervalError:
+    """What GTSAM calls for the residual of one interval, and for its derivatives by each key."""
+
+    intervals: Intervals
+    which: IntArray  # (1,)
+    names: tuple[int, ...]
+    buffer: _Buffer
+
+    def __call__(
+        self,
+        factor: gtsam.CustomFactor,  # noqa: ARG002
+        values: gtsam.Values,
+        jacobians: Any | None,  # noqa: ANN401  # gtsam.JacobianVector
+    ) -> NDArray[np.float64]:
+        """Return the whitened residual, (21,); fill derivatives where they are asked for."""
+        room, names = self.buffer, self.names
+        _read(room.before, values, names[0], names[1], names[2])
+        _read(room.after, values, names[3], names[4], names[5])
+        room.mean[:] = values.atVector(names[6])
+        kernel.linearise(self.which, self.intervals, room.before, room.after, room.mean, room.out)
+        if jacobians is not None:
+            for i, block in enumerate(room.blocks):
+                jacobians[i] = block
+        return np.array(room.out.value[0, :, 0], dtype=np.float64)
+
+
+def _read(into: Rows, values: gtsam.Values, pose: int, velocity: int, vector: int) -> None:
+    """Copy a keyframe's variables into a row."""
+    matrix = values.atPose3(pose).matrix()
+    into.R_nb[0] = matrix[:3, :3]
+    into.p_n_m[0] = matrix[:3, 3]
+    into.v_n_mps[0] = values.atVector(velocity)
+    into.aux[0] = values.atVector(vector)
+
+
+def _room(j: int) -> Filled:
+    """Return room for the residuals and derivatives of j intervals."""
+    square = (j, ROWS, ROWS)
+    return Filled(
+        np.empty((j, ROWS, 1)), np.empty(square), np.empty(square), np.empty((j, ROWS, 3))
+    )
+
+
+def _rows(states: States) -> Rows:
+    return Rows(*(_contiguous(part) for part in states[:4]))
+
+
+def _contiguous(values: FloatArray) -> FloatArray:
+    """Return values as the kernel was compiled for: a read-only array would be another type."""
+    # np.require alone takes five times as long.
+    return values if values.flags.carray else np.require(values, np.float64, ["C", "W"])
+
+
+def _indices(which: IntArray) -> IntArray:
+    return np.require(which, np.int64, ["C", "W"])
+
+
+def _force_white(span_s: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return what whitens velocity and position of intervals, (n - 1, 3).
+
+    White specific force of density q leaves the covariance ``q (T, T^2/2, T^3/3)``: of velocity, of
+    both, of position, which has the integration's own noise beside. Velocity v is multiplied by the
+    first column; position p becomes ``third (p - second v)``.
+    """
+    velocity, both = noise * span_s, noise * span_s**2 / 2
+    position = noise * span_s**3 / 3 + INTEGRATION_M2 * span_s
+    gain = both / velocity
+    return np.stack([velocity**-0.5, gain, (position - gain * both) ** -0.5], axis=1)

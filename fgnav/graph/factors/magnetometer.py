@@ -1,0 +1,116 @@
+"""Directions of the magnetic field in body axes, the vehicle's own field among it.
+
+``r = A (R_nb' m_n + o_b) / |R_nb' m_n + o_b|``: m_n the Earth's field, o_b the hard iron, A the
+whitening rows across the measured direction [1]_. Only the direction counts: with the size, a hard
+iron that takes some of the Earth's field away would make every residual smaller.
+
+References
+----------
+.. [1] Groves: Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd
+   edition, 2013, section 6.1.1: the Earth's field and hard iron.
+"""
+
+from dataclasses import dataclass, replace
+
+import gtsam
+import numpy as np
+from numba import njit
+
+from fgnav import rotation_kernel as rot
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph import keys
+from fgnav.graph.constants import Constants
+from fgnav.graph.factors.arrays import contiguous, freeze
+from fgnav.graph.measurement import Linearised
+from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.states import States
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class MagneticField:
+    """Directions of the magnetic field, two rows each.
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (k,)
+    across_b : ndarray, shape (k, 2, 3)
+        Whitening rows of the measured unit vectors; see ``Directions``.
+    field_n_ut : ndarray, shape (3,)
+        m_n, of the Earth.
+    iron_column : int
+        First of the three constants o_b, uT; -1 where there is none.
+    constants : Constants
+    """
+
+    row: IntArray
+    across_b: FloatArray
+    field_n_ut: FloatArray
+    iron_column: int
+    constants: Constants
+
+    def __post_init__(self) -> None:
+        """Check and freeze the arrays."""
+        k = len(self.row)
+        freeze(self, {"across_b": (k, 2, 3), "field_n_ut": (3,)}, {"row": (k,)})
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        return "magnetic field"
+
+    @property
+    def freedom(self) -> IntArray:
+        """Two of each, (k,)."""
+        return np.full(len(self.row), 2)
+
+    def linearise(self, at: States, which: IntArray) -> Linearised:
+        """Return whitened residuals of directions ``which``, (j,); see ``Measurement``."""
+        return Linearised._make(
+            _kernel(*contiguous(at, which), self.across_b, self.field_n_ut, self.iron_column)
+        )
+
+    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
+        """Return direction i as a factor of keyframe ``key``: native without hard iron.
+
+        Against a measured field of zero, ``MagPoseFactor``'s whitened residual is ours: the
+        measured direction's own is zero.
+        """
+        if self.iron_column >= 0:
+            parts = parts_of(self.constants, (self.iron_column,))
+            return of_measurement(self, i, key, ("pose",), parts, rows=2)
+        whitening = np.vstack([self.across_b[i], np.zeros(3)])
+        noise = gtsam.noiseModel.Gaussian.SqrtInformation(whitening, False)
+        none, field_n = np.zeros(3), self.field_n_ut / np.linalg.norm(self.field_n_ut)
+        return gtsam.MagPoseFactorPose3(keys.pose(key), none, 1.0, field_n, none, noise)
+
+    def on(self, row: IntArray) -> "MagneticField":
+        """Return the same measurements at other rows, (k,)."""
+        return replace(self, row=row)
+
+
+@njit(cache=True, error_model="numpy")
+def _kernel(
+    at: States, which: IntArray, across_b: FloatArray, field_n_ut: FloatArray, iron: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
+    value, state, shared = np.zeros((j, 2)), np.zeros((j, 2, D)), np.zeros((j, 2, b))
+    sum_b, flat = np.empty(3), np.empty((3, 3))
+    for k in range(j):
+        i, earth_b = which[k], rot.times(rot.transposed(at.R_nb[k]), field_n_ut)
+        for c in range(3):
+            sum_b[c] = earth_b[c]
+            if iron >= 0:
+                sum_b[c] += at.constants[iron + c]
+        size = np.sqrt(sum_b[0] ** 2 + sum_b[1] ** 2 + sum_b[2] ** 2)
+        for r in range(3):
+            for c in range(3):
+                flat[r, c] = ((r == c) - sum_b[r] * sum_b[c] / size**2) / size
+        by_field = rot.product(across_b[i], flat)
+        by_turn = rot.product(by_field, rot.skew(earth_b))
+        for m in range(2):
+            for c in range(3):
+                value[k, m] += across_b[i, m, c] * sum_b[c] / size
+                state[k, m, c] = by_turn[m, c]
+                if iron >= 0:
+                    shared[k, m, iron + c] = by_field[m, c]
+    return value, state, shared

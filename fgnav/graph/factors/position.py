@@ -1,0 +1,136 @@
+"""Positions of one antenna, with lever arm.
+
+``r = W (p_n + R_nb (a_b + l_b) + s_n - z_n)``: accelerometer at p_n, antenna at a_b from it as the
+flight states, l_b what that is off, s_n the offset of all positions of one phase segment [1]_.
+
+References
+----------
+.. [1] Groves: Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd
+   edition, 2013, section 14.3.1: innovation of a loosely coupled position.
+"""
+
+from dataclasses import dataclass, replace
+
+import gtsam
+import numpy as np
+from numba import njit
+
+from fgnav import rotation_kernel as rot
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph import keys
+from fgnav.graph.constants import Constants
+from fgnav.graph.factors.arrays import contiguous, freeze
+from fgnav.graph.measurement import Linearised
+from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.states import States
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Position:
+    """Positions of an antenna in ``n``, three rows each.
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (k,)
+    value_n_m : ndarray, shape (k, 3)
+    white : ndarray, shape (k, 3, 3)
+        W: inverse Cholesky factors of covariances; rows of zeros for what is not known.
+    arm_b_m : ndarray, shape (3,)
+        From the accelerometer to the antenna.
+    lever_column : int
+        First of the three constants l_b; -1 where the lever arm is known.
+    segment_column : ndarray of int, shape (k,)
+        First of the three constants s_n of a position's segment; -1 of positions without.
+    constants : Constants
+    """
+
+    row: IntArray
+    value_n_m: FloatArray
+    white: FloatArray
+    arm_b_m: FloatArray
+    lever_column: int
+    segment_column: IntArray
+    constants: Constants
+
+    def __post_init__(self) -> None:
+        """Check and freeze the arrays."""
+        k = len(self.row)
+        freeze(
+            self,
+            {"value_n_m": (k, 3), "white": (k, 3, 3), "arm_b_m": (3,)},
+            {"row": (k,), "segment_column": (k,)},
+        )
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        return "position"
+
+    @property
+    def freedom(self) -> IntArray:
+        """Directions that are known, (k,)."""
+        return np.asarray(self.white.any(axis=2).sum(axis=1))
+
+    def linearise(self, at: States, which: IntArray) -> Linearised:
+        """Return whitened residuals of positions ``which``, (j,); see ``Measurement``."""
+        return Linearised._make(
+            _kernel(
+                *contiguous(at, which),
+                self.value_n_m,
+                self.white,
+                self.arm_b_m,
+                self.lever_column,
+                self.segment_column,
+            )
+        )
+
+    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
+        """Return position i as a factor of keyframe ``key``: native without constants."""
+        columns = (self.lever_column, int(self.segment_column[i]))
+        if max(columns) >= 0:
+            parts = parts_of(self.constants, columns)
+            return of_measurement(self, i, key, ("pose",), parts, rows=3)
+        noise = gtsam.noiseModel.Gaussian.SqrtInformation(self.white[i], False)
+        return gtsam.GPSFactorArm(keys.pose(key), self.value_n_m[i], self.arm_b_m, noise)
+
+    def on(self, row: IntArray) -> "Position":
+        """Return the same measurements at other rows, (k,)."""
+        return replace(self, row=row)
+
+
+@njit(cache=True)
+def _kernel(
+    at: States,
+    which: IntArray,
+    value_n_m: FloatArray,
+    whites: FloatArray,
+    arm_b_m: FloatArray,
+    lever: int,
+    segments: IntArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
+    value, state, shared = np.zeros((j, 3)), np.zeros((j, 3, D)), np.zeros((j, 3, b))
+    arm, apart = arm_b_m.copy(), np.empty(3)
+    if lever >= 0:
+        for c in range(3):
+            arm[c] += at.constants[lever + c]
+    cross = rot.skew(arm)
+    for k in range(j):
+        i, R = which[k], at.R_nb[k]
+        white, first = whites[i], segments[i]
+        turned, at_antenna = rot.product(white, R), rot.times(R, arm)
+        by_turn = rot.product(turned, cross)
+        for c in range(3):
+            apart[c] = at.p_n_m[k, c] + at_antenna[c] - value_n_m[i, c]
+            if first >= 0:
+                apart[c] += at.constants[first + c]
+        for m in range(3):
+            for c in range(3):
+                value[k, m] += white[m, c] * apart[c]
+                state[k, m, c] = -by_turn[m, c]
+                state[k, m, 3 + c] = turned[m, c]
+                if lever >= 0:
+                    shared[k, m, lever + c] = turned[m, c]
+                if first >= 0:
+                    shared[k, m, first + c] = white[m, c]
+    return value, state, shared

@@ -1,0 +1,175 @@
+"""Velocities of one antenna relative to the Earth, with lever arm and body rate.
+
+``r = W (v_n + R_nb w_b x (a_b + l_b) - z_n)``: accelerometer at v_n, w_b the body's rate against n,
+a_b + l_b the antenna from the accelerometer [1]_. With a gyroscope w_b is its rate less its bias
+and less the Earth's, without one it is itself a state.
+
+References
+----------
+.. [1] Groves: Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd
+   edition, 2013, section 14.3.1: innovation of a loosely coupled velocity.
+"""
+
+from dataclasses import dataclass, replace
+
+import gtsam
+import numpy as np
+from numba import njit
+
+from fgnav import rotation_kernel as rot
+from fgnav.checks import FloatArray, IntArray, frozen
+from fgnav.graph import keys
+from fgnav.graph.constants import Constants
+from fgnav.graph.factors.arrays import contiguous, freeze
+from fgnav.graph.measurement import Linearised
+from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.states import States
+
+_NO_GYROSCOPE = np.empty((0, 3))
+_NO_GYROSCOPE.flags.writeable = False  # the type that the kernel is compiled for
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Velocity:
+    """Velocities of an antenna in ``n``, three rows each.
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (k,)
+    value_n_mps : ndarray, shape (k, 3)
+    white : ndarray, shape (k, 3, 3)
+        W: inverse Cholesky factors of covariances; rows of zeros for what is not known.
+    arm_b_m : ndarray, shape (3,)
+        From the accelerometer to the antenna; zero of velocities of the accelerometer itself.
+    measured_b_radps : ndarray, shape (k, 3), or None
+        The gyroscope's rates at those keyframes: w_b is that less the bias; None without one.
+    earth_rate_n_radps : ndarray, shape (3,)
+    lever_column : int
+        First of the three constants l_b; -1 where the lever arm is known.
+    constants : Constants
+    """
+
+    row: IntArray
+    value_n_mps: FloatArray
+    white: FloatArray
+    arm_b_m: FloatArray
+    measured_b_radps: FloatArray | None
+    earth_rate_n_radps: FloatArray
+    lever_column: int
+    constants: Constants
+
+    def __post_init__(self) -> None:
+        """Check and freeze the arrays."""
+        k = len(self.row)
+        freeze(
+            self,
+            {
+                "value_n_mps": (k, 3),
+                "white": (k, 3, 3),
+                "arm_b_m": (3,),
+                "earth_rate_n_radps": (3,),
+            },
+            {"row": (k,)},
+        )
+        if self.measured_b_radps is not None:
+            rate = frozen("velocity measured_b_radps", self.measured_b_radps, (k, 3))
+            object.__setattr__(self, "measured_b_radps", rate)
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        return "velocity"
+
+    @property
+    def freedom(self) -> IntArray:
+        """Directions that are known, (k,)."""
+        return np.asarray(self.white.any(axis=2).sum(axis=1))
+
+    def linearise(self, at: States, which: IntArray) -> Linearised:
+        """Return whitened residuals of velocities ``which``, (j,); see ``Measurement``."""
+        measured = self.measured_b_radps
+        return Linearised._make(
+            _kernel(
+                *contiguous(at, which),
+                self.value_n_mps,
+                self.white,
+                _NO_GYROSCOPE if measured is None else measured,
+                self.arm_b_m,
+                self.earth_rate_n_radps,
+                self.lever_column,
+            )
+        )
+
+    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
+        """Return velocity i as a factor of keyframe ``key``: native at the accelerometer."""
+        if self.lever_column < 0 and not self.arm_b_m.any():
+            noise = gtsam.noiseModel.Gaussian.SqrtInformation(self.white[i], False)
+            return gtsam.PriorFactorVector(keys.velocity(key), self.value_n_mps[i], noise)
+        parts = parts_of(self.constants, (self.lever_column,))
+        if self.measured_b_radps is None:
+            return of_measurement(
+                self, i, key, ("pose", "velocity", "angular_motion"), parts, rows=3
+            )
+        return of_measurement(self, i, key, ("pose", "velocity", "imu_bias"), parts, rows=3)
+
+    def on(self, row: IntArray) -> "Velocity":
+        """Return the same measurements at other rows, (k,)."""
+        return replace(self, row=row)
+
+
+@njit(cache=True)
+def _kernel(
+    at: States,
+    which: IntArray,
+    value_n_mps: FloatArray,
+    whites: FloatArray,
+    measured_b_radps: FloatArray,
+    arm_b_m: FloatArray,
+    earth_rate_n_radps: FloatArray,
+    lever: int,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
+    value, state, shared = np.zeros((j, 3)), np.zeros((j, 3, D)), np.zeros((j, 3, b))
+    arm, apart, sign = arm_b_m.copy(), np.empty(3), 1.0 if len(measured_b_radps) == 0 else -1.0
+    if lever >= 0:
+        for c in range(3):
+            arm[c] += at.constants[lever + c]
+    cross = rot.skew(arm)
+    for k in range(j):
+        i, R = which[k], at.R_nb[k]
+        # A state of the rate is that against n, a gyroscope's that against inertial space.
+        earth_b = rot.scaled(rot.times(rot.transposed(R), earth_rate_n_radps), (1.0 - sign) / 2)
+        rate = _relative_rate(at.aux[k], measured_b_radps, i, earth_b)
+        spin, turned = rot.skew(rate), rot.product(whites[i], R)
+        swing_b = rot.times(spin, arm)
+        swing_n, by_rate = rot.times(R, swing_b), rot.product(turned, cross)
+        # By the turn d the swing in b changes by a x (e_b x d), what R makes of it by -swing x d.
+        bend, outer = rot.product(cross, rot.skew(earth_b)), rot.skew(swing_b)
+        for m in range(3):
+            for c in range(3):
+                bend[m, c] -= outer[m, c]
+        by_turn, by_lever = rot.product(turned, bend), rot.product(turned, spin)
+        for c in range(3):
+            apart[c] = at.v_n_mps[k, c] + swing_n[c] - value_n_mps[i, c]
+        for m in range(3):
+            for c in range(3):
+                value[k, m] += whites[i, m, c] * apart[c]
+                state[k, m, c] = by_turn[m, c]
+                state[k, m, 6 + c] = whites[i, m, c]
+                state[k, m, 12 + c] = -sign * by_rate[m, c]
+                if lever >= 0:
+                    shared[k, m, lever + c] = by_lever[m, c]
+    return value, state, shared
+
+
+@njit(cache=True)
+def _relative_rate(
+    aux: FloatArray, measured_b_radps: FloatArray, i: int, earth_b: FloatArray
+) -> FloatArray:
+    """Return the body's rate against the Earth, (3,), in body axes."""
+    rate = np.empty(3)
+    for c in range(3):
+        rate[c] = aux[3 + c]
+        if len(measured_b_radps) > 0:
+            rate[c] = measured_b_radps[i, c] - aux[3 + c] - earth_b[c]
+    return rate

@@ -1,0 +1,215 @@
+"""Whether measurements and solution agree as well as both say they do: innovations, normalised.
+
+Each measurement is held against what the solution would be without it: of a filter's states that
+is the innovation, of smoothed ones the deletion residual [1]_. A whitened residual r of Jacobian J
+at a solution of covariance P has the covariance ``S = I - J P J'``, and ``r' S^-1 r`` has the
+chi-square distribution either way.
+
+References
+----------
+.. [1] Cook, Weisberg: Residuals and Influence in Regression, 1982, section 2.2.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import gtsam
+import numpy as np
+from scipy.special import chdtri
+
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.estimate import Consistency
+from fgnav.graph import keys
+from fgnav.graph.build import Layout, insert_constants, insert_keyframe
+from fgnav.graph.custom import OwnFactor
+from fgnav.graph.measurement import Measurement
+from fgnav.graph.problem import SmoothingProblem
+from fgnav.graph.solution import Solution
+from fgnav.graph.states import AUX, VELOCITY
+
+_GATE = 0.01  # share of right measurements beyond it
+# A measurement that holds this share of what is known of its own residual tests nothing.
+_UNTESTED = 1e-6
+_AT_ONCE = 2000  # measurements: 20 MB of nine rows, 21 columns and their squares
+
+
+class Innovations(NamedTuple):
+    """Normalised innovations of k measurements."""
+
+    squared: FloatArray  # (k,)
+    freedom: IntArray  # (k,)
+    tested: BoolArray  # (k,): whether anything but the measurement itself tells its residual
+
+
+def consistency(problem: SmoothingProblem, solution: Solution) -> tuple[Consistency, ...]:
+    """Return the normalised innovation squared of every kind of measurement.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    solution : Solution
+        Of all its keyframes.
+    """
+    return _by_name(
+        (measurement.name, normalised_innovations(measurement, solution))
+        for measurement in problem.measurements
+        if len(measurement.row)
+    )
+
+
+def normalised_innovations(measurement: Measurement, solution: Solution) -> Innovations:
+    """Return the normalised innovations squared of one sensor's measurements.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        k measurements of keyframes that the solution has.
+    solution : Solution
+    """
+    k = len(measurement.row)
+    squared, tested = np.empty(k), np.empty(k, dtype=np.bool_)
+    for first in range(0, k, _AT_ONCE):
+        which = np.arange(first, min(first + _AT_ONCE, k))
+        rows = measurement.row[which]
+        value, state, shared = measurement.linearise(solution.states.at(rows), which)
+        if solution.constants is not None:  # known worse by then than at the end
+            change = solution.constants[rows] - solution.states.constants
+            value = value + np.einsum("kib,kb->ki", shared, change)
+        seen, also = _any(state), _any(shared)
+        J = np.concatenate([state[:, :, seen], shared[:, :, also]], axis=2)
+        squared[which], tested[which] = _squared(value, J, _joint(solution, rows, seen, also))
+    return Innovations(squared, measurement.freedom, tested)
+
+
+def own_consistency(
+    factors: Sequence[OwnFactor], problem: SmoothingProblem, solution: Solution
+) -> tuple[Consistency, ...]:
+    """Return the normalised innovation squared of factors of one's own, by name.
+
+    Of one keyframe, or two neighbours whose cross-covariance is known, and constants: as of the
+    measurements. Of others nothing is known of the residual beside its noise: the mean square of
+    what is left of it at the solution stands in, which is smaller.
+
+    Parameters
+    ----------
+    factors : sequence of OwnFactor
+        Keyframe numbers in their keys are rows of the problem.
+    problem : SmoothingProblem
+    solution : Solution
+    """
+    layout = Layout.of(problem)
+    return _by_name((one.name, _of_own(one.factor, layout, solution)) for one in factors)
+
+
+def _of_own(factor: gtsam.NonlinearFactor, layout: Layout, solution: Solution) -> Innovations:
+    """Return the innovation of one factor, linearised at the solution."""
+    constants, involved = layout.constant_keys, list(factor.keys())
+    rows = sorted({keys.index(key) for key in involved if key not in constants})
+    values = gtsam.Values()
+    end = solution.states.constants
+    known = solution.constants if rows else None
+    insert_constants(values, layout, end if known is None else known[rows[-1]])
+    for row in rows:
+        insert_keyframe(values, layout, row, solution.states, row)
+    J, minus_r = factor.linearize(values).jacobian()
+    freedom = np.array([int(J.any(axis=1).sum())])
+    P = _covariance(solution, rows)
+    if P is None:
+        return Innovations(np.array([minus_r @ minus_r]), freedom, np.array([True]))
+    columns = _columns(layout, rows)
+    seen = np.concatenate([columns[key] for key in involved])
+    squared, tested = _squared(-minus_r[None], J[None], P[np.ix_(seen, seen)][None])
+    return Innovations(squared, freedom, tested)
+
+
+def _columns(layout: Layout, rows: list[int]) -> dict[int, IntArray]:
+    """Return where each variable stands among the states of some rows, then the constants."""
+    width, constants = layout.width, layout.constants
+    columns: dict[int, IntArray] = {}
+    for i, row in enumerate(rows):
+        parts = np.split(width * i + np.arange(width), [VELOCITY.start, AUX])
+        columns.update(zip(layout.keyframe(row), parts, strict=True))
+    for key, first, part in zip(
+        layout.constant_keys, constants.first, constants.parts, strict=True
+    ):
+        columns[key] = width * len(rows) + first + np.arange(part.size)
+    return columns
+
+
+def _covariance(solution: Solution, rows: list[int]) -> FloatArray | None:
+    """Return the covariance of states of some rows and the constants; None if it is not known."""
+    if not rows:
+        return np.asarray(solution.constant_covariance[-1])
+    own, cross = solution.covariance[rows], solution.constant_cross[rows]
+    shared = solution.constant_covariance[rows[-1]]
+    if len(rows) == 1:
+        return np.block([[own[0], cross[0]], [cross[0].T, shared]])
+    if len(rows) > 2 or rows[1] - rows[0] != 1 or solution.cross is None:
+        return None
+    between = solution.cross[rows[0]]
+    return np.block(
+        [
+            [own[0], between, cross[0]],
+            [between.T, own[1], cross[1]],
+            [cross[0].T, cross[1].T, shared],
+        ]
+    )
+
+
+def _joint(solution: Solution, rows: IntArray, seen: BoolArray, also: BoolArray) -> FloatArray:
+    """Return the covariance of some dimensions of states and constants at rows, (k, d, d)."""
+    own = solution.covariance[rows][:, seen][:, :, seen]
+    cross = solution.constant_cross[rows][:, seen][:, :, also]
+    shared = solution.constant_covariance[rows][:, also][:, :, also]
+    return np.block([[own, cross], [cross.swapaxes(1, 2), shared]])
+
+
+def _any(J: FloatArray) -> BoolArray:
+    """Return the columns that are not zero throughout, of (k, m, d)."""
+    return np.asarray(J.any(axis=(0, 1)))
+
+
+def _squared(r: FloatArray, J: FloatArray, P: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return ``r' (I - J P J')^-1 r``, (k,), and which of them test anything.
+
+    By the root of P: constants of which little is known would cost ``J P J'`` its digits.
+    """
+    B = J @ _root(P)
+    S = np.eye(r.shape[1]) - B @ B.swapaxes(1, 2)
+    tested = np.linalg.eigvalsh(S)[:, 0] > _UNTESTED
+    S[~tested] = np.eye(r.shape[1])
+    return np.einsum("ki,ki->k", r, np.linalg.solve(S, r[:, :, None])[:, :, 0]), tested
+
+
+def _root(P: FloatArray) -> FloatArray:
+    """Return a root of covariances, (k, d, d), of singular ones, too."""
+    try:
+        return np.asarray(np.linalg.cholesky(P))
+    except np.linalg.LinAlgError:
+        sigma = np.sqrt(np.einsum("nii->ni", P).clip(0))
+        scale = np.where(sigma > 0, sigma, 1.0)[:, :, None]
+        values, vectors = np.linalg.eigh(P / scale / scale.swapaxes(1, 2))
+        return np.asarray(scale * vectors * np.sqrt(values.clip(0))[:, None])
+
+
+def _by_name(parts: Iterable[tuple[str, Innovations]]) -> tuple[Consistency, ...]:
+    """Return statistics of each name, in the order in which they come first."""
+    collected: dict[str, list[Innovations]] = {}
+    for name, part in parts:
+        collected.setdefault(name, []).append(part)
+    return tuple(
+        _judged(name, Innovations._make(map(np.concatenate, zip(*own, strict=True))))
+        for name, own in collected.items()
+    )
+
+
+def _judged(name: str, part: Innovations) -> Consistency:
+    squared, freedom = part.squared[part.tested], part.freedom[part.tested]
+    beyond = squared > chdtri(freedom, _GATE)
+    return Consistency(
+        what=name,
+        count=len(squared),
+        freedom=int(freedom.sum()),
+        nis=float(squared.sum() / max(freedom.sum(), 1)),
+        beyond_99=float(beyond.mean()) if len(beyond) else 0.0,
+    )

@@ -1,0 +1,141 @@
+"""One measurement as a ``gtsam.CustomFactor``, by the kernel that states its model."""
+
+from collections.abc import Callable, Iterable
+from typing import Literal, Protocol, TypeAlias
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+from fgnav.checks import FloatArray
+from fgnav.graph import keys as symbols
+from fgnav.graph.constants import Constants
+from fgnav.graph.measurement import Measurement
+from fgnav.graph.states import AUX, POSITION, ROTATION, VELOCITY, States
+
+Use: TypeAlias = Literal["pose", "velocity", "imu_bias", "angular_motion"]
+_Read: TypeAlias = Callable[[gtsam.Values], None]
+
+_AUX_SIZE = {"imu_bias": 6, "angular_motion": 12}
+_BLOCKS = {
+    "pose": slice(ROTATION.start, POSITION.stop),
+    "velocity": VELOCITY,
+    "imu_bias": slice(AUX, None),
+    "angular_motion": slice(AUX, None),
+}
+
+
+class _WithConstants(Measurement, Protocol):
+    """A measurement whose model has constants of the flight in it."""
+
+    @property
+    def constants(self) -> Constants: ...
+
+
+def parts_of(constants: Constants, columns: Iterable[int]) -> tuple[int, ...]:
+    """Return which parts of the constants columns belong to, each once; none of -1."""
+    spans = list(enumerate(_spans(constants)))
+    return tuple(sorted({p for c in columns for p, span in spans if span.start <= c < span.stop}))
+
+
+def of_measurement(
+    measurement: _WithConstants,
+    i: int,
+    key: int,
+    uses: tuple[Use, ...],
+    parts: tuple[int, ...],
+    *,
+    rows: int,
+) -> gtsam.CustomFactor:
+    """Return measurement i as a factor of keyframe ``key``, by ``measurement.linearise``.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        With the ``constants`` of the flight.
+    i : int
+    key : int
+        Number of the keyframe.
+    uses : tuple of str
+        Which of its variables the residual depends on.
+    parts : tuple of int
+        Which constants it depends on, besides.
+    rows : int
+        Of its residual, m.
+    """
+    spans, which = _spans(measurement.constants), np.array([i])
+    at = _one_state(uses, spans)
+    reads = [_read_state(use, key, at) for use in uses]
+    reads += [_read_vector(symbols.constant(p), at.constants[spans[p]]) for p in parts]
+    blocks, columns = [_BLOCKS[use] for use in uses], [spans[p] for p in parts]
+    linearise, first, readers = measurement.linearise, len(uses), [read for _, read in reads]
+
+    def error(
+        _: gtsam.CustomFactor, values: gtsam.Values, H: list[FloatArray] | None
+    ) -> NDArray[np.float64]:
+        for read in readers:
+            read(values)
+        value, state, shared = linearise(at, which)
+        if H is not None:
+            for j, block in enumerate(blocks):
+                H[j] = state[0, :, block]
+            for j, block in enumerate(columns):
+                H[first + j] = shared[0, :, block]
+        residual: NDArray[np.float64] = value[0]
+        return residual
+
+    unit = gtsam.noiseModel.Unit.Create(rows)
+    return gtsam.CustomFactor(unit, [symbol for symbol, _ in reads], error)
+
+
+def _spans(constants: Constants) -> list[slice]:
+    """Return the columns of each part; ``Constants.first`` takes five times as long."""
+    spans, first = [], 0
+    for part in constants.parts:
+        spans.append(slice(first, first + len(part.mean)))
+        first = spans[-1].stop
+    return spans
+
+
+def _one_state(uses: tuple[Use, ...], spans: list[slice]) -> States:
+    """Return room for one keyframe's state; ``aux`` is empty where it is not used."""
+    return States(
+        R_nb=np.zeros((1, 3, 3)),
+        p_n_m=np.zeros((1, 3)),
+        v_n_mps=np.zeros((1, 3)),
+        aux=np.zeros((1, max((_AUX_SIZE.get(use, 0) for use in uses), default=0))),
+        constants=np.zeros(spans[-1].stop if spans else 0),
+    )
+
+
+def _read_state(use: Use, key: int, at: States) -> tuple[int, _Read]:
+    """Return a variable's symbol, and what copies its value into the state's only row."""
+    if use == "velocity":
+        return _read_vector(symbols.velocity(key), at.v_n_mps[0])
+    if use == "angular_motion":
+        return _read_vector(symbols.angular_motion(key), at.aux[0])
+    if use == "imu_bias":
+        return _read_bias(symbols.imu_bias(key), at.aux[0])
+    return _read_pose(symbols.pose(key), at.R_nb[0], at.p_n_m[0])
+
+
+def _read_pose(symbol: int, R_nb: FloatArray, p_n_m: FloatArray) -> tuple[int, _Read]:
+    def read(values: gtsam.Values) -> None:
+        matrix = values.atPose3(symbol).matrix()  # a third of rotation's and translation's time
+        R_nb[:], p_n_m[:] = matrix[:3, :3], matrix[:3, 3]
+
+    return symbol, read
+
+
+def _read_bias(symbol: int, into: FloatArray) -> tuple[int, _Read]:
+    def read(values: gtsam.Values) -> None:
+        into[:] = values.atConstantBias(symbol).vector()
+
+    return symbol, read
+
+
+def _read_vector(symbol: int, into: FloatArray) -> tuple[int, _Read]:
+    def read(values: gtsam.Values) -> None:
+        into[:] = values.atVector(symbol)
+
+    return symbol, read

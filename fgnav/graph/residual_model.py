@@ -1,0 +1,196 @@
+"""A residual of a graph's variables and its Jacobians, evaluated with every shape checked."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import gtsam
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fgnav.checks import BadInputError, FloatArray
+from fgnav.graph import keys as symbols
+
+Variable: TypeAlias = Any  # as in gtsam.Values: Pose3, ConstantBias, ndarray, float
+Residual: TypeAlias = Callable[..., ArrayLike]
+Jacobian: TypeAlias = Callable[..., Sequence[ArrayLike]]
+
+STEP = 1e-5  # of central differences, rad, m, m/s: about the cube root of rounding
+_READER_BY_LETTER = {"x": "atPose3", "b": "atConstantBias"}
+_READERS = (  # in the order in which they are tried; gtsam.Values has none for any type
+    "atPose3",
+    "atVector",
+    "atConstantBias",
+    "atDouble",
+    "atRot3",
+    "atUnit3",
+    "atNavState",
+    "atPose2",
+    "atRot2",
+    "atPoint2",
+)
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class ResidualModel:
+    """A residual of variables, and its Jacobians, evaluated with every shape checked.
+
+    Attributes
+    ----------
+    name : str
+    keys : tuple of int
+    residual : callable
+    jacobian : callable or None
+        None: central differences along each variable's own tangent.
+    rows : int
+        m, of the residual.
+    failures : list of BadInputError
+        The first one since ``raise_pending``; filled while GTSAM evaluates.
+    readers : dict of int to str
+        How each variable was read last: a reader of another type costs an exception.
+    """
+
+    name: str
+    keys: tuple[int, ...]
+    residual: Residual
+    jacobian: Jacobian | None
+    rows: int
+    failures: list[BadInputError] = field(default_factory=list)
+    readers: dict[int, str] = field(default_factory=dict)
+
+    def variables(self, values: gtsam.Values) -> list[Variable]:
+        """Return the factor's variables as they are in the values.
+
+        Raises
+        ------
+        BadInputError
+            If one is not among them.
+        """
+        return [self._variable(values, key) for key in self.keys]
+
+    def value(self, variables: Sequence[Variable]) -> NDArray[np.float64]:
+        """Return the residual, (m,).
+
+        Raises
+        ------
+        BadInputError
+            If it raises, or is of another shape, or not finite.
+        """
+        try:
+            found = np.array(self.residual(*variables), dtype=np.float64)
+        except BadInputError:
+            raise
+        except Exception as error:
+            raise self._failed("residual", error) from error
+        self._check("residual", found, (self.rows,))
+        return found
+
+    def jacobians(self, variables: Sequence[Variable]) -> list[NDArray[np.float64]]:
+        """Return the derivatives by each variable's tangent, (m, d_i).
+
+        Raises
+        ------
+        BadInputError
+            If one is of another shape, or not finite, or their number is not that of the keys.
+        """
+        if self.jacobian is None:
+            return self.differences(variables)
+        try:
+            found = [np.array(block, dtype=np.float64) for block in self.jacobian(*variables)]
+        except BadInputError:
+            raise
+        except Exception as error:
+            raise self._failed("jacobian", error) from error
+        if len(found) != len(self.keys):
+            raise BadInputError(
+                f"factor {self.name!r}: jacobian returned {len(found)} blocks, expected "
+                f"{len(self.keys)}, one for each of {', '.join(map(spelt, self.keys))}"
+            )
+        for key, variable, block in zip(self.keys, variables, found, strict=True):
+            self._check(f"jacobian by {spelt(key)}", block, (self.rows, _size(variable)))
+        return found
+
+    def differences(self, variables: Sequence[Variable]) -> list[NDArray[np.float64]]:
+        """Return the derivatives by central differences, (m, d_i)."""
+        blocks = []
+        for j, variable in enumerate(variables):
+            d, moved = _size(variable), list(variables)
+            block = np.empty((self.rows, d))
+            for c, step in enumerate(STEP * np.eye(d)):
+                moved[j] = _retracted(variable, step)
+                ahead = self.value(moved)
+                moved[j] = _retracted(variable, -step)
+                block[:, c] = (ahead - self.value(moved)) / (2 * STEP)
+            blocks.append(block)
+        return blocks
+
+    def error(
+        self, _: gtsam.CustomFactor, values: gtsam.Values, H: list[FloatArray] | None
+    ) -> NDArray[np.float64]:
+        """Return the residual and set its Jacobians: GTSAM's error function."""
+        try:
+            variables = self.variables(values)
+            found = self.value(variables)
+            blocks = None if H is None else self.jacobians(variables)
+        except BadInputError as error:
+            if not self.failures:
+                self.failures.append(error)
+            raise
+        if H is not None and blocks is not None:
+            for j, block in enumerate(blocks):
+                H[j] = block
+        return found
+
+    def _variable(self, values: gtsam.Values, key: int) -> Variable:
+        if not values.exists(key):
+            raise BadInputError(f"factor {self.name!r}: {spelt(key)} is not among the variables")
+        first = self.readers.get(key, _READER_BY_LETTER.get(symbols.letter(key), "atVector"))
+        for reader in (first, *_READERS):
+            try:
+                variable = getattr(values, reader)(key)
+            except RuntimeError:  # of another type
+                continue
+            self.readers[key] = reader
+            return variable
+        raise BadInputError(
+            f"factor {self.name!r}: {spelt(key)} must be one of "
+            f"{', '.join(reader.removeprefix('at') for reader in _READERS)}"
+        )
+
+    def _check(self, what: str, found: NDArray[np.float64], shape: tuple[int, ...]) -> None:
+        if found.shape != shape:
+            keys = ", ".join(map(spelt, self.keys))
+            raise BadInputError(
+                f"factor {self.name!r} on {keys}: {what} has shape {found.shape}, expected {shape}"
+            )
+        if not np.isfinite(found).all():
+            keys = ", ".join(map(spelt, self.keys))
+            raise BadInputError(f"factor {self.name!r} on {keys}: {what} is not finite")
+
+    def _failed(self, what: str, error: Exception) -> BadInputError:
+        text = " ".join(str(error).split())
+        keys = ", ".join(map(spelt, self.keys))
+        return BadInputError(
+            f"factor {self.name!r} on {keys}: {what} raised {type(error).__name__}: {text}"
+        )
+
+
+def spelt(key: int) -> str:
+    """Return a key as it is read: ``x3``."""
+    return f"{symbols.letter(key)}{symbols.index(key)}" if key >> 56 else str(key)
+
+
+def _size(variable: Variable) -> int:
+    """Return the dimensions of a variable's tangent."""
+    if isinstance(variable, float):
+        return 1
+    if isinstance(variable, np.ndarray):
+        return len(variable)
+    return len(variable.localCoordinates(variable))  # ConstantBias and NavState have no dim
+
+
+def _retracted(variable: Variable, step: FloatArray) -> Variable:
+    """Return a variable a step along its tangent away."""
+    if isinstance(variable, float):
+        return variable + float(step[0])
+    return variable + step if isinstance(variable, np.ndarray) else variable.retract(step)

@@ -1,0 +1,62 @@
+"""What a solution says of the constants that were estimated with the flight."""
+
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.estimate import Constant
+from fgnav.graph.constants import Constants, FlightConstant
+from fgnav.graph.solution import Solution
+
+_LISTED = 3  # axes
+
+
+def calibrated_constants(constants: Constants, solution: Solution) -> tuple[Constant, ...]:
+    """Return the constants asked for, as far from what the flight states as the solution has them.
+
+    Of a window they are what was known at its end.
+    """
+    known = []
+    for one, first in zip(constants.parts, constants.first, strict=True):
+        if not one.reported:
+            continue
+        own = slice(first, first + one.size)
+        value: FloatArray = solution.states.constants[own] - one.mean
+        P: FloatArray = solution.constant_covariance[-1, own, own]
+        if one.common is not None:
+            value, P = _without_common(value, P, one)
+        known.append(
+            Constant(name=one.name, axes=one.axes, unit=one.unit, value=value, covariance=P)
+        )
+    return tuple(known)
+
+
+def _without_common(
+    value: FloatArray, P: FloatArray, one: FlightConstant
+) -> tuple[FloatArray, FloatArray]:
+    """Return a constant's own value, (d,), out of one with the positions' common error in it.
+
+    Before the flight both were known by covariances ``own`` and ``common``; by the sum, which the
+    data determine, each follows as Gaussian conditioning has it.
+    """
+    own = one.covariance if one.common is None else one.covariance - one.common
+    K = own @ np.linalg.inv(one.covariance)
+    return K @ value, K @ P @ K.T + own - K @ own
+
+
+def sentence(constant: Constant) -> str:
+    """Return what a reader of the result should know of a constant."""
+    axes, P = constant.axes, constant.covariance
+    if len(axes) > _LISTED:
+        first, last = (
+            f"{axes[k]} {constant.value[k]:+.2f} ± {np.sqrt(P[k, k]):.2f}" for k in (0, -1)
+        )
+        return f"{constant.name.capitalize()}, off: {first}, {last} {constant.unit} (1 sigma)."
+    degrees = constant.unit == "rad"
+    scale, unit = (np.degrees(1.0), "deg") if degrees else (1.0, constant.unit)
+    sigma = np.sqrt(np.diag(P))
+    values = ", ".join(
+        f"{axis} {scale * v:+.4f} ± {scale * s:.4f}"
+        for axis, v, s in zip(axes, constant.value, sigma, strict=True)
+    )
+    name = constant.name[:1].upper() + constant.name[1:]
+    return f"{name}, off what the flight states: {values} {unit} (1 sigma)."

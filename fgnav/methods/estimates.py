@@ -1,0 +1,203 @@
+"""From states of the accelerometer to an estimate of the body's origin, covariances with them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.estimate import Consistency, Estimate
+from fgnav.frontend.problem import PreparedFlight
+from fgnav.graph.constants import Constants
+from fgnav.graph.solution import Solution
+from fgnav.graph.states import ACCELEROMETER_BIAS, RATE
+from fgnav.methods.calibration_report import calibrated_constants, sentence
+from fgnav.methods.observability import TURN, undetermined
+from fgnav.rotations import skew
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Body:
+    """What is known of a body beside its states.
+
+    Attributes
+    ----------
+    position_b_m : ndarray, shape (3,)
+        The accelerometer's.
+    earth_rate_n_radps : ndarray, shape (3,)
+    gyroscope : bool
+        Whether it has one.
+    """
+
+    position_b_m: FloatArray
+    earth_rate_n_radps: FloatArray
+    gyroscope: bool
+
+
+def estimate_of(
+    name: str,
+    prepared: PreparedFlight,
+    solution: Solution,
+    tests: tuple[Consistency, ...],
+    rows: IntArray | None = None,
+) -> Estimate:
+    """Return the estimate at keyframes, or at some of them, with all that is to be said of it.
+
+    Parameters
+    ----------
+    name : str
+    prepared : PreparedFlight
+    solution : Solution
+    tests : tuple of Consistency
+    rows : ndarray of int, optional
+        Keyframes to speak of; all by default.
+    """
+    problem = prepared.problem
+    open_states, weak = undetermined(problem, solution)
+    if prepared.rough and not solution.converged:
+        open_states = (TURN, *open_states)
+    notes = [weak] if weak else []
+    if not solution.converged:
+        notes.append(f"{name} did not end at a minimum: do not use the estimate.")
+    constants = calibrated_constants(problem.constants, solution)
+    notes += map(sentence, constants)
+    epochs = prepared.epochs if rows is None else len(rows)
+    rows = np.arange(len(problem.t_s)) if rows is None else rows
+    common = (prepared.common_position_m2[rows], prepared.common_velocity_m2ps2[rows])
+    body = Body(
+        position_b_m=prepared.imu.position_b_m,
+        earth_rate_n_radps=prepared.earth_rate_n_radps,
+        gyroscope=prepared.imu.w_b_radps is not None,
+    )
+    part, t_s = solution[rows], problem.t_s[rows]
+    w_b_radps = problem.motion.rates_b_radps(t_s, part.states.aux)
+    return replace(
+        stated(name, problem.constants, part, t_s, w_b_radps, body, common),
+        epochs=epochs,
+        unobservable=open_states,
+        integers=prepared.integers,
+        losses=prepared.losses,
+        rejections=prepared.rejections,
+        consistency=tests,
+        constants=constants,
+        notes=(*prepared.notes, *notes),
+    )
+
+
+def stated(
+    name: str,
+    constants: Constants,
+    solution: Solution,
+    t_s: FloatArray,
+    w_b_radps: FloatArray,
+    body: Body,
+    common: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0),
+) -> Estimate:
+    """Return what a solution says of the body's origin, and nothing of how it came about.
+
+    Parameters
+    ----------
+    name : str
+    constants : Constants
+        Those solved.
+    solution : Solution
+    t_s : ndarray, shape (n,)
+        Times of its states.
+    w_b_radps : ndarray, shape (n, 3)
+        Their rates: of a gyroscope, less its bias, against inertial space; states of the rate
+        against n.
+    body : Body
+    common : tuple of ndarray, shape (n, 3, 3), or float
+        Variance of positions that no smoothing reduces, m2, and of their drift, m2/s2.
+    """
+    motion = origin_motion(solution, w_b_radps, body, constants)
+    bias = solution.states.aux[:, 3:6] if body.gyroscope else None
+    return Estimate(
+        method=name,
+        t_s=t_s,
+        epochs=len(t_s),
+        R_nb=solution.states.R_nb,
+        attitude_covariance_rad2=solution.covariance[:, :3, :3],
+        p_n_m=motion.p_n_m,
+        position_covariance_m2=motion.position_covariance_m2 + common[0],
+        v_n_mps=motion.v_n_mps,
+        velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2 + common[1],
+        angular_rate_b_radps=motion.w_b_radps,
+        accelerometer_bias_mps2=solution.states.aux[:, :3],
+        accelerometer_bias_covariance_m2ps4=solution.covariance[
+            :, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS
+        ],
+        gyroscope_bias_radps=bias,
+        gyroscope_bias_covariance_rad2ps2=(
+            solution.covariance[:, RATE, RATE] if body.gyroscope else None
+        ),
+        converged=solution.converged,
+    )
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class OriginMotion:
+    """Motion of the body's origin.
+
+    Attributes
+    ----------
+    w_b_radps : ndarray, shape (n, 3)
+        Body rates against inertial space.
+    p_n_m, v_n_mps : ndarray, shape (n, 3)
+    position_covariance_m2, velocity_covariance_m2ps2 : ndarray, shape (n, 3, 3)
+    """
+
+    w_b_radps: FloatArray
+    p_n_m: FloatArray
+    position_covariance_m2: FloatArray
+    v_n_mps: FloatArray
+    velocity_covariance_m2ps2: FloatArray
+
+
+def origin_motion(
+    solution: Solution, w_b_radps: FloatArray, body: Body, constants: Constants
+) -> OriginMotion:
+    """Move states from the accelerometer to the origin: ``p + R a`` and ``v + R (w_nb x a)``.
+
+    An estimated lever arm from accelerometer to antennas moves the accelerometer in the body, and
+    its doubt is part of the origin's.
+
+    Parameters
+    ----------
+    solution : Solution
+    w_b_radps : ndarray, shape (n, 3)
+        Rates as in ``stated``.
+    body : Body
+    constants : Constants
+    """
+    R_nb, P, n = solution.states.R_nb, solution.covariance, len(w_b_radps)
+    lever, width = constants.columns("lever-arm"), P.shape[1]
+    found = solution.states.constants if solution.constants is None else solution.constants
+    arm_b_m: FloatArray = np.tile(-body.position_b_m, (n, 1))
+    if lever.stop:
+        arm_b_m += found[..., lever]
+    arm = skew(arm_b_m)
+    earth_b_radps = np.einsum("nji,j->ni", R_nb, body.earth_rate_n_radps)
+    relative_radps = w_b_radps - earth_b_radps if body.gyroscope else w_b_radps
+    swing_b_mps = np.cross(relative_radps, arm_b_m)
+    A: FloatArray = np.zeros((n, 3, width))  # of position by the state
+    B: FloatArray = np.zeros((n, 3, width))  # of velocity
+    A[:, :, :3], A[:, :, 3:6] = -R_nb @ arm, R_nb
+    B[:, :, :3] = -R_nb @ skew(swing_b_mps)
+    if body.gyroscope:
+        B[:, :, :3] += R_nb @ arm @ skew(earth_b_radps)
+    B[:, :, 6:9] = np.eye(3)
+    B[:, :, RATE] = R_nb @ arm if body.gyroscope else -R_nb @ arm
+    if lever.stop:
+        cross = solution.constant_cross[:, :, lever]
+        own = solution.constant_covariance[:, lever, lever]
+        P = np.asarray(np.block([[P, cross], [cross.swapaxes(1, 2), own]]))
+        spin = skew(relative_radps)
+        A = np.concatenate([A, R_nb], axis=2)
+        B = np.concatenate([B, R_nb @ spin], axis=2)
+    return OriginMotion(
+        w_b_radps=relative_radps + earth_b_radps,
+        p_n_m=solution.states.p_n_m + np.einsum("nij,nj->ni", R_nb, arm_b_m),
+        position_covariance_m2=A @ P @ A.swapaxes(1, 2),
+        v_n_mps=solution.states.v_n_mps + np.einsum("nij,nj->ni", R_nb, swing_b_mps),
+        velocity_covariance_m2ps2=B @ P @ B.swapaxes(1, 2),
+    )

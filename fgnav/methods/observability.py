@@ -1,0 +1,71 @@
+"""What the data leave open, by name: states known hardly better than before the flight."""
+
+import numpy as np
+
+from fgnav.attitude.array import axis_name
+from fgnav.checks import FloatArray
+from fgnav.estimate import open_angle_variance_rad2
+from fgnav.graph.problem import POSITION_PRIOR_M, VELOCITY_PRIOR_MPS, SmoothingProblem
+from fgnav.graph.solution import Solution
+
+_OPEN = 0.5  # of the sigma before the flight: a state that keeps more of it is left open
+_MOST = 0.5  # of keyframes: a state must be open at that share of them
+_UPRIGHT = np.cos(np.radians(20.0))  # an axis this close to the vertical has heading's name
+_AXES = ("x", "y", "z")
+TURN = "turn about the specific force"  # what attitudes of one vector each leave open
+
+
+def undetermined(problem: SmoothingProblem, solution: Solution) -> tuple[tuple[str, ...], str]:
+    """Return the states that most keyframes leave open, by name, and a sentence on weak ones.
+
+    A direction of a state is open where its sigma is more than half of what it was before the
+    flight: of a rotation that of a uniform angle, of a bias its prior.
+
+    Returns
+    -------
+    names : tuple of str
+        As in ``Estimate.unobservable``: ``"heading"``, ``"position"``.
+    note : str
+        Bias components that the flight determines poorly; empty if there are none.
+    """
+    P = solution.covariance
+    names = []
+    values, vectors = np.linalg.eigh(P[:, :3, :3])
+    is_open = values[:, -1] > _OPEN**2 * open_angle_variance_rad2()
+    if is_open.mean() > _MOST:
+        axis_b = vectors[is_open, :, -1]
+        axis_n = np.einsum("nij,nj->ni", solution.states.R_nb[is_open], axis_b)
+        names.append(_rotation(axis_b, axis_n))
+    if _share(P[:, 3:6, 3:6], POSITION_PRIOR_M) > _MOST:
+        names.append("position")
+    if _share(P[:, 6:9, 6:9], VELOCITY_PRIOR_MPS) > _MOST:
+        names.append("velocity")
+    gyroscope = problem.motion.aux == 6
+    width = 6 if gyroscope else 3  # without one, derivatives of the rate have a prior, not a bias
+    own = problem.motion.prior(problem.constants.width)[1]
+    before = np.sqrt(np.diag(np.linalg.inv(own[:, : len(own)].T @ own[:, : len(own)])))[:width]
+    now = np.median(np.sqrt(np.einsum("nii->ni", P[:, 9 : 9 + width, 9 : 9 + width])), axis=0)
+    kept = now / before
+    kinds = ("accelerometer bias", "gyroscope bias")[: width // 3]
+    weak = [
+        f"{kind} about {axis}_b" if k else f"{kind} along {axis}_b"
+        for k, kind in enumerate(kinds)
+        for axis, share in zip(_AXES, kept[3 * k : 3 * k + 3], strict=True)
+        if share > _OPEN
+    ]
+    note = f"The flight determines poorly: {', '.join(weak)}." if weak else ""
+    return tuple(names), note
+
+
+def _share(covariance: FloatArray, before: float) -> float:
+    """Return the share of keyframes whose worst direction is open."""
+    worst = np.linalg.eigvalsh(covariance)[:, -1]
+    return float((worst > (_OPEN * before) ** 2).mean())
+
+
+def _rotation(axis_b: FloatArray, axis_n: FloatArray) -> str:
+    """Return the name of the rotation about an axis, (n, 3), in whichever frame it stands still."""
+    if np.median(np.abs(axis_n[:, 2])) > _UPRIGHT:
+        return "heading"
+    aligned = axis_b * np.sign(axis_b @ axis_b[0])[:, None]
+    return axis_name(aligned.mean(axis=0))

@@ -1,0 +1,91 @@
+"""The prior of rates by the evidence of the whole chain, where attitudes alone cannot tell it.
+
+A flight with neither an array nor a gyroscope has attitudes from vectors whose errors last for
+seconds and are not known. What explains positions, velocities and specific forces best is the
+marginal likelihood of all of them (docs/model.md).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fgnav.checks import NoSolutionError
+from fgnav.frontend.motion import prior_note
+from fgnav.frontend.problem import PreparedFlight
+from fgnav.graph.factors.gyro_free import GyroFree
+from fgnav.graph.problem import SmoothingProblem
+from fgnav.process.evidence import RatePrior
+from fgnav.solve.chain import log_evidence, solve_batch
+
+_BEGIN = (-1, 2)  # exponents of where the search begins: 0.3 s, 10 deg/s
+_STEP = 10**0.5  # between neighbours: log-likelihoods a nat apart are a third of that apart
+_SHORTEST, _LONGEST = -3, 2  # exponents of lengths: 0.03 to 10 s
+_ITERATIONS = 40  # of one candidate; those near the likeliest need ten
+
+
+def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
+    """Return a flight with the rate prior under which its measurements are likeliest.
+
+    Length and variance, the same about all axes, climb from neighbour to neighbour on a grid of
+    factors of root ten; where a search starts matters as much, so each candidate is solved. What
+    attitudes had said is a candidate, too.
+
+    Parameters
+    ----------
+    prepared : PreparedFlight
+        Without a gyroscope.
+    """
+    motion = prepared.problem.motion
+    if not isinstance(motion, GyroFree):
+        return prepared
+    stated = (_score(prepared.problem), prepared.problem)
+    known = {_BEGIN: _candidate(prepared.problem, motion, _BEGIN)}
+    here = _BEGIN
+    while True:
+        around = [(here[0] + a, here[1] + b) for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+        for place in around:
+            if place not in known and _SHORTEST <= place[0] <= _LONGEST:
+                known[place] = _candidate(prepared.problem, motion, place)
+        best = max((here, *(p for p in around if p in known)), key=lambda p: known[p][0])
+        if best == here:
+            break
+        here = best
+    score, problem = max(stated, known[here], key=lambda pair: pair[0])
+    if problem is prepared.problem or not np.isfinite(score):
+        return prepared
+    note = prior_note(_prior(here))
+    notes = tuple(one for one in prepared.notes if not one.startswith("Rate prior"))
+    return replace(prepared, problem=problem, notes=(*notes, note))
+
+
+def _prior(place: tuple[int, int]) -> RatePrior:
+    """Return the prior at a place of the grid."""
+    sigma = np.radians(_STEP ** place[1])
+    return RatePrior(
+        length_s=_STEP ** place[0], variance_rad2ps2=np.full(3, sigma**2), evidence=np.nan
+    )
+
+
+def _candidate(
+    problem: SmoothingProblem, motion: GyroFree, place: tuple[int, int]
+) -> tuple[float, SmoothingProblem]:
+    """Return the evidence of a place of the grid, and the problem with its prior."""
+    prior, n = _prior(place), len(problem.t_s) - 1
+    changed = replace(
+        problem,
+        motion=replace(
+            motion,
+            length_s=np.full(n, prior.length_s),
+            variance_rad2ps2=np.tile(prior.variance_rad2ps2, (n, 1)),
+        ),
+    )
+    return _score(changed), changed
+
+
+def _score(problem: SmoothingProblem) -> float:
+    """Return the log evidence where a search ends; nothing where it has no solution."""
+    try:
+        found = solve_batch(problem, most=_ITERATIONS)
+        return log_evidence(problem, found.states)
+    except NoSolutionError:
+        return -np.inf

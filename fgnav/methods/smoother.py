@@ -1,0 +1,341 @@
+"""The smoother as a method, asked in three ways: a window, its newest state, a whole flight.
+
+All three estimate the same factor graph (docs/model.md). GTSAM solves it; ``solver="chain"`` solves
+it by block elimination in compiled code.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from fgnav import plugins
+from fgnav.checks import BadInputError, FloatArray, NoSolutionError, positive
+from fgnav.estimate import Consistency, Estimate
+from fgnav.flight import Flight
+from fgnav.frontend.calibration_request import calibration_requests
+from fgnav.frontend.gaps import LOST_S, time_from_attitude_s
+from fgnav.frontend.problem import PreparedFlight, build_problem
+from fgnav.frontend.settings import ProblemSettings
+from fgnav.graph.between import regular_times, with_times
+from fgnav.graph.innovations import consistency
+from fgnav.graph.keys import Timeline
+from fgnav.graph.problem import SmoothingProblem
+from fgnav.graph.solution import Solution
+from fgnav.gravity import GravityEstimator
+from fgnav.integers.lambda_ import Lambda
+from fgnav.integers.resolver import Resolver
+from fgnav.methods.estimates import estimate_of
+from fgnav.methods.observability import TURN
+from fgnav.methods.stream import Direction, Measured, Measurements, Stream, StreamSetUp
+from fgnav.process.evidence import RatePrior
+
+if TYPE_CHECKING:
+    import gtsam
+
+    from fgnav.graph.custom import OwnFactor
+
+__all__ = [
+    "Batch",
+    "Direction",
+    "Forward",
+    "GtsamBatch",
+    "Measured",
+    "Measurements",
+    "Smoother",
+    "Stream",
+    "StreamSetUp",
+]
+
+FACTORS = "fgnav.factors"  # entry points of sources of factors
+# Times what noise explains. Of wrong minima, spins lost or a body that was not nose first, costs
+# were 1.6 to 2600 times that, of right ones 0.9 to 1.3.
+_MISFIT = 1.5
+
+FactorSource = Callable[[Flight, Timeline], "Iterable[gtsam.NonlinearFactor | OwnFactor]"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Smoother:
+    """A sliding window over array phases, accelerometer, code, Doppler and line of sight.
+
+    Keyframes are the GNSS epochs. Each is taken as it leaves the window, known from the data up to
+    ``lag_s`` after it, and the second that the window is updated with.
+
+    Attributes
+    ----------
+    resolver : Resolver
+        Of the integers.
+    gravity : GravityEstimator or None
+        Source of gravity directions in body axes.
+    estimate : tuple of str
+        What to estimate with the flight, such as ``("landmark", "antenna:a4")``; see
+        ``frontend.calibration_request``.
+    factors : tuple
+        Sources of factors of one's own: callables ``(flight, timeline)`` that yield GTSAM factors,
+        or names of installed ones (entry points ``fgnav.factors``); see ``graph.custom``.
+    solver : {"gtsam", "chain"}
+        GTSAM's incremental fixed-lag smoother and Levenberg-Marquardt, or the compiled chain.
+    rate_prior : RatePrior or None
+        Of flights without a gyroscope; None: identified by the evidence of the array's attitudes.
+    sub_steps : int or None
+        Integration steps per inertial sample; None: one, or two with a gyroscope.
+    false_alarm : float
+        Share of right epochs that the chi-square test of the array may turn away.
+    causal : bool
+        Whether everything, hyperparameters and integers included, comes from data up to each
+        keyframe's lag; else what holds for the flight comes from all of it.
+    lag_s : float
+        Length of the window.
+    name : str
+    """
+
+    resolver: Resolver = field(default_factory=Lambda)
+    gravity: GravityEstimator | None = None
+    estimate: tuple[str, ...] = ()
+    factors: tuple[FactorSource | str, ...] = ()
+    solver: Literal["gtsam", "chain"] = "gtsam"
+    rate_prior: RatePrior | None = None
+    sub_steps: int | None = None
+    false_alarm: float = 1e-4
+    causal: bool = False
+    lag_s: float = 5.0
+    name: str = "smoother"
+
+    def __post_init__(self) -> None:
+        """Reject settings that mean nothing."""
+        positive(f"{self.name} lag_s", self.lag_s)
+        positive(f"{self.name} false_alarm", self.false_alarm)
+        calibration_requests(self.estimate)
+        if self.sub_steps is not None and self.sub_steps < 1:
+            raise BadInputError(f"{self.name} sub_steps: must be 1 or more, got {self.sub_steps}")
+        if self.solver not in ("gtsam", "chain"):
+            raise BadInputError(f"{self.name} solver: must be gtsam or chain, got {self.solver!r}")
+        if self.solver == "chain" and self.factors:
+            raise BadInputError(
+                f"{self.name} solver: chain takes no factors of one's own; use solver gtsam"
+            )
+
+    def __call__(self, flight: Flight) -> Estimate:
+        """Estimate every keyframe.
+
+        Raises
+        ------
+        NoSolutionError
+            Naming the part of the flight that is missing.
+        """
+        return self.estimate_prepared(flight, self.prepare(flight))
+
+    def at(
+        self, flight: Flight, t_s: FloatArray | None = None, *, rate_hz: float | None = None
+    ) -> Estimate:
+        """Estimate at any times, (m,), within the flight, or at multiples of a rate's period.
+
+        These become keyframes without GNSS.
+
+        Raises
+        ------
+        BadInputError
+            If a time lies outside the keyframes, or neither or both are given.
+        NoSolutionError
+            Naming the part of the flight that is missing.
+        """
+        if (t_s is None) == (rate_hz is None):
+            raise BadInputError("at: takes either times t_s or rate_hz")
+        prepared = self.prepare(flight)
+        if rate_hz is not None:
+            positive("rate_hz", rate_hz)
+            t_s = regular_times(prepared.problem, rate_hz)
+        problem, rows, nearest = with_times(prepared.problem, np.asarray(t_s))
+        if self.causal:  # what a keyframe to come has is not known yet
+            have_s = prepared.problem.t_s
+            nearest = np.searchsorted(have_s, problem.t_s, side="right") - 1
+        dense = replace(
+            prepared,
+            problem=problem,
+            common_position_m2=prepared.common_position_m2[nearest],
+            common_velocity_m2ps2=prepared.common_velocity_m2ps2[nearest],
+        )
+        return self.estimate_prepared(flight, dense, rows)
+
+    @property
+    def preparation(self) -> ProblemSettings:
+        """What decides the smoothing problem: methods that agree in it may share one."""
+        return ProblemSettings(
+            resolver=self.resolver,
+            gravity=self.gravity,
+            calibration=calibration_requests(self.estimate),
+            rate_prior=self.rate_prior,
+            sub_steps=self.sub_steps,
+            false_alarm=self.false_alarm,
+            causal=self.causal,
+        )
+
+    def prepare(self, flight: Flight) -> PreparedFlight:
+        """Return the smoothing problem of a flight."""
+        prepared = build_problem(flight, self.preparation)
+        if without_attitudes(prepared) and not self.causal and self.rate_prior is None:
+            from fgnav.methods.rate_identification import (  # noqa: PLC0415  # lazy: the chain
+                identified_by_evidence,
+            )
+
+            prepared = identified_by_evidence(prepared)
+        return prepared
+
+    def estimate_prepared(
+        self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None
+    ) -> Estimate:
+        """Estimate a flight whose problem is built; some keyframes of it, (m,), or all."""
+        own = own_factors(self.factors, flight, prepared.problem)
+        solution = self._solve(prepared, own)
+        tests = (*consistency(prepared.problem, solution), *_own_tests(own, prepared, solution))
+        return estimate_of(self.name, prepared, solution, tests, rows)
+
+    def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
+        problem, keep = prepared.problem, False
+        if not self.causal and (without_attitudes(prepared) or turns_unseen(prepared)):
+            problem, keep = _at_batch(prepared, own), without_attitudes(prepared)
+        if self.solver == "chain":
+            from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
+
+            return chain.solve_fixed_lag(problem, self.lag_s, keep_linearisation=keep)
+        from fgnav.solve.fixed_lag import solve_fixed_lag  # noqa: PLC0415  # lazy: gtsam
+
+        return solve_fixed_lag(problem, self.lag_s, own=own, keep_linearisation=keep)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Forward(Smoother):
+    """The window's newest state: what a filter knows as the flight goes on, and no more.
+
+    Attributes are those of ``Smoother``; states ``lag_s`` back are still linearised anew.
+    """
+
+    causal: bool = True
+    lag_s: float = 1.0
+    name: str = "forward"
+
+    def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
+        if self.solver == "chain":
+            from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
+
+            return chain.solve_forward(prepared.problem, self.lag_s)
+        from fgnav.solve.fixed_lag import solve_forward  # noqa: PLC0415  # lazy: gtsam
+
+        return solve_forward(prepared.problem, self.lag_s, own=own)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Batch(Smoother):
+    """The whole flight at once: the accuracy that the sliding window is held against.
+
+    Attributes are those of ``Smoother``; ``lag_s`` is that of the window in which it begins.
+    """
+
+    lag_s: float = 2.0
+    name: str = "batch"
+
+    def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
+        return _fitting(prepared, _batch(self.solver, prepared, own))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GtsamBatch(Batch):
+    """Another name of ``Batch``, for one version."""
+
+    name: str = "gtsam"
+
+
+def own_factors(
+    sources: tuple[FactorSource | str, ...], flight: Flight, problem: SmoothingProblem
+) -> "tuple[OwnFactor, ...]":
+    """Return the factors that sources make for a flight, each with its name."""
+    if not sources:
+        return ()
+    from fgnav.graph.custom import named  # noqa: PLC0415  # lazy: gtsam
+
+    timeline = Timeline(t_s=problem.t_s, gyroscope=problem.motion.aux == 6)
+    made: list[OwnFactor] = []
+    for source in map(factor_source, sources):
+        factors = source(flight, timeline)
+        if not isinstance(factors, Iterable):
+            what = getattr(source, "__name__", type(source).__name__)
+            raise BadInputError(f"source of factors {what}: must yield factors, got {factors!r}")
+        made += map(named, factors)
+    return tuple(made)
+
+
+def factor_source(source: FactorSource | str) -> FactorSource:
+    """Return a source of factors, an installed one by its name."""
+    if not isinstance(source, str):
+        return source
+    loaded: FactorSource = plugins.named(FACTORS, {}, source, kind="source of factors")
+    return loaded
+
+
+def without_attitudes(prepared: PreparedFlight) -> bool:
+    """Return whether neither an array nor a gyroscope tells how the body turns.
+
+    Only later motion tells a window where to linearise: of 30 such flights of 30 s, its attitudes
+    erred by 267 sigmas squared (median; 3 is right) where it did so itself, by 1.6 at the batch.
+    """
+    return prepared.integers is None and prepared.imu.w_b_radps is None
+
+
+def turns_unseen(prepared: PreparedFlight) -> bool:
+    """Return whether a body without a gyroscope may have turned over between two attitudes.
+
+    A window goes on as the body last turned, and a turn too many is a minimum of its own.
+    """
+    problem = prepared.problem
+    away_s = time_from_attitude_s(problem.t_s, problem.attitude_known)
+    return prepared.imu.w_b_radps is None and bool((away_s > LOST_S).any())
+
+
+def _at_batch(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> SmoothingProblem:
+    """Return the problem, its search started where the batch has the flight."""
+    found = _fitting(prepared, _batch("chain" if not own else "gtsam", prepared, own))
+    if prepared.rough and not found.converged:
+        raise NoSolutionError(
+            f"attitude: the {TURN} is left open: the batch, where windows are linearised, ends in "
+            "no minimum that explains the measurements; gravity directions would determine it"
+        )
+    return replace(
+        prepared.problem,
+        start=found.states,
+        constants=prepared.problem.constants.started_at(found.states.constants),
+        attitude_known=np.ones_like(prepared.problem.attitude_known),
+    )
+
+
+def _batch(solver: str, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
+    if solver == "chain":
+        from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
+
+        return chain.solve_batch(prepared.problem)
+    from fgnav.solve.batch import solve_batch  # noqa: PLC0415  # lazy: gtsam
+
+    return solve_batch(prepared.problem, own=own)
+
+
+def _fitting(prepared: PreparedFlight, solution: Solution) -> Solution:
+    """Return a solution whose minimum counts only where it explains what was measured.
+
+    Where the search starts from attitudes that assume something, it may end anywhere.
+    """
+    if not prepared.rough:
+        return solution
+    count = sum(int(part.freedom.sum()) for part in prepared.problem.measurements)
+    lost = solution.cost > _MISFIT * count
+    return replace(solution, converged=solution.converged and not lost)
+
+
+def _own_tests(
+    own: "tuple[OwnFactor, ...]", prepared: PreparedFlight, solution: Solution
+) -> tuple[Consistency, ...]:
+    if not own:
+        return ()
+    from fgnav.graph.innovations import own_consistency  # noqa: PLC0415  # lazy: gtsam
+
+    return own_consistency(own, prepared.problem, solution)

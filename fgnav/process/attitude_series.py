@@ -1,0 +1,82 @@
+"""Attitudes of single epochs in the form that the evidence of a rate prior is computed from."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.process import evidence_kernel
+from fgnav.rotations import log, transpose
+
+_GAP = 10.0  # median spacings: turns across are not counted
+# Of the mean rate: two turns a second are nothing special. Where attitudes are far apart, no more
+# than what makes any turn between two alike, +-pi: others cannot be told from it.
+_MEAN_RATE_SIGMA_RADPS, _ANY_TURN_RAD = 15.0, np.pi / np.sqrt(3)
+_OPEN_RAD = 0.5  # 1-sigma of an attitude about an axis, beyond which a rotation vector will not do
+_FIRST_RATES = 5  # whose median starts the filter: one wrong attitude spoils two
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class AttitudeSeries:
+    """Attitudes as the filter takes them; see ``evidence_kernel.log_densities``."""
+
+    t_s: FloatArray
+    R_nb: FloatArray
+    covariance_rad2: FloatArray
+    open_axis: FloatArray  # (n, 3)
+    linked: BoolArray  # (n - 1,)
+    mean_rate: FloatArray  # (4,)
+
+    def log_densities(self, length_s: float, variance_rad2ps2: FloatArray) -> FloatArray:
+        """Return the log density of each attitude given those before, (n,), under a prior."""
+        return np.asarray(
+            evidence_kernel.log_densities(
+                self.t_s,
+                self.R_nb,
+                self.covariance_rad2,
+                self.open_axis,
+                self.linked,
+                self.mean_rate,
+                length_s,
+                variance_rad2ps2,
+            )
+        )
+
+
+def attitude_series(
+    t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray, rows: IntArray, past: int
+) -> AttitudeSeries:
+    """Return some rows, (m,), of n attitudes.
+
+    The spacing beyond which turns cannot be counted, and the mean rate about which the filter is
+    linearised, are those of the first ``past`` attitudes: those after do not change them.
+    """
+    spacing_s = np.median(np.diff(t_s[:past]))
+    variances, axes = np.linalg.eigh(covariance_rad2[rows])
+    is_open = variances[:, 2] > _OPEN_RAD**2
+    return AttitudeSeries(
+        t_s=np.ascontiguousarray(t_s[rows], dtype=np.float64),
+        R_nb=np.ascontiguousarray(R_nb[rows], dtype=np.float64),
+        covariance_rad2=np.ascontiguousarray(covariance_rad2[rows], dtype=np.float64),
+        open_axis=np.where(is_open[:, None], axes[:, :, 2], 0.0),
+        linked=(np.diff(rows) == 1) & (np.diff(t_s[rows]) < _GAP * spacing_s),
+        mean_rate=_mean_rate(t_s[:past], R_nb[:past], covariance_rad2[:past]),
+    )
+
+
+def turn_rates(t_s: FloatArray, R_nb: FloatArray) -> FloatArray:
+    """Return mean body rates between attitudes, (n - 1, 3)."""
+    return np.asarray(log(transpose(R_nb[:-1]) @ R_nb[1:]) / np.diff(t_s)[:, None])
+
+
+def _mean_rate(t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray) -> FloatArray:
+    """Return where the mean rate is linearised, (3,), and its 1-sigma before the flight, (4,).
+
+    The median of the first turns, shrunk where attitudes do not tell it.
+    """
+    sigma = min(_MEAN_RATE_SIGMA_RADPS, _ANY_TURN_RAD / float(np.median(np.diff(t_s))))
+    first = slice(_FIRST_RATES + 1)
+    rate = np.median(turn_rates(t_s[first], R_nb[first]), axis=0)
+    noise = 2 * covariance_rad2[first].mean(axis=0) / np.diff(t_s[first]).mean() ** 2
+    signal = sigma**2 * np.eye(3)
+    return np.asarray([*(signal @ np.linalg.solve(signal + noise, rate)), sigma])

@@ -1,0 +1,57 @@
+"""What a sliding window keeps of its keyframes."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph.states import AUX, States
+
+
+class WindowArrays(NamedTuple):
+    """A row for each keyframe; see ``kernel``."""
+
+    t_s: FloatArray
+    R_nb: FloatArray  # where they are linearised, as the next three
+    p_n_m: FloatArray
+    v_n_mps: FloatArray
+    aux: FloatArray
+    motion: FloatArray
+    node: FloatArray
+    forward: FloatArray
+    root: FloatArray
+    gain: FloatArray
+    steps: FloatArray  # (n, D), from there to the estimates
+
+    @classmethod
+    def empty(cls, n: int, width: int, constants: int) -> "WindowArrays":
+        """Return room for n keyframes with nothing in it."""
+        D, W = width, width + constants + 1
+        shapes = (
+            (),
+            (3, 3),
+            (3,),
+            (3,),
+            (D - AUX,),
+            (D, D + W),
+            (W, W),
+            (W, W),
+            (D, D),
+            (D, W),
+            (D,),
+        )
+        return cls._make(np.zeros((n, *shape)) for shape in shapes)
+
+    def between(self, first: int, end: int) -> "WindowArrays":
+        """Return some of the rows, the same memory."""
+        return WindowArrays._make(part[first:end] for part in self)
+
+    def states(self, constants: FloatArray) -> States:
+        """Return where keyframes are linearised, the same memory."""
+        return States(self.R_nb, self.p_n_m, self.v_n_mps, self.aux, constants)
+
+    def place(self, rows: IntArray | slice, states: States) -> None:
+        """Set where some keyframes are linearised; their estimates are there, too."""
+        for mine, its in zip(self[1:5], states[:4], strict=True):
+            mine[rows] = its
+        self.steps[rows] = 0.0

@@ -1,0 +1,192 @@
+"""From the last keyframe of an eliminated chain back: steps, covariances; names as in ``kernel``.
+
+References
+----------
+Takahashi, Fagan & Chin, Formation of a sparse bus impedance matrix, 1973: covariances of a banded
+system from its Cholesky factor, in the order of substitution.
+"""
+
+import numpy as np
+from numba import njit
+
+from fgnav.checks import FloatArray
+
+_NOTHING = 1e-13  # of a diagonal: less than that is rounding
+
+
+@njit(cache=True)
+def newest(forward: FloatArray, covariance: FloatArray, step: FloatArray) -> float:
+    """Fill covariance and step of the newest state and the constants, (D + b,) wide.
+
+    Returns the least cost of all that is known, NaN if a direction is open.
+    """
+    n = len(step)
+    L = np.zeros((n, n))
+    for i in range(n):
+        for j in range(i, n):
+            L[j, i] = forward[i, j]
+    if not cholesky(L):
+        return np.nan
+    covariance[:] = 0.0
+    end = np.empty((n, 1))
+    for i in range(n):
+        covariance[i, i] = 1.0
+        end[i, 0] = forward[i, n]
+    forward_solve(L, end)
+    least = forward[n, n]
+    for i in range(n):
+        least -= end[i, 0] ** 2
+    backward_solve(L, end)
+    for i in range(n):
+        step[i] = end[i, 0]
+    forward_solve(L, covariance)
+    backward_solve(L, covariance)
+    for i in range(n):
+        for j in range(i):
+            covariance[i, j] = covariance[j, i]
+    return float(least)
+
+
+@njit(cache=True)
+def substitute(gain: FloatArray, end: FloatArray, steps: FloatArray) -> None:
+    """Fill the steps, (n, D), of all states, given those of the last one and the constants."""
+    D, width = steps.shape[1], len(end)
+    after = end.copy()
+    for i in range(D):
+        steps[len(steps) - 1, i] = end[i]
+    for k in range(len(steps) - 2, -1, -1):
+        step, G = steps[k], gain[k]
+        for i in range(D):
+            total = G[i, width]
+            for j in range(width):
+                total -= G[i, j] * after[j]
+            step[i] = total
+        for i in range(D):
+            after[i] = step[i]
+
+
+@njit(cache=True)
+def marginals(
+    gain: FloatArray,
+    root: FloatArray,
+    end: FloatArray,
+    covariance: FloatArray,
+    cross: FloatArray,
+    constant_cross: FloatArray,
+) -> None:
+    """Fill the covariances of n states, of each with the next and of each with the constants.
+
+    Parameters
+    ----------
+    gain, root : ndarray, shape (n - 1 or more, D, ...)
+        As ``eliminate`` leaves them; ``root`` may be the memory of ``covariance``.
+    end : ndarray, shape (D + b, D + b)
+        Covariance of the last state and the constants.
+    covariance, cross, constant_cross : ndarray, shapes (n, D, D), (n - 1, D, D), (n, D, b)
+    """
+    n, D, width = len(covariance), covariance.shape[1], len(end)
+    joint, alone, T = end.copy(), np.empty((D, D)), end[:D].copy()
+    for k in range(n - 1, -1, -1):
+        here = covariance[k]
+        if k < n - 1:
+            _negative_product(gain[k], joint, T)
+            _inverse_of_square(root[k], alone)
+            _less_product(alone, T, gain[k])
+            for i in range(D):
+                for j in range(D):
+                    cross[k, i, j] = T[i, j]
+                    joint[i, j] = alone[i, j] if j <= i else alone[j, i]
+                for j in range(D, width):
+                    joint[i, j] = joint[j, i] = T[i, j]
+        for i in range(D):
+            for j in range(D):
+                here[i, j] = joint[i, j]
+            for j in range(D, width):
+                constant_cross[k, i, j - D] = joint[i, j]
+
+
+@njit(cache=True)
+def _less_product(out: FloatArray, T: FloatArray, G: FloatArray) -> None:
+    """Take T G' off the lower half of a matrix; G may have more columns."""
+    for i in range(len(out)):
+        for j in range(i + 1):
+            total = 0.0
+            for c in range(T.shape[1]):
+                total += T[i, c] * G[j, c]
+            out[i, j] -= total
+
+
+@njit(cache=True)
+def _negative_product(G: FloatArray, S: FloatArray, out: FloatArray) -> None:
+    """Set ``out`` to minus the product of G's first columns with a square S."""
+    for i in range(len(out)):
+        row = out[i]
+        for j in range(len(S)):
+            row[j] = 0.0
+        for k in range(len(S)):
+            scale, other = G[i, k], S[k]
+            for j in range(len(S)):
+                row[j] -= scale * other[j]
+
+
+@njit(cache=True)
+def _inverse_of_square(L: FloatArray, out: FloatArray) -> None:
+    """Set the lower half of ``out`` to that of the inverse of L L'."""
+    n = len(L)
+    for i in range(n):
+        row = out[i]
+        for j in range(n):
+            row[j] = 0.0
+        row[i] = 1.0
+        for k in range(i):
+            scale, other = L[i, k], out[k]
+            for j in range(k + 1):
+                row[j] -= scale * other[j]
+        for j in range(i + 1):
+            row[j] /= L[i, i]
+    backward_solve(L, out)
+
+
+@njit(cache=True)
+def cholesky(A: FloatArray) -> bool:
+    """Leave the factor in A's lower half; return whether A is positive definite in its digits."""
+    n = len(A)
+    for j in range(n):
+        whole = A[j, j]
+        for k in range(j):
+            A[j, j] -= A[j, k] ** 2
+        if not A[j, j] > _NOTHING * whole:
+            return False
+        A[j, j] = np.sqrt(A[j, j])
+        for i in range(j + 1, n):
+            total = A[i, j]
+            for k in range(j):
+                total -= A[i, k] * A[j, k]
+            A[i, j] = total / A[j, j]
+    return True
+
+
+@njit(cache=True)
+def forward_solve(L: FloatArray, Y: FloatArray) -> None:
+    """Solve L X = Y in place."""
+    for i in range(len(L)):
+        row = Y[i]
+        for k in range(i):
+            scale, other = L[i, k], Y[k]
+            for j in range(len(row)):
+                row[j] -= scale * other[j]
+        for j in range(len(row)):
+            row[j] /= L[i, i]
+
+
+@njit(cache=True)
+def backward_solve(L: FloatArray, Y: FloatArray) -> None:
+    """Solve L' X = Y in place."""
+    for i in range(len(L) - 1, -1, -1):
+        row = Y[i]
+        for k in range(i + 1, len(L)):
+            scale, other = L[k, i], Y[k]
+            for j in range(len(row)):
+                row[j] -= scale * other[j]
+        for j in range(len(row)):
+            row[j] /= L[i, i]

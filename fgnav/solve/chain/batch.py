@@ -1,0 +1,229 @@
+"""The whole flight at once: Gauss-Newton over the chain, damped where its cost does not fall."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.graph.problem import SmoothingProblem
+from fgnav.graph.solution import Solution
+from fgnav.graph.states import ROTATION, States
+from fgnav.solve.chain import back_kernel, kernel
+from fgnav.solve.chain.linear import Links, linearise
+from fgnav.solve.failures import weakest_state
+
+_CHUNK = 256  # keyframes linearised at once: 4 MB
+_ITERATIONS = 100
+_STEP_SIGMAS = 0.01  # a next Newton step below this share of every sigma: it is a minimum
+_NEAR = 1.0  # promised decreases below it shrink with their square, as Newton's do
+_DAMPING, _MOST_DAMPING = 0.1, 1e8  # 1/rad2, first and last of Levenberg's on rotations
+
+
+class _Linear(NamedTuple):
+    """A flight linearised and solved."""
+
+    cost: float  # where it is linearised
+    least: float  # of the linear problem
+    steps: FloatArray  # (n, D)
+    end: FloatArray  # (D + b,), steps of the last state and the constants
+    end_covariance: FloatArray  # (D + b, D + b)
+
+
+class _Chain:
+    """Elimination of one flight again and again, in memory of 8 kB a keyframe.
+
+    Attributes
+    ----------
+    root : ndarray, shape (n, D, D)
+    gain : ndarray, shape (n - 1, D, D + b + 1)
+        See ``kernel``; of the states solved last.
+    """
+
+    def __init__(self, problem: SmoothingProblem) -> None:
+        self._problem = problem
+        n, D, b = len(problem.t_s), problem.width, problem.constants.width
+        self.root = np.zeros((n, D, D))
+        self.gain = np.empty((n - 1, D, D + b + 1))
+        self._links = Links.empty(min(n, _CHUNK + 1), D, b)
+        self._forward = np.empty_like(self._links.node)
+        self._by_rows = False
+
+    def solved(self, states: States, damping: float = 0.0) -> _Linear:
+        """Return the linear problem at states, solved; damping, 1/rad2, on every rotation.
+
+        Raises
+        ------
+        NoSolutionError
+            Naming the state that the data leave open, and when.
+        """
+        cost, information = self._eliminated(states, damping)
+        end = np.empty(len(information) - 1)
+        covariance = np.empty((len(end), len(end)))
+        least = back_kernel.newest(information, covariance, end)
+        if not np.isfinite(least):
+            if self._by_rows:
+                raise self._open(information, -1)
+            self._by_rows = True  # for good: squares have not digits enough
+            return self.solved(states, damping)
+        steps = np.empty((len(self.root), states.width))
+        back_kernel.substitute(self.gain, end, steps)
+        return _Linear(cost, float(least), steps, end, covariance)
+
+    def _open(self, information: FloatArray, k: int) -> NoSolutionError:
+        problem = self._problem
+        return weakest_state(information, problem.width, problem.constants, float(problem.t_s[k]))
+
+    def _eliminated(self, states: States, damping: float) -> tuple[float, FloatArray]:
+        """Fill factors and gains; return the cost, and the information at the last keyframe."""
+        links, forward, n = self._links, self._forward, len(self.root)
+        turns = np.arange(n)[ROTATION]
+        first = np.zeros(1, np.int64)
+        linearise(self._problem, first, states.at(first), states.at(slice(0, 0)), links, first)
+        cost = float(links.node[0, -1, -1])
+        links.node[0, turns, turns] += damping
+        forward[0] = links.node[0]
+        for begin in range(0, n - 1, _CHUNK):
+            count = min(_CHUNK, n - 1 - begin)
+            into = np.arange(1, count + 1)
+            at, before = (states.at(slice(k, k + count)) for k in (begin + 1, begin))
+            linearise(self._problem, begin + into, at, before, links, into)
+            motion, node = links.motion[: count + 1], links.node[: count + 1]
+            cost += Links(motion[1:], node[1:]).cost()
+            node[1:, turns, turns] += damping
+            failed = kernel.eliminate(
+                motion,
+                node,
+                forward[: count + 1],
+                self.root[begin:],
+                self.gain[begin:],
+                self._by_rows,
+            )
+            if failed >= 0:
+                raise self._open(forward[failed], begin + failed)
+            forward[0] = forward[count]
+        return cost, forward[0]
+
+
+def solve_batch(
+    problem: SmoothingProblem, *, begin: States | None = None, most: int = _ITERATIONS
+) -> Solution:
+    """Return the minimum of the whole graph with its covariances.
+
+    What a Newton step promises of the cost is its squared length in the measure of the information:
+    no state moves by more sigmas than its root. Near a minimum promises fall with their square, so
+    the ratio of the last two bounds the next step, which need not be computed. Where the cost rises
+    rotations have gone too far, and information grows that they stay where they are.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    begin : States, optional
+        Where the search begins, instead of ``problem.start``: where a window ended.
+    most : int
+        Iterations after which a search is given up.
+
+    Raises
+    ------
+    NoSolutionError
+        Naming the state that the data leave open, and when.
+
+    References
+    ----------
+    Madsen, Nielsen & Tingleff, Methods for Non-Linear Least Squares Problems, 2004, section 3.2.
+    """
+    chain, D = _Chain(problem), problem.width
+    states = problem.start if begin is None else begin
+    linear, previous, damping, iterations = chain.solved(states), np.inf, 0.0, 1
+    while iterations < most and damping < _MOST_DAMPING:
+        promised = linear.cost - linear.least
+        near = promised < min(previous, _NEAR) and previous < np.inf
+        ratio = promised / previous if near else 1.0
+        if damping == 0.0 and promised * ratio < _STEP_SIGMAS**2:
+            return _solution(chain, states, linear, iterations, converged=True)
+        trial = states.moved(linear.steps, linear.end[D:])
+        lower = damping / 10 if damping > _DAMPING else 0.0
+        tried = chain.solved(trial, lower)
+        iterations += 1
+        if tried.cost <= linear.cost:
+            states, linear, damping, previous = trial, tried, lower, promised
+        else:
+            damping, previous = max(10 * damping, _DAMPING), np.inf
+            linear = chain.solved(states, damping)
+    return _solution(chain, states, chain.solved(states), iterations, converged=False)
+
+
+def covariance_at(problem: SmoothingProblem, states: States) -> Solution:
+    """Return states as they are given, with the covariances of the graph linearised there.
+
+    Nothing is searched: at the truth that is a posterior Cramer-Rao bound. ``converged`` tells
+    whether the minimum is there, too.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    states : States
+
+    Raises
+    ------
+    NoSolutionError
+        Naming the state that the data leave open, and when.
+    """
+    chain = _Chain(problem)
+    linear = chain.solved(states)
+    known = _solution(chain, states, linear, 1, converged=False)
+    return replace(known, states=states, cost=linear.cost)
+
+
+def _solution(
+    chain: _Chain, states: States, linear: _Linear, iterations: int, *, converged: bool
+) -> Solution:
+    """Return the end of a last step if that is known to be short or is, else where it begins."""
+    n, D = linear.steps.shape
+    b = len(states.constants)
+    covariance, cross, shared = chain.root, np.empty((n - 1, D, D)), np.empty((n, D, b))
+    back_kernel.marginals(chain.gain, chain.root, linear.end_covariance, covariance, cross, shared)
+    sigma = np.sqrt(np.einsum("nii->ni", covariance))
+    converged = converged or bool((np.abs(linear.steps) < _STEP_SIGMAS * sigma).all())
+    return Solution(
+        states=states.moved(linear.steps, linear.end[D:]) if converged else states,
+        covariance=covariance,
+        cross=cross,
+        constant_covariance=np.broadcast_to(linear.end_covariance[D:, D:], (n, b, b)),
+        constant_cross=shared,
+        converged=converged,
+        cost=linear.least if converged else linear.cost,
+        updates=iterations,
+    )
+
+
+def log_evidence(problem: SmoothingProblem, states: States) -> float:
+    """Return the log marginal likelihood of all that was measured, linearised at states.
+
+    ``-least / 2 - log det(H) / 2 + log det(whitening)`` of the linearised chain with Hessian H:
+    states and constants are integrated out (Laplace). Constant terms are left out, and so is what a
+    sensor's whitening does not tell: a motion or a measurement may offer ``log_white(rows)``, the
+    sum of the log determinants of its intervals' or measurements' whitening, an array of their
+    numbers given. Without it its noise is taken for a constant. The prior of the motion's ``aux``
+    is counted always.
+
+    References
+    ----------
+    Särkkä & Svensson, Bayesian Filtering and Smoothing, 2nd edition, section 16.3.
+    """
+    chain, aux = _Chain(problem), problem.motion.aux
+    linear = chain.solved(states)
+    _, white = problem.motion.prior(len(states.constants))
+    total = -linear.least / 2 + np.linalg.slogdet(white[:, :aux])[1]
+    total -= np.log(np.einsum("nii->ni", chain.root[:-1])).sum()
+    total += np.linalg.slogdet(linear.end_covariance)[1] / 2
+    intervals = np.arange(len(problem.t_s) - 1)
+    total += _log_white(problem.motion, intervals)
+    for measurement in problem.measurements:
+        total += _log_white(measurement, np.arange(len(measurement.row)))
+    return float(total)
+
+
+def _log_white(model: object, rows: IntArray) -> float:
+    offered = getattr(model, "log_white", None)
+    return float(offered(rows)) if offered is not None else 0.0

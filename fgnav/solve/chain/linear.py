@@ -1,0 +1,115 @@
+"""A smoothing problem as a linear chain: what each keyframe adds, and the prior of the first."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.graph.problem import SmoothingProblem, pose_prior_sigma
+from fgnav.graph.states import AUX, POSITION, ROTATION, VELOCITY, States
+from fgnav.rotation_kernel import inverse_right_jacobian
+from fgnav.rotations import log
+from fgnav.solve.chain import kernel
+
+
+class Links(NamedTuple):
+    """What enters with n keyframes, see ``kernel``."""
+
+    motion: FloatArray  # (n, D, 2 D + b + 1)
+    node: FloatArray  # (n, D + b + 1, D + b + 1)
+
+    @classmethod
+    def empty(cls, n: int, width: int, constants: int) -> "Links":
+        """Return room for n keyframes with nothing in it."""
+        W = width + constants + 1
+        return cls(motion=np.zeros((n, width, width + W)), node=np.zeros((n, W, W)))
+
+    def cost(self) -> float:
+        """Return the sum of the squares of all residuals."""
+        return float(self.node[:, -1, -1].sum() + (self.motion[:, :, -1] ** 2).sum())
+
+
+def linearise(
+    problem: SmoothingProblem,
+    rows: IntArray,
+    at: States,
+    before: States,
+    links: Links,
+    into: IntArray,
+) -> None:
+    """Fill what enters with some keyframes.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    rows : ndarray of int, shape (j,)
+        Keyframes of it, increasing.
+    at : States
+        Where those are linearised, (j,).
+    before : States
+        Where the keyframes before them are, (j,); of j - 1 if the first of the rows begins the
+        chain: then the prior enters with it.
+    links : Links
+    into : ndarray of int, shape (j,)
+        Places of the keyframes in it.
+
+    Raises
+    ------
+    NoSolutionError
+        If a residual is not finite.
+    """
+    D, j = at.width, len(before.R_nb)
+    links.motion[into] = 0.0
+    links.node[into] = 0.0
+    if len(rows) > j:
+        _add_prior(problem, int(rows[0]), at.at(slice(0, 1)), links.node, into[:1])
+    if j:
+        motion = problem.motion.linearise(before, at.at(slice(len(rows) - j, None)), rows[-j:] - 1)
+        led = into[-j:]
+        links.motion[led, :, :D] = motion.before
+        links.motion[led, :, D : 2 * D] = motion.after
+        links.motion[led, :, 2 * D : -1] = motion.shared
+        links.motion[led, :, -1] = -motion.value
+    for measurement in problem.measurements:
+        first, last = np.searchsorted(measurement.row, (rows[0], rows[-1] + 1))
+        which = np.arange(first, last)
+        place = np.searchsorted(rows, measurement.row[first:last])
+        if len(which) > 0 and len(rows) <= rows[-1] - rows[0]:  # gaps between the rows
+            among = rows[place] == measurement.row[first:last]
+            which, place = which[among], place[among]
+        if len(which):
+            linear = measurement.linearise(at.at(place), which)
+            kernel.add_squares(links.node, into[place], *map(np.ascontiguousarray, linear))
+    cost = links.node[into, -1, -1] + (links.motion[into, :, -1] ** 2).sum(axis=1)
+    if not np.isfinite(cost).all():
+        t_s = float(problem.t_s[rows[int(np.isfinite(cost).argmin())]])
+        raise NoSolutionError(f"residuals are not finite at {t_s:.2f} s")
+
+
+def _add_prior(
+    problem: SmoothingProblem, row: int, at: States, node: FloatArray, into: IntArray
+) -> None:
+    """Add what is known before the first keyframe, as independent whitened rows.
+
+    Pose about the start by the tangent of ``gtsam.Pose3`` (the position's rows in ``n``: its
+    covariance is the same in all axes), velocity about zero, ``aux`` by the motion, and constants.
+    """
+    D, b = at.width, len(at.constants)
+    value, state = np.zeros(D + b), np.zeros((D + b, D))
+    shared = np.zeros((D + b, b))
+    start = problem.start.at(slice(row, row + 1))
+    sigma = pose_prior_sigma()
+    turn = log(start.R_nb.swapaxes(1, 2) @ at.R_nb)[0]
+    value[ROTATION], state[ROTATION, ROTATION] = turn, inverse_right_jacobian(turn)
+    value[POSITION], state[POSITION, POSITION] = (at.p_n_m - start.p_n_m)[0], at.R_nb[0]
+    value[VELOCITY], state[VELOCITY, VELOCITY] = at.v_n_mps[0], np.eye(3)
+    value[:AUX] /= sigma
+    state[:AUX] /= sigma[:, None]
+    mean, white = problem.motion.prior(b)
+    value[AUX:D] = white @ np.concatenate([at.aux[0] - mean, at.constants])
+    state[AUX:D, AUX:], shared[AUX:D] = white[:, : D - AUX], white[:, D - AUX :]
+    if b:
+        whitening = np.linalg.inv(np.linalg.cholesky(problem.constants.covariance))
+        value[D:] = whitening @ (at.constants - problem.constants.mean)
+        shared[D:] = whitening
+    kernel.add_squares(node, into, value[None], state[None], shared[None])

@@ -1,0 +1,181 @@
+"""The newest keyframes of a flight, linearised and eliminated: what every window rests on.
+
+What leaves stays as forward information of the oldest keyframe that remains, linearised where it
+was: marginalisation is exact up to its linearisation, and the window does not grow.
+"""
+
+import gtsam
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph.build import Layout
+from fgnav.graph.problem import SmoothingProblem
+from fgnav.graph.states import AUX, ROTATION, States
+from fgnav.solve.chain import back_kernel, kernel
+from fgnav.solve.chain.arrays import WindowArrays
+from fgnav.solve.chain.linear import Links, linearise
+from fgnav.solve.failures import weakest_state
+from fgnav.solve.marginals import Marginals
+from fgnav.solve.unary import add_unary
+
+_LEAST_ROOM = 64  # keyframes
+
+
+class LinearWindow:
+    """Keyframes, numbered on from 0 as they come, each linearised somewhere.
+
+    Attributes
+    ----------
+    constants : ndarray, shape (b,)
+        Where constants are linearised, all along.
+    end : ndarray, shape (D + b,)
+        Steps of the newest keyframe and of the constants, once solved.
+    oldest : int
+        Number of the oldest keyframe.
+    rows : WindowArrays
+        Of the keyframes.
+    """
+
+    def __init__(self) -> None:
+        self.constants, self.end, self.oldest = np.empty(0), np.empty(0), 0
+        self._sources: list[tuple[SmoothingProblem, int]] = []
+        self._memory = WindowArrays.empty(0, AUX, 0)
+        self.rows = self._memory  # of the keyframes
+        self._first = 0  # row of the oldest
+        self._changed = np.zeros(0, dtype=np.bool_)  # since it was linearised
+        self._end_covariance = np.empty((0, 0))
+        self._unary: dict[int, list[gtsam.NonlinearFactor]] = {}  # factors of one's own
+
+    def __len__(self) -> int:
+        """Return how many keyframes there are."""
+        return len(self._sources)
+
+    @property
+    def states(self) -> States:
+        """Where they are linearised."""
+        return self.rows.states(self.constants)
+
+    def append(self, problem: SmoothingProblem, row: int, at: States) -> None:
+        """Take in a keyframe of a problem, linearised where a state is."""
+        if not self._sources:
+            self.constants = np.array(problem.start.constants)
+            self.end = np.zeros(problem.width + len(self.constants))
+        self._make_room(problem.width)
+        here = self._first + len(self)
+        self._memory.t_s[here] = problem.t_s[row]
+        self._memory.place(slice(here, here + 1), at)
+        self._sources.append((problem, row))
+        self._changed = np.append(self._changed, True)
+        self.rows = self._memory.between(self._first, here + 1)
+
+    def add_unary(self, number: int, factor: gtsam.NonlinearFactor) -> None:
+        """Take in a factor of one's own that touches one new keyframe, and constants, at most."""
+        self._unary.setdefault(number, []).append(factor)
+
+    def relinearise(self, which: IntArray, at: States) -> None:
+        """Linearise some keyframes, (j,), counted from the oldest, at states."""
+        self.rows.place(which, at)
+        self._changed[which] = True
+        self._changed[which[which < len(self) - 1] + 1] = True
+
+    def solve(self) -> None:
+        """Linearise what has changed, and carry information on from there to the newest.
+
+        Raises
+        ------
+        NoSolutionError
+            Naming the state that the data leave open, and when.
+        """
+        if not self._changed.any():
+            return
+        rows = self.rows
+        changed = np.flatnonzero(self._changed)
+        self._linearise(rows, changed)
+        first = max(int(changed[0]) - 1, 0)
+        if first == 0 and not self.oldest:
+            rows.forward[0] = rows.node[0]
+        if self._eliminated(rows, first, by_rows=False) >= 0:
+            failed = self._eliminated(rows, 0, by_rows=True)
+            if failed >= 0:
+                constants = self._sources[failed][0].constants
+                raise weakest_state(
+                    rows.forward[failed], rows.steps.shape[1], constants, float(rows.t_s[failed])
+                )
+        self._changed[:] = False
+
+    def substitute(self) -> FloatArray:
+        """Return the steps of all keyframes to their estimates, (n, D)."""
+        back_kernel.substitute(self.rows.gain, self.end, self.rows.steps)
+        return self.rows.steps
+
+    def marginals(self, begin: int, end: int) -> Marginals:
+        """Return covariances of keyframes begin to end - 1, counted from the oldest."""
+        rows, D, b = (
+            self.rows.between(begin, len(self)),
+            len(self.rows.root[0]),
+            len(self.constants),
+        )
+        n, m, D = len(self) - begin, end - begin, len(self.end) - b
+        covariance, cross, shared = np.empty((n, D, D)), np.zeros((n, D, D)), np.empty((n, D, b))
+        back_kernel.marginals(rows.gain, rows.root, self._end_covariance, covariance, cross, shared)
+        constant = self._end_covariance[D:, D:].copy()
+        if m == n:
+            return Marginals(covariance, cross, constant, shared)
+        return Marginals(covariance[:m].copy(), cross[:m].copy(), constant, shared[:m].copy())
+
+    def turn_sigma_rad(self, row: int) -> float:
+        """Return the 1-sigma of a keyframe's rotation, counted from the oldest, all axes."""
+        rotation = self.marginals(row, row + 1).covariance[0, ROTATION, ROTATION]
+        return float(np.sqrt(np.trace(rotation)))
+
+    def forget(self, count: int) -> None:
+        """Take the oldest keyframes out; what they tell of the next one stays."""
+        for number in range(self.oldest, self.oldest + count):
+            self._unary.pop(number, None)
+        del self._sources[:count]
+        self._changed = self._changed[count:]
+        self._first, self.oldest = self._first + count, self.oldest + count
+        self.rows = self.rows.between(count, len(self.rows.t_s))
+
+    def _make_room(self, width: int) -> None:
+        """When the memory is full, move what is there to the front of one twice as long."""
+        if self._first + len(self) < len(self._memory.t_s):
+            return
+        memory = WindowArrays.empty(max(_LEAST_ROOM, 2 * len(self)), width, len(self.constants))
+        if len(self):
+            for new, old in zip(memory, self.rows, strict=True):
+                new[: len(self)] = old
+        self._memory, self._first = memory, 0
+
+    def _linearise(self, rows: WindowArrays, changed: IntArray) -> None:
+        """Fill what enters with some keyframes; those of one problem together."""
+        states, links = rows.states(self.constants), Links(rows.motion, rows.node)
+        begin = 0
+        while begin < len(changed):
+            problem, end = self._sources[changed[begin]][0], begin + 1
+            while end < len(changed) and self._sources[changed[end]][0] is problem:
+                end += 1
+            of = changed[begin:end]
+            linearise(
+                problem,
+                np.array([self._sources[k][1] for k in of]),
+                states.at(of),
+                states.at(of[of > 0] - 1),
+                links,
+                of,
+            )
+            begin = end
+        for k in changed if self._unary else ():
+            number = self.oldest + int(k)
+            own, layout = self._unary.get(number, ()), Layout.of(self._sources[k][0])
+            add_unary(own, layout, number, states.at(slice(k, k + 1)), links.node[k])
+
+    def _eliminated(self, rows: WindowArrays, first: int, *, by_rows: bool) -> int:
+        """Solve for the newest keyframe and the constants; return the first that is open, or -1."""
+        of = rows.between(first, len(self))
+        failed = kernel.eliminate(of.motion, of.node, of.forward, of.root, of.gain, by_rows)
+        if failed >= 0:
+            return first + int(failed)
+        self._end_covariance = np.empty((len(self.end), len(self.end)))
+        least = back_kernel.newest(rows.forward[-1], self._end_covariance, self.end)
+        return -1 if np.isfinite(least) else len(self) - 1

@@ -1,0 +1,77 @@
+"""A recorded flight through the window: each keyframe by what came within a lag, or by the past."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from fgnav.graph.problem import SmoothingProblem
+from fgnav.graph.solution import Solution
+from fgnav.solve.departed import Departed, joined_solution
+from fgnav.solve.own_factors import Own, OwnFactors
+from fgnav.solve.window import FixedLag
+
+__all__ = ["Departed", "FixedLag", "solve_fixed_lag", "solve_forward"]
+
+
+def solve_fixed_lag(
+    problem: SmoothingProblem,
+    lag_s: float,
+    *,
+    own: Sequence[Own] = (),
+    keep_linearisation: bool = False,
+) -> Solution:
+    """Return each keyframe as known from the data up to at least ``lag_s`` after it.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    lag_s : float
+        Length of the window; a block of a second is added to it before keyframes leave.
+    own : sequence of gtsam.NonlinearFactor or NamedFactor
+        Factors of one's own, over ``fgnav.graph.keys`` with rows of the problem for numbers. Each
+        enters with the last keyframe that it touches.
+    keep_linearisation : bool
+        As in ``FixedLag``.
+
+    Raises
+    ------
+    BadInputError
+        If a factor of one's own touches a variable that is not there, or one that has left.
+    NoSolutionError
+        If the data leave a state open.
+    """
+    window = FixedLag(lag_s, keep_linearisation=keep_linearisation)
+    entering = OwnFactors(own, problem)
+    parts = [
+        window.update(problem, row, entering.at(row, window.oldest))
+        for row in range(len(problem.t_s))
+    ]
+    if len(window):
+        parts.append(window.rest())
+    return joined_solution([part for part in parts if part is not None])
+
+
+def solve_forward(
+    problem: SmoothingProblem,
+    lag_s: float,
+    *,
+    own: Sequence[Own] = (),
+    keep_linearisation: bool = False,
+) -> Solution:
+    """Return each keyframe as known from the data up to it: what a filter estimates.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    lag_s : float
+        States this far back are still relinearised.
+    own : sequence of gtsam.NonlinearFactor or NamedFactor
+        As in ``solve_fixed_lag``.
+    keep_linearisation : bool
+        As in ``FixedLag``.
+    """
+    window = FixedLag(lag_s, 0.0, keep_linearisation=keep_linearisation)
+    entering, parts = OwnFactors(own, problem), []
+    for row in range(len(problem.t_s)):
+        window.advance(problem, row, entering.at(row, window.oldest))
+        parts.append(window.newest())
+    return replace(joined_solution(parts), cross=None)

@@ -1,0 +1,112 @@
+"""Factors of one's own: which keyframe each enters with, and what is refused."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import gtsam
+
+from fgnav.checks import BadInputError
+from fgnav.graph import keys
+from fgnav.graph.build import Layout, flight_values
+from fgnav.graph.custom import OwnFactor, check_factor, named
+from fgnav.graph.problem import SmoothingProblem
+from fgnav.graph.residual_model import spelt
+
+Own: TypeAlias = gtsam.NonlinearFactor | OwnFactor
+
+
+class OwnFactors:
+    """Factors of one's own by the last keyframe that each touches.
+
+    Parameters
+    ----------
+    own : sequence of gtsam.NonlinearFactor or OwnFactor
+        Keyframe numbers in their keys are rows of the problem.
+    problem : SmoothingProblem
+
+    Raises
+    ------
+    BadInputError
+        If one touches a variable that the flight has not, or cannot be evaluated.
+    """
+
+    def __init__(self, own: Sequence[Own], problem: SmoothingProblem) -> None:
+        self._problem, layout = problem, Layout.of(problem)
+        constants, factors = set(layout.constant_keys), [named(one) for one in own]
+        self._at: dict[int, list[tuple[int, OwnFactor]]] = defaultdict(list)
+        for one in factors:
+            involved, last = list(one.factor.keys()), len(problem.t_s) - 1
+            rows = [_keyframe(one, key, layout, last) for key in involved if key not in constants]
+            self._at[max(rows, default=0)].append((min(rows, default=0), one))
+        native = [one for one in factors if one.model is None]  # the others check themselves
+        values = flight_values(problem, problem.start) if native else gtsam.Values()
+        for one in native:
+            check_factor(one, values)
+
+    @property
+    def factors(self) -> list[gtsam.NonlinearFactor]:
+        """Return all of them."""
+        return [one.factor for entering in self._at.values() for _, one in entering]
+
+    def within(self, span_s: float) -> list[Own]:
+        """Return those whose keyframes are at most that far apart."""
+        t_s = self._problem.t_s
+        return [
+            one
+            for row, entering in self._at.items()
+            for first, one in entering
+            if t_s[row] - t_s[first] <= span_s
+        ]
+
+    def at(self, row: int, oldest: int) -> list[gtsam.NonlinearFactor]:
+        """Return those that enter with a keyframe.
+
+        Raises
+        ------
+        BadInputError
+            If one reaches further back than the window's oldest keyframe.
+        """
+        entering = self._at.get(row, [])
+        for first, one in entering:
+            if first < oldest:
+                t_s = self._problem.t_s
+                raise BadInputError(
+                    f"factor {one.name!r}: joins keyframes {t_s[row] - t_s[first]:.2f} s apart, "
+                    f"{t_s[first]:.2f} and {t_s[row]:.2f} s, further than the window reaches; use "
+                    "a longer lag or the batch"
+                )
+        return [one.factor for _, one in entering]
+
+
+def entering_stream(one: OwnFactor, layout: Layout, oldest: int, newest: int) -> bool:
+    """Return whether a factor enters with the newest keyframe, which it touches then.
+
+    Raises
+    ------
+    BadInputError
+        If it touches a variable that the stream has not, or one that has left the window.
+    """
+    involved, constants = list(one.factor.keys()), set(layout.constant_keys)
+    rows = [_keyframe(one, key, layout, newest) for key in involved if key not in constants]
+    if max(rows, default=-1) < newest:
+        return False
+    if min(rows) < oldest:
+        raise BadInputError(
+            f"factor {one.name!r}: touches keyframe {min(rows)}, which has left the window; its "
+            f"oldest is {oldest}"
+        )
+    return True
+
+
+def _keyframe(one: OwnFactor, key: int, layout: Layout, newest: int) -> int:
+    """Return the keyframe of a variable."""
+    k = keys.index(key)
+    if k > newest or key not in layout.keyframe(k):
+        raise BadInputError(
+            f"factor {one.name!r}: {spelt(key)} is no variable of the flight, which has keyframes "
+            f"0 to {newest} of pose, velocity and "
+            f"{'imu_bias' if layout.gyroscope else 'angular_motion'}, and "
+            f"{len(layout.constant_keys)} constants"
+        )
+    return k

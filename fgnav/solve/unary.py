@@ -1,0 +1,53 @@
+"""Factors of one's own that touch one keyframe, in the chain's normal equations."""
+
+from collections.abc import Iterable
+
+import gtsam
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.graph.build import Layout, insert_constants, insert_keyframe
+from fgnav.graph.states import States
+from fgnav.solve.chain import kernel
+
+
+def add_unary(
+    factors: Iterable[gtsam.NonlinearFactor],
+    layout: Layout,
+    number: int,
+    at: States,
+    node: FloatArray,
+) -> None:
+    """Add factors of keyframe ``number`` and constants to its augmented information.
+
+    Parameters
+    ----------
+    factors : iterable of gtsam.NonlinearFactor
+    layout : Layout
+    number : int
+    at : States
+        Where it is linearised, (1,).
+    node : ndarray, shape (D + b + 1, D + b + 1)
+        See ``chain.kernel``.
+    """
+    values, D = gtsam.Values(), layout.width
+    insert_keyframe(values, layout, number, at)
+    insert_constants(values, layout, at.constants)
+    x, v, aux = layout.keyframe(number)
+    columns = {x: slice(0, 6), v: slice(6, 9), aux: slice(9, D)}
+    of_constants = zip(layout.constant_keys, layout.constants.parts, strict=True)
+    for (key, part), first in zip(of_constants, layout.constants.first, strict=True):
+        columns[key] = slice(D + first, D + first + part.size)
+    for factor in factors:
+        linear = factor.linearize(values)
+        if linear is None:  # a factor that is not active is none
+            continue
+        A, right = linear.jacobian()
+        rows, begin = np.zeros((1, len(right), len(node) - 1)), 0
+        for key in linear.keys():  # noqa: SIM118  # not a dict
+            own = columns[key]
+            rows[0, :, own] = A[:, begin : begin + own.stop - own.start]
+            begin += own.stop - own.start
+        shared = np.ascontiguousarray(rows[:, :, D:])
+        state = np.ascontiguousarray(rows[:, :, :D])
+        kernel.add_squares(node[None], np.zeros(1, np.int64), -right[None], state, shared)

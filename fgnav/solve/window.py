@@ -1,0 +1,314 @@
+"""A sliding window over a flight: keyframes are smoothed by what comes within a lag after them.
+
+GTSAM's incremental smoother estimates. The newest keyframe's covariance is ISAM2's, for it stands
+at the root of its tree. Those of others are of the same factors, linearised at the same states, by
+the chain's elimination: ISAM2 seeks the way from each keyframe to the constants anew, 0.4 ms and
+more a keyframe, where that takes 0.03. Factors of one's own that join keyframes are in no chain:
+beside them ISAM2 is asked of all.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import gtsam
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.graph import keys
+from fgnav.graph.build import (
+    KeyframeMeasurements,
+    Layout,
+    constant_priors,
+    insert_constants,
+    insert_keyframe,
+    keyframe_priors,
+)
+from fgnav.graph.problem import SmoothingProblem
+from fgnav.graph.states import ROTATION, States
+from fgnav.solve.chain.linear_window import LinearWindow
+from fgnav.solve.departed import Departed, departed
+from fgnav.solve.failures import in_words
+from fgnav.solve.incremental import IncrementalSmoother
+from fgnav.solve.relinearisation import MOVED_RAD, UNKNOWN_RAD, WAITS_S, moved_far
+from fgnav.solve.retract_kernel import retracted
+
+BLOCK_S = 1.0  # also of what is marginalised at once
+_SLOW_S = 0.5  # keyframes this far apart move too far for one linearisation
+_MUCH = 20.0  # times as far as else, after an outage: at once
+_REPEATS = 5  # relinearisations after one update, at most; the next update goes on
+_BETWEEN = 2.0  # blocks states move as many times as far: a third of the time, 0.003 degree
+_ROUNDING_S = 1e-6
+
+
+class FixedLag:
+    """The newest keyframes of a flight, each smoothed by what came after it.
+
+    Parameters
+    ----------
+    lag_s : float
+        Keyframes leave when they are known from the data up to this long after them, or up to a
+        block longer.
+    block_s : float
+        The graph is solved whenever this much has come; 0 solves it at every keyframe.
+    keep_linearisation : bool
+        Whether states stay linearised at ``problem.start``: for flights whose heading only later
+        motion determines. What has been marginalised cannot be relinearised, so such a window would
+        become too sure of it.
+    """
+
+    def __init__(
+        self, lag_s: float, block_s: float = BLOCK_S, *, keep_linearisation: bool = False
+    ) -> None:
+        self._lag_s, self._block_s, self._keep = lag_s, block_s, keep_linearisation
+        self._smoother: IncrementalSmoother | None = None
+        self._linear = LinearWindow()
+        self._steps: FloatArray = np.empty((0, 0))
+        self._constant_steps: FloatArray = np.empty(0)
+        self._graph, self._values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        self._t_s: list[float] = []  # of all keyframes so far
+        self._was_known = False  # whether the attitude was, where the window began
+        self._follows = True  # whether the chain knows all that ISAM2 does
+        self._smooths = False  # whether others than the newest keyframe have been asked for
+        self._departed = 0  # keyframes that have left, not all of them marginalised
+        self._blocks: list[int] = []  # last keyframes of those that have not left, or just did
+        self._updates = 0
+        self._problem: SmoothingProblem | None = None
+        self._measured: KeyframeMeasurements
+        self._layout: Layout
+        self._newest: States
+
+    def __len__(self) -> int:
+        """Return how many keyframes have not left."""
+        return len(self._t_s) - self._departed
+
+    @property
+    def updates(self) -> int:
+        """Updates of GTSAM's smoother so far."""
+        return self._updates
+
+    @property
+    def oldest(self) -> int:
+        """Number of the oldest keyframe that a factor may still touch."""
+        return self._departed
+
+    def advance(
+        self, problem: SmoothingProblem, row: int, own: Sequence[gtsam.NonlinearFactor] = ()
+    ) -> range:
+        """Take a keyframe in, solve when a block is full; return which keyframes leave by that.
+
+        Parameters
+        ----------
+        problem : SmoothingProblem
+        row : int
+            Of the keyframe in the problem; its number in the graph counts those taken in.
+        own : sequence of gtsam.NonlinearFactor
+            Factors of one's own that touch no later keyframe.
+
+        Raises
+        ------
+        NoSolutionError
+            If the data leave a state open, by name.
+        """
+        self._enter(problem, row)
+        for factor in own:
+            self._enter_own(factor)
+        before = self._blocks[-1] if self._blocks else 0
+        is_full = self._t_s[-1] - self._t_s[before] > self._block_s - _ROUNDING_S
+        if not is_full:
+            return range(self._departed, self._departed)
+        self._solve()
+        first, limit_s = self._departed, self._t_s[-1] - self._lag_s + _ROUNDING_S
+        for last in self._blocks:
+            if self._t_s[last] <= limit_s:
+                self._departed = max(self._departed, last + 1)
+        self._blocks = [k for k in self._blocks if k >= self._departed or k == self._blocks[-1]]
+        return range(first, self._departed)
+
+    def update(
+        self, problem: SmoothingProblem, row: int, own: Sequence[gtsam.NonlinearFactor] = ()
+    ) -> Departed | None:
+        """Take a keyframe in; return those that leave by that, if any; see ``advance``."""
+        self._smooths = True
+        leaving = self.advance(problem, row, own)
+        return self._estimates(leaving) if leaving else None
+
+    def newest(self) -> Departed:
+        """Return the newest keyframe, known from the data up to it and no further."""
+        self._solve()
+        return self._estimates(range(len(self._t_s) - 1, len(self._t_s)))
+
+    def rest(self) -> Departed:
+        """Return all keyframes that have not left, known from all data so far.
+
+        Raises
+        ------
+        NoSolutionError
+            If there is none.
+        """
+        if not len(self):
+            raise NoSolutionError("window: no keyframe is left in it")
+        self._solve()
+        self._relinearise()
+        return self._estimates(range(self._departed, len(self._t_s)))
+
+    def _enter(self, problem: SmoothingProblem, row: int) -> None:
+        """Put a keyframe where the motion leads, and what it measured into the next update."""
+        if problem is not self._problem:
+            self._problem, self._layout = problem, Layout.of(problem)
+            self._measured = KeyframeMeasurements(problem)
+        k, graph = len(self._t_s), self._graph
+        if k == 0:
+            self._smoother = IncrementalSmoother(self._layout)
+            insert_constants(self._values, self._layout, problem.constants.start)
+            for factor in (*keyframe_priors(problem, k), *constant_priors(problem.constants)):
+                graph.add(factor)
+            self._newest = problem.start.at(slice(row, row + 1))
+        else:
+            about = problem.start.at(slice(row - 1, row)) if self._keep else self._newest
+            for factor in problem.motion.factors(row - 1, k - 1, k, about):
+                graph.add(factor)
+            self._newest = self._start(problem, row)
+        insert_keyframe(self._values, self._layout, k, self._newest)
+        for factor in self._measured.factors(row, k):
+            graph.add(factor)
+        self._linear.append(problem, row, self._newest)
+        self._t_s.append(float(problem.t_s[row]))
+
+    def _enter_own(self, factor: gtsam.NonlinearFactor) -> None:
+        constants = self._layout.constant_keys
+        touched = {keys.index(key) for key in factor.keys() if key not in constants}  # noqa: SIM118
+        self._graph.add(factor)
+        if len(touched) > 1:
+            self._alive.is_chain = self._follows = False
+        else:
+            self._linear.add_unary(max(touched, default=len(self._t_s) - 1), factor)
+
+    def _start(self, problem: SmoothingProblem, row: int) -> States:
+        at = slice(row, row + 1)
+        if self._keep:
+            return problem.start.at(at)
+        ahead = problem.motion.predict(self._newest, np.array([row - 1]))
+        if problem.attitude_known[row]:
+            ahead = ahead._replace(R_nb=problem.start.R_nb[at])
+        return ahead
+
+    def _solve(self) -> None:
+        """Update GTSAM's smoother with what has come; what has left is marginalised by that."""
+        if self._graph.empty():
+            return
+        is_marginal = self._marginalise()
+        self._update(self._far(1.0 if is_marginal or self._block_s else _BETWEEN))
+        n, t_s = len(self._t_s), self._t_s
+        self._blocks.append(n - 1)
+        is_slow = t_s[-1] - t_s[-2:][0] > _SLOW_S
+        is_moved = np.abs(self._steps[-1, ROTATION]).max() > 2 * MOVED_RAD
+        if is_slow or is_moved or (self._block_s and self._far(_MUCH).any()):
+            self._relinearise()
+        self._newest = self._estimated(range(n - 1, n))
+
+    def _marginalise(self) -> bool:
+        """Take out keyframes that have left, a block of them at once; return whether there are."""
+        smoother, linear = self._alive, self._linear
+        oldest = min(self._departed, smoother.end - 1)
+        if oldest <= linear.oldest or (
+            self._t_s[oldest] - self._t_s[linear.oldest] < BLOCK_S - _ROUNDING_S
+        ):
+            return False
+        self._follows &= self._smooths
+        if self._follows:
+            linear.solve()
+        if not self._may_leave(oldest):
+            return False
+        with self._failing():
+            smoother.marginalise(oldest)
+        self._steps = self._steps[oldest - linear.oldest :]
+        linear.forget(oldest - linear.oldest)
+        return True
+
+    def _may_leave(self, oldest: int) -> bool:
+        """Return whether the attitude is known where the window would begin, or never was."""
+        if self._keep:
+            return True
+        if self._follows:
+            sigma_rad = self._linear.turn_sigma_rad(oldest - self._linear.oldest)
+        else:
+            sigma_rad = self._alive.turn_sigma_rad(oldest)
+        is_known = sigma_rad < UNKNOWN_RAD
+        waits = self._was_known and self._t_s[-1] - self._t_s[self._linear.oldest] < WAITS_S
+        self._was_known |= is_known
+        return is_known or not waits
+
+    def _update(self, far: BoolArray) -> None:
+        """Solve with what has come, some keyframes linearised where they are estimated."""
+        smoother, linear, rows = self._alive, self._linear, np.flatnonzero(far)
+        if len(rows):
+            steps, none = self._steps[rows], np.zeros(len(linear.constants))
+            at = linear.states.at(rows)
+            linear.relinearise(rows, retracted(at, steps, none, by_pose3=True))
+        with self._failing():
+            smoother.update(
+                self._graph, self._values, len(self._t_s), (linear.oldest + rows).tolist()
+            )
+            self._steps, self._constant_steps = smoother.steps()
+        self._graph, self._values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        self._updates += 1
+
+    @contextmanager
+    def _failing(self) -> Iterator[None]:
+        """Say in words what of GTSAM fails; the smoother is of no more use then."""
+        try:
+            yield
+        except RuntimeError as error:
+            self._smoother = None
+            layout = self._layout
+            raise in_words(error, layout.width, layout.constants, self._t_s.__getitem__) from error
+        except Exception:  # of a factor of one's own: as it is
+            self._smoother = None
+            raise
+
+    @property
+    def _alive(self) -> IncrementalSmoother:
+        if self._smoother is None:
+            raise NoSolutionError("window: it has no keyframe, or has failed; start another one")
+        return self._smoother
+
+    def _relinearise(self) -> None:
+        """Relinearise states that have moved too far, until none has."""
+        for _ in range(_REPEATS):
+            far = self._far()
+            if not far.any():
+                return
+            self._update(far)
+
+    def _far(self, times: float = 1.0) -> BoolArray:
+        """Return which keyframes are too far from where they are linearised, and may be moved."""
+        smoother = self._alive
+        if self._keep or not len(self._steps):
+            return np.zeros(len(self._steps), dtype=np.bool_)
+        far = moved_far(self._steps, times)
+        for i in np.flatnonzero(far) if not smoother.is_chain else (0,):
+            far[i] &= not smoother.is_fixed(smoother.oldest + int(i))
+        return far
+
+    def _estimated(self, numbers: range) -> States:
+        """Return the present estimates of keyframes and constants."""
+        first, last = numbers[0] - self._linear.oldest, numbers[-1] - self._linear.oldest
+        rows = slice(first, last + 1)
+        return retracted(self._linear.states.at(rows), self._steps[rows], self._constant_steps)
+
+    def _estimates(self, numbers: range) -> Departed:
+        first, end = numbers.start - self._alive.oldest, numbers.stop - self._alive.oldest
+        if self._follows and numbers.start < len(self._t_s) - 1:
+            self._linear.solve()
+            known = self._linear.marginals(first, end)
+        else:
+            with self._failing():
+                known = self._alive.marginals(numbers, self._t_s.__getitem__)
+        return departed(
+            np.array(self._t_s[numbers.start : numbers.stop]),
+            self._estimated(numbers),
+            self._steps[first:end],
+            known,
+            keep_linearisation=self._keep,
+            updates=self._updates,
+        )

@@ -1,0 +1,97 @@
+"""The posterior bound against GTSAM's marginals at the truth, and against other priors."""
+
+from dataclasses import replace
+
+import gtsam
+import msgspec
+import numpy as np
+import pytest
+
+from fgnav.checks import BadInputError, NoSolutionError
+from fgnav.evaluation.posterior_bound import posterior_bound, true_rate_prior, true_states
+from fgnav.graph.build import Layout, flight_graph, flight_values
+from fgnav.graph.factors.position import Position
+from fgnav.integers.truth import Truth
+from fgnav.methods.smoother import Batch
+from fgnav.process.evidence import RatePrior
+from fgnav_sim.simulate import simulate
+from tests.benchmarks.consistency import cases
+from tests.methods.simulated import flown
+
+BATCH = Batch(resolver=Truth())
+ARM_B_M = (0.3, -0.1, 0.2)
+PRIOR = RatePrior(length_s=0.5, variance_rad2ps2=np.full(3, 0.5**2), evidence=float("nan"))
+
+
+@pytest.fixture(scope="module")
+def swing():
+    """Three seconds of the demo, the accelerometer off the origin, and its smoothing problem."""
+    flight = flown("demo", 3.0, imu_position_b_m=ARM_B_M)
+    return flight, BATCH.prepare(flight)
+
+
+def test_the_bound_is_gtsams_marginal_at_the_truth(swing):
+    flight, prepared = swing
+    states, problem = true_states(flight, prepared), prepared.problem
+    marginals = gtsam.Marginals(flight_graph(problem, states), flight_values(problem, states))
+    layout, bound = Layout.of(problem), posterior_bound(flight, prepared)
+    for k in range(len(problem.t_s)):
+        theirs = marginals.marginalCovariance(layout.keyframe(k)[0])[:3, :3]
+        np.testing.assert_allclose(bound[k], theirs, rtol=0, atol=1e-4 * np.trace(theirs))
+
+
+def test_measurements_at_true_states_differ_from_them_by_their_noise(swing):
+    flight, prepared = swing
+    states = true_states(flight, prepared)
+    for measurement in prepared.problem.measurements:
+        count = len(measurement.row)
+        value = measurement.linearise(states.at(measurement.row), np.arange(count)).value
+        if isinstance(measurement, Position):  # all of a flight are off together, by decimetres
+            value = value - value.mean(axis=0)
+        freedom = measurement.freedom.sum()
+        assert (value**2).sum() < freedom * (1 + 5 * np.sqrt(2 / freedom))
+
+
+def test_who_knows_less_of_the_motion_has_the_greater_bound(swing):
+    flight, prepared = swing
+    little = replace(PRIOR, variance_rad2ps2=4 * PRIOR.variance_rad2ps2)
+    more, less = (posterior_bound(flight, prepared, prior) for prior in (PRIOR, little))
+    assert (np.linalg.eigvalsh(less - more) > 0).all()
+
+
+def test_errors_of_the_batch_are_stated_as_the_bound_of_its_own_prior(swing):
+    flight, prepared = swing
+    stated = BATCH.estimate_prepared(flight, prepared).attitude_covariance_rad2
+    bound = posterior_bound(flight, prepared)
+    # Linearised where errors are a third of a degree.
+    np.testing.assert_allclose(
+        np.trace(bound, axis1=1, axis2=2), np.trace(stated, axis1=1, axis2=2), rtol=0.02, atol=0
+    )
+
+
+def test_a_prior_of_the_truth_tells_a_swing_from_a_ramp():
+    t_s = np.arange(0, 9.95, 0.1)
+    swing, ramp = (true_rate_prior(flown(name, 10.0), t_s) for name in ("demo", "ramp"))
+    assert swing.variance_rad2ps2.min() > 4 * ramp.variance_rad2ps2[:2].max()
+
+
+def test_with_a_gyroscope_the_bound_needs_no_prior_and_takes_none():
+    with_gyroscope, without = (
+        simulate(msgspec.structs.replace(cases()[name], duration_s=3.0), np.random.default_rng(1))
+        for name in ("gyro", "a20")
+    )
+    prepared = BATCH.prepare(with_gyroscope)
+    least = np.trace(posterior_bound(with_gyroscope, prepared), axis1=1, axis2=2)
+    free = np.trace(posterior_bound(without, BATCH.prepare(without)), axis1=1, axis2=2)
+    assert (least < 0.8 * free).all()
+    with pytest.raises(BadInputError, match="posterior bound prior: the flight has a gyroscope"):
+        posterior_bound(with_gyroscope, prepared, PRIOR)
+
+
+def test_a_flight_without_truth_has_no_bound(swing):
+    flight, prepared = swing
+    blind = replace(flight, truth=None)
+    with pytest.raises(NoSolutionError, match="a posterior bound needs its truth"):
+        posterior_bound(blind, prepared)
+    with pytest.raises(NoSolutionError, match="a posterior bound needs its truth"):
+        true_rate_prior(blind, prepared.problem.t_s)

@@ -1,0 +1,234 @@
+"""Motion without a gyroscope: its 21 rows against motions in closed form, and against GTSAM."""
+
+from dataclasses import replace
+
+import gtsam
+import numpy as np
+import pytest
+
+from fgnav.checks import BadInputError
+from fgnav.flight import Imu
+from fgnav.graph import keys
+from fgnav.graph.constants import Constants, flight_constant
+from fgnav.graph.factors.gyro_free import GyroFree
+from fgnav.graph.states import DERIVATIVE_SCALE_S, States
+from fgnav.process import matern
+from fgnav.rotations import accumulated, exp
+from tests.graph.factors.motions import (
+    EARTH_N_RADPS,
+    GRAVITY_N_MPS2,
+    by_differences,
+    moved_at_random,
+    sine,
+    spin,
+)
+
+CONSTANTS = Constants(
+    (
+        flight_constant("boresight", ("x", "y"), "rad", 0.1),
+        flight_constant("mean rate", ("x", "y", "z"), "rad/s", 15.0),
+    )
+)
+RATE = slice(2, 5)
+DENSITY = 1e-3**2  # of the accelerometer's noise
+
+
+def gyro_free(imu, t_s, *, length_s=1.0, variance=0.3, sub_steps=5):
+    n = len(t_s)
+    return GyroFree(
+        t_s=t_s,
+        imu=imu,
+        sub_steps=sub_steps,
+        gravity_n_mps2=np.tile(GRAVITY_N_MPS2, (n, 1)),
+        earth_rate_n_radps=EARTH_N_RADPS,
+        length_s=np.full(n - 1, length_s),
+        variance_rad2ps2=np.full((n - 1, 3), variance),
+        accelerometer_noise=np.full(n - 1, DENSITY),
+        rate_column=RATE.start,
+        constants=CONSTANTS,
+    )
+
+
+def of_motion(motion, T, n=20, **options):
+    """A motion's factors and its true states; the constant rate is their mean."""
+    t_s = np.arange(n + 1) * T
+    states = motion.states(t_s, gyroscope=False, constants=np.zeros(CONSTANTS.width))
+    states.constants[RATE] = states.aux[:, 3:6].mean(axis=0)
+    return gyro_free(motion.imu(n * T, 100.0, gyroscope=False), t_s, **options), states
+
+
+def ends(states):
+    return states.at(slice(0, -1)), states.at(slice(1, None))
+
+
+def every(motion):
+    return np.arange(len(motion.t_s) - 1)
+
+
+@pytest.mark.parametrize(
+    ("motion", "T", "options"),
+    [
+        (sine(20.0), 0.1, {"variance": 0.1}),
+        (sine(45.0), 0.1, {"variance": 0.5}),
+        (spin(2.0), 0.05, {"length_s": 0.15, "variance": 0.05**2}),
+    ],
+)
+def test_true_motion_leaves_residuals_below_the_stated_noise(motion, T, options):
+    factors, states = of_motion(motion, T, 40, **options)
+    value = factors.linearise(*ends(states), every(factors)).value
+    assert np.sqrt((value**2).mean(axis=0)).max() < 1.0
+    assert np.abs(value[:, 3:12]).max() < 0.02  # samples without noise: quadrature alone
+
+
+def test_half_a_second_of_a_wide_sine_is_crossed_within_the_accelerometers_noise():
+    factors, states = of_motion(sine(45.0), 0.5, variance=0.5)
+    value = factors.linearise(*ends(states), every(factors)).value
+    assert np.sqrt((value[:, 3:9] ** 2).mean()) < 0.5
+
+
+def test_motion_by_the_process_itself_has_residuals_of_variance_one():
+    rng = np.random.default_rng(5)
+    t_s, imu, states = _simulated(rng, until_s=60.0, length_s=0.8, variance=0.3)
+    factors = gyro_free(imu, t_s, length_s=0.8, variance=0.3)
+    value = factors.linearise(*ends(states), every(factors)).value
+    by_row = (value**2).mean(axis=0)
+    assert by_row[3:6].max() < 1  # the integration's own noise of the position, 0.1 mm, is more
+    others = np.delete(by_row, [3, 4, 5])
+    assert abs(others.mean() - 1) < 3 * np.sqrt(2 / (18 * len(value))) + 0.01
+    assert np.abs(others - 1).max() < 4 * np.sqrt(2 / len(value)) + 0.05
+
+
+def _simulated(rng, *, until_s, length_s, variance):
+    """Keyframes every 0.1 s, a noisy accelerometer and true states of a body that turns so."""
+    h, every_sample, every_keyframe = 1e-3, 10, 100
+    n = round(until_s / h)
+    F, H = matern.transition(h, length_s), matern.integral(h, length_s)
+    L = matern.noise_factor(h, length_s) * np.sqrt(variance)
+    x = np.empty((n + 1, 3, 3))  # time, derivative, axis
+    x[0] = np.linalg.cholesky(matern.stationary(length_s) * variance) @ rng.standard_normal((3, 3))
+    noise, mean = np.einsum("pq,nqi->npi", L, rng.standard_normal((n, 4, 3))), np.array([1.0, 0, 0])
+    for k in range(n):
+        x[k + 1] = F @ x[k] + noise[k, 1:]
+    turned = np.einsum("q,nqi->ni", H, x[:-1]) + noise[:, 0] + mean * h
+    x[:, 0] += mean
+    R_nb = exp(np.outer(-np.arange(n + 1) * h, EARTH_N_RADPS)) @ accumulated(exp(turned))
+    time_s = np.arange(n + 1) * h
+    v = np.array([50.0, 20.0, 1.0])
+    f_n = -GRAVITY_N_MPS2 + 2 * np.cross(EARTH_N_RADPS, v)  # a straight line at constant speed
+    samples, rows = slice(None, None, every_sample), slice(None, None, every_keyframe)
+    f_b = np.einsum("nji,j->ni", R_nb[samples], f_n)
+    density = 100.0 * DENSITY
+    bias = np.cumsum(1e-4 * np.sqrt(0.01) * rng.standard_normal(f_b.shape), axis=0)
+    imu = Imu(
+        t_s=time_s[samples],
+        f_b_mps2=f_b + bias + np.sqrt(density) * rng.standard_normal(f_b.shape),
+        accelerometer_noise_mps2_per_sqrt_hz=np.sqrt(DENSITY),
+        accelerometer_bias_mps2=0.02,
+        accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
+    )
+    m = len(time_s[rows])
+    states = States(
+        R_nb=R_nb[rows],
+        p_n_m=np.outer(time_s[rows], v),
+        v_n_mps=np.tile(v, (m, 1)),
+        aux=np.hstack([bias[::10], x[rows].reshape(m, 9)]),
+        constants=np.zeros(CONSTANTS.width),
+    )
+    states.constants[RATE] = mean
+    return time_s[rows], imu, states
+
+
+@pytest.mark.parametrize(("motion", "T"), [(sine(45.0), 0.1), (spin(2.0), 0.05), (sine(20.0), 0.5)])
+def test_derivatives_are_those_of_the_residuals(motion, T):
+    factors, states = of_motion(motion, T, 5)
+    before, after = ends(moved_at_random(states, np.random.default_rng(1), 0.05))
+    linear = factors.linearise(before, after, every(factors))
+    for exact, numeric in zip(linear[1:], by_differences(factors, before, after), strict=True):
+        size = np.abs(linear.before).max(axis=2, keepdims=True)  # of each row
+        np.testing.assert_allclose(exact / size, numeric / size, rtol=0, atol=1e-6)
+    assert not linear.shared[:, :, : RATE.start].any()
+
+
+def test_gtsams_factor_is_the_kernel():
+    factors, states = of_motion(sine(45.0), 0.1, 5)
+    moved = moved_at_random(states, np.random.default_rng(2), 0.02)
+    linear = factors.linearise(*ends(moved), every(factors))
+    values = gtsam.Values()
+    for row, key in ((3, 7), (4, 2)):
+        values.insert(keys.pose(key), gtsam.Pose3(gtsam.Rot3(moved.R_nb[row]), moved.p_n_m[row]))
+        values.insert(keys.velocity(key), moved.v_n_mps[row])
+        values.insert(keys.angular_motion(key), moved.aux[row])
+    values.insert(keys.constant(1), moved.constants[RATE])
+    (factor,) = factors.factors(3, 7, 2, moved.at(slice(3, 4)))
+    A, b = factor.linearize(values).jacobian()
+    expected = np.hstack([linear.before[3], linear.after[3], linear.shared[3, :, RATE]])
+    np.testing.assert_allclose(A, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(b, -linear.value[3], rtol=0, atol=1e-9 * np.abs(b).max())
+    assert 2 * factor.error(values) == pytest.approx((linear.value[3] ** 2).sum(), rel=1e-9)
+
+
+def test_predicted_states_have_no_residual():
+    factors, states = of_motion(sine(45.0), 0.1, 10)
+    before, _ = ends(moved_at_random(states, np.random.default_rng(3), 0.05))
+    after = factors.predict(before, every(factors))
+    assert np.abs(factors.linearise(before, after, every(factors)).value).max() < 1e-6
+
+
+def test_a_slow_sine_is_predicted_over_a_tenth_of_a_second():
+    factors, states = of_motion(sine(20.0), 0.1, 10)
+    before, after = ends(states)
+    led = factors.predict(before, every(factors))
+    assert np.abs(led.p_n_m - after.p_n_m).max() < 0.1e-3
+    assert np.abs(led.v_n_mps - after.v_n_mps).max() < 1e-3
+    assert np.abs(led.R_nb - after.R_nb).max() < 1e-4
+
+
+def test_rates_are_those_of_the_state():
+    factors, states = of_motion(sine(20.0), 0.1, 5)
+    np.testing.assert_array_equal(
+        factors.rates_b_radps(factors.t_s, states.aux), states.aux[:, 3:6]
+    )
+
+
+def test_prior_is_the_stationary_process_about_the_mean_rate():
+    factors, _ = of_motion(sine(20.0), 0.1, 5, length_s=0.7, variance=0.2)
+    mean, rows = factors.prior(CONSTANTS.width)
+    rng = np.random.default_rng(4)
+    k = np.sqrt(5) / 0.7 * DERIVATIVE_SCALE_S
+    P = 0.2 * np.array([[1, 0, -(k**2) / 3], [0, k**2 / 3, 0], [-(k**2) / 3, 0, k**4]])
+    constants = rng.standard_normal(CONSTANTS.width)
+    x = np.linalg.cholesky(P) @ rng.standard_normal((3, 3))  # derivative, axis
+    aux = np.concatenate([[0.02, 0, 0], x[0] + constants[RATE], x[1], x[2]])
+    white = rows @ np.concatenate([aux - mean, constants])
+    assert white[0] == pytest.approx(1.0)
+    expected = np.einsum("pi,pq,qi->", x, np.linalg.inv(P), x)
+    assert (white[3:] ** 2).sum() == pytest.approx(expected, rel=1e-9)
+
+
+def test_more_keyframes_leave_motion_and_noise_as_they_are():
+    factors, states = of_motion(sine(20.0), 0.2, 5)
+    noise = np.arange(1.0, 6.0)
+    raised = replace(factors, accelerometer_noise=noise)
+    finer = raised.at_times(np.sort(np.r_[factors.t_s, factors.t_s[:-1] + 0.15]))
+    np.testing.assert_array_equal(finer.accelerometer_noise, np.repeat(noise, 2))
+    same = factors.at_times(factors.t_s).linearise(*ends(states), every(factors))
+    kept = factors.linearise(*ends(states), every(factors))
+    np.testing.assert_array_equal(same.value, kept.value)
+
+
+def test_raised_noise_weakens_position_and_velocity_alone():
+    factors, states = of_motion(sine(20.0), 0.1, 5)
+    before, after = ends(moved_at_random(states, np.random.default_rng(6), 0.01))
+    raised = replace(factors, accelerometer_noise=factors.accelerometer_noise * 1e4)
+    kept, weak = (m.linearise(before, after, every(m)).value for m in (factors, raised))
+    np.testing.assert_allclose(weak[:, 6:9], kept[:, 6:9] / 100, rtol=1e-12)
+    others = [0, 1, 2, *range(9, 21)]
+    np.testing.assert_array_equal(weak[:, others], kept[:, others])
+
+
+def test_arrays_of_wrong_shape_are_refused_by_name():
+    factors, _ = of_motion(sine(20.0), 0.1, 5)
+    with pytest.raises(BadInputError, match=r"gyro-free length_s: expected shape \(5,\)"):
+        replace(factors, length_s=np.ones(4))
+    with pytest.raises(BadInputError, match="the mean rate is not among the constants"):
+        replace(factors, rate_column=3)

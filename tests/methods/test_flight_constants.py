@@ -1,0 +1,141 @@
+"""Flights whose description is off: that is estimated with them, and costs nothing."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fgnav.checks import NoSolutionError
+from fgnav.methods.smoother import Batch, Smoother
+from fgnav.process.evidence import RatePrior
+from fgnav.rotations import exp
+from fgnav.seeker import line_of_sight
+from tests.frontend.array.test_shape import OFF_B_M, off
+from tests.methods.simulated import errors_rad, flown, nees
+
+SPAN_S = 20.0
+PRIOR = RatePrior(length_s=1.3, variance_rad2ps2=np.full(3, 0.06), evidence=0.0)
+
+
+def rms_rad(flight, estimate):
+    return np.sqrt((errors_rad(flight, estimate) ** 2).sum(axis=1).mean())
+
+
+def named(estimate, name):
+    return next(one for one in estimate.constants if one.name == name)
+
+
+def normalised(constant, truth):
+    """Error in sigmas by axis, and squared as a whole."""
+    error = constant.value - truth
+    sigmas = error / np.sqrt(np.diag(constant.covariance))
+    return np.abs(sigmas).max(), error @ np.linalg.solve(constant.covariance, error)
+
+
+@pytest.mark.parametrize("method", [Batch, Smoother])
+def test_an_antenna_three_centimetres_off_costs_nothing_once_it_is_estimated(method):
+    right = flown("demo", SPAN_S)
+    wrong = off(right, 3, OFF_B_M)
+    estimate = method(estimate=("antenna:a4",))(wrong)
+    usual = rms_rad(right, method()(right))
+    assert rms_rad(right, method()(wrong)) > 3 * usual
+    assert rms_rad(right, estimate) < 1.1 * usual
+    sigmas, squared = normalised(named(estimate, "antenna a4"), -OFF_B_M)
+    assert sigmas < 3
+    assert squared < 14.2  # chi-square of three at 99.7 %
+    assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 4
+
+
+@pytest.fixture(scope="module")
+def terminal():
+    return flown("terminal", 60.0)
+
+
+def test_a_landmark_five_metres_off_is_found(terminal):
+    shift_n_m = np.array([0.0, 4.0, -3.0])
+    place_n_m = terminal.seeker.landmark_n_m + shift_n_m
+    wrong = dataclasses.replace(
+        terminal, seeker=dataclasses.replace(terminal.seeker, landmark_n_m=place_n_m)
+    )
+    estimate = Batch(estimate=("landmark",))(wrong)
+    sigmas, squared = normalised(named(estimate, "landmark"), -shift_n_m)
+    assert sigmas < 3
+    assert squared < 14.2
+    assert rms_rad(terminal, estimate) < 1.1 * rms_rad(terminal, Batch()(terminal))
+    sight = next(c for c in estimate.consistency if c.what == "line of sight")
+    assert abs(sight.nis - 1) < 5 * np.sqrt(2 / sight.freedom)
+
+
+def turned(flight, turn_b_rad):
+    """The flight as a detector sees it that is turned in the body: currents of other directions."""
+    seeker, seen = flight.seeker, line_of_sight(flight.seeker)
+    e_d = seen.e_b @ exp(np.array([turn_b_rad]))[0]
+    spot = seeker.focal_length_m * e_d[:, 1:] / e_d[:, :1] / seeker.detector_radius_m
+    r_c = np.linalg.norm(spot, axis=1)
+    r_quad = np.interp(r_c, seeker.calibration[:, 1], seeker.calibration[:, 0])
+    logs = spot * (r_quad / r_c)[:, None]
+    zero = np.zeros(len(logs))
+    currents = np.exp(np.stack([logs[:, 1], zero, zero, logs[:, 0]], axis=1))
+    within = r_c < 0.95
+    part = dataclasses.replace(seeker, t_s=seen.t_s[within], currents=currents[within])
+    return dataclasses.replace(flight, seeker=part)
+
+
+def test_a_detector_turned_by_a_degree_is_found(terminal):
+    turn_b_rad = np.radians([0.0, 0.6, -0.8])
+    wrong = turned(terminal, turn_b_rad)
+    estimate = Batch(estimate=("boresight",))(wrong)
+    constant = named(estimate, "boresight")
+    assert np.abs(constant.value - turn_b_rad[1:]).max() < np.radians(0.05)
+    usual = rms_rad(terminal, Batch()(terminal))
+    assert rms_rad(terminal, Batch()(wrong)) > 1.5 * usual
+    assert rms_rad(terminal, estimate) < 1.15 * usual
+
+
+def test_constants_that_nothing_tells_of_are_no_solution(terminal):
+    dark = dataclasses.replace(terminal.seeker, currents=np.zeros_like(terminal.seeker.currents))
+    blind = dataclasses.replace(flown("terminal", SPAN_S), seeker=dark)
+    with pytest.raises(NoSolutionError, match="landmark: the detector never sees the landmark"):
+        Batch(estimate=("landmark",))(blind)
+
+
+def test_the_estimate_lists_constants_with_their_sigmas():
+    estimate = Batch(estimate=("antenna:a4=0.1",))(flown("demo", SPAN_S))
+    listed = named(estimate, "antenna a4").to_dict()
+    assert listed["unit"] == "m"
+    assert set(listed["value"]) == set(listed["sigma"]) == {"x_b", "y_b", "z_b"}
+    assert all(0 < sigma < 0.001 for sigma in listed["sigma"].values())
+    assert any(note.startswith("Antenna a4, off what the flight states") for note in estimate.notes)
+
+
+def test_an_accelerometer_that_sits_elsewhere_is_found_and_the_origin_stays_where_it_is():
+    right = flown("demo", SPAN_S, 1, (0.5, 0.1, -0.2))
+    imu = dataclasses.replace(right.imu, position_b_m=np.array([0.3, 0.2, 0.1]))
+    wrong = dataclasses.replace(right, imu=imu)
+    estimate, usual = Batch(estimate=("lever-arm",))(wrong), Batch()(right)
+    sigmas, squared = normalised(named(estimate, "lever-arm"), np.array([-0.2, 0.1, 0.3]))
+    assert sigmas < 3
+    assert squared < 14.2
+    assert rms_rad(right, estimate) < 1.1 * rms_rad(right, usual)
+    assert rms_rad(right, Batch()(wrong)) > 3 * rms_rad(right, usual)
+    for name in ("p_n_m", "v_n_mps"):
+        apart = getattr(estimate, name) - getattr(usual, name)
+        assert np.sqrt((apart**2).sum(axis=1).mean()) < 0.02, name
+    truth = right.truth
+    v_n_mps = np.stack([np.interp(estimate.t_s, truth.t_s, x) for x in truth.v_n_mps.T], axis=1)
+    assert nees(estimate.v_n_mps - v_n_mps, estimate.velocity_covariance_m2ps2) < 5
+
+
+def test_times_between_keyframes_know_the_same_constants():
+    """An array's shape, a barometer and a magnetometer at keyframes that measure nothing."""
+    flight = flown("demo", 6.0)
+    method = Batch(estimate=("antenna:a4",), rate_prior=PRIOR)
+    whole, dense = method(flight), method.at(flight, np.arange(1.0, 4.0, 0.05))
+    assert len(dense.t_s) == 60
+    one, other = named(whole, "antenna a4"), named(dense, "antenna a4")
+    sigma = np.sqrt(np.diag(one.covariance))
+    assert np.abs((one.value - other.value) / sigma).max() < 0.2
+    flight = flown("surroundings", 10.0)
+    whole, dense = Batch()(flight), Batch().at(flight, np.arange(2.0, 8.0, 0.25))
+    for a, b in zip(whole.constants, dense.constants, strict=True):
+        assert np.abs((a.value - b.value) / np.sqrt(np.diag(a.covariance))).max() < 0.3

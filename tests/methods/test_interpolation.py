@@ -1,0 +1,73 @@
+"""Any time within a flight as a keyframe."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fgnav.checks import BadInputError
+from fgnav.integers.truth import Truth
+from fgnav.methods.smoother import Batch, Forward, Smoother
+from tests.methods.simulated import errors_rad, flown, nees
+
+RIGHT = Truth()
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return flown("demo", 20.0)
+
+
+@pytest.fixture(scope="module")
+def batch(flight):
+    return Batch(resolver=RIGHT)(flight)
+
+
+def test_between_keyframes_the_motion_model_is_as_good_as_at_them(flight, batch):
+    t_s = np.arange(1.013, 18.9, 0.25)
+    between = Batch(resolver=RIGHT).at(flight, t_s)
+    assert_allclose(between.t_s, t_s)
+    assert between.converged
+    error = errors_rad(flight, between)
+    assert 0.8 < nees(error, between.attitude_covariance_rad2) < 4.5
+    sigma, at_keyframes = (
+        np.sqrt(np.einsum("nii->ni", e.attitude_covariance_rad2)).mean(axis=0)
+        for e in (between, batch)
+    )
+    assert_allclose(sigma, at_keyframes, rtol=0.15)
+
+
+def test_a_time_at_a_keyframe_is_that_keyframe(flight, batch):
+    estimate = Batch(resolver=RIGHT).at(flight, batch.t_s[[3, 50]])
+    assert_allclose(estimate.p_n_m, batch.p_n_m[[3, 50]], atol=1e-9)
+    assert_allclose(estimate.R_nb, batch.R_nb[[3, 50]], atol=1e-12)
+    assert estimate.epochs == 2
+
+
+@pytest.mark.parametrize("method", [Smoother(resolver=RIGHT), Forward(resolver=RIGHT)])
+def test_the_window_and_the_filter_tell_any_time_too(flight, method):
+    estimate = method.at(flight, np.array([5.03, 5.07, 12.345]))
+    assert np.abs(errors_rad(flight, estimate)).max() < 0.1
+    assert estimate.method == method.name
+
+
+def test_more_times_leave_the_others_as_they_were(flight, batch):
+    t_s = np.union1d(batch.t_s, [5.05, 5.051])
+    dense = Batch(resolver=RIGHT).at(flight, t_s)
+    row = np.searchsorted(t_s, batch.t_s)
+    sigma = np.sqrt(np.einsum("nii->ni", batch.position_covariance_m2))
+    # Other sub-steps in two intervals, and no more.
+    assert (np.abs(dense.p_n_m[row] - batch.p_n_m) < 0.02 * sigma).all()
+
+
+@pytest.mark.parametrize(
+    ("t_s", "text"),
+    [
+        ([], "must be one or more times"),
+        ([3.0, 2.0], "must be one or more times"),
+        ([-5.0, 2.0], "t_s: must lie within the keyframes"),
+        ([2.0, 50.0], "t_s: must lie within the keyframes"),
+    ],
+)
+def test_times_that_mean_nothing_are_refused(flight, t_s, text):
+    with pytest.raises(BadInputError, match=text):
+        Batch(resolver=RIGHT).at(flight, np.array(t_s))

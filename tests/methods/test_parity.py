@@ -1,0 +1,158 @@
+"""The compiled chain may stand in for GTSAM while both agree: every method, option, kind of flight.
+
+Within 0.01 degree, or 4 % of a sigma where that is more, and 3 % of every sigma, root mean square
+over a flight. ``WIDER`` has what differs by more: windows and filters that linearise a product of
+two unknowns, lever arm and rate, or a second without GNSS, before either is known. Both then err
+alike against the truth, so it is for neither of them to follow the other.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from fgnav.checks import NoSolutionError
+from fgnav.gravity import LowDynamics
+from fgnav.methods.smoother import Batch, Forward, Smoother
+from fgnav.rotations import log, transpose
+from fgnav_sim.simulate import simulate
+from tests.frontend.array.test_float_arcs import Cut, flown_without_integers
+from tests.methods.simulated import errors_rad
+from tests.methods.test_truncation import OUTAGE, scenario
+from tests.methods.true_gravity import TrueGravity
+
+AGREE_DEG, AGREE_SIGMAS, SIGMAS_AGREE = 0.01, 0.04, 0.03
+VECTORS = {
+    "p_n_m": "position_covariance_m2",
+    "v_n_mps": "velocity_covariance_m2ps2",
+    "accelerometer_bias_mps2": "accelerometer_bias_covariance_m2ps4",
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scenario, what is asked of the methods, and how often they state anything."""
+
+    scenario: object
+    options: dict = field(default_factory=dict)
+    rate_hz: float | None = None
+
+
+SIGHT = scenario("terminal", 12.0, range_m=9000.0)
+SURROUNDINGS = scenario("surroundings", 15.0)
+CASES = {
+    "demo": Case(scenario("demo", 12.0)),
+    "rough": Case(scenario("rough", 12.0)),
+    "spin": Case(scenario("spin", 12.0)),
+    "gyroscope": Case(scenario("demo", 12.0, gyroscope=True)),
+    "one epoch a second": Case(scenario("demo", 12.0, rate_hz=1.0)),
+    "outage": Case(scenario("demo", 12.0, outages=(OUTAGE,))),
+    "landmark": Case(SIGHT, {"estimate": ("landmark",)}),
+    "boresight": Case(SIGHT, {"estimate": ("boresight",)}),
+    "lever-arm": Case(scenario("demo", 12.0), {"estimate": ("lever-arm",)}),
+    "lever-arm, gyroscope": Case(
+        scenario("demo", 12.0, gyroscope=True), {"estimate": ("lever-arm",)}
+    ),
+    "antennas": Case(scenario("demo", 12.0), {"estimate": ("antennas",)}),
+    "barometer and hard iron": Case(SURROUNDINGS),
+    "gravity": Case(scenario("demo", 12.0), {"gravity": TrueGravity(), "estimate": ("gravity",)}),
+    "gravity without phase": Case(scenario("six", 12.0, fixes=True), {"gravity": TrueGravity()}),
+    "low dynamics": Case(scenario("ramp", 12.0), {"gravity": LowDynamics()}),
+    "fixes and gyroscope": Case(scenario("six", 15.0, fixes=True, gyroscope=True)),
+    "float arcs": Case(None, {"resolver": Cut()}),
+    "states between epochs": Case(scenario("demo", 12.0), rate_hz=25.0),
+}
+# In sigmas, and of sigmas: measured, and a third more.
+WIDER = {
+    ("one epoch a second", "smoother"): (0.18, 0.03),  # the bias
+    ("lever-arm", "smoother"): (0.19, 0.05),  # bias, velocity of the origin
+    ("lever-arm, gyroscope", "smoother"): (0.14, 0.03),
+    ("lever-arm", "forward"): (0.37, 0.43),  # velocity of the origin in the first second and a half
+    ("fixes and gyroscope", "forward"): (0.3, 0.06),  # not converged: neither is to be used
+}
+METHODS = {"smoother": Smoother(lag_s=2.0), "forward": Forward(), "batch": Batch()}
+
+
+def solved(case, method):
+    """Return what GTSAM and the chain make of a case."""
+    flight = flight_of(case)
+    method = replace(method, **case.options)
+    both = []
+    for solver in ("gtsam", "chain"):
+        one = replace(method, solver=solver)
+        both.append(one(flight) if case.rate_hz is None else one.at(flight, rate_hz=case.rate_hz))
+    return both
+
+
+def flight_of(case):
+    if case.scenario is None:
+        return flown_without_integers()
+    return simulate(case.scenario, np.random.default_rng(20_001))
+
+
+def rms(values):
+    return float(np.sqrt((np.asarray(values) ** 2).mean()))
+
+
+def sigmas(covariance):
+    return np.sqrt(np.einsum("nii->ni", covariance))
+
+
+@pytest.mark.parametrize("which", CASES)
+@pytest.mark.parametrize("name", METHODS)
+def test_gtsam_and_the_chain_agree(which, name):
+    case = CASES[which]
+    if name == "forward" and isinstance(case.options.get("gravity"), TrueGravity):
+        pytest.skip("drawn about the truth: of all of a flight")
+    gtsam, chain = solved(case, METHODS[name])
+    assert gtsam.converged == chain.converged
+    limits = WIDER.get((which, name), (AGREE_SIGMAS, SIGMAS_AGREE))
+    for what, figures in apart(gtsam, chain).items():
+        for figure, limit in zip(figures, limits, strict=True):
+            assert figure < limit, what
+
+
+def test_both_err_alike_where_they_need_not_agree():
+    """A second without GNSS, and a lever arm unknown to 0.3 m."""
+    for which in ("one epoch a second", "lever-arm"):
+        case = CASES[which]
+        flight = flight_of(case)
+        gtsam, chain = (rms(errors_rad(flight, one)) for one in solved(case, METHODS["smoother"]))
+        assert gtsam == pytest.approx(chain, rel=0.03)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_both_refuse_a_flight_without_a_turn(name):
+    """One antenna, no gyroscope: where no solution is, neither has one."""
+    flight = simulate(scenario("six", 4.0, fixes=True), np.random.default_rng(20_001))
+    still = np.broadcast_to(flight.fixes.p_n_m[0], flight.fixes.p_n_m.shape)
+    fixes = replace(flight.fixes, p_n_m=still, v_n_mps=None, velocity_sigma_mps=None)
+    for solver in ("gtsam", "chain"):
+        with pytest.raises(NoSolutionError):
+            replace(METHODS[name], solver=solver)(replace(flight, fixes=fixes))
+
+
+def apart(one, other):
+    """Return how far apart two estimates and their sigmas are, in sigmas, by what is estimated."""
+    sigma = sigmas(other.attitude_covariance_rad2)
+    turn = log(transpose(one.R_nb) @ other.R_nb)
+    floor = np.radians(AGREE_DEG) / AGREE_SIGMAS  # 0.01 degree counts as three hundredths
+    found = {
+        "attitude": (
+            rms(turn) / max(rms(sigma), floor),
+            rms(sigmas(one.attitude_covariance_rad2) / sigma - 1),
+        )
+    }
+    for name, covariance in VECTORS.items():
+        sigma = sigmas(getattr(other, covariance))
+        found[name] = (
+            rms((getattr(one, name) - getattr(other, name)) / sigma),
+            rms(sigmas(getattr(one, covariance)) / sigma - 1),
+        )
+    for a, b in zip(one.constants, other.constants, strict=True):
+        sigma = np.sqrt(np.diag(b.covariance))
+        found[b.name] = (
+            rms((a.value - b.value) / sigma),
+            rms(np.sqrt(np.diag(a.covariance)) / sigma - 1),
+        )
+    return found

@@ -1,0 +1,200 @@
+"""The smoother on simulated and real flights: errors, and what it states of them."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fgnav.checks import BadInputError
+from fgnav.gravity import LowDynamics
+from fgnav.integers.truth import Truth
+from fgnav.io.importers.umn import read_umn
+from fgnav.methods.maximum_likelihood import MaximumLikelihood
+from fgnav.methods.smoother import Batch, Smoother
+from tests.benchmarks import consistency
+from tests.benchmarks.gravity import flights
+from tests.methods.simulated import errors_rad, euler_rmse_deg, flown, nees
+from tests.methods.test_maximum_likelihood import Off
+
+RIGHT = Truth()
+
+
+@pytest.mark.parametrize("scenario", ["demo", "ramp", "spin", "terminal"])
+@pytest.mark.parametrize("method", [Smoother(resolver=RIGHT), Batch(resolver=RIGHT)])
+def test_every_motion_is_smoothed_with_a_believable_covariance(scenario, method):
+    flight = flown(scenario, 30.0)
+    estimate = method(flight)
+    assert estimate.converged
+    assert estimate.available == 1
+    single = euler_rmse_deg(flight, MaximumLikelihood(resolver=RIGHT)(flight))
+    assert (euler_rmse_deg(flight, estimate) < 0.9 * single).all()
+    # Errors last for seconds: thirty of them are ten samples of a mean of three.
+    assert 0.8 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
+    truth = flight.truth
+    place = np.stack([np.interp(estimate.t_s, truth.t_s, x) for x in truth.p_n_m.T], axis=1)
+    assert np.sqrt(((estimate.p_n_m - place) ** 2).sum(axis=1).mean()) < 0.3
+    speed = np.stack([np.interp(estimate.t_s, truth.t_s, x) for x in truth.v_n_mps.T], axis=1)
+    assert np.sqrt(((estimate.v_n_mps - speed) ** 2).sum(axis=1).mean()) < 0.05
+
+
+def test_an_accelerometer_off_the_origin_gives_the_origin_all_the_same():
+    arm = (0.3, -0.1, 0.2)
+    flight = flown("demo", 30.0, imu_position_b_m=arm)
+    estimate = Batch(resolver=RIGHT)(flight)
+    assert estimate.converged
+    place = np.stack(
+        [np.interp(estimate.t_s, flight.truth.t_s, x) for x in flight.truth.p_n_m.T], axis=1
+    )
+    # Without the lever arm the error would be its length, 0.37 m.
+    assert np.sqrt(((estimate.p_n_m - place) ** 2).sum(axis=1).mean()) < 0.2
+    assert (euler_rmse_deg(flight, estimate) < [0.30, 0.15, 0.08]).all()
+
+
+def test_the_line_of_sight_sharpens_the_attitude():
+    flight = flown("terminal", 60.0)
+    with_sight, without = (
+        Batch(resolver=RIGHT)(f) for f in (flight, dataclasses.replace(flight, seeker=None))
+    )
+    last = with_sight.t_s > flight.seeker.t_s[0]
+    sigma = [
+        np.sqrt(np.einsum("nii->ni", e.attitude_covariance_rad2[last]).mean(axis=0))
+        for e in (with_sight, without)
+    ]
+    assert (sigma[0][1:] < sigma[1][1:]).all()
+    error = errors_rad(flight, with_sight)[last]
+    assert nees(error, with_sight.attitude_covariance_rad2[last]) < 4
+
+
+def test_epochs_with_wrong_integers_cost_nothing():
+    flight = flown("demo", 20.0)
+    estimate = Batch(resolver=Off(epochs=(50, 51, 52)))(flight)
+    assert estimate.available == 1
+    assert (euler_rmse_deg(flight, estimate) < [0.30, 0.15, 0.08]).all()
+    mended = [one for one in estimate.rejections if "mended" in one.reason]
+    assert mended
+    assert {(one.what, one.from_s, one.until_s) for one in mended} == {("phase", 5.0, 5.2)}
+    assert not any("chi-square" in loss.reason for loss in estimate.losses)
+
+
+def test_gravity_directions_take_part_and_what_is_left_out_is_counted():
+    flight = flown("ramp", 20.0)
+    estimate = Batch(resolver=RIGHT, gravity=LowDynamics())(flight)
+    assert estimate.converged
+    assert (euler_rmse_deg(flight, estimate) < [0.30, 0.15, 0.08]).all()
+
+
+def test_an_inertial_record_of_two_samples_bridges_its_hole_with_phase_alone():
+    """What it says is wrong by all of gravity: the attitude must not believe it."""
+    flight = flown("demo", 5.0)
+    ends = flight.imu.t_s[[0, -1]]
+    empty = dataclasses.replace(flight.imu, t_s=ends, f_b_mps2=np.zeros((2, 3)))
+    estimate = Batch(resolver=RIGHT)(dataclasses.replace(flight, imu=empty))
+    assert f"No inertial samples from 0.00 to {ends[1]:.2f} s." in estimate.notes
+    single = euler_rmse_deg(flight, MaximumLikelihood(resolver=RIGHT)(flight))
+    assert (euler_rmse_deg(flight, estimate) < 1.1 * single).all()
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: Smoother(lag_s=0.0), "smoother lag_s: must be positive"),
+        (lambda: Batch(sub_steps=0), "batch sub_steps: must be 1 or more"),
+        (lambda: Batch(false_alarm=-1.0), "batch false_alarm: must be positive"),
+        (lambda: Smoother(solver="other"), "smoother solver: must be gtsam or chain, got 'other'"),
+        (
+            lambda: Batch(solver="chain", factors=(print,)),
+            "batch solver: chain takes no factors of one's own; use solver gtsam",
+        ),
+        (lambda: Batch(estimate=("landmrk",)), "estimate: 'landmrk' is none of"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(make, text):
+    with pytest.raises(BadInputError, match=text):
+        make()
+
+
+def test_same_flight_same_bytes():
+    flight = flown("demo", 5.0)
+    first, second = (Smoother(resolver=RIGHT)(flight) for _ in range(2))
+    assert first.R_nb.tobytes() == second.R_nb.tobytes()
+    assert first.position_covariance_m2.tobytes() == second.position_covariance_m2.tobytes()
+
+
+def of_two_antennas(flight):
+    """The same flight with its first antenna and the one a metre ahead of it."""
+    keep = [0, 3]
+    seen = flight.observations
+    per_antenna = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
+    observations = dataclasses.replace(
+        seen, **{name: getattr(seen, name)[:, keep] for name in per_antenna}
+    )
+    antennas = tuple(flight.antennas[k] for k in keep)
+    return dataclasses.replace(flight, observations=observations, antennas=antennas)
+
+
+def test_one_baseline_and_an_accelerometer_give_all_three_angles():
+    """What phase leaves open, roll, gravity tells through the accelerometer."""
+    flight = of_two_antennas(flown("demo", 30.0))
+    single = MaximumLikelihood(resolver=RIGHT)(flight)
+    assert single.unobservable == ("roll",)
+    estimate = Batch(resolver=RIGHT)(flight)
+    assert estimate.converged
+    assert (euler_rmse_deg(flight, estimate) < [0.5, 0.3, 0.2]).all()
+    assert nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 5
+
+
+@pytest.mark.parametrize("method", [Smoother(resolver=RIGHT), Batch(resolver=RIGHT)])
+def test_a_spin_is_followed_with_one_baseline(method):
+    """Other vectors say where to start: a body at rest would be a turn away after a second."""
+    flight = of_two_antennas(flown("spin", 20.0))
+    estimate = method(flight)
+    assert estimate.converged
+    assert (euler_rmse_deg(flight, estimate) < [0.1, 0.1, 0.1]).all()
+    assert nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 5
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_errors_of_messages_do_not_keep_positions_from_phase(seed):
+    """Metres that stay with a satellite's code: its arcs have a constant for them."""
+    estimate = Batch(resolver=Truth())(consistency.flown("a20", seed))
+    assert not any("Positions are those of code" in note for note in estimate.notes)
+
+
+def test_without_phase_the_window_is_as_sure_of_its_heading_as_it_may_be():
+    """Linearised where it had its states by then, their errors squared were 15, 621, 16 of 3."""
+    for flight in flights(3, 77):
+        estimate = Smoother()(flight)
+        assert nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
+
+
+def test_the_window_follows_a_real_flight_with_its_gyroscope(shared):
+    """Against the filter on board, which saw the same data; on the ground nothing tells heading."""
+    flight = read_umn(shared / "flights" / "thor75" / "thor_flight75.mat")
+    estimate = Smoother()(flight)
+    assert estimate.converged
+    airborne = np.linalg.norm(estimate.v_n_mps, axis=1) > 8
+    gap = np.degrees(errors_rad(flight, estimate)[airborne])
+    assert (np.sqrt((gap**2).mean(axis=0)) < [2.0, 2.0, 6.0]).all()
+
+
+def test_the_batch_solves_a_real_flight_without_its_gyroscope(shared):
+    """Fixes once a second and an accelerometer: roll and pitch to degrees, heading to tens."""
+    flight = read_umn(shared / "flights" / "thor75" / "thor_flight75.mat")
+    gone = dict.fromkeys(
+        (
+            "w_b_radps",
+            "gyroscope_noise_radps_per_sqrt_hz",
+            "gyroscope_bias_radps",
+            "gyroscope_bias_walk_radps_per_sqrt_s",
+        )
+    )
+    blind = dataclasses.replace(flight, imu=dataclasses.replace(flight.imu, **gone))
+    estimate = Batch()(blind)
+    assert estimate.converged
+    assert "starts with the velocity along x_b" in estimate.notes[0]
+    airborne = np.linalg.norm(estimate.v_n_mps, axis=1) > 8
+    gap = np.degrees(errors_rad(flight, estimate)[airborne])
+    assert (np.sqrt((gap**2).mean(axis=0)) < [10.0, 5.0, 40.0]).all()
+    # By rates that only walk 6.0, errors of roll 1.7 sigmas: between fixes they come and go.
+    covariance = estimate.attitude_covariance_rad2[airborne]
+    assert 1 < nees(np.radians(gap), covariance) < 4

@@ -1,0 +1,29 @@
+"""Flights without an answer on the command line: one line on what is missing, and no output."""
+
+import pytest
+
+from fgnav.cli import main
+from fgnav.io.flight_folder import save_flight
+from tests.frontend.test_unsolvable import CASES, blind
+from tests.methods.simulated import flown
+
+FLIGHTS = {
+    name: (lambda change=change: change(flown("demo", 5.0)))
+    for name, (change, _) in CASES.items()
+    if name != "no epoch"  # no such file can be read: bad input
+}
+FLIGHTS["a detector that never sees"] = blind
+# What the line on the command line begins with: a state, or what was not measured.
+WORDS = ("attitude: ", "position: ", "rate: ", "motion: ", "antenna a1: no code observation")
+
+
+@pytest.mark.parametrize("method", ["smoother", "forward"])
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_the_command_line_leaves_nothing_that_looks_like_a_success(name, method, tmp_path, capsys):
+    place, out = tmp_path / "flight", tmp_path / "out"
+    save_flight(FLIGHTS[name](), place)
+    assert main(["run", str(place), "--method", method, "--out", str(out)]) == 1
+    line = capsys.readouterr().err
+    assert line.startswith(tuple(f"fgnav: {method}: {word}" for word in WORDS))
+    assert line.count("\n") == 1
+    assert not out.exists() or not list(out.iterdir())

@@ -1,0 +1,143 @@
+"""Flights without carrier phase: the smoother started from vectors."""
+
+import dataclasses
+
+import msgspec
+import numpy as np
+import pytest
+
+from fgnav import rotations
+from fgnav.checks import NoSolutionError
+from fgnav.frontend import vector_alignment
+from fgnav.methods.smoother import Batch, Forward, Smoother
+from fgnav.solve.batch import solve_batch
+from fgnav_sim.scenario import FixesTable
+from fgnav_sim.simulate import simulate
+from tests.benchmarks import consistency
+from tests.benchmarks.gravity import Pair, flights
+from tests.frontend.test_unsolvable import lacking
+from tests.frontend.test_vector_alignment import swinging
+from tests.methods.simulated import errors_rad, euler_rmse_deg, nees
+from tests.methods.true_gravity import TrueGravity
+
+
+@pytest.fixture(scope="module")
+def flight():
+    """A body that swings by 20 degrees about all axes in a turn: never nose first."""
+    return swinging()
+
+
+@pytest.mark.parametrize("method", [Batch, Smoother])
+def test_a_flight_without_phases_is_solved_with_gravity_and_an_honest_covariance(flight, method):
+    estimate = method(gravity=TrueGravity())(flight)
+    assert estimate.converged
+    assert (euler_rmse_deg(flight, estimate) < 1.5).all()
+    assert 1 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
+    assert not any(loss.what == "velocity" for loss in estimate.losses)
+
+
+def test_a_heading_known_to_twenty_degrees_ends_at_its_minimum():
+    """Full steps cross the valley to and fro: after a hundred they still were at it."""
+    cruise = flights(2, 77)[1]
+    prepared = Batch(gravity=Pair(interval_s=6.0)).prepare(cruise)
+    assert solve_batch(prepared.problem).converged
+
+
+@pytest.mark.parametrize("number", [4, 14])
+def test_a_spin_is_solved_without_phase(number):
+    """1.2 and 4.6 turns a second."""
+    flight = flights(30, 77)[number]
+    estimate = Batch()(flight)
+    assert estimate.converged
+    assert not any(loss.what == "velocity" for loss in estimate.losses)
+    assert 0.5 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
+
+
+@pytest.fixture
+def unturned(monkeypatch):
+    """A spin whose own rotation nobody tells: no search finds attitudes that explain it."""
+    monkeypatch.setattr(vector_alignment, "own_rotation", lambda _: None)
+    return flights(5, 77)[4]
+
+
+def test_a_wrong_minimum_does_not_look_like_a_flight(unturned):
+    estimate = Batch()(unturned)
+    assert not estimate.converged
+    assert estimate.unobservable == ("turn about the specific force",)
+
+
+def test_a_window_is_not_linearised_at_a_wrong_minimum(unturned):
+    text = "attitude: the turn about the specific force is left open: .* explains the measurements"
+    with pytest.raises(NoSolutionError, match=text):
+        Smoother()(unturned)
+
+
+def test_a_minimum_counts_where_it_explains_what_was_measured(flight):
+    """The very same search, the noise stated three times too small."""
+    fixes = flight.fixes
+    loud = dataclasses.replace(
+        flight, fixes=dataclasses.replace(fixes, velocity_sigma_mps=fixes.velocity_sigma_mps / 3)
+    )
+    assert Batch()(flight).converged
+    assert not Batch()(loud).converged
+
+
+@pytest.mark.parametrize("every", [20, 30, 60])
+def test_gravity_now_and_then_tells_how_far_from_nose_first_a_body_flies(flight, every):
+    """Once in two to six seconds."""
+    estimate = Batch(gravity=TrueGravity(every=every))(flight)
+    assert estimate.converged
+    assert 0.5 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 6
+
+
+@pytest.mark.parametrize("method", [Batch, Smoother])
+def test_one_antenna_tells_the_attitude_of_two_turns_a_second(method):
+    """Its accelerometer is off the axis and feels 3 m/s2 of that."""
+    spin = msgspec.structs.replace(consistency.cases()["spin2hz"], duration_s=20.0)
+    flight = simulate(spin, np.random.default_rng(1))
+    alone = dataclasses.replace(lacking(flight, antennas=[0]), truth=flight.truth)
+    estimate = method()(alone)
+    assert estimate.converged
+    assert (euler_rmse_deg(flight, estimate) < 1.0).all()
+    assert nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
+
+
+@pytest.mark.parametrize("gravity", [None, TrueGravity(every=100)], ids=["none", "too little"])
+@pytest.mark.parametrize("method", [Batch, Smoother])
+def test_a_gyroscope_tells_the_attitude_of_a_body_that_is_never_nose_first(method, gravity):
+    """Specific forces of different times are vectors enough: no direction of travel is assumed."""
+    gyroscope = consistency.cases()["gyro"]
+    scenario = msgspec.structs.replace(
+        gyroscope, duration_s=20.0, gnss=None, fixes=FixesTable(rate_hz=10.0)
+    )
+    flight = simulate(scenario, np.random.default_rng(1))
+    estimate = method(gravity=gravity)(flight)
+    assert estimate.converged
+    # The window's first states are known from no more than its lag.
+    assert (euler_rmse_deg(flight, estimate) < (0.1 if method is Batch else 1.0)).all()
+    assert 0.5 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 6
+
+
+def test_a_filter_without_phase_is_as_sure_of_its_heading_as_it_may_be(flight):
+    _, cruise, _, turn = flights(4, 77)
+    for one, gravity in ((cruise, None), (turn, None), (flight, TrueGravity())):
+        estimate = Forward(gravity=gravity)(one)
+        assert estimate.converged
+        assert 0.5 < nees(errors_rad(one, estimate), estimate.attitude_covariance_rad2) < 4.5
+
+
+def test_the_batch_finds_its_minimum_from_forty_degrees_off(flight):
+    """Each attitude by itself about an axis of its own."""
+    problem = Batch(gravity=TrueGravity()).prepare(flight).problem
+    n, rng = len(problem.t_s), np.random.default_rng(0)
+    axis = rng.standard_normal((n, 3))
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    off = problem.start.R_nb @ rotations.exp(np.radians(40.0) * axis)
+    right, turned = (
+        solve_batch(dataclasses.replace(problem, start=problem.start._replace(R_nb=R_nb)))
+        for R_nb in (problem.start.R_nb, off)
+    )
+    assert turned.converged
+    apart = rotations.log(rotations.transpose(right.states.R_nb) @ turned.states.R_nb)
+    sigma = np.sqrt(np.einsum("nii->ni", right.covariance[:, :3, :3]))
+    assert (np.abs(apart) < 0.1 * sigma).all()

@@ -1,0 +1,111 @@
+"""The whole flight at once, against dense algebra on GTSAM's own graph."""
+
+import gtsam
+import numpy as np
+import pytest
+
+from fgnav.checks import FloatArray
+from fgnav.graph import keys
+from fgnav.graph.build import Layout, flight_graph, flight_values
+from fgnav.graph.constants import flight_constant
+from fgnav.graph.problem import SmoothingProblem
+from fgnav.graph.solution import Solution
+from fgnav.graph.states import States
+from fgnav.solve.batch import solve_batch
+from tests.solve.flights import apart, flight, sigmas_apart
+
+
+def _dense(
+    problem: SmoothingProblem, states: States, own: list[gtsam.NonlinearFactor]
+) -> tuple[FloatArray, FloatArray]:
+    """Newton step and covariance of all variables by one dense inverse."""
+    layout, ordering = Layout.of(problem), gtsam.Ordering()
+    for k in range(len(problem.t_s)):
+        for key in layout.keyframe(k):
+            ordering.push_back(key)
+    for key in layout.constant_keys:
+        ordering.push_back(key)
+    linear = flight_graph(problem, states, own).linearize(flight_values(problem, states))
+    A, b = linear.jacobian(ordering)
+    inverse = np.linalg.pinv(A, rcond=1e-14)
+    return inverse @ b, inverse @ inverse.T
+
+
+def _worst(one: FloatArray, other: FloatArray, sigma: FloatArray, beside: FloatArray) -> float:
+    """Largest difference of two covariances, as a correlation."""
+    return float(np.abs((one - other) / np.outer(sigma, beside)).max())
+
+
+def _compare(problem: SmoothingProblem, solution: Solution, P: FloatArray) -> float:
+    D, n = problem.width, len(problem.t_s)
+    sigma = np.sqrt(np.diag(P))
+    shared, worst = slice(n * D, None), 0.0
+    for k in range(n):
+        own, after = slice(k * D, k * D + D), slice(k * D + D, k * D + 2 * D)
+        s, c = sigma[own], sigma[shared]
+        pairs = [(solution.covariance[k], own, s)]
+        if k < n - 1:
+            pairs.append((solution.cross[k], after, sigma[after]))
+        if len(c):
+            pairs.append((solution.constant_cross[k], shared, c))
+            worst = max(worst, _worst(solution.constant_covariance[k], P[shared, shared], c, c))
+        for block, columns, beside in pairs:
+            worst = max(worst, _worst(block, P[own, columns], s, beside))
+    return worst
+
+
+@pytest.mark.parametrize("gyroscope", [False, True])
+@pytest.mark.parametrize("is_far", [False, True])
+def test_batch_is_the_least_cost_with_its_covariances(gyroscope: bool, is_far: bool) -> None:
+    lever = flight_constant("lever arm", ("x", "y"), "m", 0.5)
+    problem, truth = flight(1.0, gyroscope=gyroscope, extra=(lever,))
+    own = []
+    if is_far:  # a factor across the flight, which no chain has
+        R, p = truth.R_nb[1].T @ truth.R_nb[9], truth.R_nb[1].T @ (truth.p_n_m[9] - truth.p_n_m[1])
+        noise = gtsam.noiseModel.Isotropic.Sigma(6, 1e-3)
+        own = [
+            gtsam.BetweenFactorPose3(
+                keys.pose(1), keys.pose(9), gtsam.Pose3(gtsam.Rot3(R), p), noise
+            )
+        ]
+    solution = solve_batch(problem, own=own)
+    step, P = _dense(problem, solution.states, own)
+    assert solution.converged
+    assert np.abs(step / np.sqrt(np.diag(P))).max() < 0.02
+    assert _compare(problem, solution, P) < 1e-4
+    graph = flight_graph(problem, solution.states, own)
+    cost = 2 * graph.error(flight_values(problem, solution.states))
+    np.testing.assert_allclose(solution.cost, cost, rtol=1e-6)
+
+
+def test_batch_begun_far_off_ends_in_the_same_minimum() -> None:
+    problem, _ = flight(2.0)
+    near = solve_batch(problem)
+    rng = np.random.default_rng(3)
+    steps = rng.normal(size=(21, 21)) * np.r_[np.full(3, 0.3), np.full(6, 3.0), np.full(12, 0.3)]
+    far = near.states.moved(steps, np.zeros(3))
+    begin = Solution(
+        states=far,
+        covariance=near.covariance,
+        cross=None,
+        constant_covariance=near.constant_covariance,
+        constant_cross=near.constant_cross,
+        converged=False,
+    )
+    again = solve_batch(problem, begin=begin)
+    assert again.converged
+    assert sigmas_apart(near, again) < 0.05
+
+
+@pytest.mark.parametrize("gyroscope", [False, True])
+def test_errors_of_a_batch_are_of_the_size_that_it_states(gyroscope: bool) -> None:
+    normalised = []
+    for seed in range(6):
+        problem, truth = flight(3.0, gyroscope=gyroscope, seed=seed)
+        solution = solve_batch(problem)
+        middle = np.arange(5, 30, 8)
+        d = apart(truth, solution.states)[middle, :9]
+        P = solution.covariance[middle, :9, :9]
+        normalised.append(np.einsum("ni,nij,nj->n", d, np.linalg.inv(P), d).mean())
+    # Nine dimensions, about eight independent samples: the mean's sigma is 1.5.
+    assert 5.0 < np.mean(normalised) < 14.0

@@ -1,0 +1,100 @@
+"""Outages, slow motions and gyroscopes: GTSAM and the chain end in the same place."""
+
+from dataclasses import replace
+
+import gtsam
+import numpy as np
+import pytest
+
+from fgnav.graph import keys
+from fgnav.graph.constants import flight_constant
+from fgnav.graph.problem import SmoothingProblem
+from fgnav.rotations import log, transpose
+from fgnav.solve import chain, fixed_lag
+from fgnav.solve.batch import solve_batch
+from tests.graph.factors.motions import sine
+from tests.solve.flights import flight, sigma_ratio, sigmas_apart
+
+AGREE_RAD, AGREE_SIGMAS, AGREE_RATIO = np.radians(0.01), 0.1, 0.03
+
+
+def with_outage(problem: SmoothingProblem, from_s: float, until_s: float) -> SmoothingProblem:
+    """Nothing is measured within a span, and no attitude known."""
+    gone = (problem.t_s > from_s) & (problem.t_s < until_s)
+    measurements = []
+    for one in problem.measurements:
+        kept = ~gone[one.row]
+        names = ("row", "root", "minimum", "element_column", "value_n_m", "value_n_mps", "white",
+                 "segment_column", "measured_b_radps")  # fmt: skip
+        arrays = {n: getattr(one, n)[kept] for n in names if getattr(one, n, None) is not None}
+        measurements.append(replace(one, **arrays))
+    known = problem.attitude_known & ~gone
+    return replace(problem, measurements=tuple(measurements), attitude_known=known)
+
+
+def assert_agree(one, other, sigmas=AGREE_SIGMAS):
+    turns = np.linalg.norm(log(transpose(one.states.R_nb) @ other.states.R_nb), axis=1)
+    sigma = np.sqrt(np.einsum("nii->n", other.covariance[:, :3, :3]))
+    assert (turns < np.maximum(AGREE_RAD, sigmas * sigma)).all()
+    assert sigmas_apart(other, one) < sigmas
+    assert sigma_ratio(other, one) < AGREE_RATIO
+
+
+@pytest.mark.parametrize("method", ["solve_fixed_lag", "solve_forward"])
+@pytest.mark.parametrize("gyroscope", [False, True])
+def test_a_flight_agrees_with_the_chain(method: str, gyroscope: bool) -> None:
+    problem, _ = flight(5.0, gyroscope=gyroscope)
+    one, other = (getattr(of, method)(problem, 2.0) for of in (fixed_lag, chain))
+    assert one.converged
+    assert other.converged
+    assert_agree(one, other)
+
+
+@pytest.mark.parametrize("method", ["solve_fixed_lag", "solve_forward"])
+def test_a_slow_motion_agrees_with_the_chain(method: str) -> None:
+    problem, _ = flight(5.0, motion=sine(5.0, rate_radps=0.1))
+    motion = replace(
+        problem.motion, length_s=np.full(50, 45.0), variance_rad2ps2=np.full((50, 3), 1e-3)
+    )
+    problem = replace(problem, motion=motion)
+    one, other = (getattr(of, method)(problem, 2.0) for of in (fixed_lag, chain))
+    assert one.converged
+    assert_agree(one, other)
+
+
+def test_a_landmark_of_another_size_changes_no_estimate() -> None:
+    place = flight_constant("landmark", ("north", "east", "down", "scale"), "m", 1.0)
+    (problem, _), (plain, _) = flight(4.0, extra=(place,)), flight(4.0)
+    for method in (fixed_lag.solve_fixed_lag, fixed_lag.solve_forward):
+        assert sigmas_apart(method(plain, 1.0), method(problem, 1.0)) < 0.01
+
+
+@pytest.mark.parametrize("gyroscope", [False, True])
+def test_windows_wait_through_an_outage_and_converge_after_it(gyroscope: bool) -> None:
+    problem = with_outage(flight(18.0, gyroscope=gyroscope)[0], 4.0, 14.0)
+    for of in (fixed_lag, chain):
+        window, forward = of.solve_fixed_lag(problem, 2.0), of.solve_forward(problem, 2.0)
+        assert window.converged
+        assert forward.converged
+        assert np.isfinite(window.covariance).all()
+
+
+def test_batch_across_an_outage_is_the_chains() -> None:
+    problem = with_outage(flight(18.0)[0], 4.0, 14.0)
+    one, other = solve_batch(problem), chain.solve_batch(problem)
+    assert one.converged
+    np.testing.assert_allclose(one.cost, other.cost, atol=1.0)
+    assert_agree(one, other)
+
+
+def test_covariances_beside_a_factor_between_keyframes_are_isam2s() -> None:
+    problem, truth = flight(2.0)
+    R, p = truth.R_nb[3].T @ truth.R_nb[8], truth.R_nb[3].T @ (truth.p_n_m[8] - truth.p_n_m[3])
+    weak = gtsam.noiseModel.Isotropic.Sigma(6, 1e3)  # tells nothing
+    step = gtsam.Pose3(gtsam.Rot3(R), p)
+    own = [gtsam.BetweenFactorPose3(keys.pose(3), keys.pose(8), step, weak)]
+    plain, beside = (fixed_lag.solve_fixed_lag(problem, 5.0, own=f) for f in ((), own))
+    assert sigma_ratio(plain, beside) < 1e-3
+    assert plain.cross is not None
+    assert beside.cross is not None
+    np.testing.assert_allclose(beside.cross, plain.cross, atol=1e-3 * np.abs(plain.cross).max())
