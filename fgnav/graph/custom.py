@@ -111,6 +111,12 @@ def newest_keyframe(factor: OwnFactor | gtsam.NonlinearFactor) -> int:
     return max((symbols.index(key) for key in own if symbols.letter(key) in "xvbm"), default=-1)
 
 
+def oldest_keyframe(factor: OwnFactor | gtsam.NonlinearFactor) -> int:
+    """Return the number of the oldest keyframe that a factor touches; -1 of none."""
+    own = named(factor).factor.keys()
+    return min((symbols.index(key) for key in own if symbols.letter(key) in "xvbm"), default=-1)
+
+
 def check_factor(factor: OwnFactor, values: gtsam.Values) -> None:
     """Evaluate a factor once, Jacobians too, before GTSAM does.
 

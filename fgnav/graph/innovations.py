@@ -82,7 +82,7 @@ def normalised_innovations(measurement: Measurement, solution: Solution) -> Inno
 
 
 def own_consistency(
-    factors: Sequence[OwnFactor], problem: SmoothingProblem, solution: Solution
+    factors: Sequence[OwnFactor], problem: SmoothingProblem, solution: Solution, first: int = 0
 ) -> tuple[Consistency, ...]:
     """Return the normalised innovation squared of factors of one's own, by name.
 
@@ -93,42 +93,45 @@ def own_consistency(
     Parameters
     ----------
     factors : sequence of OwnFactor
-        Keyframe numbers in their keys are rows of the problem.
     problem : SmoothingProblem
     solution : Solution
+    first : int
+        Number of the solution's first keyframe, as in the factors' keys.
     """
     layout = Layout.of(problem)
-    return _by_name((one.name, _of_own(one.factor, layout, solution)) for one in factors)
+    return _by_name((one.name, _of_own(one.factor, layout, solution, first)) for one in factors)
 
 
-def _of_own(factor: gtsam.NonlinearFactor, layout: Layout, solution: Solution) -> Innovations:
+def _of_own(
+    factor: gtsam.NonlinearFactor, layout: Layout, solution: Solution, first: int
+) -> Innovations:
     """Return the innovation of one factor, linearised at the solution."""
     constants, involved = layout.constant_keys, list(factor.keys())
-    rows = sorted({keys.index(key) for key in involved if key not in constants})
+    rows = sorted({keys.index(key) - first for key in involved if key not in constants})
     values = gtsam.Values()
     end = solution.states.constants
     known = solution.constants if rows else None
     insert_constants(values, layout, end if known is None else known[rows[-1]])
     for row in rows:
-        insert_keyframe(values, layout, row, solution.states, row)
+        insert_keyframe(values, layout, row + first, solution.states, row)
     J, minus_r = factor.linearize(values).jacobian()
     freedom = np.array([int(J.any(axis=1).sum())])
     P = _covariance(solution, rows)
     if P is None:
         return Innovations(np.array([minus_r @ minus_r]), freedom, np.array([True]))
-    columns = _columns(layout, rows)
+    columns = _columns(layout, rows, first)
     seen = np.concatenate([columns[key] for key in involved])
     squared, tested = _squared(-minus_r[None], J[None], P[np.ix_(seen, seen)][None])
     return Innovations(squared, freedom, tested)
 
 
-def _columns(layout: Layout, rows: list[int]) -> dict[int, IntArray]:
+def _columns(layout: Layout, rows: list[int], first_keyframe: int) -> dict[int, IntArray]:
     """Return where each variable stands among the states of some rows, then the constants."""
     width, constants = layout.width, layout.constants
     columns: dict[int, IntArray] = {}
     for i, row in enumerate(rows):
         parts = np.split(width * i + np.arange(width), [VELOCITY.start, AUX])
-        columns.update(zip(layout.keyframe(row), parts, strict=True))
+        columns.update(zip(layout.keyframe(row + first_keyframe), parts, strict=True))
     for key, first, part in zip(
         layout.constant_keys, constants.first, constants.parts, strict=True
     ):

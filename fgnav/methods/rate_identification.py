@@ -19,8 +19,9 @@ from fgnav.solve.chain import log_evidence, solve_batch
 
 _BEGIN = (-1, 2)  # exponents of where the search begins: 0.3 s, 10 deg/s
 _STEP = 10**0.5  # between neighbours: log-likelihoods a nat apart are a third of that apart
-_SHORTEST, _LONGEST = -3, 2  # exponents of lengths: 0.03 to 10 s
+_LEAST, _LONGEST = -2, 2  # exponents: of lengths 0.1 to 10 s, of rates 0.1 deg/s and up
 _ITERATIONS = 40  # of one candidate; those near the likeliest need ten
+_MOST = 2000  # keyframes: a minute for all candidates; longer flights keep what attitudes say
 
 
 def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
@@ -36,7 +37,7 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
         Without a gyroscope.
     """
     motion = prepared.problem.motion
-    if not isinstance(motion, GyroFree):
+    if not isinstance(motion, GyroFree) or len(prepared.problem.t_s) > _MOST:
         return prepared
     stated = (_score(prepared.problem), prepared.problem)
     known = {_BEGIN: _candidate(prepared.problem, motion, _BEGIN)}
@@ -44,7 +45,7 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
     while True:
         around = [(here[0] + a, here[1] + b) for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))]
         for place in around:
-            if place not in known and _SHORTEST <= place[0] <= _LONGEST:
+            if place not in known and min(place) >= _LEAST and place[0] <= _LONGEST:
                 known[place] = _candidate(prepared.problem, motion, place)
         best = max((here, *(p for p in around if p in known)), key=lambda p: known[p][0])
         if best == here:

@@ -310,7 +310,8 @@ def _at_batch(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Smoothi
 
 
 def _batch(solver: str, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
-    if solver == "chain":
+    if solver == "chain" or (without_attitudes(prepared) and not own):
+        # Its descent crosses the curved valleys of such flights; GTSAM's stops in them.
         from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
 
         return chain.solve_batch(prepared.problem)

@@ -11,7 +11,7 @@ from fgnav.attitude.array import maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.earth import Origin
-from fgnav.estimate import Estimate
+from fgnav.estimate import Consistency, Estimate
 from fgnav.flight import Imu
 from fgnav.frontend.calibration_request import (
     calibration_requests,
@@ -30,6 +30,7 @@ from fgnav.graph.factors.inertial import Inertial
 from fgnav.graph.keys import Timeline
 from fgnav.graph.motion import Motion
 from fgnav.graph.problem import SmoothingProblem
+from fgnav.graph.solution import Solution
 from fgnav.graph.states import States
 from fgnav.methods.calibration_report import calibrated_constants
 from fgnav.methods.estimates import Body, stated
@@ -192,6 +193,7 @@ class Stream:
         self._last_s = -np.inf
         self._count = 0
         self._measured: deque[tuple[float, FloatArray]] = deque()  # rates of keyframes kept
+        self._judged: deque[OwnFactor] = deque()  # factors of one's own of keyframes kept
 
     @property
     def keyframe(self) -> int:
@@ -231,7 +233,7 @@ class Stream:
 
     def newest(self) -> Estimate:
         """Return the newest keyframe, known from what has come so far."""
-        return self._estimate(self._window.newest())
+        return self._estimate(self._window.newest(), leaving=False)
 
     def rest(self) -> Estimate:
         """Return the keyframes that have not left, known from all that has come."""
@@ -255,16 +257,34 @@ class Stream:
                 raise BadInputError(
                     f"factor {one.name!r}: must touch the keyframe it enters with, {self._count}"
                 )
-            factors.append(one.factor)
+            factors.append(one)
         times_s = [*self._times_s, measurements.t_s]
         if self._sources:
             timeline = Timeline(t_s=np.array(times_s), gyroscope=layout.gyroscope, new=self._count)
             made = (named(f) for source in self._sources for f in source(measurements, timeline))
-            factors += [one.factor for one in made if entering_stream(one, *bounds)]
+            factors += [one for one in made if entering_stream(one, *bounds)]
         self._times_s = times_s
-        return tuple(factors)
+        self._judged.extend(factors)
+        return tuple(one.factor for one in factors)
 
-    def _estimate(self, departed: "Departed | None") -> Estimate:
+    def _own_tests(self, problem: SmoothingProblem, solution: Solution) -> tuple[Consistency, ...]:
+        """Return how factors of one's own agree that leave with keyframes.
+
+        Those that reach back to keyframes which left before have nothing to be held against.
+        """
+        if not self._judged:
+            return ()
+        from fgnav.graph.custom import newest_keyframe, oldest_keyframe  # noqa: PLC0415  # gtsam
+        from fgnav.graph.innovations import own_consistency  # noqa: PLC0415
+
+        first = self._count - len(self._measured)
+        end, leaving = first + len(solution.covariance), []
+        while self._judged and newest_keyframe(self._judged[0].factor) < end:
+            leaving.append(self._judged.popleft())
+        alone = [one for one in leaving if oldest_keyframe(one.factor) >= first]
+        return own_consistency(alone, problem, solution, first)
+
+    def _estimate(self, departed: "Departed | None", *, leaving: bool = True) -> Estimate:
         if departed is None or self._latest is None or self._body is None:
             return Estimate(method="smoother", t_s=np.empty(0), epochs=0, R_nb=np.empty((0, 3, 3)))
         solution, constants = departed.solution, self._latest.constants
@@ -278,6 +298,7 @@ class Stream:
                 self._body,
             ),
             constants=calibrated_constants(constants, solution),
+            consistency=self._own_tests(self._latest, solution) if leaving else (),
         )
 
     def _rates_b_radps(self, t_s: FloatArray, aux: FloatArray) -> FloatArray:

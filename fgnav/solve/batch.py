@@ -29,7 +29,7 @@ _ITERATIONS = 20
 _RELATIVE_COST = 1e-5  # a smaller change ends the search; Newton steps do the rest
 _ROUNDS = 2  # of motion preintegrated about the estimates, with a gyroscope
 _NEWTON_STEPS = 8
-# Of the cost, by the last step of a minimum. In an outage a hundredth of a sigma of attitude breaks
+# Of the cost, that another step promises at a minimum. In an outage a hundredth of a sigma breaks
 # the rows of the specific force: steps were small where the cost was 90 times the least.
 _LEVEL = 0.1
 _DOUBT = 20.0  # of the cost, ten nats: less does not tell a mirrored attitude, where a window ended
@@ -130,11 +130,10 @@ def _newton(
     states, least, count = begin, np.inf, 0
     while True:
         values = flight_values(problem, states)
-        steps, constant_steps, known = _linear(problem, factors, values)
+        steps, constant_steps, known, promised = _linear(problem, factors, values)
         cost = 2.0 * graph.error(values)
-        is_level = abs(least - cost) < max(_LEVEL, _RELATIVE_COST * cost)
-        is_least = is_level and _is_small(steps, known)
-        if is_least or (cost > least and not is_level) or count == _NEWTON_STEPS:
+        is_least = promised < _LEVEL and _is_small(steps, known)
+        if is_least or cost > least + _LEVEL or count == _NEWTON_STEPS:
             break
         states, least, count = states.moved(steps, constant_steps), cost, count + 1
     return Solution(
@@ -151,12 +150,12 @@ def _newton(
 
 def _linear(
     problem: SmoothingProblem, factors: Iterable[gtsam.NonlinearFactor], values: gtsam.Values
-) -> tuple[FloatArray, FloatArray, Marginals]:
-    """Return the Newton step from values, of keyframes and constants, and covariances there."""
+) -> tuple[FloatArray, FloatArray, Marginals, float]:
+    """Return the Newton step of keyframes and constants, covariances, and what it promises."""
     layout, last = Layout.of(problem), len(problem.t_s) - 1
     eliminated = Elimination(layout, lambda k: float(problem.t_s[k]), factors, values, last)
     steps, constant_steps = eliminated.step()
-    return steps, constant_steps, eliminated.marginals()
+    return steps, constant_steps, eliminated.marginals(), eliminated.promised
 
 
 def _is_small(steps: FloatArray, known: Marginals) -> bool:

@@ -84,6 +84,12 @@ class Elimination:
         self._eliminated: list[_Eliminated] = []
         self._solve(self._linearised(factors, values))
 
+    @property
+    def promised(self) -> float:
+        """Return by how much the step lowers the sum of squares, if all were linear."""
+        ends = [*self._eliminated, *([self._of_constants] if self._of_constants else [])]
+        return float(sum(one.d @ one.d for one in ends))
+
     def step(self) -> tuple[FloatArray, FloatArray]:
         """Return the Newton step of all keyframes, (m, D), and of the constants, (b,).
 

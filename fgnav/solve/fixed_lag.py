@@ -7,7 +7,7 @@ from fgnav.graph.problem import SmoothingProblem
 from fgnav.graph.solution import Solution
 from fgnav.solve.departed import Departed, joined_solution
 from fgnav.solve.own_factors import Own, OwnFactors
-from fgnav.solve.window import FixedLag
+from fgnav.solve.window import BLOCK_S, FixedLag
 
 __all__ = ["Departed", "FixedLag", "solve_fixed_lag", "solve_forward"]
 
@@ -25,7 +25,8 @@ def solve_fixed_lag(
     ----------
     problem : SmoothingProblem
     lag_s : float
-        Length of the window; a block of a second is added to it before keyframes leave.
+        Length of the window; a block, of a second or of the lag if that is shorter, is added to it
+        before keyframes leave.
     own : sequence of gtsam.NonlinearFactor or NamedFactor
         Factors of one's own, over ``fgnav.graph.keys`` with rows of the problem for numbers. Each
         enters with the last keyframe that it touches.
@@ -39,7 +40,7 @@ def solve_fixed_lag(
     NoSolutionError
         If the data leave a state open.
     """
-    window = FixedLag(lag_s, keep_linearisation=keep_linearisation)
+    window = FixedLag(lag_s, min(BLOCK_S, lag_s), keep_linearisation=keep_linearisation)
     entering = OwnFactors(own, problem)
     parts = [
         window.update(problem, row, entering.at(row, window.oldest))

@@ -1,11 +1,9 @@
-"""GTSAM's incremental smoother over keyframes, eliminated in the order of time.
+"""GTSAM's incremental fixed-lag smoother, told by number what leaves and what moves.
 
 What GTSAM 4.3.0 asks of its callers, each measured:
 
-- Ordered by time, the oldest keyframes are leaves of the Bayes tree and are marginalised as they
-  are; ``IncrementalFixedLagSmoother`` has all of the window eliminated anew for that, three times
-  the cost where every keyframe is an update. CCOLAMD fails of group numbers that are not below the
-  number of variables eliminated anew: they count from the first of those.
+- A keyframe's variables are stamped with its number and constants with the newest, and the lag is
+  set before each update: what leaves is decided here, and no rounding of times takes part.
 - What is relinearised is decided here: ISAM2's own thresholds go by a variable's letter and want
   one size of it, which constants have not.
 - QR, for Cholesky fails of slow motion; a wildfire threshold far below sigma, for that of 1e-3
@@ -14,6 +12,7 @@ What GTSAM 4.3.0 asks of its callers, each measured:
 """
 
 from collections.abc import Callable
+from typing import SupportsFloat, SupportsIndex, SupportsInt
 
 import gtsam
 import numpy as np
@@ -26,11 +25,10 @@ from fgnav.solve.marginals import Marginals
 
 _WILDFIRE = 1e-5  # m, rad
 _OPEN = 1e12  # variance, m2 or rad2, where the weakest prior has 1e6
-_MOST = 0.5  # of the variables eliminated anew: above 0.65 ISAM2 orders all of them
 
 
 class IncrementalSmoother:
-    """ISAM2, and which keyframes are in it.
+    """``gtsam.IncrementalFixedLagSmoother``, and which keyframes are in it.
 
     Parameters
     ----------
@@ -51,9 +49,11 @@ class IncrementalSmoother:
         parameters.findUnusedFactorSlots = True
         parameters.enableRelinearization = False  # but where an update forces it
         parameters.setRelinearizeThreshold(0.0)
-        self._isam, self._layout = gtsam.ISAM2(parameters), layout
+        self._smoother = gtsam.IncrementalFixedLagSmoother(np.inf, parameters)
+        self._isam, self._layout = self._smoother.getISAM2(), layout
         self._constants = layout.constant_keys
-        self._variables = gtsam.KeyList()
+        self._variables: set[int] = set()
+        self._leaving: set[int] = set()  # by the next update
         self.oldest, self.end, self.is_chain = 0, 0, True
 
     def update(
@@ -70,38 +70,35 @@ class IncrementalSmoother:
         RuntimeError
             Of GTSAM, naming a variable that the data leave open.
         """
-        first = max(min([self.end, *relinearised]) - 1, self.oldest)
-        if not self.is_chain or end - first > _MOST * (end - self.oldest):
-            first = self.oldest
-        parameters, layout = gtsam.ISAM2UpdateParams(), self._layout
         if relinearised:
-            parameters.force_relinearize = True
-            parameters.noRelinKeys = gtsam.KeyList(self._variables)
-            for k in relinearised:
-                for key in layout.keyframe(k):
-                    parameters.noRelinKeys.remove(key)
-        if not self.is_chain:
-            parameters.extraReelimKeys = self._variables
-        groups = gtsam.KeyGroupMap()
-        for k in range(first, end):
-            for key in layout.keyframe(k):
-                groups.insert2(key, k - first)
-        for key in self._constants:
-            groups.insert2(key, end - first)
-        parameters.constrainedKeys = groups
-        self._isam.update(graph, values, parameters)
-        for key in values.keys():  # noqa: SIM118  # not a dict
-            self._variables.push_back(key)
+            self._relinearise(relinearised)
+        entered = values.keys()  # a list of keys, not a dict's
+        if self.oldest == 0 and not entered and graph.empty():
+            return
+        stamps: dict[SupportsInt | SupportsIndex, SupportsFloat | SupportsIndex] = {}
+        stamps.update(dict.fromkeys(self._constants, float(end - 1)))
+        for k in range(self.end, end):
+            stamps.update(dict.fromkeys(self._layout.keyframe(k), float(k)))
+        self._smoother.setSmootherLag(float(end - 1 - self.oldest))
+        self._smoother.update(graph, values, stamps)
+        self._variables.update(entered)
+        self._variables.difference_update(self._leaving)
+        self._leaving.clear()
         self.end = end
 
+    def _relinearise(self, numbers: list[int]) -> None:
+        """Linearise keyframes anew where they are estimated."""
+        moved = {key for k in numbers for key in self._layout.keyframe(k)}
+        parameters, staying = gtsam.ISAM2UpdateParams(), gtsam.KeyList()
+        for key in self._variables - moved:
+            staying.push_back(key)
+        parameters.force_relinearize, parameters.noRelinKeys = True, staying
+        self._isam.update(gtsam.NonlinearFactorGraph(), gtsam.Values(), parameters)
+
     def marginalise(self, oldest: int) -> None:
-        """Leave out keyframes before ``oldest``; what they tell of the others stays."""
-        leaves = gtsam.KeyList()
+        """Leave out keyframes before ``oldest`` by the next update; what they tell stays."""
         for k in range(self.oldest, oldest):
-            for key in self._layout.keyframe(k):
-                leaves.push_back(key)
-                self._variables.remove(key)
-        self._isam.marginalizeLeaves(leaves)
+            self._leaving.update(self._layout.keyframe(k))
         self.oldest = oldest
 
     def steps(self) -> tuple[FloatArray, FloatArray]:

@@ -10,9 +10,10 @@ from fgnav.checks import BoolArray, FloatArray
 from fgnav.graph.states import AUX, RATE, ROTATION
 
 # A keyframe is relinearised when its estimate has moved further than this from where it was:
-# rotations err by half the square, 0.0007 degree. With 0.01 a window beside a gyroscope is 0.3
-# sigma from the batch in places, with this 0.05 sigma, in the same time.
-MOVED_RAD = 0.005
+# rotations err by half the square, 0.003 degree. Beside a gyroscope, where that is a tenth of a
+# sigma, at half of it: 0.05 sigma from the batch in places instead of 0.3.
+MOVED_RAD = 0.01
+_GYROSCOPE_SHARE = 0.5
 MOVED_RADPS = 0.05  # of the rate, without a gyroscope: turns by that in 0.1 s
 _ERRS_AT_MOST = 0.25  # of sigma, by half the square of a move: 3 % more RMS error
 _GYROSCOPE_AUX = 6
@@ -26,10 +27,11 @@ def moved_far(steps: FloatArray, times: float = 1.0) -> BoolArray:
 
     ``times`` as far as else counts as far.
     """
-    far: BoolArray = np.abs(steps[:, ROTATION]).max(axis=1) > times * MOVED_RAD
-    if steps.shape[1] > AUX + _GYROSCOPE_AUX:
-        far |= np.abs(steps[:, RATE]).max(axis=1) > times * MOVED_RADPS
-    return far
+    turned = np.abs(steps[:, ROTATION]).max(axis=1)
+    if steps.shape[1] == AUX + _GYROSCOPE_AUX:
+        return np.asarray(turned > times * _GYROSCOPE_SHARE * MOVED_RAD)
+    far = turned > times * MOVED_RAD
+    return np.asarray(far | (np.abs(steps[:, RATE]).max(axis=1) > times * MOVED_RADPS))
 
 
 def is_rough(steps: FloatArray, covariance: FloatArray) -> bool:

@@ -33,10 +33,10 @@ from fgnav.solve.relinearisation import MOVED_RAD, UNKNOWN_RAD, WAITS_S, moved_f
 from fgnav.solve.retract_kernel import retracted
 
 BLOCK_S = 1.0  # also of what is marginalised at once
-_SLOW_S = 0.5  # keyframes this far apart move too far for one linearisation
+_SLOW_S = 0.5  # attitudes this far apart move too far for one linearisation
+_FINE = 0.5  # of a usual move: between them states are relinearised sooner
 _MUCH = 20.0  # times as far as else, after an outage: at once
 _REPEATS = 5  # relinearisations after one update, at most; the next update goes on
-_BETWEEN = 2.0  # blocks states move as many times as far: a third of the time, 0.003 degree
 _ROUNDING_S = 1e-6
 
 
@@ -67,8 +67,8 @@ class FixedLag:
         self._graph, self._values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         self._t_s: list[float] = []  # of all keyframes so far
         self._was_known = False  # whether the attitude was, where the window began
+        self._turn_sigma_rad: dict[int, float] = {}  # of keyframes when last asked for
         self._follows = True  # whether the chain knows all that ISAM2 does
-        self._smooths = False  # whether others than the newest keyframe have been asked for
         self._departed = 0  # keyframes that have left, not all of them marginalised
         self._blocks: list[int] = []  # last keyframes of those that have not left, or just did
         self._updates = 0
@@ -76,6 +76,8 @@ class FixedLag:
         self._measured: KeyframeMeasurements
         self._layout: Layout
         self._newest: States
+        self._attitude_s = np.inf  # of the last keyframe with an attitude of its own
+        self._is_slow = False  # whether such keyframes are far apart
 
     def __len__(self) -> int:
         """Return how many keyframes have not left."""
@@ -128,7 +130,6 @@ class FixedLag:
         self, problem: SmoothingProblem, row: int, own: Sequence[gtsam.NonlinearFactor] = ()
     ) -> Departed | None:
         """Take a keyframe in; return those that leave by that, if any; see ``advance``."""
-        self._smooths = True
         leaving = self.advance(problem, row, own)
         return self._estimates(leaving) if leaving else None
 
@@ -173,6 +174,9 @@ class FixedLag:
             graph.add(factor)
         self._linear.append(problem, row, self._newest)
         self._t_s.append(float(problem.t_s[row]))
+        if problem.attitude_known[row]:
+            self._is_slow = self._t_s[-1] - self._attitude_s > _SLOW_S
+            self._attitude_s = self._t_s[-1]
 
     def _enter_own(self, factor: gtsam.NonlinearFactor) -> None:
         constants = self._layout.constant_keys
@@ -196,13 +200,14 @@ class FixedLag:
         """Update GTSAM's smoother with what has come; what has left is marginalised by that."""
         if self._graph.empty():
             return
-        is_marginal = self._marginalise()
-        self._update(self._far(1.0 if is_marginal or self._block_s else _BETWEEN))
-        n, t_s = len(self._t_s), self._t_s
+        self._marginalise()
+        self._update(self._far())
+        n = len(self._t_s)
         self._blocks.append(n - 1)
-        is_slow = t_s[-1] - t_s[-2:][0] > _SLOW_S
         is_moved = np.abs(self._steps[-1, ROTATION]).max() > 2 * MOVED_RAD
-        if is_slow or is_moved or (self._block_s and self._far(_MUCH).any()):
+        if self._is_slow:
+            self._relinearise(_FINE)
+        elif is_moved or self._far(_MUCH).any():
             self._relinearise()
         self._newest = self._estimated(range(n - 1, n))
 
@@ -214,13 +219,13 @@ class FixedLag:
             self._t_s[oldest] - self._t_s[linear.oldest] < BLOCK_S - _ROUNDING_S
         ):
             return False
-        self._follows &= self._smooths
         if self._follows:
             linear.solve()
         if not self._may_leave(oldest):
             return False
         with self._failing():
             smoother.marginalise(oldest)
+        self._turn_sigma_rad = {k: s for k, s in self._turn_sigma_rad.items() if k >= oldest - 1}
         self._steps = self._steps[oldest - linear.oldest :]
         linear.forget(oldest - linear.oldest)
         return True
@@ -229,9 +234,8 @@ class FixedLag:
         """Return whether the attitude is known where the window would begin, or never was."""
         if self._keep:
             return True
-        if self._follows:
-            sigma_rad = self._linear.turn_sigma_rad(oldest - self._linear.oldest)
-        else:
+        sigma_rad = self._turn_sigma_rad.get(oldest - 1)  # as that keyframe left: next to it
+        if sigma_rad is None:
             sigma_rad = self._alive.turn_sigma_rad(oldest)
         is_known = sigma_rad < UNKNOWN_RAD
         waits = self._was_known and self._t_s[-1] - self._t_s[self._linear.oldest] < WAITS_S
@@ -272,10 +276,10 @@ class FixedLag:
             raise NoSolutionError("window: it has no keyframe, or has failed; start another one")
         return self._smoother
 
-    def _relinearise(self) -> None:
+    def _relinearise(self, times: float = 1.0) -> None:
         """Relinearise states that have moved too far, until none has."""
         for _ in range(_REPEATS):
-            far = self._far()
+            far = self._far(times)
             if not far.any():
                 return
             self._update(far)
@@ -298,12 +302,14 @@ class FixedLag:
 
     def _estimates(self, numbers: range) -> Departed:
         first, end = numbers.start - self._alive.oldest, numbers.stop - self._alive.oldest
-        if self._follows and numbers.start < len(self._t_s) - 1:
+        if self._follows:
             self._linear.solve()
             known = self._linear.marginals(first, end)
         else:
             with self._failing():
                 known = self._alive.marginals(numbers, self._t_s.__getitem__)
+        last = np.trace(known.covariance[-1, ROTATION, ROTATION])
+        self._turn_sigma_rad[numbers[-1]] = float(np.sqrt(last))
         return departed(
             np.array(self._t_s[numbers.start : numbers.stop]),
             self._estimated(numbers),

