@@ -7,11 +7,11 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError
 from fgnav.cubic_spline import cubic_spline
 from fgnav.flight import Flight, Truth
+from fgnav.frontend.attitude.rates import swing_n_mps
 from fgnav.frontend.problem import PreparedFlight
-from fgnav.frontend.rates import swing_n_mps
-from fgnav.graph.factors.gyro_free import GyroFree
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.states import States
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import States
 from fgnav.integers.truth import attitude_at
 from fgnav.process.evidence import RatePrior, rate_prior
 from fgnav.rotations import log, transpose

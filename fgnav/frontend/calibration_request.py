@@ -11,7 +11,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError
 from fgnav.flight import Flight
-from fgnav.graph.constants import FlightConstant, flight_constant
+from fgnav.graph.types.constants import FlightConstant, flight_constant
 
 MEAN_RATE = "mean rate"
 # 1-sigma of the constant part of a rate, rad/s: two and a half turns a second, as rockets spin

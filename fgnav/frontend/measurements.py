@@ -12,7 +12,6 @@ from fgnav.frontend.array.shape import BaselineForm, antenna_parts
 from fgnav.frontend.position import segments
 from fgnav.frontend.position.series import VectorSeries
 from fgnav.frontend.sensors.sensed import Sensed
-from fgnav.graph.constants import Constants
 from fgnav.graph.factors.array_phase import ArrayPhase
 from fgnav.graph.factors.array_shape import ArrayShape
 from fgnav.graph.factors.barometer import BarometricHeight
@@ -21,7 +20,8 @@ from fgnav.graph.factors.line_of_sight import LineOfSight
 from fgnav.graph.factors.magnetometer import MagneticField
 from fgnav.graph.factors.position import Position
 from fgnav.graph.factors.velocity import Velocity
-from fgnav.graph.measurement import Measurement
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.measurement import Measurement
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

@@ -4,15 +4,15 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.flight import Flight
-from fgnav.frontend.alignment import Alignment
+from fgnav.frontend.attitude.alignment import Alignment
 from fgnav.frontend.calibration_request import MEAN_RATE
 from fgnav.frontend.gaps import LOST_S, Bridged
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import Aligned, Tracked
-from fgnav.graph.constants import Constants
-from fgnav.graph.factors.gyro_free import GyroFree
-from fgnav.graph.factors.inertial import Inertial
-from fgnav.graph.motion import Motion
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.inertial.preintegrated import Inertial
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.motion import Motion
 from fgnav.process.evidence import RatePrior, causal_rate_priors, rate_prior
 
 _FEWEST = 5  # attitudes that tell how a body turns

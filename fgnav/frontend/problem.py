@@ -8,6 +8,7 @@ from fgnav.checks import FloatArray, Loss
 from fgnav.estimate import Rejected
 from fgnav.flight import Flight, Imu
 from fgnav.frontend.array.shape import initial_shape, shape_at
+from fgnav.frontend.attitude.rates import swing_n_mps
 from fgnav.frontend.calibration_request import (
     constants_of,
     mean_rate,
@@ -15,17 +16,16 @@ from fgnav.frontend.calibration_request import (
     with_evidence,
     with_landmark,
 )
-from fgnav.frontend.causal_stages import causal_aligned, causal_tracked
+from fgnav.frontend.causal.stages import causal_aligned, causal_tracked
 from fgnav.frontend.gaps import gap_notes, spans
 from fgnav.frontend.measurements import Recorded, measurements_of
 from fgnav.frontend.motion import motion_of
-from fgnav.frontend.rates import swing_n_mps
 from fgnav.frontend.sensors.sensed import Sensed, sense
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import Aligned, Tracked, aligned, inertial_record, interpolated, tracked
-from fgnav.graph.constants import Constants, FlightConstant
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.states import States
+from fgnav.graph.types.constants import Constants, FlightConstant
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import States
 from fgnav.integers.resolver import Integers
 
 

@@ -8,9 +8,10 @@ import numpy as np
 from fgnav.attitude.own_rotation import spun
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
 from fgnav.flight import Flight, Imu
-from fgnav.frontend.alignment import Alignment, align, at_keyframes
 from fgnav.frontend.array.float_arcs import FloatArcs, with_float_arcs
-from fgnav.frontend.attitude_filling import interpolated_attitudes
+from fgnav.frontend.attitude.alignment import Alignment, align, at_keyframes
+from fgnav.frontend.attitude.filling import interpolated_attitudes
+from fgnav.frontend.attitude.rates import rough_rates
 from fgnav.frontend.gaps import (
     LONGEST_GAP_S,
     Bridged,
@@ -23,9 +24,8 @@ from fgnav.frontend.position.gate import Gated, InertialTrack, gated
 from fgnav.frontend.position.rank_deficient import completed, gaps_with_attitude
 from fgnav.frontend.position.segments import Segments, segmented
 from fgnav.frontend.position.series import VectorSeries
-from fgnav.frontend.rates import rough_rates
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.graph.constants import FlightConstant
+from fgnav.graph.types.constants import FlightConstant
 from fgnav.gravity import GravityDirection
 from fgnav.rotations import log, transpose
 

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.states import States
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import States
 from fgnav.rotations import exp, log, transpose
 
 _SAME_S = 1e-4  # a time this close to a keyframe is that keyframe

@@ -12,10 +12,10 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.graph import keys
-from fgnav.graph.constants import Constants
-from fgnav.graph.motion import Motion
-from fgnav.graph.problem import SmoothingProblem, pose_prior_sigma
-from fgnav.graph.states import AUX, States
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.motion import Motion
+from fgnav.graph.types.problem import SmoothingProblem, pose_prior_sigma
+from fgnav.graph.types.states import AUX, States
 
 _GYROSCOPE_AUX = 6  # dimensions of States.aux with a gyroscope
 _POSE, _VELOCITY, _IMU_BIAS, _ANGULAR_MOTION = (

@@ -22,10 +22,10 @@ from fgnav.estimate import Consistency
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_constants, insert_keyframe
 from fgnav.graph.custom import OwnFactor
-from fgnav.graph.measurement import Measurement
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.solution import Solution
-from fgnav.graph.states import AUX, VELOCITY
+from fgnav.graph.types.measurement import Measurement
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import AUX, VELOCITY
 
 _GATE = 0.01  # share of right measurements beyond it
 # A measurement that holds this share of what is known of its own residual tests nothing.

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from fgnav.checks import FloatArray
 from fgnav.graph import keys as symbols
-from fgnav.graph.constants import Constants
-from fgnav.graph.measurement import Measurement
-from fgnav.graph.states import AUX, POSITION, ROTATION, VELOCITY, States
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.measurement import Measurement
+from fgnav.graph.types.states import AUX, POSITION, ROTATION, VELOCITY, States
 
 Use: TypeAlias = Literal["pose", "velocity", "imu_bias", "angular_motion"]
 _Read: TypeAlias = Callable[[gtsam.Values], None]

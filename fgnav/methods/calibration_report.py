@@ -4,8 +4,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.estimate import Constant
-from fgnav.graph.constants import Constants, FlightConstant
-from fgnav.graph.solution import Solution
+from fgnav.graph.types.constants import Constants, FlightConstant
+from fgnav.graph.types.solution import Solution
 
 _LISTED = 3  # axes
 

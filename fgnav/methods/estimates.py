@@ -7,9 +7,9 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.estimate import Consistency, Estimate
 from fgnav.frontend.problem import PreparedFlight
-from fgnav.graph.constants import Constants
-from fgnav.graph.solution import Solution
-from fgnav.graph.states import ACCELEROMETER_BIAS, RATE
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import ACCELEROMETER_BIAS, RATE
 from fgnav.methods.calibration_report import calibrated_constants, sentence
 from fgnav.methods.observability import TURN, undetermined
 from fgnav.rotations import skew

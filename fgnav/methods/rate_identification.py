@@ -12,8 +12,8 @@ import numpy as np
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.motion import prior_note
 from fgnav.frontend.problem import PreparedFlight
-from fgnav.graph.factors.gyro_free import GyroFree
-from fgnav.graph.problem import SmoothingProblem
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.process.evidence import RatePrior
 from fgnav.solve.chain import log_evidence, solve_batch
 

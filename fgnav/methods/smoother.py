@@ -21,8 +21,8 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.between import regular_times, with_times
 from fgnav.graph.innovations import consistency
 from fgnav.graph.keys import Timeline
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.solution import Solution
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
 from fgnav.integers.lambda_ import Lambda
 from fgnav.integers.resolver import Resolver

@@ -23,15 +23,15 @@ from fgnav.frontend.measurements import Recorded, measurements_of
 from fgnav.frontend.position.series import VectorSeries
 from fgnav.frontend.sensors.sensed import Sensed
 from fgnav.frontend.sensors.surroundings import Heights, MagneticField, field_of, heights_of
-from fgnav.graph.constants import Constants
-from fgnav.graph.directions import Directions
-from fgnav.graph.factors.gyro_free import GyroFree
-from fgnav.graph.factors.inertial import Inertial
+from fgnav.graph.factors.directions import Directions
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.keys import Timeline
-from fgnav.graph.motion import Motion
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.solution import Solution
-from fgnav.graph.states import States
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.motion import Motion
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import States
 from fgnav.methods.calibration_report import calibrated_constants
 from fgnav.methods.estimates import Body, stated
 from fgnav.process.evidence import RatePrior

@@ -13,9 +13,9 @@ import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.graph.build import Layout, flight_graph, flight_values, read_keyframes
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.solution import Solution
-from fgnav.graph.states import POSITION, ROTATION, States
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import POSITION, ROTATION, States
 from fgnav.solve import chain
 from fgnav.solve.elimination import Elimination
 from fgnav.solve.failures import in_words

@@ -7,8 +7,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.graph import keys
-from fgnav.graph.constants import Constants
-from fgnav.graph.states import AUX
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.states import AUX
 
 _SYMBOL = re.compile(r"Symbol: (.)(\d+)\)")
 _PARTS = ("attitude", "position", "velocity", "accelerometer bias")  # three columns each

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.solution import Solution
-from fgnav.solve.departed import Departed, joined_solution
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
 from fgnav.solve.own_factors import Own, OwnFactors
-from fgnav.solve.window import BLOCK_S, FixedLag
+from fgnav.solve.sliding.departed import Departed, joined_solution
+from fgnav.solve.sliding.window import BLOCK_S, FixedLag
 
 __all__ = ["Departed", "FixedLag", "solve_fixed_lag", "solve_forward"]
 

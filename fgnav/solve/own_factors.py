@@ -10,8 +10,8 @@ from fgnav.checks import BadInputError
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, flight_values
 from fgnav.graph.custom import OwnFactor, check_factor, named
-from fgnav.graph.problem import SmoothingProblem
 from fgnav.graph.residual_model import spelt
+from fgnav.graph.types.problem import SmoothingProblem
 
 Own: TypeAlias = gtsam.NonlinearFactor | OwnFactor
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.graph.build import Layout, insert_constants, insert_keyframe
-from fgnav.graph.states import States
+from fgnav.graph.types.states import States
 from fgnav.solve.chain import kernel
 
 

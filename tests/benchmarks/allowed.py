@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.states import States
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import States
 from fgnav.solve.chain import back_kernel, kernel
 from fgnav.solve.chain.batch import solve_batch
 from fgnav.solve.chain.linear import Links, linearise

@@ -16,7 +16,7 @@ import numpy as np
 from fgnav.evaluation.comparison import compare
 from fgnav.flight import Flight
 from fgnav.gnss.differences import DoubleDifferences
-from fgnav.graph.problem import SmoothingProblem
+from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.integers.lambda_ import Lambda
 from fgnav.integers.registry import resolver_named
 from fgnav.integers.resolve import resolve

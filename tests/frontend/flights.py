@@ -11,18 +11,18 @@ from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import FloatArray
 from fgnav.earth import Origin
 from fgnav.flight import Imu, Truth
+from fgnav.frontend.attitude.rates import angular_rates
 from fgnav.frontend.calibration_request import MEAN_RATE, mean_rate
 from fgnav.frontend.position.series import VectorSeries
-from fgnav.frontend.rates import angular_rates
-from fgnav.graph.constants import Constants
 from fgnav.graph.factors.array_phase import ArrayPhase
-from fgnav.graph.factors.gyro_free import GyroFree
-from fgnav.graph.factors.inertial import Inertial
 from fgnav.graph.factors.position import Position
 from fgnav.graph.factors.velocity import Velocity
-from fgnav.graph.motion import Motion
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.states import States
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.inertial.preintegrated import Inertial
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.motion import Motion
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import States
 from fgnav.process.evidence import RatePrior
 from tests.attitude.arrays import synthetic
 

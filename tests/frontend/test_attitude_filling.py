@@ -3,7 +3,7 @@
 import numpy as np
 
 from fgnav import rotations
-from fgnav.frontend.attitude_filling import interpolated_attitudes, zero_order_hold
+from fgnav.frontend.attitude.filling import interpolated_attitudes, zero_order_hold
 
 
 def turn_with_gap(t_s, from_s, until_s):

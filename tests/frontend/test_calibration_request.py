@@ -17,7 +17,7 @@ from fgnav.frontend.calibration_request import (
     with_evidence,
     with_landmark,
 )
-from fgnav.graph.constants import flight_constant
+from fgnav.graph.types.constants import flight_constant
 from tests.methods.simulated import flown
 
 LANDMARK_N_M = np.array([2000.0, 300.0, 10.0])

@@ -12,8 +12,8 @@ from fgnav.attitude.array import AttitudeSolution
 from fgnav.attitude.flight_vectors import measured_vectors, track_of
 from fgnav.checks import BadInputError
 from fgnav.flight import Flight, Imu
-from fgnav.frontend.causal import causal_array, causal_track
-from fgnav.frontend.truncation import truncated
+from fgnav.frontend.causal.array import causal_array, causal_track
+from fgnav.frontend.causal.truncation import truncated
 from fgnav.gnss.difference import double_differences
 from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_differences import motion_so_far, single_differences

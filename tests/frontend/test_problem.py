@@ -13,9 +13,9 @@ from fgnav.frontend.calibration_request import MEAN_RATE, calibration_requests
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.factors.array_shape import ArrayShape
-from fgnav.graph.factors.gyro_free import GyroFree
-from fgnav.graph.factors.inertial import Inertial
-from fgnav.graph.states import States
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.inertial.preintegrated import Inertial
+from fgnav.graph.types.states import States
 from fgnav.gravity import LowDynamics
 from fgnav.integers.truth import Truth, attitude_at
 from fgnav.process.evidence import RatePrior

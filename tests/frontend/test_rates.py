@@ -7,7 +7,7 @@ import pytest
 
 from fgnav import rotations
 from fgnav.attitude.own_rotation import own_rotation
-from fgnav.frontend.rates import angular_rates, rough_rates, swing_n_mps
+from fgnav.frontend.attitude.rates import angular_rates, rough_rates, swing_n_mps
 from tests.frontend.test_gaps import record
 
 T_S = np.arange(0, 9, 0.1)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fgnav import rotations
-from fgnav.frontend.vector_alignment import vector_attitudes
+from fgnav.frontend.attitude.vector_alignment import vector_attitudes
 from fgnav.integers.truth import attitude_at
 from fgnav_sim.motion import Sine
 from fgnav_sim.scenario import FixesTable, load_scenario

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from fgnav.checks import BadInputError
-from fgnav.graph.directions import Directions, across
+from fgnav.graph.factors.directions import Directions, across
 
 
 def drawn(rng, n):

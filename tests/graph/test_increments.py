@@ -6,7 +6,7 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.cubic_spline import cubic_spline
 from fgnav.flight import Imu
-from fgnav.graph.increments import at_latest, increments
+from fgnav.graph.inertial.increments import at_latest, increments
 
 
 def _imu(t_s, f_b_mps2, w_b_radps=None):

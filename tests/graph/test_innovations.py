@@ -9,9 +9,9 @@ from fgnav.graph.custom import named, residual_factor
 from fgnav.graph.factors.array_phase import ArrayPhase
 from fgnav.graph.factors.position import Position
 from fgnav.graph.innovations import consistency, normalised_innovations, own_consistency
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.solution import Solution
-from fgnav.graph.states import POSITION
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import POSITION
 from tests.graph.factors import cases
 
 N, D = 5, 21

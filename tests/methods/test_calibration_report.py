@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 from numpy.testing import assert_allclose
 
-from fgnav.graph.constants import Constants, flight_constant
-from fgnav.graph.solution import Solution
-from fgnav.graph.states import States
+from fgnav.graph.types.constants import Constants, flight_constant
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import States
 from fgnav.methods.calibration_report import calibrated_constants, sentence
 
 AXES = ("north", "east", "down")

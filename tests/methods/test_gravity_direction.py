@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from numpy.testing import assert_allclose
 
-from fgnav.graph.directions import Directions
+from fgnav.graph.factors.directions import Directions
 from fgnav.graph.factors.gravity import Gravity
 from fgnav.rotations import exp, log, skew
 from fgnav.solve.batch import solve_batch

@@ -16,8 +16,8 @@ from fgnav.frontend.calibration_request import (
 from fgnav.frontend.measurements import Recorded, measurements_of
 from fgnav.frontend.sensors.sensed import Sensed
 from fgnav.frontend.sensors.surroundings import field_of, heights_of
-from fgnav.graph.constants import Constants
-from fgnav.graph.directions import Directions
+from fgnav.graph.factors.directions import Directions
+from fgnav.graph.types.constants import Constants
 from fgnav.methods.smoother import Direction, Measured, Measurements, Stream, StreamSetUp
 from fgnav.rotations import log, transpose
 from fgnav.solve.fixed_lag import solve_fixed_lag

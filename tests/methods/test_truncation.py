@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from fgnav.frontend.truncation import truncated
+from fgnav.frontend.causal.truncation import truncated
 from fgnav.io.exports import write_estimate
 from fgnav.methods.smoother import Forward, Smoother
 from fgnav_sim.receiver_tables import OutageTable

@@ -8,7 +8,7 @@ import pytest
 
 from fgnav import rotations
 from fgnav.checks import NoSolutionError
-from fgnav.frontend import vector_alignment
+from fgnav.frontend.attitude import vector_alignment
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.solve.batch import solve_batch
 from fgnav_sim.scenario import FixesTable

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from fgnav.graph.states import DERIVATIVE_SCALE_S
+from fgnav.graph.types.states import DERIVATIVE_SCALE_S
 from fgnav.process import matern_kernel
 from fgnav.process.matern import integral, intervals, noise_factor, stationary, transition
 

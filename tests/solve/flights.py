@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.graph.constants import Constants, FlightConstant, flight_constant
 from fgnav.graph.factors.array_phase import ArrayPhase
-from fgnav.graph.factors.gyro_free import GyroFree
-from fgnav.graph.factors.inertial import Inertial
 from fgnav.graph.factors.position import Position
 from fgnav.graph.factors.velocity import Velocity
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.solution import Solution
-from fgnav.graph.states import States
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.inertial.preintegrated import Inertial
+from fgnav.graph.types.constants import Constants, FlightConstant, flight_constant
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import States
 from fgnav.rotations import exp, log, transpose
 from tests.graph.factors.motions import EARTH_N_RADPS, GRAVITY_N_MPS2, TrueMotion, sine
 

@@ -7,10 +7,10 @@ import pytest
 from fgnav.checks import FloatArray
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, flight_graph, flight_values
-from fgnav.graph.constants import flight_constant
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.solution import Solution
-from fgnav.graph.states import States
+from fgnav.graph.types.constants import flight_constant
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import States
 from fgnav.solve.batch import solve_batch
 from tests.solve.flights import apart, flight, sigmas_apart
 

@@ -7,7 +7,7 @@ import pytest
 from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.graph import keys
 from fgnav.graph.build import Layout
-from fgnav.graph.constants import Constants, flight_constant
+from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.solve.batch import solve_batch
 from fgnav.solve.elimination import Elimination
 from fgnav.solve.failures import in_words

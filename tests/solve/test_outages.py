@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from fgnav.graph import keys
-from fgnav.graph.constants import flight_constant
-from fgnav.graph.problem import SmoothingProblem
+from fgnav.graph.types.constants import flight_constant
+from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.rotations import log, transpose
 from fgnav.solve import chain, fixed_lag
 from fgnav.solve.batch import solve_batch

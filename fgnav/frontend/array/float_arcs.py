@@ -15,9 +15,9 @@ import numpy as np
 from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic, tangent_jacobian
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.frontend.alignment import Alignment
+from fgnav.frontend.attitude.alignment import Alignment
 from fgnav.gnss.differences import DoubleDifferences
-from fgnav.graph.constants import FlightConstant
+from fgnav.graph.types.constants import FlightConstant
 from fgnav.rotations import exp, log
 
 ELEMENTS = 9

@@ -14,7 +14,7 @@ from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.flight import Flight
 from fgnav.gnss.differences import DoubleDifferences
-from fgnav.graph.constants import FlightConstant
+from fgnav.graph.types.constants import FlightConstant
 from fgnav.integers.resolve import resolve
 from fgnav.integers.resolver import Resolver, fixed_ranges_m
 from fgnav.rotations import exp, skew

@@ -7,13 +7,13 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
 from fgnav.estimate import open_angle_variance_rad2
 from fgnav.flight import Fixes, Flight, Imu
-from fgnav.frontend.alignment import Alignment
 from fgnav.frontend.array.pivot import pivot_views
+from fgnav.frontend.attitude.alignment import Alignment
+from fgnav.frontend.attitude.rates import swing_n_mps
 from fgnav.frontend.matching import nearest, unused
 from fgnav.frontend.position.phase_positions import Attitudes, positions
 from fgnav.frontend.position.rank_deficient import RankDeficient, rank_deficient_of
 from fgnav.frontend.position.series import VectorSeries
-from fgnav.frontend.rates import swing_n_mps
 from fgnav.gnss.code_solution import code_solution
 from fgnav.rotations import skew, transpose
 

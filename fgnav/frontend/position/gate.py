@@ -7,8 +7,8 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.estimate import Rejected
 from fgnav.flight import Imu
+from fgnav.frontend.attitude.rates import swing_n_mps
 from fgnav.frontend.position.series import VectorSeries
-from fgnav.frontend.rates import swing_n_mps
 
 _AROUND = 15  # fixes before and after: fourteen in a row may be wrong
 _APART_S = 2.0  # fixes further apart are not held against each other

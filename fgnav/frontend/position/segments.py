@@ -11,7 +11,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.frontend.position.series import VectorSeries
-from fgnav.graph.constants import FlightConstant
+from fgnav.graph.types.constants import FlightConstant
 
 NAME = "phase segment biases"
 _MOST = 8  # stretches with an offset: three dimensions of each travel through the whole chain

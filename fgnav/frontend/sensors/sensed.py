@@ -6,8 +6,8 @@ from fgnav.checks import FloatArray, Loss
 from fgnav.flight import Flight, Imu
 from fgnav.frontend.sensors.directional import gravity, sight
 from fgnav.frontend.sensors.surroundings import Heights, MagneticField, heights, magnetic_field
-from fgnav.graph.constants import FlightConstant
-from fgnav.graph.directions import Directions
+from fgnav.graph.factors.directions import Directions
+from fgnav.graph.types.constants import FlightConstant
 from fgnav.gravity import GravityDirection
 
 

@@ -14,8 +14,8 @@ from fgnav.earth import Origin, geodetic
 from fgnav.flight import Flight, Imu
 from fgnav.frontend.gaps import LONGEST_STEP_S
 from fgnav.frontend.matching import SAME_S
-from fgnav.graph.constants import FlightConstant, flight_constant
-from fgnav.graph.directions import Directions
+from fgnav.graph.factors.directions import Directions
+from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.surroundings import Barometer, Magnetometer
 
 _PER_CONSTANT = 8  # times at which a drift is estimated in each of its time constants

@@ -18,11 +18,11 @@ from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph import keys
-from fgnav.graph.constants import Constants
 from fgnav.graph.factors.arrays import contiguous, freeze
-from fgnav.graph.measurement import Linearised
 from fgnav.graph.measurement_factor import of_measurement, parts_of
-from fgnav.graph.states import States
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.states import States
 
 # Where the elements of R.ravel() stand in the column-major vector of a 4 by 4 pose matrix.
 _IN_POSE = [4 * column + row for row in range(3) for column in range(3)]

@@ -19,11 +19,11 @@ from numba import njit
 
 from fgnav import rotation_kernel as rot
 from fgnav.checks import FloatArray, IntArray
-from fgnav.graph.constants import Constants
 from fgnav.graph.factors.arrays import contiguous, freeze
-from fgnav.graph.measurement import Linearised
 from fgnav.graph.measurement_factor import of_measurement, parts_of
-from fgnav.graph.states import States
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.states import States
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

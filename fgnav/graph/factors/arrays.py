@@ -3,7 +3,7 @@
 import numpy as np
 
 from fgnav.checks import IntArray, frozen
-from fgnav.graph.states import States
+from fgnav.graph.types.states import States
 
 Shape = tuple[int | None, ...]
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.graph.states import AUX, States
+from fgnav.graph.types.states import AUX, States
 
 
 class WindowArrays(NamedTuple):

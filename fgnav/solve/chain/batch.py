@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.solution import Solution
-from fgnav.graph.states import ROTATION, States
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import ROTATION, States
 from fgnav.solve.chain import back_kernel, kernel
 from fgnav.solve.chain.linear import Links, linearise
 from fgnav.solve.failures import weakest_state

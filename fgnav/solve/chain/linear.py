@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
-from fgnav.graph.problem import SmoothingProblem, pose_prior_sigma
-from fgnav.graph.states import AUX, POSITION, ROTATION, VELOCITY, States
+from fgnav.graph.types.problem import SmoothingProblem, pose_prior_sigma
+from fgnav.graph.types.states import AUX, POSITION, ROTATION, VELOCITY, States
 from fgnav.rotation_kernel import inverse_right_jacobian
 from fgnav.rotations import log
 from fgnav.solve.chain import kernel

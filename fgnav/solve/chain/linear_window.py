@@ -9,8 +9,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.build import Layout
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.states import AUX, ROTATION, States
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import AUX, ROTATION, States
 from fgnav.solve.chain import back_kernel, kernel
 from fgnav.solve.chain.arrays import WindowArrays
 from fgnav.solve.chain.linear import Links, linearise

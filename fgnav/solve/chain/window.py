@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.solution import Solution
-from fgnav.graph.states import States
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import States
 from fgnav.solve.chain.linear_window import LinearWindow
-from fgnav.solve.departed import Departed, departed, joined_solution
-from fgnav.solve.relinearisation import UNKNOWN_RAD, WAITS_S, moved_far
-from fgnav.solve.retract_kernel import retracted
+from fgnav.solve.sliding.departed import Departed, departed, joined_solution
+from fgnav.solve.sliding.relinearisation import UNKNOWN_RAD, WAITS_S, moved_far
+from fgnav.solve.sliding.retract_kernel import retracted
 
 _ROUNDING_S = 1e-6
 _PASSES = 5  # at most, while states are linearised anew: a rough start needs three

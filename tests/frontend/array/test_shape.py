@@ -14,7 +14,7 @@ from fgnav.frontend.array.shape import (
     shape_at,
 )
 from fgnav.frontend.calibration_request import calibration_requests, constants_of
-from fgnav.graph.constants import flight_constant
+from fgnav.graph.types.constants import flight_constant
 from fgnav.integers.lambda_ import Lambda
 from fgnav.integers.resolver import fixed_ranges_m
 from tests.attitude.arrays import synthetic

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from fgnav.checks import BadInputError
 from fgnav.frontend.sensors import directional
-from fgnav.graph.directions import Directions
+from fgnav.graph.factors.directions import Directions
 from fgnav.gravity import GravityDirection
 from fgnav.integers.truth import attitude_at
 from tests.methods.simulated import flown

@@ -7,8 +7,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.flight import Imu
-from fgnav.graph.motion import Motion
-from fgnav.graph.states import DERIVATIVE_SCALE_S, States
+from fgnav.graph.types.motion import Motion
+from fgnav.graph.types.states import DERIVATIVE_SCALE_S, States
 from fgnav.rotations import from_euler, log, transpose
 
 EARTH_N_RADPS = 7.292115e-5 * np.array([np.cos(0.85), 0.0, -np.sin(0.85)])

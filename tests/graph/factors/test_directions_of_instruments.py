@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from fgnav.graph import keys
-from fgnav.graph.directions import Directions
+from fgnav.graph.factors.directions import Directions
 from fgnav.graph.factors.gravity import Gravity
 from fgnav.graph.factors.line_of_sight import LineOfSight
 from fgnav.graph.factors.magnetometer import MagneticField

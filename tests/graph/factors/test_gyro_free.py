@@ -9,9 +9,9 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.flight import Imu
 from fgnav.graph import keys
-from fgnav.graph.constants import Constants, flight_constant
-from fgnav.graph.factors.gyro_free import GyroFree
-from fgnav.graph.states import DERIVATIVE_SCALE_S, States
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.types.constants import Constants, flight_constant
+from fgnav.graph.types.states import DERIVATIVE_SCALE_S, States
 from fgnav.process import matern
 from fgnav.rotations import accumulated, exp
 from tests.graph.factors.motions import (

@@ -8,8 +8,8 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.graph import keys
-from fgnav.graph.factors.inertial import TURNED_RAD, Inertial
-from fgnav.graph.increments import at_latest
+from fgnav.graph.inertial.increments import at_latest
+from fgnav.graph.inertial.preintegrated import TURNED_RAD, Inertial
 from tests.graph.factors.motions import (
     EARTH_N_RADPS,
     GRAVITY_N_MPS2,

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.graph.constants import Constants, flight_constant
-from fgnav.graph.measurement import Linearised
-from fgnav.graph.motion import LinearisedMotion
-from fgnav.graph.problem import SmoothingProblem, pose_prior_sigma
-from fgnav.graph.states import States
+from fgnav.graph.types.constants import Constants, flight_constant
+from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.motion import LinearisedMotion
+from fgnav.graph.types.problem import SmoothingProblem, pose_prior_sigma
+from fgnav.graph.types.states import States
 from fgnav.rotation_kernel import inverse_right_jacobian
 from fgnav.rotations import exp, log
 

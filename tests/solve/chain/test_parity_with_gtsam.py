@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from fgnav.graph.constants import Constants, flight_constant
 from fgnav.graph.factors.array_phase import ArrayPhase
-from fgnav.graph.factors.gyro_free import GyroFree
 from fgnav.graph.factors.position import Position
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.states import States
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.types.constants import Constants, flight_constant
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import States
 from fgnav.rotations import exp, log
 from fgnav.solve import fixed_lag
 from fgnav.solve.chain import window

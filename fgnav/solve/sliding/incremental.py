@@ -19,7 +19,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.graph.build import Layout
-from fgnav.graph.states import AUX, ROTATION
+from fgnav.graph.types.states import AUX, ROTATION
 from fgnav.solve.failures import open_state
 from fgnav.solve.marginals import Marginals
 

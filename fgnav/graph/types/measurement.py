@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.graph.states import States
+from fgnav.graph.types.states import States
 
 if TYPE_CHECKING:
     import gtsam

@@ -15,13 +15,13 @@ from fgnav.flight import Flight
 from fgnav.frontend.array.consensus import arc_consensus
 from fgnav.frontend.array.exclusion import ConsistentArray, exclude_faults
 from fgnav.frontend.array.pivot import pivot_losses, pivot_notes, pivot_views
-from fgnav.frontend.gaps import gap_notes, spans
-from fgnav.frontend.matching import nearest
-from fgnav.frontend.vector_alignment import (
+from fgnav.frontend.attitude.vector_alignment import (
     VECTOR_SIGMA_RAD,
     VectorAttitudes,
     vector_attitudes,
 )
+from fgnav.frontend.gaps import gap_notes, spans
+from fgnav.frontend.matching import nearest
 from fgnav.gnss.differences import DoubleDifferences
 from fgnav.gravity import GravityDirection
 from fgnav.integers.resolve import resolve

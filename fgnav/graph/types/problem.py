@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.graph.constants import Constants
-from fgnav.graph.measurement import Measurement
-from fgnav.graph.motion import Motion
-from fgnav.graph.states import States
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.measurement import Measurement
+from fgnav.graph.types.motion import Motion
+from fgnav.graph.types.states import States
 
 # 1-sigma before the first keyframe: next to nothing. Ten times less of the position, and rounding
 # would leave it open where the first fix is some keyframes away.

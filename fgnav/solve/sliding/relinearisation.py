@@ -7,7 +7,7 @@ keyframe stay where they are: one shared variable relinearised has the whole win
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.graph.states import AUX, RATE, ROTATION
+from fgnav.graph.types.states import AUX, RATE, ROTATION
 
 # A keyframe is relinearised when its estimate has moved further than this from where it was:
 # rotations err by half the square, 0.003 degree. Beside a gyroscope, where that is a tenth of a

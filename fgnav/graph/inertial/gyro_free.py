@@ -33,13 +33,13 @@ from numpy.typing import NDArray
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.flight import Imu
 from fgnav.graph import keys
-from fgnav.graph.constants import Constants
-from fgnav.graph.factors import gyro_free_kernel as kernel
-from fgnav.graph.factors.gyro_free_kernel import ROWS, Filled, Rows
-from fgnav.graph.factors.gyro_free_path_kernel import Intervals
-from fgnav.graph.increments import increments, parents
-from fgnav.graph.motion import LinearisedMotion
-from fgnav.graph.states import AUX, States
+from fgnav.graph.inertial import gyro_free_kernel as kernel
+from fgnav.graph.inertial.gyro_free_kernel import ROWS, Filled, Rows
+from fgnav.graph.inertial.increments import increments, parents
+from fgnav.graph.inertial.path_kernel import Intervals
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.motion import LinearisedMotion
+from fgnav.graph.types.states import AUX, States
 from fgnav.process import matern
 
 INTEGRATION_M2 = 1e-7  # m2/s: a third of a millimetre in a second keeps linear systems well posed

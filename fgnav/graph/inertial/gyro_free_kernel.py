@@ -9,7 +9,7 @@ from numba import njit
 
 from fgnav import rotation_kernel as rot
 from fgnav.checks import FloatArray, IntArray
-from fgnav.graph.factors.gyro_free_path_kernel import (
+from fgnav.graph.inertial.path_kernel import (
     Intervals,
     Path,
     empty_path,

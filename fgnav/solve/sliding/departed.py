@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.graph.solution import Solution
-from fgnav.graph.states import States, joined
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import States, joined
 from fgnav.solve.marginals import Marginals
-from fgnav.solve.relinearisation import is_rough
+from fgnav.solve.sliding.relinearisation import is_rough
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.graph.states import States
+from fgnav.graph.types.states import States
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

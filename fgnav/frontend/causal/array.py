@@ -1,7 +1,7 @@
 """Attitudes of the array and the track of its reference antenna, each epoch by the past alone.
 
 What a filter is given. The truncation test is the definition: of a flight cut at any time
-(``fgnav.frontend.truncation``), everything here that is due before the cut stays the same.
+(``fgnav.frontend.causal.truncation``), everything here that is due before the cut stays the same.
 """
 
 from dataclasses import dataclass, fields

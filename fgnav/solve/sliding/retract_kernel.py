@@ -8,7 +8,7 @@ from numba import njit
 
 from fgnav import rotation_kernel as rot
 from fgnav.checks import FloatArray
-from fgnav.graph.states import States
+from fgnav.graph.types.states import States
 
 
 def retracted(

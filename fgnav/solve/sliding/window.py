@@ -23,14 +23,14 @@ from fgnav.graph.build import (
     insert_keyframe,
     keyframe_priors,
 )
-from fgnav.graph.problem import SmoothingProblem
-from fgnav.graph.states import ROTATION, States
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import ROTATION, States
 from fgnav.solve.chain.linear_window import LinearWindow
-from fgnav.solve.departed import Departed, departed
 from fgnav.solve.failures import in_words
-from fgnav.solve.incremental import IncrementalSmoother
-from fgnav.solve.relinearisation import MOVED_RAD, UNKNOWN_RAD, WAITS_S, moved_far
-from fgnav.solve.retract_kernel import retracted
+from fgnav.solve.sliding.departed import Departed, departed
+from fgnav.solve.sliding.incremental import IncrementalSmoother
+from fgnav.solve.sliding.relinearisation import MOVED_RAD, UNKNOWN_RAD, WAITS_S, moved_far
+from fgnav.solve.sliding.retract_kernel import retracted
 
 BLOCK_S = 1.0  # also of what is marginalised at once
 _SLOW_S = 0.5  # attitudes this far apart move too far for one linearisation

@@ -14,11 +14,12 @@ from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.attitude.vector_pairs import wahba
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
 from fgnav.flight import Flight, Imu
-from fgnav.frontend.alignment import Alignment, at_keyframes, completed_by
 from fgnav.frontend.array.float_arcs import FloatArcs
 from fgnav.frontend.array.pivot import pivot_views
-from fgnav.frontend.attitude_filling import zero_order_hold
-from fgnav.frontend.causal import causal_array, causal_track
+from fgnav.frontend.attitude.alignment import Alignment, at_keyframes, completed_by
+from fgnav.frontend.attitude.filling import zero_order_hold
+from fgnav.frontend.attitude.vector_alignment import VECTOR_SIGMA_RAD
+from fgnav.frontend.causal.array import causal_array, causal_track
 from fgnav.frontend.gaps import LONGEST_GAP_S, bridged, keyframe_times
 from fgnav.frontend.matching import nearest, unused
 from fgnav.frontend.position.antenna_motion import AntennaMotion, motion_of_fixes
@@ -34,7 +35,6 @@ from fgnav.frontend.stages import (
     interpolated,
     reason_without_attitude,
 )
-from fgnav.frontend.vector_alignment import VECTOR_SIGMA_RAD
 from fgnav.gravity import causal_gravity
 from fgnav.rotations import log, transpose
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
+from fgnav.frontend.attitude.rates import angular_rates
 from fgnav.frontend.gaps import LOST_S, carried
-from fgnav.frontend.rates import angular_rates
 from fgnav.rotations import exp, log, transpose
 
 

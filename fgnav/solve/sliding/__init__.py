@@ -1,0 +1,1 @@
+"""GTSAM's incremental smoother as a sliding window."""
