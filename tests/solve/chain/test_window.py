@@ -37,7 +37,7 @@ def test_a_filtered_state_is_the_dense_one_of_the_data_by_then(aux, b):
 
 @pytest.mark.parametrize(("aux", "b"), CASES)
 def test_a_smoothed_state_is_the_dense_one_of_the_data_up_to_its_block(aux, b):
-    n, lag_s, per_block = 16, 0.75, round(1.0 / STEP_S)
+    n, lag_s, per_block = 20, 1.75, round(1.0 / STEP_S)
     problem = random_problem(n, aux, b)
     solution = solve_fixed_lag(problem, lag_s, keep_linearisation=True)
     for k in range(n):
@@ -62,7 +62,7 @@ def test_relinearised_window_as_long_as_the_flight_is_the_batch():
     problem = random_problem(20, 12, 3, turn_rad=0.3)
     whole, window = solve_batch(problem), solve_fixed_lag(problem, 100.0)
     sigma = np.sqrt(np.einsum("nii->ni", whole.covariance))
-    # Rotations may stay 0.005 rad from where they are linearised.
+    # Rotations may stay 0.01 rad from where they are linearised.
     apart = np.abs(window.states.p_n_m - whole.states.p_n_m)
     assert (apart < 0.02 * sigma[:, 3:6]).all()
     apart = np.abs(window.states.R_nb - whole.states.R_nb).max()
