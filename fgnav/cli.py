@@ -397,8 +397,8 @@ def _estimators(methods: str, integers: str, asked: _Asked) -> "list[Estimator]"
     }
     for option, (is_given, taken_by) in takers.items():
         if is_given and not set(names) & set(taken_by):
-            raise BadInputError(f"{option}: only {', '.join(taken_by)} takes it, got {methods!r}")
-    return [method_named(name, resolver, options) for name in names]
+            raise BadInputError(f"{option}: only {', '.join(taken_by)} use it, got {methods!r}")
+    return [method_named(name, resolver, options=options) for name in names]
 
 
 def _words(text: str) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ through the entry-point group ``fgnav.methods``: a callable that takes ``resolve
 ``Estimator``.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fgnav import plugins
 from fgnav.estimate import Estimator
@@ -66,8 +66,24 @@ class Options:
         return {option: value for option, value in wanted.items() if value is not None}
 
 
-def method_named(name: str, resolver: Resolver, options: Options | None = None) -> Estimator:
+def method_named(
+    name: str,
+    resolver: Resolver,
+    gravity: GravityEstimator | None = None,
+    estimate: tuple[str, ...] = (),
+    lag_s: float | None = None,
+    *,
+    options: Options | None = None,
+) -> Estimator:
     """Return the method of that name, with those of the options that it takes.
+
+    Parameters
+    ----------
+    name : str
+    resolver : Resolver
+    gravity, estimate, lag_s
+        As in ``Options``, over what those say.
+    options : Options, optional
 
     Raises
     ------
@@ -75,5 +91,12 @@ def method_named(name: str, resolver: Resolver, options: Options | None = None) 
         If there is none; the text lists what there is.
     """
     factory = plugins.named(GROUP, METHODS, name, kind="method")
-    estimator: Estimator = factory(resolver=resolver, **(options or Options()).of(name))
+    asked = options or Options()
+    asked = replace(
+        asked,
+        gravity=gravity or asked.gravity,
+        estimate=estimate or asked.estimate,
+        lag_s=asked.lag_s if lag_s is None else lag_s,
+    )
+    estimator: Estimator = factory(resolver=resolver, **asked.of(name))
     return estimator
