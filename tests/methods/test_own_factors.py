@@ -394,4 +394,4 @@ def test_an_installed_source_goes_by_its_name_on_the_command_line(tmp_path, caps
     error = capsys.readouterr().err
     assert error == "fgnav: source of factors 'moons': not one of stars\n"
     assert cli.main([*words, "--factors", "stars", "--method", "rtk"]) == 2
-    assert "--factors: only smoother, forward, batch, gtsam takes it" in capsys.readouterr().err
+    assert "--factors: only smoother, forward, batch, gtsam use it" in capsys.readouterr().err
