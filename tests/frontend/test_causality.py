@@ -354,7 +354,7 @@ def test_gravity_that_states_nothing_is_taken_to_look_ahead():
     class Silent:
         name = "silent"
 
-        def __call__(self, flight):
+        def __call__(self, flight):  # noqa: ARG002  # as the Protocol has it
             pytest.fail("it must not be asked")
 
     with pytest.raises(BadInputError, match=r"gravity 'silent': .* take 'low-dynamics'"):
