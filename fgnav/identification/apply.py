@@ -1,0 +1,113 @@
+"""A smoothing problem with the noise and the times that its flight asks for."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from fgnav.checks import NoSolutionError
+from fgnav.flight import Flight
+from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests, of_time
+from fgnav.frontend.problem import PreparedFlight
+from fgnav.frontend.settings import ProblemSettings
+from fgnav.graph.delayed import PPM
+from fgnav.graph.types.constants import FlightConstant
+from fgnav.identification.identify import Times, identify, with_factors
+from fgnav.identification.notes import noise_notes, time_notes
+
+_FEWEST = 30  # keyframes that measured something: fewer tell no noise
+_MOVED_S = 0.01  # a clock off by more is corrected first: beyond, its carrying of states errs
+Build = Callable[[Flight, ProblemSettings], PreparedFlight]
+
+
+def with_identified_noise(
+    flight: Flight, settings: ProblemSettings, prepared: PreparedFlight, build: Build
+) -> PreparedFlight:
+    """Return the problem with noise that is not stated, or contradicted, as identified.
+
+    Clock and delay become constants of the flight where they are not zero or were asked for; a
+    clock that is far off is corrected in the unit's tags first.
+
+    Parameters
+    ----------
+    flight : Flight
+    settings : ProblemSettings
+        Not causal.
+    prepared : PreparedFlight
+        With the noise as the flight has it.
+    build : callable
+        From a flight to its problem.
+    """
+    problem = prepared.problem
+    measured = np.unique(np.concatenate([one.row for one in problem.measurements]))
+    by_vectors = prepared.integers is None and prepared.imu.w_b_radps is None
+    if len(measured) < _FEWEST or by_vectors:
+        return prepared
+    moved = np.zeros(2)
+    try:
+        found = identify(flight, problem, prepared.timed, _extra(flight, settings))
+        if _far(flight, found.times):
+            moved += found.times.value[:2]
+            moved_flight = _moved(flight, moved)
+            again = build(moved_flight, settings)
+            known = found.factors
+            extra = _extra(flight, settings)
+            found = identify(moved_flight, again.problem, again.timed, extra, known)
+    except NoSolutionError as error:
+        note = f"Noise is as stated or, where it is not, usual: it could not be tested ({error})."
+        return replace(prepared, notes=(*prepared.notes, note))
+    requests = _requests(settings.calibration, found.times, moved)
+    if not found.used.any() and requests == settings.calibration:
+        return prepared
+    better = with_factors(_moved(flight, moved), found.factors)
+    changed = build(better, replace(settings, calibration=requests))
+    notes = (*noise_notes(flight, found), *time_notes(found.times, moved, requests))
+    return replace(changed, notes=(*changed.notes, *notes))
+
+
+def _extra(flight: Flight, settings: ProblemSettings) -> tuple[FlightConstant, ...]:
+    """Return constants of time that are tested though nobody asked for them."""
+    asked = [one.kind for one in settings.calibration]
+    words = [] if flight.fixes is None or flight.fixes.v_n_mps is None else ["velocity-delay"]
+    if flight.observations is not None:
+        words = []
+    tested = calibration_requests([w for w in ("clock", *words) if w not in asked])
+    return tuple(constant for word in tested for constant in of_time(word))
+
+
+def _far(flight: Flight, times: Times) -> bool:
+    """Return whether the clock is off by so much that states are carried too far."""
+    if flight.imu is None or not times.significant[:2].any():
+        return False
+    half_s = (flight.imu.t_s[-1] - flight.imu.t_s[0]) / 2
+    return bool(abs(times.value[0]) + PPM * abs(times.value[1]) * half_s > _MOVED_S)
+
+
+def _moved(flight: Flight, by: np.ndarray) -> Flight:
+    """Return a flight whose unit's tags are moved by an offset, s, and a rate, ppm."""
+    imu = flight.imu
+    if imu is None or not by.any():
+        return flight
+    since_s = imu.t_s - imu.t_s[[0, -1]].mean()
+    return replace(flight, imu=replace(imu, t_s=imu.t_s + by[0] + PPM * by[1] * since_s))
+
+
+def _requests(
+    asked: tuple[CalibrationRequest, ...], times: Times, moved: np.ndarray
+) -> tuple[CalibrationRequest, ...]:
+    """Return what is asked for, with what was found not to be zero."""
+    kinds = {one.kind: one for one in asked}
+    significant = times.significant
+    wanted = {
+        "clock": bool(moved.any() or significant[:2].any()),
+        "velocity-delay": bool(significant[2]),
+    }
+    for kind, needed in wanted.items():
+        if needed and kind not in kinds:
+            kinds[kind] = calibration_requests([kind])[0]
+    if "clock" in kinds and moved.any():
+        kinds["clock"] = replace(kinds["clock"], moved=(float(moved[0]), float(moved[1])))
+    if "velocity-delay" in kinds and significant[2]:
+        kinds["velocity-delay"] = replace(kinds["velocity-delay"], start=float(times.value[2]))
+    others = [one for one in asked if one.kind not in ("clock", "velocity-delay")]
+    return (*others, *(kinds[kind] for kind in wanted if kind in kinds))

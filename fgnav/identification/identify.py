@@ -1,0 +1,309 @@
+"""Noise, delays and clocks of a flight from the flight itself, and what contradicts the stated.
+
+What a flight does not state is found by the marginal likelihood of its linearised chain with a
+log-normal prior about usual figures. What it states is believed until the likelihood excludes it,
+and half as much again or two thirds of it, too; then what is found takes its place, and a note says
+so. The offset and the rate of the inertial unit's clock, and the delay of fix velocities, are
+constants of the same chain: its solution is a Newton step of their likelihood.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.flight import Flight
+from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
+from fgnav.graph.types.constants import Constants, FlightConstant
+from fgnav.graph.types.motion import NoiseParts
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import States
+from fgnav.identification.linear_chain import LinearChain, Score
+from fgnav.identification.search import Found, search
+from fgnav.identification.thinned import FIELDS, scaled, thinned
+from fgnav.solve.chain import solve_batch
+
+# Log-normal sigmas of what nobody stated: white noise of small units in motion is 1 to 40 times
+# the figures of their data sheets (docs/model.md), walks are known by their order.
+_WHITE_SIGMA, _WALK_SIGMA = np.log(5.0), np.log(10.0)
+# Of what is stated while it is tested: as good as nothing.
+_TEST_SIGMA = np.log(30.0)
+# A standard deviation off by less leaves squared errors of 3 between 1.3 and 6.8.
+_TOLERATED = np.log(1.5)
+_DOUBTED = 2.5  # sigmas: one of eight components in ten flights
+_SIGMAS = 4.0  # of a normal variable, two-sided: 6e-5
+_ABOVE = 10.0  # times the stated, where the first linearisation of a contradicted unit is
+_QUICK, _ITERATIONS = 6, 10  # Gauss-Newton steps
+_NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Times:
+    """Clock of the inertial unit and delay of velocities: values, their sigmas; NaN of absent ones.
+
+    Attributes
+    ----------
+    value, sigma : ndarray, shape (3,)
+        Offset (s, in the middle of the record, to be added to the unit's tags), its growth (ppm),
+        and how old velocities are (s).
+    """
+
+    value: FloatArray
+    sigma: FloatArray
+
+    @property
+    def significant(self) -> BoolArray:
+        """Which of them are not zero, (3,)."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.abs(self.value) > _SIGMAS * self.sigma)
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Identified:
+    """What a flight says of its own noise and times.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Components: ``graph.types.motion.INERTIAL_NOISES``, ``"position"``, ``"velocity"``.
+    factor : ndarray, shape (c,)
+        What is found over what the flight states or, failing that, is usual.
+    sigma : ndarray, shape (c,)
+        Of its logarithm.
+    used : ndarray of bool, shape (c,)
+        Which replace what the flight has: not stated, or contradicted.
+    stated : ndarray of bool, shape (c,)
+    times : Times
+    """
+
+    names: tuple[str, ...]
+    factor: FloatArray
+    sigma: FloatArray
+    used: BoolArray
+    stated: BoolArray
+    times: Times
+
+    @property
+    def factors(self) -> dict[str, float]:
+        """Factors of components that are replaced."""
+        return {
+            name: float(factor)
+            for name, factor, used in zip(self.names, self.factor, self.used, strict=True)
+            if used
+        }
+
+
+def identify(
+    flight: Flight,
+    problem: SmoothingProblem,
+    timed: TimedMotion,
+    extra: tuple[FlightConstant, ...],
+    known: dict[str, float] | None = None,
+) -> Identified:
+    """Return what the flight says of its noise and times, linearised where its problem begins.
+
+    Parameters
+    ----------
+    flight : Flight
+    problem : SmoothingProblem
+        Of the whole flight, with the noise as the flight has it.
+    timed : TimedMotion
+        At its keyframes.
+    extra : tuple of FlightConstant
+        Clock and delay, those that the problem has not among its constants.
+    known : dict of str to float, optional
+        Factors of a search before, to begin with.
+
+    Raises
+    ------
+    NoSolutionError
+        If the chain has no solution, or ends at none.
+    """
+    small = thinned(problem, extra)
+    there = timed.at(np.searchsorted(problem.t_s, small.t_s))
+    scalable = _scalable(flight)
+    stated = {name: name not in _unstated(flight) for name in (*FIELDS, *scalable)}
+    small = _with_times(small, there, extra)
+    small_flight = _Flight(small, small.motion.noise_parts(), scalable)
+    if all(stated.values()) and not known:
+        quick = _as_stated(small_flight)
+        if quick is not None:
+            return quick
+    return _searched(small_flight, stated, known or {})
+
+
+class _Flight(NamedTuple):
+    """A thinned flight, and what of its noise is a component."""
+
+    problem: SmoothingProblem
+    parts: NoiseParts
+    scalable: tuple[str, ...]
+
+    def descended(
+        self, states: States, theta: FloatArray, most: int
+    ) -> tuple[LinearChain, States, Score]:
+        """Return the chain linearised near its minimum at noises theta, by Gauss-Newton.
+
+        Where the cost rises the step is halved.
+        """
+        best: Score | None = None
+        at, share = states, 1.0
+        for _ in range(most):
+            chain = LinearChain.of(self.problem, at, self.parts, self.scalable)
+            score = chain.score(_padded(theta, chain), whole=False)
+            if score is not None and score.promised < _NEAR * score.cost:
+                return chain, at, score
+            if score is not None and (best is None or score.cost < best.cost):
+                best, states, share = score, at, 1.0
+            else:
+                share /= 3
+            if best is None:
+                break
+            at = states.moved(share * best.steps, share * best.constant_steps)
+        raise NoSolutionError("noise: the chain has no minimum about which to identify it")
+
+
+def _padded(theta: FloatArray, chain: LinearChain) -> FloatArray:
+    """Return theta with zeros for components that it lacks."""
+    return np.concatenate([theta, np.zeros(len(chain.names) - len(theta))])
+
+
+def _as_stated(flight: _Flight) -> Identified | None:
+    """Return that nothing contradicts what is stated; None if something may."""
+    try:  # damped: without a gyroscope full steps may turn too far
+        start = solve_batch(flight.problem, most=_QUICK).states
+        chain, states, _ = flight.descended(start, np.zeros(0), 2)
+    except NoSolutionError:
+        return None
+    score = chain.score(np.zeros(len(chain.names)))
+    if score is None:
+        return None
+    sigma = 1 / np.sqrt(np.diag(score.information) + _TEST_SIGMA**-2)
+    theta = sigma**2 * score.gradient
+    times = _times(flight.problem.constants, states.constants + score.constant_steps, score)
+    # One step is short of a factor far below one: whatever two sigmas speak against is searched.
+    if (np.abs(theta) > _DOUBTED * sigma).any() or times.significant.any():
+        return None
+    nothing = np.zeros(len(theta), dtype=np.bool_)
+    return Identified(
+        names=chain.names,
+        factor=np.exp(theta),
+        sigma=sigma,
+        used=nothing,
+        stated=~nothing,
+        times=times,
+    )
+
+
+def _searched(flight: _Flight, stated: dict[str, bool], known: dict[str, float]) -> Identified:
+    """Return the likeliest noises: all free at first, then those that are not believed alone."""
+    states, above = flight.problem.start, dict.fromkeys(("accelerometer", "gyroscope"), _ABOVE)
+    if "gyroscope" not in flight.parts.names:
+        states, above = solve_batch(flight.problem, most=_ITERATIONS).states, {}
+    theta = np.log([known.get(n, above.get(n, 1.0)) for n in flight.parts.names])
+    while True:
+        chain, states, _ = flight.descended(states, theta, _ITERATIONS)
+        is_stated = np.array([stated[name] for name in chain.names])
+        before = _padded(theta, chain)
+        found = _free(chain, before, is_stated)
+        theta = found.theta
+        if np.abs(theta - before)[: len(flight.parts.names)].max() < _TOLERATED:
+            break
+    used = ~is_stated | _contradicted(theta, found.sigma)
+    if used.any() and not used.all():  # once more, the others as they are stated
+        again = search(chain, np.where(used, theta, 0.0), used, _prior(is_stated, chain.names))
+        if again is not None:
+            found, theta = again, np.where(used, again.theta, theta)
+    constants = states.constants + found.score.constant_steps
+    return Identified(
+        names=chain.names,
+        factor=np.exp(theta),
+        sigma=found.sigma,
+        used=used,
+        stated=is_stated,
+        times=_times(flight.problem.constants, constants, found.score),
+    )
+
+
+def _free(chain: LinearChain, begin: FloatArray, is_stated: BoolArray) -> Found:
+    everything = np.ones(len(begin), dtype=np.bool_)
+    found = search(chain, begin, everything, _prior(is_stated, chain.names))
+    if found is None:
+        raise NoSolutionError("noise: the chain has no solution about which to identify it")
+    return found
+
+
+def _prior(is_stated: BoolArray, names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
+    """Return mean and sigma of theta: usual figures are where it is zero."""
+    walk = np.array([name.endswith("bias") for name in names])
+    sigma = np.where(is_stated, _TEST_SIGMA, np.where(walk, _WALK_SIGMA, _WHITE_SIGMA))
+    return np.zeros(len(names)), sigma
+
+
+def _contradicted(theta: FloatArray, sigma: FloatArray) -> BoolArray:
+    return np.asarray((np.abs(theta) > _TOLERATED) & (np.abs(theta) > _SIGMAS * sigma))
+
+
+def _with_times(
+    small: SmoothingProblem, timed: TimedMotion, extra: tuple[FlightConstant, ...]
+) -> SmoothingProblem:
+    """Return a thinned problem whose measurements of GNSS depend on clock and delay."""
+    if not extra:
+        return small
+    late = {"velocity": VELOCITY_DELAY}
+    gnss = ("array phases", "array shape", "position", "velocity")
+    extended = tuple(
+        on_clock(one, timed, small.constants, delay=late.get(one.name, ""))
+        if one.name in gnss
+        else one
+        for one in small.measurements
+    )
+    return replace(small, measurements=extended)
+
+
+def _times(constants: Constants, value: FloatArray, score: Score) -> Times:
+    P = score.constant_covariance
+    values, sigmas = np.full(3, np.nan), np.full(3, np.nan)
+    for i, name in enumerate((CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY)):
+        column = constants.column(name)
+        if column >= 0:
+            values[i], sigmas[i] = value[column], np.sqrt(P[column, column])
+    return Times(value=values, sigma=sigmas)
+
+
+def _scalable(flight: Flight) -> tuple[str, ...]:
+    """Return measurements whose noise is one factor on what the flight states.
+
+    Of raw observations the phases' noise is told by the epochs themselves (``attitude.array``), and
+    positions follow it.
+    """
+    return ("velocity",) if flight.observations is not None else ("position", "velocity")
+
+
+def _unstated(flight: Flight) -> tuple[str, ...]:
+    """Return the components that the flight does not state."""
+    names: tuple[str, ...] = ()
+    if flight.imu is not None:
+        names += tuple(part for part, name in FIELDS.items() if name in flight.imu.unstated)
+    if flight.observations is not None:
+        return (*names, "velocity") if "doppler_mps" in flight.gnss_noise.unstated else names
+    return names + (() if flight.fixes is None else flight.fixes.unstated)
+
+
+def with_factors(flight: Flight, factors: dict[str, float]) -> Flight:
+    """Return a flight with standard deviations multiplied by factors of components."""
+    imu, fixes, noise = flight.imu, flight.fixes, flight.gnss_noise
+    position, velocity = (factors.get(name, 1.0) for name in ("position", "velocity"))
+    if imu is not None:
+        imu = scaled(imu, factors)
+    if flight.observations is not None:
+        noise = replace(noise, doppler_mps=noise.doppler_mps * velocity)
+    elif fixes is not None:
+        sigma = fixes.velocity_sigma_mps
+        fixes = replace(
+            fixes,
+            position_sigma_m=fixes.position_sigma_m * position,
+            velocity_sigma_mps=None if sigma is None else sigma * velocity,
+        )
+    return replace(flight, imu=imu, gnss_noise=noise, fixes=fixes)

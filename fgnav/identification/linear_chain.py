@@ -1,0 +1,194 @@
+"""A flight's chain linearised once, whose noises may be changed: likelihood, score, information.
+
+Each component c multiplies a standard deviation by ``exp(theta_c)``. With whitened smoothed
+residuals r, their Jacobian J, the smoothed covariance P, ``M = I - J P J'`` and C the component's
+share of the rows' covariance, the marginal likelihood's derivative by theta is
+``r' C r - tr(C M)`` [1]_: what is left of the residuals against what should be left of them.
+
+References
+----------
+.. [1] Harville: Maximum likelihood approaches to variance component estimation and to related
+   problems, Journal of the American Statistical Association 72, 1977, equation 5.5.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.motion import NoiseParts
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import States
+from fgnav.identification import chain_kernel
+from fgnav.solve.chain import back_kernel, kernel
+from fgnav.solve.chain.linear import Links, linearise
+
+
+class Score(NamedTuple):
+    """The marginal likelihood at noises, and where the linear problem has its minimum."""
+
+    log_likelihood: float
+    squares: FloatArray  # (c,), r' C r
+    redundancy: FloatArray  # (c,), tr(C M)
+    neighbours: FloatArray  # (c, c), information of theta without products of distant residuals
+    steps: FloatArray  # (n, D)
+    constant_steps: FloatArray  # (b,)
+    constant_covariance: FloatArray  # (b, b)
+    cost: float  # where it is linearised
+    promised: float  # decrease of it by the steps
+
+    @property
+    def gradient(self) -> FloatArray:
+        """Derivative of the log likelihood by theta, (c,)."""
+        return self.squares - self.redundancy
+
+    @property
+    def information(self) -> FloatArray:
+        """Information of theta, (c, c), between its bounds.
+
+        Distant residuals' products only add to it, and ``tr(C M C M) <= tr(C M)``: it lies between
+        that of neighbours and twice the redundancy. The middle is within 40 % of the curvature.
+        """
+        return np.asarray((self.neighbours + np.diag(2 * self.redundancy.clip(0))) / 2)
+
+
+class _Sensor(NamedTuple):
+    rows: IntArray
+    linear: Linearised
+    squares: FloatArray  # (n, W, W), its augmented information by keyframe
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LinearChain:
+    """A problem linearised at states.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Components: sensors of the motion, then measurements.
+    """
+
+    names: tuple[str, ...]
+    _motion: FloatArray
+    _parts: FloatArray
+    _rest: FloatArray
+    _sensors: tuple[_Sensor, ...]
+    _node: FloatArray  # what no component changes
+    _prior: float  # log determinant of the whitening of what is known before
+    _counts: FloatArray  # of whitened rows by sensor
+
+    @classmethod
+    def of(
+        cls,
+        problem: SmoothingProblem,
+        states: States,
+        divided: NoiseParts,
+        scaled: tuple[str, ...],
+    ) -> "LinearChain":
+        """Linearise a problem.
+
+        Parameters
+        ----------
+        problem : SmoothingProblem
+        states : States
+        divided : NoiseParts
+            Of the motion.
+        scaled : tuple of str
+            Names of measurements whose noise is a component.
+        """
+        n, D, b = len(problem.t_s), problem.width, problem.constants.width
+        links, rows = Links.empty(n, D, b), np.arange(n)
+        fixed = tuple(one for one in problem.measurements if one.name not in scaled)
+        before = states.at(slice(0, n - 1))
+        linearise(replace(problem, measurements=fixed), rows, states, before, links, rows)
+        sensors, sensor_names = [], []
+        for one in problem.measurements:
+            if one.name in scaled:
+                which = np.arange(len(one.row))
+                made = one.linearise(states.at(one.row), which)
+                linear = Linearised(*map(np.ascontiguousarray, made))
+                squares = np.zeros_like(links.node)
+                kernel.add_squares(squares, one.row, *linear)
+                sensors.append(_Sensor(one.row, linear, squares))
+                sensor_names.append(one.name)
+        _, white = problem.motion.prior(b)
+        return cls(
+            (*divided.names, *sensor_names),
+            links.motion[1:],
+            np.ascontiguousarray(divided.parts),
+            np.ascontiguousarray(divided.rest),
+            tuple(sensors),
+            links.node,
+            float(np.linalg.slogdet(white[:, : problem.motion.aux])[1]),
+            np.array([float(one.linear.state.any(axis=2).sum()) for one in sensors]),
+        )
+
+    def score(self, theta: FloatArray, *, whole: bool = True) -> Score | None:
+        """Return likelihood and derivatives at log factors on standard deviations, (c,).
+
+        None where the chain has no solution there; without ``whole`` the likelihood alone.
+        """
+        n, W = len(self._node), self._node.shape[1]
+        D = self._motion.shape[1]
+        b, own = W - D - 1, self._parts.shape[1]
+        variance = np.exp(2 * theta)
+        motion, root = np.zeros((n, *self._motion.shape[1:])), np.empty((n - 1, D, D))
+        log_det = chain_kernel.whiten(
+            self._motion, self._parts, self._rest, variance[:own], motion[1:], root
+        )
+        if not np.isfinite(log_det):
+            return None
+        node = self._node.copy()
+        for one, v in zip(self._sensors, variance[own:], strict=True):
+            node += one.squares / v
+        forward = np.empty_like(node)
+        roots, gain = np.zeros((n, D, D)), np.empty((n - 1, D, W))
+        forward[0] = node[0]
+        if kernel.eliminate(motion, node, forward, roots, gain, False) >= 0:
+            return None
+        end, covariance = np.empty(D + b), np.empty((D + b, D + b))
+        least = back_kernel.newest(forward[-1], covariance, end)
+        if not np.isfinite(least):
+            return None
+        likelihood = -least / 2 - log_det / 2 - float(self._counts @ theta[own:]) + self._prior
+        likelihood -= np.log(np.einsum("nii->ni", roots[:-1])).sum()
+        likelihood += float(np.linalg.slogdet(covariance)[1]) / 2
+        steps = np.empty((n, D))
+        back_kernel.substitute(gain, end, steps)
+        cost = float(node[:, -1, -1].sum() + (motion[:, :, -1] ** 2).sum())
+        c = len(theta)
+        squares, redundancy, information = np.zeros(c), np.zeros(c), np.zeros((c, c))
+        if whole:
+            P, cross, shared = roots, np.empty((n - 1, D, D)), np.empty((n, D, b))
+            back_kernel.marginals(gain, roots, covariance, P, cross, shared)
+            step = (steps, end[D:].copy())
+            constant = np.ascontiguousarray(covariance[D:, D:])
+            chain_kernel.motion_score(
+                motion[1:],
+                root,
+                self._parts,
+                variance[:own],
+                step,
+                (P, cross, shared, constant),
+                (squares[:own], redundancy[:own], information[:own, :own]),
+            )
+            for i, one in enumerate(self._sensors):
+                scaled = [part * np.exp(-theta[own + i]) for part in one.linear]
+                told = chain_kernel.measurement_score(
+                    scaled[0], scaled[1], scaled[2], one.rows, step, (P, shared, constant)
+                )
+                squares[own + i], redundancy[own + i] = told[:2]
+                information[own + i, own + i] = told[2]
+        return Score(
+            likelihood,
+            squares,
+            redundancy,
+            4 * information,
+            steps,
+            end[D:],
+            covariance[D:, D:],
+            cost,
+            cost - float(least),
+        )

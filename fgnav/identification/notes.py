@@ -1,0 +1,65 @@
+"""What identification tells a user, in sentences."""
+
+import numpy as np
+
+from fgnav.flight import Flight
+from fgnav.frontend.calibration_request import CalibrationRequest
+from fgnav.identification.identify import Identified, Times
+from fgnav.identification.thinned import FIELDS
+
+_WHAT = {
+    "accelerometer": "Accelerometer noise in motion",
+    "gyroscope": "Gyroscope noise in motion",
+    "accelerometer bias": "Random walk of the accelerometer's bias",
+    "gyroscope bias": "Random walk of the gyroscope's bias",
+    "position": "Noise of fix positions",
+    "velocity": "Noise of velocities",
+}
+_UNIT = {
+    "accelerometer": "m/s2/sqrt(Hz)",
+    "gyroscope": "rad/s/sqrt(Hz)",
+    "accelerometer bias": "m/s2/sqrt(s)",
+    "gyroscope bias": "rad/s/sqrt(s)",
+}
+
+
+def noise_notes(flight: Flight, found: Identified) -> tuple[str, ...]:
+    """Return a sentence for each noise that replaces what the flight has."""
+    notes = []
+    for i in np.flatnonzero(found.used).tolist():
+        name, factor = found.names[i], float(found.factor[i])
+        value = _value(flight, name, factor)
+        if found.stated[i]:
+            times = f"{factor:.2g} x what flight.toml states"
+            notes.append(f"{_WHAT[name]} is {times}{value and f', {value}'}: used instead.")
+        else:
+            usual = value or f"{factor:.2g} x the usual figure"
+            notes.append(f"{_WHAT[name]}, not stated, is identified as {usual}.")
+    return tuple(notes)
+
+
+def _value(flight: Flight, name: str, factor: float) -> str:
+    if flight.imu is None or name not in FIELDS:
+        return ""
+    return f"{factor * getattr(flight.imu, FIELDS[name]):.2g} {_UNIT[name]}"
+
+
+def time_notes(
+    times: Times, moved: np.ndarray, requests: tuple[CalibrationRequest, ...]
+) -> tuple[str, ...]:
+    """Return a sentence on the unit's clock, and one on late velocities, where they matter."""
+    notes, kinds = [], [one.kind for one in requests]
+    value, sigma = times.value.copy(), times.sigma
+    value[:2] += moved
+    if "clock" in kinds:
+        notes.append(
+            f"The inertial unit's clock disagrees with GNSS: {value[0]:+.4f} ± {sigma[0]:.4f} s in "
+            f"the middle of its record, to be added to its tags, and {value[1]:+.0f} ± "
+            f"{sigma[1]:.0f} ppm in rate; corrected, and estimated with the flight."
+        )
+    if "velocity-delay" in kinds:
+        notes.append(
+            f"Velocities of fixes are {value[2]:.3f} ± {sigma[2]:.3f} s old: estimated with the "
+            "flight."
+        )
+    return tuple(notes)

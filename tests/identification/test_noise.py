@@ -1,0 +1,141 @@
+"""Noise, delays and clocks identified from flights whose own are known."""
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from fgnav.frontend.problem import build_problem
+from fgnav.frontend.settings import ProblemSettings
+from fgnav.identification.apply import with_identified_noise
+from fgnav.identification.identify import identify
+from fgnav.identification.linear_chain import LinearChain
+from fgnav.identification.thinned import thinned
+from fgnav.integers.truth import Truth
+from fgnav.io import usual_noise
+from fgnav.methods.smoother import Batch, Forward
+from fgnav.solve.chain import solve_batch
+from fgnav_sim.scenario import FixesTable, load_scenario
+from fgnav_sim.simulate import simulate
+from tests.methods.simulated import SCENARIOS, errors_rad, nees
+
+SETTINGS = ProblemSettings(resolver=Truth(), noise="identified")
+GYROSCOPE_RADPS_PER_SQRT_HZ = 2e-4
+
+
+def with_fixes(seed=20_001, span_s=200.0):
+    """A gyroscope, and fixes once a second of one antenna: no array, no phases."""
+    scenario = load_scenario(SCENARIOS / "demo.toml")
+    scenario = msgspec.structs.replace(
+        scenario,
+        duration_s=span_s,
+        fixes=FixesTable(rate_hz=1.0, position_noise_m=0.5, velocity_noise_mps=0.05),
+        imu=msgspec.structs.replace(
+            scenario.imu,
+            gyroscope_noise_radps_per_sqrt_hz=GYROSCOPE_RADPS_PER_SQRT_HZ,
+            gyroscope_bias_radps=0.01,
+            gyroscope_bias_walk_radps_per_sqrt_s=1e-5,
+        ),
+    )
+    flight = simulate(scenario, np.random.default_rng(seed))
+    return replace(
+        flight, observations=None, broadcast=None, precise=None, antennas=flight.antennas[:1]
+    )
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return with_fixes()
+
+
+def prepared(flight):
+    return with_identified_noise(flight, SETTINGS, build_problem(flight, SETTINGS), build_problem)
+
+
+def found_in(flight):
+    problem = build_problem(flight, SETTINGS)
+    return identify(flight, problem.problem, problem.timed, ())
+
+
+def test_the_score_is_the_slope_of_the_likelihood(flight):
+    small = thinned(build_problem(flight, SETTINGS).problem)
+    states = solve_batch(small).states
+    chain = LinearChain.of(small, states, small.motion.noise_parts(), ("position", "velocity"))
+    theta = np.array([0.3, -0.2, 0.4, 0.1, -0.3, 0.2])
+    gradient = chain.score(theta).gradient
+    for c in range(len(theta)):
+        step = 1e-4 * np.eye(len(theta))[c]
+        up, down = (chain.score(theta + s, whole=False).log_likelihood for s in (step, -step))
+        assert gradient[c] == pytest.approx((up - down) / 2e-4, rel=1e-4, abs=1e-3)
+
+
+def test_noises_of_the_whitened_rows_add_up_to_them(flight):
+    motion = thinned(build_problem(flight, SETTINGS).problem).motion
+    divided = motion.noise_parts()
+    total = divided.parts.sum(axis=1) + divided.rest
+    # The parts are of a few samples of an interval: its turns cost some per cent.
+    np.testing.assert_allclose(total, np.broadcast_to(np.eye(15), total.shape), atol=0.15)
+
+
+def test_what_is_stated_rightly_is_not_contradicted(flight):
+    problem = prepared(flight)
+    assert not any("used instead" in note for note in problem.notes)
+    assert problem.problem.constants.width == 0
+
+
+@pytest.mark.parametrize("wrong", [3.0, 1 / 3])
+@pytest.mark.parametrize("name", ["position", "velocity", "gyroscope"])
+def test_a_wrong_noise_is_named_with_its_factor(flight, name, wrong):
+    changed = flight
+    if name == "gyroscope":
+        noise = GYROSCOPE_RADPS_PER_SQRT_HZ * wrong
+        changed = replace(flight, imu=replace(flight.imu, gyroscope_noise_radps_per_sqrt_hz=noise))
+    else:
+        field = "position_sigma_m" if name == "position" else "velocity_sigma_mps"
+        sigma = getattr(flight.fixes, field) * wrong
+        changed = replace(flight, fixes=replace(flight.fixes, **{field: sigma}))
+    found = found_in(changed)
+    assert list(found.factors) == [name]
+    assert found.factors[name] == pytest.approx(1 / wrong, rel=0.4)  # 200 s: sigma .2 at most
+
+
+def test_noise_that_nobody_states_is_identified():
+    flight = with_fixes(span_s=60.0)
+    stated = dict.fromkeys(usual_noise.IMU)
+    imu = replace(flight.imu, **usual_noise.imu_noise(stated, gyroscope=True))
+    n = len(flight.fixes.t_s)
+    fixes = replace(
+        flight.fixes,
+        unstated=("position", "velocity"),
+        position_sigma_m=np.tile(usual_noise.POSITION_SIGMA_M, (n, 1)),
+        velocity_sigma_mps=np.tile(usual_noise.VELOCITY_SIGMA_MPS, (n, 1)),
+    )
+    silent = replace(flight, imu=imu, fixes=fixes)
+    problem = prepared(silent)
+    assert any("Gyroscope noise in motion, not stated" in note for note in problem.notes)
+    ratio = problem.imu.gyroscope_noise_radps_per_sqrt_hz / GYROSCOPE_RADPS_PER_SQRT_HZ
+    assert 0.5 < ratio < 2.0
+    estimate = Batch(resolver=Truth(), solver="chain").estimate_prepared(silent, problem)
+    # Of 3; the mean of one short flight whose heading errs slowly.
+    assert 1.0 < nees(errors_rad(silent, estimate), estimate.attitude_covariance_rad2) < 7.0
+
+
+def test_late_velocities_are_found_named_and_estimated():
+    flight = with_fixes(span_s=60.0)
+    delay_s, truth, rng = 0.12, flight.truth, np.random.default_rng(20_002)
+    late = np.stack(
+        [np.interp(flight.fixes.t_s - delay_s, truth.t_s, c) for c in truth.v_n_mps.T], axis=1
+    )
+    late += 0.05 * rng.normal(size=late.shape)
+    changed = replace(flight, fixes=replace(flight.fixes, v_n_mps=late))
+    estimate = Batch(resolver=Truth(), solver="chain")(changed)
+    assert any(note.startswith("Velocities of fixes are 0.1") for note in estimate.notes)
+    constant = next(one for one in estimate.constants if one.name == "velocity delay")
+    assert abs(constant.value[0] - delay_s) < 0.006
+    assert nees(errors_rad(changed, estimate), estimate.attitude_covariance_rad2) < 9.0
+
+
+def test_causal_methods_take_noise_as_it_is_stated():
+    assert Forward(resolver=Truth()).preparation.noise == "stated"
+    assert Batch(resolver=Truth()).preparation.noise == "identified"
