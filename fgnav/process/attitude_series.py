@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.checks import FloatArray, IntArray
 from fgnav.process import evidence_kernel
+from fgnav.process.evidence_kernel import RESTART, UPDATE, Epochs
 from fgnav.rotations import log, transpose
 
 _GAP = 10.0  # median spacings: turns across are not counted
@@ -13,6 +14,7 @@ _GAP = 10.0  # median spacings: turns across are not counted
 # than what makes any turn between two alike, +-pi: others cannot be told from it.
 _MEAN_RATE_SIGMA_RADPS, _ANY_TURN_RAD = 15.0, np.pi / np.sqrt(3)
 _OPEN_RAD = 0.5  # 1-sigma of an attitude about an axis, beyond which a rotation vector will not do
+NO_TAPE = evidence_kernel.tape(0)
 _FIRST_RATES = 5  # whose median starts the filter: one wrong attitude spoils two
 
 
@@ -20,25 +22,28 @@ _FIRST_RATES = 5  # whose median starts the filter: one wrong attitude spoils tw
 class AttitudeSeries:
     """Attitudes as the filter takes them; see ``evidence_kernel.log_densities``."""
 
-    t_s: FloatArray
-    R_nb: FloatArray
-    covariance_rad2: FloatArray
-    open_axis: FloatArray  # (n, 3)
-    linked: BoolArray  # (n - 1,)
+    epochs: Epochs
     mean_rate: FloatArray  # (4,)
 
-    def log_densities(self, length_s: float, variance_rad2ps2: FloatArray) -> FloatArray:
-        """Return the log density of each attitude given those before, (n,), under a prior."""
+    def log_densities(
+        self,
+        length_s: float | FloatArray,
+        variance_rad2ps2: FloatArray,
+        tape: evidence_kernel.Tape = NO_TAPE,
+    ) -> FloatArray:
+        """Return the log density of each attitude given those before, (n,), under a prior.
+
+        Its length scale and variance, (3,), are those of all intervals, or of each, (n - 1,) and
+        (n - 1, 3).
+        """
+        n = max(len(self.epochs.t_s) - 1, 1)
         return np.asarray(
             evidence_kernel.log_densities(
-                self.t_s,
-                self.R_nb,
-                self.covariance_rad2,
-                self.open_axis,
-                self.linked,
+                self.epochs,
                 self.mean_rate,
-                length_s,
-                variance_rad2ps2,
+                np.broadcast_to(length_s, n).astype(np.float64),
+                np.broadcast_to(variance_rad2ps2, (n, 3)).astype(np.float64),
+                tape,
             )
         )
 
@@ -54,12 +59,16 @@ def attitude_series(
     spacing_s = np.median(np.diff(t_s[:past]))
     variances, axes = np.linalg.eigh(covariance_rad2[rows])
     is_open = variances[:, 2] > _OPEN_RAD**2
-    return AttitudeSeries(
+    linked = (np.diff(rows) == 1) & (np.diff(t_s[rows]) < _GAP * spacing_s)
+    epochs = Epochs(
         t_s=np.ascontiguousarray(t_s[rows], dtype=np.float64),
         R_nb=np.ascontiguousarray(R_nb[rows], dtype=np.float64),
         covariance_rad2=np.ascontiguousarray(covariance_rad2[rows], dtype=np.float64),
         open_axis=np.where(is_open[:, None], axes[:, :, 2], 0.0),
-        linked=(np.diff(rows) == 1) & (np.diff(t_s[rows]) < _GAP * spacing_s),
+        use=np.append(RESTART, np.where(linked, UPDATE, RESTART)),
+    )
+    return AttitudeSeries(
+        epochs=epochs,
         mean_rate=_mean_rate(t_s[:past], R_nb[:past], covariance_rad2[:past]),
     )
 

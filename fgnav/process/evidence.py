@@ -18,6 +18,7 @@ from fgnav.checks import (
     positive,
 )
 from fgnav.process.attitude_series import AttitudeSeries, attitude_series, turn_rates
+from fgnav.process.evidence_kernel import UPDATE
 
 # Before anything is identified. Standard deviations of measured rates about their means, rad/s: two
 # quadrotor paths .08-.78, correlated over .1-.3 s; a car .03-.16 over seconds (Hurwitz and Klein,
@@ -29,9 +30,9 @@ _LOG_LENGTH_SIGMA = 1.5
 _FEWEST = 5  # attitudes: four turns, for four hyperparameters
 _MOST, _BLOCK = 600, 60  # of a longer flight, blocks spread evenly
 # The longest memory worth telling from a constant rate; the shortest that the numerics are for.
-_LONGEST_S, _SHORTEST_S = 60.0, 0.05
+LONGEST_S, SHORTEST_S = 60.0, 0.05
 # Earth's rate, which the model leaves out, and the range of common MEMS gyroscopes, 2000 deg/s.
-_LEAST_RADPS, _MOST_RADPS = 7.3e-5, 35.0
+LEAST_RADPS, MOST_RADPS = 7.3e-5, 35.0
 # Searches start with rates too large and memories too short: towards too little motion the filter
 # loses the attitudes and the likelihood has no slope.
 _STARTS_SPACINGS = (1.0, 3.0, 10.0, 30.0)
@@ -118,8 +119,8 @@ def rate_prior(
     n = len(t_s)
     attitudes = attitude_series(t_s, R_nb, covariance_rad2, _spread(n), past=n)
     spacing_s = float(np.median(np.diff(t_s)))
-    lower = np.log([min(max(spacing_s, _SHORTEST_S), _LONGEST_S / 2), *[_LEAST_RADPS] * 3])
-    upper = np.log([_LONGEST_S, *[_MOST_RADPS] * 3])
+    lower = np.log([min(max(spacing_s, SHORTEST_S), LONGEST_S / 2), *[LEAST_RADPS] * 3])
+    upper = np.log([LONGEST_S, *[MOST_RADPS] * 3])
     candidates = [np.clip(x, lower, upper) for x in _starts(attitudes, spacing_s, start)]
     scores = [_score(attitudes, x) for x in candidates]
     search = minimize(
@@ -236,9 +237,10 @@ def _starts(
     attitudes: AttitudeSeries, spacing_s: float, start: RatePrior | None
 ) -> list[FloatArray]:
     """Return candidates (log length, log standard deviations) where the search may start."""
-    rates = turn_rates(attitudes.t_s, attitudes.R_nb)[attitudes.linked]
+    epochs = attitudes.epochs
+    rates = turn_rates(epochs.t_s, epochs.R_nb)[epochs.use[1:] == UPDATE]
     deviations = np.abs(rates - np.median(rates, axis=0))
-    least = 10 * _LEAST_RADPS
+    least = 10 * LEAST_RADPS
     usual = np.maximum(1.5 * np.median(deviations, axis=0), least)  # of a normal one: 1.48
     overall = np.maximum(np.sqrt((deviations**2).mean(axis=0)), least)  # of bursts, or wrong ones
     large = np.maximum(usual, DEFAULT_SIGMA_RADPS)
@@ -255,11 +257,16 @@ def _descent(attitudes: AttitudeSeries, x: FloatArray) -> tuple[float, FloatArra
     return value, (ahead - value) / _STEP
 
 
-def _score(attitudes: AttitudeSeries, x: FloatArray) -> float:
-    """Return log posterior of (log length, log standard deviations), (4,); see ``rate_prior``."""
+def log_prior(x: FloatArray) -> float:
+    """Return the log prior of (log length, log standard deviations), (4,); see ``rate_prior``."""
     gamma = x[1:] - np.exp(x[1:]) / DEFAULT_SIGMA_RADPS
     normal = (x[0] - np.log(DEFAULT_LENGTH_S)) / _LOG_LENGTH_SIGMA
-    return _log_likelihood(attitudes, x) + float(gamma.sum() - normal**2 / 2)
+    return float(gamma.sum() - normal**2 / 2)
+
+
+def _score(attitudes: AttitudeSeries, x: FloatArray) -> float:
+    """Return the log posterior of (log length, log standard deviations), (4,)."""
+    return _log_likelihood(attitudes, x) + log_prior(x)
 
 
 def _log_likelihood(attitudes: AttitudeSeries, x: FloatArray) -> float:

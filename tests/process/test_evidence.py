@@ -3,13 +3,16 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from fgnav.checks import BadInputError
-from fgnav.process import evidence_kernel
+from fgnav.process import filter_kernel
+from fgnav.process.attitude_series import NO_TAPE
 from fgnav.process.evidence import (
     DEFAULT_LENGTH_S,
     DEFAULT_SIGMA_RADPS,
     RatePrior,
     rate_prior,
 )
+from fgnav.process.evidence_kernel import UPDATE, Epochs
+from fgnav.process.evidence_kernel import log_densities as log_densities_of
 from fgnav.process.matern import integral, transition
 from fgnav.rotations import exp, from_euler, log, transpose
 from tests.process.chain import (
@@ -32,16 +35,9 @@ def sigmas(prior):
 
 def log_densities(t_s, R_nb, V, length_s, sigma, mean_sigma=0.1):
     n = len(t_s)
-    return evidence_kernel.log_densities(
-        t_s,
-        R_nb,
-        V,
-        np.zeros((n, 3)),
-        np.ones(n - 1, dtype=bool),
-        np.array([0, 0, 0, mean_sigma]),
-        length_s,
-        np.full(3, sigma**2),
-    )
+    epochs = Epochs(t_s, R_nb, V, np.zeros((n, 3)), np.full(n, UPDATE))
+    length, variance = np.full(n - 1, float(length_s)), np.full((n - 1, 3), sigma**2)
+    return log_densities_of(epochs, np.array([0, 0, 0, mean_sigma]), length, variance, NO_TAPE)
 
 
 def dense_log_likelihood(t_s, angle, V, length_s, sigma, mean_sigma):
@@ -77,7 +73,7 @@ def test_rotation_rows_are_the_derivatives_of_the_predicted_rotation():
     F, H = transition(T_s, length_s), integral(T_s, length_s)
     x = rng.normal(size=(4, 3)) * np.array([[3.0], [0.5], [0.3], [2.0]])
     C, N = np.empty((3, 15)), np.empty((3, 6))
-    middle = exp(evidence_kernel._rotation_rows(x, F, H, T_s, C, N)[None])[0]
+    middle = exp(filter_kernel.rotation_rows(x, F, H, T_s, C, N)[None])[0]
     for column in range(15):
         ends = []
         for sign in (1, -1):
@@ -86,9 +82,7 @@ def test_rotation_rows_are_the_derivatives_of_the_predicted_rotation():
                 start[column] = sign * h
             else:
                 moved.ravel()[column - 3] += sign * h
-            phi = evidence_kernel._rotation_rows(
-                moved, F, H, T_s, np.empty((3, 15)), np.empty((3, 6))
-            )
+            phi = filter_kernel.rotation_rows(moved, F, H, T_s, np.empty((3, 15)), np.empty((3, 6)))
             ends.append(middle.T @ exp(start[None])[0] @ exp(phi[None])[0])
         slope = (log(ends[0][None]) - log(ends[1][None]))[0] / (2 * h)
         np.testing.assert_allclose(C[:, column], slope, atol=1e-8)
