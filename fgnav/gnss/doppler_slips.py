@@ -30,7 +30,7 @@ def slipped(
     columns : ndarray of int, shape (m,)
         Of the channels; -1 where there is none.
     wavelength_m : ndarray, shape (m,)
-    phase_sigma_m, doppler_sigma_mps : ndarray, shape (m,)
+    phase_sigma_m, doppler_sigma_mps : ndarray, shape (m,) or (n, m)
     """
     there = columns >= 0
     phase_m = np.where(there, observations.phase_cycles[:, 0, columns] * wavelength_m, np.nan)
@@ -49,6 +49,9 @@ def slipped(
     slope = np.diff(rate_mps, axis=0)
     bend = np.abs(np.diff(slope, axis=0, prepend=slope[:1]))
     bend_m = step_s * _BEND * np.where(np.isfinite(bend), bend, 0.0)[row]
+    shape = phase_m.shape
+    phase_sigma_m = np.broadcast_to(phase_sigma_m, shape)[row + 1]
+    doppler_sigma_mps = np.broadcast_to(doppler_sigma_mps, shape)[row + 1]
     noise_m = np.sqrt(2 * phase_sigma_m**2 + (doppler_sigma_mps * step_s) ** 2 / 2)
     least_m = np.maximum(_SIGMAS * noise_m + bend_m, _QUARTER * wavelength_m)
     out[row + 1] = both & (np.abs(np.where(both, off_m, 0.0)) > least_m)

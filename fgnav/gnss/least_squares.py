@@ -66,11 +66,11 @@ def fit(A: FloatArray, y: FloatArray, variance: FloatArray, use: BoolArray) -> F
     N[:, diagonal, diagonal] = np.where(involved, N[:, diagonal, diagonal] * (1 + 1e-13), 1.0)
     covariance = np.linalg.inv(N)
     gain = covariance @ weighted
-    x = (gain @ y[:, :, None])[:, :, 0]
+    x = _in_turn(gain * y[:, None])
     residual = y - (A @ x[:, :, None])[:, :, 0]
     own_share = 1 - np.einsum("nmp,npm->nm", A, gain)
     standard = np.abs(residual) * np.sqrt(weight / own_share.clip(1e-6))
-    chi_square = (weight * residual**2).sum(axis=1)
+    chi_square = _in_turn(weight * residual**2)
     passed = chi_square <= chdtri(freedom.clip(1), FALSE_ALARM)
     return Fits(
         x=np.where(involved, x, np.nan),
@@ -82,6 +82,15 @@ def fit(A: FloatArray, y: FloatArray, variance: FloatArray, use: BoolArray) -> F
         consistent=solved & ((freedom == 0) | passed),
         worst=standard.argmax(axis=1),
     )
+
+
+def _in_turn(terms: FloatArray) -> FloatArray:
+    """Return sums over the last axis, added one after another.
+
+    So channels that are not used do not change the rounding, as those of satellites that rise
+    later: a sum by parts side by side groups the others by where these stand.
+    """
+    return np.asarray(terms.cumsum(axis=-1)[..., -1])
 
 
 def fit_consistent(

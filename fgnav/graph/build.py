@@ -4,18 +4,18 @@ Keyframe k has ``pose(k)``, ``velocity(k)`` and ``imu_bias(k)`` with a gyroscope
 ``angular_motion(k)``; part i of the constants has ``constant(i)``.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.graph import keys
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
-from fgnav.graph.types.problem import SmoothingProblem, pose_prior_sigma
+from fgnav.graph.types.problem import SmoothingProblem, pose_prior
 from fgnav.graph.types.states import AUX, States
+from fgnav.optional_gtsam import gtsam
 
 _GYROSCOPE_AUX = 6  # dimensions of States.aux with a gyroscope
 _POSE, _VELOCITY, _IMU_BIAS, _ANGULAR_MOTION = (
@@ -131,13 +131,13 @@ def keyframe_priors(problem: SmoothingProblem, k: int = 0) -> list[gtsam.Nonline
     k : int
         Number of that keyframe in the graph.
     """
-    layout, sigma = Layout.of(problem), pose_prior_sigma()
+    layout, (R_nb, P) = Layout.of(problem), pose_prior(problem)
     x, v, _ = layout.keyframe(k)
-    pose = gtsam.Pose3(gtsam.Rot3(problem.start.R_nb[0]), problem.start.p_n_m[0])
-    diagonal = gtsam.noiseModel.Diagonal.Sigmas
+    pose = gtsam.Pose3(gtsam.Rot3(R_nb), problem.start.p_n_m[0])
+    gaussian = gtsam.noiseModel.Gaussian.Covariance
     return [
-        gtsam.PriorFactorPose3(x, pose, diagonal(sigma[:6])),
-        gtsam.PriorFactorVector(v, np.zeros(3), diagonal(sigma[6:])),
+        gtsam.PriorFactorPose3(x, pose, gaussian(P[:6, :6])),
+        gtsam.PriorFactorVector(v, np.zeros(3), gaussian(P[6:, 6:])),
         _aux_prior(problem.motion, layout, k),
     ]
 
@@ -200,15 +200,26 @@ def flight_graph(
                 graph.add(factor)
         for factor in measured.factors(k, k):
             graph.add(factor)
+    phase = problem.phase
+    if phase is not None:
+        for j in range(len(phase.blocks)):
+            graph.add(phase.entering(j))
+        for i, k in enumerate(phase.row.tolist()):
+            graph.add(phase.factor(i, k))
     for factor in own:
         graph.add(factor)
     return graph
 
 
-def flight_values(problem: SmoothingProblem, at: States) -> gtsam.Values:
-    """Return all variables of a flight where states stand."""
+def flight_values(
+    problem: SmoothingProblem, at: States, arcs: Mapping[int, FloatArray] | None = None
+) -> gtsam.Values:
+    """Return all variables of a flight where states stand; arcs by key, else at zero."""
     values, layout = gtsam.Values(), Layout.of(problem)
     insert_constants(values, layout, at.constants)
+    for j, block in enumerate(() if problem.phase is None else problem.phase.blocks):
+        key = keys.arcs(j)
+        values.insert(key, np.zeros(block.size) if arcs is None else arcs[key])
     for k in range(len(problem.t_s)):
         insert_keyframe(values, layout, k, at, k)
     return values

@@ -13,7 +13,6 @@ References
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-import gtsam
 import numpy as np
 from scipy.special import chdtri
 
@@ -26,6 +25,7 @@ from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import AUX, VELOCITY
+from fgnav.optional_gtsam import gtsam
 
 _GATE = 0.01  # share of right measurements beyond it
 # A measurement that holds this share of what is known of its own residual tests nothing.

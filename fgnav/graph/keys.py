@@ -33,6 +33,11 @@ def angular_motion(k: int) -> int:
     return _symbol("m", k)
 
 
+def arcs(j: int) -> int:
+    """Return the key of the j-th block of carrier-phase arcs, a vector."""
+    return _symbol("a", j)
+
+
 def constant(i: int) -> int:
     """Return the key of the flight's i-th constant, a vector."""
     return _symbol("c", i)

@@ -56,7 +56,6 @@ def positions(at, shared, rng, *, sigma_m: float = 1.0, lever: bool = False) -> 
         white=np.tile(np.eye(3) / sigma_m, (N, 1, 1)),
         arm_b_m=np.zeros(3),
         lever_column=shared.column("b") if lever else -1,
-        segment_column=np.full(N, -1),
         constants=shared,
     )
 

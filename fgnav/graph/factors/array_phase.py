@@ -12,7 +12,6 @@ References
 
 from dataclasses import dataclass, replace
 
-import gtsam
 import numpy as np
 from numba import njit
 
@@ -23,6 +22,7 @@ from fgnav.graph.measurement_factor import of_measurement, parts_of
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.states import States
+from fgnav.optional_gtsam import gtsam
 
 # Where the elements of R.ravel() stand in the column-major vector of a 4 by 4 pose matrix.
 _IN_POSE = [4 * column + row for row in range(3) for column in range(3)]

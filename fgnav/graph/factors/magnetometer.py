@@ -12,7 +12,6 @@ References
 
 from dataclasses import dataclass, replace
 
-import gtsam
 import numpy as np
 from numba import njit
 
@@ -24,6 +23,7 @@ from fgnav.graph.measurement_factor import of_measurement, parts_of
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.states import States
+from fgnav.optional_gtsam import gtsam
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

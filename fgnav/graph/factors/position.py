@@ -1,7 +1,7 @@
 """Positions of one antenna, with lever arm.
 
-``r = W (p_n + R_nb (a_b + l_b) + s_n - z_n)``: accelerometer at p_n, antenna at a_b from it as the
-flight states, l_b what that is off, s_n the offset of all positions of one phase segment [1]_.
+``r = W (p_n + R_nb (a_b + l_b) - z_n)``: accelerometer at p_n, antenna at a_b from it as the flight
+states, l_b what that is off [1]_.
 
 References
 ----------
@@ -11,7 +11,6 @@ References
 
 from dataclasses import dataclass, replace
 
-import gtsam
 import numpy as np
 from numba import njit
 
@@ -23,6 +22,7 @@ from fgnav.graph.measurement_factor import of_measurement, parts_of
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.states import States
+from fgnav.optional_gtsam import gtsam
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -39,8 +39,6 @@ class Position:
         From the accelerometer to the antenna.
     lever_column : int
         First of the three constants l_b; -1 where the lever arm is known.
-    segment_column : ndarray of int, shape (k,)
-        First of the three constants s_n of a position's segment; -1 of positions without.
     constants : Constants
     """
 
@@ -49,7 +47,6 @@ class Position:
     white: FloatArray
     arm_b_m: FloatArray
     lever_column: int
-    segment_column: IntArray
     constants: Constants
 
     def __post_init__(self) -> None:
@@ -58,7 +55,7 @@ class Position:
         freeze(
             self,
             {"value_n_m": (k, 3), "white": (k, 3, 3), "arm_b_m": (3,)},
-            {"row": (k,), "segment_column": (k,)},
+            {"row": (k,)},
         )
 
     @property
@@ -80,15 +77,13 @@ class Position:
                 self.white,
                 self.arm_b_m,
                 self.lever_column,
-                self.segment_column,
             )
         )
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return position i as a factor of keyframe ``key``: native without constants."""
-        columns = (self.lever_column, int(self.segment_column[i]))
-        if max(columns) >= 0:
-            parts = parts_of(self.constants, columns)
+        if self.lever_column >= 0:
+            parts = parts_of(self.constants, (self.lever_column,))
             return of_measurement(self, i, key, ("pose",), parts, rows=3)
         noise = gtsam.noiseModel.Gaussian.SqrtInformation(self.white[i], False)
         return gtsam.GPSFactorArm(keys.pose(key), self.value_n_m[i], self.arm_b_m, noise)
@@ -106,7 +101,6 @@ def _kernel(
     whites: FloatArray,
     arm_b_m: FloatArray,
     lever: int,
-    segments: IntArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
     value, state, shared = np.zeros((j, 3)), np.zeros((j, 3, D)), np.zeros((j, 3, b))
@@ -117,13 +111,11 @@ def _kernel(
     cross = rot.skew(arm)
     for k in range(j):
         i, R = which[k], at.R_nb[k]
-        white, first = whites[i], segments[i]
+        white = whites[i]
         turned, at_antenna = rot.product(white, R), rot.times(R, arm)
         by_turn = rot.product(turned, cross)
         for c in range(3):
             apart[c] = at.p_n_m[k, c] + at_antenna[c] - value_n_m[i, c]
-            if first >= 0:
-                apart[c] += at.constants[first + c]
         for m in range(3):
             for c in range(3):
                 value[k, m] += white[m, c] * apart[c]
@@ -131,6 +123,4 @@ def _kernel(
                 state[k, m, 3 + c] = turned[m, c]
                 if lever >= 0:
                     shared[k, m, lever + c] = turned[m, c]
-                if first >= 0:
-                    shared[k, m, first + c] = white[m, c]
     return value, state, shared

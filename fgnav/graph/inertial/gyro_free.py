@@ -24,9 +24,9 @@ References
 """
 
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
-import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,13 +38,13 @@ from fgnav.graph.inertial.gyro_free_kernel import ROWS, Filled, Rows
 from fgnav.graph.inertial.increments import increments, parents
 from fgnav.graph.inertial.path_kernel import Intervals
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.motion import LinearisedMotion
+from fgnav.graph.types.motion import LinearisedMotion, NoiseParts
 from fgnav.graph.types.states import AUX, States
+from fgnav.optional_gtsam import gtsam
 from fgnav.process import matern
 
 INTEGRATION_M2 = 1e-7  # m2/s: a third of a millimetre in a second keeps linear systems well posed
 _VECTOR = 12  # accelerometer bias, rate, its two derivatives
-_UNIT = gtsam.noiseModel.Unit.Create(ROWS)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -187,6 +187,22 @@ class GyroFree:
         own = np.log(np.einsum("nii->ni", of.white[intervals])).sum() * 3
         return float(own - 4 * np.log(of.sigma_radps[intervals]).sum())
 
+    def noise_parts(self) -> NoiseParts:
+        """Return what the accelerometer's noise and its bias's walk are of the whitened rows.
+
+        Of the position's rows the integration's noise is the rest; intervals of another noise than
+        the accelerometer's, gaps, are not divided.
+        """
+        span_s, noise = np.diff(self.t_s), self.accelerometer_noise
+        own = np.isclose(noise, self.imu.accelerometer_noise_mps2_per_sqrt_hz**2)
+        third = self._intervals.force_white[:, 2] ** 2 * noise * span_s**3 / 12
+        share: FloatArray = np.zeros((len(span_s), 2, ROWS))
+        share[own, 0, 3:6], share[own, 0, 6:9], share[:, 1, 9:12] = third[own, None], 1.0, 1.0
+        parts = share[..., None] * np.eye(ROWS)
+        return NoiseParts(
+            ("accelerometer", "accelerometer bias"), parts, np.eye(ROWS) - parts.sum(axis=1)
+        )
+
     def factors(
         self, k: int, key_before: int, key_after: int, about: States
     ) -> tuple[gtsam.NonlinearFactor, ...]:
@@ -196,7 +212,7 @@ class GyroFree:
         names = [symbol(key) for key in (key_before, key_after) for symbol in symbols]
         names.append(keys.constant(self.constants.first.index(self.rate_column)))
         error = _IntervalError(self._intervals, np.array([k]), tuple(names), self._buffer)
-        return (gtsam.CustomFactor(_UNIT, names, error),)
+        return (gtsam.CustomFactor(_unit(), names, error),)
 
     def at_times(self, t_s: FloatArray) -> "GyroFree":
         """Return the same motion between other keyframes, (m,), the present ones among them.
@@ -306,3 +322,9 @@ def _force_white(span_s: FloatArray, noise: FloatArray) -> FloatArray:
     position = noise * span_s**3 / 3 + INTEGRATION_M2 * span_s
     gain = both / velocity
     return np.stack([velocity**-0.5, gain, (position - gain * both) ** -0.5], axis=1)
+
+
+@cache
+def _unit() -> gtsam.noiseModel.Unit:
+    """Return the noise of whitened rows, one for all intervals."""
+    return gtsam.noiseModel.Unit.Create(ROWS)

@@ -13,21 +13,22 @@ References
 """
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import gtsam
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.flight import Imu
 from fgnav.graph import keys
 from fgnav.graph.inertial.increments import Increments, at_latest, increments, parents
-from fgnav.graph.types.motion import LinearisedMotion
+from fgnav.graph.types.motion import INERTIAL_NOISES, LinearisedMotion, NoiseParts
 from fgnav.graph.types.states import AUX, States
+from fgnav.optional_gtsam import gtsam
 
 INTEGRATION_M2 = 1e-7  # m2/s: a third of a millimetre in a second keeps linear systems well posed
 TURNED_RAD = 0.002  # bias times span beyond which the first-order correction errs: .02 sigma
 _GRAVITY_DIGITS = 5  # 1e-5 m/s2, three metres of height: intervals alike share their parameters
+_COARSE_STEPS = 10  # of an interval, where only covariances are wanted
 _BIASES = 6
 _WIDTH = AUX + _BIASES
 _BEFORE, _AFTER = (0, 1, 2), (3, 4, 5)  # keys of pose, velocity, biases where intervals stand alone
@@ -193,6 +194,39 @@ class Inertial:
             gyroscope_noise=self.gyroscope_noise[part],
         )
 
+    def noise_parts(self) -> NoiseParts:
+        """Return what each noise contributes to the covariance of the whitened rows.
+
+        GTSAM's own propagation of one noise at a time, linear in its variance, over a few
+        samples. Intervals of another noise than the unit's, gaps, are not divided.
+        """
+        imu, gyroscope = self.imu, self.imu.gyroscope_noise_radps_per_sqrt_hz or 0.0
+        n = len(self.t_s) - 1
+        variances = np.array(
+            [
+                imu.accelerometer_noise_mps2_per_sqrt_hz**2,
+                gyroscope**2,
+                imu.accelerometer_bias_walk_mps2_per_sqrt_s**2,
+                (imu.gyroscope_bias_walk_radps_per_sqrt_s or 0.0) ** 2,
+            ]
+        )
+        own = np.isclose(self.accelerometer_noise, variances[0])
+        own &= np.isclose(self.gyroscope_noise, variances[1])
+        steps = [*np.diag(variances), np.zeros(len(variances))]
+        parameters = [
+            _one_noise(self, variance, 0.0 if k < len(variances) else INTEGRATION_M2)
+            for k, variance in enumerate(steps)
+        ]
+        parts = np.zeros((n, len(parameters), _WIDTH, _WIDTH))
+        for k in np.flatnonzero(own).tolist():
+            known = self._store.intervals.get(k) or self._preintegrated(k, np.zeros(_BIASES))
+            R = _whitening(known.factor)
+            for c, one in enumerate(parameters):
+                C = self._integrated(k, known.bias, one, _COARSE_STEPS).preintMeasCov()
+                parts[k, c] = R @ C @ R.T
+        parts[~own, -1] = np.eye(_WIDTH)
+        return NoiseParts(INERTIAL_NOISES, parts[:, :-1], parts[:, -1])
+
     def _preintegrated(self, k: int, bias: FloatArray) -> _Preintegrated:
         """Return interval k about biases near enough to those given for a linear correction."""
         known = self._store.intervals.get(k)
@@ -208,13 +242,28 @@ class Inertial:
         self._store.intervals[k] = _Preintegrated(bias, made, factor)
         return self._store.intervals[k]
 
-    def _integrated(self, k: int, bias: FloatArray) -> gtsam.PreintegratedCombinedMeasurementsG:
+    def _integrated(
+        self,
+        k: int,
+        bias: FloatArray,
+        parameters: gtsam.PreintegrationCombinedParams | None = None,
+        most: int | None = None,
+    ) -> gtsam.PreintegratedCombinedMeasurementsG:
+        """Return interval k summed up; of at most ``most`` of its samples."""
         steps = self._increments
         part, step_s = slice(steps.first[k], steps.first[k + 1]), float(steps.step_s[k])
-        made = gtsam.PreintegratedCombinedMeasurementsG(self._parameters(k), _as_bias(bias))
-        if steps.w_b_radps is not None:
-            for f_b, w_b in zip(steps.f_b_mps2[part], steps.w_b_radps[part], strict=True):
-                made.integrateMeasurement(f_b, w_b, step_s)
+        made = gtsam.PreintegratedCombinedMeasurementsG(
+            parameters or self._parameters(k), _as_bias(bias)
+        )
+        if steps.w_b_radps is None:
+            return made
+        f_b, w_b = steps.f_b_mps2[part], steps.w_b_radps[part]
+        if most is not None and len(f_b) > most:
+            step_s *= len(f_b) / most
+            middle = ((np.arange(most) + 0.5) * len(f_b) / most).astype(np.int64)
+            f_b, w_b = f_b[middle], w_b[middle]
+        for f, w in zip(f_b, w_b, strict=True):
+            made.integrateMeasurement(f, w, step_s)
         return made
 
     def _parameters(self, k: int) -> gtsam.PreintegrationCombinedParams:
@@ -234,6 +283,24 @@ class Inertial:
             made.setBiasOmegaCovariance(np.eye(3) * walk**2)
             self._store.parameters[name] = made
         return self._store.parameters[name]
+
+
+def _one_noise(
+    motion: Inertial, variance: FloatArray, integration_m2: float
+) -> gtsam.PreintegrationCombinedParams:
+    """Return GTSAM's parameters with noises of given variances, (4,), alone."""
+    made, unit = gtsam.PreintegrationCombinedParams(motion.gravity_n_mps2[0]), np.eye(3)
+    made.setAccelerometerCovariance(unit * variance[0])
+    made.setGyroscopeCovariance(unit * variance[1])
+    made.setBiasAccCovariance(unit * variance[2])
+    made.setBiasOmegaCovariance(unit * variance[3])
+    made.setIntegrationCovariance(unit * integration_m2)
+    return made
+
+
+def _whitening(factor: gtsam.GalileanCombinedImuFactor) -> FloatArray:
+    model: Any = factor.noiseModel()
+    return np.asarray(model.R())
 
 
 def _as_bias(bias: FloatArray) -> gtsam.imuBias.ConstantBias:

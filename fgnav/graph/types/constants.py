@@ -16,13 +16,11 @@ class FlightConstant:
     name : str
         ``"boresight"``, ``"antenna a4"``, ``"mean rate"``.
     axes : tuple of str, length d
-    unit : {"m", "rad", "uT", "rad/s", ""}
+    unit : {"m", "rad", "uT", "rad/s", "s", "ppm", ""}
     mean : ndarray, shape (d,)
         What is expected of it before the flight.
     covariance : ndarray, shape (d, d)
         How well that is known.
-    common : ndarray, shape (d, d), or None
-        Part of the covariance that is an error of all positions, not of the constant itself.
     start : ndarray, shape (d,)
         Where the search starts.
     linear : bool
@@ -37,7 +35,6 @@ class FlightConstant:
     mean: FloatArray
     covariance: FloatArray
     start: FloatArray
-    common: FloatArray | None = None
     linear: bool = False
     reported: bool = True
 

@@ -18,6 +18,18 @@ class LinearisedMotion(NamedTuple):
     shared: FloatArray  # (j, D, b)
 
 
+# Noises of an inertial unit: white of accelerometer and gyroscope, random walks of their biases.
+INERTIAL_NOISES = ("accelerometer", "gyroscope", "accelerometer bias", "gyroscope bias")
+
+
+class NoiseParts(NamedTuple):
+    """What each noise contributes to the covariance of an interval's whitened rows."""
+
+    names: tuple[str, ...]  # c of ``INERTIAL_NOISES``
+    parts: FloatArray  # (n - 1, c, D, D); with ``rest`` they add up to the identity
+    rest: FloatArray  # (n - 1, D, D)
+
+
 class Motion(Protocol):
     """The motion between the keyframes of a flight; interval k leads from keyframe k to k + 1."""
 
@@ -29,6 +41,11 @@ class Motion(Protocol):
     @property
     def t_s(self) -> FloatArray:
         """Keyframes, (n,)."""
+        ...
+
+    @property
+    def gravity_n_mps2(self) -> FloatArray:
+        """Gravity at keyframes, (n, 3)."""
         ...
 
     def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
@@ -57,6 +74,10 @@ class Motion(Protocol):
         self, k: int, key_before: int, key_after: int, about: States
     ) -> "tuple[gtsam.NonlinearFactor, ...]":
         """Return interval k as GTSAM's factors between two keyframes, about one state, row 0."""
+        ...
+
+    def noise_parts(self) -> NoiseParts:
+        """Return the covariance of the whitened rows by its causes."""
         ...
 
     def at_times(self, t_s: FloatArray) -> "Motion":

@@ -1,6 +1,7 @@
 """A flight as a smoother takes it: where to start, motion, measurements, constants, prior."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,11 +11,25 @@ from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.states import States
 
+if TYPE_CHECKING:
+    from fgnav.graph.factors.antenna_phase import AntennaPhase
+
 # 1-sigma before the first keyframe: next to nothing. Ten times less of the position, and rounding
 # would leave it open where the first fix is some keyframes away.
 ROTATION_PRIOR_RAD = np.pi
 POSITION_PRIOR_M = 1e3
 VELOCITY_PRIOR_MPS = 1e3
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class AttitudePrior:
+    """The attitude of the first keyframe before the flight, (3, 3), and its covariance, rad2.
+
+    The covariance is of the body-axes tangent about it.
+    """
+
+    R_nb: FloatArray
+    covariance_rad2: FloatArray
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -33,6 +48,10 @@ class SmoothingProblem:
     attitude_known : ndarray of bool, shape (n,)
         Keyframes whose ``start`` holds an attitude measured there; a window starts the others where
         the motion leads.
+    attitude_prior : AttitudePrior or None
+        None: next to nothing, about where the search starts.
+    phase : AntennaPhase or None
+        Phases with their ambiguities, which are variables beside the keyframes'.
     """
 
     t_s: FloatArray
@@ -41,6 +60,8 @@ class SmoothingProblem:
     measurements: tuple[Measurement, ...]
     constants: Constants
     attitude_known: BoolArray
+    attitude_prior: AttitudePrior | None = None
+    phase: "AntennaPhase | None" = None
 
     @property
     def width(self) -> int:
@@ -48,9 +69,42 @@ class SmoothingProblem:
         return self.start.width
 
 
-def pose_prior_sigma() -> FloatArray:
-    """Return the 1-sigma of pose and velocity before the first keyframe, (9,).
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Opening:
+    """What a filter solves for its first keyframes in place of a problem.
 
-    About the pose where the search starts; velocity about zero.
+    Attributes
+    ----------
+    problem : SmoothingProblem
+        Of the same keyframes.
+    until_s : float
+        The first keyframe of the other problem; infinite where there is none.
+    heading_variance_rad2 : float
+        ``problem`` holds one heading fixed, about which all else turns: what is not known of it.
+    arm_b_m : ndarray, shape (3,)
+        From the accelerometer to the antenna, whose position it leaves where it is.
     """
-    return np.repeat([ROTATION_PRIOR_RAD, POSITION_PRIOR_M, VELOCITY_PRIOR_MPS], 3)
+
+    problem: SmoothingProblem
+    until_s: float
+    heading_variance_rad2: float
+    arm_b_m: FloatArray
+
+    @property
+    def keyframes(self) -> int:
+        """How many come before that."""
+        return int(np.searchsorted(self.problem.t_s, self.until_s))
+
+
+def pose_prior(problem: SmoothingProblem, row: int = 0) -> tuple[FloatArray, FloatArray]:
+    """Return the attitude of the first keyframe, (3, 3), and the covariance of pose and velocity.
+
+    Before the flight, (9, 9), of the tangent; position is about where the search starts, velocity
+    about zero.
+    """
+    P = np.diag(np.repeat([ROTATION_PRIOR_RAD, POSITION_PRIOR_M, VELOCITY_PRIOR_MPS], 3) ** 2)
+    prior = problem.attitude_prior
+    if prior is None:
+        return problem.start.R_nb[row], P
+    P[:3, :3] = prior.covariance_rad2
+    return prior.R_nb, P

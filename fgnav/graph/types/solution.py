@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph.types.states import States
 
 
@@ -26,6 +26,9 @@ class Solution:
     constants : ndarray, shape (n, b), or None
         The constants as known at each keyframe, of a window; None: everywhere those of ``states``.
     converged : bool
+        Whether all of it ended at a minimum.
+    refused : ndarray of bool, shape (n,), or None
+        States of a window that did not; None: none.
     cost : float
         Sum of all whitened residuals squared; NaN of what is not one minimum.
     updates : int
@@ -41,6 +44,7 @@ class Solution:
     constants: FloatArray | None = None
     cost: float = float("nan")
     updates: int = 0
+    refused: BoolArray | None = None
 
     def __getitem__(self, rows: IntArray) -> "Solution":
         """Return some of the states, (m,) of them, without their neighbours."""
@@ -54,4 +58,5 @@ class Solution:
             constants=None if self.constants is None else self.constants[rows],
             cost=self.cost,
             updates=self.updates,
+            refused=None if self.refused is None else self.refused[rows],
         )

@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.process.matern_kernel import DERIVATIVE_SCALE_S as DERIVATIVE_SCALE_S
-from fgnav.rotations import exp
+from fgnav.rotations import exp, log, transpose
 
 # Where the parts of a keyframe's tangent stand, in GTSAM's order: the pose's rotation, its position
 # (both in body axes), velocity in n, then the vector ``aux``: accelerometer bias and, with a
@@ -66,6 +66,17 @@ class States(NamedTuple):
             v_n_mps=self.v_n_mps + steps[:, VELOCITY],
             aux=self.aux + steps[:, AUX:],
             constants=self.constants + constant_steps,
+        )
+
+    def steps_to(self, other: "States") -> FloatArray:
+        """Return the steps along the tangents of these that lead to other states, (n, D)."""
+        return np.hstack(
+            [
+                log(transpose(self.R_nb) @ other.R_nb),
+                np.einsum("nji,nj->ni", self.R_nb, other.p_n_m - self.p_n_m),
+                other.v_n_mps - self.v_n_mps,
+                other.aux - self.aux,
+            ]
         )
 
 

@@ -7,37 +7,30 @@ from tests.graph.factors import cases
 K = 4
 
 
-def positions(rng, shared, *, lever: bool = False, segment: bool = False) -> Position:
-    segments = np.full(K, -1)
-    if segment:
-        segments[1:3] = shared.column("b")
+def positions(rng, shared, *, lever: bool = False) -> Position:
     return Position(
         row=np.arange(K),
         value_n_m=50 * rng.normal(size=(K, 3)),
         white=np.tril(rng.normal(size=(K, 3, 3))) + 2 * np.eye(3),
         arm_b_m=rng.normal(size=3),
         lever_column=shared.column("a") if lever else -1,
-        segment_column=segments,
         constants=shared,
     )
 
 
 @pytest.mark.parametrize("gyroscope", [False, True])
 @pytest.mark.parametrize("lever", [False, True])
-@pytest.mark.parametrize("segment", [False, True])
-def test_jacobians_equal_differences(gyroscope, lever, segment):
+def test_jacobians_equal_differences(gyroscope, lever):
     rng, shared = np.random.default_rng(1), cases.constants(3, 3)
     at = cases.random_states(K, shared, rng, gyroscope=gyroscope)
-    cases.assert_jacobians(positions(rng, shared, lever=lever, segment=segment), at)
+    cases.assert_jacobians(positions(rng, shared, lever=lever), at)
 
 
-@pytest.mark.parametrize(("lever", "segment"), [(0, 0), (1, 0), (0, 1), (1, 1)])
-def test_gtsam_says_the_same(lever, segment):
+@pytest.mark.parametrize("lever", [False, True])
+def test_gtsam_says_the_same(lever):
     rng, shared = np.random.default_rng(2), cases.constants(3, 3)
     at = cases.random_states(K, shared, rng)
-    cases.assert_gtsam_says_the_same(
-        positions(rng, shared, lever=lever, segment=segment), at, shared
-    )
+    cases.assert_gtsam_says_the_same(positions(rng, shared, lever=lever), at, shared)
 
 
 def test_an_antenna_two_metres_ahead_is_two_metres_north_of_a_body_facing_north():
@@ -50,7 +43,6 @@ def test_an_antenna_two_metres_ahead_is_two_metres_north_of_a_body_facing_north(
         white=np.eye(3)[None],
         arm_b_m=np.array([2.0, 0.0, 0.0]),
         lever_column=-1,
-        segment_column=np.array([-1]),
         constants=shared,
     )
     assert np.abs(one.linearise(at, np.zeros(1, dtype=int)).value).max() == 0.0
@@ -67,7 +59,6 @@ def test_directions_that_are_not_known_are_no_degrees_of_freedom():
         white=white,
         arm_b_m=full.arm_b_m,
         lever_column=-1,
-        segment_column=full.segment_column,
         constants=shared,
     )
     assert partial.freedom.tolist() == [2, 3, 3, 3]

@@ -1,0 +1,248 @@
+"""A measurement of another time than its keyframe's: clocks that disagree, values that are late.
+
+A keyframe is where the inertial unit's samples lead by its tags up to the measurement's tag. If
+the unit's clock needs ``o + r (t - t_0)`` added to agree with the measurement's, and the
+measurement is of ``d`` before its tag, it is of the state ``s = -(o + r (t - t_0) + d)`` later,
+where [1]_, with the body rate w, specific force f less its bias, and gravity g,
+
+    R' = R Exp(s w)     v' = v + s a     p' = p + s v + s^2 a / 2     w' = w + s dw/dt
+    a = R f + g
+
+A gyroscope's rate is carried in its bias: measured less ``b - s dw/dt``.
+
+References
+----------
+.. [1] Nilsson, Skog, Handel: Joint state and measurement time-delay estimation of nonlinear state
+   space systems, 10th ISSPA, 2010; Groves: Principles of GNSS, Inertial, and Multisensor
+   Integrated Navigation Systems, 2nd edition, 2013, section 14.3.1 (synchronisation).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph import delayed_kernel
+from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.measurement import Linearised, Measurement
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import States
+from fgnav.optional_gtsam import gtsam
+from fgnav.rotations import exp, transpose
+
+CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY = "clock offset", "clock rate", "velocity delay"
+PPM = 1e-6
+_GYROSCOPE_AUX = 6
+_NO_GYROSCOPE = np.empty((0, 3))
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class TimedMotion:
+    """How the body moves at keyframes, by which their states are carried a little in time.
+
+    Attributes
+    ----------
+    since_s : ndarray, shape (n,)
+        From the time at which the clock's offset holds.
+    force_before_b_mps2, force_after_b_mps2 : ndarray, shape (n, 3)
+        Mean specific forces just before and after each keyframe.
+    measured_b_radps : ndarray, shape (n, 3), or None
+        The gyroscope's rates; None: the state's.
+    slope_b_radps2 : ndarray, shape (n, 3), or None
+        How those rates change; None: as the state's do.
+    gravity_n_mps2 : ndarray, shape (n, 3)
+    earth_rate_n_radps : ndarray, shape (3,)
+    """
+
+    since_s: FloatArray
+    force_before_b_mps2: FloatArray
+    force_after_b_mps2: FloatArray
+    measured_b_radps: FloatArray | None
+    slope_b_radps2: FloatArray | None
+    gravity_n_mps2: FloatArray
+    earth_rate_n_radps: FloatArray
+
+    def __post_init__(self) -> None:
+        """Make the arrays as the kernel is compiled for."""
+        for name in (
+            "force_before_b_mps2",
+            "force_after_b_mps2",
+            "measured_b_radps",
+            "slope_b_radps2",
+            "gravity_n_mps2",
+            "earth_rate_n_radps",
+        ):
+            value = getattr(self, name)
+            if value is not None and not value.flags.carray:
+                object.__setattr__(self, name, np.require(value, np.float64, ["C", "W"]))
+
+    def at(self, row: IntArray) -> "TimedMotion":
+        """Return some keyframes of it, (k,)."""
+        rate, slope = self.measured_b_radps, self.slope_b_radps2
+        return replace(
+            self,
+            since_s=self.since_s[row],
+            force_before_b_mps2=self.force_before_b_mps2[row],
+            force_after_b_mps2=self.force_after_b_mps2[row],
+            measured_b_radps=None if rate is None else rate[row],
+            slope_b_radps2=None if slope is None else slope[row],
+            gravity_n_mps2=self.gravity_n_mps2[row],
+        )
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Delayed:
+    """Measurements of other times than their keyframes'.
+
+    Attributes
+    ----------
+    measurement : Measurement
+    motion : TimedMotion
+        At the keyframes of the k measurements.
+    offset_column, rate_column, delay_column : int
+        Of the unit's clock, s and parts per million, and of the measurement's delay, s; -1 of what
+        is not estimated.
+    constants : Constants
+    """
+
+    measurement: Measurement
+    motion: TimedMotion
+    offset_column: int
+    rate_column: int
+    delay_column: int
+    constants: Constants
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        return self.measurement.name
+
+    @property
+    def row(self) -> IntArray:
+        """Keyframes, (k,)."""
+        return self.measurement.row
+
+    @property
+    def freedom(self) -> IntArray:
+        """Directions that are known, (k,)."""
+        return self.measurement.freedom
+
+    def linearise(self, at: States, which: IntArray) -> Linearised:
+        """Return whitened residuals of some, (j,), see ``Measurement``."""
+        motion = self.motion.at(which)
+        columns = self.offset_column, self.rate_column, self.delay_column
+        by_constant = _by_constant(columns, motion.since_s, len(at.constants))
+        later_s = by_constant @ at.constants
+        moved, Phi, rate = _carried(at, later_s, motion)
+        value, state, shared = self.measurement.linearise(moved, which)
+        by_time = np.einsum("kmd,kd->km", state, rate)
+        return Linearised(
+            value, state @ Phi, shared + by_time[:, :, None] * by_constant[:, None, :]
+        )
+
+    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
+        """Return measurement i as a factor of keyframe ``key``."""
+        columns = [self.offset_column, self.rate_column, self.delay_column]
+        _, _, shared = self.measurement.linearise(_anywhere(self), np.array([i]))
+        inner = np.flatnonzero(shared[0].any(axis=0)).tolist()
+        vector: Use = "angular_motion" if self.motion.measured_b_radps is None else "imu_bias"
+        uses: tuple[Use, ...] = ("pose", "velocity", vector)
+        parts = parts_of(self.constants, (*columns, *inner))
+        return of_measurement(self, i, key, uses, parts, rows=shared.shape[1])
+
+    def on(self, row: IntArray) -> "Delayed":
+        """Return the same measurements at other rows, (k,)."""
+        return replace(self, measurement=self.measurement.on(row))
+
+
+def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Constants) -> Solution:
+    """Return a solution whose keyframes, (n,), are at their tags by GNSS, not by the unit's clock.
+
+    Both are the same where no clock is among the constants.
+    """
+    offset, rate = (constants.column(name) for name in (CLOCK_OFFSET, CLOCK_RATE))
+    if offset < 0:
+        return solution
+    at, b = solution.states, constants.width
+    values = np.tile(at.constants, (len(at.R_nb), 1))
+    values = values if solution.constants is None else solution.constants
+    by_constant = _by_constant((offset, rate, -1), motion.since_s, b)
+    moved, Phi, by_time = _carried(at, np.einsum("nb,nb->n", by_constant, values), motion)
+    B = by_time[:, :, None] * by_constant[:, None, :]
+    X, S = solution.constant_cross, solution.constant_covariance
+    cross = Phi @ X @ transpose(B)
+    return replace(
+        solution,
+        states=moved,
+        covariance=Phi @ solution.covariance @ transpose(Phi)
+        + cross
+        + transpose(cross)
+        + B @ S @ transpose(B),
+        cross=None,
+        constant_cross=Phi @ X + B @ S,
+    )
+
+
+def _by_constant(columns: tuple[int, int, int], since_s: FloatArray, width: int) -> FloatArray:
+    """Return how much later a state is by clock offset, its rate, and a delay, (j, b)."""
+    by: FloatArray = np.zeros((len(since_s), width))
+    ones = np.ones_like(since_s)
+    for column, value in zip(columns, (-ones, -PPM * since_s, -ones), strict=True):
+        if column >= 0:
+            by[:, column] = value
+    return by
+
+
+def _anywhere(delayed: Delayed) -> States:
+    """Return a state at which an inner measurement shows what it depends on."""
+    aux = 12 if delayed.motion.measured_b_radps is None else _GYROSCOPE_AUX
+    R_nb = exp(np.array([[0.3, -0.2, 0.1]]))
+    ones = np.ones((1, 3))
+    return States(R_nb, ones, ones, np.ones((1, aux)), np.ones(delayed.constants.width))
+
+
+def _carried(
+    at: States, later_s: FloatArray, motion: TimedMotion
+) -> tuple[States, FloatArray, FloatArray]:
+    """Return states a time later, (j,), their derivatives by the states, (j, D, D), and by time."""
+    measured, slope = motion.measured_b_radps, motion.slope_b_radps2
+    R_nb, p_n_m, v_n_mps, aux, Phi, by_time = delayed_kernel.carried(
+        States(*map(np.ascontiguousarray, at)),
+        np.ascontiguousarray(later_s),
+        (motion.force_before_b_mps2, motion.force_after_b_mps2),
+        _NO_GYROSCOPE if measured is None else measured,
+        _NO_GYROSCOPE if slope is None else slope,
+        motion.gravity_n_mps2,
+        motion.earth_rate_n_radps,
+    )
+    moved = States(R_nb=R_nb, p_n_m=p_n_m, v_n_mps=v_n_mps, aux=aux, constants=at.constants)
+    return moved, Phi, by_time
+
+
+def on_clock(
+    measurement: Measurement, motion: TimedMotion, constants: Constants, *, delay: str = ""
+) -> Measurement:
+    """Return a measurement with its delay, and the unit's clock, if the constants have any.
+
+    Parameters
+    ----------
+    measurement : Measurement
+    motion : TimedMotion
+        At all keyframes.
+    constants : Constants
+    delay : str
+        Name of the measurement's own delay.
+    """
+    columns = [constants.column(name) for name in (CLOCK_OFFSET, CLOCK_RATE)]
+    columns.append(constants.column(delay) if delay else -1)
+    if max(columns) < 0:
+        return measurement
+    return Delayed(
+        measurement=measurement,
+        motion=motion.at(measurement.row),
+        offset_column=columns[0],
+        rate_column=columns[1],
+        delay_column=columns[2],
+        constants=constants,
+    )

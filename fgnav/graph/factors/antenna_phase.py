@@ -1,0 +1,181 @@
+"""Carrier phases of an antenna, undifferenced, with an ambiguity of each arc.
+
+Of channel i at keyframe k, in the block of arcs that began at ``t_A`` [1]_:
+
+    phase_i - range_i(s) = -e_i . (p + R a - s) + clock_g + n_i + d_j + r_j (t - t_A) + noise
+
+a the antenna from the accelerometer, g the channel's carrier, n_i its arc's ambiguity, d_j what
+orbits, clocks and atmosphere of satellite j add that no model knows, and r_j how fast that grows.
+Rows are whitened and multiplied by an orthonormal basis of what clocks leave open [2]_, so that
+clocks are gone without loss:
+
+    G (p + R (a + l)) + H A - z,    A = (n_1, n_2, ..., d_1, d_2, ..., r_1, r_2, ...)
+
+One vector variable A for the arcs of a second, or until one begins or ends. From one to the next:
+
+    n' = n,  d' = d + r (t_A' - t_A) + walk,  r' = r,  phase_i - code_i = n'_i + clock_g + noise
+
+References
+----------
+.. [1] Teunissen, Montenbruck: Springer Handbook of Global Navigation Satellite Systems, 2017,
+   equation 19.7.
+.. [2] Schaffrin, Grafarend: Generating classes of equivalent linear models by nuisance parameter
+   elimination, Manuscripta Geodaetica 11, 1986.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from fgnav import rotation_kernel as rot
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph import keys
+from fgnav.graph.types.constants import Constants
+from fgnav.optional_gtsam import gtsam
+
+
+class PhaseRows(NamedTuple):
+    """Whitened rows of one epoch: ``G (p + R (a + l)) + H A - z``."""
+
+    G: FloatArray  # (m, 3)
+    H: FloatArray  # (m, d)
+    z: FloatArray  # (m,)
+
+
+class ArcBlock(NamedTuple):
+    """One variable A' of d' dimensions, and what leads to it from A, of d, of the block before.
+
+    ``after A' - before A - right`` is white.
+    """
+
+    begin_row: int  # keyframe
+    before: FloatArray  # (q, d); (q, 0) of the first block
+    after: FloatArray  # (q, d')
+    right: FloatArray  # (q,)
+
+    @property
+    def size(self) -> int:
+        """Dimensions of A'."""
+        return int(self.after.shape[1])
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class AntennaPhase:
+    """Phases of an antenna at k keyframes.
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (k,)
+        Keyframes, increasing.
+    rows : tuple of PhaseRows, length k
+    block : ndarray of int, shape (k,)
+        Which block's A each has.
+    blocks : tuple of ArcBlock
+    arm_b_m : ndarray, shape (k, 3)
+        From the accelerometer to the antenna.
+    lever_column : int
+        First of the three constants l; -1 where the lever arm is known.
+    constants : Constants
+    """
+
+    row: IntArray
+    rows: tuple[PhaseRows, ...]
+    block: IntArray
+    blocks: tuple[ArcBlock, ...]
+    arm_b_m: FloatArray
+    lever_column: int
+    constants: Constants
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        return "phase"
+
+    @property
+    def freedom(self) -> IntArray:
+        """Rows of each epoch, (k,)."""
+        return np.array([len(one.z) for one in self.rows], dtype=np.int64)
+
+    def block_at(self, row: int, before: int) -> int:
+        """Return the block of a keyframe; that before where it has no phases."""
+        i = int(np.searchsorted(self.row, row))
+        return int(self.block[i]) if i < len(self.row) and self.row[i] == row else before
+
+    def factor(self, i: int, key: int) -> gtsam.CustomFactor:
+        """Return the phases of epoch i as a factor of keyframe ``key``."""
+        one, arm_b_m = self.rows[i], self.arm_b_m[i]
+        pose, arcs = keys.pose(key), keys.arcs(int(self.block[i]))
+        involved, lever = [pose, arcs], -1
+        if self.lever_column >= 0:
+            lever = keys.constant(self.constants.first.index(self.lever_column))
+            involved.append(lever)
+
+        def error(
+            _: gtsam.CustomFactor, values: gtsam.Values, H: list[FloatArray] | None
+        ) -> NDArray[np.float64]:
+            arm = arm_b_m if lever < 0 else arm_b_m + values.atVector(lever)
+            residual, by_pose, by_lever = _residual(
+                values.atPose3(pose).matrix(), values.atVector(arcs), arm, *one
+            )
+            if H is not None:
+                H[0], H[1] = by_pose, one.H
+                if lever >= 0:
+                    H[2] = by_lever
+            return np.asarray(residual, dtype=np.float64)
+
+        return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(len(one.z)), involved, error)
+
+    def entering(self, block: int) -> gtsam.NonlinearFactor:
+        """Return what leads to the A of a block: from that before, or from nothing."""
+        one = self.blocks[block]
+        point = gtsam.Values()
+        terms = [(keys.arcs(block), one.after)]
+        if one.before.shape[1]:
+            terms.append((keys.arcs(block - 1), -one.before))
+        for key, matrix in terms:
+            point.insert(key, np.zeros(matrix.shape[1]))
+        unit, (key, after) = gtsam.noiseModel.Unit.Create(len(one.right)), terms[0]
+        if len(terms) == 1:
+            linear = gtsam.JacobianFactor(key, after, one.right, unit)
+        else:
+            linear = gtsam.JacobianFactor(key, after, *terms[1], one.right, unit)
+        return gtsam.LinearContainerFactor(linear, point)
+
+    def ending(self, last: int) -> dict[int, tuple[int, ...]]:
+        """Return the blocks that end with each keyframe, the newest being ``last``."""
+        ends = [one.begin_row - 1 for one in self.blocks[1:]] + [last]
+        return {k: (j,) for j, k in enumerate(ends[: len(self.blocks)])}
+
+    def on(self, row: IntArray) -> "AntennaPhase":
+        """Return the same at other rows, (k,): of a timeline with more keyframes."""
+        of = dict(zip(self.row.tolist(), row.tolist(), strict=True))
+        blocks = tuple(one._replace(begin_row=of[one.begin_row]) for one in self.blocks)
+        return replace(self, row=row, blocks=blocks)
+
+
+@njit(cache=True)
+def _residual(
+    pose: FloatArray, arcs: FloatArray, arm: FloatArray, G: FloatArray, H: FloatArray, z: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    m, R = len(z), np.empty((3, 3))
+    place = np.empty(3)
+    for i in range(3):
+        place[i] = pose[i, 3]
+        for j in range(3):
+            R[i, j] = pose[i, j]
+            place[i] += pose[i, j] * arm[j]
+    turned = rot.product(G, R)
+    cross = rot.product(turned, rot.skew(arm))
+    residual, by_pose = np.empty(m), np.empty((m, 6))
+    for i in range(m):
+        total = -z[i]
+        for j in range(3):
+            total += G[i, j] * place[j]
+            by_pose[i, j], by_pose[i, 3 + j] = -cross[i, j], turned[i, j]
+        for j in range(len(arcs)):
+            total += H[i, j] * arcs[j]
+        residual[i] = total
+    return residual, by_pose, turned

@@ -1,0 +1,99 @@
+"""Phases with ambiguities: Jacobians, what clocks leave, and what leads from block to block."""
+
+import gtsam
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fgnav.graph import keys
+from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock, PhaseRows
+from tests.graph.factors import cases
+
+
+def phases(rng, shared, *, lever=False, sizes=(5, 4)):
+    rows = tuple(
+        PhaseRows(rng.normal(size=(6, 3)), rng.normal(size=(6, size)), rng.normal(size=6))
+        for size in sizes
+    )
+    blocks, before = [], 0
+    for k, size in enumerate(sizes):
+        q = size + 2
+        blocks.append(
+            ArcBlock(
+                begin_row=3 * k,
+                before=rng.normal(size=(q, before)),
+                after=rng.normal(size=(q, size)),
+                right=rng.normal(size=q),
+            )
+        )
+        before = size
+    return AntennaPhase(
+        row=3 * np.arange(len(sizes)),
+        rows=rows,
+        block=np.arange(len(sizes)),
+        blocks=tuple(blocks),
+        arm_b_m=rng.normal(size=(len(sizes), 3)),
+        lever_column=shared.column("a") if lever else -1,
+        constants=shared,
+    )
+
+
+def values_of(at, arcs):
+    values = gtsam.Values()
+    values.insert(keys.pose(0), gtsam.Pose3(gtsam.Rot3(at.R_nb[0]), at.p_n_m[0]))
+    values.insert(keys.constant(0), at.constants[:3])
+    for j, A in enumerate(arcs):
+        values.insert(keys.arcs(j), A)
+    return values
+
+
+@pytest.mark.parametrize("lever", [False, True])
+def test_jacobians_equal_differences(lever):
+    rng, shared = np.random.default_rng(1), cases.constants(3)
+    at = cases.random_states(1, shared, rng)
+    factor = phases(rng, shared, lever=lever).factor(0, 0)
+    values = values_of(at, [rng.normal(size=5)])
+    J, minus_r = factor.linearize(values).jacobian()
+    sizes = {keys.pose(0): 6, keys.arcs(0): 5, keys.constant(0): 3}
+    involved, column = list(factor.keys()), 0
+    for key in involved:
+        for i in range(sizes[key]):
+            ends = []
+            for sign in (1.0, -1.0):
+                step = gtsam.VectorValues()
+                for other in involved:
+                    along = np.eye(sizes[other])[i] if other == key else np.zeros(sizes[other])
+                    step.insert(other, sign * cases.STEP * along)
+                ends.append(factor.unwhitenedError(values.retract(step)))
+            assert_allclose(J[:, column], (ends[0] - ends[1]) / (2 * cases.STEP), atol=1e-6)
+            column += 1
+    assert_allclose(-minus_r, factor.unwhitenedError(values), atol=1e-12)
+
+
+def test_the_residual_is_the_equation():
+    rng, shared = np.random.default_rng(2), cases.constants(3)
+    at, of = cases.random_states(1, shared, rng), phases(rng, shared, lever=True)
+    A, one = rng.normal(size=5), of.rows[0]
+    place = at.p_n_m[0] + at.R_nb[0] @ (of.arm_b_m[0] + at.constants[:3])
+    expected = one.G @ place + one.H @ A - one.z
+    found = of.factor(0, 0).unwhitenedError(values_of(at, [A]))
+    assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_a_block_follows_from_the_one_before():
+    rng, shared = np.random.default_rng(3), cases.constants(3)
+    at, of = cases.random_states(1, shared, rng), phases(rng, shared)
+    arcs = [rng.normal(size=5), rng.normal(size=4)]
+    values, one = values_of(at, arcs), of.blocks[1]
+    r = one.after @ arcs[1] - one.before @ arcs[0] - one.right
+    assert_allclose(2 * of.entering(1).error(values), r @ r, rtol=1e-12)
+    first = of.blocks[0].after @ arcs[0] - of.blocks[0].right
+    assert_allclose(2 * of.entering(0).error(values), first @ first, rtol=1e-12)
+
+
+def test_blocks_end_before_the_next_begins_and_move_with_their_keyframes():
+    of = phases(np.random.default_rng(4), cases.constants(3))
+    assert of.ending(9) == {2: (0,), 9: (1,)}
+    moved = of.on(np.array([4, 8]))
+    assert [one.begin_row for one in moved.blocks] == [4, 8]
+    assert [moved.block_at(row, -1) for row in (3, 4, 8)] == [-1, 0, 1]

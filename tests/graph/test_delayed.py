@@ -1,0 +1,129 @@
+"""Measurements of other times than their keyframes'."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fgnav.graph.delayed import (
+    CLOCK_OFFSET,
+    CLOCK_RATE,
+    VELOCITY_DELAY,
+    TimedMotion,
+    on_clock,
+    on_gnss_time,
+)
+from fgnav.graph.factors.position import Position
+from fgnav.graph.types.constants import Constants, flight_constant
+from fgnav.graph.types.solution import Solution
+from tests.graph.factors import cases
+from tests.graph.factors.test_velocity import EARTH_N_RADPS, K, velocities
+
+TIMES = Constants(
+    (
+        flight_constant("x", ("x",), "m", 1.0),
+        flight_constant(CLOCK_OFFSET, ("offset",), "s", 0.3),
+        flight_constant(CLOCK_RATE, ("rate",), "ppm", 1e3),
+        flight_constant(VELOCITY_DELAY, ("delay",), "s", 0.3),
+    )
+)
+VALUES = np.array([0.0, 0.03, 2000.0, 0.1])
+
+
+def timed(rng, *, gyroscope):
+    force = rng.normal(size=(K, 3))  # the same before and after: differences cross zero
+    return TimedMotion(
+        since_s=np.array([-20.0, 5.0, 10.0, 30.0]),
+        force_before_b_mps2=force,
+        force_after_b_mps2=force,
+        measured_b_radps=rng.normal(size=(K, 3)) if gyroscope else None,
+        slope_b_radps2=rng.normal(size=(K, 3)) if gyroscope else None,
+        gravity_n_mps2=np.tile([0.0, 0.0, 9.8], (K, 1)),
+        earth_rate_n_radps=EARTH_N_RADPS,
+    )
+
+
+@pytest.mark.parametrize("gyroscope", [False, True])
+def test_jacobians_equal_differences(gyroscope):
+    rng = np.random.default_rng(1)
+    at = cases.random_states(K, TIMES, rng, gyroscope=gyroscope)._replace(constants=VALUES)
+    part = velocities(rng, TIMES, gyroscope=gyroscope)
+    late = on_clock(part, timed(rng, gyroscope=gyroscope), TIMES, delay=VELOCITY_DELAY)
+    cases.assert_jacobians(late, at)
+
+
+@pytest.mark.parametrize("gyroscope", [False, True])
+def test_gtsam_says_the_same(gyroscope):
+    rng = np.random.default_rng(2)
+    at = cases.random_states(K, TIMES, rng, gyroscope=gyroscope)._replace(constants=VALUES)
+    part = velocities(rng, TIMES, gyroscope=gyroscope)
+    late = on_clock(part, timed(rng, gyroscope=gyroscope), TIMES, delay=VELOCITY_DELAY)
+    cases.assert_gtsam_says_the_same(late, at, TIMES)
+
+
+def test_a_position_is_met_where_the_body_is_by_the_clock_of_gnss():
+    """Tags 0.1 s too great: the measurement is of 0.1 s later than the state, at 10 m/s."""
+    at = cases.random_states(1, TIMES, np.random.default_rng(3), gyroscope=True)
+    at = at._replace(
+        R_nb=np.eye(3)[None],
+        p_n_m=np.zeros((1, 3)),
+        v_n_mps=np.array([[10.0, 0.0, 0.0]]),
+        aux=np.zeros((1, 6)),
+        constants=np.array([0.0, -0.1, 0.0, 0.0]),
+    )
+    level = TimedMotion(
+        since_s=np.zeros(1),
+        force_before_b_mps2=np.array([[0.0, 0.0, -9.8]]),
+        force_after_b_mps2=np.array([[2.0, 0.0, -9.8]]),
+        measured_b_radps=np.zeros((1, 3)),
+        slope_b_radps2=np.zeros((1, 3)),
+        gravity_n_mps2=np.array([[0.0, 0.0, 9.8]]),
+        earth_rate_n_radps=np.zeros(3),
+    )
+    position = Position(
+        row=np.zeros(1, dtype=int),
+        value_n_m=np.array([[1.01, 0.0, 0.0]]),
+        white=np.eye(3)[None],
+        arm_b_m=np.zeros(3),
+        lever_column=-1,
+        constants=TIMES,
+    )
+    late = on_clock(position, level, TIMES)
+    assert np.abs(late.linearise(at, np.zeros(1, dtype=int)).value).max() < 1e-14
+
+
+def test_without_clock_or_delay_a_measurement_stays_as_it_is():
+    rng, none = np.random.default_rng(4), cases.constants(1)
+    part = velocities(rng, none, gyroscope=True)
+    assert on_clock(part, timed(rng, gyroscope=True), none, delay=VELOCITY_DELAY) is part
+
+
+def test_covariances_of_solutions_on_gnss_time_are_those_of_samples():
+    rng = np.random.default_rng(5)
+    motion = timed(rng, gyroscope=True)
+    at = cases.random_states(K, TIMES, rng, gyroscope=True)._replace(constants=VALUES)
+    D, b = at.width, TIMES.width
+    scale = np.concatenate([np.full(D, 1e-3), [1e-3, 1e-3, 1.0, 1e-3]])
+    root = scale[:, None] * np.tril(rng.normal(size=(D + b, D + b)))
+    P = root @ root.T
+    solution = Solution(
+        states=at,
+        covariance=np.tile(P[:D, :D], (K, 1, 1)),
+        cross=None,
+        constant_covariance=np.tile(P[D:, D:], (K, 1, 1)),
+        constant_cross=np.tile(P[:D, D:], (K, 1, 1)),
+        converged=True,
+    )
+    carried = on_gnss_time(solution, motion, TIMES)
+    drawn = root @ rng.normal(size=(D + b, 4000))
+    places = np.array(
+        [
+            on_gnss_time(
+                replace(solution, states=at.moved(np.tile(x[:D], (K, 1)), x[D:])), motion, TIMES
+            ).states.v_n_mps[0]
+            for x in drawn.T
+        ]
+    )
+    np.testing.assert_allclose(
+        np.cov(places.T), carried.covariance[0, 6:9, 6:9], rtol=0.2, atol=0.1 * 1e-4
+    )
