@@ -1,30 +1,31 @@
-"""The whole flight at once, begun where a window ended.
+"""The whole flight at once: GTSAM's least squares from each minimum that a search ends in.
 
-Begun from attitudes alone the search ends in wrong minima across gaps; a window does not, for it
-starts each keyframe where the motion leads. From there one or two Newton steps are enough; where
-they do not descend, GTSAM's Levenberg-Marquardt does, at five times the time.
+Begun from attitudes alone the search ends in wrong minima across gaps; a window starts each
+keyframe where the motion leads, and ends in others. The chain's descents find them in a tenth of
+the time (``minima``), from where one or two Newton steps on GTSAM's elimination are enough; where
+these do not descend, GTSAM's Levenberg-Marquardt does, at five times the time.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 
-import gtsam
 import numpy as np
 
-from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.checks import FloatArray
+from fgnav.graph import keys
 from fgnav.graph.build import Layout, flight_graph, flight_values, read_keyframes
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION, ROTATION, States
-from fgnav.solve import chain
+from fgnav.optional_gtsam import gtsam
 from fgnav.solve.elimination import Elimination
 from fgnav.solve.failures import in_words
 from fgnav.solve.fixed_lag import solve_fixed_lag
-from fgnav.solve.marginals import Marginals
+from fgnav.solve.minima import BEGIN_LAG_S, Minimum, begins, distinct, minima, mixture
 from fgnav.solve.own_factors import Own, OwnFactors
 
-BEGIN_LAG_S = 2.0
-STEP_SIGMAS = 0.02  # a Newton step below this share of every sigma: it is a minimum
+STEP_SIGMAS = 0.01  # the last Newton step is below this share of every sigma: it is a minimum
 _ITERATIONS = 20
 _RELATIVE_COST = 1e-5  # a smaller change ends the search; Newton steps do the rest
 _ROUNDS = 2  # of motion preintegrated about the estimates, with a gyroscope
@@ -32,7 +33,6 @@ _NEWTON_STEPS = 8
 # Of the cost, that another step promises at a minimum. In an outage a hundredth of a sigma breaks
 # the rows of the specific force: steps were small where the cost was 90 times the least.
 _LEVEL = 0.1
-_DOUBT = 20.0  # of the cost, ten nats: less does not tell a mirrored attitude, where a window ended
 
 
 def solve_batch(
@@ -46,8 +46,8 @@ def solve_batch(
     own : sequence of gtsam.NonlinearFactor or NamedFactor
         Factors of one's own, over ``fgnav.graph.keys`` with rows of the problem for numbers.
     begin : Solution, optional
-        Where the search begins; by default where a window of 2 s ended and, if that did not
-        converge, at ``problem.start``, too: the lower cost is taken.
+        Where the search begins; by default where a window of 2 s ended and at ``problem.start``:
+        the likeliest minimum is taken, with the doubt that others leave.
 
     Raises
     ------
@@ -58,42 +58,32 @@ def solve_batch(
     """
     entering = OwnFactors(own, problem)
     if begin is not None:
-        return _least(problem, entering, begin.states)
-    begins = _begins(problem, entering)
-    if len(begins) == 1:
-        return _least(problem, entering, begins[0])
-    # The chain's descent is a tenth of the time; factors of one's own follow.
-    of_window, of_start = (chain.solve_batch(problem, begin=states) for states in begins)
-    is_start = of_start.converged and of_start.cost < of_window.cost + _DOUBT
-    return _least(problem, entering, (of_start if is_start else of_window).states)
+        return _least(problem, entering, begin.states).solution
+    window = partial(solve_fixed_lag, own=entering.within(BEGIN_LAG_S))
+    starts = begins(problem, window)
+    if not own:  # the chain knows none
+        starts = [end.solution.states for end in minima(problem, starts)]
+    return mixture(distinct([_least(problem, entering, states) for states in starts]))
 
 
-def _begins(problem: SmoothingProblem, entering: OwnFactors) -> list[States]:
-    """Return where a window ends and, if that did not converge, the problem's start."""
-    try:
-        window = solve_fixed_lag(problem, BEGIN_LAG_S, own=entering.within(BEGIN_LAG_S))
-    except NoSolutionError:  # what came until then left a state open
-        return [problem.start]
-    return [window.states] if window.converged else [window.states, problem.start]
-
-
-def _least(problem: SmoothingProblem, entering: OwnFactors, begin: States) -> Solution:
+def _least(problem: SmoothingProblem, entering: OwnFactors, begin: States) -> Minimum:
     """Return the minimum that a search ends in; not converged if it ends in none."""
-    solution = _descended(problem, entering, begin)
+    end = _descended(problem, entering, begin)
     for _ in range(_ROUNDS - 1 if Layout.of(problem).gyroscope else 0):
-        solution = _descended(problem, entering, solution.states)
-    return solution
+        end = _descended(problem, entering, end.solution.states)
+    return end
 
 
-def _descended(problem: SmoothingProblem, entering: OwnFactors, begin: States) -> Solution:
+def _descended(problem: SmoothingProblem, entering: OwnFactors, begin: States) -> Minimum:
     """Return the same of motion preintegrated about the beginning."""
     graph = flight_graph(problem, begin, entering.factors)
-    solution = _newton(problem, graph, begin)
-    if solution.converged:
-        return solution
+    end = _newton(problem, graph, begin)
+    if end.solution.converged:
+        return end
     states, count = _least_squares(problem, graph, begin)
-    solution = _newton(problem, graph, states)
-    return replace(solution, updates=solution.updates + count)
+    end = _newton(problem, graph, states)
+    solution = replace(end.solution, updates=end.solution.updates + count)
+    return end._replace(solution=solution)
 
 
 def _least_squares(
@@ -101,7 +91,9 @@ def _least_squares(
 ) -> tuple[States, int]:
     """Return where Levenberg and Marquardt end, and after how many iterations."""
     layout, n, ordering = Layout.of(problem), len(problem.t_s), gtsam.Ordering()
-    for variables in (*map(layout.keyframe, range(n)), layout.constant_keys):
+    blocks = range(0 if problem.phase is None else len(problem.phase.blocks))
+    arcs = [keys.arcs(j) for j in blocks]
+    for variables in (*map(layout.keyframe, range(n)), arcs, layout.constant_keys):
         for key in variables:
             ordering.push_back(key)
     parameters = gtsam.LevenbergMarquardtParams()
@@ -121,23 +113,24 @@ def _least_squares(
     return read_keyframes(values, layout, range(n)), optimizer.iterations()
 
 
-def _newton(
-    problem: SmoothingProblem, graph: gtsam.NonlinearFactorGraph, begin: States
-) -> Solution:
+def _newton(problem: SmoothingProblem, graph: gtsam.NonlinearFactorGraph, begin: States) -> Minimum:
     """Return the minimum next to states, with covariances; not converged if there is none."""
     factors = [graph.at(i) for i in range(graph.size())]
     n, b = len(problem.t_s), problem.constants.width
-    states, least, count = begin, np.inf, 0
+    states, arcs, least, count = begin, None, np.inf, 0
     while True:
-        values = flight_values(problem, states)
-        steps, constant_steps, known, promised = _linear(problem, factors, values)
-        cost = 2.0 * graph.error(values)
-        is_least = promised < _LEVEL and _is_small(steps, known)
+        values = flight_values(problem, states, arcs)
+        linear = _linear(problem, factors, values)
+        steps, constant_steps, arc_steps = linear.step()
+        known, cost = linear.marginals(), 2.0 * graph.error(values)
+        is_least = linear.promised < _LEVEL and _is_small(steps, known.covariance)
         if is_least or cost > least + _LEVEL or count == _NEWTON_STEPS:
             break
         states, least, count = states.moved(steps, constant_steps), cost, count + 1
-    return Solution(
-        states=states,
+        arcs = {key: values.atVector(key) + step for key, step in arc_steps.items()}
+    cost -= linear.promised if is_least else 0.0
+    solution = Solution(
+        states=states.moved(steps, constant_steps) if is_least else states,
         covariance=known.covariance,
         cross=known.cross[:-1],
         constant_covariance=np.broadcast_to(known.constant, (n, b, b)),
@@ -146,20 +139,21 @@ def _newton(
         cost=cost,
         updates=count,
     )
+    return Minimum(solution, -cost / 2 - linear.log_root)
 
 
 def _linear(
     problem: SmoothingProblem, factors: Iterable[gtsam.NonlinearFactor], values: gtsam.Values
-) -> tuple[FloatArray, FloatArray, Marginals, float]:
-    """Return the Newton step of keyframes and constants, covariances, and what it promises."""
+) -> Elimination:
+    """Return all factors linearised at values and eliminated."""
     layout, last = Layout.of(problem), len(problem.t_s) - 1
-    eliminated = Elimination(layout, lambda k: float(problem.t_s[k]), factors, values, last)
-    steps, constant_steps = eliminated.step()
-    return steps, constant_steps, eliminated.marginals(), eliminated.promised
+    return Elimination(
+        layout, lambda k: float(problem.t_s[k]), factors, values, last, problem.phase
+    )
 
 
-def _is_small(steps: FloatArray, known: Marginals) -> bool:
+def _is_small(steps: FloatArray, covariance: FloatArray) -> bool:
     """Return whether rotations and positions would move by next to nothing beside their sigma."""
     pose = slice(ROTATION.start, POSITION.stop)
-    sigma = np.sqrt(np.einsum("nii->ni", known.covariance[:, pose, pose]))
+    sigma = np.sqrt(np.einsum("nii->ni", covariance[:, pose, pose]))
     return bool((np.abs(steps[:, pose]) < STEP_SIGMAS * sigma).all())

@@ -20,12 +20,13 @@ References
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
-import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph import keys
 from fgnav.graph.build import Layout
+from fgnav.graph.factors.antenna_phase import AntennaPhase
+from fgnav.optional_gtsam import gtsam
 from fgnav.solve.elimination_kernel import descended
 from fgnav.solve.failures import open_constant, open_state
 from fgnav.solve.marginals import Marginals
@@ -64,6 +65,8 @@ class Elimination:
         Of all variables.
     last : int
         The newest keyframe; the oldest is 0.
+    phase : AntennaPhase, optional
+        Whose arcs are variables, too: each is eliminated with the last keyframe that has it.
     """
 
     def __init__(
@@ -73,25 +76,40 @@ class Elimination:
         factors: Iterable[gtsam.NonlinearFactor],
         values: gtsam.Values,
         last: int,
+        phase: AntennaPhase | None = None,
     ) -> None:
         self._layout, self._t_s, self._last = layout, t_s, last
         self._constants = layout.constant_keys
-        self._keyframes = {k: layout.keyframe(k) for k in range(last + 1)}
+        ends = {} if phase is None else phase.ending(last)
+        self._arcs = {keys.arcs(j): k for k, of in ends.items() for j in of}
+        self._keyframes = {
+            k: (*layout.keyframe(k), *map(keys.arcs, ends.get(k, ()))) for k in range(last + 1)
+        }
         sizes = (part.size for part in layout.constants.parts)
         self._size = dict(zip(self._constants, sizes, strict=True))
         for own in self._keyframes.values():
-            self._size.update(zip(own, (6, 3, layout.width - 9), strict=True))
+            self._size.update(zip(own[:3], (6, 3, layout.width - 9), strict=True))
+        if phase is not None:
+            self._size.update({keys.arcs(j): one.size for j, one in enumerate(phase.blocks)})
         self._eliminated: list[_Eliminated] = []
         self._solve(self._linearised(factors, values))
 
     @property
     def promised(self) -> float:
         """Return by how much the step lowers the sum of squares, if all were linear."""
-        ends = [*self._eliminated, *([self._of_constants] if self._of_constants else [])]
-        return float(sum(one.d @ one.d for one in ends))
+        return float(sum(one.d @ one.d for one in self._ends))
 
-    def step(self) -> tuple[FloatArray, FloatArray]:
-        """Return the Newton step of all keyframes, (m, D), and of the constants, (b,).
+    @property
+    def log_root(self) -> float:
+        """Return the log determinant of the square root of the information of all variables."""
+        return float(sum(np.log(np.abs(one.R.diagonal())).sum() for one in self._ends))
+
+    @property
+    def _ends(self) -> list[_Eliminated]:
+        return [*self._eliminated, *([self._of_constants] if self._of_constants else [])]
+
+    def step(self) -> tuple[FloatArray, FloatArray, dict[int, FloatArray]]:
+        """Return the Newton step of keyframes, (m, D), of the constants, (b,), and of arcs by key.
 
         Raises
         ------
@@ -111,7 +129,8 @@ class Elimination:
             for key, begin in self._places(own).items():
                 steps[key] = moves[begin : begin + self._size[key]]
         keyframes = self._keyframes.values()
-        return np.array([np.concatenate([steps[key] for key in own]) for own in keyframes]), x
+        moved = np.array([np.concatenate([steps[key] for key in own[:3]]) for own in keyframes])
+        return moved, x, {key: steps[key] for key in self._arcs}
 
     def marginals(self) -> Marginals:
         """Return covariances of all keyframes, and of each with the next.
@@ -128,7 +147,7 @@ class Elimination:
             joint = self._descend(k, joint)
             out.covariance[k] = joint.P[:D, :D]  # a keyframe's own come first
             if k < self._last:
-                out.cross[k] = joint.P[:D, self._rows(joint, self._keyframes[k + 1])]
+                out.cross[k] = joint.P[:D, self._rows(joint, self._keyframes[k + 1][:3])]
             if b:
                 out.constant_cross[k] = joint.P[:D, self._rows(joint, self._constants)]
         return out
@@ -139,7 +158,8 @@ class Elimination:
         """Return linear factors by the first keyframe that each touches; 0 of constants alone."""
         entering: list[list[gtsam.GaussianFactor]] = [[] for _ in self._keyframes]
         for factor in factors:
-            touched = [keys.index(key) for key in factor.keys() if key not in self._constants]  # noqa: SIM118
+            involved = [key for key in factor.keys() if key not in self._constants]  # noqa: SIM118
+            touched = [self._arcs.get(key, keys.index(key)) for key in involved]
             linear = factor.linearize(values)
             if linear is not None:  # a factor that is not active is none
                 entering[min(touched, default=0)].append(linear)

@@ -3,11 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Opening, SmoothingProblem
 from fgnav.graph.types.solution import Solution
+from fgnav.progress import steps
 from fgnav.solve.own_factors import Own, OwnFactors
-from fgnav.solve.sliding.departed import Departed, joined_solution
-from fgnav.solve.sliding.window import BLOCK_S, FixedLag
+from fgnav.solve.sliding.departed import Departed, joined_solution, opened
+from fgnav.solve.sliding.relinearisation import BLOCK_S
+from fgnav.solve.sliding.window import FixedLag
 
 __all__ = ["Departed", "FixedLag", "solve_fixed_lag", "solve_forward"]
 
@@ -18,6 +20,7 @@ def solve_fixed_lag(
     *,
     own: Sequence[Own] = (),
     keep_linearisation: bool = False,
+    opening: Opening | None = None,
 ) -> Solution:
     """Return each keyframe as known from the data up to at least ``lag_s`` after it.
 
@@ -32,6 +35,9 @@ def solve_fixed_lag(
         enters with the last keyframe that it touches.
     keep_linearisation : bool
         As in ``FixedLag``.
+    opening : Opening, optional
+        Keyframes that leave while it holds are as a window over it has them; one over the problem
+        has the others, and begins at the first keyframe, too.
 
     Raises
     ------
@@ -40,15 +46,16 @@ def solve_fixed_lag(
     NoSolutionError
         If the data leave a state open.
     """
-    window = FixedLag(lag_s, min(BLOCK_S, lag_s), keep_linearisation=keep_linearisation)
-    entering = OwnFactors(own, problem)
-    parts = [
-        window.update(problem, row, entering.at(row, window.oldest))
-        for row in range(len(problem.t_s))
-    ]
-    if len(window):
-        parts.append(window.rest())
-    return joined_solution([part for part in parts if part is not None])
+
+    def leaving(of: SmoothingProblem, end: int) -> list[Departed | None]:
+        window = FixedLag(lag_s, min(BLOCK_S, lag_s), keep_linearisation=keep_linearisation)
+        entering = OwnFactors(own, of)
+        parts = [window.update(of, row, entering.at(row, window.oldest)) for row in steps(end)]
+        if end == len(of.t_s) and len(window):
+            parts.append(window.rest())
+        return parts
+
+    return joined_solution(opened(leaving, problem, opening))
 
 
 def solve_forward(
@@ -57,6 +64,7 @@ def solve_forward(
     *,
     own: Sequence[Own] = (),
     keep_linearisation: bool = False,
+    opening: Opening | None = None,
 ) -> Solution:
     """Return each keyframe as known from the data up to it: what a filter estimates.
 
@@ -69,10 +77,16 @@ def solve_forward(
         As in ``solve_fixed_lag``.
     keep_linearisation : bool
         As in ``FixedLag``.
+    opening : Opening, optional
+        As in ``solve_fixed_lag``.
     """
-    window = FixedLag(lag_s, 0.0, keep_linearisation=keep_linearisation)
-    entering, parts = OwnFactors(own, problem), []
-    for row in range(len(problem.t_s)):
-        window.advance(problem, row, entering.at(row, window.oldest))
-        parts.append(window.newest())
-    return replace(joined_solution(parts), cross=None)
+
+    def newest(of: SmoothingProblem, end: int) -> list[Departed | None]:
+        window = FixedLag(lag_s, 0.0, keep_linearisation=keep_linearisation)
+        entering, parts = OwnFactors(own, of), list[Departed | None]()
+        for row in steps(end):
+            window.advance(of, row, entering.at(row, window.oldest))
+            parts.append(window.newest())
+        return parts
+
+    return replace(joined_solution(opened(newest, problem, opening)), cross=None)

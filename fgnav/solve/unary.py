@@ -2,12 +2,12 @@
 
 from collections.abc import Iterable
 
-import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.graph.build import Layout, insert_constants, insert_keyframe
 from fgnav.graph.types.states import States
+from fgnav.optional_gtsam import gtsam
 from fgnav.solve.chain import kernel
 
 

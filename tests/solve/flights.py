@@ -14,7 +14,7 @@ from fgnav.graph.types.constants import Constants, FlightConstant, flight_consta
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.rotations import exp, log, transpose
+from fgnav.rotations import exp, transpose
 from tests.graph.factors.motions import EARTH_N_RADPS, GRAVITY_N_MPS2, TrueMotion, sine
 
 ATTITUDE_RAD = np.radians([0.3, 0.25, 0.22])
@@ -117,7 +117,6 @@ def _measured(
             white=np.tile(np.eye(3) / POSITION_M, (k, 1, 1)),
             arm_b_m=ARM_B_M,
             lever_column=-1,
-            segment_column=none,
             constants=constants,
         ),
         Velocity(
@@ -149,7 +148,7 @@ def part(problem: SmoothingProblem, first: int, last: int) -> SmoothingProblem:
         arrays = {
             name: getattr(one, name)[inside]
             for name in ("root", "minimum", "element_column", "value_n_m", "value_n_mps", "white",
-                         "segment_column", "measured_b_radps")
+                         "measured_b_radps")
             if getattr(one, name, None) is not None
         }  # fmt: skip
         measurements.append(replace(one, row=one.row[inside] - first, **arrays))
@@ -165,22 +164,10 @@ def part(problem: SmoothingProblem, first: int, last: int) -> SmoothingProblem:
     )
 
 
-def apart(one: States, other: States) -> FloatArray:
-    """Tangents from one to the other, (n, D)."""
-    return np.hstack(
-        [
-            log(transpose(one.R_nb) @ other.R_nb),
-            np.einsum("nji,nj->ni", one.R_nb, other.p_n_m - one.p_n_m),
-            other.v_n_mps - one.v_n_mps,
-            other.aux - one.aux,
-        ]
-    )
-
-
 def sigmas_apart(one: Solution, other: Solution) -> float:
     """How far two solutions are from each other at most, in sigmas of the first."""
     sigma = np.sqrt(np.einsum("nii->ni", one.covariance))
-    return float((np.abs(apart(one.states, other.states)) / sigma).max())
+    return float((np.abs(one.states.steps_to(other.states)) / sigma).max())
 
 
 def sigma_ratio(one: Solution, other: Solution) -> float:

@@ -12,7 +12,7 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.solve.batch import solve_batch
-from tests.solve.flights import apart, flight, sigmas_apart
+from tests.solve.flights import flight, sigmas_apart
 
 
 def _dense(
@@ -104,7 +104,7 @@ def test_errors_of_a_batch_are_of_the_size_that_it_states(gyroscope: bool) -> No
         problem, truth = flight(3.0, gyroscope=gyroscope, seed=seed)
         solution = solve_batch(problem)
         middle = np.arange(5, 30, 8)
-        d = apart(truth, solution.states)[middle, :9]
+        d = truth.steps_to(solution.states)[middle, :9]
         P = solution.covariance[middle, :9, :9]
         normalised.append(np.einsum("ni,nij,nj->n", d, np.linalg.inv(P), d).mean())
     # Nine dimensions, about eight independent samples: the mean's sigma is 1.5.

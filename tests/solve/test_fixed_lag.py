@@ -12,7 +12,7 @@ from fgnav.solve.batch import solve_batch
 from fgnav.solve.elimination import Elimination
 from fgnav.solve.failures import in_words
 from fgnav.solve.fixed_lag import FixedLag, solve_fixed_lag, solve_forward
-from tests.solve.flights import apart, flight, part, sigma_ratio, sigmas_apart
+from tests.solve.flights import flight, part, sigma_ratio, sigmas_apart
 
 # What a window linearises where it predicts, a batch linearises where all is known.
 SIGMAS = 0.1
@@ -109,7 +109,7 @@ def test_a_factor_of_ones_own_enters_with_its_last_keyframe() -> None:
     tight = gtsam.noiseModel.Isotropic.Sigma(6, 1e-3)
     own.append(gtsam.BetweenFactorPose3(keys.pose(3), keys.pose(9), gtsam.Pose3(near, step), tight))
     window, batch = solve_fixed_lag(problem, 1.0, own=own), solve_batch(problem, own=own)
-    assert np.abs(apart(truth, window.states)[:, 3:6]).max() < 0.03
+    assert np.abs(truth.steps_to(window.states)[:, 3:6]).max() < 0.03
     assert sigmas_apart(batch[np.arange(11, 31)], window[np.arange(11, 31)]) < 3.0
     assert batch.converged
 

@@ -81,11 +81,11 @@ def marginals(
     gain, root : ndarray, shape (n - 1 or more, D, ...)
         As ``eliminate`` leaves them; ``root`` may be the memory of ``covariance``.
     end : ndarray, shape (D + b, D + b)
-        Covariance of the last state and the constants.
+        Covariance of the last state and the constants; becomes that of the first.
     covariance, cross, constant_cross : ndarray, shapes (n, D, D), (n - 1, D, D), (n, D, b)
     """
     n, D, width = len(covariance), covariance.shape[1], len(end)
-    joint, alone, T = end.copy(), np.empty((D, D)), end[:D].copy()
+    joint, alone, T = end, np.empty((D, D)), end[:D].copy()
     for k in range(n - 1, -1, -1):
         here = covariance[k]
         if k < n - 1:

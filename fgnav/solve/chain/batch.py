@@ -1,5 +1,6 @@
 """The whole flight at once: Gauss-Newton over the chain, damped where its cost does not fall."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -9,7 +10,8 @@ from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION, States
-from fgnav.solve.chain import back_kernel, kernel
+from fgnav.solve.chain import back_kernel
+from fgnav.solve.chain.arcs import Border
 from fgnav.solve.chain.linear import Links, linearise
 from fgnav.solve.failures import weakest_state
 
@@ -28,6 +30,7 @@ class _Linear(NamedTuple):
     steps: FloatArray  # (n, D)
     end: FloatArray  # (D + b,), steps of the last state and the constants
     end_covariance: FloatArray  # (D + b, D + b)
+    arcs: tuple[FloatArray, ...]  # where the A of each block is estimated
 
 
 class _Chain:
@@ -43,20 +46,29 @@ class _Chain:
     def __init__(self, problem: SmoothingProblem) -> None:
         self._problem = problem
         n, D, b = len(problem.t_s), problem.width, problem.constants.width
+        self.border = Border(problem.phase)
+        for row in range(n):
+            self.border.append(row)
+        b += self.border.width
         self.root = np.zeros((n, D, D))
         self.gain = np.empty((n - 1, D, D + b + 1))
         self._links = Links.empty(min(n, _CHUNK + 1), D, b)
         self._forward = np.empty_like(self._links.node)
         self._by_rows = False
 
-    def solved(self, states: States, damping: float = 0.0) -> _Linear:
-        """Return the linear problem at states, solved; damping, 1/rad2, on every rotation.
+    def solved(
+        self, states: States, damping: float = 0.0, arcs: Sequence[FloatArray] = ()
+    ) -> _Linear:
+        """Return the linear problem at states and arcs, solved.
+
+        With damping, 1/rad2, on every rotation.
 
         Raises
         ------
         NoSolutionError
             Naming the state that the data leave open, and when.
         """
+        self.border.at = list(arcs)
         cost, information = self._eliminated(states, damping)
         end = np.empty(len(information) - 1)
         covariance = np.empty((len(end), len(end)))
@@ -65,10 +77,11 @@ class _Chain:
             if self._by_rows:
                 raise self._open(information, -1)
             self._by_rows = True  # for good: squares have not digits enough
-            return self.solved(states, damping)
+            return self.solved(states, damping, arcs)
         steps = np.empty((len(self.root), states.width))
-        back_kernel.substitute(self.gain, end, steps)
-        return _Linear(cost, float(least), steps, end, covariance)
+        self.border.substitute(self.gain, end, steps)
+        moved = self.border.moved()
+        return _Linear(cost, float(least), steps, end, covariance, moved)
 
     def _open(self, information: FloatArray, k: int) -> NoSolutionError:
         problem = self._problem
@@ -79,26 +92,24 @@ class _Chain:
         links, forward, n = self._links, self._forward, len(self.root)
         turns = np.arange(n)[ROTATION]
         first = np.zeros(1, np.int64)
-        linearise(self._problem, first, states.at(first), states.at(slice(0, 0)), links, first)
-        cost = float(links.node[0, -1, -1])
+        arcs = self.border.at
+        linearise(
+            self._problem, first, states.at(first), states.at(slice(0, 0)), links, first, arcs
+        )
+        cost = float(links.node[0, -1, -1]) + self.border.cost
         links.node[0, turns, turns] += damping
         forward[0] = links.node[0]
+        self.border.begin(forward[0])
         for begin in range(0, n - 1, _CHUNK):
             count = min(_CHUNK, n - 1 - begin)
             into = np.arange(1, count + 1)
             at, before = (states.at(slice(k, k + count)) for k in (begin + 1, begin))
-            linearise(self._problem, begin + into, at, before, links, into)
+            linearise(self._problem, begin + into, at, before, links, into, arcs)
             motion, node = links.motion[: count + 1], links.node[: count + 1]
             cost += Links(motion[1:], node[1:]).cost()
             node[1:, turns, turns] += damping
-            failed = kernel.eliminate(
-                motion,
-                node,
-                forward[: count + 1],
-                self.root[begin:],
-                self.gain[begin:],
-                self._by_rows,
-            )
+            parts = (motion, node, forward[: count + 1], self.root[begin:], self.gain[begin:])
+            failed = self.border.eliminate(parts, 0, by_rows=self._by_rows, offset=begin)
             if failed >= 0:
                 raise self._open(forward[failed], begin + failed)
             forward[0] = forward[count]
@@ -134,23 +145,28 @@ def solve_batch(
     """
     chain, D = _Chain(problem), problem.width
     states = problem.start if begin is None else begin
+    arcs: tuple[FloatArray, ...] = ()
     linear, previous, damping, iterations = chain.solved(states), np.inf, 0.0, 1
+    if linear.arcs:  # linear: at once where states would have them
+        arcs = linear.arcs
+        linear = chain.solved(states, arcs=arcs)
     while iterations < most and damping < _MOST_DAMPING:
         promised = linear.cost - linear.least
         near = promised < min(previous, _NEAR) and previous < np.inf
         ratio = promised / previous if near else 1.0
         if damping == 0.0 and promised * ratio < _STEP_SIGMAS**2:
             return _solution(chain, states, linear, iterations, converged=True)
-        trial = states.moved(linear.steps, linear.end[D:])
+        trial = states.moved(linear.steps, linear.end[D : D + len(states.constants)])
         lower = damping / 10 if damping > _DAMPING else 0.0
-        tried = chain.solved(trial, lower)
+        tried = chain.solved(trial, lower, linear.arcs)
         iterations += 1
         if tried.cost <= linear.cost:
+            arcs = linear.arcs
             states, linear, damping, previous = trial, tried, lower, promised
         else:
             damping, previous = max(10 * damping, _DAMPING), np.inf
-            linear = chain.solved(states, damping)
-    return _solution(chain, states, chain.solved(states), iterations, converged=False)
+            linear = chain.solved(states, damping, arcs)
+    return _solution(chain, states, chain.solved(states, arcs=arcs), iterations, converged=False)
 
 
 def covariance_at(problem: SmoothingProblem, states: States) -> Solution:
@@ -181,16 +197,19 @@ def _solution(
     """Return the end of a last step if that is known to be short or is, else where it begins."""
     n, D = linear.steps.shape
     b = len(states.constants)
-    covariance, cross, shared = chain.root, np.empty((n - 1, D, D)), np.empty((n, D, b))
-    back_kernel.marginals(chain.gain, chain.root, linear.end_covariance, covariance, cross, shared)
+    covariance, cross = chain.root, np.empty((n - 1, D, D))
+    shared = np.empty((n, D, b + chain.border.width))
+    out = covariance, cross, shared
+    chain.border.marginals(0, chain.gain, chain.root, linear.end_covariance, out)
+    constant = linear.end_covariance[D : D + b, D : D + b]
     sigma = np.sqrt(np.einsum("nii->ni", covariance))
     converged = converged or bool((np.abs(linear.steps) < _STEP_SIGMAS * sigma).all())
     return Solution(
-        states=states.moved(linear.steps, linear.end[D:]) if converged else states,
+        states=states.moved(linear.steps, linear.end[D : D + b]) if converged else states,
         covariance=covariance,
         cross=cross,
-        constant_covariance=np.broadcast_to(linear.end_covariance[D:, D:], (n, b, b)),
-        constant_cross=shared,
+        constant_covariance=np.broadcast_to(constant, (n, b, b)),
+        constant_cross=shared[:, :, :b],
         converged=converged,
         cost=linear.least if converged else linear.cost,
         updates=iterations,
@@ -216,7 +235,7 @@ def log_evidence(problem: SmoothingProblem, states: States) -> float:
     _, white = problem.motion.prior(len(states.constants))
     total = -linear.least / 2 + np.linalg.slogdet(white[:, :aux])[1]
     total -= np.log(np.einsum("nii->ni", chain.root[:-1])).sum()
-    total += np.linalg.slogdet(linear.end_covariance)[1] / 2
+    total += np.linalg.slogdet(linear.end_covariance)[1] / 2 - chain.border.log_root
     intervals = np.arange(len(problem.t_s) - 1)
     total += _log_white(problem.motion, intervals)
     for measurement in problem.measurements:

@@ -1,15 +1,17 @@
 """A smoothing problem as a linear chain: what each keyframe adds, and the prior of the first."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
-from fgnav.graph.types.problem import SmoothingProblem, pose_prior_sigma
+from fgnav.graph.types.problem import SmoothingProblem, pose_prior
 from fgnav.graph.types.states import AUX, POSITION, ROTATION, VELOCITY, States
 from fgnav.rotation_kernel import inverse_right_jacobian
 from fgnav.rotations import log
 from fgnav.solve.chain import kernel
+from fgnav.solve.chain.arcs import add_phases
 
 
 class Links(NamedTuple):
@@ -36,6 +38,7 @@ def linearise(
     before: States,
     links: Links,
     into: IntArray,
+    arcs: Sequence[FloatArray] = (),
 ) -> None:
     """Fill what enters with some keyframes.
 
@@ -52,13 +55,15 @@ def linearise(
     links : Links
     into : ndarray of int, shape (j,)
         Places of the keyframes in it.
+    arcs : sequence of ndarray
+        Where the A of each block is linearised; empty: at zero.
 
     Raises
     ------
     NoSolutionError
         If a residual is not finite.
     """
-    D, j = at.width, len(before.R_nb)
+    D, j, b = at.width, len(before.R_nb), len(at.constants)
     links.motion[into] = 0.0
     links.node[into] = 0.0
     if len(rows) > j:
@@ -68,7 +73,7 @@ def linearise(
         led = into[-j:]
         links.motion[led, :, :D] = motion.before
         links.motion[led, :, D : 2 * D] = motion.after
-        links.motion[led, :, 2 * D : -1] = motion.shared
+        links.motion[led, :, 2 * D : 2 * D + b] = motion.shared
         links.motion[led, :, -1] = -motion.value
     for measurement in problem.measurements:
         first, last = np.searchsorted(measurement.row, (rows[0], rows[-1] + 1))
@@ -79,7 +84,11 @@ def linearise(
             which, place = which[among], place[among]
         if len(which):
             linear = measurement.linearise(at.at(place), which)
-            kernel.add_squares(links.node, into[place], *map(np.ascontiguousarray, linear))
+            shared = _beside_arcs(linear.shared, links.node, D)
+            of_state = (linear.value, linear.state, shared)
+            kernel.add_squares(links.node, into[place], *map(np.ascontiguousarray, of_state))
+    if problem.phase is not None:
+        add_phases(problem.phase, rows, at, links.node, into, arcs)
     cost = links.node[into, -1, -1] + (links.motion[into, :, -1] ** 2).sum(axis=1)
     if not np.isfinite(cost).all():
         t_s = float(problem.t_s[rows[int(np.isfinite(cost).argmin())]])
@@ -91,20 +100,20 @@ def _add_prior(
 ) -> None:
     """Add what is known before the first keyframe, as independent whitened rows.
 
-    Pose about the start by the tangent of ``gtsam.Pose3`` (the position's rows in ``n``: its
+    Pose about its prior by the tangent of ``gtsam.Pose3`` (the position's rows in ``n``: its
     covariance is the same in all axes), velocity about zero, ``aux`` by the motion, and constants.
     """
     D, b = at.width, len(at.constants)
     value, state = np.zeros(D + b), np.zeros((D + b, D))
     shared = np.zeros((D + b, b))
     start = problem.start.at(slice(row, row + 1))
-    sigma = pose_prior_sigma()
-    turn = log(start.R_nb.swapaxes(1, 2) @ at.R_nb)[0]
+    R_nb, P = pose_prior(problem, row)
+    turn = log(R_nb.T @ at.R_nb)[0]
     value[ROTATION], state[ROTATION, ROTATION] = turn, inverse_right_jacobian(turn)
     value[POSITION], state[POSITION, POSITION] = (at.p_n_m - start.p_n_m)[0], at.R_nb[0]
     value[VELOCITY], state[VELOCITY, VELOCITY] = at.v_n_mps[0], np.eye(3)
-    value[:AUX] /= sigma
-    state[:AUX] /= sigma[:, None]
+    whitening = np.linalg.inv(np.linalg.cholesky(P))
+    value[:AUX], state[:AUX] = whitening @ value[:AUX], whitening @ state[:AUX]
     mean, white = problem.motion.prior(b)
     value[AUX:D] = white @ np.concatenate([at.aux[0] - mean, at.constants])
     state[AUX:D, AUX:], shared[AUX:D] = white[:, : D - AUX], white[:, D - AUX :]
@@ -112,4 +121,11 @@ def _add_prior(
         whitening = np.linalg.inv(np.linalg.cholesky(problem.constants.covariance))
         value[D:] = whitening @ (at.constants - problem.constants.mean)
         shared[D:] = whitening
-    kernel.add_squares(node, into, value[None], state[None], shared[None])
+    wide = _beside_arcs(shared[None], node, D)
+    kernel.add_squares(node, into, value[None], state[None], wide)
+
+
+def _beside_arcs(shared: FloatArray, node: FloatArray, D: int) -> FloatArray:
+    """Return derivatives by the constants, (k, m, b), with columns of zeros for arcs."""
+    wide = node.shape[1] - 1 - D - shared.shape[2]
+    return np.pad(shared, ((0, 0), (0, 0), (0, wide))) if wide else shared

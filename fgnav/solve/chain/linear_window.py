@@ -4,14 +4,15 @@ What leaves stays as forward information of the oldest keyframe that remains, li
 was: marginalisation is exact up to its linearisation, and the window does not grow.
 """
 
-import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.build import Layout
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import AUX, ROTATION, States
-from fgnav.solve.chain import back_kernel, kernel
+from fgnav.optional_gtsam import gtsam
+from fgnav.solve.chain import back_kernel
+from fgnav.solve.chain.arcs import Border
 from fgnav.solve.chain.arrays import WindowArrays
 from fgnav.solve.chain.linear import Links, linearise
 from fgnav.solve.failures import weakest_state
@@ -28,8 +29,8 @@ class LinearWindow:
     ----------
     constants : ndarray, shape (b,)
         Where constants are linearised, all along.
-    end : ndarray, shape (D + b,)
-        Steps of the newest keyframe and of the constants, once solved.
+    end : ndarray, shape (D + b + a,)
+        Steps of the newest keyframe, of the constants and of its arcs, once solved.
     oldest : int
         Number of the oldest keyframe.
     rows : WindowArrays
@@ -45,6 +46,7 @@ class LinearWindow:
         self._changed = np.zeros(0, dtype=np.bool_)  # since it was linearised
         self._end_covariance = np.empty((0, 0))
         self._unary: dict[int, list[gtsam.NonlinearFactor]] = {}  # factors of one's own
+        self._border = Border(None)
 
     def __len__(self) -> int:
         """Return how many keyframes there are."""
@@ -59,12 +61,14 @@ class LinearWindow:
         """Take in a keyframe of a problem, linearised where a state is."""
         if not self._sources:
             self.constants = np.array(problem.start.constants)
-            self.end = np.zeros(problem.width + len(self.constants))
+            self._border = Border(problem.phase)
+            self.end = np.zeros(problem.width + len(self.constants) + self._border.width)
         self._make_room(problem.width)
         here = self._first + len(self)
         self._memory.t_s[here] = problem.t_s[row]
         self._memory.place(slice(here, here + 1), at)
         self._sources.append((problem, row))
+        self._border.append(row)
         self._changed = np.append(self._changed, True)
         self.rows = self._memory.between(self._first, here + 1)
 
@@ -94,6 +98,7 @@ class LinearWindow:
         first = max(int(changed[0]) - 1, 0)
         if first == 0 and not self.oldest:
             rows.forward[0] = rows.node[0]
+            self._border.begin(rows.forward[0])
         if self._eliminated(rows, first, by_rows=False) >= 0:
             failed = self._eliminated(rows, 0, by_rows=True)
             if failed >= 0:
@@ -105,23 +110,21 @@ class LinearWindow:
 
     def substitute(self) -> FloatArray:
         """Return the steps of all keyframes to their estimates, (n, D)."""
-        back_kernel.substitute(self.rows.gain, self.end, self.rows.steps)
+        self._border.substitute(self.rows.gain, self.end, self.rows.steps)
         return self.rows.steps
 
     def marginals(self, begin: int, end: int) -> Marginals:
         """Return covariances of keyframes begin to end - 1, counted from the oldest."""
-        rows, D, b = (
-            self.rows.between(begin, len(self)),
-            len(self.rows.root[0]),
-            len(self.constants),
-        )
-        n, m, D = len(self) - begin, end - begin, len(self.end) - b
-        covariance, cross, shared = np.empty((n, D, D)), np.zeros((n, D, D)), np.empty((n, D, b))
-        back_kernel.marginals(rows.gain, rows.root, self._end_covariance, covariance, cross, shared)
-        constant = self._end_covariance[D:, D:].copy()
-        if m == n:
+        rows, D, b = self.rows, len(self.rows.root[0]), len(self.constants)
+        n, m = len(self) - begin, end - begin
+        out = np.empty((n, D, D)), np.zeros((n, D, D)), np.empty((n, D, b + self._border.width))
+        self._border.marginals(begin, rows.gain, rows.root, self._end_covariance, out)
+        constant = self._end_covariance[D : D + b, D : D + b].copy()
+        covariance, cross, shared = out
+        if m == n and shared.shape[2] == b:
             return Marginals(covariance, cross, constant, shared)
-        return Marginals(covariance[:m].copy(), cross[:m].copy(), constant, shared[:m].copy())
+        shared = shared[:m, :, :b].copy()
+        return Marginals(covariance[:m].copy(), cross[:m].copy(), constant, shared)
 
     def turn_sigma_rad(self, row: int) -> float:
         """Return the 1-sigma of a keyframe's rotation, counted from the oldest, all axes."""
@@ -133,6 +136,7 @@ class LinearWindow:
         for number in range(self.oldest, self.oldest + count):
             self._unary.pop(number, None)
         del self._sources[:count]
+        self._border.forget(count)
         self._changed = self._changed[count:]
         self._first, self.oldest = self._first + count, self.oldest + count
         self.rows = self.rows.between(count, len(self.rows.t_s))
@@ -141,7 +145,8 @@ class LinearWindow:
         """When the memory is full, move what is there to the front of one twice as long."""
         if self._first + len(self) < len(self._memory.t_s):
             return
-        memory = WindowArrays.empty(max(_LEAST_ROOM, 2 * len(self)), width, len(self.constants))
+        border = len(self.constants) + self._border.width
+        memory = WindowArrays.empty(max(_LEAST_ROOM, 2 * len(self)), width, border)
         if len(self):
             for new, old in zip(memory, self.rows, strict=True):
                 new[: len(self)] = old
@@ -172,10 +177,11 @@ class LinearWindow:
 
     def _eliminated(self, rows: WindowArrays, first: int, *, by_rows: bool) -> int:
         """Solve for the newest keyframe and the constants; return the first that is open, or -1."""
-        of = rows.between(first, len(self))
-        failed = kernel.eliminate(of.motion, of.node, of.forward, of.root, of.gain, by_rows)
+        rows = rows.between(0, len(self))
+        parts = (rows.motion, rows.node, rows.forward, rows.root, rows.gain)
+        failed = self._border.eliminate(parts, first, by_rows=by_rows)
         if failed >= 0:
-            return first + int(failed)
+            return failed
         self._end_covariance = np.empty((len(self.end), len(self.end)))
         least = back_kernel.newest(rows.forward[-1], self._end_covariance, self.end)
         return -1 if np.isfinite(least) else len(self) - 1

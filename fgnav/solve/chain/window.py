@@ -4,16 +4,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.checks import BoolArray
+from fgnav.graph.types.problem import Opening, SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.graph.types.states import States
+from fgnav.graph.types.states import ROTATION, States
+from fgnav.progress import steps
 from fgnav.solve.chain.linear_window import LinearWindow
-from fgnav.solve.sliding.departed import Departed, departed, joined_solution
-from fgnav.solve.sliding.relinearisation import UNKNOWN_RAD, WAITS_S, moved_far
+from fgnav.solve.sliding.departed import Departed, departed, joined_solution, opened
+from fgnav.solve.sliding.relinearisation import (
+    BLOCK_S,
+    REPEATS,
+    SLOW_S,
+    UNKNOWN_RAD,
+    WAITS_S,
+    moved_far,
+    repeats_at,
+)
 from fgnav.solve.sliding.retract_kernel import retracted
 
 _ROUNDING_S = 1e-6
-_PASSES = 5  # at most, while states are linearised anew: a rough start needs three
 
 
 class ChainWindow:
@@ -32,7 +41,7 @@ class ChainWindow:
     """
 
     def __init__(
-        self, lag_s: float, block_s: float = 1.0, *, keep_linearisation: bool = False
+        self, lag_s: float, block_s: float = BLOCK_S, *, keep_linearisation: bool = False
     ) -> None:
         self._lag_s, self._block_s, self._keep = lag_s, block_s, keep_linearisation
         self._linear = LinearWindow()
@@ -43,6 +52,9 @@ class ChainWindow:
         self._was_known = False  # whether the attitude was, where the window began
         self._newest: States
         self._updates = 0
+        self._attitude_s = np.inf  # of the last keyframe with an attitude of its own
+        self._is_slow = False  # whether such keyframes are far apart
+        self._turn_sigma_rad: dict[int, float] = {}  # of keyframes when last asked for
 
     def __len__(self) -> int:
         """Return how many keyframes have not left."""
@@ -80,6 +92,7 @@ class ChainWindow:
     def rest(self) -> Departed:
         """Return all keyframes that have not left, known from all data so far."""
         self._solve()
+        self._relinearise()
         return self._estimates(self._departed, self._departed + len(self))
 
     def _advance(self, problem: SmoothingProblem, row: int) -> int:
@@ -101,16 +114,22 @@ class ChainWindow:
         linear = self._linear
         while self._blocks and self._blocks[0] < end:
             del self._blocks[0]
-        if end > self._departed and not self._keep:
-            t_s = linear.rows.t_s
-            is_known = linear.turn_sigma_rad(end - linear.oldest) < UNKNOWN_RAD
-            waits = self._was_known and t_s[-1] - t_s[0] < WAITS_S and not is_known
-            self._was_known |= is_known
-        else:
-            waits = end == self._departed
         self._departed = end
-        if not waits:
-            linear.forget(end - linear.oldest)
+        t_s, count = linear.rows.t_s, end - linear.oldest
+        if count and t_s[count] - t_s[0] > BLOCK_S - _ROUNDING_S and self._may_leave(count):
+            linear.forget(count)
+
+    def _may_leave(self, count: int) -> bool:
+        """Return whether the attitude is known where the window would begin, or never was."""
+        if self._keep:
+            return True
+        linear, oldest = self._linear, self._linear.oldest + count
+        t_s, sigma_rad = linear.rows.t_s, self._turn_sigma_rad.get(oldest - 1)
+        self._turn_sigma_rad = {k: s for k, s in self._turn_sigma_rad.items() if k >= oldest - 1}
+        is_known = (linear.turn_sigma_rad(count) if sigma_rad is None else sigma_rad) < UNKNOWN_RAD
+        waits = self._was_known and t_s[-1] - t_s[0] < WAITS_S
+        self._was_known |= is_known
+        return is_known or not waits
 
     def _begin(self, problem: SmoothingProblem, row: int) -> None:
         """Place a keyframe where its search starts."""
@@ -120,6 +139,9 @@ class ChainWindow:
             if problem.attitude_known[row]:
                 at = at._replace(R_nb=known)
         self._linear.append(problem, row, at)
+        if problem.attitude_known[row]:
+            self._is_slow = problem.t_s[row] - self._attitude_s > SLOW_S
+            self._attitude_s = float(problem.t_s[row])
         self._new, self._newest = self._new + 1, at
 
     def _solve(self) -> None:
@@ -127,19 +149,39 @@ class ChainWindow:
         if not self._new:
             return
         linear, n = self._linear, len(self._linear)
-        for left in range(_PASSES - 1, -1, -1):
-            linear.solve()
-            steps = linear.substitute()
-            self._updates += 1
-            far = moved_far(steps)
-            far[0] &= not linear.oldest
-            if self._keep or not left or not far.any():
-                break
-            which, none = np.flatnonzero(far), np.zeros(len(linear.constants))
-            linear.relinearise(which, retracted(linear.states.at(which), steps[which], none))
+        self._pass(self._far())  # where the last estimates are
+        times = repeats_at(linear.rows.steps, self._is_slow)
+        if times is not None:
+            self._relinearise(times)
         self._new, self._solved_s = 0, float(linear.rows.t_s[-1])
         self._blocks.append(linear.oldest + n - 1)
         self._newest = self._estimated(linear.oldest + n - 1, linear.oldest + n)
+
+    def _relinearise(self, times: float = 1.0) -> None:
+        """Relinearise states that have moved too far, until none has."""
+        for _ in range(REPEATS):
+            far = self._far(times)
+            if not far.any():
+                return
+            self._pass(far)
+
+    def _pass(self, far: BoolArray) -> None:
+        """Linearise some keyframes, (n,), where they are estimated, and solve."""
+        linear, which = self._linear, np.flatnonzero(far)
+        if len(which):
+            steps, none = linear.rows.steps[which], np.zeros(len(linear.constants))
+            linear.relinearise(which, retracted(linear.states.at(which), steps, none))
+        linear.solve()
+        linear.substitute()
+        self._updates += 1
+
+    def _far(self, times: float = 1.0) -> BoolArray:
+        """Return which keyframes are too far from where they are linearised, and may be moved."""
+        if self._keep:
+            return np.zeros(len(self._linear), dtype=np.bool_)
+        far = moved_far(self._linear.rows.steps, times)
+        far[0] &= not self._linear.oldest
+        return far
 
     def _estimated(self, begin: int, end: int) -> States:
         """Return the estimates of keyframes ``begin`` to ``end - 1``."""
@@ -147,40 +189,58 @@ class ChainWindow:
         begin, end = begin - linear.oldest, end - linear.oldest
         steps = linear.rows.steps[begin:end]
         at = linear.states.at(slice(begin, end))
-        return retracted(at, steps, linear.end[steps.shape[1] :])
+        return retracted(at, steps, linear.end[steps.shape[1] :][: len(linear.constants)])
 
     def _estimates(self, begin: int, end: int) -> Departed:
         first, stop = begin - self._linear.oldest, end - self._linear.oldest
-        rows = self._linear.rows.between(first, stop)
+        rows, known = self._linear.rows.between(first, stop), self._linear.marginals(first, stop)
+        last = np.trace(known.covariance[-1, ROTATION, ROTATION])
+        self._turn_sigma_rad[end - 1] = float(np.sqrt(last))
         return departed(
             rows.t_s,
             self._estimated(begin, end),
             rows.steps,
-            self._linear.marginals(first, stop),
+            known,
             keep_linearisation=self._keep,
             updates=self._updates,
         )
 
 
 def solve_fixed_lag(
-    problem: SmoothingProblem, lag_s: float, *, keep_linearisation: bool = False
+    problem: SmoothingProblem,
+    lag_s: float,
+    *,
+    keep_linearisation: bool = False,
+    opening: Opening | None = None,
 ) -> Solution:
     """Return each keyframe as known from the data up to at least ``lag_s`` after it.
 
-    Parameters as in ``ChainWindow``; blocks of a second.
+    Parameters as in ``ChainWindow``, blocks of a second; and as in ``solve.fixed_lag``.
     """
-    window = ChainWindow(lag_s, min(1.0, lag_s), keep_linearisation=keep_linearisation)
-    parts = [window.update(problem, row) for row in range(len(problem.t_s))]
-    return joined_solution([part for part in (*parts, window.rest()) if part is not None])
+
+    def leaving(of: SmoothingProblem, end: int) -> list[Departed | None]:
+        window = ChainWindow(lag_s, min(BLOCK_S, lag_s), keep_linearisation=keep_linearisation)
+        parts = [window.update(of, row) for row in steps(end)]
+        return [*parts, window.rest()] if end == len(of.t_s) else parts
+
+    return joined_solution(opened(leaving, problem, opening))
 
 
 def solve_forward(
-    problem: SmoothingProblem, lag_s: float, *, keep_linearisation: bool = False
+    problem: SmoothingProblem,
+    lag_s: float,
+    *,
+    keep_linearisation: bool = False,
+    opening: Opening | None = None,
 ) -> Solution:
     """Return each keyframe as known from the data up to it: what a filter estimates.
 
-    Parameters as in ``ChainWindow``; states up to ``lag_s`` back are still linearised anew.
+    Parameters as in ``ChainWindow``, and as in ``solve.fixed_lag``; states up to ``lag_s`` back are
+    still linearised anew.
     """
-    window = ChainWindow(lag_s, 0.0, keep_linearisation=keep_linearisation)
-    parts = [window.filter(problem, row) for row in range(len(problem.t_s))]
-    return replace(joined_solution(parts), cross=None)
+
+    def newest(of: SmoothingProblem, end: int) -> list[Departed | None]:
+        window = ChainWindow(lag_s, 0.0, keep_linearisation=keep_linearisation)
+        return [window.filter(of, row) for row in steps(end)]
+
+    return replace(joined_solution(opened(newest, problem, opening)), cross=None)

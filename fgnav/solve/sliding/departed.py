@@ -1,12 +1,16 @@
 """Keyframes as they leave a window, and all of them as one solution."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.graph.types.problem import Opening, SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.graph.types.states import States, joined
+from fgnav.graph.types.states import POSITION, ROTATION, States, joined
+from fgnav.rotation_kernel import right_jacobian
+from fgnav.rotations import exp, transpose
 from fgnav.solve.marginals import Marginals
 from fgnav.solve.sliding.relinearisation import is_rough
 
@@ -39,17 +43,77 @@ def departed(
     updates: int,
 ) -> Departed:
     """Return m keyframes with their covariances; ``steps``, (m, D), lead to their states."""
+    if keep_linearisation:
+        known = _at_estimates(known, steps)
+    rough = is_rough(steps, known.covariance) & (not keep_linearisation)
     solution = Solution(
         states=states,
         covariance=known.covariance,
         cross=known.cross[:-1],
         constant_covariance=np.tile(known.constant, (len(t_s), 1, 1)),
         constant_cross=known.constant_cross,
-        converged=keep_linearisation or not is_rough(steps, known.covariance),
+        converged=not rough.any(),
+        refused=rough,
         constants=np.tile(states.constants, (len(t_s), 1)),
         updates=updates,
     )
     return Departed(t_s=t_s.copy(), solution=solution, cross_next=known.cross[-1])
+
+
+def _at_estimates(known: Marginals, steps: FloatArray) -> Marginals:
+    """Return covariances along the tangents of the estimates, not of where these are linearised.
+
+    ``Exp(s + e) = Exp(s) Exp(J_r(s) e)``: a step of a radian turns the axes by as much. That of the
+    keyframe after the last is not there: its axes are the last one's.
+    """
+    T = np.tile(np.eye(steps.shape[1]), (len(steps), 1, 1))
+    T[:, ROTATION, ROTATION] = [right_jacobian(turn) for turn in steps[:, ROTATION]]
+    T[:, POSITION, POSITION] = transpose(exp(steps[:, ROTATION]))
+    after = transpose(np.concatenate([T[1:], T[-1:]]))
+    return Marginals(
+        T @ known.covariance @ transpose(T),
+        T @ known.cross @ after,
+        known.constant,
+        T @ known.constant_cross,
+    )
+
+
+def opened(
+    leaving: Callable[[SmoothingProblem, int], list[Departed | None]],
+    problem: SmoothingProblem,
+    opening: Opening | None,
+) -> list[Departed]:
+    """Return what leaves a window, of an opening while that holds, then of the problem.
+
+    Parameters
+    ----------
+    leaving : callable
+        What leaves with each of a problem's first keyframes, and at the end what is left.
+    problem : SmoothingProblem
+    opening : Opening or None
+    """
+    if opening is None:
+        return [part for part in leaving(problem, len(problem.t_s)) if part is not None]
+    first = leaving(opening.problem, opening.keyframes)
+    later = [] if opening.keyframes == len(problem.t_s) else leaving(problem, len(problem.t_s))
+    turned = [part and _with_open_heading(part, opening) for part in first]
+    return [part for part in (*turned, *later[len(first) :]) if part is not None]
+
+
+def _with_open_heading(part: Departed, opening: Opening) -> Departed:
+    """Return keyframes with what is not known of the heading that the opening holds fixed.
+
+    The body may be turned about the vertical through its antenna.
+    """
+    solution, J = part.solution, np.zeros(part.solution.covariance.shape[:2])
+    J[:, ROTATION] = solution.states.R_nb[:, 2]
+    J[:, POSITION] = np.cross(opening.arm_b_m, J[:, ROTATION])
+    variance_rad2 = opening.heading_variance_rad2
+    open_rad2 = variance_rad2 * J[:, :, None] * J[:, None, :]
+    inward = np.cross(J[:, POSITION], J[:, ROTATION])  # by 1 - cos of the turn: 1.5 if uniform
+    second = min(0.75 * variance_rad2**2, 1.5)
+    open_rad2[:, POSITION, POSITION] += second * inward[:, :, None] * inward[:, None, :]
+    return replace(part, solution=replace(solution, covariance=solution.covariance + open_rad2))
 
 
 def joined_solution(parts: list[Departed]) -> Solution:
@@ -63,6 +127,7 @@ def joined_solution(parts: list[Departed]) -> Solution:
         constant_covariance=np.concatenate([one.constant_covariance for one in of]),
         constant_cross=np.concatenate([one.constant_cross for one in of]),
         converged=all(one.converged for one in of),
+        refused=np.concatenate([one.refused for one in of if one.refused is not None]),
         constants=np.concatenate([one.constants for one in of if one.constants is not None]),
         updates=of[-1].updates,
     )

@@ -14,16 +14,17 @@ What GTSAM 4.3.0 asks of its callers, each measured:
 from collections.abc import Callable
 from typing import SupportsFloat, SupportsIndex, SupportsInt
 
-import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.graph.build import Layout
 from fgnav.graph.types.states import AUX, ROTATION
+from fgnav.optional_gtsam import gtsam
 from fgnav.solve.failures import open_state
 from fgnav.solve.marginals import Marginals
 
 _WILDFIRE = 1e-5  # m, rad
+_OPEN_END = 1 << 60  # a keyframe that never comes
 _OPEN = 1e12  # variance, m2 or rad2, where the weakest prior has 1e6
 
 
@@ -53,8 +54,15 @@ class IncrementalSmoother:
         self._isam, self._layout = self._smoother.getISAM2(), layout
         self._constants = layout.constant_keys
         self._variables: set[int] = set()
+        self._arcs: dict[int, tuple[int, int]] = {}  # size, and the last keyframe that needs it
         self._leaving: set[int] = set()  # by the next update
         self.oldest, self.end, self.is_chain = 0, 0, True
+
+    def enter_arcs(self, key: int, size: int, begin: int) -> None:
+        """Let arcs begin with the next update, at a keyframe; those before them end there."""
+        for before, (width, last) in self._arcs.items():
+            self._arcs[before] = width, min(last, begin)
+        self._arcs[key] = size, _OPEN_END
 
     def update(
         self,
@@ -79,10 +87,14 @@ class IncrementalSmoother:
         stamps.update(dict.fromkeys(self._constants, float(end - 1)))
         for k in range(self.end, end):
             stamps.update(dict.fromkeys(self._layout.keyframe(k), float(k)))
+        for key, (_, last) in self._arcs.items():
+            stamps[key] = float(min(last, end - 1))
         self._smoother.setSmootherLag(float(end - 1 - self.oldest))
         self._smoother.update(graph, values, stamps)
         self._variables.update(entered)
         self._variables.difference_update(self._leaving)
+        for key in self._leaving & self._arcs.keys():
+            del self._arcs[key]
         self._leaving.clear()
         self.end = end
 
@@ -99,6 +111,7 @@ class IncrementalSmoother:
         """Leave out keyframes before ``oldest`` by the next update; what they tell stays."""
         for k in range(self.oldest, oldest):
             self._leaving.update(self._layout.keyframe(k))
+        self._leaving.update(key for key, (_, last) in self._arcs.items() if last < oldest)
         self.oldest = oldest
 
     def steps(self) -> tuple[FloatArray, FloatArray]:
@@ -109,7 +122,8 @@ class IncrementalSmoother:
         """
         n, aux = self.end - self.oldest, self._layout.width - AUX
         whole, b = self._isam.getDelta().vector(), self._layout.constants.width
-        # In the order of letters: b before c, then m, v and x.
+        # In the order of letters: a before b and c, then m, v and x.
+        whole = whole[sum(size for size, _ in self._arcs.values()) :]
         first = n * aux if self._layout.gyroscope else 0
         v, x = b + n * aux, b + n * (aux + 3)
         steps = np.empty((n, AUX + aux))

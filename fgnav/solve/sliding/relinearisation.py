@@ -21,6 +21,33 @@ _GYROSCOPE_AUX = 6
 # where little was known: after 15 s it had turned by 86 degrees. So it waits, for so long at most.
 UNKNOWN_RAD, WAITS_S = 0.5, 30.0
 
+BLOCK_S = 1.0  # that a window is solved with at once, and of what is marginalised
+SLOW_S = 0.5  # attitudes this far apart move too far for one linearisation
+_FINE = 0.5  # of a usual move: between them states are relinearised sooner
+_MUCH = 20.0  # times as far as else, after an outage: at once
+REPEATS = 5  # relinearisations after one update, at most; the next update goes on
+
+
+def repeats_at(steps: FloatArray, is_slow: bool) -> float | None:
+    """Return from how far on, times as usual, states are relinearised at once after an update.
+
+    Parameters
+    ----------
+    steps : ndarray, shape (n, D)
+        From where keyframes are linearised to their estimates.
+    is_slow : bool
+        Whether attitudes are further apart than ``SLOW_S``.
+
+    Returns
+    -------
+    float or None
+        None: the next update does it.
+    """
+    if is_slow:
+        return _FINE
+    is_moved = bool(np.abs(steps[-1, ROTATION]).max() > 2 * MOVED_RAD)
+    return 1.0 if is_moved or moved_far(steps, _MUCH).any() else None
+
 
 def moved_far(steps: FloatArray, times: float = 1.0) -> BoolArray:
     """Return which keyframes are to be linearised anew, (n,), by their steps, (n, D).
@@ -34,8 +61,10 @@ def moved_far(steps: FloatArray, times: float = 1.0) -> BoolArray:
     return np.asarray(far | (np.abs(steps[:, RATE]).max(axis=1) > times * MOVED_RADPS))
 
 
-def is_rough(steps: FloatArray, covariance: FloatArray) -> bool:
-    """Return whether any of m estimates is too far from where it is linearised.
+def is_rough(steps: FloatArray, covariance: FloatArray) -> BoolArray:
+    """Return which of m estimates are too far from where they are linearised, (m,).
+
+    An attitude unknown to half a radian and more is wherever it is linearised: its sigma says so.
 
     Parameters
     ----------
@@ -45,4 +74,5 @@ def is_rough(steps: FloatArray, covariance: FloatArray) -> bool:
     """
     turned = np.linalg.norm(steps[:, ROTATION], axis=1)
     sigma = np.sqrt(np.einsum("nii->n", covariance[:, ROTATION, ROTATION]))
-    return bool(((turned > 2 * MOVED_RAD) & (turned**2 / 2 > _ERRS_AT_MOST * sigma)).any())
+    far = (turned > 2 * MOVED_RAD) & (turned**2 / 2 > _ERRS_AT_MOST * sigma)
+    return np.asarray(far & (sigma < UNKNOWN_RAD))

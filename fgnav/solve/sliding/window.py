@@ -10,7 +10,6 @@ beside them ISAM2 is asked of all.
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-import gtsam
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
@@ -25,18 +24,22 @@ from fgnav.graph.build import (
 )
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import ROTATION, States
+from fgnav.optional_gtsam import gtsam
 from fgnav.solve.chain.linear_window import LinearWindow
 from fgnav.solve.failures import in_words
 from fgnav.solve.sliding.departed import Departed, departed
 from fgnav.solve.sliding.incremental import IncrementalSmoother
-from fgnav.solve.sliding.relinearisation import MOVED_RAD, UNKNOWN_RAD, WAITS_S, moved_far
+from fgnav.solve.sliding.relinearisation import (
+    BLOCK_S,
+    REPEATS,
+    SLOW_S,
+    UNKNOWN_RAD,
+    WAITS_S,
+    moved_far,
+    repeats_at,
+)
 from fgnav.solve.sliding.retract_kernel import retracted
 
-BLOCK_S = 1.0  # also of what is marginalised at once
-_SLOW_S = 0.5  # attitudes this far apart move too far for one linearisation
-_FINE = 0.5  # of a usual move: between them states are relinearised sooner
-_MUCH = 20.0  # times as far as else, after an outage: at once
-_REPEATS = 5  # relinearisations after one update, at most; the next update goes on
 _ROUNDING_S = 1e-6
 
 
@@ -71,6 +74,7 @@ class FixedLag:
         self._follows = True  # whether the chain knows all that ISAM2 does
         self._departed = 0  # keyframes that have left, not all of them marginalised
         self._blocks: list[int] = []  # last keyframes of those that have not left, or just did
+        self._arcs = -1  # newest block of arcs
         self._updates = 0
         self._problem: SmoothingProblem | None = None
         self._measured: KeyframeMeasurements
@@ -172,11 +176,28 @@ class FixedLag:
         insert_keyframe(self._values, self._layout, k, self._newest)
         for factor in self._measured.factors(row, k):
             graph.add(factor)
+        self._enter_phase(problem, row, k)
         self._linear.append(problem, row, self._newest)
         self._t_s.append(float(problem.t_s[row]))
         if problem.attitude_known[row]:
-            self._is_slow = self._t_s[-1] - self._attitude_s > _SLOW_S
+            self._is_slow = self._t_s[-1] - self._attitude_s > SLOW_S
             self._attitude_s = self._t_s[-1]
+
+    def _enter_phase(self, problem: SmoothingProblem, row: int, k: int) -> None:
+        """Take in the phases of a keyframe, with the arcs that they are of."""
+        phase = problem.phase
+        if phase is None:
+            return
+        i = int(np.searchsorted(phase.row, row))
+        if i == len(phase.row) or phase.row[i] != row:
+            return
+        block = int(phase.block[i])
+        if block > self._arcs:
+            self._arcs, size = block, phase.blocks[block].size
+            self._values.insert(keys.arcs(block), np.zeros(size))
+            self._graph.add(phase.entering(block))
+            self._alive.enter_arcs(keys.arcs(block), size, k)
+        self._graph.add(phase.factor(i, k))
 
     def _enter_own(self, factor: gtsam.NonlinearFactor) -> None:
         constants = self._layout.constant_keys
@@ -204,11 +225,9 @@ class FixedLag:
         self._update(self._far())
         n = len(self._t_s)
         self._blocks.append(n - 1)
-        is_moved = np.abs(self._steps[-1, ROTATION]).max() > 2 * MOVED_RAD
-        if self._is_slow:
-            self._relinearise(_FINE)
-        elif is_moved or self._far(_MUCH).any():
-            self._relinearise()
+        times = None if self._keep else repeats_at(self._steps, self._is_slow)
+        if times is not None:
+            self._relinearise(times)
         self._newest = self._estimated(range(n - 1, n))
 
     def _marginalise(self) -> bool:
@@ -278,7 +297,7 @@ class FixedLag:
 
     def _relinearise(self, times: float = 1.0) -> None:
         """Relinearise states that have moved too far, until none has."""
-        for _ in range(_REPEATS):
+        for _ in range(REPEATS):
             far = self._far(times)
             if not far.any():
                 return

@@ -12,7 +12,7 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.motion import LinearisedMotion
-from fgnav.graph.types.problem import SmoothingProblem, pose_prior_sigma
+from fgnav.graph.types.problem import SmoothingProblem, pose_prior
 from fgnav.graph.types.states import States
 from fgnav.rotation_kernel import inverse_right_jacobian
 from fgnav.rotations import exp, log
@@ -138,7 +138,7 @@ def dense(problem: Any, states: States, upto: int | None = None) -> tuple[Any, A
     x0, _ = coordinates(problem.start.at(slice(0, 1)))
     assert np.array_equal(problem.start.R_nb[0], np.eye(3))
     x0[:, 6:9] = 0.0
-    sigma = pose_prior_sigma()
+    sigma = np.sqrt(np.diag(pose_prior(problem)[1]))
     add((x - x0)[0, :9] / sigma, [(0, K[0, :9] / sigma[:, None])])
     mean, white = problem.motion.prior(b)
     aux = D - 9

@@ -42,7 +42,6 @@ def flight():
         white=np.tile(np.eye(3), (n, 1, 1)),
         arm_b_m=np.array([0.3, 0.0, -0.1]),
         lever_column=-1,
-        segment_column=none,
         constants=constants,
     )
     rates = GyroFree(

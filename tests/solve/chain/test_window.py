@@ -2,11 +2,20 @@ import numpy as np
 import pytest
 
 from fgnav.checks import NoSolutionError
+from fgnav.rotation_kernel import right_jacobian
+from fgnav.rotations import exp
 from fgnav.solve.chain.batch import solve_batch
 from fgnav.solve.chain.window import ChainWindow, solve_fixed_lag, solve_forward
 from tests.solve.chain.linear_flight import STEP_S, dense, random_problem
 
 CASES = [(6, 0), (6, 2), (12, 3)]
+
+
+def _axes(step):
+    """From the tangent where a state is linearised to that where it is estimated."""
+    T = np.eye(len(step))
+    T[:3, :3], T[3:6, 3:6] = right_jacobian(step[:3]), exp(step[None, :3])[0].T
+    return T
 
 
 def _check(problem, solution, k, upto):
@@ -19,11 +28,13 @@ def _check(problem, solution, k, upto):
     expected = start.at([k]).moved(step[own][None], step[upto * D :])
     for got, want in zip(solution.states.at([k])[:4], expected[:4], strict=True):
         np.testing.assert_allclose(got, want, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(solution.covariance[k], P[own, own], rtol=1e-6, atol=1e-10)
+    T = _axes(step[own])
+    expected = T @ P[own, own] @ T.T
+    np.testing.assert_allclose(solution.covariance[k], expected, rtol=1e-6, atol=1e-9)
     constants = P[upto * D :, upto * D :]
     np.testing.assert_allclose(solution.constant_covariance[k], constants, rtol=1e-6, atol=1e-10)
-    beside = P[own, upto * D :]
-    np.testing.assert_allclose(solution.constant_cross[k], beside, rtol=1e-6, atol=1e-10)
+    beside = T @ P[own, upto * D :]
+    np.testing.assert_allclose(solution.constant_cross[k], beside, rtol=1e-6, atol=1e-9)
     assert solution.constant_cross[k].shape == (D, b)
 
 
@@ -51,11 +62,14 @@ def test_departing_states_have_cross_covariances_of_the_dense_problem():
     window, D = ChainWindow(0.5, keep_linearisation=True), 15
     departed = [window.update(problem, row) for row in range(9)]
     part = departed[8]
-    P = np.linalg.inv(dense(problem, problem.start, 9)[0])
+    H, g, _ = dense(problem, problem.start, 9)
+    P = np.linalg.inv(H)
+    T = [_axes(step) for step in -(P @ g)[: 5 * D].reshape(5, D)]
+    T.append(T[-1])  # of what follows the last nothing has departed
     assert part.t_s.tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
     for k, cross in enumerate((*part.solution.cross, part.cross_next)):
-        expected = P[k * D : k * D + D, k * D + D : k * D + 2 * D]
-        np.testing.assert_allclose(cross, expected, rtol=1e-6, atol=1e-10)
+        expected = T[k] @ P[k * D : k * D + D, k * D + D : k * D + 2 * D] @ T[k + 1].T
+        np.testing.assert_allclose(cross, expected, rtol=1e-6, atol=1e-9)
 
 
 def test_relinearised_window_as_long_as_the_flight_is_the_batch():

@@ -1,0 +1,300 @@
+"""Arcs of carrier phase in the chain: beside the constants, changed from block to block.
+
+The border of the chain is (constants, A), A padded to the most dimensions that it has in the
+flight by independent unit variables. Between keyframes of two blocks the information of (state,
+constants, A, 1) becomes that of (state, constants, A', 1): what leads from A to A' is added and A
+eliminated. Backwards A follows from the others as a state does from the next one.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock
+from fgnav.graph.types.states import POSITION, ROTATION, States
+from fgnav.rotations import skew
+from fgnav.solve.chain import back_kernel, kernel
+
+
+class Crossing(NamedTuple):
+    """How A of a block follows from state, constants and A' of the next one."""
+
+    root: FloatArray  # (a, a), lower: information of A given the others
+    gain: FloatArray  # (a, D + b + a' + 1): E[A | rest] = gain[:, -1] - gain[:, :-1] @ rest
+
+
+class Border:
+    """What stands beside the states of a chain: constants, and arcs that change between keyframes.
+
+    Without phases it is the constants alone. Keyframes are counted from the oldest.
+
+    Parameters
+    ----------
+    phase : AntennaPhase or None
+    """
+
+    def __init__(self, phase: AntennaPhase | None) -> None:
+        self._phase = phase
+        sizes = [one.size for one in phase.blocks] if phase is not None else []
+        self.width = max(sizes, default=0)  # of A
+        self._block: list[int] = []  # of each keyframe; -1 before the first
+        self._crossings: dict[int, Crossing] = {}  # by number of the keyframe before
+        self._oldest = 0
+        self.at: list[FloatArray] = []  # where the A of each block is linearised; empty: at zero
+        self.steps: dict[int, FloatArray] = {}  # from there, by block, once substituted
+
+    @property
+    def log_root(self) -> float:
+        """Return the log determinant of the root of the information of all A before the last."""
+        return float(sum(np.log(one.root.diagonal()).sum() for one in self._crossings.values()))
+
+    @property
+    def cost(self) -> float:
+        """Return the sum of squares of what leads from block to block."""
+        blocks = () if self._phase is None else self._phase.blocks
+        rights = (self._linearised(block, j).right for j, block in enumerate(blocks))
+        return float(sum(right @ right for right in rights))
+
+    def append(self, row: int) -> None:
+        """Take in a keyframe of the problem."""
+        before = self._block[-1] if self._block else -1
+        self._block.append(before if self._phase is None else self._phase.block_at(row, before))
+
+    def forget(self, count: int) -> None:
+        """Take the oldest keyframes out."""
+        for number in range(self._oldest, self._oldest + count):
+            self._crossings.pop(number, None)
+        del self._block[:count]
+        self._oldest += count
+
+    def begin(self, information: FloatArray) -> None:
+        """Begin anew at the first keyframe: add what is known of its A."""
+        self._crossings.clear()
+        if self.width:
+            begin(information, self._arcs(0), self.width)
+
+    def eliminate(
+        self,
+        rows: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
+        first: int,
+        *,
+        by_rows: bool,
+        offset: int = 0,
+    ) -> int:
+        """Eliminate keyframes as ``kernel.eliminate``, A with them where it ends.
+
+        Parameters
+        ----------
+        rows : tuple of ndarray
+            Motion, node, forward, root and gain of some keyframes.
+        first : int
+            Row of the keyframe whose forward information is known.
+        by_rows : bool
+        offset : int
+            Number of keyframes before those of the rows.
+        """
+        k, n = first, len(rows[0])
+        while k < n - 1:
+            end, here = min(self._end(offset + k + 1) - offset, n), offset + k
+            number = self._oldest + here
+            changes = self._block[here + 1] != self._block[here]
+            if changes and (k > first or number not in self._crossings):
+                before, after = self._arcs(here), self._arcs(here + 1)
+                size = 0 if before is None else before.size
+                if after is not None:
+                    self._crossings[number] = crossed(rows[2][k], after, size, self.width)
+            motion, node, forward, root, gain = (part[k:end] for part in rows)
+            failed = kernel.eliminate(motion, node, forward, root, gain, by_rows)
+            if failed >= 0:
+                return k + int(failed)
+            k = end - 1
+        return -1
+
+    def substitute(self, gain: FloatArray, end: FloatArray, steps: FloatArray) -> None:
+        """Fill the steps, (n, D), of all states; see ``back_kernel.substitute``."""
+        after, last = end.copy(), len(steps)
+        while last:
+            first = self._first(last - 1)
+            arcs = self._arcs(last - 1)
+            if arcs is not None:
+                A = after[len(after) - self.width :]
+                self.steps[self._block[last - 1]] = A[: arcs.size].copy()
+            begin = max(first - 1, 0)
+            back_kernel.substitute(gain[begin:], after, steps[begin:last])
+            after[: steps.shape[1]] = steps[begin]
+            if first:
+                steps_before(self._crossings[self._oldest + begin], after, self.width)
+            last = first
+
+    def moved(self) -> tuple[FloatArray, ...]:
+        """Return where the A of each block is estimated, once substituted."""
+        at = self.at or [np.zeros(len(step)) for _, step in sorted(self.steps.items())]
+        return tuple(at[j] + step for j, step in sorted(self.steps.items()))
+
+    def marginals(
+        self,
+        begin: int,
+        gain: FloatArray,
+        root: FloatArray,
+        end: FloatArray,
+        out: tuple[FloatArray, FloatArray, FloatArray],
+    ) -> None:
+        """Fill covariances of keyframes from ``begin`` on; see ``back_kernel.marginals``."""
+        joint, last = end.copy(), begin + len(out[0])
+        while True:
+            first = self._first(last - 1)
+            start = max(first - 1, begin)
+            part = tuple(one[start - begin : last - begin] for one in out)
+            back_kernel.marginals(gain[start:], root[start:], joint, *part)
+            if start == begin:
+                return
+            covariance_before(self._crossings[self._oldest + start], joint, self.width)
+            last = first
+
+    def _arcs(self, k: int) -> ArcBlock | None:
+        """Return the block of arcs of a keyframe, about where it is linearised; None before any."""
+        j = self._block[k]
+        return None if self._phase is None or j < 0 else self._linearised(self._phase.blocks[j], j)
+
+    def _linearised(self, block: ArcBlock, j: int) -> ArcBlock:
+        if not self.at:
+            return block
+        left = block.right - block.after @ self.at[j]
+        return block._replace(right=left + block.before @ self.at[j - 1] if j else left)
+
+    def _first(self, k: int) -> int:
+        """Return the first keyframe that has the arcs of keyframe k."""
+        if not self.width:
+            return 0
+        block = self._block[k]
+        while k and self._block[k - 1] == block:
+            k -= 1
+        return k
+
+    def _end(self, k: int) -> int:
+        """Return the first keyframe after k that has other arcs, or how many there are."""
+        if not self.width:
+            return len(self._block)
+        block = self._block[k]
+        while k < len(self._block) and self._block[k] == block:
+            k += 1
+        return k
+
+
+def add_phases(
+    phase: AntennaPhase,
+    rows: IntArray,
+    at: States,
+    node: FloatArray,
+    into: IntArray,
+    arcs: Sequence[FloatArray] = (),
+) -> None:
+    """Add phases of some keyframes, (j,), to the nodes ``into``; see ``kernel``.
+
+    Parameters
+    ----------
+    phase : AntennaPhase
+    rows : ndarray of int, shape (j,)
+        Keyframes.
+    at : States
+        Where they are linearised, (j,).
+    node : ndarray, shape (n, W, W)
+    into : ndarray of int, shape (j,)
+    arcs : sequence of ndarray
+        Where the A of each block is linearised; empty: at zero.
+    """
+    D, b, lever = at.width, len(at.constants), phase.lever_column
+    place = np.searchsorted(phase.row, rows).clip(max=max(len(phase.row) - 1, 0))
+    for j in np.flatnonzero(phase.row[place] == rows) if len(phase.row) else ():
+        G, H, z = phase.rows[place[j]]
+        arm_b_m, R_nb = phase.arm_b_m[place[j]], at.R_nb[j]
+        if lever >= 0:
+            arm_b_m = arm_b_m + at.constants[lever : lever + 3]
+        row = np.zeros((len(z), node.shape[1]))
+        turned = G @ R_nb
+        row[:, ROTATION], row[:, POSITION] = -turned @ skew(arm_b_m[None])[0], turned
+        if lever >= 0:
+            row[:, D + lever : D + lever + 3] = turned
+        row[:, D + b : D + b + H.shape[1]] = H
+        row[:, -1] = z - G @ (at.p_n_m[j] + R_nb @ arm_b_m)
+        if arcs:
+            row[:, -1] -= H @ arcs[phase.block[place[j]]]
+        node[into[j]] += row.T @ row
+
+
+def begin(information: FloatArray, block: ArcBlock | None, a: int) -> None:
+    """Add what is known of the first keyframe's A, which has ``a`` columns before the last."""
+    size, first = 0 if block is None else block.size, len(information) - 1 - a
+    if block is not None:
+        own = slice(first, first + size)
+        information[own, own] += block.after.T @ block.after
+        information[own, -1] += block.after.T @ block.right
+        information[-1, -1] += block.right @ block.right
+    unused = np.arange(first + size, first + a)
+    information[unused, unused] += 1.0
+
+
+def crossed(forward: FloatArray, block: ArcBlock, size: int, a: int) -> Crossing:
+    """Turn the information of a keyframe, in place, into that with the A of the next block.
+
+    Parameters
+    ----------
+    forward : ndarray, shape (W, W)
+        Upper half, see ``kernel``; its A has ``size`` dimensions of ``a``.
+    block : ArcBlock
+        The next one.
+    size, a : int
+    """
+    W = len(forward)
+    first = W - 1 - a  # of A
+    kept = np.r_[0:first, W - 1]
+    # A, state and constants, A', right-hand side; not as wide as the widest A of the flight, or
+    # what comes later would change the rounding of what was before.
+    end = size + first + block.size
+    joint = np.zeros((end + 1, end + 1))
+    place = np.r_[size : size + first, end]
+    full = np.triu(forward) + np.triu(forward, 1).T
+    old, new = slice(first, first + size), slice(size + first, end)
+    joint[:size, :size] = full[old, old]
+    joint[:size, place] = full[old][:, kept]
+    joint[place[:, None], place] = full[kept[:, None], kept]
+    if block.before.shape[1]:
+        joint[:size, :size] += block.before.T @ block.before
+        joint[:size, new] -= block.before.T @ block.after
+        joint[:size, -1] -= block.before.T @ block.right
+    joint[new, new] += block.after.T @ block.after
+    joint[new, -1] += block.after.T @ block.right
+    joint[-1, -1] += block.right @ block.right
+    root = np.linalg.cholesky(joint[:size, :size])
+    gain = solve_triangular(root, joint[:size, size:], lower=True, check_finite=False)
+    taken, unused = np.r_[0 : end - size, W - 1], np.arange(end - size, W - 1)
+    forward[:], forward[unused, unused] = 0.0, 1.0
+    forward[taken[:, None], taken] = np.triu(joint[size:, size:] - gain.T @ gain)
+    return Crossing(root, solve_triangular(root, gain, lower=True, trans=1, check_finite=False))
+
+
+def covariance_before(crossing: Crossing, joint: FloatArray, a: int) -> None:
+    """Turn the covariance of (state, constants, A'), in place, into that of the A before."""
+    size = len(crossing.root)
+    first = len(joint) - a
+    gain = crossing.gain[:, :-1]
+    taken = gain.shape[1]
+    cross = -gain @ joint[:taken, :taken]
+    inverse = solve_triangular(crossing.root, np.eye(size), lower=True, check_finite=False)
+    alone = inverse.T @ inverse - cross @ gain.T
+    joint[first:], joint[:, first:] = 0.0, 0.0
+    own = slice(first, first + size)
+    joint[own, :first], joint[:first, own] = cross[:, :first], cross[:, :first].T
+    joint[own, own] = alone
+    unused = np.arange(first + size, len(joint))
+    joint[unused, unused] = 1.0
+
+
+def steps_before(crossing: Crossing, step: FloatArray, a: int) -> None:
+    """Turn steps of (state, constants, A'), in place, into those of the A before."""
+    arcs = crossing.gain[:, -1] - crossing.gain[:, :-1] @ step[: crossing.gain.shape[1] - 1]
+    step[len(step) - a :] = 0.0
+    step[len(step) - a : len(step) - a + len(arcs)] = arcs

@@ -1,0 +1,51 @@
+"""Arcs in every solver: GTSAM's window, filter and batch against the chain's."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fgnav.evaluation.scores import errors_against
+from fgnav.integers.truth import Truth
+from fgnav.methods.smoother import Batch, Forward, Smoother
+from fgnav.process.evidence import RatePrior
+from fgnav_sim.receiver_tables import OutageTable, SlipsTable
+from tests.gnss.based import flown
+
+PRIOR = RatePrior(length_s=1.0, variance_rad2ps2=np.full(3, 0.12), evidence=0.0)
+SET_UP = {"resolver": Truth(), "rate_prior": PRIOR}
+
+
+@cache
+def disturbed():
+    outage = OutageTable(from_s=5.0, until_s=6.5)
+    slips = SlipsTable(rate_per_hour=100.0, flagged_share=0.5)
+    return flown(base=None, span_s=12.0, seed=20_001, outages=(outage,), slips=slips)
+
+
+@pytest.mark.parametrize("method", [Smoother, Forward, Batch])
+def test_the_chain_agrees_with_gtsam(method):
+    set_up = {"rate_prior": PRIOR} if method is Forward else {"lag_s": 2.0, **SET_UP}
+    one, two = (method(solver=solver, **set_up)(disturbed()) for solver in ("gtsam", "chain"))
+    sigma_m = np.sqrt(np.einsum("nii->ni", one.position_covariance_m2))
+    assert (np.abs(one.p_n_m - two.p_n_m) < 0.03 * sigma_m).all()
+    sigma = np.sqrt(np.einsum("nii->ni", one.velocity_covariance_m2ps2))
+    assert (np.abs(one.v_n_mps - two.v_n_mps) < 0.05 * sigma).all()
+    assert_allclose(
+        np.einsum("nii->ni", one.position_covariance_m2),
+        np.einsum("nii->ni", two.position_covariance_m2),
+        rtol=0.03,
+    )
+
+
+def test_errors_that_move_are_stated():
+    """Positions and velocities of four flights; each has one draw of its satellites' errors."""
+    position, velocity = [], []
+    for seed in range(20_001, 20_005):
+        flight = flown(base=None, span_s=12.0, seed=seed, message_errors=True)
+        errors = errors_against(flight.truth, Smoother(lag_s=2.0, **SET_UP)(flight))
+        position.append(np.mean(errors.position_nees))
+        velocity.append(np.mean(errors.velocity_nees))
+    assert 0.5 < np.mean(position) < 7.5  # 12 degrees of freedom: 99.8 %
+    assert 1.5 < np.mean(velocity) < 4.5

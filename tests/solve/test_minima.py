@@ -1,0 +1,79 @@
+"""Several minima of one cost, against mixtures of Gaussians drawn by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fgnav.checks import NoSolutionError
+from fgnav.rotations import exp
+from fgnav.solve import chain
+from fgnav.solve.batch import solve_batch
+from fgnav.solve.minima import Minimum, begins, distinct, minima, mixture
+from tests.solve.flights import flight
+from tests.solve.test_outages import with_outage
+
+
+@pytest.fixture(scope="module")
+def solved():
+    problem, _ = flight(1.0)
+    return chain.solve_batch(problem)
+
+
+def turned(solution, by_rad):
+    """The same minimum, its last attitude turned about x."""
+    R_nb = solution.states.R_nb.copy()
+    R_nb[-1] = R_nb[-1] @ exp(np.array([[by_rad, 0.0, 0.0]]))[0]
+    return replace(solution, states=solution.states._replace(R_nb=R_nb))
+
+
+def test_two_minima_as_likely_leave_half_of_their_distance_squared(solved):
+    both = mixture([Minimum(solved, -10.0), Minimum(turned(solved, 1.0), -10.0)])
+    np.testing.assert_array_equal(both.states.R_nb, solved.states.R_nb)
+    added = both.covariance - solved.covariance
+    assert added[-1, 0, 0] == pytest.approx(0.5)
+    added[-1, 0, 0] = 0.0
+    np.testing.assert_allclose(added, 0.0, atol=1e-12)
+
+
+def test_a_minimum_a_hundred_nats_behind_leaves_no_doubt(solved):
+    both = mixture([Minimum(solved, 0.0), Minimum(turned(solved, 1.0), -100.0)])
+    np.testing.assert_allclose(both.covariance, solved.covariance, atol=1e-12)
+
+
+def test_minima_are_distinct_converged_and_the_likeliest_comes_first(solved):
+    far = turned(solved, 1.0)
+    lost = replace(turned(solved, 2.0), converged=False)
+    ends = [Minimum(solved, 1.0), Minimum(far, 2.0), Minimum(solved, 1.0), Minimum(lost, 9.0)]
+    kept = distinct(ends)
+    assert [end.log_evidence for end in kept] == [2.0, 1.0]
+    assert distinct([Minimum(lost, 9.0)])[0].solution is lost
+
+
+def test_evidence_of_gtsams_elimination_is_the_chains_but_for_a_constant():
+    """Two minima of a body that rolled over, or did not, while nobody looked."""
+    problem = with_outage(flight(18.0)[0], 4.0, 14.0)
+    share = np.clip((problem.t_s - 4.0) / 10.0, 0.0, 1.0)
+    over = problem.start._replace(
+        R_nb=problem.start.R_nb @ exp(2 * np.pi * share[:, None] * [1.0, 0.0, 0.0])
+    )
+    ends = minima(problem, [problem.start, over])
+    assert len(ends) == 2
+    own = [chain.log_evidence(problem, end.solution.states) for end in ends]
+    np.testing.assert_allclose([end.log_evidence for end in ends], own)
+    best = solve_batch(problem)
+    assert best.cost == pytest.approx(ends[0].solution.cost, abs=0.1)
+
+
+def test_a_search_that_fails_everywhere_says_why():
+    problem, _ = flight(1.0)
+    no_number = problem.start._replace(p_n_m=problem.start.p_n_m * np.nan)
+    with pytest.raises(NoSolutionError, match="not finite"):
+        minima(problem, [no_number])
+
+
+def test_searches_begin_at_a_windows_end_and_at_the_start():
+    problem, _ = flight(1.0)
+    starts = begins(problem, chain.solve_fixed_lag)
+    assert len(starts) == 2
+    assert starts[1] is problem.start
