@@ -8,6 +8,8 @@ from fgnav.checks import FloatArray
 
 _SMALL_RAD = 1e-6  # below, the series is exact to double precision
 
+_BLOCK = 256  # rotations multiplied side by side
+
 
 def skew(v: FloatArray) -> FloatArray:
     """Return (n, 3, 3) matrices with ``skew(a) @ b == cross(a, b)`` for (n, 3) vectors."""
@@ -118,10 +120,11 @@ def accumulated(turns: FloatArray) -> FloatArray:
         the next ``turns[0] @ turns[1]``.
     """
     n = len(turns)
-    width = max(int(np.sqrt(n)), 1)  # by blocks side by side: a step is for all of them at once
-    blocks = np.tile(np.eye(3), (-(-n // width), width, 1, 1))
+    # By blocks side by side: a step is for all of them at once. Their length does not follow n, or
+    # what comes later would change the rounding of what was before.
+    blocks = np.tile(np.eye(3), (-(-n // _BLOCK), _BLOCK, 1, 1))
     blocks.reshape(-1, 3, 3)[:n] = turns
-    for k in range(1, width):
+    for k in range(1, _BLOCK):
         blocks[:, k] = blocks[:, k - 1] @ blocks[:, k]
     for before, block in pairwise(blocks):
         block[:] = before[-1] @ block

@@ -13,7 +13,7 @@ from fgnav.estimate import open_angle_variance_rad2
 _ITERATIONS = 100  # a well-posed epoch needs four; the weakest creep
 _RESTARTS = 8  # of 24 starts of a doubtful epoch, the most likely
 _STEP_SIGMAS = 1e-4  # a Gauss-Newton step below this share of the standard deviation is the last
-_LOUDER, _LOUDEST = 4 / 3, 9.0  # variance factors that are believed
+_LOUDER, _LOUDEST = 4 / 3, 9.0  # variance factors that are believed, and their inverses
 # Degrees of freedom of epochs whose median chi-square tells a third: its standard deviation is
 # 1.25 sqrt(2 / freedom) then (normal distribution), a third of that third.
 _TELLING = 2 * (1.25 / ((_LOUDER - 1) / 3)) ** 2
@@ -62,14 +62,16 @@ class AttitudeSolution:
         return np.asarray(fits | (self.degrees_of_freedom < 1))
 
     def variance_factor(self) -> float:
-        """Return how much louder the noise is than stated, as the residuals of most epochs say.
+        """Return the noise's variance over the stated, as the residuals of most epochs say.
 
-        1 where they agree within a third, and never more than three times the standard deviation:
-        beyond that it is not noise that is wrong. The median of chi-square over its own median, so
-        that epochs with wrong integers do not count.
+        1 where they agree within a third, and never more than three times the standard deviation,
+        or less than a third of it: beyond that it is not noise that is wrong. Not below 1 where few
+        residuals say so. The median of chi-square over its own median, so that epochs with wrong
+        integers do not count.
         """
-        _, shares = self._shares_of_median()
-        return _believed(shares)
+        rows, shares = self._shares_of_median()
+        factor = _significant_factor(shares)
+        return factor if self.degrees_of_freedom[rows].sum() >= _TELLING else max(factor, 1.0)
 
     def variance_factor_so_far(self) -> FloatArray:
         """Return the same for each epoch by epochs up to it alone, (n,).
@@ -82,7 +84,7 @@ class AttitudeSolution:
         telling = np.cumsum(self.degrees_of_freedom[rows]) >= _TELLING
         count = 1 + int(telling.argmax()) if telling.any() else len(rows) + 1
         while count <= len(rows):
-            out[rows[count - 1] :] = _believed(shares[:count])
+            out[rows[count - 1] :] = _significant_factor(shares[:count])
             count *= 2
         return out
 
@@ -104,10 +106,11 @@ class AttitudeSolution:
         return (axis_name(aligned.mean(axis=0)),)
 
 
-def _believed(shares: FloatArray) -> float:
+def _significant_factor(shares: FloatArray) -> float:
     """Return the variance factor that shares of the median, (k,), ask for, within bounds."""
     factor = float(np.median(shares)) if len(shares) else 1.0
-    return min(factor, _LOUDEST) if factor > _LOUDER else 1.0
+    believed = float(np.clip(factor, 1 / _LOUDEST, _LOUDEST))
+    return 1.0 if 1 / _LOUDER <= factor <= _LOUDER else believed
 
 
 def axis_name(axis_b: FloatArray) -> str:
@@ -169,10 +172,11 @@ def maximum_likelihood(
 def agreeing(
     quadratic: RotationQuadratic, solution: AttitudeSolution | None = None
 ) -> tuple[RotationQuadratic, AttitudeSolution, tuple[str, ...]]:
-    """Return the form, its attitudes and a note, the noise raised to what residuals ask for.
+    """Return the form, its attitudes and a note, the noise changed to what residuals ask for.
 
-    Multipath on a body is often louder than the receiver's data sheet. Without this, every epoch
-    would fail the chi-square test, and every covariance would be too small.
+    Multipath on a body is often louder than the receiver's data sheet: every epoch would fail the
+    chi-square test, and every covariance would be too small. A usual figure in the place of a
+    receiver's own may be too large as well.
 
     Parameters
     ----------
@@ -185,7 +189,7 @@ def agreeing(
     if factor == 1.0:
         return quadratic, solution, ()
     louder = quadratic.louder(factor)
-    note = f"Phase noise is taken as {np.sqrt(factor):.1f} times the stated: its residuals say so."
+    note = f"Phase noise is taken as {np.sqrt(factor):.2g} times the stated: its residuals say so."
     return louder, maximum_likelihood(louder, solution.R_nb), (note,)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError
 from fgnav.flight import Flight
+from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY
 from fgnav.graph.types.constants import FlightConstant, flight_constant
 
 MEAN_RATE = "mean rate"
@@ -37,17 +38,31 @@ _KINDS = {
     "gravity": _Kind(("about x_b", "about y_b"), True, 2.0),
     "lever-arm": _Kind(_SPACE_B, False, 0.3),
     "antenna": _Kind(_SPACE_B, False, 0.05),
+    # Tags by a computer's clock, or its arrival: tenths of a second. Below, its rate.
+    "clock": _Kind(("offset",), False, 0.3),
+    # A velocity that is the mean since the fix before is half an interval old, of 1 Hz 0.5 s.
+    "velocity-delay": _Kind(("delay",), False, 0.3),
 }
+# 1-sigma of a clock's rate: quartz is good to 1e-4, the ceramic resonators of small units to
+# 0.5 % (data sheets of Murata CSTNE).
+_CLOCK_RATE_PPM = 1000.0
+_OF_TIME = ("clock", "velocity-delay")
 NAMES = (*(name for name in _KINDS if name != "antenna"), "antennas", "antenna:NAME")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationRequest:
-    """One word of ``estimate``: a kind, for antennas a name or all, and a sigma, m or rad."""
+    """One word of ``estimate``: a kind, for antennas a name or all, and a sigma, m, rad or s.
+
+    Of a clock ``moved`` is by how much tags have been corrected already, s and parts per million;
+    of a delay ``start`` is where its search starts, s.
+    """
 
     kind: str
     antenna: str | None
     sigma: float
+    moved: tuple[float, float] = (0.0, 0.0)
+    start: float = 0.0
 
 
 def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, ...]:
@@ -59,7 +74,10 @@ def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, .
         ``"landmark"`` (10 m), ``"boresight"`` (2 degrees about y_b and z_b), ``"gravity"`` (2
         degrees about x_b and y_b, of a gravity estimator), ``"lever-arm"`` (0.3 m, from the
         accelerometer to the antennas), ``"antennas"`` (0.05 m, each but the reference), or
-        ``"antenna:a4"``. ``"landmark=30"`` states another 1-sigma, in metres or degrees.
+        ``"antenna:a4"``; ``"clock"`` (0.3 s and 1,000 ppm: what is to be added to the tags of the
+        inertial unit, in the middle of the flight, and how that grows) and ``"velocity-delay"``
+        (0.3 s, of fixes). ``"landmark=30"`` states another 1-sigma, in metres,
+        degrees or seconds.
 
     Raises
     ------
@@ -123,11 +141,17 @@ def constants_of(
         "boresight": flight.seeker is None and "the flight has no [seeker]",
         "gravity": not gravity and "nothing tells the direction of gravity; see --gravity",
         "lever-arm": flight.imu is None and "the flight has no [imu]",
+        "clock": flight.imu is None and "the flight has no [imu]",
+        "velocity-delay": (flight.fixes is None or flight.fixes.v_n_mps is None)
+        and "the flight has no [fixes] with velocities",
     }
-    found = []
+    found: list[FlightConstant] = []
     for word in words:
         if lacking.get(word.kind):
             raise BadInputError(f"estimate {word.kind}: {lacking[word.kind]}")
+        if word.kind in _OF_TIME:
+            found += of_time(word)
+            continue
         if word.kind != "antenna":
             found.append(of_vehicle(word))
             continue
@@ -141,6 +165,19 @@ def of_vehicle(word: CalibrationRequest) -> FlightConstant:
     """Return the constant that a word asks for, of all but antennas."""
     kind = _KINDS[word.kind]
     return flight_constant(word.kind, kind.axes, "rad" if kind.degrees else "m", word.sigma)
+
+
+def of_time(word: CalibrationRequest) -> tuple[FlightConstant, ...]:
+    """Return the constants of a clock, or of values that are late."""
+    if word.kind == "velocity-delay":
+        delay = flight_constant(VELOCITY_DELAY, ("delay",), "s", word.sigma)
+        return (replace(delay, start=np.array([word.start])),)
+    offset = flight_constant(CLOCK_OFFSET, ("offset",), "s", word.sigma)
+    rate = flight_constant(CLOCK_RATE, ("rate",), "ppm", _CLOCK_RATE_PPM)
+    return tuple(
+        replace(one, mean=np.array([-moved]))
+        for one, moved in zip((offset, rate), word.moved, strict=True)
+    )
 
 
 def with_evidence(
@@ -169,26 +206,6 @@ def with_landmark(
     return tuple(
         replace(one, mean=landmark_n_m, start=landmark_n_m + one.start)
         if one.name == "landmark"
-        else one
-        for one in constants
-    )
-
-
-def with_common_error(
-    constants: tuple[FlightConstant, ...], common_m2: FloatArray
-) -> tuple[FlightConstant, ...]:
-    """Let the landmark and the barometer's offset share the error, (3, 3), of all positions.
-
-    Positions, and so the way to a place that is known on the Earth, are off by it together.
-    """
-    shared = {"landmark": common_m2, "barometer": common_m2[2, 2]}
-    return tuple(
-        replace(
-            one,
-            covariance=one.covariance + shared[one.name],
-            common=np.broadcast_to(shared[one.name], one.covariance.shape),
-        )
-        if one.name in shared
         else one
         for one in constants
     )

@@ -165,6 +165,8 @@ def time_from_attitude_s(t_s: FloatArray, there: BoolArray, *, causal: bool = Fa
     if causal:
         return np.asarray(t_s - t_s[np.maximum.accumulate(np.where(there, np.arange(len(t_s)), 0))])
     known_s = t_s[there]
+    if len(known_s) < 2:
+        return np.abs(t_s - (known_s[0] if len(known_s) else np.inf))
     after = np.searchsorted(known_s, t_s).clip(1, len(known_s) - 1)
     before_s, after_s = np.abs(t_s - known_s[after - 1]), np.abs(known_s[after] - t_s)
     return np.asarray(np.minimum(before_s, after_s))

@@ -9,9 +9,9 @@ from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.array import float_arcs
 from fgnav.frontend.array.shape import BaselineForm, antenna_parts
-from fgnav.frontend.position import segments
 from fgnav.frontend.position.series import VectorSeries
 from fgnav.frontend.sensors.sensed import Sensed
+from fgnav.graph.delayed import VELOCITY_DELAY, TimedMotion, on_clock
 from fgnav.graph.factors.array_phase import ArrayPhase
 from fgnav.graph.factors.array_shape import ArrayShape
 from fgnav.graph.factors.barometer import BarometricHeight
@@ -40,13 +40,17 @@ class Recorded:
         Where antennas are estimated: stands in for ``array`` where it is.
     antennas : tuple of str
         The reference first.
-    position, velocity : VectorSeries or None
-        Of an antenna.
+    position : VectorSeries or None
+        Fixes of an antenna.
+    velocities : tuple of VectorSeries
+        Of antennas.
     sensed : Sensed
     gravity_n_mps2 : ndarray, shape (n, 3)
     measured_b_radps : ndarray, shape (n, 3), or None
         By a gyroscope.
     earth_rate_n_radps : ndarray, shape (3,)
+    timed : TimedMotion or None
+        By which measurements of other clocks are carried to keyframes.
     """
 
     array: RotationQuadratic | None
@@ -55,22 +59,23 @@ class Recorded:
     shape: BaselineForm | None
     antennas: tuple[str, ...]
     position: VectorSeries | None
-    velocity: VectorSeries | None
+    velocities: tuple[VectorSeries, ...]
     sensed: Sensed
     gravity_n_mps2: FloatArray
     measured_b_radps: FloatArray | None
     earth_rate_n_radps: FloatArray
+    timed: TimedMotion | None = None
 
 
 def measurements_of(recorded: Recorded, constants: Constants) -> tuple[Measurement, ...]:
     """Return the graph's measurements of all sensors that have any."""
-    parts = (
-        *_array(recorded, constants),
-        *_antenna(recorded, constants),
-        *_directions(recorded, constants),
-        *_surroundings(recorded, constants),
-    )
-    return tuple(part for part in parts if len(part.row))
+    gnss = (*_array(recorded, constants), *_antenna(recorded, constants))
+    others = (*_directions(recorded, constants), *_surroundings(recorded, constants))
+    timed = recorded.timed
+    if timed is not None:
+        late = {"velocity": VELOCITY_DELAY}
+        gnss = tuple(on_clock(m, timed, constants, delay=late.get(m.name, "")) for m in gnss)
+    return tuple(part for part in (*gnss, *others) if len(part.row))
 
 
 def _array(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
@@ -104,20 +109,18 @@ def _array(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
 
 def _antenna(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
     lever = constants.column("lever-arm")
-    position, velocity = recorded.position, recorded.velocity
+    position = recorded.position
     if position is not None:
         row = np.flatnonzero(position.valid)
-        segment = np.full(len(row), -1) if position.segment is None else position.segment[row]
         yield Position(
             row=row,
             value_n_m=position.value[row],
             white=position.white(row),
             arm_b_m=position.arm_b_m,
             lever_column=lever,
-            segment_column=_columns(constants, segments.NAME, segment, 3),
             constants=constants,
         )
-    if velocity is not None:
+    for velocity in recorded.velocities:
         measured = recorded.measured_b_radps
         moving = np.flatnonzero(velocity.valid)
         yield Velocity(

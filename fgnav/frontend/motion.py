@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
 from fgnav.flight import Flight
 from fgnav.frontend.attitude.alignment import Alignment
 from fgnav.frontend.calibration_request import MEAN_RATE
-from fgnav.frontend.gaps import LOST_S, Bridged
+from fgnav.frontend.gaps import Bridged
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import Aligned, Tracked
 from fgnav.graph.inertial.gyro_free import GyroFree
@@ -14,8 +14,12 @@ from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
 from fgnav.process.evidence import RatePrior, causal_rate_priors, rate_prior
+from fgnav.process.prediction import predicted_rotation_covariance
+from fgnav.process.volatility import varying_rate_prior
 
 _FEWEST = 5  # attitudes that tell how a body turns
+_FIRST = 2  # attitudes that a causal prediction begins with
+_UNKNOWN_RAD = 0.5  # of a direction: its cosine errs by a tenth, what is linear about it holds
 # Integration steps per inertial sample. Without a gyroscope the quadrature of one step errs by .02
 # sigma at most (sine of 45 degrees, spin of 2 Hz); GTSAM's integration of measured rates by 1.2 of
 # velocity on that spin, with two steps by .3.
@@ -44,8 +48,7 @@ def motion_of(
             gyroscope_noise=np.where(holed, rate_noise, imu.gyroscope_noise_radps_per_sqrt_hz) ** 2,
         ), ()
     length_s, variance, notes = _rate_priors(stage, settings)
-    away_s = stage.away_s
-    lost = holed | (np.minimum(away_s[1:], away_s[:-1]) > LOST_S)
+    lost = holed | _is_direction_unknown(stage, (length_s, variance))
     return GyroFree(
         t_s=track.t_s,
         imu=imu,
@@ -66,7 +69,8 @@ def _rate_priors(
     """Return length, (n - 1,), and variances, (n - 1, 3), of each interval's prior; what to note.
 
     Stated, or identified by the evidence of attitudes with integers: by those of the whole flight,
-    or, where nothing is to look ahead, by those up to each interval.
+    its scale varying where that is likelier, or, where nothing is to look ahead, by those up to
+    each interval.
     """
     start = stage.start
     sure = start.valid & (stage.float_arcs.stretch < 0)
@@ -81,7 +85,16 @@ def _rate_priors(
         return length_s, variance, ("Rate prior: identified by the attitudes up to each keyframe.",)
     attitudes = start.t_s[sure], start.R_nu[sure], start.covariance_rad2[sure]
     prior = settings.rate_prior or rate_prior(*attitudes)
-    return np.full(n, prior.length_s), np.tile(prior.variance_rad2ps2, (n, 1)), (prior_note(prior),)
+    varying = None if settings.rate_prior else varying_rate_prior(*attitudes, prior)
+    if varying is None:
+        variance = np.tile(prior.variance_rad2ps2, (n, 1))
+        return np.full(n, prior.length_s), variance, (prior_note(prior),)
+    note = (
+        f"Rate prior (Matern 5/2 about a constant): length {varying.length_s:.3g} s, its scale "
+        f"varies with the motion: {varying.gained_nats:.0f} nats likelier than a constant one."
+    )
+    latest = _latest(attitudes[0], start.t_s[:-1]).clip(max=len(varying.variance_rad2ps2) - 1)
+    return np.full(n, varying.length_s), varying.variance_rad2ps2[latest], (note,)
 
 
 def _causal_priors(start: Alignment, sure: BoolArray) -> tuple[FloatArray, FloatArray]:
@@ -92,8 +105,46 @@ def _causal_priors(start: Alignment, sure: BoolArray) -> tuple[FloatArray, Float
         np.concatenate([R_nu, R_nu[-1:]]),
         np.concatenate([P, P[-1:]]),
     )
-    latest = (np.searchsorted(t_s, start.t_s[:-1], side="right") - 1).clip(0)
+    latest = _latest(t_s, start.t_s[:-1])
     return length_s[latest], variance[latest]
+
+
+def _is_direction_unknown(stage: Aligned, prior: tuple[FloatArray, FloatArray]) -> BoolArray:
+    """Return the intervals, (n - 1,), over which nobody knows where the specific force points.
+
+    Where the rotation across it, as the prior leads on from the attitudes before, or back from
+    those after, is unknown by more than half a radian, the force would tell attitude by a
+    linearisation that holds no longer.
+    """
+    start, imu = stage.start, stage.record.imu
+    t_s, R_nu, P, valid = start.t_s, start.R_nu, start.covariance_rad2, start.valid
+    if stage.causal:
+        covariances = [predicted_rotation_covariance(t_s, R_nu, P, valid, prior, past=_FIRST)]
+    else:
+        back_prior = (prior[0][::-1], prior[1][::-1])
+        back = predicted_rotation_covariance(
+            -t_s[::-1], R_nu[::-1], P[::-1], valid[::-1], back_prior
+        )
+        covariances = [predicted_rotation_covariance(t_s, R_nu, P, valid, prior), back[::-1]]
+    f_b = np.stack([np.interp(start.t_s, imu.t_s, column) for column in imu.f_b_mps2.T], axis=1)
+    e_b = f_b / np.linalg.norm(f_b, axis=1, keepdims=True).clip(1e-9)
+    across = np.eye(3) - e_b[:, :, None] * e_b[:, None, :]
+    sigma = np.min([_largest_sigma(across, P) for P in covariances], axis=0)
+    return np.asarray(np.minimum(sigma[1:], sigma[:-1]) > _UNKNOWN_RAD)
+
+
+def _largest_sigma(across: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the largest 1-sigma, (n,), of what is left of vectors after a projection."""
+    known = np.isfinite(covariance).all(axis=(1, 2))
+    out = np.full(len(covariance), np.inf)
+    part = across[known] @ covariance[known] @ across[known]
+    out[known] = np.sqrt(np.linalg.eigvalsh(part)[:, 2].clip(0))
+    return out
+
+
+def _latest(known_s: FloatArray, t_s: FloatArray) -> IntArray:
+    """Return which of some times is the latest up to each of others, (m,), or else the first."""
+    return np.asarray((np.searchsorted(known_s, t_s, side="right") - 1).clip(0))
 
 
 def _accelerometer_noise(record: Bridged, inflated: BoolArray) -> FloatArray:

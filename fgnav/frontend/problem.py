@@ -1,30 +1,33 @@
 """From a flight to a smoothing problem: keyframes, measurements, motion, and where to start."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fgnav.checks import FloatArray, Loss
+from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.estimate import Rejected
 from fgnav.flight import Flight, Imu
 from fgnav.frontend.array.shape import initial_shape, shape_at
-from fgnav.frontend.attitude.rates import swing_n_mps
+from fgnav.frontend.attitude.initial import attitude_prior
+from fgnav.frontend.attitude.rates import mean_force_b_mps2, rates_at, slopes_at, swing_n_mps
 from fgnav.frontend.calibration_request import (
     constants_of,
     mean_rate,
-    with_common_error,
     with_evidence,
     with_landmark,
 )
-from fgnav.frontend.causal.stages import causal_aligned, causal_tracked
+from fgnav.frontend.causal.stages import causal_aligned
 from fgnav.frontend.gaps import gap_notes, spans
+from fgnav.frontend.heading_open import open_heading, until_motion
 from fgnav.frontend.measurements import Recorded, measurements_of
 from fgnav.frontend.motion import motion_of
+from fgnav.frontend.position.live_arcs import antenna_phase
 from fgnav.frontend.sensors.sensed import Sensed, sense
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import Aligned, Tracked, aligned, inertial_record, interpolated, tracked
+from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.constants import Constants, FlightConstant
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Opening, SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.integers.resolver import Integers
 
@@ -40,29 +43,35 @@ class PreparedFlight:
     earth_rate_n_radps : ndarray, shape (3,)
     epochs : int
         GNSS epochs of the flight, and times between them that are far apart.
-    common_position_m2 : ndarray, shape (n, 3, 3)
-        Variance of positions at keyframes that no smoothing reduces.
-    common_velocity_m2ps2 : ndarray, shape (n, 3, 3)
-        Of the velocity at which such errors move.
     integers : Integers or None
     losses : tuple of Loss
     rejections : tuple of Rejected
     notes : tuple of str
+    timed : TimedMotion
+        How keyframes move, by which clocks and delays show.
     rough : bool
         Whether the attitudes that the search starts from assume something.
+    causal : bool
+        Whether each keyframe is to be known by what came before it alone.
+    windowed : SmoothingProblem
+        The same for windows: its specific force tells no heading before motion does.
+    opening : Opening or None
+        What a filter is given in its place until the heading is known.
     """
 
     problem: SmoothingProblem
     imu: Imu
     earth_rate_n_radps: FloatArray
     epochs: int
-    common_position_m2: FloatArray
-    common_velocity_m2ps2: FloatArray
     integers: Integers | None
     losses: tuple[Loss, ...]
     rejections: tuple[Rejected, ...]
     notes: tuple[str, ...]
+    timed: TimedMotion
+    windowed: SmoothingProblem
     rough: bool = False
+    causal: bool = False
+    opening: Opening | None = None
 
 
 def build_problem(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
@@ -77,66 +86,87 @@ def build_problem(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
     inertial_record(flight)
     if settings.causal:
         stage = causal_aligned(flight, settings)
-        track = causal_tracked(flight, stage)
     else:
         flight, asked = initial_shape(flight, asked, settings.resolver)
         stage = aligned(flight, settings, asked)
-        track = tracked(flight, stage)
+    track = tracked(flight, stage)
     imu, causal = stage.record.imu, settings.causal
     sensed = sense(flight, imu, stage.down, track.t_s, track.places_n_m, causal=causal)
-    common_m2 = track.antenna.common_m2 + track.segments.common_m2
-    usual_m2 = common_m2[0] if causal else common_m2.mean(axis=0)
-    constants = _constants(flight, asked, sensed, usual_m2, (stage, track))
+    constants = _constants(flight, asked, sensed, stage)
     motion, rate_notes = motion_of(flight, settings, (stage, track), constants)
+    earth = flight.origin.earth_rate_n_radps
+    timed = timed_motion(imu, track.t_s, track.gravity_n_mps2, earth, causal=causal)
+    phase, phase_notes = antenna_phase(
+        track.antenna.phases, track.t_s, stage.start.R_nb, constants, causal=causal
+    )
     problem = SmoothingProblem(
         t_s=track.t_s,
         start=_start(stage, track, constants, causal=causal),
         motion=motion,
-        measurements=measurements_of(_recorded(flight, stage, track, sensed, asked), constants),
+        measurements=measurements_of(
+            replace(_recorded(flight, stage, track, sensed, asked), timed=timed), constants
+        ),
         constants=constants,
-        attitude_known=stage.start.valid,
+        attitude_known=_measured_attitudes(stage),
+        attitude_prior=attitude_prior(flight.initial, stage.start.R_nb[0]),
+        phase=phase,
     )
-    start, antenna, gate = stage.start, track.antenna, track.gate
+    opening = open_heading(problem, stage, track, flight.initial)
+    windowed = until_motion(problem, stage, track, flight.initial)
+    if stage.start.heading_from_s == np.inf:  # at rest all along
+        problem = windowed
+    start, antenna = stage.start, track.antenna
     gaps = _gaps(stage, track, sensed)
     return PreparedFlight(
         problem=problem,
         imu=imu,
         earth_rate_n_radps=flight.origin.earth_rate_n_radps,
         epochs=stage.epochs,
-        common_position_m2=common_m2,
-        common_velocity_m2ps2=antenna.drift_m2ps2,
         integers=start.integers,
-        losses=(*start.losses, *stage.losses, *antenna.losses, *gate.losses, *sensed.losses),
-        rejections=(*start.rejections, *gate.rejections),
+        losses=(*start.losses, *stage.losses, *antenna.losses, *track.losses, *sensed.losses),
+        rejections=(*start.rejections, *track.rejections),
         notes=(
             *start.notes,
             *rate_notes,
             *antenna.notes,
+            *phase_notes,
             *gaps,
             *stage.float_arcs.notes,
-            *track.notes,
         ),
+        timed=timed,
         rough=start.rough,
+        causal=causal,
+        windowed=windowed,
+        opening=opening,
     )
+
+
+def _measured_attitudes(stage: Aligned) -> BoolArray:
+    """Return keyframes, (n,), that a window starts by their attitude, not where the motion leads.
+
+    Beside a gyroscope and no array that is the first, and the first after each gap of its record.
+    """
+    start = stage.start
+    if not stage.gyroscope or start.form is not None:
+        return start.valid
+    after_gap = np.append(True, stage.record.overlaps(start.t_s)[:-1])
+    return np.asarray(after_gap & (start.valid | (np.arange(len(after_gap)) == 0)))
 
 
 def _constants(
     flight: Flight,
     asked: tuple[FlightConstant, ...],
     sensed: Sensed,
-    usual_m2: FloatArray,
-    stages: tuple[Aligned, Tracked],
+    stage: Aligned,
 ) -> Constants:
     """Return what is estimated with the flight: asked for, of instruments, of phases, the rate."""
-    stage, track = stages
     parts = with_evidence(asked, sight=sensed.sight is not None)
     if sensed.sight is not None and flight.seeker is not None:
         parts = with_landmark(parts, flight.seeker.landmark_n_m)
     parts = (*parts, *sensed.constants)
-    parts = with_common_error(parts, usual_m2)
     if not stage.gyroscope:
         parts = (*parts, mean_rate())
-    return Constants((*parts, *stage.float_arcs.constants, *track.segments.constants))
+    return Constants((*parts, *stage.float_arcs.constants))
 
 
 def _recorded(
@@ -154,8 +184,8 @@ def _recorded(
         float_stretch=stage.float_arcs.stretch,
         shape=shape_at(start.phases, start.form, track.t_s, start.valid, asked, names),
         antennas=names,
-        position=track.segments.position,
-        velocity=track.velocity,
+        position=None if track.antenna.phases else track.antenna.position,
+        velocities=tuple(series for _, series in track.antenna.velocities),
         sensed=sensed,
         gravity_n_mps2=track.gravity_n_mps2,
         measured_b_radps=stage.rates if stage.gyroscope else None,
@@ -163,29 +193,61 @@ def _recorded(
     )
 
 
+def timed_motion(
+    imu: Imu,
+    t_s: FloatArray,
+    gravity_n_mps2: FloatArray,
+    earth_rate_n_radps: FloatArray,
+    *,
+    causal: bool = False,
+) -> TimedMotion:
+    """Return how a body moves at times, (n,); a clock's offset holds in the record's middle."""
+    w_b = imu.w_b_radps
+    rates = None if w_b is None else rates_at(imu.t_s, w_b, t_s, causal=causal)
+    before = mean_force_b_mps2(imu, t_s, rates)
+    middle_s = 0.0 if causal else float(imu.t_s[[0, -1]].mean())
+    return TimedMotion(
+        since_s=t_s - middle_s,
+        force_before_b_mps2=before,
+        force_after_b_mps2=before if causal else mean_force_b_mps2(imu, t_s, rates, after=True),
+        measured_b_radps=rates,
+        slope_b_radps2=None if w_b is None else slopes_at(imu.t_s, w_b, t_s, causal=causal),
+        gravity_n_mps2=gravity_n_mps2,
+        earth_rate_n_radps=earth_rate_n_radps,
+    )
+
+
 def _start(stage: Aligned, track: Tracked, constants: Constants, *, causal: bool) -> States:
     """Return where the search starts."""
-    t_s, R_nb, position = track.t_s, stage.start.R_nb, track.segments.position
-    p_n_m = interpolated(t_s, position.value, causal=causal) - R_nb @ position.arm_b_m
+    t_s, R_nb, position = track.t_s, stage.start.R_nb, track.antenna.position
+    p_n_m = track.places_n_m - R_nb @ (0.0 if position is None else position.arm_b_m)
     v_n_mps = np.zeros_like(p_n_m) if causal else np.gradient(p_n_m, t_s, axis=0)
-    velocity = track.velocity
-    if velocity is not None and velocity.valid.any():
+    for _, velocity in track.antenna.velocities[:1]:
+        if not velocity.valid.any():
+            continue
         at_antenna = interpolated(t_s, velocity.value, causal=causal)
         v_n_mps = at_antenna - swing_n_mps(R_nb, stage.rates, velocity.arm_b_m)
     aux = np.zeros((len(t_s), 6 if stage.gyroscope else 12))
+    bias_b_radps = stage.start.gyroscope_bias_b_radps
     if not stage.gyroscope:
         aux[:, 3:6] = stage.rates
+    elif bias_b_radps is not None:
+        aux[:, 3:6] = bias_b_radps
     return States(R_nb=R_nb, p_n_m=p_n_m, v_n_mps=v_n_mps, aux=aux, constants=constants.start)
 
 
 def _gaps(stage: Aligned, track: Tracked, sensed: Sensed) -> tuple[str, ...]:
     """Return sentences on where measurements are missing for long."""
-    t_s, gate = stage.start.t_s, track.gate
+    t_s, antenna = stage.start.t_s, track.antenna
     notes = [*gap_notes("inertial samples", stage.record.gaps_s)]
     notes += gap_notes("attitude of single epochs", spans(t_s, ~stage.start.valid))
-    for what, series in (("position", gate.position), ("velocity", gate.velocity)):
-        if series is not None:
-            notes += gap_notes(what, spans(t_s, ~series.valid))
+    for what, measured in (
+        ("position", () if antenna.position is None else (antenna.position,)),
+        ("velocity", tuple(series for _, series in antenna.velocities)),
+    ):
+        if measured:
+            missing = ~np.any([series.valid for series in measured], axis=0)
+            notes += gap_notes(what, spans(t_s, missing))
     if sensed.sight is not None:
         notes += gap_notes("line of sight", spans(t_s, np.isnan(sensed.sight.e_b[:, 0])))
     return tuple(notes)

@@ -1,6 +1,7 @@
 """What decides how a flight becomes a smoothing problem."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.gravity import GravityEstimator
@@ -19,3 +20,4 @@ class ProblemSettings:
     sub_steps: int | None = None
     false_alarm: float = 1e-4
     causal: bool = False  # each quantity from epochs up to its own alone
+    noise: Literal["identified", "stated"] = "stated"  # identified: by ``identification``, after

@@ -5,8 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.attitude.own_rotation import spun
+from fgnav.attitude.own_rotation import own_rotation, spun
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
+from fgnav.estimate import Rejected
 from fgnav.flight import Flight, Imu
 from fgnav.frontend.array.float_arcs import FloatArcs, with_float_arcs
 from fgnav.frontend.attitude.alignment import Alignment, align, at_keyframes
@@ -20,10 +21,7 @@ from fgnav.frontend.gaps import (
     time_from_attitude_s,
 )
 from fgnav.frontend.position.antenna_motion import AntennaMotion, antenna_motion
-from fgnav.frontend.position.gate import Gated, InertialTrack, gated
-from fgnav.frontend.position.rank_deficient import completed, gaps_with_attitude
-from fgnav.frontend.position.segments import Segments, segmented
-from fgnav.frontend.position.series import VectorSeries
+from fgnav.frontend.position.gate import InertialTrack, gated
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.gravity import GravityDirection
@@ -41,11 +39,27 @@ class Aligned(NamedTuple):
     epochs: int
     losses: tuple[Loss, ...]
     causal: bool = False
+    R_open: FloatArray | None = None  # (n, 3, 3): level, the heading not known yet; causal only
 
     @property
     def gyroscope(self) -> bool:
         """Whether rates are measured."""
         return self.record.imu.w_b_radps is not None
+
+    @property
+    def heading_known_s(self) -> float:
+        """The first keyframe whose past tells the heading, beside a gyroscope; or infinite."""
+        if not self.start.valid.any():
+            return np.inf
+        first_s = float(self.start.t_s[self.start.valid.argmax()])
+        return max(first_s, self.start.heading_known_s)
+
+    @property
+    def carried_sigma_rad(self) -> FloatArray:
+        """1-sigma of attitudes that a gyroscope carried, (n,); 0 of others."""
+        of_motion = self.gyroscope and self.start.form is None
+        variance = np.einsum("nii->n", self.start.covariance_rad2) / 3
+        return np.sqrt(variance) if of_motion else np.zeros(len(variance))
 
     @property
     def away_s(self) -> FloatArray:
@@ -54,16 +68,14 @@ class Aligned(NamedTuple):
 
 
 class Tracked(NamedTuple):
-    """How an antenna moved, what contradicts the inertial track left out."""
+    """How antennas moved, what contradicts the inertial track left out."""
 
     t_s: FloatArray
-    antenna: AntennaMotion
-    places_n_m: FloatArray
+    antenna: AntennaMotion  # velocities, and positions of fixes, without what is left out
+    places_n_m: FloatArray  # (n, 3), about where the antenna is
     gravity_n_mps2: FloatArray
-    gate: Gated
-    segments: Segments
-    velocity: VectorSeries | None
-    notes: tuple[str, ...]
+    rejections: tuple[Rejected, ...]
+    losses: tuple[Loss, ...]
 
 
 def inertial_record(flight: Flight) -> Imu:
@@ -108,12 +120,13 @@ def _keyframes(imu: Imu, epochs: Alignment) -> tuple[Alignment, int, tuple[Loss,
     t_s = start.t_s
     covered = (t_s >= imu.t_s[0]) & (t_s <= imu.t_s[-1])
     good = np.flatnonzero(covered & start.valid)
-    if len(good) < 2:
+    carries = imu.w_b_radps is not None  # attitudes to epochs without one
+    if len(good) < 2 and not (carries and start.form is None and covered.sum() > 1):
         raise NoSolutionError(
             f"attitude: {len(good)} epochs have consistent array phases, or other vectors out of "
             f"line, to start from; needs 2 or more: {reason_without_attitude(imu, start, covered)}"
         )
-    early = covered & (np.arange(len(t_s)) < good[0])
+    early = covered & (np.arange(len(t_s)) < (0 if carries else good[0]))
     reasons = {
         ("epoch", "not covered by the accelerometer's record"): ~covered,
         ("epoch", "before the first attitude"): early,
@@ -125,6 +138,9 @@ def _keyframes(imu: Imu, epochs: Alignment) -> tuple[Alignment, int, tuple[Loss,
         if lost.any()
     )
     start = start[np.flatnonzero(covered & ~early)]
+    if carries and start.own is None:
+        first_s = float(start.t_s[start.valid.argmax()])
+        start = replace(start, own=own_rotation(imu), heading_from_s=first_s)
     R_nu = interpolated_attitudes(start.t_s, start.R_nu, start.valid)
     return replace(start, R_nb=spun(start.own, start.t_s, R_nu)), len(t_s), losses
 
@@ -143,43 +159,57 @@ def _float_arcs(
 
 
 def tracked(flight: Flight, stage: Aligned) -> Tracked:
-    """Return how an antenna moved, by phase where it has any, tested against the inertial track.
+    """Return how antennas moved; fixes and velocities are tested against the inertial track.
 
     Raises
     ------
     NoSolutionError
         If nothing tells a position.
     """
-    record, start = stage.record, stage.start
+    record, start, causal = stage.record, stage.start, stage.causal
     t_s, own = start.t_s, start.own
-    antenna = antenna_motion(flight, record.imu, start, stage.rates)
-    places_n_m = _places(t_s, antenna.position)
+    antenna = antenna_motion(flight, record.imu, start, causal=causal)
+    position = antenna.position
+    if position is None or not position.valid.any():
+        raise NoSolutionError("position: neither code observations nor fixes at keyframes")
+    # Gravity minds no jumps of 100 m.
+    places_n_m = interpolated(t_s, position.value, causal=causal)
     gravity_n_mps2 = flight.origin.gravity_n_mps2(places_n_m)
+    blind = (stage.away_s > LONGEST_GAP_S) | record.overlaps(t_s)
+    if causal:
+        blind |= ~np.logical_or.accumulate(start.valid)
     inertial = InertialTrack(
         t_s=t_s,
         R_nb=start.R_nb,
-        R_nu=start.R_nu,
+        R_nu=start.R_nb if causal else start.R_nu,
         w_b_radps=stage.rates,
-        imu=record.imu if own is None else own.forces(record.imu),
+        imu=record.imu if causal or own is None else own.forces(record.imu),
         gravity_n_mps2=gravity_n_mps2,
-        blind=(stage.away_s > LONGEST_GAP_S) | record.overlaps(t_s),
+        blind=blind,
+        attitude_sigma_rad=stage.carried_sigma_rad,
+        causal=causal,
     )
-    gate = gated(inertial, (antenna.position, antenna.velocity), antenna.name)
-    usable = np.ones(len(t_s), dtype=np.bool_)
-    if not stage.gyroscope:
-        usable = gaps_with_attitude(gate.position, stage.away_s)
-    position, velocity, notes = completed(gate.position, gate.velocity, antenna.few, usable)
-    if position is None or not position.valid.any():
-        raise NoSolutionError("position: neither code observations nor fixes at keyframes")
-    segments = segmented(position, antenna.arcs_m2)
-    return Tracked(t_s, antenna, places_n_m, gravity_n_mps2, gate, segments, velocity, notes)
-
-
-def _places(t_s: FloatArray, position: VectorSeries | None) -> FloatArray:
-    """Return where fixes say that each keyframe is, (n, 3); gravity minds no jumps of 100 m."""
-    if position is None or not position.valid.any():
-        raise NoSolutionError("position: neither code observations nor fixes at keyframes")
-    return interpolated(t_s, position.value)
+    tested = [
+        gated(inertial, (None if antenna.phases or k else position, series), name)
+        for k, (name, series) in enumerate(antenna.velocities)
+    ]
+    if not (antenna.velocities or antenna.phases):
+        tested = [gated(inertial, (position, None), "fixes")]
+    names = [name for name, _ in antenna.velocities]
+    velocities = zip(names, [one.velocity for one in tested], strict=False)
+    antenna = replace(
+        antenna,
+        position=position if antenna.phases else tested[0].position,
+        velocities=tuple((name, one) for name, one in velocities if one is not None),
+    )
+    return Tracked(
+        t_s,
+        antenna,
+        places_n_m,
+        gravity_n_mps2,
+        tuple(one for gate in tested for one in gate.rejections),
+        tuple(one for gate in tested for one in gate.losses),
+    )
 
 
 def interpolated(t_s: FloatArray, values: FloatArray, *, causal: bool = False) -> FloatArray:

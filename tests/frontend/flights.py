@@ -206,7 +206,6 @@ def _measurements(
             white=position.white(row),
             arm_b_m=position.arm_b_m,
             lever_column=-1,
-            segment_column=none,
             constants=constants,
         ),
         Velocity(

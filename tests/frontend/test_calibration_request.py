@@ -13,7 +13,6 @@ from fgnav.frontend.calibration_request import (
     calibration_requests,
     constants_of,
     mean_rate,
-    with_common_error,
     with_evidence,
     with_landmark,
 )
@@ -37,7 +36,7 @@ def test_words_state_what_and_how_well():
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (("landmrk",), "'landmrk' is none of landmark, boresight, gravity, lever-arm, antennas"),
+        (("landmrk",), "'landmrk' is none of landmark, boresight, gravity, lever-arm, clock"),
         (("antenna",), "must name one, antenna:a4"),
         (("landmark:a4",), "'landmark:a4' is none of"),
         (("boresight=",), "after = comes a positive 1-sigma, got ''"),
@@ -114,20 +113,6 @@ def test_a_landmark_that_is_asked_for_has_its_own_doubt():
     assert landmark.reported
     assert_allclose(landmark.mean, LANDMARK_N_M)
     assert_allclose(landmark.covariance, 30.0**2 * np.eye(3))
-
-
-def test_an_error_common_to_all_positions_is_shared_by_landmark_and_barometer():
-    """A place on the Earth and heights are off from positions by it; angles are not."""
-    common_m2 = np.diag([1.0, 2.0, 9.0])
-    offset = flight_constant("barometer", ("at 0 s", "at 9 s"), "m", 20.0)
-    boresight = flight_constant("boresight", ("about y_b", "about z_b"), "rad", 0.1)
-    constants = with_common_error((*with_landmark((), LANDMARK_N_M), offset, boresight), common_m2)
-    assert_allclose(constants[0].covariance, common_m2 + SURVEYED_M**2 * np.eye(3))
-    assert_allclose(constants[0].common, common_m2)
-    # The same error at both times.
-    assert_allclose(constants[1].covariance, 20.0**2 * np.eye(2) + 9.0)
-    assert_allclose(constants[1].common, np.full((2, 2), 9.0))
-    assert constants[2] is boresight
 
 
 def test_the_mean_rate_is_a_constant_of_fifteen_radians_a_second():

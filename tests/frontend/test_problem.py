@@ -81,7 +81,7 @@ def test_the_search_starts_close_to_the_truth(demo):
     true, start = true_states(flight, problem), problem.start
     turn = rotations.log(rotations.transpose(start.R_nb) @ true.R_nb)
     assert np.degrees(np.linalg.norm(turn, axis=1)).max() < 3.0
-    assert np.linalg.norm(start.p_n_m - true.p_n_m, axis=1).max() < 0.2
+    assert np.linalg.norm(start.p_n_m - true.p_n_m, axis=1).max() < 3.0  # by code of 0.3 m
     assert np.linalg.norm(start.v_n_mps - true.v_n_mps, axis=1).max() < 0.5
     assert problem.attitude_known.all()
     np.testing.assert_array_equal(start.constants, problem.constants.start)
@@ -152,15 +152,17 @@ def test_epochs_with_wrong_integers_are_mended_and_listed():
     assert not any("chi-square" in loss.reason for loss in prepared.losses)
 
 
-def test_an_outage_is_noted_and_leaves_force_and_attitude_unknown_beyond_two_seconds():
+def test_an_outage_is_noted_and_leaves_the_forces_direction_unknown_in_its_middle():
     prepared = build(with_outages(OutageTable(from_s=7.0, until_s=13.0)))
     problem = prepared.problem
     for what in ("position", "velocity", "attitude of single epochs"):
         assert f"No {what} from 6.90 to 13.00 s." in prepared.notes
     noise = problem.motion.accelerometer_noise
     inflated_s = problem.t_s[:-1][noise > noise.min()]
-    # Two seconds from the last attitude, and from the next.
-    assert (inflated_s.min(), inflated_s.max()) == pytest.approx((8.9, 10.9), abs=0.11)
+    # Half a radian from the last attitude and, back, from the next: as far from either, and at
+    # PRIOR's .3 rad/s not sooner than after 1.6 s.
+    assert 8.5 < inflated_s.min() < 9.9
+    assert inflated_s.min() - 6.9 == pytest.approx(12.9 - inflated_s.max(), abs=0.25)
 
 
 def test_a_gyroscope_carries_the_attitude_through_an_outage():
@@ -193,22 +195,26 @@ def test_attitude_and_position_outlive_the_reference_antenna(antennas):
     begins = "No observations of the reference antenna a1 from 4.90 to 15.00 s: "
     assert any(note.startswith(begins) for note in prepared.notes)
     assert problem.attitude_known.all()
-    assert len(measurement(prepared, "position").row) == len(problem.t_s)
+    assert len(problem.phase.row) == len(problem.t_s)
     true = true_states(flight, problem)
     turn = rotations.log(rotations.transpose(problem.start.R_nb) @ true.R_nb)
     assert np.degrees(np.linalg.norm(turn, axis=1)).max() < 5.0
-    for name, most in (("array phases", 1.3), ("velocity", 1.3)):
-        part = measurement(prepared, name)
-        value = part.linearise(true.at(part.row), np.arange(len(part.row))).value
-        during = (problem.t_s[part.row] > 5.0) & (problem.t_s[part.row] < 15.0)
-        assert (value[during] ** 2).sum() / part.freedom[during].sum() < most, name
+    for name in ("array phases", "velocity"):
+        squares, freedom = 0.0, 0
+        for part in problem.measurements:
+            during = (problem.t_s[part.row] > 5.0) & (problem.t_s[part.row] < 15.0)
+            if part.name == name and during.any():
+                value = part.linearise(true.at(part.row), np.arange(len(part.row))).value
+                squares += (value[during] ** 2).sum()
+                freedom += part.freedom[during].sum()
+        assert squares / freedom < 1.3, name
 
 
 def test_an_antenna_alone_still_measures_position():
     names = tuple(f"a{k}" for k in (1, 3, 4, 5, 6, 7, 8))
     prepared = build(with_outages(OutageTable(from_s=8.0, until_s=10.0, antennas=names)))
     assert not any(note.startswith("No position") for note in prepared.notes)
-    assert len(measurement(prepared, "position").row) == len(prepared.problem.t_s)
+    assert len(prepared.problem.phase.row) == len(prepared.problem.t_s)
 
 
 def test_losses_of_another_reference_count_each_link_once():
@@ -248,7 +254,8 @@ def test_every_instrument_becomes_a_measurement_with_its_constants():
     prepared = build(flown("surroundings", 10.0))
     names = [part.name for part in prepared.problem.measurements]
     assert len(set(names)) == len(names)
-    assert {"position", "velocity"} < set(names)
+    assert "velocity" in names
+    assert prepared.problem.phase is not None
     reported = [one.name for one in prepared.problem.constants.parts if one.reported]
     assert reported == ["barometer", "hard iron"]
 
@@ -269,7 +276,7 @@ def test_antennas_that_are_asked_for_are_columns_of_the_arrays_measurement():
     expected[2] = constants.column("antenna a4")
     np.testing.assert_array_equal(shape.column, expected)
     assert len(shape.row) == len(prepared.problem.t_s)
-    assert measurement(prepared, "position").lever_column == constants.column("lever-arm") >= 0
+    assert prepared.problem.phase.lever_column == constants.column("lever-arm") >= 0
     assert measurement(prepared, "velocity").lever_column == constants.column("lever-arm")
 
 

@@ -12,7 +12,6 @@ from fgnav.integers.truth import attitude_at
 from fgnav_sim.motion import Sine
 from fgnav_sim.scenario import FixesTable, load_scenario
 from fgnav_sim.simulate import simulate
-from tests.frontend.flights import GYROSCOPE
 from tests.methods.simulated import SCENARIOS, nees
 from tests.methods.true_gravity import TrueGravity
 
@@ -70,15 +69,3 @@ def test_gravity_along_specific_force_tells_nothing_of_the_turn_about_it(flight)
     fixes = dataclasses.replace(flight.fixes, p_n_m=still, v_n_mps=0 * still)
     resting = dataclasses.replace(flight, fixes=fixes)
     assert vector_attitudes(resting, TrueGravity()(flight)).rough
-
-
-def test_a_gyroscope_turns_specific_forces_of_other_times_to_each_epoch():
-    """They are vectors enough: no direction of travel is assumed."""
-    gyro = swinging(**GYROSCOPE)
-    attitudes = vector_attitudes(gyro, None)
-    assert attitudes.valid.mean() > 0.9
-    assert attitudes.notes == ()
-    error = np.linalg.norm(errors_rad(gyro, attitudes), axis=1)
-    without = np.linalg.norm(errors_rad(swinging(), vector_attitudes(swinging(), None)), axis=1)
-    assert np.sqrt((error**2).mean()) < 0.1
-    assert np.sqrt((without**2).mean()) > 3 * np.sqrt((error**2).mean())

@@ -102,7 +102,7 @@ def _agreed(label: IntArray, cycles: IntArray, fixed: BoolArray) -> tuple[IntArr
     Both (n, b, m).
     """
     count = 1 + int(label.max())
-    labels, integers, votes = elected(label[fixed], cycles[fixed])
+    labels, integers, votes = majority_integers(label[fixed], cycles[fixed])
     known, most = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
     known[labels], most[labels] = integers, votes
     total = np.bincount(label[fixed], minlength=count)
@@ -155,7 +155,7 @@ def _listed(
     )
 
 
-def elected(label: IntArray, cycles: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+def majority_integers(label: IntArray, cycles: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     """Return the integer that most votes of each label name; of equal ones the largest.
 
     Parameters

@@ -13,7 +13,7 @@ from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.attitude.robust import robust_attitudes
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.estimate import Rejected, open_angle_variance_rad2
-from fgnav.frontend.array.consensus import elected
+from fgnav.frontend.array.consensus import majority_integers
 from fgnav.gnss.differences import DoubleDifferences
 from fgnav.integers.resolver import Integers, fixed_ranges_m
 from fgnav.rotations import skew
@@ -176,7 +176,7 @@ def _voted(arc: IntArray, cycles: IntArray, own: IntArray, knows: BoolArray) -> 
         return cycles
     links = np.arange(arc[0].size).reshape(arc[0].shape)
     label = links * (arc.max() + 1) + arc
-    labels, integers, _ = elected(label[knows], own[knows])
+    labels, integers, _ = majority_integers(label[knows], own[knows])
     place = np.searchsorted(labels, label).clip(max=len(labels) - 1)
     return np.asarray(np.where(labels[place] == label, integers[place], cycles))
 

@@ -54,15 +54,17 @@ class BaselineForm:
         return replace(self, there=there, root=root, minimum=minimum)
 
     def as_loud_as(self, form: RotationQuadratic, mine: IntArray) -> "BaselineForm":
-        """Return the form, its noise raised to that of (k,) forms of the rotation.
+        """Return the form, the noise of some epochs, (k,), raised to that of forms of the rotation.
 
         The same ranges make them, as the places stand by which this one's baselines are known.
         """
         arms_b_m = self.baselines_b_m
         by_rotation = np.einsum("ia,bc->bica", np.eye(3), arms_b_m)
         root = self.root[mine] @ by_rotation.reshape(-1, 9)
-        share = np.einsum("nii->", form.information) / np.einsum("nki,nki->", root, root)
-        return replace(self, root=np.sqrt(share) * self.root)
+        share = np.einsum("nii->n", form.information) / np.einsum("nki,nki->n", root, root)
+        louder = self.root.copy()
+        louder[mine] *= np.sqrt(share)[:, None, None]
+        return replace(self, root=louder)
 
     @classmethod
     def of_ranges(cls, differences: DoubleDifferences, ranges_m: FloatArray) -> "BaselineForm":

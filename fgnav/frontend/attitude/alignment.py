@@ -11,10 +11,11 @@ from fgnav.attitude.own_rotation import OwnRotation, despun
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
 from fgnav.estimate import Rejected
-from fgnav.flight import Flight
+from fgnav.flight import Flight, Imu
 from fgnav.frontend.array.consensus import arc_consensus
 from fgnav.frontend.array.exclusion import ConsistentArray, exclude_faults
 from fgnav.frontend.array.pivot import pivot_losses, pivot_notes, pivot_views
+from fgnav.frontend.attitude.carried import carried_attitudes
 from fgnav.frontend.attitude.vector_alignment import (
     VECTOR_SIGMA_RAD,
     VectorAttitudes,
@@ -57,7 +58,11 @@ class Alignment:
     rough : bool
         Whether the covariance is a guess.
     own : OwnRotation or None
-        How a body without an array spins.
+        How the body turns by its gyroscope, or spins without an array.
+    gyroscope_bias_b_radps : ndarray, shape (3,), or None
+        Where the search for it starts.
+    heading_from_s, heading_known_s : float
+        When something begins to tell the heading, and when that is enough.
     """
 
     t_s: FloatArray
@@ -74,6 +79,9 @@ class Alignment:
     rough: bool = False
     phases: tuple[DoubleDifferences, FloatArray] | None = None
     own: OwnRotation | None = None
+    gyroscope_bias_b_radps: FloatArray | None = None
+    heading_from_s: float = -np.inf
+    heading_known_s: float = -np.inf
 
     @property
     def R_nu(self) -> FloatArray:
@@ -149,6 +157,10 @@ def align(
         If it has neither an array nor a track.
     """
     if flight.observations is None or len(flight.antennas) < 2:
+        if flight.imu is not None and flight.imu.w_b_radps is not None:
+            carried = of_motion(flight, flight.imu)
+            if carried.valid.any() or flight.seeker is None:
+                return carried
         return _of_vectors(vector_attitudes(flight, gravity))
     whole, *others = pivot_views(flight)
     start = _of_array(whole.flight, resolver, false_alarm)
@@ -240,6 +252,31 @@ def _closed(
             (VECTOR_SIGMA_RAD * size)[:, None, None] ** 2 * np.eye(3),
         )
     return maximum_likelihood(form)
+
+
+def of_motion(flight: Flight, imu: Imu, *, causal: bool = False) -> Alignment:
+    """Return attitudes that a gyroscope carries, from where gravity and motion tell them.
+
+    Epochs are valid whose heading is known by then: by any time of the flight or, causal, by the
+    past. The others have the heading that the search starts with.
+    """
+    carried = carried_attitudes(flight, imu, causal=causal)
+    return Alignment(
+        t_s=carried.t_s,
+        R_nb=carried.R_nb,
+        covariance_rad2=carried.sigma_rad[:, None, None] ** 2 * np.eye(3),
+        valid=carried.valid,
+        form=None,
+        integers=None,
+        refused=np.zeros(len(carried.t_s), dtype=np.bool_),
+        losses=(),
+        rejections=(),
+        notes=carried.notes,
+        own=carried.own,
+        gyroscope_bias_b_radps=carried.bias_b_radps,
+        heading_from_s=carried.heading_from_s,
+        heading_known_s=carried.heading_known_s,
+    )
 
 
 def _of_vectors(attitudes: VectorAttitudes) -> Alignment:

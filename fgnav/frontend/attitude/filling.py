@@ -9,8 +9,9 @@ from fgnav.rotations import exp, log, transpose
 
 
 def zero_order_hold(t_s: FloatArray, R_nb: FloatArray, valid: BoolArray) -> FloatArray:
-    """Hold the last of attitudes, (n, 3, 3), where an epoch is not valid, (n,)."""
-    return np.asarray(R_nb[np.maximum.accumulate(np.where(valid, np.arange(len(t_s)), 0))])
+    """Hold the last of attitudes, (n, 3, 3), where an epoch is not valid, (n,); first the first."""
+    first = int(valid.argmax())
+    return np.asarray(R_nb[np.maximum.accumulate(np.where(valid, np.arange(len(t_s)), first))])
 
 
 def interpolated_attitudes(t_s: FloatArray, R_nb: FloatArray, valid: BoolArray) -> FloatArray:
@@ -20,7 +21,7 @@ def interpolated_attitudes(t_s: FloatArray, R_nb: FloatArray, valid: BoolArray) 
     their middle.
     """
     known = np.flatnonzero(valid)
-    if len(known) == len(t_s):
+    if len(known) in (0, len(t_s)):
         return R_nb
     rates = angular_rates(t_s[known], R_nb[known])
     place = np.interp(t_s, t_s[known], np.arange(len(known)))

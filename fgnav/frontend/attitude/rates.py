@@ -7,6 +7,8 @@ from fgnav.checks import FloatArray
 from fgnav.flight import Imu
 from fgnav.rotations import log, transpose
 
+_SLOPE_SPAN_S = 0.1  # ten samples of a usual unit, whose noise a shorter one would multiply
+_FORCE_SPAN_S = 0.2  # receivers of moving vehicles give 1 to 10 fixes a second
 RATE_SPAN_S = 0.5  # rates are differences of attitudes this far apart
 
 
@@ -18,11 +20,54 @@ def rough_rates(
     A spin may be half a turn from one attitude to the next: what is known of it is taken out.
     """
     if imu.w_b_radps is not None:
-        return np.stack([np.interp(t_s, imu.t_s, column) for column in imu.w_b_radps.T], axis=1)
+        return rates_at(imu.t_s, imu.w_b_radps, t_s)
     rest_radps = angular_rates(t_s, despun(own, t_s, R_nb))
     if own is not None:
         rest_radps = np.einsum("nji,nj->ni", own.at(t_s), rest_radps) + own.rates(t_s)
     return np.asarray(rest_radps)
+
+
+def rates_at(
+    samples_s: FloatArray, w_b_radps: FloatArray, t_s: FloatArray, *, causal: bool = False
+) -> FloatArray:
+    """Return a gyroscope's rates at times, (n, 3): interpolated, or causal the latest sample's."""
+    if causal:
+        return np.asarray(w_b_radps[(np.searchsorted(samples_s, t_s, side="right") - 1).clip(0)])
+    return np.stack([np.interp(t_s, samples_s, column) for column in w_b_radps.T], axis=1)
+
+
+def slopes_at(
+    samples_s: FloatArray, w_b_radps: FloatArray, t_s: FloatArray, *, causal: bool = False
+) -> FloatArray:
+    """Return how a gyroscope's rates change, (n, 3), by those about each time, or before it."""
+    after_s = 0.0 if causal else _SLOPE_SPAN_S / 2
+    after, before = (
+        rates_at(samples_s, w_b_radps, t_s + off_s, causal=causal)
+        for off_s in (after_s, after_s - _SLOPE_SPAN_S)
+    )
+    return np.asarray((after - before) / _SLOPE_SPAN_S)
+
+
+def mean_force_b_mps2(
+    imu: Imu, t_s: FloatArray, w_b_radps: FloatArray | None, *, after: bool = False
+) -> FloatArray:
+    """Return mean specific forces, (n, 3), over the time just before each keyframe, or after.
+
+    In the body axes of the keyframe, to which those before or after turn with its rate, (n, 3).
+
+    As long as a receiver's usual interval, over which late velocities are means.
+    """
+    means = (imu.f_b_mps2[1:] + imu.f_b_mps2[:-1]) / 2 * np.diff(imu.t_s)[:, None]
+    total = np.vstack([np.zeros(3), np.cumsum(means, axis=0)])
+    end_s = (t_s + _FORCE_SPAN_S * after).clip(imu.t_s[0] + _FORCE_SPAN_S, imu.t_s[-1])
+    ends, begins = (
+        np.stack([np.interp(at_s, imu.t_s, column) for column in total.T], axis=1)
+        for at_s in (end_s, end_s - _FORCE_SPAN_S)
+    )
+    mean = (ends - begins) / _FORCE_SPAN_S
+    if w_b_radps is None:
+        return np.asarray(mean)
+    return np.asarray(mean + (after - 0.5) * _FORCE_SPAN_S * np.cross(w_b_radps, mean))
 
 
 def swing_n_mps(R_nb: FloatArray, w_b_radps: FloatArray, arm_b_m: FloatArray) -> FloatArray:

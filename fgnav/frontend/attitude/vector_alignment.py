@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.attitude.flight_vectors import Track, measured_vectors, track_of, with_velocity
-from fgnav.attitude.own_rotation import OwnRotation, despun, own_rotation, spun
+from fgnav.attitude.own_rotation import OwnRotation, own_rotation
 from fgnav.attitude.vector_pairs import VectorPairs, wahba
 from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.flight import Flight
@@ -25,8 +25,6 @@ _NOSE_FIRST = (
     "starts with the velocity along x_b, and the estimate holds for a body that flies so."
 )
 _FEWEST = 5  # attitudes that tell how briskly a body turns
-_AROUND_S = 10  # a gyroscope's bias of 0.02 rad/s turns by 0.2 rad in it
-_TURNED = np.sin(np.radians(5.0))  # of specific forces about their mean direction, RMS
 # And how close: of six turns with gravity told every 5.8 s, three ended at a wrong minimum when
 # these attitudes alone started the search, none when all epochs leant on velocity.
 _NEAR_S = 0.5
@@ -63,9 +61,9 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Vector
     """Return attitudes by specific force and gravity or, failing that, what else there is.
 
     Specific force and gravity are two vectors wherever the body accelerates across gravity; they
-    tell the attitude without any assumption. So are, with a gyroscope, specific forces of different
-    times. Where few epochs are near one with either, line of sight closes the angle that specific
-    force leaves open, or else the velocity as x_b, turned as those few have it.
+    tell the attitude without any assumption. Where few epochs are near one with both, line of sight
+    closes the angle that specific force leaves open, or else the velocity as x_b, turned as those
+    few have it.
 
     Raises
     ------
@@ -80,10 +78,6 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Vector
         few = _by_gravity(flight, track, pairs, gravity)
         if few is not None and _dense(few):
             return replace(few, losses=losses, own=own)
-    if own is not None and flight.imu is not None and flight.imu.w_b_radps is not None:
-        found = _by_times(track, pairs, own)
-        if found is not None:
-            return replace(found, losses=losses)
     assumed = with_velocity(pairs, track)
     attitude = wahba(assumed.directions())
     known, n = attitude.rank == 2, len(track.t_s)
@@ -135,49 +129,6 @@ def _told(flight: Flight, pairs: VectorPairs) -> tuple[str, ...]:
     gyroscope = flight.imu is not None and flight.imu.w_b_radps is not None
     assumed = "velocity" in pairs.sources and pairs.valid[:, pairs.sources.index("velocity")].any()
     return (_NOSE_FIRST,) if assumed and not gyroscope else ()
-
-
-def _by_times(track: Track, pairs: VectorPairs, own: OwnRotation) -> VectorAttitudes | None:
-    """Return attitudes by specific forces of other times, which a gyroscope turns to each epoch's.
-
-    Wahba's problem of one each second, ten before and ten after; None where they hardly turn, as on
-    a straight flight.
-    """
-    t_s, R_ub = track.t_s, own.at(track.t_s)
-    if "specific force" not in pairs.sources or len(t_s) < _FEWEST:
-        return None
-    force = pairs.sources.index("specific force")
-    f_n, f_b = pairs.v_n[:, force], pairs.v_b[:, force]
-    wanted_s = t_s[:, None] + np.arange(-_AROUND_S, _AROUND_S + 1)
-    row = np.stack([nearest(t_s, column)[0] for column in wanted_s.T], axis=1)
-    there = (np.abs(t_s[row] - wanted_s) < 0.5)[..., None]  # each epoch once
-    f_u = np.einsum("nij,nj->ni", R_ub, f_b)
-    around = VectorPairs(
-        v_n=np.where(there, f_n[row], np.nan),
-        v_b=np.where(there, np.einsum("nji,nkj->nki", R_ub, f_u[row]), np.nan),
-        weight=np.ones(row.shape),
-        sources=("specific force",) * row.shape[1],
-    ).directions()
-    v_n, count = np.nan_to_num(around.v_n), around.valid.sum(axis=1)
-    share = np.linalg.eigvalsh(v_n.swapaxes(1, 2) @ v_n) / count.clip(1)[:, None]
-    turned = np.flatnonzero((count >= _FEWEST) & (share[:, 1] > _TURNED**2))
-    if len(turned) < _FEWEST:
-        return None
-    # Where they do not turn, the gyroscope carries what was known last, or will be next.
-    known = turned[nearest(t_s[turned], t_s)[0]]
-    valid = np.abs(t_s[known] - t_s) <= _AROUND_S
-    if valid.mean() < 0.5:
-        return None
-    R_nu = despun(own, t_s, np.nan_to_num(wahba(around).R_nb))[known]
-    return VectorAttitudes(
-        t_s=t_s,
-        R_nb=np.where(valid[:, None, None], spun(own, t_s, R_nu), np.eye(3)),
-        covariance_rad2=np.tile(VECTOR_SIGMA_RAD**2 * np.eye(3), (len(t_s), 1, 1)),
-        valid=valid,
-        rough=True,
-        losses=(),
-        own=own,
-    )
 
 
 def _by_gravity(

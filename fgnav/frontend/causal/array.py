@@ -94,7 +94,7 @@ def causal_array(flight: Flight, resolver: Resolver, false_alarm: float) -> Caus
     ranges_m = fixed_ranges_m(differences, integers)
     excluded, form, attitude = _excluding(differences, ranges_m, false_alarm)
     factor = attitude.variance_factor_so_far()
-    form = _louder(form, factor)
+    form = _with_variance_factor(form, factor)
     attitude = _again(attitude, form, np.flatnonzero(factor != 1.0))
     return CausalArray(
         differences=differences,
@@ -108,7 +108,7 @@ def causal_array(flight: Flight, resolver: Resolver, false_alarm: float) -> Caus
     )
 
 
-def _louder(form: RotationQuadratic, factor: FloatArray) -> RotationQuadratic:
+def _with_variance_factor(form: RotationQuadratic, factor: FloatArray) -> RotationQuadratic:
     """Return the form with the variances of each epoch multiplied by its factor, (n,)."""
     return RotationQuadratic(
         information=form.information / factor[:, None, None],

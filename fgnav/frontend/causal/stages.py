@@ -1,7 +1,6 @@
 """The stages before a smoothing problem for a filter: each keyframe by what came before it alone.
 
-What is certain only later is left out: no integers along arcs, no positions by phase, no float
-arcs.
+What is certain only later is left out: no integers along arcs, no float arcs.
 """
 
 from dataclasses import replace
@@ -10,29 +9,24 @@ import numpy as np
 
 from fgnav.attitude.array import maximum_likelihood
 from fgnav.attitude.flight_vectors import measured_vectors, track_of, with_velocity
+from fgnav.attitude.own_rotation import own_rotation, spun
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.attitude.vector_pairs import wahba
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
 from fgnav.flight import Flight, Imu
 from fgnav.frontend.array.float_arcs import FloatArcs
 from fgnav.frontend.array.pivot import pivot_views
-from fgnav.frontend.attitude.alignment import Alignment, at_keyframes, completed_by
+from fgnav.frontend.attitude.alignment import Alignment, at_keyframes, completed_by, of_motion
 from fgnav.frontend.attitude.filling import zero_order_hold
+from fgnav.frontend.attitude.initial import level_start
 from fgnav.frontend.attitude.vector_alignment import VECTOR_SIGMA_RAD
-from fgnav.frontend.causal.array import causal_array, causal_track
-from fgnav.frontend.gaps import LONGEST_GAP_S, bridged, keyframe_times
-from fgnav.frontend.matching import nearest, unused
-from fgnav.frontend.position.antenna_motion import AntennaMotion, motion_of_fixes
-from fgnav.frontend.position.antenna_motion import completed_by as moved_by
-from fgnav.frontend.position.gate import InertialTrack, gated
-from fgnav.frontend.position.segments import Segments
-from fgnav.frontend.position.series import VectorSeries
+from fgnav.frontend.causal.array import causal_array
+from fgnav.frontend.gaps import bridged, keyframe_times
+from fgnav.frontend.matching import nearest
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import (
     Aligned,
-    Tracked,
     inertial_record,
-    interpolated,
     reason_without_attitude,
 )
 from fgnav.gravity import causal_gravity
@@ -52,12 +46,25 @@ def causal_aligned(flight: Flight, settings: ProblemSettings) -> Aligned:
     record = bridged(inertial_record(flight), causal=True)
     imu = record.imu
     down = None if settings.gravity is None else causal_gravity(settings.gravity)(flight)
-    epochs = _of_arrays(flight, settings) if _has_array(flight) else _of_vectors(flight)
-    start, count, losses = _keyframes(imu, epochs)
+    start, count, losses = _keyframes(imu, _epochs(flight, settings))
+    R_open = None
+    if start.own is not None and not start.valid[0]:
+        R_nu = level_start(imu, start.own, float(start.t_s[0]), flight.initial)
+        R_open = spun(start.own, start.t_s, np.tile(R_nu, (len(start.t_s), 1, 1)))
     stretch = np.full(len(start.t_s), -1, dtype=np.int64)
     rates = np.zeros((len(start.t_s), 3)) if imu.w_b_radps is None else _latest_rates(imu, start)
     no_arcs = FloatArcs(stretch=stretch, count=0)
-    return Aligned(record, down, start, no_arcs, rates, count, losses, causal=True)
+    return Aligned(record, down, start, no_arcs, rates, count, losses, causal=True, R_open=R_open)
+
+
+def _epochs(flight: Flight, settings: ProblemSettings) -> Alignment:
+    """Return attitudes by the array, by motion beside a gyroscope, or by other vectors."""
+    if _has_array(flight):
+        return _of_arrays(flight, settings)
+    imu = flight.imu
+    if imu is None or imu.w_b_radps is None or flight.seeker is not None:
+        return _of_vectors(flight)
+    return of_motion(flight, imu, causal=True)
 
 
 def _has_array(flight: Flight) -> bool:
@@ -149,10 +156,11 @@ def _keyframes(imu: Imu, epochs: Alignment) -> tuple[Alignment, int, tuple[Loss,
     start = at_keyframes(epochs, times_s)
     covered = (start.t_s >= imu.t_s[0]) & (start.t_s <= imu.t_s[-1])
     good = np.flatnonzero(covered & start.valid)
-    if not len(good):
+    carries = imu.w_b_radps is not None  # attitudes to epochs without one
+    if not len(good) and not (carries and start.form is None and covered.any()):
         why = reason_without_attitude(imu, start, covered)
         raise NoSolutionError(f"attitude: no epoch has one to start from: {why}")
-    early = covered & (np.arange(len(start.t_s)) < good[0])
+    early = covered & (np.arange(len(start.t_s)) < (0 if carries else good[0]))
     reasons = {
         ("epoch", "not covered by the accelerometer's record"): ~covered,
         ("epoch", "before the first attitude"): early,
@@ -167,8 +175,11 @@ def _keyframes(imu: Imu, epochs: Alignment) -> tuple[Alignment, int, tuple[Loss,
     if len(start.t_s) < 2:
         why = reason_without_attitude(imu, start, covered[covered & ~early])
         raise NoSolutionError(f"attitude: one keyframe, needs 2 or more: {why}")
-    R_nb = zero_order_hold(start.t_s, start.R_nb, start.valid)
-    return replace(start, R_nb=R_nb), len(times_s), losses
+    if carries and start.own is None:
+        first_s = float(start.t_s[start.valid.argmax()])
+        start = replace(start, own=own_rotation(imu), heading_from_s=first_s)
+    R_nu = zero_order_hold(start.t_s, start.R_nu, start.valid)
+    return replace(start, R_nb=spun(start.own, start.t_s, R_nu)), len(times_s), losses
 
 
 def _latest_rates(imu: Imu, start: Alignment) -> FloatArray:
@@ -177,79 +188,4 @@ def _latest_rates(imu: Imu, start: Alignment) -> FloatArray:
         return np.zeros((len(start.t_s), 3))
     return np.asarray(
         imu.w_b_radps[(np.searchsorted(imu.t_s, start.t_s, side="right") - 1).clip(0)]
-    )
-
-
-def causal_tracked(flight: Flight, stage: Aligned) -> Tracked:
-    """Return positions and velocities of an antenna by code and Doppler, or by fixes."""
-    start, record = stage.start, stage.record
-    antenna = _antennas(flight, stage)
-    if antenna.position is None or not antenna.position.valid.any():
-        raise NoSolutionError("position: neither code observations nor fixes at keyframes")
-    places_n_m = interpolated(start.t_s, antenna.position.value, causal=True)
-    gravity_n_mps2 = flight.origin.gravity_n_mps2(places_n_m)
-    track = InertialTrack(
-        t_s=start.t_s,
-        R_nb=start.R_nb,
-        R_nu=start.R_nb,
-        w_b_radps=stage.rates,
-        imu=record.imu,
-        gravity_n_mps2=gravity_n_mps2,
-        blind=(stage.away_s > LONGEST_GAP_S) | record.overlaps(start.t_s),
-        causal=True,
-    )
-    gate = gated(track, (antenna.position, antenna.velocity), antenna.name)
-    position = gate.position or antenna.position
-    segments = Segments(position=position, constants=(), common_m2=np.zeros_like(antenna.common_m2))
-    return Tracked(
-        start.t_s, antenna, places_n_m, gravity_n_mps2, gate, segments, gate.velocity, ()
-    )
-
-
-def _antennas(flight: Flight, stage: Aligned) -> AntennaMotion:
-    """Return how the reference antenna moved, or while it tracks nothing another one.
-
-    Velocities of another only with a gyroscope: nothing else tells how it swings about the first.
-    """
-    whole, *others = pivot_views(flight, causal=True)
-    antenna = _antenna(whole.flight, stage)
-    for view in others:
-        try:
-            other = _antenna(view.flight, stage)
-        except NoSolutionError:
-            continue
-        if not stage.gyroscope:
-            other = replace(other, velocity=None)
-        antenna = moved_by(antenna, other, stage.start, stage.rates)
-    return antenna
-
-
-def _antenna(flight: Flight, stage: Aligned) -> AntennaMotion:
-    """Return positions whose noise is the receiver's; what stays with satellites is common."""
-    t_s, imu = stage.start.t_s, stage.record.imu
-    if flight.observations is None:
-        return motion_of_fixes(flight, imu, t_s)
-    code, antenna = causal_track(flight), flight.antennas[0]
-    arm_b_m = antenna.position_b_m - imu.position_b_m
-    row, same = nearest(code.t_s, t_s)
-    # Of times between epochs what stays with satellites is that of the epoch before.
-    row = np.where(same, row, (np.searchsorted(code.t_s, t_s) - 1).clip(0))
-
-    def series(value: FloatArray, covariance: FloatArray) -> VectorSeries:
-        value = np.where(same[:, None], value[row], np.nan)
-        return VectorSeries(value=value, covariance=covariance[row], arm_b_m=arm_b_m)
-
-    velocity = None
-    if code.v_n_mps is not None and code.velocity_covariance_m2ps2 is not None:
-        velocity = series(code.v_n_mps, code.velocity_covariance_m2ps2)
-    common_m2 = (code.position_covariance_m2 - code.position_noise_m2)[row]
-    drift_per_s = code.drift_per_s[row]
-    return AntennaMotion(
-        name=antenna.name,
-        position=series(code.p_n_m, code.position_noise_m2),
-        velocity=velocity,
-        arcs_m2=np.zeros_like(common_m2),
-        common_m2=common_m2,
-        drift_m2ps2=drift_per_s @ common_m2 @ transpose(drift_per_s),
-        losses=(*code.losses, *unused("code solution", len(code.t_s), same)),
     )

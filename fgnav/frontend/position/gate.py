@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
+from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.estimate import Rejected
 from fgnav.flight import Imu
 from fgnav.frontend.attitude.rates import swing_n_mps
@@ -49,6 +49,8 @@ class InertialTrack:
     gravity_n_mps2 : ndarray, shape (n, 3)
     blind : ndarray of bool, shape (n,)
         Keyframes without specific force or attitude.
+    attitude_sigma_rad : ndarray, shape (n,)
+        Of the attitudes, beyond a third of a degree: what gravity is turned by.
     causal : bool
         Whether fixes are held against those before them alone.
     """
@@ -60,6 +62,7 @@ class InertialTrack:
     imu: Imu
     gravity_n_mps2: FloatArray
     blind: BoolArray
+    attitude_sigma_rad: FloatArray
     causal: bool = False
 
 
@@ -90,11 +93,13 @@ def gated(
     gained_n_mps = _inertial(track)
     tested, causal = ~_about(t_s, track.blind, causal=track.causal), track.causal
     found: list[tuple[str, str, FloatArray]] = []
+    gravity_mps2 = np.linalg.norm(track.gravity_n_mps2, axis=1)
+    track_mps2 = np.hypot(_TRACK_MPS2, gravity_mps2 * track.attitude_sigma_rad)
     v_n_mps = gained_n_mps
     if velocity is not None:
         left = velocity.value - gained_n_mps
         left -= swing_n_mps(R_nb, track.w_b_radps, velocity.arm_b_m)
-        track_mps = _TRACK_MPS2 * _AROUND_S
+        track_mps = track_mps2 * _AROUND_S
         off, middle = _against_neighbours(t_s, left, velocity.covariance, track_mps, causal=causal)
         off *= tested
         velocity = _without(velocity, off > 0)
@@ -104,10 +109,8 @@ def gated(
         v_n_mps = gained_n_mps + _drift(t_s, position, gained_n_mps, causal=causal)
     if position is not None:
         moved_n_m = _integral(t_s, v_n_mps) + R_nb @ position.arm_b_m
-        left, track_m = position.value - moved_n_m, _TRACK_MPS2 * _AROUND_S**2 / 2
-        off, _ = _against_neighbours(
-            t_s, left, position.covariance, track_m, position.segment, causal=causal
-        )
+        left, track_m = position.value - moved_n_m, track_mps2 * _AROUND_S**2 / 2
+        off, _ = _against_neighbours(t_s, left, position.covariance, track_m, causal=causal)
         off *= tested
         position = _without(position, off > 0)
         found.append(("position", "m", off))
@@ -180,41 +183,36 @@ def _against_neighbours(
     t_s: FloatArray,
     left: FloatArray,
     covariance: FloatArray,
-    track: float,
-    segment: IntArray | None = None,
+    track: FloatArray,
     *,
     causal: bool,
 ) -> tuple[FloatArray, FloatArray]:
     """Return how far rejected values are off, (n,), 0 of the others; and the medians, (n, 3).
 
-    ``track`` is the sigma of the inertial track; values of different pieces are not neighbours.
+    ``track``, (n,), is the sigma of the inertial track; values of different pieces are not
+    neighbours.
     """
     known = np.isfinite(left[:, 0])
     middle = np.zeros_like(left)
     off = np.zeros(len(t_s))
     if not known.any():
         return off, middle
-    of = None if segment is None else segment[known]
-    medians = _medians(t_s[known], left[known], of, causal=causal)
+    medians = _medians(t_s[known], left[known], causal=causal)
     middle = _between(t_s, t_s[known], medians, causal=causal)
     apart = left[known] - medians
     spread = np.zeros(3) if causal else _NORMAL * np.median(np.abs(apart), axis=0)
-    sigma = np.sqrt(np.einsum("nii->ni", covariance[known]) + spread**2 + track**2)
+    sigma = np.sqrt(np.einsum("nii->ni", covariance[known]) + spread**2 + track[known, None] ** 2)
     out = (np.abs(apart) > _SIGMAS * sigma).any(axis=1)
     off[known] = np.where(out, np.linalg.norm(apart, axis=1), 0.0)
     return off, middle
 
 
-def _medians(
-    t_s: FloatArray, values: FloatArray, segment: IntArray | None = None, *, causal: bool
-) -> FloatArray:
+def _medians(t_s: FloatArray, values: FloatArray, *, causal: bool) -> FloatArray:
     """Return the median of each value and its neighbours, (k, 3), none from beyond a gap.
 
     Causal: of each and those before it.
     """
     apart = np.diff(t_s) > _APART_S
-    if segment is not None:
-        apart |= np.diff(segment) != 0
     segment = np.concatenate([[0], np.cumsum(apart)])
     beside = np.arange(-_AROUND, 1 if causal else _AROUND + 1)
     rows = np.arange(len(t_s))[:, None] + beside

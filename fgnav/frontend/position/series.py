@@ -20,16 +20,12 @@ class VectorSeries:
     partial : ndarray, shape (n, 3, 3), or None
         What whitens values known in some directions only, in place of a covariance; rows of zeros
         for the others. Zero of values that are known in all.
-    segment : ndarray of int, shape (n,), or None
-        Segment of positions that a value is in: all of one are off by the same bias; -1 of
-        values that are off by noise alone.
     """
 
     value: FloatArray
     covariance: FloatArray
     arm_b_m: FloatArray
     partial: FloatArray | None = None
-    segment: IntArray | None = None
 
     @property
     def valid(self) -> BoolArray:

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from fgnav import rotations
-from fgnav.frontend.array.consensus import arc_consensus, elected
+from fgnav.frontend.array.consensus import arc_consensus, majority_integers
 from tests.attitude.arrays import sky, synthetic
 
 NAMES = ("a1", "a2", "a3")
@@ -95,7 +95,7 @@ def test_links_left_out_of_a_fixed_baseline_stay_out(array):
 
 def test_the_integer_with_most_votes_wins_and_of_equal_ones_the_largest():
     label, cycles = np.array([5, 2, 5, 2, 5, 2, 9, 9]), np.array([1, -3, 1, 7, 4, -3, 2, 6])
-    labels, integers, votes = elected(label, cycles)
+    labels, integers, votes = majority_integers(label, cycles)
     assert labels.tolist() == [2, 5, 9]
     assert integers.tolist() == [-3, 1, 6]
     assert votes.tolist() == [2, 2, 1]
@@ -103,4 +103,4 @@ def test_the_integer_with_most_votes_wins_and_of_equal_ones_the_largest():
 
 def test_no_votes_elect_nothing():
     none = np.zeros(0, dtype=np.int64)
-    assert [len(part) for part in elected(none, none)] == [0, 0, 0]
+    assert [len(part) for part in majority_integers(none, none)] == [0, 0, 0]

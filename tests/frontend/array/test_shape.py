@@ -52,12 +52,16 @@ def test_places_that_are_known_leave_the_form_of_the_rotation(ranges):
 
 
 def test_the_form_is_as_loud_as_that_of_the_rotation(ranges):
+    """Epoch by epoch: a filter's noise is what residuals until then ask for."""
     differences, ranges_m = ranges
-    rows = np.arange(10, 40)
-    louder = RotationQuadratic.of_ranges(differences, ranges_m)[rows].louder(4.0)
+    rows, later = np.arange(10, 40), np.arange(40, 60)
+    rotation = RotationQuadratic.of_ranges(differences, ranges_m)
     form = BaselineForm.of_ranges(differences, ranges_m)
-    quiet = form.as_loud_as(louder, rows)
-    assert_allclose(quiet.root, form.root / 2, rtol=1e-9)
+    quiet = form.as_loud_as(rotation[rows].louder(4.0), rows)
+    quiet = quiet.as_loud_as(rotation[later].louder(9.0), later)
+    assert_allclose(quiet.root[:10], form.root[:10], rtol=0, atol=0)
+    assert_allclose(quiet.root[rows], form.root[rows] / 2, rtol=1e-9)
+    assert_allclose(quiet.root[later], form.root[later] / 3, rtol=1e-9)
     moved = quiet.at(np.arange(60) + 5, 70)
     assert moved.there.sum() == 60
     assert not moved.root[:5].any()

@@ -1,0 +1,99 @@
+"""Attitudes from the first epoch on that a gyroscope carries, of a flight without an array."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.attitude.flight_vectors import track_of
+from fgnav.attitude.own_rotation import OwnRotation, spun
+from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.flight import Flight, Imu
+from fgnav.frontend.attitude.in_motion import InMotion, in_motion, in_motion_smoothed
+from fgnav.frontend.attitude.initial import level_start, states_heading
+from fgnav.graph.types.problem import ROTATION_PRIOR_RAD
+
+OPEN_HEADING = (
+    "Nothing tells the heading but the motion model: it is left open where its sigma is large."
+)
+
+
+class Carried(NamedTuple):
+    """Attitudes at epochs.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (n,)
+    R_nb : ndarray, shape (n, 3, 3)
+    sigma_rad : ndarray, shape (n,)
+    valid : ndarray of bool, shape (n,)
+        Whether the heading is known by then.
+    own : OwnRotation
+    bias_b_radps : ndarray, shape (3,)
+    heading_from_s, heading_known_s : float
+        When motion begins to tell the heading, and when it has; infinite where it never does.
+    notes : tuple of str
+    """
+
+    t_s: FloatArray
+    R_nb: FloatArray
+    sigma_rad: FloatArray
+    valid: BoolArray
+    own: OwnRotation
+    bias_b_radps: FloatArray
+    heading_from_s: float
+    heading_known_s: float
+    notes: tuple[str, ...]
+
+
+def carried_attitudes(flight: Flight, imu: Imu, *, causal: bool = False) -> Carried:
+    """Return attitudes at the epochs of a flight's track.
+
+    Each from the nearest window whose motion tells the heading; causal, from the last such window
+    by then, and valid from the end of the first. Where none does, level, with the heading stated or
+    zero.
+
+    Raises
+    ------
+    NoSolutionError
+        If there is no track, or next to no inertial sample.
+    """
+    track = track_of(flight, causal=causal)
+    t_s = track.t_s
+    gravity_n_mps2 = flight.origin.gravity_n_mps2(track.p_n_m[[0, 0]])[0]
+    align = in_motion if causal else in_motion_smoothed
+    motion = align(imu, track, gravity_n_mps2)
+    if motion is None:
+        raise NoSolutionError(f"attitude: {len(imu.t_s)} inertial samples are too few")
+    is_stated = states_heading(flight.initial)
+    R_nu, sigma_rad, known_s = _chosen(flight, imu, motion, t_s, causal=causal)
+    return Carried(
+        t_s=t_s,
+        R_nb=spun(motion.own, t_s, R_nu),
+        sigma_rad=sigma_rad,
+        valid=t_s >= known_s,
+        own=motion.own,
+        bias_b_radps=motion.bias_b_radps,
+        heading_from_s=known_s if is_stated else _first(motion.begun_s, known_s),
+        heading_known_s=known_s if is_stated else _first(motion.until_s, known_s),
+        notes=(OPEN_HEADING,) if known_s == np.inf else (),
+    )
+
+
+def _first(of_windows_s: FloatArray, known_s: float) -> float:
+    """Return the first window's time; where there is none, the heading is stated or never known."""
+    return float(of_windows_s[0]) if len(of_windows_s) else known_s
+
+
+def _chosen(
+    flight: Flight, imu: Imu, motion: InMotion, t_s: FloatArray, *, causal: bool
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return R_nu of epochs, (n, 3, 3), their sigmas, and from when their heading is known."""
+    n, is_stated = len(t_s), states_heading(flight.initial)
+    if len(motion.until_s) and not (causal and is_stated):
+        window = motion.latest(t_s) if causal else motion.nearest(t_s)
+        known_s = float(motion.until_s[0]) if causal else -np.inf
+        return motion.R_nu[window], motion.sigma_at(t_s, window), known_s
+    first_s = float(t_s[np.searchsorted(t_s, imu.t_s[0]).clip(0, n - 1)])
+    R_nu = level_start(imu, motion.own, first_s, flight.initial)
+    sigma_rad = np.full(n, ROTATION_PRIOR_RAD)
+    return np.tile(R_nu, (n, 1, 1)), sigma_rad, -np.inf if is_stated else np.inf

@@ -1,0 +1,72 @@
+"""The attitude before any motion: level by the mean specific force, and what a flight states."""
+
+import numpy as np
+
+from fgnav.attitude.own_rotation import OwnRotation
+from fgnav.checks import FloatArray
+from fgnav.flight import Imu, InitialAttitude
+from fgnav.frontend.attitude.in_motion import KNOWN_RAD, levelled
+from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, AttitudePrior
+from fgnav.rotations import euler_jacobian, from_euler, to_euler
+
+LEVEL_S = 1.0  # of specific force whose mean points up: a body at rest shakes faster
+
+
+def level_start(
+    imu: Imu, own: OwnRotation, at_s: float, initial: InitialAttitude | None
+) -> FloatArray:
+    """Return R_nu, (3, 3), by which specific force up to a time points up, of heading zero.
+
+    Over a second, or as much of it as there is; angles that the flight states are as stated.
+    """
+    end = max(int(np.searchsorted(imu.t_s, at_s, side="right")), 1)
+    begin = min(int(np.searchsorted(imu.t_s, at_s - LEVEL_S)), end - 1)
+    f_u = np.einsum("nij,nj->ni", own.R_ub[begin:end], imu.f_b_mps2[begin:end]).mean(axis=0)
+    R_ub = own.at(np.array([at_s]))[0]
+    R_nb = levelled(f_u) @ R_ub if np.any(f_u) else np.eye(3)
+    R_nb = from_euler(*(to_euler(R_nb[None]) * [1, 1, 0]).T)[0]
+    return np.asarray(stated_attitude(initial, R_nb) @ R_ub.T)
+
+
+def stated_attitude(initial: InitialAttitude | None, R_nb: FloatArray) -> FloatArray:
+    """Return an attitude, (3, 3), its angles as stated where they are."""
+    if initial is None:
+        return R_nb
+    angles = to_euler(R_nb[None])[0]
+    stated = [
+        old if new is None else new for old, new in zip(angles, initial.angles_rad, strict=True)
+    ]
+    return np.asarray(from_euler(*np.array(stated)[:, None])[0])
+
+
+def states_heading(initial: InitialAttitude | None) -> bool:
+    """Return whether a flight states its heading so well that the search may start there."""
+    sigma_rad = None if initial is None else initial.heading_sigma_rad
+    return sigma_rad is not None and sigma_rad < KNOWN_RAD
+
+
+def attitude_prior(
+    initial: InitialAttitude | None, R_nb: FloatArray, heading_sigma_rad: float | None = None
+) -> AttitudePrior | None:
+    """Return what a flight states of its first attitude as a prior; None where it states nothing.
+
+    Parameters
+    ----------
+    initial : InitialAttitude or None
+    R_nb : ndarray, shape (3, 3)
+        Where the search starts: of angles that are not stated next to nothing is known about it.
+    heading_sigma_rad : float, optional
+        Of the heading there, as alignment has it.
+    """
+    if initial is None and heading_sigma_rad is None:
+        return None
+    mean = stated_attitude(initial, R_nb)
+    J = euler_jacobian(mean[None])[0]
+    information = np.eye(3) / ROTATION_PRIOR_RAD**2
+    stated = (None, None, None) if initial is None else initial.sigmas_rad
+    for row, sigma in zip(J, stated, strict=True):
+        if sigma is not None:
+            information += np.outer(row, row) / sigma**2
+    if heading_sigma_rad is not None:
+        information += np.outer(mean[2], mean[2]) / heading_sigma_rad**2
+    return AttitudePrior(R_nb=mean, covariance_rad2=np.linalg.inv(information))

@@ -1,0 +1,304 @@
+"""Phases of antennas as rows of the graph: live arcs of each epoch, block by block.
+
+Causal throughout: an epoch's rows, and the block that it is in, come from what was there by then.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.frontend.position.base_integers import ArcNames, with_integers
+from fgnav.gnss.undifferenced import Undifferenced
+from fgnav.gnss.wind_up import wind_up_cycles
+from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock, PhaseRows
+from fgnav.graph.types.constants import Constants
+
+# Code tells ambiguities once in so long: receivers smooth it over about a second (Kaplan, Hegarty,
+# Understanding GPS, 2nd edition, section 5.6: loop bandwidths of code), and echoes last longer.
+_BLOCK_S = 1.0
+_ROUNDING_S = 1e-6
+_STILL_M_PER_SQRT_S = 1e-4  # of ambiguities, which do not move: whitening needs some noise
+_STILL_MPS_PER_SQRT_S = 1e-6
+_UNKNOWN_M = 1e2  # ambiguities, once phase less code is taken off, and before code says more
+_REMEMBERED_S = 60.0  # errors of satellites without phase: they walk by centimetres meanwhile
+
+
+class Observed(NamedTuple):
+    """Observations of an antenna at keyframes; of several the last that has an epoch is taken."""
+
+    of: Undifferenced
+    row: IntArray  # (k,), keyframes
+    epoch: IntArray  # (k,)
+    arm_b_m: FloatArray  # (3,), from the accelerometer to the antenna
+
+
+class _Arcs(NamedTuple):
+    """What antennas observed, arcs and satellites numbered through."""
+
+    of: Undifferenced
+    phase_m: FloatArray  # (n, m), less what is taken off each arc, and less the wind-up
+    code_apart_m: FloatArray  # (n, m), phase_m less code
+    arc: IntArray  # (n, m); -1 without phase
+    satellite: IntArray  # (m,)
+    arm_b_m: FloatArray
+    offset_m: FloatArray  # (a,), taken off the phases of each arc
+    first: int  # number of the first arc
+
+
+class _Live(NamedTuple):
+    """A = (ambiguities, errors of satellites, their rates) of a block."""
+
+    t_s: float
+    channel: IntArray  # (c,)
+    arc: IntArray  # (c,)
+    satellite: IntArray  # (s,)
+    seen_s: FloatArray  # (s,), when they last had phase
+
+    @property
+    def size(self) -> int:
+        return len(self.channel) + 2 * len(self.satellite)
+
+
+def antenna_phase(
+    observed: tuple[Observed, ...],
+    t_s: FloatArray,
+    R_nb: FloatArray,
+    constants: Constants,
+    *,
+    causal: bool = False,
+) -> tuple[AntennaPhase | None, tuple[str, ...]]:
+    """Return the phases of antennas at keyframes, None where there are none, and notes on them.
+
+    Parameters
+    ----------
+    observed : tuple of Observed
+    t_s : ndarray, shape (n,)
+        Keyframes.
+    R_nb : ndarray, shape (n, 3, 3)
+        Attitudes that wind up phases.
+    constants : Constants
+    causal : bool
+        Whether integers against a base hold only after they are found.
+    """
+    names = dict.fromkeys(name for one in observed for name in one.of.satellites)
+    number = {name: k for k, name in enumerate(sorted(names))}
+    arcs, first = [], 0
+    at: dict[int, tuple[_Arcs, int]] = {}
+    for one in observed:
+        arcs.append(_numbered(one, first, number, R_nb))
+        first = max(first, 1 + int(arcs[-1].arc.max(initial=-1)))
+        for k, i in zip(one.row.tolist(), one.epoch.tolist(), strict=True):
+            at[k] = arcs[-1], i
+    live: _Live | None = None
+    blocks: list[ArcBlock] = []
+    of_blocks: list[ArcNames] = []
+    rows: list[PhaseRows] = []
+    taken: list[tuple[int, int]] = []
+    arms_b_m: list[FloatArray] = []
+    for k in sorted(at):
+        of, i = at[k]
+        channel, coded = _channels(of, i)
+        bases = (
+            _without_clocks(of.of.group[channel], of.of.phase_sigma_m[i, channel]),
+            _without_clocks(of.of.group[coded], of.of.code_sigma_m[i, coded]),
+        )
+        if not any(map(len, bases)):
+            continue
+        arc, now_s = of.arc[i, channel], float(t_s[k])
+        if (
+            live is None
+            or now_s - live.t_s > _BLOCK_S - _ROUNDING_S
+            or not np.array_equal(arc, live.arc)
+            or not np.isin(of.satellite[coded], live.satellite).all()
+        ):
+            after = _next(of, i, live, now_s, (channel, coded))
+            blocks.append(_led(of, (live, after), i, k))
+            of_blocks.append(_names(of, after))
+            live = after
+        rows.append(_rows(of, live, i, bases, coded, now_s - live.t_s))
+        taken.append((k, len(blocks) - 1))
+        arms_b_m.append(of.arm_b_m)
+    if not taken:
+        return None, ()
+    row, block = np.array(taken, dtype=np.int64).T.copy()
+    notes: tuple[str, ...] = ()
+    if any(one.of.integers for one in observed):
+        blocks, notes = _with_integers(blocks, of_blocks, rows, block, causal=causal)
+    phase = AntennaPhase(
+        row=row,
+        rows=tuple(rows),
+        block=block,
+        blocks=tuple(blocks),
+        arm_b_m=np.array(arms_b_m),
+        lever_column=constants.column("lever-arm"),
+        constants=constants,
+    )
+    return phase, notes
+
+
+def _with_integers(
+    blocks: list[ArcBlock],
+    names: list[ArcNames],
+    rows: list[PhaseRows],
+    block: IntArray,
+    *,
+    causal: bool,
+) -> tuple[list[ArcBlock], tuple[str, ...]]:
+    """Return blocks with their integers against a base, and what is to be said of these."""
+    epochs: list[list[PhaseRows]] = [[] for _ in blocks]
+    for j, one in zip(block.tolist(), rows, strict=True):
+        epochs[j].append(one)
+    held = with_integers(blocks, names, epochs, causal=causal)
+    share = 100 * held.fixed[block].mean()
+    note = f"Positions against the base: integers known at {share:.1f} % of epochs"
+    if share:
+        note += f", all right but for a chance of {held.wrong_probability:.1g}"
+    return list(held.blocks), (f"{note}.",)
+
+
+def _names(of: _Arcs, live: _Live) -> ArcNames:
+    return ArcNames(
+        arc=live.arc,
+        group=of.of.group[live.channel],
+        wavelength_m=of.of.wavelength_m[live.channel],
+        offset_m=of.offset_m[live.arc - of.first],
+    )
+
+
+def _numbered(one: Observed, first: int, number: dict[str, int], R_nb: FloatArray) -> _Arcs:
+    """Return what an antenna observed, its arcs numbered from ``first`` on.
+
+    Phase less code of each arc's first epoch is taken off, so that numbers are small.
+    """
+    of, phase_m = one.of, one.of.phase_m.copy()
+    if of.pole_n is not None and len(one.row):
+        wound = wind_up_cycles(of.e_n[one.epoch], R_nb[one.row], of.pole_n)
+        if of.integers:  # a base's antenna looks up, its front to the north
+            still = np.broadcast_to(np.eye(3), (len(one.row), 3, 3))
+            wound -= wind_up_cycles(of.e_n[one.epoch], still, of.pole_n)
+        phase_m[one.epoch] -= of.wavelength_m * wound
+    epoch, channel = np.nonzero(of.arc >= 0)
+    arc, code_m = of.arc[epoch, channel], of.code_m[epoch, channel]
+    apart_m = phase_m[epoch, channel] - np.where(np.isfinite(code_m), code_m, 0.0)
+    offset_m = np.zeros(1 + arc.max(initial=-1))
+    offset_m[arc[::-1]] = apart_m[::-1]  # as of the first epoch of each arc
+    phase_m -= np.where(of.arc >= 0, offset_m[of.arc.clip(0)] if len(offset_m) else 0.0, 0.0)
+    return _Arcs(
+        of=of,
+        phase_m=phase_m,
+        code_apart_m=phase_m - of.code_m,
+        arc=np.where(of.arc >= 0, of.arc + first, -1),
+        satellite=np.array([number[name] for name in of.satellites], dtype=np.int64),
+        arm_b_m=one.arm_b_m,
+        offset_m=offset_m,
+        first=first,
+    )
+
+
+def _channels(of: _Arcs, i: int) -> tuple[IntArray, IntArray]:
+    """Return the channels of an epoch with phase, and those with code alone."""
+    phased = of.arc[i] >= 0
+    return np.flatnonzero(phased), np.flatnonzero(~phased & np.isfinite(of.of.code_m[i]))
+
+
+def _without_clocks(group: IntArray, sigma_m: FloatArray) -> FloatArray:
+    """Return whitened combinations, (m - g, m), of m measurements without clocks of g groups."""
+    if not len(group):
+        return np.empty((0, 0))
+    of = np.unique(group, return_inverse=True)[1]
+    clocks = np.eye(of.max() + 1)[of] / sigma_m[:, None]
+    basis = np.linalg.qr(clocks, mode="complete")[0][:, of.max() + 1 :]
+    return np.asarray(basis.T / sigma_m)
+
+
+def _next(
+    of: _Arcs, i: int, before: _Live | None, t_s: float, of_epoch: tuple[IntArray, IntArray]
+) -> _Live:
+    """Return the next block's arcs, and the satellites that are tracked or were lately."""
+    channel, coded = of_epoch
+    seen: dict[int, float] = {}
+    if before is not None:
+        seen = dict(zip(before.satellite.tolist(), before.seen_s.tolist(), strict=True))
+    seen.update(dict.fromkeys(of.satellite[np.append(channel, coded)].tolist(), t_s))
+    satellite = np.array(sorted(s for s, when in seen.items() if t_s - when <= _REMEMBERED_S))
+    return _Live(
+        t_s, channel, of.arc[i, channel], satellite, np.array([seen[s] for s in satellite.tolist()])
+    )
+
+
+def _rows(
+    of: _Arcs,
+    live: _Live,
+    i: int,
+    bases: tuple[FloatArray, FloatArray],
+    coded: IntArray,
+    age_s: float,
+) -> PhaseRows:
+    """Return an epoch's rows: of phases, then of codes without phase."""
+    c, s = len(live.channel), len(live.satellite)
+    parts: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    both = zip(bases, (live.channel, coded), (of.phase_m, of.of.code_m), strict=True)
+    for basis, channel, measured_m in both:
+        e_n, m = of.of.e_n[i, channel], np.arange(len(channel))
+        A, satellite = np.zeros((len(channel), live.size)), _places(of, live, channel)
+        A[m, c + satellite], A[m, c + s + satellite] = 1.0, age_s
+        if not parts:
+            A[:, :c] = np.eye(c)
+        left_m = measured_m[i, channel] - e_n @ of.of.place_n_m[i]
+        if len(basis):
+            parts.append((-basis @ e_n, basis @ A, basis @ left_m))
+        elif not parts:
+            parts.append((np.empty((0, 3)), np.empty((0, live.size)), np.empty(0)))
+    return PhaseRows._make(np.concatenate(part) for part in zip(*parts, strict=True))
+
+
+def _places(of: _Arcs, live: _Live, channel: IntArray) -> IntArray:
+    """Return which of a block's satellites channels are of, (c,)."""
+    return np.searchsorted(live.satellite, of.satellite[channel])
+
+
+def _led(of: _Arcs, blocks: tuple[_Live | None, _Live], i: int, row: int) -> ArcBlock:
+    """Return a block: what leads to it from the one before, and what its first epoch's code says.
+
+    Phase less code is free of geometry and of what stays with satellites: it tells ambiguities but
+    for a clock, common to all, that turns of the antenna wind up.
+    """
+    before, after = blocks
+    c, s = len(after.channel), len(after.satellite)
+    error_m = np.zeros(s)
+    for channel in _channels(of, i):
+        error_m[_places(of, after, channel)] = of.of.error_sigma_m[i, channel]
+    sigma = np.concatenate([np.full(c, _UNKNOWN_M), error_m, np.full(s, of.of.error_rate_mps)])
+    F: FloatArray = np.zeros((after.size, 0))
+    if before is not None:
+        goes_on, F = _transition(before, after)
+        walks = (_STILL_M_PER_SQRT_S, of.of.error_walk_m_per_sqrt_s, _STILL_MPS_PER_SQRT_S)
+        still = np.repeat(walks, (c, s, s)) * np.sqrt(after.t_s - before.t_s)
+        sigma = np.where(goes_on, still, sigma)
+    coded = np.isfinite(of.code_apart_m[i, after.channel])
+    channel = after.channel[coded]
+    basis = _without_clocks(of.of.group[channel], of.of.code_sigma_m[i, channel])
+    code, right = np.zeros((len(basis), after.size)), np.zeros(after.size + len(basis))
+    if len(basis):
+        code[:, np.flatnonzero(coded)] = basis
+        right[after.size :] = basis @ of.code_apart_m[i, channel]
+    return ArcBlock(
+        begin_row=row,
+        before=np.vstack([F / sigma[:, None], np.zeros((len(basis), F.shape[1]))]),
+        after=np.vstack([np.diag(1 / sigma), code]),
+        right=right,
+    )
+
+
+def _transition(before: _Live, after: _Live) -> tuple[BoolArray, FloatArray]:
+    """Return which of A' go on from the block before, (d',), and how, (d', d)."""
+    F, dt_s = np.zeros((after.size, before.size)), after.t_s - before.t_s
+    (b, p), (c, s) = ((len(one.channel), len(one.satellite)) for one in (before, after))
+    _, new, old = np.intersect1d(after.arc, before.arc, return_indices=True)
+    F[new, old] = 1.0
+    _, new, old = np.intersect1d(after.satellite, before.satellite, return_indices=True)
+    F[c + new, b + old] = F[c + s + new, b + p + old] = 1.0
+    goes_on = np.asarray(F.any(axis=1))
+    F[c + new, b + p + old] = dt_s
+    return goes_on, F
