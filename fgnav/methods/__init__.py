@@ -40,6 +40,7 @@ class Options:
     solver : str or None
     causal : bool
         Of the smoother alone: the others are what they are.
+    noise : {"identified", "stated"} or None
     lag_s : float or None
         Of those in ``WITH_LAG``.
     """
@@ -49,6 +50,7 @@ class Options:
     factors: tuple[str, ...] = ()
     solver: str | None = None
     causal: bool = False
+    noise: str | None = None
     lag_s: float | None = None
 
     def of(self, name: str) -> dict[str, object]:
@@ -61,6 +63,7 @@ class Options:
             "factors": self.factors or None,
             "solver": self.solver,
             "causal": True if self.causal and name == "smoother" else None,
+            "noise": self.noise,
             "lag_s": self.lag_s if name in WITH_LAG else None,
         }
         return {option: value for option, value in wanted.items() if value is not None}

@@ -7,6 +7,7 @@ from typing import Protocol, runtime_checkable
 from fgnav.checks import BadInputError, FloatArray, positive
 from fgnav.estimate import Estimate, Estimator
 from fgnav.flight import Flight
+from fgnav.graph.between import MOST_TIMES
 from fgnav.io.tables import read_table
 
 
@@ -64,7 +65,12 @@ def at_times(method: Estimator, times: Path | None, rate_hz: float | None) -> Es
     if not isinstance(method, AnyTime):
         raise BadInputError(f"--at, --rate: {method.name} knows its own epochs alone")
     if times is not None:
-        return AtTimes(name=method.name, method=method, t_s=read_table(times, ["t_s"])["t_s"])
+        t_s = read_table(times, ["t_s"])["t_s"]
+        if len(t_s) > MOST_TIMES:
+            raise BadInputError(
+                f"{times}: has {len(t_s)} times, at most {MOST_TIMES} are estimated at once"
+            )
+        return AtTimes(name=method.name, method=method, t_s=t_s)
     rate = float(rate_hz or 0.0)
     positive("--rate", rate)
     return AtTimes(name=method.name, method=method, rate_hz=rate)

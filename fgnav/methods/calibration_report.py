@@ -4,7 +4,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.estimate import Constant
-from fgnav.graph.types.constants import Constants, FlightConstant
+from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.solution import Solution
 
 _LISTED = 3  # axes
@@ -22,25 +22,10 @@ def calibrated_constants(constants: Constants, solution: Solution) -> tuple[Cons
         own = slice(first, first + one.size)
         value: FloatArray = solution.states.constants[own] - one.mean
         P: FloatArray = solution.constant_covariance[-1, own, own]
-        if one.common is not None:
-            value, P = _without_common(value, P, one)
         known.append(
             Constant(name=one.name, axes=one.axes, unit=one.unit, value=value, covariance=P)
         )
     return tuple(known)
-
-
-def _without_common(
-    value: FloatArray, P: FloatArray, one: FlightConstant
-) -> tuple[FloatArray, FloatArray]:
-    """Return a constant's own value, (d,), out of one with the positions' common error in it.
-
-    Before the flight both were known by covariances ``own`` and ``common``; by the sum, which the
-    data determine, each follows as Gaussian conditioning has it.
-    """
-    own = one.covariance if one.common is None else one.covariance - one.common
-    K = own @ np.linalg.inv(one.covariance)
-    return K @ value, K @ P @ K.T + own - K @ own
 
 
 def sentence(constant: Constant) -> str:

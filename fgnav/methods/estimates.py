@@ -4,15 +4,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.estimate import Consistency, Estimate
-from fgnav.frontend.problem import PreparedFlight
+from fgnav.frontend.gaps import gap_notes, spans
+from fgnav.frontend.problem import PreparedFlight, timed_motion
+from fgnav.graph.delayed import CLOCK_OFFSET, on_gnss_time
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ACCELEROMETER_BIAS, RATE
 from fgnav.methods.calibration_report import calibrated_constants, sentence
 from fgnav.methods.observability import TURN, undetermined
+from fgnav.optional_gtsam import HAS_GTSAM
 from fgnav.rotations import skew
+
+_ROUGH = "its window ended too far from where it was linearised"
+_REFUSED = "estimate, for windows ended too far from where they were linearised,"
+_FEW = 0.5  # of keyframes: where most are refused the method ended nowhere
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -56,26 +63,45 @@ def estimate_of(
     if prepared.rough and not solution.converged:
         open_states = (TURN, *open_states)
     notes = [weak] if weak else []
-    if not solution.converged:
+    refused = _refused(prepared, solution)
+    converged = solution.converged or bool(refused.any())
+    if not converged:
         notes.append(f"{name} did not end at a minimum: do not use the estimate.")
+    if not HAS_GTSAM:
+        notes.append("GTSAM is not installed: the compiled chain has solved the graph.")
+    notes += gap_notes(_REFUSED, spans(problem.t_s, refused))
     constants = calibrated_constants(problem.constants, solution)
     notes += map(sentence, constants)
     epochs = prepared.epochs if rows is None else len(rows)
     rows = np.arange(len(problem.t_s)) if rows is None else rows
-    common = (prepared.common_position_m2[rows], prepared.common_velocity_m2ps2[rows])
+    lost = int(refused[rows].sum())
+    rows = rows[~refused[rows]]
     body = Body(
         position_b_m=prepared.imu.position_b_m,
         earth_rate_n_radps=prepared.earth_rate_n_radps,
         gyroscope=prepared.imu.w_b_radps is not None,
     )
     part, t_s = solution[rows], problem.t_s[rows]
+    if problem.constants.column(CLOCK_OFFSET) >= 0:  # states so far are those of the unit's clock
+        timed = timed_motion(
+            prepared.imu,
+            t_s,
+            problem.motion.gravity_n_mps2[rows],
+            prepared.earth_rate_n_radps,
+            causal=prepared.causal,
+        )
+        part = on_gnss_time(part, timed, problem.constants)
     w_b_radps = problem.motion.rates_b_radps(t_s, part.states.aux)
     return replace(
-        stated(name, problem.constants, part, t_s, w_b_radps, body, common),
+        stated(name, problem.constants, part, t_s, w_b_radps, body),
         epochs=epochs,
         unobservable=open_states,
         integers=prepared.integers,
-        losses=prepared.losses,
+        losses=(
+            *prepared.losses,
+            *([Loss(what="keyframe", reason=_ROUGH, count=lost)] if lost else []),
+        ),
+        converged=converged,
         rejections=prepared.rejections,
         consistency=tests,
         constants=constants,
@@ -90,7 +116,6 @@ def stated(
     t_s: FloatArray,
     w_b_radps: FloatArray,
     body: Body,
-    common: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0),
 ) -> Estimate:
     """Return what a solution says of the body's origin, and nothing of how it came about.
 
@@ -106,8 +131,6 @@ def stated(
         Their rates: of a gyroscope, less its bias, against inertial space; states of the rate
         against n.
     body : Body
-    common : tuple of ndarray, shape (n, 3, 3), or float
-        Variance of positions that no smoothing reduces, m2, and of their drift, m2/s2.
     """
     motion = origin_motion(solution, w_b_radps, body, constants)
     bias = solution.states.aux[:, 3:6] if body.gyroscope else None
@@ -118,9 +141,9 @@ def stated(
         R_nb=solution.states.R_nb,
         attitude_covariance_rad2=solution.covariance[:, :3, :3],
         p_n_m=motion.p_n_m,
-        position_covariance_m2=motion.position_covariance_m2 + common[0],
+        position_covariance_m2=motion.position_covariance_m2,
         v_n_mps=motion.v_n_mps,
-        velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2 + common[1],
+        velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2,
         angular_rate_b_radps=motion.w_b_radps,
         accelerometer_bias_mps2=solution.states.aux[:, :3],
         accelerometer_bias_covariance_m2ps4=solution.covariance[
@@ -132,6 +155,17 @@ def stated(
         ),
         converged=solution.converged,
     )
+
+
+def _refused(prepared: PreparedFlight, solution: Solution) -> BoolArray:
+    """Return keyframes, (n,), whose window ended in no minimum; none where most of them did not.
+
+    Nor where the search started from an assumption: then one such window may have lost its way.
+    """
+    none = np.zeros(len(solution.covariance), dtype=np.bool_)
+    refused = solution.refused
+    is_part = refused is not None and refused.any() and refused.mean() < _FEW
+    return none if refused is None or prepared.rough or not is_part else refused
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

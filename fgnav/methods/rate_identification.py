@@ -56,7 +56,7 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
         return prepared
     note = prior_note(_prior(here))
     notes = tuple(one for one in prepared.notes if not one.startswith("Rate prior"))
-    return replace(prepared, problem=problem, notes=(*notes, note))
+    return replace(prepared, problem=problem, windowed=problem, notes=(*notes, note))
 
 
 def _prior(place: tuple[int, int]) -> RatePrior:

@@ -29,6 +29,7 @@ from fgnav.integers.resolver import Resolver
 from fgnav.methods.estimates import estimate_of
 from fgnav.methods.observability import TURN
 from fgnav.methods.stream import Direction, Measured, Measurements, Stream, StreamSetUp
+from fgnav.optional_gtsam import ABSENT, HAS_GTSAM
 from fgnav.process.evidence import RatePrior
 
 if TYPE_CHECKING:
@@ -76,7 +77,8 @@ class Smoother:
         Sources of factors of one's own: callables ``(flight, timeline)`` that yield GTSAM factors,
         or names of installed ones (entry points ``fgnav.factors``); see ``graph.custom``.
     solver : {"gtsam", "chain"}
-        GTSAM's incremental fixed-lag smoother and Levenberg-Marquardt, or the compiled chain.
+        GTSAM's incremental fixed-lag smoother and Levenberg-Marquardt, or the compiled chain, which
+        is the default where GTSAM is not installed.
     rate_prior : RatePrior or None
         Of flights without a gyroscope; None: identified by the evidence of the array's attitudes.
     sub_steps : int or None
@@ -86,6 +88,9 @@ class Smoother:
     causal : bool
         Whether everything, hyperparameters and integers included, comes from data up to each
         keyframe's lag; else what holds for the flight comes from all of it.
+    noise : {"identified", "stated"}
+        Whether noise that the flight does not state, or that contradicts it, is identified from the
+        flight, with clock and delay (``identification``); causal methods take it as stated.
     lag_s : float
         Length of the window.
     name : str
@@ -95,11 +100,12 @@ class Smoother:
     gravity: GravityEstimator | None = None
     estimate: tuple[str, ...] = ()
     factors: tuple[FactorSource | str, ...] = ()
-    solver: Literal["gtsam", "chain"] = "gtsam"
+    solver: Literal["gtsam", "chain"] = "gtsam" if HAS_GTSAM else "chain"
     rate_prior: RatePrior | None = None
     sub_steps: int | None = None
     false_alarm: float = 1e-4
     causal: bool = False
+    noise: Literal["identified", "stated"] = "identified"
     lag_s: float = 5.0
     name: str = "smoother"
 
@@ -112,6 +118,12 @@ class Smoother:
             raise BadInputError(f"{self.name} sub_steps: must be 1 or more, got {self.sub_steps}")
         if self.solver not in ("gtsam", "chain"):
             raise BadInputError(f"{self.name} solver: must be gtsam or chain, got {self.solver!r}")
+        if self.solver == "gtsam" and not HAS_GTSAM:
+            raise BadInputError(f"{self.name} solver: {ABSENT}")
+        if self.noise not in ("identified", "stated"):
+            raise BadInputError(
+                f"{self.name} noise: must be identified or stated, got {self.noise!r}"
+            )
         if self.solver == "chain" and self.factors:
             raise BadInputError(
                 f"{self.name} solver: chain takes no factors of one's own; use solver gtsam"
@@ -147,15 +159,15 @@ class Smoother:
         if rate_hz is not None:
             positive("rate_hz", rate_hz)
             t_s = regular_times(prepared.problem, rate_hz)
-        problem, rows, nearest = with_times(prepared.problem, np.asarray(t_s))
-        if self.causal:  # what a keyframe to come has is not known yet
-            have_s = prepared.problem.t_s
-            nearest = np.searchsorted(have_s, problem.t_s, side="right") - 1
+        problem, rows = with_times(prepared.problem, np.asarray(t_s))
+        opening = prepared.opening
+        if opening is not None:
+            opening = replace(opening, problem=with_times(opening.problem, np.asarray(t_s))[0])
         dense = replace(
             prepared,
             problem=problem,
-            common_position_m2=prepared.common_position_m2[nearest],
-            common_velocity_m2ps2=prepared.common_velocity_m2ps2[nearest],
+            windowed=with_times(prepared.windowed, np.asarray(t_s))[0],
+            opening=opening,
         )
         return self.estimate_prepared(flight, dense, rows)
 
@@ -170,11 +182,19 @@ class Smoother:
             sub_steps=self.sub_steps,
             false_alarm=self.false_alarm,
             causal=self.causal,
+            noise="stated" if self.causal else self.noise,
         )
 
     def prepare(self, flight: Flight) -> PreparedFlight:
         """Return the smoothing problem of a flight."""
-        prepared = build_problem(flight, self.preparation)
+        settings = self.preparation
+        prepared = build_problem(flight, settings)
+        if settings.noise == "identified":
+            from fgnav.identification.apply import (  # noqa: PLC0415  # lazy: the chain
+                with_identified_noise,
+            )
+
+            prepared = with_identified_noise(flight, settings, prepared, build_problem)
         if without_attitudes(prepared) and not self.causal and self.rate_prior is None:
             from fgnav.methods.rate_identification import (  # noqa: PLC0415  # lazy: the chain
                 identified_by_evidence,
@@ -193,16 +213,20 @@ class Smoother:
         return estimate_of(self.name, prepared, solution, tests, rows)
 
     def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
-        problem, keep = prepared.problem, False
+        problem, keep = prepared.windowed, False
         if not self.causal and (without_attitudes(prepared) or turns_unseen(prepared)):
-            problem, keep = _at_batch(prepared, own), without_attitudes(prepared)
+            problem, keep = _at_batch(prepared, own), True
         if self.solver == "chain":
             from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
 
-            return chain.solve_fixed_lag(problem, self.lag_s, keep_linearisation=keep)
+            return chain.solve_fixed_lag(
+                problem, self.lag_s, keep_linearisation=keep, opening=prepared.opening
+            )
         from fgnav.solve.fixed_lag import solve_fixed_lag  # noqa: PLC0415  # lazy: gtsam
 
-        return solve_fixed_lag(problem, self.lag_s, own=own, keep_linearisation=keep)
+        return solve_fixed_lag(
+            problem, self.lag_s, own=own, keep_linearisation=keep, opening=prepared.opening
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,10 +244,10 @@ class Forward(Smoother):
         if self.solver == "chain":
             from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
 
-            return chain.solve_forward(prepared.problem, self.lag_s)
+            return chain.solve_forward(prepared.windowed, self.lag_s, opening=prepared.opening)
         from fgnav.solve.fixed_lag import solve_forward  # noqa: PLC0415  # lazy: gtsam
 
-        return solve_forward(prepared.problem, self.lag_s, own=own)
+        return solve_forward(prepared.windowed, self.lag_s, own=own, opening=prepared.opening)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -313,8 +337,12 @@ def _batch(solver: str, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") 
     if solver == "chain" or (without_attitudes(prepared) and not own):
         # Its descent crosses the curved valleys of such flights; GTSAM's stops in them.
         from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
+        from fgnav.solve.minima import begins, minima, mixture  # noqa: PLC0415
 
-        return chain.solve_batch(prepared.problem)
+        problem = prepared.problem
+        if without_attitudes(prepared):
+            return chain.solve_batch(problem)
+        return mixture(minima(problem, begins(problem, chain.solve_fixed_lag)))
     from fgnav.solve.batch import solve_batch  # noqa: PLC0415  # lazy: gtsam
 
     return solve_batch(prepared.problem, own=own)

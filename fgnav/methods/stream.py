@@ -93,6 +93,11 @@ class StreamSetUp:
                     "stream set-up estimate: antennas cannot be, phases come reduced by their "
                     "stated places; run a recorded flight with --estimate antennas"
                 )
+            if word.kind in ("clock", "velocity-delay"):
+                raise BadInputError(
+                    f"stream set-up estimate: {word.kind} cannot be, correct the time tags; a "
+                    "recorded flight identifies what they are off by"
+                )
             if word.kind in ("landmark", "boresight") and self.landmark_n_m is None:
                 raise BadInputError(f"stream set-up estimate: {word.kind} needs a landmark_n_m")
         if self.barometer is not None and self.barometer.wander_m:
@@ -426,6 +431,7 @@ def _recorded(
     if now.imu.w_b_radps is not None:
         newest = [np.interp(now.t_s, now.imu.t_s, column) for column in now.imu.w_b_radps.T]
         rates = np.tile(newest, (n, 1))
+    velocity = _series(now.velocity, n, _arm_b_m(now, set_up))
     return Recorded(
         array=None if now.array is None else now.array[np.zeros(n, dtype=np.int64)],
         array_valid=valid,
@@ -433,7 +439,7 @@ def _recorded(
         shape=None,
         antennas=(),
         position=_series(now.position, n, _arm_b_m(now, set_up)),
-        velocity=_series(now.velocity, n, _arm_b_m(now, set_up)),
+        velocities=() if velocity is None else (velocity,),
         sensed=sensed,
         gravity_n_mps2=gravity_n_mps2,
         measured_b_radps=rates,

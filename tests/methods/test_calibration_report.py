@@ -48,28 +48,6 @@ def test_constants_that_were_asked_for_are_listed_off_what_was_expected():
     assert_allclose(found[1].covariance, P[6:, 6:])
 
 
-def test_an_error_common_to_all_positions_is_no_landmarks_own():
-    """With a metre of it, a landmark known to a centimetre keeps its place, and its doubt."""
-    own, common = 0.01**2 * np.eye(3), np.eye(3)
-    surveyed = dataclasses.replace(
-        flight_constant("landmark", AXES, "m", 0.01), covariance=own + common, common=common
-    )
-    (found,) = calibrated_constants(
-        Constants((surveyed,)), solution([0.9, -0.5, 0.3], 0.05**2 * np.eye(3))
-    )
-    assert np.abs(found.value).max() < 0.01
-    assert_allclose(np.sqrt(np.diag(found.covariance)), 0.01, rtol=1e-3)
-
-
-def test_without_data_a_landmarks_own_doubt_is_what_it_was():
-    own, common = np.diag([1.0, 4.0, 9.0]), 2 * np.eye(3) + 0.5
-    landmark = dataclasses.replace(
-        flight_constant("landmark", AXES, "m", 1.0), covariance=own + common, common=common
-    )
-    (found,) = calibrated_constants(Constants((landmark,)), solution(np.zeros(3), own + common))
-    assert_allclose(found.covariance, own, rtol=0, atol=1e-12)
-
-
 def test_angles_are_listed_in_degrees():
     boresight = flight_constant("boresight", ("about y_b", "about z_b"), "rad", 0.1)
     value, P = np.radians([1.0, -2.0]), np.diag(np.radians([0.1, 0.2]) ** 2)

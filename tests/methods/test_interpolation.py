@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from fgnav.checks import BadInputError
+from fgnav.graph.between import with_times
 from fgnav.integers.truth import Truth
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from tests.methods.simulated import errors_rad, flown, nees
@@ -41,6 +42,15 @@ def test_a_time_at_a_keyframe_is_that_keyframe(flight, batch):
     assert_allclose(estimate.p_n_m, batch.p_n_m[[3, 50]], atol=1e-9)
     assert_allclose(estimate.R_nb, batch.R_nb[[3, 50]], atol=1e-12)
     assert estimate.epochs == 2
+
+
+def test_at_keyframes_the_search_starts_where_it_did(flight):
+    """To the last bit, at the last one, too: a filter's covariance tells by 1e-6 of itself."""
+    problem = Smoother(resolver=RIGHT, noise="stated").prepare(flight).problem
+    dense, _ = with_times(problem, problem.t_s[:-1] + 0.05)
+    row = np.searchsorted(dense.t_s, problem.t_s)
+    for name in ("R_nb", "p_n_m", "v_n_mps", "aux"):
+        assert_array_equal(getattr(dense.start, name)[row], getattr(problem.start, name))
 
 
 @pytest.mark.parametrize("method", [Smoother(resolver=RIGHT), Forward(resolver=RIGHT)])

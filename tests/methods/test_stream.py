@@ -67,7 +67,7 @@ def with_sensed(case, sensed, parts):
         shape=None,
         antennas=(),
         position=case.position,
-        velocity=case.velocity,
+        velocities=() if case.velocity is None else (case.velocity,),
         sensed=sensed,
         gravity_n_mps2=case.problem.motion.gravity_n_mps2,
         measured_b_radps=None if imu.w_b_radps is None else imu.w_b_radps[::10],
