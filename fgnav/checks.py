@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
+_LONGEST_QUOTE = 80  # characters: what is wrong shows at once, and no file is printed whole
+
 IntArray: TypeAlias = NDArray[np.integer[Any]]
 BoolArray: TypeAlias = NDArray[np.bool_]
 
@@ -40,6 +42,12 @@ class Loss:
     what: str
     reason: str
     count: int
+
+
+def quoted(value: object) -> str:
+    """Return a value for an error's text: as Python writes it, printable, 80 characters at most."""
+    text = ascii(value) if isinstance(value, str) and not value.isprintable() else repr(value)
+    return text if len(text) <= _LONGEST_QUOTE else f"{text[: _LONGEST_QUOTE - 3]}..."
 
 
 def frozen(

@@ -11,5 +11,24 @@ HEIGHT = ("height_m",)
 FIELD = ("mx_ut", "my_ut", "mz_ut")
 POSITION_SIGMA = ("sigma_n_m", "sigma_e_m", "sigma_d_m")
 VELOCITY_SIGMA = ("sigma_vn_mps", "sigma_ve_mps", "sigma_vd_mps")
+# What no instrument and no flight has, by the end of a column's name; beyond lies damage, and the
+# squares of such numbers overflow. Seconds: 300 years; lengths: the Moon; accelerations and rates:
+# a thousand times those of a fired shell; a field: ten times the strongest magnet.
+_LARGEST = {
+    "latitude_deg": 90.0,
+    "_deg": 360.0,
+    "_s": 1e10,
+    "_mps": 1e6,
+    "_mps2": 1e8,
+    "_radps": 1e6,
+    "_ut": 1e9,
+    "_m": 1e9,
+}
+_LARGEST_OTHER = 1e12  # currents in any unit, ratios
 # 1e-13 deg is 10 nm; seconds are kept to 10 ns.
 FORMATS = {"t_s": "%.8f", "itude_deg": "%.13f", "_deg": "%.12f"}
+
+
+def largest(name: str) -> float:
+    """Return the largest magnitude that a column of that name may hold."""
+    return next((most for end, most in _LARGEST.items() if name.endswith(end)), _LARGEST_OTHER)

@@ -1,13 +1,25 @@
 """A flight as a folder: ``flight.toml`` and the files it names, read and written."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.earth import Origin
-from fgnav.flight import Antenna, Base, Fixes, Flight, GnssNoise, Imu, Seeker, Truth
-from fgnav.io import flight_toml, flight_writer
+from fgnav.flight import (
+    Antenna,
+    Base,
+    Fixes,
+    Flight,
+    GnssNoise,
+    Imu,
+    InitialAttitude,
+    Seeker,
+    Truth,
+)
+from fgnav.io import flight_toml, flight_writer, usual_noise
 from fgnav.io.antennas import chosen, merge, named_alike
 from fgnav.io.columns import (
     CALIBRATION,
@@ -23,12 +35,14 @@ from fgnav.io.columns import (
     VELOCITY_SIGMA,
 )
 from fgnav.io.flight_integers import read_integers
+from fgnav.io.flight_times import check_times
 from fgnav.io.flight_toml import (
     BarometerTable,
     FixesTable,
     FlightTable,
     GnssTable,
     ImuTable,
+    InitialTable,
     MagnetometerTable,
     SeekerTable,
     TruthTable,
@@ -42,10 +56,7 @@ from fgnav.observations import Observations
 from fgnav.orbits import BroadcastOrbits
 from fgnav.surroundings import Barometer, Magnetometer
 
-# What a receiver's own solution is good for where the file does not say: a single-frequency code
-# solution under open sky.
-DEFAULT_POSITION_SIGMA_M = (3.0, 3.0, 5.0)
-DEFAULT_VELOCITY_SIGMA_MPS = (0.1, 0.1, 0.1)
+_LEAST_SIGMA = 1e-6  # m, m/s: no receiver knows its place or velocity better
 
 
 def load_flight(path: Path | str) -> Flight:
@@ -66,20 +77,36 @@ def load_flight(path: Path | str) -> Flight:
     BadInputError
         One line that names file, line or key, rule and value.
     """
-    path = Path(path)
-    toml = path if path.suffix == ".toml" else path / flight_writer.FILE_NAME
-    if not toml.is_file():
-        raise BadInputError(
-            f"{toml}: no such file; a flight is a folder with a {flight_writer.FILE_NAME}"
-        )
+    toml = _toml(Path(path))
     table = flight_toml.read_flight_toml(toml)
     start_gps_s = flight_toml.gps_seconds(toml, table.start)
     try:
-        return _flight(toml.parent, table, start_gps_s)
+        flight = _flight(toml.parent, table, start_gps_s)
+        check_times(flight)
+        return replace(flight, losses=(*flight.losses, *_row_losses(toml, table, flight)))
     except BadInputError as error:
         if str(error).startswith(str(toml.parent)):
             raise
         raise BadInputError(f"{toml}: {error}") from error
+
+
+def files_of(path: Path | str) -> tuple[Path, ...]:
+    """Return the files that a flight is made of, its ``flight.toml`` first.
+
+    Raises
+    ------
+    BadInputError
+        If there is no such flight, or its ``flight.toml`` breaks a rule.
+    """
+    toml = _toml(Path(path))
+    table = flight_toml.read_flight_toml(toml)
+    names = [*(a.observations for a in table.antenna), *table.gnss.navigation, *table.gnss.orbits]
+    names += [table.gnss.base.observations] if table.gnss.base else []
+    for part in (table.imu, table.fixes, table.barometer, table.magnetometer):
+        names += [part.samples] if part else []
+    names += [table.seeker.samples, table.seeker.calibration] if table.seeker else []
+    names += [table.truth.samples, table.truth.integers] if table.truth else []
+    return toml, *(toml.parent / name for name in names if name)
 
 
 def save_flight(flight: Flight, folder: Path | str, *, rinex: RinexVersion = "3.04") -> None:
@@ -99,6 +126,49 @@ def save_flight(flight: Flight, folder: Path | str, *, rinex: RinexVersion = "3.
         If the folder holds something, or a value does not fit into its file's columns.
     """
     flight_writer.write_folder(flight, Path(folder), rinex)
+
+
+def _toml(path: Path) -> Path:
+    """Return the ``flight.toml`` of a folder, or the one named."""
+    toml = path if path.suffix == ".toml" else path / flight_writer.FILE_NAME
+    if not toml.is_file():
+        raise BadInputError(
+            f"{toml}: no such file; a flight is a folder with a {flight_writer.FILE_NAME}"
+        )
+    return toml
+
+
+def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> list[Loss]:
+    """Compare tables with the number of rows that their writer has noted; count what is missing."""
+    read: dict[str, int] = {}
+    for part, series in (
+        (table.imu, flight.imu),
+        (table.fixes, flight.fixes),
+        (table.seeker, flight.seeker),
+        (table.barometer, flight.barometer),
+        (table.magnetometer, flight.magnetometer),
+        (table.truth, flight.truth),
+    ):
+        if part is not None and series is not None:
+            read[part.samples] = len(series.t_s)
+    if table.seeker is not None and flight.seeker is not None:
+        read[table.seeker.calibration] = len(flight.seeker.calibration)
+    if table.truth is not None and flight.truth is not None and flight.truth.integers is not None:
+        read[str(table.truth.integers)] = len(flight.truth.integers.cycles)
+    losses = []
+    for name, rows in table.rows.items():
+        missing = rows - read.get(name, 0)
+        if missing < 0:
+            raise BadInputError(
+                f"{toml}: key rows.{name}: {rows} rows were written, the file holds {read[name]}; "
+                "state the number that is right"
+            )
+        reason = "the file may be cut: rows in flight.toml has more"
+        if name not in read:
+            reason = "rows in flight.toml has it, no table names it"
+        if missing:
+            losses.append(Loss(what=f"{name[:80]} row", reason=reason, count=missing))
+    return losses
 
 
 def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
@@ -132,6 +202,7 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         seeker=_seeker(folder, origin, table.seeker) if table.seeker else None,
         barometer=_barometer(folder, table.barometer) if table.barometer else None,
         magnetometer=_magnetometer(folder, table.magnetometer) if table.magnetometer else None,
+        initial=_initial(table.initial) if table.initial else None,
         truth=_truth(folder, origin, table.truth, [a.name for a in table.antenna])
         if table.truth
         else None,
@@ -171,59 +242,83 @@ def _rinex(
     )
 
 
+def _initial(table: InitialTable) -> InitialAttitude:
+    degrees = msgspec.structs.asdict(table)
+    return InitialAttitude(
+        **{
+            f"{name.removesuffix('_deg')}_rad": None if value is None else float(np.radians(value))
+            for name, value in degrees.items()
+        }
+    )
+
+
 def _gnss_noise(gnss: GnssTable) -> GnssNoise:
-    return GnssNoise(
-        code_m=gnss.code_noise_m,
-        phase_m=gnss.phase_noise_m,
-        doppler_mps=gnss.doppler_noise_mps,
+    stated = {
+        "code_m": gnss.code_noise_m,
+        "phase_m": gnss.phase_noise_m,
+        "doppler_mps": gnss.doppler_noise_mps,
+    }
+    return replace(
+        usual_noise.gnss_noise(stated),
         elevation_weights=gnss.elevation_weights,
+        wind_up=gnss.wind_up,
+        satellite_error_rate_mps=gnss.satellite_error_rate_mps,
+        satellite_error_walk_m_per_sqrt_s=gnss.satellite_error_walk_m_per_sqrt_s,
     )
 
 
 def _imu(folder: Path, table: ImuTable) -> Imu:
     samples = read_table(folder / table.samples, ("t_s", *FORCE), (RATE,))
+    stated = {name: getattr(table, name) for name in usual_noise.IMU}
     return Imu(
         t_s=samples["t_s"],
         f_b_mps2=columns_to_vectors(samples, FORCE),
         w_b_radps=columns_to_vectors(samples, RATE) if RATE[0] in samples else None,
         position_b_m=np.array(table.position_b_m),
-        accelerometer_noise_mps2_per_sqrt_hz=table.accelerometer_noise_mps2_per_sqrt_hz,
-        accelerometer_bias_mps2=table.accelerometer_bias_mps2,
-        accelerometer_bias_walk_mps2_per_sqrt_s=table.accelerometer_bias_walk_mps2_per_sqrt_s,
-        gyroscope_noise_radps_per_sqrt_hz=table.gyroscope_noise_radps_per_sqrt_hz,
-        gyroscope_bias_radps=table.gyroscope_bias_radps,
-        gyroscope_bias_walk_radps_per_sqrt_s=table.gyroscope_bias_walk_radps_per_sqrt_s,
+        **usual_noise.imu_noise(stated, gyroscope=RATE[0] in samples),
     )
 
 
 def _fixes(folder: Path, origin: Origin, table: FixesTable) -> Fixes:
     """Read fixes; standard deviations stay as they are, since the axes differ by 0.02 deg."""
     optional = (VELOCITY, POSITION_SIGMA, VELOCITY_SIGMA)
-    samples = read_table(folder / table.samples, ("t_s", *PLACE), optional)
+    path = folder / table.samples
+    samples = read_table(path, ("t_s", *PLACE), optional)
     p_n_m = place_to_n(origin, columns_to_vectors(samples, PLACE))
     if VELOCITY_SIGMA[0] in samples and VELOCITY[0] not in samples:
-        raise BadInputError(
-            f"{folder / table.samples}: line 1: {VELOCITY_SIGMA[0]} needs {', '.join(VELOCITY)}"
-        )
+        raise BadInputError(f"{path}: line 1: {VELOCITY_SIGMA[0]} needs {', '.join(VELOCITY)}")
     v_n_mps = velocity_sigma_mps = None
     if VELOCITY[0] in samples:
         v_n_mps = velocity_to_n(origin, p_n_m, columns_to_vectors(samples, VELOCITY))
-        velocity_sigma_mps = _sigma(samples, VELOCITY_SIGMA, DEFAULT_VELOCITY_SIGMA_MPS)
+        velocity_sigma_mps = _sigma(path, samples, VELOCITY_SIGMA, usual_noise.VELOCITY_SIGMA_MPS)
     return Fixes(
         t_s=samples["t_s"],
         antenna=table.antenna,
         p_n_m=p_n_m,
         v_n_mps=v_n_mps,
-        position_sigma_m=_sigma(samples, POSITION_SIGMA, DEFAULT_POSITION_SIGMA_M),
+        position_sigma_m=_sigma(path, samples, POSITION_SIGMA, usual_noise.POSITION_SIGMA_M),
         velocity_sigma_mps=velocity_sigma_mps,
+        unstated=tuple(
+            name
+            for name, sigma in (("position", POSITION_SIGMA), ("velocity", VELOCITY_SIGMA))
+            if sigma[0] not in samples
+        ),
     )
 
 
 def _sigma(
-    samples: dict[str, FloatArray], names: tuple[str, ...], default: tuple[float, ...]
+    path: Path, samples: dict[str, FloatArray], names: tuple[str, ...], default: tuple[float, ...]
 ) -> FloatArray:
     if names[0] in samples:
-        return columns_to_vectors(samples, names)
+        sigma = columns_to_vectors(samples, names)
+        wrong = sigma < _LEAST_SIGMA
+        if wrong.any():
+            row, column = np.argwhere(wrong)[0]
+            raise BadInputError(
+                f"{path}: line {row + 2}: {names[column]} must be {_LEAST_SIGMA:g} or more, "
+                f"got {sigma[row, column]:.9g}"
+            )
+        return sigma
     return np.tile(np.array(default), (len(samples["t_s"]), 1))
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray
+from fgnav.checks import BadInputError, FloatArray, quoted
 from fgnav.flight import LinkIntegers
-from fgnav.io.rinex_text import read_bytes
+from fgnav.io.user_files import read_bytes
 
 COLUMNS = ("antenna", "satellite", "signal", "from_s", "cycles")
 
@@ -31,11 +31,10 @@ def read_integers(path: Path) -> LinkIntegers:
     BadInputError
         Naming file, line, column, rule and value.
     """
-    lines = read_bytes(path).decode("utf-8", "replace").splitlines()
-    header, *rows = csv.reader(lines) if lines else ([],)
+    header, *rows = _rows(path)
     if tuple(header) != COLUMNS:
         raise BadInputError(
-            f"{path}: line 1: columns must be {','.join(COLUMNS)}, got {','.join(header)!r}"
+            f"{path}: line 1: columns must be {','.join(COLUMNS)}, got {quoted(','.join(header))}"
         )
     for line, row in enumerate(rows, start=2):
         if len(row) != len(COLUMNS):
@@ -57,6 +56,23 @@ def read_integers(path: Path) -> LinkIntegers:
         raise BadInputError(f"{path}: {error}") from None
 
 
+def _rows(path: Path) -> list[list[str]]:
+    """Return the cells of each line, one line or more."""
+    text = read_bytes(path).decode("utf-8", "replace").replace("\r\n", "\n")
+    if text and not text.endswith("\n"):
+        raise BadInputError(
+            f"{path}: must end with a line end, the last line is cut; take the file again"
+        )
+    lines = text.split("\n")[:-1]
+    for line, content in enumerate(lines, start=1):
+        if not content.isprintable():
+            raise BadInputError(f"{path}: line {line}: must be plain text, got {quoted(content)}")
+    try:
+        return list(csv.reader(lines, strict=True)) if lines else [[]]
+    except csv.Error as error:
+        raise BadInputError(f"{path}: must be CSV, {error}") from None
+
+
 def _numbers(path: Path, rows: Sequence[Sequence[str]], column: int) -> FloatArray:
     """Return a column of finite numbers."""
     values = np.empty(len(rows))
@@ -68,6 +84,6 @@ def _numbers(path: Path, rows: Sequence[Sequence[str]], column: int) -> FloatArr
         if not np.isfinite(values[k]):
             raise BadInputError(
                 f"{path}: line {k + 2}: {COLUMNS[column]} must be a finite number, "
-                f"got {row[column]!r}"
+                f"got {quoted(row[column])}"
             )
     return values

@@ -4,15 +4,15 @@ import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
 
-from fgnav.checks import BadInputError
+from fgnav.checks import BadInputError, quoted
 from fgnav.flight import ElevationWeights, GnssNoise
 from fgnav.io.gps_time import GPS_EPOCH
-from fgnav.io.strict_toml import Table, Vector, as_table, read_toml
+from fgnav.io.strict_toml import Positive, Table, Vector, as_table, read_toml
 
 FORMAT = "fgnav-flight/1"
 _START = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,9})?")
@@ -51,10 +51,13 @@ class GnssTable(Table, frozen=True, kw_only=True):
     orbits: tuple[str, ...] = ()
     signals: dict[str, tuple[str, ...]] = msgspec.field(default_factory=dict)
     elevation_mask_deg: float = 10.0
-    code_noise_m: float = _NOISE.code_m
-    phase_noise_m: float = _NOISE.phase_m
-    doppler_noise_mps: float = _NOISE.doppler_mps
+    code_noise_m: float | None = None
+    phase_noise_m: float | None = None
+    doppler_noise_mps: float | None = None
     elevation_weights: ElevationWeights = _NOISE.elevation_weights
+    wind_up: bool = _NOISE.wind_up
+    satellite_error_rate_mps: float = _NOISE.satellite_error_rate_mps
+    satellite_error_walk_m_per_sqrt_s: float = _NOISE.satellite_error_walk_m_per_sqrt_s
     base: BaseTable | None = None
 
 
@@ -63,9 +66,9 @@ class ImuTable(Table, frozen=True, kw_only=True):
 
     samples: str
     position_b_m: Vector = (0.0, 0.0, 0.0)
-    accelerometer_noise_mps2_per_sqrt_hz: float
-    accelerometer_bias_mps2: float
-    accelerometer_bias_walk_mps2_per_sqrt_s: float
+    accelerometer_noise_mps2_per_sqrt_hz: float | None = None
+    accelerometer_bias_mps2: float | None = None
+    accelerometer_bias_walk_mps2_per_sqrt_s: float | None = None
     gyroscope_noise_radps_per_sqrt_hz: float | None = None
     gyroscope_bias_radps: float | None = None
     gyroscope_bias_walk_radps_per_sqrt_s: float | None = None
@@ -109,6 +112,17 @@ class MagnetometerTable(Table, frozen=True, kw_only=True):
     hard_iron_ut: float
 
 
+class InitialTable(Table, frozen=True, kw_only=True):
+    """``[initial]``: attitude at the first epoch, each angle with its 1-sigma."""
+
+    roll_deg: float | None = None
+    roll_sigma_deg: Positive | None = None
+    pitch_deg: float | None = None
+    pitch_sigma_deg: Positive | None = None
+    heading_deg: float | None = None
+    heading_sigma_deg: Positive | None = None
+
+
 class TruthTable(Table, frozen=True, kw_only=True):
     """``[truth]``."""
 
@@ -117,11 +131,12 @@ class TruthTable(Table, frozen=True, kw_only=True):
 
 
 class FlightTable(Table, frozen=True, kw_only=True):
-    """The whole file."""
+    """The whole file; ``rows`` says how many rows each table of samples was written with."""
 
     format: str
     name: str
     start: str
+    rows: dict[str, Annotated[int, msgspec.Meta(ge=0)]] = msgspec.field(default_factory=dict)
     origin: Place
     antenna: tuple[AntennaTable, ...] = ()
     gnss: GnssTable = GnssTable()
@@ -130,6 +145,7 @@ class FlightTable(Table, frozen=True, kw_only=True):
     seeker: SeekerTable | None = None
     barometer: BarometerTable | None = None
     magnetometer: MagnetometerTable | None = None
+    initial: InitialTable | None = None
     truth: TruthTable | None = None
 
 
@@ -154,7 +170,7 @@ def read_flight_toml(path: Path) -> FlightTable:
         raise BadInputError(f"{path}: must describe a flight, the file is empty")
     got = content.get("format")
     if got != FORMAT:
-        raise BadInputError(f"{path}: key format: must be {FORMAT!r}, got {got!r}")
+        raise BadInputError(f"{path}: key format: must be {FORMAT!r}, got {quoted(got)}")
     return as_table(path, content, FlightTable)
 
 
@@ -166,7 +182,8 @@ def gps_seconds(path: Path, start: str) -> float:
     BadInputError
         If the text is no date such as ``2020-06-25T00:00:00.5``, or before 1980-01-06.
     """
-    rule = f"{path}: key start: must be a GPS date and time, 2020-06-25T00:00:00, got {start!r}"
+    got = quoted(start)
+    rule = f"{path}: key start: must be a GPS date and time, 2020-06-25T00:00:00, got {got}"
     if not _START.fullmatch(start):
         raise BadInputError(rule)
     try:
@@ -175,7 +192,7 @@ def gps_seconds(path: Path, start: str) -> float:
         raise BadInputError(rule) from error
     seconds = float((whole - GPS_EPOCH) / np.timedelta64(1, "s"))
     if seconds < 0:
-        raise BadInputError(f"{path}: key start: must not be before 1980-01-06, got {start!r}")
+        raise BadInputError(f"{path}: key start: must not be before 1980-01-06, got {got}")
     return seconds + float("0" + start[19:])
 
 
@@ -190,7 +207,7 @@ def write_flight_toml(path: Path, table: FlightTable) -> None:
     """Write ``flight.toml``; keys at their default are left out."""
     lines: list[str] = []
     plain = {k: v for k, v in msgspec.to_builtins(table).items() if v not in _NOTHING}
-    tables = {k: v for k, v in plain.items() if isinstance(v, dict)}
+    tables = {k: v for k, v in plain.items() if isinstance(v, dict) and k != "rows"}
     lists = {k: v for k, v in plain.items() if isinstance(v, list | tuple)}
     lines += [f"{k} = {_toml(v)}" for k, v in plain.items() if k not in tables and k not in lists]
     for key, rows in lists.items():
@@ -203,11 +220,17 @@ def write_flight_toml(path: Path, table: FlightTable) -> None:
 
 def _entries(table: Mapping[str, Any]) -> list[str]:
     said = {key: value for key, value in table.items() if value not in _NOTHING}
-    return [f"{key} = {_toml(value)}" for key, value in said.items()]
+    return [f"{_key(name)} = {_toml(value)}" for name, value in said.items()]
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
 
 
 def _toml(value: Any) -> str:  # noqa: ANN401  # any TOML value
     """Return the TOML of a value; nested tables inline."""
+    if isinstance(value, bool):
+        return str(value).lower()
     if isinstance(value, dict):
         return "{ " + ", ".join(_entries(value)) + " }"
     if isinstance(value, list | tuple):

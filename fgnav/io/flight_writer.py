@@ -1,10 +1,7 @@
 """A flight written as a folder that appears whole or not at all."""
 
 import re
-import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +10,14 @@ from fgnav.checks import BadInputError, FloatArray
 from fgnav.earth import Origin
 from fgnav.flight import Flight
 from fgnav.io import columns, flight_toml
+from fgnav.io.atomic_write import atomic_folder
 from fgnav.io.flight_integers import write_integers
 from fgnav.io.local_frame import attitude_of_n, place_of_n, velocity_of_n
 from fgnav.io.rinex_writer import RinexVersion, write_navigation, write_observations
 from fgnav.io.sp3_writer import write_precise
 from fgnav.io.strict_toml import Vector
 from fgnav.io.tables import write_table
+from fgnav.io.usual_noise import IMU
 
 FILE_NAME = "flight.toml"
 _PLAIN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
@@ -43,8 +42,9 @@ def write_folder(flight: Flight, folder: Path, rinex: RinexVersion = "3.04") -> 
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise BadInputError(f"{folder}: must be a new or empty folder, it holds something")
-    with _new_folder(folder) as new:
+    with atomic_folder(folder) as new:
         table = flight_toml.FlightTable(
+            rows=_rows(flight),
             format=flight_toml.FORMAT,
             name=flight.name,
             start=flight_toml.gps_date(flight.start_gps_s),
@@ -56,26 +56,28 @@ def write_folder(flight: Flight, folder: Path, rinex: RinexVersion = "3.04") -> 
             seeker=_seeker(flight, new),
             barometer=_barometer(flight, new),
             magnetometer=_magnetometer(flight, new),
+            initial=_initial(flight),
             truth=_truth(flight, new),
         )
         flight_toml.write_flight_toml(new / FILE_NAME, table)
 
 
-@contextmanager
-def _new_folder(folder: Path) -> Iterator[Path]:
-    """Give a temporary folder beside the wanted one; rename it at the end, or leave nothing."""
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    except OSError as error:
-        raise BadInputError(f"{folder}: cannot be made, {error.strerror}") from error
-    try:
-        yield temporary
-        temporary.chmod(0o755)
-        temporary.replace(folder)
-    except BaseException:
-        shutil.rmtree(temporary, ignore_errors=True)
-        raise
+def _rows(flight: Flight) -> dict[str, int]:
+    """Return how many rows each table holds, by file."""
+    series = {
+        "imu.csv": flight.imu,
+        "fixes.csv": flight.fixes,
+        "seeker.csv": flight.seeker,
+        "barometer.csv": flight.barometer,
+        "magnetometer.csv": flight.magnetometer,
+        "truth.csv": flight.truth,
+    }
+    rows = {name: len(one.t_s) for name, one in series.items() if one is not None}
+    if flight.seeker is not None:
+        rows["quadrant.csv"] = len(flight.seeker.calibration)
+    if flight.truth is not None and flight.truth.integers is not None:
+        rows["integers.csv"] = len(flight.truth.integers.cycles)
+    return rows
 
 
 def _place(row: FloatArray) -> flight_toml.Place:
@@ -156,10 +158,13 @@ def _gnss(flight: Flight, folder: Path, rinex: RinexVersion) -> flight_toml.Gnss
         navigation=("broadcast.rnx",) if flight.broadcast is not None else (),
         orbits=("precise.sp3",) if flight.precise is not None else (),
         elevation_mask_deg=float(np.degrees(flight.elevation_mask_rad)),
-        code_noise_m=noise.code_m,
-        phase_noise_m=noise.phase_m,
-        doppler_noise_mps=noise.doppler_mps,
+        code_noise_m=None if "code_m" in noise.unstated else noise.code_m,
+        phase_noise_m=None if "phase_m" in noise.unstated else noise.phase_m,
+        doppler_noise_mps=None if "doppler_mps" in noise.unstated else noise.doppler_mps,
         elevation_weights=noise.elevation_weights,
+        wind_up=noise.wind_up,
+        satellite_error_rate_mps=noise.satellite_error_rate_mps,
+        satellite_error_walk_m_per_sqrt_s=noise.satellite_error_walk_m_per_sqrt_s,
         base=base,
     )
 
@@ -186,12 +191,7 @@ def _imu(flight: Flight, folder: Path) -> flight_toml.ImuTable | None:
     return flight_toml.ImuTable(
         samples="imu.csv",
         position_b_m=_vector(imu.position_b_m),
-        accelerometer_noise_mps2_per_sqrt_hz=imu.accelerometer_noise_mps2_per_sqrt_hz,
-        accelerometer_bias_mps2=imu.accelerometer_bias_mps2,
-        accelerometer_bias_walk_mps2_per_sqrt_s=imu.accelerometer_bias_walk_mps2_per_sqrt_s,
-        gyroscope_noise_radps_per_sqrt_hz=imu.gyroscope_noise_radps_per_sqrt_hz,
-        gyroscope_bias_radps=imu.gyroscope_bias_radps,
-        gyroscope_bias_walk_radps_per_sqrt_s=imu.gyroscope_bias_walk_radps_per_sqrt_s,
+        **{name: None if name in imu.unstated else getattr(imu, name) for name in IMU},
     )
 
 
@@ -207,8 +207,14 @@ def _fixes(flight: Flight, folder: Path) -> flight_toml.FixesTable | None:
         fixes.t_s,
         (columns.PLACE, place_of_n(flight.origin, fixes.p_n_m)),
         (columns.VELOCITY, velocity),
-        (columns.POSITION_SIGMA, fixes.position_sigma_m),
-        (columns.VELOCITY_SIGMA, fixes.velocity_sigma_mps),
+        (
+            columns.POSITION_SIGMA,
+            None if "position" in fixes.unstated else fixes.position_sigma_m,
+        ),
+        (
+            columns.VELOCITY_SIGMA,
+            None if "velocity" in fixes.unstated else fixes.velocity_sigma_mps,
+        ),
     )
     return flight_toml.FixesTable(samples="fixes.csv", antenna=fixes.antenna)
 
@@ -256,6 +262,18 @@ def _magnetometer(flight: Flight, folder: Path) -> flight_toml.MagnetometerTable
         field_n_ut=_vector(sensor.field_n_ut),
         noise_ut=sensor.noise_ut,
         hard_iron_ut=sensor.hard_iron_ut,
+    )
+
+
+def _initial(flight: Flight) -> flight_toml.InitialTable | None:
+    if flight.initial is None:
+        return None
+    return flight_toml.InitialTable(
+        **{
+            f"{name.removesuffix('_rad')}_deg": float(np.degrees(value))
+            for name, value in asdict(flight.initial).items()
+            if value is not None
+        }
     )
 
 

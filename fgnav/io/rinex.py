@@ -17,6 +17,7 @@ from fgnav.io.rinex_text import Bytes, is_plain, read_text
 from fgnav.io.signal_choice import choose_signals
 from fgnav.observations import Observations
 from fgnav.orbits import BroadcastOrbits
+from fgnav.progress import steps
 
 
 def read_observations(path: Path, start_gps_s: float) -> Observations:
@@ -90,7 +91,7 @@ def read_rinex(
         files = [Path(name) / f"file{k}.rnx" for k in range(len(paths))]
         n = len(messages)
         orbits = [_sorted_out(*pair) for pair in zip(messages, files[:n], strict=True)]
-        checked = [_checked(*pair) for pair in zip(receivers, files[n:], strict=True)]
+        checked = [_checked(receivers[k], files[n + k]) for k in steps(len(receivers))]
         choices = choose_signals([header for header, _ in checked])
         jobs = [
             Job(kind="navigation", source=source, path=path)

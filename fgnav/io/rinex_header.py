@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from fgnav.checks import BadInputError
+from fgnav.checks import BadInputError, quoted
 from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.rinex_text import Bytes
 
@@ -37,6 +37,8 @@ class Header:
         ``GPS``, ``GLO``, ``GAL``, ``QZS``, ``BDT``; of observations.
     last_us : int or None
         Announced last epoch, microseconds since 1980-01-06 in the file's time system.
+    interval_s : float or None
+        Announced time between epochs.
     klobuchar : tuple of float
         GPS ionosphere, alpha and beta; zeros where absent.
     size, lines : int
@@ -50,6 +52,7 @@ class Header:
     types: dict[str, tuple[str, ...]]
     time_system: str
     last_us: int | None
+    interval_s: float | None
     klobuchar: tuple[float, ...]
     size: int
     lines: int
@@ -92,7 +95,7 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
         time_system = first[0][48:51].strip() or time_system
         if time_system not in ("GPS", "GLO", "GAL", "QZS", "BDT"):
             raise BadInputError(
-                f"{path}: time system must be GPS, GLO, GAL, QZS or BDT, got {time_system!r}"
+                f"{path}: time system must be GPS, GLO, GAL, QZS or BDT, got {quoted(time_system)}"
             )
         _refuse_rescaled(path, labelled)
     return Header(
@@ -103,6 +106,7 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
         types=types,
         time_system=time_system,
         last_us=_last_us(path, labelled),
+        interval_s=_interval_s(labelled),
         klobuchar=_klobuchar(path, labelled),
         size=size,
         lines=len(lines),
@@ -126,7 +130,7 @@ def _lines(path: Path, text: Bytes) -> tuple[list[str], int]:
             return lines, offset
     if not lines or "RINEX VERSION / TYPE" not in lines[0][60:]:
         got = head[:60].split("\n")[0]
-        raise BadInputError(f"{path}: line 1: must be RINEX VERSION / TYPE, got {got!r}")
+        raise BadInputError(f"{path}: line 1: must be RINEX VERSION / TYPE, got {quoted(got)}")
     raise BadInputError(
         f"{path}: line {len(lines)}: header must end with END OF HEADER, it does not"
     )
@@ -138,7 +142,7 @@ def _version(path: Path, line: str, kind: Kind) -> tuple[float, str]:
         version = float(line[:9])
     except ValueError as error:
         raise BadInputError(
-            f"{path}: line 1: RINEX version must be a number, got {line[:9]!r}"
+            f"{path}: line 1: RINEX version must be a number, got {quoted(line[:9])}"
         ) from error
     low, high = _VERSIONS.get(int(version) if np.isfinite(version) else 0, (1.0, 0.0))
     if not low <= round(version, 3) <= high:
@@ -150,14 +154,14 @@ def _version(path: Path, line: str, kind: Kind) -> tuple[float, str]:
     is_observation = letter == "O"
     if is_observation != (kind == "observations") or letter not in "ONGHJLE":
         raise BadInputError(
-            f"{path}: line 1: must be a RINEX {kind} file, got {line[20:40].strip()!r}"
+            f"{path}: line 1: must be a RINEX {kind} file, got {quoted(line[20:40].strip())}"
         )
     system = line[40:41].strip() or ("G" if version < 3 else "M")
     if not is_observation and version < 3 and letter != "N":
         system = {"G": "R", "H": "S", "J": "J", "L": "E", "E": "E"}[letter]
     if system not in _SYSTEMS + "M":
         raise BadInputError(
-            f"{path}: line 1: constellation must be one of GRECJSIM, got {system!r}"
+            f"{path}: line 1: constellation must be one of GRECJSIM, got {quoted(system)}"
         )
     return version, system
 
@@ -176,7 +180,7 @@ def _types_3(
             if letter not in _SYSTEMS or letter in found:
                 raise BadInputError(
                     f"{path}: line {number}: constellation must be new and one of {_SYSTEMS}, "
-                    f"got {letter!r}"
+                    f"got {quoted(letter)}"
                 )
             found[letter] = (number, _count(path, number, line[3:6]), [])
         elif not letter:
@@ -213,7 +217,7 @@ def _count(path: Path, number: int, text: str) -> int:
         return int(text)
     except ValueError as error:
         raise BadInputError(
-            f"{path}: line {number}: number of observation types must be whole, got {text!r}"
+            f"{path}: line {number}: number of observation types must be whole, got {quoted(text)}"
         ) from error
 
 
@@ -232,7 +236,7 @@ def _check_types(
     for name in names:
         if not pattern.fullmatch(name) or names.count(name) > 1:
             raise BadInputError(
-                f"{path}: line {number}: observation type must be known and new, got {name!r}"
+                f"{path}: line {number}: observation type must be known and new, got {quoted(name)}"
             )
 
 
@@ -243,7 +247,8 @@ def _refuse_rescaled(path: Path, labelled: list[tuple[int, str, str]]) -> None:
         halved = label == "WAVELENGTH FACT L1/2" and "2" in line[:12]
         if scaled or halved:
             raise BadInputError(
-                f"{path}: line {number}: {label} must be 1, got {line.strip()!r}; convert the file"
+                f"{path}: line {number}: {label} must be 1, got "
+                f"{quoted(line.strip())}; convert the file"
             )
 
 
@@ -258,10 +263,22 @@ def _last_us(path: Path, labelled: list[tuple[int, str, str]]) -> int | None:
             day_start = np.datetime64(f"{year:04d}-{month:02d}-{day:02d}", "us")
         except ValueError as error:
             raise BadInputError(
-                f"{path}: line {number}: TIME OF LAST OBS must be a date, got {line[:43]!r}"
+                f"{path}: line {number}: TIME OF LAST OBS must be a date, got {quoted(line[:43])}"
             ) from error
         since = int((day_start - GPS_EPOCH) / np.timedelta64(1, "us"))
         return since + round((hour * 3600 + minute * 60 + second) * 1e6)
+    return None
+
+
+def _interval_s(labelled: list[tuple[int, str, str]]) -> float | None:
+    """Return the announced time between epochs; None where it is absent, zero or no number."""
+    for _, line, label in labelled:
+        if label == "INTERVAL":
+            try:
+                interval_s = float(line[:10])
+            except ValueError:
+                return None
+            return interval_s if 0 < interval_s < np.inf else None
     return None
 
 
@@ -282,6 +299,7 @@ def _klobuchar(path: Path, labelled: list[tuple[int, str, str]]) -> tuple[float,
                 ]
             except ValueError as error:
                 raise BadInputError(
-                    f"{path}: line {number}: {label} must hold four numbers, got {line.strip()!r}"
+                    f"{path}: line {number}: {label} must hold four numbers, "
+                    f"got {quoted(line.strip())}"
                 ) from error
     return tuple(model)

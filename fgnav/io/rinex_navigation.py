@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fgnav.checks import BadInputError, IntArray, Loss
+from fgnav.checks import BadInputError, IntArray, Loss, quoted
 from fgnav.io.rinex_header import Header
 from fgnav.io.rinex_scan import CONSTELLATIONS, KNOWN_SATELLITES, line_text
 from fgnav.io.rinex_text import Bytes
@@ -151,7 +151,7 @@ def _klobuchar(header: Header, text: Bytes) -> NDArray[np.float64]:
             number = header.lines + body[:start].count("\n") + 1
             raise BadInputError(
                 f"{header.path}: line {number}: ION record must hold eight numbers, "
-                f"got {' '.join(lines)[:60]!r}"
+                f"got {quoted(' '.join(lines)[:60])}"
             ) from error
     return model
 
@@ -161,4 +161,4 @@ def _problem(header: Header, text: Bytes, problem: IntArray) -> str:
     code, line, column = (int(k) for k in problem)
     rule = _PROBLEMS[code].format(column=column)
     shown = line_text(text, line)
-    return f"{header.path}: line {line}: {rule}, got {shown!r}; fetch the file again"
+    return f"{header.path}: line {line}: {rule}, got {quoted(shown)}; fetch the file again"

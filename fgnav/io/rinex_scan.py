@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, IntArray, Loss
+from fgnav.checks import BadInputError, BoolArray, IntArray, Loss, quoted
+from fgnav.io.gps_time import TICKS_PER_S
 from fgnav.io.rinex_header import Header
 from fgnav.io.rinex_text import Bytes
 
@@ -137,7 +138,7 @@ def _problem(header: Header, text: Bytes, problem: IntArray) -> str:
     code, line, column, number = (int(k) for k in problem)
     rule = PROBLEMS[code].format(number=number, column=column)
     mend = _MENDS.get(code, "repair or remove the line")
-    return f"{header.path}: line {line}: {rule}, got {line_text(text, line)!r}; {mend}"
+    return f"{header.path}: line {line}: {rule}, got {quoted(line_text(text, line))}; {mend}"
 
 
 def line_text(text: Bytes, line: int) -> str:
@@ -184,7 +185,8 @@ def _events(
                 if not label.startswith(_HARMLESS):
                     raise BadInputError(
                         f"{header.path}: line {k}: header inside the body must not change the "
-                        f"station or the observation types, got {label!r}; split the file there"
+                        f"station or the observation types, got "
+                        f"{quoted(label)}; split the file there"
                     )
         losses[flag] = losses.get(flag, 0) + max(1, announced)
     counted = [
@@ -196,10 +198,15 @@ def _events(
 
 def _missing_end(header: Header, ticks: IntArray) -> list[Loss]:
     """Count the epochs between the last one and the last one that the header announces."""
-    if header.last_us is None or len(ticks) < 2:
+    if header.last_us is None:
         return []
-    interval = int(np.median(np.diff(ticks)))
-    missing = round((header.last_us * 10 - int(ticks[-1])) / interval)
+    rest = header.last_us * 10 - int(ticks[-1])
+    if len(ticks) > 1:
+        missing = round(rest / int(np.median(np.diff(ticks))))
+    elif header.interval_s is not None:
+        missing = round(rest / (header.interval_s * TICKS_PER_S))
+    else:  # of one epoch nothing tells the interval: one at least
+        missing = int(rest > 0)
     if missing <= 0:
         return []
     reason = "the header announces a later end: the file may be cut"

@@ -1,14 +1,13 @@
 """The bytes of a RINEX or SP3 file, whatever it was packed with."""
 
-import gzip
 import warnings
-import zlib
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError
+from fgnav.io.user_files import gunzipped, read_bytes
 
 Bytes = NDArray[np.uint8]
 
@@ -34,10 +33,7 @@ def read_text(path: Path) -> Bytes:
     """
     content = read_bytes(path)
     if content[:2] == b"\x1f\x8b":
-        try:
-            content = gzip.decompress(content)
-        except (EOFError, OSError, zlib.error) as error:
-            raise BadInputError(f"{path}: damaged gzip file, {error}; fetch it again") from error
+        content = gunzipped(path, content)
     for magic, name in _FOREIGN.items():
         if content.startswith(magic):
             raise BadInputError(f"{path}: must be plain, gzip or Hatanaka, got {name}; unpack it")
@@ -52,22 +48,6 @@ def is_plain(path: Path, text: Bytes) -> bool:
     """Tell whether a file holds this very text, not packed."""
     with path.open("rb") as file:
         return path.stat().st_size == len(text) and file.read(80) == text[:80].tobytes()
-
-
-def read_bytes(path: Path) -> bytes:
-    """Return the content of a file.
-
-    Raises
-    ------
-    BadInputError
-        If there is no such file, or it cannot be read.
-    """
-    try:
-        return path.read_bytes()
-    except FileNotFoundError as error:
-        raise BadInputError(f"{path}: no such file; check the name") from error
-    except OSError as error:
-        raise BadInputError(f"{path}: cannot be read, {error.strerror}") from error
 
 
 def _plain(path: Path, content: bytes) -> bytes:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fgnav.checks import BadInputError, FloatArray, IntArray, Loss
+from fgnav.checks import BadInputError, FloatArray, IntArray, Loss, quoted
 from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.rinex_scan import CONSTELLATIONS, KNOWN_SATELLITES
 from fgnav.io.rinex_text import read_text
@@ -146,7 +146,9 @@ def _header(path: Path, lines: list[str]) -> tuple[tuple[str, ...], int, float]:
     """Return satellites, number of epochs, and how far the time scale is behind GPS time."""
     first = lines[0]
     if first[:2] not in ("#c", "#d") or first[2:3] not in ("P", "V"):
-        raise BadInputError(f"{path}: line 1: must start with #c or #d (SP3), got {first[:12]!r}")
+        raise BadInputError(
+            f"{path}: line 1: must start with #c or #d (SP3), got {quoted(first[:12])}"
+        )
     listed = [line for line in lines if line.startswith("+ ")]
     names = "".join(line[9:60].ljust(51) for line in listed)
     scale = next((line[9:12] for line in lines if line.startswith("%c")), "")
@@ -154,16 +156,17 @@ def _header(path: Path, lines: list[str]) -> tuple[tuple[str, ...], int, float]:
         announced, count = int(first[32:39]), int(listed[0][3:6])
     except (ValueError, IndexError) as error:
         raise BadInputError(
-            f"{path}: header must tell the numbers of epochs and satellites, got {first[32:39]!r}"
+            f"{path}: header must tell the numbers of epochs and satellites, "
+            f"got {quoted(first[32:39])}"
         ) from error
     satellites = tuple(names[3 * k : 3 * k + 3].replace(" ", "0") for k in range(count))
     wrong = [s for s in satellites if s[:1] not in "GRECJSI" or not s[1:].isdigit()]
     if wrong or not satellites or len(set(satellites)) < count:
         got = wrong[0] if wrong else f"{count} with repetitions"
-        raise BadInputError(f"{path}: header must list each satellite once, got {got!r}")
+        raise BadInputError(f"{path}: header must list each satellite once, got {quoted(got)}")
     if scale not in _BEHIND_GPS_S:
         raise BadInputError(
-            f"{path}: time system must be one of {', '.join(_BEHIND_GPS_S)}, got {scale!r}"
+            f"{path}: time system must be one of {', '.join(_BEHIND_GPS_S)}, got {quoted(scale)}"
         )
     return satellites, announced, _BEHIND_GPS_S[scale]
 
@@ -179,7 +182,7 @@ def _epochs(path: Path, lines: list[str], rows: IntArray, start_gps_s: float) ->
             date = np.datetime64(f"{year:04d}-{month:02d}-{day:02d}", "us")
         except ValueError as error:
             raise BadInputError(
-                f"{path}: line {row + 1}: must be an epoch, got {line!r}"
+                f"{path}: line {row + 1}: must be an epoch, got {quoted(line)}"
             ) from error
         days_s = (date - GPS_EPOCH) / np.timedelta64(1, "s")
         t_s[k] = days_s - start_gps_s + hour * 3600 + minute * 60 + second
@@ -189,7 +192,9 @@ def _epochs(path: Path, lines: list[str], rows: IntArray, start_gps_s: float) ->
             or not 0 <= second < 60
             or (k and t_s[k] <= t_s[k - 1])
         ):
-            raise BadInputError(f"{path}: line {row + 1}: time must increase, got {line[:31]!r}")
+            raise BadInputError(
+                f"{path}: line {row + 1}: time must increase, got {quoted(line[:31])}"
+            )
     return t_s
 
 
@@ -209,14 +214,15 @@ def _columns(
         k = int(np.argmax(wrong))
         raise BadInputError(
             f"{path}: line {records[k] + 1}: must be a satellite of the header, once per epoch, "
-            f"got {names[k]!r}"
+            f"got {quoted(names[k])}"
         )
     return column
 
 
 def _numbers(path: Path, lines: list[str], records: IntArray) -> NDArray[Any]:
     """Return positions, km, and clocks, us, of records (k, 4)."""
-    block = np.array([lines[r][:_WIDTH].ljust(_WIDTH) for r in records.tolist()], f"S{_WIDTH}")
+    rows = [lines[r][:_WIDTH].ljust(_WIDTH).encode("latin-1") for r in records.tolist()]
+    block = np.array(rows, f"S{_WIDTH}")
     fields = block.view("S1").reshape(-1, _WIDTH)[:, 4:].copy().view("S14")
     try:
         values = fields.astype(float)
@@ -230,7 +236,7 @@ def _numbers(path: Path, lines: list[str], records: IntArray) -> NDArray[Any]:
         k = int(records[int(np.argmax(fault))])
         raise BadInputError(
             f"{path}: line {k + 1}: must hold four numbers with six decimals, "
-            f"got {lines[k][:_WIDTH]!r}"
+            f"got {quoted(lines[k][:_WIDTH])}"
         )
     return values
 

@@ -11,14 +11,21 @@ import msgspec
 import numpy as np
 from msgspec import inspect
 
-from fgnav.checks import BadInputError
-from fgnav.io.rinex_text import read_bytes
+from fgnav.checks import BadInputError, quoted
+from fgnav.io.user_files import read_bytes
 
 Positive: TypeAlias = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative: TypeAlias = Annotated[float, msgspec.Meta(ge=0)]
 Vector: TypeAlias = tuple[float, float, float]
 T = TypeVar("T")
 
+# A flight, a scenario or a recipe is written by hand: theirs have 3 levels, keys of 40 characters
+# and 20 kB. Beyond, tomllib's recursion, and its square of a dotted key's length, are the limit.
+_MOST_BYTES, _DEEPEST, _LONGEST_KEY = 4_000_000, 32, 200
+_LEAST = 1e-30  # its inverse, squared and squared again, is still a number
+_LARGEST_INTEGER = 2**63  # TOML 1.0: what does not fit into 64 bits is an error
+_PART = rb"(?:[A-Za-z0-9_-]++|\"[^\"\n]*+\"|'[^'\n]*+')"
+_DOTTED = re.compile(rb"(?<![A-Za-z0-9_-])(?:" + _PART + rb"[ \t]*+\.[ \t]*+){%d}" % _DEEPEST)
 _AT = re.compile(r" - at `\$\.?(?P<key>[^`]*)`$")
 _STEP = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
 _OWN_RULE = re.compile(r"([\w.\[\]]+): (.*)")
@@ -37,10 +44,41 @@ def read_toml(path: Path) -> dict[str, Any]:
     BadInputError
         If the file cannot be read or is not TOML.
     """
+    content = read_bytes(path, _MOST_BYTES)
+    if _DOTTED.search(content):
+        raise BadInputError(f"{path}: must be TOML of {_DEEPEST} levels or fewer, a key has more")
     try:
-        return tomllib.loads(read_bytes(path).decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise BadInputError(f"{path}: must be TOML, {error}") from None
+        table = tomllib.loads(content.decode("utf-8"))
+    except RecursionError:
+        raise BadInputError(f"{path}: must be TOML of {_DEEPEST} levels or fewer") from None
+    except ValueError as error:  # not TOML, not UTF-8, or a number that Python refuses
+        raise BadInputError(f"{path}: must be TOML, {error!s:.200}") from None
+    _check_sizes(path, table)
+    return table
+
+
+def _check_sizes(path: Path, content: object) -> None:
+    """Raise at what is too deep, too long or too large to be meant; without recursion."""
+    todo = [("", content, 0)]
+    while todo:
+        key, value, depth = todo.pop()
+        if depth > _DEEPEST:
+            raise BadInputError(f"{path}: key {key[:80]}: must be nested {_DEEPEST} deep or less")
+        if isinstance(value, dict):
+            for name, inner in value.items():
+                here = f"{key}.{name}".lstrip(".")
+                if len(name) > _LONGEST_KEY or not name.isprintable():
+                    raise BadInputError(
+                        f"{path}: key {quoted(name)}: must be printable, of {_LONGEST_KEY} "
+                        "characters or fewer"
+                    )
+                todo.append((here, inner, depth + 1))
+        elif isinstance(value, list):
+            todo += [(f"{key}[{row}]", inner, depth + 1) for row, inner in enumerate(value)]
+        elif isinstance(value, int) and not -_LARGEST_INTEGER <= value < _LARGEST_INTEGER:
+            raise BadInputError(f"{path}: key {key}: must be a number of 64 bits")
+        elif isinstance(value, str) and "\0" in value:
+            raise BadInputError(f"{path}: key {key}: must not hold NUL, got {quoted(value)}")
 
 
 def as_table(path: Path, content: Mapping[str, Any], table: type[T]) -> T:
@@ -65,6 +103,10 @@ def _check_keys(where: str, value: object, info: inspect.Type) -> None:
     """Raise at the first key that its table does not have, or number that is not finite."""
     if isinstance(value, float) and not np.isfinite(value):
         raise BadInputError(f"{where}: must be finite, got {value}")
+    if isinstance(value, float) and value and not _LEAST <= abs(value) <= 1 / _LEAST:
+        raise BadInputError(
+            f"{where}: must be 0, or in size between {_LEAST:g} and {1 / _LEAST:g}, got {value}"
+        )
     if isinstance(value, list):
         item: inspect.Type = inspect.AnyType()
         if isinstance(info, inspect.ListType | inspect.VarTupleType):
@@ -92,7 +134,7 @@ def _known(where: str, value: Mapping[str, object], info: inspect.Type) -> dict[
     if tag is not None:
         by_tag = {str(struct.tag): struct for struct in structs}
         if value.get(tag) not in by_tag:
-            got = repr(value[tag]) if tag in value else "nothing"
+            got = quoted(value[tag]) if tag in value else "nothing"
             raise BadInputError(f"{where}.{tag}: must be one of {', '.join(by_tag)}, got {got}")
         structs = [by_tag[str(value[tag])]]
     known = {field.encode_name: field.type for field in structs[0].fields}
@@ -114,4 +156,4 @@ def _explained(text: str, content: object) -> str:
     for index, name in _STEP.findall(key):
         value = value[int(index)] if index else value[name]
     rule = rule.replace("Expected ", "must be ").replace("Invalid", "invalid")
-    return f"{key}: {rule}, got {value!r}"
+    return f"{key}: {rule:.120}, got {quoted(value)}"

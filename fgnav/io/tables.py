@@ -6,10 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray
-from fgnav.io.rinex_text import read_bytes
+from fgnav.checks import BadInputError, FloatArray, quoted
+from fgnav.io.columns import largest
+from fgnav.io.user_files import read_bytes
 
 _ROWS_AT_ONCE = 20_000
+_LONGEST_HEAD = 4096  # bytes; a line without an end is no list of columns
+_CR, _LF, _TAB, _DELETE = 13, 10, 9, 127
 
 
 def read_table(
@@ -41,13 +44,12 @@ def read_table(
         Naming file, line, column, rule and value.
     """
     content = read_bytes(path)
-    if not content.strip():
-        raise BadInputError(f"{path}: must be a table, the file is empty")
-    head, _, body = content.partition(b"\n")
-    names = [name.strip() for name in head.decode("utf-8", "replace").split(",")]
+    names, body = _head(path, content)
     _check_names(path, names, required, optional)
     if not body.strip():
         raise BadInputError(f"{path}: must hold a row below the column names, has none")
+    _check_characters(path, body)
+    body = body.replace(b"\r\n", b"\n")
     _check_widths(path, body, len(names))
     values = _parse(path, body, names)
     column = names.index(increasing)
@@ -61,15 +63,47 @@ def read_table(
     return {name: values[:, k] for k, name in enumerate(names)}
 
 
+def _head(path: Path, content: bytes) -> tuple[list[str], bytes]:
+    """Return the names of the columns, and the rows."""
+    if not content.strip():
+        raise BadInputError(f"{path}: must be a table, the file is empty")
+    if not content.endswith(b"\n"):
+        raise BadInputError(
+            f"{path}: must end with a line end, the last line is cut; take the file again, or "
+            "append a line end if it is whole"
+        )
+    size = content.find(b"\n", 0, _LONGEST_HEAD)
+    if size < 0:
+        raise BadInputError(
+            f"{path}: line 1: must hold the names of columns, got {quoted(content[:80])}"
+        )
+    head = content[:size].decode("utf-8", "replace").removesuffix("\r")
+    return [name.strip(" ") for name in head.split(",")], content[size + 1 :]
+
+
+def _check_characters(path: Path, body: bytes) -> None:
+    """Raise at a control character, or one that is no ASCII: no number holds any."""
+    text = np.frombuffer(body, np.uint8)
+    wrong = ((text < 32) & (text != _LF) & (text != _TAB)) | (text >= _DELETE)
+    wrong[:-1] &= ~((text[:-1] == _CR) & (text[1:] == _LF))
+    if wrong.any():
+        at = int(np.argmax(wrong))
+        line = body.count(b"\n", 0, at) + 2
+        raise BadInputError(
+            f"{path}: line {line}: must hold numbers and commas, got byte 0x{text[at]:02x}; "
+            "take the file again"
+        )
+
+
 def _check_names(
     path: Path, names: Sequence[str], required: Sequence[str], optional: Sequence[Sequence[str]]
 ) -> None:
     known = [*required, *(name for group in optional for name in group)]
     for name in names:
         if name not in known:
-            near = get_close_matches(name, known, n=1, cutoff=0.0)[0]
+            near = get_close_matches(name[:80], known, n=1, cutoff=0.0)[0]
             raise BadInputError(
-                f"{path}: line 1: unknown column {name!r}; the nearest known one is {near!r}"
+                f"{path}: line 1: unknown column {quoted(name)}; the nearest known one is {near!r}"
             )
         if names.count(name) > 1:
             raise BadInputError(f"{path}: line 1: column {name!r} must appear once")
@@ -81,7 +115,7 @@ def _check_names(
 
 def _check_widths(path: Path, body: bytes, width: int) -> None:
     """Raise unless every line has as many columns as the first."""
-    text = np.frombuffer(body if body.endswith(b"\n") else body + b"\n", np.uint8)
+    text = np.frombuffer(body, np.uint8)
     ends = np.flatnonzero(text == ord("\n"))
     commas = np.searchsorted(np.flatnonzero(text == ord(",")), ends)
     columns = np.diff(commas, prepend=0) + 1
@@ -95,20 +129,21 @@ def _check_widths(path: Path, body: bytes, width: int) -> None:
 
 def _parse(path: Path, body: bytes, names: Sequence[str]) -> FloatArray:
     """Return the numbers, (k, columns)."""
-    lines = body.decode("utf-8", "replace").splitlines()
+    lines = body.decode("ascii").splitlines()  # no other line end is left
     try:
         values = np.loadtxt(lines, delimiter=",", comments=None, ndmin=2)
     except ValueError:
         k, name, got = _first_not_number(lines, names)
         raise BadInputError(
-            f"{path}: line {k + 2}: {name} must be a number, got {got.strip()!r}"
+            f"{path}: line {k + 2}: {name} must be a number, got {quoted(got.strip())}"
         ) from None
-    wrong = ~np.isfinite(values)
+    most = np.array([largest(name) for name in names])
+    wrong = ~(np.abs(values) <= most)
     if wrong.any():
         row, column = np.argwhere(wrong)[0]
-        raise BadInputError(
-            f"{path}: line {row + 2}: {names[column]} must be finite, got {values[row, column]}"
-        )
+        got_value, name = values[row, column], names[column]
+        rule = "finite" if not np.isfinite(got_value) else f"within {most[column]:g} of 0"
+        raise BadInputError(f"{path}: line {row + 2}: {name} must be {rule}, got {got_value:.9g}")
     return values
 
 
@@ -116,7 +151,7 @@ def _first_not_number(lines: Sequence[str], names: Sequence[str]) -> tuple[int, 
     for k, line in enumerate(lines):
         for name, field in zip(names, line.split(","), strict=True):
             try:
-                np.float64(field)
+                np.float64(field.replace("_", "x"))
             except ValueError:
                 return k, name, field
     return 0, names[0], lines[0]

@@ -7,7 +7,12 @@ from fgnav.checks import BadInputError
 from fgnav.earth import Origin
 from fgnav.estimate import Estimate
 from fgnav.io.columns import EULER, PLACE, VELOCITY
-from fgnav.io.exports import EULER_SIGMA, write_estimate
+from fgnav.io.exports.estimate_csv import (
+    EULER_SIGMA,
+    read_summary,
+    write_estimate,
+    write_outcome,
+)
 from fgnav.io.local_frame import attitude_to_n, place_to_n, velocity_to_n
 from fgnav.rotations import exp, from_euler, to_euler
 
@@ -89,13 +94,37 @@ def test_file_is_replaced_whole_and_nothing_else_is_left(tmp_path, monkeypatch):
     def fail(*_: object) -> None:
         raise OSError("disk full")
 
-    monkeypatch.setattr("fgnav.io.exports.write_table", fail)
-    with pytest.raises(OSError, match="disk full"):
+    monkeypatch.setattr("fgnav.io.exports.estimate_csv.write_table", fail)
+    with pytest.raises(BadInputError, match=r"e\.csv: cannot be written: disk full"):
         write_estimate(estimate(np.random.default_rng(1)), ORIGIN, path)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_place_that_cannot_be_written_is_named(tmp_path):
-    with pytest.raises(BadInputError, match=r"e.csv: cannot be written, No such file"):
+    with pytest.raises(BadInputError, match=r"e.csv: cannot be written: No such file"):
         write_estimate(estimate(np.random.default_rng(1)), ORIGIN, tmp_path / "none" / "e.csv")
+
+
+def test_a_summary_speaks_of_the_estimate_beside_it(tmp_path):
+    made = estimate(np.random.default_rng(1))
+    write_outcome(tmp_path, made, ORIGIN, {"flight": "f"})
+    summary = read_summary(tmp_path)
+    assert summary["flight"] == "f"
+    assert summary["estimate"]["rows"] == 4
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["estimate.csv", "summary.json"]
+    (tmp_path / "estimate.csv").write_text("t_s\n1\n")
+    with pytest.raises(BadInputError, match=r"is not the estimate that summary\.json speaks of"):
+        read_summary(tmp_path)
+    (tmp_path / "summary.json").write_text("{}")
+    with pytest.raises(BadInputError, match="must be a summary of fgnav run"):
+        read_summary(tmp_path)
+
+
+def test_where_one_of_both_cannot_be_written_the_old_ones_stay(tmp_path):
+    made = estimate(np.random.default_rng(1))
+    write_outcome(tmp_path, made, ORIGIN, {"flight": "old"})
+    with pytest.raises(ValueError, match="JSON compliant"):
+        write_outcome(tmp_path, made, ORIGIN, {"flight": np.nan})
+    assert read_summary(tmp_path)["flight"] == "old"
+    assert len(list(tmp_path.iterdir())) == 2

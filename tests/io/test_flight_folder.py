@@ -1,12 +1,14 @@
 """A flight as a folder."""
 
+import shutil
+
 import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.earth import ecef, ned_axes
 from fgnav.io import flight_writer
-from fgnav.io.flight_folder import load_flight, save_flight
+from fgnav.io.flight_folder import files_of, load_flight, save_flight
 from fgnav.rotations import to_euler
 from tests.io.flights import START_GPS_S, whole_flight
 from tests.io.rinex_texts import message, navigation_head, observation_3
@@ -249,7 +251,7 @@ def test_nothing_is_left_of_a_flight_that_cannot_be_written(saved, tmp_path, mon
 
 def test_place_that_cannot_be_made_is_named(saved, tmp_path):
     (tmp_path / "file").write_text("x")
-    with pytest.raises(BadInputError, match="new: cannot be made"):
+    with pytest.raises(BadInputError, match="file: cannot be made: File exists"):
         save_flight(saved[0], tmp_path / "file" / "new")
 
 
@@ -257,3 +259,75 @@ def test_same_flight_gives_the_same_bytes(saved, tmp_path):
     save_flight(saved[0], tmp_path / "again")
     for path in saved[2].iterdir():
         assert (tmp_path / "again" / path.name).read_bytes() == path.read_bytes()
+
+
+@pytest.fixture
+def copy(saved, tmp_path):
+    return shutil.copytree(saved[2], tmp_path / "copy")
+
+
+def test_a_table_cut_between_rows_is_a_counted_loss(saved, copy):
+    path = copy / "imu.csv"
+    path.write_text("".join(path.read_text().splitlines(keepends=True)[:-2]))
+    (loss,) = set(load_flight(copy).losses) - set(saved[1].losses)
+    assert (loss.what, loss.count) == ("imu.csv row", 2)
+    assert "the file may be cut" in loss.reason
+
+
+def test_a_table_that_nothing_names_any_more_is_a_counted_loss(saved, copy):
+    toml = copy / "flight.toml"
+    head, _, tail = toml.read_text().partition("[truth]\n")
+    toml.write_text(head + "".join(tail.splitlines(keepends=True)[2:]))
+    lost = {loss.what: loss for loss in set(load_flight(copy).losses) - set(saved[1].losses)}
+    assert sorted(lost) == ["integers.csv row", "truth.csv row"]
+    assert lost["truth.csv row"].reason == "rows in flight.toml has it, no table names it"
+
+
+def test_more_rows_than_were_written_are_refused(copy):
+    path = copy / "barometer.csv"
+    path.write_text(path.read_text() + "99.0,700.0\n")
+    with pytest.raises(BadInputError, match=r"rows\.barometer\.csv: 7 rows were .* holds 8"):
+        load_flight(copy)
+
+
+@pytest.mark.parametrize(
+    ("name", "shift_s", "text"),
+    [
+        (
+            "imu.csv",
+            604_800.0,
+            r"imu: row 7 of the samples has 604801\.5 s after 1\.25 s",
+        ),
+        ("magnetometer.csv", 5e9, r"magnetometer: row 7 of the samples has 5"),
+    ],
+)
+def test_one_bad_time_stamp_is_refused_before_anything_is_made_of_it(copy, name, shift_s, text):
+    path = copy / name
+    *lines, last = path.read_text().splitlines()
+    t_s, comma, rest = last.partition(",")
+    path.write_text("\n".join([*lines, f"{float(t_s) + shift_s}{comma}{rest}"]) + "\n")
+    with pytest.raises(BadInputError, match=text):
+        load_flight(copy)
+
+
+def test_a_series_of_another_week_is_refused(copy):
+    path = copy / "imu.csv"
+    head, *lines = path.read_text().splitlines()
+    rows = [line.partition(",") for line in lines]
+    moved = [f"{float(t_s) - 604_800.0}{comma}{rest}" for t_s, comma, rest in rows]
+    path.write_text("\n".join([head, *moved]) + "\n")
+    with pytest.raises(BadInputError, match=r"imu: times .* lie 6.* s apart from those of obs"):
+        load_flight(copy)
+
+
+def test_the_files_of_a_flight_are_listed(copy):
+    names = {path.name for path in files_of(copy)}
+    assert names == {path.name for path in copy.iterdir()}
+
+
+@pytest.mark.parametrize("text", ["a\rb", "a\0b", "\x1b[31m"])
+def test_control_characters_in_integers_are_named(copy, text):
+    path = copy / "integers.csv"
+    path.write_text(path.read_text().replace("a1", text, 1))
+    with pytest.raises(BadInputError, match=r"integers\.csv: line 2: must be plain text"):
+        load_flight(copy)

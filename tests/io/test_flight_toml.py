@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
+from fgnav.flight import InitialAttitude
 from fgnav.io.flight_toml import (
     gps_date,
     gps_seconds,
@@ -38,7 +39,7 @@ def test_tables_are_read_and_written_back(tmp_path):
     table = read(tmp_path, GOOD)
     assert table.origin.longitude_deg == -3.0
     assert table.antenna[0].position_b_m == (0.0, 0.0, 1e-3)
-    assert (table.gnss.code_noise_m, table.gnss.elevation_weights) == (0.5, "uniform")
+    assert (table.gnss.code_noise_m, table.gnss.elevation_weights) == (None, "uniform")
     write_flight_toml(tmp_path / "again.toml", table)
     assert read_flight_toml(tmp_path / "again.toml") == table
 
@@ -108,3 +109,14 @@ def test_start_may_carry_fractions_and_comes_back(tmp_path):
     for text in ("2020-06-25T00:00:00", "2020-06-25T12:34:50.25", "1980-01-06T00:00:10"):
         assert gps_date(gps_seconds(tmp_path, text)) == text
     assert np.isclose(gps_seconds(tmp_path, "1980-01-06T00:00:01.5"), 1.5)
+
+
+def test_an_initial_attitude_is_read_strictly_and_written_back(tmp_path):
+    table = read(tmp_path, GOOD + "[initial]\nheading_deg = 90\nheading_sigma_deg = 2.0\n")
+    assert table.initial.heading_deg == 90.0
+    write_flight_toml(tmp_path / "again.toml", table)
+    assert read_flight_toml(tmp_path / "again.toml") == table
+    with pytest.raises(BadInputError, match=r"initial.heading: unknown; .* initial.heading_deg"):
+        read(tmp_path, GOOD + "[initial]\nheading = 90\n")
+    with pytest.raises(BadInputError, match="initial heading_sigma_deg: angle and sigma go tog"):
+        InitialAttitude(heading_rad=1.0)

@@ -89,6 +89,15 @@ def test_header_that_announces_a_later_end_is_a_counted_loss():
     assert "may be cut" in loss.reason
 
 
+@pytest.mark.parametrize(
+    ("interval", "count"), [("     0.500", 18), ("     1.000", 9), ("          ", 1), ("  -1", 1)]
+)
+def test_a_file_cut_after_its_first_epoch_counts_its_loss_by_its_interval(interval, count):
+    last = line("  2020     6    25     0     0    9.0000000     GPS", "TIME OF LAST OBS")
+    text = head_3(extra=last + line(interval, "INTERVAL")) + epoch_3(0)
+    assert [loss.count for loss in scan(text).losses if loss.what == "a.rnx epoch"] == [count]
+
+
 def test_power_failure_is_noted():
     text = head_3() + epoch_3(0) + epoch_3(1, flag=1)
     assert scan(text).power_failure.tolist() == [False, True]

@@ -15,6 +15,7 @@ def header(version=3.04, **types) -> Header:
         types={letter: tuple(names.split()) for letter, names in types.items()},
         time_system="GPS",
         last_us=None,
+        interval_s=None,
         klobuchar=(0.0,) * 8,
         size=0,
         lines=0,

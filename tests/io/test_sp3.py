@@ -113,6 +113,10 @@ def test_two_days_are_joined_and_shared_epochs_counted(tmp_path):
             lambda t: t.replace("999999.999999", "          nan", 1),
             "line 18: must hold four numbers",
         ),
+        (
+            lambda t: t.replace("999999.999999", "999999.99\xe9999", 1),
+            "line 18: must hold four numbers",
+        ),
     ],
 )
 def test_faults_are_named(tmp_path, text, damage, rule):

@@ -24,9 +24,8 @@ def test_columns_come_back_by_name_in_any_order(tmp_path):
     }
 
 
-def test_line_ends_of_windows_and_a_missing_last_one_are_read(tmp_path):
-    for text in (GOOD.replace("\n", "\r\n"), GOOD[:-1]):
-        assert read(tmp_path, text)["y"].tolist() == [2, 4, 6]
+def test_line_ends_of_windows_are_read(tmp_path):
+    assert read(tmp_path, GOOD.replace("\n", "\r\n"))["y"].tolist() == [2, 4, 6]
 
 
 @pytest.mark.parametrize(
@@ -49,7 +48,15 @@ def test_line_ends_of_windows_and_a_missing_last_one_are_read(tmp_path):
         (GOOD.replace("3,4", "3,inf"), "line 3: y must be finite, got inf"),
         (GOOD.replace("0.5", "1.5"), "line 4: t_s must increase, got 1 after 1.5"),
         (GOOD.replace("0.5", "0"), "line 3: t_s must increase, got 0 after 0"),
-        (b"t_s,x,y\n0,1,\xff\n", "line 2: y must be a number"),
+        (b"t_s,x,y\n0,1,\xff\n", "line 2: must hold numbers and commas, got byte 0xff"),
+        ("t_s,x,y\n0,1,2\n1,2\r,3\n", "line 3: must hold numbers and commas, got byte 0x0d"),
+        ("t_s,x,y\n0,1,2\n1,2,3\x0b\n", "line 3: must hold numbers and commas, got byte 0x0b"),
+        ("t_s,x,y\n0,1,2\n1,2,3", "must end with a line end, the last line is cut"),
+        ("t_s,x,y\n0,1,2\n1e300,2,3\n", "line 3: t_s must be within 1e.10 of 0, got 1e.300"),
+        ("t_s,x,y\n0,1_0,2\n", "line 2: x must be a number, got '1_0'"),
+        ("t_s,x,y\r0,1,2\r1,2,3\r\n", "line 1: unknown column 'y.*'"),
+        ("t_s," + "x" * 200 + "\n0,1\n", "unknown column 'x{76}"),
+        ("x" * 5000 + "\n", "line 1: must hold the names of columns"),
     ],
 )
 def test_faults_are_named_with_line_rule_and_value(tmp_path, text, rule):

@@ -1,20 +1,72 @@
 """Estimates as CSV, in the axes and units that other programs read."""
 
-import os
-import tempfile
+import hashlib
+import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.earth import Origin
 from fgnav.estimate import Estimate
+from fgnav.io.atomic_write import atomic_file
 from fgnav.io.columns import EULER, FORMATS, PLACE, POSITION_SIGMA, VELOCITY, VELOCITY_SIGMA
 from fgnav.io.local_frame import attitude_of_n, place_of_n, velocity_of_n
 from fgnav.io.tables import write_table
+from fgnav.io.user_files import read_bytes
 from fgnav.rotations import euler_jacobian
 
 EULER_SIGMA = ("sigma_roll_deg", "sigma_pitch_deg", "sigma_yaw_deg")
+ESTIMATE, SUMMARY = "estimate.csv", "summary.json"
+
+
+def write_outcome(
+    folder: Path, estimate: Estimate, origin: Origin, figures: Mapping[str, Any]
+) -> None:
+    """Write ``estimate.csv`` and ``summary.json``, its figures and the estimate's sha256.
+
+    Both are on the disk before either takes its name, the summary last: a folder with a summary
+    holds the estimate that it speaks of.
+
+    Raises
+    ------
+    BadInputError
+        If a file cannot be written.
+    """
+    place = folder / SUMMARY
+    with atomic_file(place) as summary, atomic_file(folder / ESTIMATE) as table:
+        write_table(table, _table(estimate, origin), FORMATS)
+        told = {
+            "file": ESTIMATE,
+            "rows": len(estimate.t_s),
+            "sha256": hashlib.sha256(table.read_bytes()).hexdigest(),
+        }
+        content = json.dumps({**figures, "estimate": told}, indent=2, allow_nan=False)
+        summary.write_text(content + "\n", encoding="utf-8")
+        place.unlink(missing_ok=True)
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """Return what ``summary.json`` holds, after comparing the estimate beside it with its sha256.
+
+    Raises
+    ------
+    BadInputError
+        If one of the two is missing or is not what was written.
+    """
+    path = folder / SUMMARY
+    try:
+        summary: dict[str, Any] = json.loads(read_bytes(path))
+        told = summary["estimate"]["sha256"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise BadInputError(f"{path}: must be a summary of fgnav run; run it again") from error
+    if hashlib.sha256(read_bytes(folder / ESTIMATE)).hexdigest() != told:
+        raise BadInputError(
+            f"{folder / ESTIMATE}: is not the estimate that {SUMMARY} speaks of; run again"
+        )
+    return summary
 
 
 def write_estimate(estimate: Estimate, origin: Origin, path: Path) -> None:
@@ -37,20 +89,8 @@ def write_estimate(estimate: Estimate, origin: Origin, path: Path) -> None:
     BadInputError
         If the file cannot be written.
     """
-    table = _table(estimate, origin)
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
-        os.close(handle)
-    except OSError as error:
-        raise BadInputError(f"{path}: cannot be written, {error.strerror}") from error
-    temporary = Path(name)
-    try:
-        write_table(temporary, table, FORMATS)
-        temporary.chmod(0o644)
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+    with atomic_file(path) as part:
+        write_table(part, _table(estimate, origin), FORMATS)
 
 
 def _table(estimate: Estimate, origin: Origin) -> dict[str, FloatArray]:

@@ -1,0 +1,144 @@
+"""Files and folders that appear whole or not at all.
+
+What is being written has another name, ``.NAME.PID.part``, and a lock that ends with its process,
+however that ends: the next write of NAME removes what killed ones have left.
+"""
+
+import errno
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from fgnav.checks import BadInputError
+
+try:
+    import fcntl
+except ModuleNotFoundError:  # elsewhere than on POSIX nothing tells whose process has ended
+    fcntl = None  # type: ignore[assignment]
+
+_FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
+
+
+@contextmanager
+def atomic_file(path: Path) -> Iterator[Path]:
+    """Yield a temporary path beside ``path``; it takes the name at the end, or goes on an error.
+
+    Raises
+    ------
+    BadInputError
+        If the place cannot be written.
+    """
+    part = _part(path)
+    try:
+        part.touch()
+        with _locked(part):
+            _remove_leftovers(path)
+            yield part
+            part.replace(path)
+    except OSError as error:
+        raise _cannot_be_written(path, error) from error
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+@contextmanager
+def atomic_folder(path: Path) -> Iterator[Path]:
+    """Yield a temporary folder beside ``path``, as ``atomic_file`` does; ``path`` is empty or new.
+
+    Raises
+    ------
+    BadInputError
+        If the folder cannot be made, or something in it cannot be written.
+    """
+    part = _part(path)
+    made_folder(path.parent)
+    try:
+        part.mkdir()
+        with _locked(part):
+            _remove_leftovers(path)
+            yield part
+            part.replace(path)
+    except OSError as error:
+        raise _cannot_be_written(path, error) from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file, whole or not at all; BadInputError as ``atomic_file``."""
+    with atomic_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def check_place(path: Path) -> None:
+    """Raise unless a file of that name could be written.
+
+    Raises
+    ------
+    BadInputError
+        If its folder is absent, or it is a folder itself.
+    """
+    if not path.parent.is_dir():
+        raise BadInputError(f"{path}: its folder does not exist; make it first")
+    if path.is_dir():
+        raise BadInputError(f"{path}: is a folder; name a file")
+
+
+def made_folder(path: Path) -> Path:
+    """Make a folder and those above it where they are absent; return it.
+
+    Raises
+    ------
+    BadInputError
+        If it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInputError(f"{path}: cannot be made: {error.strerror or error}") from error
+    return path
+
+
+def _part(path: Path) -> Path:
+    return path.with_name(f".{path.name}.{os.getpid()}.part")
+
+
+def _cannot_be_written(path: Path, error: OSError) -> BadInputError:
+    mend = f"; free space in {path.resolve().parent}" if error.errno in _FULL else ""
+    return BadInputError(f"{path}: cannot be written: {error.strerror or error}{mend}")
+
+
+@contextmanager
+def _locked(part: Path) -> Iterator[None]:
+    """Hold a lock on a file or folder."""
+    if fcntl is None:
+        yield
+        return
+    handle = os.open(part, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _remove_leftovers(path: Path) -> None:
+    """Remove what writers of ``path`` have left that are no more."""
+    if fcntl is None:
+        return
+    start = f".{path.name}."
+    for other in path.parent.iterdir():
+        pid = other.name.removeprefix(start).removesuffix(".part")
+        if other.name != f"{start}{pid}.part" or not pid.isdigit() or other == _part(path):
+            continue
+        with suppress(OSError):  # gone meanwhile, or not ours to remove
+            handle = os.open(other, os.O_RDONLY)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(other) if other.is_dir() else other.unlink()
+            finally:
+                os.close(handle)

@@ -1,0 +1,71 @@
+"""Tracks for maps: KML with attitudes for Google Earth, GPX for everything else."""
+
+from pathlib import Path
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.io.atomic_write import write_text
+from fgnav.io.exports.recorded import RecordedEstimate
+from fgnav.io.exports.trajectories import gps_times, positions
+from fgnav.io.local_frame import attitude_of_n, place_of_n
+
+# GPS minus UTC grew by a second at each of these (IERS Bulletin C; none announced since).
+_LEAPS = np.array(
+    [
+        *("1981-07", "1982-07", "1983-07", "1985-07", "1988-01", "1990-01"),
+        *("1991-01", "1992-07", "1993-07", "1994-07", "1996-01", "1997-07"),
+        *("1999-01", "2006-01", "2009-01", "2012-07", "2015-07", "2017-01"),
+    ],
+    dtype="datetime64[M]",
+).astype("datetime64[us]")
+
+
+def write_kml(recorded: RecordedEstimate, path: Path) -> None:
+    """Write a ``gx:Track`` of places and angles in time; heights are above the WGS-84 ellipsoid."""
+    rows, p_n_m = positions(recorded)
+    place = place_of_n(recorded.origin, p_n_m)
+    euler_deg = attitude_of_n(recorded.origin, p_n_m, recorded.estimate.R_nb[rows])
+    title = escape(f"{recorded.flight}, {recorded.estimate.method}")
+    when = [f"<when>{one}</when>" for one in _utc(recorded)[rows]]
+    where = [f"<gx:coord>{lon:.9f} {lat:.9f} {up:.3f}</gx:coord>" for lat, lon, up in place]
+    angles = [f"<gx:angles>{y:.4f} {p:.4f} {r:.4f}</gx:angles>" for r, p, y in euler_deg]
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        '<kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2">',
+        f"<Document><name>{title}</name><Placemark><name>{title}</name><gx:Track>",
+        "<altitudeMode>absolute</altitudeMode>",
+        *(when + where + angles),
+        "</gx:Track></Placemark></Document></kml>",
+        "",
+    ]
+    write_text(path, "\n".join(lines))
+
+
+def write_gpx(recorded: RecordedEstimate, path: Path) -> None:
+    """Write a GPX 1.1 track; heights are above the WGS-84 ellipsoid."""
+    rows, p_n_m = positions(recorded)
+    place: FloatArray = place_of_n(recorded.origin, p_n_m)
+    points = [
+        f'<trkpt lat="{lat:.9f}" lon="{lon:.9f}"><ele>{up:.3f}</ele><time>{when}</time></trkpt>'
+        for (lat, lon, up), when in zip(place, _utc(recorded)[rows], strict=True)
+    ]
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        '<gpx version="1.1" creator="fgnav" xmlns="http://www.topografix.com/GPX/1/1">',
+        f"<trk><name>{escape(recorded.flight)}</name><trkseg>",
+        *points,
+        "</trkseg></trk></gpx>",
+        "",
+    ]
+    write_text(path, "\n".join(lines))
+
+
+def _utc(recorded: RecordedEstimate) -> np.ndarray:
+    """Return (n,) texts of UTC times, to the millisecond."""
+    gps = gps_times(recorded)
+    lead = np.arange(1, len(_LEAPS) + 1).astype("timedelta64[s]")
+    leaps = np.searchsorted(_LEAPS + lead, gps, side="right").astype("timedelta64[s]")
+    utc = (gps - leaps + np.timedelta64(500, "us")).astype("datetime64[ms]")
+    return np.char.add(utc.astype(str), "Z")

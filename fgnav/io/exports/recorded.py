@@ -1,0 +1,113 @@
+"""An estimate on disk without loss: arrays as they are, in an npz file that holds no objects."""
+
+import json
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray
+from fgnav.earth import Origin
+from fgnav.estimate import Estimate
+from fgnav.flight import Flight
+from fgnav.io.atomic_write import atomic_file
+
+FILE = "estimate.npz"
+_FORMAT = "fgnav estimate 1"
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class RecordedEstimate:
+    """An estimate with what fixes its frame and its clock.
+
+    Attributes
+    ----------
+    flight : str
+    start_gps_s : float
+        GPS time of ``t_s = 0``, s since 1980-01-06.
+    origin : Origin
+        Of the frame ``n``.
+    estimate : Estimate
+    """
+
+    flight: str
+    start_gps_s: float
+    origin: Origin
+    estimate: Estimate
+
+
+def save_estimate(estimate: Estimate, flight: Flight, path: Path | str) -> None:
+    """Write an estimate's arrays, frame and clock; integers, losses and notes are in summary.json.
+
+    Raises
+    ------
+    BadInputError
+        If the file cannot be written.
+    """
+    head = {
+        "format": _FORMAT,
+        "flight": flight.name,
+        "method": estimate.method,
+        "epochs": estimate.epochs,
+        "converged": estimate.converged,
+        "unobservable": estimate.unobservable,
+        "notes": estimate.notes,
+        "start_gps_s": flight.start_gps_s,
+        "latitude_rad": flight.origin.latitude_rad,
+        "longitude_rad": flight.origin.longitude_rad,
+        "height_m": flight.origin.height_m,
+    }
+    content: dict[str, Any] = {"head": np.array(json.dumps(head)), **_arrays(estimate)}
+    with atomic_file(Path(path)) as part, part.open("wb") as file:
+        np.savez_compressed(file, **content)
+
+
+def load_estimate(path: Path | str) -> RecordedEstimate:
+    """Read the estimate that ``save_estimate`` or ``fgnav run`` has left in a file or a folder.
+
+    Raises
+    ------
+    BadInputError
+        If there is none, or the file is something else.
+    """
+    file = Path(path)
+    file = file / FILE if file.is_dir() else file
+    try:
+        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
+            arrays = {name: content[name] for name in content.files}
+        head: dict[str, Any] = json.loads(str(arrays.pop("head")))
+        if head["format"] != _FORMAT:
+            raise BadInputError(f"{file}: must be {_FORMAT!r}, got {head['format']!r}")
+        return _recorded(head, arrays)
+    except FileNotFoundError:
+        raise BadInputError(f"{file}: no such estimate; fgnav run FLIGHT --out writes it") from None
+    except (BadZipFile, EOFError, KeyError, TypeError, ValueError) as error:
+        if isinstance(error, BadInputError):
+            raise
+        raise BadInputError(f"{file}: must be an estimate.npz of fgnav run, {error}") from error
+
+
+def _recorded(head: dict[str, Any], arrays: dict[str, Any]) -> RecordedEstimate:
+    estimate = Estimate(
+        method=head["method"],
+        epochs=head["epochs"],
+        converged=head["converged"],
+        unobservable=tuple(head["unobservable"]),
+        notes=tuple(head["notes"]),
+        **arrays,
+    )
+    place = {name: head[name] for name in ("latitude_rad", "longitude_rad", "height_m")}
+    return RecordedEstimate(
+        flight=head["flight"],
+        start_gps_s=head["start_gps_s"],
+        origin=Origin(**place),
+        estimate=estimate,
+    )
+
+
+def _arrays(estimate: Estimate) -> dict[str, FloatArray]:
+    """Return the fields that hold arrays."""
+    values = {field.name: getattr(estimate, field.name) for field in fields(estimate)}
+    return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}

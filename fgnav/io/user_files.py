@@ -1,0 +1,105 @@
+"""The bytes of files that a user names, bounded before they are read.
+
+Regular files only: a pipe or a device may never end. At most ``FGNAV_MAX_BYTES`` bytes of one file,
+unpacked.
+"""
+
+import gzip
+import os
+import stat
+import zlib
+from io import BytesIO
+from pathlib import Path
+
+from fgnav.checks import BadInputError
+
+LIMIT, DEFAULT_BYTES = "FGNAV_MAX_BYTES", 4_000_000_000
+# RINEX, SP3 and CSV shrink 3 to 20 times (the recordings in use: 3.3 to 13); a bomb 1,000 times.
+_MOST_UNPACKED, _PIECE_BYTES = 200, 1 << 20
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+}
+
+
+def max_bytes() -> int:
+    """Return how many bytes of one file are read at most.
+
+    Raises
+    ------
+    BadInputError
+        If ``FGNAV_MAX_BYTES`` is no whole positive number.
+    """
+    text = os.environ.get(LIMIT, "")
+    if not text:
+        return DEFAULT_BYTES
+    if not (text.isascii() and text.isdigit() and 0 < len(text) < 19 and int(text)):
+        raise BadInputError(f"{LIMIT}: must be a number of bytes, got {text[:80]!r}")
+    return int(text)
+
+
+def read_bytes(path: Path, most: int | None = None) -> bytes:
+    """Return the content of a file.
+
+    Parameters
+    ----------
+    path : Path
+    most : int or None
+        Bytes that are read at most; None: ``FGNAV_MAX_BYTES``.
+
+    Raises
+    ------
+    BadInputError
+        If there is no such file, it is no regular file, larger than allowed, or cannot be read.
+    """
+    limit = max_bytes() if most is None else min(most, max_bytes())
+    try:
+        status = path.stat()
+        kind = _KINDS.get(stat.S_IFMT(status.st_mode))
+        if kind is not None:  # opening a pipe would wait for somebody to write
+            raise BadInputError(f"{path}: must be a regular file, is {kind}")
+        if status.st_size > limit:
+            raise _too_large(path, f"has {status.st_size} bytes", limit)
+        with path.open("rb") as file:
+            # What the kernel makes up (/proc) states no size: nothing is read of it.
+            return file.read(status.st_size)
+    except FileNotFoundError as error:
+        raise BadInputError(f"{path}: no such file; check the name") from error
+    except OSError as error:
+        raise BadInputError(f"{path}: cannot be read, {error.strerror}") from error
+    except ValueError as error:
+        if isinstance(error, BadInputError):
+            raise
+        raise BadInputError(f"{str(path)!r:.80}: is no name of a file, {error}") from error  # a NUL
+
+
+def gunzipped(path: Path, content: bytes) -> bytes:
+    """Return what a gzip file holds, unpacked piece by piece.
+
+    Raises
+    ------
+    BadInputError
+        If it is damaged, or unpacks to more than allowed or than any text would.
+    """
+    limit = min(max_bytes(), max(_PIECE_BYTES, _MOST_UNPACKED * len(content)))
+    pieces: list[bytes] = []
+    total = 0
+    try:
+        with gzip.GzipFile(fileobj=BytesIO(content)) as file:
+            while piece := file.read(_PIECE_BYTES):
+                total += len(piece)
+                if total > limit:
+                    raise _too_large(path, "unpacks to more", limit)
+                pieces.append(piece)
+    except (EOFError, OSError, zlib.error) as error:
+        raise BadInputError(f"{path}: damaged gzip file, {error}; fetch it again") from error
+    return b"".join(pieces)
+
+
+def _too_large(path: Path, what: str, limit: int) -> BadInputError:
+    return BadInputError(
+        f"{path}: {what}, at most {limit} are read; {LIMIT} (in bytes) raises the general limit"
+    )

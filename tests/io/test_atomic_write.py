@@ -1,0 +1,101 @@
+import resource
+import subprocess
+import sys
+
+import pytest
+
+from fgnav.checks import BadInputError
+from fgnav.io.atomic_write import atomic_file, atomic_folder, check_place, made_folder, write_text
+
+
+def test_a_file_appears_whole(tmp_path):
+    write_text(tmp_path / "a.txt", "all of it")
+    assert (tmp_path / "a.txt").read_text() == "all of it"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_an_error_on_the_way_leaves_the_old_file_and_nothing_else(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+
+    def breaks():
+        with atomic_file(path) as part:
+            part.write_text("half")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        breaks()
+    assert path.read_text() == "old"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_place_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(BadInputError, match=r"absent/a.txt: cannot be written: No such file"):
+        write_text(tmp_path / "absent" / "a.txt", "x")
+    with pytest.raises(BadInputError, match="its folder does not exist; make it first"):
+        check_place(tmp_path / "absent" / "a.txt")
+    with pytest.raises(BadInputError, match="is a folder; name a file"):
+        check_place(tmp_path / "folder")
+
+
+def test_folders_are_made_and_a_file_in_their_place_is_named(tmp_path):
+    assert made_folder(tmp_path / "a" / "b").is_dir()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(BadInputError, match="file: cannot be made: File exists"):
+        made_folder(tmp_path / "file")
+
+
+def test_a_full_disk_is_named_with_file_and_folder(tmp_path):
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limit[1]))
+    try:
+        with pytest.raises(BadInputError, match=rf"a.txt: cannot be written: .*in {tmp_path}"):
+            write_text(tmp_path / "a.txt", "x" * 5000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_killed_writers_left_goes_with_the_next_and_what_lives_stays(tmp_path):
+    (tmp_path / ".a.txt.999999999.part").write_text("half")
+    (tmp_path / ".b.txt.999999999.part").write_text("of another file")
+    (tmp_path / ".a.txt.mine.part").write_text("nobody's")
+    living = subprocess.Popen(
+        [sys.executable, "-c", _WRITER, str(tmp_path / "a.txt")], stdout=subprocess.PIPE
+    )
+    assert living.stdout.readline()
+    write_text(tmp_path / "a.txt", "whole")
+    left = {path.name for path in tmp_path.iterdir()}
+    part = f".a.txt.{living.pid}.part"
+    assert left == {"a.txt", ".b.txt.999999999.part", ".a.txt.mine.part", part}
+    living.kill()
+    living.wait()
+    living.stdout.close()
+    write_text(tmp_path / "a.txt", "again")
+    assert part not in {path.name for path in tmp_path.iterdir()}
+
+
+_WRITER = """
+import sys, time
+from pathlib import Path
+from fgnav.io.atomic_write import atomic_file
+with atomic_file(Path(sys.argv[1])):
+    print("begun", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_a_folder_appears_whole_or_not_at_all(tmp_path):
+    def breaks():
+        with atomic_folder(tmp_path / "a") as part:
+            (part / "file").write_text("half")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        breaks()
+    assert not list(tmp_path.iterdir())
+    with atomic_folder(tmp_path / "a") as part:
+        (part / "file").write_text("all of it")
+    assert (tmp_path / "a" / "file").read_text() == "all of it"
+    assert len(list(tmp_path.iterdir())) == 1

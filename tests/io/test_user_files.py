@@ -1,0 +1,94 @@
+"""Files of strangers: what is no regular file, too large or packed into a bomb is not read."""
+
+import gzip
+import os
+from pathlib import Path
+
+import pytest
+
+from fgnav.checks import BadInputError, quoted
+from fgnav.io.strict_toml import read_toml
+from fgnav.io.user_files import gunzipped, max_bytes, read_bytes
+
+
+def test_a_file_within_its_bounds_is_read(tmp_path):
+    (tmp_path / "a").write_bytes(b"abc")
+    assert read_bytes(tmp_path / "a") == b"abc"
+    assert read_bytes(tmp_path / "a", 3) == b"abc"
+
+
+def test_a_file_that_is_too_large_is_refused_unread(tmp_path, monkeypatch):
+    path = tmp_path / "a"
+    path.write_bytes(b"abcd")
+    with pytest.raises(BadInputError, match="a: has 4 bytes, at most 3 are read"):
+        read_bytes(path, 3)
+    monkeypatch.setenv("FGNAV_MAX_BYTES", "2")
+    with pytest.raises(BadInputError, match="a: has 4 bytes, at most 2 are read; FGNAV_MAX_BYTES"):
+        read_bytes(path)
+    os.truncate(path, 1 << 40)  # takes no room
+    monkeypatch.delenv("FGNAV_MAX_BYTES")
+    with pytest.raises(BadInputError, match="at most 4000000000 are read"):
+        read_bytes(path)
+
+
+@pytest.mark.parametrize("text", ["", "0", "-1", "1e9", "x" * 200, "9" * 19])
+def test_the_limit_must_be_a_number_of_bytes(text, monkeypatch):
+    monkeypatch.setenv("FGNAV_MAX_BYTES", text)
+    if not text:
+        assert max_bytes() == 4_000_000_000
+        return
+    with pytest.raises(BadInputError, match="FGNAV_MAX_BYTES: must be a number of bytes") as caught:
+        max_bytes()
+    assert len(str(caught.value)) < 150
+
+
+def test_what_is_no_regular_file_is_named_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path, kind in ((tmp_path / "pipe", "a pipe"), ("/dev/zero", "a device"), (tmp_path, "a f")):
+        with pytest.raises(BadInputError, match=f"must be a regular file, is {kind}"):
+            read_bytes(Path(path))
+    with pytest.raises(BadInputError, match="is no name of a file"):
+        read_bytes(tmp_path / "a\0b")
+    if Path("/proc/self/environ").exists():
+        assert read_bytes(Path("/proc/self/environ")) == b""
+
+
+def test_a_bomb_is_refused_before_it_is_unpacked():
+    bomb = gzip.compress(gzip.compress(bytes(100_000_000)))
+    inner = gunzipped(Path("a.gz"), bomb)
+    with pytest.raises(BadInputError, match=r"a\.gz: unpacks to more, at most \d+ are read"):
+        gunzipped(Path("a.gz"), inner)
+    two = gzip.compress(b"one") + gzip.compress(b"two")
+    assert gunzipped(Path("a.gz"), two) == b"onetwo"
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        ("a = " + "[" * 5000 + "]" * 5000, "must be TOML of 32 levels or fewer"),
+        ("a = " + "[" * 50 + "]" * 50, "key a.*: must be nested 32 deep or less"),
+        (".".join("a" * 20_000) + " = 1", "must be TOML of 32 levels or fewer, a key has more"),
+        ("[" + ".".join(['"a"'] * 50) + "]", "must be TOML of 32 levels or fewer, a key has more"),
+        ("a = " + "9" * 5000, "must be TOML, Exceeds the limit"),
+        ("a = 99999999999999999999", "key a: must be a number of 64 bits"),
+        ("k" * 300 + " = 1", "key 'kkk.*: must be printable, of 200 characters or fewer"),
+        ('a = ["b", "c\\u0000d"]', r"key a\[1\]: must not hold NUL"),
+        ("a = 1" + "0" * 100_000 + ".5", None),
+    ],
+)
+def test_hostile_toml_is_refused_in_a_line(tmp_path, text, rule):
+    path = tmp_path / "a.toml"
+    path.write_text(text)
+    if rule is None:
+        read_toml(path)  # in no time: a number is no list of keys
+        return
+    with pytest.raises(BadInputError, match=rule) as caught:
+        read_toml(path)
+    assert len(str(caught.value)) < 300
+
+
+def test_quotes_are_short_and_printable():
+    assert quoted("a") == "'a'"
+    assert quoted("\x1b[31m") == "'\\x1b[31m'"
+    assert len(quoted("x" * 1000)) == 80
+    assert quoted("x" * 1000).endswith("...")
