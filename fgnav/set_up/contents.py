@@ -97,6 +97,8 @@ def _array_findings(flight: Flight) -> list[Finding]:
     if not names:
         return []
     if len(names) == 1:
+        if flight.observations is None:  # a receiver's fixes have no phase to lose
+            return []
         return [
             Finding(
                 name="single antenna",

@@ -6,14 +6,16 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.attitude.flight_vectors import track_of
-from fgnav.checks import NoSolutionError
+from fgnav.checks import IntArray, NoSolutionError
 from fgnav.flight import Flight, Imu
 from fgnav.gnss.code_solution import code_solution
 from fgnav.gnss.difference import double_differences
 from fgnav.gnss.differences import DoubleDifferences
+from fgnav.observations import Observations
 from fgnav.set_up.contents import contents
 from fgnav.set_up.findings import Finding, SetUp
-from fgnav.set_up.sizes import size_findings
+from fgnav.set_up.samples import sample_findings
+from fgnav.set_up.sizes import expected_force, size_findings
 
 _LEAP_S = 18.0
 _TRIED = 20  # epochs
@@ -21,8 +23,11 @@ _SOLVED = 0.5  # share of epochs with a position below which the time is doubted
 _LONGEST = 3000  # epochs that are solved; of a longer flight the stretch that has it all
 
 
-def describe(flight: Flight) -> SetUp:
+def describe(flight: Flight, *, quick: bool = False) -> SetUp:
     """Return what a flight holds and every mistake in its set-up that its data give away.
+
+    Quick: only what costs a small part of an estimate: files and sizes, neither the array nor the
+    motion, whose search for the clock takes a third of a smoother's time on fixes alone.
 
     Raises
     ------
@@ -32,16 +37,22 @@ def describe(flight: Flight) -> SetUp:
     found = contents(flight)
     findings: list[Finding] = []
     unchecked: list[Finding] = []
+    samples = [] if flight.imu is None else sample_findings(flight.imu)
+    if any(finding.certain for finding in samples):
+        return replace(found, findings=(*found.findings, *samples))
     if flight.observations is not None and len(flight.observations.t_s):
-        findings, unchecked = _solved_findings(flight)
+        if not quick:
+            findings, unchecked = _solved_findings(flight)
     elif flight.imu is not None:
-        reason = "needs raw GNSS data of three antennas or more"
-        unchecked.append(Finding(name="imu axes, lever arm, clock", text=reason))
+        findings, unchecked = ([], []) if quick else _track_findings(flight, flight.imu)
     if flight.imu is not None:
-        told = {finding.name.split()[0] for finding in findings}  # by motion, which knows better
+        judged = {finding.name.split()[0] for finding in findings}  # by motion, which knows better
         findings += [
-            size for size in _sizes(flight, flight.imu) if size.name.split()[0] not in told
+            size
+            for size in _sizes(flight, flight.imu, quick=quick)
+            if size.name.split()[0] not in judged
         ]
+    findings = [*samples, *findings]
     return replace(found, findings=(*found.findings, *findings), unchecked=tuple(unchecked))
 
 
@@ -66,9 +77,9 @@ def _solved_findings(flight: Flight) -> tuple[list[Finding], list[Finding]]:
 def _motion_findings(
     flight: Flight, differences: DoubleDifferences
 ) -> tuple[list[Finding], list[Finding]]:
-    from fgnav.set_up.inertial import inertial_findings  # noqa: PLC0415  # lazy: scipy
-    from fgnav.set_up.quick import quick_solve  # noqa: PLC0415
-    from fgnav.set_up.sight import sight_findings  # noqa: PLC0415
+    from fgnav.set_up.array.inertial import inertial_findings  # noqa: PLC0415  # lazy: scipy
+    from fgnav.set_up.array.quick import quick_solve  # noqa: PLC0415
+    from fgnav.set_up.array.sight import sight_findings  # noqa: PLC0415
 
     imu, seeker = flight.imu, flight.seeker
     if imu is None and seeker is None:
@@ -94,11 +105,32 @@ def _motion_findings(
     return findings, unchecked
 
 
-def _sizes(flight: Flight, imu: Imu) -> list[Finding]:
+def _track_findings(flight: Flight, imu: Imu) -> tuple[list[Finding], list[Finding]]:
+    """Hold fixes and inertial unit against each other."""
+    fixes = flight.fixes
+    if fixes is None or len(imu.t_s) < 2:
+        reason = "needs fixes, or raw GNSS data of three antennas or more"
+        return [], [_unchecked("imu axes, lever arm, clock", reason)]
+    from fgnav.set_up.track.inertial import track_findings  # noqa: PLC0415  # lazy
+
+    return track_findings(flight, imu, fixes)
+
+
+def _sizes(flight: Flight, imu: Imu, *, quick: bool) -> list[Finding]:
+    """Judge sizes by the track; quick: of raw data by that of a few pairs of epochs."""
+    observations = flight.observations
     try:
-        return size_findings(imu, track_of(flight))
+        if quick and observations is not None:
+            rows = _tracked_rows(observations, _TRIED)
+            pairs = np.unique(
+                np.concatenate([rows, (rows + 1).clip(max=len(observations.t_s) - 1)])
+            )
+            track = track_of(replace(flight, observations=_observations_at(observations, pairs)))
+            return size_findings(imu, None, expected_force(track, flight.origin))
+        track = track_of(flight)
     except NoSolutionError:  # it has no track
         return size_findings(imu)
+    return size_findings(imu, track, expected_force(track, flight.origin))
 
 
 def _leap_finding(flight: Flight) -> Finding | None:
@@ -125,14 +157,24 @@ def _share_solved(flight: Flight) -> float:
     observations = flight.observations
     if observations is None:
         return 0.0
-    tracked = np.flatnonzero(observations.tracked[:, 0].sum(axis=1) > 3)
-    rows = tracked[np.linspace(0, len(tracked) - 1, min(_TRIED, len(tracked))).astype(np.int64)]
-    arrays = ("t_s", "tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
-    some = replace(observations, **{name: getattr(observations, name)[rows] for name in arrays})
+    rows = _tracked_rows(observations, _TRIED)
+    some = _observations_at(observations, rows)
     try:
         return len(code_solution(replace(flight, observations=some)).t_s) / max(len(rows), 1)
     except NoSolutionError:
         return 0.0
+
+
+def _tracked_rows(observations: Observations, count: int) -> IntArray:
+    """Return a few epochs, evenly over those that track four satellites."""
+    tracked = np.flatnonzero(observations.tracked[:, 0].sum(axis=1) > 3)
+    return tracked[np.linspace(0, len(tracked) - 1, min(count, len(tracked))).astype(np.int64)]
+
+
+def _observations_at(observations: Observations, rows: IntArray) -> Observations:
+    """Return some epochs."""
+    arrays = ("t_s", "tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
+    return replace(observations, **{name: getattr(observations, name)[rows] for name in arrays})
 
 
 def _stretch(flight: Flight, differences: DoubleDifferences) -> slice:

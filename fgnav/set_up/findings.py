@@ -31,10 +31,32 @@ class Series:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """Something that will cost accuracy or an answer: its name, and a sentence on what it does."""
+    """Something that will cost accuracy or an answer.
+
+    Attributes
+    ----------
+    name : str
+    text : str
+        What is wrong, and how that is known.
+    where : str
+        Table, file and column of the flight.
+    mend : str
+        What to do about it.
+    certain : bool
+        Whether no estimate of such a flight is worth having.
+    """
 
     name: str
     text: str
+    where: str = ""
+    mend: str = ""
+    certain: bool = False
+
+    def __str__(self) -> str:
+        """Return one line."""
+        where = f" ({self.where})" if self.where else ""
+        mend = f"; {self.mend}" if self.mend else ""
+        return f"{self.name}: {self.text}{mend}{where}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

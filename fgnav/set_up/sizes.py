@@ -4,6 +4,7 @@ import numpy as np
 
 from fgnav.attitude.flight_vectors import Track
 from fgnav.checks import FloatArray
+from fgnav.earth import Origin
 from fgnav.flight import Imu
 from fgnav.rotations import wrap
 from fgnav.set_up.findings import Finding
@@ -16,33 +17,55 @@ _FAST_MPS = 5.0  # a course is meant
 _NEAR_S = 2.5
 
 
-def size_findings(imu: Imu, track: Track | None = None) -> list[Finding]:
-    """Return units of specific force and of rates that cannot be right."""
+def size_findings(
+    imu: Imu, track: Track | None = None, expected_mps2: float | None = _G_MPS2
+) -> list[Finding]:
+    """Return units of specific force and of rates that cannot be right.
+
+    ``expected_mps2``: median size of the specific force by the track (``expected_force``); that at
+    rest where there is none; None where the track does not tell.
+    """
     if len(imu.t_s) < 2:
         return []
-    return [*_force_findings(imu), *_rate_findings(imu, track)]
+    forces = [] if expected_mps2 is None else _force_findings(imu, expected_mps2)
+    return [*forces, *_rate_findings(imu, track)]
 
 
-def _force_findings(imu: Imu) -> list[Finding]:
+def expected_force(track: Track, origin: Origin) -> float | None:
+    """Return the median size of gravity less acceleration, m/s2, which no rotation changes.
+
+    None where velocities are missing or it is so small that their noise could be it.
+    """
+    if track.v_n_mps is None or len(track.t_s) < _FEWEST:
+        return None
+    step_s = np.diff(track.t_s)
+    near = step_s < _NEAR_S
+    change = np.diff(track.v_n_mps, axis=0)[near] / step_s[near, None]
+    force = change - origin.gravity_n_mps2(track.p_n_m[:-1][near])
+    size = np.linalg.norm(force[np.isfinite(force).all(axis=1)], axis=1)
+    if len(size) < _FEWEST // 2 or np.median(size) < _G_MPS2 / 2:
+        return None
+    return float(np.median(size))
+
+
+def _force_findings(imu: Imu, expected_mps2: float) -> list[Finding]:
     median_mps2 = float(np.median(np.linalg.norm(imu.f_b_mps2, axis=1)))
     rate_hz = 1.0 / float(np.median(np.diff(imu.t_s)))
+    where = "[imu] samples, fx_mps2, fy_mps2, fz_mps2"
     units = {
-        f"accelerations look like g, not m/s2; multiply by {_G_MPS2:g}": 1.0,
-        f"accelerations look like increments; multiply by the rate, {rate_hz:g} Hz": (
-            _G_MPS2 / rate_hz
-        ),
+        f"accelerations look like g, not m/s2; multiply by {_G_MPS2:g}": _G_MPS2,
+        f"accelerations look like increments; multiply by the rate, {rate_hz:g} Hz": rate_hz,
     }
-    for text, size_mps2 in units.items():
-        if abs(median_mps2 - size_mps2) < 0.2 * size_mps2:
-            return [
-                Finding(name="imu unit", text=f"the median of |f| is {median_mps2:.3f}: {text}")
-            ]
-    if median_mps2 < 0.2 * _G_MPS2:
+    for text, factor in units.items():
+        if abs(median_mps2 * factor - expected_mps2) < 0.2 * expected_mps2:
+            size = f"the median of |f| is {median_mps2:.3f}: {text}"
+            return [Finding(name="imu unit", text=size, where=where, certain=True)]
+    if median_mps2 < 0.2 * expected_mps2:
         text = (
             f"the median of |f| is {median_mps2:.3f} m/s2: gravity looks removed, or the flight "
             "is in free fall; specific force is wanted"
         )
-        return [Finding(name="imu gravity", text=text)]
+        return [Finding(name="imu gravity", text=text, where=where)]
     return []
 
 
@@ -65,7 +88,14 @@ def _rate_findings(imu: Imu, track: Track | None) -> list[Finding]:
     for text, factor in units.items():
         if factor / 3 < slope < 3 * factor:
             evidence = f"{name} {slope:.3g} times as fast as they say"
-            return [Finding(name="gyroscope unit", text=f"rates {text}: {evidence}")]
+            return [
+                Finding(
+                    name="gyroscope unit",
+                    text=f"rates {text}: {evidence}",
+                    where="[imu] samples, wx_radps, wy_radps, wz_radps",
+                    certain=True,
+                )
+            ]
     return []
 
 

@@ -16,8 +16,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.rotations import skew
-from fgnav.set_up.findings import Finding
-from fgnav.set_up.inertial_motion import (
+from fgnav.set_up.array.inertial_motion import (
     ARM,
     BIAS,
     CLOCK,
@@ -26,6 +25,7 @@ from fgnav.set_up.inertial_motion import (
     Motion,
     equations,
 )
+from fgnav.set_up.findings import Finding
 
 _CLOCK_S = 5e-3
 _SIGMAS = 5.0

@@ -13,9 +13,8 @@ import numpy as np
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.flight import Flight, Imu
 from fgnav.rotations import log, transpose
-from fgnav.set_up.findings import Finding
-from fgnav.set_up.inertial_fine import fine_findings
-from fgnav.set_up.inertial_motion import (
+from fgnav.set_up.array.inertial_fine import fine_findings
+from fgnav.set_up.array.inertial_motion import (
     ARM,
     CLOCK,
     Motion,
@@ -23,13 +22,13 @@ from fgnav.set_up.inertial_motion import (
     motion_of,
     scale_equations,
 )
-from fgnav.set_up.quick import Quick
+from fgnav.set_up.array.quick import Quick
+from fgnav.set_up.findings import Finding
 
 _G_MPS2 = 9.80665  # the unit g
-_LEAP_S = 18.0  # GPS time ahead of UTC since 2017
+_LEAP_S = 18  # GPS time ahead of UTC since 2017
 _REACH_S, _STEP_S = 20.0, 0.1  # of the search for the clock's error
 _BETTER = 0.5  # a hypothesis must leave at most this share of the squares of the stated set-up
-_AS_GOOD = 1.1
 _NOSE_FIRST = 0.9  # of the speed
 _AXES = "xyz"
 
@@ -112,7 +111,7 @@ def _named(M: FloatArray) -> str:
 
 
 def _clock_finding(motion: Motion) -> tuple[float, Finding] | None:
-    """Return a clock error that the eye can see, 0.1 s to 20 s, and leap seconds by name."""
+    """Return a clock error of 0.1 s to 20 s; leap seconds where these fit best."""
     late_s = np.arange(-_REACH_S, _REACH_S + _STEP_S / 2, _STEP_S)
     left = np.array([_left_late(motion, late) for late in late_s])
     stated = _left_late(motion, 0.0)
@@ -120,19 +119,14 @@ def _clock_finding(motion: Motion) -> tuple[float, Finding] | None:
     best = int(np.nanargmin(share))
     if share[best] > _BETTER or abs(late_s[best]) < _STEP_S / 2:
         return None
-    for leap in (_LEAP_S, -_LEAP_S):
-        k = int(np.abs(late_s - leap).argmin())
-        if share[k] <= max(_AS_GOOD * share[best], _BETTER / 4) and share[k] <= _BETTER:
-            text = (
-                f"its clock is {leap:+.0f} s from GPS time, the leap seconds of UTC: shift t_s; "
-                f"velocities then fit {1 / np.sqrt(share[k]):.1f} times as well"
-            )
-            return float(left[k]), Finding(name="imu clock", text=text)
+    leap = ", the leap seconds of UTC" if round(abs(late_s[best])) == _LEAP_S else ""
     text = (
-        f"add {late_s[best]:.1f} s to its t_s: velocities then fit "
+        f"add {late_s[best]:.1f} s to its t_s{leap}: velocities then fit "
         f"{1 / np.sqrt(share[best]):.1f} times as well"
     )
-    return float(left[best]), Finding(name="imu clock", text=text)
+    return float(left[best]), Finding(
+        name="imu clock", text=text, where="[imu] samples, t_s", certain=True
+    )
 
 
 def _left_late(motion: Motion, late_s: float) -> float:

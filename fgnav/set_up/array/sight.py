@@ -7,9 +7,9 @@ from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.flight import Flight, Seeker
 from fgnav.rotations import skew
 from fgnav.seeker import line_of_sight
+from fgnav.set_up.array.quick import Quick
+from fgnav.set_up.array.regression import Regression
 from fgnav.set_up.findings import Finding
-from fgnav.set_up.quick import Quick
-from fgnav.set_up.regression import Regression
 
 _FEWEST = 10
 _NEAR = 1.5  # epochs: a sight further from one has no attitude

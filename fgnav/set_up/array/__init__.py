@@ -1,0 +1,1 @@
+"""Inertial unit and detector against the attitudes of an antenna array."""

@@ -1,0 +1,137 @@
+"""Inertial samples that no moving sensor gives: an axis or a unit that is stuck, a unit changed."""
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray
+from fgnav.flight import Imu
+from fgnav.set_up.findings import Finding
+
+_FALSE_ALARM = 1e-4  # of each test on a right record
+_G_MPS2 = 9.80665
+_FEWEST = 100
+_NEAR = 20  # samples on each side of a change of unit
+_AXES = "xyz"
+
+
+def sample_findings(imu: Imu) -> list[Finding]:
+    """Return axes that are constant, stretches that repeat one sample, and changes of unit."""
+    if len(imu.t_s) < _FEWEST:
+        return []
+    sensors = {"accelerometer": ("f", "mps2", imu.f_b_mps2)}
+    if imu.w_b_radps is not None:
+        sensors["gyroscope"] = ("w", "radps", imu.w_b_radps)
+    findings = _stuck_unit(imu)
+    for sensor, (letter, unit, x) in sensors.items():
+        constant = (x == x[0]).all(axis=0)
+        if constant.all():
+            continue  # simulated without noise, at rest
+        for axis, name in enumerate(_AXES):
+            where = f"[imu] samples, {letter}{name}_{unit}"
+            if constant[axis]:
+                text = f"axis {name} is {x[0, axis]:g} in all {len(x)} samples"
+                mend = "the axis is not connected or its column is a filler: leave the flight out"
+                findings.append(
+                    Finding(name=f"{sensor} axis", text=text, where=where, mend=mend, certain=True)
+                )
+            elif not findings:
+                findings += _stuck_axis(imu.t_s, x, axis, f"{sensor} axis", where)
+        findings += _unit_change(imu.t_s, x, sensor, f"[imu] samples, {letter}x_{unit}")
+    return findings
+
+
+def _longest_run(same: BoolArray) -> tuple[int, int]:
+    """Return first sample and number of the longest run of samples that equal the one before."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]])))
+    starts, ends = edges[::2], edges[1::2]
+    if not len(starts):
+        return 0, 0
+    k = int(np.argmax(ends - starts))
+    return int(starts[k]), int(ends[k] - starts[k])
+
+
+def _unlikely(length: int, share: float, n: int) -> bool:
+    """Return whether n samples of which a share repeat by chance hardly repeat so often in a row.
+
+    A run of that length begins at one of n places with probability ``n share**length``.
+    """
+    return length > 1 and n * share**length < _FALSE_ALARM
+
+
+def _stuck_axis(t_s: FloatArray, x: FloatArray, axis: int, name: str, where: str) -> list[Finding]:
+    """Return a run of equal samples of one axis that rounding does not explain.
+
+    Rounding at rest repeats samples of all axes, so that the others say how often it does there.
+    """
+    same = np.diff(x, axis=0) == 0
+    first, length = _longest_run(same[:, axis])
+    if length < 2:
+        return []
+    rest = np.delete(same[:, axis], slice(first, first + length))
+    others = np.delete(same, axis, axis=1)[first : first + length]
+    # One more repetition than was seen: a share of none is not known to be none.
+    share = max((rest.sum() + 1) / (len(rest) + 2), (others.sum(axis=0).max() + 1) / (length + 2))
+    if not _unlikely(length, float(share), len(x)):
+        return []
+    text = (
+        f"axis {_AXES[axis]} stands at {x[first, axis]:.6g} for {length + 1} samples from "
+        f"{t_s[first]:.3f} to {t_s[first + length]:.3f} s while the others move"
+    )
+    return [
+        Finding(name=name, text=text, where=where, mend="cut these samples out: a gap is bridged")
+    ]
+
+
+def _stuck_unit(imu: Imu) -> list[Finding]:
+    """Return a run of equal samples of all axes."""
+    x = imu.f_b_mps2 if imu.w_b_radps is None else np.hstack([imu.f_b_mps2, imu.w_b_radps])
+    same = (np.diff(x, axis=0) == 0).all(axis=1)
+    if same.all():
+        return []
+    first, length = _longest_run(same)
+    rest = np.delete(same, slice(first, first + length))
+    if not _unlikely(length, float((rest.sum() + 1) / (len(rest) + 2)), len(x)):
+        return []
+    text = (
+        f"all axes repeat one sample {length + 1} times from {imu.t_s[first]:.3f} to "
+        f"{imu.t_s[first + length]:.3f} s"
+    )
+    mend = "cut these samples out: a gap is bridged"
+    return [Finding(name="imu stuck", text=text, where="[imu] samples", mend=mend)]
+
+
+def _unit_change(t_s: FloatArray, x: FloatArray, sensor: str, where: str) -> list[Finding]:
+    """Return a sample from which on all axes are another unit's.
+
+    There the vector changes by the quotient of two units and keeps its direction; put right, the
+    step is an ordinary one; left alone, it is larger than any other.
+    """
+    rate_hz = 1.0 / float(np.median(np.diff(t_s)))
+    other = _G_MPS2 if sensor == "accelerometer" else 180 / np.pi
+    size = np.linalg.norm(x, axis=1)
+    total = np.concatenate([[0.0], np.cumsum(np.log(size.clip(1e-9)))])
+    n, k = len(x), np.arange(_NEAR, len(x) - _NEAR)
+    # Where two halves of constant logarithm explain most (least squares of one step).
+    gain = (total[k] / k - (total[n] - total[k]) / (n - k)) ** 2 * k * (n - k)
+    at = int(k[np.argmax(gain)])
+    before, after = x[at - _NEAR : at].mean(axis=0), x[at : at + _NEAR].mean(axis=0)
+    steps = np.linalg.norm(np.diff(x, axis=0), axis=1)
+    for factor in (other, 1 / other, 1000 / other, rate_hz, 1 / rate_hz):
+        mended = np.linalg.norm(x[at] * factor - x[at - 1])
+        spread = np.quantile(np.delete(steps[max(at - 10 * _NEAR, 0) : at], -1), 0.99)
+        alone = np.linalg.norm(x[at] - x[at - 1])
+        aligned = np.linalg.norm(after * factor - before) < 0.1 * np.linalg.norm(before)
+        if mended <= spread < alone / 5 and aligned:
+            text = (
+                f"the {sensor}'s samples are {1 / factor:.4g} times as large from "
+                f"{t_s[at]:.3f} s on, in all axes at once"
+            )
+            return [
+                Finding(
+                    name=f"{sensor} unit change",
+                    text=text,
+                    where=where,
+                    mend=f"multiply those from row {at + 2} of the file on by {factor:.6g}",
+                    certain=True,
+                )
+            ]
+    return []

@@ -1,0 +1,1 @@
+"""Inertial unit and fixes against each other, without attitudes from elsewhere."""

@@ -1,0 +1,172 @@
+"""Units and axes of accelerometer and gyroscope against each other, and against a track.
+
+A rotation that both share is no error here, since every window has its own. What remains are six
+ways of the gyroscope, three units and both hands, and three times 48 of the accelerometer.
+"""
+
+from dataclasses import dataclass
+from itertools import permutations, product
+
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.flight import Imu
+from fgnav.rotations import exp, nearest, skew
+from fgnav.set_up.track.integrals import rotated, sampled, summed
+from fgnav.set_up.track.motion import BIASES, Series, detrended, solved, starts, telling
+from fgnav.set_up.track.windows import Fitted, Windows, fitted, nearer
+
+G_MPS2 = 9.80665  # exact, the unit g
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Reading:
+    """How samples are to be read: factors of units, and axes.
+
+    Attributes
+    ----------
+    force, rate : float
+        By which samples are to be multiplied; a negative rate is of the other hand.
+    axes : ndarray, shape (3, 3)
+        Signed permutation of the accelerometer's axes to the gyroscope's.
+    """
+
+    force: float
+    rate: float
+    axes: FloatArray
+
+    @property
+    def as_is(self) -> bool:
+        """Whether nothing is to be changed."""
+        return self.force == 1.0 and self.rate == 1.0 and bool((self.axes == np.eye(3)).all())
+
+    @property
+    def axes_of_rates(self) -> FloatArray:
+        """How the gyroscope's axes are to be read where it is to blame, (3, 3)."""
+        return np.asarray(np.sign(self.rate) * self.axes.T)
+
+    @property
+    def gyroscope_mirrored(self) -> bool:
+        """Whether the gyroscope alone is of the other hand."""
+        return self.rate < 0 and bool(np.linalg.det(self.axes) > 0)
+
+    @property
+    def changes(self) -> int:
+        """How many axes and units are to be changed."""
+        axes = int((np.diag(self.axes) < 1).sum())
+        if self.rate < 0:
+            rates = int((np.diag(self.axes_of_rates) < 1).sum())
+            axes = rates if self.gyroscope_mirrored else axes + 3
+        return axes + (self.force != 1.0) + (abs(self.rate) != 1.0)
+
+
+def signed_permutations() -> FloatArray:
+    """Return all ways to exchange and reverse three axes, (48, 3, 3), none first."""
+    ways = np.zeros((48, 3, 3))
+    for k, (order, signs) in enumerate(product(permutations(range(3)), product((1, -1), repeat=3))):
+        ways[k, range(3), order] = signs
+    return ways
+
+
+def best_reading(
+    series: Series, imu: Imu, late_s: tuple[float, ...], arm_b_m: FloatArray
+) -> Reading | None:
+    """Return how samples should be read, where that is nearer to the track than as they are.
+
+    Parameters
+    ----------
+    series : Series
+    imu : Imu
+    late_s : tuple of float
+        Clocks to try; samples as they are may have the best of them.
+    arm_b_m : ndarray, shape (3,)
+        From the unit to the antenna.
+    """
+    windows = telling(series, imu.t_s, late_s)
+    if imu.w_b_radps is None or not len(windows):
+        return None
+    rate_hz = 1.0 / float(np.median(np.diff(imu.t_s)))
+    size = float(np.median(np.linalg.norm(imu.f_b_mps2, axis=1)))
+    forces = {1.0, min((1.0, G_MPS2, rate_hz), key=lambda s: abs(np.log(s * size / G_MPS2)))}
+    tried = []
+    for rate in (1.0, -1.0, np.pi / 180, -np.pi / 180, rate_hz, -rate_hz):
+        turns = abs(rate) / rate_hz * np.linalg.norm(imu.w_b_radps, axis=1)
+        if rate != 1.0 and np.quantile(turns, 0.9) > np.pi:
+            continue  # more than half a turn from sample to sample
+        sums = _turned_forces(series, windows, imu, rate, late_s, arm_b_m)
+        for force, axes, late in product(forces, signed_permutations(), late_s):
+            here = _fit(series, windows, imu, sums[late], force * axes)
+            tried.append((_level(here), Reading(force=force, rate=rate, axes=axes), here))
+    tried.sort(key=lambda one: one[0])
+    best, stated = tried[0], next(one for one in tried if one[1].as_is)
+    if best[1].as_is or not nearer(stated[2], best[2], len(tried)):
+        return None
+    # What the motion leaves open stays: of all that fit as well, the one that changes least.
+    equal = [one for one in tried if not nearer(one[2], best[2])]
+    return min(equal, key=lambda one: (one[1].changes, one[0]))[1]
+
+
+def _level(here: Fitted) -> float:
+    return float(np.log(here.squares + 1e-12).mean())
+
+
+def _turned_forces(
+    series: Series,
+    windows: Windows,
+    imu: Imu,
+    rate: float,
+    late_s: tuple[float, ...],
+    arm_b_m: FloatArray,
+) -> dict[float, FloatArray]:
+    """Return integrals at windows, (W, n, 3, 13), by clock.
+
+    Of each force along each axis, of the rotation (what a bias adds), and the antenna's swing.
+    """
+    w_b = rate * (np.zeros_like(imu.f_b_mps2) if imu.w_b_radps is None else imu.w_b_radps)
+    R_sb = rotated(imu.t_s, w_b)
+    force = R_sb[..., None] * imu.f_b_mps2[:, None, None]  # (m, 3, axis, component)
+    parts = np.concatenate([force.reshape(len(R_sb), 3, 9), R_sb], axis=2)
+    for _ in range(series.order):
+        parts = summed(imu.t_s, parts)
+    swing_b = np.cross(w_b, arm_b_m) if series.order == 1 else np.broadcast_to(arm_b_m, w_b.shape)
+    parts = np.concatenate([parts, R_sb @ swing_b[..., None]], axis=2)
+    out = {}
+    for late in late_s:
+        at_s = series.t_s[windows.row] - late
+        inner = sampled(imu.t_s, parts, at_s.ravel()).reshape(*at_s.shape, 3, 13)
+        out[late] = detrended(windows, series.t_s, inner, series.order)
+    return out
+
+
+def _fit(
+    series: Series,
+    windows: Windows,
+    imu: Imu,
+    sums: FloatArray,
+    matrix: FloatArray,
+) -> Fitted:
+    """Fit each window's start, rotation and bias of the accelerometer; nothing is common."""
+    W, n = windows.row.shape
+    force = sums[..., :9] @ matrix.ravel() + sums[..., 12]
+    white = np.where(windows.inside[..., None], 1.0 / series.sigma[windows.row], 0.0)
+    value = detrended(windows, series.t_s, series.value[windows.row], series.order)
+    R_ns = nearest(np.einsum("wni,wnj->wij", white**2 * value, force))
+    # Linear about there twice: the first rotation has the bias in it.
+    ridge = np.zeros(3 * series.order + 6)
+    ridge[-3:] = (BIASES * imu.accelerometer_bias_mps2) ** -2
+    start = starts(series, windows)
+
+    def system(R_ns: FloatArray) -> tuple[FloatArray, FloatArray]:
+        left = value - np.einsum("wij,wnj->wni", R_ns, force)
+        lean = -R_ns[:, None] @ skew(force.reshape(-1, 3)).reshape(W, n, 3, 3)
+        local = np.concatenate([*start, lean, -R_ns[:, None] @ sums[..., 9:12]], axis=3)
+        return (white * left).reshape(W, -1), (white[..., None] * local).reshape(W, 3 * n, -1)
+
+    y, local = system(R_ns)
+    y, local = system(R_ns @ exp(solved(local, y, ridge)[:, -6:-3]))
+    return fitted(y, local, np.zeros((W, 3 * n, 0)), ridge)
+
+
+def named_axes(axes: FloatArray, names: tuple[str, str, str] = ("x", "y", "z")) -> str:
+    """Return in words which axes a signed permutation reads."""
+    return ", ".join(f"{'-' if row.sum() < 0 else ''}{names[np.abs(row).argmax()]}" for row in axes)
