@@ -15,6 +15,7 @@ from fgnav.evaluation.scores import Angles, Errors, Score, errors_against, score
 from fgnav.flight import Flight
 from fgnav.gnss.differences import DoubleDifferences
 from fgnav.integers.resolver import Integers
+from fgnav.summaries import summary, summary_html
 
 _SAME_EPOCH_S = 1e-6
 
@@ -83,16 +84,13 @@ class Comparison:
         names = ", ".join(method.name for method in self.methods)
         raise BadInputError(f"method {name!r}: not one of {names}")
 
-    def noted(self, notes: tuple[str, ...]) -> "Comparison":
-        """Return the same with notes added to every estimate."""
+    def __repr__(self) -> str:
+        """Return five lines: which methods, which is best, which failed."""
+        return summary(self)
 
-        def with_notes(method: Method) -> Method:
-            estimate = method.estimate
-            if estimate is None:
-                return method
-            return replace(method, estimate=replace(estimate, notes=(*estimate.notes, *notes)))
-
-        return replace(self, methods=tuple(map(with_notes, self.methods))) if notes else self
+    def _repr_html_(self) -> str:
+        """Return the same for a notebook."""
+        return summary_html(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return every figure in plain types; None, and null in JSON, where there is none."""

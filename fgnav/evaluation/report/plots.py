@@ -12,8 +12,8 @@ from fgnav.checks import BadInputError, FloatArray
 from fgnav.estimate import Estimate
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.reference import common_epochs
-from fgnav.evaluation.report.whole_file import check_place, whole_file
 from fgnav.evaluation.scores import EULER, hidden
+from fgnav.io.atomic_write import atomic_file, check_place
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,7 +79,7 @@ def save_figure(comparison: Comparison, path: Path) -> None:
             _draw_attitudes(figure, solved)
         title = "errors against truth" if judged else "no truth: methods against each other"
         figure.suptitle(f"{comparison.flight}: {title}", x=0.01, ha="left", fontsize=12)
-        with whole_file(path) as part:
+        with atomic_file(path) as part:
             figure.savefig(part, format="png")
 
 

@@ -2,16 +2,12 @@
 
 from collections import Counter
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 from fgnav.checks import Loss
 from fgnav.estimate import Rejected
 from fgnav.evaluation.comparison import Comparison
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.scores import Angles, Score
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 _NONE = "–"
 _MOST_LINES = 8
@@ -31,35 +27,50 @@ _HEADS = (
 )
 
 
-def comparison_table(comparison: Comparison) -> "Table":
-    """Return the table of RMS errors, or, without truth, of RMS differences between methods."""
-    from rich.box import SIMPLE_HEAD  # noqa: PLC0415  # lazy: keeps the command line quick
-    from rich.table import Table  # noqa: PLC0415  # as above
+def comparison_table(comparison: Comparison, width: int) -> list[str]:
+    """Return the lines of a table of RMS errors, or, without truth, of differences between methods.
 
+    Columns that are too many for ``width`` go below each other, under the methods' names again;
+    nothing is cut short.
+    """
     judged = any(method.errors is not None for method in comparison.methods)
     what = "RMS errors" if judged else "no truth"
-    table = Table(
-        title=f"{comparison.flight}: {what}, {comparison.epochs} epochs",
-        box=SIMPLE_HEAD,
-        title_justify="left",
-        padding=(0, 1, 0, 0),
-    )
-    table.add_column("method", no_wrap=True)
-    for name, unit in _HEADS:
-        table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
-    for method in comparison.methods:
-        table.add_row(method.name, *_row(method.score))
+    rows = [[method.name, *_row(method.score)] for method in comparison.methods]
     for difference in comparison.differences:
-        table.add_row(
-            "\n− ".join(difference.methods),
+        first, second = difference.methods
+        figures = [
             *_angles(difference.rms_deg),
             _figure(difference.attitude_rms_deg),
             _figure(difference.position_rms_m),
             _figure(difference.velocity_rms_mps),
-        )
-    table.add_section()
-    table.add_row("bound of one epoch", *_angles(comparison.bound), style="dim")
-    return table
+        ]
+        rows += [[first], [f"− {second}", *figures]]
+    rows.append(["bound of one epoch", *_angles(comparison.bound)])
+    title = f"{comparison.flight}: {what}, {comparison.epochs} epochs"
+    heads = [["method", *(name for name, _ in _HEADS)], ["", *(unit for _, unit in _HEADS)]]
+    return [title, *_folded(heads, rows, width)]
+
+
+def _folded(heads: list[list[str]], rows: list[list[str]], width: int) -> list[str]:
+    """Return aligned lines, the columns in as many bands as the width asks for, each with names."""
+    cells = [row + [""] * (len(heads[0]) - len(row)) for row in (*heads, *rows)]
+    wide = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    bands, room = [[0]], width - wide[0]
+    for column in range(1, len(wide)):
+        room -= wide[column] + 1
+        if room < 0 and len(bands[-1]) > 1:
+            bands.append([0])
+            room = width - wide[0] - wide[column] - 1
+        bands[-1].append(column)
+    lines = []
+    for band in bands:
+        shown = [
+            " ".join([row[0].ljust(wide[0]), *(row[k].rjust(wide[k]) for k in band[1:])])
+            for row in cells
+            if row in cells[: len(heads)] or any(row[k] for k in band[1:]) or not any(row[1:])
+        ]
+        lines += [*shown[: len(heads)], "─" * len(shown[0]), *shown[len(heads) :], ""]
+    return [line.rstrip() for line in lines[:-1]]
 
 
 def remarks(comparison: Comparison) -> list[str]:

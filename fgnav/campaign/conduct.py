@@ -1,0 +1,116 @@
+"""A campaign from its order to its tables."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+from fgnav.campaign.engines import DIED, Engine
+from fgnav.campaign.fly import Record, check_order, failed, fly
+from fgnav.campaign.folder import Folder
+from fgnav.campaign.order import Order
+from fgnav.campaign.report import write_report
+from fgnav.campaign.runs import Run
+from fgnav.campaign.tables import write_tables
+from fgnav.checks import BadInputError, Loss
+
+Watch = Callable[[int, int], None]
+_KINDS = 5  # of failures that are named
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What became of a campaign.
+
+    Attributes
+    ----------
+    asked, kept, flown : int
+        Runs of the order, those with a file now, those flown by this call.
+    losses : tuple of Loss
+        Runs that came to nothing, with the reason.
+    report : str
+    files : tuple of Path
+    """
+
+    asked: int
+    kept: int
+    flown: int
+    losses: tuple[Loss, ...]
+    report: str
+    files: tuple[Path, ...] = field(default=())
+
+
+def conduct(
+    order: Order,
+    out: Path,
+    engine: Engine,
+    *,
+    resume: bool = False,
+    watch: Watch = lambda _done, _asked: None,
+) -> Outcome:
+    """Fly all runs of an order that are not there yet; write their files, tables and report.
+
+    Parameters
+    ----------
+    order : Order
+    out : Path
+        Folder for all that.
+    engine : Engine
+    resume : bool
+        Whether to go on where an earlier call stopped.
+    watch : callable
+        Told how many runs are done, and of how many.
+
+    Raises
+    ------
+    BadInputError
+        Before any run starts, if a method or a case cannot be had or the folder is taken.
+    """
+    check_order(order)
+    folder = Folder(out, order, resume=resume)
+    todo = folder.missing()
+    asked = len(order_runs(order))
+    flown, unwritten = 0, Counter[str]()
+    watch(asked - len(todo), asked)
+    for run, record in engine(partial(_fly, order), todo, partial(_lost, order)):
+        flown += 1
+        try:
+            folder.keep(run, record)
+        except BadInputError as error:
+            unwritten[str(error).partition(": ")[2]] += 1
+        watch(asked - len(todo) + flown, asked)
+    records = list(folder.records())
+    files = write_tables(order, records, out)
+    report = write_report(order, records, out)
+    return Outcome(
+        asked=asked,
+        kept=len(records),
+        flown=flown,
+        losses=(*_failures(records), *_losses("run not kept", unwritten)),
+        report=report,
+        files=files,
+    )
+
+
+def order_runs(order: Order) -> range:
+    """Return the numbers of all runs."""
+    return range(order.flights * sum(case.columns for case in order.case))
+
+
+def _fly(order: Order, run: Run) -> tuple[Run, Record]:
+    return run, fly(order, run)
+
+
+def _lost(order: Order, run: Run) -> tuple[Run, Record]:
+    return run, failed(order, run, DIED)
+
+
+def _failures(records: list[Record]) -> tuple[Loss, ...]:
+    return _losses("run failed", Counter(r["failure"] for r in records if r["failure"]))
+
+
+def _losses(what: str, reasons: "Counter[str]") -> tuple[Loss, ...]:
+    named = [Loss(what=what, reason=why, count=n) for why, n in reasons.most_common(_KINDS)]
+    rest = sum(reasons.values()) - sum(one.count for one in named)
+    return (*named, Loss(what=what, reason="other reasons", count=rest)) if rest else tuple(named)

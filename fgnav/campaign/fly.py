@@ -1,0 +1,147 @@
+"""One run: make the flight, have every method estimate it, return the figures."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from fgnav.campaign.order import MethodTable, Order
+from fgnav.campaign.runs import Run, seed_of, start_shift_s
+from fgnav.campaign.sources import flight_source
+from fgnav.checks import BadInputError, FgnavError
+from fgnav.estimate import Estimate, Estimator
+from fgnav.flight import Flight
+
+Record = dict[str, Any]
+_TEXT = 200  # characters of a failure that are kept
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Restricted:
+    """A method under another name, on flights without some of their measurements."""
+
+    name: str
+    estimator: Estimator
+    without: tuple[str, ...] = ()
+
+    def __call__(self, flight: Flight) -> Estimate:
+        """Estimate what is left of a flight."""
+        from fgnav.evaluation.ablation import without  # noqa: PLC0415  # lazy, as all below
+
+        return replace(self.estimator(without(flight, self.without)), method=self.name)
+
+
+def estimator_of(table: MethodTable) -> Estimator:
+    """Return the method that a table names.
+
+    Raises
+    ------
+    BadInputError
+        Naming the table and what it asks that is not there.
+    """
+    from fgnav.evaluation.ablation import check_kinds  # noqa: PLC0415
+    from fgnav.gravity import gravity_named  # noqa: PLC0415
+    from fgnav.integers.registry import resolver_named  # noqa: PLC0415
+    from fgnav.methods import Options, method_named  # noqa: PLC0415
+
+    try:
+        check_kinds(table.without)
+        options = Options(
+            gravity=None if table.gravity is None else gravity_named(table.gravity),
+            estimate=table.estimate,
+            factors=table.factors,
+            solver=table.solver,
+            causal=table.causal,
+            lag_s=table.lag_s,
+        )
+        estimator = method_named(table.method, resolver_named(table.integers), options=options)
+    except BadInputError as error:
+        raise BadInputError(f"method {table.title!r}: {error}") from None
+    if not table.without and "name" in getattr(estimator, "__dataclass_fields__", ()):
+        return replace(estimator, name=table.title)  # type: ignore[type-var]  # it is one
+    return Restricted(name=table.title, estimator=estimator, without=table.without)
+
+
+def check_order(order: Order) -> None:
+    """Raise unless every method and every case of an order can be had, before any run starts."""
+    for method in order.method:
+        estimator_of(method)
+    source = flight_source()
+    for case in order.case:
+        for column in range(case.columns):
+            try:
+                source.check(case.scenario, case.changed(column))
+            except BadInputError as error:
+                raise BadInputError(f"case {case.name!r}: {error}") from None
+
+
+def fly(order: Order, run: Run) -> Record:
+    """Return what every method made of one flight: plain types, NaN as None.
+
+    A flight that cannot be made, and an error nobody foresaw, are a record of why.
+    """
+    try:
+        return _flown(order, run)
+    except FgnavError as error:
+        return failed(order, run, str(error))
+    except Exception as error:  # noqa: BLE001  # one run must not end a campaign
+        return failed(order, run, f"{type(error).__name__}: {error}")
+
+
+def failed(order: Order, run: Run, why: str) -> Record:
+    """Return the record of a run that came to nothing."""
+    return _head(order, run) | {"failure": " ".join(why.split())[:_TEXT], "methods": {}}
+
+
+def _head(order: Order, run: Run) -> Record:
+    case = order.case[run.case]
+    value = None if case.sweep is None else case.sweep.values[run.column]
+    return {
+        "campaign": order.digest,
+        "case": case.name,
+        "column": run.column,
+        "value": value,
+        "flight": run.flight,
+    }
+
+
+def _flown(order: Order, run: Run) -> Record:
+    from fgnav.evaluation.comparison import compare  # noqa: PLC0415
+    from fgnav.evaluation.figures import flight_figures  # noqa: PLC0415
+
+    case, seed = order.case[run.case], seed_of(order, run)
+    flight = flight_source().fly(
+        case.scenario,
+        case.changed(run.column),
+        start_shift_s(case, seed),
+        np.random.default_rng(seed),
+    )
+    comparison = compare(flight, _estimators(order.method))
+    figures = flight_figures(comparison)
+    methods = {
+        m.name: {
+            "figures": _plain(figures[m.name]),
+            "converged": m.score.converged,
+            "failure": None if m.score.failure is None else m.score.failure[:_TEXT],
+            "nis": {one.what: one.nis for one in m.score.consistency},
+            "seconds": m.score.seconds,
+        }
+        for m in comparison.methods
+    }
+    bound = {
+        name: getattr(comparison.bound, name) for name in ("roll", "pitch", "yaw")
+    }  # Cramer-Rao, degrees
+    return _head(order, run) | {"failure": None, "bound_deg": bound, "methods": methods}
+
+
+def _plain(figures: Mapping[str, float]) -> dict[str, float | None]:
+    return {name: value if math.isfinite(value) else None for name, value in figures.items()}
+
+
+@lru_cache(maxsize=1)
+def _estimators(tables: tuple[MethodTable, ...]) -> list[Estimator]:
+    """Return a campaign's methods, made once in a process: networks load for a second."""
+    return [estimator_of(table) for table in tables]

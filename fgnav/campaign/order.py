@@ -1,0 +1,183 @@
+"""What a campaign file may say: which flights, which methods, how often."""
+
+from collections.abc import Mapping
+from hashlib import sha256
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+
+from fgnav.checks import BadInputError
+from fgnav.io.strict_toml import Table, as_table, read_toml
+
+_Name = Annotated[str, msgspec.Meta(pattern=r"^[^/\\\x00-\x1f]{1,80}$")]
+_Flights = Annotated[int, msgspec.Meta(ge=1, le=10_000_000)]
+
+
+class MethodTable(Table, frozen=True):
+    """A method with its settings, by the names of the command line.
+
+    Attributes
+    ----------
+    name : str
+        What tables call it; the method's own name where none is given.
+    method : str
+    integers : str
+        Who resolves integers.
+    gravity : str or None
+    estimate, factors, without : tuple of str
+        ``without`` names what is left out of the flight first, see ``evaluation.ablation``.
+    solver : str or None
+    causal : bool
+    lag_s : float or None
+    """
+
+    method: str
+    name: _Name | None = None
+    integers: str = "constrained"
+    gravity: str | None = None
+    estimate: tuple[str, ...] = ()
+    factors: tuple[str, ...] = ()
+    without: tuple[str, ...] = ()
+    solver: str | None = None
+    causal: bool = False
+    lag_s: Annotated[float, msgspec.Meta(gt=0)] | None = None
+
+    @property
+    def title(self) -> str:
+        """What tables call it."""
+        return self.name or self.method
+
+
+class SweepTable(Table, frozen=True):
+    """Keys of a scenario that take a list of values, one after another.
+
+    Attributes
+    ----------
+    name : str
+        What tables call it: ``"amplitude_deg"``.
+    values : tuple of float
+        Headings of the columns.
+    keys : dict
+        By dotted key, the value for each column; a key without a list takes ``values``.
+    """
+
+    name: _Name
+    values: Annotated[tuple[float, ...], msgspec.Meta(min_length=1)]
+    keys: dict[str, tuple[Any, ...] | bool]
+
+    def __post_init__(self) -> None:
+        """Require one value of each key for each column."""
+        if not self.keys:
+            raise ValueError("keys: names none")
+        for key, values in self.keys.items():
+            if values is False or (values is not True and len(values) != len(self.values)):
+                raise ValueError(f"keys.{key}: wants true or {len(self.values)} values")
+
+    def changes(self, column: int) -> dict[str, Any]:
+        """Return what a column changes, by dotted key."""
+        own = {k: self.values if v is True else v for k, v in self.keys.items()}
+        return {key: values[column] for key, values in own.items() if not isinstance(values, bool)}
+
+
+class CaseTable(Table, frozen=True):
+    """A kind of flight.
+
+    Attributes
+    ----------
+    name : str
+    scenario : str
+        Of the simulator: a name it knows, or a file beside the campaign's.
+    changes : dict
+        By dotted key, what the scenario says instead.
+    sweep : SweepTable or None
+    any_hour : bool
+        Whether each flight starts at a time of the day of its own, so under a sky of its own.
+    """
+
+    name: _Name
+    scenario: str
+    changes: dict[str, Any] = msgspec.field(default_factory=dict)
+    sweep: SweepTable | None = None
+    any_hour: bool = False
+
+    @property
+    def columns(self) -> int:
+        """Values of the sweep; 1 without one."""
+        return 1 if self.sweep is None else len(self.sweep.values)
+
+    def changed(self, column: int) -> dict[str, Any]:
+        """Return all that a column changes of the scenario, by dotted key."""
+        swept = {} if self.sweep is None else self.sweep.changes(column)
+        return {**self.changes, **swept}
+
+
+class Order(Table, frozen=True):
+    """A campaign: every case, so many flights each, through every method.
+
+    Attributes
+    ----------
+    name : str
+    seed : int
+        Root of all random numbers.
+    flights : int
+        Of each case and value of its sweep.
+    baseline : str or None
+        The method that others are held against; the first where none is named.
+    method : tuple of MethodTable
+    case : tuple of CaseTable
+    """
+
+    seed: Annotated[int, msgspec.Meta(ge=0)]
+    flights: _Flights
+    method: Annotated[tuple[MethodTable, ...], msgspec.Meta(min_length=1)]
+    case: Annotated[tuple[CaseTable, ...], msgspec.Meta(min_length=1)]
+    name: str = ""
+    baseline: str | None = None
+
+    def __post_init__(self) -> None:
+        """Require names that differ, and a baseline among them."""
+        for kind, names in (("method", self.titles), ("case", [c.name for c in self.case])):
+            for name in names:
+                if names.count(name) > 1:
+                    raise ValueError(f"{kind}: two are named {name!r}; give each its own name")
+        if self.baseline is not None and self.baseline not in self.titles:
+            raise ValueError(f"baseline: must be one of {', '.join(self.titles)}")
+
+    @property
+    def titles(self) -> list[str]:
+        """What tables call the methods, in order."""
+        return [method.title for method in self.method]
+
+    @property
+    def reference(self) -> str:
+        """The method that others are held against."""
+        return self.baseline or self.titles[0]
+
+    @property
+    def digest(self) -> str:
+        """Sha256 of all that decides a run's figures but the number of flights."""
+        content: Mapping[str, Any] = msgspec.to_builtins(self)
+        decisive = {key: value for key, value in content.items() if key not in ("flights", "name")}
+        return sha256(msgspec.json.encode(decisive, order="sorted")).hexdigest()
+
+
+def load_order(path: Path) -> Order:
+    """Return the campaign in a TOML file; scenarios that are files are named from its folder.
+
+    Raises
+    ------
+    BadInputError
+        One line that names file, key, rule and value.
+    """
+    if not path.is_file():
+        raise BadInputError(f"{path}: no such campaign file")
+    order = as_table(path, read_toml(path), Order)
+    cases = tuple(
+        msgspec.structs.replace(case, scenario=_beside(path, case.scenario)) for case in order.case
+    )
+    return msgspec.structs.replace(order, name=order.name or path.stem, case=cases)
+
+
+def _beside(path: Path, scenario: str) -> str:
+    return str((path.parent / scenario).resolve()) if scenario.endswith(".toml") else scenario

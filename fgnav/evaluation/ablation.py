@@ -1,0 +1,97 @@
+"""A flight without some of what it measured: what a sensor is worth is what is lost without it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from fgnav.checks import BadInputError
+from fgnav.flight import Flight
+from fgnav.observations import Observations
+
+
+def without(flight: Flight, kinds: Sequence[str]) -> Flight:
+    """Return a flight as if some kinds of measurement had never been made.
+
+    Parameters
+    ----------
+    flight : Flight
+    kinds : sequence of str
+        Of ``KINDS``.
+
+    Raises
+    ------
+    BadInputError
+        If a kind is unknown, or the flight has nothing of it to leave out.
+    """
+    check_kinds(kinds)
+    for kind in kinds:
+        less = KINDS[kind](flight)
+        if less is None:
+            raise BadInputError(f"without {kind}: flight {flight.name!r} has none")
+        flight = less
+    return flight
+
+
+def check_kinds(kinds: Sequence[str]) -> None:
+    """Raise unless all are of ``KINDS``."""
+    for kind in kinds:
+        if kind not in KINDS:
+            raise BadInputError(f"without {kind}: not one of {', '.join(KINDS)}")
+
+
+def _none(name: str) -> Callable[[Flight], Flight | None]:
+    """Return what takes a whole record away."""
+
+    def less(flight: Flight) -> Flight | None:
+        gone: dict[str, Any] = {name: None}
+        return None if getattr(flight, name) is None else replace(flight, **gone)
+
+    return less
+
+
+def _unmeasured(name: str) -> Callable[[Flight], Flight | None]:
+    """Return what takes one kind of GNSS observation away, of vehicle and base."""
+
+    def less(flight: Flight) -> Flight | None:
+        observations, base = flight.observations, flight.base
+        if observations is None or np.isnan(getattr(observations, name)).all():
+            return None
+        if base is not None:
+            base = replace(base, observations=_nan(base.observations, name))
+        return replace(flight, observations=_nan(observations, name), base=base)
+
+    return less
+
+
+def _nan(observations: Observations, name: str) -> Observations:
+    unmeasured: dict[str, Any] = {name: np.full(getattr(observations, name).shape, np.nan)}
+    return replace(observations, **unmeasured)
+
+
+def _no_gyroscope(flight: Flight) -> Flight | None:
+    if flight.imu is None or flight.imu.w_b_radps is None:
+        return None
+    lost: dict[str, Any] = dict.fromkeys(
+        (
+            "w_b_radps",
+            "gyroscope_noise_radps_per_sqrt_hz",
+            "gyroscope_bias_radps",
+            "gyroscope_bias_walk_radps_per_sqrt_s",
+        )
+    )
+    return replace(flight, imu=replace(flight.imu, **lost))
+
+
+KINDS: dict[str, Callable[[Flight], Flight | None]] = {
+    "phase": _unmeasured("phase_cycles"),
+    "doppler": _unmeasured("doppler_hz"),
+    "gnss": _none("observations"),
+    "fixes": _none("fixes"),
+    "gyroscope": _no_gyroscope,
+    "inertial": _none("imu"),
+    "seeker": _none("seeker"),
+    "barometer": _none("barometer"),
+    "magnetometer": _none("magnetometer"),
+}

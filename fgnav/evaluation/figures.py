@@ -1,0 +1,169 @@
+"""What one method made of one flight, as a row of a table: the figures that statistics rest on."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.evaluation.comparison import Comparison, Method
+from fgnav.evaluation.reference import common_epochs
+from fgnav.evaluation.scores import EULER, Errors, rms
+
+# Unit and meaning are in the name; NaN where a method or a flight has nothing to judge.
+FIGURES = (
+    "available",
+    *(f"{angle}_rmse_deg" for angle in EULER),
+    "attitude_rmse_deg",
+    "attitude_median_deg",
+    "attitude_p95_deg",
+    "matched_attitude_rmse_deg",
+    "position_rmse_m",
+    "velocity_rmse_mps",
+    "attitude_nees",
+    "position_nees",
+    "velocity_nees",
+    "attitude_nll",
+    "attitude_energy_score_deg",
+    "integers_right",
+    "integers_wrong",
+    "integers_refused",
+)
+_NODES = 128  # of a normal distribution, a power of 2: energy scores to .3 %
+
+
+def flight_figures(comparison: Comparison) -> dict[str, dict[str, float]]:
+    """Return the figures of every method of a comparison, by method and name of ``FIGURES``.
+
+    ``matched_attitude_rmse_deg`` counts only the epochs that all methods with an answer have: an
+    easy way to a small error is to answer in easy epochs only.
+    """
+    matched = _matched(comparison.methods)
+    return {
+        method.name: _of(method) | {"matched_attitude_rmse_deg": matched.get(method.name, np.nan)}
+        for method in comparison.methods
+    }
+
+
+def _of(method: Method) -> dict[str, float]:
+    score, errors = method.score, method.errors
+    named: Mapping[str, float | None] = {
+        "available": score.available,
+        **{f"{angle}_rmse_deg": getattr(score.rmse_deg, angle) for angle in EULER},
+        "attitude_rmse_deg": score.attitude_rmse_deg,
+        "position_rmse_m": score.position_rmse_m,
+        "velocity_rmse_mps": score.velocity_rmse_mps,
+        "attitude_nees": score.attitude_nees_mean,
+        "position_nees": score.position_nees_mean,
+        "velocity_nees": score.velocity_nees_mean,
+    }
+    figures = dict.fromkeys(FIGURES, np.nan)
+    figures |= {name: value for name, value in named.items() if value is not None}
+    if score.integers is not None:
+        figures["integers_refused"] = float(score.integers.not_fixed)
+        if score.integers.right is not None and score.integers.wrong is not None:
+            figures["integers_right"] = float(score.integers.right)
+            figures["integers_wrong"] = float(score.integers.wrong)
+    if errors is not None and score.attitude_rmse_deg is not None and len(errors.t_s):
+        angle_deg = np.degrees(np.linalg.norm(errors.tangent_b_rad, axis=1))
+        figures["attitude_median_deg"] = float(np.median(angle_deg))
+        figures["attitude_p95_deg"] = float(np.percentile(angle_deg, 95))
+        figures |= _proper_scores(method, errors)
+    return figures
+
+
+def _proper_scores(method: Method, errors: Errors) -> dict[str, float]:
+    """Return mean negative log-likelihood and energy score of the stated attitudes."""
+    estimate = method.estimate
+    if estimate is None or estimate.attitude_covariance_rad2 is None:
+        return {}
+    rows = common_epochs(estimate.t_s, errors.t_s)[0]
+    covariance = estimate.attitude_covariance_rad2[rows]
+    return {
+        "attitude_nll": negative_log_likelihood(errors.tangent_b_rad, covariance),
+        "attitude_energy_score_deg": float(
+            np.degrees(energy_score(errors.tangent_b_rad, covariance))
+        ),
+    }
+
+
+def negative_log_likelihood(error: FloatArray, covariance: FloatArray) -> float:
+    """Return the mean negative log-likelihood of errors under normal distributions.
+
+    Parameters
+    ----------
+    error : ndarray, shape (n, d)
+    covariance : ndarray, shape (n, d, d)
+
+    Returns
+    -------
+    float
+        NaN where a covariance is not positive definite.
+    """
+    variance, axes = np.linalg.eigh(covariance)
+    if not len(error) or (variance <= 0).any():
+        return float("nan")
+    along = np.einsum("nij,ni->nj", axes, error)
+    terms = along**2 / variance + np.log(2 * np.pi * variance)
+    return float(terms.sum(axis=1).mean() / 2)
+
+
+def energy_score(error: FloatArray, covariance: FloatArray) -> float:
+    """Return the mean energy score of normal distributions, in the errors' unit.
+
+    ``E|X - y| - E|X - X'| / 2``, strictly proper [1]_: the lower the better, and lowest in the
+    mean for the right covariance. Expectations by a fixed set of quasi-random nodes.
+
+    Parameters
+    ----------
+    error : ndarray, shape (n, d)
+        What came out less the mean that was stated.
+    covariance : ndarray, shape (n, d, d)
+
+    Returns
+    -------
+    float
+        NaN where a covariance is not positive semidefinite.
+
+    References
+    ----------
+    .. [1] Gneiting, Raftery: Strictly proper scoring rules, prediction, and estimation, JASA 102,
+       2007, section 4.3.
+    """
+    variance, axes = np.linalg.eigh(covariance)
+    if not len(error) or (variance < 0).any():
+        return float("nan")
+    root = axes * np.sqrt(variance)[:, None, :]
+    draws = np.einsum("nij,mj->nmi", root, _nodes(error.shape[1]))
+    near = np.linalg.norm(draws - error[:, None], axis=2).mean(axis=1)
+    # X - X' is normal with twice the covariance.
+    apart = np.sqrt(2) * np.linalg.norm(draws, axis=2).mean(axis=1)
+    return float((near - apart / 2).mean())
+
+
+def _nodes(d: int) -> FloatArray:
+    """Return nodes of a standard normal distribution of d dimensions, (m, d), mean zero."""
+    from scipy.stats import norm, qmc  # noqa: PLC0415  # lazy: 0.5 s
+
+    half_nodes = _NODES // 2
+    corners = qmc.Sobol(d, scramble=False).random_base2(half_nodes.bit_length() - 1)
+    half = norm.ppf(corners + 0.5 / half_nodes)  # in the middle of their cells: none at 0
+    return np.concatenate([half, -half])
+
+
+def _matched(methods: Sequence[Method]) -> dict[str, float]:
+    """Return each method's RMSE over the epochs that all methods with an answer have, degrees."""
+    of = {
+        m.name: m.errors
+        for m in methods
+        if m.errors is not None and m.score.attitude_rmse_deg is not None and len(m.errors.t_s)
+    }
+    if not of:
+        return {}
+    shared = next(iter(of.values())).t_s
+    for errors in of.values():
+        shared = shared[common_epochs(shared, errors.t_s)[0]]
+    if not len(shared):
+        return {}
+    rows = {name: common_epochs(errors.t_s, shared)[0] for name, errors in of.items()}
+    matched = {name: rms(errors.tangent_b_rad[rows[name]]) for name, errors in of.items()}
+    return {name: float(np.degrees(value)) for name, value in matched.items() if value is not None}

@@ -1,0 +1,177 @@
+"""Two methods on the same flights: how much better one is, and whether that may be chance.
+
+A flight is the unit. Errors of neighbouring epochs are alike, so an interval by epochs would be far
+too short; flights of different seeds are independent.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray
+
+_LEVEL = 0.95
+_RESAMPLES = 2000  # for intervals 1000 and more: Efron and Tibshirani, 1993, section 14.6
+_LEAST = 3  # flights for an interval: of two, a resample is one of three
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interval:
+    """A figure with its interval of 95 %; NaN bounds where flights are too few to tell."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Paired:
+    """What a method gains against another one, on the flights that both have.
+
+    Attributes
+    ----------
+    flights : int
+        Pairs.
+    unpaired : int
+        Flights that one of both has no figure of: they are in no other number here.
+    ratio : Interval
+        Of root mean squares over flights, first by second: below 1 the first is better.
+    difference : Interval
+        Mean of the first less the second.
+    p_value : float
+        Of Wilcoxon's signed-rank test, two-sided: chance of such ranks if neither is better.
+    """
+
+    flights: int
+    unpaired: int
+    ratio: Interval
+    difference: Interval
+    p_value: float
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether both the interval of the ratio and the test leave chance out, at 5 %."""
+        return self.p_value < 1 - _LEVEL and not self.ratio.low <= 1 <= self.ratio.high
+
+
+class _Statistic(NamedTuple):
+    """A figure of flights and its standard error, of each resample."""
+
+    value: FloatArray
+    error: FloatArray
+
+
+def paired(first: FloatArray, second: FloatArray, rng: np.random.Generator) -> Paired:
+    """Compare one figure of two methods, flight by flight.
+
+    Parameters
+    ----------
+    first, second : ndarray, shape (n,)
+        The same flights in the same order, not negative; NaN where a method has no answer.
+    rng : numpy.random.Generator
+
+    Raises
+    ------
+    BadInputError
+        If the shapes differ.
+    """
+    if first.shape != second.shape or first.ndim != 1:
+        raise BadInputError(
+            f"paired figures: expected one for each of the same flights, got shapes "
+            f"{first.shape} and {second.shape}"
+        )
+    both = np.isfinite(first) & np.isfinite(second)
+    a, b, n = first[both], second[both], int(both.sum())
+    return Paired(
+        flights=n,
+        unpaired=int((np.isfinite(first) ^ np.isfinite(second)).sum()),
+        ratio=_interval(np.stack([a, b]), _log_ratio, rng, np.exp),
+        difference=_interval((a - b)[None], _mean, rng),
+        p_value=_signed_rank(a - b),
+    )
+
+
+def pooled(figure: FloatArray, rng: np.random.Generator, *, squared: bool) -> Interval:
+    """Return a figure over flights with its interval: root mean square, or mean; NaN apart.
+
+    Parameters
+    ----------
+    figure : ndarray, shape (n,)
+    rng : numpy.random.Generator
+    squared : bool
+        Whether it is itself a root mean square, whose squares are averaged.
+    """
+    known = figure[np.isfinite(figure)][None]
+    return _interval(known, _log_rms, rng, np.exp) if squared else _interval(known, _mean, rng)
+
+
+def _mean(samples: FloatArray) -> _Statistic:
+    """Return mean and standard error of (1, ..., n)."""
+    x = samples[0]
+    return _Statistic(x.mean(axis=-1), _error(x))
+
+
+def _log_rms(samples: FloatArray) -> _Statistic:
+    """Return the log of the root mean square of (1, ..., n), and its standard error."""
+    square = samples[0] ** 2
+    mean = square.mean(axis=-1)
+    return _Statistic(np.log(mean) / 2, _error(square) / (2 * mean))
+
+
+def _log_ratio(samples: FloatArray) -> _Statistic:
+    """Return the log of the ratio of root mean squares of (2, ..., n), and its standard error."""
+    square = samples**2
+    mean = square.mean(axis=-1)
+    relative = square / mean[..., None]
+    log = np.log(mean[0] / mean[1]) / 2
+    return _Statistic(log, _error(relative[0] - relative[1]) / 2)
+
+
+def _error(x: FloatArray) -> FloatArray:
+    """Return the standard error of the mean over the last axis; NaN of one flight."""
+    if x.shape[-1] < 2:
+        return np.full(x.shape[:-1], np.nan)
+    return np.asarray(x.std(axis=-1, ddof=1) / np.sqrt(x.shape[-1]))
+
+
+def _interval(
+    samples: FloatArray,
+    statistic: Callable[[FloatArray], _Statistic],
+    rng: np.random.Generator,
+    back: Callable[[FloatArray], FloatArray] = np.asarray,
+) -> Interval:
+    """Return a statistic of flights, (k, n), with its bootstrap-t interval [1]_.
+
+    Percentiles of resamples fall short of their promise where few flights carry a mean of squares:
+    84 % in place of 95 of 30 flights whose errors spread by a half. Studentised, 30 have 93 to 94 %
+    and ten 90 %.
+
+    References
+    ----------
+    .. [1] Efron, Tibshirani: An introduction to the bootstrap, 1993, section 12.5.
+    """
+    n = samples.shape[1]
+    if not n:
+        return Interval(value=np.nan, low=np.nan, high=np.nan)
+    with np.errstate(all="ignore"):  # of one flight, or of resamples that are all alike
+        own = statistic(samples)
+        value, low, high = float(back(own.value)), np.nan, np.nan
+        if n >= _LEAST and own.error > 0:
+            resampled = statistic(samples[:, rng.integers(n, size=(_RESAMPLES, n))])
+            t = (resampled.value - own.value) / resampled.error
+            bounds = np.quantile(t[np.isfinite(t)], [(1 + _LEVEL) / 2, (1 - _LEVEL) / 2])
+            low, high = back(own.value - bounds * own.error).tolist()
+    return Interval(value=value, low=low, high=high)
+
+
+def _signed_rank(difference: FloatArray) -> float:
+    """Return the p-value of Wilcoxon's test; 1 where all differences are zero, NaN of none."""
+    if not len(difference):
+        return float("nan")
+    if not difference.any():
+        return 1.0
+    from scipy.stats import wilcoxon  # noqa: PLC0415  # lazy: 0.5 s
+
+    return float(wilcoxon(difference, zero_method="zsplit").pvalue)
