@@ -31,14 +31,14 @@ def train(
     """Train networks from a recipe.
 
     Writes checkpoints, results and a log into a folder. What is not done within the slice, or was
-    killed, goes on with --resume where it stood. Recipes are in models/recipes.
+    killed, goes on with --resume where it stood. `fgnav recipes` lists those that come along.
 
-    Example: fgnav train models/recipes/phases.toml --scale smoke --out /tmp/phases
+    Example: fgnav train phases --scale smoke --out /tmp/phases
 
     Parameters
     ----------
     recipe : Path
-        What to train, a TOML file.
+        What to train: a TOML file, or the name of a recipe that comes along.
     out : Path
         Folder for checkpoints and results; a new or an empty one without --resume.
     scale : str
@@ -53,14 +53,16 @@ def train(
     from time import perf_counter  # noqa: PLC0415  # lazy, like all below
 
     from fgnav.checks import BadInputError, positive  # noqa: PLC0415
-    from fgnav.evaluation.report.whole_file import made_folder  # noqa: PLC0415
+    from fgnav.io.atomic_write import made_folder  # noqa: PLC0415
     from fgnav.io.strict_toml import read_toml  # noqa: PLC0415
+    from fgnav.shipped import file_or_shipped  # noqa: PLC0415
 
     positive("--slice-s", slice_s)
     if not resume and out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BadInputError(
             f"--out: must be a new or an empty folder, got '{out}'; --resume goes on with it"
         )
+    recipe = file_or_shipped(recipe, "fgnav_models", "recipes")
     content = read_toml(recipe)
     trainer = _trainer(recipe, content.pop("kind", None), device)
     from fgnav_models.training.order import Order  # noqa: PLC0415  # torch: seconds

@@ -23,7 +23,7 @@ def restitution(*, out: Path, seeds: int = 3, processes: int = 2) -> None:
         How many flights at a time.
     """
     from fgnav.evaluation.report.plots import check_figure  # noqa: PLC0415  # lazy, like all below
-    from fgnav.evaluation.report.whole_file import made_folder  # noqa: PLC0415
+    from fgnav.io.atomic_write import made_folder  # noqa: PLC0415
     from fgnav_models.restitution import cases, restitute  # noqa: PLC0415
     from fgnav_models.restitution_report import FIGURE, write_report  # noqa: PLC0415
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.evaluation.report.whole_file import whole_file, write_text
 from fgnav.evaluation.scores import EULER
+from fgnav.io.atomic_write import atomic_file, write_text
 from fgnav_models.restitution import (
     AMPLITUDES_DEG,
     BY_RIGHT_INTEGERS,
@@ -202,7 +202,7 @@ def save_figure(figures: Restitution, path: Path) -> None:
             axes[angle, r].grid(visible=True, color="#e6e6e6", lw=0.6)
     handles = axes[0, 0].get_lines()
     figure.legend(handles=handles, loc="outside right upper", frameon=False, fontsize=8)
-    with whole_file(path) as part:
+    with atomic_file(path) as part:
         figure.savefig(part, format="png")
 
 

@@ -1,9 +1,11 @@
 """The command ``fgnav simulate``; everything heavy is imported when it runs."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
+
+from fgnav.json_file import JsonFile, check_places, write_json
+from fgnav.terminal import progress
 
 if TYPE_CHECKING:
     from fgnav_sim.dispersions import Draw, Numbers
@@ -14,29 +16,27 @@ Summary: TypeAlias = "dict[str, str | int | float | dict[str, Numbers]]"
 
 
 def simulate(
-    scenario: Path, *, seed: int, out: Path, batch: int | None = None, json: bool = False
+    scenario: Path, *, seed: int, out: Path, batch: int | None = None, json: JsonFile = None
 ) -> None:
     """Make a flight whose truth is known, or many.
 
     Reads what is to fly, when and where, and which sensors are on board; writes a flight folder:
     flight.toml, RINEX observations and navigation, tables of the other sensors and of the truth;
     dispersions.json says what was drawn, where the scenario has a table [dispersions]. The same
-    scenario and seed give the same bytes. Scenarios to start from are in sim/scenarios.
+    scenario and seed give the same bytes. `fgnav scenarios` lists some to start from.
 
-    Example: fgnav simulate sim/scenarios/demo.toml --seed 1 --out demo/flight
+    Example: fgnav simulate demo --seed 1 --out demo/flight
 
     Parameters
     ----------
     scenario : Path
-        What to simulate, a TOML file.
+        What to simulate: a TOML file, or the name of a scenario that comes along.
     seed : int
         Of all random numbers: noise, biases, clocks, integers.
     out : Path
         The flight's folder; made if it is not there, refused if it holds anything.
     batch : int
         Make so many flights, with this seed and those that follow it, in out/0001, out/0002, …
-    json : bool
-        Print the summary as JSON.
     """
     from fgnav.checks import BadInputError  # noqa: PLC0415  # lazy, like all below
 
@@ -46,19 +46,24 @@ def simulate(
         raise BadInputError(f"--batch: must be 1 or more, got {batch}")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BadInputError(f"--out: must be a new or an empty folder, got '{out}'")
+    check_places(json)
 
+    from fgnav.io.atomic_write import atomic_folder  # noqa: PLC0415
     from fgnav_sim.scenario import load_scenario  # noqa: PLC0415
 
     what = load_scenario(scenario)
-    with _whole(out) as folder, _shown(what.name) as progress:
+    with atomic_folder(out) as folder, progress(1) as step:
         try:
-            summaries = _make(what, range(seed, seed + (batch or 1)), folder, batch, progress)
+            with step(f"simulating {what.name}"):
+                summaries = _make(what, range(seed, seed + (batch or 1)), folder, batch, step.share)
         except BadInputError as error:
             raise BadInputError(f"{scenario}: {error}") from None
     for summary in summaries:
         summary["flight"] = str(out / str(summary["flight"]))
     summary = summaries[0] if batch is None else _summary_of_batch(summaries, out)
-    _print_summary(summary, as_json=json)
+    write_json(json, summary)
+    if json != "-":
+        _print_summary(summary)
 
 
 def _make(
@@ -66,7 +71,7 @@ def _make(
     seeds: range,
     out: Path,
     batch: int | None,
-    progress: Callable[[float], None],
+    watch: Callable[[float], None],
 ) -> list[Summary]:
     """Write the flights of the seeds; return what was made, folders relative to ``out``."""
     import numpy as np  # noqa: PLC0415
@@ -75,7 +80,7 @@ def _make(
     from fgnav_sim.simulate import simulate_many  # noqa: PLC0415
 
     summaries = []
-    made = simulate_many(what, [np.random.default_rng(seed) for seed in seeds], progress)
+    made = simulate_many(what, [np.random.default_rng(seed) for seed in seeds], watch)
     for k, (seed, one) in enumerate(zip(seeds, made, strict=True)):
         name = "" if batch is None else f"{k + 1:04d}"
         save_flight(one.flight, out / name, rinex=what.gnss.rinex if what.gnss else "3.04")
@@ -91,40 +96,6 @@ def _write_draws(file: Path, seed: int, draws: "tuple[Draw, ...]") -> None:
 
     drawn = {draw.key: {"nominal": draw.nominal, "value": draw.value} for draw in draws}
     file.write_text(dumps({"seed": seed, "drawn": drawn}, indent=2) + "\n", encoding="utf-8")
-
-
-@contextmanager
-def _whole(out: Path) -> Iterator[Path]:
-    """Give a temporary folder beside the wanted one; rename it at the end, or leave nothing."""
-    import shutil  # noqa: PLC0415
-    import tempfile  # noqa: PLC0415
-
-    from fgnav.checks import BadInputError  # noqa: PLC0415
-
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
-    except OSError as error:
-        raise BadInputError(f"--out: {out} cannot be made, {error.strerror}") from error
-    try:
-        yield temporary
-        temporary.chmod(0o755)
-        temporary.replace(out)
-    except BaseException:
-        shutil.rmtree(temporary, ignore_errors=True)
-        raise
-
-
-@contextmanager
-def _shown(name: str) -> Iterator[Callable[[float], None]]:
-    """Show a bar on a terminal, nothing on a pipe."""
-    from rich.console import Console  # noqa: PLC0415
-    from rich.progress import Progress  # noqa: PLC0415
-
-    console = Console(stderr=True)
-    with Progress(console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task(f"simulating {name}", total=1.0)
-        yield lambda share: bar.update(task, completed=share)
 
 
 def _summary(made: "Simulated", name: str, seed: int) -> Summary:
@@ -162,12 +133,7 @@ def _summary_of_batch(summaries: list[Summary], out: Path) -> Summary:
     return whole | {key: value for key, value in alike.items() if key not in whole}
 
 
-def _print_summary(summary: Summary, *, as_json: bool) -> None:
-    if as_json:
-        from json import dumps  # noqa: PLC0415
-
-        print(dumps(summary, indent=2))  # noqa: T201
-        return
+def _print_summary(summary: Summary) -> None:
     for key, value in summary.items():
         if isinstance(value, dict):
             for name, drawn in value.items():

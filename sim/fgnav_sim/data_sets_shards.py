@@ -2,16 +2,19 @@
 
 import hashlib
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError
+from fgnav.io.atomic_write import atomic_file, made_folder
 from fgnav.io.strict_toml import Table, as_table
+from fgnav.io.user_files import read_bytes
 from fgnav_sim.data_sets import ArrayEpochs, array_epochs
 from fgnav_sim.data_sets_columns import COLUMNS, Column, packed, unpacked
 from fgnav_sim.data_sets_gravity import GravityEpochs, gravity_epochs
@@ -19,7 +22,7 @@ from fgnav_sim.data_sets_gravity_world import GravityWorld
 from fgnav_sim.data_sets_world import World
 
 MANIFEST = "data_set.json"
-_PART = re.compile(r"\.\d+\.npz\.part")
+_PART = re.compile(rf"\.{re.escape(MANIFEST)}\.\d+\.part")
 Epochs: TypeAlias = ArrayEpochs | GravityEpochs
 
 
@@ -62,8 +65,24 @@ class DataSet:
         """Return the number of shards."""
         return len(self.manifest.shards)
 
+    @property
+    def planned(self) -> int:
+        """Number of shards of the finished set."""
+        return -(-self.manifest.epochs // self.manifest.world.shard_epochs)
+
     def __iter__(self) -> Iterator[Epochs]:
-        """Return the shards' epochs, in order."""
+        """Return the shards' epochs, in order.
+
+        Raises
+        ------
+        BadInputError
+            If the set is not finished, or a file is not what was written.
+        """
+        if len(self) < self.planned:
+            raise BadInputError(
+                f"{self.folder}: holds {len(self)} of {self.planned} shards; "
+                "call fgnav data-set again, which goes on where it stopped"
+            )
         return (self.read(k) for k in range(len(self)))
 
     def read(self, k: int) -> Epochs:
@@ -96,8 +115,8 @@ def load_data_set(folder: Path) -> DataSet:
     if not path.is_file():
         raise BadInputError(f"{path}: no such file; a data set is a folder with a {MANIFEST}")
     try:
-        content = msgspec.json.decode(path.read_bytes())
-    except msgspec.DecodeError as error:
+        content = msgspec.json.decode(read_bytes(path))
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise BadInputError(f"{path}: must be JSON, {error}") from None
     if not isinstance(content, dict):
         raise BadInputError(f"{path}: must be a JSON object, got {content!r}")
@@ -144,17 +163,19 @@ def make_data_set(
     for k, size in enumerate(sizes):
         name = f"{k + 1:04d}.npz"
         if not (k < len(done) and _whole(folder / done[k].name, done[k])):
-            shard = Shard(
-                name=name, epochs=size, sha256=_write(world, seed, k, size, folder / name)
-            )
+            columns = _drawn(world, seed, k, size)
+            if not (folder / MANIFEST).exists():  # before any shard: a folder always says whose
+                made_folder(folder)
+                _write_manifest(folder, manifest)
+            shard = Shard(name=name, epochs=size, sha256=_write(folder / name, columns))
             done = (*done[:k], shard, *done[k + 1 :])
-            _replace(folder / MANIFEST, _text(msgspec.structs.replace(manifest, shards=done)))
+            _write_manifest(folder, msgspec.structs.replace(manifest, shards=done))
         progress((k + 1) / len(sizes))
     return DataSet(folder=folder, manifest=msgspec.structs.replace(manifest, shards=done))
 
 
-def _write(world: World | GravityWorld, seed: int, k: int, size: int, path: Path) -> str:
-    """Draw and write a shard; return its digest."""
+def _drawn(world: World | GravityWorld, seed: int, k: int, size: int) -> dict[str, NDArray[Any]]:
+    """Return the columns of a shard."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(k,)))
     epochs: Epochs
     if isinstance(world, World):
@@ -163,20 +184,15 @@ def _write(world: World | GravityWorld, seed: int, k: int, size: int, path: Path
     else:
         epochs = gravity_epochs(world, rng, size)
         runs = k * (world.shard_epochs // world.windows.per_flight)
-    columns = packed(epochs, runs)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInputError(f"{path.parent}: cannot be made, {error.strerror}") from None
-    part = path.with_name(f".{path.name}.part")
-    try:
+    return packed(epochs, runs)
+
+
+def _write(path: Path, columns: Mapping[str, NDArray[Any]]) -> str:
+    """Write a shard; return its digest."""
+    with atomic_file(path) as part:
         with part.open("wb") as file:
             np.savez(file, allow_pickle=False, **columns)
-        digest = _digest(part)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
-    return digest
+        return _digest(part)
 
 
 def _begun(folder: Path, manifest: Manifest) -> tuple[Shard, ...]:
@@ -217,12 +233,7 @@ def _digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _text(manifest: Manifest) -> bytes:
-    return msgspec.json.format(msgspec.json.encode(manifest), indent=2) + b"\n"
-
-
-def _replace(path: Path, content: bytes) -> None:
-    """Write a file under another name, then rename it."""
-    part = path.with_name(f".{path.name}.part")
-    part.write_bytes(content)
-    part.replace(path)
+def _write_manifest(folder: Path, manifest: Manifest) -> None:
+    text = msgspec.json.format(msgspec.json.encode(manifest), indent=2) + b"\n"
+    with atomic_file(folder / MANIFEST) as part:
+        part.write_bytes(text)

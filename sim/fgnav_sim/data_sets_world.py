@@ -10,6 +10,7 @@ from msgspec import field
 from fgnav.checks import BadInputError
 from fgnav.gnss.signals import CONSTELLATIONS, known
 from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector, as_table, read_toml
+from fgnav.shipped import file_or_shipped
 from fgnav_sim.data_sets_attitudes import Attitudes, UniformAttitudes
 from fgnav_sim.data_sets_gravity_world import GravityWorld
 from fgnav_sim.receiver_tables import Angle, MultipathTable, ReflectorTable
@@ -235,14 +236,17 @@ class World(Table, frozen=True, tag="array", tag_field="kind"):
             )
 
 
-def load_world(path: Path) -> World | GravityWorld:
-    """Return the world in a TOML file, the files it names resolved against the file's folder.
+def load_world(world: Path | str) -> World | GravityWorld:
+    """Return a world: a TOML file's, or that of a name that comes with the simulator.
+
+    Files that it names are resolved against its folder.
 
     Raises
     ------
     BadInputError
         One line that names file, key, rule and value.
     """
+    path = file_or_shipped(world, "fgnav_sim", "worlds")
     content = read_toml(path)
     kinds: dict[object, type[World] | type[GravityWorld]] = {
         "array": World,
@@ -252,15 +256,15 @@ def load_world(path: Path) -> World | GravityWorld:
     if kind not in kinds:
         raise BadInputError(f"{path}: key kind: must be array or gravity, got {kind!r}")
     content["kind"] = kind
-    world = as_table(path, content, kinds[kind])
-    changes: dict[str, object] = {} if world.name else {"name": path.stem}
-    if isinstance(world, World):
+    table = as_table(path, content, kinds[kind])
+    changes: dict[str, object] = {} if table.name else {"name": path.stem}
+    if isinstance(table, World):
         files = {
-            key: _resolved(path, key, getattr(world.satellites, key))
+            key: _resolved(path, key, getattr(table.satellites, key))
             for key in ("navigation", "orbits")
         }
-        changes["satellites"] = msgspec.structs.replace(world.satellites, **files)
-    return msgspec.structs.replace(world, **changes)
+        changes["satellites"] = msgspec.structs.replace(table.satellites, **files)
+    return msgspec.structs.replace(table, **changes)
 
 
 def _resolved(path: Path, key: str, names: tuple[str, ...]) -> tuple[str, ...]:

@@ -6,9 +6,11 @@ centimetres under a stated metre.
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
+from fgnav.checks import FloatArray
 from fgnav.flight import Flight
 from fgnav.gnss.code_model import atmosphere_m, code_channels, code_ranges
 from fgnav.gnss.satellites import angles, signal_paths
@@ -17,10 +19,11 @@ from fgnav.observations import Observations
 
 
 def with_message_errors(flight: Flight, rng: np.random.Generator) -> Flight:
-    """Return a flight with one error for each satellite in all its codes and phases.
+    """Return a flight with an error of each satellite in all its codes and phases.
 
     Drawn with the standard deviation that estimators will expect of it in the middle of the flight;
-    the same at all antennas and at the base, and constant: it drifts over hours.
+    the same at all antennas and at the base. It moves from there at a constant rate and in a random
+    walk, of the sizes that the flight states (``flight.gnss_noise``).
 
     Parameters
     ----------
@@ -39,22 +42,47 @@ def with_message_errors(flight: Flight, rng: np.random.Generator) -> Flight:
     _, left_m2 = atmosphere_m(flight, channels, p_e_m, seen, ranges.gps_s)
     sigma_m = np.sqrt(np.nan_to_num(ranges.message_variance_m2 + left_m2))[0]
     drawn_m = sigma_m * rng.standard_normal(len(sigma_m))
-    names = [observations.satellites[column] for column in channels.column]
-    error_m = dict(zip(names, drawn_m.tolist(), strict=True))
-    base = flight.base
+    base, noise = flight.base, flight.gnss_noise
+    t_s = observations.t_s if base is None else np.union1d(observations.t_s, base.observations.t_s)
+    step_s = np.diff(t_s, prepend=t_s[0])[:, None]
+    walk_m = np.sqrt(step_s) * rng.standard_normal((len(t_s), len(sigma_m)))
+    walk_m = noise.satellite_error_walk_m_per_sqrt_s * np.cumsum(walk_m, axis=0)
+    row = int(np.searchsorted(t_s, observations.t_s[middle[0]]))
+    rate_mps = noise.satellite_error_rate_mps * rng.standard_normal(len(sigma_m))
+    moved_m = walk_m - walk_m[row] + (t_s - t_s[row])[:, None] * rate_mps
+    errors = _Errors(
+        t_s=t_s,
+        satellites=tuple(observations.satellites[column] for column in channels.column),
+        error_m=drawn_m + moved_m,
+        rate_mps=rate_mps,
+    )
     return replace(
         flight,
-        observations=_further(observations, error_m),
-        base=base and replace(base, observations=_further(base.observations, error_m)),
+        observations=_further(observations, errors),
+        base=base and replace(base, observations=_further(base.observations, errors)),
     )
 
 
-def _further(observations: Observations, error_m: dict[str, float]) -> Observations:
+class _Errors(NamedTuple):
+    """Errors of satellites' ranges."""
+
+    t_s: FloatArray  # (k,)
+    satellites: tuple[str, ...]  # (s,)
+    error_m: FloatArray  # (k, s)
+    rate_mps: FloatArray  # (s,)
+
+
+def _further(observations: Observations, errors: _Errors) -> Observations:
     """Lengthen every range by its satellite's error."""
-    longer_m = np.array([error_m.get(satellite, 0.0) for satellite in observations.satellites])
+    places = {satellite: k for k, satellite in enumerate(errors.satellites)}
+    column = np.array([places.get(satellite, -1) for satellite in observations.satellites])
+    row, has = np.searchsorted(errors.t_s, observations.t_s), column >= 0
+    longer_m = np.where(has, errors.error_m[row][:, column], 0.0)[:, None]
+    faster_mps = np.where(has, errors.rate_mps[column], 0.0)
     wavelength_m = wavelengths_m(observations.satellites, observations.signals)
     return replace(
         observations,
         code_m=observations.code_m + longer_m,
         phase_cycles=observations.phase_cycles + longer_m / wavelength_m,
+        doppler_hz=observations.doppler_hz - faster_mps / wavelength_m,
     )

@@ -5,6 +5,7 @@ from typing import Annotated, Literal, TypeAlias
 import msgspec
 from msgspec import field
 
+from fgnav.flight import GnssNoise
 from fgnav.gnss.signals import CONSTELLATIONS, known
 from fgnav.io.rinex_writer import RinexVersion
 from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector
@@ -206,6 +207,8 @@ class GnssTable(Table, frozen=True):
     message_errors : bool
         Give every satellite an error in its ranges as large as estimators expect of messages and
         of models of the atmosphere; else both are perfect.
+    satellite_error_rate_mps, satellite_error_walk_m_per_sqrt_s : float
+        How those errors move, see ``fgnav.flight.GnssNoise``; written to the flight.
     wind_up : bool
         Turns of the antennas, all of which look along -z_b, wind up the phase; in double
         differences of a rigid body nothing of it is left.
@@ -233,6 +236,8 @@ class GnssTable(Table, frozen=True):
     cn0: Cn0Table = Cn0Table()
     atmosphere: bool = True
     message_errors: bool = False
+    satellite_error_rate_mps: Positive = GnssNoise().satellite_error_rate_mps
+    satellite_error_walk_m_per_sqrt_s: Positive = GnssNoise().satellite_error_walk_m_per_sqrt_s
     wind_up: bool = False
     clock: ClockTable = ClockTable()
     rinex: RinexVersion = "3.04"

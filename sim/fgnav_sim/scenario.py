@@ -11,6 +11,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.earth import GravityModel, Origin
 from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector, as_table, read_toml
+from fgnav.shipped import file_or_shipped
 from fgnav_sim.dispersions import check_spreads
 from fgnav_sim.flown_table import FlownTable
 from fgnav_sim.motion import Motion, Trajectory
@@ -299,39 +300,45 @@ class Scenario(Table, frozen=True):
         return np.arange(max(1, math.ceil(self.duration_s * rate_hz - 1e-6))) / rate_hz
 
 
-def load_scenario(path: Path) -> Scenario:
-    """Return the scenario in a TOML file, the files it names resolved against the file's folder.
+def load_scenario(scenario: Path | str) -> Scenario:
+    """Return a scenario: a TOML file's, or that of a name that comes with the simulator.
+
+    Files that it names are resolved against its folder; a vehicle may be a name, too.
 
     Raises
     ------
     BadInputError
         One line that names file, key, rule and value.
     """
-    scenario = as_table(path, read_toml(path), Scenario)
+    path = file_or_shipped(scenario, "fgnav_sim", "scenarios")
+    table = as_table(path, read_toml(path), Scenario)
     changes: dict[str, object] = {}
-    if not scenario.name:
+    if not table.name:
         changes["name"] = path.stem
-    if scenario.flown is not None:
-        changes["flown"] = _with_vehicle(path, scenario.flown)
-    if scenario.gnss is not None:
+    if table.flown is not None:
+        changes["flown"] = _with_vehicle(path, table.flown)
+    if table.gnss is not None:
         changes["gnss"] = msgspec.structs.replace(
-            scenario.gnss,
-            navigation=_resolved(path, "gnss.navigation", scenario.gnss.navigation),
-            orbits=_resolved(path, "gnss.orbits", scenario.gnss.orbits),
+            table.gnss,
+            navigation=_resolved(path, "gnss.navigation", table.gnss.navigation),
+            orbits=_resolved(path, "gnss.orbits", table.gnss.orbits),
         )
-    scenario = msgspec.structs.replace(scenario, **changes)
+    table = msgspec.structs.replace(table, **changes)
     try:
-        check_spreads(scenario, scenario.dispersions)
+        check_spreads(table, table.dispersions)
     except BadInputError as error:
         raise BadInputError(f"{path}: key {error}") from None
-    return scenario
+    return table
 
 
 def _with_vehicle(path: Path, flown: FlownTable) -> FlownTable:
     """Return the table with its vehicle's tables in place of their file."""
     if isinstance(flown.vehicle, Vehicle):
         return flown
-    vehicle = load_vehicle(Path(_resolved(path, "flown.vehicle", (flown.vehicle,))[0]))
+    if len(Path(flown.vehicle).parts) == 1 and not Path(flown.vehicle).suffix:
+        vehicle = load_vehicle(flown.vehicle)
+    else:
+        vehicle = load_vehicle(Path(_resolved(path, "flown.vehicle", (flown.vehicle,))[0]))
     try:
         return msgspec.structs.replace(flown, vehicle=vehicle)
     except ValueError as error:

@@ -196,6 +196,9 @@ def _noise(gnss: GnssTable) -> GnssNoise:
         phase_m=math.hypot(gnss.phase_noise_m, echoes.phase_m if echoes else 0.0),
         doppler_mps=gnss.doppler_noise_mps,
         elevation_weights=gnss.elevation_weights,
+        wind_up=gnss.wind_up,
+        satellite_error_rate_mps=gnss.satellite_error_rate_mps,
+        satellite_error_walk_m_per_sqrt_s=gnss.satellite_error_walk_m_per_sqrt_s,
     )
 
 

@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 
 from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector, as_table, read_toml
+from fgnav.shipped import file_or_shipped
 
 Column: TypeAlias = float | tuple[float, ...]  # one value for every Mach number, or one for each
 RateTerms: TypeAlias = Literal["d/v", "d/2v"]
@@ -245,16 +246,17 @@ class Vehicle(Table, frozen=True):
             raise ValueError("canards.station_m: must differ from body.centre_m, to have a lever")
 
 
-def load_vehicle(path: Path) -> Vehicle:
-    """Read a vehicle file.
+def load_vehicle(vehicle: Path | str) -> Vehicle:
+    """Return a vehicle: a TOML file's, or that of a name that comes with the simulator.
 
     Raises
     ------
     BadInputError
         Naming the file and the first key that is unknown or breaks its rule.
     """
-    vehicle = as_table(path, read_toml(path), Vehicle)
-    return vehicle if vehicle.name else msgspec.structs.replace(vehicle, name=path.stem)
+    path = file_or_shipped(vehicle, "fgnav_sim", "vehicles")
+    table = as_table(path, read_toml(path), Vehicle)
+    return table if table.name else msgspec.structs.replace(table, name=path.stem)
 
 
 def _check_grid(name: str, grid: tuple[float, ...], least: int) -> None:

@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from fgnav.flight import Flight, Truth
 from fgnav.observations import LOST_LOCK, Observations
 from fgnav.rotations import to_euler
+from fgnav.shipped import shipped
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 
 HERE = Path(__file__).resolve().parent
-SCENARIOS = HERE.parent / "scenarios"
 LONGEST_S = 60.0  # what is longer repeats itself …
 SAME = ("hour", "beacon")  # … and these fly like demo and terminal
 SEED = 1
@@ -23,14 +23,14 @@ SEED = 1
 
 def main(names: list[str]) -> None:
     """Draw the named scenarios, or all."""
-    for path in sorted(SCENARIOS.glob("*.toml")):
-        if path.stem in names or not (names or path.stem in SAME):
-            scenario = load_scenario(path)
+    for name in shipped("fgnav_sim", "scenarios"):
+        if name in names or not (names or name in SAME):
+            scenario = load_scenario(name)
             shorter = min(scenario.duration_s, LONGEST_S)
             flight = simulate(
                 msgspec.structs.replace(scenario, duration_s=shorter), np.random.default_rng(SEED)
             )
-            _draw(flight).savefig(HERE / f"{path.stem}_flight.png", dpi=80)
+            _draw(flight).savefig(HERE / f"{name}_flight.png", dpi=80)
 
 
 def _draw(flight: Flight) -> Figure:

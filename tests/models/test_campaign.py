@@ -20,7 +20,7 @@ from fgnav_sim.data_sets_gravity_world import GravityWorld, WindowsTable
 from fgnav_sim.data_sets_world import NoiseTable, World
 
 ROOT = Path(__file__).resolve().parents[2]
-RECIPES = ROOT / "models" / "recipes"
+RECIPES = ROOT / "models" / "fgnav_models" / "recipes"
 FIGURES = [f"figure_{k:02d}.png" for k in range(3, 15)]
 
 

@@ -14,7 +14,9 @@ from fgnav_models.training.gravity_paper import PaperStudy
 from fgnav_models.training.nets import Architecture
 from fgnav_sim.data_sets_gravity_world import GravityWorld
 
-RECIPE = Path(__file__).resolve().parents[2] / "models" / "recipes" / "gravity.toml"
+RECIPE = (
+    Path(__file__).resolve().parents[2] / "models" / "fgnav_models" / "recipes" / "gravity.toml"
+)
 ALONE = RECIPE.with_name("gravity_accelerometer.toml")
 
 

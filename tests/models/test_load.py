@@ -218,11 +218,11 @@ def test_a_manifest_of_another_graph_is_refused(tmp_path, port):
 def test_missing_files_and_names_are_told(tmp_path):
     with pytest.raises(BadInputError, match=r"network 'nobody': not one of .* nor a file"):
         load("nobody")
-    with pytest.raises(BadInputError, match=r"a\.json: cannot be read: No such file"):
+    with pytest.raises(BadInputError, match=r"a\.json: no such file; .*NAME\.json beside it"):
         load(tmp_path / "a.onnx")
     path = written(tmp_path, onnx_bytes())
     path.unlink()
-    with pytest.raises(BadInputError, match=r"toy\.onnx: cannot be read: No such file"):
+    with pytest.raises(BadInputError, match=r"toy\.onnx: no such file; check the name"):
         load(path)
 
 

@@ -24,7 +24,7 @@ from fgnav_models.training.trust_score import (
 )
 from fgnav_models.trust_features import LINK_FEATURES, SATELLITES, WHOLE_FEATURES
 
-RECIPE = Path(__file__).parents[2] / "models" / "recipes" / "trust.toml"
+RECIPE = Path(__file__).parents[2] / "models" / "fgnav_models" / "recipes" / "trust.toml"
 
 
 def order(out, deadline_s=math.inf):

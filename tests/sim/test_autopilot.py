@@ -14,7 +14,9 @@ from fgnav_sim.planet import WGS84
 from fgnav_sim.rigid_body import Flown, Launch, Plan, fly_batch
 from fgnav_sim.vehicle import Vehicle, load_vehicle
 
-ROCKET = load_vehicle(Path(__file__).resolve().parents[2] / "sim" / "vehicles" / "rocket.toml")
+ROCKET = load_vehicle(
+    Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "vehicles" / "rocket.toml"
+)
 COASTING = msgspec.structs.replace(ROCKET, motor=None)
 ORIGIN = Origin(latitude_rad=0.7, longitude_rad=-0.07, height_m=2000.0)
 

@@ -6,7 +6,7 @@ import pytest
 
 from fgnav import cli
 
-VEHICLES = Path(__file__).resolve().parents[2] / "sim" / "vehicles"
+VEHICLES = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "vehicles"
 ROCKET = (VEHICLES / "rocket.toml").read_text(encoding="utf-8")
 FLOWN = """
 duration_s = 10.0

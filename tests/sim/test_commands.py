@@ -48,7 +48,7 @@ def test_the_same_seed_writes_the_same_bytes_and_another_seed_others(scenario, t
 
 
 def test_the_summary_says_what_was_made(scenario, tmp_path, capsys):
-    simulate(scenario, seed=1, out=tmp_path / "flight", json=True)
+    simulate(scenario, seed=1, out=tmp_path / "flight", json="-")
     summary = json.loads(capsys.readouterr().out)
     assert summary["epochs"] == 20
     assert summary["antennas"] == 3
@@ -77,7 +77,7 @@ def test_a_folder_that_cannot_be_made_is_named(scenario):
 
 
 def test_a_batch_is_the_flights_of_seeds_that_follow_each_other(scenario, tmp_path, capsys):
-    simulate(scenario, seed=7, out=tmp_path / "batch", batch=3, json=True)
+    simulate(scenario, seed=7, out=tmp_path / "batch", batch=3, json="-")
     summary = json.loads(capsys.readouterr().out)
     assert summary["flights"] == 3
     assert summary["seeds"] == "7 to 9"
@@ -167,7 +167,7 @@ def test_what_was_drawn_is_kept_with_each_flight_of_a_batch(tmp_path, capsys):
         """,
         encoding="utf-8",
     )
-    simulate(path, seed=7, out=tmp_path / "batch", batch=3, json=True)
+    simulate(path, seed=7, out=tmp_path / "batch", batch=3, json="-")
     summary = json.loads(capsys.readouterr().out)
     assert summary["flights"] == 3
     assert "dispersions" not in summary  # they are each flight's own
@@ -179,7 +179,7 @@ def test_what_was_drawn_is_kept_with_each_flight_of_a_batch(tmp_path, capsys):
     masses = [one["drawn"]["flown.vehicle.body.mass_kg"]["value"] for one in drawn]
     assert len(set(masses)) == 3
     assert drawn[0]["drawn"]["flown.vehicle.body.mass_kg"]["nominal"] == 10.0
-    simulate(path, seed=8, out=tmp_path / "alone", json=True)
+    simulate(path, seed=8, out=tmp_path / "alone", json="-")
     alone = json.loads(capsys.readouterr().out)
     assert alone["dispersions"]["flown.vehicle.body.mass_kg"] == masses[1]
     assert contents(tmp_path / "alone") == contents(tmp_path / "batch" / "0002")

@@ -1,6 +1,7 @@
 """Data sets on disk: nothing changes on the way, and interruptions leave no trace."""
 
 import json
+import shutil
 import subprocess
 import sys
 
@@ -82,11 +83,25 @@ def test_an_interrupted_set_is_finished_as_if_nothing_had_happened(tmp_path):
     make_data_set(WORLD, 1, tmp_path / "whole")
     with pytest.raises(StoppedError):
         make_data_set(WORLD, 1, tmp_path / "stopped", stop)
-    assert len(load_data_set(tmp_path / "stopped")) == 2
+    stopped = load_data_set(tmp_path / "stopped")
+    assert (len(stopped), stopped.planned) == (2, 3)
+    with pytest.raises(BadInputError, match="stopped: holds 2 of 3 shards; call fgnav data-set"):
+        list(stopped)
     before = (tmp_path / "stopped" / "0001.npz").stat().st_mtime_ns
     make_data_set(WORLD, 1, tmp_path / "stopped")
     assert content(tmp_path / "whole") == content(tmp_path / "stopped")
     assert (tmp_path / "stopped" / "0001.npz").stat().st_mtime_ns == before
+
+
+def test_a_set_goes_on_from_a_shard_that_its_manifest_does_not_know_yet(tmp_path):
+    make_data_set(WORLD, 1, tmp_path / "whole")
+    folder = shutil.copytree(tmp_path / "whole", tmp_path / "killed")
+    manifest = json.loads((folder / MANIFEST).read_text())
+    (folder / MANIFEST).write_text(json.dumps(manifest | {"shards": []}))
+    (folder / "0003.npz").unlink()
+    (folder / ".0003.npz.999999999.part").write_bytes(b"half")
+    make_data_set(WORLD, 1, folder)
+    assert content(folder) == content(tmp_path / "whole")
 
 
 def test_a_damaged_shard_is_refused_by_readers_and_made_again(tmp_path):
@@ -114,14 +129,14 @@ def test_folders_with_something_else_are_left_alone(tmp_path):
         make_data_set(WORLD, 1, tmp_path / "full")
     with pytest.raises(BadInputError, match=r"mine\.txt: must be a folder, it is a file"):
         make_data_set(WORLD, 1, tmp_path / "full" / "mine.txt")
-    with pytest.raises(BadInputError, match="below: cannot be made, Not a directory"):
+    with pytest.raises(BadInputError, match="below: cannot be made: Not a directory"):
         make_data_set(WORLD, 1, tmp_path / "full" / "mine.txt" / "below")
 
 
 def test_what_a_killed_call_has_begun_is_no_obstacle(tmp_path):
     folder = tmp_path / "set"
     folder.mkdir()
-    (folder / ".0001.npz.part").write_bytes(b"half a shard")
+    (folder / f".{MANIFEST}.999999999.part").write_bytes(b"half a manifest")
     make_data_set(WORLD, 1, folder)
     assert sorted(content(folder)) == ["0001.npz", "0002.npz", "0003.npz", MANIFEST]
 
@@ -168,14 +183,16 @@ def test_the_command_writes_a_set_and_says_what_it_holds(tmp_path, capsys):
     world = tmp_path / "small.toml"
     world.write_text("epochs = 30\nshard_epochs = 20\n")
     arguments = ["data-set", str(world), "--seed", "5", "--out", str(tmp_path / "set")]
-    assert main([*arguments, "--json"]) == 0
+    assert main([*arguments, "--json", "-"]) == 0
     summary = json.loads(capsys.readouterr().out)
     size = sum(path.stat().st_size for path in (tmp_path / "set").glob("*.npz"))
     assert summary["epochs"] == 30
     assert (summary["shards"], summary["bytes"]) == (2, size)
     assert load_data_set(tmp_path / "set").manifest.world.name == "small"
     assert main(arguments) == 0
-    assert "shards         2" in capsys.readouterr().out
+    again = capsys.readouterr()
+    assert "shards  2" in again.out
+    assert "set: holds 2 of 2 shards, goes on from there" in again.err
 
 
 def test_a_bad_command_writes_nothing_and_exits_with_two(tmp_path, capsys):

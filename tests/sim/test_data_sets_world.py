@@ -8,7 +8,7 @@ from fgnav.checks import BadInputError
 from fgnav_sim.data_sets_gravity_world import GravityWorld
 from fgnav_sim.data_sets_world import World, load_world
 
-WORLDS = Path(__file__).resolve().parents[2] / "sim" / "worlds"
+WORLDS = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "worlds"
 
 
 @pytest.mark.parametrize("path", sorted(WORLDS.glob("*.toml")), ids=lambda path: path.stem)

@@ -23,7 +23,9 @@ from fgnav_sim.planet import WGS84
 from fgnav_sim.rigid_body import Launch, Plan, fly_batch
 from fgnav_sim.vehicle import Airframe, Axisymmetric, BodyTable, Vehicle, load_vehicle
 
-ROCKET = load_vehicle(Path(__file__).resolve().parents[2] / "sim" / "vehicles" / "rocket.toml")
+ROCKET = load_vehicle(
+    Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "vehicles" / "rocket.toml"
+)
 BODY_ONLY = BodyTable(mass_kg=2.0, inertia_kgm2=(1.0, 1.2, 1.3))
 DENSITY = 1.1
 

@@ -43,5 +43,20 @@ def test_differences_of_the_array_are_left_as_they_are():
 def test_other_noise_stays_as_it_was():
     without, with_errors = (flown(1, message_errors=flag) for flag in (False, True))
     longer_m = with_errors.observations.code_m - without.observations.code_m
-    spread_m = np.nanmax(longer_m, axis=(0, 1)) - np.nanmin(longer_m, axis=(0, 1))
+    spread_m = np.nanmax(longer_m, axis=1) - np.nanmin(longer_m, axis=1)
     assert np.nanmax(spread_m) < 1e-6
+
+
+def test_errors_move_as_the_flight_states():
+    """Of 40 flights of 20 s, the change over 10 s: a rate and a walk of 10 s."""
+    changes_m = []
+    for seed in range(FLIGHTS):
+        without, erring = (flown(seed, message_errors=flag, span_s=20.0) for flag in (False, True))
+        longer_m = (erring.observations.phase_cycles - without.observations.phase_cycles)[:, 0]
+        changes_m.append((longer_m[-1] - longer_m[-11]) * 0.19029)
+    noise = erring.gnss_noise
+    variance_m2 = (10 * noise.satellite_error_rate_mps) ** 2
+    variance_m2 += 10 * noise.satellite_error_walk_m_per_sqrt_s**2
+    changes_m = np.concatenate(changes_m)
+    # Some 360 draws: 99.9 % of their mean squares lie within a quarter of the variance.
+    assert np.nanmean(changes_m**2) == pytest.approx(variance_m2, rel=0.25)

@@ -17,7 +17,7 @@ from fgnav_sim.rigid_body import Flown, Launch, Plan, fly_batch, fly_reference, 
 from fgnav_sim.rigid_body_kernel import derivative
 from fgnav_sim.vehicle import Axisymmetric, BodyTable, MotorTable, Vehicle, load_vehicle
 
-VEHICLES = Path(__file__).resolve().parents[2] / "sim" / "vehicles"
+VEHICLES = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "vehicles"
 MADRID = Origin(latitude_rad=np.radians(40.33), longitude_rad=np.radians(-3.88), height_m=700.0)
 FAR = Origin(latitude_rad=0.4, longitude_rad=1.0, height_m=9e7)  # where gravity hardly differs
 HIGH = Origin(latitude_rad=0.7, longitude_rad=0.0, height_m=9e5)  # a minute's fall above the ground

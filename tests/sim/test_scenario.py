@@ -9,7 +9,7 @@ from fgnav.checks import BadInputError
 from fgnav_sim.motion import Arc, Ramp
 from fgnav_sim.scenario import PAPER_ANTENNAS_B_M, Scenario, load_scenario
 
-SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "scenarios"
+SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios"
 
 
 def load(folder, text):

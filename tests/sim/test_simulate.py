@@ -22,7 +22,7 @@ from fgnav_sim.scenario import (
 from fgnav_sim.simulate import simulate
 from fgnav_sim.surroundings_tables import BarometerTable, MagnetometerTable
 
-SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "scenarios"
+SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios"
 SWING = Motion(path=Arc(), roll=Sine(amplitude_deg=20.0), pitch=Sine(amplitude_deg=20.0))
 FULL = Scenario(
     name="full",

@@ -24,7 +24,7 @@ from fgnav_sim.simulate import simulate, simulate_many
 from fgnav_sim.take_off import take_off
 from fgnav_sim.vehicle import Airframe, BodyTable, Vehicle, load_vehicle
 
-SIM = Path(__file__).resolve().parents[2] / "sim"
+SIM = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim"
 ROCKET = load_vehicle(SIM / "vehicles" / "rocket.toml")
 FREE = Vehicle(body=BodyTable(mass_kg=3.0, inertia_kgm2=(0.02, 0.3, 0.31)))
 FT = 0.3048

@@ -6,7 +6,7 @@ from fgnav.checks import BadInputError
 from fgnav_sim.forces import AIRFRAME, AXISYMMETRIC
 from fgnav_sim.vehicle import Airframe, Axisymmetric, load_vehicle
 
-VEHICLES = Path(__file__).resolve().parents[2] / "sim" / "vehicles"
+VEHICLES = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "vehicles"
 ROCKET = (VEHICLES / "rocket.toml").read_text()
 
 

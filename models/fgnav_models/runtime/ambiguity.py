@@ -14,6 +14,7 @@ from fgnav_models.features import ambiguity_inputs, by_elevation, wrapped
 from fgnav_models.runtime.load import Model, load
 
 _SATELLITES = 6
+_ROWS = 10_000  # epochs at a time
 # The source paper's array (its section 2.3.2), antennas 2 to 8 from the first.
 _BASELINES_B_M = np.array(
     [
@@ -122,7 +123,12 @@ class AmbiguityNetwork:
             e_n=np.take_along_axis(differences.e_n[rows], order[..., None], axis=1),
             t_s=differences.t_s[rows],
         )
-        answer = _loaded(self.network)(features=features[:, None])
+        network = _loaded(self.network)
+        parts = [
+            network(features=features[first : first + _ROWS, None])
+            for first in range(0, len(features), _ROWS)
+        ]
+        answer = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         if self.probability_min and "probability" not in answer:
             raise BadInputError(
                 f"{self.network} probability_min: the network states no probabilities; take 0"

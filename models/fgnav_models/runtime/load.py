@@ -3,18 +3,18 @@
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fgnav.checks import BadInputError
+from fgnav.io.user_files import read_bytes
 from fgnav_models.runtime.manifest import Manifest, Port, read_manifest
 from fgnav_models.runtime.onnx_scan import scan
+from fgnav_models.runtime.session import Session
 
-if TYPE_CHECKING:
-    from onnxruntime import InferenceSession
-
+_MOST_BYTES = 100_000_000  # released networks have 1 MB at most
 WEIGHTS = Path(__file__).resolve().parent.parent / "weights"
 
 
@@ -29,7 +29,7 @@ class Model:
     """
 
     manifest: Manifest
-    _session: "InferenceSession"
+    _session: Session
 
     def __call__(self, **inputs: ArrayLike) -> dict[str, NDArray[Any]]:
         """Run the network once.
@@ -47,16 +47,22 @@ class Model:
         Raises
         ------
         BadInputError
-            If a name, a shape or a value does not fit the manifest.
+            If a name, a shape or a value does not fit the manifest, on either side, or the
+            network does not end within its bounds.
         """
         ports = self.manifest.inputs
         if inputs.keys() != {port.name for port in ports}:
             wanted, given = ", ".join(port.name for port in ports), ", ".join(inputs) or "nothing"
             raise BadInputError(f"{self.manifest.name}: inputs must be {wanted}, got {given}")
         lengths: dict[str, int] = {}
-        feed = {p.name: _checked(self.manifest.name, p, inputs[p.name], lengths) for p in ports}
-        names = [port.name for port in self.manifest.outputs]
-        return dict(zip(names, self._session.run(names, feed), strict=True))
+        name = self.manifest.name
+        feed = {p.name: _checked(f"{name}: input", p, inputs[p.name], lengths) for p in ports}
+        ports = self.manifest.outputs
+        answers = self._session.run([port.name for port in ports], feed)
+        return {
+            p.name: _checked(f"{name}: output", p, answer, lengths)
+            for p, answer in zip(ports, answers, strict=True)
+        }
 
 
 def released() -> tuple[str, ...]:
@@ -83,10 +89,7 @@ def load(name_or_path: str | Path, *, threads: int = 1) -> Model:
     """
     path = _path(name_or_path)
     manifest = read_manifest(path.with_suffix(".json"))
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise BadInputError(f"{path}: cannot be read: {error.strerror}") from None
+    content = read_bytes(path, _MOST_BYTES)
     if len(content) != manifest.size_bytes:
         raise BadInputError(
             f"{path}: must have {manifest.size_bytes} bytes, has {len(content)}; "
@@ -98,9 +101,9 @@ def load(name_or_path: str | Path, *, threads: int = 1) -> Model:
             f"{path}: sha256 must be {manifest.sha256}, is {digest}; take the released file again"
         )
     scan(str(path), content)
-    session = _session(path, content, threads)
-    _check_ports(path, "input", manifest.inputs, session.get_inputs())
-    _check_ports(path, "output", manifest.outputs, session.get_outputs())
+    session = Session(path, content, threads)
+    _check_ports(path, "input", manifest.inputs, session.inputs())
+    _check_ports(path, "output", manifest.outputs, session.outputs())
     return Model(manifest, session)
 
 
@@ -114,33 +117,6 @@ def _path(name_or_path: str | Path) -> Path:
             f"network {str(name_or_path)!r}: not one of {known}, nor a file that ends in .onnx"
         )
     return WEIGHTS / f"{name_or_path}.onnx"
-
-
-def _session(path: Path, content: bytes, threads: int) -> "InferenceSession":
-    """Return onnxruntime's session on one core group, quiet."""
-    try:
-        import onnxruntime  # noqa: PLC0415  # heavy, and an extra
-        from onnxruntime.capi import onnxruntime_pybind11_state as errors  # noqa: PLC0415
-    except ModuleNotFoundError:
-        raise BadInputError(
-            f"{path}: a network needs onnxruntime; pip install 'fgnav[networks]'"
-        ) from None
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.inter_op_num_threads = 1
-    options.log_severity_level = 4  # an error is raised, not printed
-    refusals = (
-        errors.Fail,
-        errors.InvalidArgument,
-        errors.InvalidGraph,
-        errors.InvalidProtobuf,
-        errors.NotImplemented,
-        errors.RuntimeException,
-    )
-    try:
-        return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-    except refusals as error:
-        raise BadInputError(f"{path}: onnxruntime refuses it: {error}") from None
 
 
 def _check_ports(path: Path, side: str, ports: tuple[Port, ...], have: Any) -> None:  # noqa: ANN401  # onnxruntime has no types
@@ -161,8 +137,8 @@ def _shape(shape: Any) -> tuple[int | None, ...]:  # noqa: ANN401  # as above
     return tuple(length if isinstance(length, int) else None for length in shape)
 
 
-def _checked(network: str, port: Port, value: ArrayLike, lengths: dict[str, int]) -> NDArray[Any]:
-    """Return an input as the network wants it, and note the lengths that its shape names."""
+def _checked(side: str, port: Port, value: ArrayLike, lengths: dict[str, int]) -> NDArray[Any]:
+    """Return an array as its port states it, and note the lengths that its shape names."""
     array = np.asarray(value)
     known = f" with {lengths}" if lengths else ""  # those that earlier inputs have
     fits = array.ndim == len(port.shape) and all(
@@ -171,12 +147,12 @@ def _checked(network: str, port: Port, value: ArrayLike, lengths: dict[str, int]
     )
     if not fits:
         raise BadInputError(
-            f"{network}: input {port.name} must have shape {port.shape}{known}, got {array.shape}"
+            f"{side} {port.name} must have shape {port.shape}{known}, got {array.shape}"
         )
     if not np.can_cast(array.dtype, port.dtype, "same_kind"):
-        raise BadInputError(f"{network}: input {port.name} must be {port.dtype}, got {array.dtype}")
+        raise BadInputError(f"{side} {port.name} must be {port.dtype}, got {array.dtype}")
     array = np.ascontiguousarray(array, dtype=port.dtype)
     if array.dtype.kind == "f" and not np.isfinite(array).all():
         row = int(np.argwhere(~np.isfinite(array))[0][0]) if array.ndim else 0
-        raise BadInputError(f"{network}: input {port.name} is not finite, first at row {row}")
+        raise BadInputError(f"{side} {port.name} is not finite, first at row {row}")
     return array

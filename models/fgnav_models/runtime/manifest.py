@@ -7,7 +7,9 @@ import msgspec
 
 from fgnav.checks import BadInputError
 from fgnav.io.strict_toml import Table
+from fgnav.io.user_files import read_bytes
 
+_MOST_BYTES = 4_000_000
 Kind: TypeAlias = Literal["float32", "int64", "bool"]
 
 
@@ -79,13 +81,12 @@ def read_manifest(path: Path) -> Manifest:
         If the file cannot be read or is no manifest.
     """
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Manifest)
-    except OSError as error:
-        raise BadInputError(
-            f"{path}: cannot be read: {error.strerror}; a network is NAME.onnx with NAME.json "
-            "beside it"
-        ) from None
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        content = read_bytes(path, _MOST_BYTES)
+    except BadInputError as error:
+        raise BadInputError(f"{error}; a network is NAME.onnx with NAME.json beside it") from None
+    try:
+        return msgspec.json.decode(content, type=Manifest)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise BadInputError(f"{path}: must be a network's manifest, {error}") from None
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError
 
+_MOST_FIELDS = 100_000  # nodes, or weights outside of raw bytes: released networks have 300
 _STANDARD_DOMAINS = (b"", b"ai.onnx")
 _FLOATS: dict[int, np.dtype[np.floating[Any]]] = {  # TensorProto.DataType
     1: np.dtype("<f4"),
@@ -78,7 +79,7 @@ def _check_node(node: memoryview) -> None:
                 if inner in (5, 10):  # a tensor, or one of several
                     _check_tensor(_message(part))
                 elif inner in (6, 11):  # a graph, or one of several
-                    _check_graph(_message(part))
+                    raise _NotOnnx("holds a graph in a node (If, Loop, Scan): it may never end")
 
 
 def _check_tensor(tensor: memoryview) -> None:
@@ -118,8 +119,11 @@ def _message(value: "int | memoryview") -> memoryview:
 
 def _fields(message: memoryview) -> "Iterator[tuple[int, int | memoryview]]":
     """Yield field number and value of a message: a whole number, or the bytes of the field."""
-    at = 0
+    at = count = 0
     while at < len(message):
+        count += 1
+        if count > _MOST_FIELDS:
+            raise _NotOnnx(f"has more than {_MOST_FIELDS} fields in a message")
         key, at = _varint(message, at)
         wire = key & 7
         if wire == 0:

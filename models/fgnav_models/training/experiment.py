@@ -14,7 +14,7 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from fgnav.checks import BadInputError, BoolArray, IntArray
-from fgnav.evaluation.report.whole_file import made_folder, whole_file, write_text
+from fgnav.io.atomic_write import atomic_file, made_folder, write_text
 from fgnav.io.strict_toml import Positive, Table
 from fgnav_models.training.baselines import Figures, figures
 from fgnav_models.training.data import Parts, Rows, Samples, Shuffled
@@ -282,5 +282,5 @@ def _validation(
 
 
 def _save(path: Path, tensors: dict[str, torch.Tensor]) -> None:
-    with whole_file(path) as part:
+    with atomic_file(path) as part:
         save_file({key: value.detach().cpu().contiguous() for key, value in tensors.items()}, part)

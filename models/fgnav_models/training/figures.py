@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.evaluation.report.whole_file import whole_file
+from fgnav.io.atomic_write import atomic_file
 
 _MARKERS = "osD^vPX*"
 
@@ -90,5 +90,5 @@ def _axes(path: Path, labels: tuple[str, str]) -> Iterator[Any]:
     axes.grid(color="#e6e6e6", linewidth=0.6)
     axes.set_axisbelow(True)
     yield axes
-    with whole_file(path) as part:
+    with atomic_file(path) as part:
         figure.savefig(part, format="png", metadata={"Software": None})

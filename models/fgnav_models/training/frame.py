@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import IntArray
-from fgnav.evaluation.report.whole_file import write_text
+from fgnav.io.atomic_write import write_text
 from fgnav.io.strict_toml import Table, as_table
 from fgnav_models.training.baselines import Figures, figures, majority, of_baselines
 from fgnav_models.training.data import Data, Rows, Samples, draw, parts_of

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import torch
 
-from fgnav.evaluation.report.whole_file import made_folder, write_text
+from fgnav.io.atomic_write import made_folder, write_text
 from fgnav.io.strict_toml import Positive, Table
 from fgnav_models.gravity_features import CALM, SAMPLES, domain_values
 from fgnav_models.runtime.manifest import Port

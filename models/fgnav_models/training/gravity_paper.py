@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import torch
 
-from fgnav.evaluation.report.whole_file import made_folder, write_text
+from fgnav.io.atomic_write import made_folder, write_text
 from fgnav.io.strict_toml import Positive, Table
 from fgnav_models.training.experiment import SliceOver
 from fgnav_models.training.gravity_data import (

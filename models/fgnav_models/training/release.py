@@ -15,7 +15,7 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError
-from fgnav.evaluation.report.whole_file import made_folder, whole_file, write_text
+from fgnav.io.atomic_write import atomic_file, made_folder, write_text
 from fgnav_models.runtime.load import load
 from fgnav_models.runtime.manifest import Manifest, Port, manifest_text
 
@@ -138,7 +138,7 @@ def _plain(value: object) -> str:
 
 
 def _write(manifest: Manifest, content: bytes, folder: Path) -> None:
-    with whole_file(folder / f"{manifest.name}.onnx") as part:
+    with atomic_file(folder / f"{manifest.name}.onnx") as part:
         part.write_bytes(content)
     write_text(folder / f"{manifest.name}.json", manifest_text(manifest))
 

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from fgnav.checks import FloatArray
-from fgnav.evaluation.report.whole_file import write_text
+from fgnav.io.atomic_write import write_text
 from fgnav_models.training import figures as draw
 from fgnav_models.training.baselines import Figures
 from fgnav_models.training.experiment import Result

@@ -19,7 +19,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
 from fgnav.checks import BadInputError, NoSolutionError
-from fgnav.evaluation.report.whole_file import whole_file
+from fgnav.io.atomic_write import atomic_file
 from fgnav.io.strict_toml import NotNegative, Positive, Table
 
 Batch: TypeAlias = tuple[torch.Tensor, ...]
@@ -292,7 +292,7 @@ class _Run:
             "history": state.history,
         }
         metadata = {"state": json.dumps(text), "settings": _settings_text(self.settings)}
-        with whole_file(self.checkpoint) as part:
+        with atomic_file(self.checkpoint) as part:
             save_file(self._tensors(), part, metadata=metadata)
         self.saved_s = perf_counter()
 

@@ -1,4 +1,4 @@
-"""``fgnav train models/recipes/trust.toml``: draw worlds, train the trust network, release it."""
+"""``fgnav train trust``: draw worlds, train the trust network, release it."""
 
 import platform
 from collections.abc import Callable
@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.evaluation.report.whole_file import made_folder, whole_file
+from fgnav.io.atomic_write import atomic_file, made_folder
 from fgnav.io.strict_toml import Table
 from fgnav_models.runtime.manifest import Port
 from fgnav_models.training.order import Order
@@ -193,7 +193,7 @@ def _drawn(recipe: Recipe, draw: Draw, rng: np.random.Generator) -> TrustSamples
 
 
 def _write(path: Path, samples: TrustSamples) -> None:
-    with whole_file(path) as part, part.open("wb") as file:
+    with atomic_file(path) as part, part.open("wb") as file:
         np.savez(file, **{name: getattr(samples, name) for name in samples.__dataclass_fields__})
 
 

@@ -1,0 +1,102 @@
+"""A stranger's network stays within bounds, and its errors are one line."""
+
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+
+from fgnav.checks import BadInputError
+from fgnav_models.runtime import session
+from fgnav_models.runtime.load import load
+from tests.models.test_load import onnx_bytes, written
+
+X = np.ones((4, 3))
+
+
+def of_nodes(*nodes, **constants):
+    """Return a graph from x (n, 3) to y (n, 2)."""
+    graph = helper.make_graph(
+        nodes,
+        "g",
+        [helper.make_tensor_value_info("x", TensorProto.FLOAT, ["n", 3])],
+        [helper.make_tensor_value_info("y", TensorProto.FLOAT, ["n", 2])],
+        [numpy_helper.from_array(np.array(value), name) for name, value in constants.items()],
+    )
+    opset = [helper.make_opsetid("", 17)]
+    return helper.make_model(graph, opset_imports=opset, ir_version=8).SerializeToString()
+
+
+def summed(name):
+    """Return nodes that end a graph with the sum of a tensor."""
+    return (
+        helper.make_node("ReduceSum", [name], ["sum"], keepdims=0),
+        helper.make_node("MatMul", ["x", "w"], ["product"]),
+        helper.make_node("Add", ["product", "sum"], ["y"]),
+    )
+
+
+W = np.ones((3, 2), np.float32)
+
+
+def test_a_network_that_wants_too_much_memory_is_refused(tmp_path):
+    content = of_nodes(
+        helper.make_node("ConstantOfShape", ["s"], ["c"]), *summed("c"), s=[10**6, 10**4], w=W
+    )
+    network = load(written(tmp_path, content))
+    with pytest.raises(BadInputError, match=r"onnxruntime stops at it: .*ConstantOfShape"):
+        network(x=X)
+
+
+def test_a_network_that_takes_too_long_is_ended(tmp_path, monkeypatch):
+    products = [helper.make_node("MatMul", [f"c{k}", f"c{k}"], [f"c{k + 1}"]) for k in range(200)]
+    start = helper.make_node("ConstantOfShape", ["s"], ["c0"])
+    content = of_nodes(start, *products, *summed("c200"), s=[500, 500], w=W)
+    network = load(written(tmp_path, content))
+    monkeypatch.setattr(session, "CPU_S", 0.1)
+    with pytest.raises(BadInputError, match=r"more than 0\.1 s of computing"):
+        network(x=X)
+
+
+def test_answers_that_are_not_finite_or_of_another_shape_are_refused(tmp_path):
+    weights = np.full((3, 2), 3e38, np.float32)
+    network = load(written(tmp_path, onnx_bytes(weights)))
+    with pytest.raises(BadInputError, match="output y is not finite, first at row 0"):
+        network(x=X)
+    content = of_nodes(
+        helper.make_node("MatMul", ["x", "w"], ["product"]),
+        helper.make_node("Slice", ["product", "zero", "one"], ["y"]),
+        w=W,
+        zero=[0],
+        one=[1],
+    )
+    network = load(written(tmp_path, content))
+    with pytest.raises(BadInputError, match=r"output y must have shape \('n', 2\) with .*\(1, 2\)"):
+        network(x=X)
+
+
+def test_a_network_that_fails_as_it_runs_is_refused(tmp_path):
+    content = of_nodes(
+        helper.make_node("Reshape", ["x", "s"], ["sevens"]),
+        helper.make_node("MatMul", ["sevens", "w"], ["y"]),
+        s=[-1, 7],
+        w=np.ones((7, 2), np.float32),
+    )
+    with pytest.raises(BadInputError, match=r"onnxruntime stops at it: .*Reshape"):
+        load(written(tmp_path, content))(x=X)
+
+
+def test_texts_that_are_no_utf8_are_one_line(tmp_path, capsys):
+    content = onnx_bytes().replace(b"MatMul", b"Mat\xfful")
+    with pytest.raises(BadInputError, match=r"toy\.onnx: onnxruntime refuses it: 'utf-8' codec"):
+        load(written(tmp_path, content))
+    assert capsys.readouterr().out == ""
+
+
+def test_graphs_within_nodes_and_endless_lists_are_refused_before_anything_runs(tmp_path):
+    body = onnx.load_model_from_string(onnx_bytes()).graph
+    loop = helper.make_node("Loop", ["n", "go"], ["y"], body=body)
+    content = of_nodes(loop, n=10**9, go=True)
+    with pytest.raises(BadInputError, match=r"holds a graph in a node \(If, Loop, Scan\)"):
+        load(written(tmp_path, content))
+    with pytest.raises(BadInputError, match="more than 100000 fields"):
+        load(written(tmp_path, b"\x08\x07" * 200_000))
