@@ -26,13 +26,14 @@ $(DEV): $(RUN)
 	$(PIP) --editable '.[dev]'
 	@touch $@
 
-# A first run compiles for a minute: two processes side by side share that work through its cache.
+# A first run compiles for a minute and more: two processes side by side share that work through its
+# cache. The flight states its own noise, so nothing is identified. Else as `fgnav demo`.
 demo: $(RUN)
-	rm -rf demo/flight
+	rm -rf demo
 	mkdir -p demo
-	$(BIN)/fgnav simulate sim/scenarios/demo.toml --seed 1 --out demo/flight
-	$(BIN)/fgnav run demo/flight --method smoother --integers truth --out demo/smoother >/dev/null & \
-	$(BIN)/fgnav compare demo/flight \
+	$(BIN)/fgnav simulate demo --seed 1 --out demo/flight
+	$(BIN)/fgnav run demo/flight --noise stated --out demo/smoother >/dev/null & \
+	$(BIN)/fgnav compare demo/flight --noise stated \
 	  --method closed-form,maximum-likelihood,smoother,batch,rtk \
 	  --json demo/compare.json --report demo/report.png; status=$$?; wait; exit $$status
 

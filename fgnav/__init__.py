@@ -24,7 +24,10 @@ where a docstring says so, and is an error everywhere else.
 """
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from fgnav.kernel_cache import ensure_kernel_cache
 
 if TYPE_CHECKING:  # what an editor and a type checker see
     from fgnav import attitude, gnss, integers, methods
@@ -32,8 +35,11 @@ if TYPE_CHECKING:  # what an editor and a type checker see
     from fgnav.estimate import Estimate
     from fgnav.evaluation.comparison import Comparison, compare
     from fgnav.flight import Flight
+    from fgnav.io.exports.recorded import load_estimate, save_estimate
     from fgnav.io.flight_folder import load_flight, save_flight
     from fgnav.methods.smoother import Smoother
+
+ensure_kernel_cache(Path(__file__).parent)  # before anything imports numba
 
 __version__ = "0.1.0"
 
@@ -41,6 +47,8 @@ __version__ = "0.1.0"
 _FACE = {
     "load_flight": "fgnav.io.flight_folder",
     "save_flight": "fgnav.io.flight_folder",
+    "load_estimate": "fgnav.io.exports.recorded",
+    "save_estimate": "fgnav.io.exports.recorded",
     "Flight": "fgnav.flight",
     "Estimate": "fgnav.estimate",
     "Smoother": "fgnav.methods.smoother",
@@ -66,10 +74,17 @@ __all__ = [
     "compare",
     "gnss",
     "integers",
+    "load_estimate",
     "load_flight",
     "methods",
+    "save_estimate",
     "save_flight",
 ]
+
+
+def __dir__() -> list[str]:
+    """Return the names of the face, which help and completion show."""
+    return sorted(__all__)
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401

@@ -1,13 +1,19 @@
 """What an estimator says: attitude, position, velocity, with covariance or honestly absent."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss, frozen, increasing
 from fgnav.flight import Flight
 from fgnav.integers.resolver import Integers
+from fgnav.rotations import euler_jacobian, to_euler
+from fgnav.summaries import summary, summary_html
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from xarray import Dataset
 
 _MOTION_VECTORS = (
     "p_n_m",
@@ -197,6 +203,65 @@ class Estimate:
     def available(self) -> float:
         """Share of the epochs that have an answer."""
         return len(self.t_s) / self.epochs if self.epochs else 0.0
+
+    @property
+    def euler_deg(self) -> FloatArray:
+        """Roll, pitch and yaw, (n, 3), against the axes of ``n``."""
+        return np.asarray(np.degrees(to_euler(self.R_nb)))
+
+    @property
+    def sigma_deg(self) -> FloatArray | None:
+        """Standard deviations of roll, pitch and yaw, (n, 3); None where the method states none."""
+        if self.attitude_covariance_rad2 is None:
+            return None
+        J = euler_jacobian(self.R_nb)
+        variance = np.einsum("nij,njk,nik->ni", J, self.attitude_covariance_rad2, J)
+        return np.asarray(np.degrees(np.sqrt(np.maximum(variance, 0.0))))
+
+    def to_pandas(self) -> "DataFrame":
+        """Return every figure as a ``pandas.DataFrame``, ``t_s`` for an index; see ``to_table``.
+
+        Raises
+        ------
+        BadInputError
+            If pandas is not installed.
+        """
+        try:
+            from pandas import DataFrame  # noqa: PLC0415  # lazy: an extra
+        except ModuleNotFoundError:
+            raise BadInputError("to_pandas needs pandas; pip install 'fgnav[tables]'") from None
+        return DataFrame(self.to_table()).set_index("t_s")
+
+    def to_xarray(self) -> "Dataset":
+        """Return every array as an ``xarray.Dataset`` over ``t_s`` and named axes.
+
+        Raises
+        ------
+        BadInputError
+            If xarray is not installed.
+        """
+        try:
+            from xarray import Dataset  # noqa: PLC0415  # lazy: an extra
+        except ModuleNotFoundError:
+            raise BadInputError("to_xarray needs xarray; pip install 'fgnav[tables]'") from None
+        from fgnav.estimate_table import labelled  # noqa: PLC0415  # knows this type
+
+        arrays, axes = labelled(self)
+        return Dataset(arrays, coords={"t_s": self.t_s, **axes}, attrs={"method": self.method})
+
+    def to_table(self) -> dict[str, FloatArray]:
+        """Return (n,) columns by name, every covariance in full; see ``estimate_table``."""
+        from fgnav.estimate_table import estimate_table  # noqa: PLC0415  # knows this type
+
+        return estimate_table(self)
+
+    def __repr__(self) -> str:
+        """Return five lines: whose it is, when, how sure, what is open."""
+        return summary(self)
+
+    def _repr_html_(self) -> str:
+        """Return the same for a notebook."""
+        return summary_html(self)
 
 
 class Estimator(Protocol):

@@ -9,6 +9,7 @@ from fgnav.checks import BadInputError, FloatArray, Loss, frozen, increasing, po
 from fgnav.earth import Origin
 from fgnav.observations import Observations
 from fgnav.orbits import BroadcastOrbits, PreciseOrbits
+from fgnav.summaries import summary, summary_html
 from fgnav.surroundings import Barometer, Magnetometer
 
 ElevationWeights: TypeAlias = Literal["sine", "uniform"]
@@ -42,16 +43,31 @@ class GnssNoise:
         Standard deviations.
     elevation_weights : {"sine", "uniform"}
         ``sine`` divides by the sine of the elevation.
+    unstated : tuple of str
+        Names of those that the flight does not state: a usual figure stands there.
+    wind_up : bool
+        Whether turns of antennas wind up their phases: of all receivers they do, of simulated ones
+        where the scenario says so.
+    satellite_error_rate_mps, satellite_error_walk_m_per_sqrt_s : float
+        How errors of a satellite's messages and of the atmosphere's models move: 1-sigma of a
+        constant rate, and of a random walk. Defaults are those of the hour of the IGS station WTZR,
+        25 June 2020, of broadcast orbits and Klobuchar's model: changes of phases of GPS, Galileo
+        and BeiDou above ten degrees, less their mean, of .014 m in 30 s to .43 m in 32 min.
     """
 
     code_m: float = 0.5
     phase_m: float = 0.003
     doppler_mps: float = 0.05
     elevation_weights: ElevationWeights = "sine"
+    unstated: tuple[str, ...] = ()
+    wind_up: bool = True
+    satellite_error_rate_mps: float = 2.3e-4
+    satellite_error_walk_m_per_sqrt_s: float = 2.2e-3
 
     def __post_init__(self) -> None:
         """Reject noise that is zero or negative."""
-        for name in ("code_m", "phase_m", "doppler_mps"):
+        moving = ("satellite_error_rate_mps", "satellite_error_walk_m_per_sqrt_s")
+        for name in ("code_m", "phase_m", "doppler_mps", *moving):
             positive(f"gnss noise {name}", getattr(self, name))
         if self.elevation_weights not in ("sine", "uniform"):
             raise BadInputError(
@@ -91,6 +107,8 @@ class Imu:
     gyroscope_noise_radps_per_sqrt_hz, gyroscope_bias_radps,
     gyroscope_bias_walk_radps_per_sqrt_s : float or None
         The same of the gyroscope; None without one.
+    unstated : tuple of str
+        Names of noises and walks that the flight does not state: a usual figure stands there.
     """
 
     t_s: FloatArray
@@ -103,6 +121,7 @@ class Imu:
     gyroscope_noise_radps_per_sqrt_hz: float | None = None
     gyroscope_bias_radps: float | None = None
     gyroscope_bias_walk_radps_per_sqrt_s: float | None = None
+    unstated: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
@@ -142,6 +161,8 @@ class Fixes:
     position_sigma_m : ndarray, shape (k, 3)
         Standard deviations north, east, down.
     velocity_sigma_mps : ndarray, shape (k, 3), or None
+    unstated : tuple of str
+        Those of the two sigmas that are a usual figure, not the receiver's.
     """
 
     t_s: FloatArray
@@ -150,6 +171,7 @@ class Fixes:
     v_n_mps: FloatArray | None
     position_sigma_m: FloatArray
     velocity_sigma_mps: FloatArray | None
+    unstated: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
@@ -216,6 +238,46 @@ class Seeker:
             landmark_n_m=frozen("seeker landmark_n_m", self.landmark_n_m, (3,)),
             calibration=calibration,
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InitialAttitude:
+    """What is known of the attitude at the first epoch before any measurement.
+
+    Each angle with its standard deviation, rad, or neither.
+
+    Attributes
+    ----------
+    roll_rad, pitch_rad, heading_rad : float or None
+    roll_sigma_rad, pitch_sigma_rad, heading_sigma_rad : float or None
+    """
+
+    roll_rad: float | None = None
+    pitch_rad: float | None = None
+    heading_rad: float | None = None
+    roll_sigma_rad: float | None = None
+    pitch_sigma_rad: float | None = None
+    heading_sigma_rad: float | None = None
+
+    def __post_init__(self) -> None:
+        """Reject an angle without its sigma, and sigmas that are not positive."""
+        for name in ("roll", "pitch", "heading"):
+            angle, sigma = getattr(self, f"{name}_rad"), getattr(self, f"{name}_sigma_rad")
+            if (angle is None) != (sigma is None):
+                lacking = f"{name}_deg" if angle is None else f"{name}_sigma_deg"
+                raise BadInputError(f"initial {lacking}: angle and sigma go together; add it")
+            if sigma is not None:
+                positive(f"initial {name}_sigma_deg", np.degrees(sigma))
+
+    @property
+    def angles_rad(self) -> tuple[float | None, float | None, float | None]:
+        """Roll, pitch, heading."""
+        return self.roll_rad, self.pitch_rad, self.heading_rad
+
+    @property
+    def sigmas_rad(self) -> tuple[float | None, float | None, float | None]:
+        """Of roll, pitch, heading."""
+        return self.roll_sigma_rad, self.pitch_sigma_rad, self.heading_sigma_rad
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -327,6 +389,8 @@ class Flight:
     gnss_noise : GnssNoise
     base : Base or None
     imu, fixes, seeker, barometer, magnetometer, truth : their types, or None
+    initial : InitialAttitude or None
+        Of the first epoch that is estimated.
     losses : tuple of Loss
         What was in the files and is not here.
     """
@@ -346,6 +410,7 @@ class Flight:
     seeker: Seeker | None = None
     barometer: Barometer | None = None
     magnetometer: Magnetometer | None = None
+    initial: InitialAttitude | None = None
     truth: Truth | None = None
     losses: tuple[Loss, ...] = ()
 
@@ -370,6 +435,14 @@ class Flight:
                 "elevation_mask_deg: must be within 0 and 90, "
                 f"got {np.degrees(self.elevation_mask_rad):g}"
             )
+
+    def __repr__(self) -> str:
+        """Return five lines: where it is, what was measured, what is lost."""
+        return summary(self)
+
+    def _repr_html_(self) -> str:
+        """Return the same for a notebook."""
+        return summary_html(self)
 
     def antenna(self, name: str) -> Antenna:
         """Return the antenna of that name.

@@ -1,8 +1,12 @@
 """Interchangeable parts by name: the library's own, then those of installed packages."""
 
+import re
+import sys
 from collections.abc import Mapping
 from importlib import import_module
 from importlib.metadata import entry_points
+from inspect import getdoc
+from pathlib import Path
 from typing import Any
 
 from fgnav.checks import BadInputError
@@ -25,15 +29,62 @@ def names(group: str, own: Mapping[str, str]) -> tuple[str, ...]:
 def named(group: str, own: Mapping[str, str], name: str, *, kind: str) -> Any:  # noqa: ANN401  # any part
     """Return the part of that name, imported only now; ``kind`` is what errors call it.
 
+    A name with a colon is ``module:attribute`` of any module that Python finds, those in the
+    working folder among them.
+
     Raises
     ------
     BadInputError
         If there is none; the text lists what there is.
     """
     if name in own:
-        module, _, attribute = own[name].partition(":")
-        return getattr(import_module(module), attribute)
+        return _loaded(own[name])
     for entry in entry_points(group=group):
         if entry.name == name:
             return entry.load()
-    raise BadInputError(f"{kind} {name!r}: not one of {', '.join(names(group, own))}")
+    if ":" in name:
+        return _from_module(name, kind)
+    listed = ", ".join(names(group, own)) or "none is installed"
+    raise BadInputError(f"{kind} {name!r}: not one of {listed}; module:attribute names any other")
+
+
+def descriptions(group: str, own: Mapping[str, str]) -> dict[str, str]:
+    """Return the first line of what each part of a group says of itself, by name.
+
+    A part of an installed package says whose it is; one that cannot be imported says why.
+    """
+    texts = {name: _first_line(_loaded(target)) for name, target in own.items()}
+    for entry in entry_points(group=group):
+        if entry.name not in texts:
+            try:
+                text = _first_line(entry.load())
+            except Exception as error:  # noqa: BLE001  # whatever a stranger's import raises
+                text = f"cannot be imported: {error}"
+            dist = entry.dist.name if entry.dist is not None else "an installed package"
+            texts[entry.name] = text if dist == "fgnav" else f"{text} ({dist})"
+    return texts
+
+
+def _loaded(target: str) -> Any:  # noqa: ANN401  # any part
+    """Return what ``module:attribute``, or ``module``, names."""
+    module, _, attribute = target.partition(":")
+    found = import_module(module)
+    return getattr(found, attribute) if attribute else found
+
+
+def _from_module(name: str, kind: str) -> Any:  # noqa: ANN401  # any part
+    """Return what ``module:attribute`` names, the working folder searched, too."""
+    here = str(Path.cwd())
+    sys.path.insert(0, here)
+    try:
+        return _loaded(name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise BadInputError(f"{kind} {name!r}: {error}") from error
+    finally:
+        sys.path.remove(here)
+
+
+def _first_line(part: object) -> str:
+    """Return the first line of a part's docstring."""
+    line = (getdoc(part) or "says nothing of itself").splitlines()[0]
+    return re.sub(r" \[\d+\]_", "", line)  # references stand further down

@@ -1,105 +1,164 @@
-"""What a command shows on a terminal and writes as JSON; with ``cli`` the only one that prints."""
+"""What commands show on a terminal; with ``cli`` the only one that prints."""
 
+import shutil
 import sys
-from collections.abc import Iterator
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.progress import Progress
+from fgnav.progress import watched_by, watcher
 
+if TYPE_CHECKING:
     from fgnav.evaluation.comparison import Comparison
     from fgnav.set_up import SetUp
 
 _PIPE_WIDTH = 110  # columns of a table that goes to no terminal
 
 
+class Steps:
+    """Steps of a piece of work, so many in all: each is shown while it lasts, with its share."""
+
+    def __init__(self, steps: int, show: Callable[[str, float], None]) -> None:
+        self._steps, self._show, self._done, self._what = steps, show, 0, ""
+
+    @contextmanager
+    def __call__(self, what: str) -> Iterator[None]:
+        """Show one step while it lasts; work inside it may ``report`` its share."""
+        self._what = what
+        self.share(0.0)
+        with watched_by(self.share):
+            yield
+        self.share(1.0)
+        self._done += 1
+
+    def share(self, share: float) -> None:
+        """Show which share of the step at work is done."""
+        self._show(self._what, (self._done + share) / self._steps)
+
+
 @contextmanager
-def progress() -> "Iterator[Progress]":
-    """Show steps on a terminal, nothing on a pipe."""
-    from rich.console import Console  # noqa: PLC0415
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn  # noqa: PLC0415
+def progress(steps: int) -> "Iterator[Steps]":
+    """Show so many steps on a terminal: which is at work, the share done, the time to come.
+
+    Nothing on a pipe. Within a step of other work, the share of that work is all that is shown.
+    """
+    outer = watcher()
+    if outer is not None:
+        yield Steps(steps, lambda _, share: outer(share))
+        return
+    from rich.console import Console  # noqa: PLC0415  # lazy: keeps the command line quick
+    from rich.progress import (  # noqa: PLC0415
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     console = Console(stderr=True)
     columns = (
-        SpinnerColumn(finished_text="✓"),
         TextColumn("{task.description}"),
+        BarColumn(bar_width=20),
+        TaskProgressColumn(),
         TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
     )
     hidden = not console.is_terminal
     with Progress(*columns, console=console, disable=hidden, transient=True) as shown:
-        yield shown
+        task = shown.add_task("", total=1.0)
+        yield Steps(steps, lambda what, to: shown.update(task, description=what, completed=to))
 
 
-@contextmanager
-def step(shown: "Progress", what: str) -> Iterator[None]:
-    """Show one step while it lasts."""
-    task = shown.add_task(what, total=1)
-    yield
-    shown.update(task, completed=1)
+def width() -> int:
+    """Return the columns of the terminal, or of COLUMNS; as a table needs where neither is."""
+    return shutil.get_terminal_size((_PIPE_WIDTH, 24)).columns
 
 
-def _console() -> "Console":
-    """Return standard output; as wide as a table needs where nobody's window limits it."""
-    from rich.console import Console  # noqa: PLC0415
+def show_lines(lines: Sequence[str]) -> None:
+    """Print lines, folded at words with a hanging indent on a terminal, each whole on a pipe."""
+    for line in lines:
+        if sys.stdout.isatty():
+            indent = " " * (len(line) - len(line.lstrip()) + 2)
+            line = textwrap.fill(  # noqa: PLW2901  # the same line, folded
+                line,
+                max(width(), 20),
+                subsequent_indent=indent,
+                break_long_words=False,
+                break_on_hyphens=False,
+            )
+        print(line)
 
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=_PIPE_WIDTH)
+
+def show_names(texts: Mapping[str, str]) -> None:
+    """Print names with a text each, the texts folded beside them."""
+    indent = max(map(len, texts), default=0) + 2
+    for name, text in texts.items():
+        print(
+            textwrap.fill(
+                text,
+                max(width(), indent + 20),
+                initial_indent=name.ljust(indent),
+                subsequent_indent=" " * indent,
+                break_long_words=False,
+                break_on_hyphens=False,
+            )
+        )
 
 
-def check_places(json: str | None) -> None:
-    """Raise where a file could not be written at the end: better before minutes of work."""
-    if json is not None and json != "-":
-        from fgnav.evaluation.report.whole_file import check_place  # noqa: PLC0415
+def check_outputs(flight: Path, *files: Path | str | None, folder: Path | None = None) -> None:
+    """Raise where results could not be written, or would replace what the flight is made of.
 
-        check_place(Path(json))
+    Better before minutes of work.
 
+    Parameters
+    ----------
+    flight : Path
+    *files : Path, str or None
+        Files to be written; a dash is standard output.
+    folder : Path or None
+        That of an estimate.
+    """
+    from fgnav.checks import BadInputError  # noqa: PLC0415  # lazy, like all below
+    from fgnav.io.atomic_write import check_place  # noqa: PLC0415
+    from fgnav.io.exports.estimate_csv import ESTIMATE, SUMMARY  # noqa: PLC0415
+    from fgnav.io.flight_folder import files_of  # noqa: PLC0415
 
-def write_json(place: str | None, content: object) -> None:
-    """Write JSON to a file, or to standard output for a dash."""
-    if place is None:
-        return
-    from json import dumps  # noqa: PLC0415
-
-    text = dumps(content, indent=2, allow_nan=False) + "\n"
-    if place == "-":
-        sys.stdout.write(text)
-        return
-    from fgnav.evaluation.report.whole_file import write_text  # noqa: PLC0415
-
-    write_text(Path(place), text)
+    places = [Path(file) for file in files if file is not None and file != "-"]
+    for place in places:
+        check_place(place)
+    places += [folder / ESTIMATE, folder / SUMMARY] if folder is not None else []
+    places = [place for place in places if place.exists()]
+    for own in files_of(flight) if places else ():
+        for place in places:
+            if own.exists() and own.samefile(place):
+                raise BadInputError(f"{place}: is a file of the flight itself; name another")
 
 
 def show_comparison(comparison: "Comparison") -> None:
     """Print the table of a comparison and what is to be said of it."""
     from fgnav.evaluation.report.table import comparison_table, remarks  # noqa: PLC0415
 
-    console = _console()
-    console.print(comparison_table(comparison))
-    for line in remarks(comparison):
-        console.print(line, markup=False, soft_wrap=True)
+    print("\n".join(comparison_table(comparison, width())))
+    show_lines(remarks(comparison))
 
 
 def show_set_up(set_up: "SetUp") -> None:
     """Print what is in a flight, what is wrong with it, and what could not be checked."""
     from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415
 
-    print(set_up.flight)
     facts = list(_facts(set_up))
-    width = max(len(name) for name, _ in facts)
-    for name, text in facts:
-        print(f"  {name:<{width}} {text}")
-    print("findings" if set_up.findings else "no findings")
-    for finding in set_up.findings:
-        print(f"  {finding.name}: {finding.text}")
-    if set_up.unchecked:
-        print("not checked")
-    for unchecked in set_up.unchecked:
-        print(f"  {unchecked.name}: {unchecked.text}")
-    for line in loss_lines({"files": set_up.losses}):
-        print(f"  {line}")
+    name_width = max(len(name) for name, _ in facts)
+    lines = [set_up.flight]
+    lines += [f"  {name:<{name_width}} {text}" for name, text in facts]
+    lines.append("findings" if set_up.findings else "no findings")
+    lines += [f"  {finding}" for finding in set_up.findings]
+    lines += ["not checked"] if set_up.unchecked else []
+    lines += [f"  {unchecked}" for unchecked in set_up.unchecked]
+    show_lines([*lines, *(f"  {line}" for line in loss_lines({"files": set_up.losses}))])
 
 
 def _facts(set_up: "SetUp") -> Iterator[tuple[str, str]]:
@@ -111,3 +170,18 @@ def _facts(set_up: "SetUp") -> Iterator[tuple[str, str]]:
     for name, series in set_up.series.items():
         span = f"{series.first_s:.3f} to {series.last_s:.3f} s"
         yield name, f"{series.samples} samples, {series.rate_hz:.4g} Hz, {span}"
+
+
+def show_shipped(package: str, kind: str, name: str | None, json: str | None) -> None:
+    """Print the files of a kind that come with a package, with what each is; or one of them."""
+    from fgnav.json_file import check_places, write_json  # noqa: PLC0415  # lazy, like all below
+    from fgnav.shipped import file_or_shipped, shipped, summary  # noqa: PLC0415
+
+    check_places(json)
+    if name is not None:
+        print(file_or_shipped(name, package, kind).read_text(encoding="utf-8"), end="")
+        return
+    texts = {stem: summary(file) for stem, file in shipped(package, kind).items()}
+    write_json(json, texts)
+    if json != "-":
+        show_names(texts)

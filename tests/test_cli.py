@@ -1,5 +1,6 @@
 import json
 import os
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ import pytest
 
 from fgnav import cli
 from fgnav.checks import BadInputError, NoSolutionError
+from fgnav.cli import program
 from fgnav.estimate import Estimate
 from fgnav.io.flight_folder import save_flight
 from fgnav_sim.scenario import load_scenario
@@ -23,7 +25,7 @@ ROOT = Path(__file__).resolve().parent.parent
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Return a flight folder of two seconds."""
-    demo = load_scenario(ROOT / "sim" / "scenarios" / "demo.toml")
+    demo = load_scenario(ROOT / "sim" / "fgnav_sim" / "scenarios" / "demo.toml")
     flight = simulate(msgspec.structs.replace(demo, duration_s=2.0), np.random.default_rng(1))
     place = tmp_path_factory.mktemp("cli") / "flight"
     save_flight(flight, place)
@@ -57,7 +59,9 @@ def methods(monkeypatch):
     """Return a function that says which estimators every command shall get."""
 
     def use(*estimators):
-        monkeypatch.setattr(cli, "_estimators", lambda *_names: list(estimators))
+        for command in ("run", "compare"):
+            named = f"fgnav.cli.{command}.estimators_named"
+            monkeypatch.setattr(named, lambda *_names: list(estimators))
 
     return use
 
@@ -65,14 +69,14 @@ def methods(monkeypatch):
 def test_help_names_all_commands_and_an_example(capsys):
     assert cli.main(["--help"]) == 0
     text = capsys.readouterr().out
-    for word in ("check", "run", "compare", "simulate", "fgnav simulate sim/scenarios/demo.toml"):
+    for word in ("check", "run", "compare", "simulate", "fgnav simulate demo"):
         assert word in text
 
 
 def test_help_loads_nothing_heavy():
     code = (
         "import sys; from fgnav.cli import main; main(['--help']);"
-        "heavy = {'numpy', 'scipy', 'numba', 'gtsam', 'matplotlib', 'msgspec', 'fgnav_sim'};"
+        "heavy = {'cyclopts', 'rich', 'numpy', 'scipy', 'numba', 'gtsam', 'matplotlib', 'msgspec'};"
         "sys.exit(' '.join(heavy & set(sys.modules)) or 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
@@ -144,10 +148,55 @@ def test_run_writes_the_estimate_and_its_figures(folder, methods, tmp_path, caps
     methods(Level())
     out = tmp_path / "new" / "results"
     assert cli.main(["run", str(folder), "--out", str(out)]) == 0
-    assert sorted(path.name for path in out.iterdir()) == ["estimate.csv", "summary.json"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "estimate.csv",
+        "estimate.npz",
+        "summary.json",
+    ]
     assert len((out / "estimate.csv").read_text().splitlines()) == 21
     assert json.loads((out / "summary.json").read_text())["methods"]["level"]["available"] == 1.0
     assert "level: 20 of 20 epochs" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("text", ["", "Unable to allocate 46 GiB"])
+def test_too_little_memory_is_one_line(folder, methods, capsys, text):
+    methods(Level(error=MemoryError(text)))
+    assert cli.main(["compare", str(folder)]) == 2
+    want = f"fgnav: not enough memory for this flight: {text or 'nothing is left'}\n"
+    assert capsys.readouterr().err == want
+
+
+@pytest.mark.parametrize("name", ["flight.toml", "imu.csv", "a1.rnx", "truth.csv"])
+def test_figures_never_replace_a_file_of_the_flight(folder, methods, tmp_path, capsys, name):
+    methods(Level())
+    before = (folder / name).read_bytes()
+    link = tmp_path / "link"
+    link.symlink_to(folder / name)
+    for place in (folder / name, link):
+        for command in ("check", "compare"):
+            assert cli.main([command, str(folder), "--json", str(place)]) == 2
+            assert "is a file of the flight itself; name another" in capsys.readouterr().err
+    assert (folder / name).read_bytes() == before
+
+
+def test_an_estimate_never_replaces_a_file_of_the_flight(folder, methods, tmp_path, capsys):
+    methods(Level())
+    mine = shutil.copytree(folder, tmp_path / "mine")
+    toml = (mine / "flight.toml").read_text()
+    (mine / "flight.toml").write_text(toml.replace("truth.csv", "estimate.csv"))
+    (mine / "truth.csv").rename(mine / "estimate.csv")
+    assert cli.main(["run", str(mine), "--out", str(mine)]) == 2
+    assert "estimate.csv: is a file of the flight itself" in capsys.readouterr().err
+
+
+def test_more_times_than_memory_holds_are_refused(folder, tmp_path, capsys):
+    out = str(tmp_path / "out")
+    assert cli.main(["run", str(folder), "--out", out, "--rate", "1e9"]) == 2
+    assert "at most 50000 are estimated at once" in capsys.readouterr().err
+    times = tmp_path / "times.csv"
+    times.write_text("t_s\n" + "".join(f"{k * 1e-5:.5f}\n" for k in range(60_000)))
+    assert cli.main(["run", str(folder), "--out", out, "--at", str(times)]) == 2
+    assert "times.csv: has 60000 times, at most 50000" in capsys.readouterr().err
 
 
 def test_run_writes_what_was_estimated_with_the_flight(folder, tmp_path, capsys):
@@ -266,7 +315,6 @@ def test_a_run_that_did_not_converge_writes_nothing(folder, methods, tmp_path, c
 
 def test_installed_commands_are_found_by_entry_point(monkeypatch, capsys):
     entry = EntryPoint(name="greet", value="no_such_module:greet", group="fgnav.commands")
-    monkeypatch.setattr(cli, "entry_points", lambda **_: [entry])
+    monkeypatch.setattr(program, "entry_points", lambda **_: [entry])
     assert cli.main(["--help"]) == 0  # listed without being imported
     assert "greet" in capsys.readouterr().out
-    del cli.app["greet"]

@@ -1,0 +1,86 @@
+"""The command ``fgnav campaign``."""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def campaign(
+    order: Path,
+    /,
+    *,
+    out: Path,
+    workers: Annotated[
+        int | None, Parameter(help="Processes here; as many as there are cores by default.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, Parameter(help="A dask scheduler instead: tcp://host:8786.")
+    ] = None,
+    resume: Annotated[
+        bool,
+        Parameter(help="Keep runs that are there, fly those that are missing.", negative=""),
+    ] = False,
+) -> None:
+    """Fly scenarios many times, run several methods on every flight, and judge them.
+
+    Writes runs/ (a file for each flight), flights.csv and flights.parquet (a row for each flight
+    and method), seconds.csv and report.txt. The same campaign gives the same tables, whatever the
+    number of workers. Interrupted, it goes on with --resume.
+
+    Example: fgnav campaign flown --out /tmp/flown
+
+    Parameters
+    ----------
+    order
+        Which flights, methods and how often: a TOML file, or flown, one that comes along.
+    out
+        Folder for the results; new, unless resumed.
+    """
+    from fgnav.campaign.conduct import conduct  # noqa: PLC0415  # lazy, like all below
+    from fgnav.campaign.engines import Dask, Local  # noqa: PLC0415
+    from fgnav.campaign.order import load_order  # noqa: PLC0415
+    from fgnav.checks import BadInputError, NoSolutionError  # noqa: PLC0415
+    from fgnav.shipped import file_or_shipped  # noqa: PLC0415
+
+    if workers is not None and scheduler is not None:
+        raise BadInputError("--workers: the cluster has its own; leave it out with --scheduler")
+    engine = Dask(scheduler) if scheduler is not None else Local(workers or _cores())
+    what = load_order(file_or_shipped(order, "fgnav_sim", "campaigns"))
+    with _shown(what.name) as watch:
+        outcome = conduct(what, out, engine, resume=resume, watch=watch)
+    print(outcome.report, end="")
+    for loss in outcome.losses:
+        print(f"{loss.count} × {loss.what}: {loss.reason}")
+    print(f"{outcome.kept} of {outcome.asked} flights; tables are in {out}")
+    if not outcome.kept:
+        raise NoSolutionError(f"campaign {what.name}: no run was kept")
+
+
+def _cores() -> int:
+    """Return how many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def _shown(name: str) -> Iterator[Callable[[int, int], None]]:
+    """Show a bar with the time that is left on a terminal, nothing on a pipe."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.progress import (  # noqa: PLC0415
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    console = Console(stderr=True)
+    columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(
+        *columns, console=console, disable=not console.is_terminal, transient=True
+    ) as bar:
+        task = bar.add_task(name, total=None)
+        yield lambda done, asked: bar.update(task, completed=done, total=asked)

@@ -1,0 +1,58 @@
+"""Options that several commands share, with their help."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+IntegersName = Annotated[
+    str,
+    Parameter(
+        help="Who resolves the integers: rounding, lambda, constrained, lambda-arcs, "
+        "constrained-arcs, truth, or an installed resolver such as network."
+    ),
+]
+GravityName = Annotated[
+    str | None,
+    Parameter(help="Who tells the smoother where down is: low-dynamics, or an installed one."),
+]
+EstimateWords = Annotated[
+    str,
+    Parameter(
+        help="What the smoother estimates with the flight: landmark, boresight, gravity, "
+        "lever-arm, antennas or antenna:NAME, clock (of the inertial unit), velocity-delay (of "
+        "fixes), separated by commas; landmark=30 states a 1-sigma, m, deg or s."
+    ),
+]
+TimesFile = Annotated[
+    Path | None, Parameter(help="Estimate at the times of this CSV, column t_s, of the flight.")
+]
+RateHz = Annotated[
+    float | None, Parameter(help="Estimate this many times a second, between epochs, too.")
+]
+LagSeconds = Annotated[
+    float | None,
+    Parameter(
+        help="How long the smoother's window waits for what comes after a keyframe, s; its own "
+        "default is 5."
+    ),
+]
+SolverName = Annotated[
+    str | None,
+    Parameter(help="Who solves the smoother's graph: gtsam (its default) or chain, compiled."),
+]
+FactorNames = Annotated[
+    str,
+    Parameter(help="Installed sources of factors of your own for the smoother, by commas."),
+]
+CausalFlag = Annotated[
+    bool,
+    Parameter(help="Let the smoother know nothing beyond its lag, settings included.", negative=""),
+]
+NoiseName = Annotated[
+    str | None,
+    Parameter(
+        help="Noise of the smoother: identified from the flight where it is not stated, or "
+        "contradicted (its default), or stated."
+    ),
+]

@@ -1,0 +1,82 @@
+"""The command ``fgnav run``."""
+
+from pathlib import Path
+
+from fgnav.cli.estimators import Asked, compare_flight, estimators_named
+from fgnav.cli.options import (
+    CausalFlag,
+    EstimateWords,
+    FactorNames,
+    GravityName,
+    IntegersName,
+    LagSeconds,
+    NoiseName,
+    RateHz,
+    SolverName,
+    TimesFile,
+)
+from fgnav.json_file import JsonFile, write_json
+from fgnav.terminal import check_outputs, show_lines
+
+
+def run(  # noqa: PLR0913  # a command has as many options as it takes
+    flight: Path,
+    /,
+    *,
+    out: Path,
+    method: str = "smoother",
+    integers: IntegersName = "lambda",
+    gravity: GravityName = None,
+    estimate: EstimateWords = "",
+    lag: LagSeconds = None,
+    solver: SolverName = None,
+    factors: FactorNames = "",
+    causal: CausalFlag = False,
+    noise: NoiseName = None,
+    at: TimesFile = None,
+    rate: RateHz = None,
+    json: JsonFile = None,
+) -> None:
+    """Estimate a flight with one method; write estimate.csv, estimate.npz and summary.json.
+
+    Example: fgnav run demo/flight --method smoother --out demo/smoother
+
+    Parameters
+    ----------
+    flight
+        Folder with a flight.toml.
+    out
+        Folder for the results; made if absent.
+    method
+        closed-form, maximum-likelihood, smoother, forward, batch, gtsam, rtk, or an installed one.
+    """
+    from fgnav.checks import BadInputError, NoSolutionError  # noqa: PLC0415
+    from fgnav.evaluation.report.table import remarks  # noqa: PLC0415
+    from fgnav.io.atomic_write import made_folder  # noqa: PLC0415
+    from fgnav.io.exports.estimate_csv import ESTIMATE, write_outcome  # noqa: PLC0415
+    from fgnav.io.exports.recorded import save_estimate  # noqa: PLC0415
+    from fgnav.methods.at_times import at_times  # noqa: PLC0415
+
+    check_outputs(flight, json, folder=out)
+    asked = Asked(gravity, estimate, lag, solver, factors, causal, noise)
+    estimators = [at_times(one, at, rate) for one in estimators_named(method, integers, asked)]
+    if len(estimators) > 1:
+        raise BadInputError(f"--method {method}: run takes one method; compare takes several")
+    data, comparison = compare_flight(flight, estimators)
+    outcome = comparison.methods[0]
+    if outcome.estimate is None:
+        raise NoSolutionError(f"{outcome.name}: {outcome.score.failure}")
+    if not outcome.estimate.converged:  # a file of it would look like a success
+        open_ = " and ".join(outcome.estimate.unobservable)
+        raise NoSolutionError(
+            f"{outcome.name}: did not end at a minimum, nothing is written"
+            + (f"; the data leave open: {open_}" if open_ else "")
+        )
+    folder = made_folder(out)
+    save_estimate(outcome.estimate, data, folder / "estimate.npz")
+    write_outcome(folder, outcome.estimate, data.origin, comparison.to_dict())
+    write_json(json, comparison.to_dict())
+    if json != "-":
+        n = len(outcome.estimate.t_s)
+        print(f"{outcome.name}: {n} of {comparison.epochs} epochs in {folder / ESTIMATE}")
+        show_lines(remarks(comparison))

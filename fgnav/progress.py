@@ -1,0 +1,39 @@
+"""How far a long piece of work has come, for whoever watches it.
+
+Work calls ``report(share)`` now and then; where nobody watches, that is one look at a variable.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+_WATCHER: ContextVar[Callable[[float], None] | None] = ContextVar("watcher", default=None)
+
+
+def report(share: float) -> None:
+    """Tell the watcher, if any, which share of the work in hand is done, 0 to 1."""
+    hearing = _WATCHER.get()
+    if hearing is not None:
+        hearing(share)
+
+
+def steps(count: int) -> Iterator[int]:
+    """Yield 0, 1, … below ``count``, each with a report of the share before it."""
+    for step in range(count):
+        report(step / count)
+        yield step
+
+
+def watcher() -> Callable[[float], None] | None:
+    """Return who hears what is reported; None: nobody."""
+    return _WATCHER.get()
+
+
+@contextmanager
+def watched_by(hearing: Callable[[float], None]) -> Iterator[None]:
+    """Let ``hearing`` have every ``report`` while this lasts."""
+    token = _WATCHER.set(hearing)
+    try:
+        yield
+    finally:
+        _WATCHER.reset(token)
