@@ -43,8 +43,7 @@ from fgnav_sim.simulate import simulate
 # recorded one: RINEX observations and navigation, tables of the other sensors.
 
 # %%
-scenarios = Path.cwd().parent / "sim" / "scenarios"
-scenario = msgspec.structs.replace(load_scenario(scenarios / "demo.toml"), duration_s=20.0)
+scenario = msgspec.structs.replace(load_scenario("demo"), duration_s=20.0)
 
 with TemporaryDirectory() as folder:
     fgnav.save_flight(simulate(scenario, np.random.default_rng(1)), Path(folder) / "flight")

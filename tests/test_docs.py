@@ -19,7 +19,7 @@ DOCUMENTS = [path for path in sorted(ROOT.glob("docs/*.md")) if BLOCK.search(pat
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """Work in a folder with the demo's first seconds in demo/flight."""
-    demo = load_scenario(ROOT / "sim" / "scenarios" / "demo.toml")
+    demo = load_scenario(ROOT / "sim" / "fgnav_sim" / "scenarios" / "demo.toml")
     flight = simulate(msgspec.structs.replace(demo, duration_s=6.0), np.random.default_rng(1))
     (tmp_path / "demo").mkdir()
     save_flight(flight, tmp_path / "demo" / "flight")

@@ -95,7 +95,7 @@ Case = tuple[DoubleDifferences, Flight, IntArray, BoolArray]
 
 
 def _simulated(name: str, gnss: dict[str, object], seed: int, antennas: int = 8) -> Case:
-    scenario = load_scenario(ROOT / "sim" / "scenarios" / f"{name}.toml")
+    scenario = load_scenario(ROOT / "sim" / "fgnav_sim" / "scenarios" / f"{name}.toml")
     table = msgspec.structs.replace(scenario.gnss, **gnss)
     changed: dict[str, object] = {"duration_s": SECONDS, "gnss": table, "imu": None}
     if antennas == 2:

@@ -39,7 +39,7 @@ from fgnav_sim.scenario import FixesTable, Scenario, load_scenario
 from fgnav_sim.simulate import simulate
 from tests.methods.true_gravity import TrueGravity
 
-SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "scenarios"
+SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios"
 FLIGHTS = int(os.environ.get("CONSISTENCY_FLIGHTS", "10"))
 SEED = int(os.environ.get("CONSISTENCY_SEED", "20000"))
 PROCESSES = int(os.environ.get("CONSISTENCY_PROCESSES", "2"))
@@ -55,6 +55,7 @@ ANGLES = ("roll", "pitch", "yaw")
 DRAWN_PRIOR = RatePrior(length_s=0.5, variance_rad2ps2=np.full(3, 0.1**2), evidence=float("nan"))
 SHARES = erf(np.array([1, 2, 3]) / np.sqrt(2))
 STATES = ("attitude", "position", "velocity", "bias")
+FLOWN = ("coast", "tumble", "glider", "rocket")  # scenarios by forces: throws, thrust, gusts
 QUIET = 1e-12  # of a noise, in its own unit: none
 
 
@@ -133,6 +134,7 @@ def cases() -> dict[str, Scenario]:
         # is drawn; and identified from the flight, as it is of all others.
         "drawn": change(turned(six, Hold()), duration_s=20.0),
         "drawn_identified": change(turned(six, Hold()), duration_s=20.0),
+        **{name: load_scenario(SCENARIOS / f"{name}.toml") for name in FLOWN},
     }
 
 

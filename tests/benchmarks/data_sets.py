@@ -14,7 +14,7 @@ from fgnav_sim.data_sets_world import AnySites, AnyTimes, RunsTable, SatellitesT
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 
-SCENARIO = Path(__file__).resolve().parents[2] / "sim" / "scenarios" / "six.toml"
+SCENARIO = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios" / "six.toml"
 WORLDS = {
     "data_sets_paper": (World(runs=RunsTable(epochs=5760)), "whole days over Madrid"),
     "data_sets_day": (World(), "any moment of a day over Madrid, the day's choice of satellites"),

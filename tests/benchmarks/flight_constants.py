@@ -22,7 +22,7 @@ from fgnav_sim.receiver_tables import BaseTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 
-SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "scenarios"
+SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios"
 FLIGHTS = int(os.environ.get("FLIGHT_CONSTANTS_FLIGHTS", "24"))
 SEED = 20_000  # the first; none that has chosen a constant of the library
 BASE = BaseTable(latitude_deg=40.36, longitude_deg=-3.90, height_m=700.0)

@@ -13,7 +13,7 @@ from fgnav.io.flight_folder import save_flight
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 
-SCENARIO = Path(__file__).resolve().parents[2] / "sim" / "scenarios" / "demo.toml"
+SCENARIO = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios" / "demo.toml"
 SETTING = "demo.toml: 60 s, 8 antennas, 10 Hz, 100 Hz accelerometer"
 BATCH = 20
 REPEATS = 5

@@ -16,7 +16,7 @@ from fgnav_sim.receiver_tables import GnssTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 
-SCENARIO = Path(__file__).resolve().parents[2] / "sim" / "scenarios" / "demo.toml"
+SCENARIO = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios" / "demo.toml"
 SKY = {"G": ("1C",), "E": ("1C",), "C": ("2I",)}
 PROGRAM = "rnx2rtkp"
 OPTIONS = ("-m", "10", "-sys", "G,E,C", "-f", "1", "-d", "6")

@@ -18,7 +18,7 @@ from fgnav_sim.simulate import simulate
 from tests.gnss import rtklib
 from tests.sim import moving_base
 
-SCENARIO = Path(__file__).resolve().parents[2] / "sim" / "scenarios" / "demo.toml"
+SCENARIO = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios" / "demo.toml"
 SKY = {"G": ("1C",), "E": ("1C",), "C": ("2I",)}
 RATES = ((1.0, 1200.0), (10.0, 120.0))
 SLIPS = SlipsTable(rate_per_hour=10.0, largest_cycles=10, flagged_share=0.5)

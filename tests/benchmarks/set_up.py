@@ -17,7 +17,7 @@ from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.set_up.faults import FAULTS, NEEDS_SEEKER
 
-SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "scenarios"
+SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios"
 FLIGHTS, RIGHT = 20, 200
 MOVING = ("demo", "rough", "terminal", "six")
 GYROSCOPE = {

@@ -22,7 +22,7 @@ from fgnav_sim.receiver_tables import SlipsTable
 from fgnav_sim.scenario import Scenario, load_scenario
 from fgnav_sim.simulate import simulate
 
-SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "scenarios"
+SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios"
 SKY = {"G": ("1C",), "E": ("1C",), "C": ("2I",)}
 FLIGHTS: dict[str, dict[str, object]] = {
     "demo": {},

@@ -30,7 +30,7 @@ from fgnav_sim.scenario import Scenario, load_scenario
 from fgnav_sim.simulate import simulate
 from tests.benchmarks.smoother_memory import RATE_HZ, SET_UP, measurements
 
-SCENARIO = Path(__file__).resolve().parents[2] / "sim" / "scenarios" / "demo.toml"
+SCENARIO = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios" / "demo.toml"
 SPAN_S = 300.0
 STREAM_S = 60.0
 LAG_S = 2.0

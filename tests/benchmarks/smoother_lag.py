@@ -15,7 +15,7 @@ from fgnav.methods.smoother import Batch, Smoother
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 
-SCENARIO = Path(__file__).resolve().parents[2] / "sim" / "scenarios" / "demo.toml"
+SCENARIO = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios" / "demo.toml"
 AMPLITUDES_DEG = (20, 45)
 SEEDS = range(20_000, 20_000 + int(os.environ.get("SMOOTHER_LAG_FLIGHTS", "5")))
 LAG_S = 2.0

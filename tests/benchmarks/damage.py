@@ -1,0 +1,50 @@
+"""Damaged flights and killed commands: how many end in each way, of 5,000 and of 200."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from tests.robustness.kills import commands, killed
+from tests.robustness.outcomes import BAD, GOOD, Outcome, case, undamaged
+from tests.robustness.small_flights import write_flights
+from tests.robustness.test_kills import small_inputs
+
+NAMES = ("damage", "kills", *(f"damage_{kind.replace(' ', '_')}" for kind in (*GOOD, *BAD)))
+FIRST, CASES, KILLS = 2_000_000, 5000, 50  # kills of each command
+
+
+def run() -> list[dict]:
+    """Return how many damaged flights end in each way, those that should not as one figure."""
+    with tempfile.TemporaryDirectory(prefix="fgnav-damage-") as name:
+        folder = Path(name)
+        flights = [undamaged(flight, folder / "u") for flight in write_flights(folder)]
+        seeds = range(FIRST, FIRST + CASES)
+        outcomes = [case(flights[seed % 2], seed, folder / "case") for seed in seeds]
+        faults: list[str] = []
+        hits = 0
+        for k, command in enumerate(commands(flights[0].folder, *small_inputs(folder))):
+            more, hit = killed(command, KILLS, folder / "kills", np.random.default_rng([6, k]))
+            faults, hits = faults + more, hits + hit
+    for one in outcomes:
+        if one.kind in BAD:
+            print(f"{one.kind}: seed {one.seed}, {one.damage}, {one.command}: {one.text[-200:]}")
+    print(*faults, sep="\n")
+    bad = sum(one.kind in BAD for one in outcomes)
+    note = f"of {CASES} damaged flights: silent losses, tracebacks, hangs, nameless errors and such"
+    rows = [_row("damage", bad, note)]
+    rows += [
+        _row(f"damage_{kind.replace(' ', '_')}", _count(outcomes, kind), f"of {CASES}: {kind}")
+        for kind in (*GOOD, *BAD)
+    ]
+    note = f"torn, lost or other bytes after {hits} kills of commands that were still running"
+    return [*rows, _row("kills", len(faults), note)]
+
+
+def _count(outcomes: list[Outcome], kind: str) -> int:
+    return sum(one.kind == kind for one in outcomes)
+
+
+def _row(name: str, count: int, note: str) -> dict:
+    row = {"name": name, "ours": float(count), "peer": None, "ratio": None}
+    return {**row, "unit": "cases", "note": note}
