@@ -41,7 +41,9 @@ def with_identified_noise(
     problem = prepared.problem
     measured = np.unique(np.concatenate([one.row for one in problem.measurements]))
     by_vectors = prepared.integers is None and prepared.imu.w_b_radps is None
-    if len(measured) < _FEWEST or by_vectors:
+    # With the heading open all along the motion's noise stands for accelerations, too.
+    is_open = prepared.opening is not None and prepared.opening.until_s == np.inf
+    if len(measured) < _FEWEST or by_vectors or is_open:
         return prepared
     moved = np.zeros(2)
     try:

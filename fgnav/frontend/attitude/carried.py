@@ -8,8 +8,8 @@ from fgnav.attitude.flight_vectors import track_of
 from fgnav.attitude.own_rotation import OwnRotation, spun
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.flight import Flight, Imu
-from fgnav.frontend.attitude.in_motion import InMotion, in_motion, in_motion_smoothed
-from fgnav.frontend.attitude.initial import level_start, states_heading
+from fgnav.frontend.attitude.in_motion import in_motion, in_motion_smoothed
+from fgnav.frontend.attitude.initial import LEVEL_S, heading_told_s, level_start
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD
 
 OPEN_HEADING = (
@@ -49,8 +49,8 @@ def carried_attitudes(flight: Flight, imu: Imu, *, causal: bool = False) -> Carr
     """Return attitudes at the epochs of a flight's track.
 
     Each from the nearest window whose motion tells the heading; causal, from the last such window
-    by then, and valid from the end of the first. Where none does, level, with the heading stated or
-    zero.
+    by then, and valid from the end of the first. Where none does, level, with the heading stated,
+    that of the magnetic field, or zero.
 
     Raises
     ------
@@ -64,8 +64,19 @@ def carried_attitudes(flight: Flight, imu: Imu, *, causal: bool = False) -> Carr
     motion = align(imu, track, gravity_n_mps2)
     if motion is None:
         raise NoSolutionError(f"attitude: {len(imu.t_s)} inertial samples are too few")
-    is_stated = states_heading(flight.initial)
-    R_nu, sigma_rad, known_s = _chosen(flight, imu, motion, t_s, causal=causal)
+    first_s = float(t_s[np.searchsorted(t_s, imu.t_s[0]).clip(0, len(t_s) - 1)])
+    told_s = heading_told_s(flight, first_s)
+    if len(motion.until_s) and not (causal and told_s < np.inf):
+        window = motion.latest(t_s) if causal else motion.nearest(t_s)
+        known_s = float(motion.until_s[0]) if causal else -np.inf
+        R_nu, sigma_rad = motion.R_nu[window], motion.sigma_at(t_s, window)
+    else:
+        level_s = first_s if causal else max(first_s, float(imu.t_s[0]) + LEVEL_S)
+        level_s = level_s if told_s == np.inf else max(level_s, told_s)
+        R_nu = np.tile(level_start(flight, imu, motion.own, level_s), (len(t_s), 1, 1))
+        sigma_rad = np.full(len(t_s), ROTATION_PRIOR_RAD)
+        known_s = told_s if causal or told_s == np.inf else -np.inf
+    told_s = told_s if causal or told_s == np.inf else -np.inf
     return Carried(
         t_s=t_s,
         R_nb=spun(motion.own, t_s, R_nu),
@@ -73,27 +84,12 @@ def carried_attitudes(flight: Flight, imu: Imu, *, causal: bool = False) -> Carr
         valid=t_s >= known_s,
         own=motion.own,
         bias_b_radps=motion.bias_b_radps,
-        heading_from_s=known_s if is_stated else _first(motion.begun_s, known_s),
-        heading_known_s=known_s if is_stated else _first(motion.until_s, known_s),
+        heading_from_s=min(told_s, _first(motion.begun_s, known_s)),
+        heading_known_s=min(told_s, _first(motion.until_s, known_s)),
         notes=(OPEN_HEADING,) if known_s == np.inf else (),
     )
 
 
 def _first(of_windows_s: FloatArray, known_s: float) -> float:
-    """Return the first window's time; where there is none, the heading is stated or never known."""
+    """Return the first window's time; where there is none, the heading is told or never known."""
     return float(of_windows_s[0]) if len(of_windows_s) else known_s
-
-
-def _chosen(
-    flight: Flight, imu: Imu, motion: InMotion, t_s: FloatArray, *, causal: bool
-) -> tuple[FloatArray, FloatArray, float]:
-    """Return R_nu of epochs, (n, 3, 3), their sigmas, and from when their heading is known."""
-    n, is_stated = len(t_s), states_heading(flight.initial)
-    if len(motion.until_s) and not (causal and is_stated):
-        window = motion.latest(t_s) if causal else motion.nearest(t_s)
-        known_s = float(motion.until_s[0]) if causal else -np.inf
-        return motion.R_nu[window], motion.sigma_at(t_s, window), known_s
-    first_s = float(t_s[np.searchsorted(t_s, imu.t_s[0]).clip(0, n - 1)])
-    R_nu = level_start(imu, motion.own, first_s, flight.initial)
-    sigma_rad = np.full(n, ROTATION_PRIOR_RAD)
-    return np.tile(R_nu, (n, 1, 1)), sigma_rad, -np.inf if is_stated else np.inf

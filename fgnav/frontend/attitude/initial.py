@@ -1,23 +1,26 @@
-"""The attitude before any motion: level by the mean specific force, and what a flight states."""
+"""The attitude before any motion: level by gravity, heading of the magnetic field, or as stated."""
+
+from typing import TypeGuard
 
 import numpy as np
 
 from fgnav.attitude.own_rotation import OwnRotation
 from fgnav.checks import FloatArray
-from fgnav.flight import Imu, InitialAttitude
+from fgnav.flight import Flight, Imu, InitialAttitude
 from fgnav.frontend.attitude.in_motion import KNOWN_RAD, levelled
+from fgnav.frontend.matching import SAME_S
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, AttitudePrior
-from fgnav.rotations import euler_jacobian, from_euler, to_euler
+from fgnav.rotations import euler_jacobian, exp, from_euler, to_euler
+from fgnav.surroundings import Magnetometer
 
 LEVEL_S = 1.0  # of specific force whose mean points up: a body at rest shakes faster
 
 
-def level_start(
-    imu: Imu, own: OwnRotation, at_s: float, initial: InitialAttitude | None
-) -> FloatArray:
-    """Return R_nu, (3, 3), by which specific force up to a time points up, of heading zero.
+def level_start(flight: Flight, imu: Imu, own: OwnRotation, at_s: float) -> FloatArray:
+    """Return R_nu, (3, 3), by which specific force up to a time points up.
 
-    Over a second, or as much of it as there is; angles that the flight states are as stated.
+    Over a second, or as much of it as there is. The heading is that of the magnetic field, or zero;
+    angles that the flight states are as stated.
     """
     end = max(int(np.searchsorted(imu.t_s, at_s, side="right")), 1)
     begin = min(int(np.searchsorted(imu.t_s, at_s - LEVEL_S)), end - 1)
@@ -25,7 +28,42 @@ def level_start(
     R_ub = own.at(np.array([at_s]))[0]
     R_nb = levelled(f_u) @ R_ub if np.any(f_u) else np.eye(3)
     R_nb = from_euler(*(to_euler(R_nb[None]) * [1, 1, 0]).T)[0]
-    return np.asarray(stated_attitude(initial, R_nb) @ R_ub.T)
+    if heading_told_s(flight, at_s) <= at_s and flight.magnetometer is not None:
+        R_nb = _turned_to_field(flight.magnetometer, own, R_nb @ R_ub.T, at_s) @ R_ub
+    return np.asarray(stated_attitude(flight.initial, R_nb) @ R_ub.T)
+
+
+def heading_told_s(flight: Flight, first_s: float) -> float:
+    """Return from when on a heading is told without motion; infinite where it is not.
+
+    That it was before the first epoch is minus infinity.
+    """
+    if states_heading(flight.initial):
+        return -np.inf
+    sensor = flight.magnetometer
+    if not _field_tells_heading(sensor):
+        return np.inf
+    return -np.inf if sensor.t_s[0] <= first_s + SAME_S else float(sensor.t_s[0])
+
+
+def _field_tells_heading(sensor: Magnetometer | None) -> TypeGuard[Magnetometer]:
+    """Return whether a magnetometer's heading is good enough for the search to start there."""
+    if sensor is None or not len(sensor.t_s):
+        return False
+    across_ut = float(np.hypot(*sensor.field_n_ut[:2]))
+    return float(np.hypot(sensor.hard_iron_ut, sensor.noise_ut)) < KNOWN_RAD * across_ut
+
+
+def _turned_to_field(
+    sensor: Magnetometer, own: OwnRotation, R_lu: FloatArray, at_s: float
+) -> FloatArray:
+    """Return R_nu, (3, 3), level as R_lu is, with the heading of the samples by then."""
+    end = max(int(np.searchsorted(sensor.t_s, at_s + SAME_S)), 1)
+    begin = min(int(np.searchsorted(sensor.t_s, at_s - LEVEL_S)), end - 1)
+    R_lb = R_lu @ own.at(sensor.t_s[begin:end])
+    north, east, _ = np.einsum("nij,nj->i", R_lb, sensor.field_b_ut[begin:end])
+    yaw_rad = np.arctan2(*sensor.field_n_ut[1::-1]) - np.arctan2(east, north)
+    return np.asarray(exp(np.array([[0.0, 0.0, yaw_rad]]))[0] @ R_lu)
 
 
 def stated_attitude(initial: InitialAttitude | None, R_nb: FloatArray) -> FloatArray:

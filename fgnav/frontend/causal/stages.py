@@ -49,7 +49,7 @@ def causal_aligned(flight: Flight, settings: ProblemSettings) -> Aligned:
     start, count, losses = _keyframes(imu, _epochs(flight, settings))
     R_open = None
     if start.own is not None and not start.valid[0]:
-        R_nu = level_start(imu, start.own, float(start.t_s[0]), flight.initial)
+        R_nu = level_start(flight, imu, start.own, float(start.t_s[0]))
         R_open = spun(start.own, start.t_s, np.tile(R_nu, (len(start.t_s), 1, 1)))
     stretch = np.full(len(start.t_s), -1, dtype=np.int64)
     rates = np.zeros((len(start.t_s), 3)) if imu.w_b_radps is None else _latest_rates(imu, start)
