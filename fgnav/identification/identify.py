@@ -35,6 +35,7 @@ _DOUBTED = 2.5  # sigmas: one of eight components in ten flights
 _SIGMAS = 4.0  # of a normal variable, two-sided: 6e-5
 _ABOVE = 10.0  # times the stated, where the first linearisation of a contradicted unit is
 _QUICK, _ITERATIONS = 6, 10  # Gauss-Newton steps
+_ALIKE = 0.5  # correlation of neighbours whose errors are more of what stays than of noise
 _NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
 
 
@@ -210,11 +211,7 @@ def _searched(flight: _Flight, stated: dict[str, bool], known: dict[str, float])
         theta = found.theta
         if np.abs(theta - before)[: len(flight.parts.names)].max() < _TOLERATED:
             break
-    used = ~is_stated | _contradicted(theta, found.sigma)
-    if used.any() and not used.all():  # once more, the others as they are stated
-        again = search(chain, np.where(used, theta, 0.0), used, _prior(is_stated, chain.names))
-        if again is not None:
-            found, theta = again, np.where(used, again.theta, theta)
+    found, theta, used = _kept(chain, found, is_stated)
     constants = states.constants + found.score.constant_steps
     return Identified(
         names=chain.names,
@@ -227,11 +224,50 @@ def _searched(flight: _Flight, stated: dict[str, bool], known: dict[str, float])
 
 
 def _free(chain: LinearChain, begin: FloatArray, is_stated: BoolArray) -> Found:
-    everything = np.ones(len(begin), dtype=np.bool_)
-    found = search(chain, begin, everything, _prior(is_stated, chain.names))
+    """Return the likeliest noises; of positions that repeat none that is less than stated."""
+    prior, everything = _prior(is_stated, chain.names), np.ones(len(begin), dtype=np.bool_)
+    found = search(chain, begin, everything, prior)
+    if found is not None:
+        kept = is_stated & _repeat(chain, found.theta)
+        if kept.any():
+            found = search(chain, np.where(kept, 0.0, found.theta), ~kept, prior)
     if found is None:
         raise NoSolutionError("noise: the chain has no solution about which to identify it")
     return found
+
+
+def _repeat(chain: LinearChain, theta: FloatArray) -> BoolArray:
+    """Return which measurements are positions that agree better than stated, but err alike.
+
+    What stays with a receiver's positions for minutes is in their sigmas: that neighbours repeat to
+    centimetres does not contradict metres.
+    """
+    repeat = np.array([name == "position" for name in chain.names]) & (theta < 0)
+    for i in np.flatnonzero(repeat):
+        score = chain.score(np.where(repeat, 0.0, theta))
+        r = chain.residuals("position", score) if score is not None else np.zeros((1, 3))
+        repeat[i] = (r[1:] * r[:-1]).sum() > _ALIKE * (r**2).sum()
+    return repeat
+
+
+def _kept(
+    chain: LinearChain, found: Found, is_stated: BoolArray
+) -> tuple[Found, FloatArray, BoolArray]:
+    """Return what is found with all as stated that is not contradicted, theta, and what is not.
+
+    Of noises contradicted together each must be so beside the others alone.
+    """
+    theta, used = found.theta, ~is_stated | _contradicted(found.theta, found.sigma)
+    while used.any() and not used.all():
+        begin = np.where(used, theta, 0.0)
+        again = search(chain, begin, used, _prior(is_stated, chain.names))
+        if again is None:
+            break
+        still = used & (~is_stated | _contradicted(again.theta, again.sigma))
+        if (still == used).all():
+            return again, np.where(used, again.theta, theta), used
+        used = still
+    return found, theta, used
 
 
 def _prior(is_stated: BoolArray, names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:

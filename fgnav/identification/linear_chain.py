@@ -125,6 +125,13 @@ class LinearChain:
             np.array([float(one.linear.state.any(axis=2).sum()) for one in sensors]),
         )
 
+    def residuals(self, name: str, score: Score) -> FloatArray:
+        """Return a scaled measurement's smoothed residuals, whitened as stated, (k, m)."""
+        own = self._parts.shape[1]
+        rows, linear, _ = self._sensors[self.names.index(name) - own]
+        moved = np.einsum("kmd,kd->km", linear.state, score.steps[rows])
+        return np.asarray(linear.value + moved + linear.shared @ score.constant_steps)
+
     def score(self, theta: FloatArray, *, whole: bool = True) -> Score | None:
         """Return likelihood and derivatives at log factors on standard deviations, (c,).
 

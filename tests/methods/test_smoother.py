@@ -173,7 +173,6 @@ def test_without_phase_the_window_is_as_sure_of_its_heading_as_it_may_be():
         assert nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
 
 
-@pytest.mark.xfail(reason="a record answered from the ground on: docs/model.md, not solved")
 def test_the_window_follows_a_real_flight_with_its_gyroscope(shared):
     """Against the filter on board, which saw the same data; on the ground nothing tells heading."""
     flight = read_umn(shared / "flights" / "thor75" / "thor_flight75.mat")

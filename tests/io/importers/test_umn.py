@@ -76,7 +76,6 @@ def test_formats_go_by_their_names():
         importer_named("px4")
 
 
-@pytest.mark.xfail(reason="a record answered from the ground on: docs/model.md, not solved")
 def test_a_real_uav_flight_agrees_with_its_on_board_filter(thor):
     """Its own fixes, accelerometer and gyroscope, against a filter that saw the same data."""
     flight = read_umn(thor)
