@@ -97,6 +97,8 @@ def made_folder(path: Path) -> Path:
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise BadInputError(f"{path}: is a file, not a folder; name another place") from None
     except OSError as error:
         raise BadInputError(f"{path}: cannot be made: {error.strerror or error}") from error
     return path

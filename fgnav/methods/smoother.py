@@ -213,19 +213,19 @@ class Smoother:
         return estimate_of(self.name, prepared, solution, tests, rows)
 
     def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
-        problem, keep = prepared.windowed, False
-        if not self.causal and (without_attitudes(prepared) or turns_unseen(prepared)):
-            problem, keep = _at_batch(prepared, own), True
+        problem, keep, opening = prepared.windowed, False, prepared.opening
+        if not self.causal and is_known_late(prepared):
+            problem, keep, opening = _at_batch(prepared, own), True, None
         if self.solver == "chain":
             from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
 
             return chain.solve_fixed_lag(
-                problem, self.lag_s, keep_linearisation=keep, opening=prepared.opening
+                problem, self.lag_s, keep_linearisation=keep, opening=opening
             )
         from fgnav.solve.fixed_lag import solve_fixed_lag  # noqa: PLC0415  # lazy: gtsam
 
         return solve_fixed_lag(
-            problem, self.lag_s, own=own, keep_linearisation=keep, opening=prepared.opening
+            problem, self.lag_s, own=own, keep_linearisation=keep, opening=opening
         )
 
 
@@ -305,6 +305,18 @@ def without_attitudes(prepared: PreparedFlight) -> bool:
     erred by 267 sigmas squared (median; 3 is right) where it did so itself, by 1.6 at the batch.
     """
     return prepared.integers is None and prepared.imu.w_b_radps is None
+
+
+def is_known_late(prepared: PreparedFlight) -> bool:
+    """Return whether only later motion tells where to linearise: a window's past cannot be again.
+
+    Of a flight without an array the heading; of one without a gyroscope whether it turned over.
+    One whose heading nothing tells has no better place than its opening.
+    """
+    opening = prepared.opening
+    if opening is not None and opening.until_s == np.inf:
+        return False
+    return prepared.integers is None or turns_unseen(prepared)
 
 
 def turns_unseen(prepared: PreparedFlight) -> bool:

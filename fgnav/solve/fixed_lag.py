@@ -48,7 +48,8 @@ def solve_fixed_lag(
     """
 
     def leaving(of: SmoothingProblem, end: int) -> list[Departed | None]:
-        window = FixedLag(lag_s, min(BLOCK_S, lag_s), keep_linearisation=keep_linearisation)
+        waits, block_s = of is problem, min(BLOCK_S, lag_s)
+        window = FixedLag(lag_s, block_s, waits=waits, keep_linearisation=keep_linearisation)
         entering = OwnFactors(own, of)
         parts = [window.update(of, row, entering.at(row, window.oldest)) for row in steps(end)]
         if end == len(of.t_s) and len(window):
@@ -82,7 +83,8 @@ def solve_forward(
     """
 
     def newest(of: SmoothingProblem, end: int) -> list[Departed | None]:
-        window = FixedLag(lag_s, 0.0, keep_linearisation=keep_linearisation)
+        waits = of is problem
+        window = FixedLag(lag_s, 0.0, waits=waits, keep_linearisation=keep_linearisation)
         entering, parts = OwnFactors(own, of), list[Departed | None]()
         for row in steps(end):
             window.advance(of, row, entering.at(row, window.oldest))

@@ -93,9 +93,9 @@ def test_a_star_tracker_off_by_a_degree_shows_in_its_innovations():
 def test_a_residual_of_ones_own_is_gtsams_own_factor(method):
     one, other = (estimated(method, SEEDS[0], native) for native in (False, True))
     assert np.abs(log(transpose(one.R_nb) @ other.R_nb)).max() < 1e-8
-    np.testing.assert_allclose(
-        one.attitude_covariance_rad2, other.attitude_covariance_rad2, rtol=1e-5, atol=1e-14
-    )
+    sigma = np.sqrt(np.einsum("nii->ni", one.attitude_covariance_rad2))
+    apart = one.attitude_covariance_rad2 - other.attitude_covariance_rad2
+    assert (np.abs(apart) < 1e-5 * sigma[:, :, None] * sigma[:, None]).all()
 
 
 def test_a_stream_takes_a_star_tracker_too():
@@ -218,8 +218,11 @@ def test_a_wheel_sharpens_the_speed_with_and_without_a_jacobian(method):
     )
     np.testing.assert_allclose(by_hand.v_n_mps, by_differences.v_n_mps, rtol=0, atol=1e-6)
     plain = method(flight)
-    v_n_mps = np.stack([np.interp(plain.t_s, truth.t_s, x) for x in truth.v_n_mps.T], axis=1)
-    assert rms(by_hand.v_n_mps - v_n_mps) < rms(plain.v_n_mps - v_n_mps)
+    row = np.abs(truth.t_s - plain.t_s[:, None]).argmin(axis=1)
+    speed_mps = np.einsum("ni,ni->n", truth.R_nb[row, :, 0], truth.v_n_mps[row])
+    off = [np.einsum("ni,ni->n", e.R_nb[:, :, 0], e.v_n_mps) - speed_mps for e in (by_hand, plain)]
+    mean_squares = [(one**2).mean() for one in off]
+    assert mean_squares[0] < 0.8 * mean_squares[1]
     sigma = [np.einsum("nii->n", e.velocity_covariance_m2ps2) for e in (by_hand, plain)]
     assert (sigma[0] < sigma[1]).all()
 

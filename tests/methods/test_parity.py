@@ -2,10 +2,12 @@
 
 Within 0.01 degree, or 3 % of a sigma where that is more, and 3 % of every sigma, root mean square
 over a flight: both relinearise and marginalise by one rule (``solve.sliding.relinearisation``).
-``WIDER`` has what differs by more.
+``WIDER`` has what differs by more. Keyframes whose attitude either does not know are left out: they
+are relinearised by half a turn, where the last digits decide.
 """
 
 from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from fgnav.checks import NoSolutionError
 from fgnav.gravity import LowDynamics
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.rotations import log, transpose
+from fgnav.solve.sliding.relinearisation import UNKNOWN_RAD
 from fgnav_sim.simulate import simulate
 from tests.frontend.array.test_float_arcs import Cut, flown_without_integers
 from tests.methods.test_truncation import OUTAGE, scenario
@@ -60,9 +63,9 @@ CASES = {
     "float arcs": Case(None, {"resolver": Cut()}),
     "states between epochs": Case(scenario("demo", 12.0), rate_hz=25.0),
 }
-# In sigmas, and of sigmas: measured, and a third more. A filter without phase finds its heading by
-# relinearising half a turn at once, where the last digits decide which states it relinearises.
-WIDER = {("fixes and gyroscope", "forward"): (0.11, 0.03)}
+# In sigmas, and of sigmas: measured, and a third more. A filter marginalises what it linearised
+# before the hard iron was known: a block of keyframes sooner or later is half a sigma.
+WIDER = {("barometer and hard iron", "forward"): (0.6, 0.24)}
 METHODS = {"smoother": Smoother(lag_s=2.0), "forward": Forward(), "batch": Batch()}
 
 
@@ -122,8 +125,21 @@ def test_both_refuse_a_flight_without_a_turn(name):
             replace(METHODS[name], solver=solver)(replace(flight, fixes=fixes))
 
 
+def of_rows(estimate, rows):
+    names = ("R_nb", "attitude_covariance_rad2", *VECTORS, *VECTORS.values())
+    arrays = {name: getattr(estimate, name)[rows] for name in names}
+    return SimpleNamespace(**arrays, constants=estimate.constants)
+
+
 def apart(one, other):
     """Return how far apart two estimates and their sigmas are, in sigmas, by what is estimated."""
+    _, i, j = np.intersect1d(one.t_s.round(6), other.t_s.round(6), return_indices=True)
+    both = np.maximum(
+        sigmas(one.attitude_covariance_rad2)[i], sigmas(other.attitude_covariance_rad2)[j]
+    )
+    known = (both < UNKNOWN_RAD).all(axis=1)
+    assert known.mean() > 0.45
+    one, other = of_rows(one, i[known]), of_rows(other, j[known])
     sigma = sigmas(other.attitude_covariance_rad2)
     turn = log(transpose(one.R_nb) @ other.R_nb)
     floor = np.radians(AGREE_DEG) / AGREE_SIGMAS  # 0.01 degree counts as three hundredths

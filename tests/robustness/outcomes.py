@@ -118,8 +118,11 @@ def _judged(whole: Whole, command: list[str], method: str, out: Path) -> tuple[s
 
 
 def _misshapen(err: str, status: int) -> str:
-    """Return what is wrong with an error's text; nothing where it is one line of decent length."""
-    lines = err.strip().splitlines()
+    """Return what is wrong with an error's text; nothing where it is one line of decent length.
+
+    Findings about set-up come before it.
+    """
+    lines = [line for line in err.strip().splitlines() if not line.startswith("check: ")]
     if len(lines) != 1 or not lines[0].startswith("fgnav: ") or not lines[0].isprintable():
         return "unnamed"
     if len(lines[0]) > 700:

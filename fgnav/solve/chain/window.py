@@ -15,8 +15,7 @@ from fgnav.solve.sliding.relinearisation import (
     BLOCK_S,
     REPEATS,
     SLOW_S,
-    UNKNOWN_RAD,
-    WAITS_S,
+    Leaving,
     moved_far,
     repeats_at,
 )
@@ -34,6 +33,8 @@ class ChainWindow:
         Keyframes leave known from the data up to this long after them at least.
     block_s : float
         The window is solved, and keyframes leave, when this much is new; 0: at every keyframe.
+    waits : bool
+        Whether the first keyframes stay until their attitude is known well, as in ``Leaving``.
     keep_linearisation : bool
         Whether states are linearised at ``problem.start`` and stay there. Else a keyframe starts
         where the motion leads, and is linearised anew as its estimate moves; the oldest is not once
@@ -41,7 +42,12 @@ class ChainWindow:
     """
 
     def __init__(
-        self, lag_s: float, block_s: float = BLOCK_S, *, keep_linearisation: bool = False
+        self,
+        lag_s: float,
+        block_s: float = BLOCK_S,
+        *,
+        waits: bool = True,
+        keep_linearisation: bool = False,
     ) -> None:
         self._lag_s, self._block_s, self._keep = lag_s, block_s, keep_linearisation
         self._linear = LinearWindow()
@@ -49,7 +55,7 @@ class ChainWindow:
         self._blocks: list[int] = []  # numbers of those that ended a block and have not left
         self._solved_s = -np.inf
         self._departed = 0  # keyframes that have left, not all of them marginalised
-        self._was_known = False  # whether the attitude was, where the window began
+        self._leaving = Leaving(has_begun=not waits)
         self._newest: States
         self._updates = 0
         self._attitude_s = np.inf  # of the last keyframe with an attitude of its own
@@ -126,10 +132,8 @@ class ChainWindow:
         linear, oldest = self._linear, self._linear.oldest + count
         t_s, sigma_rad = linear.rows.t_s, self._turn_sigma_rad.get(oldest - 1)
         self._turn_sigma_rad = {k: s for k, s in self._turn_sigma_rad.items() if k >= oldest - 1}
-        is_known = (linear.turn_sigma_rad(count) if sigma_rad is None else sigma_rad) < UNKNOWN_RAD
-        waits = self._was_known and t_s[-1] - t_s[0] < WAITS_S
-        self._was_known |= is_known
-        return is_known or not waits
+        sigma_rad = linear.turn_sigma_rad(count) if sigma_rad is None else sigma_rad
+        return self._leaving.may(sigma_rad, t_s[-1] - t_s[0], linear.rows.steps.shape[1])
 
     def _begin(self, problem: SmoothingProblem, row: int) -> None:
         """Place a keyframe where its search starts."""
@@ -148,14 +152,15 @@ class ChainWindow:
         """Solve with new keyframes, and again while that moves estimates too far."""
         if not self._new:
             return
-        linear, n = self._linear, len(self._linear)
+        linear = self._linear
         self._pass(self._far())  # where the last estimates are
         times = repeats_at(linear.rows.steps, self._is_slow)
         if times is not None:
             self._relinearise(times)
         self._new, self._solved_s = 0, float(linear.rows.t_s[-1])
-        self._blocks.append(linear.oldest + n - 1)
-        self._newest = self._estimated(linear.oldest + n - 1, linear.oldest + n)
+        end = linear.oldest + len(linear)
+        self._blocks.append(end - 1)
+        self._newest = self._estimated(end - 1, end)
 
     def _relinearise(self, times: float = 1.0) -> None:
         """Relinearise states that have moved too far, until none has."""
@@ -219,7 +224,8 @@ def solve_fixed_lag(
     """
 
     def leaving(of: SmoothingProblem, end: int) -> list[Departed | None]:
-        window = ChainWindow(lag_s, min(BLOCK_S, lag_s), keep_linearisation=keep_linearisation)
+        waits, block_s = of is problem, min(BLOCK_S, lag_s)
+        window = ChainWindow(lag_s, block_s, waits=waits, keep_linearisation=keep_linearisation)
         parts = [window.update(of, row) for row in steps(end)]
         return [*parts, window.rest()] if end == len(of.t_s) else parts
 
@@ -240,7 +246,8 @@ def solve_forward(
     """
 
     def newest(of: SmoothingProblem, end: int) -> list[Departed | None]:
-        window = ChainWindow(lag_s, 0.0, keep_linearisation=keep_linearisation)
+        waits = of is problem
+        window = ChainWindow(lag_s, 0.0, waits=waits, keep_linearisation=keep_linearisation)
         return [window.filter(of, row) for row in steps(end)]
 
     return replace(joined_solution(opened(newest, problem, opening)), cross=None)

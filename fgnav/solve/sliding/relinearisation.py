@@ -4,6 +4,8 @@ One rule for GTSAM's smoother and for the chain. Constants and what has been mar
 keyframe stay where they are: one shared variable relinearised has the whole window eliminated anew.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
@@ -20,12 +22,50 @@ _GYROSCOPE_AUX = 6
 # Of the attitude where a window would end in an outage. What is marginalised there stays linearised
 # where little was known: after 15 s it had turned by 86 degrees. So it waits, for so long at most.
 UNKNOWN_RAD, WAITS_S = 0.5, 30.0
+# And of the first that leave, beside a gyroscope: what they are linearised at errs by half the
+# square, a quarter of the 0.05 degree that flights are known to later.
+_SHARP_RAD = 0.02
 
 BLOCK_S = 1.0  # that a window is solved with at once, and of what is marginalised
 SLOW_S = 0.5  # attitudes this far apart move too far for one linearisation
 _FINE = 0.5  # of a usual move: between them states are relinearised sooner
 _MUCH = 20.0  # times as far as else, after an outage: at once
 REPEATS = 5  # relinearisations after one update, at most; the next update goes on
+
+
+@dataclass(slots=True)
+class Leaving:
+    """Whether what has left a window may be marginalised, which ends its relinearisation.
+
+    Attributes
+    ----------
+    was_known : bool
+        Whether the attitude was, where the window began.
+    has_begun : bool
+        Whether any may have.
+    """
+
+    was_known: bool = False
+    has_begun: bool = False
+
+    def may(self, sigma_rad: float, span_s: float, width: int) -> bool:
+        """Return whether a window may begin where the attitude is known to ``sigma_rad``.
+
+        Parameters
+        ----------
+        sigma_rad : float
+            All axes.
+        span_s : float
+            Of what is in the window yet.
+        width : int
+            D of its keyframes.
+        """
+        is_first = width == AUX + _GYROSCOPE_AUX and not self.has_begun
+        is_known = sigma_rad < (_SHARP_RAD if is_first else UNKNOWN_RAD)
+        waits = (is_first or self.was_known) and span_s < WAITS_S
+        self.was_known |= is_known
+        self.has_begun |= is_known or not waits
+        return is_known or not waits
 
 
 def repeats_at(steps: FloatArray, is_slow: bool) -> float | None:

@@ -33,8 +33,7 @@ from fgnav.solve.sliding.relinearisation import (
     BLOCK_S,
     REPEATS,
     SLOW_S,
-    UNKNOWN_RAD,
-    WAITS_S,
+    Leaving,
     moved_far,
     repeats_at,
 )
@@ -53,6 +52,8 @@ class FixedLag:
         block longer.
     block_s : float
         The graph is solved whenever this much has come; 0 solves it at every keyframe.
+    waits : bool
+        Whether the first keyframes stay until their attitude is known well, as in ``Leaving``.
     keep_linearisation : bool
         Whether states stay linearised at ``problem.start``: for flights whose heading only later
         motion determines. What has been marginalised cannot be relinearised, so such a window would
@@ -60,7 +61,12 @@ class FixedLag:
     """
 
     def __init__(
-        self, lag_s: float, block_s: float = BLOCK_S, *, keep_linearisation: bool = False
+        self,
+        lag_s: float,
+        block_s: float = BLOCK_S,
+        *,
+        waits: bool = True,
+        keep_linearisation: bool = False,
     ) -> None:
         self._lag_s, self._block_s, self._keep = lag_s, block_s, keep_linearisation
         self._smoother: IncrementalSmoother | None = None
@@ -69,7 +75,7 @@ class FixedLag:
         self._constant_steps: FloatArray = np.empty(0)
         self._graph, self._values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         self._t_s: list[float] = []  # of all keyframes so far
-        self._was_known = False  # whether the attitude was, where the window began
+        self._leaving = Leaving(has_begun=not waits)
         self._turn_sigma_rad: dict[int, float] = {}  # of keyframes when last asked for
         self._follows = True  # whether the chain knows all that ISAM2 does
         self._departed = 0  # keyframes that have left, not all of them marginalised
@@ -256,10 +262,8 @@ class FixedLag:
         sigma_rad = self._turn_sigma_rad.get(oldest - 1)  # as that keyframe left: next to it
         if sigma_rad is None:
             sigma_rad = self._alive.turn_sigma_rad(oldest)
-        is_known = sigma_rad < UNKNOWN_RAD
-        waits = self._was_known and self._t_s[-1] - self._t_s[self._linear.oldest] < WAITS_S
-        self._was_known |= is_known
-        return is_known or not waits
+        span_s = self._t_s[-1] - self._t_s[self._linear.oldest]
+        return self._leaving.may(sigma_rad, span_s, self._layout.width)
 
     def _update(self, far: BoolArray) -> None:
         """Solve with what has come, some keyframes linearised where they are estimated."""
