@@ -64,7 +64,7 @@ CASES = {
     "states between epochs": Case(scenario("demo", 12.0), rate_hz=25.0),
 }
 # In sigmas, and of sigmas: measured, and a third more. A filter marginalises what it linearised
-# before the hard iron was known, one block of keyframes sooner or later (docs/model.md, not solved).
+# before the hard iron was known, a block sooner or later (docs/model.md, not solved).
 WIDER = {("barometer and hard iron", "forward"): (2.5, 0.24)}
 METHODS = {"smoother": Smoother(lag_s=2.0), "forward": Forward(), "batch": Batch()}
 

@@ -15,7 +15,6 @@ from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
 from tests.benchmarks import consistency
 from tests.benchmarks.gravity import Pair, flights
-from tests.frontend.test_unsolvable import lacking
 from tests.frontend.test_vector_alignment import swinging
 from tests.methods.simulated import errors_rad, euler_rmse_deg, nees
 from tests.methods.true_gravity import TrueGravity
@@ -94,19 +93,6 @@ def test_gravity_now_and_then_tells_how_far_from_nose_first_a_body_flies(flight,
     estimate = Batch(gravity=TrueGravity(every=every))(flight)
     assert estimate.converged
     assert 0.5 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 6
-
-
-@HEADING
-@pytest.mark.parametrize("method", [Batch, Smoother])
-def test_one_antenna_tells_the_attitude_of_two_turns_a_second(method):
-    """Its accelerometer is off the axis and feels 3 m/s2 of that."""
-    spin = msgspec.structs.replace(consistency.cases()["spin2hz"], duration_s=20.0)
-    flight = simulate(spin, np.random.default_rng(1))
-    alone = dataclasses.replace(lacking(flight, antennas=[0]), truth=flight.truth)
-    estimate = method()(alone)
-    assert estimate.converged
-    assert (euler_rmse_deg(flight, estimate) < 1.0).all()
-    assert nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
 
 
 @pytest.mark.parametrize("gravity", [None, TrueGravity(every=100)], ids=["none", "too little"])

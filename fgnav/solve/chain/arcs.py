@@ -213,16 +213,19 @@ def add_phases(
         arm_b_m, R_nb = phase.arm_b_m[place[j]], at.R_nb[j]
         if lever >= 0:
             arm_b_m = arm_b_m + at.constants[lever : lever + 3]
-        row = np.zeros((len(z), node.shape[1]))
+        # Not as wide as the widest A of the flight: what comes later would change the rounding.
+        end = D + b + H.shape[1]
+        row = np.zeros((len(z), end + 1))
         turned = G @ R_nb
         row[:, ROTATION], row[:, POSITION] = -turned @ skew(arm_b_m[None])[0], turned
         if lever >= 0:
             row[:, D + lever : D + lever + 3] = turned
-        row[:, D + b : D + b + H.shape[1]] = H
+        row[:, D + b : end] = H
         row[:, -1] = z - G @ (at.p_n_m[j] + R_nb @ arm_b_m)
         if arcs:
             row[:, -1] -= H @ arcs[phase.block[place[j]]]
-        node[into[j]] += row.T @ row
+        taken = np.r_[0:end, node.shape[1] - 1]
+        node[into[j]][taken[:, None], taken] += row.T @ row
 
 
 def begin(information: FloatArray, block: ArcBlock | None, a: int) -> None:
