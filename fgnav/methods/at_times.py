@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 from fgnav.checks import BadInputError, FloatArray, positive
 from fgnav.estimate import Estimate, Estimator
@@ -11,7 +11,6 @@ from fgnav.graph.between import MOST_TIMES
 from fgnav.io.tables import read_table
 
 
-@runtime_checkable
 class AnyTime(Protocol):
     """A method that knows the motion between its epochs, too."""
 
@@ -62,7 +61,8 @@ def at_times(method: Estimator, times: Path | None, rate_hz: float | None) -> Es
         return method
     if times is not None and rate_hz is not None:
         raise BadInputError("--at and --rate: name one of them")
-    if not isinstance(method, AnyTime):
+    known: AnyTime | None = method if hasattr(method, "at") else None
+    if known is None:
         raise BadInputError(f"--at, --rate: {method.name} knows its own epochs alone")
     if times is not None:
         t_s = read_table(times, ["t_s"])["t_s"]
@@ -70,7 +70,7 @@ def at_times(method: Estimator, times: Path | None, rate_hz: float | None) -> Es
             raise BadInputError(
                 f"{times}: has {len(t_s)} times, at most {MOST_TIMES} are estimated at once"
             )
-        return AtTimes(name=method.name, method=method, t_s=t_s)
+        return AtTimes(name=method.name, method=known, t_s=t_s)
     rate = float(rate_hz or 0.0)
     positive("--rate", rate)
-    return AtTimes(name=method.name, method=method, rate_hz=rate)
+    return AtTimes(name=method.name, method=known, rate_hz=rate)
