@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, cast
 
 from fgnav.checks import BadInputError, FloatArray, positive
 from fgnav.estimate import Estimate, Estimator
@@ -61,9 +61,9 @@ def at_times(method: Estimator, times: Path | None, rate_hz: float | None) -> Es
         return method
     if times is not None and rate_hz is not None:
         raise BadInputError("--at and --rate: name one of them")
-    known: AnyTime | None = method if hasattr(method, "at") else None
-    if known is None:
+    if not hasattr(method, "at"):
         raise BadInputError(f"--at, --rate: {method.name} knows its own epochs alone")
+    known = cast("AnyTime", method)
     if times is not None:
         t_s = read_table(times, ["t_s"])["t_s"]
         if len(t_s) > MOST_TIMES:
