@@ -19,7 +19,7 @@ from fgnav.rotations import skew
 from fgnav.solve.chain import back_kernel, kernel
 
 
-class Crossing(NamedTuple):
+class EliminatedArcs(NamedTuple):
     """How A of a block follows from state, constants and A' of the next one."""
 
     root: FloatArray  # (a, a), lower: information of A given the others
@@ -41,7 +41,7 @@ class Border:
         sizes = [one.size for one in phase.blocks] if phase is not None else []
         self.width = max(sizes, default=0)  # of A
         self._block: list[int] = []  # of each keyframe; -1 before the first
-        self._crossings: dict[int, Crossing] = {}  # by number of the keyframe before
+        self._eliminated: dict[int, EliminatedArcs] = {}  # by number of the keyframe before
         self._oldest = 0
         self.at: list[FloatArray] = []  # where the A of each block is linearised; empty: at zero
         self.steps: dict[int, FloatArray] = {}  # from there, by block, once substituted
@@ -49,7 +49,7 @@ class Border:
     @property
     def log_root(self) -> float:
         """Return the log determinant of the root of the information of all A before the last."""
-        return float(sum(np.log(one.root.diagonal()).sum() for one in self._crossings.values()))
+        return float(sum(np.log(one.root.diagonal()).sum() for one in self._eliminated.values()))
 
     @property
     def cost(self) -> float:
@@ -66,13 +66,13 @@ class Border:
     def forget(self, count: int) -> None:
         """Take the oldest keyframes out."""
         for number in range(self._oldest, self._oldest + count):
-            self._crossings.pop(number, None)
+            self._eliminated.pop(number, None)
         del self._block[:count]
         self._oldest += count
 
     def begin(self, information: FloatArray) -> None:
         """Begin anew at the first keyframe: add what is known of its A."""
-        self._crossings.clear()
+        self._eliminated.clear()
         if self.width:
             begin(information, self._arcs(0), self.width)
 
@@ -101,11 +101,11 @@ class Border:
             end, here = min(self._end(offset + k + 1) - offset, n), offset + k
             number = self._oldest + here
             changes = self._block[here + 1] != self._block[here]
-            if changes and (k > first or number not in self._crossings):
+            if changes and (k > first or number not in self._eliminated):
                 before, after = self._arcs(here), self._arcs(here + 1)
                 size = 0 if before is None else before.size
                 if after is not None:
-                    self._crossings[number] = crossed(rows[2][k], after, size, self.width)
+                    self._eliminated[number] = eliminate_arcs(rows[2][k], after, size, self.width)
             motion, node, forward, root, gain = (part[k:end] for part in rows)
             failed = kernel.eliminate(motion, node, forward, root, gain, by_rows)
             if failed >= 0:
@@ -126,7 +126,7 @@ class Border:
             back_kernel.substitute(gain[begin:], after, steps[begin:last])
             after[: steps.shape[1]] = steps[begin]
             if first:
-                steps_before(self._crossings[self._oldest + begin], after, self.width)
+                steps_before(self._eliminated[self._oldest + begin], after, self.width)
             last = first
 
     def moved(self) -> tuple[FloatArray, ...]:
@@ -151,7 +151,7 @@ class Border:
             back_kernel.marginals(gain[start:], root[start:], joint, *part)
             if start == begin:
                 return
-            covariance_before(self._crossings[self._oldest + start], joint, self.width)
+            covariance_before(self._eliminated[self._oldest + start], joint, self.width)
             last = first
 
     def _arcs(self, k: int) -> ArcBlock | None:
@@ -240,7 +240,7 @@ def begin(information: FloatArray, block: ArcBlock | None, a: int) -> None:
     information[unused, unused] += 1.0
 
 
-def crossed(forward: FloatArray, block: ArcBlock, size: int, a: int) -> Crossing:
+def eliminate_arcs(forward: FloatArray, block: ArcBlock, size: int, a: int) -> EliminatedArcs:
     """Turn the information of a keyframe, in place, into that with the A of the next block.
 
     Parameters
@@ -276,17 +276,19 @@ def crossed(forward: FloatArray, block: ArcBlock, size: int, a: int) -> Crossing
     taken, unused = np.r_[0 : end - size, W - 1], np.arange(end - size, W - 1)
     forward[:], forward[unused, unused] = 0.0, 1.0
     forward[taken[:, None], taken] = np.triu(joint[size:, size:] - gain.T @ gain)
-    return Crossing(root, solve_triangular(root, gain, lower=True, trans=1, check_finite=False))
+    return EliminatedArcs(
+        root, solve_triangular(root, gain, lower=True, trans=1, check_finite=False)
+    )
 
 
-def covariance_before(crossing: Crossing, joint: FloatArray, a: int) -> None:
+def covariance_before(eliminated: EliminatedArcs, joint: FloatArray, a: int) -> None:
     """Turn the covariance of (state, constants, A'), in place, into that of the A before."""
-    size = len(crossing.root)
+    size = len(eliminated.root)
     first = len(joint) - a
-    gain = crossing.gain[:, :-1]
+    gain = eliminated.gain[:, :-1]
     taken = gain.shape[1]
     cross = -gain @ joint[:taken, :taken]
-    inverse = solve_triangular(crossing.root, np.eye(size), lower=True, check_finite=False)
+    inverse = solve_triangular(eliminated.root, np.eye(size), lower=True, check_finite=False)
     alone = inverse.T @ inverse - cross @ gain.T
     joint[first:], joint[:, first:] = 0.0, 0.0
     own = slice(first, first + size)
@@ -296,8 +298,8 @@ def covariance_before(crossing: Crossing, joint: FloatArray, a: int) -> None:
     joint[unused, unused] = 1.0
 
 
-def steps_before(crossing: Crossing, step: FloatArray, a: int) -> None:
+def steps_before(eliminated: EliminatedArcs, step: FloatArray, a: int) -> None:
     """Turn steps of (state, constants, A'), in place, into those of the A before."""
-    arcs = crossing.gain[:, -1] - crossing.gain[:, :-1] @ step[: crossing.gain.shape[1] - 1]
+    arcs = eliminated.gain[:, -1] - eliminated.gain[:, :-1] @ step[: eliminated.gain.shape[1] - 1]
     step[len(step) - a :] = 0.0
     step[len(step) - a : len(step) - a + len(arcs)] = arcs
