@@ -251,7 +251,7 @@ def test_nothing_is_left_of_a_flight_that_cannot_be_written(saved, tmp_path, mon
 
 def test_place_that_cannot_be_made_is_named(saved, tmp_path):
     (tmp_path / "file").write_text("x")
-    with pytest.raises(BadInputError, match="file: cannot be made: File exists"):
+    with pytest.raises(BadInputError, match="file: is a file, not a folder; name another place"):
         save_flight(saved[0], tmp_path / "file" / "new")
 
 
