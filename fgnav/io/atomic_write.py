@@ -97,11 +97,18 @@ def made_folder(path: Path) -> Path:
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        raise BadInputError(f"{path}: is a file, not a folder; name another place") from None
+    except (FileExistsError, NotADirectoryError):
+        raise BadInputError(
+            f"{_file_in_way(path)}: is a file, not a folder; name another place"
+        ) from None
     except OSError as error:
         raise BadInputError(f"{path}: cannot be made: {error.strerror or error}") from error
     return path
+
+
+def _file_in_way(path: Path) -> Path:
+    """Return the part of a folder's path that is a file."""
+    return next((one for one in (path, *path.parents) if one.is_file()), path)
 
 
 def _part(path: Path) -> Path:

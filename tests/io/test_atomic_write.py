@@ -42,7 +42,7 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path):
 def test_folders_are_made_and_a_file_in_their_place_is_named(tmp_path):
     assert made_folder(tmp_path / "a" / "b").is_dir()
     (tmp_path / "file").write_text("")
-    with pytest.raises(BadInputError, match="file: cannot be made: File exists"):
+    with pytest.raises(BadInputError, match="file: is a file, not a folder; name another place"):
         made_folder(tmp_path / "file")
 
 

@@ -129,7 +129,7 @@ def test_folders_with_something_else_are_left_alone(tmp_path):
         make_data_set(WORLD, 1, tmp_path / "full")
     with pytest.raises(BadInputError, match=r"mine\.txt: must be a folder, it is a file"):
         make_data_set(WORLD, 1, tmp_path / "full" / "mine.txt")
-    with pytest.raises(BadInputError, match="below: cannot be made: Not a directory"):
+    with pytest.raises(BadInputError, match=r"mine\.txt: is a file, not a folder"):
         make_data_set(WORLD, 1, tmp_path / "full" / "mine.txt" / "below")
 
 
