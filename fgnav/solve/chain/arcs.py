@@ -10,13 +10,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock
 from fgnav.graph.types.states import POSITION, ROTATION, States
 from fgnav.rotations import skew
-from fgnav.solve.chain import back_kernel, kernel
+from fgnav.solve.chain import arcs_kernel, back_kernel, kernel
 
 
 class EliminatedArcs(NamedTuple):
@@ -271,14 +270,13 @@ def eliminate_arcs(forward: FloatArray, block: ArcBlock, size: int, a: int) -> E
     joint[new, new] += block.after.T @ block.after
     joint[new, -1] += block.after.T @ block.right
     joint[-1, -1] += block.right @ block.right
-    root = np.linalg.cholesky(joint[:size, :size])
-    gain = solve_triangular(root, joint[:size, size:], lower=True, check_finite=False)
+    known, root, gain = arcs_kernel.eliminate_first(joint, size)
+    if not known:
+        raise np.linalg.LinAlgError("arcs: the data leave an ambiguity open")
     taken, unused = np.r_[0 : end - size, W - 1], np.arange(end - size, W - 1)
     forward[:], forward[unused, unused] = 0.0, 1.0
-    forward[taken[:, None], taken] = np.triu(joint[size:, size:] - gain.T @ gain)
-    return EliminatedArcs(
-        root, solve_triangular(root, gain, lower=True, trans=1, check_finite=False)
-    )
+    forward[taken[:, None], taken] = np.triu(joint[size:, size:])
+    return EliminatedArcs(root, gain)
 
 
 def covariance_before(eliminated: EliminatedArcs, joint: FloatArray, a: int) -> None:
@@ -287,13 +285,11 @@ def covariance_before(eliminated: EliminatedArcs, joint: FloatArray, a: int) -> 
     first = len(joint) - a
     gain = eliminated.gain[:, :-1]
     taken = gain.shape[1]
-    cross = -gain @ joint[:taken, :taken]
-    inverse = solve_triangular(eliminated.root, np.eye(size), lower=True, check_finite=False)
-    alone = inverse.T @ inverse - cross @ gain.T
+    rows = arcs_kernel.covariance_of_first(eliminated.root, gain, joint[:taken, :taken].copy())
     joint[first:], joint[:, first:] = 0.0, 0.0
     own = slice(first, first + size)
-    joint[own, :first], joint[:first, own] = cross[:, :first], cross[:, :first].T
-    joint[own, own] = alone
+    joint[own, :first], joint[:first, own] = rows[:, :first], rows[:, :first].T
+    joint[own, own] = rows[:, taken:]
     unused = np.arange(first + size, len(joint))
     joint[unused, unused] = 1.0
 

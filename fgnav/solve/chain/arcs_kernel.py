@@ -1,0 +1,77 @@
+"""Elimination of the arcs that end between two keyframes, in plain loops.
+
+Matrices of a few tens of rows: a threaded BLAS spends more time waiting for its threads than on
+them, and rounds by its number of columns.
+"""
+
+import numpy as np
+from numba import njit
+
+from fgnav.checks import FloatArray
+from fgnav.solve.chain.back_kernel import backward_solve, cholesky, forward_solve
+
+
+@njit(cache=True)
+def eliminate_first(joint: FloatArray, size: int) -> tuple[bool, FloatArray, FloatArray]:
+    """Eliminate the first variables of a symmetric augmented information, in place.
+
+    Parameters
+    ----------
+    joint : ndarray, shape (n, n)
+        Its last rows and columns, upper half, become the information of the others.
+    size : int
+        Of what is eliminated.
+
+    Returns
+    -------
+    known : bool
+        Whether the data leave nothing of it open.
+    root : ndarray, shape (size, size)
+        Lower Cholesky factor L of its information given the others.
+    gain : ndarray, shape (size, n - size)
+        ``E[first | others] = gain[:, -1] - gain[:, :-1] @ others``.
+    """
+    n = len(joint)
+    root, gain = np.zeros((size, size)), np.empty((size, n - size))
+    for i in range(size):
+        for j in range(i + 1):
+            root[i, j] = joint[i, j]
+        for j in range(size, n):
+            gain[i, j - size] = joint[i, j]
+    if not cholesky(root):
+        return False, root, gain
+    forward_solve(root, gain)
+    for k in range(size):
+        row = gain[k]
+        for i in range(n - size):
+            scale, out = row[i], joint[size + i, size + i :]
+            if scale != 0.0:
+                for j in range(len(out)):
+                    out[j] -= scale * row[i + j]
+    backward_solve(root, gain)
+    return True, root, gain
+
+
+@njit(cache=True)
+def covariance_of_first(root: FloatArray, gain: FloatArray, others: FloatArray) -> FloatArray:
+    """Return rows of the joint covariance of what was eliminated, (size, m + size).
+
+    With the others, whose covariance is given, (m, m), and of it with itself.
+    """
+    size, m = len(root), len(others)
+    out, inverse = np.zeros((size, m + size)), np.zeros((size, size))
+    for i in range(size):
+        inverse[i, i] = 1.0
+        for k in range(m):
+            for j in range(m):
+                out[i, j] -= gain[i, k] * others[k, j]
+    forward_solve(root, inverse)
+    for i in range(size):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(i, size):
+                total += inverse[k, i] * inverse[k, j]
+            for k in range(m):
+                total -= out[i, k] * gain[j, k]
+            out[i, m + j] = out[j, m + i] = total
+    return out
