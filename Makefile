@@ -37,10 +37,10 @@ demo: $(RUN)
 	  --method closed-form,maximum-likelihood,smoother,batch,rtk \
 	  --json demo/compare.json --report demo/report.png; status=$$?; wait; exit $$status
 
-# Two workers: more gain nothing on a small machine. Notebooks run whole, warnings of their kernel's
+# Two workers: more gain nothing on a small machine, nor do threads of theirs. Notebooks run whole, warnings of their kernel's
 # own machinery aside.
 test: $(DEV)
-	$(BIN)/python -m pytest -n 2
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
 	$(BIN)/python -m pytest -W default --nbmake notebooks
 
 check: $(DEV)
