@@ -1,6 +1,7 @@
 """From a flight to a smoothing problem: keyframes, measurements, motion, and where to start."""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -57,6 +58,8 @@ class PreparedFlight:
         The same for windows: its specific force tells no heading before motion does.
     opening : Opening or None
         What a filter is given in its place until the heading is known.
+    stretches : tuple of Stretch
+        In place of all this, of a causal method whose noise is identified as the flight goes on.
     """
 
     problem: SmoothingProblem
@@ -72,6 +75,16 @@ class PreparedFlight:
     rough: bool = False
     causal: bool = False
     opening: Opening | None = None
+    stretches: "tuple[Stretch, ...]" = ()
+
+
+class Stretch(NamedTuple):
+    """A flight up to a time, as it is prepared for estimates from another time on."""
+
+    from_s: float
+    until_s: float  # estimates before it
+    flight: Flight
+    prepared: PreparedFlight
 
 
 def build_problem(flight: Flight, settings: ProblemSettings) -> PreparedFlight:

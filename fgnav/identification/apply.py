@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import NoSolutionError
+from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.flight import Flight
 from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests, of_time
 from fgnav.frontend.problem import PreparedFlight
@@ -18,6 +19,15 @@ from fgnav.identification.notes import noise_notes, time_notes
 _FEWEST = 30  # keyframes that measured something: fewer tell no noise
 _MOVED_S = 0.01  # a clock off by more is corrected first: beyond, its carrying of states errs
 Build = Callable[[Flight, ProblemSettings], PreparedFlight]
+
+
+class Findings(NamedTuple):
+    """What a flight says of its noise and times that is to replace what it has."""
+
+    factors: dict[str, float]
+    moved: FloatArray  # (2,), of the unit's tags: s, ppm
+    calibration: tuple[CalibrationRequest, ...]
+    notes: tuple[str, ...]
 
 
 def with_identified_noise(
@@ -38,33 +48,56 @@ def with_identified_noise(
     build : callable
         From a flight to its problem.
     """
+    try:
+        found = findings(flight, settings, prepared, build)
+    except NoSolutionError as error:
+        note = f"Noise is as stated or, where it is not, usual: it could not be tested ({error})."
+        return replace(prepared, notes=(*prepared.notes, note))
+    return prepared if found is None else with_findings(flight, settings, found, build)
+
+
+def with_findings(
+    flight: Flight, settings: ProblemSettings, found: Findings, build: Build
+) -> PreparedFlight:
+    """Return the problem of a flight with noise and times as found."""
+    better = with_factors(_moved(flight, found.moved), found.factors)
+    changed = build(better, replace(settings, calibration=found.calibration))
+    return replace(changed, notes=(*changed.notes, *found.notes))
+
+
+def findings(
+    flight: Flight, settings: ProblemSettings, prepared: PreparedFlight, build: Build
+) -> Findings | None:
+    """Return what a flight says of its noise and times; None where that is what it has.
+
+    Parameters as in ``with_identified_noise``.
+
+    Raises
+    ------
+    NoSolutionError
+        If the chain about which it is to be identified has no solution.
+    """
     problem = prepared.problem
     measured = np.unique(np.concatenate([one.row for one in problem.measurements]))
     by_vectors = prepared.integers is None and prepared.imu.w_b_radps is None
     # With the heading open all along the motion's noise stands for accelerations, too.
     is_open = prepared.opening is not None and prepared.opening.until_s == np.inf
     if len(measured) < _FEWEST or by_vectors or is_open:
-        return prepared
+        return None
     moved = np.zeros(2)
-    try:
-        found = identify(flight, problem, prepared.timed, _extra(flight, settings))
-        if _far(flight, found.times):
-            moved += found.times.value[:2]
-            moved_flight = _moved(flight, moved)
-            again = build(moved_flight, settings)
-            known = found.factors
-            extra = _extra(flight, settings)
-            found = identify(moved_flight, again.problem, again.timed, extra, known)
-    except NoSolutionError as error:
-        note = f"Noise is as stated or, where it is not, usual: it could not be tested ({error})."
-        return replace(prepared, notes=(*prepared.notes, note))
+    found = identify(flight, problem, prepared.timed, _extra(flight, settings))
+    if _far(flight, found.times):
+        moved += found.times.value[:2]
+        moved_flight = _moved(flight, moved)
+        again = build(moved_flight, settings)
+        known = found.factors
+        extra = _extra(flight, settings)
+        found = identify(moved_flight, again.problem, again.timed, extra, known)
     requests = _requests(settings.calibration, found.times, moved)
     if not found.used.any() and requests == settings.calibration:
-        return prepared
-    better = with_factors(_moved(flight, moved), found.factors)
-    changed = build(better, replace(settings, calibration=requests))
+        return None
     notes = (*noise_notes(flight, found), *time_notes(found.times, moved, requests))
-    return replace(changed, notes=(*changed.notes, *notes))
+    return Findings(found.factors, moved, requests, notes)
 
 
 def _extra(flight: Flight, settings: ProblemSettings) -> tuple[FlightConstant, ...]:

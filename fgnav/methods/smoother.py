@@ -27,10 +27,12 @@ from fgnav.gravity import GravityEstimator
 from fgnav.integers.lambda_ import Lambda
 from fgnav.integers.resolver import Resolver
 from fgnav.methods.estimates import estimate_of
+from fgnav.methods.joined import among, joined_estimates
 from fgnav.methods.observability import TURN
 from fgnav.methods.stream import Direction, Measured, Measurements, Stream, StreamSetUp
 from fgnav.optional_gtsam import ABSENT, HAS_GTSAM
 from fgnav.process.evidence import RatePrior
+from fgnav.solve.sliding.relinearisation import BLOCK_S
 
 if TYPE_CHECKING:
     import gtsam
@@ -90,7 +92,7 @@ class Smoother:
         keyframe's lag; else what holds for the flight comes from all of it.
     noise : {"identified", "stated"}
         Whether noise that the flight does not state, or that contradicts it, is identified from the
-        flight, with clock and delay (``identification``); causal methods take it as stated.
+        flight, with clock and delay (``identification``); by causal methods from its past.
     lag_s : float
         Length of the window.
     name : str
@@ -157,19 +159,25 @@ class Smoother:
             raise BadInputError("at: takes either times t_s or rate_hz")
         prepared = self.prepare(flight)
         if rate_hz is not None:
-            positive("rate_hz", rate_hz)
             t_s = regular_times(prepared.problem, rate_hz)
-        problem, rows = with_times(prepared.problem, np.asarray(t_s))
+        t_s = np.asarray(t_s)
+        if not prepared.stretches:
+            return self._at(flight, prepared, t_s)
+        parts = [
+            self._at(one.flight, one.prepared, t_s[within])
+            for one in prepared.stretches
+            if (within := (t_s >= one.from_s) & (t_s < one.until_s)).any()
+        ]
+        return joined_estimates(parts, len(t_s))
+
+    def _at(self, flight: Flight, prepared: PreparedFlight, t_s: FloatArray) -> Estimate:
+        problem, rows = with_times(prepared.problem, t_s)
         opening = prepared.opening
         if opening is not None:
-            opening = replace(opening, problem=with_times(opening.problem, np.asarray(t_s))[0])
-        dense = replace(
-            prepared,
-            problem=problem,
-            windowed=with_times(prepared.windowed, np.asarray(t_s))[0],
-            opening=opening,
-        )
-        return self.estimate_prepared(flight, dense, rows)
+            opening = replace(opening, problem=with_times(opening.problem, t_s)[0])
+        windowed = with_times(prepared.windowed, t_s)[0]
+        dense = replace(prepared, problem=problem, windowed=windowed, opening=opening)
+        return self._estimated(flight, dense, rows)
 
     @property
     def preparation(self) -> ProblemSettings:
@@ -182,13 +190,19 @@ class Smoother:
             sub_steps=self.sub_steps,
             false_alarm=self.false_alarm,
             causal=self.causal,
-            noise="stated" if self.causal else self.noise,
+            noise=self.noise,
         )
 
     def prepare(self, flight: Flight) -> PreparedFlight:
         """Return the smoothing problem of a flight."""
         settings = self.preparation
         prepared = build_problem(flight, settings)
+        if settings.noise == "identified" and self.causal:
+            from fgnav.identification.from_past import stretches  # noqa: PLC0415  # lazy: the chain
+
+            ahead_s = self.lag_s + 2 * BLOCK_S
+            found = stretches(flight, settings, prepared, ahead_s, build_problem)
+            return replace(prepared, stretches=found)
         if settings.noise == "identified":
             from fgnav.identification.apply import (  # noqa: PLC0415  # lazy: the chain
                 with_identified_noise,
@@ -203,29 +217,39 @@ class Smoother:
             prepared = identified_by_evidence(prepared)
         return prepared
 
-    def estimate_prepared(
+    def estimate_prepared(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
+        """Estimate a flight whose problem is built."""
+        if not prepared.stretches:
+            return self._estimated(flight, prepared)
+        whole = [self._estimated(one.flight, one.prepared) for one in prepared.stretches]
+        parts = [
+            among(e, one.from_s, one.until_s)
+            for e, one in zip(whole, prepared.stretches, strict=True)
+        ]
+        return joined_estimates(parts, whole[-1].epochs)
+
+    def _estimated(
         self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None
     ) -> Estimate:
-        """Estimate a flight whose problem is built; some keyframes of it, (m,), or all."""
         own = own_factors(self.factors, flight, prepared.problem)
         solution = self._solve(prepared, own)
         tests = (*consistency(prepared.problem, solution), *_own_tests(own, prepared, solution))
         return estimate_of(self.name, prepared, solution, tests, rows)
 
     def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
-        problem, keep, opening = prepared.windowed, False, prepared.opening
+        problem, keep = prepared.windowed, False
         if not self.causal and is_known_late(prepared):
-            problem, keep, opening = _at_batch(prepared, own), True, None
+            problem, keep = _at_batch(prepared, own), True
         if self.solver == "chain":
             from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
 
             return chain.solve_fixed_lag(
-                problem, self.lag_s, keep_linearisation=keep, opening=opening
+                problem, self.lag_s, keep_linearisation=keep, opening=prepared.opening
             )
         from fgnav.solve.fixed_lag import solve_fixed_lag  # noqa: PLC0415  # lazy: gtsam
 
         return solve_fixed_lag(
-            problem, self.lag_s, own=own, keep_linearisation=keep, opening=opening
+            problem, self.lag_s, own=own, keep_linearisation=keep, opening=prepared.opening
         )
 
 

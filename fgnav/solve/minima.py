@@ -38,9 +38,7 @@ class Minimum(NamedTuple):
     log_evidence: float  # but for a constant of the problem
 
 
-def begins(
-    problem: SmoothingProblem, window: Callable[[SmoothingProblem, float], Solution]
-) -> list[States]:
+def begins(problem: SmoothingProblem, window: Callable[..., Solution]) -> list[States]:
     """Return where searches begin: where a window ended, as the body turned before; and the start.
 
     Parameters
@@ -50,7 +48,7 @@ def begins(
         ``solve_fixed_lag`` of a solver.
     """
     try:
-        return [window(problem, BEGIN_LAG_S).states, problem.start]
+        return [window(problem, BEGIN_LAG_S, waits=False).states, problem.start]
     except NoSolutionError:  # what came until then left a state open
         return [problem.start]
 

@@ -14,7 +14,7 @@ from fgnav.identification.linear_chain import LinearChain
 from fgnav.identification.thinned import thinned
 from fgnav.integers.truth import Truth
 from fgnav.io import usual_noise
-from fgnav.methods.smoother import Batch, Forward
+from fgnav.methods.smoother import Batch
 from fgnav.solve.chain import solve_batch
 from fgnav_sim.scenario import FixesTable, load_scenario
 from fgnav_sim.simulate import simulate
@@ -134,8 +134,3 @@ def test_late_velocities_are_found_named_and_estimated():
     constant = next(one for one in estimate.constants if one.name == "velocity delay")
     assert abs(constant.value[0] - delay_s) < 0.006
     assert nees(errors_rad(changed, estimate), estimate.attitude_covariance_rad2) < 9.0
-
-
-def test_causal_methods_take_noise_as_it_is_stated():
-    assert Forward(resolver=Truth()).preparation.noise == "stated"
-    assert Batch(resolver=Truth()).preparation.noise == "identified"

@@ -216,6 +216,7 @@ def solve_fixed_lag(
     lag_s: float,
     *,
     keep_linearisation: bool = False,
+    waits: bool = True,
     opening: Opening | None = None,
 ) -> Solution:
     """Return each keyframe as known from the data up to at least ``lag_s`` after it.
@@ -224,8 +225,10 @@ def solve_fixed_lag(
     """
 
     def leaving(of: SmoothingProblem, end: int) -> list[Departed | None]:
-        waits, block_s = of is problem, min(BLOCK_S, lag_s)
-        window = ChainWindow(lag_s, block_s, waits=waits, keep_linearisation=keep_linearisation)
+        # An opening holds an arbitrary heading fixed: it has no better place to linearise.
+        keep, begins_late = keep_linearisation and of is problem, waits and of is problem
+        block_s = min(BLOCK_S, lag_s)
+        window = ChainWindow(lag_s, block_s, waits=begins_late, keep_linearisation=keep)
         parts = [window.update(of, row) for row in steps(end)]
         return [*parts, window.rest()] if end == len(of.t_s) else parts
 

@@ -244,8 +244,7 @@ class FixedLag:
             self._t_s[oldest] - self._t_s[linear.oldest] < BLOCK_S - _ROUNDING_S
         ):
             return False
-        if self._follows:
-            linear.solve()
+        self._solve_linear()
         if not self._may_leave(oldest):
             return False
         with self._failing():
@@ -254,6 +253,14 @@ class FixedLag:
         self._steps = self._steps[oldest - linear.oldest :]
         linear.forget(oldest - linear.oldest)
         return True
+
+    def _solve_linear(self) -> None:
+        """Let the chain follow, unless it loses its digits: it squares what ISAM2 has by QR."""
+        if self._follows:
+            try:
+                self._linear.solve()
+            except NoSolutionError:
+                self._follows = False
 
     def _may_leave(self, oldest: int) -> bool:
         """Return whether the attitude is known where the window would begin, or never was."""
@@ -325,8 +332,8 @@ class FixedLag:
 
     def _estimates(self, numbers: range) -> Departed:
         first, end = numbers.start - self._alive.oldest, numbers.stop - self._alive.oldest
+        self._solve_linear()
         if self._follows:
-            self._linear.solve()
             known = self._linear.marginals(first, end)
         else:
             with self._failing():

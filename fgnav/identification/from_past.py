@@ -1,0 +1,71 @@
+"""Noise of a causal method: identified by what came before, again whenever that has doubled.
+
+A stretch is estimated with the noise and the times that the record up to its beginning told. What
+is estimated within it depends on nothing later: the method runs anew over all that came before.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fgnav.checks import NoSolutionError
+from fgnav.flight import Flight
+from fgnav.frontend.causal.truncation import truncated
+from fgnav.frontend.problem import PreparedFlight, Stretch
+from fgnav.frontend.settings import ProblemSettings
+from fgnav.identification.apply import Build, Findings, findings, with_findings
+
+# By then a fix a second is enough of them to tell noise, to 13 %.
+FIRST_S = 30.0
+
+
+def stretches(
+    flight: Flight,
+    settings: ProblemSettings,
+    prepared: PreparedFlight,
+    ahead_s: float,
+    build: Build,
+) -> tuple[Stretch, ...]:
+    """Return the stretches of a flight, in turn; none where nothing contradicts what it states.
+
+    Parameters
+    ----------
+    flight : Flight
+    settings : ProblemSettings
+        Causal.
+    prepared : PreparedFlight
+        With the noise as the flight has it.
+    ahead_s : float
+        How much later data an estimate may take part of.
+    build : callable
+        From a flight to its problem.
+    """
+    t_s = prepared.problem.t_s
+    doublings = max(int(np.ceil(np.log2(max((t_s[-1] - t_s[0]) / FIRST_S, 1.0)))), 0)
+    from_s = [-np.inf, *(t_s[0] + FIRST_S * 2.0**j for j in range(doublings)), np.inf]
+    by_then = [None, *(_findings(flight, settings, float(s), build) for s in from_s[1:-1])]
+    if all(one is None for one in by_then):
+        return ()
+    parts = []
+    for begin_s, end_s, found in zip(from_s[:-1], from_s[1:], by_then, strict=True):
+        part = flight if end_s == np.inf else truncated(flight, float(end_s + ahead_s))
+        problem = (
+            build(part, settings) if found is None else with_findings(part, settings, found, build)
+        )
+        parts.append(Stretch(float(begin_s), float(end_s), part, problem))
+    changed_s = ", ".join(f"{part.from_s:.0f}" for part in parts[1:])
+    note = f"Noise is identified anew from the past, from {changed_s} s on."
+    last = parts[-1]
+    said = replace(last.prepared, notes=(*last.prepared.notes, note))
+    return (*parts[:-1], last._replace(prepared=said))
+
+
+def _findings(
+    flight: Flight, settings: ProblemSettings, until_s: float, build: Build
+) -> Findings | None:
+    past = truncated(flight, until_s)
+    whole = replace(settings, causal=False)
+    try:
+        return findings(past, whole, build(past, whole), build)
+    except NoSolutionError:  # next to nothing is there yet
+        return None

@@ -1,0 +1,33 @@
+"""Estimates of one flight, one after another in time, as one."""
+
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+
+from fgnav.estimate import Estimate
+
+
+def among(estimate: Estimate, from_s: float, until_s: float) -> Estimate:
+    """Return an estimate's epochs from a time on and before another."""
+    rows = (estimate.t_s >= from_s) & (estimate.t_s < until_s)
+    arrays: dict[str, Any] = {name: getattr(estimate, name)[rows] for name in _by_epoch(estimate)}
+    return replace(estimate, **arrays)
+
+
+def joined_estimates(parts: list[Estimate], epochs: int) -> Estimate:
+    """Return estimates of times that follow each other as one, of so many epochs asked for.
+
+    What is not of epochs is the last one's, who saw all of the flight; it has converged if all
+    have.
+    """
+    last = parts[-1]
+    names = [n for n in _by_epoch(last) if all(getattr(e, n) is not None for e in parts)]
+    arrays: dict[str, Any] = {n: np.concatenate([getattr(e, n) for e in parts]) for n in names}
+    return replace(last, **arrays, epochs=epochs, converged=all(e.converged for e in parts))
+
+
+def _by_epoch(estimate: Estimate) -> list[str]:
+    """Return the fields that have a row for each epoch."""
+    values = {one.name: getattr(estimate, one.name) for one in fields(estimate)}
+    return [name for name, value in values.items() if isinstance(value, np.ndarray)]

@@ -1,0 +1,52 @@
+"""Noise of a filter: what came before says that what is stated is wrong, and nothing later does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fgnav.frontend.causal.truncation import truncated
+from fgnav.methods.smoother import Forward
+from tests.frontend.standing import standing
+from tests.methods.simulated import errors_rad, nees
+
+CUT_S = 74.43  # noise is identified at 30 and at 60 s, when it has driven long enough
+
+
+@pytest.fixture(scope="module")
+def loud():
+    """A car whose gyroscope is thirty times as loud as is stated; it drives from 15 s on."""
+    flight = standing(20_007, span_s=90.0)
+    sheet = flight.imu.gyroscope_noise_radps_per_sqrt_hz / 30
+    return replace(flight, imu=replace(flight.imu, gyroscope_noise_radps_per_sqrt_hz=sheet))
+
+
+def test_a_filter_is_as_sure_as_the_noise_that_its_past_shows(loud):
+    stated, found = Forward(noise="stated")(loud), Forward()(loud)
+    late = stated.t_s > 60.0
+    figures = [
+        nees(errors_rad(loud, e)[late], e.attitude_covariance_rad2[late]) for e in (stated, found)
+    ]
+    assert figures[0] > 60.0
+    assert figures[1] < 7.0
+    np.testing.assert_array_equal(found.t_s, stated.t_s)
+    early = found.t_s < 60.0
+    np.testing.assert_allclose(found.R_nb[early], stated.R_nb[early], atol=1e-9)
+    assert any("identified anew from the past" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("rate_hz", [None, 5.0])
+def test_nothing_that_comes_later_takes_part(loud, rate_hz):
+    def estimate(flight):
+        return Forward()(flight) if rate_hz is None else Forward().at(flight, rate_hz=rate_hz)
+
+    whole, part = estimate(loud), estimate(truncated(loud, CUT_S))
+    n = int((part.t_s <= part.t_s[-1]).sum())
+    assert part.t_s[-1] > CUT_S - 1.2
+    for name in ("t_s", "R_nb", "p_n_m", "v_n_mps", "attitude_covariance_rad2"):
+        np.testing.assert_allclose(getattr(whole, name)[:n], getattr(part, name), atol=1e-9)
+
+
+def test_a_flight_that_states_its_noise_rightly_is_estimated_once():
+    prepared = Forward().prepare(standing(20_009, span_s=45.0))
+    assert prepared.stretches == ()
