@@ -11,6 +11,7 @@ from fgnav.cli.options import (
     IntegersName,
     LagSeconds,
     NoiseName,
+    ReportFile,
     SolverName,
 )
 from fgnav.json_file import JsonFile, write_json
@@ -33,7 +34,7 @@ def compare(  # noqa: PLR0913  # a command has as many options as it takes
     causal: CausalFlag = False,
     noise: NoiseName = None,
     json: JsonFile = None,
-    report: Path | None = None,
+    report: ReportFile = None,
 ) -> None:
     """Run several methods on one flight and judge them, against truth or against each other.
 
@@ -45,23 +46,19 @@ def compare(  # noqa: PLR0913  # a command has as many options as it takes
         Folder with a flight.toml.
     method
         Names, separated by commas.
-    report
-        Draw errors in time with their 3-sigma bands into this PNG file.
     """
     from fgnav.checks import NoSolutionError  # noqa: PLC0415
-    from fgnav.evaluation.report.plots import check_figure, save_figure  # noqa: PLC0415
+    from fgnav.evaluation.report.save import check_report, save_report  # noqa: PLC0415
 
     check_outputs(flight, json, report)
-    if report is not None:
-        check_figure(report)
+    check_report(report)
     asked = Asked(gravity, estimate, lag, solver, factors, causal, noise)
     estimators = estimators_named(method, integers, asked)
-    _, comparison = compare_flight(flight, estimators)
+    data, comparison = compare_flight(flight, estimators)
     write_json(json, comparison.to_dict())
     if json != "-":
         show_comparison(comparison)
     if all(m.estimate is None for m in comparison.methods):
         failures = "; ".join(f"{m.name}: {m.score.failure}" for m in comparison.methods)
         raise NoSolutionError(f"no method has a solution: {failures}")
-    if report is not None:
-        save_figure(comparison, report)
+    save_report(comparison, data, report, flight)

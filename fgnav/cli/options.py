@@ -49,6 +49,13 @@ CausalFlag = Annotated[
     bool,
     Parameter(help="Let the smoother know nothing beyond its lag, settings included.", negative=""),
 ]
+ReportFile = Annotated[
+    Path | None,
+    Parameter(
+        help="Report into this file: .html, one page that needs no network; .png or .pdf, errors "
+        "in time with their 3-sigma bands."
+    ),
+]
 NoiseName = Annotated[
     str | None,
     Parameter(
