@@ -64,7 +64,7 @@ class Axis:
         power = 10.0 ** np.floor(np.log10(span / _TICKS))
         step = power * next(m for m in (1, 2, 5, 10) if m * power * _TICKS >= span)
         first, last = np.ceil(self.low / step), np.floor(self.high / step)
-        return [(float(k * step), f"{k * step:g}") for k in np.arange(first, last + 1)]
+        return [(float(v), f"{v:g}") for v in np.arange(first, last + 1) * step + 0.0]  # no -0
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

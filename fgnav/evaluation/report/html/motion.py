@@ -102,7 +102,8 @@ def rate_and_bias_charts(methods: Sequence[Method], marks: dict[str, str], time:
                         )
                     )
             if lines:
-                y = spanning(f"{title} {axis}, {unit}", [line.y for line in lines])
+                edges = [edge[len(edge) // 2 :] for b in bands for edge in (b.low, b.high)]
+                y = spanning(f"{title} {axis}, {unit}", [*(line.y for line in lines), *edges])
                 charts.append(
                     str(Chart(title=f"{title} {axis}", x=time, y=y, lines=lines, bands=bands))
                 )

@@ -65,7 +65,7 @@ def _circles(mask_rad: float) -> str:
     middle = _SIZE / 2
     parts = [
         f'<circle class="g" cx="{middle}" cy="{middle}" r="{_RADIUS * (1 - deg / 90):.1f}"/>'
-        f'<text x="{middle + 2}" y="{middle - _RADIUS * (1 - deg / 90) - 2:.1f}">{deg}°</text>'
+        f'<text x="{middle + 2}" y="{middle - _RADIUS * (1 - deg / 90) + 11:.1f}">{deg}°</text>'
         for deg in (0, 30, 60)
     ]
     at = _RADIUS * (1 - mask_rad / (np.pi / 2))
