@@ -48,10 +48,10 @@ def comparison_table(comparison: Comparison, width: int) -> list[str]:
     rows.append(["bound of one epoch", *_angles(comparison.bound)])
     title = f"{comparison.flight}: {what}, {comparison.epochs} epochs"
     heads = [["method", *(name for name, _ in HEADS)], ["", *(unit for _, unit in HEADS)]]
-    return [title, *_folded(heads, rows, width)]
+    return [title, *folded_table(heads, rows, width)]
 
 
-def _folded(heads: list[list[str]], rows: list[list[str]], width: int) -> list[str]:
+def folded_table(heads: list[list[str]], rows: list[list[str]], width: int) -> list[str]:
     """Return aligned lines, the columns in as many bands as the width asks for, each with names."""
     cells = [row + [""] * (len(heads[0]) - len(row)) for row in (*heads, *rows)]
     wide = [max(map(len, column)) for column in zip(*cells, strict=True)]
