@@ -14,7 +14,7 @@ from fgnav.checks import BadInputError, FloatArray
 
 _LEVEL = 0.95
 _RESAMPLES = 2000  # for intervals 1000 and more: Efron and Tibshirani, 1993, section 14.6
-_LEAST = 3  # flights for an interval: of two, a resample is one of three
+_LEAST = 6  # flights for an interval: of fewer, the signed-rank test never excludes chance at 5 %
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
