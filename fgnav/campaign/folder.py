@@ -71,7 +71,7 @@ class Folder:
         # Leftovers went when the folder was opened: to look for them again lists all runs so far.
         write_text(self._runs / f"{run.stem}.json", text, tidy=False)
 
-    def records(self) -> Iterator[dict[str, Any]]:
+    def __iter__(self) -> Iterator[dict[str, Any]]:
         """Yield the records of the order's runs that are there, by case, column and flight.
 
         Raises

@@ -15,7 +15,7 @@ def test_a_run_is_kept_without_a_look_at_all_others(order, tmp_path, monkeypatch
     monkeypatch.setattr(Path, "iterdir", listed)
     for run in runs_of(order):
         folder.keep(run, {"case": order.case[run.case].name})
-    assert len(list(folder.records())) == 9
+    assert len(list(folder)) == 9
 
 
 def test_what_a_killed_writer_left_goes_when_the_folder_is_opened(order, tmp_path):
