@@ -228,6 +228,17 @@ def test_run_at_a_rate_writes_as_many_rows(folder, tmp_path, capsys):
     assert "batch: 96 of 96 epochs" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("command", [["run", "--out", "out"], ["compare"]])
+def test_a_report_is_a_page_of_the_flight(folder, methods, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    methods(Level())
+    name, *options = command
+    assert cli.main([name, str(folder), *options, "--report", "report.html"]) == 0
+    text = (tmp_path / "report.html").read_text()
+    assert "format = &quot;fgnav-flight/1&quot;" in text
+    assert ">level</th>" in text
+
+
 def test_run_without_solution_writes_nothing_and_exits_with_one(folder, methods, tmp_path, capsys):
     methods(Level(error=NoSolutionError("yaw: unobservable")))
     assert cli.main(["run", str(folder), "--out", str(tmp_path / "out")]) == 1
@@ -256,7 +267,7 @@ def test_run_takes_one_method(folder, tmp_path, capsys):
         ),
         (["compare", "nowhere", "--method", "batch,rtk", "--lag", "2"], "--lag: only smoother"),
         (["compare", "nowhere", "--lag", "0"], "smoother lag_s: must be"),
-        (["compare", "nowhere", "--report", "report.html"], "end its name in .png"),
+        (["compare", "nowhere", "--report", "report.bmp"], "end its name in .html, .png or .pdf"),
         (["compare", "nowhere", "--json", "absent/a.json"], "its folder does not exist"),
         (["check"], "requires an argument"),
         (["check", "nowhere", "--json", "--speed"], "wants a file or -, got '--speed'"),

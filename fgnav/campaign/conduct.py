@@ -80,14 +80,14 @@ def conduct(
         except BadInputError as error:
             unwritten[str(error).partition(": ")[2]] += 1
         watch(asked - len(todo) + flown, asked)
-    records = list(folder.records())
-    files = write_tables(order, records, out)
-    report = write_report(order, records, out)
+    files = write_tables(order, folder, out)
+    report = write_report(order, folder, out)
+    failures = Counter(record["failure"] for record in folder)
     return Outcome(
         asked=asked,
-        kept=len(records),
+        kept=failures.total(),
         flown=flown,
-        losses=(*_failures(records), *_losses("run not kept", unwritten)),
+        losses=(*_failures(failures), *_losses("run not kept", unwritten)),
         report=report,
         files=files,
     )
@@ -106,8 +106,9 @@ def _lost(order: Order, run: Run) -> tuple[Run, Record]:
     return run, failed(order, run, DIED)
 
 
-def _failures(records: list[Record]) -> tuple[Loss, ...]:
-    return _losses("run failed", Counter(r["failure"] for r in records if r["failure"]))
+def _failures(counted: "Counter[str | None]") -> tuple[Loss, ...]:
+    reasons = Counter({why: n for why, n in counted.items() if why})
+    return _losses("run failed", reasons)
 
 
 def _losses(what: str, reasons: "Counter[str]") -> tuple[Loss, ...]:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -12,26 +12,10 @@ from fgnav.campaign.order import MethodTable, Order
 from fgnav.campaign.runs import Run, seed_of, start_shift_s
 from fgnav.campaign.sources import flight_source
 from fgnav.checks import BadInputError, FgnavError
-from fgnav.estimate import Estimate, Estimator
-from fgnav.flight import Flight
+from fgnav.estimate import Estimator
 
 Record = dict[str, Any]
 _TEXT = 200  # characters of a failure that are kept
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Restricted:
-    """A method under another name, on flights without some of their measurements."""
-
-    name: str
-    estimator: Estimator
-    without: tuple[str, ...] = ()
-
-    def __call__(self, flight: Flight) -> Estimate:
-        """Estimate what is left of a flight."""
-        from fgnav.evaluation.ablation import without  # noqa: PLC0415  # lazy, as all below
-
-        return replace(self.estimator(without(flight, self.without)), method=self.name)
 
 
 def estimator_of(table: MethodTable) -> Estimator:
@@ -42,7 +26,7 @@ def estimator_of(table: MethodTable) -> Estimator:
     BadInputError
         Naming the table and what it asks that is not there.
     """
-    from fgnav.evaluation.ablation import check_kinds  # noqa: PLC0415
+    from fgnav.evaluation.ablation import Restricted, check_kinds  # noqa: PLC0415
     from fgnav.gravity import gravity_named  # noqa: PLC0415
     from fgnav.integers.registry import resolver_named  # noqa: PLC0415
     from fgnav.methods import Options, method_named  # noqa: PLC0415

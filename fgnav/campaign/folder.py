@@ -67,9 +67,11 @@ class Folder:
         BadInputError
             If it cannot be written: no room, for one.
         """
-        write_text(self._runs / f"{run.stem}.json", msgspec.json.encode(record).decode() + "\n")
+        text = msgspec.json.encode(record).decode() + "\n"
+        # Leftovers went when the folder was opened: to look for them again lists all runs so far.
+        write_text(self._runs / f"{run.stem}.json", text, tidy=False)
 
-    def records(self) -> Iterator[dict[str, Any]]:
+    def __iter__(self) -> Iterator[dict[str, Any]]:
         """Yield the records of the order's runs that are there, by case, column and flight.
 
         Raises

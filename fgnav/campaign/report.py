@@ -1,6 +1,7 @@
 """What a campaign amounts to, as text: each figure with its interval, each method against one."""
 
-from collections.abc import Iterator, Sequence
+from array import array
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from fgnav.campaign.fly import Record
 from fgnav.campaign.order import CaseTable, Order
 from fgnav.checks import FloatArray
+from fgnav.evaluation.figures import FIGURES
 from fgnav.evaluation.paired import Interval, paired, pooled
 from fgnav.evaluation.scores import EULER
 from fgnav.io.atomic_write import write_text
@@ -28,37 +30,47 @@ _RESAMPLED = 0x5EED  # intervals are the same whenever the flights are
 
 
 class Table:
-    """Figures of a campaign by case, column, flight and method.
+    """Figures of a campaign by case, column, flight and method: 8 bytes each, no more.
 
     Parameters
     ----------
     order : Order
-    records : sequence of Record
+    records : iterable of Record
     """
 
-    def __init__(self, order: Order, records: Sequence[Record]) -> None:
-        self._cases = [case.name for case in order.case]
-        self._of: dict[tuple[int, int], list[Record]] = {}
+    def __init__(self, order: Order, records: Iterable[Record]) -> None:
+        self._methods = order.titles
+        cases = [case.name for case in order.case]
+        flat: dict[tuple[int, int], array[float]] = {}
         for record in records:
-            key = (self._cases.index(record["case"]), record["column"])
-            self._of.setdefault(key, []).append(record)
+            key = (cases.index(record["case"]), record["column"])
+            own = flat.setdefault(key, array("d"))
+            for method in self._methods:
+                figures = record["methods"].get(method, {}).get("figures", {})
+                values = (figures.get(name) for name in FIGURES)
+                own.extend(np.nan if value is None else value for value in values)
+        shape = (-1, len(self._methods), len(FIGURES))
+        self._of = {key: np.array(flat[key]).reshape(shape) for key in sorted(flat)}
+
+    def __len__(self) -> int:
+        """Return the number of records."""
+        return sum(map(len, self._of.values()))
 
     def figure(self, name: str, method: str, case: int, column: int | None = None) -> FloatArray:
         """Return a figure of each flight of a case, of all columns where none is named."""
-        records = [
-            record
-            for (c, k), some in sorted(self._of.items())
-            if c == case and (column is None or k == column)
-            for record in some
+        m, k = self._methods.index(method), FIGURES.index(name)
+        parts = [
+            values[:, m, k]
+            for (c, own), values in self._of.items()
+            if c == case and (column is None or own == column)
         ]
-        values = [record["methods"].get(method, {}) for record in records]
-        of = [value.get("figures", {}).get(name) for value in values]
-        return np.array([np.nan if value is None else value for value in of])
+        return np.concatenate([np.zeros(0), *parts])
 
 
-def write_report(order: Order, records: Sequence[Record], out: Path) -> str:
+def write_report(order: Order, records: Iterable[Record], out: Path) -> str:
     """Write and return the report: a summary of each case, then tables of what was swept."""
-    text = "\n".join(_lines(order, Table(order, records), len(records))) + "\n"
+    table = Table(order, records)
+    text = "\n".join(_lines(order, table, len(table))) + "\n"
     write_text(out / REPORT, text)
     return text
 

@@ -5,22 +5,23 @@ changes.
 """
 
 import csv
-from collections.abc import Iterator, Sequence
-from io import StringIO
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from fgnav.campaign.fly import Record
 from fgnav.campaign.order import Order
 from fgnav.evaluation.figures import FIGURES
-from fgnav.io.atomic_write import atomic_file, write_text
+from fgnav.io.atomic_write import atomic_file
 
 _KEYS = ("case", "column", "value", "flight", "method")
 COLUMNS = (*_KEYS, *FIGURES, "converged", "failure")
 Row = dict[str, Any]
+_BATCH = 50_000  # rows of a group of the Parquet file, and in memory
 
 
-def rows_of(order: Order, records: Sequence[Record]) -> Iterator[Row]:
+def rows_of(order: Order, records: Iterable[Record]) -> Iterator[Row]:
     """Yield a row for each flight and method, in the order of cases, columns, flights, methods."""
     for record in records:
         head = {key: record[key] for key in _KEYS[:-1]}
@@ -36,17 +37,25 @@ def rows_of(order: Order, records: Sequence[Record]) -> Iterator[Row]:
             }
 
 
-def write_tables(order: Order, records: Sequence[Record], out: Path) -> tuple[Path, ...]:
-    """Write flights.csv, flights.parquet where pyarrow is there, and seconds.csv."""
-    rows = list(rows_of(order, records))
+def write_tables(order: Order, records: Iterable[Record], out: Path) -> tuple[Path, ...]:
+    """Write flights.csv, flights.parquet where pyarrow is there, and seconds.csv.
+
+    Parameters
+    ----------
+    order : Order
+    records : iterable of Record
+        Gone through once for each file, and never held at once.
+    out : Path
+    """
     files = [out / "flights.csv", out / "seconds.csv"]
-    write_text(files[0], _csv(COLUMNS, ([row[name] for name in COLUMNS] for row in rows)))
+    rows = rows_of(order, records)
+    _write_csv(files[0], COLUMNS, ([row[name] for name in COLUMNS] for row in rows))
     seconds = (
         [*(record[key] for key in _KEYS[:-1]), title, of["seconds"]]
         for record in records
         for title, of in record["methods"].items()
     )
-    write_text(files[1], _csv((*_KEYS, "seconds"), seconds))
+    _write_csv(files[1], (*_KEYS, "seconds"), seconds)
     try:
         import pyarrow  # noqa: PLC0415  # an extra
         from pyarrow import parquet  # noqa: PLC0415
@@ -55,16 +64,16 @@ def write_tables(order: Order, records: Sequence[Record], out: Path) -> tuple[Pa
     kinds = {"column": pyarrow.int64(), "flight": pyarrow.int64(), "converged": pyarrow.bool_()}
     kinds |= dict.fromkeys(("case", "method", "failure"), pyarrow.string())
     schema = pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in COLUMNS])
-    table = pyarrow.Table.from_pylist(rows, schema=schema)
     files.append(out / "flights.parquet")
-    with atomic_file(files[-1]) as part:
-        parquet.write_table(table, part)
+    rows = rows_of(order, records)
+    with atomic_file(files[-1]) as part, parquet.ParquetWriter(part, schema) as writer:
+        while some := list(islice(rows, _BATCH)):
+            writer.write_table(pyarrow.Table.from_pylist(some, schema=schema))
     return tuple(files)
 
 
-def _csv(columns: Sequence[str], rows: Iterator[list[Any]]) -> str:
-    text = StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(["" if value is None else value for value in row] for row in rows)
-    return text.getvalue()
+def _write_csv(path: Path, columns: Sequence[str], rows: Iterator[list[Any]]) -> None:
+    with atomic_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(["" if value is None else value for value in row] for row in rows)

@@ -36,7 +36,8 @@ def campaign(
     Parameters
     ----------
     order
-        Which flights, methods and how often: a TOML file, or flown, one that comes along.
+        Which flights, methods and how often: a TOML file, or one that comes along: flown,
+        restitution, degraded.
     out
         Folder for the results; new, unless resumed.
     """

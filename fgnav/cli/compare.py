@@ -1,28 +1,42 @@
 """The command ``fgnav compare``."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from fgnav.cli.estimators import Asked, compare_flight, estimators_named
+from fgnav.cli.estimators import (
+    Asked,
+    Span,
+    ablated,
+    compare_flight,
+    compare_folders,
+    estimators_named,
+    flights_in,
+)
 from fgnav.cli.options import (
     CausalFlag,
     EstimateWords,
     FactorNames,
+    FromSeconds,
     GravityName,
     IntegersName,
     LagSeconds,
     NoiseName,
+    ReportFile,
     SolverName,
+    UntilSeconds,
+    WithoutKinds,
 )
 from fgnav.json_file import JsonFile, write_json
-from fgnav.terminal import check_outputs, show_comparison
+from fgnav.terminal import check_outputs, show_comparison, width
+
+if TYPE_CHECKING:
+    from fgnav.estimate import Estimator
 
 _DEFAULT_METHODS = "closed-form,maximum-likelihood,smoother,batch,rtk"
 
 
 def compare(  # noqa: PLR0913  # a command has as many options as it takes
-    flight: Path,
-    /,
-    *,
+    *flights: Path,
     method: str = _DEFAULT_METHODS,
     integers: IntegersName = "lambda",
     gravity: GravityName = None,
@@ -32,36 +46,92 @@ def compare(  # noqa: PLR0913  # a command has as many options as it takes
     factors: FactorNames = "",
     causal: CausalFlag = False,
     noise: NoiseName = None,
+    from_: FromSeconds = None,
+    until: UntilSeconds = None,
+    without: WithoutKinds = "",
     json: JsonFile = None,
-    report: Path | None = None,
+    report: ReportFile = None,
 ) -> None:
-    """Run several methods on one flight and judge them, against truth or against each other.
+    """Run several methods on flights and judge them, against truth or against each other.
+
+    Several flights, or a folder of flights, give figures pooled over flights and differences to the
+    first method, with bootstrap intervals by flight and the p-value of Wilcoxon's test.
 
     Example: fgnav compare demo/flight --method rtk,smoother --json - > figures.json
 
     Parameters
     ----------
-    flight
-        Folder with a flight.toml.
+    flights
+        Folders with a flight.toml, or folders of such folders.
     method
         Names, separated by commas.
-    report
-        Draw errors in time with their 3-sigma bands into this PNG file.
     """
-    from fgnav.checks import NoSolutionError  # noqa: PLC0415
-    from fgnav.evaluation.report.plots import check_figure, save_figure  # noqa: PLC0415
+    from fgnav.checks import BadInputError  # noqa: PLC0415
 
-    check_outputs(flight, json, report)
-    if report is not None:
-        check_figure(report)
+    if not flights:
+        raise BadInputError("compare: requires an argument: a flight, or several")
+    folders = flights_in(flights)
     asked = Asked(gravity, estimate, lag, solver, factors, causal, noise)
+    span = (from_, until)
+    for folder in folders:
+        check_outputs(folder, json, report)
+    check = _check_page if len(folders) > 1 else _check_report
+    check(report)
     estimators = estimators_named(method, integers, asked)
-    _, comparison = compare_flight(flight, estimators)
+    estimators += ablated(method, integers, asked, without) if without else []
+    if len(folders) > 1:
+        _several(folders, estimators, span, json, report)
+    else:
+        _one(folders[0], estimators, span, json, report)
+
+
+def _one(
+    flight: Path, estimators: "list[Estimator]", span: Span, json: str | None, report: Path | None
+) -> None:
+    from fgnav.checks import NoSolutionError  # noqa: PLC0415
+    from fgnav.evaluation.report.save import save_report  # noqa: PLC0415
+
+    data, comparison = compare_flight(flight, estimators, span)
     write_json(json, comparison.to_dict())
     if json != "-":
         show_comparison(comparison)
     if all(m.estimate is None for m in comparison.methods):
         failures = "; ".join(f"{m.name}: {m.score.failure}" for m in comparison.methods)
         raise NoSolutionError(f"no method has a solution: {failures}")
+    save_report(comparison, data, report, flight)
+
+
+def _several(
+    folders: list[Path],
+    estimators: "list[Estimator]",
+    span: Span,
+    json: str | None,
+    report: Path | None,
+) -> None:
+    from fgnav.checks import NoSolutionError  # noqa: PLC0415
+    from fgnav.evaluation.report.flights_table import flights_lines  # noqa: PLC0415
+    from fgnav.evaluation.report.html.flights import save_flights_page  # noqa: PLC0415
+
+    comparison = compare_folders(folders, estimators, span)
+    write_json(json, comparison.to_dict())
+    if json != "-":
+        print("\n".join(flights_lines(comparison, width())))
+    if not any(one.figures for one in comparison.flights):
+        why = comparison.flights[0].failure or "; ".join(comparison.flights[0].failures.values())
+        raise NoSolutionError(f"no method has a solution of any flight, of the first: {why}")
     if report is not None:
-        save_figure(comparison, report)
+        save_flights_page(comparison, report)
+
+
+def _check_report(report: Path | None) -> None:
+    from fgnav.evaluation.report.save import check_report  # noqa: PLC0415
+
+    check_report(report)
+
+
+def _check_page(report: Path | None) -> None:
+    """Raise unless a report of several flights, which only a page can be, can be written."""
+    from fgnav.evaluation.report.html.page import check_page  # noqa: PLC0415
+
+    if report is not None:
+        check_page(report)

@@ -4,7 +4,7 @@ import gc
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,10 @@ from fgnav.terminal import Steps, progress
 if TYPE_CHECKING:
     from fgnav.estimate import Estimator
     from fgnav.evaluation.comparison import Comparison
+    from fgnav.evaluation.flights import FlightsComparison
     from fgnav.flight import Flight
+
+_TOML = "flight.toml"  # what makes a folder a flight
 
 
 @contextmanager
@@ -75,20 +78,99 @@ def estimators_named(methods: str, integers: str, asked: Asked) -> "list[Estimat
     return [method_named(name, resolver, options=options) for name in names]
 
 
+def ablated(methods: str, integers: str, asked: Asked, kinds: str) -> "list[Estimator]":
+    """Return the same methods once more for each word of a list, without what it names.
+
+    Without gravity are those alone that take it: the others never had it.
+    """
+    from fgnav.checks import BadInputError  # noqa: PLC0415
+    from fgnav.evaluation.ablation import Restricted, check_kinds  # noqa: PLC0415
+    from fgnav.methods import SMOOTHERS  # noqa: PLC0415
+
+    out: list[Estimator] = []
+    for word in _words(kinds):
+        left_out = tuple(kind.strip() for kind in word.split("+"))
+        measured = tuple(kind for kind in left_out if kind != "gravity")
+        check_kinds(measured)
+        taken = measured != left_out
+        if taken and asked.gravity is None:
+            raise BadInputError("--without gravity: there is none without --gravity; name one")
+        own = replace(asked, gravity=None) if taken else asked
+        names = [name for name in _words(methods) if not taken or name in SMOOTHERS]
+        out += [
+            Restricted(name=f"{one.name} without {word}", estimator=one, without=measured)
+            for one in estimators_named(",".join(names), integers, own)
+        ]
+    return out
+
+
 def _words(text: str) -> tuple[str, ...]:
     """Return what stands between commas."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
 
 
-def compare_flight(folder: Path, by: "list[Estimator]") -> "tuple[Flight, Comparison]":
+Span = tuple[float | None, float | None]  # of a flight, s
+
+
+def compare_flight(
+    folder: Path, by: "list[Estimator]", span: Span = (None, None)
+) -> "tuple[Flight, Comparison]":
     """Read a flight and compare methods on it, showing each step."""
     from fgnav.evaluation.comparison import compare as compare_methods  # noqa: PLC0415
 
     with progress(2 + len(by)) as step:
-        flight = load(folder, step)
-        with step("checking"):
-            _check_set_up(flight)
+        flight = _loaded(folder, span, step)
         return flight, compare_methods(flight, by, watch=step)
+
+
+def compare_folders(
+    folders: list[Path], by: "list[Estimator]", span: Span = (None, None)
+) -> "FlightsComparison":
+    """Read flights, one after the other, and compare methods on each, showing each step."""
+    from fgnav.checks import FgnavError  # noqa: PLC0415
+    from fgnav.evaluation.flights import compare_flights  # noqa: PLC0415
+
+    with progress((2 + len(by)) * len(folders)) as step:
+
+        def loaded() -> "Iterator[tuple[str, Flight | FgnavError]]":
+            for folder in folders:
+                try:
+                    flight: Flight | FgnavError = _loaded(folder, span, step)
+                except FgnavError as error:
+                    flight = error
+                yield str(folder), flight
+
+        return compare_flights(loaded(), by, watch=step)
+
+
+def flights_in(places: tuple[Path, ...]) -> list[Path]:
+    """Return the flights that are named, and those in folders that hold some, sorted.
+
+    Raises
+    ------
+    BadInputError
+        If a flight stands there twice.
+    """
+    from fgnav.checks import BadInputError  # noqa: PLC0415
+
+    folders: list[Path] = []
+    for place in places:
+        inside = [] if (place / _TOML).exists() else sorted(place.glob(f"*/{_TOML}"))
+        folders += [toml.parent for toml in inside] or [place]
+    for folder in folders:
+        if folders.count(folder) > 1:
+            raise BadInputError(f"{folder}: is named twice; a flight counts once")
+    return folders
+
+
+def _loaded(folder: Path, span: Span, step: Steps) -> "Flight":
+    """Read a flight, cut it, and check what is left."""
+    from fgnav.evaluation.span import within  # noqa: PLC0415
+
+    flight = within(load(folder, step), *span)
+    with step("checking"):
+        _check_set_up(flight)
+    return flight
 
 
 def _check_set_up(flight: "Flight") -> None:

@@ -49,6 +49,28 @@ CausalFlag = Annotated[
     bool,
     Parameter(help="Let the smoother know nothing beyond its lag, settings included.", negative=""),
 ]
+FromSeconds = Annotated[
+    float | None,
+    Parameter(name="--from", help="Use what was measured from this time of the flight on, s."),
+]
+UntilSeconds = Annotated[
+    float | None, Parameter(help="Use what was measured until this time of the flight, s.")
+]
+WithoutKinds = Annotated[
+    str,
+    Parameter(
+        help="Run each method also without these, one after another: phase, doppler, gnss, fixes, "
+        "gyroscope, inertial, seeker, barometer, magnetometer, gravity (of --gravity), separated "
+        "by commas; phase+doppler leaves both out together."
+    ),
+]
+ReportFile = Annotated[
+    Path | None,
+    Parameter(
+        help="Report into this file: .html, one page that needs no network; .png or .pdf, errors "
+        "in time with their 3-sigma bands."
+    ),
+]
 NoiseName = Annotated[
     str | None,
     Parameter(

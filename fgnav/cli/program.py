@@ -43,7 +43,7 @@ _COMMANDS = {
     ),
     "check": ("fgnav.cli.check:check", "Say what is in a flight and what is wrong with it."),
     "run": ("fgnav.cli.run:run", "Estimate a flight with one method; write its estimates."),
-    "compare": ("fgnav.cli.compare:compare", "Run several methods on one flight and judge them."),
+    "compare": ("fgnav.cli.compare:compare", "Run several methods on flights and judge them."),
     "campaign": ("fgnav.cli.campaign:campaign", "Fly and compare many scenarios at once."),
     "import": ("fgnav.cli.import_:import_", "Turn a foreign recording into a flight folder."),
     "export": ("fgnav.cli.export:export", "Write an estimate in a format of another program."),

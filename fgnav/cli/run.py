@@ -12,6 +12,7 @@ from fgnav.cli.options import (
     LagSeconds,
     NoiseName,
     RateHz,
+    ReportFile,
     SolverName,
     TimesFile,
 )
@@ -36,6 +37,7 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     at: TimesFile = None,
     rate: RateHz = None,
     json: JsonFile = None,
+    report: ReportFile = None,
 ) -> None:
     """Estimate a flight with one method; write estimate.csv, estimate.npz and summary.json.
 
@@ -51,13 +53,15 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
         closed-form, maximum-likelihood, smoother, forward, batch, gtsam, rtk, or an installed one.
     """
     from fgnav.checks import BadInputError, NoSolutionError  # noqa: PLC0415
+    from fgnav.evaluation.report.save import check_report, save_report  # noqa: PLC0415
     from fgnav.evaluation.report.table import remarks  # noqa: PLC0415
     from fgnav.io.atomic_write import made_folder  # noqa: PLC0415
     from fgnav.io.exports.estimate_csv import ESTIMATE, write_outcome  # noqa: PLC0415
     from fgnav.io.exports.recorded import save_estimate  # noqa: PLC0415
     from fgnav.methods.at_times import at_times  # noqa: PLC0415
 
-    check_outputs(flight, json, folder=out)
+    check_outputs(flight, json, report, folder=out)
+    check_report(report)
     asked = Asked(gravity, estimate, lag, solver, factors, causal, noise)
     estimators = [at_times(one, at, rate) for one in estimators_named(method, integers, asked)]
     if len(estimators) > 1:
@@ -75,6 +79,7 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     folder = made_folder(out)
     save_estimate(outcome.estimate, data, folder / "estimate.npz")
     write_outcome(folder, outcome.estimate, data.origin, comparison.to_dict())
+    save_report(comparison, data, report, flight)
     write_json(json, comparison.to_dict())
     if json != "-":
         n = len(outcome.estimate.t_s)

@@ -1,14 +1,28 @@
 """A flight without some of what it measured: what a sensor is worth is what is lost without it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from fgnav.checks import BadInputError
+from fgnav.estimate import Estimate, Estimator
 from fgnav.flight import Flight
 from fgnav.observations import Observations
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Restricted:
+    """A method under another name, on flights without some of their measurements."""
+
+    name: str
+    estimator: Estimator
+    without: tuple[str, ...] = ()
+
+    def __call__(self, flight: Flight) -> Estimate:
+        """Estimate what is left of a flight."""
+        return replace(self.estimator(without(flight, self.without)), method=self.name)
 
 
 def without(flight: Flight, kinds: Sequence[str]) -> Flight:

@@ -22,8 +22,15 @@ _FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
 
 
 @contextmanager
-def atomic_file(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path, *, tidy: bool = True) -> Iterator[Path]:
     """Yield a temporary path beside ``path``; it takes the name at the end, or goes on an error.
+
+    Parameters
+    ----------
+    path : Path
+    tidy : bool
+        Whether to remove what killed writers of ``path`` have left, which lists its folder. One
+        who writes a million files into a folder does that once, before.
 
     Raises
     ------
@@ -34,7 +41,8 @@ def atomic_file(path: Path) -> Iterator[Path]:
     try:
         part.touch()
         with _locked(part):
-            _remove_leftovers(path)
+            if tidy:
+                _remove_leftovers(path)
             yield part
             part.replace(path)
     except OSError as error:
@@ -67,9 +75,9 @@ def atomic_folder(path: Path) -> Iterator[Path]:
         shutil.rmtree(part, ignore_errors=True)
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text file, whole or not at all; BadInputError as ``atomic_file``."""
-    with atomic_file(path) as part:
+def write_text(path: Path, text: str, *, tidy: bool = True) -> None:
+    """Write a text file, whole or not at all; parameters and errors as of ``atomic_file``."""
+    with atomic_file(path, tidy=tidy) as part:
         part.write_text(text, encoding="utf-8")
 
 

@@ -12,6 +12,7 @@ from fgnav.checks import BadInputError, FloatArray
 from fgnav.estimate import Estimate
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.reference import common_epochs
+from fgnav.evaluation.report.lines import COLOURS, drawable, every, is_rough, limit, unjumped_deg
 from fgnav.evaluation.scores import EULER, hidden
 from fgnav.io.atomic_write import atomic_file, check_place
 
@@ -19,13 +20,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's set, told apart by the colour-blind; black and yellow last.
-_COLOURS = ("#E69F00", "#56B4E9", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#F0E442")
+FORMATS = (".png", ".pdf")
 _BAND_SIGMAS = 3.0
 _BINS = 1200  # drawn points per line: about one per pixel of width
-_GAP = 1.5  # intervals; a line is broken across a longer step
-_ROUGH = 1.2  # step over size; white noise has 1.41
-_SHOWN = 99.5  # percentile of a method's errors that its share of the axis holds
 _STYLE: Any = {
     "font.size": 9,
     "axes.spines.top": False,
@@ -42,7 +39,7 @@ _STYLE: Any = {
 
 
 def save_figure(comparison: Comparison, path: Path) -> None:
-    """Write the figure of a comparison as PNG, whole or not at all.
+    """Write the figure of a comparison as PNG or PDF, whole or not at all.
 
     With truth: errors of roll, pitch and yaw in time, the 3-sigma band of the best method that
     states one, the position error, and beside each the RMS of every method with the bound. Without:
@@ -52,7 +49,7 @@ def save_figure(comparison: Comparison, path: Path) -> None:
     ----------
     comparison : Comparison
     path : Path
-        Ends in ``.png``; its folder exists.
+        Ends in ``.png`` or ``.pdf``; its folder exists.
 
     Raises
     ------
@@ -80,7 +77,7 @@ def save_figure(comparison: Comparison, path: Path) -> None:
         title = "errors against truth" if judged else "no truth: methods against each other"
         figure.suptitle(f"{comparison.flight}: {title}", x=0.01, ha="left", fontsize=12)
         with atomic_file(path) as part:
-            figure.savefig(part, format="png")
+            figure.savefig(part, format=path.suffix.lower().lstrip("."))
 
 
 def check_figure(path: Path) -> None:
@@ -89,10 +86,11 @@ def check_figure(path: Path) -> None:
     Raises
     ------
     BadInputError
-        If the name does not end in ``.png``, its folder is absent or matplotlib not installed.
+        If the name ends in neither ``.png`` nor ``.pdf``, its folder is absent or matplotlib not
+        installed.
     """
-    if path.suffix.lower() != ".png":
-        raise BadInputError(f"{path}: the report is a PNG figure; end its name in .png")
+    if path.suffix.lower() not in FORMATS:
+        raise BadInputError(f"{path}: a figure is PNG or PDF; end its name in .png or .pdf")
     check_place(path)
     if find_spec("matplotlib") is None:
         raise BadInputError(f"{path}: a figure needs matplotlib; pip install 'fgnav[report]'")
@@ -111,8 +109,8 @@ def _draw_errors(figure: "Figure", comparison: Comparison, solved: list[Method],
             if method.errors is not None and name not in _hidden(method):
                 error_deg = np.degrees(method.errors.euler_rad[:, i])
                 _plot(left, method.errors.t_s, error_deg, styles[method.name])
-        limit = _limit([np.asarray(line.get_ydata()) for line in left.lines])
-        left.set(ylabel=f"{name} error, deg", ylim=(-limit, limit))
+        half = limit([np.asarray(line.get_ydata()) for line in left.lines])
+        left.set(ylabel=f"{name} error, deg", ylim=(-half, half))
         if band is not None and band.estimate is not None and name not in hidden(band.estimate):
             _draw_band(left, band.estimate, i, styles[band.name]["color"])
         rms = {m.name: getattr(m.score.rmse_deg, name) for m in solved}
@@ -160,14 +158,14 @@ def _draw_attitudes(figure: "Figure", solved: list[Method]) -> None:
         for name, estimate in estimates.items():
             if angle in hidden(estimate):
                 continue
-            whole_deg = _unjumped_deg(np.degrees(rotations.to_euler(estimate.R_nb)[:, i]))
+            whole_deg = unjumped_deg(np.degrees(rotations.to_euler(estimate.R_nb)[:, i]))
             _plot(left, estimate.t_s, whole_deg, styles[name])
             if estimate is not base and angle not in hidden(base):
                 apart_deg = np.degrees(apart_rad[name][:, i])
                 _plot(right, estimate.t_s[shared[name][0]], apart_deg, styles[name])
-        limit = _limit([np.asarray(line.get_ydata()) for line in right.lines])
+        half = limit([np.asarray(line.get_ydata()) for line in right.lines])
         left.set(ylabel=f"{angle}, deg")
-        right.set(ylabel=f"{angle} − {base.method}, deg", ylim=(-limit, limit))
+        right.set(ylabel=f"{angle} − {base.method}, deg", ylim=(-half, half))
     for bottom in axes[-1]:
         bottom.set_xlabel("time, s")
     _legend(figure, axes[1, 0], solved, styles)
@@ -180,10 +178,10 @@ def _hidden(method: Method) -> set[str]:
 def _plot(axes: "Axes", t_s: FloatArray, y: FloatArray, style: dict[str, Any]) -> None:
     """Draw a series in its style: all that matters of a line, a fair sample of dots."""
     if style["marker"]:
-        every = -(-len(t_s) // (2 * _BINS))
-        axes.plot(t_s[::every], y[::every], **style)
+        sample = every(len(t_s), 2 * _BINS)
+        axes.plot(t_s[sample], y[sample], **style)
     else:
-        axes.plot(*_drawable(t_s, y), **style)
+        axes.plot(*drawable(t_s, y, _BINS), **style)
 
 
 def _styles(solved: list[Method], deviations: dict[str, FloatArray]) -> dict[str, Any]:
@@ -199,11 +197,11 @@ def _styles(solved: list[Method], deviations: dict[str, FloatArray]) -> dict[str
         Each method's angles against the truth or another method, in the order of drawing.
     """
     dots = {"ls": "none", "marker": "o", "ms": 1.8, "mew": 0, "alpha": 0.7}
-    smooth = [name for name, deviation in deviations.items() if not _is_rough(deviation)]
+    smooth = [name for name, deviation in deviations.items() if not is_rough(deviation)]
     widths = dict(zip(reversed(smooth), (1.0, 2.2, 3.4, 4.6), strict=False))
     return {
         m.name: {
-            "color": _COLOURS[i % len(_COLOURS)],
+            "color": COLOURS[i % len(COLOURS)],
             "label": m.name,
             **({"marker": "", "lw": widths.get(m.name, 4.6)} if m.name in smooth else dots),
         }
@@ -211,21 +209,12 @@ def _styles(solved: list[Method], deviations: dict[str, FloatArray]) -> dict[str
     }
 
 
-def _is_rough(deviation: FloatArray) -> bool:
-    """Return whether (n, 3) angles change from epoch to epoch by about as much as white noise."""
-    known = deviation[:, np.isfinite(deviation).all(axis=0)]
-    if len(known) < 3 or not known.any():
-        return False
-    size = np.maximum(known.std(axis=0), np.finfo(float).tiny)
-    return bool(np.median(np.diff(known, axis=0).std(axis=0) / size) > _ROUGH)
-
-
 def _draw_band(axes: "Axes", estimate: Estimate, i: int, colour: str) -> None:
     """Fill what a method's own covariance allows its error."""
     J = rotations.euler_jacobian(estimate.R_nb)
     covariance = J @ np.asarray(estimate.attitude_covariance_rad2) @ rotations.transpose(J)
     band_deg = _BAND_SIGMAS * np.degrees(np.sqrt(covariance[:, i, i]))
-    t_s, band_deg = _drawable(estimate.t_s, band_deg)
+    t_s, band_deg = drawable(estimate.t_s, band_deg, _BINS)
     label = f"±3σ of {estimate.method}"
     face: Any = {"color": colour, "alpha": 0.2, "lw": 0, "zorder": 1.5}
     axes.fill_between(t_s, -band_deg, band_deg, label=label, **face)
@@ -262,39 +251,6 @@ def _draw_rms(
     axes.spines["left"].set_visible(False)
     axes.tick_params(axis="x", which="both", length=0, labelbottom=False)
     axes.grid(visible=False)
-
-
-def _drawable(t_s: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return a line to draw: broken at gaps, and of a long one the extremes of each bin.
-
-    Ten thousand epochs have more points than a figure has pixels; minimum and maximum per bin keep
-    every spike, where plain decimation would lose them.
-    """
-    if len(t_s) > 2 * _BINS:
-        starts = np.linspace(0, len(t_s), _BINS, endpoint=False).astype(np.int64)
-        extremes = [np.minimum.reduceat(y, starts), np.maximum.reduceat(y, starts)]
-        t_s, y = np.repeat(t_s[starts], 2), np.stack(extremes, axis=1).ravel()
-    steps_s = np.diff(t_s)
-    usual_s = np.median(steps_s[steps_s > 0]) if (steps_s > 0).any() else 0.0
-    breaks = np.flatnonzero(steps_s > 2 * _GAP * usual_s) + 1
-    return np.insert(t_s, breaks, t_s[breaks]), np.insert(y, breaks, np.nan)
-
-
-def _unjumped_deg(angle_deg: FloatArray) -> FloatArray:
-    """Return an angle with NaN where it wraps, so that no line crosses the figure."""
-    out = angle_deg.copy()
-    out[1:][np.abs(np.diff(angle_deg)) > 180] = np.nan
-    return out
-
-
-def _limit(series: list[FloatArray]) -> float:
-    """Return half the height of an error axis: room for most of what the middle method does.
-
-    One bad method would flatten all others; its RMS stands beside, so its lines may leave the axis.
-    """
-    sizes = [np.abs(y[np.isfinite(y)]) for y in series]
-    reach = [float(np.percentile(size, _SHOWN)) for size in sizes if size.size]
-    return 1.5 * float(np.median(reach)) if reach and np.median(reach) > 0 else 1.0
 
 
 def _attitude_rms_deg(method: Method) -> float:

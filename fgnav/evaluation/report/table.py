@@ -12,7 +12,7 @@ from fgnav.evaluation.scores import Angles, Score
 _NONE = "–"
 _MOST_LINES = 8
 _MOST_LINKS = 3
-_HEADS = (
+HEADS = (
     ("roll", "deg"),
     ("pitch", "deg"),
     ("yaw", "deg"),
@@ -35,7 +35,7 @@ def comparison_table(comparison: Comparison, width: int) -> list[str]:
     """
     judged = any(method.errors is not None for method in comparison.methods)
     what = "RMS errors" if judged else "no truth"
-    rows = [[method.name, *_row(method.score)] for method in comparison.methods]
+    rows = [[method.name, *score_row(method.score)] for method in comparison.methods]
     for difference in comparison.differences:
         first, second = difference.methods
         figures = [
@@ -47,11 +47,11 @@ def comparison_table(comparison: Comparison, width: int) -> list[str]:
         rows += [[first], [f"− {second}", *figures]]
     rows.append(["bound of one epoch", *_angles(comparison.bound)])
     title = f"{comparison.flight}: {what}, {comparison.epochs} epochs"
-    heads = [["method", *(name for name, _ in _HEADS)], ["", *(unit for _, unit in _HEADS)]]
-    return [title, *_folded(heads, rows, width)]
+    heads = [["method", *(name for name, _ in HEADS)], ["", *(unit for _, unit in HEADS)]]
+    return [title, *folded_table(heads, rows, width)]
 
 
-def _folded(heads: list[list[str]], rows: list[list[str]], width: int) -> list[str]:
+def folded_table(heads: list[list[str]], rows: list[list[str]], width: int) -> list[str]:
     """Return aligned lines, the columns in as many bands as the width asks for, each with names."""
     cells = [row + [""] * (len(heads[0]) - len(row)) for row in (*heads, *rows)]
     wide = [max(map(len, column)) for column in zip(*cells, strict=True)]
@@ -150,9 +150,10 @@ def _said_by(sayings: Iterable[tuple[str, tuple[str, ...]]]) -> list[str]:
     return [f"{', '.join(names)}: {text}" for text, names in speakers.items()]
 
 
-def _row(score: Score) -> list[str]:
+def score_row(score: Score) -> list[str]:
+    """Return a method's figures under ``HEADS``."""
     if score.failure is not None:
-        return [_NONE] * (len(_HEADS) - 1) + [f"{score.seconds:.2f}"]
+        return [_NONE] * (len(HEADS) - 1) + [f"{score.seconds:.2f}"]
     return [
         *_angles(score.rmse_deg),
         _figure(score.attitude_rmse_deg),

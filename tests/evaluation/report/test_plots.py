@@ -6,7 +6,8 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.evaluation.comparison import compare
-from fgnav.evaluation.report.plots import _drawable, check_figure, save_figure
+from fgnav.evaluation.report.lines import drawable
+from fgnav.evaluation.report.plots import check_figure, save_figure
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -41,7 +42,7 @@ def test_long_lines_keep_their_spikes():
     t_s = np.arange(36_000) * 0.1
     y = np.zeros(36_000)
     y[12_345], y[20_001] = 5.0, -7.0
-    _, drawn = _drawable(t_s, y)
+    _, drawn = drawable(t_s, y, 1200)
     assert len(drawn) < 3000
     assert np.nanmax(drawn) == 5.0
     assert np.nanmin(drawn) == -7.0
@@ -49,16 +50,19 @@ def test_long_lines_keep_their_spikes():
 
 def test_lines_break_at_gaps():
     t_s = np.concatenate([np.arange(0, 5, 0.1), np.arange(9, 12, 0.1)])
-    _, drawn = _drawable(t_s, np.ones(len(t_s)))
+    _, drawn = drawable(t_s, np.ones(len(t_s)), 1200)
     assert np.isnan(drawn).sum() == 1
     assert np.isnan(drawn[50])
 
 
-def test_a_figure_that_is_no_png_is_an_error(tmp_path):
-    with pytest.raises(
-        BadInputError, match=r"report.pdf: the report is a PNG figure; end its name"
-    ):
-        check_figure(tmp_path / "report.pdf")
+def test_a_figure_is_written_as_pdf(flight, off, tmp_path):
+    save_figure(compare(flight, [with_covariance(off, "sure")]), tmp_path / "report.pdf")
+    assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF-")
+
+
+def test_a_figure_of_another_kind_is_an_error(tmp_path):
+    with pytest.raises(BadInputError, match=r"report.bmp: a figure is PNG or PDF; end its name"):
+        check_figure(tmp_path / "report.bmp")
 
 
 def test_without_matplotlib_the_error_says_what_to_install(tmp_path, monkeypatch):

@@ -1,0 +1,188 @@
+"""Several flights through several methods: each figure pooled, each method against the first.
+
+A flight is the unit of every interval and test, see ``paired``.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from fgnav.checks import FgnavError, FloatArray
+from fgnav.estimate import Estimator
+from fgnav.evaluation.comparison import Watch, compare
+from fgnav.evaluation.figures import FIGURES, flight_figures
+from fgnav.evaluation.paired import Interval, Paired, paired, pooled
+from fgnav.flight import Flight
+
+# Figures that are held against each other, and whether each is itself a root mean square.
+POOLED = {
+    "available": False,
+    "attitude_rmse_deg": True,
+    "matched_attitude_rmse_deg": True,
+    "attitude_median_deg": False,
+    "attitude_p95_deg": False,
+    "position_rmse_m": True,
+    "velocity_rmse_mps": True,
+    "attitude_nees": False,
+    "position_nees": False,
+    "velocity_nees": False,
+    "attitude_nll": False,
+    "attitude_energy_score_deg": False,
+}
+PAIRED = (
+    "matched_attitude_rmse_deg",
+    "attitude_median_deg",
+    "attitude_p95_deg",
+    "position_rmse_m",
+    "velocity_rmse_mps",
+    "attitude_energy_score_deg",
+)
+BOOTSTRAP_SEED = 0x5EED  # intervals are the same whenever the flights are
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightOutcome:
+    """What all methods made of one flight.
+
+    Attributes
+    ----------
+    flight : str
+        What tables call it: its folder.
+    figures : dict
+        By method and name of ``FIGURES``; empty where the flight came to nothing.
+    seconds : dict of str to float
+    failures : dict of str to str
+        Of methods without an answer.
+    detail : dict
+        The comparison in plain types.
+    failure : str or None
+        Why no method could be asked.
+    """
+
+    flight: str
+    figures: Mapping[str, Mapping[str, float]]
+    seconds: Mapping[str, float]
+    failures: Mapping[str, str]
+    detail: Mapping[str, Any]
+    failure: str | None = None
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class FlightsComparison:
+    """The outcome of several methods on several flights.
+
+    Attributes
+    ----------
+    methods : tuple of str
+        In the order asked; the first is the one that others are held against.
+    flights : tuple of FlightOutcome
+    """
+
+    methods: tuple[str, ...]
+    flights: tuple[FlightOutcome, ...]
+
+    def figure(self, name: str, method: str) -> FloatArray:
+        """Return a figure of each flight, (n,); NaN where a method has none."""
+        return np.array([one.figures.get(method, {}).get(name, np.nan) for one in self.flights])
+
+    def pooled(self, name: str, method: str) -> Interval:
+        """Return a figure over flights with its interval: root mean square, or mean."""
+        rng = np.random.default_rng([BOOTSTRAP_SEED, FIGURES.index(name)])
+        return pooled(self.figure(name, method), rng, squared=POOLED[name])
+
+    def paired(self, name: str, method: str) -> Paired:
+        """Return what a method gains against the first one."""
+        rng = np.random.default_rng([BOOTSTRAP_SEED, FIGURES.index(name)])
+        return paired(self.figure(name, method), self.figure(name, self.methods[0]), rng)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return every figure in plain types; None, and null in JSON, where there is none."""
+        others = self.methods[1:]
+        content = {
+            "flights": {one.flight: _flight(one) for one in self.flights},
+            "pooled": {
+                method: {name: asdict(self.pooled(name, method)) for name in POOLED}
+                for method in self.methods
+            },
+            "paired": {
+                method: {
+                    name: asdict(own) | {"is_significant": own.is_significant}
+                    for name in PAIRED
+                    if (own := self.paired(name, method)).flights
+                }
+                for method in others
+            },
+            "against": self.methods[0],
+        }
+        plain: dict[str, Any] = _without_nan(content)
+        return plain
+
+
+def compare_flights(
+    flights: Iterable[tuple[str, Flight | FgnavError]],
+    estimators: Sequence[Estimator],
+    *,
+    watch: Watch,
+) -> FlightsComparison:
+    """Run estimators on flights, one after the other, and keep their figures.
+
+    Parameters
+    ----------
+    flights : iterable of tuple
+        What tables call it, and the flight or why it cannot be had. Only one is held at a time.
+    estimators : sequence of Estimator
+    watch : callable
+        From an estimator's name to a context that it runs in.
+    """
+    outcomes = tuple(_outcomes(flights, estimators, watch))
+    return FlightsComparison(methods=tuple(e.name for e in estimators), flights=outcomes)
+
+
+def _outcomes(
+    flights: Iterable[tuple[str, Flight | FgnavError]],
+    estimators: Sequence[Estimator],
+    watch: Watch,
+) -> Iterator[FlightOutcome]:
+    for name, flight in flights:
+        if isinstance(flight, FgnavError):
+            yield _lost(name, flight)
+            continue
+        try:
+            comparison = compare(flight, estimators, watch=watch)
+        except FgnavError as error:  # one flight must not end all others
+            yield _lost(name, error)
+            continue
+        failed = {m.name: m.score.failure for m in comparison.methods}
+        yield FlightOutcome(
+            flight=name,
+            figures={
+                key: figures
+                for key, figures in flight_figures(comparison).items()
+                if failed[key] is None
+            },
+            seconds={m.name: m.score.seconds for m in comparison.methods},
+            failures={key: why for key, why in failed.items() if why is not None},
+            detail=comparison.to_dict(),
+        )
+
+
+def _lost(name: str, error: FgnavError) -> FlightOutcome:
+    return FlightOutcome(
+        flight=name, figures={}, seconds={}, failures={}, detail={}, failure=str(error)
+    )
+
+
+def _flight(one: FlightOutcome) -> dict[str, Any]:
+    figures = {method: dict(own) for method, own in one.figures.items()}
+    return {**one.detail, "figures": figures, "failure": one.failure}
+
+
+def _without_nan(content: Any) -> Any:  # noqa: ANN401  # any plain content
+    """Return plain content with None where a number is none."""
+    if isinstance(content, dict):
+        return {key: _without_nan(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_without_nan(value) for value in content]
+    return None if isinstance(content, float) and not np.isfinite(content) else content

@@ -1,0 +1,154 @@
+"""Whether stated covariances are honest: innovations and errors against their chi-square bands."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.evaluation.comparison import Method
+from fgnav.evaluation.report.html.chart import Axis, Chart, Line, spanning
+from fgnav.evaluation.report.html.markup import folded, grid, number, paragraph, table
+
+_FREEDOM = 3
+_LEVEL = 0.95
+_BINS = 40  # of a histogram
+_FIELDS = (("attitude", "nees"), ("position", "position_nees"), ("velocity", "velocity_nees"))
+
+
+def consistency_parts(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> str:
+    """Return tables and diagrams of NIS and NEES; empty where no method states a covariance."""
+    return _innovations(methods) + _normalised_errors(methods, marks, time)
+
+
+def _innovations(methods: Sequence[Method]) -> str:
+    """Return a row for each method and kind of measurement, with the band of its mean."""
+    from scipy.stats import chi2  # noqa: PLC0415  # lazy: 0.5 s
+
+    rows = []
+    for method in methods:
+        for one in method.score.consistency:
+            if not one.freedom:
+                continue
+            low, high = chi2.ppf([(1 - _LEVEL) / 2, (1 + _LEVEL) / 2], one.freedom) / one.freedom
+            inside = "yes" if low <= one.nis <= high else "above" if one.nis > high else "below"
+            rows.append(
+                [
+                    method.name,
+                    one.what,
+                    str(one.count),
+                    number(one.nis),
+                    number(float(low)),
+                    number(float(high)),
+                    inside,
+                    f"{100 * one.beyond_99:.2f} %",
+                ]
+            )
+    heads = ["method", "measurement", "tested", "NIS", "low", "high", "in the band", "beyond 99 %"]
+    caption = (
+        "Normalised innovations squared by degree of freedom; 1 is expected. The band holds "
+        "95 % of means of independent innovations; 1 % are expected beyond the gate."
+    )
+    return table(heads, rows, caption)
+
+
+def _normalised_errors(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> str:
+    from scipy.stats import chi2  # noqa: PLC0415  # lazy: 0.5 s
+
+    low, high = chi2.ppf([(1 - _LEVEL) / 2, (1 + _LEVEL) / 2], _FREEDOM).tolist()
+    charts, histograms, rows = [], [], []
+    for quantity, field in _FIELDS:
+        of = {
+            m.name: (m.errors.t_s, values)
+            for m in methods
+            if m.errors is not None
+            and (values := getattr(m.errors, field)) is not None
+            and np.isfinite(values).any()
+        }
+        if not of:
+            continue
+        charts.append(str(_in_time(quantity, of, marks, time, (low, high))))
+        histograms.append(str(_histogram(quantity, of, marks)))
+        for name, (_, values) in of.items():
+            known = values[np.isfinite(values)]
+            inside = float(((known >= low) & (known <= high)).mean())
+            rows.append(
+                [
+                    name,
+                    quantity,
+                    str(len(known)),
+                    number(float(known.mean()), 2),
+                    f"{100 * inside:.1f} %",
+                ]
+            )
+    if not rows:
+        return ""
+    caption = (
+        f"Normalised errors squared; 3 is expected, and 95 % between {low:.2f} and {high:.2f}. "
+        "Errors of neighbouring epochs are alike in a smoother: one flight says little of the "
+        "mean."
+    )
+    heads = ["method", "state", "epochs", "mean NEES", "in the band"]
+    return (
+        table(heads, rows, caption)
+        + grid(charts)
+        + folded(
+            "histograms",
+            paragraph("Density of NEES by its logarithm; dashed: chi-square, three degrees.")
+            + grid(histograms),
+        )
+    )
+
+
+def _in_time(
+    quantity: str,
+    of: dict[str, tuple[FloatArray, FloatArray]],
+    marks: dict[str, str],
+    time: Axis,
+    band: tuple[float, float],
+) -> Chart:
+    lines = [
+        Line(mark=marks[name], name=name, x=t_s, y=_log10(values), dots=True)
+        for name, (t_s, values) in of.items()
+    ]
+    low, high = np.log10(band).tolist()
+    ends = [np.array([-2.0, high + 0.3]), *(_ends(line.y) for line in lines)]
+    y = spanning(f"NEES of {quantity}", ends)
+    return Chart(
+        title=f"NEES of {quantity}, 3 degrees of freedom",
+        x=time,
+        y=Axis(name=y.name, low=y.low, high=y.high, log=True),
+        lines=lines,
+        rules={low: "2.5 %", high: "97.5 %"},
+    )
+
+
+def _histogram(
+    quantity: str, of: dict[str, tuple[FloatArray, FloatArray]], marks: dict[str, str]
+) -> Chart:
+    """Return densities of the logarithm, which shows both tails."""
+    from scipy.stats import chi2  # noqa: PLC0415
+
+    edges = np.linspace(-2.0, 3.0, _BINS + 1)
+    middle = (edges[:-1] + edges[1:]) / 2
+    lines = []
+    for name, (_, values) in of.items():
+        known = _log10(values[np.isfinite(values)]).clip(edges[0], edges[-1])
+        density = np.histogram(known, edges)[0] / len(known) / np.diff(edges)
+        lines.append(Line(mark=marks[name], name=name, x=middle, y=density, as_is=True))
+    expected = chi2.pdf(10**middle, _FREEDOM) * 10**middle * np.log(10)
+    lines.append(Line(mark="truth", name="chi-square", x=middle, y=expected, as_is=True))
+    return Chart(
+        title=f"NEES of {quantity}",
+        x=Axis(name="NEES", low=-2.0, high=3.0, log=True),
+        y=spanning("density of log10", [line.y for line in lines]),
+        lines=lines,
+    )
+
+
+def _log10(values: FloatArray) -> FloatArray:
+    return np.asarray(np.log10(np.maximum(values, 1e-3)))
+
+
+def _ends(y: FloatArray) -> FloatArray:
+    """Return what most of a series lies between."""
+    return np.asarray(np.nanpercentile(y, [0.5, 99.5]))

@@ -1,0 +1,185 @@
+"""What is said in tables: the methods, what was left out and why, constants, set-up, versions."""
+
+import platform
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, is_dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.evaluation.comparison import Comparison, Method
+from fgnav.evaluation.report.html.markup import NONE, folded, number, paragraph, table
+from fgnav.evaluation.report.table import HEADS, remarks, score_row
+from fgnav.flight import Flight
+
+_MOST = 300  # rows of a table of exclusions
+_GAP = 1.5  # intervals: a longer step is a gap
+_PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxruntime")
+
+
+def method_table(comparison: Comparison) -> str:
+    """Return the table of the methods, and below it the bound or the differences."""
+    heads = ["method", *(f"{name}, {unit}" for name, unit in HEADS)]
+    rows = [[m.name, *score_row(m.score)] for m in comparison.methods]
+    judged = any(m.errors is not None for m in comparison.methods)
+    what = "RMS errors against truth" if judged else "no truth to judge by"
+    bound = [
+        f"{angle} {number(value)} deg"
+        for angle in ("roll", "pitch", "yaw")
+        if (value := getattr(comparison.bound, angle)) is not None
+    ]
+    said = "".join(paragraph(line) for line in remarks(comparison))
+    return (
+        table(heads, rows, f"{what}, {comparison.epochs} epochs")
+        + (paragraph(f"Cramér-Rao bound of one epoch: {', '.join(bound)}.") if bound else "")
+        + _differences(comparison)
+        + folded("notes, failures and losses in short", said)
+    )
+
+
+def _differences(comparison: Comparison) -> str:
+    rows = [
+        [
+            " − ".join(one.methods),
+            *(number(getattr(one.rms_deg, angle)) for angle in ("roll", "pitch", "yaw")),
+            number(one.attitude_rms_deg),
+            number(one.position_rms_m),
+            number(one.velocity_rms_mps),
+        ]
+        for one in comparison.differences
+    ]
+    heads = [
+        "methods",
+        "roll, deg",
+        "pitch, deg",
+        "yaw, deg",
+        "angle, deg",
+        "position, m",
+        "velocity, m/s",
+    ]
+    return table(heads, rows, "RMS differences of methods on epochs that both have")
+
+
+def gaps_and_exclusions(flight: Flight, methods: Sequence[Method]) -> str:
+    """Return gaps of the answers, measurements left out or mended, and losses, with reasons."""
+    gaps = [
+        [method.name, f"{a:.2f}", f"{b:.2f}", f"{b - a:.2f}"]
+        for method in methods
+        if method.estimate is not None
+        for a, b in _gaps(method.estimate.t_s)
+    ]
+    excluded = [
+        [m.name, one.what, one.link, f"{one.from_s:.2f}", f"{one.until_s:.2f}", one.reason]
+        for m in methods
+        for one in m.rejections
+    ]
+    lost = [
+        [owner, loss.what, str(loss.count), loss.reason]
+        for owner, losses in (
+            ("flight", flight.losses),
+            *((m.name, m.score.losses) for m in methods),
+        )
+        for loss in sorted(losses, key=lambda one: -one.count)
+    ]
+    return _some(
+        ["method", "answer until, s", "again from, s", "length, s"], gaps, "gaps of answers"
+    ) + _some(
+        ["method", "measurement", "link", "from, s", "until, s", "reason"],
+        excluded,
+        "contradicted the rest: mended or left out",
+    ) + folded(
+        f"{len(lost)} kinds of losses",
+        _some(["of", "what", "times", "reason"], lost, "measured and not used"),
+    ) or paragraph("No gap, no exclusion, no loss.")
+
+
+def _some(heads: list[str], rows: list[list[str]], caption: str) -> str:
+    """Return a table of the first rows, which says how many are not shown."""
+    more = len(rows) - _MOST
+    return table(heads, rows[:_MOST], caption + (f"; {more} more in --json" if more > 0 else ""))
+
+
+def _gaps(t_s: FloatArray) -> list[tuple[float, float]]:
+    """Return where epochs have no answer: last before, first after."""
+    steps_s = np.diff(t_s)
+    if not len(steps_s):
+        return []
+    at = np.flatnonzero(steps_s > _GAP * np.median(steps_s))
+    return [(float(t_s[k]), float(t_s[k + 1])) for k in at]
+
+
+def constants_table(methods: Sequence[Method]) -> str:
+    """Return what was estimated with the flight and holds for all of it."""
+    rows = [
+        [method.name, one.name, axis, f"{value:.6g}", f"{sigma:.3g}", one.unit]
+        for method in methods
+        if method.estimate is not None
+        for one in method.estimate.constants
+        for axis, value, sigma in zip(
+            one.axes, one.value.tolist(), np.sqrt(np.diag(one.covariance)).tolist(), strict=True
+        )
+    ]
+    return table(["method", "constant", "axis", "value", "1σ", "unit"], rows)
+
+
+def set_up(flight: Flight) -> str:
+    """Return what was read of the flight: places, noises, rates, and what it did not state."""
+    rows = [["name", flight.name, ""], ["start", f"{flight.start_gps_s:.3f} s GPS time", ""]]
+    for name in ("origin", "gnss_noise", "initial"):
+        rows += _fields_of(name, getattr(flight, name))
+    rows.append(["elevation mask", f"{np.degrees(flight.elevation_mask_rad):.1f} deg", ""])
+    for antenna in flight.antennas:
+        rows.append(
+            [f"antenna {antenna.name}", f"{antenna.position_b_m.tolist()} m, body axes", ""]
+        )
+    if flight.observations is not None:
+        of = flight.observations
+        channels = [f"{s} {c}" for s, c in zip(of.satellites, of.signals, strict=True)]
+        rows.append(["observations", _series(of.t_s), ", ".join(channels)])
+    for name in ("imu", "fixes", "seeker", "barometer", "magnetometer", "truth"):
+        record = getattr(flight, name)
+        if record is not None:
+            rows.append([name, _series(record.t_s), ""])
+            rows += _fields_of(name, record)
+    if flight.base is not None:
+        rows.append(["base", f"{flight.base.position_e_m.tolist()} m, ECEF", ""])
+    return table(["what", "as read", "remark"], rows)
+
+
+def _fields_of(owner: str, record: Any) -> Iterator[list[str]]:  # noqa: ANN401  # a border type
+    """Yield numbers and short vectors of a record by name."""
+    if not is_dataclass(record):
+        return
+    unstated = getattr(record, "unstated", ())
+    for one in fields(record):
+        value = getattr(record, one.name)
+        if isinstance(value, np.ndarray):
+            if value.shape != (3,):
+                continue
+            text = str(value.tolist())
+        elif isinstance(value, (bool, int, float, str)):
+            text = f"{value:.9g}" if isinstance(value, float) else str(value)
+        else:
+            continue
+        remark = "not stated by the flight: the usual figure" if one.name in unstated else ""
+        yield [f"{owner} {one.name}", text, remark]
+
+
+def _series(t_s: FloatArray) -> str:
+    if len(t_s) < 2:
+        return f"{len(t_s)} samples"
+    rate_hz = 1 / float(np.median(np.diff(t_s)))
+    return f"{len(t_s)} samples, {rate_hz:.4g} Hz, {t_s[0]:.3f} to {t_s[-1]:.3f} s"
+
+
+def versions() -> str:
+    """Return who computed this."""
+    rows = [["Python", platform.python_version()]]
+    for name in _PACKAGES:
+        try:
+            rows.append([name, version(name)])
+        except PackageNotFoundError:
+            rows.append([name, NONE])
+    return table(["package", "version"], rows)

@@ -1,0 +1,127 @@
+"""The page of several flights: pooled figures, paired differences, and every flight."""
+
+from pathlib import Path
+
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.evaluation.flights import BOOTSTRAP_SEED, FlightsComparison
+from fgnav.evaluation.report.flights_table import (
+    SUMMARY,
+    failure_lines,
+    interval,
+    number,
+    paired_rows,
+)
+from fgnav.evaluation.report.html.chart import Axis, Chart, Line, spanning
+from fgnav.evaluation.report.html.facts import versions
+from fgnav.evaluation.report.html.markup import grid, paragraph, table
+from fgnav.evaluation.report.html.page import check_page, method_marks, page
+from fgnav.io.atomic_write import write_text
+
+_CHARTS = (
+    ("attitude RMS, deg", "attitude_rmse_deg"),
+    ("95th percentile of attitude error, deg", "attitude_p95_deg"),
+    ("position RMS, m", "position_rmse_m"),
+    ("velocity RMS, m/s", "velocity_rmse_mps"),
+    ("energy score of attitude, deg", "attitude_energy_score_deg"),
+)
+
+
+def save_flights_page(comparison: FlightsComparison, path: Path) -> None:
+    """Write the report of several flights as one page, whole or not at all.
+
+    Raises
+    ------
+    BadInputError
+        As ``check_page``.
+    """
+    check_page(path)
+    methods = list(comparison.methods)
+    seed = paragraph(
+        f"Bootstrap of flights: 2000 resamples, seed {BOOTSTRAP_SEED:#x}. No method here draws "
+        "random numbers."
+    )
+    contents = {
+        "summary": ("Summary", _pooled(comparison)),
+        "paired": (f"Against {methods[0]}, flight by flight", _paired(comparison)),
+        "flights": ("Every flight", _charts(comparison) + _per_flight(comparison)),
+        "failures": ("Failures", "".join(map(paragraph, failure_lines(comparison)))),
+        "versions": ("Versions and seeds", seed + versions()),
+    }
+    sections = {name: content for name, content in contents.items() if content[1]}
+    title = f"{len(comparison.flights)} flights: {', '.join(methods)}"
+    write_text(path, page(title, methods, sections))
+
+
+def _pooled(comparison: FlightsComparison) -> str:
+    heads = ["method", *(f"{head} {unit}".strip() for head, unit, _ in SUMMARY)]
+    rows = [
+        [method, *(interval(comparison.pooled(name, method)) for _, _, name in SUMMARY)]
+        for method in comparison.methods
+    ]
+    caption = (
+        "Over flights: root mean square of RMS figures, mean of others, with intervals of 95 % by "
+        "bootstrap of flights."
+    )
+    return table(heads, rows, caption)
+
+
+def _paired(comparison: FlightsComparison) -> str:
+    heads = ["figure", "method", "flights", "difference", "ratio", "Wilcoxon p", "significant"]
+    caption = (
+        "Figures of each method less those of the first, on flights that both have; a ratio below "
+        "1 is better. * where both the interval of the ratio and the test exclude chance at 5 %."
+    )
+    return table(heads, paired_rows(comparison), caption)
+
+
+def _per_flight(comparison: FlightsComparison) -> str:
+    heads = [
+        "flight",
+        "method",
+        *(f"{head} {unit}".strip() for head, unit, _ in SUMMARY),
+        "time, s",
+    ]
+    rows = [
+        [
+            one.flight,
+            method,
+            *(number(figures.get(name, np.nan)) for _, _, name in SUMMARY),
+            number(one.seconds.get(method, np.nan)),
+        ]
+        for one in comparison.flights
+        for method, figures in one.figures.items()
+    ]
+    return table(heads, rows)
+
+
+def _charts(comparison: FlightsComparison) -> str:
+    """Return a dot for each flight and method, in the order of the flights."""
+    marks = method_marks(list(comparison.methods))
+    place = np.arange(1.0, len(comparison.flights) + 1)
+    charts = []
+    for title, name in _CHARTS:
+        values = {method: comparison.figure(name, method) for method in comparison.methods}
+        known = {method: v for method, v in values.items() if (v > 0).any()}
+        if not known:
+            continue
+        lines = [
+            Line(mark=marks[m], name=m, x=place, y=_log10(v), dots=True) for m, v in known.items()
+        ]
+        y = spanning(title, [line.y for line in lines], margin=0.15)
+        charts.append(
+            str(
+                Chart(
+                    title=title,
+                    x=Axis(name="flight", low=0.5, high=len(place) + 0.5),
+                    y=Axis(name=title, low=np.floor(y.low), high=np.ceil(y.high), log=True),
+                    lines=lines,
+                )
+            )
+        )
+    return grid(charts)
+
+
+def _log10(values: FloatArray) -> FloatArray:
+    return np.asarray(np.log10(np.where(values > 0, values, np.nan)))

@@ -1,0 +1,180 @@
+"""The flight itself: attitude, velocity, height and ground track, beside the truth if known."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.evaluation.comparison import Method
+from fgnav.evaluation.report.html.chart import (
+    BINS,
+    HEIGHT,
+    Axis,
+    Band,
+    Chart,
+    Line,
+    on_one_scale,
+    spanning,
+)
+from fgnav.evaluation.report.html.errors import sigmas
+from fgnav.evaluation.report.html.markup import grid
+from fgnav.evaluation.report.lines import every, unjumped_deg
+from fgnav.evaluation.scores import EULER, hidden
+from fgnav.flight import Flight
+from fgnav.rotations import to_euler
+
+_TRACK = 2000  # points of a ground track
+_WRAPS = 0.3  # share of the bins of a line that an angle wraps in: more are drawn as dots
+_SIGMAS = 3.0
+TRUTH = "truth"
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class _States:
+    """What is drawn of a method or of the truth; None where there is none."""
+
+    mark: str
+    name: str
+    t_s: FloatArray
+    euler_deg: FloatArray
+    v_n_mps: FloatArray | None
+    p_n_m: FloatArray | None
+
+
+def motion_charts(
+    flight: Flight, methods: Sequence[Method], marks: dict[str, str], time: Axis
+) -> str:
+    """Return diagrams of the motion in time."""
+    states = list(_states(flight, methods, marks))
+    if not states:
+        return ""
+    charts = [str(_angle(states, k, name, time)) for k, name in enumerate(EULER)]
+    for k, name in enumerate(("north", "east", "down")):
+        of = [(s, s.v_n_mps[:, k]) for s in states if s.v_n_mps is not None]
+        charts += _series(f"velocity {name}", "m/s", of, time)
+    height_m = flight.origin.height_m
+    of = [(s, height_m - s.p_n_m[:, 2]) for s in states if s.p_n_m is not None]
+    charts += _series("height above the ellipsoid", "m", of, time)
+    charts += _track(states)
+    return grid(charts)
+
+
+def rate_and_bias_charts(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> str:
+    """Return diagrams of body rates and of the biases of inertial units, with ±3σ."""
+    charts = []
+    for title, unit, field, covariance, scale in (
+        ("body rate", "deg/s", "angular_rate_b_radps", None, 180 / np.pi),
+        (
+            "accelerometer bias",
+            "m/s²",
+            "accelerometer_bias_mps2",
+            "accelerometer_bias_covariance_m2ps4",
+            1.0,
+        ),
+        (
+            "gyroscope bias",
+            "deg/s",
+            "gyroscope_bias_radps",
+            "gyroscope_bias_covariance_rad2ps2",
+            180 / np.pi,
+        ),
+    ):
+        for k, axis in enumerate("xyz"):
+            lines, bands = [], []
+            for method in methods:
+                estimate = method.estimate
+                values = None if estimate is None else getattr(estimate, field)
+                if estimate is None or values is None:
+                    continue
+                mark, t_s, value = marks[method.name], estimate.t_s, scale * values[:, k]
+                lines.append(Line(mark=mark, name=method.name, x=t_s, y=value))
+                spread = None if covariance is None else sigmas(getattr(estimate, covariance))
+                if spread is not None:
+                    half = _SIGMAS * scale * spread[:, k]
+                    bands.append(
+                        Band(
+                            mark=mark,
+                            name=f"±3σ of {method.name}",
+                            x=t_s,
+                            low=value - half,
+                            high=value + half,
+                        )
+                    )
+            if lines:
+                edges = [edge[len(edge) // 2 :] for b in bands for edge in (b.low, b.high)]
+                y = spanning(f"{title} {axis}, {unit}", [*(line.y for line in lines), *edges])
+                charts.append(
+                    str(Chart(title=f"{title} {axis}", x=time, y=y, lines=lines, bands=bands))
+                )
+    return grid(charts)
+
+
+def _states(flight: Flight, methods: Sequence[Method], marks: dict[str, str]) -> Iterator[_States]:
+    """Yield the methods' states, then the truth's, which is drawn over them."""
+    for method in methods:
+        estimate = method.estimate
+        if estimate is None or not len(estimate.t_s):
+            continue
+        open_ = hidden(estimate)
+        euler_deg = np.array(estimate.euler_deg)
+        euler_deg[:, [name in open_ for name in EULER]] = np.nan
+        yield _States(
+            mark=marks[method.name],
+            name=method.name,
+            t_s=estimate.t_s,
+            euler_deg=euler_deg,
+            v_n_mps=None if "velocity" in open_ else estimate.v_n_mps,
+            p_n_m=None if "position" in open_ else estimate.p_n_m,
+        )
+    truth = flight.truth
+    if truth is not None and len(truth.t_s):
+        yield _States(
+            mark=TRUTH,
+            name="truth",
+            t_s=truth.t_s,
+            euler_deg=np.degrees(to_euler(truth.R_nb)),
+            v_n_mps=truth.v_n_mps,
+            p_n_m=truth.p_n_m,
+        )
+
+
+def _angle(states: list[_States], k: int, name: str, time: Axis) -> Chart:
+    lines = []
+    for one in states:
+        angle_deg = one.euler_deg[:, k]
+        if not np.isfinite(angle_deg).any():
+            continue
+        whole = unjumped_deg(angle_deg)
+        jumps = int((np.isnan(whole) & np.isfinite(angle_deg)).sum())
+        dots = jumps > _WRAPS * min(BINS, len(angle_deg))
+        y = angle_deg if dots else whole
+        lines.append(Line(mark=one.mark, name=one.name, x=one.t_s, y=y, dots=dots))
+    return Chart(
+        title=name, x=time, y=spanning(f"{name}, deg", [line.y for line in lines]), lines=lines
+    )
+
+
+def _series(name: str, unit: str, of: list[tuple[_States, FloatArray]], time: Axis) -> list[str]:
+    lines = [Line(mark=s.mark, name=s.name, x=s.t_s, y=y) for s, y in of if np.isfinite(y).any()]
+    if not lines:
+        return []
+    y = spanning(f"{name}, {unit}", [line.y for line in lines])
+    return [str(Chart(title=name, x=time, y=y, lines=lines))]
+
+
+def _track(states: list[_States]) -> list[str]:
+    """Return east and north on one scale; nothing without positions."""
+    lines = []
+    for one in states:
+        if one.p_n_m is None or not np.isfinite(one.p_n_m).any():
+            continue
+        north, east = one.p_n_m[every(len(one.p_n_m), _TRACK), :2].T
+        lines.append(Line(mark=one.mark, name=one.name, x=east, y=north, as_is=True))
+    if not lines:
+        return []
+    height = 1.6 * HEIGHT
+    x = spanning("east, m", [line.x for line in lines])
+    y = spanning("north, m", [line.y for line in lines])
+    x, y = on_one_scale(x, y, height)
+    return [str(Chart(title="ground track", x=x, y=y, lines=lines, height=height))]

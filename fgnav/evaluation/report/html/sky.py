@@ -1,0 +1,127 @@
+"""The sky over the flight: where satellites stood, and how strong they were received."""
+
+import numpy as np
+
+from fgnav.checks import BoolArray, IntArray
+from fgnav.evaluation.report.html.chart import Axis, figure, path
+from fgnav.evaluation.report.html.markup import grid
+from fgnav.evaluation.report.html.strip import LEFT, WIDE, cells, strip, time_ticks
+from fgnav.flight import Flight
+from fgnav.observations import Observations
+
+_SIZE, _RADIUS = 340.0, 150.0
+_POINTS = 60  # of a satellite's way
+_CELLS = 240  # of a row of carrier-to-noise densities
+_LEVELS_DBHZ = (25.0, 30.0, 35.0, 40.0, 45.0)  # between colours
+_ROW, _TOP = 13.0, 8.0
+_COLOURS = tuple(f"c{k}" for k in range(len(_LEVELS_DBHZ) + 1))
+
+
+def sky_charts(flight: Flight, time: Axis) -> str:
+    """Return the sky plot and the carrier-to-noise densities; empty without GNSS."""
+    observations = flight.observations
+    if observations is None or not len(observations.t_s) or not observations.satellites:
+        return ""
+    return grid([_sky(flight, observations), _strengths(observations, time)])
+
+
+def _sky(flight: Flight, observations: Observations) -> str:
+    """Return azimuth and elevation of each satellite that was received, seen from the origin."""
+    from fgnav.gnss.code_model import orbits_of  # noqa: PLC0415  # lazy: brings numba
+    from fgnav.gnss.satellites import look_angles, satellite_states  # noqa: PLC0415
+
+    satellites = tuple(dict.fromkeys(observations.satellites))
+    rows = np.unique(np.linspace(0, len(observations.t_s) - 1, _POINTS).astype(np.int64))
+    t_s = np.tile(observations.t_s[rows][:, None], (1, len(satellites)))
+    states = satellite_states(orbits_of(flight), satellites, t_s, rates=False)
+    receiver_e_m = np.tile(flight.origin.p_e_m, (len(rows), 1))
+    _, elevation_rad, azimuth_rad = look_angles(receiver_e_m, states.p_e_m)
+    is_tracked = _tracked(observations)[rows]
+    parts = [_circles(flight.elevation_mask_rad)]
+    for k, name in enumerate(satellites):
+        own = [j for j, other in enumerate(observations.satellites) if other == name]
+        shown = is_tracked[:, own].any(axis=1) & (elevation_rad[:, k] > 0)
+        if not shown.any():
+            continue
+        radius = _RADIUS * (1 - elevation_rad[:, k] / (np.pi / 2))
+        x = _SIZE / 2 + radius * np.sin(azimuth_rad[:, k])
+        y = _SIZE / 2 - radius * np.cos(azimuth_rad[:, k])
+        x, y = np.where(shown, x, np.nan), np.where(shown, y, np.nan)
+        last = int(np.flatnonzero(shown)[-1])
+        parts.append(
+            f'<path class="l" stroke-width="2" d="{path(x, y)}"/>'
+            f'<circle class="fill" cx="{x[last]:.1f}" cy="{y[last]:.1f}" r="3.5"/>'
+            f'<text x="{x[last] + 5:.1f}" y="{y[last] - 4:.1f}">{name}</text>'
+        )
+    return figure(
+        "sky plot from the origin: north up, dashed the elevation mask",
+        "".join(parts),
+        _SIZE,
+        _SIZE,
+    )
+
+
+def _circles(mask_rad: float) -> str:
+    middle = _SIZE / 2
+    parts = [
+        f'<circle class="g" cx="{middle}" cy="{middle}" r="{_RADIUS * (1 - deg / 90):.1f}"/>'
+        f'<text x="{middle + 2}" y="{middle - _RADIUS * (1 - deg / 90) + 11:.1f}">{deg}°</text>'
+        for deg in (0, 30, 60)
+    ]
+    at = _RADIUS * (1 - mask_rad / (np.pi / 2))
+    parts.append(f'<circle class="r" cx="{middle}" cy="{middle}" r="{at:.1f}"/>')
+    for name, x, y in (("N", 0, -1), ("E", 1, 0), ("S", 0, 1), ("W", -1, 0)):
+        far = _RADIUS + 11
+        parts.append(
+            f'<text x="{middle + far * x}" y="{middle + far * y + 4}" '
+            f'text-anchor="middle">{name}</text>'
+        )
+    return "".join(parts)
+
+
+def _strengths(observations: Observations, time: Axis) -> str:
+    """Return a row for each channel: its mean carrier-to-noise density over antennas in time."""
+    is_tracked = _tracked(observations)
+    starts = cells(len(is_tracked), _CELLS)
+    level = _levels(observations, is_tracked, starts)
+    t_s = np.append(observations.t_s[starts], observations.t_s[-1])
+    shown = np.flatnonzero(is_tracked.any(axis=0)).tolist()
+    parts = []
+    for row, k in enumerate(shown):
+        y = _TOP + _ROW * (row + 0.5)
+        name = f"{observations.satellites[k]} {observations.signals[k]}"
+        parts.append(f'<text x="{LEFT - 4}" y="{y + 4:.1f}" text-anchor="end">{name}</text>')
+        parts.append(strip(level[:, k], t_s, _COLOURS, time, (y, _ROW - 2)))
+    bottom = _TOP + _ROW * len(shown)
+    known = bool(np.isfinite(observations.cn0_dbhz).any())
+    title = "C/N0, dBHz, mean over antennas" if known else "tracked channels: no C/N0 recorded"
+    parts += [time_ticks(time, bottom + 14), _scale(bottom + 22) if known else ""]
+    return figure(f"{title}; time, s", "".join(parts), WIDE, bottom + 44)
+
+
+def _tracked(observations: Observations) -> BoolArray:
+    """Return which channels any antenna measured, (n, m)."""
+    return np.asarray(np.isfinite(observations.code_m).any(axis=1))
+
+
+def _levels(observations: Observations, is_tracked: BoolArray, starts: IntArray) -> IntArray:
+    """Return the colour of each cell, (cells, m): -1 where nothing was received."""
+    cn0_dbhz = observations.cn0_dbhz
+    known = np.isfinite(cn0_dbhz)
+    total = np.add.reduceat(np.where(known, cn0_dbhz, 0.0).sum(axis=1), starts, axis=0)
+    number = np.add.reduceat(known.sum(axis=1), starts, axis=0)
+    mean = total / np.maximum(number, 1)
+    received = np.logical_or.reduceat(is_tracked, starts, axis=0)
+    level = np.where(number > 0, np.digitize(mean, _LEVELS_DBHZ), 2)
+    return np.where(received, level, -1)
+
+
+def _scale(y: float) -> str:
+    """Return what the colours mean."""
+    texts = ["below 25", "25 to 30", "30 to 35", "35 to 40", "40 to 45", "above 45"]
+    wide = (WIDE - LEFT) / len(texts)
+    return "".join(
+        f'<path class="fill c{k}" d="M{LEFT + k * wide:.1f} {y}h10v10h-10z"/>'
+        f'<text x="{LEFT + k * wide + 13:.1f}" y="{y + 9}">{text}</text>'
+        for k, text in enumerate(texts)
+    )

@@ -1,0 +1,184 @@
+"""Several flights: pooled by flight, paired by flight, and none ends the others."""
+
+import json
+from contextlib import nullcontext
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from fgnav import cli
+from fgnav.checks import BadInputError
+from fgnav.estimate import Estimate
+from fgnav.evaluation.flights import compare_flights
+from fgnav.evaluation.paired import paired
+from fgnav.evaluation.report.flights_table import flights_lines
+from fgnav.evaluation.report.html.flights import save_flights_page
+
+
+@dataclass(frozen=True)
+class Growing:
+    """An estimator whose error differs from flight to flight."""
+
+    off: object
+    name: str
+    size_rad: float
+    unfit: str = ""
+
+    def __call__(self, flight) -> Estimate:
+        number = int(flight.name)
+        if flight.name == self.unfit:
+            raise BadInputError("no such sensor")
+        tangent = self.size_rad * (1 + 0.1 * number) * np.array([1.0, 0.0, 0.0])
+        covariance = np.tile(self.size_rad**2 * np.eye(3), (100, 1, 1))
+        return self.off(self.name, tangent, more={"attitude_covariance_rad2": covariance})(flight)
+
+
+@pytest.fixture
+def flights(flight):
+    from dataclasses import replace
+
+    return [(f"f{k}", replace(flight, name=str(k))) for k in range(6)]
+
+
+def run(flights, methods):
+    return compare_flights(flights, methods, watch=nullcontext)
+
+
+def test_figures_are_pooled_by_flight(flights, off):
+    outcome = run(flights, [Growing(off, "a", 0.01)])
+    own = np.degrees(0.01 * (1 + 0.1 * np.arange(6)))
+    rms = outcome.pooled("attitude_rmse_deg", "a")
+    assert rms.value == pytest.approx(np.sqrt((own**2).mean()), rel=1e-6)
+    assert rms.low < rms.value < rms.high
+    assert outcome.pooled("attitude_p95_deg", "a").value == pytest.approx(own.mean(), rel=1e-6)
+
+
+def test_differences_are_those_of_paired(flights, off):
+    outcome = run(flights, [Growing(off, "a", 0.02), Growing(off, "b", 0.01)])
+    own = outcome.paired("matched_attitude_rmse_deg", "b")
+    a, b = (outcome.figure("matched_attitude_rmse_deg", name) for name in "ab")
+    direct = paired(b, a, np.random.default_rng(1))
+    assert own.difference.value == pytest.approx(direct.difference.value)
+    assert own.ratio.value == pytest.approx(0.5, rel=1e-6)
+    assert own.p_value == direct.p_value == pytest.approx(2 / 2**6)  # all six alike in sign
+
+
+def test_one_flight_does_not_end_the_others(flights, off):
+    lost = [("gone", BadInputError("gone: no such folder")), *flights]
+    outcome = run(lost, [Growing(off, "a", 0.01, unfit="2")])
+    assert [one.flight for one in outcome.flights if one.failure] == ["gone", "f2"]
+    assert np.isfinite(outcome.figure("attitude_rmse_deg", "a")).sum() == 5
+    text = "\n".join(flights_lines(outcome, 200))
+    assert "gone: not compared: gone: no such folder" in text
+    assert "f2: not compared: no such sensor" in text
+
+
+def test_figures_are_json_without_nan_and_the_same_twice(flights, off):
+    methods = [Growing(off, "a", 0.02), Growing(off, "b", 0.01)]
+    texts = [json.dumps(run(flights, methods).to_dict(), allow_nan=False) for _ in range(2)]
+    content = json.loads(texts[0])
+    assert content["against"] == "a"
+    assert content["paired"]["b"]["matched_attitude_rmse_deg"]["flights"] == 6
+    assert content["pooled"]["a"]["position_rmse_m"]["value"] is None
+    assert content["flights"]["f3"]["figures"]["a"]["attitude_rmse_deg"] > 0
+    without_times = [json.loads(text)["pooled"] for text in texts]
+    assert without_times[0] == without_times[1]
+
+
+def test_a_page_of_flights_has_every_flight(flights, off, tmp_path):
+    outcome = run(flights, [Growing(off, "a", 0.02), Growing(off, "b", 0.01)])
+    save_flights_page(outcome, tmp_path / "a.html")
+    text = (tmp_path / "a.html").read_text()
+    for word in ("f0", "f5", "Wilcoxon p", "Against a, flight by flight", "0x5eed"):
+        assert word in text
+    assert "http" not in text
+
+
+@pytest.fixture(scope="module")
+def batch(tmp_path_factory):
+    """Return a folder with three flights of two seconds."""
+    place = tmp_path_factory.mktemp("batch")
+    scenario = place / "short.toml"
+    import fgnav_sim
+    from fgnav.shipped import file_or_shipped
+
+    text = file_or_shipped("demo", fgnav_sim.__name__, "scenarios").read_text()
+    scenario.write_text(text.replace("duration_s = 60.0", "duration_s = 2.0"))
+    out = place / "flights"
+    command = ["simulate", str(scenario), "--seed", "1", "--batch", "3", "--out", str(out)]
+    assert cli.main(command) == 0
+    return out
+
+
+METHODS = ["--method", "closed-form,maximum-likelihood"]
+
+
+def test_a_folder_of_flights_is_compared_by_the_command(batch, tmp_path, capsys):
+    figures, report = tmp_path / "a.json", tmp_path / "a.html"
+    command = ["compare", str(batch), *METHODS, "--json", str(figures), "--report", str(report)]
+    assert cli.main(command) == 0
+    text = capsys.readouterr().out
+    assert "3 flights: attitude RMS errors, deg" in text
+    assert "Less 'closed-form', flight by flight" in text
+    content = json.loads(figures.read_text())
+    assert len(content["flights"]) == 3
+    ratio = content["paired"]["maximum-likelihood"]["matched_attitude_rmse_deg"]["ratio"]["value"]
+    assert ratio < 0.5
+    assert report.read_text().startswith("<!doctype html>")
+
+
+def test_flights_by_name_are_the_same_as_their_folder(batch, tmp_path):
+    names = [str(batch / f"000{k}") for k in (1, 2, 3)]
+    for file, places in (("a.json", [str(batch)]), ("b.json", names)):
+        assert cli.main(["compare", *places, *METHODS, "--json", str(tmp_path / file)]) == 0
+    a, b = (json.loads((tmp_path / file).read_text())["pooled"] for file in ("a.json", "b.json"))
+    assert a == b
+
+
+def test_a_part_and_an_ablation_of_one_flight(batch, tmp_path):
+    file = tmp_path / "a.json"
+    command = ["compare", str(batch / "0001"), "--method", "maximum-likelihood,smoother"]
+    options = ["--noise", "stated", "--from", "0.5", "--until", "1.5", "--without", "doppler"]
+    assert cli.main([*command, *options, "--json", str(file)]) == 0
+    content = json.loads(file.read_text())
+    assert content["epochs"] == 11
+    assert list(content["methods"]) == [
+        "maximum-likelihood",
+        "smoother",
+        "maximum-likelihood without doppler",
+        "smoother without doppler",
+    ]
+    velocity = [
+        content["methods"][f"smoother{w}"]["velocity_rmse_mps"] for w in ("", " without doppler")
+    ]
+    assert velocity[0] < velocity[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (["--without", "radar"], "without radar: not one of"),
+        (["--without", "gravity"], "--without gravity: there is none without --gravity"),
+        (["--without", "seeker"], "without seeker: flight"),
+        (["--from", "9", "--until", "1"], "--from 9 --until 1: the first must be the earlier"),
+        (["--from", "99"], "measured nothing then"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line(batch, options, text, capsys):
+    command = ["compare", str(batch / "0001"), "--method", "closed-form", *options]
+    assert cli.main(command) == 2
+    error = capsys.readouterr().err
+    assert text in error
+    assert len(error.splitlines()) == 1
+
+
+def test_several_flights_are_no_figure_and_none_counts_twice(batch, tmp_path, capsys):
+    report = str(tmp_path / "a.png")
+    assert cli.main(["compare", str(batch), *METHODS, "--report", report]) == 2
+    assert "end" in capsys.readouterr().err
+    one = str(batch / "0001")
+    assert cli.main(["compare", one, one, *METHODS]) == 2
+    assert "is named twice" in capsys.readouterr().err
+    assert cli.main(["compare", *METHODS]) == 2
+    assert "requires an argument" in capsys.readouterr().err
