@@ -55,6 +55,8 @@ class PreparedFlight:
         Whether each keyframe is to be known by what came before it alone.
     windowed : SmoothingProblem
         The same for windows: its specific force tells no heading before motion does.
+    in_motion : SmoothingProblem or None
+        As it were if the heading was known: horizontal accelerations are no noise anywhere.
     opening : Opening or None
         What a filter is given in its place until the heading is known.
     """
@@ -72,6 +74,7 @@ class PreparedFlight:
     rough: bool = False
     causal: bool = False
     opening: Opening | None = None
+    in_motion: SmoothingProblem | None = None
 
 
 def build_problem(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
@@ -113,6 +116,7 @@ def build_problem(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
     )
     opening = open_heading(problem, stage, track, flight.initial)
     windowed = until_motion(problem, stage, track, flight.initial)
+    in_motion = problem
     if stage.start.heading_from_s == np.inf:  # at rest all along
         problem = windowed
     start, antenna = stage.start, track.antenna
@@ -138,6 +142,7 @@ def build_problem(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
         causal=causal,
         windowed=windowed,
         opening=opening,
+        in_motion=in_motion,
     )
 
 
