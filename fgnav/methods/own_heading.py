@@ -18,16 +18,19 @@ from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, AttitudePrior, Smoothi
 from fgnav.optional_gtsam import gtsam
 from fgnav.rotations import exp
 
-_KNOWN_RAD = np.radians(15.0)  # 1-sigma of a start that is near enough: sin x = x within 1.2 %
+_TOLD_RAD = np.radians(15.0)  # 1-sigma of one that tells: sin x = x within 1.2 %
+# Of a filter, which never linearises again what has left: three of them are small, sin x = x within
+# 0.05 %.
+_SURE_RAD = np.radians(1.0)
 _HEADINGS = 36  # tried: one is within 5 degrees of the best
 
 
 def with_own_heading(prepared: PreparedFlight, own: Sequence[OwnFactor]) -> PreparedFlight:
-    """Return a flight whose heading is known from the first factor on that tells it.
+    """Return a flight whose heading is known from where factors of one's own tell it.
 
-    The search starts where that factor has the heading, carried back to the first keyframe as the
-    start of the search has it; the first attitude is as unknown as before. A flight whose heading
-    is known earlier is returned as it is.
+    The search starts where those so far have the heading, carried back to the first keyframe as
+    the opening has the body turn; the first attitude is as unknown as before. A flight whose
+    heading is known earlier, or is not told well enough, is returned as it is.
 
     Parameters
     ----------
@@ -38,19 +41,23 @@ def with_own_heading(prepared: PreparedFlight, own: Sequence[OwnFactor]) -> Prep
     opening = prepared.opening
     if opening is None:
         return prepared
-    first = {}
+    first: dict[int, OwnFactor] = {}
     for one in own:
         involved = list(one.factor.keys())
         if len(involved) == 1 and keys.letter(involved[0]) == "x":
             first.setdefault(keys.index(involved[0]), one)
-    begin = opening.problem.start
-    windowed = replace(prepared.windowed, start=begin)
+    windowed = replace(prepared.windowed, start=opening.problem.start)
+    sure_rad = _SURE_RAD if prepared.causal else _TOLD_RAD
+    turned, information = 0.0 + 0.0j, 0.0
     for k in sorted(first):
+        told = _told(windowed, first[k], k)
+        if told is None:
+            continue
         if prepared.problem.t_s[k] >= opening.until_s:
-            return prepared
-        turn_rad = _told_rad(windowed, first[k], k)
-        if turn_rad is not None:
-            return _turned(prepared, turn_rad, float(prepared.problem.t_s[k]))
+            break
+        turned, information = turned + told[1] * np.exp(1j * told[0]), information + told[1]
+        if information * sure_rad**2 > 1:
+            return _turned(prepared, float(np.angle(turned)), float(prepared.problem.t_s[k]))
     return prepared
 
 
@@ -82,17 +89,20 @@ def _turned(prepared: PreparedFlight, turn_rad: float, from_s: float) -> Prepare
     )
 
 
-def _told_rad(problem: SmoothingProblem, one: OwnFactor, k: int) -> float | None:
-    """Return by how much a factor wants keyframe k turned about down; None if it does not tell."""
+def _told(problem: SmoothingProblem, one: OwnFactor, k: int) -> tuple[float, float] | None:
+    """Return by how much a factor wants keyframe k turned about down, and its information.
+
+    None if it does not tell.
+    """
     tried = np.linspace(0, 2 * np.pi, _HEADINGS, endpoint=False)
     errors = [one.factor.error(_at(problem, k, turn_rad)) for turn_rad in tried]
     best = float(tried[int(np.argmin(errors))])
     J, minus_r = one.factor.linearize(_at(problem, k, best)).jacobian()
     by_turn = J[:, :3] @ problem.start.R_nb[k, 2]
     information = float(by_turn @ by_turn)
-    if information * _KNOWN_RAD**2 < 1:
+    if information * _TOLD_RAD**2 < 1:
         return None
-    return best + float(by_turn @ minus_r) / information
+    return best + float(by_turn @ minus_r) / information, information
 
 
 def _at(problem: SmoothingProblem, k: int, turn_rad: float) -> gtsam.Values:

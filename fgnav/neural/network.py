@@ -152,7 +152,7 @@ def _value(where: str, output: Output, raw: FloatArray) -> FloatArray:
 def _heading(where: str, output: Output, raw: FloatArray) -> FloatArray:
     if raw.shape[1] == 2:
         _norm(where, output, raw, least=1e-6)
-        return np.arctan2(raw[:, 1:], raw[:, :1])
+        return np.asarray(np.arctan2(raw[:, 1:], raw[:, :1]))
     heading_rad = raw * output.in_si
     largest = float(np.abs(heading_rad).max())
     if largest > _TURN_RAD:
@@ -240,7 +240,8 @@ def _covariance(where: str, output: Output, raw: FloatArray | None, k: int) -> F
             f"{name}: the diagonal of the Cholesky factor must be positive, got "
             f"{(diagonal[row] / output.in_si).min():.4g}; output exp or softplus of it"
         )
-    return np.asarray(L @ L.swapaxes(1, 2))
+    P = L @ L.swapaxes(1, 2)
+    return np.asarray((P + P.swapaxes(1, 2)) / 2)
 
 
 def _diagonal(sigma: FloatArray) -> FloatArray:

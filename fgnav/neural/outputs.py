@@ -78,7 +78,8 @@ def _direction(
         by_turn = across @ skew(x.rotation().matrix()[2][None])[0]
         return (np.concatenate([by_turn, np.zeros((2, 3))], axis=1),)
 
-    noise = across @ covariance @ across.T
+    P = across @ covariance @ across.T
+    noise = (P + P.T) / 2  # rounding
     return residual_factor(name, [pose(rows[1])], residual, noise, jacobian=jacobian)
 
 

@@ -14,7 +14,7 @@ from fgnav import rotations
 from fgnav.neural.manifest import Covariance, Input, Manifest, Output, save_manifest
 from fgnav.neural.records import Record
 
-RATE_HZ, WINDOW, NOISE = 20.0, 5, 0.05
+RATE_HZ, WINDOW, NOISE = 20.0, 5, 0.02
 SUN_N = np.array([np.cos(0.6) * np.cos(0.7), np.cos(0.6) * np.sin(0.7), -np.sin(0.6)])
 NORMALS_B = np.array(
     [[0.0, 0.0, -1.0]]
@@ -28,7 +28,7 @@ NAME, SENSOR, CHANNELS = "sun compass", "photodiodes", len(NORMALS_B)
 
 
 def currents(R_nb, rng):
-    """Return what diodes measure at attitudes, (n, 9): sun by its cosine, sky by how much is seen."""
+    """Return what diodes measure at attitudes, (n, 9): the sun by its cosine, and the sky."""
     normals_n = np.einsum("nij,cj->nci", R_nb, NORMALS_B)
     sun, sky = (normals_n @ SUN_N).clip(0), 0.3 * (1 - normals_n[:, :, 2])
     return sun + sky + NOISE * rng.standard_normal(sun.shape)
@@ -62,35 +62,39 @@ class Trained:
 
 
 @cache
-def trained(seed=1, steps=600):
+def trained(seed=1, steps=800):
     """Return a network: cosine and sine of the heading, and the logarithm of its 1-sigma."""
     import torch
     from torch import nn
 
     torch.manual_seed(seed)
     torch.set_num_threads(1)
-    seen, heading = examples(60_000, seed)
+    seen, heading = examples(40_000, seed)
     mean, scale = seen.mean(axis=(0, 1)), seen.std(axis=(0, 1))
     x = torch.tensor((seen - mean) / scale, dtype=torch.float32)
     y = torch.tensor(heading, dtype=torch.float32)
 
     class Heading(nn.Module):
+        """Products of sums of currents, as sun and up make them, then one layer of 64."""
+
         def __init__(self):
             super().__init__()
-            self.body = nn.Sequential(
-                nn.Flatten(), nn.Linear(WINDOW * CHANNELS, 96), nn.Tanh(), nn.Linear(96, 96),
-                nn.Tanh(), nn.Linear(96, 3)
-            )  # fmt: skip
+            self.a, self.b = (nn.Linear(WINDOW * CHANNELS, 8) for _ in range(2))
+            self.linear = nn.Linear(64, 2)
+            self.rest = nn.Sequential(nn.Linear(64, 64), nn.ReLU(), nn.Linear(64, 3))
 
         def forward(self, x):
-            out = self.body(x)
-            return nn.functional.normalize(out[:, :2], dim=1), out[:, 2:] - 3.0
+            x = x.flatten(1)
+            products = (self.a(x)[:, :, None] * self.b(x)[:, None, :]).flatten(1)
+            out = self.rest(products)
+            direction = nn.functional.normalize(out[:, :2] + self.linear(products), dim=1)
+            return direction, out[:, 2:] - 2.0
 
     net = Heading()
-    optimiser = torch.optim.Adam(net.parameters(), 4e-3)
+    optimiser = torch.optim.Adam(net.parameters(), 1e-2)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
     for _ in range(steps):
-        which = torch.randint(len(x), (2048,))
+        which = torch.randint(len(x), (512,))
         direction, log_sigma = net(x[which])
         error = torch.atan2(direction[:, 1], direction[:, 0]) - y[which]
         error = torch.atan2(torch.sin(error), torch.cos(error))
@@ -100,7 +104,9 @@ def trained(seed=1, steps=600):
         optimiser.step()
         schedule.step()
     limits = np.stack([seen.min(axis=(0, 1)), seen.max(axis=(0, 1))], axis=1)
-    return Trained(exported(net, (WINDOW, CHANNELS), ("direction", "log_sigma")), mean, scale, limits)
+    return Trained(
+        exported(net, (WINDOW, CHANNELS), ("direction", "log_sigma")), mean, scale, limits
+    )
 
 
 def exported(net, shape, outputs):
@@ -126,7 +132,7 @@ def exported(net, shape, outputs):
     return file.getvalue()
 
 
-def written(folder, half_life_s=0.3, **changes):
+def written(folder, half_life_s=0.07):
     """Write the network and its manifest; return the manifest's path."""
     net = trained()
     (folder / "sun.onnx").write_bytes(net.onnx)
