@@ -197,7 +197,7 @@ def _norm(where: str, output: Output, raw: FloatArray, least: float | None = Non
         _bounded(where, output.measures, norm)
     elif (norm < least).any():
         raise BadInputError(f"{where}.name: cosine and sine are both zero; normalise the output")
-    return norm
+    return np.asarray(norm)
 
 
 def _bounded(where: str, what: str, norm: FloatArray) -> None:
