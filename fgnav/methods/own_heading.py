@@ -30,7 +30,8 @@ def with_own_heading(prepared: PreparedFlight, own: Sequence[OwnFactor]) -> Prep
 
     The search starts where those so far have the heading, carried back to the first keyframe as
     the opening has the body turn; the first attitude is as unknown as before. A flight whose
-    heading is known earlier, or is not told well enough, is returned as it is.
+    heading is known earlier, or is not told well enough, is returned as it is; that of a filter
+    also if motion tells its heading later.
 
     Parameters
     ----------
@@ -39,7 +40,9 @@ def with_own_heading(prepared: PreparedFlight, own: Sequence[OwnFactor]) -> Prep
         Numbers in their keys are rows of the problem.
     """
     opening = prepared.opening
-    if opening is None:
+    # A filter that motion will tell its heading waits for that: motion tells the level, too, which
+    # specific force in a turn does not.
+    if opening is None or (prepared.causal and np.isfinite(opening.until_s)):
         return prepared
     first: dict[int, OwnFactor] = {}
     for one in own:
