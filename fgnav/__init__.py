@@ -38,6 +38,7 @@ if TYPE_CHECKING:  # what an editor and a type checker see
     from fgnav.io.exports.recorded import load_estimate, save_estimate
     from fgnav.io.flight_folder import load_flight, save_flight
     from fgnav.methods.smoother import Smoother
+    from fgnav.neural.factor import NeuralFactor
 
 ensure_kernel_cache(Path(__file__).parent)  # before anything imports numba
 
@@ -52,6 +53,7 @@ _FACE = {
     "Flight": "fgnav.flight",
     "Estimate": "fgnav.estimate",
     "Smoother": "fgnav.methods.smoother",
+    "NeuralFactor": "fgnav.neural.factor",
     "compare": "fgnav.evaluation.comparison",
     "Comparison": "fgnav.evaluation.comparison",
     "FgnavError": "fgnav.checks",
@@ -67,6 +69,7 @@ __all__ = [
     "Estimate",
     "FgnavError",
     "Flight",
+    "NeuralFactor",
     "NoSolutionError",
     "Smoother",
     "__version__",

@@ -43,7 +43,10 @@ SolverName = Annotated[
 ]
 FactorNames = Annotated[
     str,
-    Parameter(help="Installed sources of factors of your own for the smoother, by commas."),
+    Parameter(
+        help="Factors of your own for the smoother, by commas: installed sources by name, networks "
+        "by their manifests, .toml or .json."
+    ),
 ]
 CausalFlag = Annotated[
     bool,

@@ -53,6 +53,10 @@ _COMMANDS = {
         "List who resolves integers, installed too.",
     ),
     "factors": ("fgnav.cli.listings:factors", "List the factors of the graph, installed too."),
+    "calibration": (
+        "fgnav.cli.calibration:calibration",
+        "Judge a network's covariance on flights with truth.",
+    ),
     "warm": ("fgnav.cli.warm:warm", "Compile everything once, so that no later run waits for it."),
 }
 # Shown without importing the packages that bring these commands.

@@ -56,6 +56,8 @@ class PreparedFlight:
         Whether each keyframe is to be known by what came before it alone.
     windowed : SmoothingProblem
         The same for windows: its specific force tells no heading before motion does.
+    in_motion : SmoothingProblem or None
+        As it were if the heading was known: horizontal accelerations are no noise anywhere.
     opening : Opening or None
         What a filter is given in its place until the heading is known.
     stretches : tuple of Stretch
@@ -75,6 +77,7 @@ class PreparedFlight:
     rough: bool = False
     causal: bool = False
     opening: Opening | None = None
+    in_motion: SmoothingProblem | None = None
     stretches: "tuple[Stretch, ...]" = ()
 
 
@@ -126,6 +129,7 @@ def build_problem(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
     )
     opening = open_heading(problem, stage, track, flight.initial)
     windowed = until_motion(problem, stage, track, flight.initial)
+    in_motion = problem
     if stage.start.heading_from_s == np.inf:  # at rest all along
         problem = windowed
     start, antenna = stage.start, track.antenna
@@ -151,6 +155,7 @@ def build_problem(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
         causal=causal,
         windowed=windowed,
         opening=opening,
+        in_motion=in_motion,
     )
 
 

@@ -53,11 +53,11 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise BadInputError(f"{path}: must be TOML of {_DEEPEST} levels or fewer") from None
     except ValueError as error:  # not TOML, not UTF-8, or a number that Python refuses
         raise BadInputError(f"{path}: must be TOML, {error!s:.200}") from None
-    _check_sizes(path, table)
+    check_sizes(path, table)
     return table
 
 
-def _check_sizes(path: Path, content: object) -> None:
+def check_sizes(path: Path, content: object) -> None:
     """Raise at what is too deep, too long or too large to be meant; without recursion."""
     todo = [("", content, 0)]
     while todo:

@@ -6,12 +6,13 @@ it by block elimination in compiled code.
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from fgnav import plugins
-from fgnav.checks import BadInputError, FloatArray, NoSolutionError, positive
+from fgnav.checks import BadInputError, FloatArray, Loss, NoSolutionError, positive
 from fgnav.estimate import Consistency, Estimate
 from fgnav.flight import Flight
 from fgnav.frontend.calibration_request import calibration_requests
@@ -21,6 +22,7 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.between import regular_times, with_times
 from fgnav.graph.innovations import consistency
 from fgnav.graph.keys import Timeline
+from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
@@ -77,7 +79,8 @@ class Smoother:
         ``frontend.calibration_request``.
     factors : tuple
         Sources of factors of one's own: callables ``(flight, timeline)`` that yield GTSAM factors,
-        or names of installed ones (entry points ``fgnav.factors``); see ``graph.custom``.
+        names of installed ones (entry points ``fgnav.factors``), or manifests of networks
+        (``neural``); see ``graph.custom``.
     solver : {"gtsam", "chain"}
         GTSAM's incremental fixed-lag smoother and Levenberg-Marquardt, or the compiled chain, which
         is the default where GTSAM is not installed.
@@ -175,8 +178,16 @@ class Smoother:
         opening = prepared.opening
         if opening is not None:
             opening = replace(opening, problem=with_times(opening.problem, t_s)[0])
-        windowed = with_times(prepared.windowed, t_s)[0]
-        dense = replace(prepared, problem=problem, windowed=windowed, opening=opening)
+        in_motion = prepared.in_motion
+        if in_motion is not None:
+            in_motion = with_times(in_motion, t_s)[0]
+        dense = replace(
+            prepared,
+            problem=problem,
+            in_motion=in_motion,
+            windowed=with_times(prepared.windowed, t_s)[0],
+            opening=opening,
+        )
         return self._estimated(flight, dense, rows)
 
     @property
@@ -231,10 +242,20 @@ class Smoother:
     def _estimated(
         self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None
     ) -> Estimate:
-        own = own_factors(self.factors, flight, prepared.problem)
+        sourced = own_factors(self.factors, flight, prepared.problem)
+        own = sourced.own
+        if own:
+            from fgnav.methods.own_heading import with_own_heading  # noqa: PLC0415  # lazy: gtsam
+
+            prepared = with_own_heading(prepared, own)
         solution = self._solve(prepared, own)
         tests = (*consistency(prepared.problem, solution), *_own_tests(own, prepared, solution))
-        return estimate_of(self.name, prepared, solution, tests, rows)
+        estimate = estimate_of(self.name, prepared, solution, tests, rows)
+        return replace(
+            estimate,
+            losses=(*estimate.losses, *sourced.losses),
+            notes=(*estimate.notes, *sourced.notes),
+        )
 
     def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
         problem, keep = prepared.windowed, False
@@ -295,29 +316,47 @@ class GtsamBatch(Batch):
     name: str = "gtsam"
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class _Own:
+    """Factors of one's own, each with its name, and what their sources report."""
+
+    own: "tuple[OwnFactor, ...]" = ()
+    losses: tuple[Loss, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
 def own_factors(
     sources: tuple[FactorSource | str, ...], flight: Flight, problem: SmoothingProblem
-) -> "tuple[OwnFactor, ...]":
-    """Return the factors that sources make for a flight, each with its name."""
+) -> _Own:
+    """Return the factors that sources make for a flight, and what they leave out."""
     if not sources:
-        return ()
+        return _Own()
     from fgnav.graph.custom import named  # noqa: PLC0415  # lazy: gtsam
 
     timeline = Timeline(t_s=problem.t_s, gyroscope=problem.motion.aux == 6)
     made: list[OwnFactor] = []
+    losses: list[Loss] = []
+    notes: list[str] = []
     for source in map(factor_source, sources):
         factors = source(flight, timeline)
         if not isinstance(factors, Iterable):
             what = getattr(source, "__name__", type(source).__name__)
             raise BadInputError(f"source of factors {what}: must yield factors, got {factors!r}")
         made += map(named, factors)
-    return tuple(made)
+        if isinstance(factors, Sourced):
+            losses += factors.losses
+            notes += factors.notes
+    return _Own(tuple(made), tuple(losses), tuple(notes))
 
 
 def factor_source(source: FactorSource | str) -> FactorSource:
-    """Return a source of factors, an installed one by its name."""
+    """Return a source of factors, an installed one by its name, a network by its manifest."""
     if not isinstance(source, str):
         return source
+    if Path(source).suffix in (".toml", ".json"):
+        from fgnav.neural.factor import NeuralFactor  # noqa: PLC0415  # lazy: gtsam, onnxruntime
+
+        return NeuralFactor(source)
     loaded: FactorSource = plugins.named(FACTORS, {}, source, kind="source of factors")
     return loaded
 

@@ -1,6 +1,6 @@
 """The sliding window fed epoch by epoch, as measurements come, for as long as they come."""
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -9,7 +9,7 @@ import numpy as np
 
 from fgnav.attitude.array import maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
-from fgnav.checks import BadInputError, FloatArray
+from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.earth import Origin
 from fgnav.estimate import Consistency, Estimate
 from fgnav.flight import Imu
@@ -27,6 +27,7 @@ from fgnav.graph.factors.directions import Directions
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.keys import Timeline
+from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
@@ -198,6 +199,7 @@ class Stream:
         self._last_s = -np.inf
         self._count = 0
         self._measured: deque[tuple[float, FloatArray]] = deque()  # rates of keyframes kept
+        self._losses: Counter[tuple[str, str]] = Counter()
         self._judged: deque[OwnFactor] = deque()  # factors of one's own of keyframes kept
 
     @property
@@ -266,8 +268,11 @@ class Stream:
         times_s = [*self._times_s, measurements.t_s]
         if self._sources:
             timeline = Timeline(t_s=np.array(times_s), gyroscope=layout.gyroscope, new=self._count)
-            made = (named(f) for source in self._sources for f in source(measurements, timeline))
-            factors += [one for one in made if entering_stream(one, *bounds)]
+            for source in self._sources:
+                made = source(measurements, timeline)
+                factors += [one for one in map(named, made) if entering_stream(one, *bounds)]
+                if isinstance(made, Sourced):
+                    self._losses.update({(one.what, one.reason): one.count for one in made.losses})
         self._times_s = times_s
         self._judged.extend(factors)
         return tuple(one.factor for one in factors)
@@ -303,8 +308,15 @@ class Stream:
                 self._body,
             ),
             constants=calibrated_constants(constants, solution),
+            losses=self._lost() if leaving else (),
             consistency=self._own_tests(self._latest, solution) if leaving else (),
         )
+
+    def _lost(self) -> tuple[Loss, ...]:
+        """Return what sources have left out since keyframes left last."""
+        lost = tuple(Loss(what=w, reason=r, count=n) for (w, r), n in self._losses.items())
+        self._losses.clear()
+        return lost
 
     def _rates_b_radps(self, t_s: FloatArray, aux: FloatArray) -> FloatArray:
         """Return rates at keyframes that are in the window: states, or measured less biases."""

@@ -38,7 +38,8 @@ def solve_fixed_lag(
         As in ``FixedLag``.
     opening : Opening, optional
         Keyframes that leave while it holds are as a window over it has them; one over the problem
-        has the others, and begins at the first keyframe, too.
+        has the others, and begins at the first keyframe, too. Factors of one's own are not in the
+        former: its heading is arbitrary, and one that speaks of it would tilt the body.
 
     Raises
     ------
@@ -53,7 +54,7 @@ def solve_fixed_lag(
         keep, begins_late = keep_linearisation and of is problem, waits and of is problem
         block_s = min(BLOCK_S, lag_s)
         window = FixedLag(lag_s, block_s, waits=begins_late, keep_linearisation=keep)
-        entering = OwnFactors(own, of)
+        entering = OwnFactors(own if of is problem else (), of)
         parts = [window.update(of, row, entering.at(row, window.oldest)) for row in steps(end)]
         if end == len(of.t_s) and len(window):
             parts.append(window.rest())

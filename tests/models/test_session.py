@@ -6,7 +6,7 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from fgnav.checks import BadInputError
-from fgnav_models.runtime import session
+from fgnav.neural import session
 from fgnav_models.runtime.load import load
 from tests.models.test_load import onnx_bytes, written
 

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from fgnav.checks import BadInputError
 from fgnav.io.user_files import read_bytes
+from fgnav.neural.onnx_scan import scan
+from fgnav.neural.session import Session
 from fgnav_models.runtime.manifest import Manifest, Port, read_manifest
-from fgnav_models.runtime.onnx_scan import scan
-from fgnav_models.runtime.session import Session
 
 _MOST_BYTES = 100_000_000  # released networks have 1 MB at most
 WEIGHTS = Path(__file__).resolve().parent.parent / "weights"

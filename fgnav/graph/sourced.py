@@ -1,0 +1,34 @@
+"""What a source of factors yields when it has something to report, too."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from fgnav.checks import Loss
+
+if TYPE_CHECKING:
+    import gtsam
+
+    from fgnav.graph.custom import OwnFactor
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Sourced:
+    """Factors, and what the estimate is to say of those that are not there.
+
+    Attributes
+    ----------
+    factors : tuple of gtsam.NonlinearFactor or OwnFactor
+    losses : tuple of Loss
+        Answers that are left out, with the reason.
+    notes : tuple of str
+        What a reader of the result should know, one sentence each.
+    """
+
+    factors: "tuple[gtsam.NonlinearFactor | OwnFactor, ...]" = ()
+    losses: tuple[Loss, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __iter__(self) -> "Iterator[gtsam.NonlinearFactor | OwnFactor]":
+        """Yield the factors."""
+        return iter(self.factors)

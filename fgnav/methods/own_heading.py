@@ -1,0 +1,122 @@
+"""Factors of one's own that tell a heading which nothing else does: where the search starts.
+
+Turned about down by an angle psi, a body at keyframe k has the tangent ``R_nb' e3 psi``. A factor
+of Jacobian J, whitened, tells that angle with the 1-sigma ``1 / |J R_nb' e3|``.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.frontend.problem import PreparedFlight
+from fgnav.graph import keys
+from fgnav.graph.build import Layout, insert_constants, insert_keyframe
+from fgnav.graph.custom import OwnFactor
+from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, AttitudePrior, SmoothingProblem
+from fgnav.optional_gtsam import gtsam
+from fgnav.rotations import exp
+
+_TOLD_RAD = np.radians(15.0)  # 1-sigma of one that tells: sin x = x within 1.2 %
+# Of a filter, which never linearises again what has left: three of them are small, sin x = x within
+# 0.05 %.
+_SURE_RAD = np.radians(1.0)
+_HEADINGS = 36  # tried: one is within 5 degrees of the best
+
+
+def with_own_heading(prepared: PreparedFlight, own: Sequence[OwnFactor]) -> PreparedFlight:
+    """Return a flight whose heading is known from where factors of one's own tell it.
+
+    The search starts where those so far have the heading, carried back to the first keyframe as
+    the opening has the body turn; the first attitude is as unknown as before. A flight whose
+    heading is known earlier, or is not told well enough, is returned as it is; that of a filter
+    also if motion tells its heading later.
+
+    Parameters
+    ----------
+    prepared : PreparedFlight
+    own : sequence of OwnFactor
+        Numbers in their keys are rows of the problem.
+    """
+    opening = prepared.opening
+    # A filter that motion will tell its heading waits for that: motion tells the level, too, which
+    # specific force in a turn does not.
+    if opening is None or (prepared.causal and np.isfinite(opening.until_s)):
+        return prepared
+    first: dict[int, OwnFactor] = {}
+    for one in own:
+        involved = list(one.factor.keys())
+        if len(involved) == 1 and keys.letter(involved[0]) == "x":
+            first.setdefault(keys.index(involved[0]), one)
+    windowed = replace(prepared.windowed, start=opening.problem.start)
+    sure_rad = _SURE_RAD if prepared.causal else _TOLD_RAD
+    turned, information = 0.0 + 0.0j, 0.0
+    for k in sorted(first):
+        told = _told(windowed, first[k], k)
+        if told is None:
+            continue
+        if prepared.problem.t_s[k] >= opening.until_s:
+            break
+        turned, information = turned + told[1] * np.exp(1j * told[0]), information + told[1]
+        if information * sure_rad**2 > 1:
+            return _turned(prepared, float(np.angle(turned)), float(prepared.problem.t_s[k]))
+    return prepared
+
+
+def _turned(prepared: PreparedFlight, turn_rad: float, from_s: float) -> PreparedFlight:
+    """Return the flight, its search turned about down, its heading known from a time on."""
+    opening = prepared.opening
+    if opening is None:
+        return prepared
+    start = opening.problem.start
+    R_nb = _about_down(turn_rad) @ start.R_nb
+    start = start._replace(R_nb=R_nb)
+    P = opening.problem.attitude_prior
+    level = np.eye(3) * ROTATION_PRIOR_RAD**2 if P is None else P.covariance_rad2
+    # What the opening knows of the level, and nothing of the heading.
+    down_b = R_nb[0, 2]
+    across = np.eye(3) - np.outer(down_b, down_b)
+    prior = AttitudePrior(
+        R_nb=R_nb[0],
+        covariance_rad2=across @ level @ across + ROTATION_PRIOR_RAD**2 * np.outer(down_b, down_b),
+    )
+    base = prepared.windowed if prepared.in_motion is None else prepared.in_motion
+    known = replace(base, start=start, attitude_prior=prior)
+    at_rest = opening.until_s == np.inf
+    return replace(
+        prepared,
+        problem=known if at_rest else prepared.problem,
+        windowed=known,
+        opening=None if from_s <= prepared.problem.t_s[0] else replace(opening, until_s=from_s),
+    )
+
+
+def _told(problem: SmoothingProblem, one: OwnFactor, k: int) -> tuple[float, float] | None:
+    """Return by how much a factor wants keyframe k turned about down, and its information.
+
+    None if it does not tell.
+    """
+    tried = np.linspace(0, 2 * np.pi, _HEADINGS, endpoint=False)
+    errors = [one.factor.error(_at(problem, k, turn_rad)) for turn_rad in tried]
+    best = float(tried[int(np.argmin(errors))])
+    J, minus_r = one.factor.linearize(_at(problem, k, best)).jacobian()
+    by_turn = J[:, :3] @ problem.start.R_nb[k, 2]
+    information = float(by_turn @ by_turn)
+    if information * _TOLD_RAD**2 < 1:
+        return None
+    return best + float(by_turn @ minus_r) / information, information
+
+
+def _at(problem: SmoothingProblem, k: int, turn_rad: float) -> gtsam.Values:
+    layout, values, start = Layout.of(problem), gtsam.Values(), problem.start
+    insert_constants(values, layout, start.constants)
+    turned = start._replace(R_nb=_about_down(turn_rad) @ start.R_nb[k : k + 1])
+    R_nb = np.array(start.R_nb)
+    R_nb[k] = turned.R_nb[0]
+    insert_keyframe(values, layout, k, start._replace(R_nb=R_nb), k)
+    return values
+
+
+def _about_down(turn_rad: float) -> FloatArray:
+    return np.asarray(exp(np.array([[0.0, 0.0, turn_rad]]))[0])

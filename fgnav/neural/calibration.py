@@ -1,0 +1,255 @@
+"""How honest a network's covariance is, beside the constant one that the likelihood fits.
+
+Errors e and covariances P of all answers on flights whose truth is known, in the output's tangent:
+
+- NEES: the mean of ``e' P^-1 e``, which is f, the tangent's freedom, if P is right;
+- NLL: the mean of ``(e' P^-1 e + log det 2 pi P) / 2``;
+- energy score: the mean of ``E|x - e| - E|x - x'| / 2`` of x, x' drawn from N(0, P) [1]_.
+
+The constant covariance is the mean of ``e e'``, which maximises the likelihood of the same flights:
+a network that is no better has learned nothing about its own errors.
+
+References
+----------
+.. [1] Gneiting, Raftery: Strictly proper scoring rules, prediction, and estimation, JASA 102, 2007,
+   equation 22.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray
+from fgnav.flight import Flight, Truth
+from fgnav.neural.correlation import half_life_s
+from fgnav.neural.measures import SENSORS
+from fgnav.neural.network import Network, load_network
+from fgnav.neural.records import Record, check_rate, of_flight
+from fgnav.neural.windows import windows
+from fgnav.rotations import exp, log, to_euler, transpose, wrap
+
+_DRAWS = 64  # pairs of each answer's energy score: 0.1 % of the mean of ten thousand answers
+_BINS = 5  # by predicted sigma, equally many answers in each
+_JUDGED = ("heading", "attitude", "direction", "velocity", "speed", "height")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scores:
+    """NEES per degree of freedom, NLL and energy score of one covariance."""
+
+    nees: float
+    nll: float
+    energy: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bin:
+    """Answers of about one predicted sigma, that and the root mean square of their errors."""
+
+    count: int
+    predicted: float
+    rms: float
+    nees: float
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Calibration:
+    """The figures of a network's card, in SI and radians.
+
+    Attributes
+    ----------
+    name : str
+    unit : str
+    count, outside : int
+        Answers judged, and windows without an answer, outside of the domain or with gaps.
+    network, constant : Scores
+        By the network's covariance, and by the constant one of these answers.
+    constant_sigma : tuple of float
+        Of each axis of the tangent.
+    half_life_s : float
+        Of normalised errors, the mean over flights of their autocorrelation's.
+    bins : tuple of Bin
+    """
+
+    name: str
+    unit: str
+    count: int
+    outside: int
+    network: Scores
+    constant: Scores
+    constant_sigma: tuple[float, ...]
+    half_life_s: float
+    bins: tuple[Bin, ...]
+
+    def __str__(self) -> str:
+        """Return the card's table."""
+        scale, unit = (180 / np.pi, "deg") if self.unit == "rad" else (1.0, self.unit)
+        sigma = ", ".join(f"{scale * s:.3g}" for s in self.constant_sigma)
+        lines = [
+            f"{self.name}: {self.count} answers, {self.outside} windows outside the domain or "
+            f"with gaps; half-life of errors {self.half_life_s:.3g} s",
+            f"{'covariance':24} {'NEES of 1':>10} {'NLL':>10} {f'energy {unit}':>12}",
+        ]
+        for what, one in (
+            ("of the network", self.network),
+            (f"constant, {sigma} {unit}", self.constant),
+        ):
+            lines.append(f"{what:24} {one.nees:10.2f} {one.nll:10.3f} {scale * one.energy:12.4g}")
+        if self.network.nll >= self.constant.nll:
+            lines.append("The network's sigma is no better than a constant one.")
+        lines.append(
+            f"{'predicted ' + unit:>16} {'rms ' + unit:>12} {'NEES of 1':>10} {'count':>7}"
+        )
+        lines += [
+            f"{scale * b.predicted:16.4g} {scale * b.rms:12.4g} {b.nees:10.2f} {b.count:7}"
+            for b in self.bins
+        ]
+        return "\n".join(lines)
+
+
+def calibration(
+    manifest: Path | str, flights: Iterable[tuple[Flight, Mapping[str, Record]]]
+) -> Calibration:
+    """Return a network's figures on flights with truth.
+
+    Parameters
+    ----------
+    manifest : Path or str
+    flights : iterable of (Flight, mapping of str to Record)
+        Never trained on; records as of ``NeuralFactor``.
+
+    Raises
+    ------
+    BadInputError
+        If a flight has no truth or lacks a sensor, nothing is answered, or the quantity is not
+        one of a single time.
+    """
+    network, errors, covariances, lives, outside = load_network(Path(manifest)), [], [], [], 0
+    output = network.manifest.output
+    if output.measures not in _JUDGED:
+        raise BadInputError(
+            f"{manifest}: key output.measures: calibration judges {', '.join(_JUDGED)}, got "
+            f"{output.measures}"
+        )
+    for flight, records in flights:
+        t_s, error, covariance, lost = _errors(network, flight, records)
+        errors.append(error)
+        covariances.append(covariance)
+        outside += lost
+        if len(t_s) > 2:
+            lives.append(half_life_s(t_s, _normalised(error, covariance)))
+    e, P = np.concatenate(errors), np.concatenate(covariances)
+    if not lives:
+        raise BadInputError(f"{manifest}: the flights have no three windows to answer")
+    constant = e.T @ e / len(e)
+    return Calibration(
+        name=network.manifest.name,
+        unit="rad" if output.unit == "deg" else output.unit,
+        count=len(e),
+        outside=outside,
+        network=_scores(e, P),
+        constant=_scores(e, np.broadcast_to(constant, P.shape)),
+        constant_sigma=tuple(np.sqrt(np.diag(constant)).tolist()),
+        half_life_s=float(np.mean(lives)),
+        bins=_bins(e, P),
+    )
+
+
+def _errors(
+    network: Network, flight: Flight, records: Mapping[str, Record]
+) -> tuple[FloatArray, FloatArray, FloatArray, int]:
+    """Return times, errors in the tangent, covariances, and how many windows have no answer."""
+    truth = flight.truth
+    if truth is None:
+        raise BadInputError(f"flight {flight.name}: calibration needs its truth")
+    have, seen = {**of_flight(flight), **records}, []
+    for row, one in enumerate(network.manifest.inputs):
+        where = f"{network.path}: key inputs[{row}]"
+        if one.sensor not in have:
+            raise BadInputError(
+                f"{where}.sensor: flight {flight.name} has no {one.sensor!r}; known are "
+                f"{', '.join(SENSORS)}, or give a record"
+            )
+        check_rate(where, have[one.sensor], one.rate_hz)
+        seen.append(have[one.sensor])
+    slowest = min(seen, key=lambda record: len(record.t_s))
+    longest_s = max(one.window / one.rate_hz for one in network.manifest.inputs)
+    inside = (slowest.t_s >= max(truth.t_s[0], slowest.t_s[0] + longest_s)) & (
+        slowest.t_s <= truth.t_s[-1]
+    )
+    t_s = slowest.t_s[inside]
+    shown = windows(network.manifest.inputs, seen, t_s)
+    answers = network([x[shown.usable] for x in shown.inputs])
+    error = _against_truth(network, truth, t_s[shown.usable], answers.value)
+    covariance = answers.covariance
+    if network.manifest.output.measures == "direction":
+        across = np.linalg.svd(answers.value[:, None, :])[2][:, 1:]
+        error = np.einsum("kij,kj->ki", across, error)
+        covariance = across @ covariance @ across.swapaxes(1, 2)
+    return t_s[shown.usable], error, covariance, int((~shown.usable).sum())
+
+
+def _against_truth(
+    network: Network, truth: Truth, t_s: FloatArray, value: FloatArray
+) -> FloatArray:
+    """Return errors of answers, (k, f); of points the truth's own, the body's origin."""
+    measures, frame = network.manifest.output.measures, network.manifest.output.frame
+    R_nb = _attitudes(truth, t_s)
+    if measures == "heading":
+        return np.asarray(wrap(value - to_euler(R_nb)[:, 2:]))
+    if measures == "attitude":
+        return np.asarray(log(transpose(value.reshape(-1, 3, 3)) @ R_nb))
+    if measures == "direction":
+        return np.asarray(value - R_nb[:, 2])
+    if measures == "height":
+        return np.asarray(value + np.interp(t_s, truth.t_s, truth.p_n_m[:, 2])[:, None])
+    columns = [np.interp(t_s, truth.t_s, column) for column in truth.v_n_mps.T]
+    v_mps = np.stack(columns, axis=1)
+    if measures == "speed":
+        return np.asarray(value - np.linalg.norm(v_mps, axis=1, keepdims=True))
+    return np.asarray(value - (np.einsum("kji,kj->ki", R_nb, v_mps) if frame == "b" else v_mps))
+
+
+def _attitudes(truth: Truth, t_s: FloatArray) -> FloatArray:
+    """Return attitudes between epochs of the truth, turning at constant rates."""
+    row = (np.searchsorted(truth.t_s, t_s, side="right") - 1).clip(0, len(truth.t_s) - 2)
+    R_0, step_s = truth.R_nb[row], truth.t_s[row + 1] - truth.t_s[row]
+    turn_rad = log(transpose(R_0) @ truth.R_nb[row + 1])
+    return np.asarray(R_0 @ exp(turn_rad * ((t_s - truth.t_s[row]) / step_s)[:, None]))
+
+
+def _normalised(e: FloatArray, P: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.solve(np.linalg.cholesky(P), e[:, :, None])[:, :, 0])
+
+
+def _scores(e: FloatArray, P: FloatArray) -> Scores:
+    L, f = np.linalg.cholesky(P), e.shape[1]
+    squared = (_normalised(e, P) ** 2).sum(axis=1)
+    log_det = 2 * np.log(np.einsum("kii->ki", L)).sum(axis=1)
+    rng = np.random.default_rng(0)  # common draws: two covariances differ by themselves alone
+    x = np.einsum("kij,dj->dki", L, rng.standard_normal((_DRAWS, f)))
+    y = np.einsum("kij,dj->dki", L, rng.standard_normal((_DRAWS, f)))
+    far = np.linalg.norm(x - e, axis=2).mean(), np.linalg.norm(x - y, axis=2).mean()
+    return Scores(
+        nees=float(squared.mean() / f),
+        nll=float((squared + log_det + f * np.log(2 * np.pi)).mean() / 2),
+        energy=float(far[0] - far[1] / 2),
+    )
+
+
+def _bins(e: FloatArray, P: FloatArray) -> tuple[Bin, ...]:
+    f = e.shape[1]
+    sigma, squared = np.sqrt(np.einsum("kii->k", P) / f), (_normalised(e, P) ** 2).mean(axis=1)
+    parts = np.array_split(np.argsort(sigma), _BINS)
+    return tuple(
+        Bin(
+            count=len(rows),
+            predicted=float(np.sqrt((sigma[rows] ** 2).mean())),
+            rms=float(np.sqrt((e[rows] ** 2).mean())),
+            nees=float(squared[rows].mean()),
+        )
+        for rows in parts
+        if len(rows)
+    )

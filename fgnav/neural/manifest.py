@@ -1,0 +1,222 @@
+"""What a network that measures says of itself: the TOML or JSON file beside its ONNX file."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
+
+import msgspec
+
+from fgnav.checks import BadInputError, quoted
+from fgnav.io.atomic_write import write_text
+from fgnav.io.strict_toml import NotNegative, Positive, Table, as_table, check_sizes, read_toml
+from fgnav.io.user_files import read_bytes
+from fgnav.neural.measures import MEASURES, SENSORS, Measure, Quantity
+
+FORMAT = "fgnav-factor/1"
+_MOST_BYTES = 4_000_000
+_HEX = r"^[0-9a-f]{64}$"
+
+Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1)]
+Count: TypeAlias = Annotated[int, msgspec.Meta(ge=1, le=100_000)]
+
+
+class Input(Table, frozen=True):
+    """One input of the network: a window of the newest samples of a sensor, oldest first.
+
+    Attributes
+    ----------
+    name : str
+        Of the ONNX graph's input, of shape (n, window, channels), float32.
+    sensor : str
+        ``"accelerometer"``, ``"gyroscope"``, ``"magnetometer"``, ``"barometer"``, ``"position"``,
+        ``"velocity"``, or the name of a ``Record`` that the factor is given.
+    unit, frame : str
+        Of its samples, as the flight has them: nothing is converted.
+    rate_hz : float
+        That the network was trained at.
+    window : int
+        Samples.
+    mean, scale : tuple of float
+        By channel: the network is given ``(x - mean) / scale``.
+    range : tuple of (float, float)
+        By channel, in the unit: what training has seen. The factor leaves where a sample is beyond.
+    """
+
+    name: Text
+    sensor: Text
+    unit: Text
+    frame: Text
+    rate_hz: Positive
+    window: Count
+    mean: tuple[float, ...]
+    scale: tuple[Positive, ...]
+    range: tuple[tuple[float, float], ...]
+
+    def __post_init__(self) -> None:
+        """Check unit, frame and channels against the sensor's."""
+        known = SENSORS.get(self.sensor)
+        channels = len(self.range) if known is None else known.channels
+        if known is not None:
+            _one_of("unit", self.unit, (known.unit,), f"the unit of a flight's {self.sensor}")
+            _one_of("frame", self.frame, (known.frame,), f"the frame of a flight's {self.sensor}")
+        for key in ("mean", "scale", "range"):
+            if len(getattr(self, key)) != channels or not channels:
+                raise ValueError(
+                    f"{key}: must have {max(channels, 1)} entries, one per channel of "
+                    f"{self.sensor}, has {len(getattr(self, key))}"
+                )
+        for low, high in self.range:
+            if not low < high:
+                raise ValueError(f"range: each must be [low, high], low first, got [{low}, {high}]")
+
+
+class Covariance(Table, frozen=True):
+    """How sure the network says it is.
+
+    Attributes
+    ----------
+    form : {"log_sigma", "cholesky", "none"}
+        ``log_sigma``: natural logarithms of the 1-sigmas of each axis of the tangent, or one for
+        all. ``cholesky``: lower triangle L of ``L L'``, row by row, its diagonal positive.
+        ``none``: the network states nothing, ``sigma`` does.
+    name : str
+        Of the ONNX graph's output; of forms other than none.
+    sigma : tuple of float
+        1-sigmas, each or one for all, in the output's unit; of the form none.
+    """
+
+    form: Literal["log_sigma", "cholesky", "none"]
+    name: str = ""
+    sigma: tuple[Positive, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check that each form has what it needs, and nothing else."""
+        if self.form == "none" and (self.name or not self.sigma):
+            raise ValueError("sigma: form none needs sigma, and no name; add it")
+        if self.form != "none" and (self.sigma or not self.name):
+            raise ValueError(
+                f"name: form {self.form} needs the name of the graph's output, and no sigma"
+            )
+
+
+class Output(Table, frozen=True):
+    """What the network measures at the time of its newest samples.
+
+    Attributes
+    ----------
+    name : str
+        Of the ONNX graph's output, (n, d) float32: an angle, or its cosine and sine; a rotation
+        matrix row by row, or a quaternion wxyz, of ``R_nb``; a vector; a number.
+    measures : str
+        Heading of ``x_b``; attitude; direction of gravity; velocity, speed, height above the
+        origin, position, and displacement over ``over_s``, of the accelerometer.
+    manifold, unit, frame : str
+        As ``measures`` has them. A displacement in ``b`` is in body axes at its beginning.
+    covariance : Covariance
+    half_life_s : float
+        After which errors of two outputs are correlated by a half; 0 of independent ones.
+    over_s : float or None
+        Of displacements.
+    """
+
+    name: Text
+    measures: Quantity
+    manifold: Text
+    unit: Text
+    frame: Text
+    covariance: Covariance
+    half_life_s: NotNegative
+    over_s: Positive | None = None
+
+    def __post_init__(self) -> None:
+        """Check manifold, unit and frame against what is measured."""
+        what = self.measure
+        _one_of("manifold", self.manifold, (what.manifold,), f"the manifold of {self.measures}")
+        _one_of("unit", self.unit, tuple(what.units), f"a unit of {self.measures}")
+        _one_of("frame", self.frame, what.frames, f"a frame of {self.measures}")
+        if (self.over_s is None) == (self.measures == "displacement"):
+            raise ValueError("over_s: goes with displacement, and only then")
+        if len(self.covariance.sigma) not in {0, 1, what.freedom}:
+            raise ValueError(
+                f"covariance.sigma: must have 1 or {what.freedom} entries, has "
+                f"{len(self.covariance.sigma)}"
+            )
+
+    @property
+    def measure(self) -> Measure:
+        """What is known of the quantity."""
+        return MEASURES[self.measures]
+
+    @property
+    def in_si(self) -> float:
+        """The output's unit in SI or radians."""
+        return self.measure.units[self.unit]
+
+
+class Manifest(Table, frozen=True):
+    """The contract of a network that measures.
+
+    Attributes
+    ----------
+    name : str
+        What reports call its factors.
+    purpose : str
+        One sentence.
+    onnx : str
+        Name of the ONNX file, in the manifest's folder.
+    sha256 : str
+        Of that file; any other is refused.
+    licence : str
+        Of the weights: ``"BSD-3-Clause"``.
+    inputs : tuple of Input
+    output : Output
+    """
+
+    format: Literal["fgnav-factor/1"]
+    name: Text
+    purpose: Text
+    onnx: Text
+    sha256: Annotated[str, msgspec.Meta(pattern=_HEX)]
+    licence: Text
+    inputs: Annotated[tuple[Input, ...], msgspec.Meta(min_length=1)]
+    output: Output
+
+    def __post_init__(self) -> None:
+        """Check the file's name."""
+        if Path(self.onnx).name != self.onnx or not self.onnx.endswith(".onnx"):
+            raise ValueError(
+                f"onnx: must be the name of an .onnx file in the manifest's folder, got "
+                f"{quoted(self.onnx)}"
+            )
+
+
+def read_manifest(path: Path) -> Manifest:
+    """Return the manifest in a TOML file, or JSON where its name ends so.
+
+    Raises
+    ------
+    BadInputError
+        If the file cannot be read or breaks the contract: one line with file, key and mend.
+    """
+    return as_table(path, _json(path) if path.suffix == ".json" else read_toml(path), Manifest)
+
+
+def save_manifest(manifest: Manifest, path: Path) -> None:
+    """Write a manifest as JSON, for people to read, too."""
+    text = msgspec.json.format(msgspec.json.encode(manifest), indent=2).decode() + "\n"
+    write_text(path, text)
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        content = msgspec.json.decode(read_bytes(path, _MOST_BYTES))
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise BadInputError(f"{path}: must be JSON, {error!s:.200}") from None
+    if not isinstance(content, dict):
+        raise BadInputError(f"{path}: must be a JSON object, got {type(content).__name__}")
+    check_sizes(path, content)
+    return content
+
+
+def _one_of(key: str, value: str, allowed: tuple[str, ...], why: str) -> None:
+    if value not in allowed:
+        raise ValueError(f"{key}: must be {' or '.join(allowed)}, {why}, got {quoted(value)}")

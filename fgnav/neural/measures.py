@@ -1,0 +1,134 @@
+"""What a network may measure and what it may see: manifolds, units, frames, numbers of channels."""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+Quantity: TypeAlias = Literal[
+    "heading",
+    "attitude",
+    "direction",
+    "velocity",
+    "displacement",
+    "speed",
+    "height",
+    "position",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measure:
+    """A quantity of the states that a network's output may be.
+
+    Attributes
+    ----------
+    manifold : str
+        ``"S1"`` angles, ``"SO3"`` rotations, ``"S2"`` unit vectors, ``"R1"``, ``"R3"``.
+    units : dict of str to float
+        Allowed ones, each in SI or radians: of the output and of its 1-sigma; of rotations and unit
+        vectors, which are plain numbers, of the 1-sigma alone.
+    frames : tuple of str
+    widths : tuple of int
+        Numbers that the value may have.
+    freedom : int
+        Of the tangent that the covariance is stated in.
+    tangent : str
+        Its axes, in words.
+    """
+
+    manifold: str
+    units: dict[str, float]
+    frames: tuple[str, ...]
+    widths: tuple[int, ...]
+    freedom: int
+    tangent: str
+
+
+_ANGLE = {"rad": 1.0, "deg": float(np.pi / 180)}
+
+MEASURES: dict[str, Measure] = {
+    "heading": Measure(
+        manifold="S1",
+        units=_ANGLE,
+        frames=("n",),
+        widths=(1, 2),
+        freedom=1,
+        tangent="about down",
+    ),
+    "attitude": Measure(
+        manifold="SO3",
+        units=_ANGLE,
+        frames=("n",),
+        widths=(9, 4),
+        freedom=3,
+        tangent="body axes, R = R_hat Exp(delta)",
+    ),
+    "direction": Measure(
+        manifold="S2",
+        units=_ANGLE,
+        frames=("b",),
+        widths=(3,),
+        freedom=3,
+        tangent="body axes; what lies along the vector does not count",
+    ),
+    "velocity": Measure(
+        manifold="R3",
+        units={"m/s": 1.0},
+        frames=("n", "b"),
+        widths=(3,),
+        freedom=3,
+        tangent="axes of the frame",
+    ),
+    "displacement": Measure(
+        manifold="R3",
+        units={"m": 1.0},
+        frames=("n", "b"),
+        widths=(3,),
+        freedom=3,
+        tangent="axes of the frame",
+    ),
+    "speed": Measure(
+        manifold="R1",
+        units={"m/s": 1.0},
+        frames=("n",),
+        widths=(1,),
+        freedom=1,
+        tangent="the speed",
+    ),
+    "height": Measure(
+        manifold="R1",
+        units={"m": 1.0},
+        frames=("n",),
+        widths=(1,),
+        freedom=1,
+        tangent="upwards",
+    ),
+    "position": Measure(
+        manifold="R3",
+        units={"m": 1.0},
+        frames=("n",),
+        widths=(3,),
+        freedom=3,
+        tangent="axes of the frame",
+    ),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """What a flight records of a sensor: unit, frame, number of channels."""
+
+    unit: str
+    frame: str
+    channels: int
+
+
+SENSORS: dict[str, Sensor] = {
+    "accelerometer": Sensor("m/s2", "b", 3),
+    "gyroscope": Sensor("rad/s", "b", 3),
+    "magnetometer": Sensor("uT", "b", 3),
+    "barometer": Sensor("m", "n", 1),
+    "position": Sensor("m", "n", 3),  # of fixes
+    "velocity": Sensor("m/s", "n", 3),  # of fixes
+}

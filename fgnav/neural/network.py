@@ -1,0 +1,254 @@
+"""A network that measures, checked byte by byte before it runs, and what it says in SI."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, IntArray
+from fgnav.io.user_files import read_bytes
+from fgnav.neural.manifest import Input, Manifest, Output, read_manifest
+from fgnav.neural.onnx_scan import scan
+from fgnav.neural.session import Session
+
+_MOST_BYTES = 100_000_000  # networks that run at a keyframe's rate have a thousandth of it
+_AT_ONCE = 4096  # windows
+_TURN_RAD = 2 * np.pi * (1 + 1e-6)
+_UNIT = (0.5, 2.0)  # norms of what is to be a unit vector; beyond, it is something else
+_LONGEST_LOG = 30.0  # of a 1-sigma: e^30 of any unit is nothing that a network can mean
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Answers:
+    """Values, (k, d), and covariances, (k, f, f), in SI and radians, of k windows."""
+
+    value: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Network:
+    """An ONNX file that runs, with its contract; ``path`` is the manifest's."""
+
+    path: Path
+    manifest: Manifest
+    _session: Session
+
+    def __call__(self, inputs: Sequence[FloatArray]) -> Answers:
+        """Return what the network says of windows, (k, window, channels) for each input.
+
+        Raises
+        ------
+        BadInputError
+            If an output is not finite, no value of what it is to measure, or its covariance is
+            not positive.
+        """
+        k = len(inputs[0])
+        parts = [self._run([x[i : i + _AT_ONCE] for x in inputs]) for i in range(0, k, _AT_ONCE)]
+        raw = [np.concatenate(columns) for columns in zip(*parts, strict=True)] if k else []
+        output, where = self.manifest.output, f"{self.path}: output"
+        if not raw:
+            return Answers(np.zeros((0, 1)), np.zeros((0, 1, 1)))
+        value = _value(where, output, raw[0])
+        return Answers(value, _covariance(where, output, raw[1] if len(raw) > 1 else None, k))
+
+    def _run(self, inputs: list[FloatArray]) -> list[FloatArray]:
+        feed = {
+            one.name: ((x - one.mean) / one.scale).astype(np.float32)
+            for one, x in zip(self.manifest.inputs, inputs, strict=True)
+        }
+        output = self.manifest.output
+        names = [name for name in (output.name, output.covariance.name) if name]
+        found = self._session.run(names, feed)
+        for name, part in zip(names, found, strict=True):
+            if part.shape[:1] != (len(inputs[0]),) or part.ndim > 3:
+                raise BadInputError(
+                    f"{self.path}: output {name!r}: must have one row per window, "
+                    f"{len(inputs[0])}, got shape {part.shape}"
+                )
+        return [part.astype(np.float64).reshape(len(part), -1) for part in found]
+
+
+def load_network(path: Path) -> Network:
+    """Return the network of a manifest, ready to run.
+
+    Raises
+    ------
+    BadInputError
+        If manifest or ONNX file cannot be read, or the hash, content, inputs or outputs are not
+        those of the manifest; nothing of it has been run then.
+    """
+    manifest = read_manifest(path)
+    onnx = path.with_name(manifest.onnx)
+    content = read_bytes(onnx, _MOST_BYTES)
+    digest = sha256(content).hexdigest()
+    if digest != manifest.sha256:
+        raise BadInputError(
+            f"{path}: key sha256: {onnx.name} has {digest}; take the file that the manifest was "
+            "made for, or state its hash"
+        )
+    scan(str(onnx), content)
+    session = Session(onnx, content, threads=1)
+    _check_ports(path, manifest, session)
+    return Network(path, manifest, session)
+
+
+def _check_ports(path: Path, manifest: Manifest, session: Session) -> None:
+    """Raise unless the graph has the inputs and outputs that the manifest names."""
+    have = {port.name: port for port in session.inputs()}
+    wanted = {one.name: one for one in manifest.inputs}
+    if have.keys() != wanted.keys():
+        raise BadInputError(
+            f"{path}: key inputs: {manifest.onnx} takes {', '.join(have)}, the manifest names "
+            f"{', '.join(wanted)}; name each once"
+        )
+    for row, one in enumerate(manifest.inputs):
+        _check_input(f"{path}: key inputs[{row}]", one, have[one.name])
+    outputs = [port.name for port in session.outputs()]
+    output = manifest.output
+    for key, name in (("name", output.name), ("covariance.name", output.covariance.name)):
+        if name and name not in outputs:
+            raise BadInputError(
+                f"{path}: key output.{key}: {manifest.onnx} has no output {name!r}; it has "
+                f"{', '.join(outputs)}"
+            )
+
+
+def _check_input(where: str, one: Input, port: Any) -> None:  # noqa: ANN401  # onnxruntime has no types
+    shape = (one.window, len(one.range))
+    fits = len(port.shape) == 3 and all(
+        not isinstance(have, int) or have == want
+        for have, want in zip(port.shape[1:], shape, strict=True)
+    )
+    if not fits or port.type != "tensor(float)":
+        raise BadInputError(
+            f"{where}.window: {one.name!r} takes {port.type} of shape {port.shape}, must take "
+            f"float of shape ['n', {shape[0]}, {shape[1]}]; export it so"
+        )
+
+
+def _value(where: str, output: Output, raw: FloatArray) -> FloatArray:
+    """Return values in SI: one angle, a rotation matrix (9), a unit vector, a vector, a number."""
+    measure = output.measure
+    _finite(f"{where}.name {output.name!r}", raw)
+    if raw.shape[1] not in measure.widths:
+        widths = " or ".join(map(str, measure.widths))
+        raise BadInputError(
+            f"{where}.name: {output.measures} has {widths} numbers, {output.name!r} has "
+            f"{raw.shape[1]}"
+        )
+    if output.measures == "heading":
+        return _heading(where, output, raw)
+    if output.measures == "attitude":
+        return _rotations(where, raw)
+    if output.measures == "direction":
+        return raw / _norm(where, output, raw)
+    return raw * output.in_si
+
+
+def _heading(where: str, output: Output, raw: FloatArray) -> FloatArray:
+    if raw.shape[1] == 2:
+        _norm(where, output, raw, least=1e-6)
+        return np.asarray(np.arctan2(raw[:, 1:], raw[:, :1]))
+    heading_rad = raw * output.in_si
+    largest = float(np.abs(heading_rad).max())
+    if largest > _TURN_RAD:
+        mend = "state unit = 'deg'" if output.unit == "rad" else "output an angle"
+        raise BadInputError(
+            f"{where}.unit: a heading of {largest / output.in_si:.4g} {output.unit} is more than "
+            f"a turn; {mend}"
+        )
+    return heading_rad
+
+
+def _rotations(where: str, raw: FloatArray) -> FloatArray:
+    """Return the nearest rotation matrices, (k, 9)."""
+    if raw.shape[1] == 4:
+        norm = np.linalg.norm(raw, axis=1, keepdims=True)
+        _bounded(where, "quaternion", norm)
+        w, x, y, z = (raw / norm).T
+        R = np.stack(
+            [
+                1 - 2 * (y * y + z * z),
+                2 * (x * y - w * z),
+                2 * (x * z + w * y),
+                2 * (x * y + w * z),
+                1 - 2 * (x * x + z * z),
+                2 * (y * z - w * x),
+                2 * (x * z - w * y),
+                2 * (y * z + w * x),
+                1 - 2 * (x * x + y * y),
+            ],
+            axis=1,
+        )
+        return np.asarray(R)
+    U, s, Vt = np.linalg.svd(raw.reshape(-1, 3, 3))
+    _bounded(where, "rotation matrix's singular value", s)
+    U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
+    return np.asarray((U @ Vt).reshape(-1, 9))
+
+
+def _norm(where: str, output: Output, raw: FloatArray, least: float | None = None) -> FloatArray:
+    norm = np.linalg.norm(raw, axis=1, keepdims=True)
+    if least is None:
+        _bounded(where, output.measures, norm)
+    elif (norm < least).any():
+        raise BadInputError(f"{where}.name: cosine and sine are both zero; normalise the output")
+    return np.asarray(norm)
+
+
+def _bounded(where: str, what: str, norm: FloatArray) -> None:
+    low, high = _UNIT
+    wrong = norm[(norm < low) | (norm > high)]
+    if len(wrong):
+        raise BadInputError(
+            f"{where}.manifold: a {what} must have the size 1, got {wrong.flat[0]:.4g}; normalise "
+            "the output, or state another quantity"
+        )
+
+
+def _covariance(where: str, output: Output, raw: FloatArray | None, k: int) -> FloatArray:
+    """Return covariances in SI, (k, f, f)."""
+    form, f = output.covariance.form, output.measure.freedom
+    if raw is None:
+        sigma = np.broadcast_to(np.array(output.covariance.sigma), (k, f))
+        return _diagonal(sigma * output.in_si)
+    name = f"{where}.covariance.name {output.covariance.name!r}"
+    _finite(name, raw)
+    widths = (1, f) if form == "log_sigma" else (f * (f + 1) // 2,)
+    if raw.shape[1] not in widths:
+        expected = " or ".join(map(str, sorted(set(widths))))
+        raise BadInputError(
+            f"{name}: {form} of {output.measures} has {expected} numbers, has {raw.shape[1]}"
+        )
+    if form == "log_sigma":
+        if np.abs(raw).max() > _LONGEST_LOG:
+            raise BadInputError(
+                f"{name}: must be the logarithm of a 1-sigma, within {_LONGEST_LOG:g} of 0, got "
+                f"{raw.flat[np.abs(raw).argmax()]:.4g}"
+            )
+        return _diagonal(np.broadcast_to(np.exp(raw) * output.in_si, (k, f)))
+    L: FloatArray = np.zeros((k, f, f))
+    L[(slice(None), *np.tril_indices(f))] = raw * output.in_si
+    diagonal = np.einsum("nii->ni", L)
+    if (diagonal <= 0).any():
+        row = int(np.argmax((diagonal <= 0).any(axis=1)))
+        raise BadInputError(
+            f"{name}: the diagonal of the Cholesky factor must be positive, got "
+            f"{(diagonal[row] / output.in_si).min():.4g}; output exp or softplus of it"
+        )
+    P = L @ L.swapaxes(1, 2)
+    return np.asarray((P + P.swapaxes(1, 2)) / 2)
+
+
+def _diagonal(sigma: FloatArray) -> FloatArray:
+    return np.asarray(sigma[:, :, None] ** 2 * np.eye(sigma.shape[1]))
+
+
+def _finite(what: str, raw: FloatArray) -> None:
+    if not np.isfinite(raw).all():
+        rows: IntArray = np.flatnonzero(~np.isfinite(raw).all(axis=1))
+        raise BadInputError(f"{what}: not finite in {len(rows)} of {len(raw)} windows")

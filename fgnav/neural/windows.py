@@ -1,0 +1,78 @@
+"""Windows of samples that end at keyframes, and what keeps a network from answering them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray
+from fgnav.neural.manifest import Input
+from fgnav.neural.records import Record
+
+_LATE = 1.5  # sample intervals: a sample lasts one, and times of two clocks' ticks vary
+_SAME_S = 1e-6  # times of files are written to the microsecond
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Windows:
+    """What a network is to see at k times.
+
+    Attributes
+    ----------
+    inputs : tuple of ndarray, shape (k, window, channels) each
+        In the manifest's units, not yet normalised; of rows that are not usable anything.
+    usable : ndarray, shape (k,)
+    lost : dict of str to ndarray, shape (k,)
+        Why others are not: each row under the first reason that holds.
+    """
+
+    inputs: tuple[FloatArray, ...]
+    usable: BoolArray
+    lost: dict[str, BoolArray]
+
+
+def windows(inputs: Sequence[Input], records: Sequence[Record], t_s: FloatArray) -> Windows:
+    """Return the newest samples by times, (k,), none later: what is known by then.
+
+    Parameters
+    ----------
+    inputs : sequence of Input
+    records : sequence of Record
+        Of each input.
+    t_s : ndarray, shape (k,)
+    """
+    usable, lost, seen = np.ones(len(t_s), dtype=np.bool_), {}, []
+    for one, record in zip(inputs, records, strict=True):
+        last = np.searchsorted(record.t_s, t_s + _SAME_S, side="right") - 1
+        rows = last[:, None] + np.arange(1 - one.window, 1)
+        whole = rows[:, 0] >= 0
+        rows = rows.clip(0)
+        values = record.values[rows] if len(record.t_s) else _none(len(t_s), one, record)
+        seen.append(values)
+        whole &= _covered(one, record, t_s, rows)
+        reasons = {
+            f"{one.sensor} has no window of {one.window} samples at {one.rate_hz:g} Hz": whole
+        }
+        low, high = np.array(one.range).T
+        inside = ((values >= low) & (values <= high)).all(axis=1)
+        for c in np.flatnonzero(~inside.all(axis=0)):
+            what = f"{one.sensor} channel {c} outside {low[c]:.4g} to {high[c]:.4g} {one.unit}"
+            reasons[f"{what}, the network's training domain"] = inside[:, c]
+        for reason, well in reasons.items():
+            lost[reason] = usable & ~well
+            usable = usable & well
+    return Windows(inputs=tuple(seen), usable=usable, lost=lost)
+
+
+def _covered(one: Input, record: Record, t_s: FloatArray, rows: np.ndarray) -> BoolArray:
+    """Return whether windows lack no sample, and end at their times, (k,)."""
+    if not len(record.t_s):
+        return np.zeros(len(t_s), dtype=np.bool_)
+    step_s = 1 / one.rate_hz
+    fresh = t_s - record.t_s[rows[:, -1]] < _LATE * step_s
+    gaps = np.concatenate([[0], np.cumsum(np.diff(record.t_s) > _LATE * step_s)])
+    return np.asarray(fresh & (gaps[rows[:, -1]] == gaps[rows[:, 0]]))
+
+
+def _none(k: int, one: Input, record: Record) -> FloatArray:
+    return np.zeros((k, one.window, record.values.shape[1] or len(one.range)))

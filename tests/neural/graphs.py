@@ -1,0 +1,112 @@
+"""ONNX graphs whose answer is known: a constant, whatever they see."""
+
+from hashlib import sha256
+
+import numpy as np
+from onnx import TensorProto, helper, numpy_helper
+
+from fgnav.neural.manifest import Covariance, Input, Manifest, Output, save_manifest
+from fgnav.neural.measures import MEASURES, SENSORS
+
+
+def constant(window, channels, value, spread):
+    """Return a graph from x, (n, window, channels), to y and s, the same in each row."""
+    names = {"y": np.atleast_1d(value), "s": np.atleast_1d(spread)}
+    nodes = [
+        helper.make_node("ReduceMean", ["x"], ["mean"], axes=[1, 2], keepdims=0),
+        helper.make_node("Mul", ["mean", "zero"], ["none"]),
+        helper.make_node("Unsqueeze", ["none", "axis"], ["column"]),
+        *(helper.make_node("Add", ["column", f"{name}0"], [name]) for name in names),
+    ]
+    weights = {f"{name}0": np.float32(one)[None] for name, one in names.items()}
+    weights |= {"zero": np.float32(0.0), "axis": np.array([1])}
+    graph = helper.make_graph(
+        nodes,
+        "g",
+        [helper.make_tensor_value_info("x", TensorProto.FLOAT, ["n", window, channels])],
+        [
+            helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", len(one)])
+            for name, one in names.items()
+        ],
+        [numpy_helper.from_array(np.asarray(one), name) for name, one in weights.items()],
+    )
+    opset = [helper.make_opsetid("", 17)]
+    return helper.make_model(graph, opset_imports=opset, ir_version=8).SerializeToString()
+
+
+def heading(
+    folder,
+    *,
+    measures="heading",
+    sensor="gyroscope",
+    value=0.5,
+    spread=-3.0,
+    form="log_sigma",
+    unit=None,
+    unit_in=None,
+    channels=3,
+    rate_hz=100.0,
+    limit=1e3,
+    half_life_s=0.0,
+    over_s=None,
+    frame=None,
+):
+    """Write a network that always answers the same, and its manifest; return its path."""
+    content = constant(5, channels, value, spread)
+    (folder / "net.onnx").write_bytes(content)
+    known, what = SENSORS.get(sensor), MEASURES[measures]
+    manifest = Manifest(
+        format="fgnav-factor/1",
+        name="net",
+        purpose="Answers always the same.",
+        onnx="net.onnx",
+        sha256=sha256(content).hexdigest(),
+        licence="BSD-3-Clause",
+        inputs=(
+            Input(
+                name="x",
+                sensor=sensor,
+                unit=unit_in or known.unit,
+                frame="b" if known is None else known.frame,
+                rate_hz=rate_hz,
+                window=5,
+                mean=(0.0,) * channels,
+                scale=(1.0,) * channels,
+                range=((-limit, limit),) * channels,
+            ),
+        ),
+        output=Output(
+            name="y",
+            measures=measures,
+            manifold=what.manifold,
+            unit=unit or next(iter(what.units)),
+            frame=frame or what.frames[0],
+            covariance=Covariance(form=form, name="s"),
+            half_life_s=half_life_s,
+            over_s=over_s,
+        ),
+    )
+    path = folder / "net.json"
+    save_manifest(manifest, path)
+    return path
+
+
+def toml(content):
+    """Return a manifest's plain content as TOML."""
+
+    def value(one):
+        if isinstance(one, list):
+            return f"[{', '.join(map(value, one))}]"
+        return repr(one) if not isinstance(one, str) else f'"{one}"'
+
+    def lines(table):
+        return [f"{key} = {value(one)}" for key, one in table.items() if one is not None]
+
+    output = dict(content["output"])
+    covariance = output.pop("covariance")
+    top = {k: v for k, v in content.items() if k not in ("inputs", "output")}
+    parts = [*lines(top)]
+    for one in content["inputs"]:
+        parts += ["[[inputs]]", *lines(one)]
+    parts += ["[output]", *lines(output), "[output.covariance]", *lines(covariance)]
+    return "\n".join(parts) + "\n"

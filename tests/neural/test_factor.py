@@ -1,0 +1,170 @@
+"""Outputs as factors, the windows they come from, and how outputs that err alike are counted."""
+
+import pickle
+
+import gtsam
+import numpy as np
+import pytest
+
+from fgnav import rotations
+from fgnav.graph.custom import check_factor, jacobian_misfit
+from fgnav.graph.keys import Timeline, pose, velocity
+from fgnav.neural import NeuralFactor, Record
+from fgnav.neural.correlation import half_life_s, inflation, interval_s
+from fgnav.neural.network import load_network
+from fgnav.neural.outputs import factor_of
+from tests.methods.simulated import flown
+from tests.neural import graphs
+
+R_NB = rotations.from_euler(*np.array([[0.2], [-0.3], [2.5]]))[0]
+P_N_M, V_N_MPS = np.array([10.0, -20.0, -300.0]), np.array([12.0, 5.0, -1.0])
+
+
+@pytest.fixture(name="values")
+def states():
+    values = gtsam.Values()
+    values.insert(pose(3), gtsam.Pose3(gtsam.Rot3(R_NB), P_N_M))
+    values.insert(velocity(3), V_N_MPS)
+    R_before = R_NB @ rotations.exp(np.array([[0.1, -0.2, 0.3]]))[0]
+    values.insert(pose(1), gtsam.Pose3(gtsam.Rot3(R_before), P_N_M - V_N_MPS))
+    return values
+
+
+MEASURED = {
+    "heading": (2.5, {}),
+    "attitude": (R_NB.ravel(), {"form": "cholesky", "spread": [0.1, 0, 0.1, 0, 0, 0.1]}),
+    "direction": (R_NB[2], {}),
+    "velocity": (V_N_MPS, {}),
+    "velocity in b": (R_NB.T @ V_N_MPS, {"frame": "b"}),
+    "speed": (np.linalg.norm(V_N_MPS), {}),
+    "height": (300.0, {}),
+    "position": (P_N_M, {}),
+    "displacement": (V_N_MPS, {"over_s": 0.2}),
+    "displacement in b": (
+        (R_NB @ rotations.exp(np.array([[0.1, -0.2, 0.3]]))[0]).T @ V_N_MPS,
+        {"frame": "b", "over_s": 0.2},
+    ),
+}
+
+
+@pytest.mark.parametrize("what", MEASURED)
+def test_a_right_answer_leaves_no_residual_and_its_jacobian_is_that_of_differences(
+    tmp_path, values, what
+):
+    value, options = MEASURED[what]
+    network = load_network(
+        graphs.heading(tmp_path, measures=what.split()[0], value=value, **options)
+    )
+    answers = network([np.zeros((1, 5, 3))])
+    output = network.manifest.output
+    one = factor_of("net", output, (1, 3), answers.value[0], answers.covariance[0])
+    check_factor(one, values)
+    assert one.factor.error(values) < 1e-6
+    if one.model is not None:
+        assert jacobian_misfit(one, values) < 1e-7
+
+
+def test_a_quaternion_is_its_rotation_matrix(tmp_path):
+    w, x, y, z = rotations.quaternion_wxyz(R_NB[None])[0]
+    spread = [0.1, 0, 0.1, 0, 0, 0.1]
+    path = graphs.heading(
+        tmp_path, measures="attitude", value=[w, x, y, z], form="cholesky", spread=spread
+    )
+    value = load_network(path)([np.zeros((1, 5, 3))]).value
+    np.testing.assert_allclose(value.reshape(3, 3), R_NB, rtol=0, atol=1e-6)
+
+
+def test_windows_end_at_keyframes_and_hold_nothing_later(tmp_path):
+    """Samples after a keyframe are beyond the domain, and nobody notices."""
+    t_s = np.arange(0.0, 3.0, 0.01)
+    values = np.where(t_s[:, None] > 2.0, 1e9, 0.0) * np.ones(3)
+    record = Record(t_s=t_s, values=values, unit="rad/s", frame="b")
+    source = NeuralFactor(graphs.heading(tmp_path), records={"gyroscope": record})
+    found = source(flown("surroundings", 5.0), timeline(np.array([0.02, 1.0, 2.0, 2.01, 2.9, 3.5])))
+    assert [one.factor.keys() for one in found] == [[pose(1)], [pose(2)]]
+    lost = {loss.reason: loss.count for loss in found.losses}
+    assert lost == {
+        "gyroscope has no window of 5 samples at 100 Hz": 2,
+        "gyroscope channel 0 outside -1000 to 1000 rad/s, the network's training domain": 2,
+    }
+    assert {loss.what for loss in found.losses} == {"net answer"}
+
+
+def test_a_gap_in_a_window_leaves_its_answer_out(tmp_path):
+    t_s = np.delete(np.arange(0.0, 3.0, 0.01), slice(100, 103))
+    record = Record(t_s=t_s, values=np.zeros((len(t_s), 3)), unit="rad/s", frame="b")
+    source = NeuralFactor(graphs.heading(tmp_path), records={"gyroscope": record})
+    found = source(flown("surroundings", 5.0), timeline(np.array([0.95, 1.04, 1.2])))
+    assert [one.factor.keys() for one in found] == [[pose(0)], [pose(2)]]
+
+
+def test_answers_within_two_half_lives_are_left_out_and_the_rest_are_inflated(tmp_path):
+    sigma_rad = np.exp(-3.0)
+    source = NeuralFactor(graphs.heading(tmp_path, half_life_s=0.25))
+    found = source(flown("surroundings", 5.0), timeline(np.arange(1.0, 4.01, 0.1)))
+    assert [one.factor.keys()[0] for one in found] == [pose(k) for k in range(0, 31, 5)]
+    assert [loss.count for loss in found.losses] == [31 - 7]
+    for one in found:
+        np.testing.assert_allclose(
+            one.factor.noiseModel().sigmas(), np.sqrt(5 / 3) * sigma_rad, rtol=1e-6
+        )
+
+
+def test_a_displacement_needs_a_keyframe_where_it_begins(tmp_path):
+    path = graphs.heading(tmp_path, measures="displacement", value=np.ones(3), over_s=0.3)
+    found = NeuralFactor(path)(flown("surroundings", 5.0), timeline(np.array([1.0, 1.2, 1.3, 1.4])))
+    assert [list(one.factor.keys()) for one in found] == [[pose(0), pose(2)]]
+    assert [(loss.count, loss.reason[:27]) for loss in found.losses] == [
+        (3, "no keyframe stands 0.3 s be")
+    ]
+
+
+def test_a_sensor_that_the_graph_uses_too_is_noted(tmp_path):
+    path = graphs.heading(tmp_path, sensor="magnetometer", rate_hz=10.0)
+    found = NeuralFactor(path)(flown("surroundings", 5.0), timeline(np.arange(1.0, 3.0, 0.5)))
+    assert found.notes == (
+        "net sees the magnetometer, which the graph uses, too: its noise counts twice.",
+    )
+
+
+def test_a_factor_goes_to_another_process(tmp_path):
+    source = pickle.loads(pickle.dumps(NeuralFactor(graphs.heading(tmp_path), interval_s=0.7)))
+    assert (source.name, source.between_s) == ("net", 0.7)
+
+
+@pytest.mark.parametrize("half_life", [0.1, 0.5, 3.0])
+def test_inflated_answers_know_of_a_constant_what_correlated_ones_do(half_life):
+    between_s = interval_s(half_life)
+    t_s = between_s * np.arange(400)
+    correlation = 2.0 ** (-np.abs(t_s[:, None] - t_s) / half_life)
+    information = np.linalg.inv(correlation).sum()  # of a constant, of unit errors
+    np.testing.assert_allclose(len(t_s) / inflation(half_life, between_s), information, rtol=5e-3)
+    # Whatever the states do, never less than the true covariance.
+    assert np.linalg.eigvalsh(correlation)[-1] <= inflation(half_life, between_s)
+
+
+def test_outputs_of_any_times_claim_no_more_than_they_know():
+    rng = np.random.default_rng(3)
+    t_s = np.cumsum(1.0 + rng.exponential(1.0, 200))
+    correlation = 2.0 ** (-np.abs(t_s[:, None] - t_s) / 0.5)
+    assert np.linalg.eigvalsh(correlation)[-1] <= inflation(0.5, 1.0)
+
+
+def test_independent_answers_are_not_inflated():
+    assert inflation(0.0, 0.1) == 1.0
+
+
+def test_the_half_life_of_a_gauss_markov_process_is_found():
+    rng, step_s, true_s = np.random.default_rng(4), 0.1, 0.5
+    rho = 2.0 ** (-step_s / true_s)
+    noise, error = rng.standard_normal((20_000, 2)), np.zeros((20_000, 2))
+    for k in range(1, len(error)):
+        error[k] = rho * error[k - 1] + np.sqrt(1 - rho**2) * noise[k]
+    found_s = half_life_s(step_s * np.arange(len(error)), error)
+    # The autocorrelation's sum has a relative 1-sigma of about sqrt(4 M / n): 5 % of M = 25 lags.
+    assert abs(found_s / true_s - 1) < 0.15
+    assert half_life_s(step_s * np.arange(len(error)), noise) < 0.3 * step_s
+
+
+def timeline(t_s):
+    return Timeline(t_s=t_s, gyroscope=True)
