@@ -32,13 +32,13 @@ from fgnav.kernel_cache import ensure_kernel_cache
 if TYPE_CHECKING:  # what an editor and a type checker see
     from fgnav import attitude, gnss, integers, methods
     from fgnav.checks import BadInputError, FgnavError, NoSolutionError
-    from fgnav.estimate import Estimate
     from fgnav.evaluation.comparison import Comparison, compare
-    from fgnav.flight import Flight
     from fgnav.io.exports.recorded import load_estimate, save_estimate
-    from fgnav.io.flight_folder import load_flight, save_flight
+    from fgnav.io.flight.folder import load_flight, save_flight
     from fgnav.methods.smoother import Smoother
     from fgnav.neural.factor import NeuralFactor
+    from fgnav.types.estimate import Estimate
+    from fgnav.types.flight import Flight
 
 ensure_kernel_cache(Path(__file__).parent)  # before anything imports numba
 
@@ -46,12 +46,12 @@ __version__ = "0.1.0"
 
 # The stable face of the library, loaded on first use so that ``import fgnav`` stays cheap.
 _FACE = {
-    "load_flight": "fgnav.io.flight_folder",
-    "save_flight": "fgnav.io.flight_folder",
+    "load_flight": "fgnav.io.flight.folder",
+    "save_flight": "fgnav.io.flight.folder",
     "load_estimate": "fgnav.io.exports.recorded",
     "save_estimate": "fgnav.io.exports.recorded",
-    "Flight": "fgnav.flight",
-    "Estimate": "fgnav.estimate",
+    "Flight": "fgnav.types.flight",
+    "Estimate": "fgnav.types.estimate",
     "Smoother": "fgnav.methods.smoother",
     "NeuralFactor": "fgnav.neural.factor",
     "compare": "fgnav.evaluation.comparison",

@@ -11,9 +11,9 @@ import numpy as np
 
 from fgnav import plugins
 from fgnav.checks import BadInputError, FloatArray, Loss, frozen, increasing, positive
-from fgnav.earth import Origin
-from fgnav.flight import Flight, Imu
-from fgnav.rotations import skew
+from fgnav.geometry.earth import Origin
+from fgnav.geometry.rotations import skew
+from fgnav.types.flight import Flight, Imu
 
 GROUP = "fgnav.gravity"
 ESTIMATORS = {"low-dynamics": "fgnav.gravity:LowDynamics"}

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, Loss, frozen, positive
-from fgnav.flight import Seeker
+from fgnav.types.flight import Seeker
 
 # The flight format does not state the detector's noise, so this is a choice: 20 um of spot at a
 # focal length of 20 mm, 0.4 % of a detector of 5 mm radius.
@@ -128,7 +128,7 @@ def spot_fraction(calibration: FloatArray, r_quad: FloatArray) -> FloatArray:
     The cubic spline through the calibration, (c, 2) rows of r_quad and r_c. A calibration that
     starts off the centre is led to it: equal currents mean a centred spot.
     """
-    from fgnav.cubic_spline import cubic_spline  # noqa: PLC0415  # lazy: scipy
+    from fgnav.geometry.cubic_spline import cubic_spline  # noqa: PLC0415  # lazy: scipy
 
     if calibration[0, 0] > 0:
         calibration = np.vstack([np.zeros(2), calibration])

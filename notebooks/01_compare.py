@@ -29,10 +29,10 @@ import numpy as np
 from IPython.display import Image
 
 import fgnav
-from fgnav import rotations
 from fgnav.evaluation.report.plots import save_figure
-from fgnav.integers.registry import resolver_named
-from fgnav.integers.resolve import resolve
+from fgnav.geometry import rotations
+from fgnav.integers.resolvers.registry import resolver_named
+from fgnav.integers.resolvers.resolve import resolve
 from fgnav.methods import method_named
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate

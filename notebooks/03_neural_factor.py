@@ -34,8 +34,8 @@ import torch
 from torch import nn
 
 import fgnav
-from fgnav import rotations
-from fgnav.integers.truth import attitude_at
+from fgnav.geometry import rotations
+from fgnav.integers.resolvers.truth import attitude_at
 from fgnav.neural import Manifest, NeuralFactor, Record, save_manifest
 from fgnav.neural.calibration import calibration
 from fgnav.neural.manifest import Covariance, Input, Output

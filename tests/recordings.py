@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.earth import Origin, ecef
-from fgnav.flight import Antenna, Fixes, Flight, Imu
+from fgnav.geometry.earth import Origin, ecef
 from fgnav.io.gps_time import GPS_EPOCH
+from fgnav.types.flight import Antenna, Fixes, Flight, Imu
 
 G_MPS2 = 9.80665
 UNIX_OF_GPS_S = 315_964_800.0
@@ -100,6 +100,6 @@ def quadrotor(shared: Path, path: str) -> Flight:
 
 
 def _of_unit(roll_deg: float, pitch_deg: float, yaw_deg: float) -> np.ndarray:
-    from fgnav.rotations import from_euler
+    from fgnav.geometry.rotations import from_euler
 
     return from_euler(*np.radians([[roll_deg], [pitch_deg], [yaw_deg]]))[0].T

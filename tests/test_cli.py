@@ -14,8 +14,8 @@ import pytest
 from fgnav import cli
 from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.cli import program
-from fgnav.estimate import Estimate
-from fgnav.io.flight_folder import save_flight
+from fgnav.io.flight.folder import save_flight
+from fgnav.types.estimate import Estimate
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 

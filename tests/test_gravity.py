@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from fgnav import rotations
 from fgnav.checks import BadInputError
-from fgnav.earth import EARTH_RATE_RADPS, Origin
-from fgnav.flight import Flight, Imu
+from fgnav.geometry import rotations
+from fgnav.geometry.earth import EARTH_RATE_RADPS, Origin
 from fgnav.gravity import LowDynamics, specific_force_pair
+from fgnav.types.flight import Flight, Imu
 
 ORIGIN = Origin(latitude_rad=0.7, longitude_rad=-0.07, height_m=700.0)
 G_N_MPS2 = ORIGIN.gravity_n_mps2(np.zeros((2, 3)))[0]

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from fgnav import plugins
-from fgnav.integers.registry import resolver_names
+from fgnav.integers.resolvers.registry import resolver_names
 from fgnav.methods import METHODS
 
 ROOT = Path(__file__).parents[1]

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.flight import Seeker
 from fgnav.seeker import LineOfSight, line_of_sight, spot_fraction, to_landmark_b_m
+from fgnav.types.flight import Seeker
 
 FOCAL_M, RADIUS_M = 0.02, 0.005
 

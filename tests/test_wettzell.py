@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import fgnav
-from fgnav import rotations
 from fgnav.cli import main
-from fgnav.integers.lambda_ import Lambda
-from fgnav.integers.resolve import resolve
-from fgnav.integers.truth import true_integers
+from fgnav.geometry import rotations
+from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.integers.resolvers.resolve import resolve
+from fgnav.integers.resolvers.truth import true_integers
 from fgnav.methods.closed_form import ClosedForm
 from fgnav.methods.maximum_likelihood import MaximumLikelihood
 from fgnav.methods.rtk import Rtk

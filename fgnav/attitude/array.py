@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav import rotations
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.attitude.vector_pairs import upright
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.estimate import open_angle_variance_rad2
+from fgnav.geometry import rotations
+from fgnav.types.estimate import open_angle_variance_rad2
 
 _ITERATIONS = 100  # a well-posed epoch needs four; the weakest creep
 _RESTARTS = 8  # of 24 starts of a doubtful epoch, the most likely

@@ -6,11 +6,11 @@ import numpy as np
 
 from fgnav.attitude.vector_pairs import VectorAttitude, VectorPairs, wahba_sensitivity
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
-from fgnav.estimate import open_angle_variance_rad2
-from fgnav.flight import Flight
-from fgnav.gnss.code_solution import code_solution
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.resolver import Integers, fixed_ranges_m
+from fgnav.gnss.single_point.solution import code_solution
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.estimate import open_angle_variance_rad2
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Integers, fixed_ranges_m
 
 _MANOEUVRE_MPS2 = 9.8  # what a body may do unseen between two code solutions
 _SINGULAR = 1e-8  # smallest over largest eigenvalue of H^T H; six satellites in a plane reach 1e-16

@@ -7,11 +7,11 @@ import numpy as np
 from fgnav.attitude.own_rotation import OwnRotation
 from fgnav.attitude.vector_pairs import VectorPairs, wahba
 from fgnav.checks import FloatArray, Loss, NoSolutionError
-from fgnav.flight import Flight
-from fgnav.gnss.code_solution import code_solution
 from fgnav.gnss.intervals import usual_interval_so_far_s
+from fgnav.gnss.single_point.solution import code_solution
 from fgnav.gravity import specific_force_pair
 from fgnav.seeker import line_of_sight, to_landmark_b_m
+from fgnav.types.flight import Flight
 
 _CROWDED = np.cos(np.radians(30))  # of the angle that velocity keeps from the other vectors
 _SLOW_MPS = 2.0  # below, GNSS noise and wind turn the direction of travel by too much

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.flight import Imu
-from fgnav.rotations import accumulated, exp, skew, transpose
+from fgnav.geometry.rotations import accumulated, exp, skew, transpose
+from fgnav.types.flight import Imu
 
 _SPAN_S = 1.0  # over which the rate is taken as constant
 _FAST_RADPS = 1.0  # slower turns blur nothing between fixes a fraction of a second apart

@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.resolver import Integers, fixed_ranges_m
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.integers import Integers, fixed_ranges_m
 
 _NOTHING = 1e-10  # relative eigenvalue: rounding of an array that does not span space
 

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.gnss.differences import DoubleDifferences
+from fgnav.types.differences import DoubleDifferences
 
 # Where residuals begin to lose their say, in wavelengths, from wide to narrow: from the start of
 # one wrong link in five, which is ten degrees off, the narrow weights alone find a wrong minimum.

@@ -6,7 +6,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, frozen
-from fgnav.rotations import nearest, skew
+from fgnav.geometry.rotations import nearest, skew
 
 WahbaSolver: TypeAlias = Literal["svd", "davenport"]
 

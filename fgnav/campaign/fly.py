@@ -12,7 +12,7 @@ from fgnav.campaign.order import MethodTable, Order
 from fgnav.campaign.runs import Run, seed_of, start_shift_s
 from fgnav.campaign.sources import flight_source
 from fgnav.checks import BadInputError, FgnavError
-from fgnav.estimate import Estimator
+from fgnav.types.estimate import Estimator
 
 Record = dict[str, Any]
 _TEXT = 200  # characters of a failure that are kept
@@ -28,7 +28,7 @@ def estimator_of(table: MethodTable) -> Estimator:
     """
     from fgnav.evaluation.ablation import Restricted, check_kinds  # noqa: PLC0415
     from fgnav.gravity import gravity_named  # noqa: PLC0415
-    from fgnav.integers.registry import resolver_named  # noqa: PLC0415
+    from fgnav.integers.resolvers.registry import resolver_named  # noqa: PLC0415
     from fgnav.methods import Options, method_named  # noqa: PLC0415
 
     try:

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from fgnav.checks import BadInputError
-from fgnav.flight import Flight
+from fgnav.types.flight import Flight
 
 GROUP = "fgnav.flight_sources"
 

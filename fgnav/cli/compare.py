@@ -30,7 +30,7 @@ from fgnav.json_file import JsonFile, write_json
 from fgnav.terminal import check_outputs, show_comparison, width
 
 if TYPE_CHECKING:
-    from fgnav.estimate import Estimator
+    from fgnav.types.estimate import Estimator
 
 _DEFAULT_METHODS = "closed-form,maximum-likelihood,smoother,batch,rtk"
 

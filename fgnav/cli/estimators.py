@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 from fgnav.terminal import Steps, progress
 
 if TYPE_CHECKING:
-    from fgnav.estimate import Estimator
     from fgnav.evaluation.comparison import Comparison
     from fgnav.evaluation.flights import FlightsComparison
-    from fgnav.flight import Flight
+    from fgnav.types.estimate import Estimator
+    from fgnav.types.flight import Flight
 
 _TOML = "flight.toml"  # what makes a folder a flight
 
@@ -48,7 +48,7 @@ def estimators_named(methods: str, integers: str, asked: Asked) -> "list[Estimat
     """Return the methods of a comma-separated list, all with one resolver and the same options."""
     from fgnav.checks import BadInputError  # noqa: PLC0415
     from fgnav.gravity import gravity_named  # noqa: PLC0415
-    from fgnav.integers.registry import resolver_named  # noqa: PLC0415
+    from fgnav.integers.resolvers.registry import resolver_named  # noqa: PLC0415
     from fgnav.methods import SMOOTHERS, WITH_LAG, Options, method_named  # noqa: PLC0415
 
     resolver, names = resolver_named(integers), list(_words(methods))
@@ -194,7 +194,7 @@ def _check_set_up(flight: "Flight") -> None:
 
 def load(folder: Path, step: Steps) -> "Flight":
     """Read a flight, showing the step."""
-    from fgnav.io.flight_folder import load_flight  # noqa: PLC0415
+    from fgnav.io.flight.folder import load_flight  # noqa: PLC0415
 
     with step(f"reading {folder}"):
         return load_flight(folder)

@@ -30,7 +30,7 @@ def import_(
         Folder for the flight; made, and refused if it holds anything.
     """
     from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415  # lazy, like all below
-    from fgnav.io.flight_folder import save_flight  # noqa: PLC0415
+    from fgnav.io.flight.folder import save_flight  # noqa: PLC0415
     from fgnav.io.importers import importer_named  # noqa: PLC0415
 
     importer = importer_named(format)

@@ -21,7 +21,7 @@ def resolvers(*, json: JsonFile = None) -> None:
 
     Example: fgnav resolvers
     """
-    from fgnav.integers.registry import GROUP, RESOLVERS  # noqa: PLC0415
+    from fgnav.integers.resolvers.registry import GROUP, RESOLVERS  # noqa: PLC0415
 
     _show(GROUP, RESOLVERS, json)
 

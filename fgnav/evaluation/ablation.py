@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BadInputError
-from fgnav.estimate import Estimate, Estimator
-from fgnav.flight import Flight
-from fgnav.observations import Observations
+from fgnav.types.estimate import Estimate, Estimator
+from fgnav.types.flight import Flight
+from fgnav.types.observations import Observations
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

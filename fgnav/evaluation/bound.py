@@ -5,15 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from fgnav import rotations
 from fgnav.checks import FloatArray
-from fgnav.estimate import Estimate, open_angle_variance_rad2
 from fgnav.evaluation.integer_counts import integers_at, true_attitudes
 from fgnav.evaluation.reference import common_epochs
 from fgnav.evaluation.scores import Angles, degrees, rms
-from fgnav.flight import Truth
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.resolver import Integers
+from fgnav.geometry import rotations
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.estimate import Estimate, open_angle_variance_rad2
+from fgnav.types.flight import Truth
+from fgnav.types.integers import Integers
 
 _OPEN = 1e-9  # information below this share of the largest is rounding error, not information
 _TOUCHED = 1e-6  # an angle with more than this share along an open direction is open itself

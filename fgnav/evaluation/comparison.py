@@ -7,15 +7,15 @@ from time import perf_counter
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from fgnav.checks import BadInputError, NoSolutionError
-from fgnav.estimate import Estimate, Estimator, Rejected
 from fgnav.evaluation.bound import flight_bound
 from fgnav.evaluation.integer_counts import count_integers, integers_at, true_attitudes
 from fgnav.evaluation.pairwise import Difference, pairwise
 from fgnav.evaluation.scores import Angles, Errors, Score, errors_against, score
-from fgnav.flight import Flight
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.resolver import Integers
-from fgnav.summaries import summary, summary_html
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.estimate import Estimate, Estimator, Rejected
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Integers
+from fgnav.types.summaries import summary, summary_html
 
 _SAME_EPOCH_S = 1e-6
 

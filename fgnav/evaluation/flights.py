@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import FgnavError, FloatArray
-from fgnav.estimate import Estimator
 from fgnav.evaluation.comparison import Watch, compare
 from fgnav.evaluation.figures import FIGURES, flight_figures
 from fgnav.evaluation.paired import Interval, Paired, paired, pooled
-from fgnav.flight import Flight
+from fgnav.types.estimate import Estimator
+from fgnav.types.flight import Flight
 
 # Figures that are held against each other, and whether each is itself a root mean square.
 POOLED = {

@@ -6,11 +6,11 @@ import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray
 from fgnav.evaluation.reference import covered, truth_at
-from fgnav.flight import Truth
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.resolver import Integers
-from fgnav.integers.truth import true_integers
+from fgnav.integers.resolvers.truth import true_integers
 from fgnav.integers.validation import phase_links
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Truth
+from fgnav.types.integers import Integers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

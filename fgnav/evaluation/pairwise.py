@@ -6,11 +6,11 @@ from itertools import combinations
 
 import numpy as np
 
-from fgnav import rotations
 from fgnav.checks import FloatArray, IntArray
-from fgnav.estimate import Estimate
 from fgnav.evaluation.reference import common_epochs
 from fgnav.evaluation.scores import EULER, Angles, angles, degrees, hidden, rms
+from fgnav.geometry import rotations
+from fgnav.types.estimate import Estimate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

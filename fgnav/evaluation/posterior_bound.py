@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError
-from fgnav.cubic_spline import cubic_spline
-from fgnav.flight import Flight, Truth
 from fgnav.frontend.attitude.rates import swing_n_mps
 from fgnav.frontend.problem import PreparedFlight
+from fgnav.geometry.cubic_spline import cubic_spline
+from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
-from fgnav.integers.truth import attitude_at
+from fgnav.integers.resolvers.truth import attitude_at
 from fgnav.process.evidence import RatePrior, rate_prior
-from fgnav.rotations import log, transpose
+from fgnav.types.flight import Flight, Truth
 
 _APART_S = 0.01  # of two attitudes whose difference is a rate
 _TRUTH_RAD = 1e-4  # 1-sigma of true attitudes: between their samples they are interpolated

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from fgnav import rotations
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.flight import Truth
+from fgnav.geometry import rotations
+from fgnav.types.flight import Truth
 
 _SAME_EPOCH_S = 1e-6
 _EDGE_S = 1e-3  # times are rounded in files: an epoch this far outside the span is its end

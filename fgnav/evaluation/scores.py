@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fgnav import rotations
 from fgnav.checks import BoolArray, FloatArray, Loss
-from fgnav.estimate import Consistency, Estimate
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.reference import covered, truth_at
-from fgnav.flight import Truth
+from fgnav.geometry import rotations
+from fgnav.types.estimate import Consistency, Estimate
+from fgnav.types.flight import Truth
 
 EULER = ("roll", "pitch", "yaw")
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray
-from fgnav.flight import Flight, Truth
-from fgnav.observations import Observations
+from fgnav.types.flight import Flight, Truth
+from fgnav.types.observations import Observations
 
 _SENSORS = ("imu", "fixes", "seeker", "barometer", "magnetometer")
 _BY_EPOCH = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError
-from fgnav.flight import Flight
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY
 from fgnav.graph.types.constants import FlightConstant, flight_constant
+from fgnav.types.flight import Flight
 
 MEAN_RATE = "mean rate"
 # 1-sigma of the constant part of a rate, rad/s: two and a half turns a second, as rockets spin

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.flight import Imu
-from fgnav.rotations import exp, log, transpose
+from fgnav.geometry.rotations import exp, log, transpose
+from fgnav.types.flight import Imu
 
 LONGEST_GAP_S = 0.5  # longer ones are bridged with what little is known, and noted
 # Between keyframes. With GNSS once a second and a sine of 20 degrees, twice as much puts the

@@ -14,8 +14,6 @@ from itertools import pairwise
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.estimate import open_angle_variance_rad2
-from fgnav.flight import InitialAttitude
 from fgnav.frontend.attitude.in_motion import WINDOW_S
 from fgnav.frontend.attitude.initial import attitude_prior
 from fgnav.frontend.attitude.rates import swing_n_mps
@@ -23,6 +21,8 @@ from fgnav.frontend.position.series import VectorSeries
 from fgnav.frontend.stages import Aligned, Tracked
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, Opening, SmoothingProblem
+from fgnav.types.estimate import open_angle_variance_rad2
+from fgnav.types.flight import InitialAttitude
 
 _SPANS_S = (1.0, 2.0, 4.0)  # over which accelerations are differences of fixes
 _FIXED_RAD = 0.01  # of a heading held fixed: linear systems stay well posed

@@ -3,7 +3,6 @@
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
-from fgnav.flight import Flight
 from fgnav.frontend.attitude.alignment import Alignment
 from fgnav.frontend.calibration_request import MEAN_RATE
 from fgnav.frontend.gaps import Bridged
@@ -16,6 +15,7 @@ from fgnav.graph.types.motion import Motion
 from fgnav.process.evidence import RatePrior, causal_rate_priors, rate_prior
 from fgnav.process.prediction import predicted_rotation_covariance
 from fgnav.process.volatility import varying_rate_prior
+from fgnav.types.flight import Flight
 
 _FEWEST = 5  # attitudes that tell how a body turns
 _FIRST = 2  # attitudes that a causal prediction begins with

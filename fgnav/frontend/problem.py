@@ -6,8 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, Loss
-from fgnav.estimate import Rejected
-from fgnav.flight import Flight, Imu
 from fgnav.frontend.array.shape import initial_shape, shape_at
 from fgnav.frontend.attitude.initial import attitude_prior
 from fgnav.frontend.attitude.rates import mean_force_b_mps2, rates_at, slopes_at, swing_n_mps
@@ -30,7 +28,9 @@ from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.problem import Opening, SmoothingProblem
 from fgnav.graph.types.states import States
-from fgnav.integers.resolver import Integers
+from fgnav.types.estimate import Rejected
+from fgnav.types.flight import Flight, Imu
+from fgnav.types.integers import Integers
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

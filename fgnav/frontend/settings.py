@@ -5,8 +5,8 @@ from typing import Literal
 
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.gravity import GravityEstimator
-from fgnav.integers.resolver import Resolver
 from fgnav.process.evidence import RatePrior
+from fgnav.types.integers import Resolver
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

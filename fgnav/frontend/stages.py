@@ -7,8 +7,6 @@ import numpy as np
 
 from fgnav.attitude.own_rotation import own_rotation, spun
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
-from fgnav.estimate import Rejected
-from fgnav.flight import Flight, Imu
 from fgnav.frontend.array.float_arcs import FloatArcs, with_float_arcs
 from fgnav.frontend.attitude.alignment import Alignment, align, at_keyframes
 from fgnav.frontend.attitude.filling import interpolated_attitudes
@@ -23,9 +21,11 @@ from fgnav.frontend.gaps import (
 from fgnav.frontend.position.antenna_motion import AntennaMotion, antenna_motion
 from fgnav.frontend.position.gate import InertialTrack, gated
 from fgnav.frontend.settings import ProblemSettings
+from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.gravity import GravityDirection
-from fgnav.rotations import log, transpose
+from fgnav.types.estimate import Rejected
+from fgnav.types.flight import Flight, Imu
 
 
 class Aligned(NamedTuple):

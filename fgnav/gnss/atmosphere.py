@@ -3,7 +3,7 @@
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.earth import C_MPS
+from fgnav.geometry.earth import C_MPS
 
 _TROPOPAUSE_K = 216.65  # of the standard atmosphere; keeps the model sane for flights above 11 km
 _RELATIVE_HUMIDITY = 0.7  # what RTKLIB assumes

@@ -5,10 +5,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
-from fgnav.flight import Flight
-from fgnav.gnss.differences import DoubleDifferences
+from fgnav.gnss.cycle_slips.detection import phase_arcs
 from fgnav.gnss.single_differences import SingleDifferences, single_differences
-from fgnav.gnss.slips import phase_arcs
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight
 
 _CACHE: WeakKeyDictionary[Flight, dict[bool, DoubleDifferences]] = WeakKeyDictionary()
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
-from fgnav.earth import C_MPS
-from fgnav.observations import Observations
+from fgnav.geometry.earth import C_MPS
+from fgnav.types.observations import Observations
 
 CONSTELLATIONS = {"G": "GPS", "E": "Galileo", "C": "BeiDou", "J": "QZSS"}
 

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
-from fgnav.earth import C_MPS
-from fgnav.flight import Flight
-from fgnav.gnss.code_adjustment import growing
-from fgnav.gnss.code_model import orbits_of
-from fgnav.gnss.code_solution import BLOCK, CodeSolution, code_solution
-from fgnav.gnss.satellites import angles, signal_paths, states_at_clock
+from fgnav.geometry.earth import C_MPS
+from fgnav.gnss.orbits.satellites import angles, signal_paths, states_at_clock
 from fgnav.gnss.signals import Selection, band, select, wavelengths_m
-from fgnav.observations import HALF_CYCLE, Observations
+from fgnav.gnss.single_point.adjustment import growing
+from fgnav.gnss.single_point.model import orbits_of
+from fgnav.gnss.single_point.solution import BLOCK, CodeSolution, code_solution
+from fgnav.types.flight import Flight
+from fgnav.types.observations import HALF_CYCLE, Observations
 
 _LONGEST_BRIDGE_S = 30.0  # without a code solution, positions are interpolated over as much
 _GAP = 1.5  # usual intervals: ways across longer ones are bent

@@ -17,19 +17,19 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
-from fgnav.earth import C_MPS, geodetic
-from fgnav.flight import Flight
+from fgnav.geometry.earth import C_MPS, geodetic
 from fgnav.gnss.atmosphere import saastamoinen_m
-from fgnav.gnss.atmosphere_choice import atmosphere_so_far
-from fgnav.gnss.code_adjustment import growing
-from fgnav.gnss.code_model import CodeChannels, atmosphere_m, code_channels, code_ranges
-from fgnav.gnss.code_solution import BLOCK, code_solution
-from fgnav.gnss.doppler_slips import slipped
-from fgnav.gnss.satellites import angles, signal_paths
+from fgnav.gnss.cycle_slips.detection import phase_arcs
+from fgnav.gnss.cycle_slips.doppler import slipped
+from fgnav.gnss.orbits.satellites import angles, signal_paths
 from fgnav.gnss.signals import band, frequency_hz, select, wavelengths_m
 from fgnav.gnss.single_differences import SingleDifferences, motion_so_far
-from fgnav.gnss.slips import phase_arcs
-from fgnav.observations import HALF_CYCLE, LOST_LOCK, Observations
+from fgnav.gnss.single_point.adjustment import growing
+from fgnav.gnss.single_point.atmosphere_choice import atmosphere_so_far
+from fgnav.gnss.single_point.model import CodeChannels, atmosphere_m, code_channels, code_ranges
+from fgnav.gnss.single_point.solution import BLOCK, code_solution
+from fgnav.types.flight import Flight
+from fgnav.types.observations import HALF_CYCLE, LOST_LOCK, Observations
 
 _SAME_S = 1e-3  # epochs of vehicle and base this close are one
 _SPATIAL = 1e-6  # a choice for quiet days: 1 mm per km that the zenith's ionosphere differs

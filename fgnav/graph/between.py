@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
+from fgnav.geometry.rotations import exp, log, transpose
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
-from fgnav.rotations import exp, log, transpose
 
 MOST_TIMES = 50_000  # a keyframe takes 93 kB (4 s with gyroscope at 4 kHz: 1.33 GB): 5 GB
 _SAME_S = 1e-4  # a time this close to a keyframe is that keyframe

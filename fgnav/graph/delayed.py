@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.geometry.rotations import exp, transpose
 from fgnav.graph import delayed_kernel
 from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
 from fgnav.graph.types.constants import Constants
@@ -29,7 +30,6 @@ from fgnav.graph.types.measurement import Linearised, Measurement
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.optional_gtsam import gtsam
-from fgnav.rotations import exp, transpose
 
 CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY = "clock offset", "clock rate", "velocity delay"
 PPM = 1e-6

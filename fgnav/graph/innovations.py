@@ -17,7 +17,6 @@ import numpy as np
 from scipy.special import chdtri
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.estimate import Consistency
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_constants, insert_keyframe
 from fgnav.graph.custom import OwnFactor
@@ -26,6 +25,7 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import AUX, VELOCITY
 from fgnav.optional_gtsam import gtsam
+from fgnav.types.estimate import Consistency
 
 _GATE = 0.01  # share of right measurements beyond it
 # A measurement that holds this share of what is known of its own residual tests nothing.

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.flight import Flight
 from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests, of_time
 from fgnav.frontend.problem import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
@@ -15,6 +14,7 @@ from fgnav.graph.delayed import PPM
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.identification.identify import Times, identify, with_factors
 from fgnav.identification.notes import noise_notes, time_notes
+from fgnav.types.flight import Flight
 
 _FEWEST = 30  # keyframes that measured something: fewer tell no noise
 _MOVED_S = 0.01  # a clock off by more is corrected first: beyond, its carrying of states errs

@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.checks import NoSolutionError
-from fgnav.flight import Flight
 from fgnav.frontend.causal.truncation import truncated
 from fgnav.frontend.problem import PreparedFlight, Stretch
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.identification.apply import Build, Findings, findings, with_findings
+from fgnav.types.flight import Flight
 
 # By then a fix a second is enough of them to tell noise, to 13 %.
 FIRST_S = 30.0

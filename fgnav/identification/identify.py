@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
-from fgnav.flight import Flight
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.motion import NoiseParts
@@ -23,6 +22,7 @@ from fgnav.identification.linear_chain import LinearChain, Score
 from fgnav.identification.search import Found, search
 from fgnav.identification.thinned import FIELDS, scaled, thinned
 from fgnav.solve.chain import solve_batch
+from fgnav.types.flight import Flight
 
 # Log-normal sigmas of what nobody stated: white noise of small units in motion is 1 to 40 times
 # the figures of their data sheets (docs/model.md), walks are known by their order.

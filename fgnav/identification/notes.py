@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from fgnav.flight import Flight
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.identification.identify import Identified, Times
 from fgnav.identification.thinned import FIELDS
+from fgnav.types.flight import Flight
 
 _WHAT = {
     "accelerometer": "Accelerometer noise in motion",

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import IntArray
-from fgnav.flight import Imu
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import Constants, FlightConstant
@@ -18,6 +17,7 @@ from fgnav.graph.types.measurement import Linearised, Measurement
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
+from fgnav.types.flight import Imu
 
 # Keyframes with a gyroscope: a second apart, or as many as tell noise to 5 %. Without one, where no
 # keyframe can be left out, a stretch of 20 s at 10 Hz.

@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from fgnav.checks import BoolArray, IntArray
-from fgnav.gnss.differences import DoubleDifferences
+from fgnav.types.differences import DoubleDifferences
 
 _OF_EPOCHS = {
     "t_s",

@@ -17,11 +17,11 @@ import numpy as np
 from scipy.special import chdtrc
 
 from fgnav.checks import BoolArray, IntArray, Loss
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.constrained_prior import AttitudePrior
-from fgnav.integers.constrained_search import PROVEN, ConstrainedSearch, search_constrained
+from fgnav.integers.array.prior import AttitudePrior
+from fgnav.integers.array.search import PROVEN, ConstrainedSearch, search_constrained
 from fgnav.integers.epochs import epochs_at
 from fgnav.integers.suspects import suspects
+from fgnav.types.differences import DoubleDifferences
 
 LEFT_OUT = "left out: its residual is no noise, and without it the epoch's others are"
 

@@ -3,13 +3,13 @@
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.affine import Epochs, epochs_of, link_design
-from fgnav.integers.constrained_nearest import nearest, tangent, weak_axis
-from fgnav.integers.constrained_prior import AttitudePrior, PriorColumns, prior_columns
-from fgnav.integers.constrained_relaxation import Relaxation, Spans, relaxation, spans
-from fgnav.integers.decorrelation import kernel
-from fgnav.integers.link_weights import solved, weighed
+from fgnav.integers.array.nearest import nearest, tangent, weak_axis
+from fgnav.integers.array.prior import AttitudePrior, PriorColumns, prior_columns
+from fgnav.integers.array.relaxation import Relaxation, Spans, relaxation, spans
+from fgnav.integers.ils.affine import Epochs, epochs_of, link_design
+from fgnav.integers.ils.decorrelation import kernel
+from fgnav.integers.ils.link_weights import solved, weighed
+from fgnav.types.differences import DoubleDifferences
 
 _UNTESTABLE = 1e-9  # of a residual's variance: nothing else checks the link
 

@@ -16,12 +16,12 @@ from typing import Literal
 
 import numpy as np
 
-from fgnav import rotations
 from fgnav.checks import FloatArray, IntArray
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.constrained_search import PROVEN, ConstrainedSearch, search_constrained
+from fgnav.geometry import rotations
+from fgnav.integers.array.search import PROVEN, ConstrainedSearch, search_constrained
 from fgnav.integers.epochs import epochs_at
 from fgnav.integers.validation import share_threshold
+from fgnav.types.differences import DoubleDifferences
 
 Test = Literal["ratio", "difference"]
 

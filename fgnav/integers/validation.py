@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, Loss
-from fgnav.gnss.differences import DoubleDifferences
+from fgnav.types.differences import DoubleDifferences
 
 WITHOUT_CODE = "phase without code"
 

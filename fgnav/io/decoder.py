@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError
-from fgnav.io.rinex_header import Kind
+from fgnav.io.rinex.header import Kind
 from fgnav.io.rtklib import STRUCTURES
 
 COMMAND = (sys.executable, "-m", "fgnav.io.rtklib")

@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fgnav.io.rinex_header import Header
+from fgnav.io.rinex.header import Header
 
 # By constellation: the band of each of RTKLIB's slots.
 _SLOTS = {

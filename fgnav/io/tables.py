@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, quoted
-from fgnav.io.columns import largest
+from fgnav.io.flight.columns import largest
 from fgnav.io.user_files import read_bytes
 
 _ROWS_AT_ONCE = 20_000

@@ -9,9 +9,9 @@ through the entry-point group ``fgnav.methods``: a callable that takes ``resolve
 from dataclasses import dataclass, replace
 
 from fgnav import plugins
-from fgnav.estimate import Estimator
 from fgnav.gravity import GravityEstimator
-from fgnav.integers.resolver import Resolver
+from fgnav.types.estimate import Estimator
+from fgnav.types.integers import Resolver
 
 GROUP = "fgnav.methods"
 METHODS = {

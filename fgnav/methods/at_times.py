@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from fgnav.checks import BadInputError, FloatArray, positive
-from fgnav.estimate import Estimate, Estimator
-from fgnav.flight import Flight
 from fgnav.graph.between import MOST_TIMES
 from fgnav.io.tables import read_table
+from fgnav.types.estimate import Estimate, Estimator
+from fgnav.types.flight import Flight
 
 
 class AnyTime(Protocol):

@@ -3,9 +3,9 @@
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.estimate import Constant
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.solution import Solution
+from fgnav.types.estimate import Constant
 
 _LISTED = 3  # axes
 

@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fgnav import rotations
 from fgnav.attitude.array import axis_name
 from fgnav.attitude.baselines import body_motion, paper_baselines
 from fgnav.attitude.flight_vectors import measured_vectors, track_of, with_velocity
@@ -16,11 +15,12 @@ from fgnav.attitude.vector_pairs import (
     wahba,
 )
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
-from fgnav.estimate import Estimate
-from fgnav.flight import Flight
-from fgnav.integers.lambda_ import Lambda
-from fgnav.integers.resolve import resolve
-from fgnav.integers.resolver import Resolver
+from fgnav.geometry import rotations
+from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.integers.resolvers.resolve import resolve
+from fgnav.types.estimate import Estimate
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Resolver
 
 # What one vector alone leaves open.
 _OPEN_ABOUT = {

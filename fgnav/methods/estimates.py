@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
-from fgnav.estimate import Consistency, Estimate
 from fgnav.frontend.gaps import gap_notes, spans
 from fgnav.frontend.problem import PreparedFlight, timed_motion
+from fgnav.geometry.rotations import skew
 from fgnav.graph.delayed import CLOCK_OFFSET, on_gnss_time
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.solution import Solution
@@ -15,7 +15,7 @@ from fgnav.graph.types.states import ACCELEROMETER_BIAS, RATE
 from fgnav.methods.calibration_report import calibrated_constants, sentence
 from fgnav.methods.observability import TURN, undetermined
 from fgnav.optional_gtsam import HAS_GTSAM
-from fgnav.rotations import skew
+from fgnav.types.estimate import Consistency, Estimate
 
 _ROUGH = "its window ended too far from where it was linearised"
 _REFUSED = "estimate, for windows ended too far from where they were linearised,"

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.estimate import Estimate
+from fgnav.types.estimate import Estimate
 
 
 def among(estimate: Estimate, from_s: float, until_s: float) -> Estimate:

@@ -6,11 +6,11 @@ from fgnav.attitude.array import agreeing
 from fgnav.attitude.baselines import body_motion
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import Loss, NoSolutionError, positive
-from fgnav.estimate import Estimate
-from fgnav.flight import Flight
-from fgnav.integers.lambda_ import Lambda
-from fgnav.integers.resolve import resolve
-from fgnav.integers.resolver import Resolver
+from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.integers.resolvers.resolve import resolve
+from fgnav.types.estimate import Estimate
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Resolver
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,9 +4,9 @@ import numpy as np
 
 from fgnav.attitude.array import axis_name
 from fgnav.checks import FloatArray
-from fgnav.estimate import open_angle_variance_rad2
 from fgnav.graph.types.problem import POSITION_PRIOR_M, VELOCITY_PRIOR_MPS, SmoothingProblem
 from fgnav.graph.types.solution import Solution
+from fgnav.types.estimate import open_angle_variance_rad2
 
 _OPEN = 0.5  # of the sigma before the flight: a state that keeps more of it is left open
 _MOST = 0.5  # of keyframes: a state must be open at that share of them

@@ -11,12 +11,12 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.frontend.problem import PreparedFlight
+from fgnav.geometry.rotations import exp
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_constants, insert_keyframe
 from fgnav.graph.custom import OwnFactor
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, AttitudePrior, SmoothingProblem
 from fgnav.optional_gtsam import gtsam
-from fgnav.rotations import exp
 
 _TOLD_RAD = np.radians(15.0)  # 1-sigma of one that tells: sin x = x within 1.2 %
 # Of a filter, which never linearises again what has left: three of them are small, sin x = x within

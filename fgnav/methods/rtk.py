@@ -6,11 +6,11 @@ from fgnav.attitude.array import axis_name
 from fgnav.attitude.baselines import body_motion, weighted_baselines
 from fgnav.attitude.vector_pairs import collinear, wahba
 from fgnav.checks import BadInputError, Loss, NoSolutionError
-from fgnav.estimate import Estimate
-from fgnav.flight import Flight
-from fgnav.integers.lambda_ import Lambda
-from fgnav.integers.resolve import resolve
-from fgnav.integers.resolver import Resolver
+from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.integers.resolvers.resolve import resolve
+from fgnav.types.estimate import Estimate
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Resolver
 
 _INTEGERS = (
     "Integers are LAMBDA's, baseline by baseline, with its ratio test, whatever resolver was asked."

@@ -13,8 +13,6 @@ import numpy as np
 
 from fgnav import plugins
 from fgnav.checks import BadInputError, FloatArray, Loss, NoSolutionError, positive
-from fgnav.estimate import Consistency, Estimate
-from fgnav.flight import Flight
 from fgnav.frontend.calibration_request import calibration_requests
 from fgnav.frontend.gaps import LOST_S, time_from_attitude_s
 from fgnav.frontend.problem import PreparedFlight, build_problem
@@ -26,8 +24,7 @@ from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
-from fgnav.integers.lambda_ import Lambda
-from fgnav.integers.resolver import Resolver
+from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.methods.estimates import estimate_of
 from fgnav.methods.joined import among, joined_estimates
 from fgnav.methods.observability import TURN
@@ -35,6 +32,9 @@ from fgnav.methods.stream import Direction, Measured, Measurements, Stream, Stre
 from fgnav.optional_gtsam import ABSENT, HAS_GTSAM
 from fgnav.process.evidence import RatePrior
 from fgnav.solve.sliding.relinearisation import BLOCK_S
+from fgnav.types.estimate import Consistency, Estimate
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Resolver
 
 if TYPE_CHECKING:
     import gtsam

@@ -10,9 +10,6 @@ import numpy as np
 from fgnav.attitude.array import maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BadInputError, FloatArray, Loss
-from fgnav.earth import Origin
-from fgnav.estimate import Consistency, Estimate
-from fgnav.flight import Imu
 from fgnav.frontend.calibration_request import (
     calibration_requests,
     mean_rate,
@@ -23,6 +20,7 @@ from fgnav.frontend.measurements import Recorded, measurements_of
 from fgnav.frontend.position.series import VectorSeries
 from fgnav.frontend.sensors.sensed import Sensed
 from fgnav.frontend.sensors.surroundings import Heights, MagneticField, field_of, heights_of
+from fgnav.geometry.earth import Origin
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
@@ -36,7 +34,9 @@ from fgnav.graph.types.states import States
 from fgnav.methods.calibration_report import calibrated_constants
 from fgnav.methods.estimates import Body, stated
 from fgnav.process.evidence import RatePrior
-from fgnav.surroundings import Barometer, Magnetometer
+from fgnav.types.estimate import Consistency, Estimate
+from fgnav.types.flight import Imu
+from fgnav.types.surroundings import Barometer, Magnetometer
 
 if TYPE_CHECKING:
     import gtsam

@@ -22,13 +22,13 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.flight import Flight, Truth
+from fgnav.geometry.rotations import exp, log, to_euler, transpose, wrap
 from fgnav.neural.correlation import half_life_s
 from fgnav.neural.measures import SENSORS
 from fgnav.neural.network import Network, load_network
 from fgnav.neural.records import Record, check_rate, of_flight
 from fgnav.neural.windows import windows
-from fgnav.rotations import exp, log, to_euler, transpose, wrap
+from fgnav.types.flight import Flight, Truth
 
 _DRAWS = 64  # pairs of each answer's energy score: 0.1 % of the mean of ten thousand answers
 _BINS = 5  # by predicted sigma, equally many answers in each

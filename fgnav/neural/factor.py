@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BadInputError, IntArray, Loss, positive
-from fgnav.flight import Flight
 from fgnav.graph.custom import OwnFactor
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
@@ -17,6 +16,7 @@ from fgnav.neural.network import load_network
 from fgnav.neural.outputs import factor_of
 from fgnav.neural.records import Record, check_rate, joined, of_flight, of_measurements
 from fgnav.neural.windows import Windows, windows
+from fgnav.types.flight import Flight
 
 _AT_ONCE = 2000  # keyframes: 50 MB of a second of six channels at 200 Hz, in double precision
 _SAME = 1e-6  # of an interval: times of keyframes are rounded

@@ -11,10 +11,10 @@ import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.geometry.rotations import skew
 from fgnav.graph.custom import OwnFactor, residual_factor
 from fgnav.graph.keys import pose, velocity
 from fgnav.neural.manifest import Output
-from fgnav.rotations import skew
 
 Maker: TypeAlias = Callable[[str, Output, tuple[int, int], FloatArray, FloatArray], OwnFactor]
 _SLOWEST_MPS = 1e-6  # below, a speed has no direction: its Jacobian is that of the direction before

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, frozen, increasing
-from fgnav.flight import Flight
 from fgnav.neural.measures import SENSORS
+from fgnav.types.flight import Flight
 
 _RATE_OFF = 0.02  # of the rate: resampled signals have another noise than training saw
 

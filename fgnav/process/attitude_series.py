@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.geometry.rotations import log, transpose
 from fgnav.process import evidence_kernel
 from fgnav.process.evidence_kernel import RESTART, UPDATE, Epochs
-from fgnav.rotations import log, transpose
 
 _GAP = 10.0  # median spacings: turns across are not counted
 # Of the mean rate: two turns a second are nothing special. Where attitudes are far apart, no more

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.geometry.rotation_kernel import exp, product, scaled, times, transposed, turn
 from fgnav.process import matern_kernel as matern
 from fgnav.process.filter_kernel import (
     MEAN,
@@ -20,7 +21,6 @@ from fgnav.process.filter_kernel import (
     rotation_rows,
     times_transition,
 )
-from fgnav.rotation_kernel import exp, product, scaled, times, transposed, turn
 
 _WRONG_SHARE = 0.01  # of attitudes, before they are seen
 _UNKNOWN = -np.log(8 * np.pi**2)  # log density of an attitude that may be any, per rad^3

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from fgnav.checks import FloatArray
-from fgnav.rotation_kernel import (
+from fgnav.geometry.rotation_kernel import (
     exp,
     inverse,
     product,

@@ -23,10 +23,10 @@ import numpy as np
 from numba import njit
 
 from fgnav.checks import FloatArray
+from fgnav.geometry.rotation_kernel import product, sandwich, times, transposed
 from fgnav.process import matern_kernel as matern
 from fgnav.process.evidence_kernel import RESTART, RESTART_ALL, UPDATE, Tape
 from fgnav.process.filter_kernel import SIZE
-from fgnav.rotation_kernel import product, sandwich, times, transposed
 
 
 @njit(cache=True)

@@ -13,11 +13,11 @@ import numpy as np
 from fgnav.attitude.array import maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import FloatArray, IntArray
-from fgnav.flight import Flight
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.constrained import Constrained
-from fgnav.integers.constrained_search import search_constrained
+from fgnav.integers.array.search import search_constrained
+from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.set_up.findings import Finding
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight
 
 _EPOCHS = 40  # that decide between shapes; a wrong one fails nearly all of them
 _EPOCHS_OF_PLACE = 300  # whose code tells where a misplaced antenna is, to a few centimetres

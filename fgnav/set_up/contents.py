@@ -3,9 +3,9 @@
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.flight import Flight
-from fgnav.observations import Observations
 from fgnav.set_up.findings import Finding, Series, SetUp
+from fgnav.types.flight import Flight
+from fgnav.types.observations import Observations
 
 _GAP = 1.5  # intervals; a longer step is a gap
 _SAME_PLACE_M = 1e-3

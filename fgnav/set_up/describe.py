@@ -7,15 +7,15 @@ import numpy as np
 
 from fgnav.attitude.flight_vectors import track_of
 from fgnav.checks import IntArray, NoSolutionError
-from fgnav.flight import Flight, Imu
-from fgnav.gnss.code_solution import code_solution
 from fgnav.gnss.difference import double_differences
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.observations import Observations
+from fgnav.gnss.single_point.solution import code_solution
 from fgnav.set_up.contents import contents
 from fgnav.set_up.findings import Finding, SetUp
 from fgnav.set_up.samples import sample_findings
 from fgnav.set_up.sizes import expected_force, size_findings
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight, Imu
+from fgnav.types.observations import Observations
 
 _LEAP_S = 18.0
 _TRIED = 20  # epochs

@@ -3,8 +3,8 @@
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.flight import Imu
 from fgnav.set_up.findings import Finding
+from fgnav.types.flight import Imu
 
 _FALSE_ALARM = 1e-4  # of each test on a right record
 _G_MPS2 = 9.80665

@@ -4,10 +4,10 @@ import numpy as np
 
 from fgnav.attitude.flight_vectors import Track
 from fgnav.checks import FloatArray
-from fgnav.earth import Origin
-from fgnav.flight import Imu
-from fgnav.rotations import wrap
+from fgnav.geometry.earth import Origin
+from fgnav.geometry.rotations import wrap
 from fgnav.set_up.findings import Finding
+from fgnav.types.flight import Imu
 
 _G_MPS2 = 9.80665
 _SPAN_S = 0.5  # of means whose change is compared

@@ -10,10 +10,10 @@ if TYPE_CHECKING:
 
 # By the key `kind` of a recipe; each is a `fgnav_models.training.order.Trainer`.
 _TRAINERS: Mapping[str, str] = {
-    "ambiguity": "fgnav_models.training.campaign:run",
-    "ambiguity-frame": "fgnav_models.training.frame:run",
-    "gravity": "fgnav_models.training.gravity:run",
-    "trust": "fgnav_models.training.trust:run",
+    "ambiguity": "fgnav_models.training.ambiguity.campaign:run",
+    "ambiguity-frame": "fgnav_models.training.ambiguity.frame:run",
+    "gravity": "fgnav_models.training.gravity.trainer:run",
+    "trust": "fgnav_models.training.trust.trainer:run",
 }
 _LOG_S = 10.0  # between lines of train.log
 

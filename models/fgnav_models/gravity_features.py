@@ -7,7 +7,7 @@ the heading enters, which gravity does not depend on.
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.flight import Imu
+from fgnav.types.flight import Imu
 
 SAMPLES, STEP_S = 10, 0.01  # a window: its last sample is the answer's time
 SPAN_S = 0.2  # between the two velocities whose difference is the acceleration

@@ -17,18 +17,18 @@ from multiprocessing import get_context
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError
-from fgnav.estimate import Estimator
 from fgnav.evaluation.scores import errors_against
-from fgnav.flight import Flight
 from fgnav.gnss.difference import double_differences
-from fgnav.integers.lambda_ import Lambda
-from fgnav.integers.registry import resolver_named, resolver_names
-from fgnav.integers.resolver import Resolver
+from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.integers.resolvers.registry import resolver_named, resolver_names
 from fgnav.integers.validation import phase_links
 from fgnav.methods.closed_form import ClosedForm
 from fgnav.methods.maximum_likelihood import MaximumLikelihood
 from fgnav.methods.rtk import Rtk
 from fgnav.methods.smoother import Smoother
+from fgnav.types.estimate import Estimator
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Resolver
 from fgnav_models.runtime.ambiguity import AmbiguityNetwork, classification, regression
 from fgnav_sim.motion import Arc, Motion, Rate, Sine
 from fgnav_sim.scenario import GnssTable, ImuTable, Scenario

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.affine import epochs_of
-from fgnav.integers.candidates import Candidates
-from fgnav.integers.constrained_search import PROVEN
+from fgnav.integers.array.candidates import Candidates
+from fgnav.integers.array.search import PROVEN
+from fgnav.integers.ils.affine import epochs_of
+from fgnav.types.differences import DoubleDifferences
 from fgnav_models.trust_kernel import (
     CANDIDATE_FEATURES,
     EPOCH_FEATURES,

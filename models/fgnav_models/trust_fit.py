@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.integers.decorrelation import kernel
+from fgnav.integers.ils.decorrelation import kernel
 
 # Of the data the network learns from, in the middle; how much of it is there, it learns itself.
 SHARE = 0.08

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.integers.affine import Epochs
-from fgnav.integers.decorrelation import kernel
+from fgnav.integers.ils.affine import Epochs
+from fgnav.integers.ils.decorrelation import kernel
 from fgnav_models.trust_fit import Fit, Links, least_squares, log_odds, mixture
 
 LINK_FEATURES, CANDIDATE_FEATURES, EPOCH_FEATURES = 15, 13, 8

@@ -76,7 +76,7 @@ def _make(
     """Write the flights of the seeds; return what was made, folders relative to ``out``."""
     import numpy as np  # noqa: PLC0415
 
-    from fgnav.io.flight_folder import save_flight  # noqa: PLC0415
+    from fgnav.io.flight.folder import save_flight  # noqa: PLC0415
     from fgnav_sim.simulate import simulate_many  # noqa: PLC0415
 
     summaries = []

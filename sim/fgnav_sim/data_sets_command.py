@@ -33,8 +33,8 @@ def data_set(world: Path, /, *, seed: int, out: Path, json: JsonFile = None) -> 
 
     check_places(json)
 
-    from fgnav_sim.data_sets_shards import MANIFEST, load_data_set, make_data_set  # noqa: PLC0415
-    from fgnav_sim.data_sets_world import load_world  # noqa: PLC0415
+    from fgnav_sim.data_sets.shards import MANIFEST, load_data_set, make_data_set  # noqa: PLC0415
+    from fgnav_sim.data_sets.world import load_world  # noqa: PLC0415
 
     what = load_world(world)
     if (out / MANIFEST).is_file():

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import BadInputError
-from fgnav.flight import Flight
+from fgnav.types.flight import Flight
 from fgnav_sim.scenario import Scenario, load_scenario
 from fgnav_sim.simulate import simulate
 

@@ -6,9 +6,9 @@ from typing import Protocol, TypeAlias
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.earth import GravityModel, Origin
+from fgnav.geometry.earth import GravityModel, Origin
+from fgnav.geometry.rotations import from_euler, transpose
 from fgnav.io.strict_toml import Positive, Table, Vector
-from fgnav.rotations import from_euler, transpose
 
 
 class Hold(Table, frozen=True, tag="hold", tag_field="kind"):

@@ -9,16 +9,16 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.earth import GravityModel, Origin
+from fgnav.geometry.earth import GravityModel, Origin
 from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector, as_table, read_toml
 from fgnav.shipped import file_or_shipped
 from fgnav_sim.dispersions import check_spreads
-from fgnav_sim.flown_table import FlownTable
+from fgnav_sim.gnss.tables import ClockTable, GnssTable
 from fgnav_sim.motion import Motion, Trajectory
-from fgnav_sim.planet import WGS84
-from fgnav_sim.receiver_tables import ClockTable, GnssTable
-from fgnav_sim.surroundings_tables import BarometerTable, MagnetometerTable
-from fgnav_sim.vehicle import Vehicle, load_vehicle
+from fgnav_sim.sensors.surroundings_tables import BarometerTable, MagnetometerTable
+from fgnav_sim.vehicle.flown_table import FlownTable
+from fgnav_sim.vehicle.planet import WGS84
+from fgnav_sim.vehicle.tables import Vehicle, load_vehicle
 
 if TYPE_CHECKING:  # a file's table; in a program anything that knows the motion
     AnyMotion: TypeAlias = Trajectory

@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import Loss
-from fgnav.flight import Antenna, Flight, GnssNoise, LinkIntegers, Truth
-from fgnav.orbits import BroadcastOrbits, PreciseOrbits
-from fgnav_sim import detector, inertial
-from fgnav_sim.base import stand
-from fgnav_sim.constellation import KLOBUCHAR, built_in_orbits
+from fgnav.types.flight import Antenna, Flight, GnssNoise, LinkIntegers, Truth
+from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
 from fgnav_sim.dispersions import Draw, disperse
-from fgnav_sim.fixes import fix
-from fgnav_sim.message_errors import with_message_errors
-from fgnav_sim.receiver import observe
-from fgnav_sim.receiver_tables import antenna_names
+from fgnav_sim.gnss.base import stand
+from fgnav_sim.gnss.constellation import KLOBUCHAR, built_in_orbits
+from fgnav_sim.gnss.fixes import fix
+from fgnav_sim.gnss.receiver import observe
+from fgnav_sim.gnss.tables import antenna_names
+from fgnav_sim.propagation.message_errors import with_message_errors
 from fgnav_sim.scenario import GnssTable, Scenario
-from fgnav_sim.surroundings import point, press
+from fgnav_sim.sensors import detector, inertial
+from fgnav_sim.sensors.surroundings import point, press
 
 _TOGETHER_S = 2000.0  # of flight in a call of the rigid body: 60 MB
 
@@ -88,7 +88,7 @@ def _moving(
     """Return scenarios whose motion is known, and what could not be flown of each."""
     if scenarios[0].flown is None:
         return [(scenario, ()) for scenario in scenarios]
-    from fgnav_sim.take_off import take_off  # noqa: PLC0415  # lazy: it loads compiled code
+    from fgnav_sim.vehicle.take_off import take_off  # noqa: PLC0415  # lazy: it loads compiled code
 
     return take_off(scenarios, rngs)
 
@@ -176,13 +176,13 @@ def _orbits(
         return built_in_orbits(letters, scenario.start_gps_s, scenario.duration_s, klobuchar), None
     broadcast = precise = None
     if gnss.navigation:
-        from fgnav.io.rinex import read_navigation  # noqa: PLC0415  # lazy: it loads RTKLIB
+        from fgnav.io.rinex.reader import read_navigation  # noqa: PLC0415  # lazy: it loads RTKLIB
 
         broadcast = read_navigation([Path(name) for name in gnss.navigation], scenario.start_gps_s)
         if not gnss.atmosphere:
             broadcast = replace(broadcast, klobuchar=np.zeros(8))
     if gnss.orbits:
-        from fgnav.io.sp3 import read_precise  # noqa: PLC0415  # lazy: only few scenarios need it
+        from fgnav.io.sp3.reader import read_precise  # noqa: PLC0415  # lazy: only few scenarios need it
 
         precise = read_precise([Path(name) for name in gnss.orbits], scenario.start_gps_s)
     return broadcast, precise

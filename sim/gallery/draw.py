@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fgnav.flight import Flight, Truth
-from fgnav.observations import LOST_LOCK, Observations
-from fgnav.rotations import to_euler
+from fgnav.geometry.rotations import to_euler
 from fgnav.shipped import shipped
+from fgnav.types.flight import Flight, Truth
+from fgnav.types.observations import LOST_LOCK, Observations
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.resolver import Integers
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.integers import Integers
 from tests.integers.arrays import L1_M, PAPER_ANTENNAS_B_M
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fgnav import rotations
 from fgnav.attitude import RotationQuadratic, maximum_likelihood
 from fgnav.attitude.array import agreeing, axis_name
-from fgnav.estimate import open_angle_variance_rad2
+from fgnav.geometry import rotations
+from fgnav.types.estimate import open_angle_variance_rad2
 
 from .arrays import PAPER_ANTENNAS_B_M, sky, synthetic
 

@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav import rotations
 from fgnav.attitude.baselines import body_motion, paper_baselines, weighted_baselines
 from fgnav.attitude.vector_pairs import wahba
-from fgnav.gnss.code_solution import code_solution
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.resolver import Integers
+from fgnav.geometry import rotations
+from fgnav.gnss.single_point.solution import code_solution
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.integers import Integers
 from fgnav_sim.motion import Arc, Motion
 from fgnav_sim.scenario import GnssTable, Scenario
 from fgnav_sim.simulate import simulate

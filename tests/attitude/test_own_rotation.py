@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fgnav import rotations
 from fgnav.attitude.own_rotation import despun, own_rotation, spun
-from fgnav.flight import Imu
+from fgnav.geometry import rotations
+from fgnav.types.flight import Imu
 
 T_S = np.arange(0.0, 4.0, 0.01)
 F_N_MPS2 = np.array([3.0, -2.0, -9.5])

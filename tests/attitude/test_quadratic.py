@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fgnav import rotations
 from fgnav.attitude.quadratic import RotationQuadratic, tangent_jacobian
-from fgnav.integers.resolver import fixed_ranges_m
+from fgnav.geometry import rotations
+from fgnav.types.integers import fixed_ranges_m
 
 from .arrays import sky, synthetic
 

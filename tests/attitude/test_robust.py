@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from fgnav import rotations
 from fgnav.attitude import RotationQuadratic, maximum_likelihood
 from fgnav.attitude.robust import robust_attitudes
-from fgnav.integers.resolver import fixed_ranges_m
+from fgnav.geometry import rotations
+from fgnav.types.integers import fixed_ranges_m
 from tests.attitude.arrays import sky, synthetic
 from tests.integers.arrays import L1_M, PAPER_ANTENNAS_B_M
 

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fgnav import rotations
 from fgnav.attitude.vector_pairs import (
     VectorPairs,
     paper_matrix,
@@ -12,6 +11,7 @@ from fgnav.attitude.vector_pairs import (
     wahba_sensitivity,
 )
 from fgnav.checks import BadInputError
+from fgnav.geometry import rotations
 
 PAPER_ARRAY_B_M = np.array(
     [[0, 0.1, 0], [0, -0.1, 0], [1, 0, 0], [-1, 0, 0], [-0.8, 0.1, 0.1], [-0.8, -0.1, 0.1],

@@ -14,17 +14,17 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import BoolArray, IntArray
-from fgnav.flight import Flight
 from fgnav.gnss.difference import double_differences
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.arcs import constrained_arcs, lambda_arcs
-from fgnav.integers.constrained import Constrained
-from fgnav.integers.lambda_ import Lambda
-from fgnav.integers.resolver import Resolver
-from fgnav.integers.truth import attitude_at, true_integers
+from fgnav.integers.arcs.resolver import constrained_arcs, lambda_arcs
+from fgnav.integers.resolvers.constrained import Constrained
+from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.integers.resolvers.truth import attitude_at, true_integers
 from fgnav.integers.validation import phase_links
-from fgnav.io.flight_folder import load_flight
-from fgnav_sim.receiver_tables import MultipathTable
+from fgnav.io.flight.folder import load_flight
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Resolver
+from fgnav_sim.gnss.tables import MultipathTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.integers.wettzell import of_signals, surveyed_cycles, write_flight

@@ -6,8 +6,8 @@ from time import perf_counter
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fgnav import rotations
 from fgnav.attitude.vector_pairs import VectorPairs, paper_matrix, wahba
+from fgnav.geometry import rotations
 
 NAMES = ("closed_form", "closed_form_davenport", "closed_form_paper")
 EPOCHS, PEER_EPOCHS, REPEATS = 20_000, 1_000, 5

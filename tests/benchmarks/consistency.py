@@ -21,20 +21,20 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 from scipy.special import chdtri, erf
 
-from fgnav import rotations
 from fgnav.checks import FloatArray
-from fgnav.estimate import Estimate
 from fgnav.evaluation.bound import attitude_bound
 from fgnav.evaluation.posterior_bound import posterior_bound, true_rate_prior
-from fgnav.flight import Flight
 from fgnav.frontend.problem import PreparedFlight
-from fgnav.integers.resolve import resolve
-from fgnav.integers.truth import Truth, attitude_at
+from fgnav.geometry import rotations
+from fgnav.integers.resolvers.resolve import resolve
+from fgnav.integers.resolvers.truth import Truth, attitude_at
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.process import matern
 from fgnav.process.evidence import RatePrior
-from fgnav_sim.message_errors import with_message_errors
+from fgnav.types.estimate import Estimate
+from fgnav.types.flight import Flight
 from fgnav_sim.motion import Hold, Ramp, Rate, Sine
+from fgnav_sim.propagation.message_errors import with_message_errors
 from fgnav_sim.scenario import FixesTable, Scenario, load_scenario
 from fgnav_sim.simulate import simulate
 from tests.methods.true_gravity import TrueGravity

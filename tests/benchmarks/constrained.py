@@ -9,11 +9,11 @@ from time import perf_counter
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.integers.arcs import constrained_arcs, lambda_arcs
-from fgnav.integers.constrained import Constrained
-from fgnav.integers.constrained_search import PROVEN, search_constrained
-from fgnav.integers.lambda_ import Lambda
-from fgnav.integers.resolver import Resolver
+from fgnav.integers.arcs.resolver import constrained_arcs, lambda_arcs
+from fgnav.integers.array.search import PROVEN, search_constrained
+from fgnav.integers.resolvers.constrained import Constrained
+from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.types.integers import Resolver
 from tests.benchmarks.integers import array_search
 from tests.integers.arrays import PAPER_ANTENNAS_B_M, make
 

@@ -7,10 +7,10 @@ from time import process_time
 import msgspec
 import numpy as np
 
-from fgnav_sim.data_sets import array_epochs
-from fgnav_sim.data_sets_gravity import gravity_epochs
-from fgnav_sim.data_sets_gravity_world import GravityWorld
-from fgnav_sim.data_sets_world import AnySites, AnyTimes, RunsTable, SatellitesTable, World
+from fgnav_sim.data_sets.epochs import array_epochs
+from fgnav_sim.data_sets.gravity import gravity_epochs
+from fgnav_sim.data_sets.gravity_world import GravityWorld
+from fgnav_sim.data_sets.world import AnySites, AnyTimes, RunsTable, SatellitesTable, World
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 

@@ -12,13 +12,13 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.estimate import Estimate
-from fgnav.flight import Flight
-from fgnav.integers.truth import attitude_at
+from fgnav.geometry.rotations import exp, log, transpose
+from fgnav.integers.resolvers.truth import attitude_at
 from fgnav.methods.smoother import Batch
-from fgnav.rotations import exp, log, transpose
 from fgnav.seeker import line_of_sight
-from fgnav_sim.receiver_tables import BaseTable
+from fgnav.types.estimate import Estimate
+from fgnav.types.flight import Flight
+from fgnav_sim.gnss.tables import BaseTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 

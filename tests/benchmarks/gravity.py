@@ -9,16 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.flight import Flight
+from fgnav.geometry.rotations import log, to_euler, transpose, wrap
 from fgnav.gravity import GravityDirection, GravityEstimator
 from fgnav.methods.smoother import Batch
-from fgnav.rotations import log, to_euler, transpose, wrap
+from fgnav.types.flight import Flight
 from fgnav_models.gravity_features import SPAN_S, differenced, windows
 from fgnav_models.runtime.gravity import AccelerometerGravity, NetworkGravity
 from fgnav_models.runtime.load import load
-from fgnav_models.training.gravity_data import angles_deg, rms
-from fgnav_sim.data_sets_gravity_motions import PHASES, drawn_motion
-from fgnav_sim.data_sets_gravity_world import GravityWorld
+from fgnav_models.training.gravity.data import angles_deg, rms
+from fgnav_sim.data_sets.gravity_motions import PHASES, drawn_motion
+from fgnav_sim.data_sets.gravity_world import GravityWorld
 from fgnav_sim.scenario import FixesTable, Scenario
 from fgnav_sim.simulate import simulate
 

@@ -17,8 +17,8 @@ import numpy as np
 from numba import config, njit
 
 from fgnav.checks import FloatArray
-from fgnav.integers import ils
-from fgnav.integers.affine import float_solution, search_array
+from fgnav.integers.ils import search as ils
+from fgnav.integers.ils.affine import float_solution, search_array
 from tests.integers.arrays import L1_M, make, sky
 
 SIZES = {"lambda_n5": 1, "lambda_n10": 2, "lambda_n20": 4}

@@ -12,15 +12,15 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from fgnav.checks import BoolArray
-from fgnav.flight import Flight
 from fgnav.gnss.difference import double_differences
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.affine import search_array
-from fgnav.integers.constrained import Constrained
-from fgnav.integers.constrained_noise import with_estimated_noise
-from fgnav.integers.constrained_search import PROVEN, search_constrained
-from fgnav.integers.resolver import Integers
-from fgnav.io.flight_folder import load_flight
+from fgnav.integers.array.noise import with_estimated_noise
+from fgnav.integers.array.search import PROVEN, search_constrained
+from fgnav.integers.ils.affine import search_array
+from fgnav.integers.resolvers.constrained import Constrained
+from fgnav.io.flight.folder import load_flight
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Integers
 from tests.integers.wettzell import of_signals, right_cycles, write_flight
 
 MASKS = (10, 15, 20, 25, 30, 35)

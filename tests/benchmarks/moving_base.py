@@ -10,9 +10,9 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.flight import Flight
-from fgnav.io.flight_folder import save_flight
-from fgnav_sim.receiver_tables import GnssTable
+from fgnav.io.flight.folder import save_flight
+from fgnav.types.flight import Flight
+from fgnav_sim.gnss.tables import GnssTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 

@@ -8,11 +8,11 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.flight import Flight
+from fgnav.gnss.cycle_slips.detection import phase_arcs
 from fgnav.gnss.single_differences import single_differences
-from fgnav.gnss.slips import phase_arcs
-from fgnav.io.flight_folder import save_flight
-from fgnav_sim.receiver_tables import GnssTable, SlipsTable
+from fgnav.io.flight.folder import save_flight
+from fgnav.types.flight import Flight
+from fgnav_sim.gnss.tables import GnssTable, SlipsTable
 from fgnav_sim.scenario import Scenario, load_scenario
 from fgnav_sim.simulate import simulate
 from tests.gnss import rtklib

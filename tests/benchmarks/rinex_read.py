@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.io.rinex import read_observations
-from fgnav.io.rinex_text import read_text
-from fgnav.io.rinex_writer import write_observations
-from fgnav.observations import Observations
+from fgnav.io.rinex.reader import read_observations
+from fgnav.io.rinex.text import read_text
+from fgnav.io.rinex.writer import write_observations
+from fgnav.types.observations import Observations
 
 START_GPS_S = 1_277_078_400.0
 REPEATS = 5

@@ -12,11 +12,11 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
-from fgnav.flight import Flight
-from fgnav.integers.resolver import Integers
-from fgnav.integers.truth import Truth
+from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Batch, Forward
-from fgnav_sim.receiver_tables import OutageTable, SlipsTable
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Integers
+from fgnav_sim.gnss.tables import OutageTable, SlipsTable
 from fgnav_sim.scenario import Place, load_scenario
 from fgnav_sim.simulate import simulate
 from tests.benchmarks.allowed import allowed_peaks

@@ -11,8 +11,8 @@ from time import perf_counter
 import msgspec
 import numpy as np
 
-from fgnav.flight import Flight
 from fgnav.set_up import describe
+from fgnav.types.flight import Flight
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.set_up.faults import FAULTS, NEEDS_SEEKER

@@ -11,10 +11,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from fgnav.earth import Origin
-from fgnav_sim.atmosphere import Air
-from fgnav_sim.rigid_body import Launch, Plan, fly_batch
-from fgnav_sim.vehicle import Airframe, Axisymmetric, BodyTable, Vehicle
+from fgnav.geometry.earth import Origin
+from fgnav_sim.vehicle.atmosphere import Air
+from fgnav_sim.vehicle.rigid_body import Launch, Plan, fly_batch
+from fgnav_sim.vehicle.tables import Airframe, Axisymmetric, BodyTable, Vehicle
 
 Task: TypeAlias = tuple[float, Callable[[], object]]  # how many steps a piece of work makes
 NAMES = ("six_dof_rocketpy", "six_dof_jsbsim", "six_dof_batch")

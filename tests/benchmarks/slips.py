@@ -13,12 +13,12 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.earth import C_MPS
-from fgnav.flight import Flight
+from fgnav.geometry.earth import C_MPS
+from fgnav.gnss.cycle_slips.detection import Arcs, phase_arcs
 from fgnav.gnss.single_differences import SingleDifferences, single_differences
-from fgnav.gnss.slips import Arcs, phase_arcs
-from fgnav.observations import Observations
-from fgnav_sim.receiver_tables import SlipsTable
+from fgnav.types.flight import Flight
+from fgnav.types.observations import Observations
+from fgnav_sim.gnss.tables import SlipsTable
 from fgnav_sim.scenario import Scenario, load_scenario
 from fgnav_sim.simulate import simulate
 

@@ -14,18 +14,18 @@ import msgspec
 import numpy as np
 
 from fgnav.evaluation.comparison import compare
-from fgnav.flight import Flight
-from fgnav.gnss.differences import DoubleDifferences
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.integers.lambda_ import Lambda
-from fgnav.integers.registry import resolver_named
-from fgnav.integers.resolve import resolve
-from fgnav.integers.resolver import Integers
+from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.integers.resolvers.registry import resolver_named
+from fgnav.integers.resolvers.resolve import resolve
 from fgnav.methods import method_named
 from fgnav.methods.smoother import Batch, Smoother, Stream
 from fgnav.solve import chain
 from fgnav.solve.batch import solve_batch
 from fgnav.solve.fixed_lag import FixedLag, solve_fixed_lag
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Integers
 from fgnav_sim.scenario import Scenario, load_scenario
 from fgnav_sim.simulate import simulate
 from tests.benchmarks.smoother_memory import RATE_HZ, SET_UP, measurements

@@ -15,11 +15,11 @@ from time import process_time
 import numpy as np
 
 from fgnav.attitude.quadratic import RotationQuadratic
-from fgnav.earth import Origin
-from fgnav.flight import Imu
+from fgnav.geometry.earth import Origin
+from fgnav.geometry.rotations import from_euler
 from fgnav.methods.smoother import Measured, Measurements, Stream, StreamSetUp
 from fgnav.process.evidence import RatePrior
-from fgnav.rotations import from_euler
+from fgnav.types.flight import Imu
 
 NAMES = ("smoother_memory_hour",)
 RATE_HZ, SAMPLE_S = 10, 0.01

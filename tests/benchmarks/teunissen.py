@@ -29,14 +29,14 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav import earth
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.gnss.satellites import satellite_states
-from fgnav.integers.candidates import candidates
-from fgnav.integers.ils import integer_least_squares_batch
-from fgnav.io.rinex import read_navigation
-from fgnav.orbits import BroadcastOrbits
+from fgnav.geometry import earth
+from fgnav.gnss.orbits.satellites import satellite_states
+from fgnav.integers.array.candidates import candidates
+from fgnav.integers.ils.search import integer_least_squares_batch
+from fgnav.io.rinex.reader import read_navigation
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.orbits import BroadcastOrbits
 from tests.integers.arrays import L1_M
 
 PDOP = {5: 4.19, 6: 2.14, 7: 1.91, 8: 1.81}

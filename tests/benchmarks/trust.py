@@ -20,15 +20,15 @@ from onnx import TensorProto, helper, numpy_helper
 from scipy.special import chdtrc
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.integers.candidates import candidates
-from fgnav.integers.constrained_search import PROVEN, search_constrained
+from fgnav.integers.array.candidates import candidates
+from fgnav.integers.array.search import PROVEN, search_constrained
 from fgnav.integers.epochs import epochs_at
 from fgnav_models.runtime.load import load
 from fgnav_models.runtime.resolver import trusted
-from fgnav_models.training.trust_score import Posteriors, summary
-from fgnav_sim.data_sets import array_epochs
-from fgnav_sim.data_sets_differences import double_differences_of, true_cycles
-from fgnav_sim.data_sets_world import (
+from fgnav_models.training.trust.score import Posteriors, summary
+from fgnav_sim.data_sets.differences import double_differences_of, true_cycles
+from fgnav_sim.data_sets.epochs import array_epochs
+from fgnav_sim.data_sets.world import (
     AnySites,
     AnyTimes,
     NoiseTable,
@@ -36,7 +36,7 @@ from fgnav_sim.data_sets_world import (
     SatellitesTable,
     World,
 )
-from fgnav_sim.receiver_tables import ReflectorTable
+from fgnav_sim.gnss.tables import ReflectorTable
 
 EPOCHS = int(os.environ.get("TRUST_EPOCHS", "4000"))
 CHUNK = 1000

@@ -14,13 +14,13 @@ import numpy as np
 from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.candidates import Candidates, candidates
+from fgnav.integers.array.candidates import Candidates, candidates
+from fgnav.types.differences import DoubleDifferences
 from fgnav_models.runtime.load import load
 from fgnav_models.runtime.resolver import trusted
-from fgnav_models.training.trust_score import SURE, Posteriors, summary
-from fgnav_sim.data_sets import array_epochs
-from fgnav_sim.data_sets_differences import double_differences_of, true_cycles
+from fgnav_models.training.trust.score import SURE, Posteriors, summary
+from fgnav_sim.data_sets.differences import double_differences_of, true_cycles
+from fgnav_sim.data_sets.epochs import array_epochs
 from tests.benchmarks.trust import NODES, hard_world
 
 EPOCHS = int(os.environ.get("TRUST_LIMIT_EPOCHS", "300"))

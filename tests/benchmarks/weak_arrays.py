@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.flight import Flight
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.constrained import Constrained
+from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.thresholds import simulated
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight
 from tests.benchmarks.wrong_fix import lower_bound
 from tests.integers.arrays import make
 

@@ -15,7 +15,7 @@ from time import perf_counter
 
 import numpy as np
 
-from fgnav.io.flight_folder import save_flight
+from fgnav.io.flight.folder import save_flight
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.benchmarks.moving_base import PROGRAM, SCENARIO, solved

@@ -20,14 +20,14 @@ from scipy.stats import beta
 from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.flight import Flight
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.affine import search_array
-from fgnav.integers.constrained import Constrained
-from fgnav.integers.constrained_search import PROVEN, ConstrainedSearch, search_constrained
+from fgnav.integers.array.search import PROVEN, ConstrainedSearch, search_constrained
 from fgnav.integers.epochs import epochs_at
+from fgnav.integers.ils.affine import search_array
+from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.thresholds import simulated
 from fgnav.integers.validation import share_threshold
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight
 from tests.integers.arrays import PAPER_ANTENNAS_B_M, make
 
 SETS, NODES = 100_000, 10**5

@@ -8,7 +8,7 @@ from fgnav.campaign.fly import check_order, fly
 from fgnav.campaign.order import load_order
 from fgnav.campaign.runs import Run, runs_of
 from fgnav.campaign.sources import flight_source
-from fgnav.rotations import to_euler
+from fgnav.geometry.rotations import to_euler
 from fgnav.shipped import shipped
 
 CAMPAIGNS = shipped("fgnav_sim", "campaigns")

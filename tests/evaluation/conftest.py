@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fgnav import rotations
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.earth import Origin
-from fgnav.estimate import Estimate
-from fgnav.flight import Flight, Truth
-from fgnav.gnss.differences import DoubleDifferences
+from fgnav.geometry import rotations
+from fgnav.geometry.earth import Origin
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.estimate import Estimate
+from fgnav.types.flight import Flight, Truth
 
 MADRID = Origin(latitude_rad=0.704, longitude_rad=-0.068, height_m=700.0)
 

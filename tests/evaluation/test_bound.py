@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from fgnav import rotations
 from fgnav.evaluation.bound import attitude_bound, euler_sigma_rad, flight_bound
 from fgnav.evaluation.integer_counts import integers_at, true_attitudes
+from fgnav.geometry import rotations
 
 ARRAY_B_M = np.array([[0, 0.1, 0], [1, 0, 0], [-0.8, 0.1, 0.1]])
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import fgnav
-from fgnav import rotations
 from fgnav.checks import BadInputError, Loss
 from fgnav.evaluation.comparison import compare
+from fgnav.geometry import rotations
 
 DEG = np.pi / 180
 

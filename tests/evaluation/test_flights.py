@@ -9,11 +9,11 @@ import pytest
 
 from fgnav import cli
 from fgnav.checks import BadInputError
-from fgnav.estimate import Estimate
 from fgnav.evaluation.flights import compare_flights
 from fgnav.evaluation.paired import paired
 from fgnav.evaluation.report.flights_table import flights_lines
 from fgnav.evaluation.report.html.flights import save_flights_page
+from fgnav.types.estimate import Estimate
 
 
 @dataclass(frozen=True)

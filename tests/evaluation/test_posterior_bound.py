@@ -11,7 +11,7 @@ from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.evaluation.posterior_bound import posterior_bound, true_rate_prior, true_states
 from fgnav.graph.build import Layout, flight_graph, flight_values
 from fgnav.graph.factors.position import Position
-from fgnav.integers.truth import Truth
+from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Batch
 from fgnav.process.evidence import RatePrior
 from fgnav_sim.simulate import simulate

@@ -1,8 +1,8 @@
 import numpy as np
 
-from fgnav import rotations
 from fgnav.evaluation.reference import common_epochs, covered, truth_at
-from fgnav.flight import Truth
+from fgnav.geometry import rotations
+from fgnav.types.flight import Truth
 
 
 def test_truth_between_samples_follows_a_steady_turn(flight, true_state):

@@ -2,8 +2,8 @@ from dataclasses import asdict
 
 import numpy as np
 
-from fgnav.estimate import Consistency, Estimate
 from fgnav.evaluation.scores import score
+from fgnav.types.estimate import Consistency, Estimate
 
 
 def test_what_a_method_says_of_its_own_innovations_is_in_its_score():

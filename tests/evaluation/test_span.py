@@ -8,9 +8,9 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.evaluation.comparison import compare
 from fgnav.evaluation.span import within
-from fgnav.flight import InitialAttitude
-from fgnav.integers.registry import resolver_named
+from fgnav.integers.resolvers.registry import resolver_named
 from fgnav.methods.maximum_likelihood import MaximumLikelihood
+from fgnav.types.flight import InitialAttitude
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 

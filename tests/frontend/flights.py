@@ -5,15 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from fgnav import rotations
 from fgnav.attitude.array import maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import FloatArray
-from fgnav.earth import Origin
-from fgnav.flight import Imu, Truth
 from fgnav.frontend.attitude.rates import angular_rates
 from fgnav.frontend.calibration_request import MEAN_RATE, mean_rate
 from fgnav.frontend.position.series import VectorSeries
+from fgnav.geometry import rotations
+from fgnav.geometry.earth import Origin
 from fgnav.graph.factors.array_phase import ArrayPhase
 from fgnav.graph.factors.position import Position
 from fgnav.graph.factors.velocity import Velocity
@@ -24,6 +23,7 @@ from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.process.evidence import RatePrior
+from fgnav.types.flight import Imu, Truth
 from tests.attitude.arrays import synthetic
 
 ORIGIN = Origin(latitude_rad=np.radians(40.3), longitude_rad=np.radians(-3.9), height_m=700.0)

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from fgnav.earth import Origin
-from fgnav.flight import Antenna, Fixes, Flight, Imu, Truth
-from fgnav.rotations import from_euler, log, transpose
+from fgnav.geometry.earth import Origin
+from fgnav.geometry.rotations import from_euler, log, transpose
+from fgnav.types.flight import Antenna, Fixes, Flight, Imu, Truth
 
 ARM_B_M = np.array([0.3, 0.1, -0.5])
 _STEP_S = 0.02

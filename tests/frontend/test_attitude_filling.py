@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fgnav import rotations
 from fgnav.frontend.attitude.filling import interpolated_attitudes, zero_order_hold
+from fgnav.geometry import rotations
 
 
 def turn_with_gap(t_s, from_s, until_s):

@@ -11,23 +11,23 @@ from numpy.testing import assert_allclose, assert_array_equal
 from fgnav.attitude.array import AttitudeSolution
 from fgnav.attitude.flight_vectors import measured_vectors, track_of
 from fgnav.checks import BadInputError
-from fgnav.flight import Flight, Imu
 from fgnav.frontend.causal.array import causal_array, causal_track
 from fgnav.frontend.causal.truncation import truncated
+from fgnav.geometry.rotations import log, transpose
 from fgnav.gnss.difference import double_differences
 from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_differences import motion_so_far, single_differences
 from fgnav.gravity import LowDynamics, causal_gravity, gravity_named
-from fgnav.integers.causal import causal_form, looks_ahead
-from fgnav.integers.constrained import Constrained
-from fgnav.integers.lambda_ import Lambda
-from fgnav.integers.registry import resolver_named
-from fgnav.integers.rounding import Rounding
-from fgnav.integers.truth import Truth
+from fgnav.integers.resolvers.causal import causal_form, looks_ahead
+from fgnav.integers.resolvers.constrained import Constrained
+from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.integers.resolvers.registry import resolver_named
+from fgnav.integers.resolvers.rounding import Rounding
+from fgnav.integers.resolvers.truth import Truth
 from fgnav.integers.validation import share_so_far, share_threshold
-from fgnav.rotations import log, transpose
 from fgnav.seeker import line_of_sight
-from fgnav_sim.receiver_tables import OutageTable
+from fgnav.types.flight import Flight, Imu
+from fgnav_sim.gnss.tables import OutageTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.methods.simulated import SCENARIOS

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fgnav import rotations
-from fgnav.flight import Imu
 from fgnav.frontend import gaps
+from fgnav.geometry import rotations
+from fgnav.types.flight import Imu
 from tests.frontend.flights import ACCELEROMETER, GYROSCOPE
 
 SECONDS = np.arange(0, 10, 0.01)

@@ -7,7 +7,7 @@ from fgnav.attitude.flight_vectors import track_of
 from fgnav.evaluation.reference import truth_at
 from fgnav.frontend.attitude.in_motion import in_motion, in_motion_smoothed
 from fgnav.frontend.causal.truncation import truncated
-from fgnav.rotations import log, transpose
+from fgnav.geometry.rotations import log, transpose
 from tests.frontend.standing import standing
 
 

@@ -8,18 +8,18 @@ import msgspec
 import numpy as np
 import pytest
 
-from fgnav import rotations
 from fgnav.frontend.calibration_request import MEAN_RATE, calibration_requests
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
+from fgnav.geometry import rotations
 from fgnav.graph.factors.array_shape import ArrayShape
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.states import States
 from fgnav.gravity import LowDynamics
-from fgnav.integers.truth import Truth, attitude_at
+from fgnav.integers.resolvers.truth import Truth, attitude_at
 from fgnav.process.evidence import RatePrior
-from fgnav_sim.receiver_tables import OutageTable
+from fgnav_sim.gnss.tables import OutageTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.frontend.flights import GYROSCOPE

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fgnav import rotations
 from fgnav.attitude.own_rotation import own_rotation
 from fgnav.frontend.attitude.rates import angular_rates, rough_rates, swing_n_mps
+from fgnav.geometry import rotations
 from tests.frontend.test_gaps import record
 
 T_S = np.arange(0, 9, 0.1)

@@ -8,7 +8,7 @@ import pytest
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.integers.lambda_ import Lambda
+from fgnav.integers.resolvers.lambda_ import Lambda
 from tests.methods.simulated import flown
 from tests.methods.test_maximum_likelihood import Off
 

@@ -6,9 +6,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from fgnav import rotations
 from fgnav.frontend.attitude.vector_alignment import vector_attitudes
-from fgnav.integers.truth import attitude_at
+from fgnav.geometry import rotations
+from fgnav.integers.resolvers.truth import attitude_at
 from fgnav_sim.motion import Sine
 from fgnav_sim.scenario import FixesTable, load_scenario
 from fgnav_sim.simulate import simulate

@@ -5,7 +5,7 @@ from functools import cache
 import msgspec
 import numpy as np
 
-from fgnav_sim.receiver_tables import BaseTable
+from fgnav_sim.gnss.tables import BaseTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.methods.simulated import SCENARIOS

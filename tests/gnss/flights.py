@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.earth import C_MPS, EARTH_RATE_RADPS, Origin
-from fgnav.flight import Antenna, Flight, GnssNoise
-from fgnav.gnss.satellites import look_angles, satellite_states
+from fgnav.geometry.earth import C_MPS, EARTH_RATE_RADPS, Origin
+from fgnav.geometry.rotations import from_euler
+from fgnav.gnss.orbits.satellites import look_angles, satellite_states
 from fgnav.gnss.signals import wavelengths_m
-from fgnav.observations import Observations
-from fgnav.orbits import EPHEMERIS_DTYPE, BroadcastOrbits
-from fgnav.rotations import from_euler
+from fgnav.types.flight import Antenna, Flight, GnssNoise
+from fgnav.types.observations import Observations
+from fgnav.types.orbits import EPHEMERIS_DTYPE, BroadcastOrbits
 
 ORIGIN = Origin(latitude_rad=np.radians(40.33), longitude_rad=np.radians(-3.88), height_m=700.0)
 # Satellites, planes, semi-major axis, inclination.

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.earth import Origin, ecef, geodetic
-from fgnav.flight import Antenna, Flight
+from fgnav.geometry.earth import Origin, ecef, geodetic
 from fgnav.io.antennas import merge
-from fgnav.io.rinex import read_navigation, read_receivers
-from fgnav.io.sp3 import read_precise
-from fgnav.orbits import BroadcastOrbits, PreciseOrbits
+from fgnav.io.rinex.reader import read_navigation, read_receivers
+from fgnav.io.sp3.reader import read_precise
+from fgnav.types.flight import Antenna, Flight
+from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
 
 START_UNIX_S = 1_593_043_200  # 2020-06-25 00:00:00, as RTKLIB counts GPS time
 START_GPS_S = START_UNIX_S - 315_964_800.0

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.flight import Flight
 from fgnav.gnss.difference import double_differences
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.observations import HALF_CYCLE
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight
+from fgnav.types.observations import HALF_CYCLE
 from tests.gnss import recordings
 from tests.gnss.flights import Made, walker_orbits
 
@@ -250,7 +250,7 @@ def test_blocks_of_epochs_join_without_a_seam(monkeypatch):
     flight = Made(t_s=T_S, arms_b_m=ARMS[:2], phase_sigma_m=0.003).flight()
     whole = double_differences(flight)
     monkeypatch.setattr("fgnav.gnss.single_differences.BLOCK", 7)
-    monkeypatch.setattr("fgnav.gnss.code_solution.BLOCK", 7)
+    monkeypatch.setattr("fgnav.gnss.single_point.solution.BLOCK", 7)
     parts = double_differences(replace(flight, name="parts"))
     np.testing.assert_allclose(parts.phase_m, whole.phase_m, atol=1e-6 * MM)
     np.testing.assert_array_equal(parts.arc, whole.arc)

@@ -10,7 +10,7 @@ from fgnav.gnss.signals import (
     select,
     wavelengths_m,
 )
-from fgnav.observations import Observations
+from fgnav.types.observations import Observations
 
 
 def observed(channels: list[tuple[str, str]], tracked: np.ndarray) -> Observations:

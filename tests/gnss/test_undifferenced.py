@@ -5,7 +5,7 @@ import pytest
 
 from fgnav.frontend.causal.truncation import truncated
 from fgnav.gnss.undifferenced import undifferenced
-from fgnav_sim.receiver_tables import OutageTable, SlipsTable
+from fgnav_sim.gnss.tables import OutageTable, SlipsTable
 from tests.gnss.based import antenna_n_m, flown
 
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from fgnav.geometry.rotations import from_euler
 from fgnav.gnss.wind_up import wind_up_cycles
-from fgnav.rotations import from_euler
-from fgnav_sim.wind_up import wind_up
+from fgnav_sim.propagation.wind_up import wind_up
 
 POLE_N = np.array([np.cos(0.7), 0.0, -np.sin(0.7)])
 E_N = np.array([[0.0, 0.0, -1.0], [0.8, 0.0, -0.6], [-0.3, 0.9, -np.sqrt(0.1)]])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.cubic_spline import cubic_spline
-from fgnav.flight import Imu
+from fgnav.geometry.cubic_spline import cubic_spline
 from fgnav.graph.inertial.increments import at_latest, increments
+from fgnav.types.flight import Imu
 
 
 def _imu(t_s, f_b_mps2, w_b_radps=None):

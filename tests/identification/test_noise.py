@@ -12,8 +12,8 @@ from fgnav.identification.apply import with_identified_noise
 from fgnav.identification.identify import identify
 from fgnav.identification.linear_chain import LinearChain
 from fgnav.identification.thinned import thinned
-from fgnav.integers.truth import Truth
-from fgnav.io import usual_noise
+from fgnav.integers.resolvers.truth import Truth
+from fgnav.io.flight import usual_noise
 from fgnav.methods.smoother import Batch
 from fgnav.solve.chain import solve_batch
 from fgnav_sim.scenario import FixesTable, load_scenario

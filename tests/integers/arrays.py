@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav import rotations
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.earth import Origin
-from fgnav.flight import Antenna, Flight, Truth
-from fgnav.gnss.differences import DoubleDifferences
+from fgnav.geometry import rotations
+from fgnav.geometry.earth import Origin
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Antenna, Flight, Truth
 
 L1_M = 0.190293672798
 E5_M = 0.254828048791

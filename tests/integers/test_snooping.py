@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fgnav.integers.constrained import Constrained
+from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.snooping import LEFT_OUT, touched
 
 from .arrays import PAPER_ANTENNAS_B_M, make

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fgnav.integers.candidates import candidates
+from fgnav.integers.array.candidates import candidates
 from tests.benchmarks.teunissen import PUBLISHED, below, cost_of_truth, fits, made
 from tests.integers.arrays import sky
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from fgnav.integers.constrained_search import PROVEN, search_constrained
+from fgnav.integers.array.search import PROVEN, search_constrained
 from fgnav.integers.thresholds import simulated, statistic, thresholds
 from fgnav.integers.validation import share_threshold
 

@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from fgnav import rotations
+from fgnav.geometry import rotations
 from fgnav.gnss.difference import double_differences
-from fgnav.integers.affine import search_array
-from fgnav.integers.lambda_ import Lambda
-from fgnav.integers.resolve import resolve
-from fgnav.integers.truth import true_integers
-from fgnav.io.flight_folder import load_flight
+from fgnav.integers.ils.affine import search_array
+from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.integers.resolvers.resolve import resolve
+from fgnav.integers.resolvers.truth import true_integers
+from fgnav.io.flight.folder import load_flight
 
 BASELINE_ENU_M = np.array([-0.41788, 1.53566, 0.08652])
 

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav import rotations
 from fgnav.checks import BoolArray, IntArray
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.truth import true_integers
+from fgnav.geometry import rotations
+from fgnav.integers.resolvers.truth import true_integers
+from fgnav.types.differences import DoubleDifferences
 
 from .test_wettzell import BASELINE_ENU_M, FLIGHT_TOML, of_signals
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from fgnav.earth import Origin
-from fgnav.flight import (
+from fgnav.geometry.earth import Origin
+from fgnav.geometry.rotations import from_euler
+from fgnav.types.flight import (
     Antenna,
     Base,
     Fixes,
@@ -14,10 +15,9 @@ from fgnav.flight import (
     Seeker,
     Truth,
 )
-from fgnav.observations import Observations
-from fgnav.orbits import EPHEMERIS_DTYPE, BroadcastOrbits, PreciseOrbits
-from fgnav.rotations import from_euler
-from fgnav.surroundings import Barometer, Magnetometer
+from fgnav.types.observations import Observations
+from fgnav.types.orbits import EPHEMERIS_DTYPE, BroadcastOrbits, PreciseOrbits
+from fgnav.types.surroundings import Barometer, Magnetometer
 
 START_GPS_S = 1_277_078_400.0  # 2020-06-25, second 345600 of GPS week 2111
 ORIGIN = Origin(latitude_rad=np.radians(78.0), longitude_rad=np.radians(-3.9), height_m=700.0)

@@ -14,7 +14,7 @@ from fgnav.io.antennas import (
     nominal_epochs,
     tolerance_s,
 )
-from fgnav.observations import Observations
+from fgnav.types.observations import Observations
 
 START_GPS_S = 1_277_078_400.5
 

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.earth import Origin
-from fgnav.estimate import Estimate
-from fgnav.io.columns import EULER, PLACE, VELOCITY
+from fgnav.geometry.earth import Origin
+from fgnav.geometry.rotations import exp, from_euler, to_euler
 from fgnav.io.exports.estimate_csv import (
     EULER_SIGMA,
     read_summary,
     write_estimate,
     write_outcome,
 )
-from fgnav.io.local_frame import attitude_to_n, place_to_n, velocity_to_n
-from fgnav.rotations import exp, from_euler, to_euler
+from fgnav.io.flight.columns import EULER, PLACE, VELOCITY
+from fgnav.io.flight.local_frame import attitude_to_n, place_to_n, velocity_to_n
+from fgnav.types.estimate import Estimate
 
 ORIGIN = Origin(latitude_rad=1.3, longitude_rad=0.2, height_m=100.0)
 

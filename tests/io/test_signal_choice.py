@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from fgnav.io.rinex_header import Header
+from fgnav.io.rinex.header import Header
 from fgnav.io.signal_choice import choose_signals, same_signal
 
 

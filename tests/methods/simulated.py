@@ -6,8 +6,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from fgnav import rotations
-from fgnav.integers.truth import attitude_at
+from fgnav.geometry import rotations
+from fgnav.integers.resolvers.truth import attitude_at
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import gtsam
 import numpy as np
 
-from fgnav import rotations
+from fgnav.geometry import rotations
 from fgnav.graph import pose
 from fgnav.graph.custom import OwnFactor, residual_factor
-from fgnav.integers.truth import attitude_at
+from fgnav.integers.resolvers.truth import attitude_at
 
 NAME = "star tracker"
 SIGMA_RAD = np.radians(30 / 3600)  # about each axis

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from fgnav.estimate import open_angle_variance_rad2
-from fgnav.flight import InitialAttitude
 from fgnav.frontend.causal.truncation import truncated
+from fgnav.geometry.rotations import to_euler, transpose
 from fgnav.methods.smoother import Batch, Forward, Smoother
-from fgnav.rotations import to_euler, transpose
+from fgnav.types.estimate import open_angle_variance_rad2
+from fgnav.types.flight import InitialAttitude
 from tests.frontend.standing import standing
 from tests.methods.simulated import errors_rad, nees
 

@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from fgnav.checks import BadInputError
-from fgnav.integers.truth import Truth
+from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.at_times import at_times
 from fgnav.methods.rtk import Rtk
 from fgnav.methods.smoother import Batch

@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav import rotations
 from fgnav.checks import NoSolutionError
-from fgnav.flight import Flight
-from fgnav.integers.truth import Truth
+from fgnav.geometry import rotations
+from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods import method_named
 from fgnav.methods.closed_form import ClosedForm
+from fgnav.types.flight import Flight
 from fgnav_sim.motion import Motion, Sine, Straight
 from fgnav_sim.scenario import FixesTable, GnssTable, ImuTable, Place, Scenario, SeekerTable
 from fgnav_sim.simulate import simulate

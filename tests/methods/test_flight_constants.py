@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fgnav.checks import NoSolutionError
+from fgnav.geometry.rotations import exp
 from fgnav.methods.smoother import Batch, Smoother
 from fgnav.process.evidence import RatePrior
-from fgnav.rotations import exp
 from fgnav.seeker import line_of_sight
 from tests.frontend.array.test_shape import OFF_B_M, off
 from tests.methods.simulated import errors_rad, flown, nees

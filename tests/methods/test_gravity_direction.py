@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 from numpy.testing import assert_allclose
 
+from fgnav.geometry.rotations import exp, log, skew
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.factors.gravity import Gravity
-from fgnav.rotations import exp, log, skew
 from fgnav.solve.batch import solve_batch
 from tests.frontend.flights import turning
 

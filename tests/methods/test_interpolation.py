@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from fgnav.checks import BadInputError
 from fgnav.graph.between import with_times
-from fgnav.integers.truth import Truth
+from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from tests.methods.simulated import errors_rad, flown, nees
 

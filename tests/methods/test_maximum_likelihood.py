@@ -5,10 +5,10 @@ import pytest
 
 from fgnav.attitude import RotationQuadratic
 from fgnav.checks import BadInputError, NoSolutionError
-from fgnav.integers.resolve import resolve
-from fgnav.integers.resolver import Integers
-from fgnav.integers.truth import Truth, attitude_at
+from fgnav.integers.resolvers.resolve import resolve
+from fgnav.integers.resolvers.truth import Truth, attitude_at
 from fgnav.methods.maximum_likelihood import MaximumLikelihood
+from fgnav.types.integers import Integers
 
 from .simulated import errors_rad, flown, nees
 

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fgnav.integers.truth import Truth
+from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Batch, Forward, Smoother
-from fgnav_sim.receiver_tables import OutageTable
+from fgnav_sim.gnss.tables import OutageTable
 from fgnav_sim.simulate import simulate
 from tests.frontend.test_gaps import with_hole
 from tests.frontend.test_problem import PER_EPOCH, with_outages

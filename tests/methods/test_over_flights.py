@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fgnav import rotations
+from fgnav.geometry import rotations
 from fgnav_sim.simulate import simulate
 from tests.benchmarks.consistency import (
     anees,

@@ -11,12 +11,12 @@ from scipy.special import chdtri
 
 from fgnav import cli, plugins
 from fgnav.checks import BadInputError
+from fgnav.geometry.rotations import log, transpose
 from fgnav.graph import angular_motion, constant, imu_bias, pose, velocity
 from fgnav.graph.custom import jacobian_misfit, residual_factor
-from fgnav.io.flight_folder import save_flight
+from fgnav.io.flight.folder import save_flight
 from fgnav.methods.smoother import Batch, Forward, Measured, Measurements, Smoother, Stream
 from fgnav.methods.stream import StreamSetUp
-from fgnav.rotations import log, transpose
 from tests.frontend import flights
 from tests.methods.simulated import errors_rad, flown
 from tests.methods.star_tracker import EVERY, NAME, SIGMA_RAD, StarTracker, drawn, own

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from fgnav.checks import NoSolutionError
+from fgnav.geometry.rotations import log, transpose
 from fgnav.gravity import LowDynamics
 from fgnav.methods.smoother import Batch, Forward, Smoother
-from fgnav.rotations import log, transpose
 from fgnav.solve.sliding.relinearisation import UNKNOWN_RAD
 from fgnav_sim.simulate import simulate
 from tests.frontend.array.test_float_arcs import Cut, flown_without_integers

@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav import rotations
 from fgnav.checks import BadInputError, NoSolutionError
-from fgnav.flight import GnssNoise
-from fgnav.integers.truth import Truth
+from fgnav.geometry import rotations
+from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods import method_named
 from fgnav.methods.rtk import Rtk
+from fgnav.types.flight import GnssNoise
 from fgnav_sim.motion import Arc, Motion, Sine
 from fgnav_sim.scenario import GnssTable, Scenario
 from fgnav_sim.simulate import simulate

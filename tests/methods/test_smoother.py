@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
+from fgnav.geometry.rotations import log, transpose
 from fgnav.gravity import LowDynamics
-from fgnav.integers.truth import Truth, attitude_at
+from fgnav.integers.resolvers.truth import Truth, attitude_at
 from fgnav.io.importers.umn import read_umn
 from fgnav.methods.maximum_likelihood import MaximumLikelihood
 from fgnav.methods.smoother import Batch, Smoother
-from fgnav.rotations import log, transpose
 from tests.benchmarks import consistency
 from tests.benchmarks.gravity import flights
 from tests.methods.simulated import errors_rad, euler_rmse_deg, flown, nees

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.earth import geodetic
 from fgnav.frontend.calibration_request import (
     calibration_requests,
     mean_rate,
@@ -16,12 +15,13 @@ from fgnav.frontend.calibration_request import (
 from fgnav.frontend.measurements import Recorded, measurements_of
 from fgnav.frontend.sensors.sensed import Sensed
 from fgnav.frontend.sensors.surroundings import field_of, heights_of
+from fgnav.geometry.earth import geodetic
+from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.types.constants import Constants
 from fgnav.methods.smoother import Direction, Measured, Measurements, Stream, StreamSetUp
-from fgnav.rotations import log, transpose
 from fgnav.solve.fixed_lag import solve_fixed_lag
-from fgnav.surroundings import Barometer, Magnetometer
+from fgnav.types.surroundings import Barometer, Magnetometer
 from tests.frontend.flights import ORIGIN, attitude_errors_rad, turning
 from tests.methods.simulated import nees
 

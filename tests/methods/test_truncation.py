@@ -10,7 +10,7 @@ import pytest
 from fgnav.frontend.causal.truncation import truncated
 from fgnav.io.exports.estimate_csv import write_estimate
 from fgnav.methods.smoother import Forward, Smoother
-from fgnav_sim.receiver_tables import OutageTable
+from fgnav_sim.gnss.tables import OutageTable
 from fgnav_sim.scenario import FixesTable, load_scenario
 from fgnav_sim.simulate import simulate
 from tests.methods.simulated import SCENARIOS

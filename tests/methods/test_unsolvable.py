@@ -3,7 +3,7 @@
 import pytest
 
 from fgnav.cli import main
-from fgnav.io.flight_folder import save_flight
+from fgnav.io.flight.folder import save_flight
 from tests.frontend.test_unsolvable import CASES, blind
 from tests.methods.simulated import flown
 

@@ -6,9 +6,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from fgnav import rotations
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.attitude import vector_alignment
+from fgnav.geometry import rotations
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.solve.batch import solve_batch
 from fgnav_sim.scenario import FixesTable

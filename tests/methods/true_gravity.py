@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.flight import Flight
 from fgnav.gravity import GravityDirection
-from fgnav.integers.truth import attitude_at
+from fgnav.integers.resolvers.truth import attitude_at
+from fgnav.types.flight import Flight
 
 
 @dataclass(frozen=True)

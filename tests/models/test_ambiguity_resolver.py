@@ -7,7 +7,7 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.gnss.difference import double_differences
-from fgnav.integers.registry import resolver_named
+from fgnav.integers.resolvers.registry import resolver_named
 from fgnav.methods.maximum_likelihood import MaximumLikelihood
 from fgnav_models.features import wrapped
 from fgnav_models.runtime.ambiguity import AmbiguityNetwork, classification, regression

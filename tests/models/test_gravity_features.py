@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from fgnav.flight import Imu
+from fgnav.types.flight import Imu
 from fgnav_models.gravity_features import (
     SAMPLES,
     course_motion,

@@ -8,14 +8,14 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.cli import main
 from fgnav.gravity import gravity_named, gravity_names
-from fgnav.integers.truth import Truth
+from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods import method_named
 from fgnav.methods.smoother import Smoother
 from fgnav_models.gravity_features import course_motion
 from fgnav_models.runtime.gravity import AccelerometerGravity, NetworkGravity, answers
 from fgnav_models.runtime.load import load
-from fgnav_sim.data_sets_gravity import gravity_epochs
-from fgnav_sim.data_sets_gravity_world import GravityWorld, WindowsTable
+from fgnav_sim.data_sets.gravity import gravity_epochs
+from fgnav_sim.data_sets.gravity_world import GravityWorld, WindowsTable
 from fgnav_sim.motion import Arc, Motion, Rate, Straight
 from fgnav_sim.scenario import FixesTable, ImuTable, Scenario
 from fgnav_sim.simulate import simulate

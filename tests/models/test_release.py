@@ -7,9 +7,9 @@ import torch
 from fgnav.checks import BadInputError, NoSolutionError
 from fgnav_models.runtime.load import load
 from fgnav_models.runtime.manifest import Port
-from fgnav_models.training.nets import AmbiguityNet, Architecture, whitened
+from fgnav_models.training.ambiguity.nets import AmbiguityNet, Architecture, whitened
+from fgnav_models.training.ambiguity.released import Answer
 from fgnav_models.training.release import AGREEMENT, Story, release
-from fgnav_models.training.released import Answer
 
 
 def story(name="toy", inputs=4, outputs=2):

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from fgnav import cli, rotations
+from fgnav import cli
 from fgnav.checks import BadInputError
-from fgnav.estimate import Estimate
+from fgnav.geometry import rotations
+from fgnav.types.estimate import Estimate
 from fgnav_models import restitution
 from fgnav_models.restitution import (
     AMPLITUDES_DEG,

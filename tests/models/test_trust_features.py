@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav.integers.candidates import candidates
+from fgnav.integers.array.candidates import candidates
 from fgnav_models.trust_features import links_of, probabilities, trust_rows
 from tests.integers.arrays import PAPER_ANTENNAS_B_M, make
 

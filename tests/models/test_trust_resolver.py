@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.integers.constrained import Constrained
+from fgnav.integers.resolvers.constrained import Constrained
 from fgnav_models.runtime import resolver
 from fgnav_models.runtime.load import load
 from fgnav_models.runtime.resolver import Network, outside_domain

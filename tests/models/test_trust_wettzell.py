@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fgnav.gnss.difference import double_differences
-from fgnav.io.flight_folder import load_flight
+from fgnav.io.flight.folder import load_flight
 from fgnav_models.runtime.resolver import Network
 from tests.integers.wettzell import of_signals, right_cycles, write_flight
 

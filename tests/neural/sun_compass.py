@@ -10,7 +10,7 @@ from hashlib import sha256
 
 import numpy as np
 
-from fgnav import rotations
+from fgnav.geometry import rotations
 from fgnav.neural.manifest import Covariance, Input, Manifest, Output, save_manifest
 from fgnav.neural.records import Record
 
@@ -174,7 +174,7 @@ def written(folder, half_life_s=0.07):
 def recorded(truth, seed):
     """Return what the diodes record on a flight."""
     t_s = np.arange(truth.t_s[0], truth.t_s[-1], 1 / RATE_HZ)
-    from fgnav.integers.truth import attitude_at
+    from fgnav.integers.resolvers.truth import attitude_at
 
     R_nb, covered = attitude_at(truth, t_s)
     values = currents(R_nb[covered], np.random.default_rng(seed))

@@ -6,7 +6,7 @@ import gtsam
 import numpy as np
 import pytest
 
-from fgnav import rotations
+from fgnav.geometry import rotations
 from fgnav.graph.custom import check_factor, jacobian_misfit
 from fgnav.graph.keys import Timeline, pose, velocity
 from fgnav.neural import NeuralFactor, Record

@@ -9,7 +9,7 @@ import fgnav
 from fgnav import cli
 from fgnav.checks import BadInputError
 from fgnav.graph.keys import Timeline
-from fgnav.io.flight_folder import save_flight
+from fgnav.io.flight.folder import save_flight
 from fgnav.neural import NeuralFactor, Record, read_manifest
 from fgnav.neural.network import load_network
 from tests.methods.simulated import flown

@@ -7,8 +7,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from fgnav import rotations
-from fgnav.integers.truth import attitude_at
+from fgnav.geometry import rotations
+from fgnav.integers.resolvers.truth import attitude_at
 from fgnav.methods.smoother import Batch, Forward, Measured, Measurements, Smoother, Stream
 from fgnav.methods.stream import StreamSetUp
 from fgnav.neural import NeuralFactor

@@ -4,8 +4,8 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from fgnav.geometry.rotations import exp, from_euler, log, skew, transpose
 from fgnav.process.matern import integral, intervals, noise_factor, stationary, transition
-from fgnav.rotations import exp, from_euler, log, skew, transpose
 
 DEG = np.pi / 180
 _PARTS = 10  # of an interval when rates are drawn

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
+from fgnav.geometry.rotations import exp, from_euler
 from fgnav.process.evidence import (
     DEFAULT_LENGTH_S,
     DEFAULT_SIGMA_RADPS,
     causal_rate_priors,
     rate_prior,
 )
-from fgnav.rotations import exp, from_euler
 from tests.process.chain import DEG, sine, with_noise
 
 T_S = 0.1 * np.arange(600)

@@ -3,6 +3,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from fgnav.checks import BadInputError
+from fgnav.geometry.rotations import exp, from_euler, log, transpose
 from fgnav.process import filter_kernel
 from fgnav.process.attitude_series import NO_TAPE
 from fgnav.process.evidence import (
@@ -14,7 +15,6 @@ from fgnav.process.evidence import (
 from fgnav.process.evidence_kernel import UPDATE, Epochs
 from fgnav.process.evidence_kernel import log_densities as log_densities_of
 from fgnav.process.matern import integral, transition
-from fgnav.rotations import exp, from_euler, log, transpose
 from tests.process.chain import (
     DEG,
     drawn_attitudes,

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from fgnav.geometry.rotations import exp
 from fgnav.process.matern import integral, noise_factor, stationary
 from fgnav.process.prediction import predicted_rotation_covariance
-from fgnav.rotations import exp
 from tests.process.chain import DEG
 
 T_S = 0.1 * np.arange(120)

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
+from fgnav.geometry.rotations import exp, from_euler
 from fgnav.process.attitude_series import attitude_series
 from fgnav.process.evidence import rate_prior
 from fgnav.process.evidence_kernel import PREDICT, RESTART, tape
 from fgnav.process.score_kernel import score
 from fgnav.process.volatility import varying_rate_prior
-from fgnav.rotations import exp, from_euler
 from tests.process.chain import DEG, drawn_attitudes, sine, with_noise
 
 T_S = 0.1 * np.arange(300)

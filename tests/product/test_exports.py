@@ -10,13 +10,13 @@ import pytest
 import fgnav
 from fgnav.checks import BadInputError
 from fgnav.cli import main
-from fgnav.earth import Origin
-from fgnav.estimate import Estimate
-from fgnav.flight import Flight
+from fgnav.geometry.earth import Origin
+from fgnav.geometry.rotations import from_euler
 from fgnav.io.exports import exporter_named
 from fgnav.io.exports.recorded import RecordedEstimate, load_estimate, save_estimate
-from fgnav.io.local_frame import place_of_n
-from fgnav.rotations import from_euler
+from fgnav.io.flight.local_frame import place_of_n
+from fgnav.types.estimate import Estimate
+from fgnav.types.flight import Flight
 
 ORIGIN = Origin(latitude_rad=0.7, longitude_rad=-0.06, height_m=700.0)
 START_GPS_S = 1_400_000_000.25  # 2024-05-17 16:53:20.25, GPS time

@@ -8,9 +8,9 @@ from fgnav.checks import BadInputError
 from fgnav.cli import main
 from fgnav.shipped import file_or_shipped, shipped, summary
 from fgnav_models.runtime.load import released
-from fgnav_sim.data_sets_world import load_world
+from fgnav_sim.data_sets.world import load_world
 from fgnav_sim.scenario import load_scenario
-from fgnav_sim.vehicle import load_vehicle
+from fgnav_sim.vehicle.tables import load_vehicle
 
 KINDS = [
     ("fgnav_sim", "scenarios"),

@@ -14,11 +14,11 @@ import fgnav
 from fgnav import plugins, terminal
 from fgnav.checks import BadInputError
 from fgnav.cli import main
-from fgnav.earth import Origin
-from fgnav.estimate import Estimate
-from fgnav.integers.registry import RESOLVERS, resolver_named
+from fgnav.geometry.earth import Origin
+from fgnav.integers.resolvers.registry import RESOLVERS, resolver_named
 from fgnav.methods import METHODS
 from fgnav.progress import report
+from fgnav.types.estimate import Estimate
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_installed_parts_are_listed_with_who_brought_them_or_why_not(monkeypatch
 
 def test_a_part_of_a_module_in_the_working_folder_is_named_by_it(tmp_path, monkeypatch):
     (tmp_path / "my_resolvers.py").write_text(
-        "from fgnav.integers.rounding import Rounding\n\n\nmine = Rounding\n"
+        "from fgnav.integers.resolvers.rounding import Rounding\n\n\nmine = Rounding\n"
     )
     monkeypatch.chdir(tmp_path)
     assert resolver_named("my_resolvers:mine").name == "rounding"

@@ -16,8 +16,8 @@ from unittest import mock
 import numpy as np
 
 from fgnav import cli
-from fgnav.flight import Flight
-from fgnav.io import flight_folder
+from fgnav.io.flight import folder as flight_folder
+from fgnav.types.flight import Flight
 from tests.robustness.damages import FAMILIES, SHARES
 
 METHODS = ("closed-form", "smoother", "smoother")
@@ -174,7 +174,7 @@ def counts(flight: Flight) -> dict[str, int]:
 
 def attitude_nees(path: Path, flight: Flight) -> float:
     """Return the mean normalised error squared of the three angles, axis by axis, of 3."""
-    from fgnav.io.local_frame import attitude_of_n
+    from fgnav.io.flight.local_frame import attitude_of_n
 
     table = np.genfromtxt(path, delimiter=",", names=True)
     if "sigma_yaw_deg" not in table.dtype.names or not table.size:

@@ -7,10 +7,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from fgnav.earth import C_MPS
-from fgnav.gnss.satellites import satellite_states
-from fgnav.io.flight_folder import save_flight
-from fgnav.orbits import PreciseOrbits
+from fgnav.geometry.earth import C_MPS
+from fgnav.gnss.orbits.satellites import satellite_states
+from fgnav.io.flight.folder import save_flight
+from fgnav.types.orbits import PreciseOrbits
 from fgnav_sim.scenario import FixesTable, load_scenario
 from fgnav_sim.simulate import simulate
 

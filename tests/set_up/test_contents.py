@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from fgnav.checks import Loss
-from fgnav.earth import Origin
-from fgnav.flight import Antenna, Flight, Imu, Truth
-from fgnav.observations import Observations
-from fgnav.orbits import EPHEMERIS_DTYPE, BroadcastOrbits, PreciseOrbits
+from fgnav.geometry.earth import Origin
 from fgnav.set_up.contents import contents as describe
+from fgnav.types.flight import Antenna, Flight, Imu, Truth
+from fgnav.types.observations import Observations
+from fgnav.types.orbits import EPHEMERIS_DTYPE, BroadcastOrbits, PreciseOrbits
 
 MADRID = Origin(latitude_rad=0.704, longitude_rad=-0.068, height_m=700.0)
 PLANE_B_M = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from fgnav.io.flight_folder import load_flight
+from fgnav.io.flight.folder import load_flight
 from fgnav.set_up import describe
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate

@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav.flight import Imu
 from fgnav.set_up.samples import sample_findings
+from fgnav.types.flight import Imu
 
 T_S = np.arange(0, 20, 0.01)
 

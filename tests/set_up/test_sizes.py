@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from fgnav.attitude.flight_vectors import track_of
-from fgnav.flight import Imu
 from fgnav.io.importers.umn import read_umn
 from fgnav.set_up.sizes import size_findings
+from fgnav.types.flight import Imu
 
 T_S = np.arange(0, 60, 0.01)
 

@@ -122,7 +122,7 @@ def test_the_module_of_the_command_imports_nothing_heavy():
 
 
 def test_a_flight_read_back_is_the_flight_that_was_made(scenario, tmp_path):
-    from fgnav.io.flight_folder import load_flight, save_flight
+    from fgnav.io.flight.folder import load_flight, save_flight
     from fgnav_sim.scenario import load_scenario
     from fgnav_sim.simulate import simulate as make
 

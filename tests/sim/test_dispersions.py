@@ -6,9 +6,9 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav_sim.dispersions import check_spreads, disperse
-from fgnav_sim.flown_table import FlownTable, StartTable, WindTable
 from fgnav_sim.scenario import ImuTable, Scenario
-from fgnav_sim.vehicle import Axisymmetric, BodyTable, MotorTable, Vehicle
+from fgnav_sim.vehicle.flown_table import FlownTable, StartTable, WindTable
+from fgnav_sim.vehicle.tables import Axisymmetric, BodyTable, MotorTable, Vehicle
 
 MOTOR = MotorTable(
     propellant_kg=2.0, loaded_inertia_kgm2=(0.03, 20.0, 20.0), loaded_centre_m=1.6,

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from fgnav.gnss.difference import double_differences
-from fgnav.io.flight_folder import load_flight, save_flight
+from fgnav.io.flight.folder import load_flight, save_flight
+from fgnav_sim.gnss.tables import LossOfLockTable, OutageTable, SlipsTable
 from fgnav_sim.motion import Arc, Motion, Sine
-from fgnav_sim.receiver_tables import LossOfLockTable, OutageTable, SlipsTable
 from fgnav_sim.scenario import GnssTable, Scenario
 from fgnav_sim.simulate import simulate
 from tests.gnss import rtklib

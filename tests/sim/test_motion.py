@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fgnav.earth import EARTH_RATE_RADPS, Origin
-from fgnav.rotations import exp, log, skew, transpose
+from fgnav.geometry.earth import EARTH_RATE_RADPS, Origin
+from fgnav.geometry.rotations import exp, log, skew, transpose
 from fgnav_sim.motion import Arc, Hold, Motion, Ramp, Rate, Sine, Straight
 
 MM = 1e-3

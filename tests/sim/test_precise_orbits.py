@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.gnss.code_solution import code_solution
-from fgnav.io.flight_folder import load_flight, save_flight
+from fgnav.gnss.single_point.solution import code_solution
+from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 

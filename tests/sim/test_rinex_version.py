@@ -3,7 +3,7 @@
 import pytest
 
 from fgnav.cli import main
-from fgnav.io.flight_folder import load_flight
+from fgnav.io.flight.folder import load_flight
 
 SCENARIO = """\
 duration_s = 1.0

@@ -6,8 +6,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from fgnav.gnss.code_solution import code_solution
 from fgnav.gnss.difference import double_differences
+from fgnav.gnss.single_point.solution import code_solution
 from fgnav_sim.motion import Arc, Motion, Sine
 from fgnav_sim.scenario import (
     ClockTable,
@@ -19,8 +19,8 @@ from fgnav_sim.scenario import (
     SeekerTable,
     load_scenario,
 )
+from fgnav_sim.sensors.surroundings_tables import BarometerTable, MagnetometerTable
 from fgnav_sim.simulate import simulate
-from fgnav_sim.surroundings_tables import BarometerTable, MagnetometerTable
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios"
 SWING = Motion(path=Arc(), roll=Sine(amplitude_deg=20.0), pitch=Sine(amplitude_deg=20.0))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.geometry.rotations import exp, transpose
 from fgnav.graph.factors.array_phase import ArrayPhase
 from fgnav.graph.factors.position import Position
 from fgnav.graph.factors.velocity import Velocity
@@ -14,7 +15,6 @@ from fgnav.graph.types.constants import Constants, FlightConstant, flight_consta
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.rotations import exp, transpose
 from tests.graph.factors.motions import EARTH_N_RADPS, GRAVITY_N_MPS2, TrueMotion, sine
 
 ATTITUDE_RAD = np.radians([0.3, 0.25, 0.22])

@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from fgnav.evaluation.scores import errors_against
-from fgnav.integers.truth import Truth
+from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.process.evidence import RatePrior
-from fgnav_sim.receiver_tables import OutageTable, SlipsTable
+from fgnav_sim.gnss.tables import OutageTable, SlipsTable
 from tests.gnss.based import flown
 
 PRIOR = RatePrior(length_s=1.0, variance_rad2ps2=np.full(3, 0.12), evidence=0.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import NoSolutionError
-from fgnav.rotations import exp
+from fgnav.geometry.rotations import exp
 from fgnav.solve import chain
 from fgnav.solve.batch import solve_batch
 from fgnav.solve.minima import Minimum, begins, distinct, minima, mixture

@@ -6,10 +6,10 @@ import gtsam
 import numpy as np
 import pytest
 
+from fgnav.geometry.rotations import log, transpose
 from fgnav.graph import keys
 from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.rotations import log, transpose
 from fgnav.solve import chain, fixed_lag
 from fgnav.solve.batch import solve_batch
 from fgnav.solve.sliding.relinearisation import MOVED_RAD

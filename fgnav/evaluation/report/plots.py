@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fgnav import rotations
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.estimate import Estimate
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.reference import common_epochs
 from fgnav.evaluation.report.lines import COLOURS, drawable, every, is_rough, limit, unjumped_deg
 from fgnav.evaluation.scores import EULER, hidden
+from fgnav.geometry import rotations
 from fgnav.io.atomic_write import atomic_file, check_place
+from fgnav.types.estimate import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

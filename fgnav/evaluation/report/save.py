@@ -6,8 +6,8 @@ from fgnav.checks import BadInputError
 from fgnav.evaluation.comparison import Comparison
 from fgnav.evaluation.report.html.page import SUFFIX, check_page, save_page
 from fgnav.evaluation.report.plots import FORMATS, check_figure, save_figure
-from fgnav.flight import Flight
-from fgnav.io.flight_folder import files_of
+from fgnav.io.flight.folder import files_of
+from fgnav.types.flight import Flight
 
 _DRAWN = "dispersions.json"  # of the simulator: says the seed
 

@@ -4,10 +4,10 @@ from collections import Counter
 from collections.abc import Iterable
 
 from fgnav.checks import Loss
-from fgnav.estimate import Rejected
 from fgnav.evaluation.comparison import Comparison
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.scores import Angles, Score
+from fgnav.types.estimate import Rejected
 
 _NONE = "–"
 _MOST_LINES = 8

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import BoolArray, IntArray
-from fgnav.estimate import Rejected
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.resolver import Integers
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.estimate import Rejected
+from fgnav.types.integers import Integers
 
 _FEWEST = 5  # epochs of an arc that say which integer it has: wrong ones seldom say the same
 _AGREED = 0.75  # of them say the same

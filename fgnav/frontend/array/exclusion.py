@@ -12,11 +12,11 @@ from fgnav.attitude.array import AttitudeSolution, agreeing, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.attitude.robust import robust_attitudes
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.estimate import Rejected, open_angle_variance_rad2
 from fgnav.frontend.array.consensus import majority_integers
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.resolver import Integers, fixed_ranges_m
-from fgnav.rotations import skew
+from fgnav.geometry.rotations import skew
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.estimate import Rejected, open_angle_variance_rad2
+from fgnav.types.integers import Integers, fixed_ranges_m
 
 _NEAR_CYCLES = 0.15  # a residual this near to a whole number says which one it is
 _MOSTLY = 0.75  # of an epoch's links are that near when its attitude is right; a third by chance

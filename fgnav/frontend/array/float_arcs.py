@@ -16,9 +16,9 @@ from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic, tangent_jacobian
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.attitude.alignment import Alignment
-from fgnav.gnss.differences import DoubleDifferences
+from fgnav.geometry.rotations import exp, log
 from fgnav.graph.types.constants import FlightConstant
-from fgnav.rotations import exp, log
+from fgnav.types.differences import DoubleDifferences
 
 ELEMENTS = 9
 NAME = "float ambiguities"

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import IntArray, Loss
-from fgnav.flight import Flight
 from fgnav.frontend.gaps import gap_notes, spans
+from fgnav.types.flight import Flight
 
 _SATELLITES = 4  # of a position
 _PER_ANTENNA = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")

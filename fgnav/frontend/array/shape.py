@@ -12,12 +12,12 @@ import numpy as np
 from fgnav.attitude.array import maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.flight import Flight
-from fgnav.gnss.differences import DoubleDifferences
+from fgnav.geometry.rotations import exp, skew
 from fgnav.graph.types.constants import FlightConstant
-from fgnav.integers.resolve import resolve
-from fgnav.integers.resolver import Resolver, fixed_ranges_m
-from fgnav.rotations import exp, skew
+from fgnav.integers.resolvers.resolve import resolve
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Resolver, fixed_ranges_m
 
 _NOTHING = 1e-10  # relative eigenvalue: rounding
 _AT_ONCE = 2000  # epochs: 100 MB

@@ -10,8 +10,6 @@ from fgnav.attitude.flight_vectors import measured_vectors, track_of
 from fgnav.attitude.own_rotation import OwnRotation, despun
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
-from fgnav.estimate import Rejected
-from fgnav.flight import Flight, Imu
 from fgnav.frontend.array.consensus import arc_consensus
 from fgnav.frontend.array.exclusion import ConsistentArray, exclude_faults
 from fgnav.frontend.array.pivot import pivot_losses, pivot_notes, pivot_views
@@ -23,10 +21,12 @@ from fgnav.frontend.attitude.vector_alignment import (
 )
 from fgnav.frontend.gaps import gap_notes, spans
 from fgnav.frontend.matching import nearest
-from fgnav.gnss.differences import DoubleDifferences
 from fgnav.gravity import GravityDirection
-from fgnav.integers.resolve import resolve
-from fgnav.integers.resolver import Integers, Resolver
+from fgnav.integers.resolvers.resolve import resolve
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.estimate import Rejected
+from fgnav.types.flight import Flight, Imu
+from fgnav.types.integers import Integers, Resolver
 
 _Rows = FloatArray | BoolArray | IntArray
 

@@ -7,10 +7,10 @@ import numpy as np
 from fgnav.attitude.flight_vectors import track_of
 from fgnav.attitude.own_rotation import OwnRotation, spun
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
-from fgnav.flight import Flight, Imu
 from fgnav.frontend.attitude.in_motion import in_motion, in_motion_smoothed
 from fgnav.frontend.attitude.initial import LEVEL_S, heading_told_s, level_start
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD
+from fgnav.types.flight import Flight, Imu
 
 OPEN_HEADING = (
     "Nothing tells the heading but the motion model: it is left open where its sigma is large."

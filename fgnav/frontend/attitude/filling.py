@@ -5,7 +5,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.frontend.attitude.rates import angular_rates
 from fgnav.frontend.gaps import LOST_S, carried
-from fgnav.rotations import exp, log, transpose
+from fgnav.geometry.rotations import exp, log, transpose
 
 
 def zero_order_hold(t_s: FloatArray, R_nb: FloatArray, valid: BoolArray) -> FloatArray:

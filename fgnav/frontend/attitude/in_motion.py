@@ -29,9 +29,9 @@ from numpy.typing import NDArray
 from fgnav.attitude.flight_vectors import Track
 from fgnav.attitude.own_rotation import OwnRotation, own_rotation
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.flight import Imu
 from fgnav.frontend.gaps import LONGEST_GAP_S
-from fgnav.rotations import exp, log, transpose
+from fgnav.geometry.rotations import exp, log, transpose
+from fgnav.types.flight import Imu
 
 # T: vehicles speed up and turn within seconds; of positions good to metres only the longer ones
 # tell anything.

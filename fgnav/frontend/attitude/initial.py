@@ -6,12 +6,12 @@ import numpy as np
 
 from fgnav.attitude.own_rotation import OwnRotation
 from fgnav.checks import FloatArray
-from fgnav.flight import Flight, Imu, InitialAttitude
 from fgnav.frontend.attitude.in_motion import KNOWN_RAD, levelled
 from fgnav.frontend.matching import SAME_S
+from fgnav.geometry.rotations import euler_jacobian, exp, from_euler, to_euler
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, AttitudePrior
-from fgnav.rotations import euler_jacobian, exp, from_euler, to_euler
-from fgnav.surroundings import Magnetometer
+from fgnav.types.flight import Flight, Imu, InitialAttitude
+from fgnav.types.surroundings import Magnetometer
 
 LEVEL_S = 1.0  # of specific force whose mean points up: a body at rest shakes faster
 

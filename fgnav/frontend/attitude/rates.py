@@ -4,8 +4,8 @@ import numpy as np
 
 from fgnav.attitude.own_rotation import OwnRotation, despun
 from fgnav.checks import FloatArray
-from fgnav.flight import Imu
-from fgnav.rotations import log, transpose
+from fgnav.geometry.rotations import log, transpose
+from fgnav.types.flight import Imu
 
 _SLOPE_SPAN_S = 0.1  # ten samples of a usual unit, whose noise a shorter one would multiply
 _FORCE_SPAN_S = 0.2  # receivers of moving vehicles give 1 to 10 fixes a second

@@ -8,11 +8,11 @@ from fgnav.attitude.flight_vectors import Track, measured_vectors, track_of, wit
 from fgnav.attitude.own_rotation import OwnRotation, own_rotation
 from fgnav.attitude.vector_pairs import VectorPairs, wahba
 from fgnav.checks import BoolArray, FloatArray, Loss
-from fgnav.flight import Flight
 from fgnav.frontend.gaps import time_from_attitude_s
 from fgnav.frontend.matching import nearest
+from fgnav.geometry.rotations import exp, log, skew, transpose
 from fgnav.gravity import GravityDirection
-from fgnav.rotations import exp, log, skew, transpose
+from fgnav.types.flight import Flight
 
 # Attitudes that lean on a velocity along x_b, and hold for two epochs: this is what they are good
 # for when rates are told from them.

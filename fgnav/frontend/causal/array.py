@@ -12,12 +12,12 @@ from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.attitude.robust import robust_attitudes
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.flight import Flight
-from fgnav.gnss.code_solution import CodeSolution, code_solution
-from fgnav.gnss.differences import DoubleDifferences
+from fgnav.gnss.single_point.solution import CodeSolution, code_solution
 from fgnav.integers.epochs import epochs_at
-from fgnav.integers.resolve import resolve
-from fgnav.integers.resolver import Integers, Resolver, fixed_ranges_m
+from fgnav.integers.resolvers.resolve import resolve
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Integers, Resolver, fixed_ranges_m
 
 _LINK_SIGMAS = 4.5  # beyond, a link contradicts its array
 _EXCLUDED_AT_MOST = 0.25  # of an epoch's links; an epoch with more to say against is refused

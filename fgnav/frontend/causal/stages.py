@@ -13,7 +13,6 @@ from fgnav.attitude.own_rotation import own_rotation, spun
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.attitude.vector_pairs import wahba
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
-from fgnav.flight import Flight, Imu
 from fgnav.frontend.array.float_arcs import FloatArcs
 from fgnav.frontend.array.pivot import pivot_views
 from fgnav.frontend.attitude.alignment import Alignment, at_keyframes, completed_by, of_motion
@@ -29,8 +28,9 @@ from fgnav.frontend.stages import (
     inertial_record,
     reason_without_attitude,
 )
+from fgnav.geometry.rotations import log, transpose
 from fgnav.gravity import causal_gravity
-from fgnav.rotations import log, transpose
+from fgnav.types.flight import Flight, Imu
 
 
 def causal_aligned(flight: Flight, settings: ProblemSettings) -> Aligned:

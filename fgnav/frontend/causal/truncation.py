@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BoolArray
-from fgnav.flight import Flight
-from fgnav.observations import Observations
+from fgnav.types.flight import Flight
+from fgnav.types.observations import Observations
 
 _SAMPLED = {
     "imu": ("t_s", "f_b_mps2", "w_b_radps"),

@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
-from fgnav.flight import Fixes, Flight, Imu
 from fgnav.frontend.array.pivot import pivot_views
 from fgnav.frontend.attitude.alignment import Alignment
 from fgnav.frontend.matching import nearest, unused
 from fgnav.frontend.position.live_arcs import Observed
 from fgnav.frontend.position.series import VectorSeries
-from fgnav.gnss.code_solution import code_solution
-from fgnav.gnss.partial_velocity import partial_velocities
+from fgnav.gnss.single_point.partial_velocity import partial_velocities
+from fgnav.gnss.single_point.solution import code_solution
 from fgnav.gnss.undifferenced import undifferenced
+from fgnav.types.flight import Fixes, Flight, Imu
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

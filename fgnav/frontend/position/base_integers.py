@@ -17,7 +17,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph.factors.antenna_phase import ArcBlock, PhaseRows
-from fgnav.integers.partial import partial_integer_least_squares
+from fgnav.integers.ils.partial import partial_integer_least_squares
 
 _WRONG_MAX = 1e-3  # chance that integers fixed together are not all right
 _FALSE_ALARM = 1e-4  # of the test of integers against the float solution

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, Loss
-from fgnav.estimate import Rejected
-from fgnav.flight import Imu
 from fgnav.frontend.attitude.rates import swing_n_mps
 from fgnav.frontend.position.series import VectorSeries
+from fgnav.types.estimate import Rejected
+from fgnav.types.flight import Imu
 
 _AROUND = 15  # fixes before and after: fourteen in a row may be wrong
 _APART_S = 2.0  # fixes further apart are not held against each other

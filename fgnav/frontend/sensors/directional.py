@@ -3,12 +3,12 @@
 import numpy as np
 
 from fgnav.checks import FloatArray, Loss
-from fgnav.flight import Flight, Imu
 from fgnav.frontend.gaps import LONGEST_STEP_S
 from fgnav.frontend.matching import SAME_S, nearest, unused
 from fgnav.graph.factors.directions import Directions
 from fgnav.gravity import GravityDirection
 from fgnav.seeker import line_of_sight, to_landmark_b_m
+from fgnav.types.flight import Flight, Imu
 
 
 def sight(

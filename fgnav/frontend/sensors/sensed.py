@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 
 from fgnav.checks import FloatArray, Loss
-from fgnav.flight import Flight, Imu
 from fgnav.frontend.sensors.directional import gravity, sight
 from fgnav.frontend.sensors.surroundings import Heights, MagneticField, heights, magnetic_field
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.gravity import GravityDirection
+from fgnav.types.flight import Flight, Imu
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import FloatArray, Loss
-from fgnav.earth import Origin, geodetic
-from fgnav.flight import Flight, Imu
 from fgnav.frontend.gaps import LONGEST_STEP_S
 from fgnav.frontend.matching import SAME_S
+from fgnav.geometry.earth import Origin, geodetic
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.types.constants import FlightConstant, flight_constant
-from fgnav.surroundings import Barometer, Magnetometer
+from fgnav.types.flight import Flight, Imu
+from fgnav.types.surroundings import Barometer, Magnetometer
 
 _PER_CONSTANT = 8  # times at which a drift is estimated in each of its time constants
 _TIMES_AT_MOST = 12  # dimensions of the border are paid for at every keyframe

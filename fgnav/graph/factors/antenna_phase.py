@@ -30,8 +30,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fgnav import rotation_kernel as rot
 from fgnav.checks import FloatArray, IntArray
+from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
 from fgnav.graph.types.constants import Constants
 from fgnav.optional_gtsam import gtsam

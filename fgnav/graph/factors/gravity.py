@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
-from fgnav import rotation_kernel as rot
 from fgnav.checks import FloatArray, IntArray
+from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
 from fgnav.graph.factors.arrays import contiguous, freeze
 from fgnav.graph.factors.tilt_kernel import ABOUT_X, fill, tilt

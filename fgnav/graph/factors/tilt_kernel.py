@@ -5,8 +5,8 @@ from typing import TypeAlias
 import numpy as np
 from numba import njit
 
-from fgnav import rotation_kernel as rot
 from fgnav.checks import FloatArray
+from fgnav.geometry import rotation_kernel as rot
 
 # A plain integer would be a type of its own to numba, and the kernel compiled for each.
 ABOUT_X, ABOUT_Y = np.int64(0), np.int64(1)  # first of the two neighbouring axes of the angles

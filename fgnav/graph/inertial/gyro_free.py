@@ -31,7 +31,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
-from fgnav.flight import Imu
 from fgnav.graph import keys
 from fgnav.graph.inertial import gyro_free_kernel as kernel
 from fgnav.graph.inertial.gyro_free_kernel import ROWS, Filled, Rows
@@ -42,6 +41,7 @@ from fgnav.graph.types.motion import LinearisedMotion, NoiseParts
 from fgnav.graph.types.states import AUX, States
 from fgnav.optional_gtsam import gtsam
 from fgnav.process import matern
+from fgnav.types.flight import Imu
 
 INTEGRATION_M2 = 1e-7  # m2/s: a third of a millimetre in a second keeps linear systems well posed
 _VECTOR = 12  # accelerometer bias, rate, its two derivatives

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from numba import njit
 
-from fgnav import rotation_kernel as rot
 from fgnav.checks import FloatArray, IntArray
+from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.inertial.path_kernel import (
     Intervals,
     Path,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
-from fgnav.flight import Imu
+from fgnav.types.flight import Imu
 
 SUB_STEPS = 5  # of one sample
 _AT_END_S = 1e-6  # a sample this much later than a keyframe is of its time

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from fgnav import rotation_kernel as rot
 from fgnav.checks import FloatArray, IntArray
+from fgnav.geometry import rotation_kernel as rot
 
 
 class Intervals(NamedTuple):

@@ -18,12 +18,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
-from fgnav.flight import Imu
 from fgnav.graph import keys
 from fgnav.graph.inertial.increments import Increments, at_latest, increments, parents
 from fgnav.graph.types.motion import INERTIAL_NOISES, LinearisedMotion, NoiseParts
 from fgnav.graph.types.states import AUX, States
 from fgnav.optional_gtsam import gtsam
+from fgnav.types.flight import Imu
 
 INTEGRATION_M2 = 1e-7  # m2/s: a third of a millimetre in a second keeps linear systems well posed
 TURNED_RAD = 0.002  # bias times span beyond which the first-order correction errs: .02 sigma

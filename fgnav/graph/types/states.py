@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.geometry.rotations import exp, log, transpose
 from fgnav.process.matern_kernel import DERIVATIVE_SCALE_S as DERIVATIVE_SCALE_S
-from fgnav.rotations import exp, log, transpose
 
 # Where the parts of a keyframe's tangent stand, in GTSAM's order: the pose's rotation, its position
 # (both in body axes), velocity in n, then the vector ``aux``: accelerometer bias and, with a

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.earth import Origin
-from fgnav.estimate import Estimate
+from fgnav.geometry.earth import Origin
+from fgnav.geometry.rotations import euler_jacobian
 from fgnav.io.atomic_write import atomic_file
-from fgnav.io.columns import EULER, FORMATS, PLACE, POSITION_SIGMA, VELOCITY, VELOCITY_SIGMA
-from fgnav.io.local_frame import attitude_of_n, place_of_n, velocity_of_n
+from fgnav.io.flight.columns import EULER, FORMATS, PLACE, POSITION_SIGMA, VELOCITY, VELOCITY_SIGMA
+from fgnav.io.flight.local_frame import attitude_of_n, place_of_n, velocity_of_n
 from fgnav.io.tables import write_table
 from fgnav.io.user_files import read_bytes
-from fgnav.rotations import euler_jacobian
+from fgnav.types.estimate import Estimate
 
 EULER_SIGMA = ("sigma_roll_deg", "sigma_pitch_deg", "sigma_yaw_deg")
 ESTIMATE, SUMMARY = "estimate.csv", "summary.json"

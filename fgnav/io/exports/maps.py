@@ -9,7 +9,7 @@ from fgnav.checks import FloatArray
 from fgnav.io.atomic_write import write_text
 from fgnav.io.exports.recorded import RecordedEstimate
 from fgnav.io.exports.trajectories import gps_times, positions
-from fgnav.io.local_frame import attitude_of_n, place_of_n
+from fgnav.io.flight.local_frame import attitude_of_n, place_of_n
 
 # GPS minus UTC grew by a second at each of these (IERS Bulletin C; none announced since).
 _LEAPS = np.array(

@@ -9,10 +9,10 @@ from zipfile import BadZipFile
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.earth import Origin
-from fgnav.estimate import Estimate
-from fgnav.flight import Flight
+from fgnav.geometry.earth import Origin
 from fgnav.io.atomic_write import atomic_file
+from fgnav.types.estimate import Estimate
+from fgnav.types.flight import Flight
 
 FILE = "estimate.npz"
 _FORMAT = "fgnav estimate 1"

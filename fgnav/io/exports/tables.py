@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.estimate_table import estimate_table
 from fgnav.io.atomic_write import atomic_file
-from fgnav.io.columns import PLACE
 from fgnav.io.exports.recorded import RecordedEstimate
-from fgnav.io.local_frame import place_of_n
+from fgnav.io.flight.columns import PLACE
+from fgnav.io.flight.local_frame import place_of_n
+from fgnav.types.estimate_table import estimate_table
 
 
 def write_csv(recorded: RecordedEstimate, path: Path) -> None:

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray
+from fgnav.geometry.rotations import quaternion_wxyz
 from fgnav.io.atomic_write import write_text
 from fgnav.io.exports.recorded import RecordedEstimate
+from fgnav.io.flight.local_frame import place_of_n, velocity_of_n
 from fgnav.io.gps_time import GPS_EPOCH
-from fgnav.io.local_frame import place_of_n, velocity_of_n
-from fgnav.rotations import quaternion_wxyz
 
 _SINGLE = 5  # RTKLIB's quality flag of a position that stands against no base
 _POS_HEAD = (

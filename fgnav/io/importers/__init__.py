@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fgnav import plugins
-from fgnav.flight import Flight
+from fgnav.types.flight import Flight
 
 GROUP = "fgnav.importers"
 IMPORTERS = {"umn": "fgnav.io.importers.umn:read_umn"}

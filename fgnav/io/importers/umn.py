@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
-from fgnav.earth import Origin, ecef
-from fgnav.flight import Antenna, Fixes, Flight, Imu, Truth
-from fgnav.rotations import from_euler
+from fgnav.geometry.earth import Origin, ecef
+from fgnav.geometry.rotations import from_euler
+from fgnav.types.flight import Antenna, Fixes, Flight, Imu, Truth
 
 # The recordings do not state them: an ADIS16405 on a vibrating airframe, a code receiver. Vibration
 # and the gyroscope's alignment, not the data sheet, set the densities.

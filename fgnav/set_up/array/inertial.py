@@ -11,8 +11,7 @@ from itertools import permutations, product
 import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.flight import Flight, Imu
-from fgnav.rotations import log, transpose
+from fgnav.geometry.rotations import log, transpose
 from fgnav.set_up.array.inertial_fine import fine_findings
 from fgnav.set_up.array.inertial_motion import (
     ARM,
@@ -24,6 +23,7 @@ from fgnav.set_up.array.inertial_motion import (
 )
 from fgnav.set_up.array.quick import Quick
 from fgnav.set_up.findings import Finding
+from fgnav.types.flight import Flight, Imu
 
 _G_MPS2 = 9.80665  # the unit g
 _LEAP_S = 18  # GPS time ahead of UTC since 2017

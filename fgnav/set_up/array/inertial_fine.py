@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.rotations import skew
+from fgnav.geometry.rotations import skew
 from fgnav.set_up.array.inertial_motion import (
     ARM,
     BIAS,

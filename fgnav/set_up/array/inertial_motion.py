@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
-from fgnav.flight import Flight, Imu
-from fgnav.rotations import log, skew, transpose
+from fgnav.geometry.rotations import log, skew, transpose
 from fgnav.set_up.array.quick import Quick
 from fgnav.set_up.array.regression import Regression
+from fgnav.types.flight import Flight, Imu
 
 BIAS, CLOCK, ARM = slice(9, 12), 12, slice(13, 16)  # unknowns, after the nine of the matrix
 VELOCITY_MPS = 0.05  # noise against which the bias is weighed

@@ -7,10 +7,10 @@ import numpy as np
 from fgnav.attitude.array import agreeing
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.flight import Flight
-from fgnav.gnss.code_solution import code_solution
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.constrained import Constrained
+from fgnav.gnss.single_point.solution import code_solution
+from fgnav.integers.resolvers.constrained import Constrained
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight
 
 _FEWEST = 20  # epochs that say anything of motion
 

@@ -4,12 +4,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.flight import Flight, Seeker
-from fgnav.rotations import skew
+from fgnav.geometry.rotations import skew
 from fgnav.seeker import line_of_sight
 from fgnav.set_up.array.quick import Quick
 from fgnav.set_up.array.regression import Regression
 from fgnav.set_up.findings import Finding
+from fgnav.types.flight import Flight, Seeker
 
 _FEWEST = 10
 _NEAR = 1.5  # epochs: a sight further from one has no attitude

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.flight import Imu
 from fgnav.set_up.track.integrals import Integrals, sampled
 from fgnav.set_up.track.motion import ARM, LATE, RATE, Series, covered, detrended, fit, telling
 from fgnav.set_up.track.windows import Fitted, Windows, nearer
+from fgnav.types.flight import Imu
 
 _REACH_S, _STEP_S = 20.0, 0.1  # leap seconds lie within; a motion of a hertz has a tenth's valley
 _STEPS = 12  # at most, of Gauss-Newton

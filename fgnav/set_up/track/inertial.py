@@ -7,7 +7,6 @@ import numpy as np
 
 from fgnav.attitude.flight_vectors import Track
 from fgnav.checks import FloatArray
-from fgnav.flight import Fixes, Flight, Imu
 from fgnav.set_up.findings import Finding
 from fgnav.set_up.track.axes import Reading, best_reading, named_axes
 from fgnav.set_up.track.clock import Clock, clock
@@ -16,6 +15,7 @@ from fgnav.set_up.track.motion import Series
 from fgnav.set_up.track.mounting import mounting_findings
 from fgnav.set_up.track.velocities import Age, velocity_findings
 from fgnav.set_up.track.windows import FALSE_ALARM, windows_of
+from fgnav.types.flight import Fixes, Flight, Imu
 
 _SAMPLES = "[imu] samples"
 _RATES = ("wx", "wy", "wz")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.rotations import accumulated, exp, skew
+from fgnav.geometry.rotations import accumulated, exp, skew
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

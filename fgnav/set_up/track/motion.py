@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.flight import Imu
-from fgnav.rotations import exp, nearest, skew
+from fgnav.geometry.rotations import exp, nearest, skew
 from fgnav.set_up.track.integrals import Integrals, sampled
 from fgnav.set_up.track.windows import Fitted, Windows, fitted
+from fgnav.types.flight import Imu
 
 LATE, ARM, RATE = 0, slice(1, 4), 4  # common unknowns
 BIASES = 5.0  # a bias may be so many times the stated: what units sold as one grade differ by

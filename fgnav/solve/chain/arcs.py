@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.geometry.rotations import skew
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock
 from fgnav.graph.types.states import POSITION, ROTATION, States
-from fgnav.rotations import skew
 from fgnav.solve.chain import arcs_kernel, back_kernel, kernel
 
 

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.geometry.rotation_kernel import inverse_right_jacobian
+from fgnav.geometry.rotations import log
 from fgnav.graph.types.problem import SmoothingProblem, pose_prior
 from fgnav.graph.types.states import AUX, POSITION, ROTATION, VELOCITY, States
-from fgnav.rotation_kernel import inverse_right_jacobian
-from fgnav.rotations import log
 from fgnav.solve.chain import kernel
 from fgnav.solve.chain.arcs import add_phases
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.geometry.rotation_kernel import right_jacobian
+from fgnav.geometry.rotations import exp, transpose
 from fgnav.graph.types.problem import Opening, SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION, ROTATION, States, joined
-from fgnav.rotation_kernel import right_jacobian
-from fgnav.rotations import exp, transpose
 from fgnav.solve.marginals import Marginals
 from fgnav.solve.sliding.relinearisation import is_rough
 

@@ -6,8 +6,8 @@
 import numpy as np
 from numba import njit
 
-from fgnav import rotation_kernel as rot
 from fgnav.checks import FloatArray
+from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.types.states import States
 
 

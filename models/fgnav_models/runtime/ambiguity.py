@@ -6,10 +6,10 @@ from functools import cache
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
-from fgnav.flight import Flight
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.resolver import Integers
 from fgnav.integers.validation import not_fixed, phase_links
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Integers
 from fgnav_models.features import ambiguity_inputs, by_elevation, wrapped
 from fgnav_models.runtime.load import Model, load
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, positive
-from fgnav.flight import Flight, Imu
-from fgnav.gnss.code_solution import code_solution
+from fgnav.gnss.single_point.solution import code_solution
 from fgnav.gravity import GravityDirection
+from fgnav.types.flight import Flight, Imu
 from fgnav_models.gravity_features import (
     SAMPLES,
     SPAN_S,

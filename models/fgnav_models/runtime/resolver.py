@@ -7,14 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
-from fgnav.flight import Flight
-from fgnav.gnss.differences import DoubleDifferences
-from fgnav.integers.candidates import Candidates, candidates
-from fgnav.integers.constrained import Constrained
+from fgnav.integers.array.candidates import Candidates, candidates
 from fgnav.integers.epochs import epochs_at
-from fgnav.integers.resolver import Integers
+from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.snooping import touched
 from fgnav.integers.validation import WITHOUT_CODE, not_fixed, phase_links
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Integers
 from fgnav_models.runtime.load import Model, load
 from fgnav_models.trust_features import TrustRows, links_of, probabilities, trust_rows
 

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError, Loss
-from fgnav.estimate import Consistency, Constant, Rejected
 from fgnav.evaluation.comparison import compare
 from fgnav.evaluation.report.html.chart import Axis, Chart, Line, spanning
 from fgnav.evaluation.report.html.page import save_page
 from fgnav.evaluation.report.lines import COLOURS
 from fgnav.evaluation.report.save import check_report, save_report
-from fgnav.integers.registry import resolver_named
+from fgnav.integers.resolvers.registry import resolver_named
 from fgnav.methods.maximum_likelihood import MaximumLikelihood
 from fgnav.methods.rtk import Rtk
+from fgnav.types.estimate import Consistency, Constant, Rejected
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 

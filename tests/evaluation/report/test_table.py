@@ -3,10 +3,10 @@ from dataclasses import replace
 import pytest
 
 from fgnav.checks import Loss
-from fgnav.estimate import Rejected
 from fgnav.evaluation.comparison import compare
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.report.table import comparison_table, loss_lines, remarks
+from fgnav.types.estimate import Rejected
 
 
 def printed(comparison, width=110) -> str:

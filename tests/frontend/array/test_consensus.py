@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from fgnav import rotations
 from fgnav.frontend.array.consensus import arc_consensus, majority_integers
+from fgnav.geometry import rotations
 from tests.attitude.arrays import sky, synthetic
 
 NAMES = ("a1", "a2", "a3")

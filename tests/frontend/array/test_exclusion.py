@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fgnav import rotations
 from fgnav.attitude import RotationQuadratic
 from fgnav.frontend.array.exclusion import exclude_faults
+from fgnav.geometry import rotations
 from tests.attitude.arrays import sky, synthetic
 from tests.integers.arrays import L1_M, PAPER_ANTENNAS_B_M
 

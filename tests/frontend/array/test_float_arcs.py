@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fgnav import rotations
 from fgnav.attitude.quadratic import RotationQuadratic, tangent_jacobian
 from fgnav.frontend import motion
 from fgnav.frontend.array.float_arcs import ELEMENTS, NAME, _adjusted
 from fgnav.frontend.calibration_request import calibration_requests
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.integers.truth import Truth, attitude_at
+from fgnav.geometry import rotations
+from fgnav.integers.resolvers.truth import Truth, attitude_at
 from fgnav.process.evidence import RatePrior
-from fgnav_sim.receiver_tables import OutageTable
+from fgnav_sim.gnss.tables import OutageTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.attitude.arrays import sky, synthetic

@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import Loss
 from fgnav.frontend.array.pivot import pivot_losses, pivot_notes, pivot_views
-from fgnav_sim.receiver_tables import OutageTable
+from fgnav_sim.gnss.tables import OutageTable
 from tests.methods.simulated import flown_with
 
 

@@ -15,8 +15,8 @@ from fgnav.frontend.array.shape import (
 )
 from fgnav.frontend.calibration_request import calibration_requests, constants_of
 from fgnav.graph.types.constants import flight_constant
-from fgnav.integers.lambda_ import Lambda
-from fgnav.integers.resolver import fixed_ranges_m
+from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.types.integers import fixed_ranges_m
 from tests.attitude.arrays import synthetic
 from tests.frontend.flights import E_N, motion
 from tests.methods.simulated import flown

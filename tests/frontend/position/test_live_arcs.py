@@ -7,7 +7,7 @@ from scipy.special import chdtri
 from fgnav.frontend.position.live_arcs import Observed, antenna_phase
 from fgnav.gnss.undifferenced import undifferenced
 from fgnav.graph.types.constants import Constants
-from fgnav_sim.receiver_tables import LossOfLockTable, OutageTable, SlipsTable
+from fgnav_sim.gnss.tables import LossOfLockTable, OutageTable, SlipsTable
 from tests.gnss.based import antenna_n_m, flown
 
 DISTURBED = {

@@ -8,7 +8,7 @@ from fgnav.checks import BadInputError
 from fgnav.frontend.sensors import directional
 from fgnav.graph.factors.directions import Directions
 from fgnav.gravity import GravityDirection
-from fgnav.integers.truth import attitude_at
+from fgnav.integers.resolvers.truth import attitude_at
 from tests.methods.simulated import flown
 
 T_S = np.arange(6) / 10

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from fgnav.flight import Flight, Imu
 from fgnav.frontend.sensors.surroundings import heights, magnetic_field
-from fgnav.surroundings import Barometer, Magnetometer
+from fgnav.types.flight import Flight, Imu
+from fgnav.types.surroundings import Barometer, Magnetometer
 from tests.frontend.flights import ACCELEROMETER, ORIGIN
 
 T_S = np.arange(0.0, 30.0, 0.1)

@@ -3,11 +3,11 @@
 import gtsam
 import numpy as np
 
+from fgnav.geometry.rotations import exp
 from fgnav.graph import keys
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.states import AUX, States
-from fgnav.rotations import exp
 
 STEP = 1e-6
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.flight import Imu
+from fgnav.geometry.rotations import from_euler, log, transpose
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.states import DERIVATIVE_SCALE_S, States
-from fgnav.rotations import from_euler, log, transpose
+from fgnav.types.flight import Imu
 
 EARTH_N_RADPS = 7.292115e-5 * np.array([np.cos(0.85), 0.0, -np.sin(0.85)])
 GRAVITY_N_MPS2 = np.array([1e-4, 0.0, 9.81])

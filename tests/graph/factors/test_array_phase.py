@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
+from fgnav.geometry.rotations import exp
 from fgnav.graph.factors.array_phase import ArrayPhase
-from fgnav.rotations import exp
 from tests.graph.factors import cases
 
 K = 4

@@ -4,12 +4,12 @@ import gtsam
 import numpy as np
 import pytest
 
+from fgnav.geometry.rotations import exp
 from fgnav.graph import keys
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.factors.gravity import Gravity
 from fgnav.graph.factors.line_of_sight import LineOfSight
 from fgnav.graph.factors.magnetometer import MagneticField
-from fgnav.rotations import exp
 from tests.graph.factors import cases
 
 K, ALL = 4, np.arange(4)

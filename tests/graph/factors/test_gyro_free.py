@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.flight import Imu
+from fgnav.geometry.rotations import accumulated, exp
 from fgnav.graph import keys
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.states import DERIVATIVE_SCALE_S, States
 from fgnav.process import matern
-from fgnav.rotations import accumulated, exp
+from fgnav.types.flight import Imu
 from tests.graph.factors.motions import (
     EARTH_N_RADPS,
     GRAVITY_N_MPS2,

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from fgnav import rotations
 from fgnav.checks import BadInputError
 from fgnav.cli import main
+from fgnav.geometry import rotations
 from fgnav.io.importers import importer_named, importer_names
 from fgnav.io.importers.umn import read_umn
 from fgnav.methods.smoother import Batch

@@ -7,10 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fgnav.earth import Origin
-from fgnav.flight import Antenna, Fixes, Flight, Imu
-from fgnav.rotations import from_euler, log
+from fgnav.geometry.earth import Origin
+from fgnav.geometry.rotations import from_euler, log
 from fgnav.set_up import describe
+from fgnav.types.flight import Antenna, Fixes, Flight, Imu
 from tests.recordings import drive, quadrotor
 
 ORIGIN = Origin(latitude_rad=0.7, longitude_rad=0.2, height_m=100.0)

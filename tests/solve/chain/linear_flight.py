@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.geometry.rotation_kernel import inverse_right_jacobian
+from fgnav.geometry.rotations import exp, log
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.motion import LinearisedMotion
 from fgnav.graph.types.problem import SmoothingProblem, pose_prior
 from fgnav.graph.types.states import States
-from fgnav.rotation_kernel import inverse_right_jacobian
-from fgnav.rotations import exp, log
 
 STEP_S = 0.25
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from fgnav.geometry.rotations import exp, log
 from fgnav.graph.factors.array_phase import ArrayPhase
 from fgnav.graph.factors.position import Position
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
-from fgnav.rotations import exp, log
 from fgnav.solve import fixed_lag
 from fgnav.solve.chain import window
 from fgnav.solve.chain.batch import solve_batch

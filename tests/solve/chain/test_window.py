@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from fgnav.checks import NoSolutionError
-from fgnav.rotation_kernel import right_jacobian
-from fgnav.rotations import exp
+from fgnav.geometry.rotation_kernel import right_jacobian
+from fgnav.geometry.rotations import exp
 from fgnav.solve.chain.batch import solve_batch
 from fgnav.solve.chain.window import ChainWindow, solve_fixed_lag, solve_forward
 from tests.solve.chain.linear_flight import STEP_S, dense, random_problem

@@ -12,7 +12,7 @@ from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.report.html.markup import NONE, folded, number, paragraph, table
 from fgnav.evaluation.report.table import HEADS, remarks, score_row
-from fgnav.flight import Flight
+from fgnav.types.flight import Flight
 
 _MOST = 300  # rows of a table of exclusions
 _GAP = 1.5  # intervals: a longer step is a gap

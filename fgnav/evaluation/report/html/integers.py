@@ -11,8 +11,8 @@ from fgnav.evaluation.comparison import Method
 from fgnav.evaluation.report.html.chart import Axis, Chart, Line, figure, spanning
 from fgnav.evaluation.report.html.markup import NONE, grid, table
 from fgnav.evaluation.report.html.strip import LEFT, WIDE, cells, strip, time_ticks
-from fgnav.flight import Flight
-from fgnav.integers.resolver import Integers
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Integers
 
 _STATES = ("float", "refused", "fixed")  # a cell of several epochs shows the first that occurs
 _CELLS = 300

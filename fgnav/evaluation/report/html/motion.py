@@ -21,8 +21,8 @@ from fgnav.evaluation.report.html.errors import sigmas
 from fgnav.evaluation.report.html.markup import grid
 from fgnav.evaluation.report.lines import every, unjumped_deg
 from fgnav.evaluation.scores import EULER, hidden
-from fgnav.flight import Flight
-from fgnav.rotations import to_euler
+from fgnav.geometry.rotations import to_euler
+from fgnav.types.flight import Flight
 
 _TRACK = 2000  # points of a ground track
 _WRAPS = 0.3  # share of the bins of a line that an angle wraps in: more are drawn as dots

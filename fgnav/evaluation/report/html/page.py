@@ -21,8 +21,8 @@ from fgnav.evaluation.report.html.markup import folded, paragraph, section
 from fgnav.evaluation.report.html.motion import motion_charts, rate_and_bias_charts
 from fgnav.evaluation.report.html.sky import sky_charts
 from fgnav.evaluation.report.lines import COLOURS
-from fgnav.flight import Flight
 from fgnav.io.atomic_write import check_place, write_text
+from fgnav.types.flight import Flight
 
 SUFFIX = ".html"
 _TITLES = {

@@ -6,8 +6,8 @@ from fgnav.checks import BoolArray, IntArray
 from fgnav.evaluation.report.html.chart import Axis, figure, path
 from fgnav.evaluation.report.html.markup import grid
 from fgnav.evaluation.report.html.strip import LEFT, WIDE, cells, strip, time_ticks
-from fgnav.flight import Flight
-from fgnav.observations import Observations
+from fgnav.types.flight import Flight
+from fgnav.types.observations import Observations
 
 _SIZE, _RADIUS = 340.0, 150.0
 _POINTS = 60  # of a satellite's way
@@ -27,8 +27,8 @@ def sky_charts(flight: Flight, time: Axis) -> str:
 
 def _sky(flight: Flight, observations: Observations) -> str:
     """Return azimuth and elevation of each satellite that was received, seen from the origin."""
-    from fgnav.gnss.code_model import orbits_of  # noqa: PLC0415  # lazy: brings numba
-    from fgnav.gnss.satellites import look_angles, satellite_states  # noqa: PLC0415
+    from fgnav.gnss.orbits.satellites import look_angles, satellite_states  # noqa: PLC0415
+    from fgnav.gnss.single_point.model import orbits_of  # noqa: PLC0415  # lazy: brings numba
 
     satellites = tuple(dict.fromkeys(observations.satellites))
     rows = np.unique(np.linspace(0, len(observations.t_s) - 1, _POINTS).astype(np.int64))

@@ -1,0 +1,1 @@
+"""Rotations, splines and the Earth: mathematics that knows no sensor."""

@@ -1,0 +1,1 @@
+"""Arcs of continuous carrier phase, and the cycle slips that end them."""

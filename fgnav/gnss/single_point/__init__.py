@@ -1,0 +1,1 @@
+"""Position and velocity of one antenna from its own code and Doppler."""

@@ -1,0 +1,66 @@
+"""Whether a flight has an atmosphere: what the code residuals of its first epochs tell.
+
+A recorded flight has one, a simulated one may not, and no file says so. Residuals of the code are
+smaller with the models where there is one, and as small as the stated noise without them where
+there is none.
+"""
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray
+from fgnav.gnss.single_point.adjustment import adjust_each, misfits
+from fgnav.gnss.single_point.model import CodeChannels, code_ranges
+from fgnav.types.flight import Flight
+from fgnav.types.observations import Observations
+
+STATED_NOISE = 1.5  # squared residuals per freedom that still agree with the stated noise
+_DECIDING = (1, 2, 4, 8, 16, 32, 64)  # epochs with an answer after which it is decided anew
+_BLOCK = 64  # epochs looked at together
+
+
+def without_atmosphere(with_models: float, without: float) -> bool:
+    """Return whether residuals speak against atmosphere models, by their median squares.
+
+    Parameters
+    ----------
+    with_models, without : float
+        Per degree of freedom, over the stated variance.
+    """
+    return without < min(with_models, STATED_NOISE)
+
+
+def atmosphere_so_far(
+    flight: Flight, observations: Observations, channels: CodeChannels, antenna: int
+) -> BoolArray:
+    """Return whether atmosphere models are to be applied at each epoch, (n,), by those up to it.
+
+    Decided after 1, 2, 4, … 64 epochs with redundant code, and kept from there on; applied before.
+
+    Parameters
+    ----------
+    flight : Flight
+    observations : Observations
+    channels : CodeChannels
+    antenna : int
+    """
+    n = len(observations.t_s)
+    applied = np.ones(n, dtype=np.bool_)
+    squares, rows = np.empty((0, 2)), np.empty(0, dtype=np.int64)
+    for first in range(0, n, _BLOCK):
+        epoch = np.arange(first, min(first + _BLOCK, n))
+        ranges = code_ranges(flight, observations, channels, antenna, epoch, rates=False)
+        wanted = np.isfinite(ranges.range_m)
+        of_epochs: list[FloatArray] = [
+            misfits(flight, adjust_each(flight, channels, ranges, wanted, model=model))
+            for model in (True, False)
+        ]
+        redundant = np.isfinite(of_epochs).all(axis=0)
+        squares = np.vstack([squares, np.stack(of_epochs, axis=1)[redundant]])
+        rows = np.append(rows, epoch[redundant])
+        if len(rows) >= _DECIDING[-1]:
+            break
+    for count in _DECIDING:
+        if count <= len(rows):
+            medians = np.median(squares[:count], axis=0)
+            applied[rows[count - 1] :] = not without_atmosphere(*medians)
+    return applied

@@ -1,0 +1,1 @@
+"""Integers along arcs: constant from one cycle slip to the next."""

@@ -1,0 +1,198 @@
+"""Integers carried along arcs, compiled: which epoch speaks for an arc, and how sure that is."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.integers.ils.decorrelation import kernel
+
+_TINY = 1e-300
+
+
+class Answers(NamedTuple):
+    """What single epochs say of the integers, each by its own references."""
+
+    cycles: IntArray  # (n, b, m)
+    known: BoolArray  # (n, b, m): resolved, or a reference, whose integer is 0
+    wrong: FloatArray  # (n,): chance that an epoch's answer is not right
+    arc: IntArray  # (n, b, m): of single differences; -1 without phase
+    of_reference: IntArray  # (n, m): reference of each channel; -1 without
+
+
+class Carried(NamedTuple):
+    """What arcs make of the answers of their epochs, (n, b, m) each."""
+
+    cycles: IntArray
+    source: IntArray  # epoch that speaks for the link; -1: none does
+    chance: FloatArray  # that the integer is wrong
+
+
+class _Run(NamedTuple):
+    """Epochs in which the arcs of two channels both go on, and what they say together."""
+
+    last: int  # one after the last epoch
+    source: int
+    cycles: int
+    chance: float
+
+
+class _SoFar(NamedTuple):
+    """What epochs of a run have said until now."""
+
+    source: int  # the surest; -1: none
+    cycles: int
+    voices: int
+    least: float  # chance of the surest to be wrong
+    against: float  # of the surest that contradicts it
+    for_it: float  # sums of logarithms of chances to be right, and wrong
+    other: float
+
+
+def carry(answers: Answers, *, causal: bool = False) -> Carried:
+    """Give every link of an arc the integer of the arc's surest epoch.
+
+    Parameters
+    ----------
+    answers : Answers
+    causal : bool
+        Each epoch by epochs up to it alone: the surest so far.
+
+    Returns
+    -------
+    Carried
+        By the references of the epochs; what other epochs say is re-expressed.
+    """
+    n, b, m = answers.cycles.shape
+    carried = Carried(
+        np.zeros((n, b, m), dtype=np.int64),
+        np.full((n, b, m), -1, dtype=np.int64),
+        np.ones((n, b, m)),
+    )
+    pairs = np.zeros((m, m), dtype=np.bool_)
+    epoch, channel = np.nonzero(answers.of_reference >= 0)
+    pairs[channel, answers.of_reference[epoch, channel]] = True
+    pairs[np.arange(m), np.arange(m)] = False
+    (_carry_pairs_so_far if causal else _carry_pairs)(answers, np.argwhere(pairs), carried)
+    return carried
+
+
+@kernel
+def _carry_pairs(answers: Answers, pairs: IntArray, carried: Carried) -> None:
+    """Carry differences of channels ``pairs``, (p, 2), the second as reference."""
+    n, b, _ = answers.cycles.shape
+    for i in range(b):
+        for p in range(len(pairs)):
+            j, r = pairs[p, 0], pairs[p, 1]
+            first = 0
+            while first < n:
+                if answers.arc[first, i, j] < 0 or answers.arc[first, i, r] < 0:
+                    first += 1
+                    continue
+                run = _listen(answers, i, j, r, first)
+                if run.source >= 0:
+                    for k in range(first, run.last):
+                        there = answers.arc[k, i, j] >= 0 and answers.arc[k, i, r] >= 0
+                        if there and answers.of_reference[k, j] == r:
+                            carried.cycles[k, i, j] = run.cycles
+                            carried.source[k, i, j] = run.source
+                            carried.chance[k, i, j] = run.chance
+                first = run.last
+
+
+@kernel
+def _carry_pairs_so_far(answers: Answers, pairs: IntArray, carried: Carried) -> None:
+    """Carry the same on from epoch to epoch."""
+    n, b, _ = answers.cycles.shape
+    for i in range(b):
+        for p in range(len(pairs)):
+            j, r = pairs[p, 0], pairs[p, 1]
+            so_far = _nothing_said()
+            arc_j, arc_r = -1, -1
+            for k in range(n):
+                if answers.arc[k, i, j] < 0 or answers.arc[k, i, r] < 0:
+                    continue
+                if answers.arc[k, i, j] != arc_j or answers.arc[k, i, r] != arc_r:
+                    arc_j, arc_r = answers.arc[k, i, j], answers.arc[k, i, r]
+                    so_far = _nothing_said()
+                if answers.known[k, i, j] and answers.known[k, i, r]:
+                    said = answers.cycles[k, i, j] - answers.cycles[k, i, r]
+                    so_far = _hear(so_far, k, said, answers.wrong[k])
+                if so_far.source >= 0 and answers.of_reference[k, j] == r:
+                    run = _judged(so_far, k + 1)
+                    carried.cycles[k, i, j] = run.cycles
+                    carried.source[k, i, j] = run.source
+                    carried.chance[k, i, j] = run.chance
+
+
+@kernel
+def _listen(answers: Answers, i: int, j: int, r: int, first: int) -> _Run:
+    """Hear the epochs from ``first`` on, while both arcs last."""
+    n = len(answers.cycles)
+    last, so_far = n, _nothing_said()
+    for k in range(first, n):
+        if answers.arc[k, i, j] < 0 or answers.arc[k, i, r] < 0:
+            continue
+        same = answers.arc[k, i, j] == answers.arc[first, i, j]
+        if not (same and answers.arc[k, i, r] == answers.arc[first, i, r]):
+            last = k
+            break
+        if not (answers.known[k, i, j] and answers.known[k, i, r]):
+            continue
+        said = answers.cycles[k, i, j] - answers.cycles[k, i, r]
+        so_far = _hear(so_far, k, said, answers.wrong[k])
+    return _judged(so_far, last)
+
+
+@kernel
+def _nothing_said() -> _SoFar:
+    return _SoFar(-1, 0, 0, np.inf, np.inf, 0.0, 0.0)
+
+
+@kernel
+def _hear(so_far: _SoFar, k: int, said: int, wrong: float) -> _SoFar:
+    """Add what epoch k says, and its chance to be wrong."""
+    source, cycles, voices, least, against, for_it, other = so_far
+    if source >= 0 and said != cycles:
+        against = min(against, max(wrong, least))
+    if wrong < least:
+        source, cycles, least = k, said, wrong
+    for_it += np.log(max(1.0 - wrong, _TINY))
+    other += np.log(max(wrong, _TINY))
+    return _SoFar(source, cycles, voices + 1, least, against, for_it, other)
+
+
+@kernel
+def _judged(so_far: _SoFar, last: int) -> _Run:
+    """Return what the epochs say together."""
+    source, cycles, voices, least, against, for_it, other = so_far
+    if source < 0:
+        return _Run(last, source, cycles, 1.0)
+    # Of as many chances one may be small by chance; their geometric mean is never so. Both bound
+    # what the epochs together would say, and the smaller of two bounds counts twice.
+    mean = 1.0 / (1.0 + np.exp((for_it - other) / voices))
+    opposed = least / (least + against) if least > 0.0 else 0.0  # by a second opinion
+    return _Run(last, source, cycles, min(1.0, max(2.0 * min(voices * least, mean), opposed)))
+
+
+@kernel
+def chance_of_epochs(carried: Carried, there: BoolArray) -> tuple[FloatArray, IntArray]:
+    """Return the chance that an epoch is wrong anywhere, (n,), and how many epochs it rests on."""
+    n, b, m = carried.cycles.shape
+    chance, sources = np.zeros(n), np.zeros(n, dtype=np.int64)
+    seen, worst = np.empty(b * m, dtype=np.int64), np.empty(b * m)
+    for k in range(n):
+        count = 0
+        for i in range(b):
+            for j in range(m):
+                if not there[k, i, j]:
+                    continue
+                at = 0
+                while at < count and seen[at] != carried.source[k, i, j]:
+                    at += 1
+                if at == count:
+                    seen[at], worst[at] = carried.source[k, i, j], 0.0
+                    count += 1
+                worst[at] = max(worst[at], carried.chance[k, i, j])
+        chance[k], sources[k] = min(1.0, np.sum(worst[:count])), count
+    return chance, sources

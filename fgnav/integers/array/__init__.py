@@ -1,0 +1,1 @@
+"""Integers of a rigid array: the search that its known shape constrains."""

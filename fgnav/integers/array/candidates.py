@@ -1,0 +1,115 @@
+"""The integer vectors of least constrained cost, several for every epoch, for whoever ranks them.
+
+The search is that of ``fgnav.integers.array.search``. It keeps the best few instead of two,
+and looks as far above the least cost as it is told to, whatever chi-square says of that: a bad link
+can make the true integers cost more than wrong ones, and both of them more than noise would.
+"""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, IntArray
+from fgnav.integers.array.kernel import nothing_found, search_epochs
+from fgnav.integers.array.prior import prior_columns
+from fgnav.integers.array.relaxation import Spans, spans
+from fgnav.integers.array.search import cost_degrees, first_bound
+from fgnav.integers.epochs import epochs_at
+from fgnav.integers.ils.affine import epochs_of
+from fgnav.types.differences import DoubleDifferences
+
+_BLOCK = 256  # epochs whose lists are held at full length
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Candidates:
+    """Integer vectors that an epoch may have, those of an epoch together, the cheapest first.
+
+    Attributes
+    ----------
+    epoch : ndarray of int64, shape (c,)
+        To which each belongs; rising.
+    cycles : ndarray of int64, shape (c, b, m)
+        0 where there is no link.
+    baselines_n_m : ndarray, shape (c, b, 3)
+        At the candidate's own best attitude; 0 of an antenna that has no link.
+    cost : ndarray, shape (c,)
+        Weighted square sum of code and phase residuals.
+    log_volume : ndarray, shape (c,)
+        Of attitudes around the best: ``log_volume - cost / 2`` is the logarithm of a candidate's
+        weight in the posterior of Gaussian noise.
+    status : ndarray of int64, shape (n,)
+        How each epoch's search ended, as in ``ConstrainedSearch``.
+    """
+
+    epoch: IntArray
+    cycles: IntArray
+    baselines_n_m: FloatArray
+    cost: FloatArray
+    log_volume: FloatArray
+    status: IntArray
+
+
+def candidates(
+    differences: DoubleDifferences, *, most: int = 32, reach: float = 25.0, nodes: int = 10**6
+) -> Candidates:
+    """Return up to ``most`` integer vectors of each epoch.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+    most : int
+        Of an epoch.
+    reach : float
+        No candidate is missed, but for ``most`` and ``nodes``, whose cost is less than this above
+        the least; dearer ones that the search came by are there as well.
+    nodes : int
+        What the search of an epoch may visit; the attitude of a complete vector counts as 100.
+
+    Raises
+    ------
+    BadInputError
+        If ``most``, ``reach`` or ``nodes`` is not positive.
+    """
+    for name, value in {"most": most, "reach": reach, "nodes": nodes}.items():
+        if not value > 0:
+            raise BadInputError(f"{name}: must be above 0, got {value}")
+    n = len(differences.t_s)
+    arrays = spans(differences.baselines_b_m, differences.resolvable)
+    parts = []
+    for start in range(0, max(n, 1), _BLOCK):
+        at = np.arange(start, min(start + _BLOCK, n))
+        some = differences if n <= _BLOCK else epochs_at(differences, at)
+        of_block = arrays._replace(pattern=arrays.pattern[at])
+        parts.append(_searched(some, of_block, start, most, reach, nodes))
+    if len(parts) == 1:
+        return parts[0]
+    joined = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(parts[0])}
+    return Candidates(**joined)
+
+
+def _searched(
+    differences: DoubleDifferences,
+    arrays: Spans,
+    start: int,
+    most: int,
+    reach: float,
+    nodes: int,
+) -> Candidates:
+    """Search a block of epochs, of which ``start`` is the first."""
+    epochs = epochs_of(differences)
+    known = prior_columns(None, arrays)
+    bound = first_bound(cost_degrees(epochs, arrays, known))
+    found = nothing_found(epochs.phase_m.shape, held=most, written=most)
+    search_epochs(epochs, arrays, known, bound, found, reach, nodes, True)
+    there = np.isfinite(found.costs)
+    of_epoch, cost = np.nonzero(there)[0], found.costs[there]
+    coordinates_m = arrays.coordinates_m[arrays.pattern[of_epoch]]
+    return Candidates(
+        epoch=of_epoch + start,
+        cycles=found.cycles[there],
+        baselines_n_m=coordinates_m @ found.columns[there].reshape(-1, 3, 3),
+        cost=cost,
+        log_volume=found.log_weights[there] + 0.5 * cost,
+        status=found.status,
+    )

@@ -1,0 +1,162 @@
+"""The likelihood of noise where integers are given: no search, every epoch in closed form.
+
+With its integers an epoch knows its attitude to milliradians, whatever the noise, and the residuals
+around that attitude are linear in what is left of it. Double differences and their covariance are
+those of single links whose satellites and receivers have unknown clocks; eliminating these instead
+leaves a matrix per epoch of the size of the antennas.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.integers.array.prior import AttitudePrior, prior_columns
+from fgnav.integers.array.relaxation import spans
+from fgnav.types.differences import DoubleDifferences
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Group:
+    """Links of a group of signals, a antennas and c channels, with the clocks of satellites out."""
+
+    channels: BoolArray  # (m,)
+    there: BoolArray  # (n, a, c)
+    of_receivers: FloatArray  # (n, c, a - 1, a - 1): by a weight of 1
+    values: FloatArray  # (2, n, a - 1, c, 4): code, phase; derivative by three turns, and residual
+    squares: FloatArray  # (2, n, c, 4, 4)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Held:
+    """Epochs whose integers are held, as linear functions of three turns about the axes of ``n``.
+
+    Attributes
+    ----------
+    groups : sequence of _Group
+    known : ndarray, shape (n, 4, 4)
+        The prior's normal equations of turns and residual.
+    open_axis : ndarray, shape (n, 3, 3)
+        Information added to the turn about the only direction of an array in a line.
+    """
+
+    groups: Sequence[_Group]
+    known: FloatArray
+    open_axis: FloatArray
+
+    def log_likelihoods(
+        self, code_variance_m2: FloatArray, phase_variance_m2: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return each epoch's cost, and its log likelihood but for ``-cost / 2``, (n,) each.
+
+        Parameters
+        ----------
+        code_variance_m2, phase_variance_m2 : ndarray, shape (n, m)
+        """
+        N, rest = self.known.copy(), np.zeros(len(self.known))
+        for group in self.groups:
+            for kind, variance in enumerate((code_variance_m2, phase_variance_m2)):
+                normal, log_determinant = _normal(group, kind, variance[:, group.channels])
+                N += normal
+                rest -= 0.5 * log_determinant
+        H = N[:, :3, :3] + self.open_axis
+        turn_rad = np.linalg.solve(H, N[:, :3, 3:])[..., 0]
+        rest -= 0.5 * np.linalg.slogdet(H)[1]
+        return N[:, 3, 3] - np.sum(N[:, :3, 3] * turn_rad, axis=1), rest
+
+
+def hold(
+    differences: DoubleDifferences,
+    cycles: IntArray,
+    columns: FloatArray,
+    prior: AttitudePrior | None,
+) -> Held:
+    """Hold integers that a search found.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+    cycles : ndarray of int64, shape (n, b, m)
+    columns : ndarray, shape (n, 9)
+        Of the attitudes that these lead to, as in ``ConstrainedSearch``.
+    prior : AttitudePrior or None
+    """
+    arrays = spans(differences.baselines_b_m, differences.resolvable)
+    M = columns.reshape(-1, 3, 3)  # a column in each row
+    baselines_n_m = arrays.coordinates_m[arrays.pattern] @ M
+    e_n = np.nan_to_num(differences.e_n)
+    cycles_m = differences.wavelength_m * cycles
+    range_m = -np.einsum("nbi,nji->nbj", baselines_n_m, e_n)
+    turned_m = -np.cross(baselines_n_m[:, :, None], e_n[:, None])  # of the range, by turns
+    parts = [
+        _single(differences, turned_m, measured - _differenced(differences, range_m))
+        for measured in (differences.code_m, differences.phase_m - cycles_m)
+    ]
+    values = np.stack(parts)
+    groups = [_group(differences, values, g) for g in range(differences.reference.shape[1])]
+    line = (arrays.rank[arrays.pattern] == 1)[:, None, None]
+    known = prior_columns(prior, arrays)
+    return Held(
+        groups=groups,
+        known=_of_prior(M, known.columns, known.information),
+        open_axis=np.where(line, M[:, 0, :, None] * M[:, 0, None, :], 0.0),
+    )
+
+
+def _differenced(differences: DoubleDifferences, single: FloatArray) -> FloatArray:
+    at = differences.reference[:, differences.group].clip(0)[:, None, :]
+    return np.asarray(single - np.take_along_axis(single, at, axis=2))
+
+
+def _single(
+    differences: DoubleDifferences, turned_m: FloatArray, residual_m: FloatArray
+) -> FloatArray:
+    """Return derivative and residual of links, (n, b, m, 4), 0 where there is none."""
+    residual_m = np.where(differences.resolvable, residual_m, 0.0)
+    return np.concatenate([turned_m, residual_m[..., None]], axis=3)
+
+
+def _group(differences: DoubleDifferences, values: FloatArray, g: int) -> _Group:
+    """Take the means over antennas off the links of a group."""
+    channels = differences.group == g
+    resolvable = differences.resolvable[:, :, channels]
+    reference = np.flatnonzero(channels) == differences.reference[:, g, None]
+    there = resolvable | (reference[:, None] & resolvable.any(axis=2, keepdims=True))
+    there = np.concatenate([there.any(axis=1, keepdims=True), there], axis=1)
+    on = there[:, :, :, None].astype(np.float64)
+    of_reference_antenna = np.zeros_like(values[:, :, :1, channels])
+    values = np.concatenate([of_reference_antenna, values[:, :, :, channels]], axis=2) * on
+    many = np.maximum(there.sum(axis=1), 1)
+    values = (values - values.sum(axis=2, keepdims=True) / many[:, None, :, None]) * on
+    rows = on[:, 1:, :, 0].swapaxes(1, 2)  # (n, c, a - 1)
+    of_receivers = np.eye(rows.shape[2]) * rows[..., None]
+    of_receivers -= rows[..., :, None] * rows[..., None, :] / many[:, :, None, None]
+    squares = np.einsum("knajp,knajq->knjpq", values, values)
+    return _Group(channels, there, of_receivers, values[:, :, 1:], squares)
+
+
+def _normal(group: _Group, kind: int, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return normal equations, (n, 4, 4), and the log determinant of links, (n,), of one kind."""
+    used = group.there.any(axis=1)
+    weight = np.where(used, 1.0 / variance, 0.0)
+    n, c, a, _ = group.of_receivers.shape
+    K = (weight[:, None] @ group.of_receivers.reshape(n, c, a * a)).reshape(n, a, a)
+    absent = ~group.there[:, 1:].any(axis=2)
+    K[:, np.arange(a), np.arange(a)] += absent
+    of_receivers = np.einsum("nj,najp->nap", weight, group.values[kind])
+    squares = (weight[:, None] @ group.squares[kind].reshape(n, c, 16)).reshape(n, 4, 4)
+    squares -= of_receivers.swapaxes(1, 2) @ np.linalg.solve(K, of_receivers)
+    spare = np.maximum(group.there.sum(axis=1) - 1, 0)  # each satellite's clock takes one
+    log_determinant = np.sum(spare * np.log(variance), axis=1, where=used)
+    return squares, log_determinant + np.linalg.slogdet(K)[1]
+
+
+def _of_prior(M: FloatArray, columns: FloatArray, information: FloatArray) -> FloatArray:
+    """Return the prior's normal equations of turns and residual, (n, 4, 4)."""
+    if len(columns) == 0:
+        return np.zeros((len(M), 4, 4))
+    turned = np.cross(np.eye(3)[:, None], M[:, None])  # (n, 3, column, component)
+    missing = columns.reshape(M.shape) - M
+    J = np.concatenate([turned, missing[:, None]], axis=1).reshape(len(M), 4, 9)
+    return np.asarray(J @ information @ J.swapaxes(1, 2))

@@ -1,0 +1,104 @@
+"""How likely noise makes the epochs of a rigid array, whichever of their integers are true.
+
+The integers that noise may stand behind are searched once, for one law of noise. For any law nearby
+each of them is as likely as ``held`` says, in closed form, and an epoch is as likely as
+all of its integers together. Epochs may be calmer or rougher than the mean: their common scale is
+integrated out for each vector of integers, which makes Gaussian weights those of Student's
+distribution.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.integers.array.held import Held, hold
+from fgnav.integers.array.kernel import PROVEN, nothing_found, search_epochs
+from fgnav.integers.array.prior import AttitudePrior, prior_columns
+from fgnav.integers.array.relaxation import spans
+from fgnav.integers.array.search import cost_degrees, first_bound
+from fgnav.integers.epochs import epochs_at
+from fgnav.integers.ils.affine import epochs_of
+from fgnav.types.differences import DoubleDifferences
+
+# Three antennas, four satellites, code 1 m: 120 integer vectors of an epoch are that near to the
+# best, and 41 of them hold 99 % of the posterior.
+_MOST = 256
+_REACH = 25.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Likelihood:
+    """That of epochs, by their integers.
+
+    Attributes
+    ----------
+    epoch : ndarray of int64, shape (c,)
+        To which a vector of integers belongs; rising.
+    held : Held
+        Those c vectors.
+    degrees : ndarray of int64, shape (c,)
+    """
+
+    epoch: IntArray
+    held: Held
+    degrees: IntArray
+
+    @property
+    def epochs(self) -> int:
+        """Return how many epochs count."""
+        return len(self._first)
+
+    @property
+    def _first(self) -> IntArray:
+        return np.flatnonzero(np.diff(self.epoch, prepend=-1))
+
+    def logarithm(
+        self, code_variance_m2: FloatArray, phase_variance_m2: FloatArray, roughness: float
+    ) -> float:
+        """Return the sum of logarithms over the epochs, but for a constant.
+
+        Parameters
+        ----------
+        code_variance_m2, phase_variance_m2 : ndarray, shape (n, m)
+            Of all epochs that were searched.
+        roughness : float
+            Degrees of freedom of an epoch's own scale: the larger, the more alike epochs are.
+        """
+        of_links = code_variance_m2[self.epoch], phase_variance_m2[self.epoch]
+        cost, rest = self.held.log_likelihoods(*of_links)
+        each = rest - 0.5 * (roughness + self.degrees) * np.log1p(cost / roughness)
+        return float(np.logaddexp.reduceat(each, self._first).sum()) if len(each) else 0.0
+
+
+def likelihood_of(
+    differences: DoubleDifferences, nodes: int, prior: AttitudePrior | None = None
+) -> Likelihood:
+    """Return how likely epochs are, for noise not far from the stated.
+
+    Epochs whose integers are too many to be listed are left out, whatever the noise: one that
+    counts under calm noise alone would speak for that.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+    nodes : int
+        What the search of an epoch may visit.
+    prior : AttitudePrior or None
+    """
+    epochs = epochs_of(differences)
+    arrays = spans(differences.baselines_b_m, epochs.resolvable)
+    known = prior_columns(prior, arrays)
+    degrees = cost_degrees(epochs, arrays, known)
+    found = nothing_found(epochs.phase_m.shape, held=_MOST, written=_MOST)
+    search_epochs(epochs, arrays, known, first_bound(degrees), found, _REACH, nodes, True)
+    there = np.isfinite(found.costs)
+    whole = (found.status == PROVEN) & ~there[:, -1]
+    epoch, which = np.nonzero(there & whole[:, None])
+    held = hold(
+        epochs_at(differences, epoch),
+        found.cycles[epoch, which],
+        found.columns[epoch, which],
+        None if prior is None else prior.at(epoch),
+    )
+    return Likelihood(epoch, held, degrees[epoch])

@@ -1,0 +1,157 @@
+"""The integers of least constrained cost, epoch by epoch, with what speaks for the others.
+
+All integer vectors whose relaxed cost is below a bound are enumerated depth first after LAMBDA's
+decorrelation, nearest first; each that gets through is given its constrained cost. The first bound
+is where chi-square would refuse the epoch anyway; it shrinks to the least constrained cost found
+plus a reach within which candidates still count against the best. What is returned is therefore
+the minimum, and the posterior misses no candidate within that reach.
+"""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from scipy.special import chdtri
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.integers.array.kernel import (
+    ILL,
+    NOTHING,
+    PROVEN,
+    UNFINISHED,
+    UNPROVEN,
+    nothing_found,
+    search_epochs,
+)
+from fgnav.integers.array.prior import AttitudePrior, PriorColumns, prior_columns
+from fgnav.integers.array.relaxation import Spans, spans
+from fgnav.integers.ils.affine import Epochs, epochs_of
+from fgnav.types.differences import DoubleDifferences
+
+__all__ = [
+    "ILL",
+    "NOTHING",
+    "PROVEN",
+    "UNFINISHED",
+    "UNPROVEN",
+    "ConstrainedSearch",
+    "cost_degrees",
+    "first_bound",
+    "search_constrained",
+]
+
+# Chance that the true integers cost more. They are then missed, whatever is found instead: of two
+# antennas under 7 satellites, 480,000 sets, 111 of those accepted were wrong with 104.0 expected
+# at 1e-4, and 101 with 103.5 expected at 1e-7, which takes a sixth more nodes.
+_FIRST_BOUND = 1e-7
+
+_REACH = 25.0  # above the least cost a candidate weighs below exp(-12.5) = 4e-6
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class ConstrainedSearch:
+    """What the rigid array makes of every epoch.
+
+    Attributes
+    ----------
+    cycles : ndarray of int64, shape (n, b, m)
+        Of least constrained cost; 0 where nothing was found.
+    costs : ndarray, shape (n, 2)
+        Weighted square sum of the code and phase residuals of the best and the second-best
+        integers, each with its own best attitude; infinite where there is none within reach.
+    columns : ndarray, shape (n, 9)
+        Those of ``R_nb V`` that the best integers lead to, V as ``spans`` has it; the first 3 r
+        count.
+    degrees : ndarray of int64, shape (n,)
+        Degrees of freedom of the best cost.
+    wrong_probability : ndarray, shape (n,)
+        That the best integers are not the true ones; see ``search_constrained``.
+    log_evidence : ndarray, shape (n,)
+        Logarithm of the summed weights of all candidates, each ``exp(-cost / 2)`` times the volume
+        of attitudes around its optimum; minus infinity where there is none.
+    status : ndarray of int64, shape (n,)
+        ``PROVEN`` (nothing costs less), ``NOTHING`` (no link), ``UNPROVEN`` (the search was given
+        up with what it had), ``UNFINISHED`` (with nothing), or ``ILL`` (covariance).
+    nodes : ndarray of int64, shape (n,)
+        Visited by the search, the attitude of a complete integer vector counted as 100.
+    """
+
+    cycles: IntArray
+    costs: FloatArray
+    columns: FloatArray
+    degrees: IntArray
+    wrong_probability: FloatArray
+    log_evidence: FloatArray
+    status: IntArray
+    nodes: IntArray
+
+    def rows(self, at: IntArray) -> "ConstrainedSearch":
+        """Return some of the epochs."""
+        parts = {field.name: getattr(self, field.name)[at] for field in fields(self)}
+        return ConstrainedSearch(**parts)
+
+    def with_rows(self, at: IntArray, rows: "ConstrainedSearch") -> "ConstrainedSearch":
+        """Return all epochs, some of them replaced."""
+        parts = {field.name: getattr(self, field.name).copy() for field in fields(self)}
+        for name, part in parts.items():
+            part[at] = getattr(rows, name)
+        return ConstrainedSearch(**parts)
+
+
+def search_constrained(
+    differences: DoubleDifferences, nodes: int, prior: AttitudePrior | None = None
+) -> ConstrainedSearch:
+    """Find the integers of least constrained cost in every epoch.
+
+    ``wrong_probability`` is one minus the share of the best integers in the posterior of all
+    integers: Gaussian noise of the stated covariance, every integer vector and, without a prior,
+    every attitude as likely before as any other, and integrated out as in
+    ``volume``. Of two antennas 1 m apart under 7 satellites, 480,000 simulated sets,
+    101 of the 103,572 accepted for a share of 1e-3 were wrong, with 103.5 expected.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+    nodes : int
+        What a search may visit before it is given up, 10 to 100 ns each; the attitude of
+        a complete integer vector counts as 100.
+    prior : AttitudePrior or None
+        Its cost is part of every cost and of the posterior.
+
+    Returns
+    -------
+    ConstrainedSearch
+
+    Raises
+    ------
+    BadInputError
+        If the prior has not as many epochs as the differences.
+    """
+    epochs = epochs_of(differences)
+    arrays = spans(differences.baselines_b_m, epochs.resolvable)
+    known = prior_columns(prior, arrays)
+    degrees = cost_degrees(epochs, arrays, known)
+    found = nothing_found(epochs.phase_m.shape, held=2, written=1)
+    search_epochs(epochs, arrays, known, first_bound(degrees), found, _REACH, nodes, False)
+    return ConstrainedSearch(
+        cycles=found.cycles[:, 0],
+        costs=found.costs,
+        columns=found.columns[:, 0],
+        degrees=degrees,
+        wrong_probability=found.wrong_probability,
+        log_evidence=found.log_evidence,
+        status=found.status,
+        nodes=found.nodes,
+    )
+
+
+def cost_degrees(epochs: Epochs, arrays: Spans, known: PriorColumns) -> IntArray:
+    """Return the degrees of freedom of true integers' cost, (n,)."""
+    open_angles = np.where(arrays.rank[arrays.pattern] == 1, 2, 3)
+    if len(known.information):
+        open_angles[known.information.any(axis=(1, 2))] = 0
+    return np.asarray(np.maximum(2 * epochs.resolvable.sum(axis=(1, 2)) - open_angles, 0))
+
+
+def first_bound(degrees: IntArray) -> FloatArray:
+    """Return the cost up to which all integers are looked at, (n,)."""
+    return np.asarray(chdtri(np.maximum(degrees, 1), _FIRST_BOUND))

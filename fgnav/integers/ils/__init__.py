@@ -1,0 +1,1 @@
+"""Integer least squares (LAMBDA): decorrelation, search, success rates."""

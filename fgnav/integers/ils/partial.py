@@ -1,0 +1,114 @@
+"""Partial fixing: the integers that can be trusted, and what they do to the others."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, frozen
+from fgnav.integers.ils.decorrelation import decorrelate
+from fgnav.integers.ils.search import (
+    NOT_POSITIVE,
+    OK,
+    WITHOUT_LIMIT,
+    checked_problem,
+    fault,
+    fixable,
+    refused,
+    search,
+)
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class PartialFix:
+    """A float solution, given integers of some combinations of its ambiguities.
+
+    Attributes
+    ----------
+    combinations : ndarray of int64, shape (p, n)
+        Fixed combinations, one a row.
+    integers : ndarray of int64, shape (p,)
+        Their values.
+    success : float
+        Bootstrapped success rate of these: they are right at least as often.
+    cycles : ndarray, shape (n,)
+        Ambiguities given the fixed combinations.
+    covariance_cycles2 : ndarray, shape (n, n)
+        Theirs if the integers are right: singular, where any is fixed.
+    fixed : ndarray of bool, shape (n,)
+        Ambiguities that are integers now.
+    """
+
+    combinations: IntArray
+    integers: IntArray
+    success: float
+    cycles: FloatArray
+    covariance_cycles2: FloatArray
+    fixed: BoolArray
+
+    def __post_init__(self) -> None:
+        """Check and freeze every field."""
+        p, n = self.combinations.shape
+        whole = {"combinations": (p, n), "integers": (p,)}
+        for name, shape in whole.items():
+            value = frozen(f"partial fix {name}", getattr(self, name), shape, dtype=np.int64)
+            object.__setattr__(self, name, value)
+        covariance = frozen("partial fix covariance_cycles2", self.covariance_cycles2, (n, n))
+        object.__setattr__(self, "covariance_cycles2", covariance)
+        object.__setattr__(self, "cycles", frozen("partial fix cycles", self.cycles, (n,)))
+        object.__setattr__(
+            self, "fixed", frozen("partial fix fixed", self.fixed, (n,), dtype=np.bool_)
+        )
+
+
+def partial_integer_least_squares(
+    float_cycles: ArrayLike, covariance: ArrayLike, success_min: float
+) -> PartialFix:
+    """Fix as many decorrelated integers as reach a success rate.
+
+    Parameters
+    ----------
+    float_cycles : array_like, shape (n,)
+    covariance : array_like, shape (n, n)
+        Theirs, cycles^2.
+    success_min : float
+        Least bootstrapped success rate, between 0 and 1.
+
+    Returns
+    -------
+    PartialFix
+
+    Raises
+    ------
+    BadInputError
+        As ``integer_least_squares``, or if ``success_min`` is no probability.
+    """
+    if not 0.0 <= success_min <= 1.0:
+        raise BadInputError(f"success_min: must be between 0 and 1, got {success_min}")
+    a, Q = checked_problem(float_cycles, covariance, 1)
+    n = len(a)
+    status, Z_T = fault(a, Q), np.eye(n)
+    positive, L, d, T = decorrelate(Q, Z_T)
+    if status != OK or not positive:
+        raise refused(status or NOT_POSITIVE)
+    first, success = fixable(d, success_min)
+    whole, Z_T = np.rint(a), Z_T[first:]
+    z_float = Z_T @ (a - whole)
+    z = np.zeros(n - first)
+    if first < n:
+        L, d = L[first:, first:].copy(), d[first:].copy()
+        z = search(L, d, z_float, 1, WITHOUT_LIMIT)[1][0]
+    across = Q @ Z_T.T
+    gain = np.linalg.solve(L.T @ (d[:, None] * L), across.T).T if first < n else across
+    conditional = Q - gain @ across.T
+    combined = Z_T.astype(np.int64)
+    fixed = (T[:first] == 0.0).all(axis=0)
+    cycles = whole + (a - whole - gain @ (z_float - z))
+    return PartialFix(
+        combinations=combined,
+        integers=z.astype(np.int64) + combined @ whole.astype(np.int64),
+        success=success,
+        cycles=np.where(fixed, np.rint(cycles), cycles),
+        covariance_cycles2=0.5 * (conditional + conditional.T),
+        fixed=fixed,
+    )

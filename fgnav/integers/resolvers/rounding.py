@@ -1,0 +1,37 @@
+"""Integers by rounding code minus phase: the baseline every better resolver must beat."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.integers.validation import WITHOUT_CODE, not_fixed, phase_links
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Integers
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rounding:
+    """Round phase minus code of every double difference on its own."""
+
+    @property
+    def name(self) -> str:
+        """Return the name the command line knows."""
+        return "rounding"
+
+    @property
+    def looks_ahead(self) -> bool:
+        """Return False: every epoch is resolved alone."""
+        return False
+
+    def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:  # noqa: ARG002
+        """Resolve every link that has code and phase."""
+        fixed = differences.resolvable
+        ambiguity = (differences.phase_m - differences.code_m) / differences.wavelength_m
+        return Integers(
+            resolver=self.name,
+            cycles=np.rint(np.where(fixed, ambiguity, 0.0)).astype(np.int64),
+            fixed=fixed,
+            ratio=np.full(fixed.shape[:2], np.nan),
+            losses=not_fixed({WITHOUT_CODE: phase_links(differences) & ~fixed}),
+        )

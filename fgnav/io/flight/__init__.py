@@ -1,0 +1,1 @@
+"""Flights as folders: ``flight.toml`` and the tables it names."""

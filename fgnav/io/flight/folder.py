@@ -1,0 +1,381 @@
+"""A flight as a folder: ``flight.toml`` and the files it names, read and written."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, Loss
+from fgnav.geometry.earth import Origin
+from fgnav.io.antennas import chosen, merge, named_alike
+from fgnav.io.flight import toml as flight_toml
+from fgnav.io.flight import usual_noise
+from fgnav.io.flight import writer as flight_writer
+from fgnav.io.flight.columns import (
+    CALIBRATION,
+    CURRENTS,
+    EULER,
+    FIELD,
+    FORCE,
+    HEIGHT,
+    PLACE,
+    POSITION_SIGMA,
+    RATE,
+    VELOCITY,
+    VELOCITY_SIGMA,
+)
+from fgnav.io.flight.integers import read_integers
+from fgnav.io.flight.local_frame import attitude_to_n, columns_to_vectors, place_to_n, velocity_to_n
+from fgnav.io.flight.times import check_times
+from fgnav.io.flight.toml import (
+    BarometerTable,
+    FixesTable,
+    FlightTable,
+    GnssTable,
+    ImuTable,
+    InitialTable,
+    MagnetometerTable,
+    SeekerTable,
+    TruthTable,
+)
+from fgnav.io.rinex.reader import read_rinex
+from fgnav.io.rinex.writer import RinexVersion
+from fgnav.io.sp3.reader import read_precise
+from fgnav.io.tables import read_table
+from fgnav.types.flight import (
+    Antenna,
+    Base,
+    Fixes,
+    Flight,
+    GnssNoise,
+    Imu,
+    InitialAttitude,
+    Seeker,
+    Truth,
+)
+from fgnav.types.observations import Observations
+from fgnav.types.orbits import BroadcastOrbits
+from fgnav.types.surroundings import Barometer, Magnetometer
+
+_LEAST_SIGMA = 1e-6  # m, m/s: no receiver knows its place or velocity better
+
+
+def load_flight(path: Path | str) -> Flight:
+    """Read a flight.
+
+    Parameters
+    ----------
+    path : Path or str
+        The folder, or the ``flight.toml`` in it.
+
+    Returns
+    -------
+    Flight
+        ``losses`` counts what stands in the files and is not used.
+
+    Raises
+    ------
+    BadInputError
+        One line that names file, line or key, rule and value.
+    """
+    toml = _toml(Path(path))
+    table = flight_toml.read_flight_toml(toml)
+    start_gps_s = flight_toml.gps_seconds(toml, table.start)
+    try:
+        flight = _flight(toml.parent, table, start_gps_s)
+        check_times(flight)
+        return replace(flight, losses=(*flight.losses, *_row_losses(toml, table, flight)))
+    except BadInputError as error:
+        if str(error).startswith(str(toml.parent)):
+            raise
+        raise BadInputError(f"{toml}: {error}") from error
+
+
+def files_of(path: Path | str) -> tuple[Path, ...]:
+    """Return the files that a flight is made of, its ``flight.toml`` first.
+
+    Raises
+    ------
+    BadInputError
+        If there is no such flight, or its ``flight.toml`` breaks a rule.
+    """
+    toml = _toml(Path(path))
+    table = flight_toml.read_flight_toml(toml)
+    names = [*(a.observations for a in table.antenna), *table.gnss.navigation, *table.gnss.orbits]
+    names += [table.gnss.base.observations] if table.gnss.base else []
+    for part in (table.imu, table.fixes, table.barometer, table.magnetometer):
+        names += [part.samples] if part else []
+    names += [table.seeker.samples, table.seeker.calibration] if table.seeker else []
+    names += [table.truth.samples, table.truth.integers] if table.truth else []
+    return toml, *(toml.parent / name for name in names if name)
+
+
+def save_flight(flight: Flight, folder: Path | str, *, rinex: RinexVersion = "3.04") -> None:
+    """Write a flight into a new folder; it appears whole or not at all.
+
+    Parameters
+    ----------
+    flight : Flight
+    folder : Path or str
+        Must not exist, or be empty.
+    rinex : {"3.04", "4.00"}
+        Version of observation and navigation files.
+
+    Raises
+    ------
+    BadInputError
+        If the folder holds something, or a value does not fit into its file's columns.
+    """
+    flight_writer.write_folder(flight, Path(folder), rinex)
+
+
+def _toml(path: Path) -> Path:
+    """Return the ``flight.toml`` of a folder, or the one named."""
+    toml = path if path.suffix == ".toml" else path / flight_writer.FILE_NAME
+    if not toml.is_file():
+        raise BadInputError(
+            f"{toml}: no such file; a flight is a folder with a {flight_writer.FILE_NAME}"
+        )
+    return toml
+
+
+def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> list[Loss]:
+    """Compare tables with the number of rows that their writer has noted; count what is missing."""
+    read: dict[str, int] = {}
+    for part, series in (
+        (table.imu, flight.imu),
+        (table.fixes, flight.fixes),
+        (table.seeker, flight.seeker),
+        (table.barometer, flight.barometer),
+        (table.magnetometer, flight.magnetometer),
+        (table.truth, flight.truth),
+    ):
+        if part is not None and series is not None:
+            read[part.samples] = len(series.t_s)
+    if table.seeker is not None and flight.seeker is not None:
+        read[table.seeker.calibration] = len(flight.seeker.calibration)
+    if table.truth is not None and flight.truth is not None and flight.truth.integers is not None:
+        read[str(table.truth.integers)] = len(flight.truth.integers.cycles)
+    losses = []
+    for name, rows in table.rows.items():
+        missing = rows - read.get(name, 0)
+        if missing < 0:
+            raise BadInputError(
+                f"{toml}: key rows.{name}: {rows} rows were written, the file holds {read[name]}; "
+                "state the number that is right"
+            )
+        reason = "the file may be cut: rows in flight.toml has more"
+        if name not in read:
+            reason = "rows in flight.toml has it, no table names it"
+        if missing:
+            losses.append(Loss(what=f"{name[:80]} row", reason=reason, count=missing))
+    return losses
+
+
+def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
+    origin = Origin(
+        latitude_rad=np.radians(table.origin.latitude_deg),
+        longitude_rad=np.radians(table.origin.longitude_deg),
+        height_m=table.origin.height_m,
+    )
+    gnss = table.gnss
+    orbits = [folder / name for name in gnss.orbits]
+    precise = read_precise(orbits, start_gps_s) if orbits else None
+    broadcast, observations, base = _rinex(folder, table, start_gps_s)
+    losses: list[Loss] = []
+    for part in (observations, base.observations if base else None, broadcast, precise):
+        losses += part.losses if part is not None else ()
+    return Flight(
+        name=table.name,
+        start_gps_s=start_gps_s,
+        origin=origin,
+        antennas=tuple(
+            Antenna(name=a.name, position_b_m=np.array(a.position_b_m)) for a in table.antenna
+        ),
+        observations=observations,
+        broadcast=broadcast,
+        precise=precise,
+        elevation_mask_rad=np.radians(gnss.elevation_mask_deg),
+        gnss_noise=_gnss_noise(gnss),
+        base=base,
+        imu=_imu(folder, table.imu) if table.imu else None,
+        fixes=_fixes(folder, origin, table.fixes) if table.fixes else None,
+        seeker=_seeker(folder, origin, table.seeker) if table.seeker else None,
+        barometer=_barometer(folder, table.barometer) if table.barometer else None,
+        magnetometer=_magnetometer(folder, table.magnetometer) if table.magnetometer else None,
+        initial=_initial(table.initial) if table.initial else None,
+        truth=_truth(folder, origin, table.truth, [a.name for a in table.antenna])
+        if table.truth
+        else None,
+        losses=tuple(losses),
+    )
+
+
+def _rinex(
+    folder: Path, table: FlightTable, start_gps_s: float
+) -> tuple[BroadcastOrbits | None, Observations | None, Base | None]:
+    """Return messages, observations of antennas, and of the base with its signals named alike."""
+    names = [antenna.name for antenna in table.antenna]
+    files = [antenna.observations for antenna in table.antenna if antenna.observations]
+    if files and len(files) < len(names):
+        lacking = next(antenna.name for antenna in table.antenna if not antenna.observations)
+        raise BadInputError(
+            f"antenna {lacking}: observations must be given for all antennas or for none"
+        )
+    base = table.gnss.base
+    paths = [folder / name for name in (*files, *([base.observations] if base else []))]
+    if base and not files:
+        raise BadInputError("key gnss.base: needs antennas with observations, there are none")
+    messages = [folder / name for name in table.gnss.navigation]
+    broadcast, receivers = read_rinex(messages, paths, start_gps_s)
+    if not files:
+        return broadcast, None, None
+    observations = merge(receivers[: len(files)], names)
+    if table.gnss.signals:
+        observations = chosen(observations, table.gnss.signals)
+    if base is None:
+        return broadcast, observations, None
+    position_e_m = np.array(base.position_e_m)
+    return (
+        broadcast,
+        observations,
+        Base(position_e_m=position_e_m, observations=named_alike(receivers[-1], observations)),
+    )
+
+
+def _initial(table: InitialTable) -> InitialAttitude:
+    degrees = msgspec.structs.asdict(table)
+    return InitialAttitude(
+        **{
+            f"{name.removesuffix('_deg')}_rad": None if value is None else float(np.radians(value))
+            for name, value in degrees.items()
+        }
+    )
+
+
+def _gnss_noise(gnss: GnssTable) -> GnssNoise:
+    stated = {
+        "code_m": gnss.code_noise_m,
+        "phase_m": gnss.phase_noise_m,
+        "doppler_mps": gnss.doppler_noise_mps,
+    }
+    return replace(
+        usual_noise.gnss_noise(stated),
+        elevation_weights=gnss.elevation_weights,
+        wind_up=gnss.wind_up,
+        satellite_error_rate_mps=gnss.satellite_error_rate_mps,
+        satellite_error_walk_m_per_sqrt_s=gnss.satellite_error_walk_m_per_sqrt_s,
+    )
+
+
+def _imu(folder: Path, table: ImuTable) -> Imu:
+    samples = read_table(folder / table.samples, ("t_s", *FORCE), (RATE,))
+    stated = {name: getattr(table, name) for name in usual_noise.IMU}
+    return Imu(
+        t_s=samples["t_s"],
+        f_b_mps2=columns_to_vectors(samples, FORCE),
+        w_b_radps=columns_to_vectors(samples, RATE) if RATE[0] in samples else None,
+        position_b_m=np.array(table.position_b_m),
+        **usual_noise.imu_noise(stated, gyroscope=RATE[0] in samples),
+    )
+
+
+def _fixes(folder: Path, origin: Origin, table: FixesTable) -> Fixes:
+    """Read fixes; standard deviations stay as they are, since the axes differ by 0.02 deg."""
+    optional = (VELOCITY, POSITION_SIGMA, VELOCITY_SIGMA)
+    path = folder / table.samples
+    samples = read_table(path, ("t_s", *PLACE), optional)
+    p_n_m = place_to_n(origin, columns_to_vectors(samples, PLACE))
+    if VELOCITY_SIGMA[0] in samples and VELOCITY[0] not in samples:
+        raise BadInputError(f"{path}: line 1: {VELOCITY_SIGMA[0]} needs {', '.join(VELOCITY)}")
+    v_n_mps = velocity_sigma_mps = None
+    if VELOCITY[0] in samples:
+        v_n_mps = velocity_to_n(origin, p_n_m, columns_to_vectors(samples, VELOCITY))
+        velocity_sigma_mps = _sigma(path, samples, VELOCITY_SIGMA, usual_noise.VELOCITY_SIGMA_MPS)
+    return Fixes(
+        t_s=samples["t_s"],
+        antenna=table.antenna,
+        p_n_m=p_n_m,
+        v_n_mps=v_n_mps,
+        position_sigma_m=_sigma(path, samples, POSITION_SIGMA, usual_noise.POSITION_SIGMA_M),
+        velocity_sigma_mps=velocity_sigma_mps,
+        unstated=tuple(
+            name
+            for name, sigma in (("position", POSITION_SIGMA), ("velocity", VELOCITY_SIGMA))
+            if sigma[0] not in samples
+        ),
+    )
+
+
+def _sigma(
+    path: Path, samples: dict[str, FloatArray], names: tuple[str, ...], default: tuple[float, ...]
+) -> FloatArray:
+    if names[0] in samples:
+        sigma = columns_to_vectors(samples, names)
+        wrong = sigma < _LEAST_SIGMA
+        if wrong.any():
+            row, column = np.argwhere(wrong)[0]
+            raise BadInputError(
+                f"{path}: line {row + 2}: {names[column]} must be {_LEAST_SIGMA:g} or more, "
+                f"got {sigma[row, column]:.9g}"
+            )
+        return sigma
+    return np.tile(np.array(default), (len(samples["t_s"]), 1))
+
+
+def _seeker(folder: Path, origin: Origin, table: SeekerTable) -> Seeker:
+    samples = read_table(folder / table.samples, ("t_s", *CURRENTS))
+    calibration = read_table(folder / table.calibration, CALIBRATION, increasing=CALIBRATION[0])
+    landmark = table.landmark
+    place = np.array([[landmark.latitude_deg, landmark.longitude_deg, landmark.height_m]])
+    return Seeker(
+        t_s=samples["t_s"],
+        currents=columns_to_vectors(samples, CURRENTS),
+        position_b_m=np.array(table.position_b_m),
+        landmark_n_m=place_to_n(origin, place)[0],
+        detector_radius_m=table.detector_radius_m,
+        focal_length_m=table.focal_length_m,
+        calibration=columns_to_vectors(calibration, CALIBRATION),
+    )
+
+
+def _barometer(folder: Path, table: BarometerTable) -> Barometer:
+    samples = read_table(folder / table.samples, ("t_s", *HEIGHT))
+    return Barometer(
+        t_s=samples["t_s"],
+        height_m=samples[HEIGHT[0]],
+        position_b_m=np.array(table.position_b_m),
+        noise_m=table.noise_m,
+        offset_m=table.offset_m,
+        wander_m=table.wander_m,
+        wander_time_s=table.wander_time_s,
+    )
+
+
+def _magnetometer(folder: Path, table: MagnetometerTable) -> Magnetometer:
+    samples = read_table(folder / table.samples, ("t_s", *FIELD))
+    return Magnetometer(
+        t_s=samples["t_s"],
+        field_b_ut=columns_to_vectors(samples, FIELD),
+        field_n_ut=np.array(table.field_n_ut),
+        noise_ut=table.noise_ut,
+        hard_iron_ut=table.hard_iron_ut,
+    )
+
+
+def _truth(folder: Path, origin: Origin, table: TruthTable, names: list[str]) -> Truth:
+    integers = read_integers(folder / table.integers) if table.integers else None
+    for name in sorted(set(integers.antennas) - set(names) if integers is not None else ()):
+        raise BadInputError(
+            f"{folder / str(table.integers)}: true integers antenna: {name!r} is not one of {names}"
+        )
+    samples = read_table(folder / table.samples, ("t_s", *PLACE, *VELOCITY, *EULER))
+    p_n_m = place_to_n(origin, columns_to_vectors(samples, PLACE))
+    return Truth(
+        t_s=samples["t_s"],
+        p_n_m=p_n_m,
+        v_n_mps=velocity_to_n(origin, p_n_m, columns_to_vectors(samples, VELOCITY)),
+        R_nb=attitude_to_n(origin, p_n_m, columns_to_vectors(samples, EULER)),
+        integers=integers,
+    )

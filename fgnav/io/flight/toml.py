@@ -1,0 +1,238 @@
+"""``flight.toml``: its keys as structures, read strictly and written."""
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import numpy as np
+
+from fgnav.checks import BadInputError, quoted
+from fgnav.io.gps_time import GPS_EPOCH
+from fgnav.io.strict_toml import Positive, Table, Vector, as_table, read_toml
+from fgnav.types.flight import ElevationWeights, GnssNoise
+
+FORMAT = "fgnav-flight/1"
+_START = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,9})?")
+
+_NOISE = GnssNoise()
+_NOTHING: tuple[Any, ...] = (None, [], (), {})
+
+
+class Place(Table, frozen=True, kw_only=True):
+    """WGS-84 coordinates."""
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+
+
+class AntennaTable(Table, frozen=True, kw_only=True):
+    """``[[antenna]]``."""
+
+    name: str
+    position_b_m: Vector
+    observations: str | None = None
+
+
+class BaseTable(Table, frozen=True, kw_only=True):
+    """``base`` of ``[gnss]``."""
+
+    observations: str
+    position_e_m: Vector
+
+
+class GnssTable(Table, frozen=True, kw_only=True):
+    """``[gnss]``."""
+
+    navigation: tuple[str, ...] = ()
+    orbits: tuple[str, ...] = ()
+    signals: dict[str, tuple[str, ...]] = msgspec.field(default_factory=dict)
+    elevation_mask_deg: float = 10.0
+    code_noise_m: float | None = None
+    phase_noise_m: float | None = None
+    doppler_noise_mps: float | None = None
+    elevation_weights: ElevationWeights = _NOISE.elevation_weights
+    wind_up: bool = _NOISE.wind_up
+    satellite_error_rate_mps: float = _NOISE.satellite_error_rate_mps
+    satellite_error_walk_m_per_sqrt_s: float = _NOISE.satellite_error_walk_m_per_sqrt_s
+    base: BaseTable | None = None
+
+
+class ImuTable(Table, frozen=True, kw_only=True):
+    """``[imu]``."""
+
+    samples: str
+    position_b_m: Vector = (0.0, 0.0, 0.0)
+    accelerometer_noise_mps2_per_sqrt_hz: float | None = None
+    accelerometer_bias_mps2: float | None = None
+    accelerometer_bias_walk_mps2_per_sqrt_s: float | None = None
+    gyroscope_noise_radps_per_sqrt_hz: float | None = None
+    gyroscope_bias_radps: float | None = None
+    gyroscope_bias_walk_radps_per_sqrt_s: float | None = None
+
+
+class FixesTable(Table, frozen=True, kw_only=True):
+    """``[fixes]``."""
+
+    samples: str
+    antenna: str
+
+
+class SeekerTable(Table, frozen=True, kw_only=True):
+    """``[seeker]``."""
+
+    samples: str
+    position_b_m: Vector
+    landmark: Place
+    detector_radius_m: float
+    focal_length_m: float
+    calibration: str
+
+
+class BarometerTable(Table, frozen=True, kw_only=True):
+    """``[barometer]``: t_s and height_m; the other keys are those of ``Barometer``."""
+
+    samples: str
+    position_b_m: Vector = (0.0, 0.0, 0.0)
+    noise_m: float
+    offset_m: float
+    wander_m: float = 0.0
+    wander_time_s: float = 300.0
+
+
+class MagnetometerTable(Table, frozen=True, kw_only=True):
+    """``[magnetometer]``: t_s, mx_ut, my_ut, mz_ut in body axes; keys as of ``Magnetometer``."""
+
+    samples: str
+    field_n_ut: Vector
+    noise_ut: float
+    hard_iron_ut: float
+
+
+class InitialTable(Table, frozen=True, kw_only=True):
+    """``[initial]``: attitude at the first epoch, each angle with its 1-sigma."""
+
+    roll_deg: float | None = None
+    roll_sigma_deg: Positive | None = None
+    pitch_deg: float | None = None
+    pitch_sigma_deg: Positive | None = None
+    heading_deg: float | None = None
+    heading_sigma_deg: Positive | None = None
+
+
+class TruthTable(Table, frozen=True, kw_only=True):
+    """``[truth]``."""
+
+    samples: str
+    integers: str | None = None
+
+
+class FlightTable(Table, frozen=True, kw_only=True):
+    """The whole file; ``rows`` says how many rows each table of samples was written with."""
+
+    format: str
+    name: str
+    start: str
+    rows: dict[str, Annotated[int, msgspec.Meta(ge=0)]] = msgspec.field(default_factory=dict)
+    origin: Place
+    antenna: tuple[AntennaTable, ...] = ()
+    gnss: GnssTable = GnssTable()
+    imu: ImuTable | None = None
+    fixes: FixesTable | None = None
+    seeker: SeekerTable | None = None
+    barometer: BarometerTable | None = None
+    magnetometer: MagnetometerTable | None = None
+    initial: InitialTable | None = None
+    truth: TruthTable | None = None
+
+
+def read_flight_toml(path: Path) -> FlightTable:
+    """Read and check ``flight.toml``.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    FlightTable
+
+    Raises
+    ------
+    BadInputError
+        Naming file, key, rule and value; of an unknown key also the nearest known one.
+    """
+    content = read_toml(path)
+    if not content:
+        raise BadInputError(f"{path}: must describe a flight, the file is empty")
+    got = content.get("format")
+    if got != FORMAT:
+        raise BadInputError(f"{path}: key format: must be {FORMAT!r}, got {quoted(got)}")
+    return as_table(path, content, FlightTable)
+
+
+def gps_seconds(path: Path, start: str) -> float:
+    """Return seconds since 1980-01-06 of a GPS date and time.
+
+    Raises
+    ------
+    BadInputError
+        If the text is no date such as ``2020-06-25T00:00:00.5``, or before 1980-01-06.
+    """
+    got = quoted(start)
+    rule = f"{path}: key start: must be a GPS date and time, 2020-06-25T00:00:00, got {got}"
+    if not _START.fullmatch(start):
+        raise BadInputError(rule)
+    try:
+        whole = np.datetime64(start[:19], "s")
+    except ValueError as error:
+        raise BadInputError(rule) from error
+    seconds = float((whole - GPS_EPOCH) / np.timedelta64(1, "s"))
+    if seconds < 0:
+        raise BadInputError(f"{path}: key start: must not be before 1980-01-06, got {got}")
+    return seconds + float("0" + start[19:])
+
+
+def gps_date(start_gps_s: float) -> str:
+    """Return the text of a start, to the microsecond."""
+    microseconds = round(start_gps_s * 1e6)
+    date = str(GPS_EPOCH + np.timedelta64(microseconds, "us"))
+    return date.rstrip("0").rstrip(".") if microseconds % 1_000_000 else date[:19]
+
+
+def write_flight_toml(path: Path, table: FlightTable) -> None:
+    """Write ``flight.toml``; keys at their default are left out."""
+    lines: list[str] = []
+    plain = {k: v for k, v in msgspec.to_builtins(table).items() if v not in _NOTHING}
+    tables = {k: v for k, v in plain.items() if isinstance(v, dict) and k != "rows"}
+    lists = {k: v for k, v in plain.items() if isinstance(v, list | tuple)}
+    lines += [f"{k} = {_toml(v)}" for k, v in plain.items() if k not in tables and k not in lists]
+    for key, rows in lists.items():
+        for row in rows:
+            lines += ["", f"[[{key}]]", *_entries(row)]
+    for key, row in tables.items():
+        lines += ["", f"[{key}]", *_entries(row)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _entries(table: Mapping[str, Any]) -> list[str]:
+    said = {key: value for key, value in table.items() if value not in _NOTHING}
+    return [f"{_key(name)} = {_toml(value)}" for name, value in said.items()]
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
+
+
+def _toml(value: Any) -> str:  # noqa: ANN401  # any TOML value
+    """Return the TOML of a value; nested tables inline."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "{ " + ", ".join(_entries(value)) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_toml(item) for item in value) + "]"
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)

@@ -1,0 +1,296 @@
+"""A flight written as a folder that appears whole or not at all."""
+
+import re
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray
+from fgnav.geometry.earth import Origin
+from fgnav.io.atomic_write import atomic_folder
+from fgnav.io.flight import columns
+from fgnav.io.flight import toml as flight_toml
+from fgnav.io.flight.integers import write_integers
+from fgnav.io.flight.local_frame import attitude_of_n, place_of_n, velocity_of_n
+from fgnav.io.flight.usual_noise import IMU
+from fgnav.io.rinex.writer import RinexVersion, write_navigation, write_observations
+from fgnav.io.sp3.writer import write_precise
+from fgnav.io.strict_toml import Vector
+from fgnav.io.tables import write_table
+from fgnav.types.flight import Flight
+
+FILE_NAME = "flight.toml"
+_PLAIN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
+_TAKEN = ("base", "broadcast")
+
+
+def write_folder(flight: Flight, folder: Path, rinex: RinexVersion = "3.04") -> None:
+    """Write a flight.
+
+    Parameters
+    ----------
+    flight : Flight
+    folder : Path
+        Must not exist, or be empty.
+    rinex : {"3.04", "4.00"}
+        Version of observation and navigation files.
+
+    Raises
+    ------
+    BadInputError
+        If the folder holds something, cannot be made, or a value does not fit into its file.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise BadInputError(f"{folder}: must be a new or empty folder, it holds something")
+    with atomic_folder(folder) as new:
+        table = flight_toml.FlightTable(
+            rows=_rows(flight),
+            format=flight_toml.FORMAT,
+            name=flight.name,
+            start=flight_toml.gps_date(flight.start_gps_s),
+            origin=_place_of_origin(flight.origin),
+            antenna=_antennas(flight, new, rinex),
+            gnss=_gnss(flight, new, rinex),
+            imu=_imu(flight, new),
+            fixes=_fixes(flight, new),
+            seeker=_seeker(flight, new),
+            barometer=_barometer(flight, new),
+            magnetometer=_magnetometer(flight, new),
+            initial=_initial(flight),
+            truth=_truth(flight, new),
+        )
+        flight_toml.write_flight_toml(new / FILE_NAME, table)
+
+
+def _rows(flight: Flight) -> dict[str, int]:
+    """Return how many rows each table holds, by file."""
+    series = {
+        "imu.csv": flight.imu,
+        "fixes.csv": flight.fixes,
+        "seeker.csv": flight.seeker,
+        "barometer.csv": flight.barometer,
+        "magnetometer.csv": flight.magnetometer,
+        "truth.csv": flight.truth,
+    }
+    rows = {name: len(one.t_s) for name, one in series.items() if one is not None}
+    if flight.seeker is not None:
+        rows["quadrant.csv"] = len(flight.seeker.calibration)
+    if flight.truth is not None and flight.truth.integers is not None:
+        rows["integers.csv"] = len(flight.truth.integers.cycles)
+    return rows
+
+
+def _place(row: FloatArray) -> flight_toml.Place:
+    latitude_deg, longitude_deg, height_m = row.tolist()
+    return flight_toml.Place(
+        latitude_deg=latitude_deg, longitude_deg=longitude_deg, height_m=height_m
+    )
+
+
+def _place_of_origin(origin: Origin) -> flight_toml.Place:
+    return _place(
+        np.array(
+            [np.degrees(origin.latitude_rad), np.degrees(origin.longitude_rad), origin.height_m]
+        )
+    )
+
+
+def _vector(value: FloatArray) -> Vector:
+    x, y, z = value.tolist()
+    return x, y, z
+
+
+def _antennas(
+    flight: Flight, folder: Path, rinex: RinexVersion
+) -> tuple[flight_toml.AntennaTable, ...]:
+    """Write one RINEX file per antenna; return their tables."""
+    tables = []
+    for k, antenna in enumerate(flight.antennas):
+        file_name = None
+        if flight.observations is not None:
+            plain = _PLAIN_NAME.fullmatch(antenna.name) and antenna.name.lower() not in _TAKEN
+            file_name = f"{antenna.name if plain else f'antenna-{k + 1}'}.rnx"
+            if (folder / file_name).exists():  # names that differ in case only
+                file_name = f"antenna-{k + 1}.rnx"
+            write_observations(
+                folder / file_name,
+                flight.observations,
+                k,
+                start_gps_s=flight.start_gps_s,
+                marker=antenna.name,
+                position_e_m=flight.origin.p_e_m,
+                version=rinex,
+            )
+        position_b_m = _vector(antenna.position_b_m)
+        tables.append(
+            flight_toml.AntennaTable(
+                name=antenna.name, position_b_m=position_b_m, observations=file_name
+            )
+        )
+    return tuple(tables)
+
+
+def _gnss(flight: Flight, folder: Path, rinex: RinexVersion) -> flight_toml.GnssTable:
+    """Write orbits and the base's observations; return their table."""
+    start_gps_s = flight.start_gps_s
+    if flight.broadcast is not None:
+        write_navigation(
+            folder / "broadcast.rnx", flight.broadcast, start_gps_s=start_gps_s, version=rinex
+        )
+    if flight.precise is not None:
+        write_precise(folder / "precise.sp3", flight.precise, start_gps_s=start_gps_s)
+    base = None
+    if flight.base is not None:
+        base = flight_toml.BaseTable(
+            observations="base.rnx", position_e_m=_vector(flight.base.position_e_m)
+        )
+        write_observations(
+            folder / "base.rnx",
+            flight.base.observations,
+            0,
+            start_gps_s=start_gps_s,
+            marker="base",
+            position_e_m=flight.base.position_e_m,
+            version=rinex,
+        )
+    noise = flight.gnss_noise
+    return flight_toml.GnssTable(
+        navigation=("broadcast.rnx",) if flight.broadcast is not None else (),
+        orbits=("precise.sp3",) if flight.precise is not None else (),
+        elevation_mask_deg=float(np.degrees(flight.elevation_mask_rad)),
+        code_noise_m=None if "code_m" in noise.unstated else noise.code_m,
+        phase_noise_m=None if "phase_m" in noise.unstated else noise.phase_m,
+        doppler_noise_mps=None if "doppler_mps" in noise.unstated else noise.doppler_mps,
+        elevation_weights=noise.elevation_weights,
+        wind_up=noise.wind_up,
+        satellite_error_rate_mps=noise.satellite_error_rate_mps,
+        satellite_error_walk_m_per_sqrt_s=noise.satellite_error_walk_m_per_sqrt_s,
+        base=base,
+    )
+
+
+def _write(path: Path, t_s: FloatArray, *blocks: tuple[tuple[str, ...], FloatArray | None]) -> None:
+    """Write a table of times and blocks of columns; blocks that are None are left out."""
+    table = {"t_s": t_s}
+    for names, block in blocks:
+        if block is not None:
+            table |= {name: block[:, k] for k, name in enumerate(names)}
+    write_table(path, table, columns.FORMATS)
+
+
+def _imu(flight: Flight, folder: Path) -> flight_toml.ImuTable | None:
+    imu = flight.imu
+    if imu is None:
+        return None
+    _write(
+        folder / "imu.csv",
+        imu.t_s,
+        (columns.FORCE, imu.f_b_mps2),
+        (columns.RATE, imu.w_b_radps),
+    )
+    return flight_toml.ImuTable(
+        samples="imu.csv",
+        position_b_m=_vector(imu.position_b_m),
+        **{name: None if name in imu.unstated else getattr(imu, name) for name in IMU},
+    )
+
+
+def _fixes(flight: Flight, folder: Path) -> flight_toml.FixesTable | None:
+    fixes = flight.fixes
+    if fixes is None:
+        return None
+    velocity = None
+    if fixes.v_n_mps is not None:
+        velocity = velocity_of_n(flight.origin, fixes.p_n_m, fixes.v_n_mps)
+    _write(
+        folder / "fixes.csv",
+        fixes.t_s,
+        (columns.PLACE, place_of_n(flight.origin, fixes.p_n_m)),
+        (columns.VELOCITY, velocity),
+        (
+            columns.POSITION_SIGMA,
+            None if "position" in fixes.unstated else fixes.position_sigma_m,
+        ),
+        (
+            columns.VELOCITY_SIGMA,
+            None if "velocity" in fixes.unstated else fixes.velocity_sigma_mps,
+        ),
+    )
+    return flight_toml.FixesTable(samples="fixes.csv", antenna=fixes.antenna)
+
+
+def _seeker(flight: Flight, folder: Path) -> flight_toml.SeekerTable | None:
+    seeker = flight.seeker
+    if seeker is None:
+        return None
+    _write(folder / "seeker.csv", seeker.t_s, (columns.CURRENTS, seeker.currents))
+    calibration = dict(zip(columns.CALIBRATION, seeker.calibration.T, strict=True))
+    write_table(folder / "quadrant.csv", calibration, columns.FORMATS)
+    return flight_toml.SeekerTable(
+        samples="seeker.csv",
+        position_b_m=_vector(seeker.position_b_m),
+        landmark=_place(place_of_n(flight.origin, seeker.landmark_n_m[None])[0]),
+        detector_radius_m=seeker.detector_radius_m,
+        focal_length_m=seeker.focal_length_m,
+        calibration="quadrant.csv",
+    )
+
+
+def _barometer(flight: Flight, folder: Path) -> flight_toml.BarometerTable | None:
+    barometer = flight.barometer
+    if barometer is None:
+        return None
+    heights_m = barometer.height_m[:, None]
+    _write(folder / "barometer.csv", barometer.t_s, (columns.HEIGHT, heights_m))
+    return flight_toml.BarometerTable(
+        samples="barometer.csv",
+        position_b_m=_vector(barometer.position_b_m),
+        noise_m=barometer.noise_m,
+        offset_m=barometer.offset_m,
+        wander_m=barometer.wander_m,
+        wander_time_s=barometer.wander_time_s,
+    )
+
+
+def _magnetometer(flight: Flight, folder: Path) -> flight_toml.MagnetometerTable | None:
+    sensor = flight.magnetometer
+    if sensor is None:
+        return None
+    _write(folder / "magnetometer.csv", sensor.t_s, (columns.FIELD, sensor.field_b_ut))
+    return flight_toml.MagnetometerTable(
+        samples="magnetometer.csv",
+        field_n_ut=_vector(sensor.field_n_ut),
+        noise_ut=sensor.noise_ut,
+        hard_iron_ut=sensor.hard_iron_ut,
+    )
+
+
+def _initial(flight: Flight) -> flight_toml.InitialTable | None:
+    if flight.initial is None:
+        return None
+    return flight_toml.InitialTable(
+        **{
+            f"{name.removesuffix('_rad')}_deg": float(np.degrees(value))
+            for name, value in asdict(flight.initial).items()
+            if value is not None
+        }
+    )
+
+
+def _truth(flight: Flight, folder: Path) -> flight_toml.TruthTable | None:
+    truth = flight.truth
+    if truth is None:
+        return None
+    _write(
+        folder / "truth.csv",
+        truth.t_s,
+        (columns.PLACE, place_of_n(flight.origin, truth.p_n_m)),
+        (columns.VELOCITY, velocity_of_n(flight.origin, truth.p_n_m, truth.v_n_mps)),
+        (columns.EULER, attitude_of_n(flight.origin, truth.p_n_m, truth.R_nb)),
+    )
+    if truth.integers is not None:
+        write_integers(folder / "integers.csv", truth.integers)
+    return flight_toml.TruthTable(
+        samples="truth.csv", integers=None if truth.integers is None else "integers.csv"
+    )

@@ -1,0 +1,1 @@
+"""RINEX files: checked, read and written."""

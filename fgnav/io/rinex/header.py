@@ -1,0 +1,305 @@
+"""The head of a RINEX file: what kind it is, and which observation types its lines hold."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from fgnav.checks import BadInputError, quoted
+from fgnav.io.gps_time import GPS_EPOCH
+from fgnav.io.rinex.text import Bytes
+
+MAX_TYPES = 63  # RTKLIB ignores the types above
+_TYPE_2 = re.compile(r"[CLPDS][1-9A-Z]")
+_TYPE_3 = re.compile(r"[CLDSIX][0-9][A-Z0-9]?")
+_VERSIONS = {2: (2.00, 2.11), 3: (3.00, 3.05), 4: (4.00, 4.02)}
+_SYSTEMS = "GRECJSI"
+
+Kind = Literal["observations", "navigation"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Header:
+    """What the head of a RINEX file says.
+
+    Attributes
+    ----------
+    path : Path
+    kind : {"observations", "navigation"}
+    version : float
+    system : str
+        Letter of the constellation, ``M`` for mixed.
+    types : dict of str to tuple of str
+        Observation types by letter of the constellation; all letters share one tuple in RINEX 2.
+    time_system : str
+        ``GPS``, ``GLO``, ``GAL``, ``QZS``, ``BDT``; of observations.
+    last_us : int or None
+        Announced last epoch, microseconds since 1980-01-06 in the file's time system.
+    interval_s : float or None
+        Announced time between epochs.
+    klobuchar : tuple of float
+        GPS ionosphere, alpha and beta; zeros where absent.
+    size, lines : int
+        Bytes and lines of the head, its last line included.
+    """
+
+    path: Path
+    kind: Kind
+    version: float
+    system: str
+    types: dict[str, tuple[str, ...]]
+    time_system: str
+    last_us: int | None
+    interval_s: float | None
+    klobuchar: tuple[float, ...]
+    size: int
+    lines: int
+
+
+def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
+    """Read and check the head of a RINEX file.
+
+    Parameters
+    ----------
+    path : Path
+        Name for the error texts.
+    text : ndarray of uint8
+        The whole file.
+    kind : {"observations", "navigation"}
+        What the caller expects.
+
+    Returns
+    -------
+    Header
+
+    Raises
+    ------
+    BadInputError
+        Naming file, line, rule and value.
+    """
+    lines, size = _lines(path, text)
+    version, system = _version(path, lines[0], kind)
+    labelled = [(number, line[:60], line[60:].strip()) for number, line in enumerate(lines, 1)]
+    types: dict[str, tuple[str, ...]] = {}
+    time_system = {"R": "GLO", "E": "GAL", "C": "BDT", "J": "QZS"}.get(system, "GPS")
+    if kind == "observations":
+        if version < 3:
+            types = dict.fromkeys(_SYSTEMS, _types_2(path, labelled))
+        else:
+            types = _types_3(path, labelled, version)
+        first = [line for _, line, label in labelled if label == "TIME OF FIRST OBS"]
+        if not first:
+            raise BadInputError(f"{path}: header must have TIME OF FIRST OBS, it is missing")
+        time_system = first[0][48:51].strip() or time_system
+        if time_system not in ("GPS", "GLO", "GAL", "QZS", "BDT"):
+            raise BadInputError(
+                f"{path}: time system must be GPS, GLO, GAL, QZS or BDT, got {quoted(time_system)}"
+            )
+        _refuse_rescaled(path, labelled)
+    return Header(
+        path=path,
+        kind=kind,
+        version=version,
+        system=system,
+        types=types,
+        time_system=time_system,
+        last_us=_last_us(path, labelled),
+        interval_s=_interval_s(labelled),
+        klobuchar=_klobuchar(path, labelled),
+        size=size,
+        lines=len(lines),
+    )
+
+
+def _lines(path: Path, text: Bytes) -> tuple[list[str], int]:
+    """Return the lines of the head and the offset of the body."""
+    lines: list[str] = []
+    offset = 0
+    head = text[: 1 << 20].tobytes().decode("latin-1")  # a head of a megabyte is no head
+    while offset < len(head):
+        end = head.find("\n", offset)
+        if end < 0:
+            break
+        lines.append(head[offset:end].rstrip("\r"))
+        offset = end + 1
+        if len(lines) == 1 and "RINEX VERSION / TYPE" not in lines[0][60:]:
+            break
+        if lines[-1][60:].startswith("END OF HEADER"):
+            return lines, offset
+    if not lines or "RINEX VERSION / TYPE" not in lines[0][60:]:
+        got = head[:60].split("\n")[0]
+        raise BadInputError(f"{path}: line 1: must be RINEX VERSION / TYPE, got {quoted(got)}")
+    raise BadInputError(
+        f"{path}: line {len(lines)}: header must end with END OF HEADER, it does not"
+    )
+
+
+def _version(path: Path, line: str, kind: Kind) -> tuple[float, str]:
+    """Return the version and the constellation's letter, of a file of the expected kind."""
+    try:
+        version = float(line[:9])
+    except ValueError as error:
+        raise BadInputError(
+            f"{path}: line 1: RINEX version must be a number, got {quoted(line[:9])}"
+        ) from error
+    low, high = _VERSIONS.get(int(version) if np.isfinite(version) else 0, (1.0, 0.0))
+    if not low <= round(version, 3) <= high:
+        raise BadInputError(
+            f"{path}: line 1: RINEX version must be 2.00-2.11, 3.00-3.05 or 4.00-4.02, "
+            f"got {version:g}"
+        )
+    letter = line[20:21]
+    is_observation = letter == "O"
+    if is_observation != (kind == "observations") or letter not in "ONGHJLE":
+        raise BadInputError(
+            f"{path}: line 1: must be a RINEX {kind} file, got {quoted(line[20:40].strip())}"
+        )
+    system = line[40:41].strip() or ("G" if version < 3 else "M")
+    if not is_observation and version < 3 and letter != "N":
+        system = {"G": "R", "H": "S", "J": "J", "L": "E", "E": "E"}[letter]
+    if system not in _SYSTEMS + "M":
+        raise BadInputError(
+            f"{path}: line 1: constellation must be one of GRECJSIM, got {quoted(system)}"
+        )
+    return version, system
+
+
+def _types_3(
+    path: Path, labelled: list[tuple[int, str, str]], version: float
+) -> dict[str, tuple[str, ...]]:
+    """Return the observation types of a RINEX 3 or 4 head, BeiDou's B1I always named 2I."""
+    found: dict[str, tuple[int, int, list[str]]] = {}
+    letter = ""
+    for number, line, label in labelled:
+        if label != "SYS / # / OBS TYPES":
+            continue
+        if line[0] != " ":
+            letter = line[0]
+            if letter not in _SYSTEMS or letter in found:
+                raise BadInputError(
+                    f"{path}: line {number}: constellation must be new and one of {_SYSTEMS}, "
+                    f"got {quoted(letter)}"
+                )
+            found[letter] = (number, _count(path, number, line[3:6]), [])
+        elif not letter:
+            raise BadInputError(f"{path}: line {number}: OBS TYPES must start with a constellation")
+        found[letter][2].extend(line[6:58].split())
+    if not found:
+        raise BadInputError(f"{path}: header must have SYS / # / OBS TYPES, it is missing")
+    types = {}
+    for letter, (number, count, names) in found.items():
+        _check_types(path, number, count, names, _TYPE_3)
+        if letter == "C" and round(version, 2) == 3.02:
+            names = [name[0] + name[1].replace("1", "2") + name[2:] for name in names]  # noqa: PLW2901
+        types[letter] = tuple(names)
+    return types
+
+
+def _types_2(path: Path, labelled: list[tuple[int, str, str]]) -> tuple[str, ...]:
+    """Return the observation types of a RINEX 2 head."""
+    count, first, names = 0, 0, list[str]()
+    for number, line, label in labelled:
+        if label != "# / TYPES OF OBSERV":
+            continue
+        if line[:6].strip():
+            count, first = _count(path, number, line[:6]), number
+        names += line[6:].split()
+    if not first:
+        raise BadInputError(f"{path}: header must have # / TYPES OF OBSERV, it is missing")
+    _check_types(path, first, count, names, _TYPE_2)
+    return tuple(names)
+
+
+def _count(path: Path, number: int, text: str) -> int:
+    try:
+        return int(text)
+    except ValueError as error:
+        raise BadInputError(
+            f"{path}: line {number}: number of observation types must be whole, got {quoted(text)}"
+        ) from error
+
+
+def _check_types(
+    path: Path, number: int, count: int, names: list[str], pattern: re.Pattern[str]
+) -> None:
+    """Check the number of observation types against the list, and each of them."""
+    if count != len(names):
+        raise BadInputError(
+            f"{path}: line {number}: {count} observation types announced, {len(names)} listed"
+        )
+    if not 0 < count <= MAX_TYPES:
+        raise BadInputError(
+            f"{path}: line {number}: 1 to {MAX_TYPES} observation types, got {count}"
+        )
+    for name in names:
+        if not pattern.fullmatch(name) or names.count(name) > 1:
+            raise BadInputError(
+                f"{path}: line {number}: observation type must be known and new, got {quoted(name)}"
+            )
+
+
+def _refuse_rescaled(path: Path, labelled: list[tuple[int, str, str]]) -> None:
+    """Refuse heads that change the meaning of the numbers; RTKLIB would not notice."""
+    for number, line, label in labelled:
+        scaled = label == "SYS / SCALE FACTOR" and line[2:6].strip() not in ("", "1")
+        halved = label == "WAVELENGTH FACT L1/2" and "2" in line[:12]
+        if scaled or halved:
+            raise BadInputError(
+                f"{path}: line {number}: {label} must be 1, got "
+                f"{quoted(line.strip())}; convert the file"
+            )
+
+
+def _last_us(path: Path, labelled: list[tuple[int, str, str]]) -> int | None:
+    """Return the announced last epoch."""
+    for number, line, label in labelled:
+        if label != "TIME OF LAST OBS":
+            continue
+        try:
+            year, month, day, hour, minute = (int(line[6 * k : 6 * k + 6]) for k in range(5))
+            second = float(line[30:43])
+            day_start = np.datetime64(f"{year:04d}-{month:02d}-{day:02d}", "us")
+        except ValueError as error:
+            raise BadInputError(
+                f"{path}: line {number}: TIME OF LAST OBS must be a date, got {quoted(line[:43])}"
+            ) from error
+        since = int((day_start - GPS_EPOCH) / np.timedelta64(1, "us"))
+        return since + round((hour * 3600 + minute * 60 + second) * 1e6)
+    return None
+
+
+def _interval_s(labelled: list[tuple[int, str, str]]) -> float | None:
+    """Return the announced time between epochs; None where it is absent, zero or no number."""
+    for _, line, label in labelled:
+        if label == "INTERVAL":
+            try:
+                interval_s = float(line[:10])
+            except ValueError:
+                return None
+            return interval_s if 0 < interval_s < np.inf else None
+    return None
+
+
+def _klobuchar(path: Path, labelled: list[tuple[int, str, str]]) -> tuple[float, ...]:
+    """Return the GPS ionosphere model of a navigation head."""
+    model = [0.0] * 8
+    for number, line, label in labelled:
+        start, shift = -1, 2
+        if label in ("ION ALPHA", "ION BETA"):
+            start = 4 * (label == "ION BETA")
+        elif label == "IONOSPHERIC CORR" and line[:4] in ("GPSA", "GPSB"):
+            start, shift = 4 * (line[:4] == "GPSB"), 5
+        if start >= 0:
+            fields = [line[shift + 12 * k : shift + 12 * k + 12] for k in range(4)]
+            try:
+                model[start : start + 4] = [
+                    float(f.replace("D", "E").replace("d", "e")) for f in fields
+                ]
+            except ValueError as error:
+                raise BadInputError(
+                    f"{path}: line {number}: {label} must hold four numbers, "
+                    f"got {quoted(line.strip())}"
+                ) from error
+    return tuple(model)

@@ -1,0 +1,295 @@
+"""Writing RINEX 3.04 and 4.00: observations of one antenna, broadcast messages."""
+
+from pathlib import Path
+from typing import Any, Literal, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fgnav.checks import BadInputError, FloatArray, IntArray
+from fgnav.io.gps_time import BDT_BEHIND_GPS_S, GPS_EPOCH, TICKS_PER_S, to_ticks
+from fgnav.types.observations import Observations
+from fgnav.types.orbits import BroadcastOrbits
+
+RinexVersion: TypeAlias = Literal["3.04", "4.00"]
+
+_EPOCHS_AT_ONCE = 2000
+_WEEK_S = 604_800
+_BDT_FIRST_WEEK = 1356  # GPS week of 2006-01-01
+_FNAV = 1 << 1  # of a Galileo message's data source
+_GEO = {f"C{prn:02d}" for prn in (*range(1, 6), *range(59, 64))}  # they broadcast D2
+_LARGEST = 999_999_999.999  # of a negative value in F14.3
+_SYSTEMS = {"C": "BeiDou", "E": "Galileo", "G": "GPS", "J": "QZSS"}
+
+
+def _line(content: str, label: str) -> str:
+    return f"{content:<60s}{label}\n"
+
+
+def write_observations(
+    path: Path,
+    observations: Observations,
+    antenna: int,
+    *,
+    start_gps_s: float,
+    marker: str,
+    position_e_m: FloatArray,
+    version: RinexVersion = "3.04",
+) -> None:
+    """Write one antenna's observations.
+
+    A value that rounds to zero is written as 0.001, since zero means "not measured" in RINEX.
+
+    Parameters
+    ----------
+    path : Path
+    observations : Observations
+    antenna : int
+        Which of its antennas.
+    start_gps_s : float
+        GPS time of ``t_s = 0``.
+    marker : str
+        Name of the antenna.
+    position_e_m : ndarray, shape (3,)
+        Approximate position for the header.
+    version : {"3.04", "4.00"}
+
+    Raises
+    ------
+    BadInputError
+        If a value does not fit its columns, or a constellation has no place in the file.
+    """
+    from fgnav.io.rinex.writer_kernel import format_epochs  # noqa: PLC0415  # lazy: numba
+
+    _check_version(version)
+    for satellite in observations.satellites:
+        if satellite[0] not in _SYSTEMS:
+            raise BadInputError(
+                f"{path}: satellite must be of {', '.join(_SYSTEMS)}, got {satellite}"
+            )
+    ticks = to_ticks(start_gps_s) + _ticks(observations.tag_s[:, antenna])
+    names, channels, signals = _layout(observations)
+    dates = _dates(ticks)
+    arrays = [
+        getattr(observations, name)[:, antenna]
+        for name in ("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz")
+    ]
+    flags = (observations.lock_flags[:, antenna] & 3).astype(np.uint8)
+    for value in arrays:
+        if np.nanmax(np.abs(value), initial=0.0) > _LARGEST:
+            raise BadInputError(
+                f"{path}: values must be within {_LARGEST}, RINEX has no more columns"
+            )
+    width = 4 + 64 * channels.shape[1]
+    out = np.empty(min(len(ticks), _EPOCHS_AT_ONCE) * (36 + len(names) * width), np.uint8)
+    with path.open("wb") as file:
+        file.write(_head(version, marker, position_e_m, signals, ticks).encode("ascii"))
+        for k in range(0, len(ticks), _EPOCHS_AT_ONCE):
+            part = slice(k, k + _EPOCHS_AT_ONCE)
+            values = np.stack([value[part].astype(np.float64) for value in arrays])
+            size = format_epochs(out, dates[part], names, channels, values, flags[part])
+            file.write(out[:size].tobytes())
+
+
+def _ticks(tag_s: FloatArray) -> IntArray:
+    return np.round(tag_s * TICKS_PER_S).astype(np.int64)
+
+
+def _layout(
+    observations: Observations,
+) -> tuple[NDArray[np.uint8], IntArray, dict[str, list[str]]]:
+    """Return satellites (s, 3), their channels (s, k), and the signals by constellation."""
+    pairs = list(zip(observations.satellites, observations.signals, strict=True))
+    signals: dict[str, list[str]] = {}
+    for satellite, signal in sorted(pairs):
+        mine = signals.setdefault(satellite[0], [])
+        if signal not in mine:
+            mine.append(signal)
+    satellites = sorted(set(observations.satellites))
+    column = {pair: k for k, pair in enumerate(pairs)}
+    most = max((len(s) for s in signals.values()), default=0)
+    channels = np.full((len(satellites), most), -1)
+    for row, satellite in enumerate(satellites):
+        for k, signal in enumerate(signals[satellite[0]]):
+            channels[row, k] = column.get((satellite, signal), -1)
+    names = np.frombuffer("".join(satellites).encode("ascii"), np.uint8).reshape(-1, 3)
+    return names, channels, signals
+
+
+def _dates(ticks: IntArray) -> IntArray:
+    """Return (n, 7) year, month, day, hour, minute, second, 1e-7 s."""
+    seconds, fraction = np.divmod(ticks, TICKS_PER_S)
+    days, second_of_day = np.divmod(seconds, 86_400)
+    date = GPS_EPOCH.astype("M8[D]") + days
+    month = date.astype("M8[M]")
+    year = month.astype("M8[Y]")
+    columns = [
+        year.astype(int) + 1970,
+        (month - year).astype(int) + 1,
+        (date - month).astype(int) + 1,
+        second_of_day // 3600,
+        second_of_day // 60 % 60,
+        second_of_day % 60,
+        fraction,
+    ]
+    return np.stack(columns, axis=1).astype(np.int64)
+
+
+def _head(
+    version: str,
+    marker: str,
+    position_e_m: FloatArray,
+    signals: dict[str, list[str]],
+    ticks: IntArray,
+) -> str:
+    """Return the head of an observation file, without date: equal flights give equal files."""
+    marker = marker.encode("ascii", "replace").decode("ascii")[:60]
+    system = "M (MIXED)" if len(signals) != 1 else next(iter(signals))
+    lines = [
+        _line(f"{version:>9s}{'':11s}{'OBSERVATION DATA':20s}{system}", "RINEX VERSION / TYPE"),
+        _line("fgnav", "PGM / RUN BY / DATE"),
+        _line(marker, "MARKER NAME"),
+        _line("", "OBSERVER / AGENCY"),
+        _line("", "REC # / TYPE / VERS"),
+        _line("", "ANT # / TYPE"),
+        _line("".join(f"{x:14.4f}" for x in position_e_m), "APPROX POSITION XYZ"),
+        _line(f"{0:14.4f}" * 3, "ANTENNA: DELTA H/E/N"),
+    ]
+    for letter, names in signals.items():
+        types = [c + name for name in names for c in "CLDS"]
+        for k in range(0, len(types), 13):
+            start = f"{letter}  {len(types):3d}" if k == 0 else ""
+            content = f"{start:6s}" + "".join(f" {t}" for t in types[k : k + 13])
+            lines.append(_line(content, "SYS / # / OBS TYPES"))
+    lines.append(_line("DBHZ", "SIGNAL STRENGTH UNIT"))
+    if len(ticks) > 1:
+        lines.append(_line(f"{np.median(np.diff(ticks)) / TICKS_PER_S:10.3f}", "INTERVAL"))
+    for k, label in ((0, "FIRST"), (-1, "LAST")) if len(ticks) else ():
+        *date, second, fraction = _dates(ticks[[k]])[0].tolist()
+        content = "".join(f"{part:6d}" for part in date) + f"{second:5d}.{fraction:07d}     GPS"
+        lines.append(_line(content, f"TIME OF {label} OBS"))
+    lines += [_line(letter, "SYS / PHASE SHIFT") for letter in signals]
+    return "".join(lines) + _line("", "END OF HEADER")
+
+
+def write_navigation(
+    path: Path,
+    broadcast: BroadcastOrbits,
+    *,
+    start_gps_s: float,
+    version: RinexVersion = "3.04",
+) -> None:
+    """Write broadcast messages of GPS, Galileo, BeiDou and QZSS.
+
+    RINEX 4 has no ionosphere in its header: the model is a record of the first GPS satellite.
+
+    Parameters
+    ----------
+    path : Path
+    broadcast : BroadcastOrbits
+    start_gps_s : float
+        GPS time of ``t_s = 0``.
+    version : {"3.04", "4.00"}
+
+    Raises
+    ------
+    BadInputError
+        If a time of clock is not a whole second, which RINEX cannot express.
+    """
+    _check_version(version)
+    fourth, model = version == "4.00", broadcast.klobuchar
+    lines = [
+        _line(f"{version:>9s}{'':11s}{'NAVIGATION DATA':20s}M", "RINEX VERSION / TYPE"),
+        _line("fgnav", "PGM / RUN BY / DATE"),
+    ]
+    if model.any() and not fourth:
+        for name, part in (("GPSA", model[:4]), ("GPSB", model[4:])):
+            content = f"{name} " + "".join(f"{value:12.4E}" for value in part)
+            lines.append(_line(content, "IONOSPHERIC CORR"))
+    lines.append(_line("", "END OF HEADER"))
+    for record in broadcast.records:
+        if fourth:
+            lines.append(f"> EPH {record['satellite']} {_type(record)}\n")
+        lines.append(_message(path, record, start_gps_s))
+    if model.any() and fourth:  # last: RTKLIB 2.5 skips what follows a record it does not know
+        lines.append(_ionosphere(model, start_gps_s))
+    path.write_text("".join(lines), encoding="ascii")
+
+
+def _check_version(version: str) -> None:
+    if version not in get_args(RinexVersion):
+        raise BadInputError(f"RINEX version: must be 3.04 or 4.00, got {version!r}")
+
+
+def _type(record: NDArray[Any]) -> str:
+    """Return the kind of message as RINEX 4 names it."""
+    satellite = str(record["satellite"])
+    if satellite[0] == "E":
+        return "FNAV" if record["data_source"] & _FNAV else "INAV"
+    if satellite[0] == "C":
+        return "D2" if satellite in _GEO else "D1"
+    return "LNAV"
+
+
+def _ionosphere(klobuchar: FloatArray, start_gps_s: float) -> str:
+    """Return the record of the GPS ionosphere model (RINEX 4.00, table A33), worldwide."""
+    date = _dates(np.array([int(start_gps_s) * TICKS_PER_S]))[0].tolist()
+    year, *rest = date[:6]
+    first = f"    {year:04d} " + " ".join(f"{part:02d}" for part in rest)
+    fields = [f"{value:19.12E}" for value in (*klobuchar, 0.0)]
+    rows = [
+        first + "".join(fields[:3]),
+        "    " + "".join(fields[3:7]),
+        "    " + "".join(fields[7:]),
+    ]
+    return "> ION G01 LNAV\n" + "".join(f"{row}\n" for row in rows)
+
+
+def _message(path: Path, record: NDArray[Any], start_gps_s: float) -> str:
+    """Return the eight lines of a message."""
+    letter = str(record["satellite"])[0]
+    behind_s = BDT_BEHIND_GPS_S if letter == "C" else 0
+    toc_s = start_gps_s + float(record["toc_s"]) - behind_s
+    if abs(toc_s - round(toc_s)) > 1e-3:
+        raise BadInputError(f"{path}: time of clock must be a whole second, got {toc_s:.6f}")
+    toe_s, sent_s = (start_gps_s + float(record[n]) - behind_s for n in ("toe_s", "transmission_s"))
+    week = int(toe_s // _WEEK_S)
+    year, month, day, hour, minute, second, _ = _dates(np.array([round(toc_s) * TICKS_PER_S]))[0]
+    delay = record["group_delay_s"]
+    issue = float(record["issue"])
+    galileo_or_beidou = letter in "EC"
+    root = np.sqrt(record["semi_major_axis_m"])
+    own_week = week - (_BDT_FIRST_WEEK if letter == "C" else 0)
+    # Clock, then broadcast orbit 1 to 7 (RINEX 3.04, tables A6, A8, A12, A14).
+    numbers: list[list[Any]] = [
+        [record["af0_s"], record["af1_sps"], record["af2_sps2"]],
+        [
+            issue,
+            record["crs_m"],
+            record["mean_motion_difference_radps"],
+            record["mean_anomaly_rad"],
+        ],
+        [record["cuc_rad"], record["eccentricity"], record["cus_rad"], root],
+        [record["toe_sow_s"], record["cic_rad"], record["node_rad"], record["cis_rad"]],
+        [
+            record["inclination_rad"],
+            record["crc_m"],
+            record["perigee_rad"],
+            record["node_rate_radps"],
+        ],
+        [record["inclination_rate_radps"], record["data_source"], own_week, 0.0],
+        [
+            record["accuracy_m"],
+            record["health"],
+            delay[0],
+            delay[1] if galileo_or_beidou else issue,
+        ],
+        [sent_s - week * _WEEK_S, 0.0 if galileo_or_beidou else 4.0, 0.0, 0.0],
+    ]
+    date = f"{year:04d} {month:02d} {day:02d} {hour:02d} {minute:02d} {second:02d}"
+    rows = ["".join(f"{float(x):19.12E}" for x in row) for row in numbers]
+    return (
+        f"{record['satellite']} {date}{rows[0]}"
+        + "\n"
+        + "".join(f"    {row}\n" for row in rows[1:])
+    )

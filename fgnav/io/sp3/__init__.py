@@ -1,0 +1,1 @@
+"""Precise orbits and clocks in SP3 files: read and written."""

@@ -1,0 +1,1 @@
+"""What passes between rooms: flights, double differences, integers, estimates."""

@@ -1,0 +1,282 @@
+"""What an estimator says: attitude, position, velocity, with covariance or honestly absent."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, Loss, frozen, increasing
+from fgnav.geometry.rotations import euler_jacobian, to_euler
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Integers
+from fgnav.types.summaries import summary, summary_html
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from xarray import Dataset
+
+_MOTION_VECTORS = (
+    "p_n_m",
+    "v_n_mps",
+    "angular_rate_b_radps",
+    "accelerometer_bias_mps2",
+    "gyroscope_bias_radps",
+)
+_MOTION_MATRICES = (
+    "position_covariance_m2",
+    "velocity_covariance_m2ps2",
+    "accelerometer_bias_covariance_m2ps4",
+    "gyroscope_bias_covariance_rad2ps2",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rejected:
+    """A measurement that an estimator mended, or did not believe, over a span of time.
+
+    Attributes
+    ----------
+    what : str
+        The kind of measurement: ``"phase"``, ``"position"``.
+    link : str
+        Who measured it: ``"a3 G05 1C"``, ``"a1"``.
+    from_s, until_s : float
+        First and last epoch.
+    reason : str
+        What was wrong with it, and what was done.
+    """
+
+    what: str
+    link: str
+    from_s: float
+    until_s: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Consistency:
+    """How well one kind of measurement agrees with the estimate made from all others.
+
+    Attributes
+    ----------
+    what : str
+        The kind: ``"position"``.
+    count : int
+        Measurements tested.
+    freedom : int
+        Their degrees of freedom in all.
+    nis : float
+        Normalised innovation squared per degree of freedom; 1 is expected.
+    beyond_99 : float
+        Share beyond the gate that 99 % of right measurements pass; 0.01 is expected.
+    """
+
+    what: str
+    count: int
+    freedom: int
+    nis: float
+    beyond_99: float
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Constant:
+    """What holds for a whole flight and was estimated with it, off what the flight states.
+
+    Attributes
+    ----------
+    name : str
+        ``"landmark"``, ``"boresight"``, ``"antenna a4"``.
+    axes : tuple of str, length d
+        What each number stands for: ``"north"``, ``"about y_b"``.
+    unit : str
+        ``"m"``, ``"rad"``, ``"uT"``.
+    value : ndarray, shape (d,)
+    covariance : ndarray, shape (d, d)
+    """
+
+    name: str
+    axes: tuple[str, ...]
+    unit: str
+    value: FloatArray
+    covariance: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check and freeze every field."""
+        d = len(self.axes)
+        for name, shape in {"value": (d,), "covariance": (d, d)}.items():
+            array = frozen(f"constant {self.name} {name}", getattr(self, name), shape)
+            object.__setattr__(self, name, array)
+
+    def to_dict(self) -> dict[str, object]:
+        """Return value and 1-sigma by axis, in plain types."""
+        sigma = np.sqrt(np.diag(self.covariance)).tolist()
+        return {
+            "name": self.name,
+            "unit": self.unit,
+            "value": dict(zip(self.axes, self.value.tolist(), strict=True)),
+            "sigma": dict(zip(self.axes, sigma, strict=True)),
+        }
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Estimate:
+    """Estimates at the epochs that have one.
+
+    Attributes
+    ----------
+    method : str
+        Who made it.
+    t_s : ndarray, shape (n,)
+        Epochs with an answer, strictly increasing.
+    epochs : int
+        How many epochs were asked for; ``n / epochs`` is the availability.
+    R_nb : ndarray, shape (n, 3, 3)
+    attitude_covariance_rad2 : ndarray, shape (n, 3, 3), or None
+        Of the body-axes tangent ``R_true = R_nb @ Exp(delta)``; None where the method states none.
+        A direction that the data leave open has variance pi^2 / 3, that of a uniform angle.
+    p_n_m, v_n_mps : ndarray, shape (n, 3), or None
+        Of the body's origin; NaN where an epoch has an attitude and no position or velocity.
+    position_covariance_m2, velocity_covariance_m2ps2 : ndarray, shape (n, 3, 3), or None
+    angular_rate_b_radps, accelerometer_bias_mps2 : ndarray, shape (n, 3), or None
+    accelerometer_bias_covariance_m2ps4 : ndarray, shape (n, 3, 3), or None
+    gyroscope_bias_radps, gyroscope_bias_covariance_rad2ps2 : ndarray or None
+        Of a flight with a gyroscope, the same shapes.
+    unobservable : tuple of str
+        States the data do not determine, by name: ``"roll"``. Their values are conventions
+        (zero), not estimates.
+    converged : bool
+        Whether an iterative method ended at a minimum.
+    integers : Integers or None
+        The integers it used, in the layout of the flight's double differences.
+    losses : tuple of Loss
+        Measurements and epochs that did not take part, with the reason.
+    rejections : tuple of Rejected
+        Measurements that contradicted the others, each with its link and its span of time.
+    consistency : tuple of Consistency
+        Innovations of a method that states them, by kind of measurement.
+    constants : tuple of Constant
+        What was estimated with the flight and holds for all of it.
+    notes : tuple of str
+        What a reader of the result should know, one sentence each.
+    """
+
+    method: str
+    t_s: FloatArray
+    epochs: int
+    R_nb: FloatArray
+    attitude_covariance_rad2: FloatArray | None = None
+    p_n_m: FloatArray | None = None
+    position_covariance_m2: FloatArray | None = None
+    v_n_mps: FloatArray | None = None
+    velocity_covariance_m2ps2: FloatArray | None = None
+    angular_rate_b_radps: FloatArray | None = None
+    accelerometer_bias_mps2: FloatArray | None = None
+    accelerometer_bias_covariance_m2ps4: FloatArray | None = None
+    gyroscope_bias_radps: FloatArray | None = None
+    gyroscope_bias_covariance_rad2ps2: FloatArray | None = None
+    unobservable: tuple[str, ...] = ()
+    converged: bool = True
+    integers: Integers | None = None
+    losses: tuple[Loss, ...] = ()
+    rejections: tuple[Rejected, ...] = ()
+    consistency: tuple[Consistency, ...] = ()
+    constants: tuple[Constant, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check and freeze every field."""
+        t_s = frozen(f"{self.method} t_s", self.t_s, (None,))
+        increasing(f"{self.method} t_s", t_s)
+        n = len(t_s)
+        if self.epochs < n:
+            raise BadInputError(f"{self.method} epochs: {self.epochs}, but {n} have an answer")
+        object.__setattr__(self, "t_s", t_s)
+        matrices = ("R_nb", "attitude_covariance_rad2", *_MOTION_MATRICES)
+        for name in (*matrices, *_MOTION_VECTORS):
+            value, motion = getattr(self, name), name in (*_MOTION_VECTORS, *_MOTION_MATRICES)
+            if value is not None:
+                shape = (n, 3, 3) if name in matrices else (n, 3)
+                array = frozen(f"{self.method} {name}", value, shape, gaps=motion)
+                object.__setattr__(self, name, array)
+
+    @property
+    def available(self) -> float:
+        """Share of the epochs that have an answer."""
+        return len(self.t_s) / self.epochs if self.epochs else 0.0
+
+    @property
+    def euler_deg(self) -> FloatArray:
+        """Roll, pitch and yaw, (n, 3), against the axes of ``n``."""
+        return np.asarray(np.degrees(to_euler(self.R_nb)))
+
+    @property
+    def sigma_deg(self) -> FloatArray | None:
+        """Standard deviations of roll, pitch and yaw, (n, 3); None where the method states none."""
+        if self.attitude_covariance_rad2 is None:
+            return None
+        J = euler_jacobian(self.R_nb)
+        variance = np.einsum("nij,njk,nik->ni", J, self.attitude_covariance_rad2, J)
+        return np.asarray(np.degrees(np.sqrt(np.maximum(variance, 0.0))))
+
+    def to_pandas(self) -> "DataFrame":
+        """Return every figure as a ``pandas.DataFrame``, ``t_s`` for an index; see ``to_table``.
+
+        Raises
+        ------
+        BadInputError
+            If pandas is not installed.
+        """
+        try:
+            from pandas import DataFrame  # noqa: PLC0415  # lazy: an extra
+        except ModuleNotFoundError:
+            raise BadInputError("to_pandas needs pandas; pip install 'fgnav[tables]'") from None
+        return DataFrame(self.to_table()).set_index("t_s")
+
+    def to_xarray(self) -> "Dataset":
+        """Return every array as an ``xarray.Dataset`` over ``t_s`` and named axes.
+
+        Raises
+        ------
+        BadInputError
+            If xarray is not installed.
+        """
+        try:
+            from xarray import Dataset  # noqa: PLC0415  # lazy: an extra
+        except ModuleNotFoundError:
+            raise BadInputError("to_xarray needs xarray; pip install 'fgnav[tables]'") from None
+        from fgnav.types.estimate_table import labelled  # noqa: PLC0415  # knows this type
+
+        arrays, axes = labelled(self)
+        return Dataset(arrays, coords={"t_s": self.t_s, **axes}, attrs={"method": self.method})
+
+    def to_table(self) -> dict[str, FloatArray]:
+        """Return (n,) columns by name, every covariance in full; see ``estimate_table``."""
+        from fgnav.types.estimate_table import estimate_table  # noqa: PLC0415  # knows this type
+
+        return estimate_table(self)
+
+    def __repr__(self) -> str:
+        """Return five lines: whose it is, when, how sure, what is open."""
+        return summary(self)
+
+    def _repr_html_(self) -> str:
+        """Return the same for a notebook."""
+        return summary_html(self)
+
+
+class Estimator(Protocol):
+    """Anything that turns a flight into an estimate."""
+
+    @property
+    def name(self) -> str:
+        """Short label, as the command line and the reports know it."""
+        ...
+
+    def __call__(self, flight: Flight) -> Estimate:
+        """Estimate; raise ``NoSolutionError`` when the flight has no answer for this method."""
+        ...
+
+
+def open_angle_variance_rad2() -> float:
+    """Return the variance of an angle of which nothing is known: uniform over the circle."""
+    return float(np.pi**2 / 3)

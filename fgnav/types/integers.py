@@ -1,0 +1,96 @@
+"""Resolved integers, and what anything that resolves them looks like."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, frozen
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Integers:
+    """Integers of the double differences, in the layout of ``DoubleDifferences.phase_m``.
+
+    Attributes
+    ----------
+    resolver : str
+        Who resolved them.
+    cycles : ndarray of int64, shape (n, b, m)
+        0 where not fixed.
+    fixed : ndarray of bool, shape (n, b, m)
+        Links whose integer is accepted. Reference channels are never fixed: they need no integer.
+    ratio : ndarray, shape (n, b)
+        Second-best over best squared norm of the search that fixed the baseline; NaN where there
+        was none. A joint search gives all baselines the same.
+    wrong_probability : ndarray, shape (n,), or None
+        That an epoch's best integers, fixed or not, are not all right, by a resolver that can tell;
+        1 where it found none.
+    reasons : tuple of str, length n, or None
+        Why an epoch is not fixed, or lacks some of its links; empty where nothing is missing.
+    losses : tuple of Loss
+        Links that were there and were not fixed, with the reason.
+    """
+
+    resolver: str
+    cycles: IntArray
+    fixed: BoolArray
+    ratio: FloatArray
+    wrong_probability: FloatArray | None = None
+    reasons: tuple[str, ...] | None = None
+    losses: tuple[Loss, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check and freeze every field."""
+        cycles = frozen("integers cycles", self.cycles, (None, None, None), dtype=np.int64)
+        fixed = frozen("integers fixed", self.fixed, cycles.shape, dtype=np.bool_)
+        ratio = frozen("integers ratio", self.ratio, cycles.shape[:2], gaps=True)
+        object.__setattr__(self, "cycles", cycles)
+        object.__setattr__(self, "fixed", fixed)
+        object.__setattr__(self, "ratio", ratio)
+        if self.wrong_probability is not None:
+            wrong = frozen("integers wrong_probability", self.wrong_probability, cycles.shape[:1])
+            object.__setattr__(self, "wrong_probability", wrong)
+        if self.reasons is not None and len(self.reasons) != len(cycles):
+            raise BadInputError(
+                f"integers reasons: expected one for each of {len(cycles)} epochs, "
+                f"got {len(self.reasons)}"
+            )
+
+    @property
+    def outcome(self) -> tuple[str, ...]:
+        """What became of each epoch, length n: fixed, refused (validation), or float (no answer).
+
+        Only a resolver that states probabilities tells refused from float.
+        """
+        answer = np.zeros(len(self.cycles), dtype=np.bool_)
+        if self.wrong_probability is not None:
+            answer = self.wrong_probability < 1.0
+        names = np.where(answer, "refused", "float")
+        return tuple(np.where(self.fixed.any(axis=(1, 2)), "fixed", names).tolist())
+
+
+class Resolver(Protocol):
+    """Anything that turns double differences into integers."""
+
+    @property
+    def name(self) -> str:
+        """Short label, as the command line knows it."""
+        ...
+
+    # ``looks_ahead``, where it has it: whether what it says of an epoch may depend on later ones;
+    # taken as true if not stated. ``fgnav.integers.resolvers.causal`` makes one of it that does
+    # not.
+
+    def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
+        """Resolve every epoch; an epoch without an answer is not fixed and counted as a loss."""
+        ...
+
+
+def fixed_ranges_m(differences: DoubleDifferences, integers: Integers) -> FloatArray:
+    """Return phase minus its integers, m, (n, b, m): NaN where not fixed, 0 at references."""
+    known = integers.fixed | (differences.is_reference[:, None, :] & (differences.phase_m == 0))
+    ranges_m = differences.phase_m - differences.wavelength_m * integers.cycles
+    return np.asarray(np.where(known, ranges_m, np.nan))

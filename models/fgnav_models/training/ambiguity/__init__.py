@@ -1,0 +1,1 @@
+"""Training of the ambiguity networks, and the source paper's campaign."""

@@ -1,0 +1,289 @@
+"""From simulated epochs to what a network learns from: features, integers, parts, batches."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, TypeAlias
+
+import msgspec
+import numpy as np
+import torch
+
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
+from fgnav.io.strict_toml import Positive, Table
+from fgnav_models.features import (
+    Input,
+    ambiguity_inputs,
+    by_elevation,
+    double_differences,
+    windows,
+    wrapped,
+)
+from fgnav_models.training.ambiguity.nets import N_MAX
+from fgnav_sim.data_sets.epochs import array_epochs
+from fgnav_sim.data_sets.world import World
+
+Share: TypeAlias = Annotated[float, msgspec.Meta(ge=0, le=1)]
+TRAIN, VALIDATION, TEST, NOWHERE = range(4)
+_CHUNK = 57_600  # epochs drawn at a time: links, which are dropped, need 20 times the features
+
+
+class Data(Table, frozen=True):
+    """How much of a world is drawn, what is seen of it, and what is kept for the test.
+
+    Attributes
+    ----------
+    epochs : int
+    inputs : tuple of str
+        As ``ambiguity_inputs`` names them.
+    split : str
+        ``"blocks"``: parts share no block of time and no run, hence no attitude where each run has
+        its own; a run that lies within one block goes with it. ``"simulations"``: parts share no
+        run but all of the time: what the paper seems to do, and a leak where runs share a
+        trajectory.
+    block_s : float
+    shares : tuple of float
+        Of training, validation and test.
+    """
+
+    epochs: Annotated[int, msgspec.Meta(ge=1)]
+    inputs: tuple[Input, ...] = ("range", "constellation")
+    split: Literal["blocks", "simulations"] = "blocks"
+    block_s: Positive = 3600.0
+    shares: tuple[Share, Share, Share] = (0.7, 0.15, 0.15)
+
+    def __post_init__(self) -> None:
+        """Check the shares."""
+        if abs(sum(self.shares) - 1.0) > 1e-9:
+            raise ValueError(f"shares: must add up to 1, got {list(self.shares)}")
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Samples:
+    """Epochs as networks see them.
+
+    Attributes
+    ----------
+    features : ndarray of float32, shape (n, f)
+    cycles : ndarray of int64, shape (n, d)
+        The integer of each wrapped double difference; 0 where there is none.
+    rounded : ndarray of int64, shape (n, d)
+        What rounding the range gives.
+    there : ndarray of bool, shape (n, d)
+    t_s : ndarray, shape (n,)
+    run, first : ndarray of int, shape (n,)
+        The simulation, and the row of its first epoch.
+    satellites : int
+        Slots: what has fewer is padded.
+    losses : tuple of Loss
+        Differences outside of what the networks can answer.
+    """
+
+    features: FloatArray
+    cycles: IntArray
+    rounded: IntArray
+    there: BoolArray
+    t_s: FloatArray
+    run: IntArray
+    first: IntArray
+    satellites: int
+    losses: tuple[Loss, ...] = ()
+
+
+def draw(
+    world: World,
+    inputs: tuple[Input, ...],
+    count: int,
+    *,
+    rng: np.random.Generator,
+    satellites: int = 0,
+) -> Samples:
+    """Return samples of a world; the same seed gives the same samples.
+
+    Parameters
+    ----------
+    world : World
+    inputs : tuple of str
+        As ``ambiguity_inputs`` names them.
+    count : int
+        Epochs.
+    rng : numpy.random.Generator
+    satellites : int
+        Slots at least, the last of them empty where the world has fewer.
+
+    Raises
+    ------
+    BadInputError
+        If the world's signals have several wavelengths or groups: the networks take one.
+    """
+    length = world.runs.epochs
+    chunk = max(1, _CHUNK // length) * length
+    sizes = [min(chunk, count - start) for start in range(0, count, chunk)]
+    parts = [
+        _drawn(world, inputs, size, satellites, own)
+        for size, own in zip(sizes, rng.spawn(len(sizes)), strict=True)
+    ]
+    joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    row = np.arange(count)
+    run = row // length
+    outside = np.abs(joined["cycles"]) > N_MAX
+    there = joined["there"] & ~outside
+    losses: tuple[Loss, ...] = ()
+    if outside.any():
+        reason = f"the integer is beyond {N_MAX}, which no network can answer"
+        losses = (Loss(what="double difference", reason=reason, count=int(outside.sum())),)
+    return Samples(
+        features=joined["features"],
+        cycles=np.where(there, joined["cycles"], 0),
+        rounded=np.where(there, joined["rounded"], 0),
+        there=there,
+        t_s=joined["t_s"],
+        run=run,
+        first=run * length,
+        satellites=joined["e_n"].shape[1],
+        losses=losses,
+    )
+
+
+def _drawn(
+    world: World,
+    inputs: tuple[Input, ...],
+    count: int,
+    satellites: int,
+    rng: np.random.Generator,
+) -> dict[str, Any]:
+    epochs = array_epochs(world, rng, count)
+    if len(np.unique(epochs.wavelength_m)) > 1 or epochs.group.any():
+        raise BadInputError("world: the networks take one signal of one constellation, as G 1C")
+    wavelength_m = epochs.wavelength_m[0]
+    order = by_elevation(epochs.elevation_rad)
+    empty = max(0, satellites - order.shape[1])
+    code_m, phase_m, arbitrary = (
+        double_differences(_ordered(links, order[:, None], empty, np.nan))
+        for links in (epochs.code_m, epochs.phase_m, epochs.integers.astype(float))
+    )
+    e_n = _ordered(epochs.e_n.swapaxes(1, 2), order[:, None], empty, 0.0).swapaxes(1, 2)
+    range_cycles = code_m / wavelength_m
+    phase_cycles, cycles = wrapped(phase_m / wavelength_m - arbitrary)
+    there = np.isfinite(range_cycles) & np.isfinite(phase_cycles)
+    features = ambiguity_inputs(
+        inputs, range_cycles=range_cycles, phase_cycles=phase_cycles, e_n=e_n, t_s=epochs.t_s
+    )
+    return {
+        "features": features,
+        "cycles": cycles,
+        "rounded": np.round(np.where(there, range_cycles, 0.0)).astype(np.int64),
+        "there": there,
+        "e_n": e_n,
+        "t_s": epochs.t_s,
+    }
+
+
+def _ordered(values: FloatArray, order: IntArray, empty: int, gap: float) -> FloatArray:
+    """Return values whose last axis is the satellites' in another order, padded with gaps."""
+    ordered = np.take_along_axis(values, order, axis=2)
+    return np.pad(ordered, ((0, 0), (0, 0), (0, empty)), constant_values=gap)
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Parts:
+    """Rows of training, validation and test, those with a whole window before them."""
+
+    train: IntArray
+    validation: IntArray
+    test: IntArray
+    losses: tuple[Loss, ...]
+
+
+def parts_of(samples: Samples, data: Data, window: int, *, rng: np.random.Generator) -> Parts:
+    """Return which rows are for what; what belongs nowhere is counted as a loss.
+
+    Raises
+    ------
+    BadInputError
+        If a part whose share is not zero gets no rows.
+    """
+    runs = int(samples.run[-1]) + 1
+    of_run = _dealt(runs, data.shares, rng)
+    part = of_run[samples.run]
+    if data.split == "blocks":
+        _, block = np.unique(np.floor(samples.t_s / data.block_s), return_inverse=True)
+        of_block = _dealt(int(block.max()) + 1, data.shares, rng)[block]
+        leaves = block != block[samples.first]
+        whole = (np.bincount(samples.run, leaves, runs) == 0)[samples.run]
+        part = np.where(whole | (of_block == part), of_block, NOWHERE)
+    row = np.arange(len(part))
+    early = row - samples.first < window - 1
+    across = ~early & (part[np.maximum(row - window + 1, 0)] != part)
+    losses = [
+        Loss(what="epoch", reason=reason, count=int(wrong.sum()))
+        for reason, wrong in (
+            ("its run and its block of time are in different parts", part == NOWHERE),
+            (
+                "there is no whole window before it in its part",
+                (early | across) & (part != NOWHERE),
+            ),
+        )
+        if wrong.any()
+    ]
+    usable = ~early & ~across
+    rows = [np.flatnonzero(usable & (part == kind)) for kind in (TRAIN, VALIDATION, TEST)]
+    for name, share, some in zip(
+        ("training", "validation", "test"), data.shares, rows, strict=True
+    ):
+        if share > 0 and not len(some):
+            raise BadInputError(
+                f"data: no epoch is left for {name}; draw more epochs, or shorter blocks"
+            )
+    return Parts(train=rows[0], validation=rows[1], test=rows[2], losses=tuple(losses))
+
+
+def _dealt(count: int, shares: tuple[float, float, float], rng: np.random.Generator) -> IntArray:
+    """Return a part for each of ``count`` things, the shares met as well as they can be."""
+    bounds = np.round(np.cumsum(shares) * count).astype(int)
+    parts = np.searchsorted(bounds, np.arange(count), side="right")
+    return np.asarray(rng.permutation(parts.clip(max=TEST)))
+
+
+class Rows:
+    """Samples on the training device, given out by rows.
+
+    Parameters
+    ----------
+    samples : Samples
+    columns : ndarray of int
+        Double differences wanted, one per target of the network.
+    window : int
+    device : str
+    """
+
+    def __init__(self, samples: Samples, columns: IntArray, window: int, device: str) -> None:
+        self.samples, self.window, self.device = samples, window, device
+        self._features = torch.from_numpy(samples.features).to(device)
+        self._cycles = torch.from_numpy(samples.cycles[:, columns]).to(device)
+        self._there = torch.from_numpy(samples.there[:, columns]).to(device)
+
+    def __call__(self, rows: IntArray) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Return windows (n, k, f), integers (n, t) and whether they are there (n, t)."""
+        seen = torch.from_numpy(windows(self.samples.first, rows, self.window)).to(self.device)
+        own = seen[:, -1]
+        return self._features[seen], self._cycles[own], self._there[own]
+
+
+@dataclass(slots=True)
+class Shuffled:
+    """Batches of rows, all of them once per pass, in an order that the seed and the pass give."""
+
+    rows: Rows
+    of: IntArray
+    batch: int
+    seed: int
+    _pass: int = -1
+    _order: IntArray | None = None
+
+    def __call__(self, step: int) -> tuple[torch.Tensor, ...]:
+        """Return the batch of a step."""
+        per_pass = -(-len(self.of) // self.batch)
+        number, k = divmod(step, per_pass)
+        if self._order is None or number != self._pass:
+            self._pass = number
+            self._order = np.random.default_rng([self.seed, number]).permutation(self.of)
+        return self.rows(self._order[k * self.batch : (k + 1) * self.batch])

@@ -1,0 +1,286 @@
+"""One experiment: a network, the data it learns from, and its figures beside those of baselines."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import ceil
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated, Any, Literal, TypeAlias
+
+import msgspec
+import numpy as np
+import torch
+from safetensors.torch import load_file, save_file
+
+from fgnav.checks import BadInputError, BoolArray, IntArray
+from fgnav.io.atomic_write import atomic_file, made_folder, write_text
+from fgnav.io.strict_toml import Positive, Table
+from fgnav_models.training.ambiguity.baselines import Figures, figures
+from fgnav_models.training.ambiguity.data import Parts, Rows, Samples, Shuffled
+from fgnav_models.training.ambiguity.nets import (
+    AmbiguityNet,
+    Architecture,
+    Count,
+    Task,
+    cycles_of,
+    loss_of,
+    min_max,
+    whitened,
+)
+from fgnav_models.training.order import Order
+from fgnav_models.training.train import Batch, Settings, train
+
+Targets: TypeAlias = Literal["benchmark", "each", "shared"]
+_CHUNK = 4096  # rows answered at a time
+
+
+class Experiment(Table, frozen=True):
+    """A network and how it is trained.
+
+    Attributes
+    ----------
+    task : str
+    architecture : Architecture
+    window : int
+        Samples that an answer sees.
+    scaling : str
+        Of the inputs: the paper's min-max, or ``whitened``.
+    targets : str
+        ``"benchmark"``: one double difference, ``repeats`` networks that differ by their first
+        weights; ``"each"``: one network per double difference; ``"shared"``: one backbone with a
+        head per double difference.
+    benchmark : int
+        Which difference that is; 0 is the first antenna's first pair.
+    batch : int
+    passes : float
+        Over the training rows.
+    learning_rate : float
+    keep : str
+        The ``"best"`` weights by validation, or the ``"last"``.
+    validations : int
+        How often to validate on the way.
+    seed : int
+    """
+
+    task: Task = "classification"
+    architecture: Architecture = Architecture()
+    window: Count = 1
+    scaling: Literal["min-max", "whitened"] = "min-max"
+    targets: Targets = "shared"
+    benchmark: Annotated[int, msgspec.Meta(ge=0)] = 0
+    repeats: Count = 1
+    batch: Count = 1024
+    passes: Positive = 10.0
+    learning_rate: Positive = 1e-3
+    keep: Literal["best", "last"] = "best"
+    validations: Count = 10
+    validation_rows: Annotated[int, msgspec.Meta(ge=1)] = 20_000
+    seed: int = 1
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Result:
+    """What came of an experiment.
+
+    Attributes
+    ----------
+    columns : list of int
+        Double difference of each target.
+    history : list of dict
+        Validation on the way.
+    validation, test : dict
+        ``Figures`` as lists, one entry per target; nothing where there were no validation rows.
+    rows : dict of str to int
+        Of each part.
+    seconds : float
+        Of this slice's training.
+    """
+
+    columns: list[int]
+    history: list[dict[str, float]]
+    validation: dict[str, Any]
+    test: dict[str, Any]
+    rows: dict[str, int]
+    seconds: float
+
+
+class SliceOver(Exception):  # noqa: N818  # no error: the next slice goes on
+    """The time is up; a checkpoint says where to go on."""
+
+
+def columns_of(experiment: Experiment, differences: int) -> IntArray:
+    """Return which double difference each target of an experiment answers."""
+    if experiment.targets == "benchmark":
+        if experiment.benchmark >= differences:
+            raise BadInputError(
+                f"benchmark: must be a double difference, 0 to {differences - 1}, "
+                f"got {experiment.benchmark}"
+            )
+        return np.full(experiment.repeats, experiment.benchmark)
+    return np.arange(differences)
+
+
+def network_of(
+    experiment: Experiment, samples: Samples, parts: Parts, columns: IntArray
+) -> AmbiguityNet:
+    """Return the untrained network of an experiment, its inputs scaled by the training rows."""
+    seen = torch.from_numpy(samples.features[parts.train])
+    offset, mix = (whitened if experiment.scaling == "whitened" else min_max)(seen)
+    return AmbiguityNet(
+        experiment.architecture,
+        task=experiment.task,
+        window=experiment.window,
+        offset=offset,
+        mix=mix,
+        targets=torch.from_numpy(columns),
+        shared=experiment.targets == "shared",
+        seed=experiment.seed,
+    )
+
+
+def run_experiment(
+    name: str,
+    experiment: Experiment,
+    samples: Samples,
+    parts: Parts,
+    order: Order,
+    *,
+    columns: IntArray | None = None,
+    keep_weights: bool = False,
+) -> Result:
+    """Train, judge on the test rows, and write ``NAME/result.json``.
+
+    Parameters
+    ----------
+    name : str
+        Folder under ``order.out``; what it holds already is taken, or gone on with.
+    experiment : Experiment
+    samples : Samples
+    parts : Parts
+    order : Order
+    columns : ndarray of int, optional
+        Double differences to answer; by default those of ``experiment.targets``.
+    keep_weights : bool
+        Leave ``weights.safetensors`` and the failures of the test, ``failures.safetensors``.
+
+    Raises
+    ------
+    SliceOver
+        If the time was up before the end.
+    """
+    folder = made_folder(order.out / name)
+    done = folder / "result.json"
+    if done.exists():
+        return msgspec.json.decode(done.read_bytes(), type=Result)
+    if columns is None:
+        columns = columns_of(experiment, samples.cycles.shape[1])
+    rows = Rows(samples, columns, experiment.window, order.device)
+    net = network_of(experiment, samples, parts, columns).to(order.device)
+    checkpoint = folder / "checkpoint.safetensors"
+    start_s = perf_counter()
+    trained = train(
+        net,
+        Shuffled(rows, parts.train, experiment.batch, experiment.seed),
+        lambda module, batch: _loss(experiment.task, module, batch),
+        _settings(experiment, len(parts.train)),
+        checkpoint,
+        validate=lambda module: _validation(experiment, module, rows, parts.validation),
+        deadline_s=order.deadline_s,
+        watch=lambda progress: order.watch(name, progress),
+    )
+    if not trained.finished:
+        raise SliceOver
+    seconds = perf_counter() - start_s
+    answers = answers_of(net, rows, parts.test)
+    if keep_weights:
+        wrong = _wrong(samples, parts.test, columns, answers)
+        _save(folder / "weights.safetensors", net.state_dict())
+        _save(folder / "failures.safetensors", {"failed": torch.from_numpy(wrong)})
+    validation = {}
+    if len(parts.validation):
+        of_validation = answers_of(net, rows, parts.validation)
+        validation = _judged(samples, parts.validation, columns, of_validation).to_dict()
+    result = Result(
+        columns=columns.tolist(),
+        history=trained.history,
+        validation=validation,
+        test=_judged(samples, parts.test, columns, answers).to_dict(),
+        rows={k: len(getattr(parts, k)) for k in ("train", "validation", "test")},
+        seconds=seconds,
+    )
+    write_text(done, json.dumps(msgspec.to_builtins(result), indent=1) + "\n")
+    checkpoint.unlink()
+    return result
+
+
+def _judged(samples: Samples, rows: IntArray, columns: IntArray, answers: IntArray) -> Figures:
+    return figures(answers, samples.cycles[rows][:, columns], samples.there[rows][:, columns])
+
+
+def _wrong(samples: Samples, rows: IntArray, columns: IntArray, answers: IntArray) -> BoolArray:
+    wrong = answers != samples.cycles[rows][:, columns]
+    return np.asarray(wrong & samples.there[rows][:, columns])
+
+
+def read_failures(folder: Path) -> BoolArray:
+    """Return which test rows failed, (n, t), of an experiment that kept them."""
+    failed: BoolArray = load_file(folder / "failures.safetensors")["failed"].numpy()
+    return failed
+
+
+def read_weights(net: AmbiguityNet, folder: Path) -> None:
+    """Give a network the weights of an experiment that kept them."""
+    net.load_state_dict(load_file(folder / "weights.safetensors"))
+    net.eval()
+
+
+def answers_of(net: AmbiguityNet, rows: Rows, of: IntArray) -> IntArray:
+    """Return a network's integers, (n, t), of some rows."""
+    net.eval()
+    parts = [cycles_of(net.task, net(rows(some)[0])).cpu().numpy() for some in _chunks(of)]
+    return np.concatenate(parts)
+
+
+def _chunks(rows: IntArray) -> Iterator[IntArray]:
+    with torch.no_grad():
+        for start in range(0, len(rows), _CHUNK):
+            yield rows[start : start + _CHUNK]
+
+
+def _loss(task: Task, module: torch.nn.Module, batch: Batch) -> torch.Tensor:
+    features, cycles, there = batch
+    return loss_of(task, module(features), cycles, there)
+
+
+def _settings(experiment: Experiment, rows: int) -> Settings:
+    steps = max(1, ceil(experiment.passes * rows / experiment.batch))
+    return Settings(
+        steps=steps,
+        learning_rate=experiment.learning_rate,
+        seed=experiment.seed,
+        keep=experiment.keep,
+        validate_every=max(1, ceil(steps / experiment.validations)),
+    )
+
+
+def _validation(
+    experiment: Experiment, module: torch.nn.Module, rows: Rows, of: IntArray
+) -> Mapping[str, float]:
+    """Return the loss that decides, and the share of wrong integers, over all targets."""
+    if not len(of):
+        return {}
+    loss = wrong = judged = 0.0
+    some = of[:: ceil(len(of) / experiment.validation_rows)]
+    for chunk in _chunks(some):
+        features, cycles, there = rows(chunk)
+        answer = module(features)
+        loss += float(loss_of(experiment.task, answer, cycles, there)) * len(chunk)
+        wrong += float(((cycles_of(experiment.task, answer) != cycles) & there).sum())
+        judged += float(there.sum())
+    return {"validation_loss": loss / len(some), "wrong_percent": 100.0 * wrong / max(judged, 1.0)}
+
+
+def _save(path: Path, tensors: dict[str, torch.Tensor]) -> None:
+    with atomic_file(path) as part:
+        save_file({key: value.detach().cpu().contiguous() for key, value in tensors.items()}, part)

@@ -1,0 +1,262 @@
+"""The skies of a data set: where and when its runs are, and which satellites they see."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
+from fgnav.geometry.earth import ecef, ned_axes
+from fgnav.gnss.orbits.satellites import satellite_states
+from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
+from fgnav_sim.data_sets.world import AnySites, AnyTimes, DayTimes, SatellitesTable, World
+from fgnav_sim.gnss.constellation import built_in_positions
+from fgnav_sim.gnss.selection import best_geometry, lasting, period
+
+_GPS_EPOCH = datetime(1980, 1, 6)  # GPS time has no time zone
+_BLOCK = 8192  # skies at a time: small enough for the cache, large enough to forget the loop
+_ALL = 16  # of one constellation; more are never above 10 degrees
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Sky:
+    """Satellites of every epoch, in slots: those of a constellation and signal side by side.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (n,)
+    satellites : ndarray of str, shape (n, m)
+        ``""`` in slots without one.
+    signals : tuple of str, length m
+    constellations : tuple of str, length m
+    e_n : ndarray, shape (n, m, 3)
+        Unit vectors to satellites in the place's own North-East-Down axes; 0 in empty slots.
+    elevation_rad : ndarray, shape (n, m)
+        NaN in empty slots.
+    number : ndarray of int, shape (n, m)
+        Of the satellite among all; 0 in empty slots.
+    """
+
+    t_s: FloatArray
+    satellites: NDArray[np.str_]
+    signals: tuple[str, ...]
+    constellations: tuple[str, ...]
+    e_n: FloatArray
+    elevation_rad: FloatArray
+    number: IntArray
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class _Series:
+    """Spans of time at places, (q, l): the skies that epochs are taken from.
+
+    ``row`` is where each epoch, (n,), stands among the skies, (q l,).
+    """
+
+    t_s: FloatArray
+    p_e_m: FloatArray
+    R_ne: FloatArray
+    row: IntArray
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class _Slots:
+    """Who is where: satellites by number (k, m), whether there is one, and their directions."""
+
+    number: IntArray
+    there: BoolArray
+    e_n: FloatArray
+
+
+def skies(world: World, runs: int, *, rng: np.random.Generator) -> Sky:
+    """Return the skies of whole runs, ``n = runs * world.runs.epochs`` epochs.
+
+    Raises
+    ------
+    BadInputError
+        If files are bad, or say nothing of the time.
+    """
+    places_rng, choice_rng = rng.spawn(2)
+    series = _series(world, runs, rng=places_rng)
+    satellites, moment, position_e_m = _positions(world, series.t_s)
+    table = world.satellites
+    parts: list[_Slots] = []
+    for letter, signals in table.signals.items():
+        own = np.flatnonzero([name[0] == letter for name in satellites])
+        part = _constellation(
+            world, series, own, position_e_m[:, own], moment, rng=choice_rng.spawn(1)[0]
+        )
+        parts += [part] * len(signals)
+    width = [part.number.shape[1] for part in parts]
+    kinds = [(letter, s) for letter, signals in table.signals.items() for s in signals]
+    there = np.concatenate([part.there for part in parts], axis=1)[series.row]
+    e_n = np.concatenate([part.e_n for part in parts], axis=1)[series.row]
+    number = np.concatenate([part.number for part in parts], axis=1)[series.row]
+    elevation_rad = np.where(there, np.arcsin(np.clip(-e_n[..., 2], -1, 1)), np.nan)
+    return Sky(
+        t_s=series.t_s.ravel()[series.row],
+        satellites=np.where(there, np.array(satellites)[number], ""),
+        signals=tuple(s for (_, s), w in zip(kinds, width, strict=True) for _ in range(w)),
+        constellations=tuple(c for (c, _), w in zip(kinds, width, strict=True) for _ in range(w)),
+        e_n=e_n,
+        elevation_rad=elevation_rad,
+        number=number,
+    )
+
+
+def _series(world: World, runs: int, *, rng: np.random.Generator) -> _Series:
+    """Return the series of skies; runs share those of a day at given places if they can."""
+    site_rng, time_rng = rng.spawn(2)
+    epochs, step_s = world.runs.epochs, world.runs.step_s
+    place, p_e_m, R_ne = _places(world, runs, rng=site_rng)
+    offset = np.arange(epochs)
+    if isinstance(world.times, AnyTimes):
+        shared = world.times.runs_per_moment if isinstance(world.sites, AnySites) else 1
+        moments = -(-runs // shared)
+        start_s = time_rng.uniform(0.0, 86_400.0 * world.times.days, moments)
+        t_s = np.repeat(start_s, shared)[:runs, None] + step_s * offset
+        return _Series(t_s=t_s, p_e_m=p_e_m, R_ne=R_ne, row=np.arange(runs * epochs))
+    grid = _grid(world.times, step_s)
+    first = time_rng.integers(0, grid - epochs, runs, endpoint=True)
+    at = first[:, None] + offset
+    if isinstance(world.sites, AnySites) or _differs(world.satellites):
+        return _Series(t_s=step_s * at, p_e_m=p_e_m, R_ne=R_ne, row=np.arange(runs * epochs))
+    _, unique = np.unique(place, return_index=True)  # in the order of the places' numbers
+    series = np.searchsorted(place[unique], place)
+    return _Series(
+        t_s=np.tile(step_s * np.arange(grid), (len(unique), 1)),
+        p_e_m=p_e_m[unique],
+        R_ne=R_ne[unique],
+        row=(series[:, None] * grid + at).ravel(),
+    )
+
+
+def _differs(table: SatellitesTable) -> bool:
+    """Return whether two runs at one place and time may have different satellites."""
+    by_chance = table.choose != "all" and table.pick == "random"
+    return by_chance or isinstance(table.choose, tuple)
+
+
+def _grid(times: DayTimes, step_s: float) -> int:
+    """Return how many epochs a span holds."""
+    return max(1, int(np.ceil(times.duration_s / step_s - 1e-6)))
+
+
+def _places(
+    world: World, runs: int, *, rng: np.random.Generator
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return each run's place by number, (r,), in ECEF, (r, 3), and its axes, (r, 3, 3)."""
+    if isinstance(world.sites, AnySites):
+        number = np.arange(runs)
+        latitude = np.arcsin(rng.uniform(-1.0, 1.0, runs))
+        longitude = rng.uniform(-np.pi, np.pi, runs)
+        height_m = rng.uniform(*world.sites.height_m, runs)
+    else:
+        number = rng.integers(0, len(world.sites.places), runs)
+        frames = [place.frame for place in world.sites.places]
+        rows = [[f.latitude_rad, f.longitude_rad, f.height_m] for f in frames]
+        latitude, longitude, height_m = np.array(rows)[number].T
+    p_e_m = ecef(latitude, longitude, height_m).reshape(-1, 3)
+    return number, p_e_m, ned_axes(latitude, longitude)
+
+
+def _positions(world: World, t_s: FloatArray) -> tuple[tuple[str, ...], IntArray, FloatArray]:
+    """Return all satellites, each sky's moment (k,), and positions at the moments (t, s, 3)."""
+    distinct_s, moment = np.unique(t_s, return_inverse=True)
+    start_gps_s = (world.start - _GPS_EPOCH).total_seconds()
+    orbits = _orbits(world.satellites, start_gps_s)
+    if orbits is None:
+        letters = tuple(world.satellites.signals)
+        names, p_e_m = built_in_positions(letters, start_gps_s, distinct_s)
+        return names, moment.ravel(), p_e_m
+    known = orbits.satellites if isinstance(orbits, PreciseOrbits) else orbits.records["satellite"]
+    names = tuple(sorted({str(name) for name in known if name[0] in world.satellites.signals}))
+    times_s = np.repeat(distinct_s[:, None], len(names), axis=1)
+    p_e_m = satellite_states(orbits, names, times_s).p_e_m
+    if not np.isfinite(p_e_m).any():
+        raise BadInputError(
+            f"satellites: files know no satellite of {', '.join(world.satellites.signals)} at "
+            f"{world.start.isoformat()}; name files of that date"
+        )
+    return names, moment.ravel(), p_e_m
+
+
+def _orbits(table: SatellitesTable, start_gps_s: float) -> BroadcastOrbits | PreciseOrbits | None:
+    """Return the orbits that files tell of; None where none is named."""
+    if table.navigation:
+        from fgnav.io.rinex.reader import read_navigation  # noqa: PLC0415  # lazy: it loads RTKLIB
+
+        return read_navigation([Path(name) for name in table.navigation], start_gps_s)
+    if table.orbits:
+        from fgnav.io.sp3.reader import read_precise  # noqa: PLC0415  # lazy: only few worlds need it
+
+        return read_precise([Path(name) for name in table.orbits], start_gps_s)
+    return None
+
+
+def _constellation(
+    world: World,
+    series: _Series,
+    numbers: IntArray,
+    position_e_m: FloatArray,
+    moment: IntArray,
+    *,
+    rng: np.random.Generator,
+) -> _Slots:
+    """Return the slots of one constellation in all skies."""
+    count, length = len(moment), series.t_s.shape[1]
+    towards = np.empty((count, len(numbers), 3))
+    above = np.empty((count, len(numbers)), dtype=bool)
+    lowest = np.sin(np.radians(world.satellites.mask_deg))
+    for first in range(0, count, _BLOCK):
+        block = slice(first, first + _BLOCK)
+        where = np.arange(first, min(first + _BLOCK, count)) // length
+        e_e = position_e_m[moment[block]] - series.p_e_m[where, None]
+        towards[block] = e_e @ series.R_ne[where].swapaxes(1, 2)
+        towards[block] /= np.sqrt(np.einsum("nsi,nsi->ns", towards[block], towards[block]))[
+            ..., None
+        ]
+        above[block] = -towards[block, :, 2] > lowest  # a comparison with NaN is false
+    kept, most = _choose(world.satellites, series, towards, above, rng=rng)
+    most = min(most, len(numbers))
+    # The highest first where there are too many for the slots; else in the order of their names.
+    rank = np.argsort(np.where(kept, towards[..., 2], np.inf), axis=1, kind="stable")[:, :most]
+    there = np.take_along_axis(kept, rank, axis=1)
+    column = np.sort(np.where(there, rank, len(numbers)), axis=1)
+    there = column < len(numbers)
+    column = np.where(there, column, 0)
+    e_n = np.take_along_axis(towards, column[..., None], axis=1)
+    return _Slots(
+        number=np.where(there, numbers[column], 0),
+        there=there,
+        e_n=np.where(there[..., None], e_n, 0.0),
+    )
+
+
+def _choose(
+    table: SatellitesTable,
+    series: _Series,
+    towards: FloatArray,
+    above: BoolArray,
+    *,
+    rng: np.random.Generator,
+) -> tuple[BoolArray, int]:
+    """Return which satellites each sky has, (k, s), and the largest number there may be."""
+    if table.choose == "all":
+        return above, _ALL
+    length = series.t_s.shape[1]
+    turn = period(series.t_s)
+    begin = np.flatnonzero(np.diff(turn, axis=1, prepend=turn[:, :1] - 1).ravel())
+    low, high = table.choose if isinstance(table.choose, tuple) else (table.choose, table.choose)
+    wanted = rng.integers(low, high, len(series.t_s), endpoint=True)[begin // length]
+    candidates = lasting(above, begin, wanted)
+    if table.pick == "geometry":
+        kept = best_geometry(towards[begin], candidates, wanted)
+    else:
+        order = np.where(candidates, rng.random(candidates.shape), np.inf)
+        last = np.sort(order, axis=1)[np.arange(len(order)), np.minimum(wanted, order.shape[1]) - 1]
+        kept = candidates & (order <= last[:, None])
+    lengths = np.diff(begin, append=above.shape[0])
+    return np.asarray(above & np.repeat(kept, lengths, axis=0)), high

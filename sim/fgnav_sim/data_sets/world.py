@@ -1,0 +1,276 @@
+"""What a world file may say: from which skies, arrays, attitudes and noise a data set is drawn."""
+
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+import msgspec
+from msgspec import field
+
+from fgnav.checks import BadInputError
+from fgnav.gnss.signals import CONSTELLATIONS, known
+from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector, as_table, read_toml
+from fgnav.shipped import file_or_shipped
+from fgnav_sim.data_sets.attitudes import Attitudes, UniformAttitudes
+from fgnav_sim.data_sets.gravity_world import GravityWorld
+from fgnav_sim.gnss.tables import Angle, MultipathTable, ReflectorTable
+from fgnav_sim.scenario import PAPER_ANTENNAS_B_M, Place
+
+Count: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
+# A figure, or the range it is drawn from. Neither constraints nor fixed lengths: msgspec 0.22 takes
+# one for the other where both stand in a union.
+Drawn: TypeAlias = float | tuple[float, ...]
+
+
+def _check_drawn(name: str, value: Drawn) -> None:
+    """Raise unless a figure is above zero, or a range has two of them in order."""
+    figures = value if isinstance(value, tuple) else (value, value)
+    if len(figures) != 2 or not 0 < figures[0] <= figures[1]:
+        raise ValueError(f"{name}: must be above zero, or a range of two such figures, got {value}")
+
+
+class FixedSites(Table, frozen=True, tag="fixed", tag_field="kind"):
+    """Given places, one drawn for each run; Madrid where nothing is said."""
+
+    places: tuple[Place, ...] = (Place(),)
+
+
+class AnySites(Table, frozen=True, tag="anywhere", tag_field="kind"):
+    """A place for each run, uniform over the globe, at a height within a range."""
+
+    height_m: tuple[float, float] = (0.0, 3000.0)
+
+
+class DayTimes(Table, frozen=True, tag="day", tag_field="kind"):
+    """Times on a grid from the world's start on; a run begins where it still fits in.
+
+    A run as long as the span begins at its start: all runs then see the same sky.
+    """
+
+    duration_s: Positive = 86_400.0
+
+
+class AnyTimes(Table, frozen=True, tag="any", tag_field="kind"):
+    """Runs that begin at moments uniform over a span of days.
+
+    Attributes
+    ----------
+    days : float
+    runs_per_moment : int
+        Runs that share one moment, hence the satellites' orbits: 8 runs at places anywhere see
+        skies that have nothing in common, and cost a third of the time. Runs at given places never
+        share.
+    """
+
+    days: Positive = 365.0
+    runs_per_moment: Count = 8
+
+
+class SatellitesTable(Table, frozen=True):
+    """Which satellites an epoch has; rules hold for each constellation by itself.
+
+    Attributes
+    ----------
+    signals : dict
+        RINEX 3 signals by constellation letter; each is a group of channels of its own.
+    choose : "all", int, or a range
+        All in view (the 16 highest, if there are more), so many, or a number drawn for each run.
+    pick : {"geometry", "random"}
+        The best geometry, as ``fgnav_sim.gnss.selection`` chooses for 15 min, or any.
+    mask_deg : float
+    navigation, orbits : tuple of str
+        Broadcast or SP3 files; none: the built-in almanac.
+    """
+
+    signals: dict[str, tuple[str, ...]] = field(default_factory=lambda: {"G": ("1C",)})
+    choose: Literal["all"] | int | tuple[int, ...] = 6
+    pick: Literal["geometry", "random"] = "geometry"
+    mask_deg: Angle = 10.0
+    navigation: tuple[str, ...] = ()
+    orbits: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check signals, range and files."""
+        if not self.signals:
+            raise ValueError("signals: must name one constellation or more")
+        for letter, signals in self.signals.items():
+            if letter not in CONSTELLATIONS or not signals:
+                raise ValueError(f"signals.{letter}: must be signals of G, E, C or J")
+            for signal in signals:
+                if not (len(signal) == 2 and known(letter, signal)):
+                    raise ValueError(f"signals.{letter}: {signal!r} is not a RINEX 3 signal of it")
+        if self.choose != "all":
+            _check_drawn("choose", self.choose)
+        if self.navigation and self.orbits:
+            raise ValueError("orbits: must not stand beside navigation; name one of the two")
+
+
+class GivenArray(Table, frozen=True, tag="given", tag_field="kind"):
+    """One array for all epochs; the first antenna is the reference. The source paper's eight."""
+
+    antennas_b_m: tuple[Vector, ...] = PAPER_ANTENNAS_B_M
+
+    def __post_init__(self) -> None:
+        """Require a baseline."""
+        if len(self.antennas_b_m) < 2:
+            raise ValueError("antennas_b_m: must hold two antennas or more")
+
+
+class RandomArray(Table, frozen=True, tag="random", tag_field="kind"):
+    """A rigid array for each run: antennas uniform in a box whose size is drawn, too.
+
+    Attributes
+    ----------
+    antennas : range of int
+    box_m : vector
+        The largest box's edges; its middle and the first antenna are the body's origin.
+    scale : range of float
+        Of the box, uniform.
+    """
+
+    antennas: tuple[Annotated[int, msgspec.Meta(ge=2)], Annotated[int, msgspec.Meta(ge=2)]] = (3, 8)
+    box_m: Vector = (2.0, 1.0, 0.4)
+    scale: tuple[Positive, Positive] = (0.2, 1.0)
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        for name in ("antennas", "scale"):
+            low, high = getattr(self, name)
+            if low > high:
+                raise ValueError(f"{name}: must be a range, got {[low, high]}")
+
+
+class NoiseTable(Table, frozen=True):
+    """White noise of one link at the zenith; where a range is given, drawn for each run (log).
+
+    Attributes
+    ----------
+    code_m, phase_m : float or range
+    elevation_weights : {"uniform", "sine"}
+        ``sine`` divides the noise by the sine of the elevation.
+    """
+
+    code_m: Drawn = 0.5
+    phase_m: Drawn = 0.003
+    elevation_weights: Literal["uniform", "sine"] = "uniform"
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        _check_drawn("code_m", self.code_m)
+        _check_drawn("phase_m", self.phase_m)
+
+
+class OutliersTable(Table, frozen=True):
+    """Links with noise of which nobody is told, each epoch anew.
+
+    Attributes
+    ----------
+    share : float
+        Of links.
+    code_m, phase_m : float
+        Standard deviation of what is added.
+    """
+
+    share: Annotated[float, msgspec.Meta(gt=0, lt=1)]
+    code_m: NotNegative = 1.5
+    phase_m: NotNegative = 0.015
+
+
+class RunsTable(Table, frozen=True):
+    """Consecutive epochs of one simulation: its site, array, integers and noise level stay.
+
+    Attributes
+    ----------
+    epochs : int
+    step_s : float
+    """
+
+    epochs: Count = 1
+    step_s: Positive = 15.0
+
+
+class World(Table, frozen=True, tag="array", tag_field="kind"):
+    """Epochs of antenna arrays to be drawn.
+
+    Attributes
+    ----------
+    name : str
+    start : datetime
+        GPS time of ``t_s = 0``.
+    epochs, shard_epochs : int
+        How many a data set holds, and one file of it.
+    sites, times, runs, satellites, array, attitudes, noise : their tables
+    outliers, multipath : their tables, or None
+    reflectors : tuple of ReflectorTable
+        Parts of the body that mirror signals; they need one array for all runs.
+    """
+
+    name: str = ""
+    start: Annotated[datetime, msgspec.Meta(tz=False)] = datetime(2020, 6, 25)
+    epochs: Count = 576_000
+    shard_epochs: Count = 57_600
+    sites: FixedSites | AnySites = FixedSites()
+    times: DayTimes | AnyTimes = DayTimes()
+    runs: RunsTable = RunsTable()
+    satellites: SatellitesTable = SatellitesTable()
+    array: GivenArray | RandomArray = GivenArray()
+    attitudes: Attitudes = UniformAttitudes()
+    noise: NoiseTable = NoiseTable()
+    outliers: OutliersTable | None = None
+    multipath: MultipathTable | None = None
+    reflectors: tuple[ReflectorTable, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check what one key's type cannot say."""
+        if self.shard_epochs % self.runs.epochs:
+            raise ValueError(
+                f"shard_epochs: must hold whole runs of {self.runs.epochs}, got {self.shard_epochs}"
+            )
+        if self.reflectors and isinstance(self.array, RandomArray):
+            raise ValueError("reflectors: need one array for all runs, array.kind given")
+        span_s = (self.runs.epochs - 1) * self.runs.step_s
+        if isinstance(self.times, DayTimes) and span_s >= self.times.duration_s:
+            raise ValueError(
+                f"times.duration_s: must be longer than a run, {span_s:g} s, "
+                f"got {self.times.duration_s:g}"
+            )
+
+
+def load_world(world: Path | str) -> World | GravityWorld:
+    """Return a world: a TOML file's, or that of a name that comes with the simulator.
+
+    Files that it names are resolved against its folder.
+
+    Raises
+    ------
+    BadInputError
+        One line that names file, key, rule and value.
+    """
+    path = file_or_shipped(world, "fgnav_sim", "worlds")
+    content = read_toml(path)
+    kinds: dict[object, type[World] | type[GravityWorld]] = {
+        "array": World,
+        "gravity": GravityWorld,
+    }
+    kind = content.get("kind", "array")
+    if kind not in kinds:
+        raise BadInputError(f"{path}: key kind: must be array or gravity, got {kind!r}")
+    content["kind"] = kind
+    table = as_table(path, content, kinds[kind])
+    changes: dict[str, object] = {} if table.name else {"name": path.stem}
+    if isinstance(table, World):
+        files = {
+            key: _resolved(path, key, getattr(table.satellites, key))
+            for key in ("navigation", "orbits")
+        }
+        changes["satellites"] = msgspec.structs.replace(table.satellites, **files)
+    return msgspec.structs.replace(table, **changes)
+
+
+def _resolved(path: Path, key: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return files that a world at ``path`` names, against its folder."""
+    files = [path.parent / name for name in names]
+    for file in files:
+        if not file.is_file():
+            raise BadInputError(f"{path}: satellites.{key}: no such file, got '{file}'")
+    return tuple(str(file) for file in files)

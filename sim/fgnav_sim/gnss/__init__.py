@@ -1,0 +1,1 @@
+"""Constellations and receivers: which signals are tracked, and what is measured of them."""

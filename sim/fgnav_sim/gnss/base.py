@@ -1,0 +1,72 @@
+"""A receiver on the ground, as the flight's base: it stands still and sees the same satellites."""
+
+from collections.abc import Mapping
+
+import msgspec
+import numpy as np
+
+from fgnav.geometry.earth import Origin
+from fgnav.types.flight import Base
+from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
+from fgnav_sim.gnss.receiver import observe
+from fgnav_sim.gnss.tables import BaseTable, GnssTable
+from fgnav_sim.motion import Motion, Straight
+from fgnav_sim.scenario import Place, Scenario
+
+
+def stand(
+    table: BaseTable,
+    sensor: GnssTable,
+    scenario: Scenario,
+    orbits: BroadcastOrbits | PreciseOrbits,
+    *,
+    messages: BroadcastOrbits | None,
+    satellite_cycles: Mapping[tuple[str, str], float],
+    rng: np.random.Generator,
+) -> Base:
+    """Return what a receiver at the base observes, with a clock and noise of its own.
+
+    Parameters
+    ----------
+    table : BaseTable
+    sensor : GnssTable
+        Of the vehicle's receivers; the base is of the same make, its antenna looks up and its front
+        north, and nothing disturbs it but noise and echoes from anywhere.
+    scenario : Scenario
+    orbits, messages : as in ``observe``
+    satellite_cycles : mapping
+        ``Received.satellite_cycles`` of the vehicle: the same satellites send to both.
+    rng : numpy.random.Generator
+
+    Raises
+    ------
+    BadInputError
+        If no satellite is above the mask there at any time.
+    """
+    place = Place(
+        latitude_deg=table.latitude_deg, longitude_deg=table.longitude_deg, height_m=table.height_m
+    )
+    still = msgspec.structs.replace(
+        scenario,
+        origin=place,
+        motion=Motion(path=Straight(speed_mps=0.0)),
+        flown=None,
+        antennas_b_m=((0.0, 0.0, 0.0),),
+        gnss=None,
+        seeker=None,
+    )
+    undisturbed = msgspec.structs.replace(
+        sensor, choose="all", antenna_noise=(), slips=None, loss_of_lock=None,
+        outages=(), body_mask=None, reflectors=(), base=None,
+    )  # fmt: skip
+    received = observe(
+        undisturbed,
+        still,
+        orbits,
+        messages=messages,
+        satellite_cycles=satellite_cycles,
+        rng=rng,
+        progress=lambda _share: None,
+    )
+    frame: Origin = place.frame
+    return Base(position_e_m=frame.p_e_m, observations=received.observations)

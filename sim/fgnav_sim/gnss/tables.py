@@ -1,0 +1,290 @@
+"""What a scenario file may say about receivers, their satellites and what disturbs them."""
+
+from typing import Annotated, Literal, TypeAlias
+
+import msgspec
+from msgspec import field
+
+from fgnav.gnss.signals import CONSTELLATIONS, known
+from fgnav.io.rinex.writer import RinexVersion
+from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector
+from fgnav.types.flight import GnssNoise
+
+Angle = Annotated[float, msgspec.Meta(ge=0, lt=90)]
+_Azimuth = Annotated[float, msgspec.Meta(ge=0, le=360)]
+_Elevation = Annotated[float, msgspec.Meta(ge=-90, le=90)]
+Choice: TypeAlias = Literal["all"] | Annotated[int, msgspec.Meta(ge=4)]
+
+
+class ClockTable(Table, frozen=True):
+    """Receiver clocks: standard deviations of offset and drift at the start, and the drift's walk.
+
+    Attributes
+    ----------
+    oscillator : {"common", "separate"}
+        One oscillator for all receivers, each with its own constant offset; or one each.
+    offset_s, drift_sps, drift_walk_sps_per_sqrt_s : float
+    """
+
+    oscillator: Literal["common", "separate"] = "common"
+    offset_s: Annotated[float, msgspec.Meta(ge=0, le=1e-3)] = 1e-7
+    drift_sps: NotNegative = 1e-10
+    drift_walk_sps_per_sqrt_s: NotNegative = 1e-11
+
+
+class SlipsTable(Table, frozen=True):
+    """Cycle slips, at random times, of every link (antenna and channel) for itself.
+
+    Attributes
+    ----------
+    rate_per_hour : float
+        Of one link.
+    largest_cycles : int
+        A slip is of 1 up to so many cycles, either way, all alike likely.
+    flagged_share : float
+        Share of slips that the receiver announces.
+    half_cycle_share : float
+        Share of slips that are half a cycle larger, as those of Costas loops may be.
+    """
+
+    rate_per_hour: Positive
+    largest_cycles: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)] = 10
+    flagged_share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.5
+    half_cycle_share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
+
+
+class LossOfLockTable(Table, frozen=True):
+    """Links that are lost at random times for a time drawn from an exponential distribution.
+
+    Afterwards the integer is another one, and the receiver says so.
+    """
+
+    rate_per_hour: Positive
+    mean_s: Positive = 1.0
+
+
+class OutageTable(Table, frozen=True):
+    """Links that are not there during a span of time, in a sector of the sky, of some antennas.
+
+    Attributes
+    ----------
+    from_s, until_s : float
+        Until the end where the second is not given.
+    azimuth_deg : tuple of float
+        The sector reaches clockwise from the first to the second; all around where they are equal.
+    elevation_deg : tuple of float
+    antennas : tuple of str
+        ``"a1"`` is the reference; all where none is named.
+    """
+
+    from_s: NotNegative = 0.0
+    until_s: Positive | None = None
+    azimuth_deg: tuple[_Azimuth, _Azimuth] = (0.0, 360.0)
+    elevation_deg: tuple[_Elevation, _Elevation] = (-90.0, 90.0)
+    antennas: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Require spans that are not empty."""
+        if self.until_s is not None and self.until_s <= self.from_s:
+            raise ValueError(f"until_s: must lie after from_s, got {self.until_s:g}")
+        if self.elevation_deg[0] >= self.elevation_deg[1]:
+            raise ValueError(f"elevation_deg: must increase, got {list(self.elevation_deg)}")
+
+
+class BodyMaskTable(Table, frozen=True):
+    """What the body leaves in view: a cone about each antenna's axis.
+
+    Attributes
+    ----------
+    axes_b : tuple of vectors
+        One for all antennas, or one each.
+    half_angle_deg : float
+    """
+
+    axes_b: tuple[Vector, ...] = ((0.0, 0.0, -1.0),)
+    half_angle_deg: Annotated[float, msgspec.Meta(gt=0, le=180)] = 90.0
+
+    def __post_init__(self) -> None:
+        """Require directions."""
+        if not self.axes_b or not all(any(axis) for axis in self.axes_b):
+            raise ValueError("axes_b: must hold one vector or more, none of them zero")
+
+
+class MultipathTable(Table, frozen=True):
+    """Echoes from anywhere: a first-order Gauss-Markov process of every link for itself.
+
+    Attributes
+    ----------
+    code_m, phase_m : float
+        Standard deviations, weighted by elevation as the noise is. Estimators are told of noise
+        and echoes together.
+    time_constant_s : float
+    """
+
+    code_m: NotNegative
+    phase_m: NotNegative
+    time_constant_s: Positive
+
+
+class ReflectorTable(Table, frozen=True):
+    """A flat piece of the body that mirrors signals into antennas in front of it.
+
+    Attributes
+    ----------
+    point_b_m : vector
+        Its middle.
+    normal_b : vector
+        Out of its front; any length.
+    radius_m : float or None
+        Of the disc that it is; None: of any size.
+    amplitude : float
+        Of the echo against the direct signal.
+    phase_deg : float
+        What the reflection adds to the echo's phase; 180 on metal.
+    """
+
+    point_b_m: Vector
+    normal_b: Vector
+    radius_m: Positive | None = None
+    amplitude: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.3
+    phase_deg: float = 180.0
+
+    def __post_init__(self) -> None:
+        """Require a direction."""
+        if not any(self.normal_b):
+            raise ValueError("normal_b: must not be zero")
+
+
+class Cn0Table(Table, frozen=True):
+    """Carrier-to-noise density: from the horizon's to the zenith's with the elevation's sine.
+
+    Attributes
+    ----------
+    horizon_dbhz, zenith_dbhz : float
+    sets_noise : bool
+        Noise follows C/N0 in place of ``elevation_weights``: 6 dB less double it.
+    """
+
+    horizon_dbhz: Annotated[float, msgspec.Meta(ge=0, le=80)] = 35.0
+    zenith_dbhz: Annotated[float, msgspec.Meta(ge=0, le=80)] = 50.0
+    sets_noise: bool = False
+
+
+class BaseTable(Table, frozen=True):
+    """Where a receiver stands on the ground; its make and rate are those on board."""
+
+    latitude_deg: Annotated[float, msgspec.Meta(ge=-90, le=90)]
+    longitude_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)]
+    height_m: Annotated[float, msgspec.Meta(gt=-1e4, lt=1e5)]
+
+
+class GnssTable(Table, frozen=True):
+    """Receivers, one per antenna, and satellites.
+
+    Attributes
+    ----------
+    rate_hz : float
+    signals : dict
+        RINEX 3 signals by constellation letter: ``{ G = ["1C"], E = ["1C", "5Q"] }``.
+    navigation : tuple of str
+        Broadcast files, relative to the scenario; none: the built-in almanac.
+    orbits : tuple of str
+        SP3 files, relative to the scenario: how satellites truly fly. Messages are then what
+        navigation says, if anything, and wrong as they are.
+    choose : "all" or int
+        All in view, or so many, those of best geometry (see ``fgnav_sim.gnss.selection``).
+    receiver_mask_deg, elevation_mask_deg : float
+        Below the first nothing is tracked; the second is written to the flight for estimators.
+    code_noise_m, phase_noise_m, doppler_noise_mps : float
+        White noise of one link at the zenith.
+    elevation_weights : {"sine", "uniform"}
+        ``sine`` divides the noise by the sine of the elevation.
+    antenna_noise : tuple of float
+        A factor to the noise of each antenna; none: all alike. Estimators are not told.
+    cn0 : Cn0Table
+    atmosphere : bool
+        Delay the signals by the broadcast ionosphere and a standard troposphere.
+    message_errors : bool
+        Give every satellite an error in its ranges as large as estimators expect of messages and
+        of models of the atmosphere; else both are perfect.
+    satellite_error_rate_mps, satellite_error_walk_m_per_sqrt_s : float
+        How those errors move, see ``fgnav.types.flight.GnssNoise``; written to the flight.
+    wind_up : bool
+        Turns of the antennas, all of which look along -z_b, wind up the phase; in double
+        differences of a rigid body nothing of it is left.
+    clock : ClockTable
+    rinex : {"3.04", "4.00"}
+        Version of the files that ``fgnav simulate`` writes.
+    base : BaseTable or None
+        A station on the ground that records, too.
+    slips, loss_of_lock, body_mask, multipath : their tables, or None
+    outages, reflectors : tuple of their tables
+    """
+
+    rate_hz: Positive = 10.0
+    signals: dict[str, tuple[str, ...]] = field(default_factory=lambda: {"G": ("1C",)})
+    navigation: tuple[str, ...] = ()
+    orbits: tuple[str, ...] = ()
+    choose: Choice = "all"
+    receiver_mask_deg: Angle = 5.0
+    elevation_mask_deg: Angle = 10.0
+    code_noise_m: Positive = 0.5
+    phase_noise_m: Positive = 0.003
+    doppler_noise_mps: Positive = 0.05
+    elevation_weights: Literal["sine", "uniform"] = "sine"
+    antenna_noise: tuple[Positive, ...] = ()
+    cn0: Cn0Table = Cn0Table()
+    atmosphere: bool = True
+    message_errors: bool = False
+    satellite_error_rate_mps: Positive = GnssNoise().satellite_error_rate_mps
+    satellite_error_walk_m_per_sqrt_s: Positive = GnssNoise().satellite_error_walk_m_per_sqrt_s
+    wind_up: bool = False
+    clock: ClockTable = ClockTable()
+    rinex: RinexVersion = "3.04"
+    base: BaseTable | None = None
+    slips: SlipsTable | None = None
+    loss_of_lock: LossOfLockTable | None = None
+    outages: tuple[OutageTable, ...] = ()
+    body_mask: BodyMaskTable | None = None
+    multipath: MultipathTable | None = None
+    reflectors: tuple[ReflectorTable, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check what one key's type cannot say."""
+        for letter, signals in self.signals.items():
+            if letter not in CONSTELLATIONS:
+                choice = ", ".join(f"{key} ({name})" for key, name in CONSTELLATIONS.items())
+                raise ValueError(f"signals.{letter}: the constellation must be one of {choice}")
+            if len(set(signals)) != len(signals) or not signals:
+                raise ValueError(f"signals.{letter}: must name one signal or more, each once")
+            for signal in signals:
+                if not (len(signal) == 2 and known(letter, signal)):
+                    raise ValueError(f"signals.{letter}: {signal!r} is not a RINEX 3 signal of it")
+        if not self.signals:
+            raise ValueError("signals: must name one constellation or more")
+
+    def check_antennas(self, antennas: int) -> None:
+        """Raise unless what is said of antennas fits their number."""
+        if len(self.antenna_noise) not in (0, antennas):
+            raise ValueError(
+                f"gnss.antenna_noise: must hold a factor for each of {antennas} antennas, "
+                f"got {len(self.antenna_noise)}"
+            )
+        if self.body_mask is not None and len(self.body_mask.axes_b) not in (1, antennas):
+            raise ValueError(
+                f"gnss.body_mask.axes_b: must hold one vector, or one for each of {antennas} "
+                f"antennas, got {len(self.body_mask.axes_b)}"
+            )
+        names = antenna_names(antennas)
+        for row, outage in enumerate(self.outages):
+            for name in outage.antennas:
+                if name not in names:
+                    raise ValueError(
+                        f"gnss.outages[{row}].antennas: must be among {names[0]} to {names[-1]}, "
+                        f"got {name!r}"
+                    )
+
+
+def antenna_names(antennas: int) -> tuple[str, ...]:
+    """Return the names of the antennas of a simulated flight: ``a1`` is the reference."""
+    return tuple(f"a{k}" for k in range(1, antennas + 1))

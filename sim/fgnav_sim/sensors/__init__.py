@@ -1,0 +1,1 @@
+"""Sensors beside GNSS: inertial, optical, barometer and magnetometer."""

@@ -1,0 +1,134 @@
+"""Accelerometer and gyroscope: the true point values, and the errors of real triads."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import FloatArray, Loss
+from fgnav.types.flight import Imu
+from fgnav_sim.gauss_markov import flicker
+from fgnav_sim.scenario import ImuTable, Scenario
+
+_BLOCK = 50_000  # samples whose motion is held in memory at a time
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Triad:
+    """What is wrong with three sensors that ought to be alike and at right angles.
+
+    Attributes
+    ----------
+    density : float
+        Of white noise, unit per square root of Hz.
+    bias : float
+        1-sigma of the constant bias.
+    walk : float
+        Of the bias, unit per square root of s.
+    instability : float
+        B of flicker noise, whose Allan deviation is ``0.664 B``.
+    scale, misalignment_rad : float
+        1-sigma of each scale factor's error, and of each angle by which an axis leans to another.
+    limit : float or None
+        No sample is larger.
+    """
+
+    density: float
+    bias: float
+    walk: float
+    instability: float
+    scale: float
+    misalignment_rad: float
+    limit: float | None
+
+    def __call__(self, true: FloatArray, rate_hz: float, *, rng: np.random.Generator) -> FloatArray:
+        """Return what the triad measures of true values, (k, 3)."""
+        matrix_rng, flicker_rng = rng.spawn(2)
+        constant = self.bias * rng.standard_normal(3)
+        steps = self.walk / np.sqrt(rate_hz) * rng.standard_normal(true.shape)
+        steps[0] = 0.0
+        white = self.density * np.sqrt(rate_hz) * rng.standard_normal(true.shape)
+        measured = true
+        if self.scale or self.misalignment_rad:
+            lean = self.misalignment_rad * matrix_rng.standard_normal((3, 3))
+            gain = 1 + self.scale * matrix_rng.standard_normal(3)
+            measured = true @ np.where(np.eye(3, dtype=bool), gain, lean).T
+        measured = measured + (constant + np.cumsum(steps, axis=0) + white)
+        if self.instability:
+            measured += flicker(self.instability, 1 / rate_hz, true.shape, rng=flicker_rng)
+        limit = np.inf if self.limit is None else self.limit
+        return np.asarray(np.clip(measured, -limit, limit))
+
+
+def sense(sensor: ImuTable, scenario: Scenario, *, rng: np.random.Generator) -> Imu:
+    """Return what an inertial unit measures: point values at its sample times.
+
+    The gyroscope draws from a generator of its own, so that the accelerometer's noise does not
+    depend on whether there is one. Estimators are told white noise, bias and walk, no more.
+    """
+    t_s, origin = scenario.epochs_s(sensor.rate_hz), scenario.origin.frame
+    accelerometer_rng, gyroscope_rng = rng.spawn(2)
+    lever_b_m = np.array(sensor.position_b_m)
+    f_b_mps2, w_b_radps = np.empty((len(t_s), 3)), np.empty((len(t_s), 3))
+    for first in range(0, len(t_s), _BLOCK):
+        block = slice(first, first + _BLOCK)
+        state = scenario.motion(t_s[block])
+        f_b_mps2[block] = state.specific_force_b_mps2(origin, lever_b_m, scenario.gravity)
+        w_b_radps[block] = state.inertial_rate_b_radps(origin)
+    gyroscope = _gyroscope(sensor)
+    return Imu(
+        t_s=t_s,
+        f_b_mps2=accelerometer(sensor)(f_b_mps2, sensor.rate_hz, rng=accelerometer_rng),
+        w_b_radps=gyroscope(w_b_radps, sensor.rate_hz, rng=gyroscope_rng) if gyroscope else None,
+        position_b_m=lever_b_m,
+        accelerometer_noise_mps2_per_sqrt_hz=sensor.accelerometer_noise_mps2_per_sqrt_hz,
+        accelerometer_bias_mps2=sensor.accelerometer_bias_mps2,
+        accelerometer_bias_walk_mps2_per_sqrt_s=sensor.accelerometer_bias_walk_mps2_per_sqrt_s,
+        gyroscope_noise_radps_per_sqrt_hz=sensor.gyroscope_noise_radps_per_sqrt_hz,
+        gyroscope_bias_radps=sensor.gyroscope_bias_radps,
+        gyroscope_bias_walk_radps_per_sqrt_s=sensor.gyroscope_bias_walk_radps_per_sqrt_s,
+    )
+
+
+def saturated(sensor: ImuTable, imu: Imu) -> tuple[Loss, ...]:
+    """Return how many samples of each triad were cut at the end of its range."""
+    ranges = (
+        ("accelerometer", imu.f_b_mps2, sensor.accelerometer_range_mps2, "m/s2"),
+        ("gyroscope", imu.w_b_radps, sensor.gyroscope_range_radps, "rad/s"),
+    )
+    losses = []
+    for name, values, limit, unit in ranges:
+        if values is not None and limit is not None:
+            cut = int((np.abs(values) >= limit).any(axis=1).sum())
+            reason = f"saturated at {limit:g} {unit}"
+            losses.append(Loss(what=f"{name} sample", reason=reason, count=cut))
+    return tuple(loss for loss in losses if loss.count)
+
+
+def accelerometer(sensor: ImuTable) -> Triad:
+    """Return what is wrong with the accelerometer of a table."""
+    return Triad(
+        density=sensor.accelerometer_noise_mps2_per_sqrt_hz,
+        bias=sensor.accelerometer_bias_mps2,
+        walk=sensor.accelerometer_bias_walk_mps2_per_sqrt_s,
+        instability=sensor.accelerometer_bias_instability_mps2,
+        scale=sensor.accelerometer_scale,
+        misalignment_rad=sensor.accelerometer_misalignment_rad,
+        limit=sensor.accelerometer_range_mps2,
+    )
+
+
+def _gyroscope(sensor: ImuTable) -> Triad | None:
+    bias = sensor.gyroscope_bias_radps
+    walk = sensor.gyroscope_bias_walk_radps_per_sqrt_s
+    density = sensor.gyroscope_noise_radps_per_sqrt_hz
+    if bias is None or walk is None or density is None:
+        return None
+    return Triad(
+        density=density,
+        bias=bias,
+        walk=walk,
+        instability=sensor.gyroscope_bias_instability_radps,
+        scale=sensor.gyroscope_scale,
+        misalignment_rad=sensor.gyroscope_misalignment_rad,
+        limit=sensor.gyroscope_range_radps,
+    )

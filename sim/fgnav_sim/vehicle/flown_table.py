@@ -1,0 +1,169 @@
+"""What a scenario says of a flight that a rigid body makes by itself."""
+
+from typing import Annotated, Literal
+
+import msgspec
+
+from fgnav.geometry import earth
+from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector
+from fgnav_sim.motion import Command, Hold
+from fgnav_sim.vehicle.atmosphere import FLOOR_M
+from fgnav_sim.vehicle.planet import FieldModel, Planet
+from fgnav_sim.vehicle.tables import Column, Vehicle
+
+
+class StartTable(Table, frozen=True):
+    """How the flight starts.
+
+    Attributes
+    ----------
+    position_n_m : vector
+        Of the centre of mass, from the scenario's origin.
+    v_n_mps, v_b_mps : vector
+        Velocity against the Earth: the sum of a part in the frame ``n`` and one in body axes.
+    euler_deg : vector
+        Roll, pitch, yaw against the frame ``n``.
+    rate_b_degps : vector
+        Angular rate in body axes.
+    rate_against : {"earth", "inertial"}
+        What the rate is counted from.
+    rear_spin_degps : float
+        Of a decoupled rear body about +x_b, counted as the rate is.
+    """
+
+    position_n_m: Vector = (0.0, 0.0, 0.0)
+    v_n_mps: Vector = (0.0, 0.0, 0.0)
+    v_b_mps: Vector = (0.0, 0.0, 0.0)
+    euler_deg: Vector = (0.0, 0.0, 0.0)
+    rate_b_degps: Vector = (0.0, 0.0, 0.0)
+    rate_against: Literal["earth", "inertial"] = "earth"
+    rear_spin_degps: float = 0.0
+
+
+class AttitudeTable(Table, frozen=True):
+    """Euler angles that the autopilot holds, against north, east, down where the body is."""
+
+    roll: Command = Hold()
+    pitch: Command = Hold()
+    yaw: Command = Hold()
+
+
+class WindTable(Table, frozen=True):
+    """Where the air goes to, by ellipsoidal height: linear in between, constant outside.
+
+    Attributes
+    ----------
+    height_m : tuple of float
+    north_mps, east_mps : float or tuple of float
+        One value for every height, or one for each.
+    """
+
+    height_m: tuple[float, ...] = (0.0,)
+    north_mps: Column = 0.0
+    east_mps: Column = 0.0
+
+    def __post_init__(self) -> None:
+        """Require heights that increase, and a value for each."""
+        for row in range(1, len(self.height_m)):
+            if self.height_m[row] <= self.height_m[row - 1]:
+                raise ValueError(
+                    f"height_m: must increase, row {row} has {self.height_m[row]:g} after "
+                    f"{self.height_m[row - 1]:g}"
+                )
+        if not self.height_m:
+            raise ValueError("height_m: must hold one height or more")
+        for name in ("north_mps", "east_mps"):
+            value = getattr(self, name)
+            if isinstance(value, tuple) and len(value) != len(self.height_m):
+                raise ValueError(
+                    f"{name}: must hold {len(self.height_m)} values, one for each of height_m, "
+                    f"got {len(value)}"
+                )
+
+
+class GustsTable(Table, frozen=True):
+    """Dryden turbulence along the path: see ``atmosphere.dryden``.
+
+    Attributes
+    ----------
+    sigma_mps : float
+        Of each component.
+    scale_m : float
+        Of turbulence.
+    length_m : float
+        Distance through the air that is covered; beyond it the last gust stays.
+    """
+
+    sigma_mps: Positive
+    scale_m: Positive = 533.4
+    length_m: Annotated[float, msgspec.Meta(gt=0, le=1e7)] = 20_000.0
+
+
+class EarthTable(Table, frozen=True):
+    """Another Earth than WGS-84's, for check cases: rounder, or at rest."""
+
+    semi_major_axis_m: Positive = earth.SEMI_MAJOR_AXIS_M
+    flattening: NotNegative = earth.FLATTENING
+    rate_radps: float = earth.EARTH_RATE_RADPS
+    gm_m3ps2: Positive = earth.GM_M3PS2
+
+    def __post_init__(self) -> None:
+        """Require an ellipsoid near a sphere."""
+        _ = self.planet
+
+    @property
+    def planet(self) -> Planet:
+        """The body that it describes."""
+        return Planet(
+            semi_major_axis_m=self.semi_major_axis_m,
+            flattening=self.flattening,
+            rate_radps=self.rate_radps,
+            gm_m3ps2=self.gm_m3ps2,
+        )
+
+
+class FlownTable(Table, frozen=True):
+    """A rigid body in six degrees of freedom, in place of a commanded motion.
+
+    The body's origin, from which lever arms count, is the vehicle's dry centre of mass.
+
+    Attributes
+    ----------
+    vehicle : str or Vehicle
+        A vehicle's file, relative to the scenario's, or its tables.
+    start : StartTable
+    attitude : AttitudeTable or None
+        None: canards rest.
+    ignition_s : float
+        When the motor's curve of thrust begins; below zero it has burnt for so long, or burnt out.
+    air : bool
+        Standard atmosphere, or vacuum.
+    wind : WindTable
+    gusts : GustsTable or None
+    gravity : {"wgs84-normal", "j2", "spherical", "constant"} or None
+        None: that of the scenario.
+    earth : EarthTable or None
+    ground_m : float
+        Ellipsoidal height at which the flight ends.
+    step_s : float
+        Of the integration, at most.
+    """
+
+    vehicle: str | Vehicle
+    start: StartTable = StartTable()
+    attitude: AttitudeTable | None = None
+    ignition_s: float = 0.0
+    air: bool = True
+    wind: WindTable = WindTable()
+    gusts: GustsTable | None = None
+    gravity: FieldModel | None = None
+    earth: EarthTable | None = None
+    ground_m: Annotated[float, msgspec.Meta(ge=FLOOR_M)] = FLOOR_M
+    step_s: Positive = 1e-3
+
+    def __post_init__(self) -> None:
+        """Check what one key's type cannot say."""
+        if isinstance(self.vehicle, Vehicle) and self.attitude and not self.vehicle.autopilot:
+            raise ValueError("attitude: needs a vehicle with a table [autopilot]")
+        if self.gusts is not None and not self.air:
+            raise ValueError("gusts: need air = true")

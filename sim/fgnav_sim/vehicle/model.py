@@ -1,0 +1,187 @@
+"""Vehicles, air and commands as the arrays of the compiled code."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray
+from fgnav.geometry import earth
+from fgnav_sim.motion import Command
+from fgnav_sim.vehicle.atmosphere import Air, us_1976, vacuum
+from fgnav_sim.vehicle.forces import (
+    AERODYNAMICS,
+    AIRFRAME,
+    AXISYMMETRIC,
+    BODY,
+    CANARD,
+    COEFFICIENTS,
+    GRAVITY,
+    Model,
+)  # fmt: skip
+from fgnav_sim.vehicle.planet import WGS84, Planet
+from fgnav_sim.vehicle.tables import Axisymmetric, CanardsTable, Column, MotorTable, Vehicle
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
+
+Attitude: TypeAlias = tuple[Command, Command, Command]  # roll, pitch, yaw
+
+_COMMAND_INTERVAL_S = 0.05  # cubics between: a sine of 1 rad/s is within 2e-8 of its amplitude
+_NO_COMMAND = np.zeros((2, 6))
+
+
+def pack(
+    vehicles: Sequence[Vehicle],
+    air: Sequence[Air],
+    field: tuple[str, Planet],
+    commands: Attitude | None,
+    duration_s: float,
+) -> Model:
+    """Return the arrays of a batch of flights: vehicles and air one each.
+
+    ``field`` is the gravity model and the planet it belongs to.
+
+    Raises
+    ------
+    BadInputError
+        If the gravity model is unknown or another planet's, or only some flights have air.
+    """
+    gravity, planet = field
+    if gravity not in GRAVITY:
+        raise BadInputError(f"gravity model: must be one of {', '.join(GRAVITY)}, got {gravity!r}")
+    if gravity == "wgs84-normal" and planet != WGS84:
+        raise BadInputError(
+            "gravity model: wgs84-normal is the WGS-84 Earth's; take j2, spherical or constant"
+        )
+    if len({one.present for one in air}) != 1:
+        raise BadInputError("air: must be present in all flights of a batch, or in none")
+    command = _NO_COMMAND if commands is None else _command_table(commands, duration_s)
+    bodies, tables = np.zeros(len(vehicles), BODY), []
+    for row, (vehicle, one) in enumerate(zip(vehicles, air, strict=True)):
+        _write_body(bodies[row], vehicle, one)
+        _write_field(bodies[row], gravity, planet)
+        parts = {
+            "mach": _coefficients(vehicle),
+            "burn": _burn(vehicle.motor),
+            "wind": (one.wind_height_m, one.wind_mps),
+            "gust": (one.gust_mps,),
+            "command": (command,),
+        }
+        tables.append(_joined(bodies[row], parts))
+    longest = max(len(table) for table in tables)
+    return Model(
+        bodies=bodies,
+        tables=np.stack([np.pad(table, (0, longest - len(table))) for table in tables]),
+        air=us_1976() if air[0].present else vacuum(),
+    )
+
+
+def _joined(body: np.void, parts: dict[str, tuple[FloatArray, ...]]) -> FloatArray:
+    """Return all tables as one flat array; write where each starts, and its number of rows."""
+    flat: list[FloatArray] = []
+    start = 0
+    for name, part in parts.items():
+        body[name], body[f"{name}s"] = start, len(part[0])
+        flat += [table.ravel() for table in part]
+        start += sum(table.size for table in part)
+    return np.concatenate(flat)
+
+
+def _write_field(body: np.void, gravity: str, planet: Planet) -> None:
+    """Write the scalars of gravity and of the planet."""
+    a, b = planet.semi_major_axis_m, planet.semi_minor_axis_m
+    body["gravity"] = GRAVITY.index(gravity)
+    body["axis_m"], body["polar_m"] = a, b
+    body["e2"], body["bulge_m"] = 1 - (b / a) ** 2, (a**2 - b**2) / b
+    body["earth_radps"], body["gm_m3ps2"] = planet.rate_radps, planet.gm_m3ps2
+    body["oblateness_m2"] = 1.5 * earth.J2 * a**2 if gravity == "j2" else 0.0
+
+
+def _write_body(body: np.void, vehicle: Vehicle, air: Air) -> None:
+    """Write the scalars of one flight."""
+    dry, motor = vehicle.body, vehicle.motor
+    body["dry_kg"], body["dry_centre_m"] = dry.mass_kg, dry.centre_m
+    body["dry_kgm2"] = (*dry.inertia_kgm2, *dry.products_kgm2)
+    body["loaded_kgm2"], body["loaded_centre_m"] = body["dry_kgm2"], dry.centre_m
+    if motor is not None:
+        body["propellant_kg"], body["nozzle_m"] = motor.propellant_kg, motor.nozzle_m
+        body["loaded_kgm2"] = (*motor.loaded_inertia_kgm2, *dry.products_kgm2)
+        body["loaded_centre_m"] = motor.loaded_centre_m
+    shape = vehicle.aerodynamics
+    if isinstance(shape, Axisymmetric):
+        body["aerodynamics"] = AERODYNAMICS.index("axisymmetric")
+        body["area_m2"] = np.pi / 4 * shape.diameter_m**2
+        body["length_m"] = body["span_m"] = shape.diameter_m
+    elif shape is not None:
+        body["aerodynamics"] = AERODYNAMICS.index("airframe")
+        body["area_m2"], body["span_m"] = shape.area_m2, shape.span_m
+        body["length_m"] = shape.chord_m
+    if shape is not None:
+        body["rate_factor"] = 1.0 if shape.rate_terms == "d/v" else 0.5
+        body["reference_m"] = dry.centre_m if shape.reference_m is None else shape.reference_m
+    body["gust_interval_m"], body["command_interval_s"] = air.gust_interval_m, _COMMAND_INTERVAL_S
+    body["lag_s"] = 1.0
+    if vehicle.canards is not None:
+        _add_canards(body, vehicle.canards)
+    if vehicle.autopilot is not None:
+        body["frequency_radps"] = vehicle.autopilot.frequency_radps
+        body["damping"] = vehicle.autopilot.damping
+
+
+def _add_canards(body: np.void, canards: CanardsTable) -> None:
+    """Write the scalars of the canards."""
+    body["fore_kgm2"], body["bearing_nms"] = canards.forebody_inertia_kgm2, canards.bearing_nms
+    body["canard_m2"], body["canard_arm_m"] = canards.area_m2, canards.arm_m
+    body["canard_station_m"] = canards.station_m
+    body["canard_clock_rad"] = np.radians(canards.first_deg)
+    body["deflection_rad"] = np.radians(canards.deflection_deg)
+    body["rate_radps"], body["lag_s"] = np.radians(canards.rate_degps), canards.lag_s
+
+
+def _coefficients(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
+    """Return the grid of Mach, (m,), and all coefficients as cubics, (m - 1, 4, COEFFICIENTS)."""
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415  # lazy: keeps the command line quick
+
+    shape = vehicle.aerodynamics
+    columns: dict[int, Column] = {}
+    if shape is not None:
+        names = AXISYMMETRIC if isinstance(shape, Axisymmetric) else AIRFRAME
+        columns = {row: getattr(shape, name) for row, name in enumerate(names)}
+    if vehicle.canards is not None:
+        columns[CANARD] = vehicle.canards.slope
+    mach = np.array(shape.mach if shape is not None else (0.0,))
+    values = np.zeros((len(mach), COEFFICIENTS))
+    for row, column in columns.items():
+        values[:, row] = column
+    if len(mach) == 1:
+        table = np.zeros((1, 4, COEFFICIENTS))
+        table[0, 3] = values[0]
+        return np.array([mach[0], mach[0] + 1.0]), table
+    return mach, CubicSpline(mach, values).c.swapaxes(0, 1)
+
+
+def burning_curve(motor: MotorTable) -> "PchipInterpolator":
+    """Return thrust, N, as a monotone cubic of time."""
+    from scipy.interpolate import PchipInterpolator  # noqa: PLC0415  # lazy, as above
+
+    return PchipInterpolator(motor.time_s, motor.thrust_n)
+
+
+def _burn(motor: MotorTable | None) -> tuple[FloatArray, FloatArray]:
+    """Return times, (k,), and thrust and fraction burnt as quartics, (k - 1, 5, 2)."""
+    if motor is None:
+        return np.array([0.0, 1.0]), np.zeros((1, 5, 2))
+    thrust = burning_curve(motor)
+    impulse = thrust.antiderivative()
+    table = np.zeros((len(motor.time_s) - 1, 5, 2))
+    table[:, 1:, 0] = thrust.c.T
+    table[:, :, 1] = impulse.c.T / impulse(motor.time_s[-1])
+    return np.array(motor.time_s), table
+
+
+def _command_table(commands: Attitude, duration_s: float) -> FloatArray:
+    """Return roll, pitch, yaw and their rates at equal intervals, (c, 6)."""
+    t_s = np.arange(int(np.ceil(duration_s / _COMMAND_INTERVAL_S)) + 2) * _COMMAND_INTERVAL_S
+    angles = [command(t_s) for command in commands]
+    return np.column_stack([angle[0] for angle in angles] + [angle[1] for angle in angles])

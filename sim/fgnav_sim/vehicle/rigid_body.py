@@ -1,0 +1,279 @@
+"""Flights of rigid bodies in six degrees of freedom, many in one call."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, IntArray, NoSolutionError, frozen, positive
+from fgnav.geometry.earth import Origin, ned_axes
+from fgnav.geometry.rotations import from_euler, quaternion_wxyz, skew, to_euler
+from fgnav_sim.vehicle.atmosphere import FLOOR_M, Air
+from fgnav_sim.vehicle.forces import COEFFICIENTS, FINS, PATH, SIZE, SPIN, Model, P, Q, V, W
+from fgnav_sim.vehicle.model import Attitude, pack
+from fgnav_sim.vehicle.planet import WGS84, FieldModel, Planet
+from fgnav_sim.vehicle.rigid_body_kernel import derivative, fly, rates
+from fgnav_sim.vehicle.tables import Vehicle
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Launch:
+    """How a flight starts.
+
+    Attributes
+    ----------
+    origin : Origin
+        North, east, down are those of this place.
+    position_n_m : ndarray, shape (3,)
+        Where the centre of mass is, from there.
+    v_n_mps : ndarray, shape (3,)
+        Velocity against the Earth.
+    euler_rad : ndarray, shape (3,)
+        Roll, pitch, yaw of the body, 3-2-1; of its forebody where that rolls freely.
+    w_ib_b_radps : ndarray, shape (3,)
+        Angular rate against inertial space, body axes.
+    spin_radps : float
+        Of a decoupled rear body about +x_b, against inertial space.
+    """
+
+    origin: Origin
+    v_n_mps: FloatArray
+    euler_rad: FloatArray
+    w_ib_b_radps: FloatArray
+    spin_radps: float = 0.0
+    position_n_m: FloatArray = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        """Freeze the vectors; start within the table of the atmosphere."""
+        for name in ("v_n_mps", "euler_rad", "w_ib_b_radps", "position_n_m"):
+            object.__setattr__(self, name, frozen(name, getattr(self, name), (3,)))
+        if not np.isfinite(self.spin_radps):
+            raise BadInputError(f"spin_radps: must be finite, got {self.spin_radps}")
+        if self.origin.height_m < FLOOR_M:
+            raise BadInputError(
+                f"height_m: must not be below {FLOOR_M:g}, got {self.origin.height_m:g}"
+            )
+
+    def state(self, planet: Planet = WGS84) -> FloatArray:
+        """Return the state of the compiled code, (SIZE,)."""
+        R_in = self.origin.R_ne.T
+        y = np.zeros(SIZE)
+        y[P : P + 3] = planet.p_e_m(self.origin) + R_in @ self.position_n_m
+        y[V : V + 3] = R_in @ self.v_n_mps + np.cross(planet.rate_i_radps, y[P : P + 3])
+        R_nb = from_euler(*self.euler_rad[:, None])[0]
+        y[Q : Q + 4] = quaternion_wxyz((R_in @ R_nb)[None])[0]
+        y[W : W + 3] = self.w_ib_b_radps
+        y[SPIN] = self.spin_radps
+        return y
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Plan:
+    """How flights are integrated.
+
+    Attributes
+    ----------
+    duration_s : float
+    step_s : float
+        At most; it divides the interval of rows.
+    row_interval_s : float
+        Between the rows that are kept.
+    gravity : {"wgs84-normal", "j2", "spherical", "constant"}
+    ground_m : float
+        Ellipsoidal height at which a flight ends.
+    commands : three commands, or None
+        Roll, pitch, yaw for an autopilot, against north, east, down.
+    planet : Planet
+    """
+
+    duration_s: float
+    step_s: float = 1e-3
+    row_interval_s: float = 0.01
+    gravity: FieldModel = "wgs84-normal"
+    ground_m: float = FLOOR_M
+    commands: Attitude | None = None
+    planet: Planet = WGS84
+
+    def __post_init__(self) -> None:
+        """Check the times."""
+        for name in ("duration_s", "step_s", "row_interval_s"):
+            positive(name, getattr(self, name))
+        if self.step_s > self.row_interval_s or self.row_interval_s > self.duration_s:
+            raise BadInputError(
+                "step_s, row_interval_s, duration_s: must not decrease, got "
+                f"{self.step_s:g}, {self.row_interval_s:g}, {self.duration_s:g}"
+            )
+
+    @property
+    def steps_per_row(self) -> int:
+        """How many steps lie between two rows."""
+        return int(np.ceil(self.row_interval_s / self.step_s - 1e-9))
+
+    @property
+    def t_s(self) -> FloatArray:
+        """Times of the rows, (m,)."""
+        return (
+            np.arange(int(self.duration_s / self.row_interval_s + 1e-9) + 1) * self.row_interval_s
+        )
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Flown:
+    """Flights of equal times, in the inertial frame ``i``: the Earth's axes at ``t_s = 0``.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (m,)
+    y : ndarray, shape (n, m, 19)
+        States of the compiled code, by flight and time; NaN after a flight has met the ground.
+    dy : ndarray, shape (n, m, 19)
+        Their time derivatives.
+    rows : ndarray of int, shape (n,)
+        How many rows of each flight are above the ground.
+    planet : Planet
+    """
+
+    t_s: FloatArray
+    y: FloatArray
+    dy: FloatArray
+    rows: IntArray
+    planet: Planet = WGS84
+
+    def position_e_m(self, flight: int = 0) -> FloatArray:
+        """Return ECEF positions of the centre of mass, (m, 3)."""
+        return self._to_e(self.y[flight, :, P : P + 3])
+
+    def velocity_e_mps(self, flight: int = 0) -> FloatArray:
+        """Return velocities against the Earth in ECEF axes, (m, 3)."""
+        y = self.y[flight]
+        through = y[:, V : V + 3] - np.cross(self.planet.rate_i_radps, y[:, P : P + 3])
+        return self._to_e(through)
+
+    def place(self, flight: int = 0) -> FloatArray:
+        """Return latitude rad, longitude rad, ellipsoidal height m, (m, 3)."""
+        return self.planet.geodetic(self.position_e_m(flight))
+
+    def rotation_eb(self, flight: int = 0) -> FloatArray:
+        """Return R_eb, (m, 3, 3)."""
+        return self.planet.turn(self.t_s) @ rotations_of(self.y[flight, :, Q : Q + 4])
+
+    def euler_rad(self, flight: int = 0) -> FloatArray:
+        """Return roll, pitch, yaw against north, east, down where the body is, (m, 3)."""
+        place = self.place(flight)
+        return to_euler(ned_axes(place[:, 0], place[:, 1]) @ self.rotation_eb(flight))
+
+    def rate_ib_b_radps(self, flight: int = 0) -> FloatArray:
+        """Return angular rates against inertial space, body axes, (m, 3)."""
+        return self.y[flight, :, W : W + 3]
+
+    def deflections_rad(self, flight: int = 0) -> FloatArray:
+        """Return the deflections of the four canards, (m, 4)."""
+        return self.y[flight, :, FINS : FINS + 4]
+
+    def _to_e(self, v_i: FloatArray) -> FloatArray:
+        """Return vectors of the inertial frame in ECEF axes, (m, 3)."""
+        return np.asarray(np.einsum("mij,mj->mi", self.planet.turn(self.t_s), v_i))
+
+
+def fly_batch(
+    vehicles: Sequence[Vehicle],
+    launches: Sequence[Launch],
+    air: Sequence[Air],
+    plan: Plan,
+) -> Flown:
+    """Integrate flights with fixed fourth-order Runge-Kutta steps.
+
+    Parameters
+    ----------
+    vehicles, launches, air : sequences of equal length
+        One flight each; tables of the vehicles and of the air have equal lengths in a batch.
+    plan : Plan
+
+    Returns
+    -------
+    Flown
+
+    Raises
+    ------
+    BadInputError
+        If the lengths differ, or the step is too long for a flight: the integration diverges.
+    """
+    model, start = _prepared(vehicles, launches, air, plan)
+    y = np.full((len(start), len(plan.t_s), SIZE), np.nan)
+    y[:, 0] = start
+    steps = plan.steps_per_row
+    rows = fly(model, plan.row_interval_s / steps, steps, plan.ground_m, y)
+    if (rows < 0).any():
+        flight = int(np.argmax(rows < 0))
+        raise BadInputError(
+            f"step_s: the integration of flight {flight} diverges with {plan.step_s:g} before "
+            f"t_s = {plan.t_s[-rows[flight]]:g}; take a shorter step"
+        )
+    dy = np.full_like(y, np.nan)
+    rates(model, plan.t_s, y, rows, dy)
+    return Flown(t_s=plan.t_s, y=y, dy=dy, rows=rows, planet=plan.planet)
+
+
+def fly_reference(vehicle: Vehicle, launch: Launch, air: Air, plan: Plan) -> Flown:
+    """Integrate one flight with scipy's DOP853 on the same right-hand side, as an oracle.
+
+    The ground is not looked for. Parameters, result and errors are those of ``fly_batch``.
+
+    Raises
+    ------
+    NoSolutionError
+        If the integrator gives up.
+    """
+    from scipy.integrate import solve_ivp  # noqa: PLC0415  # lazy: keeps the command line quick
+
+    model, start = _prepared([vehicle], [launch], [air], plan)
+    body, tables, scratch = model.bodies[0], model.tables[0], np.zeros(COEFFICIENTS)
+
+    def right_hand_side(t_s: float, y: FloatArray) -> FloatArray:
+        dy = np.empty(SIZE)
+        derivative(t_s, body, tables, model.air, y, dy, scratch)
+        if not np.isfinite(dy).all():  # scipy would shorten its step for ever
+            raise NoSolutionError(f"reference integration: not finite at t_s = {t_s:g}")
+        return dy
+
+    absolute = np.full(SIZE, 1e-13)
+    absolute[P : P + 3] = absolute[PATH] = 1e-8
+    absolute[V : V + 3] = 1e-11
+    found = solve_ivp(
+        right_hand_side, (0.0, plan.t_s[-1]), start[0], method="DOP853", t_eval=plan.t_s,
+        rtol=1e-13, atol=absolute, max_step=0.1,
+    )  # fmt: skip
+    if not found.success:
+        raise NoSolutionError(f"reference integration: {found.message}")
+    y, rows = np.ascontiguousarray(found.y.T[None]), np.array([len(plan.t_s)])
+    dy = np.empty_like(y)
+    rates(model, plan.t_s, y, rows, dy)
+    return Flown(t_s=plan.t_s, y=y, dy=dy, rows=rows, planet=plan.planet)
+
+
+def _prepared(
+    vehicles: Sequence[Vehicle], launches: Sequence[Launch], air: Sequence[Air], plan: Plan
+) -> tuple[Model, FloatArray]:
+    """Return the arrays of a batch and its first states, (n, SIZE)."""
+    if not len(vehicles) == len(launches) == len(air) > 0:
+        raise BadInputError(
+            "vehicles, launches, air: must be of one length above 0, "
+            f"got {len(vehicles)}, {len(launches)}, {len(air)}"
+        )
+    for vehicle in vehicles:
+        at_work = vehicle.canards if vehicle.autopilot is not None else None
+        if at_work is not None and plan.step_s > 2.0 * at_work.lag_s:  # RK4 is stable up to 2.8
+            raise BadInputError(
+                f"step_s: must be at most twice the canards' lag_s {at_work.lag_s:g}, "
+                f"got {plan.step_s:g}; take a shorter step"
+            )
+    model = pack(vehicles, air, (plan.gravity, plan.planet), plan.commands, plan.t_s[-1])
+    return model, np.stack([launch.state(plan.planet) for launch in launches])
+
+
+def rotations_of(wxyz: FloatArray) -> FloatArray:
+    """Return (m, 3, 3) rotations of quaternions, (m, 4)."""
+    w, v = wxyz[:, 0, None, None], wxyz[:, 1:]
+    K = skew(v)
+    norm = np.sum(wxyz**2, axis=1)[:, None, None]
+    return np.asarray(np.eye(3) + 2 * (w * K + K @ K) / norm)

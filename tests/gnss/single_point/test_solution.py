@@ -1,0 +1,249 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.geometry.earth import geodetic
+from fgnav.gnss.atmosphere import klobuchar_m, saastamoinen_m
+from fgnav.gnss.single_point.model import orbits_of
+from fgnav.gnss.single_point.solution import code_solution
+from fgnav.types.flight import Flight
+from fgnav.types.observations import Observations
+from fgnav.types.orbits import BroadcastOrbits
+from tests.gnss import recordings, rtklib
+from tests.gnss.flights import ORIGIN, Made, walker_orbits
+from tests.gnss.test_atmosphere import KLOBUCHAR
+
+MM = 1e-3
+ONE = np.zeros((1, 3))
+T_S = np.arange(0.0, 10.0, 0.5)
+
+
+def with_code(flight: Flight, code_m: FloatArray) -> Flight:
+    observations = flight.observations
+    assert observations is not None
+    return replace(flight, observations=replace(observations, code_m=code_m))
+
+
+def codes(flight: Flight) -> FloatArray:
+    assert flight.observations is not None
+    return flight.observations.code_m.copy()
+
+
+def reasons(losses) -> dict[tuple[str, str], int]:
+    return {(loss.what, loss.reason): loss.count for loss in losses}
+
+
+@pytest.mark.parametrize("letters", ["G", "GEC"])
+def test_exact_ranges_give_the_exact_position_clock_and_velocity(letters):
+    made = Made(
+        t_s=T_S, arms_b_m=ONE, letters=letters, v_n_mps=(250.0, -80.0, 12.0), clock_s=(1e-3,)
+    )
+    solution = code_solution(made.flight())
+    np.testing.assert_array_equal(solution.t_s, T_S)
+    assert np.abs(solution.p_n_m - made.position_n_m(T_S, ONE[0])).max() < 0.2 * MM
+    assert np.abs(solution.clock_s - 1e-3).max() < 1e-12
+    assert solution.v_n_mps is not None
+    assert np.abs(solution.v_n_mps - np.array(made.v_n_mps)).max() < 0.5 * MM
+    assert np.abs(solution.clock_drift_sps).max() < 1e-11
+    assert solution.constellations == tuple(letters)
+
+
+def test_each_antenna_has_its_own_solution_and_is_solved_once():
+    made = Made(t_s=T_S[:3], arms_b_m=np.array([[0.0, 0, 0], [2.0, 1.0, -0.5]]))
+    flight = made.flight()
+    second = code_solution(flight, antenna=1)
+    truth = made.position_n_m(T_S[:3], made.arms_b_m[1])
+    assert np.abs(second.p_n_m - truth).max() < 0.2 * MM
+    assert code_solution(flight, antenna=1) is second
+    assert code_solution(flight) is not second
+
+
+def test_an_origin_a_thousand_kilometres_away_is_near_enough():
+    made = Made(t_s=T_S[:3], arms_b_m=ONE)
+    flight = made.flight()
+    far = replace(flight, origin=replace(ORIGIN, latitude_rad=ORIGIN.latitude_rad - 0.16))
+    solution = code_solution(far)
+    found = far.origin.to_e(solution.p_n_m)
+    assert np.abs(found - ORIGIN.to_e(made.position_n_m(T_S[:3], ONE[0]))).max() < 0.2 * MM
+
+
+def test_errors_are_those_the_covariances_state():
+    t_s = np.arange(0.0, 150.0, 0.5)
+    made = Made(t_s=t_s, arms_b_m=ONE, letters="GE", v_n_mps=(30.0, 0, 0), code_sigma_m=1.0)
+    solution = code_solution(made.flight())
+    error = solution.p_n_m - made.position_n_m(t_s, ONE[0])
+    inverse = np.linalg.inv(solution.position_covariance_m2)
+    nees = np.einsum("ni,nij,nj->n", error, inverse, error).mean()
+    low, high = chi2(3 * len(t_s)).ppf([0.001, 0.999]) / len(t_s)
+    assert low < nees < high
+    # Messages that state no error leave nothing but noise.
+    np.testing.assert_allclose(
+        solution.position_noise_m2, solution.position_covariance_m2, rtol=1e-6, atol=1e-9
+    )
+
+
+def test_message_errors_enlarge_the_covariance_but_not_the_noise():
+    orbits = walker_orbits("GE")
+    records = orbits.records.copy()
+    records["accuracy_m"] = 2.4
+    doubtful = BroadcastOrbits(records=records, klobuchar=np.zeros(8))
+    flight = Made(t_s=T_S[:3], arms_b_m=ONE, letters="GE", code_sigma_m=1.0).flight(doubtful)
+    solution = code_solution(flight)
+    ratio = solution.position_covariance_m2[0] / solution.position_noise_m2[0]
+    np.testing.assert_allclose(np.diag(ratio), 1 + 2.4**2, rtol=1e-6)
+
+
+def test_dilution_of_precision_is_that_of_unit_ranges():
+    flight = Made(t_s=T_S[:3], arms_b_m=ONE, code_sigma_m=1.0).flight()
+    solution = code_solution(flight)
+    variances = np.diagonal(solution.position_covariance_m2, axis1=1, axis2=2)
+    np.testing.assert_allclose(solution.dop[:, 1], np.sqrt(variances.sum(axis=1)), rtol=1e-6)
+    np.testing.assert_allclose(solution.dop[:, 2], np.sqrt(variances[:, :2].sum(axis=1)), rtol=1e-6)
+    np.testing.assert_allclose(solution.dop[:, 3], np.sqrt(variances[:, 2]), rtol=1e-6)
+    assert (solution.dop[:, 0] > solution.dop[:, 1]).all()
+
+
+def test_a_gross_error_is_dropped_and_counted():
+    made = Made(t_s=T_S, arms_b_m=ONE, letters="GE", code_sigma_m=0.5)
+    flight = made.flight()
+    code_m = codes(flight)
+    visible = int(np.nonzero(code_solution(flight).used[4])[0][0])
+    satellite = code_solution(flight).satellites[visible]
+    column = flight.observations.satellites.index(satellite)
+    code_m[4, 0, column] += 60.0
+    solution = code_solution(with_code(flight, code_m))
+    assert reasons(solution.losses)["a1 code observation", "contradicts the other satellites"] == 1
+    assert not solution.used[4, visible]
+    error = solution.p_n_m - made.position_n_m(T_S, ONE[0])
+    assert np.abs(error).max() < 5.0
+
+
+def test_epochs_without_enough_satellites_are_lost_by_name():
+    flight = Made(t_s=T_S, arms_b_m=ONE).flight()
+    code_m = codes(flight)
+    code_m[3, 0, 3:] = np.nan
+    code_m[5] = np.nan
+    solution = code_solution(with_code(flight, code_m))
+    assert reasons(solution.losses)["a1 epoch", "fewer satellites than unknowns"] == 2
+    np.testing.assert_array_equal(np.delete(np.arange(len(T_S)), [3, 5]), solution.epoch)
+
+
+def test_satellites_below_the_mask_and_sick_ones_are_counted():
+    orbits = walker_orbits("G")
+    made = Made(t_s=T_S, arms_b_m=ONE)
+    flight = made.flight(orbits)
+    satellite = code_solution(flight).satellites[int(code_solution(flight).used[0].argmax())]
+    records = orbits.records.copy()
+    records["health"][records["satellite"] == satellite] = 1
+    sick = replace(flight, broadcast=BroadcastOrbits(records=records, klobuchar=np.zeros(8)))
+    masked = replace(sick, elevation_mask_rad=np.radians(25.0))
+    lost = reasons(code_solution(masked).losses)
+    assert lost["a1 code observation", "satellite not healthy"] == len(T_S)
+    assert lost["a1 code observation", "below the elevation mask"] >= len(T_S)
+
+
+def atmosphere(klobuchar: FloatArray, made: Made):
+    """Return the delays of a still antenna at the origin."""
+    place = geodetic(ORIGIN.p_e_m[None])
+
+    def delay_m(t_s: FloatArray, elevation: FloatArray) -> FloatArray:
+        low = elevation.clip(0.05)
+        there = np.repeat(place, len(t_s), axis=0)
+        azimuth = np.zeros_like(low)  # nearly: the model's azimuth matters centimetres here
+        gps_s = 1_277_078_400.0 + t_s
+        return klobuchar_m(klobuchar, there, low, azimuth, gps_s) + saastamoinen_m(there, low)
+
+    return replace(made, delay_m=delay_m)
+
+
+@pytest.mark.parametrize("coefficients", [np.zeros(8), KLOBUCHAR])
+def test_an_atmosphere_is_recognised_and_taken_out(coefficients):
+    made = Made(t_s=T_S, arms_b_m=ONE, letters="GE", code_sigma_m=0.5)
+    orbits = walker_orbits("GE", coefficients)
+    solution = code_solution(atmosphere(coefficients, made).flight(orbits))
+    assert solution.atmosphere
+    error = solution.p_n_m.mean(axis=0)
+    assert np.abs(error).max() < 1.5
+    wrong = code_solution(atmosphere(coefficients, made).flight(orbits), atmosphere=False)
+    assert abs(wrong.p_n_m[:, 2].mean()) > 3.0
+
+
+@pytest.mark.parametrize("coefficients", [np.zeros(8), KLOBUCHAR])
+def test_its_absence_is_recognised_too(coefficients):
+    made = Made(t_s=T_S, arms_b_m=ONE, letters="GE", code_sigma_m=1.0)
+    solution = code_solution(made.flight(walker_orbits("GE", coefficients)))
+    assert not solution.atmosphere
+    assert np.abs(solution.p_n_m.mean(axis=0)).max() < 1.0
+
+
+def test_without_doppler_there_is_no_velocity():
+    solution = code_solution(Made(t_s=T_S[:3], arms_b_m=ONE, doppler=False).flight())
+    assert solution.v_n_mps is None
+    assert solution.velocity_covariance_m2ps2 is None
+    assert np.isnan(solution.clock_drift_sps).all()
+
+
+def test_missing_observations_are_named():
+    flight = Made(t_s=T_S[:3], arms_b_m=ONE).flight()
+    with pytest.raises(NoSolutionError, match="flight made: position needs GNSS observations"):
+        code_solution(replace(flight, observations=None))
+    with pytest.raises(NoSolutionError, match="antenna a1: no code observation of a supported"):
+        code_solution(with_code(flight, np.full_like(codes(flight), np.nan)))
+
+
+def test_missing_orbits_are_named():
+    flight = replace(Made(t_s=T_S[:3], arms_b_m=ONE).flight(), observations=None, broadcast=None)
+    with pytest.raises(NoSolutionError, match="flight made: GNSS needs navigation or orbits files"):
+        orbits_of(flight)
+
+
+def test_no_epoch_with_a_solution_says_why():
+    flight = Made(t_s=T_S[:3], arms_b_m=ONE).flight()
+    code_m = codes(flight)
+    code_m[:, :, 3:] = np.nan
+    with pytest.raises(NoSolutionError, match=r"no epoch has a code solution .*fewer satellites"):
+        code_solution(with_code(flight, code_m))
+
+
+def test_observations_without_any_channel_are_no_solution():
+    flight = Made(t_s=T_S[:3], arms_b_m=ONE).flight()
+    none = np.empty((3, 1, 0))
+    empty = Observations(
+        t_s=T_S[:3],
+        tag_s=T_S[:3, None],
+        satellites=(),
+        signals=(),
+        code_m=none,
+        phase_cycles=none,
+        doppler_hz=none,
+        cn0_dbhz=none,
+        lock_flags=none,
+    )
+    with pytest.raises(NoSolutionError, match="no code observation of a supported satellite"):
+        code_solution(replace(flight, observations=empty))
+
+
+@pytest.mark.parametrize("antenna", [0, 1])
+def test_positions_are_within_half_a_metre_of_rtklibs(shared, antenna):
+    nav = rtklib.navigation(shared / "orbits" / "ESBC00DNK_R_20201770000_01D_MN.rnx")
+    path = recordings.observation_files(shared)[antenna]
+    t_s, p_e_m = rtklib.point_positions(path, nav)
+    flight = recordings.wettzell(shared)
+    solution = code_solution(flight, antenna=antenna)
+    assert solution.atmosphere
+    assert len(solution.t_s) == 120
+    difference = solution.p_n_m - flight.origin.to_n(p_e_m)[: len(solution.t_s)]
+    np.testing.assert_allclose(solution.t_s, t_s, atol=1e-3)
+    assert np.linalg.norm(difference, axis=1).max() < 0.5
+    assert solution.v_n_mps is not None
+    assert np.sqrt(np.nanmean(solution.v_n_mps**2)) < 0.02
+
+
+def test_precise_orbits_place_the_still_station_within_two_metres(shared):
+    flight = replace(recordings.wettzell(shared), precise=recordings.precise(shared))
+    solution = code_solution(flight)
+    assert solution.atmosphere
+    assert np.abs(np.median(solution.p_n_m, axis=0)).max() < 2.0

@@ -1,0 +1,333 @@
+"""A flight as a folder."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from fgnav.checks import BadInputError
+from fgnav.geometry.earth import ecef, ned_axes
+from fgnav.geometry.rotations import to_euler
+from fgnav.io.flight import writer as flight_writer
+from fgnav.io.flight.folder import files_of, load_flight, save_flight
+from tests.io.flights import START_GPS_S, whole_flight
+from tests.io.rinex_texts import message, navigation_head, observation_3
+
+UM = 1e-6
+PLAIN = """\
+format = "fgnav-flight/1"
+name = "plain"
+start = "2020-06-25T00:00:00"
+[origin]
+latitude_deg = 40.0
+longitude_deg = -4.0
+height_m = 700.0
+"""
+FIXES = """\
+[[antenna]]
+name = "a1"
+position_b_m = [0, 0, 0]
+[fixes]
+samples = "f.csv"
+antenna = "a1"
+"""
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    flight = whole_flight(np.random.default_rng(5))
+    folder = tmp_path_factory.mktemp("flights") / "whole"
+    save_flight(flight, folder)
+    return flight, load_flight(folder), folder
+
+
+def write(folder, toml, **files):
+    (folder / "flight.toml").write_text(toml)
+    for name, text in files.items():
+        (folder / name.replace("_", ".")).write_text(text)
+    return folder
+
+
+def test_observations_come_back_as_they_were(saved):
+    for pick in (lambda f: f.observations, lambda f: f.base.observations):
+        want, got = pick(saved[0]), pick(saved[1])
+        assert (got.satellites, got.signals) == (want.satellites, want.signals)
+        np.testing.assert_allclose(got.t_s, want.t_s, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(got.tag_s, want.tag_s, rtol=0, atol=0.51e-7)
+        for name in ("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags"):
+            np.testing.assert_array_equal(getattr(got, name), getattr(want, name), err_msg=name)
+
+
+def test_orbits_come_back_within_the_digits(saved):
+    want, got = saved[0].broadcast, saved[1].broadcast
+    for name in want.records.dtype.names:
+        if name == "satellite":
+            assert got.records[name].tolist() == want.records[name].tolist()
+        else:
+            np.testing.assert_allclose(got.records[name], want.records[name], rtol=1e-12, atol=1e-6)
+    np.testing.assert_allclose(got.klobuchar, want.klobuchar, rtol=1e-4)
+    np.testing.assert_allclose(saved[1].precise.p_e_m, saved[0].precise.p_e_m, rtol=0, atol=1e-3)
+
+
+def test_tables_come_back_within_the_digits(saved):
+    for part, names in {
+        "imu": ("t_s", "f_b_mps2", "w_b_radps", "position_b_m"),
+        "fixes": ("t_s", "p_n_m", "v_n_mps", "position_sigma_m", "velocity_sigma_mps"),
+        "seeker": ("t_s", "currents", "position_b_m", "landmark_n_m", "calibration"),
+        "barometer": ("t_s", "height_m", "position_b_m"),
+        "magnetometer": ("t_s", "field_b_ut", "field_n_ut"),
+        "truth": ("t_s", "p_n_m", "v_n_mps", "R_nb"),
+    }.items():
+        want, got = getattr(saved[0], part), getattr(saved[1], part)
+        for name in names:
+            np.testing.assert_allclose(
+                getattr(got, name),
+                getattr(want, name),
+                rtol=1e-10,
+                atol=UM,
+                err_msg=f"{part} {name}",
+            )
+
+
+def test_settings_come_back(saved):
+    want, got = saved[:2]
+    assert (got.name, got.start_gps_s) == (want.name, want.start_gps_s)
+    assert got.gnss_noise == want.gnss_noise
+    assert got.elevation_mask_rad == pytest.approx(want.elevation_mask_rad, abs=1e-15)
+    assert [a.name for a in got.antennas] == [a.name for a in want.antennas]
+    for a, b in zip(got.antennas, want.antennas, strict=True):
+        np.testing.assert_array_equal(a.position_b_m, b.position_b_m)
+    assert got.origin.latitude_rad == pytest.approx(want.origin.latitude_rad, abs=1e-15)
+    np.testing.assert_array_equal(got.base.position_e_m, want.base.position_e_m)
+    scalars = ("detector_radius_m", "focal_length_m")
+    assert all(getattr(got.seeker, name) == getattr(want.seeker, name) for name in scalars)
+    assert got.imu.gyroscope_bias_walk_radps_per_sqrt_s == 1e-5
+    for part, names in {
+        "barometer": ("noise_m", "offset_m", "wander_m", "wander_time_s"),
+        "magnetometer": ("noise_ut", "hard_iron_ut"),
+    }.items():
+        one, other = getattr(got, part), getattr(want, part)
+        assert all(getattr(one, name) == getattr(other, name) for name in names)
+    assert not got.losses
+
+
+def test_antenna_names_that_are_no_file_names_are_written(saved):
+    names = {path.name for path in saved[2].iterdir()}
+    assert {"a1.rnx", "antenna-2.rnx", "base.rnx", "antenna-3.rnx"} <= names
+
+
+def test_folder_and_its_toml_are_the_same_flight(tmp_path):
+    write(tmp_path, PLAIN)
+    assert load_flight(tmp_path).name == load_flight(str(tmp_path / "flight.toml")).name == "plain"
+
+
+def test_truth_in_files_refers_to_the_axes_at_the_vehicle(saved):
+    flight, _, folder = saved
+    row = np.loadtxt(folder / "truth.csv", delimiter=",", skiprows=1)[3]
+    latitude, longitude = np.radians(row[1:3])[:, None]
+    R_ne = ned_axes(latitude, longitude)[0]
+    p_e_m = ecef(latitude, longitude, row[3:4])[0]
+    np.testing.assert_allclose(p_e_m, flight.origin.to_e(flight.truth.p_n_m)[3], rtol=0, atol=UM)
+    v_e_mps = flight.truth.v_n_mps[3] @ flight.origin.R_ne
+    np.testing.assert_allclose(row[4:7], R_ne @ v_e_mps, rtol=0, atol=UM)
+    R_eb = flight.origin.R_ne.T @ flight.truth.R_nb[3]
+    np.testing.assert_allclose(np.radians(row[7:]), to_euler((R_ne @ R_eb)[None])[0], atol=1e-12)
+
+
+def test_fixes_without_sigma_have_the_documented_ones(tmp_path):
+    rows = "t_s,latitude_deg,longitude_deg,height_m,vn_mps,ve_mps,vd_mps\n0,40,-4,700,1,2,3\n"
+    got = load_flight(write(tmp_path, PLAIN + FIXES, f_csv=rows)).fixes
+    np.testing.assert_allclose(got.p_n_m, 0, atol=UM)
+    assert got.position_sigma_m.tolist() == [[3, 3, 5]]
+    assert got.velocity_sigma_mps.tolist() == [[0.1, 0.1, 0.1]]
+    np.testing.assert_allclose(got.v_n_mps, [[1, 2, 3]], atol=1e-9)
+
+
+def test_fixes_without_velocity_have_none(tmp_path):
+    rows = (
+        "t_s,latitude_deg,longitude_deg,height_m,sigma_n_m,sigma_e_m,sigma_d_m\n0,40,-4,700,1,2,3\n"
+    )
+    got = load_flight(write(tmp_path, PLAIN + FIXES, f_csv=rows)).fixes
+    assert got.v_n_mps is got.velocity_sigma_mps is None
+    assert got.position_sigma_m.tolist() == [[1, 2, 3]]
+
+
+def test_sigma_of_velocity_needs_velocity(tmp_path):
+    rows = "t_s,latitude_deg,longitude_deg,height_m,sigma_vn_mps,sigma_ve_mps,sigma_vd_mps\n"
+    folder = write(tmp_path, PLAIN + FIXES, f_csv=rows + "0,40,-4,700,1,1,1\n")
+    with pytest.raises(
+        BadInputError, match=r"f.csv: line 1: sigma_vn_mps needs vn_mps, ve_mps, vd_m"
+    ):
+        load_flight(folder)
+
+
+ANTENNA = '[[antenna]]\nname = "{0}"\nposition_b_m = [0, 0, 0]\nobservations = "{0}.rnx"\n'
+TWO = ANTENNA.format("a") + ANTENNA.format("b")
+GNSS = '[gnss]\nnavigation = ["n.rnx"]\n'
+FILES = {"a_rnx": observation_3(), "b_rnx": observation_3(), "n_rnx": navigation_head() + message()}
+
+
+def test_two_antennas_and_their_losses_are_read(tmp_path):
+    got = load_flight(write(tmp_path, PLAIN + TWO + GNSS, **FILES))
+    assert got.start_gps_s == START_GPS_S
+    assert got.observations.code_m.shape == (4, 2, 9)
+    assert {loss.what for loss in got.losses} == {"a GLONASS observation", "b GLONASS observation"}
+
+
+@pytest.mark.parametrize(
+    ("toml", "rule"),
+    [
+        (PLAIN + TWO, "flight.toml: gnss: observations need navigation or orbits files"),
+        (
+            PLAIN + TWO.replace('observations = "b.rnx"\n', "") + GNSS,
+            "antenna b: observations must be given for all antennas or for none",
+        ),
+        (
+            PLAIN + ANTENNA.format("a") * 2 + GNSS,
+            "flight.toml: antenna a: two antennas have this name",
+        ),
+        (PLAIN + TWO + GNSS.replace("n.rnx", "m.rnx"), "m.rnx: no such file"),
+        (PLAIN + TWO.replace("b.rnx", "c.rnx") + GNSS, "c.rnx: no such file"),
+        (
+            PLAIN + TWO + GNSS + "elevation_mask_deg = 95.0\n",
+            "flight.toml: elevation_mask_deg: must be",
+        ),
+        (
+            PLAIN + TWO + GNSS + "code_noise_m = -1.0\n",
+            "flight.toml: gnss noise code_m: must be positive",
+        ),
+        (PLAIN.replace("40.0", "95.0"), "flight.toml: latitude: must be within"),
+        (PLAIN + FIXES.replace('antenna = "a1"', 'antenna = "a2"'), "f.csv: no such file"),
+        (
+            PLAIN + GNSS + 'base = { observations = "a.rnx", position_e_m = [0, 0, 0] }\n',
+            "key gnss.base: needs antennas with observations",
+        ),
+    ],
+)
+def test_faults_of_a_flight_are_named(tmp_path, toml, rule):
+    with pytest.raises(BadInputError, match=rule) as caught:
+        load_flight(write(tmp_path, toml, **FILES))
+    assert "\n" not in str(caught.value)
+
+
+def test_folder_without_flight_is_named(tmp_path):
+    with pytest.raises(
+        BadInputError, match=r"flight.toml: no such file; a flight is a folder with"
+    ):
+        load_flight(tmp_path)
+
+
+def test_folder_that_holds_something_is_not_overwritten(tmp_path):
+    (tmp_path / "precious").write_text("x")
+    flight = load_flight_of(tmp_path / "source")
+    with pytest.raises(BadInputError, match="must be a new or empty folder, it holds something"):
+        save_flight(flight, tmp_path)
+    with pytest.raises(BadInputError, match="must be a new or empty folder"):
+        save_flight(flight, tmp_path / "precious")
+    assert (tmp_path / "precious").read_text() == "x"
+
+
+def load_flight_of(folder):
+    folder.mkdir()
+    return load_flight(write(folder, PLAIN))
+
+
+def test_empty_folder_is_taken(tmp_path):
+    flight = load_flight_of(tmp_path / "source")
+    (tmp_path / "empty").mkdir()
+    save_flight(flight, tmp_path / "empty")
+    assert load_flight(tmp_path / "empty").name == "plain"
+
+
+def test_nothing_is_left_of_a_flight_that_cannot_be_written(saved, tmp_path, monkeypatch):
+    def fail(*_: object) -> None:
+        raise BadInputError("disk full")
+
+    monkeypatch.setattr(flight_writer.flight_toml, "write_flight_toml", fail)
+    with pytest.raises(BadInputError, match="disk full"):
+        save_flight(saved[0], tmp_path / "deep" / "new")
+    assert list((tmp_path / "deep").iterdir()) == []
+
+
+def test_place_that_cannot_be_made_is_named(saved, tmp_path):
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(BadInputError, match="file: is a file, not a folder; name another place"):
+        save_flight(saved[0], tmp_path / "file" / "new")
+
+
+def test_same_flight_gives_the_same_bytes(saved, tmp_path):
+    save_flight(saved[0], tmp_path / "again")
+    for path in saved[2].iterdir():
+        assert (tmp_path / "again" / path.name).read_bytes() == path.read_bytes()
+
+
+@pytest.fixture
+def copy(saved, tmp_path):
+    return shutil.copytree(saved[2], tmp_path / "copy")
+
+
+def test_a_table_cut_between_rows_is_a_counted_loss(saved, copy):
+    path = copy / "imu.csv"
+    path.write_text("".join(path.read_text().splitlines(keepends=True)[:-2]))
+    (loss,) = set(load_flight(copy).losses) - set(saved[1].losses)
+    assert (loss.what, loss.count) == ("imu.csv row", 2)
+    assert "the file may be cut" in loss.reason
+
+
+def test_a_table_that_nothing_names_any_more_is_a_counted_loss(saved, copy):
+    toml = copy / "flight.toml"
+    head, _, tail = toml.read_text().partition("[truth]\n")
+    toml.write_text(head + "".join(tail.splitlines(keepends=True)[2:]))
+    lost = {loss.what: loss for loss in set(load_flight(copy).losses) - set(saved[1].losses)}
+    assert sorted(lost) == ["integers.csv row", "truth.csv row"]
+    assert lost["truth.csv row"].reason == "rows in flight.toml has it, no table names it"
+
+
+def test_more_rows_than_were_written_are_refused(copy):
+    path = copy / "barometer.csv"
+    path.write_text(path.read_text() + "99.0,700.0\n")
+    with pytest.raises(BadInputError, match=r"rows\.barometer\.csv: 7 rows were .* holds 8"):
+        load_flight(copy)
+
+
+@pytest.mark.parametrize(
+    ("name", "shift_s", "text"),
+    [
+        (
+            "imu.csv",
+            604_800.0,
+            r"imu: row 7 of the samples has 604801\.5 s after 1\.25 s",
+        ),
+        ("magnetometer.csv", 5e9, r"magnetometer: row 7 of the samples has 5"),
+    ],
+)
+def test_one_bad_time_stamp_is_refused_before_anything_is_made_of_it(copy, name, shift_s, text):
+    path = copy / name
+    *lines, last = path.read_text().splitlines()
+    t_s, comma, rest = last.partition(",")
+    path.write_text("\n".join([*lines, f"{float(t_s) + shift_s}{comma}{rest}"]) + "\n")
+    with pytest.raises(BadInputError, match=text):
+        load_flight(copy)
+
+
+def test_a_series_of_another_week_is_refused(copy):
+    path = copy / "imu.csv"
+    head, *lines = path.read_text().splitlines()
+    rows = [line.partition(",") for line in lines]
+    moved = [f"{float(t_s) - 604_800.0}{comma}{rest}" for t_s, comma, rest in rows]
+    path.write_text("\n".join([head, *moved]) + "\n")
+    with pytest.raises(BadInputError, match=r"imu: times .* lie 6.* s apart from those of obs"):
+        load_flight(copy)
+
+
+def test_the_files_of_a_flight_are_listed(copy):
+    names = {path.name for path in files_of(copy)}
+    assert names == {path.name for path in copy.iterdir()}
+
+
+@pytest.mark.parametrize("text", ["a\rb", "a\0b", "\x1b[31m"])
+def test_control_characters_in_integers_are_named(copy, text):
+    path = copy / "integers.csv"
+    path.write_text(path.read_text().replace("a1", text, 1))
+    with pytest.raises(BadInputError, match=r"integers\.csv: line 2: must be plain text"):
+        load_flight(copy)

@@ -1,0 +1,144 @@
+"""Damaged files: an error, a counted loss, or exactly what stands there; never a silent change."""
+
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fgnav.checks import BadInputError
+from fgnav.io.rinex.header import read_header
+from fgnav.io.rinex.reader import read_navigation, read_observations
+from fgnav.io.rinex.scan import scan_observations
+from tests.io.rinex_texts import (
+    epoch_3,
+    head_3,
+    line,
+    message,
+    navigation_head,
+    observation_2,
+    values_3,
+)
+
+START_GPS_S = 1_277_078_400.0
+LAST = line("  2020     6    25     0     0    5.0000000     GPS", "TIME OF LAST OBS")
+GOOD = head_3(extra=LAST) + "".join(epoch_3(k) for k in range(6))
+BODY = GOOD.index("\n>") + 1
+
+
+def scan(text):
+    content = np.frombuffer(text.encode("latin-1"), np.uint8)
+    return scan_observations(read_header(Path("a.rnx"), content, "observations"), content)
+
+
+def same(a, b) -> bool:
+    """Tell whether two scans hold the same epochs, satellites and values."""
+    return (
+        np.array_equal(a.ticks, b.ticks)
+        and np.array_equal(a.satellites, b.satellites)
+        and np.array_equal(a.tally, b.tally)
+    )
+
+
+def outcome(text, original):
+    """Return ``error``, ``loss``, ``same``, or ``silent``."""
+    try:
+        got = scan(text)
+    except BadInputError:
+        return "error"
+    if same(got, original):
+        return "same"
+    return "loss" if got.losses != original.losses else "silent"
+
+
+@pytest.mark.parametrize("text", [GOOD, observation_2(epochs=4)], ids=["RINEX 3", "RINEX 2"])
+def test_file_cut_anywhere_is_noticed(text):
+    """A cut between two epochs shows only where the header announces the last one."""
+    original = scan(text)
+    start = text.index("END OF HEADER") + 14
+    marks = [k for k in range(start, len(text)) if text.startswith(("> ", " 20  6"), k)]
+    for cut in range(1, len(text)):
+        found = outcome(text[:cut], original)
+        unseen = found == "silent" and cut in marks and "TIME OF LAST OBS" not in text
+        assert found in ("error", "loss") or unseen, f"cut at {cut}: {found}"
+
+
+@pytest.mark.parametrize("text", [GOOD, observation_2(epochs=4)], ids=["RINEX 3", "RINEX 2"])
+def test_dropped_or_doubled_line_is_noticed(text):
+    original = scan(text)
+    lines = text.splitlines(keepends=True)
+    for k in range(len(lines)):
+        for damaged in (lines[:k] + lines[k + 1 :], lines[: k + 1] + lines[k:]):
+            found = outcome("".join(damaged), original)
+            in_head = k < text[: text.index("END OF HEADER")].count("\n")
+            assert found == "error" or (in_head and found == "same"), f"line {k + 1}: {found}"
+
+
+def test_swapped_epochs_and_swapped_lines_are_noticed():
+    original = scan(GOOD)
+    epochs = [epoch_3(k) for k in range(6)]
+    for k in range(5):
+        swapped = [*epochs[:k], epochs[k + 1], epochs[k], *epochs[k + 2 :]]
+        assert outcome(head_3(extra=LAST) + "".join(swapped), original) == "error"
+    lines = GOOD.splitlines(keepends=True)
+    generator = random.Random(1)
+    for _ in range(100):
+        i, j = sorted(generator.sample(range(8, len(lines)), 2))
+        swapped = [*lines[:i], lines[j], *lines[i + 1 : j], lines[i], *lines[j + 1 :]]
+        kinds = {lines[i][0] == ">", lines[j][0] == ">"}
+        found = outcome("".join(swapped), original)
+        # Records of two epochs that change places make another, equally well-formed file.
+        assert found in ("error", "same") or kinds == {False}
+
+
+@pytest.mark.parametrize("character", ["x", " ", ".", "-", "\0", "\xe9", "\n"])
+def test_foreign_character_anywhere_in_the_body_is_noticed_or_read_as_it_stands(character):
+    """Where no error is raised, what is counted is what a reader of columns would count."""
+    original = scan(GOOD)
+    generator = random.Random(character)
+    for place in generator.sample(range(BODY, len(GOOD)), 150):
+        damaged = GOOD[:place] + character + GOOD[place + 1 :]
+        found = outcome(damaged, original)
+        if found in ("silent", "loss"):
+            got = scan(damaged)
+            rows = [row for key, row in values_3(damaged).items() if key[1][0] == "G"]
+            assert got.tally[ord("G"), :, 0].sum() == sum(np.isfinite(r[:4]).sum() for r in rows)
+
+
+def test_flipped_digit_is_an_error_or_read_as_it_stands(tmp_path):
+    """A digit inside a number cannot be told from the right one: then the file's word counts."""
+    generator = random.Random(2)
+    path = tmp_path / "a.rnx"
+    places = [k for k in range(BODY, len(GOOD)) if GOOD[k].isdigit()]
+    read = 0
+    for place in generator.sample(places, 12):
+        digit = str((int(GOOD[place]) + generator.randint(1, 9)) % 10)
+        damaged = GOOD[:place] + digit + GOOD[place + 1 :]
+        path.write_text(damaged)
+        try:
+            got = read_observations(path, START_GPS_S)
+        except BadInputError:
+            continue
+        read += 1
+        channels = list(zip(got.satellites, got.signals, strict=True))
+        for (epoch, *channel), row in values_3(damaged).items():
+            if tuple(channel) in channels:
+                m = channels.index(tuple(channel))
+                assert got.code_m[epoch, 0, m] == row[0]
+                assert got.phase_cycles[epoch, 0, m] == row[1]
+                assert got.lock_flags[epoch, 0, m] == row[4]
+    assert read
+
+
+def test_cut_or_thinned_navigation_file_is_noticed(tmp_path):
+    text = navigation_head() + message("G05") + message("G07")
+    path = tmp_path / "n.rnx"
+    lines = text.splitlines(keepends=True)
+    generator = random.Random(3)
+    whole = len(navigation_head() + message("G05"))  # a file of one message, and a right one
+    damages = [text[:cut] for cut in generator.sample(range(len(text)), 25) if cut != whole]
+    damages += ["".join(lines[:k] + lines[k + 1 :]) for k in range(len(lines))]
+    for damaged in damages:
+        path.write_text(damaged)
+        with pytest.raises(BadInputError, match=r"n.rnx: "):
+            read_navigation([path], START_GPS_S)

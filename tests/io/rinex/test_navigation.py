@@ -1,0 +1,203 @@
+"""Broadcast messages: checked, sorted, decoded."""
+
+import gzip
+import re
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from fgnav.checks import BadInputError
+from fgnav.io.decoder import Decoded
+from fgnav.io.rinex.reader import read_navigation
+from tests.io.rinex_texts import line, message, navigation_head
+
+START_GPS_S = 1_277_078_400.0  # 2020-06-25, a Thursday: second 345600 of GPS week 2111
+GOOD = navigation_head() + message("G05") + message("G07")
+
+
+def read(tmp_path, text, start_gps_s=START_GPS_S):
+    path = tmp_path / "n.rnx"
+    path.write_text(text)
+    return read_navigation([path], start_gps_s)
+
+
+def test_message_is_read_in_gps_time_since_the_start(tmp_path):
+    record = read(tmp_path, GOOD, START_GPS_S - 100).records[0]
+    assert record["satellite"] == "G05"
+    assert (record["toe_s"], record["toc_s"], record["transmission_s"]) == (100, 100, 100)
+    assert record["toe_sow_s"] == 345_600
+    assert record["semi_major_axis_m"] == pytest.approx(5154.80**2, abs=1e-6)
+    assert record["af0_s"] == -1.3629e-4
+    assert record["issue"] == 63
+    assert record["accuracy_m"] == 2.4  # 2 m in the file: the bound of its index
+    assert record["group_delay_s"][0] == -1.909e-8
+
+
+def test_beidou_message_is_read_in_gps_time(tmp_path):
+    text = navigation_head() + message("C11").replace("2.111000000000E+03", "7.550000000000E+02")
+    record = read(tmp_path, text).records[0]
+    assert (record["toe_s"], record["toc_s"], record["toe_sow_s"]) == (14, 14, 345_600)
+
+
+def test_unknown_time_of_transmission_becomes_time_of_ephemeris(tmp_path):
+    unknown = f"    {345600:19.12E}{4:19.12E}"
+    assert unknown in message()
+    text = navigation_head() + message().replace(unknown, f"    {0.9999e9:19.12E}{4:19.12E}")
+    assert read(tmp_path, text).records["transmission_s"].tolist() == [0]
+
+
+def test_repeated_and_impossible_messages_are_counted_losses(tmp_path):
+    impossible = message("G09").replace("5.154800000000E+03", "0.000000000000E+00")
+    got = read(tmp_path, GOOD + message("G05") + impossible)
+    assert got.records["satellite"].tolist() == ["G05", "G07"]
+    assert {loss.reason: loss.count for loss in got.losses} == {
+        "impossible orbit or time": 1,
+        "repeated": 1,
+    }
+
+
+def test_other_constellations_and_unknown_satellites_are_counted(tmp_path):
+    short = "".join(message("R05").splitlines(keepends=True)[:4])
+    text = GOOD + short + short.replace("R05", "S27") + message("I03") + message("C59")
+    losses = {loss.what: loss.count for loss in read(tmp_path, text).losses}
+    assert losses == {"GLONASS message": 1, "SBAS message": 1, "NavIC message": 1, "C59 message": 1}
+
+
+def test_fifth_line_of_glonass_since_3_05_is_passed(tmp_path):
+    five = "".join(message("R05").splitlines(keepends=True)[:5])
+    got = read(tmp_path, navigation_head("3.05") + five + message("G05"))
+    assert got.records["satellite"].tolist() == ["G05"]
+
+
+def test_rinex_4_record_of_a_type_that_rtklib_would_misread_is_counted(tmp_path):
+    text = navigation_head("4.00")
+    text += "> EPH G05 LNAV\n" + message("G05") + "> EPH G07 CNAV\n" + message("G07")
+    text += "> STO G05 LNAV\n 2020 06 25 00 00 00 GPUT\n    1.0\n"
+    text += "> ION G05 LNAV\n    2020 06 25 00 00 00" + "".join(
+        f"{k * 1e-8:19.12E}" for k in (1, 2, 3)
+    )
+    text += (
+        "\n    " + "".join(f"{k * 1e4:19.12E}" for k in (0, 5, 6, 7)) + "\n    " + f"{8e4:19.12E}\n"
+    )
+    got = read(tmp_path, text)
+    assert got.records["satellite"].tolist() == ["G05"]
+    assert {loss.what: loss.count for loss in got.losses} == {
+        "G CNAV message": 1,
+        "STO record": 1,
+        "ION record": 1,
+    }
+    np.testing.assert_allclose(got.klobuchar, [1e-8, 2e-8, 3e-8, 0, 5e4, 6e4, 7e4, 8e4], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        (navigation_head(), "n.rnx: must hold a GPS, Galileo, BeiDou or QZSS message, has none"),
+        (GOOD.replace("G05 2020", "X05 2020"), "line 3: a message must start here"),
+        (GOOD.replace("G05 2020 06", "G05 2020 16"), "line 3: a message must start here"),
+        ("".join(GOOD.splitlines(keepends=True)[:-1]), "the message ends before its last line"),
+        (
+            "".join(GOOD.splitlines(keepends=True)[:4] + GOOD.splitlines(keepends=True)[5:]),
+            "line 10: the message ends before its last line",
+        ),
+        (GOOD[:-4], "line 18: the last line is cut"),
+        (
+            GOOD.replace("5.154800000000E+03", "5.15480000x000E+03", 1),
+            "line 5: column 62: must be a num",
+        ),
+        (
+            GOOD.replace("5.154800000000E+03", "5.154800000000E003", 1),
+            "line 5: column 62: must be a num",
+        ),
+        (GOOD.replace("5.154800000000E+03", " " * 18, 1), "line 5: column 62: must not be blank"),
+        (
+            GOOD.replace("5.154800000000E+03", "5.154800000000E+03 1", 1),
+            "line 5: column 81: must be",
+        ),
+        (navigation_head("4.00") + message(), "a RINEX 4 record must start here with '> '"),
+        (
+            navigation_head("4.00") + "> EPH G06 LNAV\n" + message("G05"),
+            "a message must start here",
+        ),
+        (navigation_head("4.00") + "> EPH G06 LNAV\n", "a message must start here"),
+    ],
+)
+def test_faults_are_named_with_line_rule_and_value(tmp_path, text, rule):
+    with pytest.raises(BadInputError, match=rule):
+        read(tmp_path, text)
+
+
+def test_decoder_that_loses_a_message_is_noticed(tmp_path, monkeypatch):
+    right = Decoded.records
+    monkeypatch.setattr(Decoded, "records", lambda self, job: right(self, job)[1:])
+    with pytest.raises(BadInputError, match=r"RTKLIB decoded 1 messages, the file holds 2.*report"):
+        read(tmp_path, GOOD)
+
+
+def test_broken_ionosphere_record_is_named(tmp_path):
+    text = navigation_head("4.00") + "> EPH G05 LNAV\n" + message()
+    with pytest.raises(BadInputError, match=r"line 12: ION record must hold eight numbers"):
+        read(tmp_path, text + "> ION G05 LNAV\n    2020 06 25 00 00 00 oops\n")
+
+
+def test_only_impossible_orbits_are_no_orbits(tmp_path):
+    text = GOOD.replace("5.154800000000E+03", "0.000000000000E+00")
+    with pytest.raises(BadInputError, match=r"n.rnx: no message has a possible orbit"):
+        read(tmp_path, text)
+
+
+def test_empty_list_of_files_is_named():
+    with pytest.raises(BadInputError, match="navigation: must name a file"):
+        read_navigation([], START_GPS_S)
+
+
+def test_real_files_hold_as_many_messages_as_their_text(shared):
+    paths = [shared / "orbits" / "ESBC00DNK_R_20201770000_01D_MN.rnx"]
+    got = read_navigation(paths, START_GPS_S)
+    text = paths[0].read_text()
+    count = Counter(re.findall(r"^([GECJ])\d\d \d{4}", text, re.MULTILINE))
+    assert Counter(name[0] for name in got.records["satellite"].tolist()) == count
+    assert not got.losses
+    assert set(got.records["data_source"][np.char.startswith(got.records["satellite"], "E")]) == {
+        258,
+        517,
+    }
+    assert got.klobuchar[0] == 4.6566e-9
+
+
+def test_real_rinex_2_file_is_read(shared):
+    got = read_navigation([shared / "orbits" / "brdc1820.10n"], 961_977_600.0)  # 2010-07-01
+    assert len(got.records) == 421
+    assert np.abs(got.records["toe_s"]).max() < 2 * 86_400
+    assert got.klobuchar[4] == 8.192e4
+
+
+def test_real_rinex_4_file_is_sorted_by_type(shared):
+    path = shared / "orbits" / "BRD400DLR_S_20230710000_01D_MN.rnx.gz"
+    got = read_navigation([path], 1_362_614_400.0)  # 2023-03-12
+    text = gzip.decompress(path.read_bytes()).decode()
+    heads = re.findall(r"^> (\w+) ([A-Z])(\d\d) (\w+)", text, re.MULTILINE)
+    wanted = [h for h in heads if h[0] == "EPH" and h[3] in ("LNAV", "INAV", "FNAV", "D1", "D2")]
+    wanted = [h for h in wanted if h[1] in "GECJ" and int(h[2]) <= 46]
+    assert len(got.records) + sum(x.count for x in got.losses if x.reason == "repeated") == len(
+        wanted
+    )
+    losses = {loss.what: loss.count for loss in got.losses}
+    assert losses["G CNAV message"] == 334
+    assert sum(losses.values()) + len(got.records) == text.count("\n> ")
+    assert np.abs(got.records["toe_s"] - 43_200).max() < 2 * 86_400
+
+
+def test_messages_of_several_files_are_merged(tmp_path):
+    first, second = tmp_path / "a.rnx", tmp_path / "b.rnx"
+    first.write_text(GOOD)
+    head = navigation_head().replace(
+        line("", "END OF HEADER"),
+        line("GPSA " + "".join(f"{k * 1e-8:12.4E}" for k in (1, 2, 3, 4)), "IONOSPHERIC CORR")
+        + line("", "END OF HEADER"),
+    )
+    second.write_text(head + message("G05") + message("G21"))
+    got = read_navigation([first, second], START_GPS_S)
+    assert got.records["satellite"].tolist() == ["G05", "G07", "G21"]
+    assert got.klobuchar[3] == 4e-8

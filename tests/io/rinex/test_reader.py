@@ -1,0 +1,288 @@
+"""Observation files through RTKLIB, against a slow reader that takes every field as it stands."""
+
+import gzip
+
+import numpy as np
+import pytest
+from hatanaka import crx2rnx, rnx2crx
+
+from fgnav.checks import BadInputError
+from fgnav.io.decoder import Decoded
+from fgnav.io.rinex.reader import read_navigation, read_observations, read_receivers, read_rinex
+from fgnav.io.signal_choice import ATTRIBUTES
+from fgnav.types.observations import HALF_CYCLE, LOST_LOCK
+from tests.io.rinex_texts import (
+    SATELLITES,
+    epoch_3,
+    head_3,
+    line,
+    message,
+    navigation_head,
+    observation_2,
+    observation_3,
+    values_3,
+)
+
+START_GPS_S = 1_277_078_400.0  # 2020-06-25
+FIELDS = ("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
+
+
+def read(tmp_path, text, start_gps_s=START_GPS_S, name="a.rnx"):
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return read_observations(path, start_gps_s)
+
+
+def assert_as_it_stands(observations, text, constellations="GECJ"):
+    """Every kept value equals the field of the file; nothing else was invented."""
+    channels = list(zip(observations.satellites, observations.signals, strict=True))
+    column = {channel: m for m, channel in enumerate(channels)}
+    expected = np.full((*observations.code_m.shape, 5), np.nan)
+    expected[..., 4] = 0
+    for (epoch, satellite, signal), row in values_3(text).items():
+        if (satellite, signal) in column:
+            expected[epoch, 0, column[satellite, signal]] = row
+    for k, name in enumerate(FIELDS):
+        got = getattr(observations, name)
+        np.testing.assert_array_equal(got, expected[..., k].astype(got.dtype))
+    assert {satellite[0] for satellite in observations.satellites} <= set(constellations)
+
+
+def test_small_file_is_read_as_it_stands(tmp_path):
+    text = observation_3()
+    got = read(tmp_path, text)
+    assert got.t_s.tolist() == [0, 1, 2, 3]
+    assert got.satellites == ("C11", "E07", "E07", "G05", "G05", "G05", "G12", "G12", "G12")
+    assert got.signals == ("2I", "1X", "5X", "1C", "2W", "5Q", "1C", "2W", "5Q")
+    assert_as_it_stands(got, text)
+    assert got.lock_flags[1, 0, 3] == LOST_LOCK
+    assert [(loss.what, loss.count) for loss in got.losses] == [("GLONASS observation", 4)]
+
+
+@pytest.mark.parametrize("version", ["3.00", "3.02", "3.03", "3.05", "4.00", "4.02"])
+def test_every_version_of_rinex_3_and_4_reads_the_same(tmp_path, version):
+    got, want = read(tmp_path, observation_3(version=version)), read(tmp_path, observation_3())
+    assert (got.satellites, got.signals) == (want.satellites, want.signals)
+    np.testing.assert_array_equal(got.phase_cycles, want.phase_cycles)
+
+
+def test_packed_files_read_the_same(tmp_path):
+    plain = observation_3().encode()
+    want = read(tmp_path, plain)
+    for name, content in {
+        "a.rnx.gz": gzip.compress(plain),
+        "a.crx": rnx2crx(plain),
+        "a.crx.gz": gzip.compress(rnx2crx(plain)),
+    }.items():
+        got = read(tmp_path, content, name=name)
+        for field in FIELDS:
+            np.testing.assert_array_equal(getattr(got, field), getattr(want, field))
+
+
+def test_rinex_2_is_read_with_rinex_3_signals(tmp_path):
+    got = read(tmp_path, observation_2(epochs=3, satellites=30))
+    assert got.code_m.shape == (3, 1, 60)
+    assert set(got.signals) == {"1C", "2W"}
+    m = list(zip(got.satellites, got.signals, strict=True)).index(("G14", "2W"))
+    assert got.code_m[2, 0, m] == 2.2e7 + 13 + 3 + 0.25
+    assert got.phase_cycles[2, 0, m] == 9e7 + 13 + 0.25
+    m = got.satellites.index("G14")
+    assert got.doppler_hz[2, 0, m] == -1234.5 + 13 + 0.25
+    assert got.cn0_dbhz[2, 0, m] == 45.5
+
+
+def test_second_pseudorange_of_a_carrier_is_a_counted_loss(tmp_path):
+    text = observation_2(satellites=4).replace("C1    L1    P2", "C1    L1    P1")
+    losses = {loss.what: loss.count for loss in read(tmp_path, text).losses}
+    assert losses == {"second value of a carrier": 12}
+
+
+@pytest.mark.parametrize(("system", "later_s"), [("GAL", 0), ("QZS", 0), ("BDT", 14), ("GLO", 18)])
+def test_other_time_systems_become_gps_time(tmp_path, system, later_s):
+    got = read(tmp_path, observation_3(system=system))
+    np.testing.assert_allclose(got.t_s, np.arange(4) + later_s, rtol=0, atol=1e-9)
+
+
+def test_start_with_fraction_and_clock_error_give_nominal_epochs_and_tags(tmp_path):
+    text = observation_3().replace(".0000000  0", ".0004321  0")
+    got = read(tmp_path, text, start_gps_s=START_GPS_S - 0.25)
+    np.testing.assert_allclose(got.t_s, np.arange(4) + 0.25, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(got.tag_s[:, 0], got.t_s + 432.1e-6, rtol=0, atol=1e-9)
+
+
+def test_power_failure_marks_every_phase_as_lost(tmp_path):
+    got = read(tmp_path, head_3() + epoch_3(0) + epoch_3(2, flag=1) + epoch_3(3))
+    assert (got.lock_flags[1] & LOST_LOCK == LOST_LOCK).all()
+    assert not got.lock_flags[0].any()
+
+
+def test_half_cycle_flag_and_flag_without_phase_survive(tmp_path):
+    text = observation_3()
+    first = text.index("\nG05") + 1
+    fields = text[first : text.index("\n", first)]
+    flagged = fields[:33] + "2" + fields[34:]
+    assert read(tmp_path, text.replace(fields, flagged, 1)).lock_flags[0, 0, 3] == HALF_CYCLE
+    blank = fields[:19] + " " * 14 + "1" + fields[34:]
+    got = read(tmp_path, text.replace(fields, blank, 1))
+    assert np.isnan(got.phase_cycles[0, 0, 3])
+    assert got.lock_flags[0, 0, 3] == LOST_LOCK
+
+
+def test_phase_without_code_is_kept(tmp_path):
+    text = observation_3()
+    first = text.index("\nG05") + 1
+    got = read(tmp_path, text[: first + 3] + " " * 16 + text[first + 19 :])
+    assert np.isnan(got.code_m[0, 0, 3])
+    assert np.isfinite(got.phase_cycles[0, 0, 3])
+
+
+def test_events_do_not_reach_rtklib(tmp_path):
+    remark = f"> {'':29s}4  1\n" + line("a remark", "COMMENT")
+    event = "> 2020 06 25 00 00 01.5000000  5  0\n"
+    slips = epoch_3(2, flag=6, satellites=SATELLITES[:2])
+    epochs = [epoch_3(k) for k in range(5)]
+    text = head_3() + epochs[0] + remark + epochs[1] + event + slips + "".join(epochs[2:])
+    assert_as_it_stands(read(tmp_path, text), head_3() + "".join(epochs))
+
+
+def test_epoch_without_satellites_is_an_epoch_of_gaps(tmp_path):
+    got = read(tmp_path, head_3() + epoch_3(0) + epoch_3(1, satellites=()) + epoch_3(2))
+    assert got.t_s.tolist() == [0, 1, 2]
+    assert np.isnan(got.code_m[1]).all()
+
+
+def test_receivers_that_track_a_signal_differently_agree_where_they_can(tmp_path):
+    types = {"C1X L1X C5X L5X": "C1C L1C C1X L1X C5Q L5Q", "E    4": "E    6"}
+    other = observation_3()
+    for old, new in types.items():
+        other = other.replace(old, new)
+    (tmp_path / "a.rnx").write_text(observation_3())
+    (tmp_path / "b.rnx").write_text(other)
+    first, second = read_receivers([tmp_path / "a.rnx", tmp_path / "b.rnx"], START_GPS_S)
+    kept = [s for name, s in zip(second.satellites, second.signals, strict=True) if name == "E07"]
+    assert kept == ["1X"]  # not 1C, which is first by rank; 5Q has no values in this file
+    assert "1X" in first.signals
+    lost = [loss for loss in second.losses if loss.what == "E 1C observation"]
+    assert lost[0].count == 4
+
+
+def test_no_receiver_gives_nothing():
+    assert read_receivers([], START_GPS_S) == []
+
+
+def test_messages_and_receivers_read_together_are_those_read_apart(tmp_path):
+    messages, receivers = (
+        [tmp_path / f"{k}.20n" for k in "ab"],
+        [tmp_path / f"{k}.rnx" for k in "ab"],
+    )
+    for path, satellite in zip(messages, ("G05", "G07"), strict=True):
+        path.write_text(navigation_head() + message(satellite))
+    for path, epochs in zip(receivers, (4, 6), strict=True):
+        path.write_text(observation_3(epochs=epochs))
+    broadcast, observations = read_rinex(messages, receivers, START_GPS_S)
+    apart = read_navigation(messages, START_GPS_S)
+    np.testing.assert_array_equal(broadcast.records, apart.records)
+    for got, want in zip(observations, read_receivers(receivers, START_GPS_S), strict=True):
+        np.testing.assert_array_equal(got.phase_cycles, want.phase_cycles)
+
+
+def test_file_names_that_rtklib_would_expand_or_unpack_are_read(tmp_path):
+    for name in ("a*b.rnx", "with blank.20o", "x.zip", "n.Z"):
+        assert len(read(tmp_path, observation_3(), name=name).t_s) == 4
+
+
+def test_every_signal_that_can_be_chosen_is_decoded(tmp_path):
+    signals = [
+        (bands[0], bands[1] + attribute)
+        for bands, attributes in ATTRIBUTES.items()
+        for attribute in attributes
+    ]
+    paths = []
+    for letter, signal in signals:
+        types = " ".join(c + signal for c in "CLDS")
+        text = head_3(types={letter: types})
+        for k in range(2):
+            fields = "".join(f"{2e7 + 100 * k + c:14.3f}  " for c in (1, 2)) + f"{9.5:14.3f}  " * 2
+            text += f"> 2020 06 25 00 00 {k:2d}.0000000  0  1\n{letter}02{fields}".rstrip() + "\n"
+        paths.append(tmp_path / f"{letter}{signal}.rnx")
+        paths[-1].write_text(text)
+    for (letter, signal), got in zip(signals, read_receivers(paths, START_GPS_S), strict=True):
+        assert (got.satellites, got.signals) == ((f"{letter}02",), (signal,))
+        assert got.phase_cycles.tolist() == [[[2e7 + 2]], [[2e7 + 102]]]
+
+
+def test_satellite_unknown_to_rtklib_is_a_counted_loss(tmp_path):
+    got = read(tmp_path, observation_3().replace("C11", "C59"))
+    assert "C59" not in got.satellites
+    assert ("C59 observation", 4) in [(loss.what, loss.count) for loss in got.losses]
+
+
+def altered(monkeypatch, change):
+    """Let the decoder hand back records that ``change`` altered."""
+    right = Decoded.records
+
+    def wrong(self, job):
+        records = right(self, job).copy()
+        return change(records)
+
+    monkeypatch.setattr(Decoded, "records", wrong)
+
+
+def without_beidou(records):
+    return records[records["sat"] != records["sat"].max()]
+
+
+def later(records):
+    records["time"]["sec"] += 0.5
+    records["time"]["sec"][-1] += 1e-3
+    return records
+
+
+def another_value(records):
+    records["L"][0, 0] += 0.001
+    return records
+
+
+@pytest.mark.parametrize(
+    ("change", "text", "rule"),
+    [
+        (
+            without_beidou,
+            observation_3(),
+            "RTKLIB decoded 0 C observations, the file holds 4",
+        ),
+        (later, observation_3(), "RTKLIB decoded other epochs than the file holds; please report"),
+        (another_value, observation_3(), "RTKLIB decoded other G 1C values than the file holds"),
+        (another_value, observation_2(), "RTKLIB decoded other L1 values than the file holds"),
+    ],
+)
+def test_whatever_rtklib_decodes_differently_is_an_error(tmp_path, monkeypatch, change, text, rule):
+    altered(monkeypatch, change)
+    with pytest.raises(BadInputError, match=rule):
+        read(tmp_path, text)
+
+
+def test_missing_file_is_named(tmp_path):
+    with pytest.raises(BadInputError, match=r"none.rnx: no such file"):
+        read_observations(tmp_path / "none.rnx", START_GPS_S)
+
+
+def test_real_1_hz_file_is_read_as_it_stands(shared):
+    path = shared / "rinex" / "GRAS00FRA_R_20223151700_15M_01S_MO.crx.gz"
+    text = crx2rnx(gzip.decompress(path.read_bytes())).decode()
+    got = read_observations(path, 1_352_221_200.0)  # 2022-11-11 17:00
+    assert got.t_s.tolist() == list(range(900))
+    assert_as_it_stands(got, text)
+    names = {s[0] + signal for s, signal in zip(got.satellites, got.signals, strict=True)}
+    assert names == {"G1C", "G2W", "G5X", "E1X", "E5X", "E7X", "C2I", "C7I"}
+    losses = {loss.what: loss.count for loss in got.losses}
+    assert losses["GLONASS observation"] == 7714  # grep -c ^R of the plain file, less the header
+    assert losses["SBAS observation"] == 900
+
+
+@pytest.mark.parametrize("name", ["WTZR", "WTZZ"])
+def test_real_30_s_files_are_read_as_they_stand(shared, name):
+    path = next((shared / "wettzell").glob(f"{name}*.rnx"))
+    got = read_observations(path, START_GPS_S)
+    assert got.t_s.tolist() == [30.0 * k for k in range(120)]
+    assert_as_it_stands(got, path.read_text())

@@ -1,0 +1,68 @@
+"""The bytes of a file: plain, packed, damaged in its packing."""
+
+import gzip
+
+import numpy as np
+import pytest
+from hatanaka import rnx2crx
+
+from fgnav.checks import BadInputError
+from fgnav.io.rinex.text import is_plain, read_bytes, read_text
+from tests.io.rinex_texts import observation_3
+
+PLAIN = observation_3().encode()
+
+
+def test_plain_gzip_and_hatanaka_give_the_same_text(tmp_path):
+    packed = {"a.rnx": PLAIN, "a.rnx.gz": gzip.compress(PLAIN), "a.crx": rnx2crx(PLAIN)}
+    packed["a.crx.gz"] = gzip.compress(packed["a.crx"])
+    for name, content in packed.items():
+        path = tmp_path / name
+        path.write_bytes(content)
+        text = read_text(path)
+        body = b"".join(line.rstrip() + b"\n" for line in text.tobytes().splitlines())
+        assert body == b"".join(line.rstrip() + b"\n" for line in PLAIN.splitlines())
+        assert is_plain(path, text) == (name == "a.rnx")
+
+
+def test_packing_is_told_by_content_not_by_name(tmp_path):
+    path = tmp_path / "a.rnx"
+    path.write_bytes(gzip.compress(PLAIN))
+    assert read_text(path).tobytes() == PLAIN
+
+
+@pytest.mark.parametrize(
+    ("content", "rule"),
+    [
+        (b"", "must hold text, the file is empty"),
+        (b"\n\n  \n", "must hold text, the file is empty"),
+        (gzip.compress(PLAIN)[:-20], "damaged gzip file"),
+        (gzip.compress(PLAIN)[:60] + b"\0\1\2" + gzip.compress(PLAIN)[63:], "damaged gzip file"),
+        (b"\x1f\x9d\x90abc", r"must be plain, gzip or Hatanaka, got compress \(.Z\)"),
+        (b"PK\x03\x04abc", "got zip"),
+        (b"BZh91AY", "got bzip2"),
+        (rnx2crx(PLAIN)[:-9], "must end with a line end, the last line is cut"),
+        (b"".join(rnx2crx(PLAIN).splitlines(True)[:-3]) + b"&&&\n", "damaged Hatanaka file"),
+    ],
+)
+def test_damaged_packing_is_named(tmp_path, content, rule):
+    path = tmp_path / "a.rnx"
+    path.write_bytes(content)
+    with pytest.raises(BadInputError, match=rule) as caught:
+        read_text(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_and_unreadable_files_are_named(tmp_path):
+    with pytest.raises(BadInputError, match=r"none.rnx: no such file; check the name"):
+        read_bytes(tmp_path / "none.rnx")
+    with pytest.raises(BadInputError, match="must be a regular file, is a folder"):
+        read_bytes(tmp_path)
+
+
+def test_text_is_read_only(tmp_path):
+    path = tmp_path / "a.rnx"
+    path.write_bytes(PLAIN)
+    assert not read_text(path).flags.writeable
+    assert read_text(path).dtype == np.uint8

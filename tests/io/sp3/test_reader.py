@@ -1,0 +1,145 @@
+"""Precise orbits."""
+
+import gzip
+
+import numpy as np
+import pytest
+
+from fgnav.checks import BadInputError
+from fgnav.io.sp3.reader import read_precise
+from fgnav.io.sp3.writer import write_precise
+from fgnav.types.orbits import PreciseOrbits
+
+START_GPS_S = 1_277_078_400.0  # 2020-06-25
+MM = 1e-3
+PS = 1e-12
+
+
+def orbits(epochs=3, first_s=0.0, satellites=("C11", "E07", "G05")) -> PreciseOrbits:
+    rng = np.random.default_rng(3)
+    p_e_m = rng.normal(0, 2e7, (epochs, len(satellites), 3)).round(3)
+    clock_s = rng.normal(0, 1e-4, (epochs, len(satellites))).round(12)
+    p_e_m[1, 1] = np.nan
+    clock_s[1, 1] = clock_s[0, -1] = np.nan
+    t_s = first_s + 300.0 * np.arange(epochs)
+    return PreciseOrbits(t_s=t_s, satellites=satellites, p_e_m=p_e_m, clock_s=clock_s)
+
+
+@pytest.fixture
+def text(tmp_path):
+    write_precise(tmp_path / "good.sp3", orbits(), start_gps_s=START_GPS_S)
+    return (tmp_path / "good.sp3").read_text()
+
+
+def read(tmp_path, text):
+    path = tmp_path / "a.sp3"
+    path.write_text(text)
+    return read_precise([path], START_GPS_S)
+
+
+def test_written_orbits_are_read_back_within_the_digits(tmp_path):
+    want = orbits(satellites=tuple(f"G{k + 1:02d}" for k in range(30)))
+    write_precise(tmp_path / "a.sp3", want, start_gps_s=START_GPS_S)
+    got = read_precise([tmp_path / "a.sp3"], START_GPS_S)
+    assert got.satellites == want.satellites
+    np.testing.assert_allclose(got.t_s, want.t_s, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(got.p_e_m, want.p_e_m, rtol=0, atol=0.6 * MM)
+    np.testing.assert_allclose(got.clock_s, want.clock_s, rtol=0, atol=0.6 * PS)
+    assert not got.losses
+
+
+def test_sp3_c_gzip_and_beidou_time_are_read(tmp_path, text):
+    path = tmp_path / "a.sp3.gz"
+    path.write_bytes(gzip.compress(text.replace("#d", "#c").replace("cc GPS", "cc BDT").encode()))
+    np.testing.assert_allclose(read_precise([path], START_GPS_S).t_s, [14, 314, 614], atol=1e-6)
+
+
+def test_velocities_and_other_constellations_are_counted(tmp_path, text):
+    lines = []
+    for line in text.replace("C11", "R11").splitlines(keepends=True):
+        lines += [line, "V" + line[1:]] if line.startswith("P") else [line]
+    got = read(tmp_path, "".join(lines))
+    assert got.satellites == ("E07", "G05")
+    assert {loss.what: loss.count for loss in got.losses} == {"GLONASS orbit": 3, "SP3 velocity": 9}
+
+
+def test_two_days_are_joined_and_shared_epochs_counted(tmp_path):
+    later = orbits(first_s=600.0, satellites=("G05", "J01", "J02"))
+    write_precise(tmp_path / "1.sp3", orbits(), start_gps_s=START_GPS_S)
+    write_precise(tmp_path / "2.sp3", later, start_gps_s=START_GPS_S)
+    got = read_precise([tmp_path / "2.sp3", tmp_path / "1.sp3"], START_GPS_S)
+    np.testing.assert_allclose(got.t_s, 300.0 * np.arange(5), atol=1e-6)
+    assert got.satellites == ("C11", "E07", "G05", "J01", "J02")
+    assert np.isnan(got.p_e_m[3, 0]).all()
+    np.testing.assert_allclose(got.p_e_m[2, 2], orbits().p_e_m[2, 2], atol=0.6 * MM)
+    assert [(loss.what, loss.count) for loss in got.losses] == [("2.sp3 epoch", 1)]
+
+
+@pytest.mark.parametrize(
+    ("damage", "rule"),
+    [
+        (lambda t: "#b" + t[2:], r"line 1: must start with #c or #d \(SP3\), got '#bP2020"),
+        (lambda t: t.replace("EOF\n", ""), "must end with EOF, the file is truncated"),
+        (lambda t: t[: t.index("EOF") - 20], "must end with EOF, the file is truncated"),
+        (
+            lambda t: t.replace("      3 ORBIT", "      4 ORBIT"),
+            "4 epochs announced, the file holds 3",
+        ),
+        (lambda t: t.replace("      3 ORBIT", "      x ORBIT"), "must tell the numbers of epochs"),
+        (lambda t: t.replace("C11E07", "C11C11", 1), "list each satellite once, got '3 with repet"),
+        (lambda t: t.replace("C11E07", "C11X07", 1), "list each satellite once, got 'X07'"),
+        (lambda t: t.replace("cc GPS", "cc UTC"), "time system must be one of GPS.*, got 'UTC'"),
+        (lambda t: t.replace("*  2020", "*  20x0"), "line 15: must be an epoch"),
+        (lambda t: t.replace("0 10  0.0", "0  0  0.0"), "line 23: time must increase"),
+        (lambda t: t.replace("0 10  0.0", "0 70  0.0"), "line 23: time must increase"),
+        (
+            lambda t: t.replace("PE07", "PE08"),
+            "line 17: must be a satellite of the header.*got 'E08'",
+        ),
+        (lambda t: t.replace("PE07", "PC11"), "line 17: must be a satellite of the header, once"),
+        (
+            lambda t: "".join(x for k, x in enumerate(t.splitlines(True)) if k != 20),
+            "line 19: the epoch must hold 3 satellites, got 2",
+        ),
+        (
+            lambda t: t.replace("999999.999999", "999999.99x999", 1),
+            "line 18: must hold four numbers",
+        ),
+        (
+            lambda t: t.replace(" 999999.999999", "999999.9999990", 1),
+            "line 18: must hold four numbers",
+        ),
+        (
+            lambda t: t.replace("999999.999999", "          nan", 1),
+            "line 18: must hold four numbers",
+        ),
+        (
+            lambda t: t.replace("999999.999999", "999999.99\xe9999", 1),
+            "line 18: must hold four numbers",
+        ),
+    ],
+)
+def test_faults_are_named(tmp_path, text, damage, rule):
+    assert damage(text) != text
+    with pytest.raises(BadInputError, match=rule):
+        read(tmp_path, damage(text))
+
+
+def test_empty_list_of_files_is_named():
+    with pytest.raises(BadInputError, match="orbits: must name a file"):
+        read_precise([], START_GPS_S)
+
+
+def test_real_file_is_read_as_it_stands(shared):
+    path = shared / "orbits" / "COD0MGXFIN_20201770000_01D_05M_ORB.SP3"
+    got = read_precise([path], START_GPS_S)
+    np.testing.assert_allclose(got.t_s, 300.0 * np.arange(289), atol=1e-6)
+    lines = path.read_text().splitlines()
+    first = next(line for line in lines if line.startswith("PG05"))
+    column = got.satellites.index("G05")
+    want = [float(first[4 + 14 * k : 18 + 14 * k]) for k in range(4)]
+    np.testing.assert_allclose(got.p_e_m[0, column], np.array(want[:3]) * 1e3, rtol=0, atol=1e-6)
+    assert got.clock_s[0, column] == pytest.approx(want[3] * 1e-6, abs=1e-18)
+    assert np.count_nonzero(np.isnan(got.clock_s)) == sum(
+        "999999.999999" in line and line[1] != "R" for line in lines if line[0] == "P"
+    )

@@ -1,0 +1,72 @@
+"""The recipe of gravity, small, through the command, whole and in slices."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fgnav.checks import BadInputError
+from fgnav_models.commands import train
+from fgnav_models.runtime.gravity import answers
+from fgnav_models.runtime.load import load
+from fgnav_models.training.ambiguity.nets import Architecture
+from fgnav_models.training.gravity.data import Rows, draw
+from fgnav_models.training.gravity.paper import PaperStudy
+from fgnav_sim.data_sets.gravity_world import GravityWorld
+
+RECIPE = (
+    Path(__file__).resolve().parents[4] / "models" / "fgnav_models" / "recipes" / "gravity.toml"
+)
+ALONE = RECIPE.with_name("gravity_accelerometer.toml")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Return the folder of a recipe that was run in one go."""
+    out = tmp_path_factory.mktemp("gravity") / "out"
+    train(RECIPE, out=out, scale="smoke")
+    (out / "report.md").rename(out.parent / "report.md")
+    train(ALONE, out=out, scale="smoke", resume=True)
+    return out
+
+
+def test_the_recipe_leaves_a_report_with_its_baselines(whole):
+    report = (whole.parent / "report.md").read_text(encoding="utf-8")
+    for words in ("paper's MLP", "paper's RNN", "unseen flights", "physical pair", "NEES"):
+        assert words in report
+
+
+def test_released_networks_load_and_answer_unit_vectors_with_a_covariance_across(whole):
+    epochs = draw(GravityWorld(), 40, rng=np.random.default_rng(9))
+    rows = Rows.of(epochs)
+    for name in ("gravity", "gravity-accelerometer"):
+        model = load(whole / f"{name}.onnx")
+        motion = rows.motion.numpy() if name == "gravity" else None
+        g_b, covariance = answers(model, rows.f_b_mps2.numpy(), motion)
+        np.testing.assert_allclose(np.linalg.norm(g_b, axis=1), 1.0, atol=1e-12)
+        np.testing.assert_allclose(np.einsum("nij,nj->ni", covariance, g_b), 0.0, atol=1e-12)
+        assert (np.linalg.eigvalsh(covariance)[:, 1] > 0).all()
+
+
+def test_a_training_cut_and_resumed_ends_in_the_same_bytes(whole, tmp_path, capsys):
+    out = tmp_path / "out"
+    train(RECIPE, out=out, scale="smoke", slice_s=1e-6)
+    assert "the same command with --resume goes on" in capsys.readouterr().out
+    while not (out / "gravity" / "checkpoint.safetensors").exists():
+        train(RECIPE, out=out, scale="smoke", slice_s=0.05, resume=True)
+    assert not (out / "report.md").exists()
+    train(RECIPE, out=out, scale="smoke", resume=True)
+    assert (out / "gravity.onnx").read_bytes() == (whole / "gravity.onnx").read_bytes()
+    assert (out / "report.md").read_bytes() == (whole.parent / "report.md").read_bytes()
+
+
+def test_a_network_without_a_batch_is_refused():
+    with pytest.raises(ValueError, match="batches: must hold lstm"):
+        PaperStudy(networks={"one": Architecture(kind="lstm")})
+
+
+def test_a_recipe_with_an_unknown_key_is_refused_by_name(tmp_path):
+    recipe = tmp_path / "gravity.toml"
+    recipe.write_text(RECIPE.read_text(encoding="utf-8").replace("[paper]", "[papers]"))
+    with pytest.raises(BadInputError, match="papers"):
+        train(recipe, out=tmp_path / "out", scale="smoke")

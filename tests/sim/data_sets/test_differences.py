@@ -1,0 +1,126 @@
+"""Double differences of drawn epochs, in the library's own conventions."""
+
+import msgspec
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from fgnav.checks import BadInputError
+from fgnav.integers.resolvers.truth import true_integers
+from fgnav_sim.data_sets.differences import double_differences_of, true_cycles, wrapped
+from fgnav_sim.data_sets.epochs import array_epochs
+from fgnav_sim.data_sets.world import (
+    AnySites,
+    AnyTimes,
+    NoiseTable,
+    RandomArray,
+    RunsTable,
+    SatellitesTable,
+    World,
+)
+
+WORLD = World(
+    sites=AnySites(),
+    times=AnyTimes(),
+    runs=RunsTable(epochs=3, step_s=1.0),
+    satellites=SatellitesTable(signals={"G": ("1C",), "E": ("1C",)}, choose=(1, 6), pick="random"),
+    noise=NoiseTable(elevation_weights="sine"),
+)
+
+
+def drawn(world=WORLD, count=300):
+    epochs = array_epochs(world, np.random.default_rng(1), count)
+    return epochs, double_differences_of(epochs)
+
+
+def test_double_differences_are_those_of_the_links():
+    epochs, differences = drawn()
+    for k in (0, 100, 299):
+        for j in range(len(epochs.signals)):
+            r = differences.reference[k, epochs.group[j]]
+            if r < 0 or not epochs.satellites[k, j]:
+                assert np.isnan(differences.phase_m[k, :, j]).all()
+                continue
+            single = epochs.phase_m[k, 1:] - epochs.phase_m[k, 0]
+            assert_allclose(differences.phase_m[k, :, j], single[:, j] - single[:, r], atol=1e-9)
+
+
+def test_true_integers_are_what_the_true_attitude_rounds_to():
+    epochs, differences = drawn()
+    cycles = true_cycles(epochs, differences)
+    assert_array_equal(cycles, true_integers(differences, epochs.R_nb))
+    assert np.abs(cycles).max() > 1000
+
+
+def test_residuals_of_the_true_integers_fill_the_stated_covariance():
+    epochs, differences = drawn()
+    residual_m = differences.phase_m - differences.array_m(epochs.R_nb)
+    residual_m -= differences.wavelength_m * true_cycles(epochs, differences)
+    links = np.isfinite(residual_m) & ~differences.is_reference[:, None]
+    square = freedom = 0
+    for k in range(len(epochs)):
+        if not links[k].any():
+            continue
+        P = differences.covariance(k, links[k], differences.phase_variance_m2)
+        e = residual_m[k][links[k]]
+        square += e @ np.linalg.solve(P, e)
+        freedom += len(e)
+    assert freedom > 5000
+    assert square == pytest.approx(freedom, abs=4 * np.sqrt(2 * freedom))
+
+
+def test_the_reference_is_the_highest_satellite_and_a_group_of_one_has_none():
+    epochs, differences = drawn()
+    for g in (0, 1):
+        own = np.flatnonzero(epochs.group == g)
+        height = np.nan_to_num(epochs.elevation_rad[:, own], nan=-1.0)
+        few = (height >= 0).sum(axis=1) < 2
+        assert few.any()
+        expected = np.where(few, -1, own[height.argmax(axis=1)])
+        assert_array_equal(differences.reference[:, g], expected)
+
+
+def test_wrapped_phase_and_its_integers_give_the_range():
+    calm = msgspec.structs.replace(WORLD, noise=NoiseTable(code_m=1e-9, phase_m=1e-9))
+    epochs, differences = drawn(calm)
+    phase_cycles, N = wrapped(differences, true_cycles(epochs, differences))
+    assert np.nanmax(np.abs(phase_cycles)) <= 0.5
+    there = np.isfinite(differences.phase_m)
+    range_m = differences.array_m(epochs.R_nb)
+    found_m = differences.wavelength_m * (phase_cycles + N)
+    assert_allclose(found_m[there], range_m[there], rtol=0, atol=1e-7)
+    assert_array_equal(N[there], np.rint(range_m / differences.wavelength_m)[there])
+    lengths_m = np.linalg.norm(differences.baselines_b_m, axis=1)
+    bound = np.ceil(2 * lengths_m / differences.wavelength_m[0])
+    assert (np.abs(N).max(axis=(0, 2)) <= bound).all()
+
+
+def test_times_increase_and_arcs_end_with_runs():
+    epochs, differences = drawn()
+    assert (np.diff(differences.t_s) > 0).all()
+    assert_allclose(np.diff(differences.t_s)[:2], 1.0, rtol=0, atol=1e-6)
+    there = differences.arc >= 0
+    assert_array_equal(there, np.isfinite(differences.phase_m))
+    same_run = (epochs.run[1:] == epochs.run[:-1])[:, None, None]
+    both = there[1:] & there[:-1]
+    same_arc = (differences.arc[1:] == differences.arc[:-1]) & both
+    assert not (same_arc & ~same_run).any()
+    cycles = true_cycles(epochs, differences)
+    assert not (np.diff(cycles, axis=0) != 0)[same_arc].any()
+    assert same_arc[np.broadcast_to(same_run, both.shape) & both].mean() > 0.9
+
+
+def test_slots_have_the_name_of_a_satellite_that_stays():
+    _, one = drawn(World(runs=RunsTable(epochs=10)), 10)
+    assert all(name[0] == "G" and name[1:].isdigit() for name in one.satellites)
+    _, many = drawn(World(), 200)
+    assert many.satellites == tuple(f"G#{k}" for k in range(1, 7))
+
+
+def test_arrays_that_differ_have_no_common_baselines():
+    world = msgspec.structs.replace(WORLD, array=RandomArray(antennas=(4, 4)))
+    epochs = array_epochs(world, np.random.default_rng(1), 6)
+    with pytest.raises(BadInputError, match="arrays differ from run to run; take epochs of one"):
+        double_differences_of(epochs)
+    of_one_run = double_differences_of(epochs[:3])
+    assert of_one_run.baselines_b_m.shape == (3, 3)

@@ -1,0 +1,133 @@
+"""NASA's six-degree-of-freedom check cases, TM-2015-218675, against its simulations 04 and 05.
+
+Vehicles, starts and winds are the report's; nothing is fitted to the files.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fgnav.geometry.earth import Origin
+from fgnav_sim.vehicle.atmosphere import Air
+from fgnav_sim.vehicle.rigid_body import Flown, Launch, Plan, fly_batch
+from fgnav_sim.vehicle.tables import Airframe, BodyTable, Vehicle
+
+FT, SLUG, DEG = 0.3048, 14.59390294, np.pi / 180
+SLUG_FT2 = SLUG * FT**2
+SPHERE = BodyTable(mass_kg=SLUG, inertia_kgm2=(3.6 * SLUG_FT2,) * 3)
+BRICK = BodyTable(
+    mass_kg=0.155404754 * SLUG,
+    inertia_kgm2=(0.001894220 * SLUG_FT2, 0.006211019 * SLUG_FT2, 0.007194665 * SLUG_FT2),
+)
+BALL = Airframe(area_m2=0.1963495 * FT**2, span_m=FT, chord_m=FT, cd0=0.1)
+DAMPED_BRICK = Airframe(
+    area_m2=0.22222 * FT**2, span_m=0.33333 * FT, chord_m=0.66667 * FT,
+    clp=-1.0, cmq=-1.0, cnr=-1.0,
+)  # fmt: skip
+HIGH, SEA_LEVEL = 30_000 * FT, 0.0
+
+
+def read(shared: Path, name: str) -> np.ndarray:
+    path = shared / "nesc" / f"{name}.csv"
+    if not path.is_file():
+        pytest.skip(f"FGNAV_SHARED: {name}.csv is absent")
+    header = path.read_text().partition("\n")[0].split(",")
+    columns = [header.index(wanted) for wanted in COLUMNS]
+    return np.loadtxt(path, delimiter=",", skiprows=1, usecols=columns).T
+
+
+COLUMNS = (
+    "time", "altitudeMsl_ft", "feVelocity_ft_s_X", "feVelocity_ft_s_Y", "feVelocity_ft_s_Z",
+    "eulerAngle_deg_Roll", "eulerAngle_deg_Pitch", "eulerAngle_deg_Yaw",
+    "bodyAngularRateWrtEi_deg_s_Roll", "bodyAngularRateWrtEi_deg_s_Pitch",
+    "bodyAngularRateWrtEi_deg_s_Yaw", "longitude_deg", "latitude_deg",
+)  # fmt: skip
+
+
+def flown(
+    vehicle: Vehicle,
+    air: Air,
+    *,
+    height_m: float = HIGH,
+    v_ned_fps: tuple[float, ...] = (0.0, 0.0, 0.0),
+    yaw_deg: float = 0.0,
+    rates_degps: tuple[float, ...] = (0.0, 0.0, 0.0),
+) -> Flown:
+    launch = Launch(
+        origin=Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=height_m),
+        v_n_mps=np.array(v_ned_fps) * FT,
+        euler_rad=np.array([0.0, 0.0, yaw_deg * DEG]),
+        w_ib_b_radps=np.array(rates_degps) * DEG,
+    )
+    plan = Plan(duration_s=30.0, step_s=5e-3, row_interval_s=0.1, gravity="j2")
+    return fly_batch([vehicle], [launch], [air], plan)
+
+
+def altitude_error_ft(flight: Flown, reference: np.ndarray) -> float:
+    assert np.abs(flight.t_s - reference[0]).max() < 1e-6
+    return float(np.abs(flight.place()[:, 2] / FT - reference[1]).max())
+
+
+def velocity_error_fps(flight: Flown, reference: np.ndarray) -> float:
+    place = flight.place()
+    v_ned = np.einsum("mij,mj->mi", _ned(place), flight.velocity_e_mps())
+    return float(np.abs(v_ned / FT - reference[2:5].T).max())
+
+
+def attitude_error_deg(flight: Flown, reference: np.ndarray) -> float:
+    error = np.degrees(flight.euler_rad()) - reference[5:8].T
+    return float(np.abs((error + 180) % 360 - 180).max())
+
+
+def _ned(place: np.ndarray) -> np.ndarray:
+    from fgnav.geometry.earth import ned_axes
+
+    return ned_axes(place[:, 0], place[:, 1])
+
+
+def test_a_dropped_sphere_without_air_falls_as_case_01(shared: Path) -> None:
+    reference = read(shared, "Atmos_01_sim_04")
+    flight = flown(Vehicle(body=SPHERE), Air(present=False))
+    assert altitude_error_ft(flight, reference) < 1e-3
+    assert velocity_error_fps(flight, reference) < 1e-3
+
+
+def test_a_tumbling_brick_without_air_turns_as_case_02(shared: Path) -> None:
+    reference = read(shared, "Atmos_02_sim_04")
+    flight = flown(Vehicle(body=BRICK), Air(present=False), rates_degps=(10.0, 20.0, 30.0))
+    assert attitude_error_deg(flight, reference) < 1e-6
+
+
+def test_a_tumbling_brick_with_damping_turns_as_case_03(shared: Path) -> None:
+    reference = read(shared, "Atmos_03_sim_05_every_0.1s")
+    flight = flown(
+        Vehicle(body=BRICK, aerodynamics=DAMPED_BRICK), Air(), rates_degps=(10.0, 20.0, 30.0)
+    )
+    assert attitude_error_deg(flight, reference) < 0.01
+
+
+def test_a_dropped_sphere_with_drag_falls_as_case_06(shared: Path) -> None:
+    reference = read(shared, "Atmos_06_sim_04")
+    flight = flown(Vehicle(body=SPHERE, aerodynamics=BALL), Air())
+    assert altitude_error_ft(flight, reference) < 1e-3
+
+
+def test_a_dropped_sphere_in_a_shear_of_wind_falls_as_case_08(shared: Path) -> None:
+    reference = read(shared, "Atmos_08_sim_04")
+    shear = Air(
+        wind_height_m=np.array([0.0, HIGH]), wind_mps=np.array([[0.0, -20 * FT], [0.0, 70 * FT]])
+    )
+    flight = flown(Vehicle(body=SPHERE, aerodynamics=BALL), shear)
+    assert altitude_error_ft(flight, reference) < 1e-3
+
+
+def test_a_launched_sphere_flies_as_case_09(shared: Path) -> None:
+    reference = read(shared, "Atmos_09_sim_04")
+    flight = flown(
+        Vehicle(body=SPHERE, aerodynamics=BALL), Air(),
+        height_m=SEA_LEVEL, v_ned_fps=(0.0, 1000.0, -1000.0), yaw_deg=90.0,
+        rates_degps=(0.0, -0.004178073, 0.0),  # at rest against the Earth
+    )  # fmt: skip
+    assert altitude_error_ft(flight, reference) < 1e-2
+    assert attitude_error_deg(flight, reference) < 1e-3

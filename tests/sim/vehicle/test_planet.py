@@ -1,0 +1,133 @@
+"""Other Earths than ours: closed forms of a round one, at rest and turning."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from fgnav.checks import BadInputError
+from fgnav.geometry.earth import GM_M3PS2, Origin, geodetic
+from fgnav_sim.vehicle.atmosphere import Air
+from fgnav_sim.vehicle.planet import WGS84, Planet
+from fgnav_sim.vehicle.rigid_body import Flown, Launch, Plan, fly_batch
+from fgnav_sim.vehicle.tables import Airframe, BodyTable, Vehicle
+
+RADIUS_M, RATE = 6_371_007.0, 7.2921151467e-5
+STILL = Planet(semi_major_axis_m=RADIUS_M, flattening=0.0, rate_radps=0.0)
+TURNING = Planet(semi_major_axis_m=RADIUS_M, flattening=0.0)
+STONE = Vehicle(body=BodyTable(mass_kg=10.0, inertia_kgm2=(0.5, 0.5, 0.5)))
+HEIGHT_M = 9144.0
+
+
+def dropped(
+    planet: Planet,
+    *,
+    vehicle: Vehicle = STONE,
+    air: Air | None = None,
+    latitude_rad: float = 0.0,
+    v_n_mps: tuple[float, ...] = (0.0, 0.0, 0.0),
+    duration_s: float = 30.0,
+    height_m: float = HEIGHT_M,
+) -> Flown:
+    start = Launch(
+        origin=Origin(latitude_rad=latitude_rad, longitude_rad=0.0, height_m=height_m),
+        v_n_mps=np.array(v_n_mps), euler_rad=np.zeros(3), w_ib_b_radps=np.zeros(3),
+    )  # fmt: skip
+    plan = Plan(
+        duration_s=duration_s, step_s=5e-3, row_interval_s=0.1, gravity="spherical", planet=planet
+    )
+    return fly_batch([vehicle], [start], [air or Air(present=False)], plan)
+
+
+def kepler(p_m: np.ndarray, v_mps: np.ndarray, t_s: float) -> np.ndarray:
+    """Return the position after a time on a Kepler ellipse, by Lagrange's coefficients."""
+    r = np.linalg.norm(p_m)
+    a = 1 / (2 / r - v_mps @ v_mps / GM_M3PS2)
+    n, s = np.sqrt(GM_M3PS2 / a**3), p_m @ v_mps / np.sqrt(GM_M3PS2 * a)
+
+    def late(x: float) -> float:
+        return x - (1 - r / a) * np.sin(x) + s * (1 - np.cos(x)) - n * t_s
+
+    x = brentq(late, -1.0, 8.0, xtol=1e-15, rtol=1e-15)
+    f = 1 - a / r * (1 - np.cos(x))
+    return f * p_m + (t_s + (np.sin(x) - x) / n) * v_mps
+
+
+@pytest.mark.parametrize("planet", [WGS84, STILL, Planet(flattening=0.01)])
+def test_places_come_back(planet: Planet) -> None:
+    for latitude_rad in (-1.2, 0.0, 0.7):
+        origin = Origin(latitude_rad=latitude_rad, longitude_rad=2.0, height_m=12345.0)
+        back = planet.geodetic(planet.p_e_m(origin)[None])[0]
+        assert back == pytest.approx([latitude_rad, 2.0, 12345.0], abs=1e-8)
+
+
+def test_our_earth_is_the_librarys() -> None:
+    origin = Origin(latitude_rad=0.7, longitude_rad=-0.07, height_m=700.0)
+    assert WGS84.p_e_m(origin) == pytest.approx(origin.p_e_m, abs=1e-8)
+    there = origin.p_e_m[None]
+    assert WGS84.geodetic(there) == pytest.approx(geodetic(there), abs=1e-9)
+
+
+@pytest.mark.parametrize("planet", [STILL, TURNING])
+@pytest.mark.parametrize("v_n_mps", [(0.0, 0.0, 0.0), (304.8, 0.0, -304.8), (0.0, 304.8, -304.8)])
+def test_in_vacuum_a_body_follows_its_kepler_ellipse(
+    planet: Planet, v_n_mps: tuple[float, ...]
+) -> None:
+    flight = dropped(planet, v_n_mps=v_n_mps, latitude_rad=0.6)
+    y, end_s = flight.y[0], flight.t_s[-1]
+    assert y[-1, :3] == pytest.approx(kepler(y[0, :3], y[0, 3:6], end_s), abs=1e-6)
+
+
+def test_on_an_earth_at_rest_a_launch_to_the_north_stays_in_its_meridian() -> None:
+    place = dropped(STILL, v_n_mps=(300.0, 0.0, -300.0), latitude_rad=0.2).place()
+    assert np.abs(place[:, 1]).max() < 1e-15
+    assert np.diff(place[:, 0]).min() > 0
+
+
+def test_a_stone_dropped_on_a_turning_earth_falls_to_the_east() -> None:
+    flight = dropped(TURNING)
+    east_m = RADIUS_M * flight.place()[-1, 1]
+    g = GM_M3PS2 / (RADIUS_M + HEIGHT_M) ** 2 - RATE**2 * RADIUS_M
+    assert east_m == pytest.approx(RATE * g * 30**3 / 3, rel=2e-3)
+    assert np.abs(dropped(STILL).place()[:, 1]).max() < 1e-15
+
+
+def test_a_circular_orbit_closes() -> None:
+    height_m = 400e3
+    r = RADIUS_M + height_m
+    speed = np.sqrt(GM_M3PS2 / r)
+    flight = dropped(
+        STILL, v_n_mps=(0.0, speed, 0.0), duration_s=600.0, height_m=height_m
+    )  # fmt: skip
+    place = flight.place()
+    assert np.abs(place[:, 2] - height_m).max() < 1e-5
+    assert place[-1, 1] == pytest.approx(speed / r * flight.t_s[-1], abs=1e-12)
+
+
+def test_in_a_steady_wind_a_light_body_ends_up_at_the_winds_speed() -> None:
+    feather = Vehicle(
+        body=BodyTable(mass_kg=0.1, inertia_kgm2=(0.1, 0.1, 0.1)),
+        aerodynamics=Airframe(area_m2=0.1, span_m=0.3, chord_m=0.3, cd0=1.0),
+    )
+    wind = Air(wind_mps=np.array([[3.0, 6.0]]))
+    flight = dropped(STILL, vehicle=feather, air=wind)
+    v_n = flight.velocity_e_mps()[-1]  # at the equator north is z, east is y
+    assert v_n[[2, 1]] == pytest.approx([3.0, 6.0], abs=0.01)
+    density = 1.225 * (1 - 2.25577e-5 * flight.place()[-1, 2]) ** 4.2559  # US-1976, troposphere
+    fall = np.sqrt(2 * 0.1 * 9.8 / (density * 0.1))
+    assert -v_n[0] == pytest.approx(fall, rel=5e-3)
+
+
+def test_planets_that_cannot_be_are_named() -> None:
+    with pytest.raises(BadInputError, match=r"flattening: must be from 0 to below 0\.1, got 0\.2"):
+        Planet(flattening=0.2)
+    with pytest.raises(BadInputError, match=r"rate_radps: must be within \+-1e-3, got 1"):
+        Planet(rate_radps=1.0)
+    with pytest.raises(BadInputError, match="semi_major_axis_m: must be positive"):
+        Planet(semi_major_axis_m=0.0)
+    plan = Plan(duration_s=1.0, planet=STILL)
+    start = Launch(
+        origin=Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=0.0),
+        v_n_mps=np.zeros(3), euler_rad=np.zeros(3), w_ib_b_radps=np.zeros(3),
+    )  # fmt: skip
+    with pytest.raises(BadInputError, match="gravity model: wgs84-normal is the WGS-84 Earth's"):
+        fly_batch([STONE], [start], [Air()], plan)
