@@ -1,0 +1,75 @@
+"""What keeps the house in order: rooms of few files, methods used by what they can do."""
+
+import ast
+import re
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from fgnav.methods import METHODS
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = [ROOT / "fgnav", ROOT / "sim" / "fgnav_sim", ROOT / "models" / "fgnav_models"]
+FILES = [file for package in PACKAGES for file in package.rglob("*.py")]
+FULL = 12  # files of a room, its __init__ aside
+MOVED = {
+    "fgnav.flight": "fgnav.types.flight",
+    "fgnav.io.flight_folder": "fgnav.io.flight.folder",
+    "fgnav.integers.truth": "fgnav.integers.resolvers.truth",
+}
+
+
+def parsed(file):
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
+def names(node):
+    """Return all names in an expression: ``smoother`` and ``Smoother`` of ``smoother.Smoother``."""
+    ends = {one.attr for one in ast.walk(node) if isinstance(one, ast.Attribute)}
+    return ends | {one.id for one in ast.walk(node) if isinstance(one, ast.Name)}
+
+
+def kinds_asked_for(tree):
+    """Yield line and class names of every ``isinstance`` of a file."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and names(node.func) & {"isinstance", "issubclass"}:
+            yield node.lineno, names(node.args[1])
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
+def test_no_room_holds_more_than_it_can(package):
+    rooms = {file.parent for file in package.rglob("*.py")}
+    counts = {
+        str(room.relative_to(ROOT)): sum(file.name != "__init__.py" for file in room.glob("*.py"))
+        for room in rooms
+    }
+    assert len(counts) > 1
+    assert {room: count for room, count in counts.items() if count > FULL} == {}
+
+
+def test_every_room_says_in_a_sentence_what_is_its_own():
+    rooms = {file.parent for file in FILES}
+    silent = [str(room) for room in rooms if not ast.get_docstring(parsed(room / "__init__.py"))]
+    assert silent == []
+
+
+def test_no_method_is_told_by_its_class():
+    methods = {place.partition(":")[2] for place in METHODS.values()}
+    assert {"Smoother", "Rtk"} <= methods
+    asked = [
+        f"{file.relative_to(ROOT)}:{line}"
+        for file in FILES
+        for line, kinds in kinds_asked_for(parsed(file))
+        if kinds & methods
+    ]
+    assert asked == []
+    assert list(kinds_asked_for(ast.parse("isinstance(a, (x.Rtk, B))"))) == [(1, {"x", "Rtk", "B"})]
+
+
+@pytest.mark.parametrize(("old", "new"), MOVED.items())
+def test_an_old_name_is_the_new_module_and_says_so(old, new, monkeypatch):
+    monkeypatch.delitem(sys.modules, old, raising=False)
+    with pytest.warns(DeprecationWarning, match=re.escape(f"{old} is now {new}")):
+        assert import_module(old) is import_module(new)
