@@ -28,7 +28,7 @@ def calibration(
     flights
         Folders with a flight.toml, of flights that it was not trained on.
     """
-    from fgnav.cli.estimators import load  # noqa: PLC0415  # lazy, like all below
+    from fgnav.cli.arguments.estimators import load  # noqa: PLC0415  # lazy, like all below
     from fgnav.json_file import check_places  # noqa: PLC0415
     from fgnav.neural.calibration import calibration as judged  # noqa: PLC0415
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from fgnav.cli.estimators import load
+from fgnav.cli.arguments.estimators import load
 from fgnav.json_file import JsonFile, write_json
 from fgnav.terminal import check_outputs, progress, show_set_up
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fgnav.cli.estimators import (
+from fgnav.cli.arguments.estimators import (
     Asked,
     Span,
     ablated,
@@ -12,7 +12,7 @@ from fgnav.cli.estimators import (
     estimators_named,
     flights_in,
 )
-from fgnav.cli.options import (
+from fgnav.cli.arguments.options import (
     CausalFlag,
     EstimateWords,
     FactorNames,

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from fgnav.cli.estimators import Asked, compare_flight, estimators_named
-from fgnav.cli.options import (
+from fgnav.cli.arguments.estimators import Asked, compare_flight, estimators_named
+from fgnav.cli.arguments.options import (
     CausalFlag,
     EstimateWords,
     FactorNames,
