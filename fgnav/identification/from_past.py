@@ -41,7 +41,7 @@ def stretches(
         From a flight to its problem.
     """
     t_s = prepared.problem.t_s
-    doublings = max(int(np.ceil(np.log2(max((t_s[-1] - t_s[0]) / FIRST_S, 1.0)))), 0)
+    doublings = int(np.ceil(np.log2(max((t_s[-1] - t_s[0]) / FIRST_S, 1.0))))
     from_s = [-np.inf, *(t_s[0] + FIRST_S * 2.0**j for j in range(doublings)), np.inf]
     by_then = [None, *(_findings(flight, settings, float(s), build) for s in from_s[1:-1])]
     if all(one is None for one in by_then):
@@ -49,11 +49,18 @@ def stretches(
     parts = []
     for begin_s, end_s, found in zip(from_s[:-1], from_s[1:], by_then, strict=True):
         part = flight if end_s == np.inf else truncated(flight, float(end_s + ahead_s))
-        problem = (
-            build(part, settings) if found is None else with_findings(part, settings, found, build)
-        )
+        try:
+            problem = (
+                build(part, settings)
+                if found is None
+                else with_findings(part, settings, found, build)
+            )
+        except NoSolutionError:
+            if end_s == np.inf:
+                raise
+            continue  # nothing is known by then, whatever comes later
         parts.append(Stretch(float(begin_s), float(end_s), part, problem))
-    changed_s = ", ".join(f"{part.from_s:.0f}" for part in parts[1:])
+    changed_s = ", ".join(f"{s:.0f}" for s in from_s[1:-1])
     note = f"Noise is identified anew from the past, from {changed_s} s on."
     last = parts[-1]
     said = replace(last.prepared, notes=(*last.prepared.notes, note))

@@ -17,7 +17,7 @@ from fgnav.methods.observability import TURN, undetermined
 from fgnav.optional_gtsam import HAS_GTSAM
 from fgnav.types.estimate import Consistency, Estimate
 
-_ROUGH = "its window ended too far from where it was linearised"
+ROUGH = "its window ended too far from where it was linearised"
 _REFUSED = "estimate, for windows ended too far from where they were linearised,"
 _FEW = 0.5  # of keyframes: where most are refused the method ended nowhere
 
@@ -99,7 +99,7 @@ def estimate_of(
         integers=prepared.integers,
         losses=(
             *prepared.losses,
-            *([Loss(what="keyframe", reason=_ROUGH, count=lost)] if lost else []),
+            *([Loss(what="keyframe", reason=ROUGH, count=lost)] if lost else []),
         ),
         converged=converged,
         rejections=prepared.rejections,

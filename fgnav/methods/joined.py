@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from fgnav.checks import Loss
+from fgnav.methods.estimates import ROUGH
 from fgnav.types.estimate import Estimate
 
 
@@ -15,16 +17,21 @@ def among(estimate: Estimate, from_s: float, until_s: float) -> Estimate:
     return replace(estimate, **arrays)
 
 
-def joined_estimates(parts: list[Estimate], epochs: int) -> Estimate:
-    """Return estimates of times that follow each other as one, of so many epochs asked for.
+def joined_estimates(parts: list[Estimate], epochs: int, asked: int) -> Estimate:
+    """Return estimates of times that follow each other as one, of so many epochs and keyframes.
 
-    What is not of epochs is the last one's, who saw all of the flight; it has converged if all
-    have.
+    What is not of epochs is the last one's, who saw all of the flight with the noise known last,
+    NIS included; it has converged if all have. Keyframes left out are counted anew.
     """
     last = parts[-1]
     names = [n for n in _by_epoch(last) if all(getattr(e, n) is not None for e in parts)]
     arrays: dict[str, Any] = {n: np.concatenate([getattr(e, n) for e in parts]) for n in names}
-    return replace(last, **arrays, epochs=epochs, converged=all(e.converged for e in parts))
+    left_out = asked - len(arrays["t_s"])
+    losses = tuple(one for one in last.losses if one.reason != ROUGH)
+    if left_out:
+        losses = (*losses, Loss(what="keyframe", reason=ROUGH, count=left_out))
+    converged = all(e.converged for e in parts)
+    return replace(last, **arrays, epochs=epochs, converged=converged, losses=losses)
 
 
 def _by_epoch(estimate: Estimate) -> list[str]:

@@ -53,12 +53,15 @@ def with_own_heading(prepared: PreparedFlight, own: Sequence[OwnFactor]) -> Prep
     sure_rad = _SURE_RAD if prepared.causal else _TOLD_RAD
     turned, information = 0.0 + 0.0j, 0.0
     for k in sorted(first):
-        told = _told(windowed, first[k], k)
-        if told is None:
+        correction = _heading_correction(windowed, first[k], k)
+        if correction is None:
             continue
         if prepared.problem.t_s[k] >= opening.until_s:
             break
-        turned, information = turned + told[1] * np.exp(1j * told[0]), information + told[1]
+        turned, information = (
+            turned + correction[1] * np.exp(1j * correction[0]),
+            information + correction[1],
+        )
         if information * sure_rad**2 > 1:
             return _turned(prepared, float(np.angle(turned)), float(prepared.problem.t_s[k]))
     return prepared
@@ -92,7 +95,9 @@ def _turned(prepared: PreparedFlight, turn_rad: float, from_s: float) -> Prepare
     )
 
 
-def _told(problem: SmoothingProblem, one: OwnFactor, k: int) -> tuple[float, float] | None:
+def _heading_correction(
+    problem: SmoothingProblem, one: OwnFactor, k: int
+) -> tuple[float, float] | None:
     """Return by how much a factor wants keyframe k turned about down, and its information.
 
     None if it does not tell.

@@ -171,7 +171,7 @@ class Smoother:
             for one in prepared.stretches
             if (within := (t_s >= one.from_s) & (t_s < one.until_s)).any()
         ]
-        return joined_estimates(parts, len(t_s))
+        return joined_estimates(parts, len(t_s), len(t_s))
 
     def _at(self, flight: Flight, prepared: PreparedFlight, t_s: FloatArray) -> Estimate:
         problem, rows = with_times(prepared.problem, t_s)
@@ -237,7 +237,9 @@ class Smoother:
             among(e, one.from_s, one.until_s)
             for e, one in zip(whole, prepared.stretches, strict=True)
         ]
-        return joined_estimates(parts, whole[-1].epochs)
+        times = [(one.prepared.problem.t_s, one) for one in prepared.stretches]
+        asked = sum(int(((t >= s.from_s) & (t < s.until_s)).sum()) for t, s in times)
+        return joined_estimates(parts, whole[-1].epochs, asked)
 
     def _estimated(
         self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None

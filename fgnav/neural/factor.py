@@ -64,7 +64,7 @@ class NeuralFactor:
 
     def __reduce__(self) -> Any:  # noqa: ANN401  # pickle's own form: sessions cannot be copied
         """Return how to make another in a process of its own."""
-        return _anew, (self._path, self._given, self._interval_s)
+        return _reconstructed, (self._path, self._given, self._interval_s)
 
     @property
     def name(self) -> str:
@@ -226,5 +226,7 @@ def _newest(record: Record, span_s: float) -> Record:
     return record.after(float(record.t_s[-1]) - span_s) if len(record.t_s) else record
 
 
-def _anew(path: Path, records: Mapping[str, Record], between_s: float | None) -> NeuralFactor:
+def _reconstructed(
+    path: Path, records: Mapping[str, Record], between_s: float | None
+) -> NeuralFactor:
     return NeuralFactor(path, records=records, interval_s=between_s)

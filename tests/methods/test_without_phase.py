@@ -21,7 +21,9 @@ from tests.methods.true_gravity import TrueGravity
 
 # What docs/model.md names as not solved: the turn about the specific force of a body that nothing
 # but its motion tells. A rate that wanders about a constant is too little to hold it.
-HEADING = pytest.mark.xfail(reason="rate prior without attitudes: docs/model.md, not solved")
+HEADING = pytest.mark.xfail(
+    reason="neither array nor gyroscope: the turn about gravity is open (docs/model.md)"
+)
 
 
 @pytest.fixture(scope="module")
