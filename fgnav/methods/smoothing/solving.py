@@ -81,24 +81,16 @@ def without_attitudes(prepared: PreparedFlight) -> bool:
 
 
 def is_known_late(prepared: PreparedFlight) -> bool:
-    """Return whether only later motion tells where to linearise: a window's past cannot be again.
+    """Return whether only later motion tells where to linearise a body without a gyroscope.
 
-    Of a flight without an array the heading; of one without a gyroscope whether it turned over.
-    One whose heading nothing tells has no better place than its opening.
+    Without attitudes none does before; between two of them it may have turned over: a window goes
+    on as the body last turned, and a turn too many is a minimum of its own.
     """
-    if _open_throughout(prepared) is not None:
+    if prepared.imu.w_b_radps is not None:
         return False
-    return prepared.integers is None or turns_unseen(prepared)
-
-
-def turns_unseen(prepared: PreparedFlight) -> bool:
-    """Return whether a body without a gyroscope may have turned over between two attitudes.
-
-    A window goes on as the body last turned, and a turn too many is a minimum of its own.
-    """
     problem = prepared.problem
     away_s = time_from_attitude_s(problem.t_s, problem.attitude_known)
-    return prepared.imu.w_b_radps is None and bool((away_s > LOST_S).any())
+    return prepared.integers is None or bool((away_s > LOST_S).any())
 
 
 def _open_throughout(prepared: PreparedFlight) -> Opening | None:
