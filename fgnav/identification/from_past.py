@@ -1,7 +1,8 @@
 """Noise of a causal method: identified by what came before, again whenever that has doubled.
 
-And when motion first tells the heading: from then on a filter states attitudes, and noise at rest
-is not that in motion (a quadrotor's accelerometer: 300 times its data sheet's).
+And when motion first tells the heading, whenever that motion has doubled: from then on a filter
+states attitudes, and noise at rest is not that in motion (a quadrotor's accelerometer: 300 times
+its data sheet's).
 
 A stretch is estimated with the noise and the times that the record up to its beginning told. What
 is estimated within it depends on nothing later: the method runs anew over all that came before.
@@ -20,6 +21,7 @@ from fgnav.types.flight import Flight
 
 FEWEST = 30  # fixes, that tell noise to 13 %
 FIRST_S = 30.0  # as many at one a second
+MOVED_S = 5.0  # half a dozen of them: of noise in motion next to nothing is known before
 
 
 def stretches(
@@ -74,7 +76,12 @@ def _looks_s(prepared: PreparedFlight) -> list[float]:
     doublings = int(np.ceil(np.log2(max((t_s[-1] - t_s[0]) / FIRST_S, 1.0))))
     looks_s = {float(t_s[0] + FIRST_S * 2.0**j) for j in range(doublings)}
     if opening is not None and FEWEST <= opening.keyframes < len(t_s):
-        looks_s.add(float(opening.until_s))
+        known_s, after_s = float(opening.until_s), MOVED_S
+        until_s = min((s for s in looks_s if s > known_s), default=float(t_s[-1]))
+        looks_s.add(known_s)
+        while known_s + after_s < until_s:
+            looks_s.add(known_s + after_s)
+            after_s *= 2.0
     return sorted(looks_s)
 
 
