@@ -15,9 +15,9 @@ from fgnav.graph.types.states import AUX, RATE, ROTATION
 # rotations err by half the square, 0.003 degree.
 MOVED_RAD = 0.01
 # Beside a gyroscope all are at once, and at less: where one is level and its neighbour is not by
-# this much, specific force seems to point across by g times that, and to tell a heading. Of phases,
-# which know velocities to 4 mm/s, that is three times their noise in a second.
-_MOVED_WITH_GYROSCOPE_RAD = 0.0015
+# this much, specific force seems to push by 0.01 m/s2 and to tell a heading. In a second that is
+# two and a half times what velocities by phase err.
+_MOVED_WITH_GYROSCOPE_RAD = 0.001
 MOVED_RADPS = 0.05  # of the rate, without a gyroscope: turns by that in 0.1 s
 _ERRS_AT_MOST = 0.25  # of sigma, by half the square of a move: 3 % more RMS error
 _GYROSCOPE_AUX = 6
