@@ -1,0 +1,277 @@
+"""One flight of what several files hold: one clock, one origin, written by the one writer."""
+
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, Loss
+from fgnav.geometry.earth import Origin, geodetic
+from fgnav.io.atomic_write import atomic_folder
+from fgnav.io.flight import series, writer
+from fgnav.io.flight import toml as flight_toml
+from fgnav.io.flight.columns import PLACE
+from fgnav.io.flight.folder import load_flight
+from fgnav.io.gps_time import WEEK_S
+from fgnav.io.importers.recording import Recording, cleaned
+from fgnav.io.importers.settings import Settings
+from fgnav.io.rinex.text import read_text
+from fgnav.types.flight import Antenna, Flight
+
+_HEAD_BYTES = 40_000  # of a RINEX file; headers have some 5 kB
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Assembled:
+    """A flight to be written.
+
+    Attributes
+    ----------
+    flight : Flight
+        Without observations: RINEX files are copied as they are.
+    observations : tuple of Path
+        One an antenna, or none.
+    navigation, orbits : tuple of Path
+    notes : mapping of str to str
+        What the user should know, by the key of flight.toml that it is about.
+    """
+
+    flight: Flight
+    observations: tuple[Path, ...]
+    navigation: tuple[Path, ...]
+    orbits: tuple[Path, ...]
+    notes: Mapping[str, str]
+
+
+def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
+    """Put what files hold on one clock and into one frame.
+
+    ``t_s = 0`` is the settings' ``start``, else the first fix, else the first observation. A clock
+    of a unit's own is laid with its first sample on the start, and a note says so.
+
+    Raises
+    ------
+    BadInputError
+        If two files have the same table, or a table has no usable row.
+    """
+    notes: dict[str, str] = {}
+    for one in recordings:
+        notes |= one.notes
+    start_s = _start(recordings, settings, notes)
+    tables: dict[str, dict[str, FloatArray]] = {}
+    losses: list[Loss] = []
+    for one in recordings:
+        losses += one.losses
+        for kind, table in one.tables.items():
+            if kind in tables:
+                raise BadInputError(f"{one.source}: another file has {kind}, too; import one")
+            rows, lost = cleaned(kind, table, one.source)
+            rows["t_s"] = rows["t_s"] + _shift(one, kind, rows["t_s"][0], start_s, notes)
+            tables[kind] = rows
+            losses += lost
+    observations = tuple(path for one in recordings for path in one.observations)
+    antennas = _antennas(settings, observations, "fixes" in tables, notes)
+    noise = {key: value for one in recordings for key, value in one.imu_noise.items()}
+    origin = _origin(tables, observations, notes)
+    flight = Flight(
+        name=settings.name or recordings[0].source.stem,
+        start_gps_s=start_s,
+        origin=origin,
+        antennas=antennas,
+        losses=tuple(losses),
+        **_parts(tables, settings, noise, origin, antennas),
+    )
+    return Assembled(
+        flight=flight,
+        observations=observations,
+        navigation=tuple(path for one in recordings for path in one.navigation),
+        orbits=tuple(path for one in recordings for path in one.orbits),
+        notes=notes,
+    )
+
+
+def _start(recordings: Sequence[Recording], settings: Settings, notes: dict[str, str]) -> float:
+    """Return the GPS time of ``t_s = 0``, to the millisecond."""
+    if settings.start is not None:
+        return flight_toml.gps_seconds(Path("--settings"), settings.start)
+    dated = [one.gps_start_s for one in recordings if one.clock == "gps" and one.tables]
+    week_s = float(np.floor(dated[0] / WEEK_S) * WEEK_S) if dated else 0.0
+    firsts = {
+        kind: float(table["t_s"][usable][0]) + (one.gps_start_s if one.clock == "gps" else week_s)
+        for one in reversed(recordings)
+        if one.clock != "own"
+        for kind, table in one.tables.items()
+        if (usable := np.isfinite(table["t_s"])).any()
+    }
+    if not (dated and firsts):
+        times = [_first_epoch(path) for one in recordings for path in one.observations]
+        if times and times[0] is not None:
+            return times[0]
+        notes["start"] = "no file has a date: this is the first week of GPS; state the GPS time"
+    first = firsts.get("fixes", min(firsts.values(), default=0.0))
+    return float(np.round(first, 3))
+
+
+def _shift(
+    one: Recording, kind: str, first_s: float, start_s: float, notes: dict[str, str]
+) -> float:
+    """Return what to add to a file's times."""
+    if one.clock == "gps":
+        return one.gps_start_s - start_s
+    if one.clock == "week":
+        return float(np.floor(start_s / WEEK_S) * WEEK_S - start_s)
+    notes["imu.clock_offset_s" if kind == "imu" else kind] = (
+        f"{one.source.name} has a clock of its own: its first sample was laid on the start. State "
+        "what to add to its times; `fgnav check` finds it within 20 s"
+    )
+    return -first_s
+
+
+def _header(path: Path) -> dict[str, str]:
+    """Return the header lines of a RINEX file by their labels."""
+    lines = read_text(path)[:_HEAD_BYTES].tobytes().decode("ascii", "replace").splitlines()
+    return {line[60:].strip(): line[:60] for line in reversed(lines)}
+
+
+def _first_epoch(path: Path) -> float | None:
+    """Return the header's first epoch, whole seconds of its day, as GPS time."""
+    words = _header(path).get("TIME OF FIRST OBS", "").split()
+    try:
+        year, month, day, hour, minute = (int(word) for word in words[:5])
+        date = f"{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{int(float(words[5])):02}"
+        return flight_toml.gps_seconds(path, date)
+    except (ValueError, IndexError):
+        return None
+
+
+def _origin(
+    tables: Mapping[str, Mapping[str, FloatArray]],
+    observations: Sequence[Path],
+    notes: dict[str, str],
+) -> Origin:
+    """Return the first fix's place, else the place in a RINEX header."""
+    for kind in ("fixes", "truth"):
+        if kind in tables:
+            latitude_deg, longitude_deg, height_m = (float(tables[kind][n][0]) for n in PLACE)
+            return Origin(
+                latitude_rad=np.radians(latitude_deg),
+                longitude_rad=np.radians(longitude_deg),
+                height_m=height_m,
+            )
+    for path in observations:
+        words = _header(path).get("APPROX POSITION XYZ", "").split()
+        p_e_m = np.array([[float(word) for word in words[:3]]]) if len(words) >= 3 else np.zeros(3)
+        if p_e_m.any():
+            place = geodetic(p_e_m)[0].tolist()
+            return Origin(latitude_rad=place[0], longitude_rad=place[1], height_m=place[2])
+    notes["origin"] = "no file states a place: state one within some km of the flight"
+    return Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=0.0)
+
+
+def _antennas(
+    settings: Settings, observations: Sequence[Path], fixes: bool, notes: dict[str, str]
+) -> tuple[Antenna, ...]:
+    """Return the settings' antennas, else one of each observation file, or of the fixes."""
+    if settings.antenna:
+        if observations and len(observations) != len(settings.antenna):
+            raise BadInputError(
+                f"key antenna: {len(settings.antenna)} antennas in --settings, but "
+                f"{len(observations)} observation files"
+            )
+        stated = settings.antenna
+        return tuple(Antenna(name=a.name, position_b_m=np.array(a.position_b_m)) for a in stated)
+    names = [path.name.split(".")[0] for path in observations] or (["gps"] if fixes else [])
+    if len(set(names)) < len(names):
+        names = [f"a{k + 1}" for k in range(len(names))]
+    if names:
+        notes["antenna.position_b_m"] = (
+            "no file states where the antenna sits: state forward, right, down, m, from the "
+            "body's origin"
+        )
+    return tuple(Antenna(name=name, position_b_m=np.zeros(3)) for name in names)
+
+
+def _parts(
+    tables: Mapping[str, dict[str, FloatArray]],
+    settings: Settings,
+    noise: Mapping[str, float],
+    origin: Origin,
+    antennas: tuple[Antenna, ...],
+) -> dict[str, Any]:
+    """Return the parts of a flight by name."""
+    parts: dict[str, Any] = {}
+    if "imu" in tables:
+        usual = {key: value for key, value in noise.items() if getattr(settings.imu, key) is None}
+        unit = msgspec.structs.replace(settings.imu, **usual)
+        parts["imu"] = series.imu(tables["imu"], unit)
+    if "fixes" in tables:
+        parts["fixes"] = series.fixes(
+            tables["fixes"], origin, antennas[0].name, where="the imported fixes"
+        )
+    for kind, make in (("barometer", series.barometer), ("magnetometer", series.magnetometer)):
+        if kind in tables:
+            keys = getattr(settings, kind)
+            if keys is None:
+                raise BadInputError(f"{kind}: state its noise in [{kind}] of --settings")
+            parts[kind] = make(tables[kind], keys)
+    if "truth" in tables:
+        parts["truth"] = series.truth(tables["truth"], origin)
+    return parts
+
+
+def write(
+    assembled: Assembled, folder: Path, *, verify: bool, comments: Mapping[str, str] | None = None
+) -> None:
+    """Write the flight's folder; it appears whole or not at all.
+
+    Parameters
+    ----------
+    assembled : Assembled
+    folder : Path
+        Must not exist, or be empty.
+    verify : bool
+        Whether to read the flight again: copied files may be damaged.
+    comments : mapping of str to str
+        For flight.toml, by key.
+
+    Raises
+    ------
+    BadInputError
+        If the folder holds something, or what was written is no flight.
+    """
+    writer.check_empty(folder)
+    with atomic_folder(folder) as new:
+        table = writer.write_parts(assembled.flight, new)
+        copies = _copied(assembled.observations, new)
+        antennas = tuple(
+            msgspec.structs.replace(one, observations=copies[k] if copies else None)
+            for k, one in enumerate(table.antenna)
+        )
+        gnss = msgspec.structs.replace(
+            table.gnss,
+            navigation=_copied(assembled.navigation, new),
+            orbits=_copied(assembled.orbits, new),
+        )
+        table = msgspec.structs.replace(table, antenna=antennas, gnss=gnss)
+        flight_toml.write_flight_toml(new / writer.FILE_NAME, table, comments or {})
+        if verify:
+            try:
+                load_flight(new)
+            except BadInputError as error:
+                raise BadInputError(str(error).replace(str(new), str(folder))) from error
+
+
+def _copied(files: Sequence[Path], folder: Path) -> tuple[str, ...]:
+    """Copy files into a folder; return their names there."""
+    names: list[str] = []
+    for path in files:
+        name = path.name
+        if (folder / name).exists():
+            name = f"{len(names) + 1}-{path.name}"
+        shutil.copyfile(path, folder / name)
+        names.append(name)
+    return tuple(names)

@@ -1,0 +1,167 @@
+"""Text files of columns, as the settings' ``[[csv]]`` describe them.
+
+Rows of another number of columns than the first are left out and counted: loggers that lose power
+cut lines. Empty cells are missing values.
+"""
+
+import csv
+from collections.abc import Iterator, Sequence
+from io import TextIOWrapper
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, Loss, quoted
+from fgnav.io.flight.toml import gps_seconds
+from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
+from fgnav.io.importers.recording import Clock, Recording
+from fgnav.io.importers.settings import UNITS, CsvTable, Settings
+from fgnav.io.user_files import max_bytes
+from fgnav.progress import report
+
+_ROWS_AT_ONCE = 50_000
+
+
+def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
+    """Read the table that the settings describe for this file."""
+    described = [one for one in settings.csv if one.file in (None, path.name)]
+    if len(described) != 1:
+        raise BadInputError(
+            f"{path}: needs one [[csv]] with its columns in --settings, has {len(described)}; "
+            "`fgnav new` writes one to start from"
+        )
+    return read_columns(path, described[0])
+
+
+def read_columns(path: Path, table: CsvTable) -> Recording:
+    """Read one table of a text file.
+
+    Raises
+    ------
+    BadInputError
+        If a column is not there, or a cell that is needed is no number: names line and column.
+    """
+    columns, cut = _cells(path, table)
+    dates = table.units.get("s") == "date"
+    samples = {
+        name: _dates(path, cells, utc=table.clock == "utc")
+        if dates and name == "t_s"
+        else _numbers(path, table, name, cells)
+        for name, cells in columns.items()
+    }
+    clock, start_s = _clock(path, table, dates=dates)
+    if table.clock == "utc" and not dates:
+        samples["t_s"] = gps_of_utc(samples["t_s"])
+    if clock == "gps" and not start_s:  # large numbers: seconds since 1980 keep 0.2 us
+        start_s = float(np.floor(samples["t_s"][0])) if len(samples["t_s"]) else 0.0
+        samples["t_s"] = samples["t_s"] - start_s
+    losses = [Loss(what=f"{path.name} line", reason="has another number of columns", count=cut)]
+    return Recording(
+        source=path,
+        tables={table.table: samples},
+        clock=clock,
+        gps_start_s=start_s,
+        losses=tuple(losses if cut else ()),
+    )
+
+
+def _clock(path: Path, table: CsvTable, *, dates: bool) -> tuple[Clock, float]:
+    """Return what times count from."""
+    if table.start is not None:
+        return "gps", gps_seconds(path, table.start)
+    if dates or table.clock in ("gps", "utc"):
+        return "gps", 0.0
+    return ("week", 0.0) if table.clock == "week" else ("own", 0.0)
+
+
+def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], int]:
+    """Return texts of the columns that are used, (k,) each, and how many lines were left out."""
+    if not path.is_file():
+        raise BadInputError(f"{path}: no such file; check the name")
+    size = path.stat().st_size
+    if size > max_bytes():
+        raise BadInputError(f"{path}: has {size} bytes; FGNAV_MAX_BYTES raises the limit")
+    blocks: list[np.ndarray] = []
+    cut = 0
+    with path.open("rb") as raw:
+        text = TextIOWrapper(raw, encoding="utf-8", errors="replace", newline="")
+        rows = csv.reader(text, delimiter=table.delimiter, skipinitialspace=True)
+        try:
+            first, places = _places(path, table, rows)
+            for block in _blocks(first, rows):
+                report(raw.tell() / max(size, 1))
+                whole = [[row[k] for k in places] for row in block if len(row) == len(first)]
+                cut += sum(0 < len(row) != len(first) for row in block)
+                blocks.append(np.array(whole, dtype=np.str_).reshape(-1, len(places)))
+        except csv.Error as error:
+            raise BadInputError(f"{path}: line {rows.line_num}: {error}") from None
+    cells = np.concatenate(blocks)
+    return {name: cells[:, k] for k, name in enumerate(table.columns)}, cut
+
+
+def _places(path: Path, table: CsvTable, rows: Iterator[list[str]]) -> tuple[list[str], list[int]]:
+    """Return the first row of numbers and where the columns are in it."""
+    for _ in range(table.skip_lines):
+        next(rows, None)
+    head = [cell.strip() for cell in next(rows, [])] if table.header else []
+    first = next((row for row in rows if row), [])
+    if not first:
+        raise BadInputError(f"{path}: holds no row of numbers")
+    places = []
+    for name, column in table.columns.items():
+        if isinstance(column, int):
+            place = abs(column) - 1
+        else:
+            wanted = column if column in head else column.removeprefix("-")
+            place = head.index(wanted) if wanted in head else -1
+        if not 0 <= place < len(first):
+            has = ", ".join(head) if head else f"{len(first)} columns without names"
+            raise BadInputError(f"{path}: column {quoted(column)} of {name}: the file has {has}")
+        places.append(place)
+    return first, places
+
+
+def _blocks(first: list[str], rows: Iterator[list[str]]) -> Iterator[Sequence[list[str]]]:
+    """Yield rows, so many at once."""
+    block = [first, *islice(rows, _ROWS_AT_ONCE)]
+    while block:
+        yield block
+        block = list(islice(rows, _ROWS_AT_ONCE))
+
+
+def _numbers(path: Path, table: CsvTable, name: str, cells: np.ndarray) -> FloatArray:
+    """Return numbers in the flight's units, NaN of empty cells."""
+    filled = np.where(np.char.strip(cells) == "", "nan", cells)
+    try:
+        values = filled.astype(np.float64)
+    except ValueError:
+        row = next(k for k, cell in enumerate(filled) if not _is_number(cell))
+        raise BadInputError(
+            f"{path}: row {row + 1} of the numbers: column {quoted(table.columns[name])} must be a "
+            f"number, got {quoted(str(cells[row]))}"
+        ) from None
+    kind = name.rsplit("_", 1)[1]
+    unit = UNITS.get(kind, {}).get(table.units.get(kind, ""), 1.0)
+    column = table.columns[name]
+    negative = column < 0 if isinstance(column, int) else column.startswith("-")
+    return values * (-unit if negative else unit)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _dates(path: Path, cells: np.ndarray, *, utc: bool) -> FloatArray:
+    """Return seconds since 1980-01-06 of dates, GPS time unless they are UTC."""
+    texts = np.char.replace(np.char.replace(np.char.strip(cells), "/", "-"), " ", "T")
+    try:
+        dates = np.char.rstrip(texts, "Z").astype("datetime64[ns]")
+    except ValueError as error:
+        raise BadInputError(f"{path}: dates must be like 2025-07-08 19:34:18.5, {error}") from None
+    gps_s = (dates - GPS_EPOCH.astype("datetime64[ns]")) / np.timedelta64(1, "s")
+    return gps_of_utc(gps_s + UNIX_OF_GPS_S) if utc else np.asarray(gps_s)
