@@ -223,15 +223,14 @@ def gps_date(start_gps_s: float) -> str:
     return date.rstrip("0").rstrip(".") if microseconds % 1_000_000 else date[:19]
 
 
-def write_flight_toml(
-    path: Path, table: FlightTable, comments: Mapping[str, str] | None = None
-) -> None:
+def write_flight_toml(path: Path, table: Table, comments: Mapping[str, str] | None = None) -> None:
     """Write ``flight.toml``; keys without a value are left out.
 
     Parameters
     ----------
     path : Path
     table : FlightTable
+        Or another table of tables.
     comments : mapping of str to str
         By key, ``"imu.axes"``, or table, ``"imu"``: they stand above it, or where it would be.
     """

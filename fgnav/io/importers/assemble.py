@@ -12,7 +12,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.geometry.earth import Origin, geodetic
 from fgnav.io.atomic_write import atomic_folder
-from fgnav.io.flight import series, writer
+from fgnav.io.flight import series, usual_noise, writer
 from fgnav.io.flight import toml as flight_toml
 from fgnav.io.flight.columns import PLACE
 from fgnav.io.flight.folder import load_flight
@@ -22,6 +22,7 @@ from fgnav.io.importers.settings import Settings
 from fgnav.io.rinex.text import read_text
 from fgnav.types.flight import Antenna, Flight
 
+SETTINGS_NAME = "import.toml"
 _HEAD_BYTES = 40_000  # of a RINEX file; headers have some 5 kB
 
 
@@ -70,7 +71,7 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
             if kind in tables:
                 raise BadInputError(f"{one.source}: another file has {kind}, too; import one")
             rows, lost = cleaned(kind, table, one.source)
-            rows["t_s"] = rows["t_s"] + _shift(one, kind, rows["t_s"][0], start_s, notes)
+            rows["t_s"] = rows["t_s"] + _shift(one, kind, rows["t_s"][0], start_s, settings, notes)
             tables[kind] = rows
             losses += lost
     observations = tuple(path for one in recordings for path in one.observations)
@@ -83,6 +84,7 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
         origin=origin,
         antennas=antennas,
         losses=tuple(losses),
+        gnss_noise=usual_noise.gnss_noise(dict.fromkeys(("code_m", "phase_m", "doppler_mps"))),
         **_parts(tables, settings, noise, origin, antennas),
     )
     return Assembled(
@@ -117,13 +119,20 @@ def _start(recordings: Sequence[Recording], settings: Settings, notes: dict[str,
 
 
 def _shift(
-    one: Recording, kind: str, first_s: float, start_s: float, notes: dict[str, str]
+    one: Recording,
+    kind: str,
+    first_s: float,
+    start_s: float,
+    settings: Settings,
+    notes: dict[str, str],
 ) -> float:
     """Return what to add to a file's times."""
     if one.clock == "gps":
         return one.gps_start_s - start_s
     if one.clock == "week":
         return float(np.floor(start_s / WEEK_S) * WEEK_S - start_s)
+    if kind == "imu" and settings.imu.clock_offset_s:
+        return -first_s
     notes["imu.clock_offset_s" if kind == "imu" else kind] = (
         f"{one.source.name} has a clock of its own: its first sample was laid on the start. State "
         "what to add to its times; `fgnav check` finds it within 20 s"
@@ -224,7 +233,12 @@ def _parts(
 
 
 def write(
-    assembled: Assembled, folder: Path, *, verify: bool, comments: Mapping[str, str] | None = None
+    assembled: Assembled,
+    folder: Path,
+    *,
+    verify: bool,
+    comments: Mapping[str, str] | None = None,
+    settings: Settings | None = None,
 ) -> None:
     """Write the flight's folder; it appears whole or not at all.
 
@@ -237,6 +251,8 @@ def write(
         Whether to read the flight again: copied files may be damaged.
     comments : mapping of str to str
         For flight.toml, by key.
+    settings : Settings or None
+        Written beside it, so that the import can be done again with what was amended.
 
     Raises
     ------
@@ -258,6 +274,8 @@ def write(
         )
         table = msgspec.structs.replace(table, antenna=antennas, gnss=gnss)
         flight_toml.write_flight_toml(new / writer.FILE_NAME, table, comments or {})
+        if settings is not None:
+            flight_toml.write_flight_toml(new / SETTINGS_NAME, settings)
         if verify:
             try:
                 load_flight(new)

@@ -6,6 +6,7 @@ cut lines. Empty cells are missing values.
 
 import csv
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from io import TextIOWrapper
 from itertools import islice
 from pathlib import Path
@@ -13,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss, quoted
-from fgnav.io.flight.toml import gps_seconds
+from fgnav.io.flight.toml import ImuKeys, gps_seconds
 from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
 from fgnav.io.importers.recording import Clock, Recording
 from fgnav.io.importers.settings import UNITS, CsvTable, Settings
@@ -21,6 +22,7 @@ from fgnav.io.user_files import max_bytes
 from fgnav.progress import report
 
 _ROWS_AT_ONCE = 50_000
+_AXES = "no file states how the unit sits in the body; `fgnav check` says what x, y, z should read"
 
 
 def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
@@ -31,7 +33,10 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
             f"{path}: needs one [[csv]] with its columns in --settings, has {len(described)}; "
             "`fgnav new` writes one to start from"
         )
-    return read_columns(path, described[0])
+    found = read_columns(path, described[0])
+    if described[0].table == "imu" and settings.imu == ImuKeys():
+        return replace(found, notes={"imu.axes": _AXES})
+    return found
 
 
 def read_columns(path: Path, table: CsvTable) -> Recording:
