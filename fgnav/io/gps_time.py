@@ -32,3 +32,10 @@ def gps_of_utc(unix_s: FloatArray) -> FloatArray:
     """Return (k,) GPS seconds since 1980-01-06 of POSIX times, which are UTC."""
     leaps_s = (LEAPS - np.datetime64(0, "s")) / np.timedelta64(1, "s")
     return np.asarray(unix_s - UNIX_OF_GPS_S + np.searchsorted(leaps_s, unix_s, side="right"))
+
+
+def utc_of_gps(gps: np.ndarray) -> np.ndarray:
+    """Return (k,) UTC of GPS times, both datetime64."""
+    lead = np.arange(1, len(LEAPS) + 1).astype("timedelta64[s]")
+    leaps = np.searchsorted(LEAPS + lead, gps, side="right").astype("timedelta64[s]")
+    return np.asarray(gps - leaps)

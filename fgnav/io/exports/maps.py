@@ -10,7 +10,7 @@ from fgnav.io.atomic_write import write_text
 from fgnav.io.exports.recorded import RecordedEstimate
 from fgnav.io.exports.trajectories import gps_times, positions
 from fgnav.io.flight.local_frame import attitude_of_n, place_of_n
-from fgnav.io.gps_time import LEAPS
+from fgnav.io.gps_time import utc_of_gps
 
 
 def write_kml(recorded: RecordedEstimate, path: Path) -> None:
@@ -55,8 +55,5 @@ def write_gpx(recorded: RecordedEstimate, path: Path) -> None:
 
 def _utc(recorded: RecordedEstimate) -> np.ndarray:
     """Return (n,) texts of UTC times, to the millisecond."""
-    gps = gps_times(recorded)
-    lead = np.arange(1, len(LEAPS) + 1).astype("timedelta64[s]")
-    leaps = np.searchsorted(LEAPS + lead, gps, side="right").astype("timedelta64[s]")
-    utc = (gps - leaps + np.timedelta64(500, "us")).astype("datetime64[ms]")
-    return np.char.add(utc.astype(str), "Z")
+    utc = utc_of_gps(gps_times(recorded)) + np.timedelta64(500, "us")
+    return np.char.add(utc.astype("datetime64[ms]").astype(str), "Z")
