@@ -66,9 +66,15 @@ def import_(
     losses = [asdict(loss) for loss in flight.losses]
     write_json(
         json,
-        {"flight": flight.name, "folder": str(out), "losses": losses, "notes": dict(whole.notes)},
+        {
+            "flight": flight.name,
+            "folder": str(out),
+            "losses": losses,
+            "notes": dict(whole.notes),
+            "missing": dict(whole.missing),
+        },
     )
     if json != "-":
         lines = loss_lines({"recording": flight.losses})
-        notes = [f"{key}: {text}" for key, text in whole.notes.items()]
+        notes = [f"{key}: {text}" for key, text in (whole.notes | whole.missing).items()]
         show_lines([f"{flight.name}: written to {out}", *lines, *notes])

@@ -37,15 +37,16 @@ class Assembled:
     observations : tuple of Path
         One an antenna, or none.
     navigation, orbits : tuple of Path
-    notes : mapping of str to str
-        What the user should know, by the key of flight.toml that it is about.
+    notes, missing : mapping of str to str
+        What the user should know, and what he must state, by the key of flight.toml.
     """
 
     flight: Flight
     observations: tuple[Path, ...]
     navigation: tuple[Path, ...]
     orbits: tuple[Path, ...]
-    notes: Mapping[str, str]
+    notes: dict[str, str]
+    missing: dict[str, str]
 
 
 def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
@@ -59,25 +60,25 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
     BadInputError
         If two files have the same table, or a table has no usable row.
     """
-    notes: dict[str, str] = {}
-    for one in recordings:
-        notes |= one.notes
-    start_s = _start(recordings, settings, notes)
+    missing = {key: text for one in recordings for key, text in one.missing.items()}
+    start_s = _start(recordings, settings, missing)
     tables: dict[str, dict[str, FloatArray]] = {}
     losses: list[Loss] = []
     for one in recordings:
         losses += one.losses
+        own: dict[str, dict[str, FloatArray]] = {}
         for kind, table in one.tables.items():
             if kind in tables:
                 raise BadInputError(f"{one.source}: another file has {kind}, too; import one")
-            rows, lost = cleaned(kind, table, one.source)
-            rows["t_s"] = rows["t_s"] + _shift(one, kind, rows["t_s"][0], start_s, settings, notes)
-            tables[kind] = rows
+            own[kind], lost = cleaned(kind, table, one.source)
             losses += lost
+        shift_s = _shift(one, own, start_s, settings, missing)
+        for kind, rows in own.items():
+            tables[kind] = rows | {"t_s": rows["t_s"] + shift_s}
     observations = tuple(path for one in recordings for path in one.observations)
-    antennas = _antennas(settings, observations, "fixes" in tables, notes)
+    antennas = _antennas(settings, observations, "fixes" in tables, missing)
     noise = {key: value for one in recordings for key, value in one.imu_noise.items()}
-    origin = _origin(tables, observations, notes)
+    origin = _origin(tables, observations, missing)
     flight = Flight(
         name=settings.name or recordings[0].source.stem,
         start_gps_s=start_s,
@@ -92,11 +93,12 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
         observations=observations,
         navigation=tuple(path for one in recordings for path in one.navigation),
         orbits=tuple(path for one in recordings for path in one.orbits),
-        notes=notes,
+        notes={key: text for one in recordings for key, text in one.notes.items()},
+        missing=missing,
     )
 
 
-def _start(recordings: Sequence[Recording], settings: Settings, notes: dict[str, str]) -> float:
+def _start(recordings: Sequence[Recording], settings: Settings, missing: dict[str, str]) -> float:
     """Return the GPS time of ``t_s = 0``, to the millisecond."""
     if settings.start is not None:
         return flight_toml.gps_seconds(Path("--settings"), settings.start)
@@ -113,31 +115,29 @@ def _start(recordings: Sequence[Recording], settings: Settings, notes: dict[str,
         times = [_first_epoch(path) for one in recordings for path in one.observations]
         if times and times[0] is not None:
             return times[0]
-        notes["start"] = "no file has a date: this is the first week of GPS; state the GPS time"
+        missing["start"] = "no file has a date: this is the first week of GPS; state the GPS time"
     first = firsts.get("fixes", min(firsts.values(), default=0.0))
     return float(np.round(first, 3))
 
 
 def _shift(
     one: Recording,
-    kind: str,
-    first_s: float,
+    tables: Mapping[str, Mapping[str, FloatArray]],
     start_s: float,
     settings: Settings,
-    notes: dict[str, str],
+    missing: dict[str, str],
 ) -> float:
-    """Return what to add to a file's times."""
-    if one.clock == "gps":
+    """Return what to add to a file's times; a clock of its own has its first fix on the start."""
+    if one.clock == "gps" or not tables:
         return one.gps_start_s - start_s
     if one.clock == "week":
         return float(np.floor(start_s / WEEK_S) * WEEK_S - start_s)
-    if kind == "imu" and settings.imu.clock_offset_s:
-        return -first_s
-    notes["imu.clock_offset_s" if kind == "imu" else kind] = (
-        f"{one.source.name} has a clock of its own: its first sample was laid on the start. State "
-        "what to add to its times; `fgnav check` finds it within 20 s"
-    )
-    return -first_s
+    if "fixes" not in tables and not settings.imu.clock_offset_s:
+        missing["imu.clock_offset_s"] = (
+            f"{one.source.name} has a clock of its own: its first sample was laid on the start. "
+            "State what to add to its times; `fgnav check` finds it within 20 s"
+        )
+    return -float(tables["fixes" if "fixes" in tables else next(iter(tables))]["t_s"][0])
 
 
 def _header(path: Path) -> dict[str, str]:
@@ -160,7 +160,7 @@ def _first_epoch(path: Path) -> float | None:
 def _origin(
     tables: Mapping[str, Mapping[str, FloatArray]],
     observations: Sequence[Path],
-    notes: dict[str, str],
+    missing: dict[str, str],
 ) -> Origin:
     """Return the first fix's place, else the place in a RINEX header."""
     for kind in ("fixes", "truth"):
@@ -177,12 +177,12 @@ def _origin(
         if p_e_m.any():
             place = geodetic(p_e_m)[0].tolist()
             return Origin(latitude_rad=place[0], longitude_rad=place[1], height_m=place[2])
-    notes["origin"] = "no file states a place: state one within some km of the flight"
+    missing["origin"] = "no file states a place: state one within some km of the flight"
     return Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=0.0)
 
 
 def _antennas(
-    settings: Settings, observations: Sequence[Path], fixes: bool, notes: dict[str, str]
+    settings: Settings, observations: Sequence[Path], fixes: bool, missing: dict[str, str]
 ) -> tuple[Antenna, ...]:
     """Return the settings' antennas, else one of each observation file, or of the fixes."""
     if settings.antenna:
@@ -197,7 +197,7 @@ def _antennas(
     if len(set(names)) < len(names):
         names = [f"a{k + 1}" for k in range(len(names))]
     if names:
-        notes["antenna.position_b_m"] = (
+        missing["antenna.position_b_m"] = (
             "no file states where the antenna sits: state forward, right, down, m, from the "
             "body's origin"
         )

@@ -1,7 +1,5 @@
 """What a new flight.toml says beside its keys: what they mean, what is missing, how to mend it."""
 
-from collections.abc import Mapping
-
 from fgnav.io.flight.usual_noise import IMU
 from fgnav.io.importers.assemble import Assembled
 
@@ -60,11 +58,8 @@ def comments(assembled: Assembled) -> dict[str, str]:
             found["gnss.navigation"] = _MISSING["navigation"]
     if not flight.antennas:
         found.pop("antenna")
-    return _with_notes(found, assembled.notes)
-
-
-def _with_notes(found: dict[str, str], notes: Mapping[str, str]) -> dict[str, str]:
-    """Return comments with what assembling has noted behind the meaning, with EDIT before it."""
-    for key, note in notes.items():
-        found[key] = f"{found[key]}\nEDIT: {note}" if key in found else f"EDIT: {note}"
+    texts = [*assembled.notes.items()]
+    texts += [(key, f"EDIT: {text}") for key, text in assembled.missing.items()]
+    for key, text in texts:
+        found[key] = f"{found[key]}\n{text}" if key in found else text
     return found

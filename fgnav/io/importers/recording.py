@@ -37,8 +37,8 @@ class Recording:
     observations, navigation, orbits : tuple of Path
         RINEX observation files, one an antenna; navigation files; SP3 files.
     losses : tuple of Loss
-    notes : mapping of str to str
-        What a user should know, by the key of flight.toml that it is about.
+    notes, missing : mapping of str to str
+        What a user should know, and what he must state, by the key of flight.toml that it is about.
     """
 
     source: Path
@@ -51,6 +51,7 @@ class Recording:
     orbits: tuple[Path, ...] = ()
     losses: tuple[Loss, ...] = ()
     notes: Mapping[str, str] = field(default_factory=dict)
+    missing: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Reject a file without anything, and tables whose columns are not the flight format's."""

@@ -113,15 +113,24 @@ def test_bytes_that_are_no_message_are_counted_and_passed(tmp_path):
     assert "the log is damaged there" in {loss.reason for loss in whole.flight.losses}
 
 
+def test_without_a_fix_the_unit_keeps_its_own_clock(tmp_path):
+    (tmp_path / "log.BIN").write_bytes(log(status=1))
+    whole, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
+    assert (len(flight.imu.t_s), flight.fixes) == (100, None)
+    assert "imu.clock_offset_s" in whole.missing
+
+
 @pytest.mark.parametrize(
     ("content", "text"),
     [
         (b"\xa3\x95\x80" + bytes(5), "must be a DataFlash log, holds no FMT message"),
-        (log().replace(b"GPS\0", b"GPX\0"), "has no GPS message; set LOG_BITMASK"),
+        (
+            log().replace(b"GPS\0", b"GPX\0").replace(b"IMU\0", b"IMX\0"),
+            "holds nothing that a flight could use",
+        ),
         (log().replace(b"Status", b"Statue"), "message GPS: field Status is missing"),
         (log().replace(b"AccZ", b"AccX"), "message IMU: field AccZ is missing"),
         (log().replace(b"QBffffff", b"QBfffff\0"), "message IMU: its FMT is damaged"),
-        (log(status=1), "has no fix of three dimensions"),
     ],
 )
 def test_damage_is_one_line(tmp_path, capsys, content, text):

@@ -73,23 +73,31 @@ def test_a_dated_unit_stays_where_it_was(tmp_path):
     assert whole.flight.start_gps_s == 1003
     np.testing.assert_allclose(whole.flight.imu.t_s, np.arange(5.0) - 2.75)
     np.testing.assert_allclose(whole.flight.fixes.t_s, np.arange(5.0))
-    assert "imu.clock_offset_s" not in whole.notes
+    assert "imu.clock_offset_s" not in whole.missing
 
 
 def test_a_clock_of_its_own_starts_with_the_flight_and_that_is_said(tmp_path):
     files = [unit(tmp_path, clock="own", t_s=100 + np.arange(3.0))]
     whole = assemble([*files, fixes(tmp_path, gps_start_s=1000.0)], Settings())
     np.testing.assert_allclose(whole.flight.imu.t_s, np.arange(3.0))
-    assert "`fgnav check` finds it" in whole.notes["imu.clock_offset_s"]
+    assert "`fgnav check` finds it" in whole.missing["imu.clock_offset_s"]
+
+
+def test_tables_of_one_clock_of_its_own_stay_together(tmp_path):
+    both = unit(tmp_path, clock="own").tables | fixes(tmp_path).tables
+    one = Recording(source=tmp_path / "a", tables=both, clock="own")
+    whole = assemble([one], Settings(start="2025-07-08T00:00:00"))
+    assert (whole.flight.imu.t_s[0], whole.flight.fixes.t_s[0]) == (-3, 0)
+    assert "imu.clock_offset_s" not in whole.missing
 
 
 def test_without_any_date_or_place_that_is_said(tmp_path):
     whole = assemble([unit(tmp_path, clock="own")], Settings())
     assert whole.flight.start_gps_s == 0
-    assert {"start", "origin", "imu.clock_offset_s"} <= set(whole.notes)
+    assert {"start", "origin", "imu.clock_offset_s"} <= set(whole.missing)
     whole = assemble([unit(tmp_path, clock="own")], Settings(start="1980-01-06T00:01:00"))
     assert whole.flight.start_gps_s == 60
-    assert "start" not in whole.notes
+    assert "start" not in whole.missing
 
 
 def test_rows_whose_time_does_not_increase_are_left_out(tmp_path):

@@ -52,7 +52,7 @@ def test_columns_by_number_units_and_signs(tmp_path):
         "has another number of columns": 1,
         "a value is missing, or no instrument has it (imu.csv)": 1,
     }
-    assert "clock of its own" in whole.notes["imu.clock_offset_s"]
+    assert "clock of its own" in whole.missing["imu.clock_offset_s"]
 
 
 def test_columns_by_name_dates_and_a_velocity_up(tmp_path):
@@ -82,7 +82,7 @@ def test_a_start_dates_a_clock_of_its_own(tmp_path):
     toml = IMU.replace("header", 'start = "2025-07-08T00:00:00"\nheader')
     whole, flight = imported(tmp_path, "csv", file, toml=toml)
     assert flight.start_gps_s == 2374 * 604800 + 2 * 86400 + 1
-    assert "imu.clock_offset_s" not in whole.notes
+    assert "imu.clock_offset_s" not in whole.missing
 
 
 @pytest.mark.parametrize(

@@ -93,12 +93,22 @@ def test_a_log_that_ends_in_the_middle_is_read_up_to_there(file, tmp_path):
     assert len(flight.fixes.t_s) == 2
 
 
+def test_without_a_receiver_the_unit_keeps_its_own_clock(file, tmp_path):
+    file.write_bytes(file.read_bytes().replace(b"_gps", b"_gpz"))
+    whole, flight = imported(tmp_path, "ulog", file)
+    assert (len(flight.imu.t_s), flight.fixes) == (200, None)
+    assert "imu.clock_offset_s" in whole.missing
+
+
 @pytest.mark.parametrize(
     ("damage", "text"),
     [
         (lambda content: content[:10], "cannot be read as ULog"),
         (lambda content: content.replace(b"fix_type", b"fix_tape"), "KeyError: 'fix_type'"),
-        (lambda content: content.replace(b"_gps", b"_gpz"), "has no sensor_gps"),
+        (
+            lambda content: content.replace(b"_gps", b"_gpz").replace(b"_combined", b"_combimed"),
+            "holds nothing that a flight could use",
+        ),
     ],
 )
 def test_damage_is_one_line(file, tmp_path, capsys, damage, text):

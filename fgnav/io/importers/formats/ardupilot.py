@@ -45,29 +45,30 @@ def read_ardupilot(path: Path, _settings: Settings, _scratch: Path) -> Recording
         for kind, described in formats.items()
         if (name := described[1]) in _NEEDED and places[kind]
     }
-    if "GPS" not in messages:
-        raise BadInputError(f"{path}: has no GPS message; set LOG_BITMASK to log GPS")
-    gps = messages["GPS"]
-    flying = (gps["Status"] >= _FIX_3D) & (gps["GWk"] > 0)
-    if not flying.any():
-        raise BadInputError(f"{path}: has no fix of three dimensions")
-    lost = [
-        ("fix", "has no height (Status)", int((~flying).sum())),
-        ("stretch of bytes", "the log is damaged there", damaged),
-    ]
-    gps = {name: column[flying] for name, column in gps.items()}
-    gps_s = WEEK_S * gps["GWk"] + gps["GMS"] * _MS
-    accuracy = messages.get("GPA", {})
-    tables: dict[str, Samples] = {"fixes": _fixes(gps, accuracy)}
+    lost = [("stretch of bytes", "the log is damaged there", damaged)]
+    tables: dict[str, Samples] = {}
+    start_s = None
+    if "GPS" in messages:
+        gps = messages["GPS"]
+        flying = (gps["Status"] >= _FIX_3D) & (gps["GWk"] > 0)
+        lost += [("fix", "has no height (Status)", int((~flying).sum()))]
+        gps = {name: column[flying] for name, column in gps.items()}
+        if flying.any():
+            gps_s = WEEK_S * gps["GWk"] + gps["GMS"] * _MS
+            start_s = float(np.median(gps_s - gps["TimeUS"] * _US))
+            tables["fixes"] = _fixes(gps, messages.get("GPA", {}))
     if "IMU" in messages:
         tables["imu"] = _imu(messages["IMU"])
     above_sea = "heights are above the sea: the log has no GPA.Und"
     return Recording(
         source=path,
         tables=tables,
-        gps_start_s=float(np.median(gps_s - gps["TimeUS"] * _US)),
+        clock="own" if start_s is None else "gps",
+        gps_start_s=start_s or 0.0,
         losses=tuple(Loss(what=w, reason=why, count=count) for w, why, count in lost if count),
-        notes={} if "Und" in accuracy else {"fixes": above_sea},
+        notes={"fixes": above_sea}
+        if "fixes" in tables and "Und" not in messages.get("GPA", {})
+        else {},
     )
 
 

@@ -67,7 +67,7 @@ def _converted(path: Path, format: str, settings: Settings, scratch: Path) -> Re
         source=path,
         observations=tuple(renamed[:1]),
         navigation=tuple(renamed[1:]),
-        notes={_ANTENNA: _PLACE_UNKNOWN},
+        missing={_ANTENNA: _PLACE_UNKNOWN},
     )
 
 
@@ -75,7 +75,7 @@ def read_rinex_file(path: Path, _settings: Settings, _scratch: Path) -> Recordin
     """Take a RINEX file as it is: observations of one antenna, or navigation messages."""
     kind = read_text(path)[:60].tobytes()[20:21]
     if kind == b"O":
-        return Recording(source=path, observations=(path,), notes={_ANTENNA: _PLACE_UNKNOWN})
+        return Recording(source=path, observations=(path,), missing={_ANTENNA: _PLACE_UNKNOWN})
     if kind in (b"N", b"G", b"E", b"C", b"J"):
         return Recording(source=path, navigation=(path,))
     raise BadInputError(f"{path}: must be RINEX observations or navigation, is of type {kind!r}")

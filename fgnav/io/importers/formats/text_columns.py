@@ -35,7 +35,7 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
         )
     found = read_columns(path, described[0])
     if described[0].table == "imu" and settings.imu == ImuKeys():
-        return replace(found, notes={"imu.axes": _AXES})
+        return replace(found, missing={"imu.axes": _AXES})
     return found
 
 

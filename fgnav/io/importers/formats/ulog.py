@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, Loss
+from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.geometry.rotations import to_euler
 from fgnav.io.flight.columns import (
     EULER,
@@ -48,27 +48,32 @@ def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         tables: dict[str, Samples] = {}
         if "sensor_combined" in topics:
             tables["imu"] = _imu(topics["sensor_combined"])
+        start_s = None
         gps = next((topics[name] for name in _GPS if name in topics), None)
-        if gps is None:
-            raise BadInputError(f"{path}: has no sensor_gps; log with SDLOG_PROFILE's default set")
-        flying = gps["fix_type"] >= _FIX_3D
-        tables["fixes"] = {name: column[flying] for name, column in _fixes(gps).items()}
-        lost += [("fix", "has no height (fix_type)", int((~flying).sum()))]
+        if gps is not None:
+            flying = gps["fix_type"] >= _FIX_3D
+            tables["fixes"] = {name: column[flying] for name, column in _fixes(gps).items()}
+            lost += [("fix", "has no height (fix_type)", int((~flying).sum()))]
+            start_s = _start(gps, flying)
         if all(name in topics for name in _FILTER):
             tables["truth"] = _reference(topics)
-        dated = flying & (gps["time_utc_usec"] > 0)
-        start_s = 0.0
-        if dated.any():
-            utc_s = gps["time_utc_usec"][dated] * _US
-            start_s = float(np.median(gps_of_utc(utc_s) - gps["timestamp"][dated] * _US))
     return Recording(
         source=path,
-        tables=tables,
-        clock="gps" if dated.any() else "own",
-        gps_start_s=start_s,
+        tables={kind: table for kind, table in tables.items() if len(table["t_s"])},
+        clock="own" if start_s is None else "gps",
+        gps_start_s=start_s or 0.0,
         losses=tuple(Loss(what=w, reason=why, count=count) for w, why, count in lost if count),
         notes={"truth": "the on-board filter's estimate, not truth"} if "truth" in tables else {},
     )
+
+
+def _start(gps: dict[str, Any], flying: BoolArray) -> float | None:
+    """Return the GPS time of boot, None where the receiver never knew the time."""
+    dated = flying & (gps["time_utc_usec"] > 0)
+    if not dated.any():
+        return None
+    utc_s = _numbers(gps, "time_utc_usec")[dated] * _US
+    return float(np.median(gps_of_utc(utc_s) - _numbers(gps, "timestamp")[dated] * _US))
 
 
 def _imu(topic: dict[str, Any]) -> Samples:
