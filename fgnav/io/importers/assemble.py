@@ -10,20 +10,18 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss
-from fgnav.geometry.earth import Origin, geodetic
+from fgnav.geometry.earth import Origin
 from fgnav.io.atomic_write import atomic_folder
 from fgnav.io.flight import series, usual_noise, writer
 from fgnav.io.flight import toml as flight_toml
-from fgnav.io.flight.columns import PLACE
 from fgnav.io.flight.folder import load_flight
 from fgnav.io.gps_time import WEEK_S
+from fgnav.io.importers.place import first_epoch_gps_s, origin_of
 from fgnav.io.importers.recording import Recording, cleaned
 from fgnav.io.importers.settings import Settings
-from fgnav.io.rinex.text import read_text
 from fgnav.types.flight import Antenna, Flight
 
 SETTINGS_NAME = "import.toml"
-_HEAD_BYTES = 40_000  # of a RINEX file; headers have some 5 kB
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -78,7 +76,12 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
     observations = tuple(path for one in recordings for path in one.observations)
     antennas = _antennas(settings, observations, "fixes" in tables, missing)
     noise = {key: value for one in recordings for key, value in one.imu_noise.items()}
-    origin = _origin(tables, observations, missing)
+    navigation = tuple(path for one in recordings for path in one.navigation)
+    orbits = tuple(path for one in recordings for path in one.orbits)
+    origin = origin_of(tables, observations, (navigation, orbits), start_s)
+    if origin is None:
+        missing["origin"] = "no file states a place: state one within some km of the flight"
+        origin = Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=0.0)
     flight = Flight(
         name=settings.name or recordings[0].source.stem,
         start_gps_s=start_s,
@@ -91,8 +94,8 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
     return Assembled(
         flight=flight,
         observations=observations,
-        navigation=tuple(path for one in recordings for path in one.navigation),
-        orbits=tuple(path for one in recordings for path in one.orbits),
+        navigation=navigation,
+        orbits=orbits,
         notes={key: text for one in recordings for key, text in one.notes.items()},
         missing=missing,
     )
@@ -112,7 +115,7 @@ def _start(recordings: Sequence[Recording], settings: Settings, missing: dict[st
         if (usable := np.isfinite(table["t_s"])).any()
     }
     if not (dated and firsts):
-        times = [_first_epoch(path) for one in recordings for path in one.observations]
+        times = [first_epoch_gps_s(path) for one in recordings for path in one.observations]
         if times and times[0] is not None:
             return times[0]
         missing["start"] = "no file has a date: this is the first week of GPS; state the GPS time"
@@ -138,47 +141,6 @@ def _shift(
             "State what to add to its times; `fgnav check` finds it within 20 s"
         )
     return -float(tables["fixes" if "fixes" in tables else next(iter(tables))]["t_s"][0])
-
-
-def _header(path: Path) -> dict[str, str]:
-    """Return the header lines of a RINEX file by their labels."""
-    lines = read_text(path)[:_HEAD_BYTES].tobytes().decode("ascii", "replace").splitlines()
-    return {line[60:].strip(): line[:60] for line in reversed(lines)}
-
-
-def _first_epoch(path: Path) -> float | None:
-    """Return the header's first epoch, whole seconds of its day, as GPS time."""
-    words = _header(path).get("TIME OF FIRST OBS", "").split()
-    try:
-        year, month, day, hour, minute = (int(word) for word in words[:5])
-        date = f"{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{int(float(words[5])):02}"
-        return flight_toml.gps_seconds(path, date)
-    except (ValueError, IndexError):
-        return None
-
-
-def _origin(
-    tables: Mapping[str, Mapping[str, FloatArray]],
-    observations: Sequence[Path],
-    missing: dict[str, str],
-) -> Origin:
-    """Return the first fix's place, else the place in a RINEX header."""
-    for kind in ("fixes", "truth"):
-        if kind in tables:
-            latitude_deg, longitude_deg, height_m = (float(tables[kind][n][0]) for n in PLACE)
-            return Origin(
-                latitude_rad=np.radians(latitude_deg),
-                longitude_rad=np.radians(longitude_deg),
-                height_m=height_m,
-            )
-    for path in observations:
-        words = _header(path).get("APPROX POSITION XYZ", "").split()
-        p_e_m = np.array([[float(word) for word in words[:3]]]) if len(words) >= 3 else np.zeros(3)
-        if p_e_m.any():
-            place = geodetic(p_e_m)[0].tolist()
-            return Origin(latitude_rad=place[0], longitude_rad=place[1], height_m=place[2])
-    missing["origin"] = "no file states a place: state one within some km of the flight"
-    return Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=0.0)
 
 
 def _antennas(
@@ -262,16 +224,15 @@ def write(
     writer.check_empty(folder)
     with atomic_folder(folder) as new:
         table = writer.write_parts(assembled.flight, new)
-        copies = _copied(assembled.observations, new)
+        names = [
+            _copied(files, new)
+            for files in (assembled.observations, assembled.navigation, assembled.orbits)
+        ]
         antennas = tuple(
-            msgspec.structs.replace(one, observations=copies[k] if copies else None)
+            msgspec.structs.replace(one, observations=names[0][k] if names[0] else None)
             for k, one in enumerate(table.antenna)
         )
-        gnss = msgspec.structs.replace(
-            table.gnss,
-            navigation=_copied(assembled.navigation, new),
-            orbits=_copied(assembled.orbits, new),
-        )
+        gnss = msgspec.structs.replace(table.gnss, navigation=names[1], orbits=names[2])
         table = msgspec.structs.replace(table, antenna=antennas, gnss=gnss)
         flight_toml.write_flight_toml(new / writer.FILE_NAME, table, comments or {})
         if settings is not None:
@@ -280,7 +241,11 @@ def write(
             try:
                 load_flight(new)
             except BadInputError as error:
-                raise BadInputError(str(error).replace(str(new), str(folder))) from error
+                text = str(error)
+                files = (*assembled.observations, *assembled.navigation, *assembled.orbits)
+                for name, path in zip(sum(names, ()), files, strict=True):
+                    text = text.replace(str(new / name), str(path))
+                raise BadInputError(text.replace(str(new), str(folder))) from error
 
 
 def _copied(files: Sequence[Path], folder: Path) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import pytest
 
 from fgnav.cli import main
 from fgnav.io.importers import importer_named
+from fgnav.io.importers.assemble import assemble
 from fgnav.io.importers.settings import Settings, read_settings
 from fgnav.io.rinex.reader import read_observations
 from tests.io.importers.helpers import refused
@@ -173,9 +174,27 @@ def test_rinex_is_copied_as_it_is_and_a_damaged_one_is_refused(tmp_path, capsys)
     files = [str(tmp_path / name) for name in ("a.obs", "n.nav")]
     assert main(["import", *files, "--out", str(tmp_path / "flight")]) == 0
     assert (tmp_path / "flight" / "a.obs").read_text() == observation_3()
-    (tmp_path / "a.obs").write_text(observation_3()[:-30])
+    (tmp_path / "n.nav").write_text((navigation_head() + message())[:-30])
     capsys.readouterr()
     assert main(["import", *files, "--out", str(tmp_path / "other")]) == 2
     line = capsys.readouterr().err
-    assert line.startswith(f"fgnav: {tmp_path / 'other' / 'a.obs'}: ")
+    assert line.startswith(f"fgnav: {tmp_path / 'n.nav'}: ")
     assert not (tmp_path / "other").exists()
+
+
+def test_without_a_place_in_the_header_code_tells_the_origin(shared, tmp_path):
+    folder = shared / "wettzell"
+    lines = (folder / "WTZR00DEU_R_20201770000_01D_30S_MO_120epoch.rnx").read_text().splitlines()
+    station = next(line for line in lines if "APPROX POSITION XYZ" in line)
+    blank = f"{0:14.4f}{0:14.4f}{0:14.4f}".ljust(60) + "APPROX POSITION XYZ"
+    text = "\n".join(blank if line == station else line for line in lines) + "\n"
+    (tmp_path / "wtzr.rnx").write_text(text)
+    messages = folder.parent / "orbits" / "ESBC00DNK_R_20201770000_01D_MN.rnx"
+    settings, scratch = Settings(), tmp_path
+    read = importer_named("rinex")
+    found = [read(file, settings, scratch) for file in (tmp_path / "wtzr.rnx", messages)]
+    whole = assemble(found, settings)
+    known = np.array([float(word) for word in station.split()[:3]])
+    assert np.linalg.norm(whole.flight.origin.p_e_m - known) < 10  # m, of a code solution
+    assert "origin" not in whole.missing
+    assert "origin" in assemble(found[:1], settings).missing
