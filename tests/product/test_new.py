@@ -110,6 +110,7 @@ def test_two_antennas_of_one_name_are_told_apart(tmp_path):
             {"s": "date"},
         ),
         ("1,0.01,0.0,1.0,7\n1.01,0,0.01,1.02,7\n1.02,0.01,0,1,6\n", {"s": "s", "mps2": "g"}),
+        ("p,q,r,s\n1,0.01,0,9.8\n2,0,0.01,9.7\n3,0.01,0,9.8\n", {"s": "ms", "mps2": "m/s2"}),
     ],
 )
 def test_columns_are_guessed_by_names_and_numbers(tmp_path, text, want):

@@ -18,22 +18,21 @@ from fgnav.io.importers.settings import UNITS, CsvTable
 _ROWS = 20_000  # looked at
 _MOST_SHARE_ODD = 0.01  # of rows, that may break a rule: cut lines
 # Names in the wild, lower case, brackets with units aside: PX4's, Xsens', loggers', MATLAB's.
+_TRIPLES = (
+    (FORCE, r"(a|f|acc\w*?|lin\w*acc\w*|specific_?force)[_. ]?({axis}|\[{k}\])", "xyz"),
+    (RATE, r"(g|w|gyr\w*?|omega|ang\w*(vel|rate)\w*|rate)[_. ]?({axis}|\[{k}\])", "xyz"),
+    (VELOCITY, r"v(el)?[_. ]?{axis}(orth|ast|own)?", "ned"),
+)
 _NAMES = {
-    "t_s": r"t|time.*|timestamp.*|sec(onds)?|tow|utc.*|gps_?time.*|unix.*|sow",
-    **{
-        f"f{axis}_mps2": rf"(a|f|acc\w*?|lin\w*acc\w*|specific_?force)[_. ]?({axis}|\[{k}\])"
-        for k, axis in enumerate("xyz")
-    },
-    **{
-        f"w{axis}_radps": rf"(g|w|gyr\w*?|omega|ang\w*(vel|rate)\w*|rate)[_. ]?({axis}|\[{k}\])"
-        for k, axis in enumerate("xyz")
-    },
+    "t_s": r"t|time.*|timestamp.*|sec(onds)?.*|tow|utc.*|gps_?time.*|unix.*|sow",
     "latitude_deg": r"lat(itude)?.*",
     "longitude_deg": r"(lon(gitude)?|lng).*",
     "height_m": r"(h|hgt|height|alt(itude)?|ellips).*",
-    **{f"v{axis}_mps": rf"v(el)?[_.]?({axis}|{word})" for axis, word in
-       (("n", "north"), ("e", "east"), ("d", "down"))},
-}  # fmt: skip
+} | {
+    name: pattern.format(axis=axis, k=k)
+    for names, pattern, axes in _TRIPLES
+    for k, (name, axis) in enumerate(zip(names, axes, strict=True))
+}
 _UNIT = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
 _SPELLINGS = {"m/s^2": "m/s2", "m/s²": "m/s2", "°/s": "deg/s", "degrees": "deg", "meters": "m"}
 _GRAVITY = {1.0: "g", 9.80665: "m/s2", 1000.0: "mg"}  # median length of specific force, by unit
@@ -57,7 +56,9 @@ def guessed(path: Path) -> CsvTable:
     if len(body) < 2:
         raise BadInputError(f"{path}: must hold two rows of numbers or more to guess columns by")
     x = np.array([[float(c) if _is_number(c) else np.nan for c in row] for row in body])
-    names = _by_name(rows[0]) if header else _by_numbers(x)
+    names = _by_name(rows[0]) if header else {}
+    if not any({"t_s", *wanted} <= set(names) for wanted in (FORCE, PLACE)):
+        names = _by_numbers(x)
     kind = "imu" if set(FORCE) <= set(names) else "fixes"
     wanted = FORCE if kind == "imu" else PLACE
     if "t_s" not in names or not set(wanted) <= set(names):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fgnav.cli import main
+from fgnav.io.flight.folder import load_flight
 from fgnav.io.importers import importer_named
 from fgnav.io.importers.assemble import assemble
 from fgnav.io.importers.settings import Settings, read_settings
@@ -133,6 +134,18 @@ def test_codes_and_the_phases_beside_them_come_out(tmp_path, name, made):
     wavelength_m = 299_792_458.0 / 1575.42e6
     phase = seen.phase_cycles[:, 0] - seen.code_m[:, 0] / wavelength_m
     np.testing.assert_allclose(phase, np.tile(beside_cycles, (10, 1)), rtol=0, atol=0.02)
+
+
+def test_receivers_of_one_name_are_two_antennas(tmp_path):
+    files = []
+    for side in ("left", "right"):
+        (tmp_path / side).mkdir()
+        files.append(tmp_path / side / "rover.ubx")
+        files[-1].write_bytes(ubx())
+    (tmp_path / "brdc.nav").write_text(navigation_head() + message())
+    out = tmp_path / "flight"
+    assert main(["import", *map(str, files), str(tmp_path / "brdc.nav"), "--out", str(out)]) == 0
+    assert load_flight(out).observations.tag_s.shape == (10, 2)
 
 
 def test_rtcm_needs_a_date_for_its_week(tmp_path, capsys):

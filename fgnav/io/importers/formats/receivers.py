@@ -61,8 +61,10 @@ def _converted(path: Path, format: str, settings: Settings, scratch: Path) -> Re
             f"{path}: RTKLIB finds no observations of format {format} in it; look whether the "
             "receiver was set to put out raw measurements"
         )
-    named = [scratch / f"{path.stem}{end}" for end in (".obs", ".nav")]
-    renamed = [old.rename(new) for old, new in zip(files, named, strict=False)]
+    renamed = [
+        file.rename(file.with_name(f"{path.stem}{end}"))
+        for file, end in zip(files, (".obs", ".nav"), strict=False)
+    ]
     return Recording(
         source=path,
         observations=tuple(renamed[:1]),

@@ -1,6 +1,7 @@
 """Bags of ROS 1 and ROS 2 (rosbag, sqlite3, MCAP): ``sensor_msgs/Imu`` and ``NavSatFix`` [1]_.
 
-Axes of the messages are forward, left, up; times are those of the headers, UTC.
+Axes of the messages are forward, left, up; times are those of the headers, UTC,
+or the recorder's where a header has none.
 
 References
 ----------
@@ -41,10 +42,10 @@ def read_bag(path: Path, settings: Settings, _: Path) -> Recording:
         chosen = [one for some in wanted.values() for one in some]
         kinds = {one.topic: kind for kind, some in wanted.items() for one in some}
         whole = sum(one.msgcount for one in chosen)
-        for k, (where, _t, data) in enumerate(bag.messages(chosen) if chosen else ()):
+        for k, (where, at_ns, data) in enumerate(bag.messages(chosen) if chosen else ()):
             report(k / max(whole, 1))
             kind = kinds[where.topic]
-            found[kind].append(_row(kind, bag.deserialize(data, where.msgtype)))
+            found[kind].append(_row(kind, at_ns, bag.deserialize(data, where.msgtype)))
     rows = {kind: np.array(some) for kind, some in found.items() if some}
     losses = []
     if "fixes" in rows:
@@ -79,10 +80,10 @@ def _connections(path: Path, bag: Any, kind: str, settings: Settings) -> list[An
     return [one for one in of_type if name in (None, one.topic)]
 
 
-def _row(kind: str, message: Any) -> list[float]:  # noqa: ANN401  # made by rosbags
+def _row(kind: str, at_ns: int, message: Any) -> list[float]:  # noqa: ANN401  # made by rosbags
     """Return time and what counts of a message."""
     stamp = message.header.stamp
-    t_s = stamp.sec + 1e-9 * stamp.nanosec
+    t_s = stamp.sec + 1e-9 * stamp.nanosec or 1e-9 * at_ns
     if kind == "imu":
         f, w = message.linear_acceleration, message.angular_velocity
         return [t_s, f.x, f.y, f.z, w.x, w.y, w.z]
