@@ -2,7 +2,7 @@
 
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -59,20 +59,16 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
         If two files have the same table, or a table has no usable row.
     """
     missing = {key: text for one in recordings for key, text in one.missing.items()}
+    losses = [loss for one in recordings for loss in one.losses]
+    recordings = [_clean(one, losses) for one in recordings]
     start_s = _start(recordings, settings, missing)
     tables: dict[str, dict[str, FloatArray]] = {}
-    losses: list[Loss] = []
     for one in recordings:
-        losses += one.losses
-        own: dict[str, dict[str, FloatArray]] = {}
-        for kind, table in one.tables.items():
+        shift_s = _shift(one, start_s, settings, missing)
+        for kind, rows in one.tables.items():
             if kind in tables:
                 raise BadInputError(f"{one.source}: another file has {kind}, too; import one")
-            own[kind], lost = cleaned(kind, table, one.source)
-            losses += lost
-        shift_s = _shift(one, own, start_s, settings, missing)
-        for kind, rows in own.items():
-            tables[kind] = rows | {"t_s": rows["t_s"] + shift_s}
+            tables[kind] = {**rows, "t_s": rows["t_s"] + shift_s}
     observations = tuple(path for one in recordings for path in one.observations)
     antennas = _antennas(settings, observations, "fixes" in tables, missing)
     noise = {key: value for one in recordings for key, value in one.imu_noise.items()}
@@ -101,6 +97,15 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
     )
 
 
+def _clean(one: Recording, losses: list[Loss]) -> Recording:
+    """Return a recording without the rows that no flight can have; count them."""
+    tables = {}
+    for kind, table in one.tables.items():
+        tables[kind], lost = cleaned(kind, table, one.source)
+        losses += lost
+    return replace(one, tables=tables)
+
+
 def _start(recordings: Sequence[Recording], settings: Settings, missing: dict[str, str]) -> float:
     """Return the GPS time of ``t_s = 0``, to the millisecond."""
     if settings.start is not None:
@@ -108,11 +113,10 @@ def _start(recordings: Sequence[Recording], settings: Settings, missing: dict[st
     dated = [one.gps_start_s for one in recordings if one.clock == "gps" and one.tables]
     week_s = float(np.floor(dated[0] / WEEK_S) * WEEK_S) if dated else 0.0
     firsts = {
-        kind: float(table["t_s"][usable][0]) + (one.gps_start_s if one.clock == "gps" else week_s)
+        kind: float(table["t_s"][0]) + (one.gps_start_s if one.clock == "gps" else week_s)
         for one in reversed(recordings)
         if one.clock != "own"
         for kind, table in one.tables.items()
-        if (usable := np.isfinite(table["t_s"])).any()
     }
     if not (dated and firsts):
         times = [first_epoch_gps_s(path) for one in recordings for path in one.observations]
@@ -123,14 +127,9 @@ def _start(recordings: Sequence[Recording], settings: Settings, missing: dict[st
     return float(np.round(first, 3))
 
 
-def _shift(
-    one: Recording,
-    tables: Mapping[str, Mapping[str, FloatArray]],
-    start_s: float,
-    settings: Settings,
-    missing: dict[str, str],
-) -> float:
+def _shift(one: Recording, start_s: float, settings: Settings, missing: dict[str, str]) -> float:
     """Return what to add to a file's times; a clock of its own has its first fix on the start."""
+    tables = one.tables
     if one.clock == "gps" or not tables:
         return one.gps_start_s - start_s
     if one.clock == "week":

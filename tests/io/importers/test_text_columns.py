@@ -85,6 +85,30 @@ def test_a_start_dates_a_clock_of_its_own(tmp_path):
     assert "imu.clock_offset_s" not in whole.missing
 
 
+BOTH = """\
+time,ax,ay,az,lat,lon,alt
+1751000000.00,1,2,-9.75,,,
+1751000000.01,1,2,-9.75,40,-4,700
+1751000000.02,1,2,-9.75,,,
+"""
+
+
+def test_one_file_of_two_tables_with_empty_cells(tmp_path):
+    (tmp_path / "log.csv").write_text(BOTH)
+    tables = []
+    for kind, columns in (
+        ("imu", {"fx_mps2": "ax", "fy_mps2": "ay", "fz_mps2": "az"}),
+        ("fixes", {"latitude_deg": "lat", "longitude_deg": "lon", "height_m": "alt"}),
+    ):
+        tables += ["[[csv]]", f'table = "{kind}"', 'clock = "utc"', "[csv.columns]", 't_s = "time"']
+        tables += [f'{name} = "{column}"' for name, column in columns.items()]
+    whole, flight = imported(tmp_path, "csv", tmp_path / "log.csv", toml="\n".join(tables))
+    assert (len(flight.imu.t_s), len(flight.fixes.t_s)) == (3, 1)
+    assert flight.start_gps_s == pytest.approx(1751000000.01 - 315964800 + 18, abs=1e-6)
+    np.testing.assert_allclose(flight.imu.t_s, [-0.01, 0, 0.01], atol=1e-6)
+    assert {loss.what: loss.count for loss in whole.flight.losses} == {"fixes row": 2}
+
+
 @pytest.mark.parametrize(
     ("rows", "toml", "text"),
     [
@@ -99,7 +123,8 @@ def test_a_start_dates_a_clock_of_its_own(tmp_path):
             IMU.replace('"g"', '"stone"'),
             "units.mps2: must be one of m/s2, g, mg, got 'stone'",
         ),
-        (ROWS, "", "imu.csv: needs one [[csv]] with its columns in --settings, has 0"),
+        (ROWS, IMU + IMU, "needs a [[csv]] for each of its tables in --settings, has imu, imu"),
+        (ROWS, "", "imu.csv: needs a [[csv]] for each of its tables in --settings, has none"),
     ],
 )
 def test_what_is_wrong_is_one_line(tmp_path, capsys, rows, toml, text):

@@ -26,17 +26,30 @@ _AXES = "no file states how the unit sits in the body; `fgnav check` says what x
 
 
 def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
-    """Read the table that the settings describe for this file."""
+    """Read the tables that the settings describe for this file, one or more.
+
+    Raises
+    ------
+    BadInputError
+        If none is described, two are of one kind, or their clocks differ.
+    """
     described = [one for one in settings.csv if one.file in (None, path.name)]
-    if len(described) != 1:
+    kinds = [one.table for one in described]
+    if not described or len(set(kinds)) < len(kinds):
         raise BadInputError(
-            f"{path}: needs one [[csv]] with its columns in --settings, has {len(described)}; "
-            "`fgnav new` writes one to start from"
+            f"{path}: needs a [[csv]] for each of its tables in --settings, has "
+            f"{', '.join(kinds) or 'none'}; `fgnav new` writes one to start from"
         )
-    found = read_columns(path, described[0])
-    if described[0].table == "imu" and settings.imu == ImuKeys():
-        return replace(found, missing={"imu.axes": _AXES})
-    return found
+    first, *others = (read_columns(path, one) for one in described)
+    tables = dict(first.tables)
+    for one in others:
+        if one.clock != first.clock:
+            raise BadInputError(f"{path}: key csv.clock: must be the same of all its tables")
+        for kind, rows in one.tables.items():
+            t_s = rows["t_s"] + (one.gps_start_s - first.gps_start_s)
+            tables[kind] = {**rows, "t_s": t_s}
+    missing = {"imu.axes": _AXES} if "imu" in kinds and settings.imu == ImuKeys() else {}
+    return replace(first, tables=tables, missing=missing)
 
 
 def read_columns(path: Path, table: CsvTable) -> Recording:
@@ -59,7 +72,8 @@ def read_columns(path: Path, table: CsvTable) -> Recording:
     if table.clock == "utc" and not dates:
         samples["t_s"] = gps_of_utc(samples["t_s"])
     if clock == "gps" and not start_s:  # large numbers: seconds since 1980 keep 0.2 us
-        start_s = float(np.floor(samples["t_s"][0])) if len(samples["t_s"]) else 0.0
+        usable = samples["t_s"][np.isfinite(samples["t_s"])]
+        start_s = float(np.floor(usable[0])) if len(usable) else 0.0
         samples["t_s"] = samples["t_s"] - start_s
     losses = [Loss(what=f"{path.name} line", reason="has another number of columns", count=cut)]
     return Recording(
