@@ -13,6 +13,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.io.flight.columns import FORCE, PLACE, RATE, VELOCITY
+from fgnav.io.importers.formats.text_columns import usual_width
 from fgnav.io.importers.settings import UNITS, CsvTable
 
 _ROWS = 20_000  # looked at
@@ -52,7 +53,8 @@ def guessed(path: Path) -> CsvTable:
     delimiter = max(",;\t", key=lambda one: lines[0].count(one) if lines else 0)
     rows = [row for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True) if row]
     header = bool(rows) and not all(_is_number(cell) for cell in rows[0])
-    body = [row for row in rows[header:] if len(row) == len(rows[-1 if len(rows) < 3 else 1])]
+    width = usual_width(rows)
+    body = [row for row in rows[header:] if len(row) == width]
     if len(body) < 2:
         raise BadInputError(f"{path}: must hold two rows of numbers or more to guess columns by")
     x = np.array([[float(c) if _is_number(c) else np.nan for c in row] for row in body])

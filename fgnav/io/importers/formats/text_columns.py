@@ -1,11 +1,12 @@
 """Text files of columns, as the settings' ``[[csv]]`` describe them.
 
-Rows of another number of columns than the first are left out and counted: loggers that lose power
-cut lines. Empty cells are missing values.
+Rows of another number of columns than most are left out and counted: loggers cut lines where they
+start and stop. Empty cells are missing values.
 """
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from io import TextIOWrapper
 from itertools import islice
@@ -107,25 +108,33 @@ def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], int]:
         text = TextIOWrapper(raw, encoding="utf-8", errors="replace", newline="")
         rows = csv.reader(text, delimiter=table.delimiter, skipinitialspace=True)
         try:
-            first, places = _places(path, table, rows)
-            for block in _blocks(first, rows):
+            for _ in range(table.skip_lines):
+                next(rows, None)
+            head = [cell.strip() for cell in next(rows, [])] if table.header else []
+            block = list(islice(rows, _ROWS_AT_ONCE))
+            width = usual_width(block)
+            places = _places(path, table, head, width)
+            while block:
                 report(raw.tell() / max(size, 1))
-                whole = [[row[k] for k in places] for row in block if len(row) == len(first)]
-                cut += sum(0 < len(row) != len(first) for row in block)
+                whole = [[row[k] for k in places] for row in block if len(row) == width]
+                cut += sum(0 < len(row) != width for row in block)
                 blocks.append(np.array(whole, dtype=np.str_).reshape(-1, len(places)))
+                block = list(islice(rows, _ROWS_AT_ONCE))
         except csv.Error as error:
             raise BadInputError(f"{path}: line {rows.line_num}: {error}") from None
     cells = np.concatenate(blocks)
     return {name: cells[:, k] for k, name in enumerate(table.columns)}, cut
 
 
-def _places(path: Path, table: CsvTable, rows: Iterator[list[str]]) -> tuple[list[str], list[int]]:
-    """Return the first row of numbers and where the columns are in it."""
-    for _ in range(table.skip_lines):
-        next(rows, None)
-    head = [cell.strip() for cell in next(rows, [])] if table.header else []
-    first = next((row for row in rows if row), [])
-    if not first:
+def usual_width(rows: Sequence[Sequence[str]]) -> int:
+    """Return how many columns most rows have; 0 without any."""
+    counts = Counter(len(row) for row in rows if row)
+    return max(counts, key=counts.__getitem__, default=0)
+
+
+def _places(path: Path, table: CsvTable, head: list[str], width: int) -> list[int]:
+    """Return where the columns are in a row."""
+    if not width:
         raise BadInputError(f"{path}: holds no row of numbers")
     places = []
     for name, column in table.columns.items():
@@ -134,19 +143,11 @@ def _places(path: Path, table: CsvTable, rows: Iterator[list[str]]) -> tuple[lis
         else:
             wanted = column if column in head else column.removeprefix("-")
             place = head.index(wanted) if wanted in head else -1
-        if not 0 <= place < len(first):
-            has = ", ".join(head) if head else f"{len(first)} columns without names"
+        if not 0 <= place < width:
+            has = ", ".join(head) if head else f"{width} columns without names"
             raise BadInputError(f"{path}: column {quoted(column)} of {name}: the file has {has}")
         places.append(place)
-    return first, places
-
-
-def _blocks(first: list[str], rows: Iterator[list[str]]) -> Iterator[Sequence[list[str]]]:
-    """Yield rows, so many at once."""
-    block = [first, *islice(rows, _ROWS_AT_ONCE)]
-    while block:
-        yield block
-        block = list(islice(rows, _ROWS_AT_ONCE))
+    return places
 
 
 def _numbers(path: Path, table: CsvTable, name: str, cells: np.ndarray) -> FloatArray:
