@@ -9,6 +9,7 @@ import pytest
 from fgnav.cli import main
 from fgnav.io.flight.folder import load_flight
 from fgnav.io.importers.guess import guessed
+from tests.io.importers import test_ardupilot, test_pos, test_receivers, test_ulog
 from tests.io.importers.helpers import imported
 from tests.io.rinex_texts import message, navigation_head, observation_3
 
@@ -78,6 +79,27 @@ def test_observations_without_messages_say_what_to_fetch(tmp_path, capsys):
     (tmp_path / "flight" / "brdc.rnx").write_text(navigation_head() + message())
     edited(tmp_path, ('# navigation = ["brdc.rnx"]', 'navigation = ["brdc.rnx"]'))
     assert load_flight(tmp_path / "flight").observations is not None
+
+
+@pytest.mark.parametrize(
+    ("format_", "make", "table"),
+    [
+        ("ulog", lambda: test_ulog.log(*test_ulog.LOGS["of 2024"]), "imu"),
+        ("ardupilot", test_ardupilot.log, "imu"),
+        ("ubx", test_receivers.ubx, "antenna"),
+        ("sbf", test_receivers.sbf, "antenna"),
+        ("novatel", test_receivers.novatel, "antenna"),
+        ("pos", (test_pos.HEAD + test_pos.ROW).encode, "fixes"),
+    ],
+)
+def test_each_format_is_told_by_its_content_and_commented(tmp_path, capsys, format_, make, table):
+    if format_ == "ulog":
+        pytest.importorskip("pyulog")
+    (tmp_path / "log").write_bytes(make())
+    text = new(tmp_path, tmp_path / "log")
+    assert f"{tmp_path / 'log'}: {format_}" in capsys.readouterr().out
+    assert table in tomllib.loads(text)
+    assert "# EDIT: no file states where the antenna sits" in text
 
 
 def test_two_antennas_of_one_name_are_told_apart(tmp_path):

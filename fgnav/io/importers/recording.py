@@ -9,7 +9,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss
 from fgnav.io.flight.columns import largest
-from fgnav.io.flight.series import COLUMNS
+from fgnav.io.flight.series import COLUMNS, LEAST_SIGMA
 
 Samples: TypeAlias = Mapping[str, FloatArray]
 Clock: TypeAlias = Literal["gps", "week", "own"]
@@ -89,6 +89,8 @@ def cleaned(kind: str, table: Samples, source: Path) -> tuple[dict[str, FloatArr
     good: BoolArray = np.ones(len(table["t_s"]), bool)
     for name, column in table.items():
         good &= np.abs(column) <= largest(name)  # false of NaN, too
+        if name.startswith("sigma"):
+            good &= column >= LEAST_SIGMA
     t_s = table["t_s"][good]
     latest_s = np.maximum.accumulate(t_s)
     later = np.ones(len(t_s), bool)

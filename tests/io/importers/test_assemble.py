@@ -109,6 +109,14 @@ def test_rows_whose_time_does_not_increase_are_left_out(tmp_path):
     assert lost["a value is missing, or no instrument has it (a)"] == 1
 
 
+def test_fixes_without_a_spread_are_left_out(tmp_path):
+    table = dict(fixes(tmp_path).tables["fixes"])
+    table |= {f"sigma_{axis}_m": np.array([1.0, 1.0, 0.0, 1.0, 1.0]) for axis in "ned"}
+    whole = assemble([Recording(source=tmp_path / "b", tables={"fixes": table})], Settings())
+    assert len(whole.flight.fixes.t_s) == 4
+    assert [loss.count for loss in whole.flight.losses] == [1]
+
+
 def test_what_no_flight_can_have_is_refused(tmp_path):
     with pytest.raises(BadInputError, match="c: another file has imu, too; import one"):
         assemble([unit(tmp_path), unit(tmp_path, name="c")], Settings())

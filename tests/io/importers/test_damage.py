@@ -16,7 +16,6 @@ def kfgins():
 
 
 def bag(tmp_path, kind):
-    pytest.importorskip("rosbags")
     place = tmp_path / ("log.bag" if kind == "bag" else "log")
     test_ros.bag(place, kind)
     return (place if kind == "bag" else next(place.glob(f"*.{kind}"))).read_bytes()

@@ -6,11 +6,6 @@ import pytest
 from fgnav.geometry.earth import ecef
 from tests.io.importers.helpers import imported, refused
 
-pytest.importorskip("rosbags")
-
-from rosbags import rosbag1, rosbag2
-from rosbags.typesys import Stores, get_typestore
-
 START_S = 1_751_000_000  # UTC, 2025: GPS is 18 s ahead
 COVARIANCE = np.array([4.0, 0, 0, 0, 9.0, 0, 0, 0, 16.0])  # east, north, up
 
@@ -45,6 +40,10 @@ def messages(types, k, status=0):
 
 def bag(place, kind, topics=("/imu",)):
     """Write two seconds of a level unit that stands still; the first fix is none."""
+    rosbag1, rosbag2, typesys = (
+        pytest.importorskip(f"rosbags.{name}") for name in ("rosbag1", "rosbag2", "typesys")
+    )
+    Stores, get_typestore = typesys.Stores, typesys.get_typestore
     types = get_typestore(Stores.ROS1_NOETIC if kind == "bag" else Stores.ROS2_HUMBLE)
     encode = types.serialize_ros1 if kind == "bag" else types.serialize_cdr
     if kind == "bag":

@@ -9,8 +9,6 @@ from fgnav.geometry.earth import ecef
 from fgnav.geometry.rotations import to_euler
 from tests.io.importers.helpers import imported, refused
 
-pyulog = pytest.importorskip("pyulog")
-
 BOOT_UTC_S = 1_751_000_000  # 2025: GPS is 18 s ahead
 ATTITUDE = "uint64_t timestamp;float[4] q;"
 GLOBAL = "uint64_t timestamp;double lat;double lon;float alt;float alt_ellipsoid;"
@@ -62,6 +60,7 @@ LOGS = {
 @pytest.fixture(params=LOGS)
 def file(request, tmp_path):
     """A log that pyulog has written."""
+    pyulog = pytest.importorskip("pyulog")
     made = tmp_path / "made.ulg"
     made.write_bytes(log(*LOGS[request.param]))
     pyulog.ULog(str(made)).write_ulog(str(tmp_path / "log.ulg"))
@@ -106,7 +105,9 @@ def test_without_a_receiver_the_unit_keeps_its_own_clock(file, tmp_path):
         (lambda content: content[:10], "cannot be read as ULog"),
         (lambda content: content.replace(b"fix_type", b"fix_tape"), "KeyError: 'fix_type'"),
         (
-            lambda content: content.replace(b"_gps", b"_gpz").replace(b"_combined", b"_combimed"),
+            lambda content: content.replace(b"sensor_", b"censor_").replace(
+                b"vehicle_", b"wehicle_"
+            ),
             "holds nothing that a flight could use",
         ),
     ],
