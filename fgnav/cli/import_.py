@@ -9,20 +9,20 @@ from cyclopts import Parameter
 from fgnav.json_file import JsonFile, check_places, write_json
 from fgnav.terminal import progress, show_lines
 
+_FORMATS = (
+    "Of all files: csv, pos, kfgins, ulog, ardupilot, rosbag, mcap, ubx, sbf, novatel, rtcm3, "
+    "rinex, sp3, umn, or an installed one; else told by each file's content."
+)
+
 
 def import_(
     *recordings: Path,
     out: Path,
-    format: Annotated[  # noqa: A002
-        str | None, Parameter(help="Of all files; else told by each file's content.")
-    ] = None,
+    format: Annotated[str | None, Parameter(help=_FORMATS)] = None,  # noqa: A002
     settings: Path | None = None,
     json: JsonFile = None,
 ) -> None:
     """Turn foreign recordings into one flight folder.
-
-    Formats: csv, pos, kfgins, ulog, ardupilot, rosbag, mcap, ubx, sbf, novatel, rtcm3, rinex, sp3,
-    umn, and installed ones.
 
     Example: fgnav import log.ulg rover.ubx --settings drone.toml --out flights/first
 

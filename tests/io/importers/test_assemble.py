@@ -7,6 +7,7 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.cli import main
+from fgnav.io.importers import IMPORTERS
 from fgnav.io.importers.assemble import assemble
 from fgnav.io.importers.formats.readers import reader
 from fgnav.io.importers.recognise import recognised
@@ -143,6 +144,12 @@ def test_formats_are_told_by_first_bytes_then_by_names(tmp_path):
     ]:
         (tmp_path / name).write_bytes(content)
         assert recognised(tmp_path / name) == format_
+
+
+def test_help_names_every_format(capsys):
+    assert main(["import", "--help"]) == 0
+    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert f"Of all files: {', '.join(IMPORTERS)}, or an installed one" in text
 
 
 def test_a_format_that_nobody_knows_is_one_line(tmp_path, capsys):
