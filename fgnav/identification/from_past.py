@@ -1,5 +1,8 @@
 """Noise of a causal method: identified by what came before, again whenever that has doubled.
 
+And when motion first tells the heading: from then on a filter states attitudes, and noise at rest
+is not that in motion (a quadrotor's accelerometer: 300 times its data sheet's).
+
 A stretch is estimated with the noise and the times that the record up to its beginning told. What
 is estimated within it depends on nothing later: the method runs anew over all that came before.
 """
@@ -15,8 +18,8 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.identification.apply import Build, Findings, findings, with_findings
 from fgnav.types.flight import Flight
 
-# By then a fix a second is enough of them to tell noise, to 13 %.
-FIRST_S = 30.0
+FEWEST = 30  # fixes, that tell noise to 13 %
+FIRST_S = 30.0  # as many at one a second
 
 
 def stretches(
@@ -40,9 +43,7 @@ def stretches(
     build : callable
         From a flight to its problem.
     """
-    t_s = prepared.problem.t_s
-    doublings = int(np.ceil(np.log2(max((t_s[-1] - t_s[0]) / FIRST_S, 1.0))))
-    from_s = [-np.inf, *(t_s[0] + FIRST_S * 2.0**j for j in range(doublings)), np.inf]
+    from_s = [-np.inf, *_looks_s(prepared), np.inf]
     by_then = [None, *(_findings(flight, settings, float(s), build) for s in from_s[1:-1])]
     if all(one is None for one in by_then):
         return ()
@@ -65,6 +66,16 @@ def stretches(
     last = parts[-1]
     said = replace(last.prepared, notes=(*last.prepared.notes, note))
     return (*parts[:-1], last._replace(prepared=said))
+
+
+def _looks_s(prepared: PreparedFlight) -> list[float]:
+    """Return when noise is identified."""
+    t_s, opening = prepared.problem.t_s, prepared.opening
+    doublings = int(np.ceil(np.log2(max((t_s[-1] - t_s[0]) / FIRST_S, 1.0))))
+    looks_s = {float(t_s[0] + FIRST_S * 2.0**j) for j in range(doublings)}
+    if opening is not None and FEWEST <= opening.keyframes < len(t_s):
+        looks_s.add(float(opening.until_s))
+    return sorted(looks_s)
 
 
 def _findings(

@@ -4,30 +4,30 @@ All three estimate the same factor graph (docs/model.md). GTSAM solves it; ``sol
 it by block elimination in compiled code.
 """
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from fgnav import plugins
-from fgnav.checks import BadInputError, FloatArray, Loss, NoSolutionError, positive
+from fgnav.checks import BadInputError, FloatArray, positive
 from fgnav.frontend.calibration_request import calibration_requests
-from fgnav.frontend.gaps import LOST_S, time_from_attitude_s
 from fgnav.frontend.problem import PreparedFlight, build_problem
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.between import regular_times, with_times
 from fgnav.graph.innovations import consistency
-from fgnav.graph.keys import Timeline
-from fgnav.graph.sourced import Sourced
-from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
 from fgnav.integers.resolvers.lambda_ import Lambda
-from fgnav.methods.estimates import estimate_of
-from fgnav.methods.joined import among, joined_estimates
-from fgnav.methods.observability import TURN
+from fgnav.methods.smoothing.estimates import estimate_of
+from fgnav.methods.smoothing.joined import among, joined_estimates
+from fgnav.methods.smoothing.own_sources import FactorSource, own_factors
+from fgnav.methods.smoothing.solving import (
+    Solver,
+    at_once,
+    by_newest,
+    by_window,
+    without_attitudes,
+)
 from fgnav.methods.stream import Direction, Measured, Measurements, Stream, StreamSetUp
 from fgnav.optional_gtsam import ABSENT, HAS_GTSAM
 from fgnav.process.evidence import RatePrior
@@ -37,8 +37,6 @@ from fgnav.types.flight import Flight
 from fgnav.types.integers import Resolver
 
 if TYPE_CHECKING:
-    import gtsam
-
     from fgnav.graph.custom import OwnFactor
 
 __all__ = [
@@ -52,13 +50,6 @@ __all__ = [
     "Stream",
     "StreamSetUp",
 ]
-
-FACTORS = "fgnav.factors"  # entry points of sources of factors
-# Times what noise explains. Of wrong minima, spins lost or a body that was not nose first, costs
-# were 1.6 to 2600 times that, of right ones 0.9 to 1.3.
-_MISFIT = 1.5
-
-FactorSource = Callable[[Flight, Timeline], "Iterable[gtsam.NonlinearFactor | OwnFactor]"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +96,7 @@ class Smoother:
     gravity: GravityEstimator | None = None
     estimate: tuple[str, ...] = ()
     factors: tuple[FactorSource | str, ...] = ()
-    solver: Literal["gtsam", "chain"] = "gtsam" if HAS_GTSAM else "chain"
+    solver: Solver = "gtsam" if HAS_GTSAM else "chain"
     rate_prior: RatePrior | None = None
     sub_steps: int | None = None
     false_alarm: float = 1e-4
@@ -221,7 +212,7 @@ class Smoother:
 
             prepared = with_identified_noise(flight, settings, prepared, build_problem)
         if without_attitudes(prepared) and not self.causal and self.rate_prior is None:
-            from fgnav.methods.rate_identification import (  # noqa: PLC0415  # lazy: the chain
+            from fgnav.methods.smoothing.rate_identification import (  # noqa: PLC0415  # lazy: the chain
                 identified_by_evidence,
             )
 
@@ -245,9 +236,9 @@ class Smoother:
         self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None
     ) -> Estimate:
         sourced = own_factors(self.factors, flight, prepared.problem)
-        own = sourced.own
+        own = sourced.factors
         if own:
-            from fgnav.methods.own_heading import with_own_heading  # noqa: PLC0415  # lazy: gtsam
+            from fgnav.methods.smoothing.own_heading import with_own_heading  # noqa: PLC0415  # lazy: gtsam
 
             prepared = with_own_heading(prepared, own)
         solution = self._solve(prepared, own)
@@ -260,20 +251,7 @@ class Smoother:
         )
 
     def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
-        problem, keep = prepared.windowed, False
-        if not self.causal and is_known_late(prepared):
-            problem, keep = _at_batch(prepared, own), True
-        if self.solver == "chain":
-            from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
-
-            return chain.solve_fixed_lag(
-                problem, self.lag_s, keep_linearisation=keep, opening=prepared.opening
-            )
-        from fgnav.solve.fixed_lag import solve_fixed_lag  # noqa: PLC0415  # lazy: gtsam
-
-        return solve_fixed_lag(
-            problem, self.lag_s, own=own, keep_linearisation=keep, opening=prepared.opening
-        )
+        return by_window(prepared, own, self.solver, self.lag_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -288,13 +266,7 @@ class Forward(Smoother):
     name: str = "forward"
 
     def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
-        if self.solver == "chain":
-            from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
-
-            return chain.solve_forward(prepared.windowed, self.lag_s, opening=prepared.opening)
-        from fgnav.solve.fixed_lag import solve_forward  # noqa: PLC0415  # lazy: gtsam
-
-        return solve_forward(prepared.windowed, self.lag_s, own=own, opening=prepared.opening)
+        return by_newest(prepared, own, self.solver, self.lag_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -308,7 +280,7 @@ class Batch(Smoother):
     name: str = "batch"
 
     def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
-        return _fitting(prepared, _batch(self.solver, prepared, own))
+        return at_once(prepared, own, self.solver)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -316,125 +288,6 @@ class GtsamBatch(Batch):
     """Another name of ``Batch``, for one version."""
 
     name: str = "gtsam"
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Own:
-    """Factors of one's own, each with its name, and what their sources report."""
-
-    own: "tuple[OwnFactor, ...]" = ()
-    losses: tuple[Loss, ...] = ()
-    notes: tuple[str, ...] = ()
-
-
-def own_factors(
-    sources: tuple[FactorSource | str, ...], flight: Flight, problem: SmoothingProblem
-) -> _Own:
-    """Return the factors that sources make for a flight, and what they leave out."""
-    if not sources:
-        return _Own()
-    from fgnav.graph.custom import named  # noqa: PLC0415  # lazy: gtsam
-
-    timeline = Timeline(t_s=problem.t_s, gyroscope=problem.motion.aux == 6)
-    made: list[OwnFactor] = []
-    losses: list[Loss] = []
-    notes: list[str] = []
-    for source in map(factor_source, sources):
-        factors = source(flight, timeline)
-        if not isinstance(factors, Iterable):
-            what = getattr(source, "__name__", type(source).__name__)
-            raise BadInputError(f"source of factors {what}: must yield factors, got {factors!r}")
-        made += map(named, factors)
-        if isinstance(factors, Sourced):
-            losses += factors.losses
-            notes += factors.notes
-    return _Own(tuple(made), tuple(losses), tuple(notes))
-
-
-def factor_source(source: FactorSource | str) -> FactorSource:
-    """Return a source of factors, an installed one by its name, a network by its manifest."""
-    if not isinstance(source, str):
-        return source
-    if Path(source).suffix in (".toml", ".json"):
-        from fgnav.neural.factor import NeuralFactor  # noqa: PLC0415  # lazy: gtsam, onnxruntime
-
-        return NeuralFactor(source)
-    loaded: FactorSource = plugins.named(FACTORS, {}, source, kind="source of factors")
-    return loaded
-
-
-def without_attitudes(prepared: PreparedFlight) -> bool:
-    """Return whether neither an array nor a gyroscope tells how the body turns.
-
-    Only later motion tells a window where to linearise: of 30 such flights of 30 s, its attitudes
-    erred by 267 sigmas squared (median; 3 is right) where it did so itself, by 1.6 at the batch.
-    """
-    return prepared.integers is None and prepared.imu.w_b_radps is None
-
-
-def is_known_late(prepared: PreparedFlight) -> bool:
-    """Return whether only later motion tells where to linearise: a window's past cannot be again.
-
-    Of a flight without an array the heading; of one without a gyroscope whether it turned over.
-    One whose heading nothing tells has no better place than its opening.
-    """
-    opening = prepared.opening
-    if opening is not None and opening.until_s == np.inf:
-        return False
-    return prepared.integers is None or turns_unseen(prepared)
-
-
-def turns_unseen(prepared: PreparedFlight) -> bool:
-    """Return whether a body without a gyroscope may have turned over between two attitudes.
-
-    A window goes on as the body last turned, and a turn too many is a minimum of its own.
-    """
-    problem = prepared.problem
-    away_s = time_from_attitude_s(problem.t_s, problem.attitude_known)
-    return prepared.imu.w_b_radps is None and bool((away_s > LOST_S).any())
-
-
-def _at_batch(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> SmoothingProblem:
-    """Return the problem, its search started where the batch has the flight."""
-    found = _fitting(prepared, _batch("chain" if not own else "gtsam", prepared, own))
-    if prepared.rough and not found.converged:
-        raise NoSolutionError(
-            f"attitude: the {TURN} is left open: the batch, where windows are linearised, ends in "
-            "no minimum that explains the measurements; gravity directions would determine it"
-        )
-    return replace(
-        prepared.problem,
-        start=found.states,
-        constants=prepared.problem.constants.started_at(found.states.constants),
-        attitude_known=np.ones_like(prepared.problem.attitude_known),
-    )
-
-
-def _batch(solver: str, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
-    if solver == "chain" or (without_attitudes(prepared) and not own):
-        # Its descent crosses the curved valleys of such flights; GTSAM's stops in them.
-        from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
-        from fgnav.solve.minima import begins, minima, mixture  # noqa: PLC0415
-
-        problem = prepared.problem
-        if without_attitudes(prepared):
-            return chain.solve_batch(problem)
-        return mixture(minima(problem, begins(problem, chain.solve_fixed_lag)))
-    from fgnav.solve.batch import solve_batch  # noqa: PLC0415  # lazy: gtsam
-
-    return solve_batch(prepared.problem, own=own)
-
-
-def _fitting(prepared: PreparedFlight, solution: Solution) -> Solution:
-    """Return a solution whose minimum counts only where it explains what was measured.
-
-    Where the search starts from attitudes that assume something, it may end anywhere.
-    """
-    if not prepared.rough:
-        return solution
-    count = sum(int(part.freedom.sum()) for part in prepared.problem.measurements)
-    lost = solution.cost > _MISFIT * count
-    return replace(solution, converged=solution.converged and not lost)
 
 
 def _own_tests(

@@ -31,8 +31,8 @@ from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.methods.calibration_report import calibrated_constants
-from fgnav.methods.estimates import Body, stated
+from fgnav.methods.smoothing.calibration_report import calibrated_constants
+from fgnav.methods.smoothing.estimates import Body, stated
 from fgnav.process.evidence import RatePrior
 from fgnav.types.estimate import Consistency, Estimate
 from fgnav.types.flight import Imu

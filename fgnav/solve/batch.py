@@ -35,19 +35,17 @@ _NEWTON_STEPS = 8
 _LEVEL = 0.1
 
 
-def solve_batch(
-    problem: SmoothingProblem, *, own: Sequence[Own] = (), begin: Solution | None = None
-) -> Solution:
+def solve_batch(problem: SmoothingProblem, *, own: Sequence[Own] = ()) -> Solution:
     """Return each keyframe as known from all data.
+
+    The search begins where a window of 2 s ended and at ``problem.start``: the likeliest minimum is
+    taken, with the doubt that others leave.
 
     Parameters
     ----------
     problem : SmoothingProblem
     own : sequence of gtsam.NonlinearFactor or NamedFactor
         Factors of one's own, over ``fgnav.graph.keys`` with rows of the problem for numbers.
-    begin : Solution, optional
-        Where the search begins; by default where a window of 2 s ended and at ``problem.start``:
-        the likeliest minimum is taken, with the doubt that others leave.
 
     Raises
     ------
@@ -57,13 +55,22 @@ def solve_batch(
         If the data leave a state open, by name.
     """
     entering = OwnFactors(own, problem)
-    if begin is not None:
-        return _least(problem, entering, begin.states).solution
     window = partial(solve_fixed_lag, own=entering.within(BEGIN_LAG_S))
     starts = begins(problem, window)
     if not own:  # the chain knows none
         starts = [end.solution.states for end in minima(problem, starts)]
     return mixture(distinct([_least(problem, entering, states) for states in starts]))
+
+
+def minimum(
+    problem: SmoothingProblem, own: Sequence[Own] = (), begin: States | None = None
+) -> Minimum:
+    """Return the one minimum that a search from states, or from ``problem.start``, ends in.
+
+    Parameters and errors are those of ``solve_batch``.
+    """
+    begin = problem.start if begin is None else begin
+    return _least(problem, OwnFactors(own, problem), begin)
 
 
 def _least(problem: SmoothingProblem, entering: OwnFactors, begin: States) -> Minimum:

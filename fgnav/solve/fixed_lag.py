@@ -20,7 +20,6 @@ def solve_fixed_lag(
     *,
     own: Sequence[Own] = (),
     keep_linearisation: bool = False,
-    waits: bool = True,
     opening: Opening | None = None,
 ) -> Solution:
     """Return each keyframe as known from the data up to at least ``lag_s`` after it.
@@ -34,7 +33,7 @@ def solve_fixed_lag(
     own : sequence of gtsam.NonlinearFactor or NamedFactor
         Factors of one's own, over ``fgnav.graph.keys`` with rows of the problem for numbers. Each
         enters with the last keyframe that it touches.
-    keep_linearisation, waits : bool
+    keep_linearisation : bool
         As in ``FixedLag``.
     opening : Opening, optional
         Keyframes that leave while it holds are as a window over it has them; one over the problem
@@ -51,9 +50,8 @@ def solve_fixed_lag(
 
     def leaving(of: SmoothingProblem, end: int) -> list[Departed | None]:
         # An opening holds an arbitrary heading fixed: it has no better place to linearise.
-        keep, begins_late = keep_linearisation and of is problem, waits and of is problem
-        block_s = min(BLOCK_S, lag_s)
-        window = FixedLag(lag_s, block_s, waits=begins_late, keep_linearisation=keep)
+        keep = keep_linearisation and of is problem
+        window = FixedLag(lag_s, min(BLOCK_S, lag_s), keep_linearisation=keep)
         entering = OwnFactors(own if of is problem else (), of)
         parts = [window.update(of, row, entering.at(row, window.oldest)) for row in steps(end)]
         if end == len(of.t_s) and len(window):
@@ -87,8 +85,7 @@ def solve_forward(
     """
 
     def newest(of: SmoothingProblem, end: int) -> list[Departed | None]:
-        waits = of is problem
-        window = FixedLag(lag_s, 0.0, waits=waits, keep_linearisation=keep_linearisation)
+        window = FixedLag(lag_s, 0.0, keep_linearisation=keep_linearisation)
         entering, parts = OwnFactors(own, of), list[Departed | None]()
         for row in steps(end):
             window.advance(of, row, entering.at(row, window.oldest))

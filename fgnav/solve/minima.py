@@ -48,7 +48,7 @@ def begins(problem: SmoothingProblem, window: Callable[..., Solution]) -> list[S
         ``solve_fixed_lag`` of a solver.
     """
     try:
-        return [window(problem, BEGIN_LAG_S, waits=False).states, problem.start]
+        return [window(problem, BEGIN_LAG_S).states, problem.start]
     except NoSolutionError:  # what came until then left a state open
         return [problem.start]
 

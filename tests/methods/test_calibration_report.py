@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.methods.calibration_report import calibrated_constants, sentence
+from fgnav.methods.smoothing.calibration_report import calibrated_constants, sentence
 
 AXES = ("north", "east", "down")
 

@@ -11,7 +11,7 @@ from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.solve.batch import solve_batch
+from fgnav.solve.batch import minimum, solve_batch
 from tests.solve.flights import flight, sigmas_apart
 
 
@@ -84,15 +84,7 @@ def test_batch_begun_far_off_ends_in_the_same_minimum() -> None:
     rng = np.random.default_rng(3)
     steps = rng.normal(size=(21, 21)) * np.r_[np.full(3, 0.3), np.full(6, 3.0), np.full(12, 0.3)]
     far = near.states.moved(steps, np.zeros(3))
-    begin = Solution(
-        states=far,
-        covariance=near.covariance,
-        cross=None,
-        constant_covariance=near.constant_covariance,
-        constant_cross=near.constant_cross,
-        converged=False,
-    )
-    again = solve_batch(problem, begin=begin)
+    again = minimum(problem, begin=far).solution
     assert again.converged
     assert sigmas_apart(near, again) < 0.05
 

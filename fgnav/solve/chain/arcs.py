@@ -57,6 +57,11 @@ class Border:
         rights = (self._linearised(block, j).right for j, block in enumerate(blocks))
         return float(sum(right @ right for right in rights))
 
+    def size(self, k: int) -> int:
+        """Return how many dimensions A of keyframe k has."""
+        arcs = self._arcs(k)
+        return 0 if arcs is None else arcs.size
+
     def append(self, row: int) -> None:
         """Take in a keyframe of the problem."""
         before = self._block[-1] if self._block else -1

@@ -1,15 +1,17 @@
 """The newest keyframes of a flight, linearised and eliminated: what every window rests on.
 
-What leaves stays as forward information of the oldest keyframe that remains, linearised where it
-was: marginalisation is exact up to its linearisation, and the window does not grow.
+What leaves stays as forward information of the oldest keyframe that remains: marginalisation is
+exact up to its linearisation, and the window does not grow.
 """
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.geometry.rotations import transpose
 from fgnav.graph.build import Layout
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.graph.types.states import AUX, ROTATION, States
+from fgnav.graph.types.states import AUX, POSITION, ROTATION, States
 from fgnav.optional_gtsam import gtsam
 from fgnav.solve.chain import back_kernel
 from fgnav.solve.chain.arcs import Border
@@ -77,10 +79,49 @@ class LinearWindow:
         self._unary.setdefault(number, []).append(factor)
 
     def relinearise(self, which: IntArray, at: States) -> None:
-        """Linearise some keyframes, (j,), counted from the oldest, at states."""
+        """Linearise some keyframes, (j,), counted from the oldest, at states.
+
+        What has been marginalised is led on to where the oldest is then: it knows rotations and
+        positions in ``n``, so their directions turn against the body as the body has turned. Kept
+        in body axes, a level that is known later would tell a heading that is none.
+        """
+        if self.oldest and len(which) and which[0] == 0:
+            self._lead_marginal(at.at(slice(0, 1)))
         self.rows.place(which, at)
         self._changed[which] = True
         self._changed[which[which < len(self) - 1] + 1] = True
+        self._changed[0] &= not self.oldest
+
+    def _lead_marginal(self, to: States) -> None:
+        """Lead the forward information of the oldest keyframe to where it is linearised next."""
+        at, forward = self.states.at(slice(0, 1)), self.rows.forward[0]
+        step, turn = at.steps_to(to)[0], transpose(at.R_nb)[0] @ to.R_nb[0]
+        moved = np.eye(len(forward))
+        moved[ROTATION, ROTATION] = moved[POSITION, POSITION] = turn
+        moved[: len(step), -1] = -step
+        forward[:] = np.triu(moved.T @ (np.triu(forward) + np.triu(forward, 1).T) @ moved)
+
+    def arcs_size(self, row: int) -> int:
+        """Return how many dimensions the arcs of a keyframe have, counted from the oldest."""
+        return self._border.size(row)
+
+    def marginal(self) -> tuple[FloatArray, FloatArray]:
+        """Return what is known of the oldest keyframe by then: whitened rows and right-hand side.
+
+        Of its state, the constants and its arcs.
+
+        Raises
+        ------
+        NoSolutionError
+            If squares have not digits enough.
+        """
+        forward = self.rows.forward[0]
+        size = len(self.rows.steps[0]) + len(self.constants) + self.arcs_size(0)
+        try:
+            R = np.linalg.cholesky(forward[:size, :size], upper=True)
+        except np.linalg.LinAlgError as error:
+            raise NoSolutionError("window: what has left it is known to too few digits") from error
+        return R, solve_triangular(R, forward[:size, -1], trans="T")
 
     def solve(self) -> None:
         """Linearise what has changed, and carry information on from there to the newest.

@@ -16,7 +16,9 @@ from fgnav.solve.sliding.relinearisation import (
     REPEATS,
     SLOW_S,
     Leaving,
+    has_gyroscope,
     moved_far,
+    relaxed,
     repeats_at,
 )
 from fgnav.solve.sliding.retract_kernel import retracted
@@ -33,12 +35,10 @@ class ChainWindow:
         Keyframes leave known from the data up to this long after them at least.
     block_s : float
         The window is solved, and keyframes leave, when this much is new; 0: at every keyframe.
-    waits : bool
-        Whether the first keyframes stay until their attitude is known well, as in ``Leaving``.
     keep_linearisation : bool
         Whether states are linearised at ``problem.start`` and stay there. Else a keyframe starts
-        where the motion leads, and is linearised anew as its estimate moves; the oldest is not once
-        others have left, which speak of it where it was. Constants are not.
+        where the motion leads, and is linearised anew as its estimate moves; without a gyroscope
+        the oldest is not once others have left, which speak of it where it was. Constants are not.
     """
 
     def __init__(
@@ -46,7 +46,6 @@ class ChainWindow:
         lag_s: float,
         block_s: float = BLOCK_S,
         *,
-        waits: bool = True,
         keep_linearisation: bool = False,
     ) -> None:
         self._lag_s, self._block_s, self._keep = lag_s, block_s, keep_linearisation
@@ -55,7 +54,7 @@ class ChainWindow:
         self._blocks: list[int] = []  # numbers of those that ended a block and have not left
         self._solved_s = -np.inf
         self._departed = 0  # keyframes that have left, not all of them marginalised
-        self._leaving = Leaving(has_begun=not waits)
+        self._leaving = Leaving()
         self._newest: States
         self._updates = 0
         self._attitude_s = np.inf  # of the last keyframe with an attitude of its own
@@ -133,7 +132,7 @@ class ChainWindow:
         t_s, sigma_rad = linear.rows.t_s, self._turn_sigma_rad.get(oldest - 1)
         self._turn_sigma_rad = {k: s for k, s in self._turn_sigma_rad.items() if k >= oldest - 1}
         sigma_rad = linear.turn_sigma_rad(count) if sigma_rad is None else sigma_rad
-        return self._leaving.may(sigma_rad, t_s[-1] - t_s[0], linear.rows.steps.shape[1])
+        return self._leaving.may(sigma_rad, t_s[-1] - t_s[0])
 
     def _begin(self, problem: SmoothingProblem, row: int) -> None:
         """Place a keyframe where its search starts."""
@@ -164,17 +163,19 @@ class ChainWindow:
 
     def _relinearise(self, times: float = 1.0) -> None:
         """Relinearise states that have moved too far, until none has."""
+        share = 1.0
         for _ in range(REPEATS):
-            far = self._far(times)
+            far, before = self._far(times), self._linear.rows.steps.copy()
             if not far.any():
                 return
-            self._pass(far)
+            self._pass(far, share)
+            share = relaxed(share, self._linear.rows.steps, before)
 
-    def _pass(self, far: BoolArray) -> None:
-        """Linearise some keyframes, (n,), where they are estimated, and solve."""
+    def _pass(self, far: BoolArray, share: float = 1.0) -> None:
+        """Linearise some keyframes, (n,), a share of the way to their estimates, and solve."""
         linear, which = self._linear, np.flatnonzero(far)
         if len(which):
-            steps, none = linear.rows.steps[which], np.zeros(len(linear.constants))
+            steps, none = share * linear.rows.steps[which], np.zeros(len(linear.constants))
             linear.relinearise(which, retracted(linear.states.at(which), steps, none))
         linear.solve()
         linear.substitute()
@@ -185,7 +186,7 @@ class ChainWindow:
         if self._keep:
             return np.zeros(len(self._linear), dtype=np.bool_)
         far = moved_far(self._linear.rows.steps, times)
-        far[0] &= not self._linear.oldest
+        far[0] &= not self._linear.oldest or has_gyroscope(self._linear.rows.steps)
         return far
 
     def _estimated(self, begin: int, end: int) -> States:
@@ -216,7 +217,6 @@ def solve_fixed_lag(
     lag_s: float,
     *,
     keep_linearisation: bool = False,
-    waits: bool = True,
     opening: Opening | None = None,
 ) -> Solution:
     """Return each keyframe as known from the data up to at least ``lag_s`` after it.
@@ -226,9 +226,8 @@ def solve_fixed_lag(
 
     def leaving(of: SmoothingProblem, end: int) -> list[Departed | None]:
         # An opening holds an arbitrary heading fixed: it has no better place to linearise.
-        keep, begins_late = keep_linearisation and of is problem, waits and of is problem
-        block_s = min(BLOCK_S, lag_s)
-        window = ChainWindow(lag_s, block_s, waits=begins_late, keep_linearisation=keep)
+        keep = keep_linearisation and of is problem
+        window = ChainWindow(lag_s, min(BLOCK_S, lag_s), keep_linearisation=keep)
         parts = [window.update(of, row) for row in steps(end)]
         return [*parts, window.rest()] if end == len(of.t_s) else parts
 
@@ -249,8 +248,7 @@ def solve_forward(
     """
 
     def newest(of: SmoothingProblem, end: int) -> list[Departed | None]:
-        waits = of is problem
-        window = ChainWindow(lag_s, 0.0, waits=waits, keep_linearisation=keep_linearisation)
+        window = ChainWindow(lag_s, 0.0, keep_linearisation=keep_linearisation)
         return [window.filter(of, row) for row in steps(end)]
 
     return replace(joined_solution(opened(newest, problem, opening)), cross=None)

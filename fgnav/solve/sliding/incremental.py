@@ -34,6 +34,8 @@ class IncrementalSmoother:
     Parameters
     ----------
     layout : Layout
+    oldest : int
+        Its first keyframe.
 
     Attributes
     ----------
@@ -43,7 +45,7 @@ class IncrementalSmoother:
         Whether no factor has yet joined other keyframes than neighbours.
     """
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: Layout, oldest: int = 0) -> None:
         parameters = gtsam.ISAM2Params()
         parameters.setFactorization("QR")
         parameters.setOptimizationParams(gtsam.ISAM2GaussNewtonParams(_WILDFIRE))
@@ -56,7 +58,7 @@ class IncrementalSmoother:
         self._variables: set[int] = set()
         self._arcs: dict[int, tuple[int, int]] = {}  # size, and the last keyframe that needs it
         self._leaving: set[int] = set()  # by the next update
-        self.oldest, self.end, self.is_chain = 0, 0, True
+        self.oldest, self.end, self.is_chain = oldest, oldest, True
 
     def enter_arcs(self, key: int, size: int, begin: int) -> None:
         """Let arcs begin with the next update, at a keyframe; those before them end there."""

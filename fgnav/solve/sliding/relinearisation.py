@@ -1,7 +1,7 @@
 """Which states a window linearises anew, and which estimates are too far from there.
 
-One rule for GTSAM's smoother and for the chain. Constants and what has been marginalised beside a
-keyframe stay where they are: one shared variable relinearised has the whole window eliminated anew.
+One rule for GTSAM's smoother and for the chain. Constants stay where they are: one shared variable
+relinearised has the whole window eliminated anew.
 """
 
 from dataclasses import dataclass
@@ -12,24 +12,24 @@ from fgnav.checks import BoolArray, FloatArray
 from fgnav.graph.types.states import AUX, RATE, ROTATION
 
 # A keyframe is relinearised when its estimate has moved further than this from where it was:
-# rotations err by half the square, 0.003 degree. Beside a gyroscope, where that is a tenth of a
-# sigma, at half of it: 0.05 sigma from the batch in places instead of 0.3.
+# rotations err by half the square, 0.003 degree.
 MOVED_RAD = 0.01
-_GYROSCOPE_SHARE = 0.5
+# Beside a gyroscope all are at once, and at less: where one is level and its neighbour is not by
+# this much, specific force seems to point across by g times that, and to tell a heading. Of phases,
+# which know velocities to 4 mm/s, that is three times their noise in a second.
+_MOVED_WITH_GYROSCOPE_RAD = 0.0015
 MOVED_RADPS = 0.05  # of the rate, without a gyroscope: turns by that in 0.1 s
 _ERRS_AT_MOST = 0.25  # of sigma, by half the square of a move: 3 % more RMS error
 _GYROSCOPE_AUX = 6
 # Of the attitude where a window would end in an outage. What is marginalised there stays linearised
 # where little was known: after 15 s it had turned by 86 degrees. So it waits, for so long at most.
 UNKNOWN_RAD, WAITS_S = 0.5, 30.0
-# And of the first that leave, beside a gyroscope: what they are linearised at errs by half the
-# square, a quarter of the 0.05 degree that flights are known to later.
-_SHARP_RAD = 0.02
 
 BLOCK_S = 1.0  # that a window is solved with at once, and of what is marginalised
 SLOW_S = 0.5  # attitudes this far apart move too far for one linearisation
 _FINE = 0.5  # of a usual move: between them states are relinearised sooner
 _MUCH = 20.0  # times as far as else, after an outage: at once
+_LEAST_SHARE = 0.1  # of a step
 REPEATS = 5  # relinearisations after one update, at most; the next update goes on
 
 
@@ -41,14 +41,11 @@ class Leaving:
     ----------
     was_known : bool
         Whether the attitude was, where the window began.
-    has_begun : bool
-        Whether any may have.
     """
 
     was_known: bool = False
-    has_begun: bool = False
 
-    def may(self, sigma_rad: float, span_s: float, width: int) -> bool:
+    def may(self, sigma_rad: float, span_s: float) -> bool:
         """Return whether a window may begin where the attitude is known to ``sigma_rad``.
 
         Parameters
@@ -57,15 +54,16 @@ class Leaving:
             All axes.
         span_s : float
             Of what is in the window yet.
-        width : int
-            D of its keyframes.
         """
-        is_first = width == AUX + _GYROSCOPE_AUX and not self.has_begun
-        is_known = sigma_rad < (_SHARP_RAD if is_first else UNKNOWN_RAD)
-        waits = (is_first or self.was_known) and span_s < WAITS_S
+        is_known = sigma_rad < UNKNOWN_RAD
+        waits = self.was_known and span_s < WAITS_S
         self.was_known |= is_known
-        self.has_begun |= is_known or not waits
         return is_known or not waits
+
+
+def has_gyroscope(steps: FloatArray) -> bool:
+    """Return whether steps, (n, D), are those of a flight with a gyroscope."""
+    return bool(steps.shape[1] == AUX + _GYROSCOPE_AUX)
 
 
 def repeats_at(steps: FloatArray, is_slow: bool) -> float | None:
@@ -89,14 +87,31 @@ def repeats_at(steps: FloatArray, is_slow: bool) -> float | None:
     return 1.0 if is_moved or moved_far(steps, _MUCH).any() else None
 
 
+def relaxed(share: float, steps: FloatArray, before: FloatArray) -> float:
+    """Return which share of its steps a search takes next, (n, D), after a share of those before.
+
+    Where level and forces are hardly known, steps overshoot and undo each other, the longer the
+    further: Aitken's relaxation takes as much as would have led to the end.
+
+    References
+    ----------
+    Irons & Tuck, A version of the Aitken accelerator for computer iteration, International Journal
+    for Numerical Methods in Engineering 1(3), 1969.
+    """
+    turns, turned = steps[:, ROTATION].ravel(), before[:, ROTATION].ravel()
+    along = float(turns @ turned) / max(float(turned @ turned), np.finfo(float).tiny)
+    return float(np.clip(share / (1.0 - along), _LEAST_SHARE, 1.0)) if along < 0.0 else 1.0
+
+
 def moved_far(steps: FloatArray, times: float = 1.0) -> BoolArray:
     """Return which keyframes are to be linearised anew, (n,), by their steps, (n, D).
 
     ``times`` as far as else counts as far.
     """
     turned = np.abs(steps[:, ROTATION]).max(axis=1)
-    if steps.shape[1] == AUX + _GYROSCOPE_AUX:
-        return np.asarray(turned > times * _GYROSCOPE_SHARE * MOVED_RAD)
+    if has_gyroscope(steps):
+        far = bool((turned > times * _MOVED_WITH_GYROSCOPE_RAD).any())
+        return np.full(len(steps), far)
     far = turned > times * MOVED_RAD
     return np.asarray(far | (np.abs(steps[:, RATE]).max(axis=1) > times * MOVED_RADPS))
 

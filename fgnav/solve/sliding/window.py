@@ -35,8 +35,10 @@ from fgnav.solve.sliding.relinearisation import (
     SLOW_S,
     Leaving,
     moved_far,
+    relaxed,
     repeats_at,
 )
+from fgnav.solve.sliding.renewal import Entered, marginal_factor
 from fgnav.solve.sliding.retract_kernel import retracted
 
 _ROUNDING_S = 1e-6
@@ -52,8 +54,6 @@ class FixedLag:
         block longer.
     block_s : float
         The graph is solved whenever this much has come; 0 solves it at every keyframe.
-    waits : bool
-        Whether the first keyframes stay until their attitude is known well, as in ``Leaving``.
     keep_linearisation : bool
         Whether states stay linearised at ``problem.start``: for flights whose heading only later
         motion determines. What has been marginalised cannot be relinearised, so such a window would
@@ -65,7 +65,6 @@ class FixedLag:
         lag_s: float,
         block_s: float = BLOCK_S,
         *,
-        waits: bool = True,
         keep_linearisation: bool = False,
     ) -> None:
         self._lag_s, self._block_s, self._keep = lag_s, block_s, keep_linearisation
@@ -75,12 +74,13 @@ class FixedLag:
         self._constant_steps: FloatArray = np.empty(0)
         self._graph, self._values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         self._t_s: list[float] = []  # of all keyframes so far
-        self._leaving = Leaving(has_begun=not waits)
+        self._leaving = Leaving()
         self._turn_sigma_rad: dict[int, float] = {}  # of keyframes when last asked for
         self._follows = True  # whether the chain knows all that ISAM2 does
         self._departed = 0  # keyframes that have left, not all of them marginalised
         self._blocks: list[int] = []  # last keyframes of those that have not left, or just did
         self._arcs = -1  # newest block of arcs
+        self._entered: list[Entered] = []  # with the keyframes that are not marginalised
         self._updates = 0
         self._problem: SmoothingProblem | None = None
         self._measured: KeyframeMeasurements
@@ -167,43 +167,46 @@ class FixedLag:
         if problem is not self._problem:
             self._problem, self._layout = problem, Layout.of(problem)
             self._measured = KeyframeMeasurements(problem)
-        k, graph = len(self._t_s), self._graph
+        k = len(self._t_s)
+        factors: list[gtsam.NonlinearFactor] = []
         if k == 0:
             self._smoother = IncrementalSmoother(self._layout)
             insert_constants(self._values, self._layout, problem.constants.start)
-            for factor in (*keyframe_priors(problem, k), *constant_priors(problem.constants)):
-                graph.add(factor)
+            factors += (*keyframe_priors(problem, k), *constant_priors(problem.constants))
             self._newest = problem.start.at(slice(row, row + 1))
         else:
             about = problem.start.at(slice(row - 1, row)) if self._keep else self._newest
-            for factor in problem.motion.factors(row - 1, k - 1, k, about):
-                graph.add(factor)
+            factors += problem.motion.factors(row - 1, k - 1, k, about)
             self._newest = self._start(problem, row)
         insert_keyframe(self._values, self._layout, k, self._newest)
-        for factor in self._measured.factors(row, k):
-            graph.add(factor)
-        self._enter_phase(problem, row, k)
+        factors += self._measured.factors(row, k)
+        before = self._arcs
+        factors += self._phases(problem, row, k)
+        for factor in factors:
+            self._graph.add(factor)
+        self._entered.append(Entered(factors, self._arcs, self._arcs != before))
         self._linear.append(problem, row, self._newest)
         self._t_s.append(float(problem.t_s[row]))
         if problem.attitude_known[row]:
             self._is_slow = self._t_s[-1] - self._attitude_s > SLOW_S
             self._attitude_s = self._t_s[-1]
 
-    def _enter_phase(self, problem: SmoothingProblem, row: int, k: int) -> None:
-        """Take in the phases of a keyframe, with the arcs that they are of."""
-        phase = problem.phase
+    def _phases(self, problem: SmoothingProblem, row: int, k: int) -> list[gtsam.NonlinearFactor]:
+        """Return the phases of a keyframe, and take in the arcs that they are of."""
+        phase, factors = problem.phase, list[gtsam.NonlinearFactor]()
         if phase is None:
-            return
+            return factors
         i = int(np.searchsorted(phase.row, row))
         if i == len(phase.row) or phase.row[i] != row:
-            return
+            return factors
         block = int(phase.block[i])
         if block > self._arcs:
             self._arcs, size = block, phase.blocks[block].size
             self._values.insert(keys.arcs(block), np.zeros(size))
-            self._graph.add(phase.entering(block))
+            factors.append(phase.entering(block))
             self._alive.enter_arcs(keys.arcs(block), size, k)
-        self._graph.add(phase.factor(i, k))
+        factors.append(phase.factor(i, k))
+        return factors
 
     def _enter_own(self, factor: gtsam.NonlinearFactor) -> None:
         constants = self._layout.constant_keys
@@ -212,7 +215,9 @@ class FixedLag:
         if len(touched) > 1:
             self._alive.is_chain = self._follows = False
         else:
-            self._linear.add_unary(max(touched, default=len(self._t_s) - 1), factor)
+            number = max(touched, default=len(self._t_s) - 1)
+            self._linear.add_unary(number, factor)
+            self._entered[number - self._linear.oldest].factors.append(factor)
 
     def _start(self, problem: SmoothingProblem, row: int) -> States:
         at = slice(row, row + 1)
@@ -251,6 +256,7 @@ class FixedLag:
             smoother.marginalise(oldest)
         self._turn_sigma_rad = {k: s for k, s in self._turn_sigma_rad.items() if k >= oldest - 1}
         self._steps = self._steps[oldest - linear.oldest :]
+        del self._entered[: oldest - linear.oldest]
         linear.forget(oldest - linear.oldest)
         return True
 
@@ -270,15 +276,22 @@ class FixedLag:
         if sigma_rad is None:
             sigma_rad = self._alive.turn_sigma_rad(oldest)
         span_s = self._t_s[-1] - self._t_s[self._linear.oldest]
-        return self._leaving.may(sigma_rad, span_s, self._layout.width)
+        return self._leaving.may(sigma_rad, span_s)
 
-    def _update(self, far: BoolArray) -> None:
-        """Solve with what has come, some keyframes linearised where they are estimated."""
+    def _update(self, far: BoolArray, share: float = 1.0) -> None:
+        """Solve with what has come, some keyframes linearised where they are estimated.
+
+        Or a share of the way there, if all are.
+        """
         smoother, linear, rows = self._alive, self._linear, np.flatnonzero(far)
         if len(rows):
-            steps, none = self._steps[rows], np.zeros(len(linear.constants))
+            share = share if self._is_free else 1.0  # GTSAM itself goes the whole way
+            steps, none = share * self._steps[rows], np.zeros(len(linear.constants))
             at = linear.states.at(rows)
             linear.relinearise(rows, retracted(at, steps, none, by_pose3=True))
+            is_led = rows[0] == 0 and (linear.oldest > 0 or share < 1.0)
+            if is_led and self._is_free and self._renewed():
+                smoother, rows = self._alive, rows[:0]
         with self._failing():
             smoother.update(
                 self._graph, self._values, len(self._t_s), (linear.oldest + rows).tolist()
@@ -286,6 +299,33 @@ class FixedLag:
             self._steps, self._constant_steps = smoother.steps()
         self._graph, self._values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         self._updates += 1
+
+    def _renewed(self) -> bool:
+        """Begin anew with all that is not marginalised, linearised where the chain is by now.
+
+        Return whether the chain has digits enough for that.
+        """
+        linear, layout, entered = self._linear, self._layout, self._entered
+        first = entered[0].factors
+        if linear.oldest:
+            try:
+                first = [marginal_factor(linear, layout, entered[0].block)]
+            except NoSolutionError:
+                self._follows = False
+                return False
+        self._smoother = smoother = IncrementalSmoother(layout, linear.oldest)
+        self._graph, self._values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        insert_constants(self._values, layout, linear.constants)
+        for row, one in enumerate(entered):
+            k = linear.oldest + row
+            insert_keyframe(self._values, layout, k, linear.states, row)
+            if one.block >= 0 and (one.begins or not row):
+                size = linear.arcs_size(row)
+                self._values.insert(keys.arcs(one.block), np.zeros(size))
+                smoother.enter_arcs(keys.arcs(one.block), size, k)
+            for factor in one.factors if row else first:
+                self._graph.add(factor)
+        return True
 
     @contextmanager
     def _failing(self) -> Iterator[None]:
@@ -308,11 +348,13 @@ class FixedLag:
 
     def _relinearise(self, times: float = 1.0) -> None:
         """Relinearise states that have moved too far, until none has."""
+        share = 1.0
         for _ in range(REPEATS):
-            far = self._far(times)
+            far, before = self._far(times), self._steps
             if not far.any():
                 return
-            self._update(far)
+            self._update(far, share)
+            share = relaxed(share, self._steps, before)
 
     def _far(self, times: float = 1.0) -> BoolArray:
         """Return which keyframes are too far from where they are linearised, and may be moved."""
@@ -320,9 +362,16 @@ class FixedLag:
         if self._keep or not len(self._steps):
             return np.zeros(len(self._steps), dtype=np.bool_)
         far = moved_far(self._steps, times)
+        if self._is_free:
+            return far
         for i in np.flatnonzero(far) if not smoother.is_chain else (0,):
             far[i] &= not smoother.is_fixed(smoother.oldest + int(i))
         return far
+
+    @property
+    def _is_free(self) -> bool:
+        """Return whether the oldest keyframe, too, may be linearised anew."""
+        return self._layout.gyroscope and self._follows and self._alive.is_chain
 
     def _estimated(self, numbers: range) -> States:
         """Return the present estimates of keyframes and constants."""

@@ -19,9 +19,6 @@ from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, AttitudePrior, Smoothi
 from fgnav.optional_gtsam import gtsam
 
 _TOLD_RAD = np.radians(15.0)  # 1-sigma of one that tells: sin x = x within 1.2 %
-# Of a filter, which never linearises again what has left: three of them are small, sin x = x within
-# 0.05 %.
-_SURE_RAD = np.radians(1.0)
 _HEADINGS = 36  # tried: one is within 5 degrees of the best
 
 
@@ -30,8 +27,7 @@ def with_own_heading(prepared: PreparedFlight, own: Sequence[OwnFactor]) -> Prep
 
     The search starts where those so far have the heading, carried back to the first keyframe as
     the opening has the body turn; the first attitude is as unknown as before. A flight whose
-    heading is known earlier, or is not told well enough, is returned as it is; that of a filter
-    also if motion tells its heading later.
+    heading is known earlier, or is not told well enough, is returned as it is.
 
     Parameters
     ----------
@@ -40,9 +36,7 @@ def with_own_heading(prepared: PreparedFlight, own: Sequence[OwnFactor]) -> Prep
         Numbers in their keys are rows of the problem.
     """
     opening = prepared.opening
-    # A filter that motion will tell its heading waits for that: motion tells the level, too, which
-    # specific force in a turn does not.
-    if opening is None or (prepared.causal and np.isfinite(opening.until_s)):
+    if opening is None:
         return prepared
     first: dict[int, OwnFactor] = {}
     for one in own:
@@ -50,7 +44,6 @@ def with_own_heading(prepared: PreparedFlight, own: Sequence[OwnFactor]) -> Prep
         if len(involved) == 1 and keys.letter(involved[0]) == "x":
             first.setdefault(keys.index(involved[0]), one)
     windowed = replace(prepared.windowed, start=opening.problem.start)
-    sure_rad = _SURE_RAD if prepared.causal else _TOLD_RAD
     turned, information = 0.0 + 0.0j, 0.0
     for k in sorted(first):
         correction = _heading_correction(windowed, first[k], k)
@@ -62,7 +55,7 @@ def with_own_heading(prepared: PreparedFlight, own: Sequence[OwnFactor]) -> Prep
             turned + correction[1] * np.exp(1j * correction[0]),
             information + correction[1],
         )
-        if information * sure_rad**2 > 1:
+        if information * _TOLD_RAD**2 > 1:
             return _turned(prepared, float(np.angle(turned)), float(prepared.problem.t_s[k]))
     return prepared
 

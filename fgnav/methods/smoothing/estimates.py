@@ -12,8 +12,8 @@ from fgnav.graph.delayed import CLOCK_OFFSET, on_gnss_time
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ACCELEROMETER_BIAS, RATE
-from fgnav.methods.calibration_report import calibrated_constants, sentence
-from fgnav.methods.observability import TURN, undetermined
+from fgnav.methods.smoothing.calibration_report import calibrated_constants, sentence
+from fgnav.methods.smoothing.observability import TURN, undetermined
 from fgnav.optional_gtsam import HAS_GTSAM
 from fgnav.types.estimate import Consistency, Estimate
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import Loss
-from fgnav.methods.estimates import ROUGH
+from fgnav.methods.smoothing.estimates import ROUGH
 from fgnav.types.estimate import Estimate
 
 
