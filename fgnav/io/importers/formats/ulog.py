@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.geometry.rotations import to_euler
 from fgnav.io.flight.columns import (
     EULER,
@@ -114,23 +114,15 @@ def _fixes(topic: dict[str, Any]) -> dict[str, FloatArray]:
 
 def _reference(topics: dict[str, dict[str, Any]]) -> Samples:
     """Return the filter's estimates at its positions: attitudes nearest in time."""
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415  # lazy: not every log has one
+
     at, local, turned = (
         topics[name]
         for name in ("vehicle_global_position", "vehicle_local_position", "vehicle_attitude")
     )
     t = at["timestamp"]
-    w, x, y, z = _triple(turned, "q[{}]", 4)[_nearest(turned["timestamp"], t)].T
-    R_nb = np.moveaxis(
-        np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        ),
-        -1,
-        0,
-    )
+    wxyz = _triple(turned, "q[{}]", 4)[_nearest(turned["timestamp"], t)]
+    R_nb = Rotation.from_quat(wxyz, scalar_first=True).as_matrix()
     near = _nearest(local["timestamp"], t)
     velocity = np.stack([_numbers(local, name) for name in ("vx", "vy", "vz")], axis=1)[near]
     height = "alt_ellipsoid" if "alt_ellipsoid" in at else "alt"
@@ -143,8 +135,7 @@ def _reference(topics: dict[str, dict[str, Any]]) -> Samples:
     )
 
 
-def _nearest(times: FloatArray, at: FloatArray) -> Any:  # noqa: ANN401  # an index array
+def _nearest(times: FloatArray, at: FloatArray) -> IntArray:
     """Return the rows of ``times`` nearest to each of ``at``."""
-    times, at = np.asarray(times, np.float64), np.asarray(at, np.float64)
-    row = np.clip(np.searchsorted(times, at), 1, max(len(times) - 1, 1))
-    return np.where(at - times[row - 1] < times[row % len(times)] - at, row - 1, row % len(times))
+    middles = times[1:] / 2 + times[:-1] / 2
+    return np.searchsorted(middles, at)
