@@ -42,7 +42,8 @@ _HDF5 = b"MATLAB 7.3"  # another format under the same name
 _INERTIAL = ("ax", "ay", "az", "p", "q", "r")
 _GNSS = ("lat", "lon", "alt", "vn", "ve", "vd", "GPS_TOW")
 _FILTER = ("navlat", "navlon", "navalt", "navvn", "navve", "navvd", "phi", "theta", "psi")
-_FILTER_SCALE = np.degrees([1.0, 1.0, *np.radians([1.0] * 4), 1.0, 1.0, 1.0])  # angles in rad
+_ANGLES = ("navlat", "navlon", "phi", "theta", "psi")  # rad
+_FILTER_SCALE = np.where(np.isin(_FILTER, _ANGLES), np.degrees(1.0), 1.0)
 _STATUS = ("navValid", "imuStatus")
 
 
