@@ -7,6 +7,9 @@ import numpy as np
 
 from fgnav.geometry.earth import Origin, ecef
 from fgnav.io.gps_time import GPS_EPOCH
+from fgnav.io.importers import importer_named
+from fgnav.io.importers.assemble import assemble
+from fgnav.io.importers.settings import Settings
 from fgnav.types.flight import Antenna, Fixes, Flight, Imu
 
 G_MPS2 = 9.80665
@@ -97,6 +100,13 @@ def quadrotor(shared: Path, path: str) -> Flight:
             velocity_sigma_mps=None,
         ),
     )
+
+
+def uav(shared: Path) -> Flight:
+    """Return flight 75 of Thor, a UAV, with its on-board filter as reference."""
+    settings = Settings()
+    file = shared / "flights" / "thor75" / "thor_flight75.mat"
+    return assemble([importer_named("umn")(file, settings, file.parent)], settings).flight
 
 
 def _of_unit(roll_deg: float, pitch_deg: float, yaw_deg: float) -> np.ndarray:

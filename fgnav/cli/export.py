@@ -13,7 +13,7 @@ def export(
     /,
     *,
     format: Annotated[  # noqa: A002
-        str, Parameter(help="tum, pos, kml, gpx, csv, parquet, or an installed one.")
+        str, Parameter(help="tum, pos, kml, gpx, csv, parquet, mcap, or an installed one.")
     ],
     out: Path | None = None,
 ) -> None:

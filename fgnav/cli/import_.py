@@ -9,39 +9,72 @@ from cyclopts import Parameter
 from fgnav.json_file import JsonFile, check_places, write_json
 from fgnav.terminal import progress, show_lines
 
+_FORMATS = (
+    "Of all files: csv, pos, kfgins, ulog, ardupilot, rosbag, mcap, ubx, sbf, novatel, rtcm3, "
+    "rinex, sp3, umn, or an installed one; else told by each file's content."
+)
+
 
 def import_(
-    recording: Path,
-    /,
-    *,
+    *recordings: Path,
     out: Path,
-    format: Annotated[str, Parameter(help="umn, or an installed one.")],  # noqa: A002
+    format: Annotated[str | None, Parameter(help=_FORMATS)] = None,  # noqa: A002
+    settings: Path | None = None,
     json: JsonFile = None,
 ) -> None:
-    """Turn a foreign recording into a flight folder.
+    """Turn foreign recordings into one flight folder.
 
-    Example: fgnav import thor75.mat --format umn --out flights/thor75
+    Example: fgnav import log.ulg rover.ubx --settings drone.toml --out flights/first
 
     Parameters
     ----------
-    recording
-        The file to read.
+    recordings
+        The files to read.
     out
         Folder for the flight; made, and refused if it holds anything.
+    settings
+        TOML with what no file states: columns and units of CSV, antennas, axes of the unit.
     """
-    from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415  # lazy, like all below
-    from fgnav.io.flight.folder import save_flight  # noqa: PLC0415
-    from fgnav.io.importers import importer_named  # noqa: PLC0415
+    from tempfile import TemporaryDirectory  # noqa: PLC0415  # lazy, like all below
 
-    importer = importer_named(format)
+    from fgnav.checks import BadInputError  # noqa: PLC0415
+    from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415
+    from fgnav.io.flight.writer import check_empty  # noqa: PLC0415
+    from fgnav.io.importers import importer_named  # noqa: PLC0415
+    from fgnav.io.importers.assemble import assemble, write  # noqa: PLC0415
+    from fgnav.io.importers.recognise import recognised  # noqa: PLC0415
+    from fgnav.io.importers.settings import read_settings  # noqa: PLC0415
+
+    if not recordings:
+        raise BadInputError("recordings: name a file to import, or several")
+    said = read_settings(settings)
+    importers = {one: importer_named(format or recognised(one)) for one in recordings}
+    check_empty(out)
     check_places(json)
-    with progress(2) as step:
-        with step(f"reading {recording}"):
-            flight = importer(recording)
+    with (
+        progress(len(recordings) + 1) as step,
+        TemporaryDirectory(prefix="fgnav-") as scratch,
+    ):
+        found = []
+        for one, importer in importers.items():
+            with step(f"reading {one}"):
+                found.append(importer(one, said, Path(scratch)))
         with step(f"writing {out}"):
-            save_flight(flight, out)
+            whole = assemble(found, said)
+            write(whole, out, verify=bool(whole.observations and whole.navigation))
+    flight = whole.flight
     losses = [asdict(loss) for loss in flight.losses]
-    write_json(json, {"flight": flight.name, "folder": str(out), "losses": losses})
+    write_json(
+        json,
+        {
+            "flight": flight.name,
+            "folder": str(out),
+            "losses": losses,
+            "notes": dict(whole.notes),
+            "missing": dict(whole.missing),
+        },
+    )
     if json != "-":
         lines = loss_lines({"recording": flight.losses})
-        show_lines([f"{flight.name}: written to {out}", *lines])
+        notes = [f"{key}: {text}" for key, text in (whole.notes | whole.missing).items()]
+        show_lines([f"{flight.name}: written to {out}", *lines, *notes])

@@ -45,7 +45,8 @@ _COMMANDS = {
     "run": ("fgnav.cli.run:run", "Estimate a flight with one method; write its estimates."),
     "compare": ("fgnav.cli.compare:compare", "Run several methods on flights and judge them."),
     "campaign": ("fgnav.cli.campaign:campaign", "Fly and compare many scenarios at once."),
-    "import": ("fgnav.cli.import_:import_", "Turn a foreign recording into a flight folder."),
+    "new": ("fgnav.cli.new:new", "Look at files of any format; write a flight folder to edit."),
+    "import": ("fgnav.cli.import_:import_", "Turn foreign recordings into one flight folder."),
     "export": ("fgnav.cli.export:export", "Write an estimate in a format of another program."),
     "methods": ("fgnav.cli.listings:methods", "List the methods, installed too."),
     "resolvers": (

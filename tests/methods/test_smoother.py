@@ -9,13 +9,13 @@ from fgnav.checks import BadInputError
 from fgnav.geometry.rotations import log, transpose
 from fgnav.gravity import LowDynamics
 from fgnav.integers.resolvers.truth import Truth, attitude_at
-from fgnav.io.importers.umn import read_umn
 from fgnav.methods.maximum_likelihood import MaximumLikelihood
 from fgnav.methods.smoother import Batch, Smoother
 from tests.benchmarks import consistency
 from tests.benchmarks.gravity import flights
 from tests.methods.simulated import errors_rad, euler_rmse_deg, flown, nees
 from tests.methods.test_maximum_likelihood import Off
+from tests.recordings import uav
 
 RIGHT = Truth()
 
@@ -178,7 +178,7 @@ def test_without_phase_the_window_is_as_sure_of_its_heading_as_it_may_be():
 
 def test_the_window_follows_a_real_flight_with_its_gyroscope(shared):
     """Against the filter on board, which saw the same data; on the ground nothing tells heading."""
-    flight = read_umn(shared / "flights" / "thor75" / "thor_flight75.mat")
+    flight = uav(shared)
     estimate = Smoother()(flight)
     assert estimate.converged
     R_nb, covered = attitude_at(flight.truth, estimate.t_s)

@@ -24,6 +24,11 @@ START_GPS_S = 1_400_000_000.25  # 2024-05-17 16:53:20.25, GPS time
 
 @pytest.fixture
 def recorded():
+    """Return what ``made`` makes."""
+    return made()
+
+
+def made():
     """Return an estimate with all that an estimate may state."""
     rng = np.random.default_rng(3)
     n = 5

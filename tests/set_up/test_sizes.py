@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from fgnav.attitude.flight_vectors import track_of
-from fgnav.io.importers.umn import read_umn
 from fgnav.set_up.sizes import size_findings
 from fgnav.types.flight import Imu
+from tests.recordings import uav
 
 T_S = np.arange(0, 60, 0.01)
 
@@ -80,7 +80,7 @@ def test_a_gyroscope_at_rest_tells_nothing_of_its_unit():
 
 
 def test_a_real_gyroscope_is_right_and_its_degrees_are_found(shared):
-    flight = read_umn(shared / "flights" / "thor75" / "thor_flight75.mat")
+    flight = uav(shared)
     track = track_of(flight)
     assert size_findings(flight.imu, track) == []
     degrees = replace(flight.imu, w_b_radps=np.degrees(flight.imu.w_b_radps))

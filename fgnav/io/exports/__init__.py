@@ -18,6 +18,7 @@ EXPORTERS = {
     "gpx": "fgnav.io.exports.maps:write_gpx",
     "csv": "fgnav.io.exports.tables:write_csv",
     "parquet": "fgnav.io.exports.tables:write_parquet",
+    "mcap": "fgnav.io.exports.mcap:write_mcap",
 }
 
 

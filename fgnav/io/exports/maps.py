@@ -10,16 +10,7 @@ from fgnav.io.atomic_write import write_text
 from fgnav.io.exports.recorded import RecordedEstimate
 from fgnav.io.exports.trajectories import gps_times, positions
 from fgnav.io.flight.local_frame import attitude_of_n, place_of_n
-
-# GPS minus UTC grew by a second at each of these (IERS Bulletin C; none announced since).
-_LEAPS = np.array(
-    [
-        *("1981-07", "1982-07", "1983-07", "1985-07", "1988-01", "1990-01"),
-        *("1991-01", "1992-07", "1993-07", "1994-07", "1996-01", "1997-07"),
-        *("1999-01", "2006-01", "2009-01", "2012-07", "2015-07", "2017-01"),
-    ],
-    dtype="datetime64[M]",
-).astype("datetime64[us]")
+from fgnav.io.gps_time import utc_of_gps
 
 
 def write_kml(recorded: RecordedEstimate, path: Path) -> None:
@@ -64,8 +55,5 @@ def write_gpx(recorded: RecordedEstimate, path: Path) -> None:
 
 def _utc(recorded: RecordedEstimate) -> np.ndarray:
     """Return (n,) texts of UTC times, to the millisecond."""
-    gps = gps_times(recorded)
-    lead = np.arange(1, len(_LEAPS) + 1).astype("timedelta64[s]")
-    leaps = np.searchsorted(_LEAPS + lead, gps, side="right").astype("timedelta64[s]")
-    utc = (gps - leaps + np.timedelta64(500, "us")).astype("datetime64[ms]")
-    return np.char.add(utc.astype(str), "Z")
+    utc = utc_of_gps(gps_times(recorded)) + np.timedelta64(500, "us")
+    return np.char.add(utc.astype("datetime64[ms]").astype(str), "Z")

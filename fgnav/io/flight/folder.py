@@ -9,33 +9,18 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.geometry.earth import Origin
 from fgnav.io.antennas import chosen, merge, named_alike
+from fgnav.io.flight import series, usual_noise
 from fgnav.io.flight import toml as flight_toml
-from fgnav.io.flight import usual_noise
 from fgnav.io.flight import writer as flight_writer
-from fgnav.io.flight.columns import (
-    CALIBRATION,
-    CURRENTS,
-    EULER,
-    FIELD,
-    FORCE,
-    HEIGHT,
-    PLACE,
-    POSITION_SIGMA,
-    RATE,
-    VELOCITY,
-    VELOCITY_SIGMA,
-)
+from fgnav.io.flight.columns import CALIBRATION, CURRENTS
 from fgnav.io.flight.integers import read_integers
-from fgnav.io.flight.local_frame import attitude_to_n, columns_to_vectors, place_to_n, velocity_to_n
+from fgnav.io.flight.local_frame import columns_to_vectors, place_to_n
 from fgnav.io.flight.times import check_times
 from fgnav.io.flight.toml import (
-    BarometerTable,
     FixesTable,
     FlightTable,
     GnssTable,
-    ImuTable,
     InitialTable,
-    MagnetometerTable,
     SeekerTable,
     TruthTable,
 )
@@ -49,16 +34,12 @@ from fgnav.types.flight import (
     Fixes,
     Flight,
     GnssNoise,
-    Imu,
     InitialAttitude,
     Seeker,
     Truth,
 )
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
-from fgnav.types.surroundings import Barometer, Magnetometer
-
-_LEAST_SIGMA = 1e-6  # m, m/s: no receiver knows its place or velocity better
 
 
 def load_flight(path: Path | str) -> Flight:
@@ -143,7 +124,7 @@ def _toml(path: Path) -> Path:
 def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> list[Loss]:
     """Compare tables with the number of rows that their writer has noted; count what is missing."""
     read: dict[str, int] = {}
-    for part, series in (
+    for part, samples in (
         (table.imu, flight.imu),
         (table.fixes, flight.fixes),
         (table.seeker, flight.seeker),
@@ -151,8 +132,8 @@ def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> list[Loss]:
         (table.magnetometer, flight.magnetometer),
         (table.truth, flight.truth),
     ):
-        if part is not None and series is not None:
-            read[part.samples] = len(series.t_s)
+        if part is not None and samples is not None:
+            read[part.samples] = len(samples.t_s)
     if table.seeker is not None and flight.seeker is not None:
         read[table.seeker.calibration] = len(flight.seeker.calibration)
     if table.truth is not None and flight.truth is not None and flight.truth.integers is not None:
@@ -199,11 +180,19 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         elevation_mask_rad=np.radians(gnss.elevation_mask_deg),
         gnss_noise=_gnss_noise(gnss),
         base=base,
-        imu=_imu(folder, table.imu) if table.imu else None,
+        imu=series.imu(_read(folder, table.imu.samples, "imu"), table.imu) if table.imu else None,
         fixes=_fixes(folder, origin, table.fixes) if table.fixes else None,
         seeker=_seeker(folder, origin, table.seeker) if table.seeker else None,
-        barometer=_barometer(folder, table.barometer) if table.barometer else None,
-        magnetometer=_magnetometer(folder, table.magnetometer) if table.magnetometer else None,
+        barometer=series.barometer(
+            _read(folder, table.barometer.samples, "barometer"), table.barometer
+        )
+        if table.barometer
+        else None,
+        magnetometer=series.magnetometer(
+            _read(folder, table.magnetometer.samples, "magnetometer"), table.magnetometer
+        )
+        if table.magnetometer
+        else None,
         initial=_initial(table.initial) if table.initial else None,
         truth=_truth(folder, origin, table.truth, [a.name for a in table.antenna])
         if table.truth
@@ -269,63 +258,18 @@ def _gnss_noise(gnss: GnssTable) -> GnssNoise:
     )
 
 
-def _imu(folder: Path, table: ImuTable) -> Imu:
-    samples = read_table(folder / table.samples, ("t_s", *FORCE), (RATE,))
-    stated = {name: getattr(table, name) for name in usual_noise.IMU}
-    return Imu(
-        t_s=samples["t_s"],
-        f_b_mps2=columns_to_vectors(samples, FORCE),
-        w_b_radps=columns_to_vectors(samples, RATE) if RATE[0] in samples else None,
-        position_b_m=np.array(table.position_b_m),
-        **usual_noise.imu_noise(stated, gyroscope=RATE[0] in samples),
-    )
+def _read(folder: Path, name: str, kind: str) -> dict[str, FloatArray]:
+    """Return a table of samples of a kind in ``series.COLUMNS``."""
+    return read_table(folder / name, *series.COLUMNS[kind])
 
 
 def _fixes(folder: Path, origin: Origin, table: FixesTable) -> Fixes:
-    """Read fixes; standard deviations stay as they are, since the axes differ by 0.02 deg."""
-    optional = (VELOCITY, POSITION_SIGMA, VELOCITY_SIGMA)
     path = folder / table.samples
-    samples = read_table(path, ("t_s", *PLACE), optional)
-    p_n_m = place_to_n(origin, columns_to_vectors(samples, PLACE))
-    if VELOCITY_SIGMA[0] in samples and VELOCITY[0] not in samples:
-        raise BadInputError(f"{path}: line 1: {VELOCITY_SIGMA[0]} needs {', '.join(VELOCITY)}")
-    v_n_mps = velocity_sigma_mps = None
-    if VELOCITY[0] in samples:
-        v_n_mps = velocity_to_n(origin, p_n_m, columns_to_vectors(samples, VELOCITY))
-        velocity_sigma_mps = _sigma(path, samples, VELOCITY_SIGMA, usual_noise.VELOCITY_SIGMA_MPS)
-    return Fixes(
-        t_s=samples["t_s"],
-        antenna=table.antenna,
-        p_n_m=p_n_m,
-        v_n_mps=v_n_mps,
-        position_sigma_m=_sigma(path, samples, POSITION_SIGMA, usual_noise.POSITION_SIGMA_M),
-        velocity_sigma_mps=velocity_sigma_mps,
-        unstated=tuple(
-            name
-            for name, sigma in (("position", POSITION_SIGMA), ("velocity", VELOCITY_SIGMA))
-            if sigma[0] not in samples
-        ),
-    )
-
-
-def _sigma(
-    path: Path, samples: dict[str, FloatArray], names: tuple[str, ...], default: tuple[float, ...]
-) -> FloatArray:
-    if names[0] in samples:
-        sigma = columns_to_vectors(samples, names)
-        wrong = sigma < _LEAST_SIGMA
-        if wrong.any():
-            row, column = np.argwhere(wrong)[0]
-            raise BadInputError(
-                f"{path}: line {row + 2}: {names[column]} must be {_LEAST_SIGMA:g} or more, "
-                f"got {sigma[row, column]:.9g}"
-            )
-        return sigma
-    return np.tile(np.array(default), (len(samples["t_s"]), 1))
+    return series.fixes(_read(folder, table.samples, "fixes"), origin, table.antenna, where=path)
 
 
 def _seeker(folder: Path, origin: Origin, table: SeekerTable) -> Seeker:
-    samples = read_table(folder / table.samples, ("t_s", *CURRENTS))
+    samples = _read(folder, table.samples, "seeker")
     calibration = read_table(folder / table.calibration, CALIBRATION, increasing=CALIBRATION[0])
     landmark = table.landmark
     place = np.array([[landmark.latitude_deg, landmark.longitude_deg, landmark.height_m]])
@@ -340,42 +284,10 @@ def _seeker(folder: Path, origin: Origin, table: SeekerTable) -> Seeker:
     )
 
 
-def _barometer(folder: Path, table: BarometerTable) -> Barometer:
-    samples = read_table(folder / table.samples, ("t_s", *HEIGHT))
-    return Barometer(
-        t_s=samples["t_s"],
-        height_m=samples[HEIGHT[0]],
-        position_b_m=np.array(table.position_b_m),
-        noise_m=table.noise_m,
-        offset_m=table.offset_m,
-        wander_m=table.wander_m,
-        wander_time_s=table.wander_time_s,
-    )
-
-
-def _magnetometer(folder: Path, table: MagnetometerTable) -> Magnetometer:
-    samples = read_table(folder / table.samples, ("t_s", *FIELD))
-    return Magnetometer(
-        t_s=samples["t_s"],
-        field_b_ut=columns_to_vectors(samples, FIELD),
-        field_n_ut=np.array(table.field_n_ut),
-        noise_ut=table.noise_ut,
-        hard_iron_ut=table.hard_iron_ut,
-    )
-
-
 def _truth(folder: Path, origin: Origin, table: TruthTable, names: list[str]) -> Truth:
     integers = read_integers(folder / table.integers) if table.integers else None
     for name in sorted(set(integers.antennas) - set(names) if integers is not None else ()):
         raise BadInputError(
             f"{folder / str(table.integers)}: true integers antenna: {name!r} is not one of {names}"
         )
-    samples = read_table(folder / table.samples, ("t_s", *PLACE, *VELOCITY, *EULER))
-    p_n_m = place_to_n(origin, columns_to_vectors(samples, PLACE))
-    return Truth(
-        t_s=samples["t_s"],
-        p_n_m=p_n_m,
-        v_n_mps=velocity_to_n(origin, p_n_m, columns_to_vectors(samples, VELOCITY)),
-        R_nb=attitude_to_n(origin, p_n_m, columns_to_vectors(samples, EULER)),
-        integers=integers,
-    )
+    return series.truth(_read(folder, table.samples, "truth"), origin, integers)

@@ -1,5 +1,7 @@
 """Between files, which speak of the NED axes at the vehicle, and ``n``, fixed at the origin."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from fgnav.checks import FloatArray
@@ -7,7 +9,7 @@ from fgnav.geometry.earth import Origin, ecef, geodetic
 from fgnav.geometry.rotations import from_euler, to_euler
 
 
-def columns_to_vectors(table: dict[str, FloatArray], names: tuple[str, ...]) -> FloatArray:
+def columns_to_vectors(table: Mapping[str, FloatArray], names: tuple[str, ...]) -> FloatArray:
     """Return (k, c) of c columns."""
     return np.stack([table[name] for name in names], axis=1)
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,6 +11,7 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import BadInputError, quoted
+from fgnav.io.flight.mounting import FORWARD_RIGHT_DOWN
 from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.strict_toml import Positive, Table, Vector, as_table, read_toml
 from fgnav.types.flight import ElevationWeights, GnssNoise
@@ -61,17 +63,25 @@ class GnssTable(Table, frozen=True, kw_only=True):
     base: BaseTable | None = None
 
 
-class ImuTable(Table, frozen=True, kw_only=True):
-    """``[imu]``."""
+class ImuKeys(Table, frozen=True, kw_only=True):
+    """What ``[imu]`` says of the unit; ``clock_offset_s`` is added to its times."""
 
-    samples: str
     position_b_m: Vector = (0.0, 0.0, 0.0)
+    axes: tuple[str, str, str] = FORWARD_RIGHT_DOWN
+    mounting_deg: Vector = (0.0, 0.0, 0.0)
+    clock_offset_s: float = 0.0
     accelerometer_noise_mps2_per_sqrt_hz: float | None = None
     accelerometer_bias_mps2: float | None = None
     accelerometer_bias_walk_mps2_per_sqrt_s: float | None = None
     gyroscope_noise_radps_per_sqrt_hz: float | None = None
     gyroscope_bias_radps: float | None = None
     gyroscope_bias_walk_radps_per_sqrt_s: float | None = None
+
+
+class ImuTable(ImuKeys, frozen=True, kw_only=True):
+    """``[imu]``."""
+
+    samples: str
 
 
 class FixesTable(Table, frozen=True, kw_only=True):
@@ -92,10 +102,9 @@ class SeekerTable(Table, frozen=True, kw_only=True):
     calibration: str
 
 
-class BarometerTable(Table, frozen=True, kw_only=True):
-    """``[barometer]``: t_s and height_m; the other keys are those of ``Barometer``."""
+class BarometerKeys(Table, frozen=True, kw_only=True):
+    """What ``[barometer]`` says of the instrument, as of ``Barometer``."""
 
-    samples: str
     position_b_m: Vector = (0.0, 0.0, 0.0)
     noise_m: float
     offset_m: float
@@ -103,13 +112,24 @@ class BarometerTable(Table, frozen=True, kw_only=True):
     wander_time_s: float = 300.0
 
 
-class MagnetometerTable(Table, frozen=True, kw_only=True):
-    """``[magnetometer]``: t_s, mx_ut, my_ut, mz_ut in body axes; keys as of ``Magnetometer``."""
+class BarometerTable(BarometerKeys, frozen=True, kw_only=True):
+    """``[barometer]``: t_s and height_m."""
 
     samples: str
+
+
+class MagnetometerKeys(Table, frozen=True, kw_only=True):
+    """What ``[magnetometer]`` says of the instrument, as of ``Magnetometer``."""
+
     field_n_ut: Vector
     noise_ut: float
     hard_iron_ut: float
+
+
+class MagnetometerTable(MagnetometerKeys, frozen=True, kw_only=True):
+    """``[magnetometer]``: t_s, mx_ut, my_ut, mz_ut in body axes."""
+
+    samples: str
 
 
 class InitialTable(Table, frozen=True, kw_only=True):
@@ -203,24 +223,55 @@ def gps_date(start_gps_s: float) -> str:
     return date.rstrip("0").rstrip(".") if microseconds % 1_000_000 else date[:19]
 
 
-def write_flight_toml(path: Path, table: FlightTable) -> None:
-    """Write ``flight.toml``; keys at their default are left out."""
+def write_flight_toml(path: Path, table: Table, comments: Mapping[str, str] | None = None) -> None:
+    """Write ``flight.toml``; keys without a value are left out.
+
+    Parameters
+    ----------
+    path : Path
+    table : FlightTable
+        Or another table of tables.
+    comments : mapping of str to str
+        By key, ``"imu.axes"``, or table, ``"imu"``: they stand above it, or where it would be.
+    """
+    notes = dict(comments or {})
     lines: list[str] = []
     plain = {k: v for k, v in msgspec.to_builtins(table).items() if v not in _NOTHING}
     tables = {k: v for k, v in plain.items() if isinstance(v, dict) and k != "rows"}
     lists = {k: v for k, v in plain.items() if isinstance(v, list | tuple)}
-    lines += [f"{k} = {_toml(v)}" for k, v in plain.items() if k not in tables and k not in lists]
+    scalars = {k: v for k, v in plain.items() if k not in tables and k not in lists}
+    lines += _entries(scalars, notes)
     for key, rows in lists.items():
         for row in rows:
-            lines += ["", f"[[{key}]]", *_entries(row)]
+            lines += ["", *_comment(notes.pop(key, "")), f"[[{key}]]"]
+            lines += _entries(row, notes, f"{key}.")
     for key, row in tables.items():
-        lines += ["", f"[{key}]", *_entries(row)]
+        lines += ["", *_comment(notes.pop(key, "")), f"[{key}]", *_entries(row, notes, f"{key}.")]
+        absent = [name for name in notes if name.startswith(f"{key}.")]
+        lines += [line for name in absent for line in _comment(notes.pop(name))]
+    for text in notes.values():
+        lines += ["", *_comment(text)]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _entries(table: Mapping[str, Any]) -> list[str]:
-    said = {key: value for key, value in table.items() if value not in _NOTHING}
-    return [f"{_key(name)} = {_toml(value)}" for name, value in said.items()]
+def _entries(
+    table: Mapping[str, Any], notes: dict[str, str] | None = None, above: str = ""
+) -> list[str]:
+    lines = []
+    for name, value in table.items():
+        if value not in _NOTHING:
+            lines += _comment((notes or {}).pop(above + name, ""))
+            lines.append(f"{_key(name)} = {_toml(value)}")
+    return lines
+
+
+def _comment(text: str) -> list[str]:
+    """Return the lines of a comment; its own line ends stay."""
+    return [
+        f"# {line}"
+        for part in text.splitlines()
+        for line in textwrap.wrap(part, 96, break_long_words=False, break_on_hyphens=False)
+    ]
 
 
 def _key(name: str) -> str:

@@ -3,6 +3,7 @@
 import re
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -41,26 +42,44 @@ def write_folder(flight: Flight, folder: Path, rinex: RinexVersion = "3.04") -> 
     BadInputError
         If the folder holds something, cannot be made, or a value does not fit into its file.
     """
+    check_empty(folder)
+    with atomic_folder(folder) as new:
+        table = write_parts(flight, new, rinex)
+        flight_toml.write_flight_toml(new / FILE_NAME, table)
+
+
+def check_empty(folder: Path) -> None:
+    """Raise unless a folder is new or empty.
+
+    Raises
+    ------
+    BadInputError
+        If it holds something, or is a file.
+    """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise BadInputError(f"{folder}: must be a new or empty folder, it holds something")
-    with atomic_folder(folder) as new:
-        table = flight_toml.FlightTable(
-            rows=_rows(flight),
-            format=flight_toml.FORMAT,
-            name=flight.name,
-            start=flight_toml.gps_date(flight.start_gps_s),
-            origin=_place_of_origin(flight.origin),
-            antenna=_antennas(flight, new, rinex),
-            gnss=_gnss(flight, new, rinex),
-            imu=_imu(flight, new),
-            fixes=_fixes(flight, new),
-            seeker=_seeker(flight, new),
-            barometer=_barometer(flight, new),
-            magnetometer=_magnetometer(flight, new),
-            initial=_initial(flight),
-            truth=_truth(flight, new),
-        )
-        flight_toml.write_flight_toml(new / FILE_NAME, table)
+
+
+def write_parts(
+    flight: Flight, folder: Path, rinex: RinexVersion = "3.04"
+) -> flight_toml.FlightTable:
+    """Write a flight's files into a folder, all but flight.toml; return what that should hold."""
+    return flight_toml.FlightTable(
+        rows=_rows(flight),
+        format=flight_toml.FORMAT,
+        name=flight.name,
+        start=flight_toml.gps_date(flight.start_gps_s),
+        origin=_place_of_origin(flight.origin),
+        antenna=_antennas(flight, folder, rinex),
+        gnss=_gnss(flight, folder, rinex),
+        imu=_imu(flight, folder),
+        fixes=_fixes(flight, folder),
+        seeker=_seeker(flight, folder),
+        barometer=_barometer(flight, folder),
+        magnetometer=_magnetometer(flight, folder),
+        initial=_initial(flight),
+        truth=_truth(flight, folder),
+    )
 
 
 def _rows(flight: Flight) -> dict[str, int]:
@@ -189,11 +208,8 @@ def _imu(flight: Flight, folder: Path) -> flight_toml.ImuTable | None:
         (columns.FORCE, imu.f_b_mps2),
         (columns.RATE, imu.w_b_radps),
     )
-    return flight_toml.ImuTable(
-        samples="imu.csv",
-        position_b_m=_vector(imu.position_b_m),
-        **{name: None if name in imu.unstated else getattr(imu, name) for name in IMU},
-    )
+    noise: dict[str, Any] = {n: None if n in imu.unstated else getattr(imu, n) for n in IMU}
+    return flight_toml.ImuTable(samples="imu.csv", position_b_m=_vector(imu.position_b_m), **noise)
 
 
 def _fixes(flight: Flight, folder: Path) -> flight_toml.FixesTable | None:

@@ -8,51 +8,49 @@ References
 .. [1] UAV Laboratory, University of Minnesota, flight data in the format ``UMN1``.
 """
 
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
-from fgnav.geometry.earth import Origin, ecef
-from fgnav.geometry.rotations import from_euler
-from fgnav.types.flight import Antenna, Fixes, Flight, Imu, Truth
+from fgnav.io.flight.columns import (
+    EULER,
+    FORCE,
+    PLACE,
+    POSITION_SIGMA,
+    RATE,
+    VELOCITY,
+    VELOCITY_SIGMA,
+)
+from fgnav.io.importers.recording import Recording, Samples, vectors
+from fgnav.io.importers.settings import Settings
 
 # The recordings do not state them: an ADIS16405 on a vibrating airframe, a code receiver. Vibration
 # and the gyroscope's alignment, not the data sheet, set the densities.
-_imu = partial(
-    Imu,
-    accelerometer_noise_mps2_per_sqrt_hz=0.05,
-    accelerometer_bias_mps2=0.5,
-    accelerometer_bias_walk_mps2_per_sqrt_s=5e-3,
-    gyroscope_noise_radps_per_sqrt_hz=1e-3,
-    gyroscope_bias_radps=0.02,
-    gyroscope_bias_walk_radps_per_sqrt_s=1e-4,
-)
-POSITION_SIGMA_M = (3.0, 3.0, 6.0)
-VELOCITY_SIGMA_MPS = (0.3, 0.3, 0.5)
+_IMU_NOISE = {
+    "accelerometer_noise_mps2_per_sqrt_hz": 0.05,
+    "accelerometer_bias_mps2": 0.5,
+    "accelerometer_bias_walk_mps2_per_sqrt_s": 5e-3,
+    "gyroscope_noise_radps_per_sqrt_hz": 1e-3,
+    "gyroscope_bias_radps": 0.02,
+    "gyroscope_bias_walk_radps_per_sqrt_s": 1e-4,
+}
+_SIGMAS = (3.0, 3.0, 6.0, 0.3, 0.3, 0.5)  # m, m/s: north, east, down
 
 _HDF5 = b"MATLAB 7.3"  # another format under the same name
-_RATES, _FORCES = ("p", "q", "r"), ("ax", "ay", "az")
+_INERTIAL = ("ax", "ay", "az", "p", "q", "r")
 _GNSS = ("lat", "lon", "alt", "vn", "ve", "vd", "GPS_TOW")
 _FILTER = ("navlat", "navlon", "navalt", "navvn", "navve", "navvd", "phi", "theta", "psi")
+_ANGLES = ("navlat", "navlon", "phi", "theta", "psi")  # rad
+_FILTER_SCALE = np.where(np.isin(_FILTER, _ANGLES), np.degrees(1.0), 1.0)
 _STATUS = ("navValid", "imuStatus")
 
 
-def read_umn(path: Path) -> Flight:
-    """Read a recording.
+def read_umn(path: Path, _settings: Settings, _scratch: Path) -> Recording:
+    """Read a recording: a ``.mat`` file with the structure ``flight_data``.
 
-    Parameters
-    ----------
-    path : Path
-        A ``.mat`` file with the structure ``flight_data``.
-
-    Returns
-    -------
-    Flight
-        With fixes, accelerometer, gyroscope and the on-board filter's solution as ``truth``. The
-        file has seconds of the GPS week but no week: ``start_gps_s`` counts from the week's start.
+    The file has seconds of the GPS week but no week. Samples before the first fix are left out.
 
     Raises
     ------
@@ -68,39 +66,24 @@ def read_umn(path: Path) -> Flight:
     start_s = float(data["time"][new_fix[0]])
     sampled &= data["time"] >= start_s
     filtered &= data["time"] >= start_s
-    t_s = data["time"] - start_s
-    place = _stack(data, _GNSS[:3], new_fix)
-    place[:, :2] = np.radians(place[:, :2])
-    origin = Origin(latitude_rad=place[0, 0], longitude_rad=place[0, 1], height_m=place[0, 2])
-    reference = _stack(data, _FILTER, filtered)
-    p_n_m, reference_n_m = _local(origin, place), _local(origin, reference[:, :3])
-    turned = origin.local_ned(reference_n_m)
+    t_s = data["time"] - start_s + round(float(data["GPS_TOW"][new_fix[0]]), 3)
+    sigmas = np.tile(_SIGMAS, (len(new_fix), 1))
+    tables: dict[str, Samples] = {
+        "imu": {"t_s": t_s[sampled]} | vectors(FORCE + RATE, _stack(data, _INERTIAL, sampled)),
+        "fixes": {"t_s": t_s[new_fix]}
+        | vectors(PLACE + VELOCITY, _stack(data, _GNSS[:6], new_fix))
+        | vectors(POSITION_SIGMA + VELOCITY_SIGMA, sigmas),
+        "truth": {"t_s": t_s[filtered]}
+        | vectors(PLACE + VELOCITY + EULER, _stack(data, _FILTER, filtered) * _FILTER_SCALE),
+    }
     lost = int((~sampled).sum())
-    return Flight(
-        name=path.stem,
-        start_gps_s=round(float(data["GPS_TOW"][new_fix[0]]), 3),
-        origin=origin,
-        antennas=(Antenna(name="gps", position_b_m=np.zeros(3)),),
-        imu=_imu(
-            t_s=t_s[sampled],
-            f_b_mps2=_stack(data, _FORCES, sampled),
-            w_b_radps=_stack(data, _RATES, sampled),
-        ),
-        fixes=Fixes(
-            t_s=t_s[new_fix],
-            antenna="gps",
-            p_n_m=p_n_m,
-            v_n_mps=_turned(origin, p_n_m, _stack(data, _GNSS[3:6], new_fix)),
-            position_sigma_m=np.tile(POSITION_SIGMA_M, (len(new_fix), 1)),
-            velocity_sigma_mps=np.tile(VELOCITY_SIGMA_MPS, (len(new_fix), 1)),
-        ),
-        truth=Truth(
-            t_s=t_s[filtered],
-            p_n_m=reference_n_m,
-            v_n_mps=_turned(origin, reference_n_m, reference[:, 3:6]),
-            R_nb=turned @ from_euler(*reference[:, 6:].T),
-        ),
+    return Recording(
+        source=path,
+        tables=tables,
+        clock="week",
+        imu_noise=_IMU_NOISE,
         losses=(Loss(what="imu sample", reason="before the first fix, or flagged", count=lost),),
+        notes={"truth": "the on-board filter's estimate, not truth"},
     )
 
 
@@ -122,7 +105,7 @@ def _columns(path: Path) -> dict[str, FloatArray]:
     if data is None:
         raise BadInputError(f"{path}: has no structure flight_data")
     columns: dict[str, FloatArray] = {}
-    for name in ("time", *_RATES, *_FORCES, *_GNSS, *_FILTER, *_STATUS):
+    for name in ("time", *_INERTIAL, *_GNSS, *_FILTER, *_STATUS):
         value = getattr(data, name, None)
         if value is None:
             raise BadInputError(f"{path}: flight_data.{name}: missing")
@@ -141,12 +124,3 @@ def _stack(
     data: dict[str, FloatArray], names: tuple[str, ...], rows: BoolArray | IntArray
 ) -> FloatArray:
     return np.stack([data[name][rows] for name in names], axis=1)
-
-
-def _local(origin: Origin, place: FloatArray) -> FloatArray:
-    return origin.to_n(ecef(*place.T))
-
-
-def _turned(origin: Origin, p_n_m: FloatArray, v_ned_mps: FloatArray) -> FloatArray:
-    """Turn velocities from north where the vehicle is to north at the origin."""
-    return np.asarray(np.einsum("nij,nj->ni", origin.local_ned(p_n_m), v_ned_mps))

@@ -1,0 +1,152 @@
+"""Estimates as a ROS 2 bag in one MCAP file: ``nav_msgs/Odometry`` and ``sensor_msgs/NavSatFix``.
+
+ROS has its own axes [1]_: the map's are east, north, up at the flight's origin, the body's forward,
+left, up. Times are UTC.
+
+References
+----------
+.. [1] ROS REP 103, "Standard Units of Measure and Coordinate Conventions"; nav_msgs/Odometry.
+"""
+
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from fgnav.checks import BadInputError, BoolArray, FloatArray
+from fgnav.geometry.rotations import quaternion_wxyz
+from fgnav.io.atomic_write import atomic_file
+from fgnav.io.exports.recorded import RecordedEstimate
+from fgnav.io.exports.trajectories import gps_times, positions
+from fgnav.io.flight.local_frame import place_of_n
+from fgnav.io.gps_time import utc_of_gps
+
+_ENU_OF_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+_FLU_OF_FRD = np.diag([1.0, -1.0, -1.0])
+_KNOWN = 3  # NavSatFix: a full covariance; 0: none
+_UNKNOWN_VARIANCE = -1.0  # nav_msgs: "the estimate is not available"
+_Classes: TypeAlias = Mapping[str, Callable[..., Any]]  # of messages, which rosbags makes
+
+
+def write_mcap(recorded: RecordedEstimate, path: Path) -> None:
+    """Write ``/fgnav/odometry`` and ``/fgnav/fix``; epochs without a position are left out.
+
+    Raises
+    ------
+    BadInputError
+        If rosbags is not installed, or no epoch has a position.
+    """
+    try:
+        from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: PLC0415  # lazy: an extra
+        from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
+    except ModuleNotFoundError:
+        raise BadInputError("mcap needs rosbags; pip install 'fgnav[importers]'") from None
+    types = get_typestore(Stores.ROS2_HUMBLE)
+    rows, p_n_m = positions(recorded)
+    utc = utc_of_gps(gps_times(recorded)[rows]).astype("datetime64[ns]")
+    stamps_ns = utc.astype(np.int64).tolist()
+    with atomic_file(path) as part, TemporaryDirectory(dir=part.parent) as scratch:
+        bag = Path(scratch) / "bag"
+        with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+            for topic, messages in (
+                ("/fgnav/odometry", _odometry(recorded, rows, p_n_m, stamps_ns, types.types)),
+                ("/fgnav/fix", _fixes(recorded, rows, p_n_m, stamps_ns, types.types)),
+            ):
+                first, *rest = messages
+                kind = first.__msgtype__
+                connection = writer.add_connection(topic, kind, typestore=types)
+                for at_ns, one in zip(stamps_ns, (first, *rest), strict=True):
+                    writer.write(connection, at_ns, types.serialize_cdr(one, kind))
+        shutil.copyfile(next(bag.glob("*.mcap")), part)
+
+
+def _header(make: _Classes, at_ns: int, frame: str) -> Any:  # noqa: ANN401
+    stamp = make["builtin_interfaces/msg/Time"](sec=at_ns // 10**9, nanosec=at_ns % 10**9)
+    return make["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
+
+
+def _turned(R: FloatArray, covariance: FloatArray | None, rows: BoolArray) -> FloatArray:
+    """Return (n, 3, 3) covariances in other axes; NaN without any."""
+    if covariance is None:
+        return np.full((int(rows.sum()), 3, 3), np.nan)
+    return np.asarray(R @ covariance[rows] @ np.swapaxes(R, -1, -2))
+
+
+def _six(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return (n, 36) of two blocks; where one is not known, its first element says so."""
+    whole = np.zeros((len(first), 6, 6))
+    for at, block in ((0, first), (3, second)):
+        known = np.isfinite(block).all(axis=(1, 2))
+        whole[known, at : at + 3, at : at + 3] = block[known]
+        whole[~known, at, at] = _UNKNOWN_VARIANCE
+    return whole.reshape(-1, 36)
+
+
+def _odometry(
+    recorded: RecordedEstimate,
+    rows: BoolArray,
+    p_n_m: FloatArray,
+    stamps_ns: list[int],
+    make: _Classes,
+) -> Iterator[Any]:
+    """Yield poses in the map's axes and twists in the body's."""
+    estimate = recorded.estimate
+    R_nb = estimate.R_nb[rows]
+    R_map = _ENU_OF_NED @ R_nb
+    to_body = _FLU_OF_FRD @ R_nb.swapaxes(1, 2)
+    nothing = np.full_like(p_n_m, np.nan)
+    v_n_mps = nothing if estimate.v_n_mps is None else estimate.v_n_mps[rows]
+    rate = nothing if estimate.angular_rate_b_radps is None else estimate.angular_rate_b_radps[rows]
+    columns = (
+        p_n_m @ _ENU_OF_NED.T,
+        quaternion_wxyz(R_map @ _FLU_OF_FRD),
+        _six(
+            _turned(_ENU_OF_NED, estimate.position_covariance_m2, rows),
+            _turned(R_map, estimate.attitude_covariance_rad2, rows),
+        ),
+        np.einsum("nij,nj->ni", to_body, v_n_mps),
+        rate @ _FLU_OF_FRD,
+        _six(
+            _turned(to_body, estimate.velocity_covariance_m2ps2, rows),
+            np.full((len(p_n_m), 3, 3), np.nan),
+        ),
+    )
+    vector, point = make["geometry_msgs/msg/Vector3"], make["geometry_msgs/msg/Point"]
+    for at_ns, p, q, spread, v, w, spread_v in zip(stamps_ns, *columns, strict=True):
+        turn = make["geometry_msgs/msg/Quaternion"](w=q[0], x=q[1], y=q[2], z=q[3])
+        pose = make["geometry_msgs/msg/Pose"](position=point(*p), orientation=turn)
+        twist = make["geometry_msgs/msg/Twist"](linear=vector(*v), angular=vector(*w))
+        yield make["nav_msgs/msg/Odometry"](
+            header=_header(make, at_ns, "map"),
+            child_frame_id="base_link",
+            pose=make["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=spread),
+            twist=make["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=spread_v),
+        )
+
+
+def _fixes(
+    recorded: RecordedEstimate,
+    rows: BoolArray,
+    p_n_m: FloatArray,
+    stamps_ns: list[int],
+    make: _Classes,
+) -> Iterator[Any]:
+    """Yield places, their covariance east, north, up where the vehicle is."""
+    to_enu = _ENU_OF_NED @ recorded.origin.local_ned(p_n_m).swapaxes(1, 2)
+    spread = _turned(to_enu, recorded.estimate.position_covariance_m2, rows).reshape(-1, 9)
+    place = place_of_n(recorded.origin, p_n_m)
+    status = make["sensor_msgs/msg/NavSatStatus"](status=0, service=1)
+    for at_ns, (latitude, longitude, height), nine in zip(stamps_ns, place, spread, strict=True):
+        known = np.isfinite(nine).all()
+        yield make["sensor_msgs/msg/NavSatFix"](
+            header=_header(make, at_ns, "base_link"),
+            status=status,
+            latitude=latitude,
+            longitude=longitude,
+            altitude=height,
+            position_covariance=nine if known else np.zeros(9),
+            position_covariance_type=_KNOWN if known else 0,
+        )

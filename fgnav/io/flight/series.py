@@ -1,0 +1,145 @@
+"""Columns of samples as parts of a flight, whoever has read them: files of a folder, importers."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray
+from fgnav.geometry.earth import Origin
+from fgnav.io.flight import usual_noise
+from fgnav.io.flight.columns import (
+    CURRENTS,
+    EULER,
+    FIELD,
+    FORCE,
+    HEIGHT,
+    PLACE,
+    POSITION_SIGMA,
+    RATE,
+    VELOCITY,
+    VELOCITY_SIGMA,
+)
+from fgnav.io.flight.local_frame import attitude_to_n, columns_to_vectors, place_to_n, velocity_to_n
+from fgnav.io.flight.mounting import mounting
+from fgnav.io.flight.toml import BarometerKeys, ImuKeys, MagnetometerKeys
+from fgnav.types.flight import Fixes, Imu, LinkIntegers, Truth
+from fgnav.types.surroundings import Barometer, Magnetometer
+
+# Of each table: the columns it must have, and groups that are there in full or not at all.
+COLUMNS: Mapping[str, tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]] = {
+    "imu": (("t_s", *FORCE), (RATE,)),
+    "fixes": (("t_s", *PLACE), (VELOCITY, POSITION_SIGMA, VELOCITY_SIGMA)),
+    "barometer": (("t_s", *HEIGHT), ()),
+    "magnetometer": (("t_s", *FIELD), ()),
+    "seeker": (("t_s", *CURRENTS), ()),
+    "truth": (("t_s", *PLACE, *VELOCITY, *EULER), ()),
+}
+LEAST_SIGMA = 1e-6  # m, m/s: no receiver knows its place or velocity better
+
+
+def imu(samples: Mapping[str, FloatArray], table: ImuKeys) -> Imu:
+    """Return an inertial unit: its axes turned to the body's, its clock set."""
+    R_bu = mounting(table.axes, table.mounting_deg)
+    gyroscope = RATE[0] in samples
+    stated = {name: getattr(table, name) for name in usual_noise.IMU}
+    return Imu(
+        t_s=samples["t_s"] + table.clock_offset_s,
+        f_b_mps2=columns_to_vectors(samples, FORCE) @ R_bu.T,
+        w_b_radps=columns_to_vectors(samples, RATE) @ R_bu.T if gyroscope else None,
+        position_b_m=np.array(table.position_b_m),
+        **usual_noise.imu_noise(stated, gyroscope=gyroscope),
+    )
+
+
+def fixes(
+    samples: Mapping[str, FloatArray], origin: Origin, antenna: str, *, where: Path | str
+) -> Fixes:
+    """Return fixes; standard deviations stay as they are, since the axes differ by 0.02 deg.
+
+    Parameters
+    ----------
+    samples : mapping of str to ndarray, shape (k,)
+    origin : Origin
+    antenna : str
+        Whose they are.
+    where : Path or str
+        The file, for error texts.
+    """
+    p_n_m = place_to_n(origin, columns_to_vectors(samples, PLACE))
+    if VELOCITY_SIGMA[0] in samples and VELOCITY[0] not in samples:
+        raise BadInputError(f"{where}: line 1: {VELOCITY_SIGMA[0]} needs {', '.join(VELOCITY)}")
+    v_n_mps = velocity_sigma_mps = None
+    if VELOCITY[0] in samples:
+        v_n_mps = velocity_to_n(origin, p_n_m, columns_to_vectors(samples, VELOCITY))
+        velocity_sigma_mps = _sigma(where, samples, VELOCITY_SIGMA, usual_noise.VELOCITY_SIGMA_MPS)
+    return Fixes(
+        t_s=samples["t_s"],
+        antenna=antenna,
+        p_n_m=p_n_m,
+        v_n_mps=v_n_mps,
+        position_sigma_m=_sigma(where, samples, POSITION_SIGMA, usual_noise.POSITION_SIGMA_M),
+        velocity_sigma_mps=velocity_sigma_mps,
+        unstated=tuple(
+            name
+            for name, sigma in (("position", POSITION_SIGMA), ("velocity", VELOCITY_SIGMA))
+            if sigma[0] not in samples
+        ),
+    )
+
+
+def _sigma(
+    where: Path | str,
+    samples: Mapping[str, FloatArray],
+    names: tuple[str, ...],
+    default: tuple[float, ...],
+) -> FloatArray:
+    if names[0] in samples:
+        sigma = columns_to_vectors(samples, names)
+        wrong = sigma < LEAST_SIGMA
+        if wrong.any():
+            row, column = np.argwhere(wrong)[0]
+            raise BadInputError(
+                f"{where}: line {row + 2}: {names[column]} must be {LEAST_SIGMA:g} or more, "
+                f"got {sigma[row, column]:.9g}"
+            )
+        return sigma
+    return np.tile(np.array(default), (len(samples["t_s"]), 1))
+
+
+def barometer(samples: Mapping[str, FloatArray], table: BarometerKeys) -> Barometer:
+    """Return a barometer."""
+    return Barometer(
+        t_s=samples["t_s"],
+        height_m=samples[HEIGHT[0]],
+        position_b_m=np.array(table.position_b_m),
+        noise_m=table.noise_m,
+        offset_m=table.offset_m,
+        wander_m=table.wander_m,
+        wander_time_s=table.wander_time_s,
+    )
+
+
+def magnetometer(samples: Mapping[str, FloatArray], table: MagnetometerKeys) -> Magnetometer:
+    """Return a magnetometer."""
+    return Magnetometer(
+        t_s=samples["t_s"],
+        field_b_ut=columns_to_vectors(samples, FIELD),
+        field_n_ut=np.array(table.field_n_ut),
+        noise_ut=table.noise_ut,
+        hard_iron_ut=table.hard_iron_ut,
+    )
+
+
+def truth(
+    samples: Mapping[str, FloatArray], origin: Origin, integers: LinkIntegers | None = None
+) -> Truth:
+    """Return the truth, or a reference taken as such."""
+    p_n_m = place_to_n(origin, columns_to_vectors(samples, PLACE))
+    return Truth(
+        t_s=samples["t_s"],
+        p_n_m=p_n_m,
+        v_n_mps=velocity_to_n(origin, p_n_m, columns_to_vectors(samples, VELOCITY)),
+        R_nb=attitude_to_n(origin, p_n_m, columns_to_vectors(samples, EULER)),
+        integers=integers,
+    )

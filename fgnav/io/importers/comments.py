@@ -1,0 +1,65 @@
+"""What a new flight.toml says beside its keys: what they mean, what is missing, how to mend it."""
+
+from fgnav.io.flight.usual_noise import IMU
+from fgnav.io.importers.assemble import Assembled
+
+_MEANING = {
+    "start": "GPS time of t_s = 0 of all tables; leap seconds are not counted.",
+    "rows": "Rows that were written to each table; what is missing later is counted. Change this "
+    "with a table, or drop the line.",
+    "antenna": "An antenna: the phase centre, forward, right, down, m, from the body's origin.",
+    "origin": "Where north, east, down is fixed; WGS-84, height above the ellipsoid.",
+    "gnss": "How raw observations are used. Noise that is not stated is identified.",
+    "imu": "The inertial unit, forward, right, down.",
+    "imu.position_b_m": "Where the accelerometer sits, m, from the body's origin.",
+    "imu.axes": "Which axis of the samples points forward, right, down.",
+    "imu.mounting_deg": "Roll, pitch, yaw of the unit, its axes so named, against the body.",
+    "imu.clock_offset_s": "Added to t_s of the samples.",
+    "fixes": "A receiver's own solution of one antenna.",
+    "truth": "A reference that estimates are judged by.",
+}
+_MISSING = {
+    "imu": "No inertial unit was found. Attitude then needs three antennas with observations or "
+    "more; add a file of specific force and angular rate.",
+    "fixes": "No fixes and no observations were found: nothing states a position. Add a .pos file, "
+    "RINEX, or a receiver's file.",
+    "truth": "No reference was found: methods are compared with each other. [truth] takes a table.",
+    "navigation": "EDIT: no broadcast messages were found; observations cannot be used without. "
+    "Fetch the day's, BRDC00IGS_R_*_01D_MN.rnx.gz, from an IGS data centre, and state it:\n"
+    'navigation = ["brdc.rnx"]',
+    "base": "A base station makes positions good to centimetres:\n"
+    'base = { observations = "base.rnx", position_e_m = [x, y, z] }',
+}
+
+
+def comments(assembled: Assembled) -> dict[str, str]:
+    """Return comments by key of flight.toml: meanings, then what only this flight lacks."""
+    flight = assembled.flight
+    found = dict(_MEANING)
+    if flight.truth is None:
+        found["truth"] = _MISSING["truth"]
+    if flight.imu is None:
+        found = {key: text for key, text in found.items() if not key.startswith("imu.")}
+        found["imu"] = _MISSING["imu"]
+    elif flight.imu.unstated:
+        found["imu.noise"] = "\n".join(
+            [
+                "Noise is not stated: it is identified, from these on. State the data sheet's:",
+                *(f"{name} = {IMU[name]}" for name in flight.imu.unstated),
+            ]
+        )
+    if flight.fixes is None:
+        found.pop("fixes")
+        if not assembled.observations:
+            found["fixes"] = _MISSING["fixes"]
+    if assembled.observations:
+        found["gnss.base"] = _MISSING["base"]
+        if not (assembled.navigation or assembled.orbits):
+            found["gnss.navigation"] = _MISSING["navigation"]
+    if not flight.antennas:
+        found.pop("antenna")
+    texts = [*assembled.notes.items()]
+    texts += [(key, f"EDIT: {text}") for key, text in assembled.missing.items()]
+    for key, text in texts:
+        found[key] = f"{found[key]}\n{text}" if key in found else text
+    return found

@@ -1,0 +1,1 @@
+"""One file per foreign format: what it holds, as a ``Recording``."""

@@ -1,0 +1,68 @@
+"""Text files of KF-GINS and OB_GINS [1]_: increments of an inertial unit, fixes, a reference.
+
+An increment is the mean over its interval, so its rate stands at the interval's middle. Axes are
+forward, right, down; coning and sculling within an interval are left out.
+
+References
+----------
+.. [1] i2Nav group, Wuhan University, KF-GINS: An EKF-Based GNSS/INS Integrated Navigation System,
+   README, "Datasets".
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray
+from fgnav.io.flight.columns import EULER, FORCE, PLACE, POSITION_SIGMA, RATE, VELOCITY
+from fgnav.io.gps_time import WEEK_S
+from fgnav.io.importers.recording import Recording, Samples, vectors
+from fgnav.io.importers.settings import Settings
+from fgnav.io.user_files import read_bytes
+
+_GRAVITY_MPS2 = (5.0, 15.0)  # half to one and a half of a vehicle's mean specific force, 9.8
+_LONG = 1.5  # of the usual interval: the unit's clock has a gap there
+
+
+def read_kfgins(path: Path, _settings: Settings, _scratch: Path) -> Recording:
+    """Read one file, told by its columns: 7 of increments or fixes, 11 of a reference."""
+    text = read_bytes(path).decode("ascii", "replace")
+    lines = [line.split() for line in text.splitlines() if line.strip() and line[0] not in "#%"]
+    width = len(lines[0]) if lines else 0
+    for k, line in enumerate(lines):
+        if len(line) != width:
+            raise BadInputError(f"{path}: row {k + 1}: must have {width} columns, got {len(line)}")
+    if width not in (7, 11) or len(lines) < 2:
+        raise BadInputError(
+            f"{path}: must have two rows or more, of 7 columns (increments, fixes) or 11 "
+            f"(reference), has {len(lines)} of {width}"
+        )
+    try:
+        x = np.array(lines, dtype=np.float64)
+    except ValueError as error:
+        raise BadInputError(f"{path}: must hold numbers, {error}") from None
+    if width == 11:
+        names = PLACE + VELOCITY + EULER
+        table = {"t_s": x[:, 1], **vectors(names, x[:, 2:])}
+        return Recording(source=path, tables={"truth": table}, gps_start_s=WEEK_S * x[0, 0])
+    if _is_increments(x):
+        return Recording(source=path, tables={"imu": _rates(x)}, clock="week")
+    fixes = {"t_s": x[:, 0], **vectors(PLACE + POSITION_SIGMA, x[:, 1:])}
+    return Recording(source=path, tables={"fixes": fixes}, clock="week")
+
+
+def _is_increments(x: FloatArray) -> bool:
+    """Tell increments from fixes: a vehicle's specific force is gravity's, in the mean."""
+    step_s = float(np.median(np.diff(x[:, 0])))
+    force_mps2 = np.median(np.linalg.norm(x[:, 4:], axis=1)) / step_s if step_s > 0 else 0.0
+    return bool(_GRAVITY_MPS2[0] < force_mps2 < _GRAVITY_MPS2[1])
+
+
+def _rates(x: FloatArray) -> Samples:
+    """Return rates and specific forces at the middles of the intervals that end at each row."""
+    usual_s = float(np.median(np.diff(x[:, 0])))
+    step_s = np.diff(x[:, 0], prepend=x[0, 0] - usual_s)
+    step_s = np.where((step_s > 0) & (step_s < _LONG * usual_s), step_s, usual_s)
+    rates = x[:, 1:] / step_s[:, None]
+    middle = {"t_s": x[:, 0] - step_s / 2}
+    return middle | vectors(FORCE, rates[:, 3:]) | vectors(RATE, rates[:, :3])

@@ -1,0 +1,187 @@
+"""Text files of columns, as the settings' ``[[csv]]`` describe them.
+
+Rows of another number of columns than most are left out and counted: loggers cut lines where they
+start and stop. Empty cells are missing values.
+"""
+
+import csv
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from io import TextIOWrapper
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, Loss, quoted
+from fgnav.io.flight.toml import ImuKeys, gps_seconds
+from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
+from fgnav.io.importers.recording import Clock, Recording
+from fgnav.io.importers.settings import UNITS, CsvTable, Settings
+from fgnav.io.user_files import max_bytes
+from fgnav.progress import report
+
+_ROWS_AT_ONCE = 50_000
+_AXES = "no file states how the unit sits in the body; `fgnav check` says what x, y, z should read"
+
+
+def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
+    """Read the tables that the settings describe for this file, one or more.
+
+    Raises
+    ------
+    BadInputError
+        If none is described, two are of one kind, or their clocks differ.
+    """
+    described = [one for one in settings.csv if one.file in (None, path.name)]
+    kinds = [one.table for one in described]
+    if not described or len(set(kinds)) < len(kinds):
+        raise BadInputError(
+            f"{path}: needs a [[csv]] for each of its tables in --settings, has "
+            f"{', '.join(kinds) or 'none'}; `fgnav new` writes one to start from"
+        )
+    first, *others = (read_columns(path, one) for one in described)
+    tables = dict(first.tables)
+    for one in others:
+        if one.clock != first.clock:
+            raise BadInputError(f"{path}: key csv.clock: must be the same of all its tables")
+        for kind, rows in one.tables.items():
+            t_s = rows["t_s"] + (one.gps_start_s - first.gps_start_s)
+            tables[kind] = {**rows, "t_s": t_s}
+    missing = {"imu.axes": _AXES} if "imu" in kinds and settings.imu == ImuKeys() else {}
+    return replace(first, tables=tables, missing=missing)
+
+
+def read_columns(path: Path, table: CsvTable) -> Recording:
+    """Read one table of a text file.
+
+    Raises
+    ------
+    BadInputError
+        If a column is not there, or a cell that is needed is no number: names line and column.
+    """
+    columns, cut = _cells(path, table)
+    dates = table.units.get("s") == "date"
+    samples = {
+        name: _dates(path, cells, utc=table.clock == "utc")
+        if dates and name == "t_s"
+        else _numbers(path, table, name, cells)
+        for name, cells in columns.items()
+    }
+    clock, start_s = _clock(path, table, dates=dates)
+    if table.clock == "utc" and not dates:
+        samples["t_s"] = gps_of_utc(samples["t_s"])
+    if clock == "gps" and not start_s:  # large numbers: seconds since 1980 keep 0.2 us
+        usable = samples["t_s"][np.isfinite(samples["t_s"])]
+        start_s = float(np.floor(usable[0])) if len(usable) else 0.0
+        samples["t_s"] = samples["t_s"] - start_s
+    losses = [Loss(what=f"{path.name} line", reason="has another number of columns", count=cut)]
+    return Recording(
+        source=path,
+        tables={table.table: samples},
+        clock=clock,
+        gps_start_s=start_s,
+        losses=tuple(losses if cut else ()),
+    )
+
+
+def _clock(path: Path, table: CsvTable, *, dates: bool) -> tuple[Clock, float]:
+    """Return what times count from."""
+    if table.start is not None:
+        return "gps", gps_seconds(path, table.start)
+    if dates or table.clock in ("gps", "utc"):
+        return "gps", 0.0
+    return ("week", 0.0) if table.clock == "week" else ("own", 0.0)
+
+
+def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], int]:
+    """Return texts of the columns that are used, (k,) each, and how many lines were left out."""
+    if not path.is_file():
+        raise BadInputError(f"{path}: no such file; check the name")
+    size = path.stat().st_size
+    if size > max_bytes():
+        raise BadInputError(f"{path}: has {size} bytes; FGNAV_MAX_BYTES raises the limit")
+    blocks: list[np.ndarray] = []
+    cut = 0
+    with path.open("rb") as raw:
+        text = TextIOWrapper(raw, encoding="utf-8", errors="replace", newline="")
+        rows = csv.reader(text, delimiter=table.delimiter, skipinitialspace=True)
+        try:
+            for _ in range(table.skip_lines):
+                next(rows, None)
+            head = [cell.strip() for cell in next(rows, [])] if table.header else []
+            block = list(islice(rows, _ROWS_AT_ONCE))
+            width = usual_width(block)
+            places = _places(path, table, head, width)
+            while block:
+                report(raw.tell() / max(size, 1))
+                whole = [[row[k] for k in places] for row in block if len(row) == width]
+                cut += sum(0 < len(row) != width for row in block)
+                blocks.append(np.array(whole, dtype=np.str_).reshape(-1, len(places)))
+                block = list(islice(rows, _ROWS_AT_ONCE))
+        except csv.Error as error:
+            raise BadInputError(f"{path}: line {rows.line_num}: {error}") from None
+    cells = np.concatenate(blocks)
+    return {name: cells[:, k] for k, name in enumerate(table.columns)}, cut
+
+
+def usual_width(rows: Sequence[Sequence[str]]) -> int:
+    """Return how many columns most rows have; 0 without any."""
+    counts = Counter(len(row) for row in rows if row)
+    return max(counts, key=counts.__getitem__, default=0)
+
+
+def _places(path: Path, table: CsvTable, head: list[str], width: int) -> list[int]:
+    """Return where the columns are in a row."""
+    if not width:
+        raise BadInputError(f"{path}: holds no row of numbers")
+    places = []
+    for name, column in table.columns.items():
+        if isinstance(column, int):
+            place = abs(column) - 1
+        else:
+            wanted = column if column in head else column.removeprefix("-")
+            place = head.index(wanted) if wanted in head else -1
+        if not 0 <= place < width:
+            has = ", ".join(head) if head else f"{width} columns without names"
+            raise BadInputError(f"{path}: column {quoted(column)} of {name}: the file has {has}")
+        places.append(place)
+    return places
+
+
+def _numbers(path: Path, table: CsvTable, name: str, cells: np.ndarray) -> FloatArray:
+    """Return numbers in the flight's units, NaN of empty cells."""
+    filled = np.where(np.char.strip(cells) == "", "nan", cells)
+    try:
+        values = filled.astype(np.float64)
+    except ValueError:
+        row = next(k for k, cell in enumerate(filled) if not _is_number(cell))
+        raise BadInputError(
+            f"{path}: row {row + 1} of the numbers: column {quoted(table.columns[name])} must be a "
+            f"number, got {quoted(str(cells[row]))}"
+        ) from None
+    kind = name.rsplit("_", 1)[1]
+    unit = UNITS.get(kind, {}).get(table.units.get(kind, ""), 1.0)
+    column = table.columns[name]
+    negative = column < 0 if isinstance(column, int) else column.startswith("-")
+    return values * (-unit if negative else unit)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _dates(path: Path, cells: np.ndarray, *, utc: bool) -> FloatArray:
+    """Return seconds since 1980-01-06 of dates, GPS time unless they are UTC."""
+    texts = np.char.replace(np.char.replace(np.char.strip(cells), "/", "-"), " ", "T")
+    try:
+        dates = np.char.rstrip(texts, "Z").astype("datetime64[ns]")
+    except ValueError as error:
+        raise BadInputError(f"{path}: dates must be like 2025-07-08 19:34:18.5, {error}") from None
+    gps_s = (dates - GPS_EPOCH.astype("datetime64[ns]")) / np.timedelta64(1, "s")
+    return gps_of_utc(gps_s + UNIX_OF_GPS_S) if utc else np.asarray(gps_s)

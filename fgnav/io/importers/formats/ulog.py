@@ -1,0 +1,141 @@
+"""ULog files of PX4 [1]_: inertial samples, fixes, and the on-board filter as reference.
+
+Axes are forward, right, down. ``eph`` and ``epv`` become the standard deviation of each horizontal
+axis and of the height; times since boot become GPS time by the median of ``time_utc_usec``.
+
+References
+----------
+.. [1] PX4 User Guide, "ULog File Format", and the messages SensorCombined, SensorGps,
+   VehicleAttitude, VehicleGlobalPosition, VehicleLocalPosition.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
+from fgnav.geometry.rotations import to_euler
+from fgnav.io.flight.columns import (
+    EULER,
+    FORCE,
+    PLACE,
+    POSITION_SIGMA,
+    RATE,
+    VELOCITY,
+    VELOCITY_SIGMA,
+)
+from fgnav.io.gps_time import gps_of_utc
+from fgnav.io.importers.formats.readers import foreign, reader
+from fgnav.io.importers.recording import Recording, Samples, vectors
+from fgnav.io.importers.settings import Settings
+
+_US = 1e-6
+_FIX_3D = 3  # fix_type: 2 and less have no height
+_GPS = ("sensor_gps", "vehicle_gps_position")
+_FILTER = ("vehicle_attitude", "vehicle_global_position", "vehicle_local_position")
+
+
+def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
+    """Read a log's first inertial unit and first receiver."""
+    pyulog = reader("pyulog", "ulog")
+    with foreign(path, "ULog") as said, path.open("rb") as file:
+        log = pyulog.ULog(file, ["sensor_combined", *_GPS, *_FILTER])
+        topics = {one.name: one.data for one in reversed(log.data_list)}  # instance 0 stays
+        damaged = int(log.file_corruption or "corruption" in said.getvalue())
+        lost = [("logger dropout", "the logger could not keep up", len(log.dropouts))]
+        lost += [("message", "the log is damaged there", damaged)]
+        tables: dict[str, Samples] = {}
+        if "sensor_combined" in topics:
+            tables["imu"] = _imu(topics["sensor_combined"])
+        start_s = None
+        gps = next((topics[name] for name in _GPS if name in topics), None)
+        if gps is not None:
+            flying = gps["fix_type"] >= _FIX_3D
+            tables["fixes"] = {name: column[flying] for name, column in _fixes(gps).items()}
+            lost += [("fix", "has no height (fix_type)", int((~flying).sum()))]
+            start_s = _start(gps, flying)
+        if all(name in topics for name in _FILTER):
+            tables["truth"] = _reference(topics)
+    return Recording(
+        source=path,
+        tables={kind: table for kind, table in tables.items() if len(table["t_s"])},
+        clock="own" if start_s is None else "gps",
+        gps_start_s=start_s or 0.0,
+        losses=tuple(Loss(what=w, reason=why, count=count) for w, why, count in lost if count),
+        notes={"truth": "the on-board filter's estimate, not truth"} if "truth" in tables else {},
+    )
+
+
+def _start(gps: dict[str, Any], flying: BoolArray) -> float | None:
+    """Return the GPS time of boot, None where the receiver never knew the time."""
+    dated = flying & (gps["time_utc_usec"] > 0)
+    if not dated.any():
+        return None
+    utc_s = _numbers(gps, "time_utc_usec")[dated] * _US
+    return float(np.median(gps_of_utc(utc_s) - _numbers(gps, "timestamp")[dated] * _US))
+
+
+def _imu(topic: dict[str, Any]) -> Samples:
+    return (
+        {"t_s": topic["timestamp"] * _US}
+        | vectors(FORCE, _triple(topic, "accelerometer_m_s2[{}]"))
+        | vectors(RATE, _triple(topic, "gyro_rad[{}]"))
+    )
+
+
+def _numbers(topic: dict[str, Any], name: str) -> FloatArray:
+    return np.asarray(topic[name], np.float64)
+
+
+def _triple(topic: dict[str, Any], name: str, count: int = 3) -> FloatArray:
+    """Return (k, count) of a field that is an array."""
+    return np.stack([_numbers(topic, name.format(k)) for k in range(count)], axis=1)
+
+
+def _fixes(topic: dict[str, Any]) -> dict[str, FloatArray]:
+    """Return fixes, of releases that log degrees and metres, or 1e-7 degrees and millimetres."""
+    if "latitude_deg" in topic:
+        names, scale = ("latitude_deg", "longitude_deg", "altitude_ellipsoid_m"), (1.0, 1.0, 1.0)
+    else:
+        names, scale = ("lat", "lon", "alt_ellipsoid"), (1e-7, 1e-7, 1e-3)
+    place = np.stack([_numbers(topic, name) for name in names], axis=1) * scale
+    velocity = np.stack([_numbers(topic, f"vel_{axis}_m_s") for axis in "ned"], axis=1)
+    horizontal, vertical = _numbers(topic, "eph"), _numbers(topic, "epv")
+    sigma_mps = np.repeat(_numbers(topic, "s_variance_m_s")[:, None], 3, axis=1)
+    return (
+        {"t_s": topic["timestamp"] * _US}
+        | vectors(PLACE, place)
+        | vectors(VELOCITY, velocity)
+        | vectors(POSITION_SIGMA, np.stack([horizontal, horizontal, vertical], axis=1))
+        | vectors(VELOCITY_SIGMA, sigma_mps)
+    )
+
+
+def _reference(topics: dict[str, dict[str, Any]]) -> Samples:
+    """Return the filter's estimates at its positions: attitudes nearest in time."""
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415  # lazy: not every log has one
+
+    at, local, turned = (
+        topics[name]
+        for name in ("vehicle_global_position", "vehicle_local_position", "vehicle_attitude")
+    )
+    t = at["timestamp"]
+    wxyz = _triple(turned, "q[{}]", 4)[_nearest(turned["timestamp"], t)]
+    R_nb = Rotation.from_quat(wxyz, scalar_first=True).as_matrix()
+    near = _nearest(local["timestamp"], t)
+    velocity = np.stack([_numbers(local, name) for name in ("vx", "vy", "vz")], axis=1)[near]
+    height = "alt_ellipsoid" if "alt_ellipsoid" in at else "alt"
+    place = np.stack([_numbers(at, name) for name in ("lat", "lon", height)], axis=1)
+    return (
+        {"t_s": t * _US}
+        | vectors(PLACE, place)
+        | vectors(VELOCITY, velocity)
+        | vectors(EULER, np.degrees(to_euler(R_nb)))
+    )
+
+
+def _nearest(times: FloatArray, at: FloatArray) -> IntArray:
+    """Return the rows of ``times`` nearest to each of ``at``."""
+    middles = times[1:] / 2 + times[:-1] / 2
+    return np.searchsorted(middles, at)

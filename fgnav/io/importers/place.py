@@ -1,0 +1,96 @@
+"""Where and when files begin: by a fix, by a RINEX header, by the code of the first epochs."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, NoSolutionError
+from fgnav.geometry.earth import Origin, geodetic
+from fgnav.gnss.single_point.solution import code_solution
+from fgnav.io.flight.columns import PLACE
+from fgnav.io.flight.toml import gps_seconds
+from fgnav.io.rinex.reader import read_rinex
+from fgnav.io.rinex.text import read_text
+from fgnav.io.sp3.reader import read_precise
+from fgnav.types.flight import Antenna, Flight
+
+_HEAD_BYTES = 40_000  # of a RINEX file; headers have some 5 kB
+_NOWHERE = Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=0.0)
+
+
+def origin_of(
+    tables: Mapping[str, Mapping[str, FloatArray]],
+    observations: Sequence[Path],
+    orbits: tuple[Sequence[Path], Sequence[Path]],
+    start_gps_s: float,
+) -> Origin | None:
+    """Return the place of the first fix, of a RINEX header, or of the code; None of nothing.
+
+    Parameters
+    ----------
+    tables : mapping
+        By kind, as of a ``Recording``.
+    observations : sequence of Path
+    orbits : tuple of two sequences of Path
+        Navigation files, and SP3 files.
+    start_gps_s : float
+    """
+    for kind in ("fixes", "truth"):
+        if kind in tables:
+            latitude_deg, longitude_deg, height_m = (float(tables[kind][n][0]) for n in PLACE)
+            return Origin(
+                latitude_rad=np.radians(latitude_deg),
+                longitude_rad=np.radians(longitude_deg),
+                height_m=height_m,
+            )
+    for path in observations:
+        words = _header(path).get("APPROX POSITION XYZ", "").split()
+        p_e_m = np.array([[float(word) for word in words[:3]]]) if len(words) >= 3 else np.zeros(3)
+        if p_e_m.any():
+            return _origin(p_e_m)
+    if observations and any(orbits):
+        return _by_code(observations[0], *orbits, start_gps_s)
+    return None
+
+
+def first_epoch_gps_s(path: Path) -> float | None:
+    """Return the first epoch of a RINEX header, its seconds cut off; None of none."""
+    words = _header(path).get("TIME OF FIRST OBS", "").split()
+    try:
+        year, month, day, hour, minute, second = (int(float(word)) for word in words[:6])
+        date = f"{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}"
+        return gps_seconds(path, date)
+    except (ValueError, IndexError):
+        return None
+
+
+def _header(path: Path) -> dict[str, str]:
+    """Return the header lines of a RINEX file by their labels."""
+    lines = read_text(path)[:_HEAD_BYTES].tobytes().decode("ascii", "replace").splitlines()
+    return {line[60:].strip(): line[:60] for line in reversed(lines)}
+
+
+def _origin(p_e_m: FloatArray) -> Origin:
+    latitude_rad, longitude_rad, height_m = geodetic(p_e_m)[0].tolist()
+    return Origin(latitude_rad=latitude_rad, longitude_rad=longitude_rad, height_m=height_m)
+
+
+def _by_code(
+    path: Path, navigation: Sequence[Path], sp3: Sequence[Path], start_gps_s: float
+) -> Origin | None:
+    """Return where code puts a receiver at its first epoch; None where it does not."""
+    broadcast, (observations,) = read_rinex(navigation, [path], start_gps_s)
+    flight = Flight(
+        name=path.stem,
+        start_gps_s=start_gps_s,
+        origin=_NOWHERE,
+        antennas=(Antenna(name="first", position_b_m=np.zeros(3)),),
+        observations=observations,
+        broadcast=broadcast,
+        precise=read_precise(sp3, start_gps_s) if sp3 else None,
+    )
+    try:
+        return _origin(_NOWHERE.to_e(code_solution(flight).p_n_m[:1]))
+    except (NoSolutionError, BadInputError):  # a receiver in orbit has no origin on the ground
+        return None

@@ -1,0 +1,67 @@
+"""Of which format a file is: by its first bytes, by its name where these say nothing."""
+
+from pathlib import Path
+
+from fgnav.checks import BadInputError, quoted
+from fgnav.io.importers import importer_names
+
+# First bytes, as the formats' documents have them.
+_MAGIC = (
+    (b"ULog\x01\x12\x35", "ulog"),
+    (b"\xa3\x95", "ardupilot"),
+    (b"\xb5\x62", "ubx"),
+    (b"$@", "sbf"),
+    (b"\xaa\x44", "novatel"),
+    (b"\x89MCAP0", "mcap"),
+    (b"#ROSBAG", "rosbag"),
+    (b"SQLite format 3", "rosbag"),
+    (b"MATLAB 5.0", "umn"),
+    (b"#c", "sp3"),
+    (b"#d", "sp3"),
+    (b"\xd3", "rtcm3"),
+)
+_SUFFIXES = {
+    ".csv": "csv",
+    ".pos": "pos",
+    ".ubx": "ubx",
+    ".sbf": "sbf",
+    ".gps": "novatel",
+    ".rtcm3": "rtcm3",
+    ".sp3": "sp3",
+    ".mat": "umn",
+    ".bin": "ardupilot",
+    ".gz": "rinex",
+    ".crx": "rinex",
+}
+_HEAD_BYTES = 4096
+
+
+def recognised(path: Path) -> str:
+    """Return the name of a file's format.
+
+    Raises
+    ------
+    BadInputError
+        If there is no such file, or nothing tells its format: the text lists what there is.
+    """
+    if (path / "metadata.yaml").is_file():
+        return "rosbag"
+    if not path.is_file():
+        raise BadInputError(f"{path}: no such file; check the name")
+    with path.open("rb") as file:
+        head = file.read(_HEAD_BYTES)
+    for magic, name in _MAGIC:
+        if head.startswith(magic):
+            return name
+    lines = head.split(b"\n")
+    if any(mark in lines[0] for mark in (b"RINEX VERSION / TYPE", b"CRINEX VERS")):
+        return "rinex"
+    if any(line.startswith(b"%") and b" Q " in line for line in lines):
+        return "pos"
+    named = _SUFFIXES.get(path.suffix.lower())
+    if named is None:
+        raise BadInputError(
+            f"{path}: of no known format, it starts with {quoted(head[:12])}; state --format, one "
+            f"of {', '.join(importer_names())}"
+        )
+    return named

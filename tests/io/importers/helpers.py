@@ -1,0 +1,30 @@
+"""Importers as the command line calls them."""
+
+from fgnav.cli import main
+from fgnav.io.flight.folder import load_flight
+from fgnav.io.importers import importer_named
+from fgnav.io.importers.assemble import assemble, write
+from fgnav.io.importers.settings import Settings, read_settings
+
+
+def imported(tmp_path, name, *files, toml=None):
+    """Return the flight that a format's importer makes of files, written and read again."""
+    settings = Settings()
+    if toml is not None:
+        (tmp_path / "settings.toml").write_text(toml)
+        settings = read_settings(tmp_path / "settings.toml")
+    scratch = tmp_path / "scratch"
+    scratch.mkdir(exist_ok=True)
+    found = [importer_named(name)(file, settings, scratch) for file in files]
+    whole = assemble(found, settings)
+    write(whole, tmp_path / "flight", verify=False)
+    return whole, load_flight(tmp_path / "flight")
+
+
+def refused(capsys, tmp_path, file, *words):
+    """Return the one line of a refusal."""
+    assert main(["import", str(file), "--out", str(tmp_path / "refused"), *words]) == 2
+    line, *rest = capsys.readouterr().err.splitlines()
+    assert not rest
+    assert not (tmp_path / "refused").exists()
+    return line

@@ -1,0 +1,138 @@
+"""DataFlash logs: made as ArduPilot's FMT messages say, and read by pymavlink, too."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from fgnav.geometry.earth import ecef
+from tests.io.importers.helpers import imported, refused
+
+WEEK, MS = 2374, 243_258_500
+FORMATS = {  # type: name, format, columns; the codes of struct
+    1: ("IMU", "QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", "<QB6f"),
+    2: (
+        "GPS",
+        "QBBIHBcLLeffffB",
+        "TimeUS,I,Status,GMS,GWk,NSats,HDop,Lat,Lng,Alt,Spd,GCrs,VZ,Yaw,U",
+        "<QBBIHBhiiiffffB",
+    ),
+    3: ("GPA", "QBCCCCBIHfHB", "TimeUS,I,VDop,HAcc,VAcc,SAcc,VV,SMS,Delta,Und,RTCMFU,x", ""),
+}
+FORMATS[3] = (*FORMATS[3][:3], "<QBHHHHBIHfHB")
+
+
+def record(kind, *values):
+    if kind == 128:
+        return b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", *values)
+    return b"\xa3\x95" + bytes([kind]) + struct.pack(FORMATS[kind][3], *values)
+
+
+def log(*, accuracy=True, status=3):
+    """Two seconds: two units at 50 Hz, a fix a second."""
+    out = record(128, 128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
+    for kind, (name, form, columns, code) in FORMATS.items():
+        size = struct.calcsize(code) + 3
+        out += record(128, kind, size, name.encode(), form.encode(), columns.encode())
+    for k in range(100):
+        for unit in (0, 1):
+            out += record(1, 20_000 * k, unit, 0.1, 0.2, 0.3 + unit, 1.0, 2.0, -9.75)
+    for k in range(3):
+        t_us = 1_000_000 * k
+        place = (470_000_000, 80_000_000, 45_000)
+        gps = (
+            t_us,
+            0,
+            status if k else 1,
+            MS + 1000 * k,
+            WEEK,
+            12,
+            80,
+            *place,
+            5.0,
+            90.0,
+            0.5,
+            0.0,
+            1,
+        )
+        out += record(2, *gps)
+        if accuracy:
+            out += record(3, t_us, 0, 100, 150, 250, 25, 1, t_us // 1000, 200, 47.5, 0, 0)
+    return out
+
+
+def test_the_first_unit_and_fixes_come_out_as_logged(tmp_path):
+    (tmp_path / "log.BIN").write_bytes(log())
+    whole, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
+    assert flight.start_gps_s == WEEK * 604800 + MS / 1e3 + 1
+    assert len(flight.imu.t_s) == 100
+    np.testing.assert_allclose(flight.imu.t_s[[0, 1]], [-1, -0.98], atol=1e-6)
+    np.testing.assert_allclose(flight.imu.w_b_radps[50], [0.1, 0.2, 0.3], rtol=1e-6)
+    np.testing.assert_allclose(flight.imu.f_b_mps2[50], [1, 2, -9.75], rtol=1e-6)
+    p_e_m = ecef(np.radians([47.0]), np.radians([8.0]), np.array([497.5]))[0]
+    np.testing.assert_allclose(flight.origin.to_e(flight.fixes.p_n_m)[0], p_e_m, atol=1e-3)
+    np.testing.assert_allclose(flight.fixes.v_n_mps[0], [0, 5, 0.5], atol=1e-6)
+    np.testing.assert_allclose(flight.fixes.position_sigma_m[0], [1.5, 1.5, 2.5])
+    np.testing.assert_allclose(flight.fixes.velocity_sigma_mps[0], [0.25] * 3)
+    lost = {loss.reason: loss.count for loss in whole.flight.losses}
+    assert lost == {"has no height (Status)": 1}
+
+
+def test_pymavlink_reads_the_same_numbers(tmp_path):
+    dataflash = pytest.importorskip("pymavlink.DFReader")
+    (tmp_path / "log.BIN").write_bytes(log())
+    _, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
+    theirs = dataflash.DFReader_binary(str(tmp_path / "log.BIN"), zero_time_base=True)
+    units, fixes = [], []
+    while (message := theirs.recv_match(type=["IMU", "GPS"])) is not None:
+        if message.get_type() == "GPS" and message.Status >= 3:
+            fixes.append([message.Lat, message.Lng, message.Spd])
+        elif message.get_type() == "IMU" and message.I == 0:
+            units.append([message.AccX, message.AccY, message.AccZ, message.GyrZ])
+    theirs.close()
+    ours = np.column_stack([flight.imu.f_b_mps2, flight.imu.w_b_radps[:, 2]])
+    np.testing.assert_allclose(ours, units, rtol=1e-10)
+    place = np.degrees([flight.origin.latitude_rad, flight.origin.longitude_rad])
+    np.testing.assert_allclose(fixes[0], [*place, flight.fixes.v_n_mps[0, 1]], rtol=1e-9)
+
+
+def test_without_undulation_heights_are_above_the_sea_and_that_is_said(tmp_path):
+    (tmp_path / "log.BIN").write_bytes(log(accuracy=False))
+    whole, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
+    assert flight.origin.height_m == pytest.approx(450)
+    assert flight.fixes.unstated == ("position", "velocity")
+    assert "above the sea" in whole.notes["fixes"]
+
+
+def test_bytes_that_are_no_message_are_counted_and_passed(tmp_path):
+    content = log()
+    middle = content.index(b"\xa3\x95\x01", len(content) // 2)
+    (tmp_path / "log.BIN").write_bytes(content[:middle] + b"\0" * 50 + content[middle:])
+    whole, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
+    assert len(flight.imu.t_s) == 100
+    assert "the log is damaged there" in {loss.reason for loss in whole.flight.losses}
+
+
+def test_without_a_fix_the_unit_keeps_its_own_clock(tmp_path):
+    (tmp_path / "log.BIN").write_bytes(log(status=1))
+    whole, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
+    assert (len(flight.imu.t_s), flight.fixes) == (100, None)
+    assert "imu.clock_offset_s" in whole.missing
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        (b"\xa3\x95\x80" + bytes(5), "must be a DataFlash log, holds no FMT message"),
+        (
+            log().replace(b"GPS\0", b"GPX\0").replace(b"IMU\0", b"IMX\0"),
+            "holds nothing that a flight could use",
+        ),
+        (log().replace(b"Status", b"Statue"), "message GPS: field Status is missing"),
+        (log().replace(b"AccZ", b"AccX"), "message IMU: field AccZ is missing"),
+        (log().replace(b"QBffffff", b"QBfffff\0"), "message IMU: its FMT is damaged"),
+    ],
+)
+def test_damage_is_one_line(tmp_path, capsys, content, text):
+    (tmp_path / "log.BIN").write_bytes(content)
+    assert text in refused(capsys, tmp_path, tmp_path / "log.BIN")

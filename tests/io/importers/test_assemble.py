@@ -1,0 +1,182 @@
+"""Several files become one flight: clocks, origin, antennas, what is missing."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from fgnav.checks import BadInputError
+from fgnav.cli import main
+from fgnav.io.importers import IMPORTERS
+from fgnav.io.importers.assemble import assemble
+from fgnav.io.importers.formats.readers import reader
+from fgnav.io.importers.recognise import recognised
+from fgnav.io.importers.recording import Recording
+from fgnav.io.importers.settings import Settings
+from tests.io.importers.helpers import imported, refused
+from tests.io.importers.test_pos import HEAD, ROW
+
+CAR = """\
+name = "drive"
+[imu]
+axes = ["-x", "y", "-z"]
+[[antenna]]
+name = "roof"
+position_b_m = [0.0, -0.05, 0.0]
+[[csv]]
+table = "imu"
+file = "imu_1934.csv"
+header = false
+units = { s = "ms", mps2 = "g", radps = "deg/s" }
+[csv.columns]
+t_s = 7
+fx_mps2 = 1
+fy_mps2 = 2
+fz_mps2 = 3
+wx_radps = 4
+wy_radps = 5
+wz_radps = 6
+"""
+
+
+def unit(tmp_path, name="a", **changes):
+    t_s = changes.pop("t_s", np.arange(5.0))
+    force = {f"f{axis}_mps2": np.full(len(t_s), 1.0 + k) for k, axis in enumerate("xyz")}
+    return Recording(source=tmp_path / name, tables={"imu": {"t_s": t_s, **force}}, **changes)
+
+
+def fixes(tmp_path, **changes):
+    place = {"latitude_deg": np.full(5, 40.0), "longitude_deg": np.full(5, -4.0)}
+    table = {"t_s": 3 + np.arange(5.0), **place, "height_m": np.full(5, 700.0)}
+    return Recording(source=tmp_path / "b", tables={"fixes": table}, **changes)
+
+
+def test_the_car_of_two_files_is_one_flight(shared, tmp_path):
+    folder = shared / "flights" / "drive_0708"
+    (tmp_path / "s.toml").write_text(CAR)
+    files = [str(folder / name) for name in ("imu_1934.csv", "gnss_1934_sf.pos")]
+    words = ["--settings", str(tmp_path / "s.toml"), "--out", str(tmp_path / "flight")]
+    assert main(["import", *files, *words]) == 0
+    from fgnav.io.flight.folder import load_flight
+
+    flight = load_flight(tmp_path / "flight")
+    still = flight.imu.t_s < 30
+    down = flight.imu.f_b_mps2[still].mean(axis=0)
+    assert down[2] == pytest.approx(-9.80665, abs=0.2)
+    assert flight.antennas[0].name == flight.fixes.antenna == "roof"
+    assert (flight.imu.t_s[0], flight.fixes.t_s[0]) == (0, 0)
+
+
+def test_a_dated_unit_stays_where_it_was(tmp_path):
+    whole = assemble(
+        [unit(tmp_path, gps_start_s=1000.25), fixes(tmp_path, gps_start_s=1000.0)], Settings()
+    )
+    assert whole.flight.start_gps_s == 1003
+    np.testing.assert_allclose(whole.flight.imu.t_s, np.arange(5.0) - 2.75)
+    np.testing.assert_allclose(whole.flight.fixes.t_s, np.arange(5.0))
+    assert "imu.clock_offset_s" not in whole.missing
+
+
+def test_a_clock_of_its_own_starts_with_the_flight_and_that_is_said(tmp_path):
+    files = [unit(tmp_path, clock="own", t_s=100 + np.arange(3.0))]
+    whole = assemble([*files, fixes(tmp_path, gps_start_s=1000.0)], Settings())
+    np.testing.assert_allclose(whole.flight.imu.t_s, np.arange(3.0))
+    assert "`fgnav check` finds it" in whole.missing["imu.clock_offset_s"]
+
+
+def test_tables_of_one_clock_of_its_own_stay_together(tmp_path):
+    both = unit(tmp_path, clock="own").tables | fixes(tmp_path).tables
+    one = Recording(source=tmp_path / "a", tables=both, clock="own")
+    whole = assemble([one], Settings(start="2025-07-08T00:00:00"))
+    assert (whole.flight.imu.t_s[0], whole.flight.fixes.t_s[0]) == (-3, 0)
+    assert "imu.clock_offset_s" not in whole.missing
+
+
+def test_without_any_date_or_place_that_is_said(tmp_path):
+    whole = assemble([unit(tmp_path, clock="own")], Settings())
+    assert whole.flight.start_gps_s == 0
+    assert {"start", "origin", "imu.clock_offset_s"} <= set(whole.missing)
+    whole = assemble([unit(tmp_path, clock="own")], Settings(start="1980-01-06T00:01:00"))
+    assert whole.flight.start_gps_s == 60
+    assert "start" not in whole.missing
+
+
+def test_rows_whose_time_does_not_increase_are_left_out(tmp_path):
+    t_s = np.array([0.0, 1.0, 1.0, 0.5, 2.0, np.nan])
+    whole = assemble([unit(tmp_path, t_s=t_s)], Settings())
+    assert whole.flight.imu.t_s.tolist() == [0, 1, 2]
+    lost = {loss.reason: loss.count for loss in whole.flight.losses}
+    assert lost["its time does not increase (a)"] == 2
+    assert lost["a value is missing, or no instrument has it (a)"] == 1
+
+
+def test_fixes_without_a_spread_are_left_out(tmp_path):
+    table = dict(fixes(tmp_path).tables["fixes"])
+    table |= {f"sigma_{axis}_m": np.array([1.0, 1.0, 0.0, 1.0, 1.0]) for axis in "ned"}
+    whole = assemble([Recording(source=tmp_path / "b", tables={"fixes": table})], Settings())
+    assert len(whole.flight.fixes.t_s) == 4
+    assert [loss.count for loss in whole.flight.losses] == [1]
+
+
+def test_what_no_flight_can_have_is_refused(tmp_path):
+    with pytest.raises(BadInputError, match="c: another file has imu, too; import one"):
+        assemble([unit(tmp_path), unit(tmp_path, name="c")], Settings())
+    with pytest.raises(BadInputError, match="a: holds nothing that a flight could use"):
+        Recording(source=tmp_path / "a")
+    with pytest.raises(BadInputError, match="imu: columns fx_mps2, fy_mps2, fz_mps2 are missing"):
+        Recording(source=tmp_path / "a", tables={"imu": {"t_s": np.zeros(1)}})
+    table = unit(tmp_path).tables["imu"] | {"wx_radps": np.zeros(5)}
+    with pytest.raises(BadInputError, match="columns wx_radps make no full group of known ones"):
+        Recording(source=tmp_path / "a", tables={"imu": table})
+    height = {"t_s": np.arange(2.0), "height_m": np.zeros(2)}
+    baro = Recording(source=tmp_path / "a", tables={"barometer": height})
+    with pytest.raises(BadInputError, match=r"barometer: state its noise in \[barometer\]"):
+        assemble([baro], Settings())
+
+
+def test_formats_are_told_by_first_bytes_then_by_names(tmp_path):
+    for name, content, format_ in [
+        ("log", b"ULog\x01\x12\x35\x01", "ulog"),
+        ("rover.dat", b"\xb5\x62\x02\x15", "ubx"),
+        ("solution.txt", (HEAD + ROW).encode(), "pos"),
+        ("brdc", b" " * 60 + b"RINEX VERSION / TYPE\n", "rinex"),
+        ("imu.csv", b"1,2,3\n", "csv"),
+    ]:
+        (tmp_path / name).write_bytes(content)
+        assert recognised(tmp_path / name) == format_
+
+
+def test_help_names_every_format(capsys):
+    assert main(["import", "--help"]) == 0
+    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert f"Of all files: {', '.join(IMPORTERS)}, or an installed one" in text
+
+
+def test_a_format_that_nobody_knows_is_one_line(tmp_path, capsys):
+    (tmp_path / "a.xyz").write_bytes(b"\0\1")
+    line = refused(capsys, tmp_path, tmp_path / "a.xyz")
+    assert r"a.xyz: of no known format, it starts with b'\x00\x01'; state --format, one of" in line
+    assert "nowhere: no such file" in refused(capsys, tmp_path, tmp_path / "nowhere")
+    assert main(["import", "--out", str(tmp_path / "none")]) == 2
+    assert "name a file to import" in capsys.readouterr().err
+
+
+def test_a_reader_that_is_not_installed_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyulog", None)
+    with pytest.raises(BadInputError, match=r"format ulog needs pyulog .* 'fgnav\[importers\]'"):
+        reader("pyulog", "ulog")
+
+
+def test_an_importer_of_the_working_folder_is_one_too(tmp_path, monkeypatch):
+    (tmp_path / "own_format.py").write_text(
+        "import numpy as np\n"
+        "from fgnav.io.importers.recording import Recording\n"
+        "def read(path, settings, scratch):\n"
+        "    samples = {f'f{a}_mps2': np.ones(3) for a in 'xyz'}\n"
+        "    table = {'t_s': np.arange(3.0), **samples}\n"
+        "    return Recording(source=path, tables={'imu': table}, gps_start_s=1e9)\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "log.own").write_text("anything")
+    _, flight = imported(tmp_path, "own_format:read", tmp_path / "log.own")
+    assert (flight.start_gps_s, len(flight.imu.t_s)) == (1e9, 3)

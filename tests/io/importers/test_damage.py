@@ -1,0 +1,68 @@
+"""Damaged files of every format: a flight of what is left, or one line and exit status 2."""
+
+import numpy as np
+import pytest
+
+from fgnav.cli import main
+from tests.io.importers import test_ardupilot, test_pos, test_receivers, test_ros, test_ulog
+from tests.io.importers.test_text_columns import FIXES, IMU, ROWS, TRACK
+
+EACH = 12  # damaged files
+
+
+def kfgins():
+    t = 456300 + 0.005 * np.arange(1, 41)
+    return "".join(f"{one:.3f} .0005 -.001 .0015 .0025 -.005 -.049\n" for one in t).encode()
+
+
+def bag(tmp_path, kind):
+    place = tmp_path / ("log.bag" if kind == "bag" else "log")
+    test_ros.bag(place, kind)
+    return (place if kind == "bag" else next(place.glob(f"*.{kind}"))).read_bytes()
+
+
+def ulog(_):
+    pytest.importorskip("pyulog")
+    return test_ulog.log(*test_ulog.LOGS["of 2024"])
+
+
+FILES = {
+    "imu.csv": (lambda _: ROWS.encode(), IMU, ()),
+    "track.csv": (lambda _: TRACK.encode(), FIXES, ()),
+    "rover.pos": (lambda _: (test_pos.HEAD + test_pos.ROW).encode(), "", ()),
+    "imu.txt": (lambda _: kfgins(), "", ("--format", "kfgins")),
+    "log.ulg": (ulog, "", ("--format", "ulog")),
+    "log.BIN": (lambda _: test_ardupilot.log(), "", ()),
+    "a.bag": (lambda path: bag(path, "bag"), "", ("--format", "rosbag")),
+    "a.mcap": (lambda path: bag(path, "mcap"), "", ("--format", "mcap")),
+    "a.db3": (lambda path: bag(path, "db3"), "", ("--format", "rosbag")),
+    "rover.ubx": (lambda _: test_receivers.ubx(), "", ("--format", "ubx")),
+}
+
+
+def damaged(content, rng):
+    """Return a file cut, with bytes changed, taken out, or put in."""
+    at = int(rng.integers(len(content)))
+    size = int(rng.integers(1, 60))
+    return (
+        content[:at],
+        content[:at] + rng.bytes(min(size, 5)) + content[at + min(size, 5) :],
+        content[:at] + content[at + size :],
+        content[:at] + rng.bytes(size) + content[at:],
+    )[rng.integers(4)]
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_damage_is_a_flight_or_one_line(name, tmp_path, capsys):
+    make, settings, words = FILES[name]
+    (tmp_path / "s.toml").write_text(settings)
+    content, rng = make(tmp_path), np.random.default_rng(11)
+    for k in range(EACH):
+        file, out = tmp_path / name, tmp_path / f"flight{k}"
+        file.write_bytes(damaged(content, rng) if k else content)
+        call = ["import", str(file), "--settings", str(tmp_path / "s.toml"), *words]
+        status = main([*call, "--out", str(out)])
+        said = capsys.readouterr().err.splitlines()
+        assert status in ((0, 2) if k else (0,)), said
+        assert len(said) == (status == 2)
+        assert out.exists() == (status == 0)

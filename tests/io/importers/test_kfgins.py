@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+
+from tests.io.importers.helpers import imported, refused
+
+STEP_S, RATE, FORCE = 0.005, [0.1, -0.2, 0.3], [0.5, -1.0, -9.8]
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A unit at constant rate and force, two fixes and a reference, as KF-GINS writes them."""
+    t = 456300 + STEP_S * np.arange(1, 401)
+    increments = np.tile(np.array(RATE + FORCE) * STEP_S, (400, 1))
+    np.savetxt(tmp_path / "imu.txt", np.column_stack([t, increments]), fmt="%.12f")
+    fixes = [[456300, 30.4, 114.4, 22, 0.01, 0.02, 0.03], [456301, 30.4, 114.4, 23, 0.1, 0.1, 0.1]]
+    np.savetxt(tmp_path / "gnss.txt", fixes, fmt="%.12f")
+    reference = [[2017, 456300 + k, 30.4, 114.4, 22, 1, 2, 3, 4, 5, 6] for k in range(2)]
+    np.savetxt(tmp_path / "truth.nav", reference, fmt="%.9f")
+    return [tmp_path / name for name in ("imu.txt", "gnss.txt", "truth.nav")]
+
+
+def test_increments_become_rates_at_the_middle_of_their_interval(tmp_path, files):
+    _, flight = imported(tmp_path, "kfgins", *files)
+    assert flight.start_gps_s == 2017 * 604800 + 456300
+    np.testing.assert_allclose(flight.imu.t_s[:2], [STEP_S / 2, 1.5 * STEP_S], atol=1e-7)
+    np.testing.assert_allclose(flight.imu.w_b_radps, np.tile(RATE, (400, 1)), rtol=1e-6)
+    np.testing.assert_allclose(flight.imu.f_b_mps2, np.tile(FORCE, (400, 1)), rtol=1e-6)
+    np.testing.assert_allclose(flight.fixes.position_sigma_m[0], [0.01, 0.02, 0.03])
+    np.testing.assert_allclose(flight.fixes.p_n_m[1], [0, 0, -1], atol=1e-6)
+    np.testing.assert_allclose(flight.truth.v_n_mps[0], [1, 2, 3], atol=1e-9)
+
+
+def test_a_week_that_no_file_states_comes_from_the_settings(tmp_path, files):
+    toml = 'start = "2018-09-07T06:45:00"\n'  # in week 2017
+    _, flight = imported(tmp_path, "kfgins", *files[:2], toml=toml)
+    assert flight.fixes.t_s[0] == pytest.approx(456300 - (5 * 86400 + 6.75 * 3600))
+
+
+def test_a_gap_of_the_unit_does_not_thin_its_rates(tmp_path, files):
+    lines = files[0].read_text().splitlines()
+    files[0].write_text("\n".join(lines[:100] + lines[200:]) + "\n")
+    _, flight = imported(tmp_path, "kfgins", *files)
+    np.testing.assert_allclose(flight.imu.w_b_radps, np.tile(RATE, (300, 1)), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        ("1 2 3\n1 2 3\n", "must have two rows or more, of 7 columns"),
+        ("1 2 3 4 5 6 7\n1 2 3 4 5 6\n", "row 2: must have 7 columns, got 6"),
+        ("1 2 3 4 5 6 x\n1 2 3 4 5 6 7\n", "must hold numbers, could not convert"),
+        ("", "has 0 of 0"),
+    ],
+)
+def test_what_is_wrong_is_one_line(tmp_path, capsys, text, rule):
+    (tmp_path / "a.txt").write_text(text)
+    assert rule in refused(capsys, tmp_path, tmp_path / "a.txt", "--format", "kfgins")
