@@ -19,6 +19,7 @@ from fgnav.frontend.attitude.initial import attitude_prior
 from fgnav.frontend.attitude.rates import swing_n_mps
 from fgnav.frontend.position.series import VectorSeries
 from fgnav.frontend.stages import Aligned, Tracked
+from fgnav.graph.factors.wheels import NAME as WHEELS
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, Opening, SmoothingProblem
 from fgnav.types.estimate import open_angle_variance_rad2
@@ -63,8 +64,11 @@ def open_heading(
     for _, velocity in track.antenna.velocities[:1]:
         arm_b_m = velocity.arm_b_m
         v_n_mps = v_n_mps + swing_n_mps(start.R_nb - R_nb, stage.rates, arm_b_m)
+    # They speak of the heading, which here is arbitrary.
+    parts = tuple(part for part in problem.measurements if part.name != WHEELS)
+    without_wheels = replace(problem, measurements=parts)
     opening = replace(
-        _loud(problem, track, np.ones(len(t_s) - 1, dtype=np.bool_)),
+        _loud(without_wheels, track, np.ones(len(t_s) - 1, dtype=np.bool_)),
         start=start._replace(R_nb=R_nb, p_n_m=p_n_m, v_n_mps=v_n_mps),
         attitude_prior=attitude_prior(initial, R_nb[0], _FIXED_RAD),
     )

@@ -20,6 +20,7 @@ from fgnav.graph.factors.line_of_sight import LineOfSight
 from fgnav.graph.factors.magnetometer import MagneticField
 from fgnav.graph.factors.position import Position
 from fgnav.graph.factors.velocity import Velocity
+from fgnav.graph.factors.wheels import AXES, RollingWheels
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Measurement
 
@@ -70,7 +71,11 @@ class Recorded:
 def measurements_of(recorded: Recorded, constants: Constants) -> tuple[Measurement, ...]:
     """Return the graph's measurements of all sensors that have any."""
     gnss = (*_array(recorded, constants), *_antenna(recorded, constants))
-    others = (*_directions(recorded, constants), *_surroundings(recorded, constants))
+    others = (
+        *_directions(recorded, constants),
+        *_surroundings(recorded, constants),
+        *_wheels(recorded, constants),
+    )
     timed = recorded.timed
     if timed is not None:
         late = {"velocity": VELOCITY_DELAY}
@@ -187,5 +192,19 @@ def _surroundings(recorded: Recorded, constants: Constants) -> Iterator[Measurem
             across_b=seen.across_b[seen.row],
             field_n_ut=field.field_n_ut,
             iron_column=constants.column("hard iron"),
+            constants=constants,
+        )
+
+
+def _wheels(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
+    wheels, measured = recorded.sensed.wheels, recorded.measured_b_radps
+    if wheels is not None:
+        yield RollingWheels(
+            row=wheels.row,
+            slip_mps=wheels.slip_mps,
+            arm_b_m=wheels.arm_b_m,
+            measured_b_radps=None if measured is None else measured[wheels.row],
+            earth_rate_n_radps=recorded.earth_rate_n_radps,
+            column=constants.column(AXES),
             constants=constants,
         )

@@ -11,6 +11,7 @@ from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
 from fgnav.types.summaries import summary, summary_html
 from fgnav.types.surroundings import Barometer, Magnetometer
+from fgnav.types.vehicle import WheeledVehicle
 
 ElevationWeights: TypeAlias = Literal["sine", "uniform"]
 
@@ -389,6 +390,8 @@ class Flight:
     gnss_noise : GnssNoise
     base : Base or None
     imu, fixes, seeker, barometer, magnetometer, truth : their types, or None
+    vehicle : WheeledVehicle or None
+        What it may be taken to do.
     initial : InitialAttitude or None
         Of the first epoch that is estimated.
     losses : tuple of Loss
@@ -410,6 +413,7 @@ class Flight:
     seeker: Seeker | None = None
     barometer: Barometer | None = None
     magnetometer: Magnetometer | None = None
+    vehicle: WheeledVehicle | None = None
     initial: InitialAttitude | None = None
     truth: Truth | None = None
     losses: tuple[Loss, ...] = ()

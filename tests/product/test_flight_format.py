@@ -23,6 +23,7 @@ TABLES = {
     "`[seeker]`": flight_toml.SeekerTable,
     "`[barometer]`": flight_toml.BarometerTable,
     "`[magnetometer]`": flight_toml.MagnetometerTable,
+    "`[vehicle]`": flight_toml.VehicleTable,
     "`[initial]`": flight_toml.InitialTable,
     "`[truth]`": flight_toml.TruthTable,
 }

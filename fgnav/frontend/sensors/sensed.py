@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from fgnav.checks import FloatArray, Loss
 from fgnav.frontend.sensors.directional import gravity, sight
 from fgnav.frontend.sensors.surroundings import Heights, MagneticField, heights, magnetic_field
+from fgnav.frontend.sensors.wheels import Wheels, wheels
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.gravity import GravityDirection
@@ -22,6 +23,7 @@ class Sensed:
     gravity : Directions or None
     heights : Heights or None
     field : MagneticField or None
+    wheels : Wheels or None
     losses : tuple of Loss
     """
 
@@ -29,13 +31,15 @@ class Sensed:
     gravity: Directions | None = None
     heights: Heights | None = None
     field: MagneticField | None = None
+    wheels: Wheels | None = None
     losses: tuple[Loss, ...] = ()
 
     @property
     def constants(self) -> tuple[FlightConstant, ...]:
-        """What the instruments bring with them to be estimated: offset, hard iron."""
+        """What the instruments bring with them to be estimated: offset, hard iron, wheels' axes."""
         offset = () if self.heights is None else (self.heights.offset,)
-        return (*offset, *(() if self.field is None else (self.field.iron,)))
+        iron = () if self.field is None else (self.field.iron,)
+        return (*offset, *iron, *(() if self.wheels is None else (self.wheels.axes,)))
 
 
 def sense(
@@ -70,5 +74,6 @@ def sense(
         gravity=down,
         heights=high,
         field=field,
+        wheels=wheels(flight, imu, t_s),
         losses=(*sight_losses, *gravity_losses, *height_losses, *field_losses),
     )

@@ -23,6 +23,7 @@ from fgnav.io.flight.toml import (
     InitialTable,
     SeekerTable,
     TruthTable,
+    VehicleTable,
 )
 from fgnav.io.rinex.reader import read_rinex
 from fgnav.io.rinex.writer import RinexVersion
@@ -40,6 +41,7 @@ from fgnav.types.flight import (
 )
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
+from fgnav.types.vehicle import WheeledVehicle
 
 
 def load_flight(path: Path | str) -> Flight:
@@ -193,11 +195,20 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         )
         if table.magnetometer
         else None,
+        vehicle=_vehicle(table.vehicle) if table.vehicle else None,
         initial=_initial(table.initial) if table.initial else None,
         truth=_truth(folder, origin, table.truth, [a.name for a in table.antenna])
         if table.truth
         else None,
         losses=tuple(losses),
+    )
+
+
+def _vehicle(table: VehicleTable) -> WheeledVehicle:
+    return WheeledVehicle(
+        position_b_m=np.array(table.position_b_m),
+        slip_mps=table.slip_mps,
+        axes_sigma_rad=float(np.radians(table.axes_sigma_deg)),
     )
 
 

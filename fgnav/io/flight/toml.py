@@ -5,7 +5,7 @@ import re
 import textwrap
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 import numpy as np
@@ -132,6 +132,15 @@ class MagnetometerTable(MagnetometerKeys, frozen=True, kw_only=True):
     samples: str
 
 
+class VehicleTable(Table, frozen=True, kw_only=True):
+    """``[vehicle]``: what its build lets it do, as of ``WheeledVehicle``."""
+
+    kind: Literal["wheeled"]
+    position_b_m: Vector = (0.0, 0.0, 0.0)
+    slip_mps: Positive = 0.1
+    axes_sigma_deg: Positive = 3.0
+
+
 class InitialTable(Table, frozen=True, kw_only=True):
     """``[initial]``: attitude at the first epoch, each angle with its 1-sigma."""
 
@@ -165,6 +174,7 @@ class FlightTable(Table, frozen=True, kw_only=True):
     seeker: SeekerTable | None = None
     barometer: BarometerTable | None = None
     magnetometer: MagnetometerTable | None = None
+    vehicle: VehicleTable | None = None
     initial: InitialTable | None = None
     truth: TruthTable | None = None
 

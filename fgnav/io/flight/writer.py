@@ -77,6 +77,7 @@ def write_parts(
         seeker=_seeker(flight, folder),
         barometer=_barometer(flight, folder),
         magnetometer=_magnetometer(flight, folder),
+        vehicle=_vehicle(flight),
         initial=_initial(flight),
         truth=_truth(flight, folder),
     )
@@ -279,6 +280,18 @@ def _magnetometer(flight: Flight, folder: Path) -> flight_toml.MagnetometerTable
         field_n_ut=_vector(sensor.field_n_ut),
         noise_ut=sensor.noise_ut,
         hard_iron_ut=sensor.hard_iron_ut,
+    )
+
+
+def _vehicle(flight: Flight) -> flight_toml.VehicleTable | None:
+    vehicle = flight.vehicle
+    if vehicle is None:
+        return None
+    return flight_toml.VehicleTable(
+        kind="wheeled",
+        position_b_m=_vector(vehicle.position_b_m),
+        slip_mps=vehicle.slip_mps,
+        axes_sigma_deg=float(np.degrees(vehicle.axes_sigma_rad)),
     )
 
 

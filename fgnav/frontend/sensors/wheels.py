@@ -1,0 +1,49 @@
+"""When wheels say that a vehicle does not move to the side: once a second while it is on them.
+
+Tyres slip for a second or so at a time; more often the same slip would be counted again and again.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph.factors.wheels import AXES
+from fgnav.graph.types.constants import FlightConstant, flight_constant
+from fgnav.types.flight import Flight, Imu
+
+_EVERY_S = 1.0
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Wheels:
+    """Keyframes at which wheels speak, (k,).
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (k,)
+    slip_mps : float
+    arm_b_m : ndarray, shape (3,)
+        From the accelerometer to the axle.
+    axes : FlightConstant
+        The turn from body axes to those in which wheels roll, about y and z.
+    """
+
+    row: IntArray
+    slip_mps: float
+    arm_b_m: FloatArray
+    axes: FlightConstant
+
+
+def wheels(flight: Flight, imu: Imu, t_s: FloatArray) -> Wheels | None:
+    """Return when a flight's wheels speak of keyframes, (n,); None if it has none."""
+    vehicle = flight.vehicle
+    if vehicle is None:
+        return None
+    second = np.floor((t_s - t_s[0]) / _EVERY_S).astype(np.int64)
+    return Wheels(
+        row=np.flatnonzero(np.diff(second, prepend=-1) > 0),
+        slip_mps=vehicle.slip_mps,
+        arm_b_m=vehicle.position_b_m - imu.position_b_m,
+        axes=flight_constant(AXES, ("y", "z"), "rad", vehicle.axes_sigma_rad),
+    )

@@ -1,0 +1,110 @@
+"""Wheels that roll: no velocity to the side or up at the axle that does not steer.
+
+``r = [u_y u_z] / sigma``, ``u = Exp(-c) (R' v_n + w x a)``: accelerometer at v_n, w the body's rate
+against n, a the axle from the accelerometer, c = (0, c_y, c_z) the turn from body axes to those in
+which wheels roll [1]_.
+
+References
+----------
+.. [1] Dissanayake, Sukkarieh, Nebot, Durrant-Whyte: The aiding of a low-cost strapdown inertial
+   measurement unit using vehicle model constraints for land vehicle applications, IEEE Transactions
+   on Robotics and Automation 17(5), 2001.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray, frozen, positive
+from fgnav.geometry.rotation_kernel import right_jacobian
+from fgnav.geometry.rotations import exp, skew, transpose
+from fgnav.graph.factors.arrays import freeze
+from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.states import ROTATION, VELOCITY, States
+from fgnav.optional_gtsam import gtsam
+
+NAME = "wheels"
+AXES = "wheels' axes"  # the constant c, of c_y and c_z
+_RATE = slice(12, 15)  # the gyroscope's bias, or the rate itself
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class RollingWheels:
+    """Velocities across that are zero, two rows each.
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (k,)
+    slip_mps : float
+        sigma.
+    arm_b_m : ndarray, shape (3,)
+        a.
+    measured_b_radps : ndarray, shape (k, 3), or None
+        The gyroscope's rates at those keyframes: w is that less the bias and less the Earth's; None
+        without one, where w is a state.
+    earth_rate_n_radps : ndarray, shape (3,)
+    column : int
+        First of the two constants c.
+    constants : Constants
+    """
+
+    row: IntArray
+    slip_mps: float
+    arm_b_m: FloatArray
+    measured_b_radps: FloatArray | None
+    earth_rate_n_radps: FloatArray
+    column: int
+    constants: Constants
+
+    def __post_init__(self) -> None:
+        """Check and freeze the arrays."""
+        k = len(self.row)
+        freeze(self, {"arm_b_m": (3,), "earth_rate_n_radps": (3,)}, {"row": (k,)})
+        positive("wheels slip_mps", self.slip_mps)
+        if self.measured_b_radps is not None:
+            rate = frozen("wheels measured_b_radps", self.measured_b_radps, (k, 3))
+            object.__setattr__(self, "measured_b_radps", rate)
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        return NAME
+
+    @property
+    def freedom(self) -> IntArray:
+        """Two of each, (k,)."""
+        return np.full(len(self.row), 2, dtype=np.int64)
+
+    def linearise(self, at: States, which: IntArray) -> Linearised:
+        """Return whitened residuals of measurements ``which``, (j,); see ``Measurement``."""
+        j, first = len(which), self.column
+        R_bn, arm = transpose(at.R_nb), skew(self.arm_b_m[None])
+        v_b = np.einsum("kij,kj->ki", R_bn, at.v_n_mps)
+        rate, by_rate, earth = at.aux[:, 3:6], -arm, np.zeros((j, 3, 3))
+        if self.measured_b_radps is not None:
+            earth_b = np.einsum("kij,j->ki", R_bn, self.earth_rate_n_radps)
+            rate, by_rate = self.measured_b_radps[which] - rate - earth_b, arm
+            earth = arm @ skew(earth_b)
+        axle_b = v_b + np.cross(rate, self.arm_b_m)
+        turn = np.array([0.0, *at.constants[first : first + 2]])
+        back = exp(-turn[None])[0]
+        weight = 1.0 / self.slip_mps
+        state, shared = np.zeros((j, 2, at.width)), np.zeros((j, 2, len(at.constants)))
+        state[:, :, ROTATION] = (back @ (skew(v_b) + earth))[:, 1:]
+        state[:, :, VELOCITY] = (back @ R_bn)[:, 1:]
+        state[:, :, _RATE] = (back @ by_rate)[:, 1:]
+        by_turn = back @ skew(axle_b) @ right_jacobian(-turn)
+        shared[:, :, first : first + 2] = by_turn[:, 1:, 1:]
+        return Linearised(weight * (axle_b @ back.T)[:, 1:], weight * state, weight * shared)
+
+    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
+        """Return measurement i as a factor of keyframe ``key``."""
+        aux: Use = "imu_bias" if self.measured_b_radps is not None else "angular_motion"
+        parts = parts_of(self.constants, (self.column,))
+        return of_measurement(self, i, key, ("pose", "velocity", aux), parts, rows=2)
+
+    def on(self, row: IntArray) -> "RollingWheels":
+        """Return the same measurements at other rows, (k,)."""
+        return replace(self, row=row)
