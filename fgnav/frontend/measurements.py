@@ -20,7 +20,7 @@ from fgnav.graph.factors.line_of_sight import LineOfSight
 from fgnav.graph.factors.magnetometer import MagneticField
 from fgnav.graph.factors.position import Position
 from fgnav.graph.factors.velocity import Velocity
-from fgnav.graph.factors.wheels import AXES, RollingWheels
+from fgnav.graph.factors.wheels import AXES, AXLE, RollingWheels
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Measurement
 
@@ -205,6 +205,7 @@ def _wheels(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
             arm_b_m=wheels.arm_b_m,
             measured_b_radps=None if measured is None else measured[wheels.row],
             earth_rate_n_radps=recorded.earth_rate_n_radps,
-            column=constants.column(AXES),
+            axes_column=constants.column(AXES),
+            axle_column=constants.column(AXLE),
             constants=constants,
         )

@@ -15,6 +15,8 @@ class WheeledVehicle:
     ----------
     position_b_m : ndarray, shape (3,)
         The middle of that axle in body axes.
+    position_sigma_m : float
+        1-sigma of each of its coordinates.
     slip_mps : float
         1-sigma of velocity across, to the side and up, independent from second to second.
     axes_sigma_rad : float
@@ -22,6 +24,7 @@ class WheeledVehicle:
     """
 
     position_b_m: FloatArray = field(default_factory=lambda: np.zeros(3))
+    position_sigma_m: float = 1.0
     slip_mps: float = 0.1
     axes_sigma_rad: float = float(np.radians(3.0))
 
@@ -29,5 +32,6 @@ class WheeledVehicle:
         """Check and freeze every field."""
         value = frozen("vehicle position_b_m", self.position_b_m, (3,))
         object.__setattr__(self, "position_b_m", value)
+        positive("vehicle position_sigma_m", self.position_sigma_m)
         positive("vehicle slip_mps", self.slip_mps)
         positive("vehicle axes_sigma", self.axes_sigma_rad)

@@ -36,10 +36,11 @@ class Sensed:
 
     @property
     def constants(self) -> tuple[FlightConstant, ...]:
-        """What the instruments bring with them to be estimated: offset, hard iron, wheels' axes."""
+        """What the instruments bring with them to be estimated: offset, hard iron, wheels."""
         offset = () if self.heights is None else (self.heights.offset,)
         iron = () if self.field is None else (self.field.iron,)
-        return (*offset, *iron, *(() if self.wheels is None else (self.wheels.axes,)))
+        wheels = () if self.wheels is None else (self.wheels.axes, self.wheels.axle)
+        return (*offset, *iron, *wheels)
 
 
 def sense(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.graph.factors.wheels import AXES
+from fgnav.graph.factors.wheels import AXES, AXLE
 from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.types.flight import Flight, Imu
 
@@ -25,14 +25,16 @@ class Wheels:
     slip_mps : float
     arm_b_m : ndarray, shape (3,)
         From the accelerometer to the axle.
-    axes : FlightConstant
-        The turn from body axes to those in which wheels roll, about y and z.
+    axes, axle : FlightConstant
+        The turn from body axes to those in which wheels roll, about y and z; what ``arm_b_m``
+        lacks.
     """
 
     row: IntArray
     slip_mps: float
     arm_b_m: FloatArray
     axes: FlightConstant
+    axle: FlightConstant
 
 
 def wheels(flight: Flight, imu: Imu, t_s: FloatArray) -> Wheels | None:
@@ -46,4 +48,5 @@ def wheels(flight: Flight, imu: Imu, t_s: FloatArray) -> Wheels | None:
         slip_mps=vehicle.slip_mps,
         arm_b_m=vehicle.position_b_m - imu.position_b_m,
         axes=flight_constant(AXES, ("y", "z"), "rad", vehicle.axes_sigma_rad),
+        axle=flight_constant(AXLE, ("x", "y", "z"), "m", vehicle.position_sigma_m),
     )

@@ -1,8 +1,8 @@
 """Wheels that roll: no velocity to the side or up at the axle that does not steer.
 
-``r = [u_y u_z] / sigma``, ``u = Exp(-c) (R' v_n + w x a)``: accelerometer at v_n, w the body's rate
-against n, a the axle from the accelerometer, c = (0, c_y, c_z) the turn from body axes to those in
-which wheels roll [1]_.
+``r = [u_y u_z] / sigma``, ``u = Exp(-c) (R' v_n + w x (a + l))``: accelerometer at v_n, w the
+body's rate against n, a + l the axle from the accelerometer, c = (0, c_y, c_z) the turn from body
+axes to those in which wheels roll [1]_.
 
 References
 ----------
@@ -27,6 +27,7 @@ from fgnav.optional_gtsam import gtsam
 
 NAME = "wheels"
 AXES = "wheels' axes"  # the constant c, of c_y and c_z
+AXLE = "axle"  # the constant l
 _RATE = slice(12, 15)  # the gyroscope's bias, or the rate itself
 
 
@@ -45,8 +46,8 @@ class RollingWheels:
         The gyroscope's rates at those keyframes: w is that less the bias and less the Earth's; None
         without one, where w is a state.
     earth_rate_n_radps : ndarray, shape (3,)
-    column : int
-        First of the two constants c.
+    axes_column, axle_column : int
+        First of the two constants c, and of the three of l.
     constants : Constants
     """
 
@@ -55,7 +56,8 @@ class RollingWheels:
     arm_b_m: FloatArray
     measured_b_radps: FloatArray | None
     earth_rate_n_radps: FloatArray
-    column: int
+    axes_column: int
+    axle_column: int
     constants: Constants
 
     def __post_init__(self) -> None:
@@ -79,15 +81,16 @@ class RollingWheels:
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of measurements ``which``, (j,); see ``Measurement``."""
-        j, first = len(which), self.column
-        R_bn, arm = transpose(at.R_nb), skew(self.arm_b_m[None])
+        j, first, axle = len(which), self.axes_column, self.axle_column
+        arm_b_m = self.arm_b_m + at.constants[axle : axle + 3]
+        R_bn, arm = transpose(at.R_nb), skew(arm_b_m[None])
         v_b = np.einsum("kij,kj->ki", R_bn, at.v_n_mps)
         rate, by_rate, earth = at.aux[:, 3:6], -arm, np.zeros((j, 3, 3))
         if self.measured_b_radps is not None:
             earth_b = np.einsum("kij,j->ki", R_bn, self.earth_rate_n_radps)
             rate, by_rate = self.measured_b_radps[which] - rate - earth_b, arm
             earth = arm @ skew(earth_b)
-        axle_b = v_b + np.cross(rate, self.arm_b_m)
+        axle_b = v_b + np.cross(rate, arm_b_m)
         turn = np.array([0.0, *at.constants[first : first + 2]])
         back = exp(-turn[None])[0]
         weight = 1.0 / self.slip_mps
@@ -97,12 +100,13 @@ class RollingWheels:
         state[:, :, _RATE] = (back @ by_rate)[:, 1:]
         by_turn = back @ skew(axle_b) @ right_jacobian(-turn)
         shared[:, :, first : first + 2] = by_turn[:, 1:, 1:]
+        shared[:, :, axle : axle + 3] = (back @ skew(rate))[:, 1:]
         return Linearised(weight * (axle_b @ back.T)[:, 1:], weight * state, weight * shared)
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return measurement i as a factor of keyframe ``key``."""
         aux: Use = "imu_bias" if self.measured_b_radps is not None else "angular_motion"
-        parts = parts_of(self.constants, (self.column,))
+        parts = parts_of(self.constants, (self.axes_column, self.axle_column))
         return of_measurement(self, i, key, ("pose", "velocity", aux), parts, rows=2)
 
     def on(self, row: IntArray) -> "RollingWheels":

@@ -207,6 +207,7 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
 def _vehicle(table: VehicleTable) -> WheeledVehicle:
     return WheeledVehicle(
         position_b_m=np.array(table.position_b_m),
+        position_sigma_m=table.position_sigma_m,
         slip_mps=table.slip_mps,
         axes_sigma_rad=float(np.radians(table.axes_sigma_deg)),
     )

@@ -137,6 +137,7 @@ class VehicleTable(Table, frozen=True, kw_only=True):
 
     kind: Literal["wheeled"]
     position_b_m: Vector = (0.0, 0.0, 0.0)
+    position_sigma_m: Positive = 1.0
     slip_mps: Positive = 0.1
     axes_sigma_deg: Positive = 3.0
 

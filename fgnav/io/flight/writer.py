@@ -290,6 +290,7 @@ def _vehicle(flight: Flight) -> flight_toml.VehicleTable | None:
     return flight_toml.VehicleTable(
         kind="wheeled",
         position_b_m=_vector(vehicle.position_b_m),
+        position_sigma_m=vehicle.position_sigma_m,
         slip_mps=vehicle.slip_mps,
         axes_sigma_deg=float(np.degrees(vehicle.axes_sigma_rad)),
     )

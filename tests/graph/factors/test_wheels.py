@@ -21,14 +21,15 @@ OUTAGE_S = (20.5, 40.5)
 
 @pytest.fixture(params=[False, True], ids=["rate a state", "gyroscope"])
 def case(request):
-    rng, shared = np.random.default_rng(1), cases.constants(1, 2)
+    rng, shared = np.random.default_rng(1), cases.constants(1, 2, 3)
     wheels = RollingWheels(
         row=np.arange(K),
         slip_mps=0.3,
         arm_b_m=rng.normal(size=3),
         measured_b_radps=rng.normal(size=(K, 3)) if request.param else None,
         earth_rate_n_radps=np.array([5e-2, 0.0, -4e-2]),  # so that it is seen
-        column=shared.column("b"),
+        axes_column=shared.column("b"),
+        axle_column=shared.column("c"),
         constants=shared,
     )
     return wheels, cases.random_states(K, shared, rng, gyroscope=request.param), shared
