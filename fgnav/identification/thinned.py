@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import IntArray
+from fgnav.graph.factors.wheels import NAME as WHEELS
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import Constants, FlightConstant
@@ -82,6 +83,9 @@ class Some:
 def thinned(problem: SmoothingProblem, extra: tuple[FlightConstant, ...] = ()) -> SmoothingProblem:
     """Return a problem of fewer keyframes, with constants beside its own.
 
+    Of instruments alone: how wheels slip tells no noise, and noise stated far too small makes them
+    contradict what is measured.
+
     Parameters
     ----------
     problem : SmoothingProblem
@@ -89,7 +93,8 @@ def thinned(problem: SmoothingProblem, extra: tuple[FlightConstant, ...] = ()) -
         Appended to its constants; nothing depends on them yet.
     """
     constants = Constants((*problem.constants.parts, *extra))
-    rows = _rows(problem)
+    instruments = tuple(one for one in problem.measurements if one.name != WHEELS)
+    rows = _rows(replace(problem, measurements=instruments))
     return SmoothingProblem(
         t_s=problem.t_s[rows],
         start=problem.start.at(rows)._replace(
@@ -97,7 +102,7 @@ def thinned(problem: SmoothingProblem, extra: tuple[FlightConstant, ...] = ()) -
         ),
         motion=_between(problem.motion, rows),
         measurements=tuple(
-            Some.of(one, rows) for one in problem.measurements if np.isin(one.row, rows).any()
+            Some.of(one, rows) for one in instruments if np.isin(one.row, rows).any()
         ),
         constants=constants,
         attitude_known=problem.attitude_known[rows],
