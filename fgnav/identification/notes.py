@@ -14,6 +14,9 @@ _WHAT = {
     "gyroscope bias": "Random walk of the gyroscope's bias",
     "position": "Noise of fix positions",
     "velocity": "Noise of velocities",
+    "barometric height": "Noise of barometric heights",
+    "line of sight": "Noise of the seeker's lines of sight",
+    "magnetic field": "Noise of the magnetometer",
 }
 _UNIT = {
     "accelerometer": "m/s2/sqrt(Hz)",
