@@ -13,12 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.graph.correlation import correlated
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
+from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.motion import NoiseParts
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
-from fgnav.identification.correlation import correlated
 from fgnav.identification.linear_chain import LinearChain, Score
 from fgnav.identification.search import Found, search
 from fgnav.identification.stated import INSTRUMENTS, scalable, unstated
@@ -36,6 +37,8 @@ _TOLERATED = np.log(1.5)
 _DOUBTED = 2.5  # sigmas: one of eight components in ten flights
 _SIGMAS = 4.0  # of a normal variable, two-sided: 6e-5
 _ABOVE = 10.0  # times the stated, where the first linearisation of a contradicted unit is
+_LOUDER = (1.0, 10.0, 100.0)  # times that: an axis without a signal is 1,000 times as loud
+_WHITE = ("accelerometer", "gyroscope")
 _QUICK, _ITERATIONS = 6, 10  # Gauss-Newton steps
 _ALIKE = 0.5  # correlation of neighbours whose errors are more of what stays than of noise
 _NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
@@ -202,12 +205,29 @@ def _as_stated(flight: _Flight) -> Identified | None:
 
 
 def _searched(flight: _Flight, stated: dict[str, bool], known: dict[str, float]) -> Identified:
+    """Return the likeliest noises, begun with an inertial unit ever louder until there are any.
+
+    Linearised about what a faulty unit draws the states to, a chain has no minimum.
+    """
+    for louder in _LOUDER[:-1]:
+        try:
+            return _searched_from(flight, stated, known, louder)
+        except NoSolutionError:
+            continue
+    return _searched_from(flight, stated, known, _LOUDER[-1])
+
+
+def _searched_from(
+    flight: _Flight, stated: dict[str, bool], known: dict[str, float], louder: float
+) -> Identified:
     """Return the likeliest noises: all free at first, then those that are not believed alone."""
-    states, above = flight.problem.start, dict.fromkeys(("accelerometer", "gyroscope"), _ABOVE)
+    states, above = flight.problem.start, dict.fromkeys(_WHITE, _ABOVE * louder)
     if "gyroscope" not in flight.parts.names:
-        states, above = solve_batch(_widened(flight.problem, known), most=_ITERATIONS).states, {}
+        begun = _widened(flight.problem, known, louder)
+        states, above = solve_batch(begun, most=_ITERATIONS).states, dict.fromkeys(_WHITE, louder)
     sensors = [m.name for m in flight.problem.measurements if m.name in flight.scalable]
-    theta = np.log([known.get(n, above.get(n, 1.0)) for n in (*flight.parts.names, *sensors)])
+    names = (*flight.parts.names, *sensors)
+    theta = np.log([known.get(n, above.get(n, 1.0)) for n in names])
     while True:
         chain, states, _ = flight.descended(states, theta, _ITERATIONS)
         is_stated = np.array([stated[name] for name in chain.names])
@@ -243,15 +263,18 @@ def _at_start(small: SmoothingProblem) -> dict[str, float]:
     return factors
 
 
-def _widened(small: SmoothingProblem, factors: dict[str, float]) -> SmoothingProblem:
-    """Return a thinned problem with the noise of some measurements multiplied."""
+def _widened(small: SmoothingProblem, factors: dict[str, float], louder: float) -> SmoothingProblem:
+    """Return a thinned problem with the noise of some measurements, and of forces, multiplied."""
     widened = tuple(
         replace(one, sigma_factor=factors[one.name])
         if isinstance(one, Some) and one.name in factors
         else one
         for one in small.measurements
     )
-    return replace(small, measurements=widened)
+    motion = small.motion
+    if isinstance(motion, GyroFree) and louder > 1.0:
+        motion = replace(motion, accelerometer_noise=motion.accelerometer_noise * louder**2)
+    return replace(small, measurements=widened, motion=motion)
 
 
 def _free(chain: LinearChain, begin: FloatArray, is_stated: BoolArray) -> Found:

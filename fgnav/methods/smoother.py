@@ -24,6 +24,7 @@ from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
+from fgnav.identification.contradictions import without_contradictions
 from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.methods.estimates import estimate_of
 from fgnav.methods.joined import among, joined_estimates
@@ -231,7 +232,8 @@ class Smoother:
     def estimate_prepared(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
         """Estimate a flight whose problem is built."""
         if not prepared.stretches:
-            return self._estimated(flight, prepared)
+            again = self._once if self.noise == "identified" and not self.causal else None
+            return without_contradictions(flight, self._estimated(flight, prepared), again)
         whole = [self._estimated(one.flight, one.prepared) for one in prepared.stretches]
         parts = [
             among(e, one.from_s, one.until_s)
@@ -240,6 +242,9 @@ class Smoother:
         times = [(one.prepared.problem.t_s, one) for one in prepared.stretches]
         asked = sum(int(((t >= s.from_s) & (t < s.until_s)).sum()) for t, s in times)
         return joined_estimates(parts, whole[-1].epochs, asked)
+
+    def _once(self, flight: Flight) -> Estimate:
+        return self._estimated(flight, self.prepare(flight))
 
     def _estimated(
         self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None
