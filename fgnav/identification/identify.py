@@ -136,7 +136,7 @@ def identify(
         quick = _as_stated(small_flight)
         if quick is not None:
             return quick
-    return _searched(small_flight, stated, known or _at_start(small))
+    return _searched(small_flight, stated, known or {})
 
 
 class _Flight(NamedTuple):
@@ -205,16 +205,18 @@ def _as_stated(flight: _Flight) -> Identified | None:
 
 
 def _searched(flight: _Flight, stated: dict[str, bool], known: dict[str, float]) -> Identified:
-    """Return the likeliest noises, begun with an inertial unit ever louder until there are any.
+    """Return the likeliest noises, begun ever louder until there are any.
 
-    Linearised about what a faulty unit draws the states to, a chain has no minimum.
+    Linearised about what a faulty sensor draws the states to, a chain has no minimum.
     """
-    for louder in _LOUDER[:-1]:
+    seem = _at_start(flight.problem) | known
+    begins = ((known, 1.0), *((seem, louder) for louder in _LOUDER))
+    for begin, louder in begins[:-1]:
         try:
-            return _searched_from(flight, stated, known, louder)
+            return _searched_from(flight, stated, begin, louder)
         except NoSolutionError:
             continue
-    return _searched_from(flight, stated, known, _LOUDER[-1])
+    return _searched_from(flight, stated, *begins[-1])
 
 
 def _searched_from(
