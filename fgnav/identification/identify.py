@@ -210,7 +210,8 @@ def _searched(flight: _Flight, stated: dict[str, bool], known: dict[str, float])
     Linearised about what a faulty sensor draws the states to, a chain has no minimum.
     """
     seem = _at_start(flight.problem) | known
-    begins = ((known, 1.0), *((seem, louder) for louder in _LOUDER))
+    noisy = seem | dict.fromkeys(("position", "velocity"), _ABOVE)
+    begins = ((known, 1.0), (noisy, 1.0), *((seem, louder) for louder in _LOUDER))
     for begin, louder in begins[:-1]:
         try:
             return _searched_from(flight, stated, begin, louder)
