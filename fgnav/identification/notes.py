@@ -28,10 +28,6 @@ _UNIT = {
 _USUAL = "the usual figure"
 # Vibration made 17 and 43 times the figures of a data sheet of a car's unit (docs/model.md).
 _NO_NOISE = 50.0
-_CAUSE = (
-    "; so much is no noise: an axis, a sign, a scale, a unit or a time of the inertial unit, or of "
-    "what it is held against, is not as stated"
-)
 
 
 def noise_notes(flight: Flight, found: Identified) -> tuple[str, ...]:
@@ -43,12 +39,22 @@ def noise_notes(flight: Flight, found: Identified) -> tuple[str, ...]:
         if found.stated[i]:
             stated = _USUAL if name == "line of sight" else "what flight.toml states"
             times = f"{factor:.2g} x {stated}"
-            cause = _CAUSE if factor > _NO_NOISE and name in INERTIAL_NOISES else ""
+            cause = _cause(found) if factor > _NO_NOISE and name in INERTIAL_NOISES else ""
             notes.append(f"{_WHAT[name]} is {times}{value and f', {value}'}: used instead{cause}.")
         else:
             usual = value or f"{factor:.2g} x {_USUAL}"
             notes.append(f"{_WHAT[name]}, not stated, is identified as {usual}.")
     return tuple(notes)
+
+
+def _cause(found: Identified) -> str:
+    """Return what may be wrong where the unit's noise is none."""
+    others = dict.fromkeys(name for name in found.names if name not in INERTIAL_NOISES)
+    against = f", or of {', '.join(others)}" if others else ""
+    return (
+        "; so much is no noise: an axis, a sign, a scale, a unit or a time of the inertial unit"
+        f"{against} is not as stated"
+    )
 
 
 def _value(flight: Flight, name: str, factor: float) -> str:
