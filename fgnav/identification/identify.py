@@ -211,7 +211,7 @@ def _searched(flight: _Flight, stated: dict[str, bool], known: dict[str, float])
     """
     seem = _at_start(flight.problem) | known
     noisy = seem | dict.fromkeys(("position", "velocity"), _ABOVE)
-    begins = ((known, 1.0), (noisy, 1.0), *((seem, louder) for louder in _LOUDER))
+    begins = ((known, 1.0), *((seem, louder) for louder in _LOUDER), (noisy, 1.0))
     for begin, louder in begins[:-1]:
         try:
             return _searched_from(flight, stated, begin, louder)

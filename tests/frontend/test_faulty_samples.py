@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav.frontend.spikes import without_spikes
+from fgnav.frontend.faulty_samples import without_faulty, without_spikes
 from fgnav.types.flight import Imu
 
 T_S = np.arange(0, 10, 0.01)
@@ -61,3 +61,19 @@ def test_a_short_record_and_one_without_gyroscope_are_taken(imu):
     bare = replace(imu, f_b_mps2=force, w_b_radps=None, **{f"gyroscope_{n}": None for n in names})
     _, (loss,) = without_spikes(bare)
     assert loss.count == 1
+
+
+def test_a_stuck_unit_leaves_a_gap_and_is_counted(imu):
+    force, rate = imu.f_b_mps2.copy(), imu.w_b_radps.copy()
+    force[300:400], rate[300:400] = force[300], rate[300]
+    force[600:620], rate[600:620] = force[600], rate[600]
+    left, (loss,) = without_faulty(replace(imu, f_b_mps2=force, w_b_radps=rate))
+    assert loss.count == 99 + 19
+    assert "repeat the sample before" in loss.reason
+    assert sorted(np.round(np.diff(left.t_s), 6))[-2:] == [0.2, 1.0]
+
+
+def test_a_right_record_and_one_at_rest_without_noise_are_kept(imu):
+    assert without_faulty(imu)[0] is imu
+    still = replace(imu, f_b_mps2=0 * imu.f_b_mps2, w_b_radps=0 * imu.w_b_radps)
+    assert without_faulty(still)[0] is still
