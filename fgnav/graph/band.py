@@ -59,7 +59,7 @@ def contradictions(
 
 def _limit(freedom: FloatArray | float, false_alarm: float) -> FloatArray:
     """Return the largest mean square that is tolerated."""
-    return np.maximum(_TOLERATED, chdtri(freedom, false_alarm) / freedom)
+    return np.asarray(np.maximum(_TOLERATED, chdtri(freedom, false_alarm) / freedom))
 
 
 def _spans(

@@ -55,8 +55,8 @@ def without_contradictions(flight: Flight, estimate: Estimate, again: Again | No
     if not contradictory(estimate):
         return estimate
     out: tuple[Rejected, ...] = ()
-    for _ in range(_ROUNDS if again is not None else 0):
-        found = _best(flight, estimate, again)
+    for _ in range(_ROUNDS):
+        found = None if again is None else _best(flight, estimate, again)
         if found is None:
             break
         (flight, rejected), estimate = found

@@ -14,11 +14,6 @@ from fgnav.types.surroundings import Barometer, Magnetometer
 
 _AROUND_S = 1.0  # blocks are a second long: what spoils one may reach into the next
 _LONGEST = 0.5  # of an inertial record: more of it cannot be bridged
-_INSTRUMENTS = {
-    "barometric height": "barometer",
-    "line of sight": "seeker",
-    "magnetic field": "magnetometer",
-}
 _Series = TypeVar("_Series", Barometer, Fixes, Imu, Magnetometer, Seeker)
 
 
@@ -80,10 +75,12 @@ def _inside(t_s: FloatArray, spans: FloatArray) -> BoolArray:
 def _without(flight: Flight, one: Consistency) -> Flight | None:
     """Return a flight without one sensor's contradictions; None if nothing would be left."""
     whole, spans = one.contradictions[0].throughout, _spans(one)
-    if one.what in _INSTRUMENTS:
-        name = _INSTRUMENTS[one.what]
-        series = getattr(flight, name)
-        return replace(flight, **{name: None if whole else _outside(series, spans)})
+    if one.what == "barometric height":
+        return replace(flight, barometer=None if whole else _outside(flight.barometer, spans))
+    if one.what == "line of sight":
+        return replace(flight, seeker=None if whole else _outside(flight.seeker, spans))
+    if one.what == "magnetic field":
+        return replace(flight, magnetometer=None if whole else _outside(flight.magnetometer, spans))
     if whole:
         return None
     if one.what in ("position", "velocity") and flight.observations is None:

@@ -15,15 +15,15 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.graph.correlation import correlated
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
-from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.motion import NoiseParts
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
+from fgnav.identification.begin import ABOVE, WHITE, begins, widened
 from fgnav.identification.linear_chain import LinearChain, Score
 from fgnav.identification.search import Found, search
 from fgnav.identification.stated import INSTRUMENTS, scalable, unstated
-from fgnav.identification.thinned import FIELDS, Some, thinned
+from fgnav.identification.thinned import FIELDS, thinned
 from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
@@ -36,9 +36,6 @@ _TEST_SIGMA = np.log(30.0)
 _TOLERATED = np.log(1.5)
 _DOUBTED = 2.5  # sigmas: one of eight components in ten flights
 _SIGMAS = 4.0  # of a normal variable, two-sided: 6e-5
-_ABOVE = 10.0  # times the stated, where the first linearisation of a contradicted unit is
-_LOUDER = (1.0, 10.0, 100.0)  # times that: an axis without a signal is 1,000 times as loud
-_WHITE = ("accelerometer", "gyroscope")
 _QUICK, _ITERATIONS = 6, 10  # Gauss-Newton steps
 _ALIKE = 0.5  # correlation of neighbours whose errors are more of what stays than of noise
 _NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
@@ -209,25 +206,23 @@ def _searched(flight: _Flight, stated: dict[str, bool], known: dict[str, float])
 
     Linearised about what a faulty sensor draws the states to, a chain has no minimum.
     """
-    seem = _at_start(flight.problem) | known
-    noisy = seem | dict.fromkeys(("position", "velocity"), _ABOVE)
-    begins = ((known, 1.0), *((seem, louder) for louder in _LOUDER), (noisy, 1.0))
-    for begin, louder in begins[:-1]:
+    *first, last = begins(flight.problem, known)
+    for one in first:
         try:
-            return _searched_from(flight, stated, begin, louder)
+            return _searched_from(flight, stated, *one)
         except NoSolutionError:
             continue
-    return _searched_from(flight, stated, *begins[-1])
+    return _searched_from(flight, stated, *last)
 
 
 def _searched_from(
     flight: _Flight, stated: dict[str, bool], known: dict[str, float], louder: float
 ) -> Identified:
     """Return the likeliest noises: all free at first, then those that are not believed alone."""
-    states, above = flight.problem.start, dict.fromkeys(_WHITE, _ABOVE * louder)
+    states, above = flight.problem.start, dict.fromkeys(WHITE, ABOVE * louder)
     if "gyroscope" not in flight.parts.names:
-        begun = _widened(flight.problem, known, louder)
-        states, above = solve_batch(begun, most=_ITERATIONS).states, dict.fromkeys(_WHITE, louder)
+        begun = widened(flight.problem, known, louder)
+        states, above = solve_batch(begun, most=_ITERATIONS).states, dict.fromkeys(WHITE, louder)
     sensors = [m.name for m in flight.problem.measurements if m.name in flight.scalable]
     names = (*flight.parts.names, *sensors)
     theta = np.log([known.get(n, above.get(n, 1.0)) for n in names])
@@ -250,34 +245,6 @@ def _searched_from(
         stated=is_stated,
         times=_times(flight.problem.constants, constants, found.score),
     )
-
-
-def _at_start(small: SmoothingProblem) -> dict[str, float]:
-    """Return factors on the noise of instruments that the start of the search shows, 1 or more.
-
-    Linearised about what a sensor many sigmas off draws the states to, a chain has no minimum.
-    """
-    factors = {}
-    for one in small.measurements:
-        if one.name in INSTRUMENTS:
-            value, *_ = one.linearise(small.start.at(one.row), np.arange(len(one.row)))
-            squares = (value**2).sum(axis=1) / one.freedom
-            factors[one.name] = max(1.0, float(np.sqrt(np.median(squares))))
-    return factors
-
-
-def _widened(small: SmoothingProblem, factors: dict[str, float], louder: float) -> SmoothingProblem:
-    """Return a thinned problem with the noise of some measurements, and of forces, multiplied."""
-    widened = tuple(
-        replace(one, sigma_factor=factors[one.name])
-        if isinstance(one, Some) and one.name in factors
-        else one
-        for one in small.measurements
-    )
-    motion = small.motion
-    if isinstance(motion, GyroFree) and louder > 1.0:
-        motion = replace(motion, accelerometer_noise=motion.accelerometer_noise * louder**2)
-    return replace(small, measurements=widened, motion=motion)
 
 
 def _free(chain: LinearChain, begin: FloatArray, is_stated: BoolArray) -> Found:
