@@ -10,7 +10,7 @@ from fgnav.types.estimate import Contradiction
 _FALSE_ALARM = 1e-4  # of a sensor of a right flight, by each of the two tests
 # As of stated noise (docs/model.md): a standard deviation off by less leaves squared errors of 3
 # below 6.8.
-_TOLERATED = 1.5**2
+TOLERATED = 1.5**2
 _BLOCK_S, _BLOCK = 1.0, 5  # s and samples of a block at least: few samples have wide bands
 _THROUGHOUT = 0.5  # share of blocks
 
@@ -59,7 +59,7 @@ def contradictions(
 
 def _limit(freedom: FloatArray | float, false_alarm: float) -> FloatArray:
     """Return the largest mean square that is tolerated."""
-    return np.asarray(np.maximum(_TOLERATED, chdtri(freedom, false_alarm) / freedom))
+    return np.asarray(np.maximum(TOLERATED, chdtri(freedom, false_alarm) / freedom))
 
 
 def _spans(

@@ -10,16 +10,18 @@ References
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fgnav.checks import NoSolutionError
+from fgnav.graph.band import TOLERATED
 from fgnav.identification.exclusion import Exclusion, exclusions
 from fgnav.types.estimate import Consistency, Estimate, Rejected
 from fgnav.types.flight import Flight
 
 _ROUNDS = 3  # faults at a time
+_TRIALS = 6  # in all: each takes as long as the flight
 _BETTER = 0.5  # of what is left of contradictions by the round before
 # Residuals twice what noise explains all along, the noise identified: of states that fit such
 # measurements no covariance holds. Of faulty units NEES were 300 and more of 3 at an NIS of 4.
@@ -55,14 +57,16 @@ def without_contradictions(flight: Flight, estimate: Estimate, again: Again | No
     if not contradictory(estimate):
         return estimate
     out: tuple[Rejected, ...] = ()
+    trials = _Trials(again, _TRIALS)
     for _ in range(_ROUNDS):
-        found = None if again is None else _best(flight, estimate, again)
+        # Real noise is not white: without what contradicts for seconds alone nothing is gained.
+        if not any(one.nis > TOLERATED for one in contradictory(estimate)):
+            break
+        found = _best(flight, estimate, trials)
         if found is None:
             break
         (flight, rejected), estimate = found
         out = (*out, *rejected)
-        if not contradictory(estimate):
-            break
     left = contradictory(estimate)
     if again is not None and any(map(_hopeless, left)):
         raise NoSolutionError(
@@ -73,7 +77,7 @@ def without_contradictions(flight: Flight, estimate: Estimate, again: Again | No
     if left:
         notes += (
             f"Measurements contradict each other: {_listed(left)}: one of them, or the inertial "
-            "unit, is not as stated, and covariances are too small.",
+            "unit, is not as stated there, and covariances are too small.",
         )
     return replace(
         estimate,
@@ -82,16 +86,34 @@ def without_contradictions(flight: Flight, estimate: Estimate, again: Again | No
     )
 
 
-def _best(flight: Flight, estimate: Estimate, again: Again) -> tuple[Exclusion, Estimate] | None:
+@dataclass(slots=True)
+class _Trials:
+    """A method, and how often it may still be asked."""
+
+    again: Again | None
+    left: int
+
+    def __call__(self, flight: Flight) -> Estimate | None:
+        """Return the estimate of a flight; None where there is none."""
+        if self.again is None or self.left == 0:
+            return None
+        self.left -= 1
+        try:
+            estimate = self.again(flight)
+        except NoSolutionError:
+            return None
+        return estimate if estimate.converged else None
+
+
+def _best(flight: Flight, estimate: Estimate, trials: _Trials) -> tuple[Exclusion, Estimate] | None:
     """Return the exclusion that leaves least; None if none leaves half of what there is."""
     best, least = None, _BETTER * _left(estimate)
     for one in exclusions(flight, contradictory(estimate)):
-        try:
-            trial = again(one.flight)
-        except NoSolutionError:
+        trial = trials(one.flight)
+        if trial is None:
             continue
         left = _left(trial)
-        if trial.converged and left <= least:
+        if left <= least:
             best, least = (one, trial), left
         if left == 0:
             break

@@ -141,3 +141,28 @@ def test_a_flight_without_a_unit_has_none_to_leave_out():
     bare = replace(array, imu=None)
     whole = consistency("array phases", (0.0, 20.0), throughout=True)
     assert list(exclusions(bare, (whole,))) == []
+
+
+def test_what_contradicts_for_seconds_and_agrees_in_all_is_said_alone(flight):
+    agrees = replace(consistency("velocity", (5.0, 6.0)), nis=1.1)
+    found = without_contradictions(flight, estimate(agrees), pytest.fail)
+    assert found.rejections == ()
+    assert "velocity (5.0 to 6.0 s" in found.notes[0]
+
+
+def test_no_more_than_six_flights_are_tried(flight):
+    asked = []
+
+    def again(changed):
+        asked.append(changed)
+        return estimate(*wrong)
+
+    wrong = [
+        consistency(what, (5.0, 6.0))
+        for what in ("velocity", "position", "magnetic field", "barometric height")
+    ]
+    for trial in range(20):
+        wrong[0] = consistency("velocity", (5.0, 6.0), nis=50.0 / 3**trial)
+        without_contradictions(flight, estimate(*wrong), again)
+        assert len(asked) <= 6
+        asked.clear()
