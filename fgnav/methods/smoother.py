@@ -166,7 +166,7 @@ class Smoother:
             t_s = regular_times(prepared.problem, rate_hz)
         t_s = np.asarray(t_s)
         if not prepared.stretches:
-            return self._at(flight, prepared, t_s)
+            return without_contradictions(flight, self._at(flight, prepared, t_s), None)
         parts = [
             self._at(one.flight, one.prepared, t_s[within])
             for one in prepared.stretches

@@ -42,3 +42,9 @@ def test_a_damaged_sensor_is_named_and_nothing_is_silently_wrong(fault):
     named = [line for line in of_contradictions(lines) if re.search(fault.words, line, re.I)]
     assert named, lines
     assert not nees > WRONG_NEES, lines
+
+
+def test_contradictions_are_said_at_any_times():
+    fault = next(one for one in FAULTS if one.name == "accelerometer axes exchanged")
+    estimate = Smoother().at(fault.damaged(right_flights()[fault.flight]), rate_hz=5.0)
+    assert any(note.startswith("Measurements contradict each other") for note in estimate.notes)
