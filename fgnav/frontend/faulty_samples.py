@@ -82,10 +82,12 @@ def without_spikes(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
 
 def _replaced(x: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return samples, (k, 3), without spikes, and which they were, (k,)."""
-    spike = np.zeros(len(x), dtype=np.bool_)
-    middle, apart = (x[2:] + x[:-2]) / 2, np.abs(x[2:] - x[:-2])
-    off = np.abs(x[1:-1] - middle)
+    middle, apart = np.empty_like(x), np.empty_like(x)
+    middle[1:-1], apart[1:-1] = (x[2:] + x[:-2]) / 2, np.abs(x[2:] - x[:-2])
+    for end, one, two in ((0, 1, 2), (-1, -2, -3)):  # by a straight line
+        middle[end], apart[end] = 2 * x[one] - x[two], 2 * np.abs(x[one] - x[two])
+    off = np.abs(x - middle)
     sigma = _NORMAL * np.median(off, axis=0)
     far = (off > _SIGMAS * sigma) & (off > _SIGMAS / _NEIGHBOURS * apart) & (sigma > 0)
-    spike[1:-1] = far.any(axis=1)
-    return np.where(spike[:, None], np.vstack([x[:1], middle, x[-1:]]), x), spike
+    spike = far.any(axis=1)
+    return np.where(spike[:, None], middle, x), spike

@@ -48,6 +48,14 @@ def test_spikes_are_replaced_by_their_neighbours_and_counted(imu):
     assert np.abs(mended.w_b_radps - imu.w_b_radps).max() < 0.1
 
 
+def test_the_first_and_the_last_sample_may_be_spikes(imu):
+    force = imu.f_b_mps2.copy()
+    force[[0, -1], 0] += [30.0, -30.0]
+    mended, (loss,) = without_spikes(replace(imu, f_b_mps2=force))
+    assert loss.count == 2
+    assert np.abs(mended.f_b_mps2 - imu.f_b_mps2).max() < 0.15
+
+
 def test_a_short_record_and_one_without_gyroscope_are_taken(imu):
     assert (
         without_spikes(
