@@ -89,5 +89,5 @@ def _replaced(x: FloatArray) -> tuple[FloatArray, BoolArray]:
     off = np.abs(x - middle)
     sigma = _NORMAL * np.median(off, axis=0)
     far = (off > _SIGMAS * sigma) & (off > _SIGMAS / _NEIGHBOURS * apart) & (sigma > 0)
-    spike = far.any(axis=1)
+    spike: BoolArray = np.asarray(far.any(axis=1))
     return np.where(spike[:, None], middle, x), spike
