@@ -7,9 +7,6 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, Loss, frozen, positive
 from fgnav.types.flight import Seeker
 
-# The flight format does not state the detector's noise, so this is a choice: 20 um of spot at a
-# focal length of 20 mm, 0.4 % of a detector of 5 mm radius.
-LINE_OF_SIGHT_SIGMA_RAD = 1e-3
 _REPEATED = 3  # samples with the very same largest current: no noise does that
 
 
@@ -48,7 +45,7 @@ class LineOfSight:
 
 
 def line_of_sight(
-    seeker: Seeker, sigma_rad: float = LINE_OF_SIGHT_SIGMA_RAD, *, causal: bool = False
+    seeker: Seeker, sigma_rad: float | None = None, *, causal: bool = False
 ) -> LineOfSight:
     """Reconstruct the line of sight from photocurrents (Eqs. 34-36) [1]_.
 
@@ -59,8 +56,8 @@ def line_of_sight(
     Parameters
     ----------
     seeker : Seeker
-    sigma_rad : float
-        Standard deviation of the direction; recordings do not state it.
+    sigma_rad : float or None
+        Standard deviation of the direction; None: the detector's own.
     causal : bool
         Each sample by samples up to it alone: the electronics' limit shows when the largest current
         so far comes for the third time, and the first two times are not recognised.
@@ -94,6 +91,7 @@ def line_of_sight(
         for reason, lost in reasons.items()
         if lost.any()
     )
+    sigma_rad = seeker.line_of_sight_sigma_rad if sigma_rad is None else sigma_rad
     return LineOfSight(t_s=seeker.t_s[seen], e_b=e_b, sigma_rad=sigma_rad, losses=losses)
 
 

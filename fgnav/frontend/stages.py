@@ -11,6 +11,7 @@ from fgnav.frontend.array.float_arcs import FloatArcs, with_float_arcs
 from fgnav.frontend.attitude.alignment import Alignment, align, at_keyframes
 from fgnav.frontend.attitude.filling import interpolated_attitudes
 from fgnav.frontend.attitude.rates import rough_rates
+from fgnav.frontend.faulty_samples import without_faulty
 from fgnav.frontend.gaps import (
     LONGEST_GAP_S,
     Bridged,
@@ -97,10 +98,12 @@ def aligned(
     NoSolutionError
         If there are fewer than two attitudes.
     """
-    record = bridged(inertial_record(flight))
+    imu, faulty = without_faulty(inertial_record(flight))
+    record = bridged(imu)
     down = None if settings.gravity is None else settings.gravity(flight)
     epochs = align(flight, settings.resolver, settings.false_alarm, down)
     start, count, losses = _keyframes(record.imu, epochs)
+    losses = (*faulty, *losses)
     start, float_arcs = _float_arcs(start, settings, asked)
     rates = rough_rates(record.imu, start.t_s, start.R_nb, start.own)
     return Aligned(record, down, start, float_arcs, rates, count, losses)

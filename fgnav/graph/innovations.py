@@ -18,6 +18,7 @@ from scipy.special import chdtri
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph import keys
+from fgnav.graph.band import contradictions
 from fgnav.graph.build import Layout, insert_constants, insert_keyframe
 from fgnav.graph.custom import OwnFactor
 from fgnav.graph.types.measurement import Measurement
@@ -51,7 +52,11 @@ def consistency(problem: SmoothingProblem, solution: Solution) -> tuple[Consiste
         Of all its keyframes.
     """
     return _by_name(
-        (measurement.name, normalised_innovations(measurement, solution))
+        (
+            measurement.name,
+            normalised_innovations(measurement, solution),
+            problem.t_s[measurement.row],
+        )
         for measurement in problem.measurements
         if len(measurement.row)
     )
@@ -99,13 +104,19 @@ def own_consistency(
         Number of the solution's first keyframe, as in the factors' keys.
     """
     layout = Layout.of(problem)
-    return _by_name((one.name, _of_own(one.factor, layout, solution, first)) for one in factors)
+    return _by_name(
+        (one.name, *_of_own(one.factor, layout, (problem, solution), first)) for one in factors
+    )
 
 
 def _of_own(
-    factor: gtsam.NonlinearFactor, layout: Layout, solution: Solution, first: int
-) -> Innovations:
-    """Return the innovation of one factor, linearised at the solution."""
+    factor: gtsam.NonlinearFactor,
+    layout: Layout,
+    solved: tuple[SmoothingProblem, Solution],
+    first: int,
+) -> tuple[Innovations, FloatArray]:
+    """Return the innovation of one factor, linearised at the solution, and its last time, (1,)."""
+    problem, solution = solved
     constants, involved = layout.constant_keys, list(factor.keys())
     rows = sorted({keys.index(key) - first for key in involved if key not in constants})
     values = gtsam.Values()
@@ -116,13 +127,14 @@ def _of_own(
         insert_keyframe(values, layout, row + first, solution.states, row)
     J, minus_r = factor.linearize(values).jacobian()
     freedom = np.array([int(J.any(axis=1).sum())])
+    t_s = problem.t_s[rows[-1:]] if rows else problem.t_s[-1:]
     P = _covariance(solution, rows)
     if P is None:
-        return Innovations(np.array([minus_r @ minus_r]), freedom, np.array([True]))
+        return Innovations(np.array([minus_r @ minus_r]), freedom, np.array([True])), t_s
     columns = _columns(layout, rows, first)
     seen = np.concatenate([columns[key] for key in involved])
     squared, tested = _squared(-minus_r[None], J[None], P[np.ix_(seen, seen)][None])
-    return Innovations(squared, freedom, tested)
+    return Innovations(squared, freedom, tested), t_s
 
 
 def _columns(layout: Layout, rows: list[int], first_keyframe: int) -> dict[int, IntArray]:
@@ -195,19 +207,26 @@ def _root(P: FloatArray) -> FloatArray:
         return np.asarray(scale * vectors * np.sqrt(values.clip(0))[:, None])
 
 
-def _by_name(parts: Iterable[tuple[str, Innovations]]) -> tuple[Consistency, ...]:
+def _by_name(
+    parts: Iterable[tuple[str, Innovations, FloatArray]],
+) -> tuple[Consistency, ...]:
     """Return statistics of each name, in the order in which they come first."""
-    collected: dict[str, list[Innovations]] = {}
-    for name, part in parts:
-        collected.setdefault(name, []).append(part)
+    collected: dict[str, list[tuple[Innovations, FloatArray]]] = {}
+    for name, part, t_s in parts:
+        collected.setdefault(name, []).append((part, t_s))
     return tuple(
-        _judged(name, Innovations._make(map(np.concatenate, zip(*own, strict=True))))
+        _judged(
+            name,
+            Innovations._make(map(np.concatenate, zip(*(part for part, _ in own), strict=True))),
+            np.concatenate([t_s for _, t_s in own]),
+        )
         for name, own in collected.items()
     )
 
 
-def _judged(name: str, part: Innovations) -> Consistency:
-    squared, freedom = part.squared[part.tested], part.freedom[part.tested]
+def _judged(name: str, part: Innovations, t_s: FloatArray) -> Consistency:
+    order = np.argsort(t_s[part.tested], kind="stable")
+    squared, freedom = part.squared[part.tested][order], part.freedom[part.tested][order]
     beyond = squared > chdtri(freedom, _GATE)
     return Consistency(
         what=name,
@@ -215,4 +234,5 @@ def _judged(name: str, part: Innovations) -> Consistency:
         freedom=int(freedom.sum()),
         nis=float(squared.sum() / max(freedom.sum(), 1)),
         beyond_99=float(beyond.mean()) if len(beyond) else 0.0,
+        contradictions=contradictions(t_s[part.tested][order], squared, freedom),
     )

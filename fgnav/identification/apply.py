@@ -12,8 +12,9 @@ from fgnav.frontend.problem import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.delayed import PPM
 from fgnav.graph.types.constants import FlightConstant
-from fgnav.identification.identify import Times, identify, with_factors
+from fgnav.identification.identify import Times, identify
 from fgnav.identification.notes import noise_notes, time_notes
+from fgnav.identification.stated import with_factors
 from fgnav.types.flight import Flight
 
 _FEWEST = 30  # keyframes that measured something: fewer tell no noise

@@ -13,14 +13,17 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.graph.correlation import correlated
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.motion import NoiseParts
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
+from fgnav.identification.begin import ABOVE, WHITE, begins, widened
 from fgnav.identification.linear_chain import LinearChain, Score
 from fgnav.identification.search import Found, search
-from fgnav.identification.thinned import FIELDS, scaled, thinned
+from fgnav.identification.stated import INSTRUMENTS, scalable, unstated
+from fgnav.identification.thinned import FIELDS, thinned
 from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
@@ -33,7 +36,6 @@ _TEST_SIGMA = np.log(30.0)
 _TOLERATED = np.log(1.5)
 _DOUBTED = 2.5  # sigmas: one of eight components in ten flights
 _SIGMAS = 4.0  # of a normal variable, two-sided: 6e-5
-_ABOVE = 10.0  # times the stated, where the first linearisation of a contradicted unit is
 _QUICK, _ITERATIONS = 6, 10  # Gauss-Newton steps
 _ALIKE = 0.5  # correlation of neighbours whose errors are more of what stays than of noise
 _NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
@@ -123,10 +125,10 @@ def identify(
     """
     small = thinned(problem, extra)
     there = timed.at(np.searchsorted(problem.t_s, small.t_s))
-    scalable = _scalable(flight)
-    stated = {name: name not in _unstated(flight) for name in (*FIELDS, *scalable)}
+    components = scalable(flight)
+    stated = {name: name not in unstated(flight) for name in (*FIELDS, *components)}
     small = _with_times(small, there, extra)
-    small_flight = _Flight(small, small.motion.noise_parts(), scalable)
+    small_flight = _Flight(small, small.motion.noise_parts(), components)
     if all(stated.values()) and not known:
         quick = _as_stated(small_flight)
         if quick is not None:
@@ -184,9 +186,11 @@ def _as_stated(flight: _Flight) -> Identified | None:
     theta = sigma**2 * score.gradient
     times = _times(flight.problem.constants, states.constants + score.constant_steps, score)
     # One step is short of a factor far below one: whatever two sigmas speak against is searched.
-    if (np.abs(theta) > _DOUBTED * sigma).any() or times.significant.any():
-        return None
     nothing = np.zeros(len(theta), dtype=np.bool_)
+    doubted = (np.abs(theta) > _DOUBTED * sigma) & ~_quiet(chain, theta)
+    doubted |= _with_correlation(chain, score, theta, nothing)[1]
+    if doubted.any() or times.significant.any():
+        return None
     return Identified(
         names=chain.names,
         factor=np.exp(theta),
@@ -198,11 +202,30 @@ def _as_stated(flight: _Flight) -> Identified | None:
 
 
 def _searched(flight: _Flight, stated: dict[str, bool], known: dict[str, float]) -> Identified:
+    """Return the likeliest noises, begun ever louder until there are any.
+
+    Linearised about what a faulty sensor draws the states to, a chain has no minimum.
+    """
+    *first, last = begins(flight.problem, known)
+    for one in first:
+        try:
+            return _searched_from(flight, stated, *one)
+        except NoSolutionError:
+            continue
+    return _searched_from(flight, stated, *last)
+
+
+def _searched_from(
+    flight: _Flight, stated: dict[str, bool], known: dict[str, float], louder: float
+) -> Identified:
     """Return the likeliest noises: all free at first, then those that are not believed alone."""
-    states, above = flight.problem.start, dict.fromkeys(("accelerometer", "gyroscope"), _ABOVE)
+    states, above = flight.problem.start, dict.fromkeys(WHITE, ABOVE * louder)
     if "gyroscope" not in flight.parts.names:
-        states, above = solve_batch(flight.problem, most=_ITERATIONS).states, {}
-    theta = np.log([known.get(n, above.get(n, 1.0)) for n in flight.parts.names])
+        begun = widened(flight.problem, known, louder)
+        states, above = solve_batch(begun, most=_ITERATIONS).states, dict.fromkeys(WHITE, louder)
+    sensors = [m.name for m in flight.problem.measurements if m.name in flight.scalable]
+    names = (*flight.parts.names, *sensors)
+    theta = np.log([known.get(n, above.get(n, 1.0)) for n in names])
     while True:
         chain, states, _ = flight.descended(states, theta, _ITERATIONS)
         is_stated = np.array([stated[name] for name in chain.names])
@@ -212,6 +235,7 @@ def _searched(flight: _Flight, stated: dict[str, bool], known: dict[str, float])
         if np.abs(theta - before)[: len(flight.parts.names)].max() < _TOLERATED:
             break
     found, theta, used = _kept(chain, found, is_stated)
+    theta, used = _with_correlation(chain, found.score, theta, used)
     constants = states.constants + found.score.constant_steps
     return Identified(
         names=chain.names,
@@ -224,16 +248,38 @@ def _searched(flight: _Flight, stated: dict[str, bool], known: dict[str, float])
 
 
 def _free(chain: LinearChain, begin: FloatArray, is_stated: BoolArray) -> Found:
-    """Return the likeliest noises; of positions that repeat none that is less than stated."""
+    """Return the likeliest noises.
+
+    Of positions that repeat, and of instruments, none that is less than stated.
+    """
     prior, everything = _prior(is_stated, chain.names), np.ones(len(begin), dtype=np.bool_)
     found = search(chain, begin, everything, prior)
     if found is not None:
-        kept = is_stated & _repeat(chain, found.theta)
+        kept = is_stated & (_repeat(chain, found.theta) | _quiet(chain, found.theta))
         if kept.any():
             found = search(chain, np.where(kept, 0.0, found.theta), ~kept, prior)
     if found is None:
         raise NoSolutionError("noise: the chain has no solution about which to identify it")
     return found
+
+
+def _with_correlation(
+    chain: LinearChain, score: Score, theta: FloatArray, used: BoolArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return theta and what is used, with instruments whose errors stay for many samples.
+
+    White noise that is as loud at low frequencies has ``1 + 2 sum(rho)`` times the variance.
+    """
+    louder = theta.copy()
+    for i in np.flatnonzero(np.isin(chain.names, INSTRUMENTS)):
+        louder[i] += np.log(correlated(chain.residuals(chain.names[i], score))) / 2
+    longer = (louder > theta) & (louder > _TOLERATED)
+    return np.where(longer, louder, theta), used | longer
+
+
+def _quiet(chain: LinearChain, theta: FloatArray) -> BoolArray:
+    """Return which components are instruments that say less noise than stated."""
+    return np.asarray((theta < 0) & np.isin(chain.names, INSTRUMENTS))
 
 
 def _repeat(chain: LinearChain, theta: FloatArray) -> BoolArray:
@@ -306,40 +352,3 @@ def _times(constants: Constants, value: FloatArray, score: Score) -> Times:
         if column >= 0:
             values[i], sigmas[i] = value[column], np.sqrt(P[column, column])
     return Times(value=values, sigma=sigmas)
-
-
-def _scalable(flight: Flight) -> tuple[str, ...]:
-    """Return measurements whose noise is one factor on what the flight states.
-
-    Of raw observations the phases' noise is told by the epochs themselves (``attitude.array``), and
-    positions follow it.
-    """
-    return ("velocity",) if flight.observations is not None else ("position", "velocity")
-
-
-def _unstated(flight: Flight) -> tuple[str, ...]:
-    """Return the components that the flight does not state."""
-    names: tuple[str, ...] = ()
-    if flight.imu is not None:
-        names += tuple(part for part, name in FIELDS.items() if name in flight.imu.unstated)
-    if flight.observations is not None:
-        return (*names, "velocity") if "doppler_mps" in flight.gnss_noise.unstated else names
-    return names + (() if flight.fixes is None else flight.fixes.unstated)
-
-
-def with_factors(flight: Flight, factors: dict[str, float]) -> Flight:
-    """Return a flight with standard deviations multiplied by factors of components."""
-    imu, fixes, noise = flight.imu, flight.fixes, flight.gnss_noise
-    position, velocity = (factors.get(name, 1.0) for name in ("position", "velocity"))
-    if imu is not None:
-        imu = scaled(imu, factors)
-    if flight.observations is not None:
-        noise = replace(noise, doppler_mps=noise.doppler_mps * velocity)
-    elif fixes is not None:
-        sigma = fixes.velocity_sigma_mps
-        fixes = replace(
-            fixes,
-            position_sigma_m=fixes.position_sigma_m * position,
-            velocity_sigma_mps=None if sigma is None else sigma * velocity,
-        )
-    return replace(flight, imu=imu, gnss_noise=noise, fixes=fixes)

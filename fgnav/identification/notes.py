@@ -3,6 +3,7 @@
 import numpy as np
 
 from fgnav.frontend.calibration_request import CalibrationRequest
+from fgnav.graph.types.motion import INERTIAL_NOISES
 from fgnav.identification.identify import Identified, Times
 from fgnav.identification.thinned import FIELDS
 from fgnav.types.flight import Flight
@@ -14,6 +15,9 @@ _WHAT = {
     "gyroscope bias": "Random walk of the gyroscope's bias",
     "position": "Noise of fix positions",
     "velocity": "Noise of velocities",
+    "barometric height": "Noise of barometric heights",
+    "line of sight": "Noise of the seeker's lines of sight",
+    "magnetic field": "Noise of the magnetometer",
 }
 _UNIT = {
     "accelerometer": "m/s2/sqrt(Hz)",
@@ -21,6 +25,9 @@ _UNIT = {
     "accelerometer bias": "m/s2/sqrt(s)",
     "gyroscope bias": "rad/s/sqrt(s)",
 }
+_USUAL = "the usual figure"
+# Vibration made 17 and 43 times the figures of a data sheet of a car's unit (docs/model.md).
+_NO_NOISE = 50.0
 
 
 def noise_notes(flight: Flight, found: Identified) -> tuple[str, ...]:
@@ -30,12 +37,24 @@ def noise_notes(flight: Flight, found: Identified) -> tuple[str, ...]:
         name, factor = found.names[i], float(found.factor[i])
         value = _value(flight, name, factor)
         if found.stated[i]:
-            times = f"{factor:.2g} x what flight.toml states"
-            notes.append(f"{_WHAT[name]} is {times}{value and f', {value}'}: used instead.")
+            stated = _USUAL if name == "line of sight" else "what flight.toml states"
+            times = f"{factor:.2g} x {stated}"
+            cause = _cause(found) if factor > _NO_NOISE and name in INERTIAL_NOISES else ""
+            notes.append(f"{_WHAT[name]} is {times}{value and f', {value}'}: used instead{cause}.")
         else:
-            usual = value or f"{factor:.2g} x the usual figure"
+            usual = value or f"{factor:.2g} x {_USUAL}"
             notes.append(f"{_WHAT[name]}, not stated, is identified as {usual}.")
     return tuple(notes)
+
+
+def _cause(found: Identified) -> str:
+    """Return what may be wrong where the unit's noise is none."""
+    others = dict.fromkeys(name for name in found.names if name not in INERTIAL_NOISES)
+    against = f", or of {', '.join(others)}" if others else ""
+    return (
+        "; so much is no noise: an axis, a sign, a scale, a unit or a time of the inertial unit"
+        f"{against} is not as stated"
+    )
 
 
 def _value(flight: Flight, name: str, factor: float) -> str:

@@ -45,11 +45,14 @@ class Some:
         Of its rows.
     row : ndarray of int, shape (k,)
         Keyframes.
+    sigma_factor : float
+        On their standard deviations.
     """
 
     measurement: Measurement
     which: IntArray
     row: IntArray
+    sigma_factor: float = 1.0
 
     @classmethod
     def of(cls, measurement: Measurement, rows: IntArray) -> "Some":
@@ -69,7 +72,8 @@ class Some:
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Measurement``."""
-        return self.measurement.linearise(at, self.which[which])
+        whitened = self.measurement.linearise(at, self.which[which])
+        return Linearised._make(part / self.sigma_factor for part in whitened)
 
     def factor(self, i: int, key: int) -> Any:  # noqa: ANN401  # GTSAM's
         """Return measurement i as a factor of keyframe ``key``."""

@@ -17,6 +17,7 @@ from fgnav.graph.between import regular_times, with_times
 from fgnav.graph.innovations import consistency
 from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
+from fgnav.identification.contradictions import without_contradictions
 from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.methods.smoothing.estimates import estimate_of
 from fgnav.methods.smoothing.joined import among, joined_estimates
@@ -156,7 +157,7 @@ class Smoother:
             t_s = regular_times(prepared.problem, rate_hz)
         t_s = np.asarray(t_s)
         if not prepared.stretches:
-            return self._at(flight, prepared, t_s)
+            return without_contradictions(flight, self._at(flight, prepared, t_s), None)
         parts = [
             self._at(one.flight, one.prepared, t_s[within])
             for one in prepared.stretches
@@ -222,7 +223,8 @@ class Smoother:
     def estimate_prepared(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
         """Estimate a flight whose problem is built."""
         if not prepared.stretches:
-            return self._estimated(flight, prepared)
+            again = self._once if self.noise == "identified" and not self.causal else None
+            return without_contradictions(flight, self._estimated(flight, prepared), again)
         whole = [self._estimated(one.flight, one.prepared) for one in prepared.stretches]
         parts = [
             among(e, one.from_s, one.until_s)
@@ -231,6 +233,9 @@ class Smoother:
         times = [(one.prepared.problem.t_s, one) for one in prepared.stretches]
         asked = sum(int(((t >= s.from_s) & (t < s.until_s)).sum()) for t, s in times)
         return joined_estimates(parts, whole[-1].epochs, asked)
+
+    def _once(self, flight: Flight) -> Estimate:
+        return self._estimated(flight, self.prepare(flight))
 
     def _estimated(
         self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None

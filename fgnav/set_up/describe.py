@@ -11,6 +11,7 @@ from fgnav.gnss.difference import double_differences
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.set_up.contents import contents
 from fgnav.set_up.findings import Finding, SetUp
+from fgnav.set_up.instruments import instrument_findings
 from fgnav.set_up.samples import sample_findings
 from fgnav.set_up.sizes import expected_force, size_findings
 from fgnav.types.differences import DoubleDifferences
@@ -52,7 +53,7 @@ def describe(flight: Flight, *, quick: bool = False) -> SetUp:
             for size in _sizes(flight, flight.imu, quick=quick)
             if size.name.split()[0] not in judged
         ]
-    findings = [*samples, *findings]
+    findings = [*samples, *instrument_findings(flight), *findings]
     return replace(found, findings=(*found.findings, *findings), unchecked=tuple(unchecked))
 
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray
+from fgnav.checks import FloatArray
+from fgnav.frontend.faulty_samples import is_unlikely, longest_run, stuck_unit
 from fgnav.set_up.findings import Finding
 from fgnav.types.flight import Imu
 
-_FALSE_ALARM = 1e-4  # of each test on a right record
 _G_MPS2 = 9.80665
 _FEWEST = 100
 _NEAR = 20  # samples on each side of a change of unit
@@ -39,38 +39,20 @@ def sample_findings(imu: Imu) -> list[Finding]:
     return findings
 
 
-def _longest_run(same: BoolArray) -> tuple[int, int]:
-    """Return first sample and number of the longest run of samples that equal the one before."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]])))
-    starts, ends = edges[::2], edges[1::2]
-    if not len(starts):
-        return 0, 0
-    k = int(np.argmax(ends - starts))
-    return int(starts[k]), int(ends[k] - starts[k])
-
-
-def _unlikely(length: int, share: float, n: int) -> bool:
-    """Return whether n samples of which a share repeat by chance hardly repeat so often in a row.
-
-    A run of that length begins at one of n places with probability ``n share**length``.
-    """
-    return length > 1 and n * share**length < _FALSE_ALARM
-
-
 def _stuck_axis(t_s: FloatArray, x: FloatArray, axis: int, name: str, where: str) -> list[Finding]:
     """Return a run of equal samples of one axis that rounding does not explain.
 
     Rounding at rest repeats samples of all axes, so that the others say how often it does there.
     """
     same = np.diff(x, axis=0) == 0
-    first, length = _longest_run(same[:, axis])
+    first, length = longest_run(same[:, axis])
     if length < 2:
         return []
     rest = np.delete(same[:, axis], slice(first, first + length))
     others = np.delete(same, axis, axis=1)[first : first + length]
     # One more repetition than was seen: a share of none is not known to be none.
     share = max((rest.sum() + 1) / (len(rest) + 2), (others.sum(axis=0).max() + 1) / (length + 2))
-    if not _unlikely(length, float(share), len(x)):
+    if not is_unlikely(length, float(share), len(x)):
         return []
     text = (
         f"axis {_AXES[axis]} stands at {x[first, axis]:.6g} for {length + 1} samples from "
@@ -83,19 +65,15 @@ def _stuck_axis(t_s: FloatArray, x: FloatArray, axis: int, name: str, where: str
 
 def _stuck_unit(imu: Imu) -> list[Finding]:
     """Return a run of equal samples of all axes."""
-    x = imu.f_b_mps2 if imu.w_b_radps is None else np.hstack([imu.f_b_mps2, imu.w_b_radps])
-    same = (np.diff(x, axis=0) == 0).all(axis=1)
-    if same.all():
+    run = stuck_unit(imu)
+    if run is None:
         return []
-    first, length = _longest_run(same)
-    rest = np.delete(same, slice(first, first + length))
-    if not _unlikely(length, float((rest.sum() + 1) / (len(rest) + 2)), len(x)):
-        return []
+    first, length = run
     text = (
         f"all axes repeat one sample {length + 1} times from {imu.t_s[first]:.3f} to "
         f"{imu.t_s[first + length]:.3f} s"
     )
-    mend = "cut these samples out: a gap is bridged"
+    mend = "left out of estimates: a gap is bridged"
     return [Finding(name="imu stuck", text=text, where="[imu] samples", mend=mend)]
 
 

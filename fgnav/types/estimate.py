@@ -54,6 +54,29 @@ class Rejected:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Contradiction:
+    """A span in which one kind of measurement leaves the chi-square band of its noise.
+
+    Attributes
+    ----------
+    from_s, until_s : float
+        First and last epoch.
+    freedom : int
+        Degrees of freedom of the measurements in it.
+    nis : float
+        Normalised innovation squared per degree of freedom there.
+    throughout : bool
+        Whether that is nearly all of them.
+    """
+
+    from_s: float
+    until_s: float
+    freedom: int
+    nis: float
+    throughout: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Consistency:
     """How well one kind of measurement agrees with the estimate made from all others.
 
@@ -69,6 +92,8 @@ class Consistency:
         Normalised innovation squared per degree of freedom; 1 is expected.
     beyond_99 : float
         Share beyond the gate that 99 % of right measurements pass; 0.01 is expected.
+    contradictions : tuple of Contradiction
+        In order of time.
     """
 
     what: str
@@ -76,6 +101,7 @@ class Consistency:
     freedom: int
     nis: float
     beyond_99: float
+    contradictions: tuple[Contradiction, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

@@ -40,7 +40,7 @@ def solution_of(rng, shared, *, scale: float = 1e-4) -> Solution:
 
 def problem_of(solution, shared, *measurements) -> SmoothingProblem:
     return SmoothingProblem(
-        t_s=np.arange(float(N)),
+        t_s=np.arange(float(len(solution.covariance))),
         start=solution.states,
         motion=SimpleNamespace(aux=12),
         measurements=measurements,

@@ -148,9 +148,11 @@ def field_of(sensor: Magnetometer, field_b_ut: FloatArray) -> MagneticField:
     """
     size_ut = np.linalg.norm(field_b_ut, axis=1)
     size_ut[size_ut == 0] = np.nan
+    # A larger one is of another unit, or of another field: its direction is known no better.
+    sigma_rad = sensor.noise_ut / np.minimum(size_ut, np.linalg.norm(sensor.field_n_ut))
     axes = ("x_b", "y_b", "z_b")
     return MagneticField(
-        directions=Directions.isotropic(field_b_ut / size_ut[:, None], sensor.noise_ut / size_ut),
+        directions=Directions.isotropic(field_b_ut / size_ut[:, None], sigma_rad),
         field_n_ut=sensor.field_n_ut,
         iron=flight_constant("hard iron", axes, "uT", sensor.hard_iron_ut),
     )

@@ -1,0 +1,93 @@
+"""Inertial samples that no motion makes: all axes stuck, or one apart from both neighbours."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.types.flight import Imu
+
+_NORMAL = 1.4826  # sigma of normal noise over its median size
+# Of normal noise one of 1e88; of a vibrating unit, whose tails are long, none of its neighbours is
+# that near (Hampel's identifier with its window of three: Pearson, Outliers in process modeling
+# and identification, IEEE Trans. Control Systems Technology 10, 2002).
+_SIGMAS = 20.0
+_NEIGHBOURS = 6.0  # sigmas by which neighbours of a spike may differ
+_FEWEST = 100
+_FALSE_ALARM = 1e-4  # of each test on a right record
+
+
+def without_faulty(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
+    """Return a record without samples of a stuck unit, and without spikes, and their numbers."""
+    stuck, count, run = imu, 0, stuck_unit(imu)
+    while run is not None:
+        keep = np.ones(len(stuck.t_s), dtype=np.bool_)
+        keep[run[0] + 1 : run[0] + run[1] + 1] = False
+        rates = None if stuck.w_b_radps is None else stuck.w_b_radps[keep]
+        stuck = replace(stuck, t_s=stuck.t_s[keep], f_b_mps2=stuck.f_b_mps2[keep], w_b_radps=rates)
+        count, run = count + run[1], stuck_unit(stuck)
+    mended, losses = without_spikes(stuck)
+    if count:
+        reason = "all axes repeat the sample before, more often than by chance: left out"
+        losses = (Loss(what="inertial sample", reason=reason, count=count), *losses)
+    return mended, losses
+
+
+def stuck_unit(imu: Imu) -> tuple[int, int] | None:
+    """Return first sample and number of the longest run of equal ones of all axes, or None."""
+    if len(imu.t_s) < _FEWEST:
+        return None
+    x = imu.f_b_mps2 if imu.w_b_radps is None else np.hstack([imu.f_b_mps2, imu.w_b_radps])
+    same = (np.diff(x, axis=0) == 0).all(axis=1)
+    if same.all():
+        return None
+    first, length = longest_run(same)
+    rest = np.delete(same, slice(first, first + length))
+    share = float((rest.sum() + 1) / (len(rest) + 2))
+    return (first, length) if is_unlikely(length, share, len(x)) else None
+
+
+def longest_run(same: BoolArray) -> tuple[int, int]:
+    """Return first sample and number of the longest run of samples that equal the one before."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]])))
+    starts, ends = edges[::2], edges[1::2]
+    if not len(starts):
+        return 0, 0
+    k = int(np.argmax(ends - starts))
+    return int(starts[k]), int(ends[k] - starts[k])
+
+
+def is_unlikely(length: int, share: float, n: int) -> bool:
+    """Return whether n samples of which a share repeat by chance hardly repeat so often in a row.
+
+    A run of that length begins at one of n places with probability ``n share**length``.
+    """
+    return length > 1 and n * share**length < _FALSE_ALARM
+
+
+def without_spikes(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
+    """Return a record whose spikes are replaced by the means of their neighbours."""
+    if len(imu.t_s) < _FEWEST:
+        return imu, ()
+    force, of_force = _replaced(imu.f_b_mps2)
+    rate, of_rate = (None, of_force[:0]) if imu.w_b_radps is None else _replaced(imu.w_b_radps)
+    count = int(of_force.sum() + of_rate.sum())
+    if not count:
+        return imu, ()
+    names = [n for n, s in (("accelerometer", of_force), ("gyroscope", of_rate)) if s.any()]
+    reason = f"a spike of the {' and the '.join(names)}: the mean of its neighbours stands in"
+    loss = Loss(what="inertial sample", reason=reason, count=count)
+    return replace(imu, f_b_mps2=force, w_b_radps=rate), (loss,)
+
+
+def _replaced(x: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return samples, (k, 3), without spikes, and which they were, (k,)."""
+    middle, apart = np.empty_like(x), np.empty_like(x)
+    middle[1:-1], apart[1:-1] = (x[2:] + x[:-2]) / 2, np.abs(x[2:] - x[:-2])
+    for end, one, two in ((0, 1, 2), (-1, -2, -3)):  # by a straight line
+        middle[end], apart[end] = 2 * x[one] - x[two], 2 * np.abs(x[one] - x[two])
+    off = np.abs(x - middle)
+    sigma = _NORMAL * np.median(off, axis=0)
+    far = (off > _SIGMAS * sigma) & (off > _SIGMAS / _NEIGHBOURS * apart) & (sigma > 0)
+    spike: BoolArray = np.asarray(far.any(axis=1))
+    return np.where(spike[:, None], middle, x), spike

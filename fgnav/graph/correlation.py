@@ -1,0 +1,30 @@
+"""For how many samples an error stays: what independent samples would be as good as a series."""
+
+import numpy as np
+
+from fgnav.checks import FloatArray
+
+_SIGMAS = 4.0  # of a correlation of white noise, 1 / sqrt(k): 3e-5
+_LAGS = 0.25  # of a series: of longer ones too few pairs tell [1], section 2.1.5
+
+
+def correlated(r: FloatArray) -> float:
+    """Return ``1 + 2 sum(rho)`` of a series of k residuals, (k, m); 1 of white ones.
+
+    Lags up to the first that is not significant count. The mean counts as correlation: residuals
+    have none where nothing is wrong. ``k / correlated`` is the effective number of samples [1]_.
+
+    References
+    ----------
+    .. [1] Box, Jenkins, Reinsel: Time Series Analysis, 4th edition, 2008, section 2.1.6.
+    """
+    k, total = len(r), float((r**2).sum())
+    if total == 0.0:
+        return 1.0
+    longer = 1.0
+    for lag in range(1, int(_LAGS * k) + 1):
+        rho = float((r[lag:] * r[:-lag]).sum()) / total
+        if rho * np.sqrt(k * r.shape[1]) < _SIGMAS:
+            break
+        longer += 2 * rho
+    return longer

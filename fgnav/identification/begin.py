@@ -1,0 +1,62 @@
+"""Where the search for noises begins: as stated, then ever louder, one suspect after the other."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.identification.stated import INSTRUMENTS
+from fgnav.identification.thinned import Some
+
+WHITE = ("accelerometer", "gyroscope")
+ABOVE = 10.0  # times the stated, where the first linearisation of what is contradicted is
+_LOUDER = (1.0, 10.0, 100.0)  # times that: an axis without a signal is 1,000 times as loud
+
+
+def begins(
+    small: SmoothingProblem, known: dict[str, float]
+) -> tuple[tuple[dict[str, float], float], ...]:
+    """Return factors on measurements' noise, and one on the inertial unit's, in turn.
+
+    Linearised about what a faulty sensor draws the states to, a chain has no minimum: instruments
+    are taken as loud as they seem, then the unit louder, then positions and velocities.
+
+    Parameters
+    ----------
+    small : SmoothingProblem
+        Thinned.
+    known : dict of str to float
+        Factors of a search before.
+    """
+    seem = at_start(small) | known
+    noisy = seem | dict.fromkeys(("position", "velocity"), ABOVE)
+    return ((known, 1.0), *((seem, louder) for louder in _LOUDER), (noisy, 1.0))
+
+
+def at_start(small: SmoothingProblem) -> dict[str, float]:
+    """Return factors on the noise of instruments that the start of the search shows, 1 or more.
+
+    Linearised about what a sensor many sigmas off draws the states to, a chain has no minimum.
+    """
+    factors = {}
+    for one in small.measurements:
+        if one.name in INSTRUMENTS:
+            value, *_ = one.linearise(small.start.at(one.row), np.arange(len(one.row)))
+            squares = (value**2).sum(axis=1) / one.freedom
+            factors[one.name] = max(1.0, float(np.sqrt(np.median(squares))))
+    return factors
+
+
+def widened(small: SmoothingProblem, factors: dict[str, float], louder: float) -> SmoothingProblem:
+    """Return a thinned problem with the noise of some measurements, and of forces, multiplied."""
+    widened = tuple(
+        replace(one, sigma_factor=factors[one.name])
+        if isinstance(one, Some) and one.name in factors
+        else one
+        for one in small.measurements
+    )
+    motion = small.motion
+    if isinstance(motion, GyroFree) and louder > 1.0:
+        motion = replace(motion, accelerometer_noise=motion.accelerometer_noise * louder**2)
+    return replace(small, measurements=widened, motion=motion)

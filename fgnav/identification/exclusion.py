@@ -1,0 +1,151 @@
+"""A flight without what contradicts the rest of it, over a span of time or throughout."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray
+from fgnav.types.estimate import Consistency, Rejected
+from fgnav.types.flight import Fixes, Flight, Imu, Seeker
+from fgnav.types.observations import Observations
+from fgnav.types.surroundings import Barometer, Magnetometer
+
+_AROUND_S = 1.0  # blocks are a second long: what spoils one may reach into the next
+_LONGEST = 0.5  # of an inertial record: more of it cannot be bridged
+_Series = TypeVar("_Series", Barometer, Fixes, Imu, Magnetometer, Seeker)
+
+
+class Exclusion(NamedTuple):
+    """A flight, what it is without, and whose measurements those are."""
+
+    flight: Flight
+    rejected: tuple[Rejected, ...]
+
+
+def exclusions(flight: Flight, contradictory: tuple[Consistency, ...]) -> Iterator[Exclusion]:
+    """Yield flights without one sensor's part of what contradicts the others.
+
+    An instrument that contradicts throughout is left out whole, GNSS is not. The inertial unit,
+    whose errors all others show, is left out where any of them contradicts.
+
+    Parameters
+    ----------
+    flight : Flight
+    contradictory : tuple of Consistency
+        With contradictions, the worst first.
+    """
+    inertial = _without_inertial(flight, contradictory)
+    if inertial is not None and len(contradictory) > 1:
+        yield inertial
+    for one in contradictory:
+        changed = _without(flight, one)
+        if changed is not None:
+            yield Exclusion(changed, _rejected(one))
+    if inertial is not None and len(contradictory) == 1:
+        yield inertial
+
+
+def _rejected(one: Consistency) -> tuple[Rejected, ...]:
+    return tuple(
+        Rejected(
+            what=one.what,
+            link=one.what,
+            from_s=span.from_s,
+            until_s=span.until_s,
+            reason=f"residuals {np.sqrt(span.nis):.2g} x what noise explains: left out",
+        )
+        for span in one.contradictions
+    )
+
+
+def _spans(one: Consistency) -> FloatArray:
+    """Return the spans, (g, 2), with a second around them."""
+    return np.array(
+        [[span.from_s - _AROUND_S, span.until_s + _AROUND_S] for span in one.contradictions]
+    )
+
+
+def _inside(t_s: FloatArray, spans: FloatArray) -> BoolArray:
+    """Return which times, (k,), lie in a span."""
+    return np.asarray(((t_s[:, None] >= spans[:, 0]) & (t_s[:, None] <= spans[:, 1])).any(axis=1))
+
+
+def _without(flight: Flight, one: Consistency) -> Flight | None:
+    """Return a flight without one sensor's contradictions; None if nothing would be left."""
+    whole, spans = one.contradictions[0].throughout, _spans(one)
+    if one.what == "barometric height":
+        return replace(flight, barometer=None if whole else _outside(flight.barometer, spans))
+    if one.what == "line of sight":
+        return replace(flight, seeker=None if whole else _outside(flight.seeker, spans))
+    if one.what == "magnetic field":
+        return replace(flight, magnetometer=None if whole else _outside(flight.magnetometer, spans))
+    if whole:
+        return None
+    if one.what in ("position", "velocity") and flight.observations is None:
+        return replace(flight, fixes=_outside(flight.fixes, spans))
+    field = {"velocity": "doppler_hz", "array phases": "phase_cycles"}.get(one.what)
+    if field is None or flight.observations is None:
+        return None
+    return _unobserved(flight, flight.observations, field, spans)
+
+
+def _outside(series: _Series | None, spans: FloatArray) -> _Series | None:
+    """Return the samples outside of spans."""
+    if series is None:
+        return None
+    keep, k = ~_inside(series.t_s, spans), len(series.t_s)
+    arrays = {
+        name: value[keep]
+        for name in series.__slots__
+        if isinstance(value := getattr(series, name), np.ndarray)
+        and len(value) == k
+        and name not in ("calibration", "position_b_m", "landmark_n_m", "field_n_ut")
+    }
+    return replace(series, **arrays)  # type: ignore[arg-type]  # arrays of its own
+
+
+def _unobserved(
+    flight: Flight, observations: Observations, field: str, spans: FloatArray
+) -> Flight:
+    """Return a flight without one kind of observation in spans."""
+    values = getattr(observations, field).copy()
+    values[_inside(observations.t_s, spans)] = np.nan
+    return replace(flight, observations=replace(observations, **{field: values}))
+
+
+def _without_inertial(flight: Flight, contradictory: tuple[Consistency, ...]) -> Exclusion | None:
+    """Return a flight without inertial samples wherever a sensor contradicts."""
+    imu = flight.imu
+    if imu is None:
+        return None
+    spans = np.concatenate([_spans(one) for one in contradictory])
+    inside = _inside(imu.t_s, spans)
+    if inside.mean() > _LONGEST:
+        return None
+    reason = f"{', '.join(one.what for one in contradictory)} contradict it: left out and bridged"
+    return Exclusion(
+        replace(flight, imu=_outside(imu, spans)),
+        tuple(
+            Rejected(
+                what="inertial samples",
+                link="imu",
+                from_s=float(begin_s),
+                until_s=float(end_s),
+                reason=reason,
+            )
+            for begin_s, end_s in _merged(spans)
+        ),
+    )
+
+
+def _merged(spans: FloatArray) -> list[FloatArray]:
+    """Return spans, (g, 2), those that overlap as one."""
+    merged: list[FloatArray] = []
+    for span in spans[np.argsort(spans[:, 0])]:
+        if merged and span[0] <= merged[-1][1]:
+            merged[-1] = np.array([merged[-1][0], max(span[1], merged[-1][1])])
+        else:
+            merged.append(span)
+    return merged

@@ -1,0 +1,87 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fgnav.frontend.faulty_samples import without_faulty, without_spikes
+from fgnav.types.flight import Imu
+
+T_S = np.arange(0, 10, 0.01)
+
+
+@pytest.fixture
+def imu():
+    rng = np.random.default_rng(31_000)
+    turn = np.sin(2 * T_S)[:, None] * [3.0, 1.0, 0.5]
+    return Imu(
+        t_s=T_S,
+        f_b_mps2=np.array([0.0, 0.0, -9.8]) + turn + 0.02 * rng.normal(size=(len(T_S), 3)),
+        w_b_radps=turn + 0.01 * rng.normal(size=(len(T_S), 3)),
+        accelerometer_noise_mps2_per_sqrt_hz=1e-3,
+        accelerometer_bias_mps2=3e-2,
+        accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
+        gyroscope_noise_radps_per_sqrt_hz=1e-4,
+        gyroscope_bias_radps=1e-3,
+        gyroscope_bias_walk_radps_per_sqrt_s=1e-6,
+    )
+
+
+def test_a_record_without_spikes_is_itself(imu):
+    same, losses = without_spikes(imu)
+    assert same is imu
+    assert losses == ()
+
+
+def test_a_step_of_thrust_is_no_spike(imu):
+    pushed = replace(imu, f_b_mps2=imu.f_b_mps2 + np.where(T_S > 5, 50.0, 0.0)[:, None])
+    assert without_spikes(pushed)[0] is pushed
+
+
+def test_spikes_are_replaced_by_their_neighbours_and_counted(imu):
+    force, rate = imu.f_b_mps2.copy(), imu.w_b_radps.copy()
+    force[[100, 500], 1] += [200.0, -40.0]
+    rate[700, 2] -= 5.0
+    mended, (loss,) = without_spikes(replace(imu, f_b_mps2=force, w_b_radps=rate))
+    assert (loss.what, loss.count) == ("inertial sample", 3)
+    assert "the accelerometer and the gyroscope" in loss.reason
+    assert np.abs(mended.f_b_mps2 - imu.f_b_mps2).max() < 0.15
+    assert np.abs(mended.w_b_radps - imu.w_b_radps).max() < 0.1
+
+
+def test_the_first_and_the_last_sample_may_be_spikes(imu):
+    force = imu.f_b_mps2.copy()
+    force[[0, -1], 0] += [30.0, -30.0]
+    mended, (loss,) = without_spikes(replace(imu, f_b_mps2=force))
+    assert loss.count == 2
+    assert np.abs(mended.f_b_mps2 - imu.f_b_mps2).max() < 0.15
+
+
+def test_a_short_record_and_one_without_gyroscope_are_taken(imu):
+    assert (
+        without_spikes(
+            replace(imu, t_s=T_S[:50], f_b_mps2=imu.f_b_mps2[:50], w_b_radps=imu.w_b_radps[:50])
+        )[1]
+        == ()
+    )
+    force = imu.f_b_mps2.copy()
+    force[100] += 200.0
+    names = ("noise_radps_per_sqrt_hz", "bias_radps", "bias_walk_radps_per_sqrt_s")
+    bare = replace(imu, f_b_mps2=force, w_b_radps=None, **{f"gyroscope_{n}": None for n in names})
+    _, (loss,) = without_spikes(bare)
+    assert loss.count == 1
+
+
+def test_a_stuck_unit_leaves_a_gap_and_is_counted(imu):
+    force, rate = imu.f_b_mps2.copy(), imu.w_b_radps.copy()
+    force[300:400], rate[300:400] = force[300], rate[300]
+    force[600:620], rate[600:620] = force[600], rate[600]
+    left, (loss,) = without_faulty(replace(imu, f_b_mps2=force, w_b_radps=rate))
+    assert loss.count == 99 + 19
+    assert "repeat the sample before" in loss.reason
+    assert sorted(np.round(np.diff(left.t_s), 6))[-2:] == [0.2, 1.0]
+
+
+def test_a_right_record_and_one_at_rest_without_noise_are_kept(imu):
+    assert without_faulty(imu)[0] is imu
+    still = replace(imu, f_b_mps2=0 * imu.f_b_mps2, w_b_radps=0 * imu.w_b_radps)
+    assert without_faulty(still)[0] is still

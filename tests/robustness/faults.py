@@ -1,0 +1,161 @@
+"""Sensors that are damaged and say nothing of it, on three short flights whose truth is known.
+
+Each fault has the flight it is made on and the words of which one has to be said.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from fgnav.types.flight import Flight
+from fgnav_sim.scenario import FixesTable, load_scenario
+from fgnav_sim.simulate import simulate
+from tests.robustness.small_flights import SCENARIOS
+
+DURATION_S = 20.0
+INERTIAL = "inertial|accelerometer|gyroscope"
+GNSS = "position|velocit|phase"
+
+
+class Fault(NamedTuple):
+    """A damage to a flight, and what is to be named where the estimate is wrong."""
+
+    name: str
+    flight: str
+    words: str
+    damaged: Callable[[Flight], Flight]
+
+
+@cache
+def right_flights() -> dict[str, Flight]:
+    """Return an array, one antenna with a gyroscope and instruments, and an array with a seeker."""
+    demo, surroundings, terminal = (
+        load_scenario(SCENARIOS / f"{name}.toml") for name in ("demo", "surroundings", "terminal")
+    )
+    change = msgspec.structs.replace
+    scenarios = {
+        "array": change(demo, duration_s=DURATION_S),
+        "single": change(
+            demo,
+            duration_s=DURATION_S,
+            antennas_b_m=((0.3, 0.0, -0.2),),
+            gnss=None,
+            fixes=FixesTable(rate_hz=5.0),
+            imu=surroundings.imu,
+            barometer=surroundings.barometer,
+            magnetometer=surroundings.magnetometer,
+        ),
+        "seeker": change(
+            terminal, duration_s=DURATION_S, seeker=change(terminal.seeker, range_m=2e4)
+        ),
+    }
+    rng = np.random.default_rng(32_000)
+    return {name: simulate(scenario, rng) for name, scenario in scenarios.items()}
+
+
+def _imu(flight: Flight, **changes) -> Flight:
+    return replace(flight, imu=replace(flight.imu, **changes))
+
+
+def _field(flight: Flight, field_b_ut) -> Flight:
+    return replace(flight, magnetometer=replace(flight.magnetometer, field_b_ut=field_b_ut))
+
+
+def _currents(flight: Flight, currents) -> Flight:
+    return replace(flight, seeker=replace(flight.seeker, currents=currents))
+
+
+def _fixes(flight: Flight, **changes) -> Flight:
+    return replace(flight, fixes=replace(flight.fixes, **changes))
+
+
+def _stuck(values, first: int, last: int | None = None):
+    """Return values that repeat one from a row on."""
+    out = values.copy()
+    out[first:last] = out[first]
+    return out
+
+
+def _spiked(values, every: int, by):
+    out = values.copy()
+    out[every // 2 :: every] += by
+    return out
+
+
+def _unit_stuck(flight: Flight) -> Flight:
+    changes = {"f_b_mps2": _stuck(flight.imu.f_b_mps2, 900, 1000)}
+    if flight.imu.w_b_radps is not None:
+        changes["w_b_radps"] = _stuck(flight.imu.w_b_radps, 900, 1000)
+    return _imu(flight, **changes)
+
+
+def _places_turned(flight: Flight) -> Flight:
+    """Give the antennas in axes that point up and left."""
+    signs = np.array([1.0, -1.0, -1.0])
+    return replace(
+        flight,
+        antennas=tuple(replace(a, position_b_m=signs * a.position_b_m) for a in flight.antennas),
+    )
+
+
+def _unit_changed(flight: Flight) -> Flight:
+    """Give the second half of the field in another unit."""
+    field = flight.magnetometer.field_b_ut.copy()
+    field[len(field) // 2 :] *= 57.3
+    return _field(flight, field)
+
+
+def _barometer(flight: Flight, height_m) -> Flight:
+    return replace(flight, barometer=replace(flight.barometer, height_m=height_m))
+
+
+def _frozen(flight: Flight) -> Flight:
+    fixes = flight.fixes
+    return _fixes(flight, p_n_m=_stuck(fixes.p_n_m, 40, 60), v_n_mps=_stuck(fixes.v_n_mps, 40, 60))
+
+
+def _tenth(flight: Flight) -> Flight:
+    """State a tenth of the fixes' noise."""
+    fixes = flight.fixes
+    return _fixes(
+        flight,
+        position_sigma_m=fixes.position_sigma_m / 10,
+        velocity_sigma_mps=fixes.velocity_sigma_mps / 10,
+    )
+
+
+FAULTS = (
+    Fault("field in another unit", "single", "magnet",
+          lambda f: _field(f, 57.3 * f.magnetometer.field_b_ut)),
+    Fault("field changes its unit", "single", "magnet", _unit_changed),
+    Fault("magnetometer stuck", "single", "magnet",
+          lambda f: _field(f, _stuck(f.magnetometer.field_b_ut, 0))),
+    Fault("magnetometer axis reversed", "single", "magnet",
+          lambda f: _field(f, f.magnetometer.field_b_ut * [1.0, -1.0, 1.0])),
+    Fault("magnetometer spikes", "single", "magnet",
+          lambda f: _field(f, _spiked(f.magnetometer.field_b_ut, 17, [30.0, -40.0, 20.0]))),
+    Fault("barometer spikes", "single", "barom",
+          lambda f: _barometer(f, _spiked(f.barometer.height_m, 23, 60.0))),
+    Fault("detector stuck", "seeker", "sight",
+          lambda f: _currents(f, _stuck(f.seeker.currents, 100))),
+    Fault("currents exchanged", "seeker", "sight",
+          lambda f: _currents(f, f.seeker.currents[:, [2, 1, 0, 3]])),
+    Fault("detector spikes", "seeker", "sight",
+          lambda f: _currents(f, np.where(np.arange(len(f.seeker.t_s))[:, None] % 11 == 5,
+                                          f.seeker.currents[:, [3, 0, 1, 2]], f.seeker.currents))),
+    Fault("unit stuck, array", "array", INERTIAL, _unit_stuck),
+    Fault("unit stuck, gyroscope", "single", INERTIAL, _unit_stuck),
+    Fault("accelerometer spikes", "single", INERTIAL,
+          lambda f: _imu(f, f_b_mps2=_spiked(f.imu.f_b_mps2, 97, [0.0, 0.0, 50.0]))),
+    Fault("accelerometer axes exchanged", "array", INERTIAL,
+          lambda f: _imu(f, f_b_mps2=f.imu.f_b_mps2[:, [1, 0, 2]])),
+    Fault("accelerometer reversed", "seeker", INERTIAL,
+          lambda f: _imu(f, f_b_mps2=f.imu.f_b_mps2 * [1.0, -1.0, 1.0])),
+    Fault("array axes up and left", "array", "phase|antenna", _places_turned),
+    Fault("fixes frozen", "single", GNSS, _frozen),
+    Fault("fixes' noise a tenth", "single", GNSS, _tenth),
+)  # fmt: skip
