@@ -18,8 +18,8 @@ from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
-from fgnav.graph.factors.arrays import contiguous, freeze
 from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.states import States

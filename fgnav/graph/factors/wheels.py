@@ -18,8 +18,8 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray, frozen, positive
 from fgnav.geometry.rotation_kernel import right_jacobian
 from fgnav.geometry.rotations import exp, skew, transpose
-from fgnav.graph.factors.arrays import freeze
 from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
+from fgnav.graph.types.arrays import freeze
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.states import ROTATION, VELOCITY, States

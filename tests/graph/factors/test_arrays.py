@@ -1,7 +1,7 @@
 import numpy as np
 
-from fgnav.graph.factors.arrays import contiguous
 from fgnav.graph.measurement_factor import parts_of
+from fgnav.graph.types.arrays import contiguous
 from tests.graph.factors import cases
 
 
