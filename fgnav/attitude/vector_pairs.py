@@ -5,7 +5,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, frozen
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, freeze
 from fgnav.geometry.rotations import nearest, skew
 
 WahbaSolver: TypeAlias = Literal["svd", "davenport"]
@@ -40,13 +40,12 @@ class VectorPairs:
     def __post_init__(self) -> None:
         """Check and freeze every field."""
         k = len(self.sources)
-        v_n = frozen("vector pairs v_n", self.v_n, (None, k, 3), gaps=True)
-        v_b = frozen("vector pairs v_b", self.v_b, v_n.shape, gaps=True)
-        weight = frozen("vector pairs weight", self.weight, v_n.shape[:2])
-        if (weight < 0).any():
-            raise BadInputError(f"vector pairs weight: must not be negative, got {weight.min():g}")
-        for name, value in {"v_n": v_n, "v_b": v_b, "weight": weight}.items():
-            object.__setattr__(self, name, value)
+        freeze("vector pairs", self, {"v_n": (None, k, 3)}, gaps=True)
+        freeze("vector pairs", self, {"v_b": self.v_n.shape}, gaps=True)
+        freeze("vector pairs", self, {"weight": self.v_n.shape[:2]})
+        if (self.weight < 0).any():
+            least = self.weight.min()
+            raise BadInputError(f"vector pairs weight: must not be negative, got {least:g}")
 
     @property
     def valid(self) -> BoolArray:
