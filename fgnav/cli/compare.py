@@ -95,7 +95,7 @@ def _one(
     write_json(json, comparison.to_dict())
     if json != "-":
         show_comparison(comparison)
-    if all(m.estimate is None for m in comparison.methods):
+    if not comparison.solved:
         failures = "; ".join(f"{m.name}: {m.score.failure}" for m in comparison.methods)
         raise NoSolutionError(f"no method has a solution: {failures}")
     save_report(comparison, data, report, flight)
