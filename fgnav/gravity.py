@@ -62,11 +62,6 @@ class GravityEstimator(Protocol):
         ...
 
 
-def gravity_names() -> tuple[str, ...]:
-    """Return the names of all gravity estimators: the library's own, then installed ones."""
-    return plugins.names(GROUP, ESTIMATORS)
-
-
 def gravity_named(name: str) -> GravityEstimator:
     """Return the gravity estimator of that name.
 

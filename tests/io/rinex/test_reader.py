@@ -8,7 +8,7 @@ from hatanaka import crx2rnx, rnx2crx
 
 from fgnav.checks import BadInputError
 from fgnav.io.decoder import Decoded
-from fgnav.io.rinex.reader import read_navigation, read_observations, read_receivers, read_rinex
+from fgnav.io.rinex.reader import read_navigation, read_receivers, read_rinex
 from fgnav.io.signal_choice import ATTRIBUTES
 from fgnav.types.observations import HALF_CYCLE, LOST_LOCK
 from tests.io.rinex_texts import (
@@ -30,7 +30,7 @@ FIELDS = ("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
 def read(tmp_path, text, start_gps_s=START_GPS_S, name="a.rnx"):
     path = tmp_path / name
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return read_observations(path, start_gps_s)
+    return read_receivers([path], start_gps_s)[0]
 
 
 def assert_as_it_stands(observations, text, constellations="GECJ"):
@@ -264,13 +264,13 @@ def test_whatever_rtklib_decodes_differently_is_an_error(tmp_path, monkeypatch, 
 
 def test_missing_file_is_named(tmp_path):
     with pytest.raises(BadInputError, match=r"none.rnx: no such file"):
-        read_observations(tmp_path / "none.rnx", START_GPS_S)
+        read_receivers([tmp_path / "none.rnx"], START_GPS_S)[0]
 
 
 def test_real_1_hz_file_is_read_as_it_stands(shared):
     path = shared / "rinex" / "GRAS00FRA_R_20223151700_15M_01S_MO.crx.gz"
     text = crx2rnx(gzip.decompress(path.read_bytes())).decode()
-    got = read_observations(path, 1_352_221_200.0)  # 2022-11-11 17:00
+    got = read_receivers([path], 1_352_221_200.0)[0]  # 2022-11-11 17:00
     assert got.t_s.tolist() == list(range(900))
     assert_as_it_stands(got, text)
     names = {s[0] + signal for s, signal in zip(got.satellites, got.signals, strict=True)}
@@ -283,6 +283,6 @@ def test_real_1_hz_file_is_read_as_it_stands(shared):
 @pytest.mark.parametrize("name", ["WTZR", "WTZZ"])
 def test_real_30_s_files_are_read_as_they_stand(shared, name):
     path = next((shared / "wettzell").glob(f"{name}*.rnx"))
-    got = read_observations(path, START_GPS_S)
+    got = read_receivers([path], START_GPS_S)[0]
     assert got.t_s.tolist() == [30.0 * k for k in range(120)]
     assert_as_it_stands(got, path.read_text())
