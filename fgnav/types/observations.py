@@ -1,6 +1,7 @@
 """What the antennas measured: code, phase, Doppler, by epoch, antenna and channel."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, f
 
 LOST_LOCK = 1  # RINEX loss-of-lock indicator, bit 0: a slip is possible
 HALF_CYCLE = 2  # bit 1: half-cycle ambiguity not resolved
+_BY_EPOCH = ("t_s", "tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -60,6 +62,11 @@ class Observations:
         freeze("observations", self, values, gaps=True)
         freeze("observations", self, {"cn0_dbhz": shape}, dtype=np.float32, gaps=True)
         freeze("observations", self, {"lock_flags": shape}, dtype=np.uint8)
+
+    def __getitem__(self, epochs: slice | IntArray | BoolArray) -> "Observations":
+        """Return some of the epochs."""
+        rows: dict[str, Any] = {name: getattr(self, name)[epochs] for name in _BY_EPOCH}
+        return replace(self, **rows)
 
     @property
     def tracked(self) -> BoolArray:
