@@ -20,11 +20,6 @@ from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
 
 
-def read_receivers(paths: Sequence[Path], start_gps_s: float) -> list[Observations]:
-    """Read several receivers' files at once, as ``read_rinex`` does."""
-    return read_rinex([], paths, start_gps_s)[1]
-
-
 def read_navigation(paths: Sequence[Path], start_gps_s: float) -> BroadcastOrbits:
     """Read broadcast messages, as ``read_rinex`` does, of one file or more."""
     broadcast, _ = read_rinex(paths, [], start_gps_s)
