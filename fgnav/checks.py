@@ -1,5 +1,6 @@
 """Errors, and the one gate that turns data from outside into read-only arrays."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -98,6 +99,35 @@ def frozen(
     return array
 
 
+def freeze(
+    owner: str,
+    item: object,
+    shapes: Mapping[str, tuple[int | None, ...]],
+    *,
+    dtype: type = np.float64,
+    gaps: bool = False,
+) -> None:
+    """Put each named field of a frozen data type through ``frozen``.
+
+    Parameters
+    ----------
+    owner : str
+        What the data type is, before the field's name in the error text.
+    item : object
+        The data type, within its ``__post_init__``.
+    shapes : mapping of str to tuple
+        Required shape by field; shape, dtype and gaps as of ``frozen``.
+
+    Raises
+    ------
+    BadInputError
+        As ``frozen``, of the first field that breaks its rule.
+    """
+    for name, shape in shapes.items():
+        array = frozen(f"{owner} {name}", getattr(item, name), shape, dtype=dtype, gaps=gaps)
+        object.__setattr__(item, name, array)
+
+
 def increasing(name: str, t_s: FloatArray) -> None:
     """Raise unless times increase strictly.
 
@@ -112,6 +142,20 @@ def increasing(name: str, t_s: FloatArray) -> None:
         raise BadInputError(
             f"{name}: time must increase, row {row} has {t_s[row]:.6f} after {t_s[row - 1]:.6f}"
         )
+
+
+def freeze_times(owner: str, item: object) -> int:
+    """Freeze the field ``t_s`` of a data type, and return how many times it holds.
+
+    Raises
+    ------
+    BadInputError
+        If the times are not one finite column that increases strictly.
+    """
+    freeze(owner, item, {"t_s": (None,)})
+    t_s: FloatArray = getattr(item, "t_s")  # noqa: B009  # a field of any data type
+    increasing(f"{owner} t_s", t_s)
+    return len(t_s)
 
 
 def positive(name: str, value: float) -> None:

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from fgnav import plugins
-from fgnav.checks import BadInputError, FloatArray, Loss, frozen, increasing, positive
+from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times, positive
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import skew
 from fgnav.types.flight import Flight, Imu
@@ -43,13 +43,8 @@ class GravityDirection:
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
-        t_s = frozen("gravity direction t_s", self.t_s, (None,))
-        increasing("gravity direction t_s", t_s)
-        k = len(t_s)
-        object.__setattr__(self, "t_s", t_s)
-        object.__setattr__(self, "g_b", frozen("gravity direction g_b", self.g_b, (k, 3)))
-        covariance = frozen("gravity direction covariance", self.covariance, (k, 3, 3))
-        object.__setattr__(self, "covariance", covariance)
+        k = freeze_times("gravity direction", self)
+        freeze("gravity direction", self, {"g_b": (k, 3), "covariance": (k, 3, 3)})
 
 
 class GravityEstimator(Protocol):
@@ -65,11 +60,6 @@ class GravityEstimator(Protocol):
     def __call__(self, flight: Flight) -> GravityDirection:
         """Estimate; what has no answer is left out and counted as a loss."""
         ...
-
-
-def gravity_names() -> tuple[str, ...]:
-    """Return the names of all gravity estimators: the library's own, then installed ones."""
-    return plugins.names(GROUP, ESTIMATORS)
 
 
 def gravity_named(name: str) -> GravityEstimator:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, Loss, frozen, positive
+from fgnav.checks import BoolArray, FloatArray, Loss, freeze, positive
 from fgnav.types.flight import Seeker
 
 _REPEATED = 3  # samples with the very same largest current: no noise does that
@@ -33,9 +33,8 @@ class LineOfSight:
     def __post_init__(self) -> None:
         """Check and freeze every field."""
         positive("line of sight sigma_rad", self.sigma_rad)
-        t_s = frozen("line of sight t_s", self.t_s, (None,))
-        object.__setattr__(self, "t_s", t_s)
-        object.__setattr__(self, "e_b", frozen("line of sight e_b", self.e_b, (len(t_s), 3)))
+        freeze("line of sight", self, {"t_s": (None,)})
+        freeze("line of sight", self, {"e_b": (len(self.t_s), 3)})
 
     @property
     def covariance(self) -> FloatArray:

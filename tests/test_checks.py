@@ -1,7 +1,17 @@
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
-from fgnav.checks import BadInputError, frozen, increasing, positive
+from fgnav.checks import (
+    BadInputError,
+    FloatArray,
+    freeze,
+    freeze_times,
+    frozen,
+    increasing,
+    positive,
+)
 
 
 def test_a_frozen_array_is_a_read_only_copy():
@@ -39,3 +49,32 @@ def test_time_that_stands_still_is_named_with_its_row():
 def test_what_is_not_positive_is_named(value):
     with pytest.raises(BadInputError, match="sigma: must be positive"):
         positive("sigma", value)
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Track:
+    t_s: FloatArray
+    p_n_m: FloatArray
+
+    def __post_init__(self) -> None:
+        k = freeze_times("track", self)
+        freeze("track", self, {"p_n_m": (k, 3)}, gaps=True)
+
+
+def test_a_data_type_keeps_read_only_copies():
+    given = np.array([0.0, 1.0])
+    track = Track(t_s=given, p_n_m=np.full((2, 3), np.nan))
+    given[0] = 0.5
+    assert track.t_s.tolist() == [0.0, 1.0]
+    for array in (track.t_s, track.p_n_m):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+def test_a_field_that_breaks_its_rule_is_named_with_its_owner():
+    with pytest.raises(BadInputError, match=r"^track t_s: time must increase, row 1"):
+        Track(t_s=np.zeros(2), p_n_m=np.zeros((2, 3)))
+    with pytest.raises(BadInputError, match=r"^track t_s: not finite, first at row 1"):
+        Track(t_s=np.array([0.0, np.nan]), p_n_m=np.zeros((2, 3)))
+    with pytest.raises(BadInputError, match=r"^track p_n_m: expected shape \(2, 3\), got \(1, 3\)"):
+        Track(t_s=np.arange(2.0), p_n_m=np.zeros((1, 3)))

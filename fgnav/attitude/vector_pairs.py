@@ -1,11 +1,11 @@
-"""Attitude from vectors known in two frames: TRIAD, the paper's least squares, Wahba's problem."""
+"""Attitude from vectors known in two frames: the paper's least squares, Wahba's problem."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, frozen
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, freeze
 from fgnav.geometry.rotations import nearest, skew
 
 WahbaSolver: TypeAlias = Literal["svd", "davenport"]
@@ -40,13 +40,12 @@ class VectorPairs:
     def __post_init__(self) -> None:
         """Check and freeze every field."""
         k = len(self.sources)
-        v_n = frozen("vector pairs v_n", self.v_n, (None, k, 3), gaps=True)
-        v_b = frozen("vector pairs v_b", self.v_b, v_n.shape, gaps=True)
-        weight = frozen("vector pairs weight", self.weight, v_n.shape[:2])
-        if (weight < 0).any():
-            raise BadInputError(f"vector pairs weight: must not be negative, got {weight.min():g}")
-        for name, value in {"v_n": v_n, "v_b": v_b, "weight": weight}.items():
-            object.__setattr__(self, name, value)
+        freeze("vector pairs", self, {"v_n": (None, k, 3)}, gaps=True)
+        freeze("vector pairs", self, {"v_b": self.v_n.shape}, gaps=True)
+        freeze("vector pairs", self, {"weight": self.v_n.shape[:2]})
+        if (self.weight < 0).any():
+            least = self.weight.min()
+            raise BadInputError(f"vector pairs weight: must not be negative, got {least:g}")
 
     @property
     def valid(self) -> BoolArray:
@@ -82,21 +81,6 @@ class VectorAttitude:
     R_nb: FloatArray
     rank: IntArray
     open_axis_b: FloatArray
-
-
-def triad(
-    first_n: FloatArray, second_n: FloatArray, first_b: FloatArray, second_b: FloatArray
-) -> FloatArray:
-    """Return (n, 3, 3) R_nb of two vectors, (n, 3) each: the first exact, the second in its plane.
-
-    NaN where the two are collinear [1]_.
-
-    References
-    ----------
-    .. [1] H. D. Black, A passive system for determining the attitude of a satellite, AIAA Journal
-       2(7), 1964.
-    """
-    return np.asarray(_frame(first_n, second_n) @ _frame(first_b, second_b).swapaxes(1, 2))
 
 
 def paper_matrix(pairs: VectorPairs) -> FloatArray:
@@ -263,15 +247,6 @@ def _turn(
     angle = np.arctan2(across, -along)[:, None, None]
     turn = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
     return R_nb @ turn, np.hypot(along, across)
-
-
-def _frame(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return (n, 3, 3) orthonormal frames of two vectors as columns; NaN where collinear."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        x = first / _length(first)
-        z = np.cross(x, second / _length(second))
-        z = np.where(_length(z) > _COLLINEAR, z / _length(z), np.nan)
-    return np.stack([x, np.cross(z, x), z], axis=2)
 
 
 def _length(v: FloatArray) -> FloatArray:

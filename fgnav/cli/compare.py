@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fgnav.cli.arguments.estimators import (
-    Asked,
     Span,
     ablated,
     compare_flight,
@@ -13,16 +12,11 @@ from fgnav.cli.arguments.estimators import (
     flights_in,
 )
 from fgnav.cli.arguments.options import (
-    CausalFlag,
-    EstimateWords,
-    FactorNames,
+    SMOOTHER_DEFAULTS,
     FromSeconds,
-    GravityName,
     IntegersName,
-    LagSeconds,
-    NoiseName,
     ReportFile,
-    SolverName,
+    SmootherOptions,
     UntilSeconds,
     WithoutKinds,
 )
@@ -35,17 +29,11 @@ if TYPE_CHECKING:
 _DEFAULT_METHODS = "closed-form,maximum-likelihood,smoother,batch,rtk"
 
 
-def compare(  # noqa: PLR0913  # a command has as many options as it takes
+def compare(
     *flights: Path,
     method: str = _DEFAULT_METHODS,
     integers: IntegersName = "lambda",
-    gravity: GravityName = None,
-    estimate: EstimateWords = "",
-    lag: LagSeconds = None,
-    solver: SolverName = None,
-    factors: FactorNames = "",
-    causal: CausalFlag = False,
-    noise: NoiseName = None,
+    smoother: SmootherOptions = SMOOTHER_DEFAULTS,
     from_: FromSeconds = None,
     until: UntilSeconds = None,
     without: WithoutKinds = "",
@@ -71,14 +59,13 @@ def compare(  # noqa: PLR0913  # a command has as many options as it takes
     if not flights:
         raise BadInputError("compare: requires an argument: a flight, or several")
     folders = flights_in(flights)
-    asked = Asked(gravity, estimate, lag, solver, factors, causal, noise)
     span = (from_, until)
     for folder in folders:
         check_outputs(folder, json, report)
     check = _check_page if len(folders) > 1 else _check_report
     check(report)
-    estimators = estimators_named(method, integers, asked)
-    estimators += ablated(method, integers, asked, without) if without else []
+    estimators = estimators_named(method, integers, smoother)
+    estimators += ablated(method, integers, smoother, without) if without else []
     if len(folders) > 1:
         _several(folders, estimators, span, json, report)
     else:
@@ -95,7 +82,7 @@ def _one(
     write_json(json, comparison.to_dict())
     if json != "-":
         show_comparison(comparison)
-    if all(m.estimate is None for m in comparison.methods):
+    if not comparison.solved:
         failures = "; ".join(f"{m.name}: {m.score.failure}" for m in comparison.methods)
         raise NoSolutionError(f"no method has a solution: {failures}")
     save_report(comparison, data, report, flight)

@@ -2,18 +2,13 @@
 
 from pathlib import Path
 
-from fgnav.cli.arguments.estimators import Asked, compare_flight, estimators_named
+from fgnav.cli.arguments.estimators import compare_flight, estimators_named
 from fgnav.cli.arguments.options import (
-    CausalFlag,
-    EstimateWords,
-    FactorNames,
-    GravityName,
+    SMOOTHER_DEFAULTS,
     IntegersName,
-    LagSeconds,
-    NoiseName,
     RateHz,
     ReportFile,
-    SolverName,
+    SmootherOptions,
     TimesFile,
 )
 from fgnav.json_file import JsonFile, write_json
@@ -27,13 +22,7 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     out: Path,
     method: str = "smoother",
     integers: IntegersName = "lambda",
-    gravity: GravityName = None,
-    estimate: EstimateWords = "",
-    lag: LagSeconds = None,
-    solver: SolverName = None,
-    factors: FactorNames = "",
-    causal: CausalFlag = False,
-    noise: NoiseName = None,
+    smoother: SmootherOptions = SMOOTHER_DEFAULTS,
     at: TimesFile = None,
     rate: RateHz = None,
     json: JsonFile = None,
@@ -62,8 +51,7 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
 
     check_outputs(flight, json, report, folder=out)
     check_report(report)
-    asked = Asked(gravity, estimate, lag, solver, factors, causal, noise)
-    estimators = [at_times(one, at, rate) for one in estimators_named(method, integers, asked)]
+    estimators = [at_times(one, at, rate) for one in estimators_named(method, integers, smoother)]
     if len(estimators) > 1:
         raise BadInputError(f"--method {method}: run takes one method; compare takes several")
     data, comparison = compare_flight(flight, estimators)

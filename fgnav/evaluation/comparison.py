@@ -76,6 +76,11 @@ class Comparison:
     bound: Angles
     differences: tuple[Difference, ...] = ()
 
+    @property
+    def solved(self) -> list[Method]:
+        """Methods that have an estimate."""
+        return [method for method in self.methods if method.estimate is not None]
+
     def __getitem__(self, name: str) -> Method:
         """Return the method of that name."""
         for method in self.methods:

@@ -7,10 +7,8 @@ import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray
 from fgnav.types.flight import Flight, Truth
-from fgnav.types.observations import Observations
 
 _SENSORS = ("imu", "fixes", "seeker", "barometer", "magnetometer")
-_BY_EPOCH = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
 
 
 def within(flight: Flight, from_s: float | None, until_s: float | None) -> Flight:
@@ -42,13 +40,15 @@ def within(flight: Flight, from_s: float | None, until_s: float | None) -> Fligh
         if record is not None:
             parts[name] = _rows(record, _between(record.t_s, low, high))
     if flight.observations is not None:
-        parts["observations"] = _epochs(flight.observations, low, high)
+        observations = flight.observations
+        parts["observations"] = observations[_between(observations.t_s, low, high)]
     if not any(len(part.t_s) for part in parts.values()):
         raise BadInputError(
             f"--from {low:g} --until {high:g}: flight {flight.name!r} measured nothing then"
         )
     if flight.base is not None:
-        observations = _epochs(flight.base.observations, low, high)
+        observations = flight.base.observations
+        observations = observations[_between(observations.t_s, low, high)]
         parts["base"] = replace(flight.base, observations=observations)
     if flight.truth is not None:
         parts["truth"] = _truth(flight.truth, low, high)
@@ -72,12 +72,6 @@ def _rows(record: Any, keep: BoolArray) -> Any:  # noqa: ANN401  # any record wi
     ]
     rows: dict[str, Any] = {name: getattr(record, name)[keep] for name in names}
     return replace(record, **rows)
-
-
-def _epochs(observations: Observations, low: float, high: float) -> Observations:
-    keep = _between(observations.t_s, low, high)
-    rows: dict[str, Any] = {name: getattr(observations, name)[keep] for name in ("t_s", *_BY_EPOCH)}
-    return replace(observations, **rows)
 
 
 def _truth(truth: Truth, low: float, high: float) -> Truth:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.geometry.rotation_kernel import product, transposed
 from fgnav.integers.array.nearest import nearest, tangent, weak_axis
 from fgnav.integers.array.prior import AttitudePrior, PriorColumns, prior_columns
 from fgnav.integers.array.relaxation import Relaxation, Spans, relaxation, spans
@@ -72,32 +73,14 @@ def _explained(epochs: Epochs, arrays: Spans, prior: PriorColumns, cycles: IntAr
             of_cycles = epochs.wavelength_m[j] * cycles[k, baseline, j]
             code_m[i] = epochs.code_m[k, baseline, j] - range_m
             phase_m[i] = epochs.phase_m[k, baseline, j] - of_cycles - range_m
-        B = _product(A, tangent(M))
+        B = product(A, tangent(M))
         variances = epochs.code_variance_m2[k], epochs.phase_variance_m2[k]
         weights = weighed(links, variances[0], variances[1], np.eye(q))
         of_code, of_phase = weights[0], weights[1]
-        normal = _product(_transposed(B), _product(of_code + of_phase, B))
+        normal = product(transposed(B), product(of_code + of_phase, B))
         attitude = solved(normal, np.eye(B.shape[1]))
         _add_tests(code_m, of_code, B, attitude, links, out[k])
         _add_tests(phase_m, of_phase, B, attitude, links, out[k])
-    return out
-
-
-@kernel
-def _transposed(A: FloatArray) -> FloatArray:
-    """Return a copy of the transpose."""
-    return A.T.copy()
-
-
-@kernel
-def _product(A: FloatArray, B: FloatArray) -> FloatArray:
-    """Return A B, in plain loops: numba compiles those in a third of the time."""
-    out = np.zeros((A.shape[0], B.shape[1]))
-    for i in range(A.shape[0]):
-        for k in range(A.shape[1]):
-            if A[i, k] != 0.0:
-                for j in range(B.shape[1]):
-                    out[i, j] += A[i, k] * B[k, j]
     return out
 
 
@@ -123,9 +106,9 @@ def _add_tests(
 ) -> None:
     """Add the squared w-tests of one kind of measurement."""
     q = len(links)
-    by_attitude = _product(weight, B)
-    certain = weight - _product(by_attitude, _product(attitude, _transposed(by_attitude)))
-    weighted = _product(weight, residual_m.reshape(q, 1))
+    by_attitude = product(weight, B)
+    certain = weight - product(by_attitude, product(attitude, transposed(by_attitude)))
+    weighted = product(weight, residual_m.reshape(q, 1))
     moved = np.empty(q)
     first = 1 if len(out) == 2 else 0
     for a in range(first, len(out)):

@@ -47,6 +47,26 @@ class Measure:
 
 _ANGLE = {"rad": 1.0, "deg": float(np.pi / 180)}
 
+
+def _vector(unit: str, *frames: str) -> Measure:
+    """Return the measure of a vector of R3 in one of the frames."""
+    return Measure(
+        manifold="R3",
+        units={unit: 1.0},
+        frames=frames,
+        widths=(3,),
+        freedom=3,
+        tangent="axes of the frame",
+    )
+
+
+def _scalar(unit: str, tangent: str) -> Measure:
+    """Return the measure of a number."""
+    return Measure(
+        manifold="R1", units={unit: 1.0}, frames=("n",), widths=(1,), freedom=1, tangent=tangent
+    )
+
+
 MEASURES: dict[str, Measure] = {
     "heading": Measure(
         manifold="S1",
@@ -72,46 +92,11 @@ MEASURES: dict[str, Measure] = {
         freedom=3,
         tangent="body axes; what lies along the vector does not count",
     ),
-    "velocity": Measure(
-        manifold="R3",
-        units={"m/s": 1.0},
-        frames=("n", "b"),
-        widths=(3,),
-        freedom=3,
-        tangent="axes of the frame",
-    ),
-    "displacement": Measure(
-        manifold="R3",
-        units={"m": 1.0},
-        frames=("n", "b"),
-        widths=(3,),
-        freedom=3,
-        tangent="axes of the frame",
-    ),
-    "speed": Measure(
-        manifold="R1",
-        units={"m/s": 1.0},
-        frames=("n",),
-        widths=(1,),
-        freedom=1,
-        tangent="the speed",
-    ),
-    "height": Measure(
-        manifold="R1",
-        units={"m": 1.0},
-        frames=("n",),
-        widths=(1,),
-        freedom=1,
-        tangent="upwards",
-    ),
-    "position": Measure(
-        manifold="R3",
-        units={"m": 1.0},
-        frames=("n",),
-        widths=(3,),
-        freedom=3,
-        tangent="axes of the frame",
-    ),
+    "velocity": _vector("m/s", "n", "b"),
+    "displacement": _vector("m", "n", "b"),
+    "speed": _scalar("m/s", "the speed"),
+    "height": _scalar("m", "upwards"),
+    "position": _vector("m", "n"),
 }
 
 

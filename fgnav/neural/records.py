@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, frozen, increasing
+from fgnav.checks import BadInputError, FloatArray, freeze, freeze_times
 from fgnav.neural.measures import SENSORS
 from fgnav.types.flight import Flight
 
@@ -32,10 +32,7 @@ class Record:
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
-        t_s = frozen("record t_s", self.t_s, (None,))
-        increasing("record t_s", t_s)
-        object.__setattr__(self, "t_s", t_s)
-        object.__setattr__(self, "values", frozen("record values", self.values, (len(t_s), None)))
+        freeze("record", self, {"values": (freeze_times("record", self), None)})
 
     def after(self, t_s: float) -> "Record":
         """Return the samples later than a time."""

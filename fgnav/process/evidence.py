@@ -9,14 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
-from fgnav.checks import (
-    BadInputError,
-    FloatArray,
-    IntArray,
-    frozen,
-    increasing,
-    positive,
-)
+from fgnav.checks import BadInputError, FloatArray, IntArray, freeze, increasing, positive
 from fgnav.process.attitude_series import AttitudeSeries, attitude_series, turn_rates
 from fgnav.process.evidence_kernel import UPDATE
 
@@ -67,8 +60,7 @@ class RatePrior:
     def __post_init__(self) -> None:
         """Check and freeze the variances."""
         positive("rate prior length_s", self.length_s)
-        variance = frozen("rate prior variance_rad2ps2", self.variance_rad2ps2, (3,))
-        object.__setattr__(self, "variance_rad2ps2", variance)
+        freeze("rate prior", self, {"variance_rad2ps2": (3,)})
 
 
 def rate_prior(

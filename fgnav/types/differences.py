@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, frozen, increasing
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, freeze, freeze_times
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True, weakref_slot=True)
@@ -67,31 +67,21 @@ class DoubleDifferences:
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
-        t_s = frozen("double differences t_s", self.t_s, (None,))
-        increasing("double differences t_s", t_s)
-        n, m, b = len(t_s), len(self.satellites), len(self.baselines_b_m)
+        n = freeze_times("double differences", self)
+        m, b = len(self.satellites), len(self.baselines_b_m)
         g = 1 + int(self.group.max()) if m else 0
-        shapes: dict[str, tuple[int, ...]] = {
-            "t_s": (n,),
+        whole: dict[str, tuple[int, ...]] = {
             "baselines_b_m": (b, 3),
             "wavelength_m": (m,),
             "e_n": (n, m, 3),
             "code_variance_m2": (n, m),
             "phase_variance_m2": (n, m),
         }
-        for name, shape in shapes.items():
-            value = frozen(f"double differences {name}", getattr(self, name), shape)
-            object.__setattr__(self, name, value)
-        for name, shape in {
-            "elevation_rad": (n, m),
-            "code_m": (n, b, m),
-            "phase_m": (n, b, m),
-        }.items():
-            value = frozen(f"double differences {name}", getattr(self, name), shape, gaps=True)
-            object.__setattr__(self, name, value)
-        for name, shape in {"group": (m,), "reference": (n, g), "arc": (n, b, m)}.items():
-            value = frozen(f"double differences {name}", getattr(self, name), shape, dtype=np.int64)
-            object.__setattr__(self, name, value)
+        freeze("double differences", self, whole)
+        measured = {"elevation_rad": (n, m), "code_m": (n, b, m), "phase_m": (n, b, m)}
+        freeze("double differences", self, measured, gaps=True)
+        numbers = {"group": (m,), "reference": (n, g), "arc": (n, b, m)}
+        freeze("double differences", self, numbers, dtype=np.int64)
 
     @property
     def is_reference(self) -> BoolArray:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, Loss, frozen, increasing
+from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times
 from fgnav.geometry.rotations import euler_jacobian, to_euler
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers
@@ -129,9 +129,7 @@ class Constant:
     def __post_init__(self) -> None:
         """Check and freeze every field."""
         d = len(self.axes)
-        for name, shape in {"value": (d,), "covariance": (d, d)}.items():
-            array = frozen(f"constant {self.name} {name}", getattr(self, name), shape)
-            object.__setattr__(self, name, array)
+        freeze(f"constant {self.name}", self, {"value": (d,), "covariance": (d, d)})
 
     def to_dict(self) -> dict[str, object]:
         """Return value and 1-sigma by axis, in plain types."""
@@ -211,19 +209,15 @@ class Estimate:
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
-        t_s = frozen(f"{self.method} t_s", self.t_s, (None,))
-        increasing(f"{self.method} t_s", t_s)
-        n = len(t_s)
+        n = freeze_times(self.method, self)
         if self.epochs < n:
             raise BadInputError(f"{self.method} epochs: {self.epochs}, but {n} have an answer")
-        object.__setattr__(self, "t_s", t_s)
-        matrices = ("R_nb", "attitude_covariance_rad2", *_MOTION_MATRICES)
-        for name in (*matrices, *_MOTION_VECTORS):
-            value, motion = getattr(self, name), name in (*_MOTION_VECTORS, *_MOTION_MATRICES)
-            if value is not None:
-                shape = (n, 3, 3) if name in matrices else (n, 3)
-                array = frozen(f"{self.method} {name}", value, shape, gaps=motion)
-                object.__setattr__(self, name, array)
+        freeze(self.method, self, {"R_nb": (n, 3, 3)})
+        if self.attitude_covariance_rad2 is not None:
+            freeze(self.method, self, {"attitude_covariance_rad2": (n, 3, 3)})
+        shapes = dict.fromkeys(_MOTION_MATRICES, (n, 3, 3)) | dict.fromkeys(_MOTION_VECTORS, (n, 3))
+        stated = {k: shape for k, shape in shapes.items() if getattr(self, k) is not None}
+        freeze(self.method, self, stated, gaps=True)
 
     @property
     def available(self) -> float:

@@ -5,7 +5,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, Loss, frozen, increasing, positive
+from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times, positive
 from fgnav.geometry.earth import Origin
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
@@ -14,11 +14,6 @@ from fgnav.types.surroundings import Barometer, Magnetometer
 from fgnav.types.vehicle import WheeledVehicle
 
 ElevationWeights: TypeAlias = Literal["sine", "uniform"]
-
-
-def _freeze(owner: object, **checked: FloatArray) -> None:
-    for name, value in checked.items():
-        object.__setattr__(owner, name, value)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -30,8 +25,7 @@ class Antenna:
 
     def __post_init__(self) -> None:
         """Check and freeze the position."""
-        name = f"antenna {self.name} position_b_m"
-        _freeze(self, position_b_m=frozen(name, self.position_b_m, (3,)))
+        freeze(f"antenna {self.name}", self, {"position_b_m": (3,)})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +79,7 @@ class Base:
 
     def __post_init__(self) -> None:
         """Check and freeze the position."""
-        _freeze(self, position_e_m=frozen("base position_e_m", self.position_e_m, (3,)))
+        freeze("base", self, {"position_e_m": (3,)})
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -126,14 +120,8 @@ class Imu:
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
-        t_s = frozen("imu t_s", self.t_s, (None,))
-        increasing("imu t_s", t_s)
-        _freeze(
-            self,
-            t_s=t_s,
-            f_b_mps2=frozen("imu f_b_mps2", self.f_b_mps2, (len(t_s), 3)),
-            position_b_m=frozen("imu position_b_m", self.position_b_m, (3,)),
-        )
+        k = freeze_times("imu", self)
+        freeze("imu", self, {"f_b_mps2": (k, 3), "position_b_m": (3,)})
         accelerometer = ("noise_mps2_per_sqrt_hz", "bias_mps2", "bias_walk_mps2_per_sqrt_s")
         for name in accelerometer:
             positive(f"imu accelerometer_{name}", getattr(self, f"accelerometer_{name}"))
@@ -145,7 +133,7 @@ class Imu:
             if value is not None:
                 positive(f"imu gyroscope_{name}", value)
         if self.w_b_radps is not None:
-            _freeze(self, w_b_radps=frozen("imu w_b_radps", self.w_b_radps, (len(t_s), 3)))
+            freeze("imu", self, {"w_b_radps": (k, 3)})
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -176,22 +164,18 @@ class Fixes:
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
-        t_s = frozen("fixes t_s", self.t_s, (None,))
-        increasing("fixes t_s", t_s)
-        shape = (len(t_s), 3)
-        sigma = frozen("fixes position_sigma_m", self.position_sigma_m, shape)
-        if not (sigma > 0).all():
+        shape = (freeze_times("fixes", self), 3)
+        freeze("fixes", self, {"position_sigma_m": shape})
+        if not (self.position_sigma_m > 0).all():
             raise BadInputError("fixes position_sigma_m: must be positive")
-        p_n_m = frozen("fixes p_n_m", self.p_n_m, shape)
-        _freeze(self, t_s=t_s, p_n_m=p_n_m, position_sigma_m=sigma)
+        freeze("fixes", self, {"p_n_m": shape})
         if (self.v_n_mps is None) != (self.velocity_sigma_mps is None):
             raise BadInputError("fixes velocity_sigma_mps: goes with velocities, and only then")
         if self.v_n_mps is not None and self.velocity_sigma_mps is not None:
-            sigma = frozen("fixes velocity_sigma_mps", self.velocity_sigma_mps, shape)
-            if not (sigma > 0).all():
+            freeze("fixes", self, {"velocity_sigma_mps": shape})
+            if not (self.velocity_sigma_mps > 0).all():
                 raise BadInputError("fixes velocity_sigma_mps: must be positive")
-            v_n_mps = frozen("fixes v_n_mps", self.v_n_mps, shape)
-            _freeze(self, v_n_mps=v_n_mps, velocity_sigma_mps=sigma)
+            freeze("fixes", self, {"v_n_mps": shape})
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -228,22 +212,15 @@ class Seeker:
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
-        t_s = frozen("seeker t_s", self.t_s, (None,))
-        increasing("seeker t_s", t_s)
-        calibration = frozen("seeker calibration", self.calibration, (None, 2))
-        if len(calibration) < 2 or (np.diff(calibration, axis=0) <= 0).any():
+        k = freeze_times("seeker", self)
+        freeze("seeker", self, {"calibration": (None, 2)})
+        if len(self.calibration) < 2 or (np.diff(self.calibration, axis=0) <= 0).any():
             raise BadInputError("seeker calibration: needs two rows or more, columns increasing")
         positive("seeker detector_radius_m", self.detector_radius_m)
         positive("seeker focal_length_m", self.focal_length_m)
         positive("seeker line_of_sight_sigma_rad", self.line_of_sight_sigma_rad)
-        _freeze(
-            self,
-            t_s=t_s,
-            currents=frozen("seeker currents", self.currents, (len(t_s), 4)),
-            position_b_m=frozen("seeker position_b_m", self.position_b_m, (3,)),
-            landmark_n_m=frozen("seeker landmark_n_m", self.landmark_n_m, (3,)),
-            calibration=calibration,
-        )
+        shapes = {"currents": (k, 4), "position_b_m": (3,), "landmark_n_m": (3,)}
+        freeze("seeker", self, shapes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -316,16 +293,16 @@ class LinkIntegers:
                 f"true integers: {k} antennas, {len(self.satellites)} satellites and "
                 f"{len(self.signals)} signals must be equally many"
             )
-        from_s = frozen("true integers from_s", self.from_s, (k,))
-        cycles = frozen("true integers cycles", self.cycles, (k,))
-        if (2 * cycles % 1).any():
-            row = int(np.argmax(2 * cycles % 1 != 0))
+        freeze("true integers", self, {"from_s": (k,), "cycles": (k,)})
+        broken = 2 * self.cycles % 1 != 0
+        if broken.any():
+            row = int(np.argmax(broken))
             raise BadInputError(
-                f"true integers cycles: must be whole or halves, got {cycles[row]} at row {row}"
+                "true integers cycles: must be whole or halves, "
+                f"got {self.cycles[row]} at row {row}"
             )
-        _freeze(self, from_s=from_s, cycles=cycles)
         last: dict[tuple[str, str, str], float] = {}
-        for link, start_s in zip(self.links, from_s.tolist(), strict=True):
+        for link, start_s in zip(self.links, self.from_s.tolist(), strict=True):
             if start_s <= last.get(link, -np.inf):
                 raise BadInputError(
                     f"true integers from_s: of {' '.join(link)} must increase, "
@@ -361,16 +338,8 @@ class Truth:
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
-        t_s = frozen("truth t_s", self.t_s, (None,))
-        increasing("truth t_s", t_s)
-        k = len(t_s)
-        _freeze(
-            self,
-            t_s=t_s,
-            p_n_m=frozen("truth p_n_m", self.p_n_m, (k, 3)),
-            v_n_mps=frozen("truth v_n_mps", self.v_n_mps, (k, 3)),
-            R_nb=frozen("truth R_nb", self.R_nb, (k, 3, 3)),
-        )
+        k = freeze_times("truth", self)
+        freeze("truth", self, {"p_n_m": (k, 3), "v_n_mps": (k, 3), "R_nb": (k, 3, 3)})
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True, weakref_slot=True)

@@ -5,7 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, frozen
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, freeze
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 
@@ -44,19 +44,15 @@ class Integers:
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
-        cycles = frozen("integers cycles", self.cycles, (None, None, None), dtype=np.int64)
-        fixed = frozen("integers fixed", self.fixed, cycles.shape, dtype=np.bool_)
-        ratio = frozen("integers ratio", self.ratio, cycles.shape[:2], gaps=True)
-        object.__setattr__(self, "cycles", cycles)
-        object.__setattr__(self, "fixed", fixed)
-        object.__setattr__(self, "ratio", ratio)
+        freeze("integers", self, {"cycles": (None, None, None)}, dtype=np.int64)
+        n, b, _ = shape = self.cycles.shape
+        freeze("integers", self, {"fixed": shape}, dtype=np.bool_)
+        freeze("integers", self, {"ratio": (n, b)}, gaps=True)
         if self.wrong_probability is not None:
-            wrong = frozen("integers wrong_probability", self.wrong_probability, cycles.shape[:1])
-            object.__setattr__(self, "wrong_probability", wrong)
-        if self.reasons is not None and len(self.reasons) != len(cycles):
+            freeze("integers", self, {"wrong_probability": (n,)})
+        if self.reasons is not None and len(self.reasons) != n:
             raise BadInputError(
-                f"integers reasons: expected one for each of {len(cycles)} epochs, "
-                f"got {len(self.reasons)}"
+                f"integers reasons: expected one for each of {n} epochs, got {len(self.reasons)}"
             )
 
     @property

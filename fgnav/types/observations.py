@@ -1,13 +1,15 @@
 """What the antennas measured: code, phase, Doppler, by epoch, antenna and channel."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, frozen, increasing
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, freeze, freeze_times
 
 LOST_LOCK = 1  # RINEX loss-of-lock indicator, bit 0: a slip is possible
 HALF_CYCLE = 2  # bit 1: half-cycle ambiguity not resolved
+_BY_EPOCH = ("t_s", "tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -51,24 +53,20 @@ class Observations:
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
-        t_s = frozen("observations t_s", self.t_s, (None,))
-        increasing("observations t_s", t_s)
-        object.__setattr__(self, "t_s", t_s)
-        if len(self.satellites) != len(self.signals):
-            raise BadInputError(
-                f"observations: {len(self.satellites)} satellites but {len(self.signals)} signals"
-            )
-        n, m = len(t_s), len(self.satellites)
-        tag_s = frozen("observations tag_s", self.tag_s, (n, None))
-        object.__setattr__(self, "tag_s", tag_s)
-        shape = (n, tag_s.shape[1], m)
-        for name in ("code_m", "phase_cycles", "doppler_hz"):
-            value = frozen(f"observations {name}", getattr(self, name), shape, gaps=True)
-            object.__setattr__(self, name, value)
-        cn0 = frozen("observations cn0_dbhz", self.cn0_dbhz, shape, dtype=np.float32, gaps=True)
-        object.__setattr__(self, "cn0_dbhz", cn0)
-        flags = frozen("observations lock_flags", self.lock_flags, shape, dtype=np.uint8)
-        object.__setattr__(self, "lock_flags", flags)
+        n, m = freeze_times("observations", self), len(self.satellites)
+        if m != len(self.signals):
+            raise BadInputError(f"observations: {m} satellites but {len(self.signals)} signals")
+        freeze("observations", self, {"tag_s": (n, None)})
+        shape = (n, self.tag_s.shape[1], m)
+        values = {"code_m": shape, "phase_cycles": shape, "doppler_hz": shape}
+        freeze("observations", self, values, gaps=True)
+        freeze("observations", self, {"cn0_dbhz": shape}, dtype=np.float32, gaps=True)
+        freeze("observations", self, {"lock_flags": shape}, dtype=np.uint8)
+
+    def __getitem__(self, epochs: slice | IntArray | BoolArray) -> "Observations":
+        """Return some of the epochs."""
+        rows: dict[str, Any] = {name: getattr(self, name)[epochs] for name in _BY_EPOCH}
+        return replace(self, **rows)
 
     @property
     def tracked(self) -> BoolArray:

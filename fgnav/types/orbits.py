@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fgnav.checks import BadInputError, FloatArray, Loss, frozen, increasing
+from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times, frozen
 
 # One broadcast message of a Keplerian constellation (GPS, Galileo, BeiDou, QZSS), IS-GPS-200 names.
 EPHEMERIS_DTYPE = np.dtype(
@@ -104,11 +104,5 @@ class PreciseOrbits:
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
-        t_s = frozen("precise orbits t_s", self.t_s, (None,))
-        increasing("precise orbits t_s", t_s)
-        object.__setattr__(self, "t_s", t_s)
-        k, s = len(t_s), len(self.satellites)
-        p_e_m = frozen("precise orbits p_e_m", self.p_e_m, (k, s, 3), gaps=True)
-        object.__setattr__(self, "p_e_m", p_e_m)
-        clock_s = frozen("precise orbits clock_s", self.clock_s, (k, s), gaps=True)
-        object.__setattr__(self, "clock_s", clock_s)
+        k, s = freeze_times("precise orbits", self), len(self.satellites)
+        freeze("precise orbits", self, {"p_e_m": (k, s, 3), "clock_s": (k, s)}, gaps=True)

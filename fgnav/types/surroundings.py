@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, frozen, increasing, positive
+from fgnav.checks import BadInputError, FloatArray, freeze, freeze_times, positive
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -37,12 +37,8 @@ class Barometer:
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
-        t_s = frozen("barometer t_s", self.t_s, (None,))
-        increasing("barometer t_s", t_s)
-        object.__setattr__(self, "t_s", t_s)
-        for name, shape in {"height_m": (len(t_s),), "position_b_m": (3,)}.items():
-            value = frozen(f"barometer {name}", getattr(self, name), shape)
-            object.__setattr__(self, name, value)
+        k = freeze_times("barometer", self)
+        freeze("barometer", self, {"height_m": (k,), "position_b_m": (3,)})
         for name in ("noise_m", "offset_m", "wander_time_s"):
             positive(f"barometer {name}", getattr(self, name))
         if not 0 <= self.wander_m < np.inf:
@@ -77,12 +73,8 @@ class Magnetometer:
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
-        t_s = frozen("magnetometer t_s", self.t_s, (None,))
-        increasing("magnetometer t_s", t_s)
-        object.__setattr__(self, "t_s", t_s)
-        for name, shape in {"field_b_ut": (len(t_s), 3), "field_n_ut": (3,)}.items():
-            value = frozen(f"magnetometer {name}", getattr(self, name), shape)
-            object.__setattr__(self, name, value)
+        k = freeze_times("magnetometer", self)
+        freeze("magnetometer", self, {"field_b_ut": (k, 3), "field_n_ut": (3,)})
         if not self.field_n_ut.any():
             raise BadInputError("magnetometer field_n_ut: must not be zero, got [0, 0, 0]")
         positive("magnetometer noise_ut", self.noise_ut)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fgnav.checks import FloatArray, frozen, positive
+from fgnav.checks import FloatArray, freeze, positive
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -30,8 +30,7 @@ class WheeledVehicle:
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
-        value = frozen("vehicle position_b_m", self.position_b_m, (3,))
-        object.__setattr__(self, "position_b_m", value)
+        freeze("vehicle", self, {"position_b_m": (3,)})
         positive("vehicle position_sigma_m", self.position_sigma_m)
         positive("vehicle slip_mps", self.slip_mps)
         positive("vehicle axes_sigma", self.axes_sigma_rad)

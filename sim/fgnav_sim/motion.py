@@ -165,11 +165,6 @@ class State:
         """Return the angular rate against inertial space in body axes, (n, 3)."""
         return self.w_nb_b_radps + origin.earth_rate_n_radps @ self.R_nb
 
-    def inertial_acceleration_b_radps2(self, origin: Origin) -> FloatArray:
-        """Return the time derivative of ``inertial_rate_b_radps``, (n, 3)."""
-        earth_b_radps = origin.earth_rate_n_radps @ self.R_nb
-        return self.alpha_nb_b_radps2 - np.cross(self.w_nb_b_radps, earth_b_radps)
-
     def specific_force_b_mps2(
         self, origin: Origin, lever_b_m: FloatArray, model: GravityModel
     ) -> FloatArray:

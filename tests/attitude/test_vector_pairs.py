@@ -6,7 +6,6 @@ from fgnav.attitude.vector_pairs import (
     VectorPairs,
     paper_matrix,
     paper_rotation,
-    triad,
     wahba,
     wahba_sensitivity,
 )
@@ -55,7 +54,6 @@ def test_exact_vectors_give_the_exact_attitude_by_every_method(rng, count):
         wahba(exact, "davenport").R_nb,
         paper_matrix(exact),
         paper_rotation(exact),
-        triad(exact.v_n[:, 0], exact.v_n[:, 1], exact.v_b[:, 0], exact.v_b[:, 1]),
     ):
         np.testing.assert_allclose(answer, R_nb, rtol=0, atol=1e-12)
 
@@ -157,20 +155,12 @@ def test_gravity_alone_leaves_yaw_open_and_sets_it_to_zero(rng):
     np.testing.assert_allclose(rotations.to_euler(answer.R_nb), expected, atol=1e-9)
 
 
-def test_collinear_vectors_have_no_triad_and_no_paper_matrix(rng):
+def test_collinear_vectors_have_no_paper_matrix(rng):
     R_nb = random_rotations(rng, 3)
     line_b = np.array([[1.0, 0, 0], [-2.0, 0, 0]])
     line = pairs(rotated(R_nb, line_b), line_b)
-    assert np.isnan(triad(line.v_n[:, 0], line.v_n[:, 1], line.v_b[:, 0], line.v_b[:, 1])).all()
     assert np.isnan(paper_matrix(line)).all()
     assert (wahba(line).rank == 1).all()
-
-
-def test_triad_keeps_its_first_vector_exactly(rng):
-    v_n, v_b = rng.standard_normal((2, 20, 2, 3))
-    R_nb = triad(v_n[:, 0], v_n[:, 1], v_b[:, 0], v_b[:, 1])
-    carried = np.einsum("nij,nj->ni", R_nb, v_b[:, 0])
-    np.testing.assert_allclose(np.cross(carried, v_n[:, 0]), 0, atol=1e-12)
 
 
 def test_sensitivity_is_the_derivative_of_the_answer(rng):

@@ -8,7 +8,7 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.geometry.earth import Origin, ecef, geodetic
 from fgnav.io.antennas import merge
-from fgnav.io.rinex.reader import read_navigation, read_receivers
+from fgnav.io.rinex.reader import read_navigation, read_rinex
 from fgnav.io.sp3.reader import read_precise
 from fgnav.types.flight import Antenna, Flight
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
@@ -48,7 +48,7 @@ def wettzell(shared: Path) -> Flight:
         antennas=tuple(
             Antenna(name=name, position_b_m=arm) for name, arm in zip(names, arms, strict=True)
         ),
-        observations=merge(read_receivers(observation_files(shared), START_GPS_S), names),
+        observations=merge(read_rinex([], observation_files(shared), START_GPS_S)[1], names),
         broadcast=broadcast(shared),
     )
 

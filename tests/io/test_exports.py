@@ -1,5 +1,8 @@
 """Estimates as CSV."""
 
+import hashlib
+import json
+
 import numpy as np
 import pytest
 
@@ -7,9 +10,9 @@ from fgnav.checks import BadInputError
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import exp, from_euler, to_euler
 from fgnav.io.exports.estimate_csv import (
+    ESTIMATE,
     EULER_SIGMA,
-    read_summary,
-    write_estimate,
+    SUMMARY,
     write_outcome,
 )
 from fgnav.io.flight.columns import EULER, PLACE, VELOCITY
@@ -47,8 +50,8 @@ def columns(table, *names):
 
 def test_exported_estimate_leads_back_to_the_estimate(tmp_path):
     want = estimate(np.random.default_rng(1))
-    write_estimate(want, ORIGIN, tmp_path / "e.csv")
-    got = read(tmp_path / "e.csv")
+    write_outcome(tmp_path, want, ORIGIN, {})
+    got = read(tmp_path / ESTIMATE)
     p_n_m = place_to_n(ORIGIN, columns(got, "latitude_deg", "longitude_deg", "height_m"))
     np.testing.assert_allclose(p_n_m, want.p_n_m, rtol=0, atol=1e-6)
     v = velocity_to_n(ORIGIN, p_n_m, columns(got, "vn_mps", "ve_mps", "vd_mps"))
@@ -60,8 +63,8 @@ def test_exported_estimate_leads_back_to_the_estimate(tmp_path):
 
 def test_sigma_of_position_keeps_the_total_variance(tmp_path):
     want = estimate(np.random.default_rng(1))
-    write_estimate(want, ORIGIN, tmp_path / "e.csv")
-    got = read(tmp_path / "e.csv")
+    write_outcome(tmp_path, want, ORIGIN, {})
+    got = read(tmp_path / ESTIMATE)
     sigma_m = columns(got, "sigma_n_m", "sigma_e_m", "sigma_d_m")
     trace = np.trace(want.position_covariance_m2, axis1=1, axis2=2)
     np.testing.assert_allclose((sigma_m**2).sum(axis=1), trace, rtol=1e-9)
@@ -71,8 +74,8 @@ def test_sigma_of_position_keeps_the_total_variance(tmp_path):
 def test_sigma_of_euler_angles_agrees_with_a_sample(tmp_path):
     rng = np.random.default_rng(7)
     want = estimate(rng)
-    write_estimate(want, ORIGIN, tmp_path / "e.csv")
-    sigma_deg = columns(read(tmp_path / "e.csv"), *EULER_SIGMA)
+    write_outcome(tmp_path, want, ORIGIN, {})
+    sigma_deg = columns(read(tmp_path / ESTIMATE), *EULER_SIGMA)
     delta = rng.multivariate_normal(np.zeros(3), want.attitude_covariance_rad2[0], 20_000)
     to_n = ORIGIN.local_ned(want.p_n_m[:1])[0]
     euler = to_euler(to_n.T @ want.R_nb[0] @ exp(delta))
@@ -81,44 +84,40 @@ def test_sigma_of_euler_angles_agrees_with_a_sample(tmp_path):
 
 def test_columns_of_what_is_not_estimated_are_absent(tmp_path):
     want = estimate(np.random.default_rng(1), whole=False)
-    write_estimate(want, ORIGIN, tmp_path / "e.csv")
-    got = read(tmp_path / "e.csv")
+    write_outcome(tmp_path, want, ORIGIN, {})
+    got = read(tmp_path / ESTIMATE)
     assert list(got) == ["t_s", "roll_deg", "pitch_deg", "yaw_deg"]
     np.testing.assert_allclose(np.radians(columns(got, "yaw_deg")[:, 0]), to_euler(want.R_nb)[:, 2])
 
 
 def test_file_is_replaced_whole_and_nothing_else_is_left(tmp_path, monkeypatch):
-    path = tmp_path / "e.csv"
+    path = tmp_path / ESTIMATE
     path.write_text("old")
 
     def fail(*_: object) -> None:
         raise OSError("disk full")
 
     monkeypatch.setattr("fgnav.io.exports.estimate_csv.write_table", fail)
-    with pytest.raises(BadInputError, match=r"e\.csv: cannot be written: disk full"):
-        write_estimate(estimate(np.random.default_rng(1)), ORIGIN, path)
+    with pytest.raises(BadInputError, match=r"estimate\.csv: cannot be written: disk full"):
+        write_outcome(tmp_path, estimate(np.random.default_rng(1)), ORIGIN, {})
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_place_that_cannot_be_written_is_named(tmp_path):
-    with pytest.raises(BadInputError, match=r"e.csv: cannot be written: No such file"):
-        write_estimate(estimate(np.random.default_rng(1)), ORIGIN, tmp_path / "none" / "e.csv")
+    with pytest.raises(BadInputError, match=r"summary\.json: cannot be written: No such file"):
+        write_outcome(tmp_path / "none", estimate(np.random.default_rng(1)), ORIGIN, {})
 
 
 def test_a_summary_speaks_of_the_estimate_beside_it(tmp_path):
     made = estimate(np.random.default_rng(1))
     write_outcome(tmp_path, made, ORIGIN, {"flight": "f"})
-    summary = read_summary(tmp_path)
+    summary = json.loads((tmp_path / SUMMARY).read_text())
     assert summary["flight"] == "f"
     assert summary["estimate"]["rows"] == 4
+    written = (tmp_path / summary["estimate"]["file"]).read_bytes()
+    assert summary["estimate"]["sha256"] == hashlib.sha256(written).hexdigest()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["estimate.csv", "summary.json"]
-    (tmp_path / "estimate.csv").write_text("t_s\n1\n")
-    with pytest.raises(BadInputError, match=r"is not the estimate that summary\.json speaks of"):
-        read_summary(tmp_path)
-    (tmp_path / "summary.json").write_text("{}")
-    with pytest.raises(BadInputError, match="must be a summary of fgnav run"):
-        read_summary(tmp_path)
 
 
 def test_where_one_of_both_cannot_be_written_the_old_ones_stay(tmp_path):
@@ -126,5 +125,5 @@ def test_where_one_of_both_cannot_be_written_the_old_ones_stay(tmp_path):
     write_outcome(tmp_path, made, ORIGIN, {"flight": "old"})
     with pytest.raises(ValueError, match="JSON compliant"):
         write_outcome(tmp_path, made, ORIGIN, {"flight": np.nan})
-    assert read_summary(tmp_path)["flight"] == "old"
+    assert json.loads((tmp_path / SUMMARY).read_text())["flight"] == "old"
     assert len(list(tmp_path.iterdir())) == 2

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fgnav.frontend.causal.truncation import truncated
-from fgnav.io.exports.estimate_csv import write_estimate
+from fgnav.io.exports.estimate_csv import write_outcome
 from fgnav.methods.smoother import Forward, Smoother
 from fgnav_sim.gnss.tables import OutageTable
 from fgnav_sim.scenario import FixesTable, load_scenario
@@ -75,7 +75,7 @@ def cuts_s(flight):
 
 def table(estimate, flight, path, until_s=np.inf):
     """Return what a user reads: names and numbers of estimate.csv."""
-    write_estimate(estimate, flight.origin, path)
+    write_outcome(path.parent, estimate, flight.origin, {})
     names, *lines = path.read_text().splitlines()
     values = np.array([line.split(",") for line in lines], dtype=float)
     return names.split(","), values[values[:, 0] <= until_s]

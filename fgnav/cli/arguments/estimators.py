@@ -4,10 +4,11 @@ import gc
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fgnav.cli.arguments.options import SmootherOptions
 from fgnav.terminal import Steps, progress
 
 if TYPE_CHECKING:
@@ -30,21 +31,8 @@ def _loading() -> Iterator[None]:
         gc.enable()
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """What the command line says of smoothers, as text."""
-
-    gravity: str | None
-    estimate: str
-    lag_s: float | None
-    solver: str | None
-    factors: str
-    causal: bool
-    noise: str | None
-
-
 @_loading()
-def estimators_named(methods: str, integers: str, asked: Asked) -> "list[Estimator]":
+def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> "list[Estimator]":
     """Return the methods of a comma-separated list, all with one resolver and the same options."""
     from fgnav.checks import BadInputError  # noqa: PLC0415
     from fgnav.gravity import gravity_named  # noqa: PLC0415
@@ -53,13 +41,13 @@ def estimators_named(methods: str, integers: str, asked: Asked) -> "list[Estimat
 
     resolver, names = resolver_named(integers), list(_words(methods))
     options = Options(
-        gravity=None if asked.gravity is None else gravity_named(asked.gravity),
-        estimate=_words(asked.estimate),
-        factors=_words(asked.factors),
-        solver=asked.solver,
-        causal=asked.causal,
-        noise=asked.noise,
-        lag_s=asked.lag_s,
+        gravity=None if smoother.gravity is None else gravity_named(smoother.gravity),
+        estimate=_words(smoother.estimate),
+        factors=_words(smoother.factors),
+        solver=smoother.solver,
+        causal=smoother.causal,
+        noise=smoother.noise,
+        lag_s=smoother.lag,
     )
     if not names:
         raise BadInputError(f"--method: names no method, got {methods!r}")
@@ -78,7 +66,9 @@ def estimators_named(methods: str, integers: str, asked: Asked) -> "list[Estimat
     return [method_named(name, resolver, options=options) for name in names]
 
 
-def ablated(methods: str, integers: str, asked: Asked, kinds: str) -> "list[Estimator]":
+def ablated(
+    methods: str, integers: str, smoother: SmootherOptions, kinds: str
+) -> "list[Estimator]":
     """Return the same methods once more for each word of a list, without what it names.
 
     Without gravity are those alone that take it: the others never had it.
@@ -93,9 +83,9 @@ def ablated(methods: str, integers: str, asked: Asked, kinds: str) -> "list[Esti
         measured = tuple(kind for kind in left_out if kind != "gravity")
         check_kinds(measured)
         taken = measured != left_out
-        if taken and asked.gravity is None:
+        if taken and smoother.gravity is None:
             raise BadInputError("--without gravity: there is none without --gravity; name one")
-        own = replace(asked, gravity=None) if taken else asked
+        own = replace(smoother, gravity=None) if taken else smoother
         names = [name for name in _words(methods) if not taken or name in SMOOTHERS]
         out += [
             Restricted(name=f"{one.name} without {word}", estimator=one, without=measured)

@@ -1,5 +1,6 @@
 """Options that several commands share, with their help."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -12,45 +13,11 @@ IntegersName = Annotated[
         "constrained-arcs, truth, or an installed resolver such as network."
     ),
 ]
-GravityName = Annotated[
-    str | None,
-    Parameter(help="Who tells the smoother where down is: low-dynamics, or an installed one."),
-]
-EstimateWords = Annotated[
-    str,
-    Parameter(
-        help="What the smoother estimates with the flight: landmark, boresight, gravity, "
-        "lever-arm, antennas or antenna:NAME, clock (of the inertial unit), velocity-delay (of "
-        "fixes), separated by commas; landmark=30 states a 1-sigma, m, deg or s."
-    ),
-]
 TimesFile = Annotated[
     Path | None, Parameter(help="Estimate at the times of this CSV, column t_s, of the flight.")
 ]
 RateHz = Annotated[
     float | None, Parameter(help="Estimate this many times a second, between epochs, too.")
-]
-LagSeconds = Annotated[
-    float | None,
-    Parameter(
-        help="How long the smoother's window waits for what comes after a keyframe, s; its own "
-        "default is 5."
-    ),
-]
-SolverName = Annotated[
-    str | None,
-    Parameter(help="Who solves the smoother's graph: gtsam (its default) or chain, compiled."),
-]
-FactorNames = Annotated[
-    str,
-    Parameter(
-        help="Factors of your own for the smoother, by commas: installed sources by name, networks "
-        "by their manifests, .toml or .json."
-    ),
-]
-CausalFlag = Annotated[
-    bool,
-    Parameter(help="Let the smoother know nothing beyond its lag, settings included.", negative=""),
 ]
 FromSeconds = Annotated[
     float | None,
@@ -74,10 +41,56 @@ ReportFile = Annotated[
         "in time with their 3-sigma bands."
     ),
 ]
-NoiseName = Annotated[
-    str | None,
-    Parameter(
-        help="Noise of the smoother: identified from the flight where it is not stated, or "
-        "contradicted (its default), or stated."
-    ),
-]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SmootherOptions:
+    """What the command line says of smoothers, as text: each field is an option of its name."""
+
+    gravity: Annotated[
+        str | None,
+        Parameter(help="Who tells the smoother where down is: low-dynamics, or an installed one."),
+    ] = None
+    estimate: Annotated[
+        str,
+        Parameter(
+            help="What the smoother estimates with the flight: landmark, boresight, gravity, "
+            "lever-arm, antennas or antenna:NAME, clock (of the inertial unit), velocity-delay (of "
+            "fixes), separated by commas; landmark=30 states a 1-sigma, m, deg or s."
+        ),
+    ] = ""
+    lag: Annotated[
+        float | None,
+        Parameter(
+            help="How long the smoother's window waits for what comes after a keyframe, s; its own "
+            "default is 5."
+        ),
+    ] = None
+    solver: Annotated[
+        str | None,
+        Parameter(help="Who solves the smoother's graph: gtsam (its default) or chain, compiled."),
+    ] = None
+    factors: Annotated[
+        str,
+        Parameter(
+            help="Factors of your own for the smoother, by commas: installed sources by name, "
+            "networks by their manifests, .toml or .json."
+        ),
+    ] = ""
+    causal: Annotated[
+        bool,
+        Parameter(
+            help="Let the smoother know nothing beyond its lag, settings included.", negative=""
+        ),
+    ] = False
+    noise: Annotated[
+        str | None,
+        Parameter(
+            help="Noise of the smoother: identified from the flight where it is not stated, or "
+            "contradicted (its default), or stated."
+        ),
+    ] = None
+
+
+SMOOTHER_DEFAULTS = SmootherOptions()

@@ -57,7 +57,7 @@ def save_figure(comparison: Comparison, path: Path) -> None:
         As ``check_figure``, or if no method has an estimate.
     """
     check_figure(path)
-    solved = [method for method in comparison.methods if method.estimate is not None]
+    solved = comparison.solved
     if not solved:
         raise BadInputError(f"{path}: no method has an estimate to draw")
     from matplotlib import rc_context  # noqa: PLC0415  # lazy: a third of a second

@@ -88,7 +88,7 @@ def remarks(comparison: Comparison) -> list[str]:
     )
     lines += _said_by((m.name, m.score.notes) for m in comparison.methods)
     lines += _said_by((m.name, rejection_lines(m.rejections)) for m in comparison.methods)
-    per_method = {m.name: m.score.losses for m in comparison.methods if m.estimate is not None}
+    per_method = {m.name: m.score.losses for m in comparison.solved}
     return lines + loss_lines(per_method)
 
 

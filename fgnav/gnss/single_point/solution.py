@@ -6,7 +6,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError, frozen
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError, freeze
 from fgnav.geometry.earth import C_MPS
 from fgnav.gnss.least_squares import fit, fit_consistent
 from fgnav.gnss.orbits.satellites import signal_paths
@@ -94,14 +94,10 @@ class CodeSolution:
         }
         gaps = ("v_n_mps", "velocity_covariance_m2ps2", "clock_s", "clock_drift_sps")
         for name, shape in shapes.items():
-            value = getattr(self, name)
-            if value is not None:
-                value = frozen(f"code solution {name}", value, shape, gaps=name in gaps)
-                object.__setattr__(self, name, value)
-        epoch = frozen("code solution epoch", self.epoch, (k,), dtype=np.int64)
-        object.__setattr__(self, "epoch", epoch)
-        used = frozen("code solution used", self.used, (k, m), dtype=np.bool_)
-        object.__setattr__(self, "used", used)
+            if getattr(self, name) is not None:
+                freeze("code solution", self, {name: shape}, gaps=name in gaps)
+        freeze("code solution", self, {"epoch": (k,)}, dtype=np.int64)
+        freeze("code solution", self, {"used": (k, m)}, dtype=np.bool_)
 
 
 _Key = tuple[int, bool | None, bool]

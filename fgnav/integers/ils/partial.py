@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, frozen
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, freeze
 from fgnav.integers.ils.decorrelation import decorrelate
 from fgnav.integers.ils.search import (
     NOT_POSITIVE,
@@ -50,15 +50,9 @@ class PartialFix:
         """Check and freeze every field."""
         p, n = self.combinations.shape
         whole = {"combinations": (p, n), "integers": (p,)}
-        for name, shape in whole.items():
-            value = frozen(f"partial fix {name}", getattr(self, name), shape, dtype=np.int64)
-            object.__setattr__(self, name, value)
-        covariance = frozen("partial fix covariance_cycles2", self.covariance_cycles2, (n, n))
-        object.__setattr__(self, "covariance_cycles2", covariance)
-        object.__setattr__(self, "cycles", frozen("partial fix cycles", self.cycles, (n,)))
-        object.__setattr__(
-            self, "fixed", frozen("partial fix fixed", self.fixed, (n,), dtype=np.bool_)
-        )
+        freeze("partial fix", self, whole, dtype=np.int64)
+        freeze("partial fix", self, {"covariance_cycles2": (n, n), "cycles": (n,)})
+        freeze("partial fix", self, {"fixed": (n,)}, dtype=np.bool_)
 
 
 def partial_integer_least_squares(

@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray
+from fgnav.checks import FloatArray
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import euler_jacobian
 from fgnav.io.atomic_write import atomic_file
 from fgnav.io.flight.columns import EULER, FORMATS, PLACE, POSITION_SIGMA, VELOCITY, VELOCITY_SIGMA
 from fgnav.io.flight.local_frame import attitude_of_n, place_of_n, velocity_of_n
 from fgnav.io.tables import write_table
-from fgnav.io.user_files import read_bytes
 from fgnav.types.estimate import Estimate
 
 EULER_SIGMA = ("sigma_roll_deg", "sigma_pitch_deg", "sigma_yaw_deg")
@@ -29,6 +28,11 @@ def write_outcome(
 
     Both are on the disk before either takes its name, the summary last: a folder with a summary
     holds the estimate that it speaks of.
+
+    Columns are t_s; latitude_deg, longitude_deg, height_m; vn_mps, ve_mps, vd_mps; roll_deg,
+    pitch_deg, yaw_deg; and the standard deviations of what has a covariance. Velocity and attitude
+    refer to the NED axes at the vehicle; without a position, to those at the origin. Columns of
+    what the method does not estimate are absent.
 
     Raises
     ------
@@ -46,51 +50,6 @@ def write_outcome(
         content = json.dumps({**figures, "estimate": told}, indent=2, allow_nan=False)
         summary.write_text(content + "\n", encoding="utf-8")
         place.unlink(missing_ok=True)
-
-
-def read_summary(folder: Path) -> dict[str, Any]:
-    """Return what ``summary.json`` holds, after comparing the estimate beside it with its sha256.
-
-    Raises
-    ------
-    BadInputError
-        If one of the two is missing or is not what was written.
-    """
-    path = folder / SUMMARY
-    try:
-        summary: dict[str, Any] = json.loads(read_bytes(path))
-        told = summary["estimate"]["sha256"]
-    except (ValueError, KeyError, TypeError) as error:
-        raise BadInputError(f"{path}: must be a summary of fgnav run; run it again") from error
-    if hashlib.sha256(read_bytes(folder / ESTIMATE)).hexdigest() != told:
-        raise BadInputError(
-            f"{folder / ESTIMATE}: is not the estimate that {SUMMARY} speaks of; run again"
-        )
-    return summary
-
-
-def write_estimate(estimate: Estimate, origin: Origin, path: Path) -> None:
-    """Write an estimate as CSV; the file appears whole or not at all.
-
-    Columns are t_s; latitude_deg, longitude_deg, height_m; vn_mps, ve_mps, vd_mps; roll_deg,
-    pitch_deg, yaw_deg; and the standard deviations of what has a covariance. Velocity and attitude
-    refer to the NED axes at the vehicle; without a position, to those at the origin. Columns of
-    what the method does not estimate are absent.
-
-    Parameters
-    ----------
-    estimate : Estimate
-    origin : Origin
-        Where the frame ``n`` is fixed.
-    path : Path
-
-    Raises
-    ------
-    BadInputError
-        If the file cannot be written.
-    """
-    with atomic_file(path) as part:
-        write_table(part, _table(estimate, origin), FORMATS)
 
 
 def _table(estimate: Estimate, origin: Origin) -> dict[str, FloatArray]:

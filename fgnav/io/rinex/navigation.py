@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, IntArray, Loss, quoted
 from fgnav.io.rinex.header import Header
-from fgnav.io.rinex.scan import CONSTELLATIONS, KNOWN_SATELLITES, line_text
+from fgnav.io.rinex.scan import CONSTELLATIONS, KNOWN_SATELLITES, line_fault
 from fgnav.io.rinex.text import Bytes
 
 _DECODED = ("LNAV", "INAV", "FNAV", "D1", "D2")  # RINEX 4 messages laid out as in RINEX 3
@@ -160,5 +160,4 @@ def _problem(header: Header, text: Bytes, problem: IntArray) -> str:
     """Return the sentence that tells what is wrong in which line."""
     code, line, column = (int(k) for k in problem)
     rule = _PROBLEMS[code].format(column=column)
-    shown = line_text(text, line)
-    return f"{header.path}: line {line}: {rule}, got {quoted(shown)}; fetch the file again"
+    return line_fault(header, text, line, rule, "fetch the file again")

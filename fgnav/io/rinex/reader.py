@@ -20,34 +20,6 @@ from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
 
 
-def read_observations(path: Path, start_gps_s: float) -> Observations:
-    """Read one receiver's RINEX observation file.
-
-    Parameters
-    ----------
-    path : Path
-        RINEX 2, 3 or 4, plain, .gz or Hatanaka.
-    start_gps_s : float
-        GPS time of ``t_s = 0``.
-
-    Returns
-    -------
-    Observations
-        Of one antenna.
-
-    Raises
-    ------
-    BadInputError
-        Naming file, line, rule and value.
-    """
-    return read_receivers([path], start_gps_s)[0]
-
-
-def read_receivers(paths: Sequence[Path], start_gps_s: float) -> list[Observations]:
-    """Read several receivers' files at once, as ``read_rinex`` does."""
-    return read_rinex([], paths, start_gps_s)[1]
-
-
 def read_navigation(paths: Sequence[Path], start_gps_s: float) -> BroadcastOrbits:
     """Read broadcast messages, as ``read_rinex`` does, of one file or more."""
     broadcast, _ = read_rinex(paths, [], start_gps_s)
@@ -68,7 +40,7 @@ def read_rinex(
     messages : sequence of Path
         RINEX 2, 3 or 4 navigation files, plain or .gz.
     receivers : sequence of Path
-        Observation files, as ``read_observations`` takes them.
+        RINEX 2, 3 or 4 observation files, plain, .gz or Hatanaka.
     start_gps_s : float
         GPS time of ``t_s = 0``.
 

@@ -138,6 +138,11 @@ def _problem(header: Header, text: Bytes, problem: IntArray) -> str:
     code, line, column, number = (int(k) for k in problem)
     rule = PROBLEMS[code].format(number=number, column=column)
     mend = _MENDS.get(code, "repair or remove the line")
+    return line_fault(header, text, line, rule, mend)
+
+
+def line_fault(header: Header, text: Bytes, line: int, rule: str, mend: str) -> str:
+    """Return the sentence that names file and line, the rule, what stands there and the mend."""
     return f"{header.path}: line {line}: {rule}, got {quoted(line_text(text, line))}; {mend}"
 
 

@@ -58,31 +58,6 @@ def true_cycles(epochs: ArrayEpochs, differences: DoubleDifferences) -> IntArray
     return np.where(np.isfinite(differences.phase_m), cycles, 0.0).astype(np.int64)
 
 
-def wrapped(differences: DoubleDifferences, cycles: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return phase wrapped to half a cycle and the integers that turn it into ranges.
-
-    ``range = wavelength_m (phase + N) + noise``: N is the number of whole wavelengths in the range
-    itself, bounded by the baseline's length, where a receiver's own integers are arbitrary. Mind
-    the sign: the integers of ``DoubleDifferences`` are subtracted from phase.
-
-    Parameters
-    ----------
-    differences : DoubleDifferences
-    cycles : ndarray of int, shape (n, b, m)
-        Its integers.
-
-    Returns
-    -------
-    phase_cycles : ndarray, shape (n, b, m)
-        Within -0.5 and 0.5; NaN where there is none.
-    N : ndarray of int64, shape (n, b, m)
-    """
-    phase_cycles = differences.phase_m / differences.wavelength_m
-    whole = np.rint(phase_cycles)
-    N = np.where(np.isfinite(whole), whole - cycles, 0.0).astype(np.int64)
-    return phase_cycles - whole, N
-
-
 def _references(epochs: ArrayEpochs) -> IntArray:
     """Return the highest satellite of each group, (n, g); -1 where a group has fewer than two."""
     height = np.where(np.isnan(epochs.elevation_rad), -np.inf, epochs.elevation_rad)

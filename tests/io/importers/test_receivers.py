@@ -11,7 +11,7 @@ from fgnav.io.flight.folder import load_flight
 from fgnav.io.importers import importer_named
 from fgnav.io.importers.assemble import assemble
 from fgnav.io.importers.settings import Settings, read_settings
-from fgnav.io.rinex.reader import read_observations
+from fgnav.io.rinex.reader import read_rinex
 from tests.io.importers.helpers import refused
 from tests.io.rinex_texts import message, navigation_head, observation_3
 
@@ -106,7 +106,7 @@ def decoded(tmp_path, name, content, settings=None):
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     found = importer_named(name)(file, settings or Settings(), scratch)
-    return found, read_observations(found.observations[0], START_GPS_S)
+    return found, read_rinex([], [found.observations[0]], START_GPS_S)[1][0]
 
 
 @pytest.mark.parametrize(("name", "made"), [("ubx", ubx), ("novatel", novatel)])

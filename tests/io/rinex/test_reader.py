@@ -8,7 +8,7 @@ from hatanaka import crx2rnx, rnx2crx
 
 from fgnav.checks import BadInputError
 from fgnav.io.decoder import Decoded
-from fgnav.io.rinex.reader import read_navigation, read_observations, read_receivers, read_rinex
+from fgnav.io.rinex.reader import read_navigation, read_rinex
 from fgnav.io.signal_choice import ATTRIBUTES
 from fgnav.types.observations import HALF_CYCLE, LOST_LOCK
 from tests.io.rinex_texts import (
@@ -30,7 +30,7 @@ FIELDS = ("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
 def read(tmp_path, text, start_gps_s=START_GPS_S, name="a.rnx"):
     path = tmp_path / name
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return read_observations(path, start_gps_s)
+    return read_rinex([], [path], start_gps_s)[1][0]
 
 
 def assert_as_it_stands(observations, text, constellations="GECJ"):
@@ -158,7 +158,7 @@ def test_receivers_that_track_a_signal_differently_agree_where_they_can(tmp_path
         other = other.replace(old, new)
     (tmp_path / "a.rnx").write_text(observation_3())
     (tmp_path / "b.rnx").write_text(other)
-    first, second = read_receivers([tmp_path / "a.rnx", tmp_path / "b.rnx"], START_GPS_S)
+    first, second = read_rinex([], [tmp_path / "a.rnx", tmp_path / "b.rnx"], START_GPS_S)[1]
     kept = [s for name, s in zip(second.satellites, second.signals, strict=True) if name == "E07"]
     assert kept == ["1X"]  # not 1C, which is first by rank; 5Q has no values in this file
     assert "1X" in first.signals
@@ -167,7 +167,7 @@ def test_receivers_that_track_a_signal_differently_agree_where_they_can(tmp_path
 
 
 def test_no_receiver_gives_nothing():
-    assert read_receivers([], START_GPS_S) == []
+    assert read_rinex([], [], START_GPS_S)[1] == []
 
 
 def test_messages_and_receivers_read_together_are_those_read_apart(tmp_path):
@@ -182,7 +182,7 @@ def test_messages_and_receivers_read_together_are_those_read_apart(tmp_path):
     broadcast, observations = read_rinex(messages, receivers, START_GPS_S)
     apart = read_navigation(messages, START_GPS_S)
     np.testing.assert_array_equal(broadcast.records, apart.records)
-    for got, want in zip(observations, read_receivers(receivers, START_GPS_S), strict=True):
+    for got, want in zip(observations, read_rinex([], receivers, START_GPS_S)[1], strict=True):
         np.testing.assert_array_equal(got.phase_cycles, want.phase_cycles)
 
 
@@ -206,7 +206,7 @@ def test_every_signal_that_can_be_chosen_is_decoded(tmp_path):
             text += f"> 2020 06 25 00 00 {k:2d}.0000000  0  1\n{letter}02{fields}".rstrip() + "\n"
         paths.append(tmp_path / f"{letter}{signal}.rnx")
         paths[-1].write_text(text)
-    for (letter, signal), got in zip(signals, read_receivers(paths, START_GPS_S), strict=True):
+    for (letter, signal), got in zip(signals, read_rinex([], paths, START_GPS_S)[1], strict=True):
         assert (got.satellites, got.signals) == ((f"{letter}02",), (signal,))
         assert got.phase_cycles.tolist() == [[[2e7 + 2]], [[2e7 + 102]]]
 
@@ -264,13 +264,13 @@ def test_whatever_rtklib_decodes_differently_is_an_error(tmp_path, monkeypatch, 
 
 def test_missing_file_is_named(tmp_path):
     with pytest.raises(BadInputError, match=r"none.rnx: no such file"):
-        read_observations(tmp_path / "none.rnx", START_GPS_S)
+        read_rinex([], [tmp_path / "none.rnx"], START_GPS_S)
 
 
 def test_real_1_hz_file_is_read_as_it_stands(shared):
     path = shared / "rinex" / "GRAS00FRA_R_20223151700_15M_01S_MO.crx.gz"
     text = crx2rnx(gzip.decompress(path.read_bytes())).decode()
-    got = read_observations(path, 1_352_221_200.0)  # 2022-11-11 17:00
+    got = read_rinex([], [path], 1_352_221_200.0)[1][0]  # 2022-11-11 17:00
     assert got.t_s.tolist() == list(range(900))
     assert_as_it_stands(got, text)
     names = {s[0] + signal for s, signal in zip(got.satellites, got.signals, strict=True)}
@@ -283,6 +283,6 @@ def test_real_1_hz_file_is_read_as_it_stands(shared):
 @pytest.mark.parametrize("name", ["WTZR", "WTZZ"])
 def test_real_30_s_files_are_read_as_they_stand(shared, name):
     path = next((shared / "wettzell").glob(f"{name}*.rnx"))
-    got = read_observations(path, START_GPS_S)
+    got = read_rinex([], [path], START_GPS_S)[1][0]
     assert got.t_s.tolist() == [30.0 * k for k in range(120)]
     assert_as_it_stands(got, path.read_text())

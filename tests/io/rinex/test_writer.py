@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.io.rinex.reader import read_navigation, read_observations
+from fgnav.io.rinex.reader import read_navigation, read_rinex
 from fgnav.io.rinex.writer import write_navigation, write_observations
 from tests.io.flights import START_GPS_S, broadcast, observations
 from tests.io.rinex_texts import values_3
@@ -73,7 +73,7 @@ def test_gaps_are_blank_and_trailing_ones_are_left_out(tmp_path):
 def test_value_that_rounds_to_zero_is_not_lost(tmp_path):
     path = write(tmp_path, single(2e7, 1e-5, -1e-4, 0.0))
     assert body(path)[1] == "G05  20000000.000           0.001          -0.001           0.001"
-    got = read_observations(path, START_GPS_S)
+    got = read_rinex([], [path], START_GPS_S)[1][0]
     assert got.doppler_hz[0, 0, 0] == -0.001
 
 
@@ -87,12 +87,12 @@ def test_both_versions_hold_every_value(tmp_path, version):
             row = held.get((n, *channel), (np.nan,) * 4)
             want = [obs.code_m[n, 1, m], obs.phase_cycles[n, 1, m], obs.doppler_hz[n, 1, m]]
             np.testing.assert_array_equal(row[:3], want)
-    assert read_observations(path, START_GPS_S).code_m.shape == (5, 1, 6)
+    assert read_rinex([], [path], START_GPS_S)[1][0].code_m.shape == (5, 1, 6)
 
 
 def test_long_file_is_written_in_parts(tmp_path):
     obs = observations(np.random.default_rng(4), antennas=1, epochs=4500)
-    got = read_observations(write(tmp_path, obs), START_GPS_S)
+    got = read_rinex([], [write(tmp_path, obs)], START_GPS_S)[1][0]
     np.testing.assert_array_equal(got.phase_cycles, obs.phase_cycles)
 
 
@@ -100,7 +100,9 @@ def test_truncated_file_of_ours_is_noticed_at_any_epoch(tmp_path):
     path = write(tmp_path, observations(np.random.default_rng(4), antennas=1, epochs=9))
     text = path.read_text()
     path.write_text(text[: text.rindex(">")])
-    losses = [loss for loss in read_observations(path, START_GPS_S).losses if "epoch" in loss.what]
+    losses = [
+        loss for loss in read_rinex([], [path], START_GPS_S)[1][0].losses if "epoch" in loss.what
+    ]
     assert [loss.count for loss in losses] == [1]
 
 

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from fgnav.checks import BadInputError
 from fgnav.integers.resolvers.truth import true_integers
-from fgnav_sim.data_sets.differences import double_differences_of, true_cycles, wrapped
+from fgnav_sim.data_sets.differences import double_differences_of, true_cycles
 from fgnav_sim.data_sets.epochs import array_epochs
 from fgnav_sim.data_sets.world import (
     AnySites,
@@ -78,21 +78,6 @@ def test_the_reference_is_the_highest_satellite_and_a_group_of_one_has_none():
         assert few.any()
         expected = np.where(few, -1, own[height.argmax(axis=1)])
         assert_array_equal(differences.reference[:, g], expected)
-
-
-def test_wrapped_phase_and_its_integers_give_the_range():
-    calm = msgspec.structs.replace(WORLD, noise=NoiseTable(code_m=1e-9, phase_m=1e-9))
-    epochs, differences = drawn(calm)
-    phase_cycles, N = wrapped(differences, true_cycles(epochs, differences))
-    assert np.nanmax(np.abs(phase_cycles)) <= 0.5
-    there = np.isfinite(differences.phase_m)
-    range_m = differences.array_m(epochs.R_nb)
-    found_m = differences.wavelength_m * (phase_cycles + N)
-    assert_allclose(found_m[there], range_m[there], rtol=0, atol=1e-7)
-    assert_array_equal(N[there], np.rint(range_m / differences.wavelength_m)[there])
-    lengths_m = np.linalg.norm(differences.baselines_b_m, axis=1)
-    bound = np.ceil(2 * lengths_m / differences.wavelength_m[0])
-    assert (np.abs(N).max(axis=(0, 2)) <= bound).all()
 
 
 def test_times_increase_and_arcs_end_with_runs():

@@ -75,7 +75,7 @@ def save_page(
         As ``check_page``, or if no method has an estimate.
     """
     check_page(path)
-    solved = [method for method in comparison.methods if method.estimate is not None]
+    solved = comparison.solved
     if not solved:
         raise BadInputError(f"{path}: no method has an estimate to report")
     names = [method.name for method in comparison.methods]

@@ -50,7 +50,7 @@ def posterior_bound(
     .. [1] Tichavsky, Muravchik, Nehorai: Posterior Cramer-Rao bounds for discrete-time nonlinear
        filtering, IEEE Trans. Signal Processing 46, 1998, eqs. 3 and 21.
     """
-    from fgnav.solve.chain.batch import covariance_at  # noqa: PLC0415  # lazy: its kernels
+    from fgnav.solve.chain.batch import covariance_at  # lazy: its kernels
 
     problem = prepared.problem
     if prior is not None:
