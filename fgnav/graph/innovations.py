@@ -87,7 +87,11 @@ def normalised_innovations(measurement: Measurement, solution: Solution) -> Inno
 
 
 def own_consistency(
-    factors: Sequence[OwnFactor], problem: SmoothingProblem, solution: Solution, first: int = 0
+    factors: Sequence[OwnFactor],
+    layout: Layout,
+    t_s: FloatArray,
+    solution: Solution,
+    first: int = 0,
 ) -> tuple[Consistency, ...]:
     """Return the normalised innovation squared of factors of one's own, by name.
 
@@ -98,25 +102,21 @@ def own_consistency(
     Parameters
     ----------
     factors : sequence of OwnFactor
-    problem : SmoothingProblem
+    layout : Layout
+    t_s : ndarray, shape (n,)
+        Of the solution's keyframes.
     solution : Solution
     first : int
         Number of the solution's first keyframe, as in the factors' keys.
     """
-    layout = Layout.of(problem)
-    return _by_name(
-        (one.name, *_of_own(one.factor, layout, (problem, solution), first)) for one in factors
-    )
+    parts = ((one.name, *_of_own(one.factor, layout, solution, first)) for one in factors)
+    return _by_name((name, part, t_s[row : row + 1]) for name, part, row in parts)
 
 
 def _of_own(
-    factor: gtsam.NonlinearFactor,
-    layout: Layout,
-    solved: tuple[SmoothingProblem, Solution],
-    first: int,
-) -> tuple[Innovations, FloatArray]:
-    """Return the innovation of one factor, linearised at the solution, and its last time, (1,)."""
-    problem, solution = solved
+    factor: gtsam.NonlinearFactor, layout: Layout, solution: Solution, first: int
+) -> tuple[Innovations, int]:
+    """Return the innovation of one factor, linearised at the solution, and its last row there."""
     constants, involved = layout.constant_keys, list(factor.keys())
     rows = sorted({keys.index(key) - first for key in involved if key not in constants})
     values = gtsam.Values()
@@ -127,14 +127,14 @@ def _of_own(
         insert_keyframe(values, layout, row + first, solution.states, row)
     J, minus_r = factor.linearize(values).jacobian()
     freedom = np.array([int(J.any(axis=1).sum())])
-    t_s = problem.t_s[rows[-1:]] if rows else problem.t_s[-1:]
+    last = rows[-1] if rows else len(solution.covariance) - 1
     P = _covariance(solution, rows)
     if P is None:
-        return Innovations(np.array([minus_r @ minus_r]), freedom, np.array([True])), t_s
+        return Innovations(np.array([minus_r @ minus_r]), freedom, np.array([True])), last
     columns = _columns(layout, rows, first)
     seen = np.concatenate([columns[key] for key in involved])
     squared, tested = _squared(-minus_r[None], J[None], P[np.ix_(seen, seen)][None])
-    return Innovations(squared, freedom, tested), t_s
+    return Innovations(squared, freedom, tested), last
 
 
 def _columns(layout: Layout, rows: list[int], first_keyframe: int) -> dict[int, IntArray]:

@@ -16,7 +16,7 @@ from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.graph.correlation import correlated
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
 from fgnav.graph.types.constants import Constants, FlightConstant
-from fgnav.graph.types.motion import NoiseParts
+from fgnav.graph.types.motion import INERTIAL_NOISES, NoiseParts
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.identification.begin import ABOVE, WHITE, begins, widened
@@ -39,6 +39,12 @@ _SIGMAS = 4.0  # of a normal variable, two-sided: 6e-5
 _QUICK, _ITERATIONS = 6, 10  # Gauss-Newton steps
 _ALIKE = 0.5  # correlation of neighbours whose errors are more of what stays than of noise
 _NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
+
+
+# Vibration made 17 and 43 times the figures of a data sheet of a car's unit (docs/model.md).
+NO_NOISE = 50.0
+# Times as loud as stated an instrument begins that is in doubt: it tells next to nothing then.
+_IN_DOUBT = 100.0
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -88,6 +94,12 @@ class Identified:
     times: Times
 
     @property
+    def is_no_noise(self) -> bool:
+        """Whether the inertial unit's would be louder than any noise."""
+        unit = np.isin(self.names, INERTIAL_NOISES) & self.used & self.stated
+        return bool((self.factor[unit] > NO_NOISE).any())
+
+    @property
     def factors(self) -> dict[str, float]:
         """Factors of components that are replaced."""
         return {
@@ -133,7 +145,7 @@ def identify(
         quick = _as_stated(small_flight)
         if quick is not None:
             return quick
-    return _searched(small_flight, stated, known or {})
+    return _unless_an_instrument(small_flight, stated, _searched(small_flight, stated, known or {}))
 
 
 class _Flight(NamedTuple):
@@ -199,6 +211,27 @@ def _as_stated(flight: _Flight) -> Identified | None:
         stated=~nothing,
         times=times,
     )
+
+
+def _unless_an_instrument(
+    flight: _Flight, stated: dict[str, bool], found: Identified
+) -> Identified:
+    """Return what is found, or where it makes the inertial unit's noise none, with a louder other.
+
+    One instrument that contradicts the rest draws the search to a minimum where all rest is loud:
+    from where it is loud itself, another is found.
+    """
+    if not found.is_no_noise:
+        return found
+    for one in flight.problem.measurements:
+        if one.name in INSTRUMENTS:
+            try:
+                other = _searched(flight, stated, {one.name: _IN_DOUBT})
+            except NoSolutionError:
+                continue
+            if not other.is_no_noise:
+                return other
+    return found
 
 
 def _searched(flight: _Flight, stated: dict[str, bool], known: dict[str, float]) -> Identified:

@@ -4,7 +4,7 @@ import numpy as np
 
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.graph.types.motion import INERTIAL_NOISES
-from fgnav.identification.identify import Identified, Times
+from fgnav.identification.identify import NO_NOISE, Identified, Times
 from fgnav.identification.thinned import FIELDS
 from fgnav.types.flight import Flight
 
@@ -26,8 +26,6 @@ _UNIT = {
     "gyroscope bias": "rad/s/sqrt(s)",
 }
 _USUAL = "the usual figure"
-# Vibration made 17 and 43 times the figures of a data sheet of a car's unit (docs/model.md).
-_NO_NOISE = 50.0
 
 
 def noise_notes(flight: Flight, found: Identified) -> tuple[str, ...]:
@@ -39,7 +37,7 @@ def noise_notes(flight: Flight, found: Identified) -> tuple[str, ...]:
         if found.stated[i]:
             stated = _USUAL if name == "line of sight" else "what flight.toml states"
             times = f"{factor:.2g} x {stated}"
-            cause = _cause(found) if factor > _NO_NOISE and name in INERTIAL_NOISES else ""
+            cause = _cause(found) if factor > NO_NOISE and name in INERTIAL_NOISES else ""
             notes.append(f"{_WHAT[name]} is {times}{value and f', {value}'}: used instead{cause}.")
         else:
             usual = value or f"{factor:.2g} x {_USUAL}"

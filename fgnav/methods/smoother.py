@@ -223,7 +223,9 @@ class Smoother:
     def estimate_prepared(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
         """Estimate a flight whose problem is built."""
         if not prepared.stretches:
-            again = self._once if self.noise == "identified" and not self.causal else None
+            # Factors of one's own cannot be left out of a flight: what they contradict is said.
+            is_tried = self.noise == "identified" and not self.causal and not self.factors
+            again = self._once if is_tried else None
             return without_contradictions(flight, self._estimated(flight, prepared), again)
         whole = [self._estimated(one.flight, one.prepared) for one in prepared.stretches]
         parts = [
@@ -300,6 +302,8 @@ def _own_tests(
 ) -> tuple[Consistency, ...]:
     if not own:
         return ()
-    from fgnav.graph.innovations import own_consistency  # noqa: PLC0415  # lazy: gtsam
+    from fgnav.graph.build import Layout  # noqa: PLC0415  # lazy: gtsam
+    from fgnav.graph.innovations import own_consistency  # noqa: PLC0415
 
-    return own_consistency(own, prepared.problem, solution)
+    problem = prepared.problem
+    return own_consistency(own, Layout.of(problem), problem.t_s, solution)

@@ -29,7 +29,6 @@ from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.methods.smoothing.calibration_report import calibrated_constants
 from fgnav.methods.smoothing.estimates import Body, stated
@@ -277,22 +276,25 @@ class Stream:
         self._judged.extend(factors)
         return tuple(one.factor for one in factors)
 
-    def _own_tests(self, problem: SmoothingProblem, solution: Solution) -> tuple[Consistency, ...]:
+    def _own_tests(
+        self, problem: SmoothingProblem, departed: "Departed"
+    ) -> tuple[Consistency, ...]:
         """Return how factors of one's own agree that leave with keyframes.
 
         Those that reach back to keyframes which left before have nothing to be held against.
         """
         if not self._judged:
             return ()
+        from fgnav.graph.build import Layout  # noqa: PLC0415  # lazy: gtsam
         from fgnav.graph.custom import newest_keyframe, oldest_keyframe  # noqa: PLC0415  # gtsam
         from fgnav.graph.innovations import own_consistency  # noqa: PLC0415
 
         first = self._count - len(self._measured)
-        end, leaving = first + len(solution.covariance), []
+        end, leaving = first + len(departed.t_s), []
         while self._judged and newest_keyframe(self._judged[0].factor) < end:
             leaving.append(self._judged.popleft())
         alone = [one for one in leaving if oldest_keyframe(one.factor) >= first]
-        return own_consistency(alone, problem, solution, first)
+        return own_consistency(alone, Layout.of(problem), departed.t_s, departed.solution, first)
 
     def _estimate(self, departed: "Departed | None", *, leaving: bool = True) -> Estimate:
         if departed is None or self._latest is None or self._body is None:
@@ -309,7 +311,7 @@ class Stream:
             ),
             constants=calibrated_constants(constants, solution),
             losses=self._lost() if leaving else (),
-            consistency=self._own_tests(self._latest, solution) if leaving else (),
+            consistency=self._own_tests(self._latest, departed) if leaving else (),
         )
 
     def _lost(self) -> tuple[Loss, ...]:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from fgnav.graph import keys
+from fgnav.graph.build import Layout
 from fgnav.graph.custom import named, residual_factor
 from fgnav.graph.factors.array_phase import ArrayPhase
 from fgnav.graph.factors.position import Position
@@ -36,6 +37,12 @@ def solution_of(rng, shared, *, scale: float = 1e-4) -> Solution:
         constant_cross=joint[: N * D, N * D :].reshape(N, D, b),
         converged=True,
     )
+
+
+def judged(own, problem, solution):
+    """Return the statistic of the only name among factors of one's own."""
+    (told,) = own_consistency(own, Layout.of(problem), problem.t_s, solution)
+    return told
 
 
 def problem_of(solution, shared, *measurements) -> SmoothingProblem:
@@ -194,7 +201,7 @@ def test_a_factor_of_ones_own_is_judged_as_the_measurement_it_is():
         for k in range(N)
     ]
     problem = problem_of(solution, shared, part)
-    mine, theirs = own_consistency(own, problem, solution)[0], consistency(problem, solution)[0]
+    mine, theirs = judged(own, problem, solution), consistency(problem, solution)[0]
     assert mine.what == "mine"
     assert (mine.count, mine.freedom) == (theirs.count, theirs.freedom)
     assert mine.nis == pytest.approx(theirs.nis, rel=1e-6)
@@ -212,7 +219,7 @@ def test_a_factor_between_neighbours_is_judged_by_their_common_covariance():
     own = [named(factor)]
     P, C = solution.covariance[:, 6:9, 6:9], solution.cross[1, 6:9, 6:9]
     S = np.eye(3) - (P[1] + P[2] - C - C.T)
-    told = own_consistency(own, problem_of(solution, shared), solution)[0]
+    told = judged(own, problem_of(solution, shared), solution)
     assert told.what == "BetweenFactorVector"
     assert 3 * told.nis == pytest.approx(np.linalg.inv(S)[0, 0], rel=1e-9)
 
@@ -224,7 +231,7 @@ def test_a_factor_of_distant_keyframes_has_the_mean_square_of_its_residual():
     far = gtsam.BetweenFactorVector(
         keys.velocity(0), keys.velocity(3), v[3] - v[0] + [1.0, 0.0, 0.0], noise
     )
-    told = own_consistency([named(far)], problem_of(solution, shared), solution)[0]
+    told = judged([named(far)], problem_of(solution, shared), solution)
     assert told.nis == pytest.approx(4 / 3, rel=1e-9)
 
 
@@ -234,5 +241,5 @@ def test_a_factor_of_constants_alone_is_judged_by_their_covariance():
     mean = solution.states.constants + np.array([1.0, 0.0])
     own = gtsam.PriorFactorVector(keys.constant(0), mean, gtsam.noiseModel.Unit.Create(2))
     S = np.eye(2) - solution.constant_covariance[0]
-    told = own_consistency([named(own)], problem_of(solution, shared), solution)[0]
+    told = judged([named(own)], problem_of(solution, shared), solution)
     assert 2 * told.nis == pytest.approx(np.linalg.inv(S)[0, 0], rel=1e-9)
