@@ -45,7 +45,7 @@ def stretches(
     build : callable
         From a flight to its problem.
     """
-    from_s = [-np.inf, *_looks_s(prepared), np.inf]
+    from_s = [-np.inf, *looks_s(prepared), np.inf]
     by_then = [None, *(_findings(flight, settings, float(s), build) for s in from_s[1:-1])]
     if all(one is None for one in by_then):
         return ()
@@ -70,7 +70,7 @@ def stretches(
     return (*parts[:-1], last._replace(prepared=said))
 
 
-def _looks_s(prepared: PreparedFlight) -> list[float]:
+def looks_s(prepared: PreparedFlight) -> list[float]:
     """Return when noise is identified."""
     t_s, opening = prepared.problem.t_s, prepared.opening
     doublings = int(np.ceil(np.log2(max((t_s[-1] - t_s[0]) / FIRST_S, 1.0))))

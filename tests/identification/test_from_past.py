@@ -1,11 +1,13 @@
 """Noise of a filter: what came before says that what is stated is wrong, and nothing later does."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fgnav.frontend.causal.truncation import truncated
+from fgnav.identification.from_past import looks_s
 from fgnav.methods.smoother import Forward
 from tests.frontend.standing import standing
 from tests.methods.simulated import errors_rad, nees
@@ -50,3 +52,11 @@ def test_nothing_that_comes_later_takes_part(loud, rate_hz):
 def test_a_flight_that_states_its_noise_rightly_is_estimated_once():
     prepared = Forward().prepare(standing(20_009, span_s=45.0))
     assert prepared.stretches == ()
+
+
+def test_noise_is_looked_at_when_motion_tells_the_heading_and_as_that_motion_doubles():
+    problem, opening = SimpleNamespace(t_s=np.arange(200.0)), SimpleNamespace(until_s=38.0)
+    opening.keyframes = 39
+    known = SimpleNamespace(problem=problem, opening=opening)
+    assert looks_s(known) == [30.0, 38.0, 43.0, 48.0, 58.0, 60.0, 120.0]
+    assert looks_s(SimpleNamespace(problem=problem, opening=None)) == [30.0, 60.0, 120.0]
