@@ -14,20 +14,14 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.graph import keys
-from fgnav.graph.build import (
-    KeyframeMeasurements,
-    Layout,
-    constant_priors,
-    insert_constants,
-    insert_keyframe,
-    keyframe_priors,
-)
+from fgnav.graph.build import Layout
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import ROTATION, States
 from fgnav.optional_gtsam import gtsam
 from fgnav.solve.chain.linear_window import LinearWindow
 from fgnav.solve.failures import in_words
 from fgnav.solve.sliding.departed import Departed, departed
+from fgnav.solve.sliding.entering import Entering
 from fgnav.solve.sliding.incremental import IncrementalSmoother
 from fgnav.solve.sliding.relinearisation import (
     BLOCK_S,
@@ -38,7 +32,6 @@ from fgnav.solve.sliding.relinearisation import (
     relaxed,
     repeats_at,
 )
-from fgnav.solve.sliding.renewal import Entered, marginal_factor
 from fgnav.solve.sliding.retract_kernel import retracted
 
 _ROUNDING_S = 1e-6
@@ -72,19 +65,14 @@ class FixedLag:
         self._linear = LinearWindow()
         self._steps: FloatArray = np.empty((0, 0))
         self._constant_steps: FloatArray = np.empty(0)
-        self._graph, self._values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        self._entering = Entering()
         self._t_s: list[float] = []  # of all keyframes so far
         self._leaving = Leaving()
         self._turn_sigma_rad: dict[int, float] = {}  # of keyframes when last asked for
         self._follows = True  # whether the chain knows all that ISAM2 does
         self._departed = 0  # keyframes that have left, not all of them marginalised
         self._blocks: list[int] = []  # last keyframes of those that have not left, or just did
-        self._arcs = -1  # newest block of arcs
-        self._entered: list[Entered] = []  # with the keyframes that are not marginalised
         self._updates = 0
-        self._problem: SmoothingProblem | None = None
-        self._measured: KeyframeMeasurements
-        self._layout: Layout
         self._newest: States
         self._attitude_s = np.inf  # of the last keyframe with an attitude of its own
         self._is_slow = False  # whether such keyframes are far apart
@@ -164,60 +152,31 @@ class FixedLag:
 
     def _enter(self, problem: SmoothingProblem, row: int) -> None:
         """Put a keyframe where the motion leads, and what it measured into the next update."""
-        if problem is not self._problem:
-            self._problem, self._layout = problem, Layout.of(problem)
-            self._measured = KeyframeMeasurements(problem)
-        k = len(self._t_s)
-        factors: list[gtsam.NonlinearFactor] = []
+        self._entering.read(problem)
+        k, before = len(self._t_s), None
         if k == 0:
             self._smoother = IncrementalSmoother(self._layout)
-            insert_constants(self._values, self._layout, problem.constants.start)
-            factors += (*keyframe_priors(problem, k), *constant_priors(problem.constants))
             self._newest = problem.start.at(slice(row, row + 1))
         else:
-            about = problem.start.at(slice(row - 1, row)) if self._keep else self._newest
-            factors += problem.motion.factors(row - 1, k - 1, k, about)
+            before = problem.start.at(slice(row - 1, row)) if self._keep else self._newest
             self._newest = self._start(problem, row)
-        insert_keyframe(self._values, self._layout, k, self._newest)
-        factors += self._measured.factors(row, k)
-        before = self._arcs
-        factors += self._phases(problem, row, k)
-        for factor in factors:
-            self._graph.add(factor)
-        self._entered.append(Entered(factors, self._arcs, self._arcs != before))
+        self._entering.keyframe(problem, row, (self._newest, before), self._alive, k)
         self._linear.append(problem, row, self._newest)
         self._t_s.append(float(problem.t_s[row]))
         if problem.attitude_known[row]:
             self._is_slow = self._t_s[-1] - self._attitude_s > SLOW_S
             self._attitude_s = self._t_s[-1]
 
-    def _phases(self, problem: SmoothingProblem, row: int, k: int) -> list[gtsam.NonlinearFactor]:
-        """Return the phases of a keyframe, and take in the arcs that they are of."""
-        phase, factors = problem.phase, list[gtsam.NonlinearFactor]()
-        if phase is None:
-            return factors
-        i = int(np.searchsorted(phase.row, row))
-        if i == len(phase.row) or phase.row[i] != row:
-            return factors
-        block = int(phase.block[i])
-        if block > self._arcs:
-            self._arcs, size = block, phase.blocks[block].size
-            self._values.insert(keys.arcs(block), np.zeros(size))
-            factors.append(phase.entering(block))
-            self._alive.enter_arcs(keys.arcs(block), size, k)
-        factors.append(phase.factor(i, k))
-        return factors
-
     def _enter_own(self, factor: gtsam.NonlinearFactor) -> None:
         constants = self._layout.constant_keys
         touched = {keys.index(key) for key in factor.keys() if key not in constants}  # noqa: SIM118
-        self._graph.add(factor)
         if len(touched) > 1:
             self._alive.is_chain = self._follows = False
+            self._entering.own(factor, None)
         else:
             number = max(touched, default=len(self._t_s) - 1)
             self._linear.add_unary(number, factor)
-            self._entered[number - self._linear.oldest].factors.append(factor)
+            self._entering.own(factor, number - self._linear.oldest)
 
     def _start(self, problem: SmoothingProblem, row: int) -> States:
         at = slice(row, row + 1)
@@ -230,7 +189,7 @@ class FixedLag:
 
     def _solve(self) -> None:
         """Update GTSAM's smoother with what has come; what has left is marginalised by that."""
-        if self._graph.empty():
+        if self._entering.graph.empty():
             return
         self._marginalise()
         self._update(self._far())
@@ -256,7 +215,7 @@ class FixedLag:
             smoother.marginalise(oldest)
         self._turn_sigma_rad = {k: s for k, s in self._turn_sigma_rad.items() if k >= oldest - 1}
         self._steps = self._steps[oldest - linear.oldest :]
-        del self._entered[: oldest - linear.oldest]
+        self._entering.forget(oldest - linear.oldest)
         linear.forget(oldest - linear.oldest)
         return True
 
@@ -284,6 +243,7 @@ class FixedLag:
         Or a share of the way there, if all are.
         """
         smoother, linear, rows = self._alive, self._linear, np.flatnonzero(far)
+        entering = self._entering
         if len(rows):
             share = share if self._is_free else 1.0  # GTSAM itself goes the whole way
             steps, none = share * self._steps[rows], np.zeros(len(linear.constants))
@@ -294,37 +254,19 @@ class FixedLag:
                 smoother, rows = self._alive, rows[:0]
         with self._failing():
             smoother.update(
-                self._graph, self._values, len(self._t_s), (linear.oldest + rows).tolist()
+                entering.graph, entering.values, len(self._t_s), (linear.oldest + rows).tolist()
             )
             self._steps, self._constant_steps = smoother.steps()
-        self._graph, self._values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        entering.taken()
         self._updates += 1
 
     def _renewed(self) -> bool:
-        """Begin anew with all that is not marginalised, linearised where the chain is by now.
-
-        Return whether the chain has digits enough for that.
-        """
-        linear, layout, entered = self._linear, self._layout, self._entered
-        first = entered[0].factors
-        if linear.oldest:
-            try:
-                first = [marginal_factor(linear, layout, entered[0].block)]
-            except NoSolutionError:
-                self._follows = False
-                return False
-        self._smoother = smoother = IncrementalSmoother(layout, linear.oldest)
-        self._graph, self._values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-        insert_constants(self._values, layout, linear.constants)
-        for row, one in enumerate(entered):
-            k = linear.oldest + row
-            insert_keyframe(self._values, layout, k, linear.states, row)
-            if one.block >= 0 and (one.begins or not row):
-                size = linear.arcs_size(row)
-                self._values.insert(keys.arcs(one.block), np.zeros(size))
-                smoother.enter_arcs(keys.arcs(one.block), size, k)
-            for factor in one.factors if row else first:
-                self._graph.add(factor)
+        """Begin anew about where the chain is; return whether it has digits enough for that."""
+        try:
+            self._smoother = self._entering.anew(self._linear)
+        except NoSolutionError:
+            self._follows = False
+            return False
         return True
 
     @contextmanager
@@ -339,6 +281,10 @@ class FixedLag:
         except Exception:  # of a factor of one's own: as it is
             self._smoother = None
             raise
+
+    @property
+    def _layout(self) -> Layout:
+        return self._entering.layout
 
     @property
     def _alive(self) -> IncrementalSmoother:

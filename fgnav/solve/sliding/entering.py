@@ -1,0 +1,185 @@
+"""What enters GTSAM's window with each keyframe, kept until it leaves: a window may begin anew.
+
+What GTSAM has marginalised stays linear where it was, and no variable that it speaks of is ever
+linearised anew. Where the oldest keyframe must be, the window begins again, with the chain's
+marginal for a prior, which ``LinearWindow.relinearise`` has led there.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.graph import keys
+from fgnav.graph.build import (
+    KeyframeMeasurements,
+    Layout,
+    constant_priors,
+    insert_constants,
+    insert_keyframe,
+    keyframe_priors,
+    linear_factor,
+)
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import AUX, POSITION, VELOCITY, States
+from fgnav.optional_gtsam import gtsam
+from fgnav.solve.chain.linear_window import LinearWindow
+from fgnav.solve.sliding.incremental import IncrementalSmoother
+
+
+class _Keyframe(NamedTuple):
+    """What entered with a keyframe; ``block`` of its arcs ``begins`` there, or is older."""
+
+    factors: list[gtsam.NonlinearFactor]
+    block: int  # negative before any
+    begins: bool
+
+
+class Entering:
+    """Factors and values for the next update, and all factors of keyframes in the window.
+
+    Attributes
+    ----------
+    graph : gtsam.NonlinearFactorGraph
+    values : gtsam.Values
+    layout : Layout
+        Of the last keyframe's problem.
+    """
+
+    layout: Layout
+
+    def __init__(self) -> None:
+        self.graph, self.values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        self._keyframes: list[_Keyframe] = []
+        self._block = -1  # newest of arcs
+        self._problem: SmoothingProblem | None = None
+        self._measured: KeyframeMeasurements
+
+    def read(self, problem: SmoothingProblem) -> None:
+        """Take what comes next from a problem."""
+        if problem is not self._problem:
+            self._problem, self.layout = problem, Layout.of(problem)
+            self._measured = KeyframeMeasurements(problem)
+
+    def keyframe(
+        self,
+        problem: SmoothingProblem,
+        row: int,
+        states: tuple[States, States | None],
+        smoother: IncrementalSmoother,
+        k: int,
+    ) -> None:
+        """Take in keyframe k, row ``row`` of a problem.
+
+        Parameters
+        ----------
+        problem : SmoothingProblem
+        row : int
+        states : tuple of States and States or None
+            Where it stands, and where the one before, about which motion is preintegrated; None
+            before any.
+        smoother : IncrementalSmoother
+            Is told of arcs that begin.
+        k : int
+        """
+        at, before = states
+        factors: list[gtsam.NonlinearFactor] = []
+        if before is None:
+            insert_constants(self.values, self.layout, problem.constants.start)
+            factors += (*keyframe_priors(problem, k), *constant_priors(problem.constants))
+        else:
+            factors += problem.motion.factors(row - 1, k - 1, k, before)
+        insert_keyframe(self.values, self.layout, k, at)
+        factors += self._measured.factors(row, k)
+        block = self._block
+        factors += self._phases(problem, row, smoother, k)
+        for factor in factors:
+            self.graph.add(factor)
+        self._keyframes.append(_Keyframe(factors, self._block, self._block != block))
+
+    def own(self, factor: gtsam.NonlinearFactor, row: int | None) -> None:
+        """Take in a factor of one's own, of one keyframe counted from the oldest, or of several."""
+        self.graph.add(factor)
+        if row is not None:
+            self._keyframes[row].factors.append(factor)
+
+    def taken(self) -> None:
+        """Begin the next update."""
+        self.graph, self.values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+
+    def forget(self, count: int) -> None:
+        """Take the oldest keyframes out."""
+        del self._keyframes[:count]
+
+    def anew(self, linear: LinearWindow) -> IncrementalSmoother:
+        """Let all that is in the window enter again, about where the chain is by now.
+
+        Raises
+        ------
+        NoSolutionError
+            If squares have not digits enough for what has been marginalised.
+        """
+        layout, first = self.layout, self._keyframes[0].factors
+        if linear.oldest:
+            first = [marginal_factor(linear, layout, self._keyframes[0].block)]
+        self.taken()
+        smoother = IncrementalSmoother(layout, linear.oldest)
+        insert_constants(self.values, layout, linear.constants)
+        for row, one in enumerate(self._keyframes):
+            k = linear.oldest + row
+            insert_keyframe(self.values, layout, k, linear.states, row)
+            if one.block >= 0 and (one.begins or not row):
+                self._begin(one.block, linear.arcs_size(row), smoother, k)
+            for factor in one.factors if row else first:
+                self.graph.add(factor)
+        return smoother
+
+    def _phases(
+        self, problem: SmoothingProblem, row: int, smoother: IncrementalSmoother, k: int
+    ) -> list[gtsam.NonlinearFactor]:
+        """Return the phases of a keyframe, and take in the arcs that they are of."""
+        phase, factors = problem.phase, list[gtsam.NonlinearFactor]()
+        if phase is None:
+            return factors
+        i = int(np.searchsorted(phase.row, row))
+        if i == len(phase.row) or phase.row[i] != row:
+            return factors
+        block = int(phase.block[i])
+        if block > self._block:
+            self._block = block
+            self._begin(block, phase.blocks[block].size, smoother, k)
+            factors.append(phase.entering(block))
+        factors.append(phase.factor(i, k))
+        return factors
+
+    def _begin(self, block: int, size: int, smoother: IncrementalSmoother, k: int) -> None:
+        self.values.insert(keys.arcs(block), np.zeros(size))
+        smoother.enter_arcs(keys.arcs(block), size, k)
+
+
+def marginal_factor(linear: LinearWindow, layout: Layout, block: int) -> gtsam.NonlinearFactor:
+    """Return what a window knows of its oldest keyframe, constants and arcs by that keyframe.
+
+    Raises
+    ------
+    NoSolutionError
+        If squares have not digits enough.
+    """
+    R, right = linear.marginal()
+    pose, velocity, aux = layout.keyframe(linear.oldest)
+    D, point = layout.width, gtsam.Values()
+    insert_keyframe(point, layout, linear.oldest, linear.states)
+    insert_constants(point, layout, linear.constants)
+    terms: list[tuple[int, FloatArray]] = [
+        (pose, R[:, : POSITION.stop]),
+        (velocity, R[:, VELOCITY]),
+        (aux, R[:, AUX:D]),
+    ]
+    column = D
+    for key, part in zip(layout.constant_keys, layout.constants.parts, strict=True):
+        terms.append((key, R[:, column : column + part.size]))
+        column += part.size
+    if block >= 0:
+        terms.append((keys.arcs(block), R[:, column:]))
+        point.insert(keys.arcs(block), np.zeros(R.shape[1] - column))
+    return gtsam.LinearContainerFactor(linear_factor(terms, right), point)
