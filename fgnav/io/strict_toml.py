@@ -107,6 +107,9 @@ def _check_keys(where: str, value: object, info: inspect.Type) -> None:
         raise BadInputError(
             f"{where}: must be 0, or in size between {_LEAST:g} and {1 / _LEAST:g}, got {value}"
         )
+    words = _words(info)
+    if words and isinstance(value, str) and value not in words:
+        raise BadInputError(f"{where}: must be {' or '.join(words)}, got {quoted(value)}")
     if isinstance(value, list):
         item: inspect.Type = inspect.AnyType()
         if isinstance(info, inspect.ListType | inspect.VarTupleType):
@@ -122,6 +125,15 @@ def _check_keys(where: str, value: object, info: inspect.Type) -> None:
             near = f"{where}.{get_close_matches(key, known, n=1, cutoff=0.0)[0]}".lstrip(".")
             raise BadInputError(f"{here}: unknown; the nearest known key is {near}")
         _check_keys(here, inner, known.get(key, inspect.AnyType()))
+
+
+def _words(info: inspect.Type) -> tuple[str, ...]:
+    """Return the words that a key takes; none where any text, or no text at all, will do."""
+    options = info.types if isinstance(info, inspect.UnionType) else (info,)
+    if any(isinstance(option, inspect.StrType) for option in options):
+        return ()
+    literal = [option for option in options if isinstance(option, inspect.LiteralType)]
+    return tuple(str(value) for option in literal for value in option.values)
 
 
 def _known(where: str, value: Mapping[str, object], info: inspect.Type) -> dict[str, inspect.Type]:

@@ -30,12 +30,16 @@ WRONG = {
     ),
     "input's name": (("inputs", 0, "name"), "w", "inputs: net.onnx takes x, the manifest names w"),
     "manifold": (("output", "manifold"), "R1", "output.manifold: must be S1, the manifold of head"),
-    "quantity": (("output", "measures"), "colour", "output.measures: invalid enum value"),
+    "quantity": (("output", "measures"), "colour", "output.measures: must be"),
     "output's unit": (("output", "unit"), "m", "output.unit: must be rad or deg, a unit of headi"),
     "output's frame": (("output", "frame"), "b", "output.frame: must be n, a frame of heading"),
     "output's name": (("output", "name"), "yaw", "output.name: net.onnx has no output 'yaw'; it"),
     "half-life": (("output", "half_life_s"), -1.0, "output.half_life_s: must be float >= 0.0"),
-    "form": (("output", "covariance", "form"), "fog", "output.covariance.form: invalid enum"),
+    "form": (
+        ("output", "covariance", "form"),
+        "fog",
+        "output.covariance.form: must be cholesky or log_sigma or none",
+    ),
     "sigma of zero": (
         ("output", "covariance"),
         {"form": "none", "sigma": [0.0]},
@@ -46,7 +50,7 @@ WRONG = {
     "hash": (("sha256",), "0" * 64, "sha256: net.onnx has .*; take the file that the manifest was"),
     "no hash": (("sha256",), "abc", "sha256: must be str matching regex"),
     "file elsewhere": (("onnx",), "../net.onnx", "onnx: must be the name of an .onnx file in the"),
-    "format": (("format",), "fgnav-factor/9", "format: invalid enum value"),
+    "format": (("format",), "fgnav-factor/9", "format: must be"),
     "unknown key": (("output", "half_live_s"), 1.0, "output.half_live_s: unknown; the nearest kno"),
 }
 

@@ -87,7 +87,7 @@ def test_epochs_fill_the_duration_without_its_end():
         ('duration_s = "x"', r"duration_s: must be float, got str, got 'x'"),
         ('start = "1970-01-01T00:00:00"', r"start: must not lie before 1980-01-06T00:00:00"),
         ('start = "2020-06-25T00:00:00Z"', r"start: must be datetime with no timezone"),
-        ('gravity = "moon"', r"gravity: invalid enum value 'moon'"),
+        ('gravity = "moon"', r"gravity: must be"),
         ("antennas_b_m = []", r"antennas_b_m: must hold one antenna or more"),
         ("antennas_b_m = [[0, 0]]", r"antennas_b_m\[0\]: .*length 3"),
         ("antennas_b_m = [[0, 0, inf]]", r"antennas_b_m\[0\]\[2\]: must be finite, got inf"),
@@ -111,7 +111,7 @@ def test_epochs_fill_the_duration_without_its_end():
         ("[gnss]\nsignals = {}", r"gnss.signals: must name one constellation or more"),
         ("[gnss.signals]\nG = []", r"gnss.signals.G: must name one signal or more, each once"),
         ("[gnss.signals]\nG = ['L1']", r"gnss.signals.G: 'L1' is not a RINEX 3 signal"),
-        ("[gnss]\nelevation_weights = 'cosine'", r"gnss.elevation_weights: invalid enum value"),
+        ("[gnss]\nelevation_weights = 'cosine'", r"gnss.elevation_weights: must be"),
         ("[gnss.clock]\noffset_s = 1", r"gnss.clock.offset_s: must be float <= 0.001, got 1"),
         (
             "[gnss]\nantenna_noise = [1, 2]",
@@ -130,7 +130,7 @@ def test_epochs_fill_the_duration_without_its_end():
             r"seeker.occlusions\[0\].until_s: must lie after from_s, got 1",
         ),
         ("[gnss]\nchoose = 3", r"gnss.choose: must be int >= 4, got 3"),
-        ("[gnss]\nchoose = 'some'", r"gnss.choose: invalid enum value 'some'"),
+        ("[gnss]\nchoose = 'some'", r"gnss.choose: must be"),
         ("[gnss]\norbits = ['none.sp3']", r"gnss.orbits: no such file, got '.*none.sp3'"),
         ("[gnss]\nnavigation = ['none.rnx']", r"gnss.navigation: no such file, got '.*none.rnx'"),
         (

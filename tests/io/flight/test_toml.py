@@ -79,7 +79,7 @@ def test_tables_are_read_and_written_back(tmp_path):
         ),
         (
             GOOD.replace('"uniform"', '"cosine"'),
-            "key gnss.elevation_weights: invalid enum value 'cosine'",
+            "key gnss.elevation_weights: must be sine or uniform, got 'cosine'",
         ),
         (
             GOOD.replace('"2020-06-25T00:00:00"', "2020-06-25T00:00:00"),
