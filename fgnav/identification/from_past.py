@@ -19,8 +19,8 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.identification.apply import Build, Findings, findings, with_findings
 from fgnav.types.flight import Flight
 
-FEWEST = 30  # fixes, that tell noise to 13 %
-FIRST_S = 30.0  # as many at one a second
+FEWEST = 30  # keyframes; ``findings`` wants as many that measured, which tell noise to 13 %
+FIRST_S = 30.0  # as many fixes at one a second
 MOVED_S = 5.0  # half a dozen of them: of noise in motion next to nothing is known before
 
 

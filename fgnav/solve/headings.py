@@ -74,7 +74,7 @@ def over_headings(
         If the data leave a state open, by name.
     """
     turns_rad = [k * _APART_RAD for k in range(_COUNT)]
-    held = [_held(problem, opening, turn_rad) for turn_rad in turns_rad]
+    held = [_conditioned(problem, opening, turn_rad) for turn_rad in turns_rad]
     ends = [search(one) for one in held]
     ends = [
         end._replace(log_evidence=end.log_evidence + _log_prior(opening, turn_rad))
@@ -91,8 +91,8 @@ def _log_prior(opening: Opening, turn_rad: float) -> float:
     return 0.0 if is_open else -(float(wrap(np.array(turn_rad))) ** 2) / (2 * variance_rad2)
 
 
-def _held(problem: SmoothingProblem, opening: Opening, turn_rad: float) -> SmoothingProblem:
-    """Return a problem about the opening's heading turned by an angle, and held there."""
+def _conditioned(problem: SmoothingProblem, opening: Opening, turn_rad: float) -> SmoothingProblem:
+    """Return a problem conditional on the opening's heading turned by an angle."""
     about_down = exp(np.array([[0.0, 0.0, turn_rad]]))[0]
     start, prior = opening.problem.start, opening.problem.attitude_prior
     R_nb = about_down @ start.R_nb

@@ -111,7 +111,7 @@ class Entering:
         """Take the oldest keyframes out."""
         del self._keyframes[:count]
 
-    def anew(self, linear: LinearWindow) -> IncrementalSmoother:
+    def restarted(self, linear: LinearWindow) -> IncrementalSmoother:
         """Let all that is in the window enter again, about where the chain is by now.
 
         Raises

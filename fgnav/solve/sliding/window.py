@@ -250,7 +250,7 @@ class FixedLag:
             at = linear.states.at(rows)
             linear.relinearise(rows, retracted(at, steps, none, by_pose3=True))
             is_led = rows[0] == 0 and (linear.oldest > 0 or share < 1.0)
-            if is_led and self._is_free and self._renewed():
+            if is_led and self._is_free and self._restarted():
                 smoother, rows = self._alive, rows[:0]
         with self._failing():
             smoother.update(
@@ -260,10 +260,10 @@ class FixedLag:
         entering.taken()
         self._updates += 1
 
-    def _renewed(self) -> bool:
+    def _restarted(self) -> bool:
         """Begin anew about where the chain is; return whether it has digits enough for that."""
         try:
-            self._smoother = self._entering.anew(self._linear)
+            self._smoother = self._entering.restarted(self._linear)
         except NoSolutionError:
             self._follows = False
             return False
