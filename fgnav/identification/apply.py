@@ -7,18 +7,26 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests, of_time
+from fgnav.frontend.calibration_request import (
+    CalibrationRequest,
+    calibration_requests,
+    of_time,
+    of_vehicle,
+)
 from fgnav.frontend.problem import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.delayed import PPM
 from fgnav.graph.types.constants import FlightConstant
-from fgnav.identification.identify import Times, identify
-from fgnav.identification.notes import noise_notes, time_notes
+from fgnav.identification.identify import Identified, Times, identify
+from fgnav.identification.notes import constant_notes, noise_notes
 from fgnav.identification.stated import with_factors
+from fgnav.identification.track.begins import begins, over_common_span
+from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.types.flight import Flight
 
 _FEWEST = 30  # keyframes that measured something: fewer tell no noise
 _MOVED_S = 0.01  # a clock off by more is corrected first: beyond, its carrying of states errs
+_EXCLUDED = -np.log(FALSE_ALARM)  # nats by which another clock is likelier than the stated one
 Build = Callable[[Flight, ProblemSettings], PreparedFlight]
 
 
@@ -78,27 +86,87 @@ def findings(
     NoSolutionError
         If the chain about which it is to be identified has no solution.
     """
-    problem = prepared.problem
-    measured = np.unique(np.concatenate([one.row for one in problem.measurements]))
-    by_vectors = prepared.integers is None and prepared.imu.w_b_radps is None
-    # With the heading open all along the motion's noise stands for accelerations, too.
-    is_open = prepared.opening is not None and prepared.opening.until_s == np.inf
-    if len(measured) < _FEWEST or by_vectors or is_open:
+    if prepared.integers is None and prepared.imu.w_b_radps is None:
         return None
-    moved = np.zeros(2)
-    found = identify(flight, problem, prepared.timed, _extra(flight, settings))
-    if _far(flight, found.times):
-        moved += found.times.value[:2]
-        moved_flight = _moved(flight, moved)
-        again = build(moved_flight, settings)
-        known = found.factors
-        extra = _extra(flight, settings)
-        found = identify(moved_flight, again.problem, again.timed, extra, known)
-    requests = _requests(settings.calibration, found.times, moved)
+    told = _likeliest(flight, settings, prepared, build, begins(flight))
+    if told is None:
+        return None
+    found, moved = told
+    requests = _requests(settings.calibration, found, moved)
     if not found.used.any() and requests == settings.calibration:
         return None
-    notes = (*noise_notes(flight, found), *time_notes(found.times, moved, requests))
+    notes = (*noise_notes(flight, found), *constant_notes(found, moved, requests))
     return Findings(found.factors, moved, requests, notes)
+
+
+def _likeliest(
+    flight: Flight,
+    settings: ProblemSettings,
+    prepared: PreparedFlight,
+    build: Build,
+    late_s: tuple[float, ...],
+) -> tuple[Identified, FloatArray] | None:
+    """Return what the flight says with the unit's times raised as fits best, and by what.
+
+    Of several clocks the likeliest over the same measurements, but the stated one, the first, as
+    long as no other excludes it.
+    """
+    if len(late_s) > 1:
+        common = over_common_span(flight, late_s)
+        told = {one: _if_it_tells(common, settings, build, one) for one in late_s}
+        likely = {one: at.likelihood for one, at in told.items() if at is not None}
+        if not likely:
+            return None
+        stated = likely.get(late_s[0], -np.inf)
+        best = max(likely, key=lambda one: likely[one])
+        late_s = (best if likely[best] > stated + _EXCLUDED else late_s[0],)
+    start = None if late_s[0] else prepared
+    return _identified(flight, settings, start, build, np.array([late_s[0], 0.0]))
+
+
+def _if_it_tells(
+    flight: Flight, settings: ProblemSettings, build: Build, late_s: float
+) -> Identified | None:
+    """Return what a flight says at a clock; None where that has no solution, or cannot tell."""
+    try:
+        told = _identified(flight, settings, None, build, np.array([late_s, 0.0]))
+    except NoSolutionError:
+        return None
+    return None if told is None else told[0]
+
+
+def _identified(
+    flight: Flight,
+    settings: ProblemSettings,
+    prepared: PreparedFlight | None,
+    build: Build,
+    moved: FloatArray,
+) -> tuple[Identified, FloatArray] | None:
+    """Return what a flight says with the unit's tags moved, and by what they are in the end.
+
+    None where it cannot tell.
+    """
+    moved_flight = _moved(flight, moved)
+    prepared = build(moved_flight, settings) if prepared is None else prepared
+    if not _tells(prepared):
+        return None
+    extra = _extra(flight, settings)
+    found = identify(moved_flight, prepared.problem, prepared.timed, extra)
+    if not _far(flight, found.times):
+        return found, moved
+    moved = moved + found.times.value[:2]
+    moved_flight = _moved(flight, moved)
+    again = build(moved_flight, settings)
+    return identify(moved_flight, again.problem, again.timed, extra, found.factors), moved
+
+
+def _tells(prepared: PreparedFlight) -> bool:
+    """Return whether a flight tells its noise."""
+    problem = prepared.problem
+    measured = np.unique(np.concatenate([one.row for one in problem.measurements]))
+    # With the heading open all along the motion's noise stands for accelerations, too.
+    is_open = prepared.opening is not None and prepared.opening.until_s == np.inf
+    return len(measured) >= _FEWEST and not is_open
 
 
 def _extra(flight: Flight, settings: ProblemSettings) -> tuple[FlightConstant, ...]:
@@ -107,8 +175,12 @@ def _extra(flight: Flight, settings: ProblemSettings) -> tuple[FlightConstant, .
     words = [] if flight.fixes is None or flight.fixes.v_n_mps is None else ["velocity-delay"]
     if flight.observations is not None:
         words = []
-    tested = calibration_requests([w for w in ("clock", *words) if w not in asked])
-    return tuple(constant for word in tested for constant in of_time(word))
+    times = calibration_requests([w for w in ("clock", *words) if w not in asked])
+    arm = calibration_requests([w for w in ("lever-arm",) if w not in asked])
+    return (
+        *(constant for word in times for constant in of_time(word)),
+        *(of_vehicle(word) for word in arm),
+    )
 
 
 def _far(flight: Flight, times: Times) -> bool:
@@ -129,12 +201,14 @@ def _moved(flight: Flight, by: np.ndarray) -> Flight:
 
 
 def _requests(
-    asked: tuple[CalibrationRequest, ...], times: Times, moved: np.ndarray
+    asked: tuple[CalibrationRequest, ...], found: Identified, moved: np.ndarray
 ) -> tuple[CalibrationRequest, ...]:
     """Return what is asked for, with what was found not to be zero."""
     kinds = {one.kind: one for one in asked}
+    times = found.times
     significant = times.significant
     wanted = {
+        "lever-arm": found.arm is not None and found.arm.significant,
         "clock": bool(moved.any() or significant[:2].any()),
         "velocity-delay": bool(significant[2]),
     }
@@ -145,5 +219,5 @@ def _requests(
         kinds["clock"] = replace(kinds["clock"], moved=(float(moved[0]), float(moved[1])))
     if "velocity-delay" in kinds and significant[2]:
         kinds["velocity-delay"] = replace(kinds["velocity-delay"], start=float(times.value[2]))
-    others = [one for one in asked if one.kind not in ("clock", "velocity-delay")]
+    others = [one for one in asked if one.kind not in wanted]
     return (*others, *(kinds[kind] for kind in wanted if kind in kinds))

@@ -15,7 +15,10 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.graph.correlation import correlated
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
+from fgnav.graph.factors.position import Position
+from fgnav.graph.factors.velocity import Velocity
 from fgnav.graph.types.constants import Constants, FlightConstant
+from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.motion import INERTIAL_NOISES, NoiseParts
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
@@ -23,7 +26,7 @@ from fgnav.identification.begin import ABOVE, WHITE, begins, widened
 from fgnav.identification.linear_chain import LinearChain, Score
 from fgnav.identification.search import Found, search
 from fgnav.identification.stated import INSTRUMENTS, scalable, unstated
-from fgnav.identification.thinned import FIELDS, thinned
+from fgnav.identification.thinned import FIELDS, Some, thinned
 from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
@@ -36,6 +39,7 @@ _TEST_SIGMA = np.log(30.0)
 _TOLERATED = np.log(1.5)
 _DOUBTED = 2.5  # sigmas: one of eight components in ten flights
 _SIGMAS = 4.0  # of a normal variable, two-sided: 6e-5
+_SQUARES = 22.1  # of three of them, as rare
 _QUICK, _ITERATIONS = 6, 10  # Gauss-Newton steps
 _ALIKE = 0.5  # correlation of neighbours whose errors are more of what stays than of noise
 _NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
@@ -69,6 +73,25 @@ class Times:
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class LeverArm:
+    """What is to be added to the way from the unit to the antenna, and its covariance.
+
+    Attributes
+    ----------
+    off_b_m : ndarray, shape (3,)
+    covariance_m2 : ndarray, shape (3, 3)
+    """
+
+    off_b_m: FloatArray
+    covariance_m2: FloatArray
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is not zero."""
+        return bool(self.off_b_m @ np.linalg.solve(self.covariance_m2, self.off_b_m) > _SQUARES)
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Identified:
     """What a flight says of its own noise and times.
 
@@ -84,6 +107,10 @@ class Identified:
         Which replace what the flight has: not stated, or contradicted.
     stated : ndarray of bool, shape (c,)
     times : Times
+    arm : LeverArm or None
+        None where it was not tested.
+    likelihood : float
+        Penalised, its logarithm.
     """
 
     names: tuple[str, ...]
@@ -92,6 +119,8 @@ class Identified:
     used: BoolArray
     stated: BoolArray
     times: Times
+    arm: LeverArm | None
+    likelihood: float
 
     @property
     def is_no_noise(self) -> bool:
@@ -126,7 +155,7 @@ def identify(
     timed : TimedMotion
         At its keyframes.
     extra : tuple of FlightConstant
-        Clock and delay, those that the problem has not among its constants.
+        Clock, delay and lever arm, those that the problem has not among its constants.
     known : dict of str to float, optional
         Factors of a search before, to begin with.
 
@@ -196,12 +225,14 @@ def _as_stated(flight: _Flight) -> Identified | None:
         return None
     sigma = 1 / np.sqrt(np.diag(score.information) + _TEST_SIGMA**-2)
     theta = sigma**2 * score.gradient
-    times = _times(flight.problem.constants, states.constants + score.constant_steps, score)
+    constants = states.constants + score.constant_steps
+    times = _times(flight.problem.constants, constants, score)
+    arm = _arm(flight.problem.constants, constants, score)
     # One step is short of a factor far below one: whatever two sigmas speak against is searched.
     nothing = np.zeros(len(theta), dtype=np.bool_)
     doubted = (np.abs(theta) > _DOUBTED * sigma) & ~_quiet(chain, theta)
     doubted |= _with_correlation(chain, score, theta, nothing)[1]
-    if doubted.any() or times.significant.any():
+    if doubted.any() or times.significant.any() or (arm is not None and arm.significant):
         return None
     return Identified(
         names=chain.names,
@@ -210,6 +241,8 @@ def _as_stated(flight: _Flight) -> Identified | None:
         used=nothing,
         stated=~nothing,
         times=times,
+        arm=arm,
+        likelihood=score.log_likelihood,
     )
 
 
@@ -277,7 +310,14 @@ def _searched_from(
         used=used,
         stated=is_stated,
         times=_times(flight.problem.constants, constants, found.score),
+        arm=_arm(flight.problem.constants, constants, found.score),
+        likelihood=_penalised(chain, found, is_stated),
     )
+
+
+def _penalised(chain: LinearChain, found: Found, is_stated: BoolArray) -> float:
+    mean, sigma = _prior(is_stated, chain.names)
+    return found.score.log_likelihood - float((((found.theta - mean) / sigma) ** 2).sum()) / 2
 
 
 def _free(chain: LinearChain, begin: FloatArray, is_stated: BoolArray) -> Found:
@@ -363,18 +403,36 @@ def _contradicted(theta: FloatArray, sigma: FloatArray) -> BoolArray:
 def _with_times(
     small: SmoothingProblem, timed: TimedMotion, extra: tuple[FlightConstant, ...]
 ) -> SmoothingProblem:
-    """Return a thinned problem whose measurements of GNSS depend on clock and delay."""
+    """Return a thinned problem whose measurements of GNSS depend on clock, delay and lever arm."""
     if not extra:
         return small
     late = {"velocity": VELOCITY_DELAY}
     gnss = ("array phases", "array shape", "position", "velocity")
+    arm = small.constants.column("lever-arm") if any(o.name == "lever-arm" for o in extra) else -1
     extended = tuple(
-        on_clock(one, timed, small.constants, delay=late.get(one.name, ""))
+        on_clock(_with_arm(one, arm), timed, small.constants, delay=late.get(one.name, ""))
         if one.name in gnss
         else one
         for one in small.measurements
     )
     return replace(small, measurements=extended)
+
+
+def _with_arm(one: Measurement, column: int) -> Measurement:
+    """Return a measurement that depends on the lever arm, if it is one that has any."""
+    if column < 0 or not isinstance(one, Some):
+        return one
+    if not isinstance(one.measurement, Position | Velocity):
+        return one
+    return replace(one, measurement=replace(one.measurement, lever_column=column))
+
+
+def _arm(constants: Constants, value: FloatArray, score: Score) -> LeverArm | None:
+    column = constants.column("lever-arm")
+    if column < 0:
+        return None
+    own = slice(column, column + 3)
+    return LeverArm(off_b_m=value[own], covariance_m2=score.constant_covariance[own, own])
 
 
 def _times(constants: Constants, value: FloatArray, score: Score) -> Times:

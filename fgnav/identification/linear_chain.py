@@ -76,7 +76,7 @@ class LinearChain:
     _rest: FloatArray
     _sensors: tuple[_Sensor, ...]
     _node: FloatArray  # what no component changes
-    _prior: float  # log determinant of the whitening of what is known before
+    _whitening: float  # log determinant of that of what is known before, and of the motion
     _counts: FloatArray  # of whitened rows by sensor
 
     @classmethod
@@ -114,6 +114,8 @@ class LinearChain:
                 sensors.append(_Sensor(one.row, linear, squares))
                 sensor_names.append(one.name)
         _, white = problem.motion.prior(b)
+        # Rows that are not whitened have a Jacobian of about one by the next state.
+        after = np.linalg.slogdet(links.motion[1:, :, D : 2 * D])[1]
         return cls(
             (*divided.names, *sensor_names),
             links.motion[1:],
@@ -121,7 +123,7 @@ class LinearChain:
             np.ascontiguousarray(divided.rest),
             tuple(sensors),
             links.node,
-            float(np.linalg.slogdet(white[:, : problem.motion.aux])[1]),
+            float(np.linalg.slogdet(white[:, : problem.motion.aux])[1] + after.sum()),
             np.array([float(one.linear.state.any(axis=2).sum()) for one in sensors]),
         )
 
@@ -159,7 +161,7 @@ class LinearChain:
         least = back_kernel.newest(forward[-1], covariance, end)
         if not np.isfinite(least):
             return None
-        likelihood = -least / 2 - log_det / 2 - float(self._counts @ theta[own:]) + self._prior
+        likelihood = -least / 2 - log_det / 2 - float(self._counts @ theta[own:]) + self._whitening
         likelihood -= np.log(np.einsum("nii->ni", roots[:-1])).sum()
         likelihood += float(np.linalg.slogdet(covariance)[1]) / 2
         steps = np.empty((n, D))

@@ -4,7 +4,7 @@ import numpy as np
 
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.graph.types.motion import INERTIAL_NOISES
-from fgnav.identification.identify import NO_NOISE, Identified, Times
+from fgnav.identification.identify import NO_NOISE, Identified
 from fgnav.identification.thinned import FIELDS
 from fgnav.types.flight import Flight
 
@@ -61,12 +61,12 @@ def _value(flight: Flight, name: str, factor: float) -> str:
     return f"{factor * getattr(flight.imu, FIELDS[name]):.2g} {_UNIT[name]}"
 
 
-def time_notes(
-    times: Times, moved: np.ndarray, requests: tuple[CalibrationRequest, ...]
+def constant_notes(
+    found: Identified, moved: np.ndarray, requests: tuple[CalibrationRequest, ...]
 ) -> tuple[str, ...]:
-    """Return a sentence on the unit's clock, and one on late velocities, where they matter."""
+    """Return sentences on the clock, late velocities and the lever arm, where they matter."""
     notes, kinds = [], [one.kind for one in requests]
-    value, sigma = times.value.copy(), times.sigma
+    value, sigma = found.times.value.copy(), found.times.sigma
     value[:2] += moved
     if "clock" in kinds:
         notes.append(
@@ -78,5 +78,12 @@ def time_notes(
         notes.append(
             f"Velocities of fixes are {value[2]:.3f} ± {sigma[2]:.3f} s old: estimated with the "
             "flight."
+        )
+    if found.arm is not None and found.arm.significant:
+        off = ", ".join(f"{x:+.3f}" for x in found.arm.off_b_m)
+        sigma_m = ", ".join(f"{x:.3f}" for x in np.sqrt(np.diag(found.arm.covariance_m2)))
+        notes.append(
+            f"The antenna is off where flight.toml has it beside the inertial unit: {off} m along "
+            f"x_b, y_b, z_b (± {sigma_m} m); estimated with the flight."
         )
     return tuple(notes)

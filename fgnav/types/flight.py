@@ -1,11 +1,11 @@
 """The border type of the project: what was measured on a flight, before any estimator sees it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times, positive
+from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss, freeze, freeze_times, positive
 from fgnav.geometry.earth import Origin
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
@@ -176,6 +176,19 @@ class Fixes:
             if not (self.velocity_sigma_mps > 0).all():
                 raise BadInputError("fixes velocity_sigma_mps: must be positive")
             freeze("fixes", self, {"v_n_mps": shape})
+
+    def __getitem__(self, rows: slice | BoolArray) -> "Fixes":
+        """Return some of the fixes."""
+        return replace(
+            self,
+            t_s=self.t_s[rows],
+            p_n_m=self.p_n_m[rows],
+            v_n_mps=None if self.v_n_mps is None else self.v_n_mps[rows],
+            position_sigma_m=self.position_sigma_m[rows],
+            velocity_sigma_mps=(
+                None if self.velocity_sigma_mps is None else self.velocity_sigma_mps[rows]
+            ),
+        )
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

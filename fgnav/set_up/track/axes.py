@@ -11,9 +11,9 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import exp, nearest, skew
-from fgnav.set_up.track.integrals import rotated, sampled, summed
-from fgnav.set_up.track.motion import BIASES, Series, detrended, solved, starts, telling
-from fgnav.set_up.track.windows import Fitted, Windows, fitted, nearer
+from fgnav.identification.track.integrals import rotated, sampled, summed
+from fgnav.identification.track.motion import BIASES, Series, detrended, solved, starts, telling
+from fgnav.identification.track.windows import Fitted, Windows, fitted, nearer
 from fgnav.types.flight import Imu
 
 G_MPS2 = 9.80665  # exact, the unit g

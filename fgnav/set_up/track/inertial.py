@@ -7,19 +7,19 @@ import numpy as np
 
 from fgnav.attitude.flight_vectors import Track
 from fgnav.checks import FloatArray
+from fgnav.identification.track.clock import Clock, clock
+from fgnav.identification.track.integrals import Integrals, integrated
+from fgnav.identification.track.motion import Series
+from fgnav.identification.track.series import series_of, where_it_moves
+from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.set_up.findings import Finding
 from fgnav.set_up.track.axes import Reading, best_reading, named_axes
-from fgnav.set_up.track.clock import Clock, clock
-from fgnav.set_up.track.integrals import Integrals, integrated
-from fgnav.set_up.track.motion import Series
 from fgnav.set_up.track.mounting import mounting_findings
 from fgnav.set_up.track.velocities import Age, velocity_findings
-from fgnav.set_up.track.windows import FALSE_ALARM, windows_of
 from fgnav.types.flight import Fixes, Flight, Imu
 
 _SAMPLES = "[imu] samples"
 _RATES = ("wx", "wy", "wz")
-_LONGEST = 3000  # epochs looked at: of a longer recording those around where it moves most
 _ARM_M = 0.2  # less is within what antennas and units are measured to on a vehicle
 _LEAP_S = 18  # GPS time ahead of UTC since 2017
 _TELLS_S = 0.5  # known no better, a clock counts as not checked
@@ -32,13 +32,13 @@ class _Judged(NamedTuple):
 
 def track_findings(flight: Flight, imu: Imu, fixes: Fixes) -> tuple[list[Finding], list[Finding]]:
     """Return what fixes and inertial unit contradict each other in, and what they cannot tell."""
-    fixes = _some(fixes)
+    fixes = where_it_moves(fixes)
     findings, age = velocity_findings(fixes)
     if imu.w_b_radps is None:
         reason = "without a gyroscope nothing turns specific force between fixes"
         return findings, [_unchecked("imu axes, lever arm, clock", reason)]
     usable = fixes if not findings else replace(fixes, v_n_mps=None, velocity_sigma_mps=None)
-    series = _series(flight, usable)
+    series = series_of(flight.origin, usable)
     arm_b_m = flight.antenna(fixes.antenna).position_b_m - imu.position_b_m
     judged, integrals = _judged(series, imu, arm_b_m)
     if not judged:
@@ -74,47 +74,6 @@ def track_findings(flight: Flight, imu: Imu, fixes: Fixes) -> tuple[list[Finding
     findings += arm
     findings += mounting_findings(main.series, integrals, main.clock, track)
     return findings, [*unchecked, *missing]
-
-
-def _some(fixes: Fixes) -> Fixes:
-    """Return the fixes where the vehicle moves most, at most 3000."""
-    n = len(fixes.t_s)
-    if n <= _LONGEST:
-        return fixes
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(fixes.p_n_m, axis=0), axis=1))])
-    first = int(np.argmax(way[_LONGEST - 1 :] - way[: n - _LONGEST + 1]))
-    rows = slice(first, first + _LONGEST)
-    names = ("t_s", "p_n_m", "v_n_mps", "position_sigma_m", "velocity_sigma_mps")
-    values = {name: getattr(fixes, name) for name in names}
-    return replace(fixes, **{k: v[rows] for k, v in values.items() if v is not None})
-
-
-def _series(flight: Flight, fixes: Fixes) -> list[Series]:
-    """Return positions and velocities less what gravity gave."""
-    g_n_mps2 = flight.origin.gravity_n_mps2(fixes.p_n_m).mean(axis=0)
-    since_s = (fixes.t_s - fixes.t_s[0])[:, None]
-    windows = windows_of(fixes.t_s)
-    fallen_m = g_n_mps2 * since_s**2 / 2
-    out = [
-        Series(
-            what="position",
-            t_s=fixes.t_s,
-            value=fixes.p_n_m - fallen_m,
-            sigma=fixes.position_sigma_m,
-            windows=windows,
-        )
-    ]
-    if fixes.v_n_mps is not None and fixes.velocity_sigma_mps is not None:
-        out.append(
-            Series(
-                what="velocity",
-                t_s=fixes.t_s,
-                value=fixes.v_n_mps - g_n_mps2 * since_s,
-                sigma=fixes.velocity_sigma_mps,
-                windows=windows,
-            )
-        )
-    return out
 
 
 def _judged(series: list[Series], imu: Imu, arm_b_m: FloatArray) -> tuple[list[_Judged], Integrals]:

@@ -8,12 +8,12 @@ import numpy as np
 
 from fgnav.attitude.flight_vectors import Track
 from fgnav.checks import FloatArray
+from fgnav.identification.track.clock import Clock
+from fgnav.identification.track.integrals import Integrals, sampled
+from fgnav.identification.track.motion import Series
+from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.set_up.findings import Finding
 from fgnav.set_up.track.axes import named_axes, signed_permutations
-from fgnav.set_up.track.clock import Clock
-from fgnav.set_up.track.integrals import Integrals, sampled
-from fgnav.set_up.track.motion import Series
-from fgnav.set_up.track.windows import FALSE_ALARM
 
 _FAST_MPS = 5.0  # a course is meant: faster than wind and noise turn it
 _STEADY = np.cos(np.radians(25.0))  # mean resultant length: directions within 25 deg of their mean

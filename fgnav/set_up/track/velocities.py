@@ -6,10 +6,10 @@ from itertools import product
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.identification.track.integrals import sampled, summed
+from fgnav.identification.track.windows import Fitted, Windows, fitted, nearer, windows_of
 from fgnav.set_up.findings import Finding
 from fgnav.set_up.track.axes import named_axes, signed_permutations
-from fgnav.set_up.track.integrals import sampled, summed
-from fgnav.set_up.track.windows import Fitted, Windows, fitted, nearer, windows_of
 from fgnav.types.flight import Fixes
 
 UNITS = {"m/s": 1.0, "knots": 1852 / 3600, "km/h": 1 / 3.6, "ft/s": 0.3048, "cm/s": 0.01}

@@ -5,13 +5,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.set_up.track.integrals import Integrals, sampled
-from fgnav.set_up.track.motion import ARM, LATE, RATE, Series, covered, detrended, fit, telling
-from fgnav.set_up.track.windows import Fitted, Windows, nearer
+from fgnav.identification.track.integrals import Integrals, sampled
+from fgnav.identification.track.motion import (
+    ARM,
+    LATE,
+    RATE,
+    Series,
+    covered,
+    detrended,
+    fit,
+    telling,
+)
+from fgnav.identification.track.windows import Fitted, Windows, nearer
 from fgnav.types.flight import Imu
 
-_REACH_S, _STEP_S = 20.0, 0.1  # leap seconds lie within; a motion of a hertz has a tenth's valley
+_REACH_S, STEP_S = 20.0, 0.1  # leap seconds lie within; a motion of a hertz has a tenth's valley
 _STEPS = 12  # at most, of Gauss-Newton
+NEAR_S = 1.0  # a minimum further from where steps begin is that of another candidate
 _RATE_STEPS = 2
 _STILL = 1e-4  # s, m
 _SETTLED = 0.1  # of sigma: a last step that is longer says nothing of where the minimum is
@@ -58,7 +68,7 @@ class Clock:
 
 def searched(series: Series, integrals: Integrals) -> FloatArray:
     """Return candidates within 20 s, s: where a free rotation of each window fits best, and 0."""
-    late_s = np.arange(-_REACH_S, _REACH_S + _STEP_S / 2, _STEP_S)
+    late_s = np.arange(-_REACH_S, _REACH_S + STEP_S / 2, STEP_S)
     some = replace(series, windows=telling(series, integrals.t_s, ()))
     left = np.array([_left(some, integrals, late) for late in late_s])
     if np.isnan(left).all():
@@ -96,7 +106,7 @@ def clock(series: Series, integrals: Integrals, imu: Imu, arm_b_m: FloatArray) -
             continue
         if best is None or _over(series, integrals, imu, best, here):
             best = here
-        elif abs(here.late_s - best.late_s) < _STEP_S and here.reach_s < best.reach_s == np.inf:
+        elif abs(here.late_s - best.late_s) < STEP_S and here.reach_s < best.reach_s == np.inf:
             best = here  # the same valley, and its bottom
     return best
 
@@ -123,7 +133,7 @@ def _refined(
         here, R_ns = fit(series, integrals, imu, late_s, arm_b_m)
         step = here.x.clip(-1.0, 1.0)
         still = abs(step[LATE]) < _STILL and _settled(here)
-        if still or abs(late_s + step[LATE] - start_s) > 1.0:
+        if still or abs(late_s + step[LATE] - start_s) > NEAR_S:
             break
         late_s, arm_b_m = late_s + float(step[LATE]), arm_b_m + step[ARM]
     windows = covered(series, integrals, late_s)
@@ -135,7 +145,7 @@ def _refined(
     running, _ = fit(series, integrals, imu, offset_s, arm_b_m, windows, rate=rate)
     for _ in range(_RATE_STEPS):
         rate += float(running.x[RATE].clip(-_FASTEST, _FASTEST))
-        offset_s += float(running.x[LATE].clip(-_STEP_S, _STEP_S))
+        offset_s += float(running.x[LATE].clip(-STEP_S, STEP_S))
         running, _ = fit(series, integrals, imu, offset_s, arm_b_m, windows, rate=rate)
     return Clock(
         late_s=late_s,

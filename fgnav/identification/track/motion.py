@@ -11,8 +11,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import exp, nearest, skew
-from fgnav.set_up.track.integrals import Integrals, sampled
-from fgnav.set_up.track.windows import Fitted, Windows, fitted
+from fgnav.identification.track.integrals import Integrals, sampled
+from fgnav.identification.track.windows import Fitted, Windows, fitted
 from fgnav.types.flight import Imu
 
 LATE, ARM, RATE = 0, slice(1, 4), 4  # common unknowns
