@@ -17,16 +17,14 @@ from fgnav.frontend.problem import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.delayed import PPM
 from fgnav.graph.types.constants import FlightConstant
-from fgnav.identification.identify import Identified, Times, identify
+from fgnav.identification.identify import EXCLUDED, Identified, Times, identify
 from fgnav.identification.notes import constant_notes, noise_notes
 from fgnav.identification.stated import with_factors
 from fgnav.identification.track.begins import begins, over_common_span
-from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.types.flight import Flight
 
 _FEWEST = 30  # keyframes that measured something: fewer tell no noise
 _MOVED_S = 0.01  # a clock off by more is corrected first: beyond, its carrying of states errs
-_EXCLUDED = -np.log(FALSE_ALARM)  # nats by which another clock is likelier than the stated one
 Build = Callable[[Flight, ProblemSettings], PreparedFlight]
 
 
@@ -88,9 +86,12 @@ def findings(
     """
     if prepared.integers is None and prepared.imu.w_b_radps is None:
         return None
-    told = _likeliest(flight, settings, prepared, build, begins(flight))
-    if told is None:
+    problem = prepared.problem
+    if len(np.unique(np.concatenate([one.row for one in problem.measurements]))) < _FEWEST:
         return None
+    told = _likeliest(flight, settings, prepared, build, begins(flight))
+    if told is None:  # the motion's noise stands for accelerations of unknown direction, too
+        raise NoSolutionError("nothing tells the heading")
     found, moved = told
     requests = _requests(settings.calibration, found, moved)
     if not found.used.any() and requests == settings.calibration:
@@ -119,7 +120,7 @@ def _likeliest(
             return None
         stated = likely.get(late_s[0], -np.inf)
         best = max(likely, key=lambda one: likely[one])
-        late_s = (best if likely[best] > stated + _EXCLUDED else late_s[0],)
+        late_s = (best if likely[best] > stated + EXCLUDED else late_s[0],)
     start = None if late_s[0] else prepared
     return _identified(flight, settings, start, build, np.array([late_s[0], 0.0]))
 
@@ -127,7 +128,7 @@ def _likeliest(
 def _if_it_tells(
     flight: Flight, settings: ProblemSettings, build: Build, late_s: float
 ) -> Identified | None:
-    """Return what a flight says at a clock; None where that has no solution, or cannot tell."""
+    """Return what a flight says at a clock; None without a solution or a heading."""
     try:
         told = _identified(flight, settings, None, build, np.array([late_s, 0.0]))
     except NoSolutionError:
@@ -144,11 +145,11 @@ def _identified(
 ) -> tuple[Identified, FloatArray] | None:
     """Return what a flight says with the unit's tags moved, and by what they are in the end.
 
-    None where it cannot tell.
+    None with a heading that nothing tells.
     """
     moved_flight = _moved(flight, moved)
     prepared = build(moved_flight, settings) if prepared is None else prepared
-    if not _tells(prepared):
+    if prepared.opening is not None and prepared.opening.until_s == np.inf:
         return None
     extra = _extra(flight, settings)
     found = identify(moved_flight, prepared.problem, prepared.timed, extra)
@@ -158,15 +159,6 @@ def _identified(
     moved_flight = _moved(flight, moved)
     again = build(moved_flight, settings)
     return identify(moved_flight, again.problem, again.timed, extra, found.factors), moved
-
-
-def _tells(prepared: PreparedFlight) -> bool:
-    """Return whether a flight tells its noise."""
-    problem = prepared.problem
-    measured = np.unique(np.concatenate([one.row for one in problem.measurements]))
-    # With the heading open all along the motion's noise stands for accelerations, too.
-    is_open = prepared.opening is not None and prepared.opening.until_s == np.inf
-    return len(measured) >= _FEWEST and not is_open
 
 
 def _extra(flight: Flight, settings: ProblemSettings) -> tuple[FlightConstant, ...]:

@@ -2,13 +2,16 @@
 
 And when motion first tells the heading, whenever that motion has doubled: from then on a filter
 states attitudes, and noise at rest is not that in motion (a quadrotor's accelerometer: 300 times
-its data sheet's).
+its data sheet's). Before as well: with the unit's clock off nothing tells the heading. As long as
+the chain has no minimum about which noise could be identified, the heading stays open: what a
+flight contradicts so much is not known by it.
 
 A stretch is estimated with the noise and the times that the record up to its beginning told. What
 is estimated within it depends on nothing later: the method runs anew over all that came before.
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,11 +49,11 @@ def stretches(
         From a flight to its problem.
     """
     from_s = [-np.inf, *looks_s(prepared), np.inf]
-    by_then = [None, *(_findings(flight, settings, float(s), build) for s in from_s[1:-1])]
-    if all(one is None for one in by_then):
+    by_then = [Look(None), *(_look(flight, settings, float(s), build) for s in from_s[1:-1])]
+    if all(one == Look(None) for one in by_then):
         return ()
     parts = []
-    for begin_s, end_s, found in zip(from_s[:-1], from_s[1:], by_then, strict=True):
+    for begin_s, end_s, (found, is_told) in zip(from_s[:-1], from_s[1:], by_then, strict=True):
         part = flight if end_s == np.inf else truncated(flight, float(end_s + ahead_s))
         try:
             problem = (
@@ -62,6 +65,8 @@ def stretches(
             if end_s == np.inf:
                 raise
             continue  # nothing is known by then, whatever comes later
+        if not is_told and problem.opening is not None:
+            problem = replace(problem, opening=replace(problem.opening, until_s=np.inf))
         parts.append(Stretch(float(begin_s), float(end_s), part, problem))
     changed_s = ", ".join(f"{s:.0f}" for s in from_s[1:-1])
     note = f"Noise is identified anew from the past, from {changed_s} s on."
@@ -73,24 +78,37 @@ def stretches(
 def looks_s(prepared: PreparedFlight) -> list[float]:
     """Return when noise is identified."""
     t_s, opening = prepared.problem.t_s, prepared.opening
-    doublings = int(np.ceil(np.log2(max((t_s[-1] - t_s[0]) / FIRST_S, 1.0))))
-    looks_s = {float(t_s[0] + FIRST_S * 2.0**j) for j in range(doublings)}
-    if opening is not None and FEWEST <= opening.keyframes < len(t_s):
-        known_s, after_s = float(opening.until_s), MOVED_S
+    looks_s = {*_doublings(float(t_s[0]), FIRST_S, float(t_s[-1]))}
+    if opening is not None and opening.keyframes >= FEWEST:
+        known_s = float(opening.until_s)
         until_s = min((s for s in looks_s if s > known_s), default=float(t_s[-1]))
-        looks_s.add(known_s)
-        while known_s + after_s < until_s:
-            looks_s.add(known_s + after_s)
-            after_s *= 2.0
+        looks_s |= {*_doublings(float(t_s[0]), MOVED_S, float(t_s[0] + FIRST_S))}
+        if opening.keyframes < len(t_s):
+            looks_s |= {known_s, *_doublings(known_s, MOVED_S, until_s)}
     return sorted(looks_s)
 
 
-def _findings(
-    flight: Flight, settings: ProblemSettings, until_s: float, build: Build
-) -> Findings | None:
+def _doublings(from_s: float, after_s: float, until_s: float) -> list[float]:
+    """Return times ``after_s``, twice that and so on from a time, before another."""
+    count = int(np.ceil(np.log2(max((until_s - from_s) / after_s, 1.0))))
+    return [from_s + after_s * 2.0**j for j in range(count)]
+
+
+class Look(NamedTuple):
+    """What the record up to a time tells of noise and times; ``is_told``: nothing is in its way."""
+
+    found: Findings | None
+    is_told: bool = True
+
+
+def _look(flight: Flight, settings: ProblemSettings, until_s: float, build: Build) -> Look:
     past = truncated(flight, until_s)
     whole = replace(settings, causal=False)
     try:
-        return findings(past, whole, build(past, whole), build)
+        prepared = build(past, whole)
     except NoSolutionError:  # next to nothing is there yet
-        return None
+        return Look(None)
+    try:
+        return Look(findings(past, whole, prepared, build))
+    except NoSolutionError:
+        return Look(None, is_told=False)

@@ -27,6 +27,7 @@ from fgnav.identification.linear_chain import LinearChain, Score
 from fgnav.identification.search import Found, search
 from fgnav.identification.stated import INSTRUMENTS, scalable, unstated
 from fgnav.identification.thinned import FIELDS, Some, thinned
+from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
@@ -40,6 +41,8 @@ _TOLERATED = np.log(1.5)
 _DOUBTED = 2.5  # sigmas: one of eight components in ten flights
 _SIGMAS = 4.0  # of a normal variable, two-sided: 6e-5
 _SQUARES = 22.1  # of three of them, as rare
+# Nats by which what contradicts the stated is likelier: one flight in ten thousand by chance.
+EXCLUDED = -np.log(FALSE_ALARM)
 _QUICK, _ITERATIONS = 6, 10  # Gauss-Newton steps
 _ALIKE = 0.5  # correlation of neighbours whose errors are more of what stays than of noise
 _NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
@@ -170,11 +173,22 @@ def identify(
     stated = {name: name not in unstated(flight) for name in (*FIELDS, *components)}
     small = _with_times(small, there, extra)
     small_flight = _Flight(small, small.motion.noise_parts(), components)
-    if all(stated.values()) and not known:
-        quick = _as_stated(small_flight)
-        if quick is not None:
-            return quick
-    return _unless_an_instrument(small_flight, stated, _searched(small_flight, stated, known or {}))
+    as_stated = _as_stated(small_flight) if all(stated.values()) and not known else None
+    if as_stated is not None and not as_stated.is_doubted:
+        return as_stated.told
+    found = _unless_an_instrument(
+        small_flight, stated, _searched(small_flight, stated, known or {})
+    )
+    if as_stated is None or found.likelihood > as_stated.told.likelihood + EXCLUDED:
+        return found
+    return as_stated.told
+
+
+class _AsStated(NamedTuple):
+    """What a flight says with noise as stated, and whether something may contradict that."""
+
+    told: Identified
+    is_doubted: bool
 
 
 class _Flight(NamedTuple):
@@ -213,8 +227,8 @@ def _padded(theta: FloatArray, chain: LinearChain) -> FloatArray:
     return np.concatenate([theta, np.zeros(len(chain.names) - len(theta))])
 
 
-def _as_stated(flight: _Flight) -> Identified | None:
-    """Return that nothing contradicts what is stated; None if something may."""
+def _as_stated(flight: _Flight) -> _AsStated | None:
+    """Return what a flight says with noise as stated; None where that has no solution."""
     try:  # damped: without a gyroscope full steps may turn too far
         start = solve_batch(flight.problem, most=_QUICK).states
         chain, states, _ = flight.descended(start, np.zeros(0), 2)
@@ -232,9 +246,7 @@ def _as_stated(flight: _Flight) -> Identified | None:
     nothing = np.zeros(len(theta), dtype=np.bool_)
     doubted = (np.abs(theta) > _DOUBTED * sigma) & ~_quiet(chain, theta)
     doubted |= _with_correlation(chain, score, theta, nothing)[1]
-    if doubted.any() or times.significant.any() or (arm is not None and arm.significant):
-        return None
-    return Identified(
+    told = Identified(
         names=chain.names,
         factor=np.exp(theta),
         sigma=sigma,
@@ -244,6 +256,8 @@ def _as_stated(flight: _Flight) -> Identified | None:
         arm=arm,
         likelihood=score.log_likelihood,
     )
+    is_off = times.significant.any() or (arm is not None and arm.significant)
+    return _AsStated(told, bool(doubted.any() or is_off))
 
 
 def _unless_an_instrument(

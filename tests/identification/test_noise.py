@@ -18,6 +18,7 @@ from fgnav.methods.smoother import Batch
 from fgnav.solve.chain import solve_batch
 from fgnav_sim.scenario import FixesTable, load_scenario
 from fgnav_sim.simulate import simulate
+from tests.frontend.standing import standing
 from tests.methods.simulated import SCENARIOS, errors_rad, nees
 
 SETTINGS = ProblemSettings(resolver=Truth(), noise="identified")
@@ -134,3 +135,30 @@ def test_late_velocities_are_found_named_and_estimated():
     constant = next(one for one in estimate.constants if one.name == "velocity delay")
     assert abs(constant.value[0] - delay_s) < 0.006
     assert nees(errors_rad(changed, estimate), estimate.attitude_covariance_rad2) < 9.0
+
+
+def test_a_lever_arm_that_is_off_is_found_named_and_estimated():
+    flight, off_b_m = with_fixes(20_003, 60.0), np.array([0.1, -0.05, -0.25])
+    stated = replace(flight.antennas[0], position_b_m=flight.antennas[0].position_b_m - off_b_m)
+    changed = replace(flight, antennas=(stated,))
+    estimate = Batch(resolver=Truth(), solver="chain")(changed)
+    assert any(note.startswith("The antenna is off where flight.toml") for note in estimate.notes)
+    arm = next(one for one in estimate.constants if one.name == "lever-arm")
+    apart = arm.value - off_b_m
+    assert apart @ np.linalg.solve(arm.covariance, apart) < 16.3  # of 3, 1 in 1,000
+    assert nees(errors_rad(changed, estimate), estimate.attitude_covariance_rad2) < 9.0
+
+
+def test_a_noise_that_is_no_likelier_than_the_stated_is_not_believed():
+    """A search begun above the stated ends where the likelihood has another, lesser maximum."""
+    found = found_in(with_fixes(20_003, 60.0))
+    assert not found.used.any()
+
+
+def test_a_clock_off_by_more_than_a_swing_is_found_before_anything_is_aligned():
+    flight = standing(20_009, span_s=90.0)
+    late = replace(flight, imu=replace(flight.imu, t_s=flight.imu.t_s + 1.2))
+    estimate = Batch(solver="chain")(late)
+    clock = next(one for one in estimate.constants if one.name == "clock offset")
+    assert abs(clock.value[0] + 1.2) < 4 * np.sqrt(clock.covariance[0, 0])
+    assert nees(errors_rad(late, estimate), estimate.attitude_covariance_rad2) < 9.0

@@ -9,6 +9,7 @@ from dataclasses import replace
 from fgnav.identification.track.clock import NEAR_S, STEP_S, clock, searched
 from fgnav.identification.track.integrals import integrated
 from fgnav.identification.track.series import series_of, where_it_moves
+from fgnav.identification.track.windows import FEWEST
 from fgnav.types.flight import Flight
 
 
@@ -21,6 +22,8 @@ def begins(flight: Flight) -> tuple[float, ...]:
     if imu is None or imu.w_b_radps is None or fixes is None or flight.observations is not None:
         return (0.0,)
     series = series_of(flight.origin, where_it_moves(fixes))[0]
+    if len(series.windows) < FEWEST:
+        return (0.0,)
     integrals = integrated(imu.t_s, imu.f_b_mps2, imu.w_b_radps)
     arm_b_m = flight.antenna(fixes.antenna).position_b_m - imu.position_b_m
     best = clock(series, integrals, imu, arm_b_m)

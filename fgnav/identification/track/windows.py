@@ -24,7 +24,7 @@ from fgnav.checks import BoolArray, FloatArray, IntArray
 FALSE_ALARM = 1e-4  # of a test on a right flight: one finding in ten thousand tests
 _SPAN_S = 4.0  # a bias that leans by a degree meanwhile adds a decimetre
 _EPOCHS = 16  # rows of three: three times as many as a window's own unknowns
-_FEWEST = 4  # windows below which nothing is said
+FEWEST = 4  # windows below which nothing is said
 _GAP = 2.5  # intervals
 
 
@@ -138,7 +138,7 @@ def _freedom(information: FloatArray, inverse: FloatArray, q: int) -> FloatArray
     share = np.einsum("ij,wjk,ki->wi", inverse, information, inverse)
     total = share.sum(axis=0)
     equal = np.where(total > 0, total**2 / np.maximum((share**2).sum(axis=0), 1e-300), 0.0)
-    return np.where(equal >= _FEWEST, equal - q, 0.0).clip(0.0)
+    return np.where(equal >= FEWEST, equal - q, 0.0).clip(0.0)
 
 
 def nearer(stated: Fitted, other: Fitted, tests: int = 1) -> bool:
@@ -146,7 +146,7 @@ def nearer(stated: Fitted, other: Fitted, tests: int = 1) -> bool:
     from scipy.stats import t as student  # noqa: PLC0415  # lazy: a slow import
 
     gain = log_quotients(stated, other)
-    if len(gain) < _FEWEST or gain.mean() <= 0:
+    if len(gain) < FEWEST or gain.mean() <= 0:
         return False
     spread = gain.std(ddof=1) / np.sqrt(len(gain))
     return bool(gain.mean() > spread * student.isf(FALSE_ALARM / tests, len(gain) - 1))
