@@ -161,7 +161,7 @@ class Smoother:
         parts = [
             self._at(one.flight, one.prepared, t_s[within])
             for one in prepared.stretches
-            if (within := (t_s >= one.from_s) & (t_s < one.until_s)).any()
+            if (within := one.answers(t_s)).any()
         ]
         return joined_estimates(parts, len(t_s), len(t_s))
 
