@@ -102,6 +102,17 @@ def quadrotor(shared: Path, path: str) -> Flight:
     )
 
 
+def uav_field(shared: Path, t_s: np.ndarray) -> np.ndarray:
+    """Return what the UAV's magnetometer measured at times, (k, 3), in its own axes and gauss."""
+    from scipy.io import loadmat
+
+    file = shared / "flights" / "thor75" / "thor_flight75.mat"
+    data = loadmat(file, struct_as_record=False, squeeze_me=True)["flight_data"]
+    first = int(np.flatnonzero(np.diff(data.GPS_TOW, prepend=0.0))[0])
+    since_s = data.time - data.time[first]
+    return np.column_stack([np.interp(t_s, since_s, h) for h in (data.hx, data.hy, data.hz)])
+
+
 def uav(shared: Path) -> Flight:
     """Return flight 75 of Thor, a UAV, with its on-board filter as reference."""
     settings = Settings()

@@ -90,7 +90,7 @@ class Stretch(NamedTuple):
     prepared: PreparedFlight
 
     def answers(self, t_s: FloatArray) -> BoolArray:
-        """Return which times, (k,), it has estimates of: a clock put right moves what is covered."""
+        """Return which times, (k,), it estimates: a clock put right moves what is covered."""
         covered_s = self.prepared.problem.t_s
         within = (t_s >= max(self.from_s, covered_s[0])) & (t_s < self.until_s)
         return np.asarray(within & (t_s <= covered_s[-1]))

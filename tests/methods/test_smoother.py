@@ -15,7 +15,7 @@ from tests.benchmarks import consistency
 from tests.benchmarks.gravity import flights
 from tests.methods.simulated import errors_rad, euler_rmse_deg, flown, nees
 from tests.methods.test_maximum_likelihood import Off
-from tests.recordings import uav
+from tests.recordings import uav, uav_field
 
 RIGHT = Truth()
 
@@ -176,13 +176,56 @@ def test_without_phase_the_window_is_as_sure_of_its_heading_as_it_may_be():
         assert nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
 
 
-def test_the_window_follows_a_real_flight_with_its_gyroscope(shared):
-    """Against the filter on board, which saw the same data; on the ground nothing tells heading."""
+@pytest.fixture(scope="module")
+def uav_by_window(shared):
     flight = uav(shared)
-    estimate = Smoother()(flight)
+    return flight, Smoother()(flight)
+
+
+def test_the_window_follows_a_real_flight_with_its_gyroscope(uav_by_window):
+    """Against the filter on board, which saw the same data; on the ground nothing tells heading."""
+    flight, estimate = uav_by_window
     assert estimate.converged
     R_nb, covered = attitude_at(flight.truth, estimate.t_s)
     airborne = covered & (np.linalg.norm(estimate.v_n_mps, axis=1) > 8)
     assert airborne.sum() > 3000
     gap = np.degrees(log(transpose(estimate.R_nb) @ R_nb)[airborne])
     assert (np.sqrt((gap**2).mean(axis=0)) < [2.0, 2.0, 6.0]).all()
+
+
+def test_the_magnetometer_that_neither_uses_is_nearer_to_the_window_than_to_the_reference(
+    uav_by_window, shared
+):
+    """In the air by what is left of the field; at rest the reference has the other heading."""
+    flight, estimate = uav_by_window
+    R_ref, covered = attitude_at(flight.truth, estimate.t_s)
+    field = uav_field(shared, estimate.t_s)
+    flown = covered & (estimate.t_s > 260.0) & (estimate.t_s < 520.0)  # the reference has settled
+    ours, theirs = (_calibrated(R[flown], field[flown]) for R in (estimate.R_nb, R_ref))
+    assert ours[2] < theirs[2]
+    K, c, _ = ours
+    standing = covered & (estimate.t_s < 40.0)
+    off = {}
+    for name, R_nb in (("ours", estimate.R_nb), ("theirs", R_ref)):
+        north = np.einsum("nij,nj->ni", R_nb, field @ K.T - c)
+        declination = np.median(np.arctan2(north[flown, 1], north[flown, 0]))
+        away = np.arctan2(north[standing, 1], north[standing, 0]) - declination
+        off[name] = np.abs(np.degrees(np.angle(np.exp(1j * away).mean())))
+    sigma_deg = np.degrees(np.sqrt(estimate.attitude_covariance_rad2[standing, 2, 2].mean()))
+    assert off["ours"] < 3 * sigma_deg
+    assert off["theirs"] > 150.0
+
+
+def _calibrated(R_nb, field):
+    """Return K, c that make ``R (K h - c)`` one vector, and what is left, as a share of it."""
+    n = len(field)
+    # Unknowns: all but the first of K, c, the vector.
+    A = np.zeros((n, 3, 15))
+    for i in range(3):
+        A[:, :, 3 * i : 3 * i + 3] = R_nb[:, :, i, None] * field[:, None, :]
+    A[:, :, 9:12], A[:, :, 12:] = -R_nb, -np.eye(3)
+    A = A.reshape(-1, 15)
+    x = np.linalg.lstsq(A[:, 1:], -A[:, 0])[0]
+    full = np.concatenate([[1.0], x])
+    left = np.sqrt(((A @ full) ** 2).mean()) / np.linalg.norm(full[12:])
+    return full[:9].reshape(3, 3), full[9:12], left
