@@ -20,6 +20,7 @@ from fgnav.cli.arguments.options import (
     UntilSeconds,
     WithoutKinds,
 )
+from fgnav.integers.resolvers.registry import DEFAULT
 from fgnav.json_file import JsonFile, write_json
 from fgnav.terminal import check_outputs, show_comparison, width
 
@@ -32,7 +33,7 @@ _DEFAULT_METHODS = "closed-form,maximum-likelihood,smoother,batch,rtk"
 def compare(
     *flights: Path,
     method: str = _DEFAULT_METHODS,
-    integers: IntegersName = "lambda",
+    integers: IntegersName = DEFAULT,
     smoother: SmootherOptions = SMOOTHER_DEFAULTS,
     from_: FromSeconds = None,
     until: UntilSeconds = None,

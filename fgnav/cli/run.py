@@ -11,6 +11,7 @@ from fgnav.cli.arguments.options import (
     SmootherOptions,
     TimesFile,
 )
+from fgnav.integers.resolvers.registry import DEFAULT
 from fgnav.json_file import JsonFile, write_json
 from fgnav.terminal import check_outputs, show_lines
 
@@ -21,7 +22,7 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     *,
     out: Path,
     method: str = "smoother",
-    integers: IntegersName = "lambda",
+    integers: IntegersName = DEFAULT,
     smoother: SmootherOptions = SMOOTHER_DEFAULTS,
     at: TimesFile = None,
     rate: RateHz = None,

@@ -1,6 +1,6 @@
 """The integers a method used against those that the truth implies."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,12 +24,16 @@ class IntegerCounts:
     right, wrong : int or None
         Fixed links whose integer equals the truth's, and those where it does not; None without
         truth. Epochs outside the truth's time span are in neither.
+    chance : float or None
+        That an epoch's accepted integers are not all right, as the resolver states it, in the mean
+        over epochs that have some; None where it states none.
     """
 
     fixed: int
     not_fixed: int
     right: int | None = None
     wrong: int | None = None
+    chance: float | None = None
 
 
 def count_integers(
@@ -57,19 +61,18 @@ def count_integers(
             f"differences {differences.phase_m.shape}, got {integers.cycles.shape}"
         )
     fixed = integers.fixed
+    some = fixed.any(axis=(1, 2))
+    told = integers.wrong_probability
     counts = IntegerCounts(
-        fixed=int(fixed.sum()), not_fixed=int((phase_links(differences) & ~fixed).sum())
+        fixed=int(fixed.sum()),
+        not_fixed=int((phase_links(differences) & ~fixed).sum()),
+        chance=None if told is None or not some.any() else float(told[some].mean()),
     )
     if true_cycles is None:
         return counts
     judged = fixed & true_cycles.fixed
     right = int((judged & (integers.cycles == true_cycles.cycles)).sum())
-    return IntegerCounts(
-        fixed=counts.fixed,
-        not_fixed=counts.not_fixed,
-        right=right,
-        wrong=int(judged.sum()) - right,
-    )
+    return replace(counts, right=right, wrong=int(judged.sum()) - right)
 
 
 def true_attitudes(truth: Truth, t_s: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -16,7 +16,7 @@ from fgnav.attitude.vector_pairs import (
 )
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
 from fgnav.geometry import rotations
-from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
@@ -56,7 +56,7 @@ class ClosedForm:
        Onboard Sensor Fusion, Sensors, 2025.
     """
 
-    resolver: Resolver = field(default_factory=Lambda)
+    resolver: Resolver = field(default_factory=default_resolver)
     orthogonalise: bool = False
     moves_forward: bool = True
     name: str = "closed-form"

@@ -6,7 +6,7 @@ from fgnav.attitude.array import agreeing
 from fgnav.attitude.baselines import body_motion
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import Loss, NoSolutionError, positive
-from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
@@ -28,7 +28,7 @@ class MaximumLikelihood:
     name : str
     """
 
-    resolver: Resolver = field(default_factory=Lambda)
+    resolver: Resolver = field(default_factory=default_resolver)
     false_alarm: float = 1e-4
     name: str = "maximum-likelihood"
 

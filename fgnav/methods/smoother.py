@@ -18,7 +18,7 @@ from fgnav.graph.innovations import consistency
 from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
 from fgnav.identification.contradictions import without_contradictions
-from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.methods.smoothing.estimates import estimate_of
 from fgnav.methods.smoothing.joined import among, joined_estimates
 from fgnav.methods.smoothing.own_sources import FactorSource, own_factors
@@ -93,7 +93,7 @@ class Smoother:
     name : str
     """
 
-    resolver: Resolver = field(default_factory=Lambda)
+    resolver: Resolver = field(default_factory=default_resolver)
     gravity: GravityEstimator | None = None
     estimate: tuple[str, ...] = ()
     factors: tuple[FactorSource | str, ...] = ()

@@ -12,6 +12,7 @@ from fgnav.types.estimate import Rejected
 _NONE = "–"
 _MOST_LINES = 8
 _MOST_LINKS = 3
+_DOUBTFUL = 0.01  # what resolvers that accept by a probability leave out (``wrong_max``)
 HEADS = (
     ("roll", "deg"),
     ("pitch", "deg"),
@@ -23,6 +24,7 @@ HEADS = (
     ("epochs", "%"),
     ("fixed", "%"),
     ("wrong", "%"),
+    ("chance", "%"),  # of wrong integers in an epoch, as stated
     ("time", "s"),
 )
 
@@ -86,10 +88,21 @@ def remarks(comparison: Comparison) -> list[str]:
         (m.name, tuple(f"{state} is unobservable" for state in m.score.unobservable))
         for m in comparison.methods
     )
+    lines += _said_by((m.name, _doubt(m.score.integers)) for m in comparison.methods)
     lines += _said_by((m.name, m.score.notes) for m in comparison.methods)
     lines += _said_by((m.name, rejection_lines(m.rejections)) for m in comparison.methods)
     per_method = {m.name: m.score.losses for m in comparison.solved}
     return lines + loss_lines(per_method)
+
+
+def _doubt(counts: IntegerCounts | None) -> tuple[str, ...]:
+    """Return a warning where a resolver accepts integers that it holds for wrong too often."""
+    if counts is None or counts.chance is None or counts.chance <= _DOUBTFUL:
+        return ()
+    return (
+        f"an epoch's integers are wrong with a chance of {100 * counts.chance:.2g} %, as their "
+        "resolver states it: attitudes are no surer; --integers constrained-arcs leaves such out",
+    )
 
 
 def rejection_lines(rejections: tuple[Rejected, ...]) -> tuple[str, ...]:
@@ -167,14 +180,15 @@ def score_row(score: Score) -> list[str]:
 
 
 def _integers(counts: IntegerCounts | None) -> list[str]:
-    """Return the share of links that are fixed, and of fixed links that are wrong."""
+    """Return the share of fixed links, of wrong ones among them, and the stated chance of such."""
     if counts is None:
-        return [_NONE, _NONE]
+        return [_NONE, _NONE, _NONE]
     links = counts.fixed + counts.not_fixed
     fixed = f"{100 * counts.fixed / links:.1f}" if links else _NONE
+    chance = _NONE if counts.chance is None else f"{100 * counts.chance:.2f}"
     if counts.wrong is None or counts.right is None or not counts.right + counts.wrong:
-        return [fixed, _NONE]
-    return [fixed, f"{100 * counts.wrong / (counts.right + counts.wrong):.2f}"]
+        return [fixed, _NONE, chance]
+    return [fixed, f"{100 * counts.wrong / (counts.right + counts.wrong):.2f}", chance]
 
 
 def _angles(figures: Angles) -> list[str]:

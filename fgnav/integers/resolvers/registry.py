@@ -16,6 +16,13 @@ RESOLVERS = {
     "constrained-arcs": "fgnav.integers.arcs.resolver:constrained_arcs",
     "truth": "fgnav.integers.resolvers.truth:Truth",
 }
+# Of those that accept by a probability the one that fixes most. ``lambda`` accepts everything.
+DEFAULT = "constrained-arcs"
+
+
+def default_resolver() -> Resolver:
+    """Return the resolver of who asks for none."""
+    return resolver_named(DEFAULT)
 
 
 def resolver_names() -> tuple[str, ...]:

@@ -43,6 +43,19 @@ def test_integers_are_shares_of_links_and_of_fixed_links(flight, off):
     assert row(printed(replace(comparison, methods=(method,))), "a")[9:11] == ["80.0", "25.00"]
 
 
+@pytest.mark.parametrize("chance", [0.002, 0.04])
+def test_the_stated_chance_of_wrong_integers_stands_in_the_table_and_is_warned_of(
+    flight, off, chance
+):
+    comparison = compare(flight, [off("a")])
+    counts = IntegerCounts(fixed=80, not_fixed=20, right=60, wrong=20, chance=chance)
+    method = replace(comparison["a"], score=replace(comparison["a"].score, integers=counts))
+    changed = replace(comparison, methods=(method,))
+    assert row(printed(changed), "a")[11] == f"{100 * chance:.2f}"
+    warned = [line for line in remarks(changed) if "wrong with a chance of" in line]
+    assert len(warned) == (chance > 0.01)
+
+
 def test_without_truth_the_table_holds_differences(flight, off):
     flight = replace(flight, truth=None)
     methods = [off("closed-form", position_m=0.0), off("maximum-likelihood", position_m=3.0)]
