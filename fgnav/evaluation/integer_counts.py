@@ -25,8 +25,8 @@ class IntegerCounts:
         Fixed links whose integer equals the truth's, and those where it does not; None without
         truth. Epochs outside the truth's time span are in neither.
     chance : float or None
-        That an epoch's accepted integers are not all right, as the resolver states it, in the mean
-        over epochs that have some; None where it states none.
+        That an epoch's integers are not all right, as the resolver states it of all, in the mean
+        over epochs whose links are all fixed; None where it states none.
     """
 
     fixed: int
@@ -61,12 +61,13 @@ def count_integers(
             f"differences {differences.phase_m.shape}, got {integers.cycles.shape}"
         )
     fixed = integers.fixed
-    some = fixed.any(axis=(1, 2))
+    left = phase_links(differences) & ~fixed
+    whole = fixed.any(axis=(1, 2)) & ~left.any(axis=(1, 2))
     told = integers.wrong_probability
     counts = IntegerCounts(
         fixed=int(fixed.sum()),
-        not_fixed=int((phase_links(differences) & ~fixed).sum()),
-        chance=None if told is None or not some.any() else float(told[some].mean()),
+        not_fixed=int(left.sum()),
+        chance=None if told is None or not whole.any() else float(told[whole].mean()),
     )
     if true_cycles is None:
         return counts

@@ -101,7 +101,7 @@ def _doubt(counts: IntegerCounts | None) -> tuple[str, ...]:
         return ()
     return (
         f"an epoch's integers are wrong with a chance of {100 * counts.chance:.2g} %, as their "
-        "resolver states it: attitudes are no surer; --integers constrained-arcs leaves such out",
+        "resolver states it, and attitudes are no surer; constrained-arcs leaves such epochs out",
     )
 
 
