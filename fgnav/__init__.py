@@ -35,7 +35,8 @@ if TYPE_CHECKING:  # what an editor and a type checker see
     from fgnav.evaluation.comparison import Comparison, compare
     from fgnav.io.exports.recorded import load_estimate, save_estimate
     from fgnav.io.flight.folder import load_flight, save_flight
-    from fgnav.methods.smoother import Smoother
+    from fgnav.methods.smoother import Batch, Forward, Smoother
+    from fgnav.methods.stream import Stream
     from fgnav.neural.factor import NeuralFactor
     from fgnav.types.estimate import Estimate
     from fgnav.types.flight import Flight
@@ -53,6 +54,9 @@ _FACE = {
     "Flight": "fgnav.types.flight",
     "Estimate": "fgnav.types.estimate",
     "Smoother": "fgnav.methods.smoother",
+    "Forward": "fgnav.methods.smoother",
+    "Batch": "fgnav.methods.smoother",
+    "Stream": "fgnav.methods.stream",
     "NeuralFactor": "fgnav.neural.factor",
     "compare": "fgnav.evaluation.comparison",
     "Comparison": "fgnav.evaluation.comparison",
@@ -65,13 +69,16 @@ _PACKAGES = ("attitude", "gnss", "integers", "methods")
 
 __all__ = [
     "BadInputError",
+    "Batch",
     "Comparison",
     "Estimate",
     "FgnavError",
     "Flight",
+    "Forward",
     "NeuralFactor",
     "NoSolutionError",
     "Smoother",
+    "Stream",
     "__version__",
     "attitude",
     "compare",
