@@ -14,7 +14,7 @@ import pytest
 
 from fgnav.checks import BadInputError, Loss
 from fgnav.evaluation.comparison import compare
-from fgnav.evaluation.report.html.chart import Axis, Chart, Line, spanning
+from fgnav.evaluation.report.html.drawing.chart import Axis, Chart, Line, spanning
 from fgnav.evaluation.report.html.page import save_page
 from fgnav.evaluation.report.lines import COLOURS
 from fgnav.evaluation.report.save import check_report, save_report

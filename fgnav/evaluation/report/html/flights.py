@@ -13,10 +13,10 @@ from fgnav.evaluation.report.flights_table import (
     number,
     paired_rows,
 )
-from fgnav.evaluation.report.html.chart import Axis, Chart, Line, spanning
-from fgnav.evaluation.report.html.facts import versions
-from fgnav.evaluation.report.html.markup import grid, paragraph, table
+from fgnav.evaluation.report.html.drawing.chart import Axis, Chart, Line, spanning
+from fgnav.evaluation.report.html.drawing.markup import grid, paragraph, table
 from fgnav.evaluation.report.html.page import check_page, method_marks, page
+from fgnav.evaluation.report.html.sections.facts import versions
 from fgnav.io.atomic_write import write_text
 
 _CHARTS = (

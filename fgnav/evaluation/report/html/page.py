@@ -6,20 +6,20 @@ from pathlib import Path
 
 from fgnav.checks import BadInputError
 from fgnav.evaluation.comparison import Comparison, Method
-from fgnav.evaluation.report.html.chart import Axis
-from fgnav.evaluation.report.html.consistency import consistency_parts
-from fgnav.evaluation.report.html.errors import error_charts
-from fgnav.evaluation.report.html.facts import (
+from fgnav.evaluation.report.html.drawing.chart import Axis
+from fgnav.evaluation.report.html.drawing.markup import folded, paragraph, section
+from fgnav.evaluation.report.html.sections.consistency import consistency_parts
+from fgnav.evaluation.report.html.sections.errors import error_charts
+from fgnav.evaluation.report.html.sections.facts import (
     constants_table,
     gaps_and_exclusions,
     method_table,
     set_up,
     versions,
 )
-from fgnav.evaluation.report.html.integers import integer_parts
-from fgnav.evaluation.report.html.markup import folded, paragraph, section
-from fgnav.evaluation.report.html.motion import motion_charts, rate_and_bias_charts
-from fgnav.evaluation.report.html.sky import sky_charts
+from fgnav.evaluation.report.html.sections.integers import integer_parts
+from fgnav.evaluation.report.html.sections.motion import motion_charts, rate_and_bias_charts
+from fgnav.evaluation.report.html.sections.sky import sky_charts
 from fgnav.evaluation.report.lines import COLOURS
 from fgnav.io.atomic_write import check_place, write_text
 from fgnav.types.flight import Flight

@@ -7,7 +7,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Method
-from fgnav.evaluation.report.html.chart import (
+from fgnav.evaluation.report.html.drawing.chart import (
     BINS,
     HEIGHT,
     Axis,
@@ -17,8 +17,8 @@ from fgnav.evaluation.report.html.chart import (
     on_one_scale,
     spanning,
 )
-from fgnav.evaluation.report.html.errors import sigmas
-from fgnav.evaluation.report.html.markup import grid
+from fgnav.evaluation.report.html.drawing.markup import grid
+from fgnav.evaluation.report.html.sections.errors import sigmas
 from fgnav.evaluation.report.lines import every, unjumped_deg
 from fgnav.evaluation.scores import EULER, hidden
 from fgnav.geometry.rotations import to_euler

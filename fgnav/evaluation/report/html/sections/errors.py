@@ -8,8 +8,8 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.evaluation.comparison import Method
 from fgnav.evaluation.reference import common_epochs
-from fgnav.evaluation.report.html.chart import Axis, Band, Chart, Line
-from fgnav.evaluation.report.html.markup import folded, grid, paragraph
+from fgnav.evaluation.report.html.drawing.chart import Axis, Band, Chart, Line
+from fgnav.evaluation.report.html.drawing.markup import folded, grid, paragraph
 from fgnav.evaluation.report.lines import is_rough, limit
 from fgnav.evaluation.scores import EULER, hidden
 

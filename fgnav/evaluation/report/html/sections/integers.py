@@ -8,9 +8,9 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Method
-from fgnav.evaluation.report.html.chart import Axis, Chart, Line, figure, spanning
-from fgnav.evaluation.report.html.markup import NONE, grid, table
-from fgnav.evaluation.report.html.strip import LEFT, WIDE, cells, strip, time_ticks
+from fgnav.evaluation.report.html.drawing.chart import Axis, Chart, Line, figure, spanning
+from fgnav.evaluation.report.html.drawing.markup import NONE, grid, table
+from fgnav.evaluation.report.html.drawing.strip import LEFT, WIDE, cells, strip, time_ticks
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.evaluation.report.html.chart import Axis
+from fgnav.evaluation.report.html.drawing.chart import Axis
 
 WIDE, LEFT = 480.0, 52.0
 _LENGTH = WIDE - LEFT - 8.0

@@ -10,7 +10,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Comparison, Method
-from fgnav.evaluation.report.html.markup import NONE, folded, number, paragraph, table
+from fgnav.evaluation.report.html.drawing.markup import NONE, folded, number, paragraph, table
 from fgnav.evaluation.report.table import HEADS, remarks, score_row
 from fgnav.types.flight import Flight
 

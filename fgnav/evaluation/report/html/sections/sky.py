@@ -3,9 +3,9 @@
 import numpy as np
 
 from fgnav.checks import BoolArray, IntArray
-from fgnav.evaluation.report.html.chart import Axis, figure, path
-from fgnav.evaluation.report.html.markup import grid
-from fgnav.evaluation.report.html.strip import LEFT, WIDE, cells, strip, time_ticks
+from fgnav.evaluation.report.html.drawing.chart import Axis, figure, path
+from fgnav.evaluation.report.html.drawing.markup import grid
+from fgnav.evaluation.report.html.drawing.strip import LEFT, WIDE, cells, strip, time_ticks
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Method
-from fgnav.evaluation.report.html.chart import Axis, Chart, Line, spanning
-from fgnav.evaluation.report.html.markup import folded, grid, number, paragraph, table
+from fgnav.evaluation.report.html.drawing.chart import Axis, Chart, Line, spanning
+from fgnav.evaluation.report.html.drawing.markup import folded, grid, number, paragraph, table
 
 _FREEDOM = 3
 _LEVEL = 0.95
