@@ -68,6 +68,10 @@ class Comparison:
         Cramer-Rao bound of one epoch's carrier phase with right integers, degrees.
     differences : tuple of Difference
         Between each pair of methods, where there is no truth to judge by; else empty.
+    double_differences : DoubleDifferences or None
+        Of the array's observations; None without an array.
+    right_integers : Integers or None
+        What the true attitude implies of them; None without truth.
     """
 
     flight: str
@@ -75,6 +79,8 @@ class Comparison:
     methods: tuple[Method, ...]
     bound: Angles
     differences: tuple[Difference, ...] = ()
+    double_differences: DoubleDifferences | None = None
+    right_integers: Integers | None = None
 
     @property
     def solved(self) -> list[Method]:
@@ -188,6 +194,8 @@ def compare(
         methods=methods,
         bound=flight_bound(differences, flight.truth, estimates) if differences else Angles(),
         differences=() if flight.truth else pairwise(estimates),
+        double_differences=differences,
+        right_integers=right,
     )
 
 

@@ -198,6 +198,11 @@ def dots(x: FloatArray, y: FloatArray) -> str:
     return "".join(f"M{a:.1f} {b:.1f}h0" for a, b in places)
 
 
+def nested(count: int, thickest: float = 3.0, thinnest: float = 1.0) -> FloatArray:
+    """Return widths of lines that may coincide, from the one behind to the one before: all show."""
+    return np.linspace(thickest, thinnest, count) if count > 1 else np.full(count, thinnest)
+
+
 def spanning(name: str, series: Sequence[FloatArray], margin: float = 0.04) -> Axis:
     """Return an axis that holds all finite values of series, with a margin."""
     known = [values[np.isfinite(values)] for values in series]

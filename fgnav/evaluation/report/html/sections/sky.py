@@ -95,8 +95,8 @@ def _strengths(observations: Observations, time: Axis) -> str:
     bottom = _TOP + _ROW * len(shown)
     known = bool(np.isfinite(observations.cn0_dbhz).any())
     title = "C/N0, dBHz, mean over antennas" if known else "tracked channels: no C/N0 recorded"
-    parts += [time_ticks(time, bottom + 14), _scale(bottom + 22) if known else ""]
-    return figure(f"{title}; time, s", "".join(parts), WIDE, bottom + 44)
+    parts += [time_ticks(time, bottom + 14), _scale(bottom + 36) if known else ""]
+    return figure(title, "".join(parts), WIDE, bottom + 58)
 
 
 def _tracked(observations: Observations) -> BoolArray:
