@@ -115,7 +115,12 @@ def _charts(comparison: FlightsComparison) -> str:
                 Chart(
                     title=title,
                     x=Axis(name="flight", low=0.5, high=len(place) + 0.5),
-                    y=Axis(name=title, low=np.floor(y.low), high=np.ceil(y.high), log=True),
+                    y=Axis(
+                        name=title.rpartition(", ")[2],
+                        low=np.floor(y.low),
+                        high=np.ceil(y.high),
+                        log=True,
+                    ),
                     lines=lines,
                 )
             )

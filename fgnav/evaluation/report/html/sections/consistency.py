@@ -85,7 +85,7 @@ def _innovation_histograms(methods: Sequence[Method], marks: dict[str, str]) -> 
             )
             for (name, counts), width in zip(of.items(), nested(len(of)).tolist(), strict=True)
         ]
-        most = max([15.0, *(float(line.y.max()) for line in lines)])
+        most = max([15.0, high, *(float(line.y.max()) for line in lines)])
         charts.append(
             str(
                 Chart(
