@@ -43,20 +43,20 @@ def _draw(flight: Flight) -> Figure:
     seen = flight.observations
     channels = 0 if seen is None else len(seen.satellites)
     height = max(3.4, 0.9 + ROW * channels)
-    figure = Figure(figsize=(13, height), layout="constrained")
-    figure.get_layout_engine().set(wspace=0.04)
+    figure = Figure(figsize=(13, height))
+    figure.set_layout_engine("constrained", wspace=0.04)
     track, attitude, sky = figure.subplots(1, 3, width_ratios=(1.2, 1.5, 1.6))
     if flight.truth is not None:
-        _draw_track(track, flight.truth)
+        _draw_track(figure, track, flight.truth)
         _draw_attitude(attitude, flight.truth)
     if seen is not None:
-        _draw_sky(sky, seen)
+        _draw_sky(figure, sky, seen)
     else:
         sky.set_axis_off()
     return figure
 
 
-def _draw_track(axes: Axes, truth: Truth) -> None:
+def _draw_track(figure: Figure, axes: Axes, truth: Truth) -> None:
     """Draw the way, coloured by time, from above or, where it is steep, from the side."""
     north_m, east_m, down_m = truth.p_n_m.T
     level_m = np.hypot(north_m - north_m[0], east_m - east_m[0])
@@ -65,7 +65,10 @@ def _draw_track(axes: Axes, truth: Truth) -> None:
     names = ("distance, m", "height, m") if is_steep else ("east, m", "north, m")
     points = np.column_stack([x, y])
     way = LineCollection(
-        np.stack([points[:-1], points[1:]], axis=1), cmap="viridis", array=truth.t_s[:-1], lw=2
+        list(np.stack([points[:-1], points[1:]], axis=1)),
+        cmap="viridis",
+        array=truth.t_s[:-1],
+        lw=2,
     )
     axes.add_collection(way)
     axes.plot(x[0], y[0], "o", color="tab:red", markersize=5, label="start")
@@ -74,7 +77,7 @@ def _draw_track(axes: Axes, truth: Truth) -> None:
     axes.locator_params(axis="x", nbins=4)
     axes.legend(fontsize=8)
     axes.set_title(f"height changes by {round(float(down_m[0] - down_m[-1]))} m", fontsize=9)
-    axes.get_figure().colorbar(way, ax=axes, label="time, s")
+    figure.colorbar(way, ax=axes, label="time, s")
 
 
 def _draw_attitude(axes: Axes, truth: Truth) -> None:
@@ -91,7 +94,7 @@ def _draw_attitude(axes: Axes, truth: Truth) -> None:
     axes.legend(fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
 
 
-def _draw_sky(axes: Axes, seen: Observations) -> None:
+def _draw_sky(figure: Figure, axes: Axes, seen: Observations) -> None:
     """Draw by channel how many antennas track it, and where a receiver says it lost lock."""
     antennas = seen.tracked.shape[1]
     count = seen.tracked.sum(axis=1).T
@@ -113,7 +116,7 @@ def _draw_sky(axes: Axes, seen: Observations) -> None:
     axes.hlines(np.arange(1, len(names)) - 0.5, *extent[:2], color="white", linewidth=1)
     axes.set(xlabel="time, s")
     ticks = np.unique(np.linspace(0, antennas, min(antennas, 4) + 1).round())
-    axes.get_figure().colorbar(image, ax=axes, label="antennas that track", ticks=ticks)
+    figure.colorbar(image, ax=axes, label="antennas that track", ticks=ticks)
 
 
 if __name__ == "__main__":
