@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError, NoSolutionError
+from fgnav.evaluation.posterior_bound import posterior_bound, true_rate_prior, true_states
 from fgnav.graph.build import Layout, flight_graph, flight_values
 from fgnav.graph.factors.position import Position
 from fgnav.integers.resolvers.truth import Truth
@@ -15,7 +16,6 @@ from fgnav.methods.smoother import Batch
 from fgnav.process.evidence import RatePrior
 from fgnav_sim.simulate import simulate
 from tests.benchmarks.consistency import cases
-from tests.benchmarks.posterior_bound import posterior_bound, true_rate_prior, true_states
 from tests.methods.simulated import flown
 
 BATCH = Batch(resolver=Truth())
