@@ -17,6 +17,10 @@ from fgnav.types.flight import Flight
 
 _MOST = 300  # rows of a table of exclusions
 _GAP = 1.5  # intervals: a longer step is a gap
+_ONE_FLIGHT = (
+    "Errors of neighbouring epochs are alike, so one flight cannot tell a better method from a "
+    "lucky one: name several flights, or a folder of them, for differences with their intervals."
+)
 _PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxruntime")
 
 
@@ -37,6 +41,7 @@ def method_table(comparison: Comparison) -> str:
     return (
         table(heads, rows, f"{what}, {comparison.epochs} epochs")
         + "".join(paragraph(f"{what}: {', '.join(own)}.") for what, own in bounds if own)
+        + (paragraph(_ONE_FLIGHT) if len(comparison.solved) > 1 else "")
         + _differences(comparison)
         + folded("notes, failures and losses in short", said)
     )
