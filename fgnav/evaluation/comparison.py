@@ -1,6 +1,6 @@
 """Several methods on one flight: who is right, by how much, and how much better anyone could be."""
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from time import perf_counter
@@ -67,8 +67,8 @@ class Comparison:
     bound : Angles
         Cramer-Rao bound of one epoch's carrier phase with right integers, degrees.
     posterior_bound : Angles
-        That of all measurements of the flight with the prior of the motion, as the first smoother
-        has them; of a flight with truth.
+        That of all measurements of the flight with the prior of the motion, as a smoother has them;
+        of a flight with truth.
     differences : tuple of Difference
         Between each pair of methods, where there is no truth to judge by; else empty.
     double_differences : DoubleDifferences or None
@@ -200,7 +200,7 @@ def compare(
         epochs=max((estimate.epochs for estimate in estimates), default=gnss_epochs),
         methods=methods,
         bound=flight_bound(differences, flight.truth, estimates) if differences else Angles(),
-        posterior_bound=_posterior_bound(flight, known.values()),
+        posterior_bound=_posterior_bound(flight, known),
         differences=() if flight.truth else pairwise(estimates),
         double_differences=differences,
         right_integers=right,
@@ -284,13 +284,14 @@ def _judge(
     )
 
 
-def _posterior_bound(flight: Flight, prepared: Iterable[_Prepared]) -> Angles:
-    """Return the bound of the first smoothing problem that methods shared."""
+def _posterior_bound(flight: Flight, known: Mapping[Hashable, _Prepared]) -> Angles:
+    """Return the bound of the first smoothing problem, one that knows the whole flight if any."""
     if flight.truth is None:
         return Angles()
     from fgnav.frontend.problem import PreparedFlight  # noqa: PLC0415  # lazy: brings numba
 
-    for one in prepared:
+    keys = sorted(known, key=lambda key: bool(getattr(key, "causal", False)))
+    for one in (known[key] for key in keys):
         if isinstance(one.value, PreparedFlight) and not one.value.stretches:
             from fgnav.evaluation.posterior_bound import posterior_angles  # noqa: PLC0415  # as above
 
