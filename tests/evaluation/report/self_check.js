@@ -71,6 +71,12 @@ function methods() {
   }
 }
 
+function keyboard() {
+  const wanted = "a[href], button, input, summary, .wide";
+  for (const one of document.querySelectorAll(wanted)) if (one.tabIndex < 0) wrong(`${one.textContent}: no key reaches it`);
+  for (const box of document.querySelectorAll("input")) if (!box.labels.length) wrong("a box without a label");
+}
+
 function colours() {
   const of = () => getComputedStyle(document.body);
   found.ground = luminance(of().backgroundColor);
@@ -90,6 +96,7 @@ try {
   plots();
   tables();
   methods();
+  keyboard();
   colours();
   found.width = innerWidth;
   found.scrolls = document.documentElement.scrollWidth;

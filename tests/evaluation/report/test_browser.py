@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from contextlib import nullcontext
+from dataclasses import replace
 from html import escape, unescape
 from pathlib import Path
 
@@ -131,3 +132,14 @@ def test_what_is_broken_is_found(report, tmp_path):
     assert "empty: nothing is drawn" in found["wrong"]
     assert any("does not sort" in one for one in found["wrong"])
     assert any("is cut off" in one for one in found["wrong"])
+
+
+def test_twice_as_many_methods_as_colours_are_told_apart(flights, tmp_path):
+    resolver = resolver_named("lambda")
+    named = [
+        replace(method_named("maximum-likelihood", resolver), name=f"number {k}") for k in range(12)
+    ]
+    save_page(compare(flights[0], named), flights[0], tmp_path / "many.html")
+    found, console = looked_at(tmp_path / "many.html", tmp_path)
+    assert console == []
+    assert found["wrong"] == []

@@ -110,8 +110,11 @@ def save_page(
 
 
 def method_marks(names: list[str]) -> dict[str, str]:
-    """Return the class that gives each method its colour, everywhere on a page."""
-    return {name: f"m{k % len(COLOURS)}" for k, name in enumerate(names)}
+    """Return the class that gives each method its colour, everywhere on a page.
+
+    Methods beyond the number of colours have them again, dashed.
+    """
+    return {name: f"m{k % (2 * len(COLOURS))}" for k, name in enumerate(names)}
 
 
 def page(title: str, methods: list[str], sections: dict[str, tuple[str, str]]) -> str:
