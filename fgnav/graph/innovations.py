@@ -228,7 +228,7 @@ def _judged(name: str, part: Innovations, t_s: FloatArray) -> Consistency:
     order = np.argsort(t_s[part.tested], kind="stable")
     squared, freedom = part.squared[part.tested][order], part.freedom[part.tested][order]
     beyond = squared > chdtri(freedom, _GATE)
-    decile = (10 * chdtr(freedom, squared)).astype(np.int64).clip(0, 9)
+    decile = (10 * chdtr(freedom, squared.clip(0))).astype(np.int64).clip(0, 9)
     return Consistency(
         what=name,
         count=len(squared),
