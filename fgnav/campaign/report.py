@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.campaign.fly import Record
-from fgnav.campaign.order import CaseTable, Order
+from fgnav.campaign.order import Order
+from fgnav.campaign.page import Sweep, write_page
 from fgnav.checks import FloatArray
 from fgnav.evaluation.figures import FIGURES
 from fgnav.evaluation.paired import Interval, paired, pooled
 from fgnav.evaluation.scores import EULER
 from fgnav.io.atomic_write import write_text
 
-REPORT = "report.txt"
+REPORT, PAGE = "report.txt", "report.html"
 _WHOLE = "attitude_rmse_deg"
 _MATCHED = "matched_attitude_rmse_deg"
 # Column heading, figure, whether it is a root mean square.
@@ -83,14 +84,47 @@ class Table:
 
 
 def write_report(order: Order, records: Iterable[Record], out: Path) -> str:
-    """Write and return the report: a summary of each case, then tables of what was swept."""
+    """Write the report as text and as a page; return the text.
+
+    A summary of each case, then tables of what was swept, as papers print them.
+    """
     table = Table(order, records)
-    text = "\n".join(_lines(order, table, len(table))) + "\n"
+    head = list(_head(order, len(table)))
+    summaries = {
+        case.name: (_summary_heads(order), list(_summary(order, table, number)))
+        for number, case in enumerate(order.case)
+    }
+    sweeps = [_sweep(order, table, cases) for cases in _swept_alike(order)]
+    lines = [*head]
+    for name, (heads, rows) in summaries.items():
+        lines += ["", name, *_aligned([heads, *rows])]
+    for sweep in sweeps:
+        lines.append("")
+        for name, (heads, rows) in sweep.tables.items():
+            lines += [name, *_aligned([heads, *rows])]
+    text = "\n".join(lines) + "\n"
     write_text(out / REPORT, text)
+    write_page(out / PAGE, order, head, summaries, sweeps)
     return text
 
 
-def _lines(order: Order, table: Table, count: int) -> Iterator[str]:
+def _aligned(rows: list[list[str]]) -> Iterator[str]:
+    """Yield lines of cells below each other: names to the left, figures to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    texts = [k for k, column in enumerate(zip(*rows[1:], strict=True)) if not _is_figure(column)]
+    for row in rows:
+        cells = (
+            f"{cell:<{width}}" if k in texts else f"{cell:>{width}}"
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        yield f"  {'  '.join(cells)}".rstrip()
+
+
+def _is_figure(column: tuple[str, ...]) -> bool:
+    return all(cell[:1] in "0123456789-–" for cell in column if cell) and any(column)
+
+
+def _head(order: Order, count: int) -> Iterator[str]:
     asked = order.flights * sum(case.columns for case in order.case)
     yield f"Campaign {order.name}: {count} of {asked} flights, root seed {order.seed}."
     yield (
@@ -102,39 +136,34 @@ def _lines(order: Order, table: Table, count: int) -> Iterator[str]:
         "Values of a"
     )
     yield "sweep share their random numbers: the flight, over all of them, is the unit."
-    for number, case in enumerate(order.case):
-        yield ""
-        yield from _summary(order, table, number, case)
-    for cases in _swept_alike(order):
-        yield ""
-        yield from _swept(order, table, cases)
 
 
-def _summary(order: Order, table: Table, number: int, case: CaseTable) -> Iterator[str]:
-    """Yield a line for each method of a case."""
+def _summary_heads(order: Order) -> list[str]:
+    ratio = f"ratio to {order.reference}"
+    return ["method", "answered", *(head for head, _, _ in _SUMMARY), ratio, "of one only"]
+
+
+def _summary(order: Order, table: Table, number: int) -> Iterator[list[str]]:
+    """Yield a row for each method of a case."""
     rng = np.random.default_rng([_RESAMPLED, number])
-    width = max(len("method"), *map(len, order.titles))
-    yield f"{case.name}"
-    heads = "".join(f"  {head:>22}" for head, _, _ in _SUMMARY)
-    yield f"  {'method':<{width}}  answered{heads}  {'ratio':>24}"
     baseline = table.figure(_MATCHED, order.reference, number)
     for title in order.titles:
         answered = np.nansum(table.figure("available", title, number))
         share = 100 * float(answered) / max(table.flown(number), 1)
-        cells = "".join(
-            f"  {_cell(_pooled(table.figure(name, title, number), rng, squared=squared)):>22}"
+        cells = [
+            _cell(_pooled(table.figure(name, title, number), rng, squared=squared))
             for _, name, squared in _SUMMARY
-        )
-        line = f"  {title:<{width}}  {share:>6.1f} %{cells}"
+        ]
+        ratio = unpaired = ""
         if title != order.reference:
             own = table.figure(_MATCHED, title, number)
             both = np.isfinite(own) & np.isfinite(baseline)
             first, second = (np.where(both, values, np.nan) for values in (own, baseline))
             held = paired(_root_mean(first), _root_mean(second), rng)
-            line += f"  {_cell(held.ratio) + ('*' if held.is_significant else ' '):>24}"
-            if unpaired := int((np.isfinite(own) ^ np.isfinite(baseline)).sum()):
-                line += f"  ({unpaired} flights of one only)"
-        yield line.rstrip()
+            ratio = _cell(held.ratio) + ("*" if held.is_significant else "")
+            only = int((np.isfinite(own) ^ np.isfinite(baseline)).sum())
+            unpaired = f"{only} flights" if only else ""
+        yield [title, f"{share:.1f} %", *cells, ratio, unpaired]
 
 
 def _swept_alike(order: Order) -> list[list[int]]:
@@ -146,35 +175,42 @@ def _swept_alike(order: Order) -> list[list[int]]:
     return list(groups.values())
 
 
-def _swept(order: Order, table: Table, cases: list[int]) -> Iterator[str]:
-    """Yield a table for each angle, swept values from left to right, as papers print them.
+def _sweep(order: Order, table: Table, cases: list[int]) -> Sweep:
+    """Return a table for each angle, swept values from left to right, as papers print them.
 
     A row for each method and case, then their average; last what methods amount to over all
     angles, values and cases.
     """
     sweep = order.case[cases[0]].sweep
-    if sweep is None:
-        return
+    values = () if sweep is None else sweep.values
     names = [order.case[number].name for number in cases]
-    rows = [*names, "average"] if len(cases) > 1 else names
-    width = max(map(len, order.titles))
-    label = max(map(len, rows))
-    values = "".join(f"{value:>9g}" for value in sweep.values)
+    labels = [*names, "average"] if len(cases) > 1 else names
+    heads = ["method", "case", *(f"{value:g}" for value in values), "mean"]
+    tables, curves = {}, {}
     for angle in EULER:
-        yield f"{angle}, RMSE in degrees by {sweep.name}"
-        yield f"  {'':<{width}}  {'':<{label}}{values}{'mean':>9}"
+        rows = []
         for title in order.titles:
             by_case = [
                 _root_mean(table.figure(f"{angle}_rmse_deg", title, number).T) for number in cases
             ]
-            lines = [*by_case, np.mean(by_case, axis=0)][: len(rows)]
-            for k, (name, by_column) in enumerate(zip(rows, lines, strict=True)):
-                cells = "".join(f"{_number(v):>9}" for v in (*by_column, float(by_column.mean())))
-                yield f"  {'' if k else title:<{width}}  {name:<{label}}{cells}"
-    yield from _overall(order, table, cases, width)
+            lines = [*by_case, np.mean(by_case, axis=0)][: len(labels)]
+            for label, by_column in zip(labels, lines, strict=True):
+                cells = [_number(v) for v in (*by_column, float(by_column.mean()))]
+                rows.append([title, label, *cells])
+                curves[angle, label, title] = by_column
+        tables[f"{angle}, RMSE in degrees by {sweep.name if sweep else ''}"] = (heads, rows)
+    if overall := list(_overall(order, table, cases)):
+        name = "mean RMSE over angles, values and cases, deg; its ratio"
+        tables[name] = (["method", "mean, deg", "ratio"], overall)
+    return Sweep(
+        name=sweep.name if sweep else "",
+        values=np.array(values),
+        tables=tables,
+        curves=curves,
+    )
 
 
-def _overall(order: Order, table: Table, cases: list[int], width: int) -> Iterator[str]:
+def _overall(order: Order, table: Table, cases: list[int]) -> Iterator[list[str]]:
     """Yield for each method the mean RMSE over angles, values and cases, and its ratio."""
 
     def means(title: str) -> FloatArray:
@@ -186,15 +222,13 @@ def _overall(order: Order, table: Table, cases: list[int], width: int) -> Iterat
     rng = np.random.default_rng([_RESAMPLED, *cases])
     if len({len(table.figure(_WHOLE, order.reference, number)) for number in cases}) > 1:
         return  # flights of one of them are still to come
-    yield "mean RMSE over angles, values and cases, deg; its ratio"
     baseline = means(order.reference)
     for title in order.titles:
         own = means(title)
         held = paired(own, baseline, rng)
         ratio = "" if title == order.reference else _cell(held.ratio)
         mark = "*" if ratio and held.is_significant else ""
-        mean = _cell(pooled(own, rng, squared=False))
-        yield f"  {title:<{width}}  {mean:>24}  {ratio + mark:>25}".rstrip()
+        yield [title, _cell(pooled(own, rng, squared=False)), ratio + mark]
 
 
 def _pooled(values: FloatArray, rng: np.random.Generator, *, squared: bool) -> Interval:

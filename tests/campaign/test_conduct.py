@@ -30,7 +30,7 @@ def interrupted_after(count):
 
 
 def tables(folder):
-    return [(folder / name).read_bytes() for name in ("flights.csv", "report.txt")]
+    return [(folder / name).read_bytes() for name in ("flights.csv", "report.txt", "report.html")]
 
 
 @pytest.fixture(scope="module")

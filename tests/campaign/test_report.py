@@ -62,17 +62,17 @@ def test_cases_of_one_sweep_stand_below_each_other_with_their_average(tmp_path):
     assert rows[2] == ["3", "4.5", "6", "4.5"]
     assert rows[3] == ["4", "6", "8", "6"]
     assert [line.split()[-5] for line in text[top + 2 : top + 5]] == ["ramp", "sine", "average"]
-    assert text[top + 1].split() == ["0", "1", "2", "mean"]
+    assert text[top + 1].split() == ["method", "case", "0", "1", "2", "mean"]
 
 
 def test_the_mean_over_all_has_a_ratio_with_its_interval(tmp_path):
     text = lines(order_of(3), drawn, tmp_path)
     top = text.index("mean RMSE over angles, values and cases, deg; its ratio")
     expected = np.mean([[drawn(c, 0, f, "quiet") for f in range(12)] for c in (0, 1)])
-    figures = [float(x) for x in re.findall(r"[\d.]+", text[top + 1])]
+    figures = [float(x) for x in re.findall(r"[\d.]+", text[top + 2])]
     assert figures[0] == pytest.approx(expected, rel=5e-3)
     assert figures[3] == pytest.approx(0.8, rel=1e-3)
-    assert text[top + 1].endswith("*")
+    assert text[top + 2].endswith("*")
 
 
 def test_flights_without_an_answer_count_as_asked(tmp_path):
@@ -81,5 +81,17 @@ def test_flights_without_an_answer_count_as_asked(tmp_path):
 
     text = lines(order_of(2, cases=("ramp",)), error_deg, tmp_path)
     assert "75.0 %" in line_of(text, "  quiet")
-    assert line_of(text, "  quiet").endswith("(6 flights of one only)")
+    assert line_of(text, "  quiet").endswith("6 flights")
     assert "average" not in "".join(text)
+
+
+def test_the_page_has_what_the_text_has(tmp_path):
+    text = lines(order_of(3), drawn, tmp_path)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert page.count("<table>") == 2 + 3 + 1  # cases, angles, all together
+    assert page.count("<figure>") == 3 * 3  # angles by ramp, sine, average
+    for name in ("quiet", "loud", "ramp", "sine", "average", "root seed 7"):
+        assert name in page
+    overall = re.search(r"0\.8 \[[^<]*", page)[0]
+    assert any(overall in line for line in text)
+    assert not re.search(r'd="[^"]*(nan|inf)', page)
