@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.campaign.fly import Record
-from fgnav.campaign.order import CaseTable, Order
+from fgnav.campaign.order import Order
+from fgnav.campaign.page import Sweep, write_page
 from fgnav.checks import FloatArray
 from fgnav.evaluation.figures import FIGURES
 from fgnav.evaluation.paired import Interval, paired, pooled
 from fgnav.evaluation.scores import EULER
 from fgnav.io.atomic_write import write_text
 
-REPORT = "report.txt"
+REPORT, PAGE = "report.txt", "report.html"
 _WHOLE = "attitude_rmse_deg"
 _MATCHED = "matched_attitude_rmse_deg"
 # Column heading, figure, whether it is a root mean square.
@@ -32,6 +33,9 @@ _RESAMPLED = 0x5EED  # intervals are the same whenever the flights are
 class Table:
     """Figures of a campaign by case, column, flight and method: 8 bytes each, no more.
 
+    Columns of a sweep share their random draws, flight by flight: intervals and tests are by
+    flight number, over all columns of which a flight is averaged first.
+
     Parameters
     ----------
     order : Order
@@ -40,106 +44,210 @@ class Table:
 
     def __init__(self, order: Order, records: Iterable[Record]) -> None:
         self._methods = order.titles
+        self._columns = [case.columns for case in order.case]
         cases = [case.name for case in order.case]
         flat: dict[tuple[int, int], array[float]] = {}
+        flights: dict[tuple[int, int], array[int]] = {}
         for record in records:
             key = (cases.index(record["case"]), record["column"])
             own = flat.setdefault(key, array("d"))
+            flights.setdefault(key, array("q")).append(record["flight"])
             for method in self._methods:
                 figures = record["methods"].get(method, {}).get("figures", {})
                 values = (figures.get(name) for name in FIGURES)
                 own.extend(np.nan if value is None else value for value in values)
         shape = (-1, len(self._methods), len(FIGURES))
         self._of = {key: np.array(flat[key]).reshape(shape) for key in sorted(flat)}
+        self._flights = {key: np.array(flights[key]) for key in self._of}
 
     def __len__(self) -> int:
         """Return the number of records."""
         return sum(map(len, self._of.values()))
 
-    def figure(self, name: str, method: str, case: int, column: int | None = None) -> FloatArray:
-        """Return a figure of each flight of a case, of all columns where none is named."""
+    def flown(self, case: int) -> int:
+        """Return the number of records of a case."""
+        return sum(len(v) for (c, _), v in self._flights.items() if c == case)
+
+    def figure(self, name: str, method: str, case: int) -> FloatArray:
+        """Return a figure of each flight and column of a case, (flights, columns).
+
+        NaN where a flight has not been flown, or the method had no answer.
+        """
         m, k = self._methods.index(method), FIGURES.index(name)
-        parts = [
-            values[:, m, k]
-            for (c, own), values in self._of.items()
-            if c == case and (column is None or own == column)
-        ]
-        return np.concatenate([np.zeros(0), *parts])
+        own = {column: v for (c, column), v in self._flights.items() if c == case}
+        numbers = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *own.values()]))
+        values = np.full((len(numbers), self._columns[case]), np.nan)
+        for column, flights in own.items():
+            rows = np.searchsorted(numbers, flights)
+            values[rows, column] = self._of[case, column][:, m, k]
+        return values
 
 
 def write_report(order: Order, records: Iterable[Record], out: Path) -> str:
-    """Write and return the report: a summary of each case, then tables of what was swept."""
+    """Write the report as text and as a page; return the text.
+
+    A summary of each case, then tables of what was swept, as papers print them.
+    """
     table = Table(order, records)
-    text = "\n".join(_lines(order, table, len(table))) + "\n"
+    head = list(_head(order, len(table)))
+    summaries = {
+        case.name: (_summary_heads(order), list(_summary(order, table, number)))
+        for number, case in enumerate(order.case)
+    }
+    sweeps = [_sweep(order, table, cases) for cases in _swept_alike(order)]
+    lines = [*head]
+    for name, (heads, rows) in summaries.items():
+        lines += ["", name, *_aligned([heads, *rows])]
+    for sweep in sweeps:
+        lines.append("")
+        for name, (heads, rows) in sweep.tables.items():
+            lines += [name, *_aligned([heads, *rows])]
+    text = "\n".join(lines) + "\n"
     write_text(out / REPORT, text)
+    write_page(out / PAGE, order, head, summaries, sweeps)
     return text
 
 
-def _lines(order: Order, table: Table, count: int) -> Iterator[str]:
+def _aligned(rows: list[list[str]]) -> Iterator[str]:
+    """Yield lines of cells below each other: names to the left, figures to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    texts = [k for k, column in enumerate(zip(*rows[1:], strict=True)) if not _is_figure(column)]
+    for row in rows:
+        cells = (
+            f"{cell:<{width}}" if k in texts else f"{cell:>{width}}"
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        yield f"  {'  '.join(cells)}".rstrip()
+
+
+def _is_figure(column: tuple[str, ...]) -> bool:
+    return all(cell[:1] in "0123456789-–" for cell in column if cell) and any(column)
+
+
+def _head(order: Order, count: int) -> Iterator[str]:
     asked = order.flights * sum(case.columns for case in order.case)
     yield f"Campaign {order.name}: {count} of {asked} flights, root seed {order.seed}."
     yield (
         "Figures over flights with intervals of 95 % by bootstrap of flights; ratios of RMSE to "
         f"{order.reference!r}"
     )
-    yield "on the epochs that all methods answer; * where interval and signed-rank test exclude 1."
-    for number, case in enumerate(order.case):
-        yield ""
-        yield from _summary(order, table, number, case)
-        if case.sweep is not None:
-            yield from _swept(order, table, number, case)
+    yield (
+        "on the epochs that all methods answer; * where interval and signed-rank test exclude 1. "
+        "Values of a"
+    )
+    yield "sweep share their random numbers: the flight, over all of them, is the unit."
 
 
-def _summary(order: Order, table: Table, number: int, case: CaseTable) -> Iterator[str]:
-    """Yield a line for each method of a case."""
+def _summary_heads(order: Order) -> list[str]:
+    ratio = f"ratio to {order.reference}"
+    return ["method", "answered", *(head for head, _, _ in _SUMMARY), ratio, "of one only"]
+
+
+def _summary(order: Order, table: Table, number: int) -> Iterator[list[str]]:
+    """Yield a row for each method of a case."""
     rng = np.random.default_rng([_RESAMPLED, number])
-    width = max(len("method"), *map(len, order.titles))
-    yield f"{case.name}"
-    heads = "".join(f"  {head:>22}" for head, _, _ in _SUMMARY)
-    yield f"  {'method':<{width}}  flights  answered{heads}  {'ratio':>24}"
     baseline = table.figure(_MATCHED, order.reference, number)
     for title in order.titles:
-        available = table.figure("available", title, number)
-        answered = np.nan_to_num(available)
-        cells = "".join(
-            f"  {_cell(pooled(table.figure(name, title, number), rng, squared=squared)):>22}"
+        answered = np.nansum(table.figure("available", title, number))
+        share = 100 * float(answered) / max(table.flown(number), 1)
+        cells = [
+            _cell(_pooled(table.figure(name, title, number), rng, squared=squared))
             for _, name, squared in _SUMMARY
-        )
-        flights = int((answered > 0).sum())
-        share = 100 * float(answered.mean()) if len(answered) else 0.0
-        line = f"  {title:<{width}}  {flights:>7}  {share:>6.1f} %{cells}"
+        ]
+        ratio = unpaired = ""
         if title != order.reference:
-            held = paired(table.figure(_MATCHED, title, number), baseline, rng)
-            mark = "*" if held.is_significant else " "
-            line += f"  {_cell(held.ratio) + mark:>24}"
-            if held.unpaired:
-                line += f"  ({held.unpaired} flights of one only)"
-        yield line.rstrip()
+            own = table.figure(_MATCHED, title, number)
+            both = np.isfinite(own) & np.isfinite(baseline)
+            first, second = (np.where(both, values, np.nan) for values in (own, baseline))
+            held = paired(_root_mean(first), _root_mean(second), rng)
+            ratio = _cell(held.ratio) + ("*" if held.is_significant else "")
+            only = int((np.isfinite(own) ^ np.isfinite(baseline)).sum())
+            unpaired = f"{only} flights" if only else ""
+        yield [title, f"{share:.1f} %", *cells, ratio, unpaired]
 
 
-def _swept(order: Order, table: Table, number: int, case: CaseTable) -> Iterator[str]:
-    """Yield a table for each angle, swept values from left to right, as papers print them."""
-    if case.sweep is None:
-        return
-    width = max(map(len, order.titles))
-    values = "".join(f"{value:>9g}" for value in case.sweep.values)
+def _swept_alike(order: Order) -> list[list[int]]:
+    """Return the numbers of cases that sweep the same values of the same thing, together."""
+    groups: dict[tuple[str, tuple[float, ...]], list[int]] = {}
+    for number, case in enumerate(order.case):
+        if case.sweep is not None:
+            groups.setdefault((case.sweep.name, case.sweep.values), []).append(number)
+    return list(groups.values())
+
+
+def _sweep(order: Order, table: Table, cases: list[int]) -> Sweep:
+    """Return a table for each angle, swept values from left to right, as papers print them.
+
+    A row for each method and case, then their average; last what methods amount to over all
+    angles, values and cases.
+    """
+    sweep = order.case[cases[0]].sweep
+    values = () if sweep is None else sweep.values
+    names = [order.case[number].name for number in cases]
+    labels = [*names, "average"] if len(cases) > 1 else names
+    heads = ["method", "case", *(f"{value:g}" for value in values), "mean"]
+    tables, curves = {}, {}
     for angle in EULER:
-        yield f"  {angle}, RMSE in degrees by {case.sweep.name}"
-        yield f"    {'':<{width}}{values}{'mean':>9}"
+        rows = []
         for title in order.titles:
-            by_column = [
-                _rms(table.figure(f"{angle}_rmse_deg", title, number, column))
-                for column in range(case.columns)
+            by_case = [
+                _root_mean(table.figure(f"{angle}_rmse_deg", title, number).T) for number in cases
             ]
-            cells = "".join(
-                f"{_number(value):>9}" for value in (*by_column, float(np.mean(by_column)))
-            )
-            yield f"    {title:<{width}}{cells}"
+            lines = [*by_case, np.mean(by_case, axis=0)][: len(labels)]
+            for label, by_column in zip(labels, lines, strict=True):
+                cells = [_number(v) for v in (*by_column, float(by_column.mean()))]
+                rows.append([title, label, *cells])
+                curves[angle, label, title] = by_column
+        tables[f"{angle}, RMSE in degrees by {sweep.name if sweep else ''}"] = (heads, rows)
+    if overall := list(_overall(order, table, cases)):
+        name = "mean RMSE over angles, values and cases, deg; its ratio"
+        tables[name] = (["method", "mean, deg", "ratio"], overall)
+    return Sweep(
+        name=sweep.name if sweep else "",
+        values=np.array(values),
+        tables=tables,
+        curves=curves,
+    )
 
 
-def _rms(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt((known**2).mean())) if len(known) else float("nan")
+def _overall(order: Order, table: Table, cases: list[int]) -> Iterator[list[str]]:
+    """Yield for each method the mean RMSE over angles, values and cases, and its ratio."""
+
+    def means(title: str) -> FloatArray:
+        figures = [
+            table.figure(f"{angle}_rmse_deg", title, number) for angle in EULER for number in cases
+        ]
+        return np.asarray(np.concatenate(figures, axis=1).mean(axis=1))  # NaN where one is missing
+
+    rng = np.random.default_rng([_RESAMPLED, *cases])
+    if len({len(table.figure(_WHOLE, order.reference, number)) for number in cases}) > 1:
+        return  # flights of one of them are still to come
+    baseline = means(order.reference)
+    for title in order.titles:
+        own = means(title)
+        held = paired(own, baseline, rng)
+        ratio = "" if title == order.reference else _cell(held.ratio)
+        mark = "*" if ratio and held.is_significant else ""
+        yield [title, _cell(pooled(own, rng, squared=False)), ratio + mark]
+
+
+def _pooled(values: FloatArray, rng: np.random.Generator, *, squared: bool) -> Interval:
+    """Return a figure over flights, (flights, columns), each flight averaged first."""
+    by_flight = _root_mean(values) if squared else _mean(values)
+    return pooled(by_flight, rng, squared=squared)
+
+
+def _root_mean(values: FloatArray) -> FloatArray:
+    """Return the root mean square over the last axis; NaN of nothing."""
+    return np.asarray(np.sqrt(_mean(values**2)))
+
+
+def _mean(values: FloatArray) -> FloatArray:
+    """Return the mean of what is finite over the last axis; NaN of nothing."""
+    known = np.isfinite(values)
+    count = known.sum(axis=-1)
+    total = np.where(known, values, 0.0).sum(axis=-1)
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
 def _cell(of: Interval) -> str:

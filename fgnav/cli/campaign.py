@@ -28,8 +28,8 @@ def campaign(
     """Fly scenarios many times, run several methods on every flight, and judge them.
 
     Writes runs/ (a file for each flight), flights.csv and flights.parquet (a row for each flight
-    and method), seconds.csv and report.txt. The same campaign gives the same tables, whatever the
-    number of workers. Interrupted, it goes on with --resume.
+    and method), seconds.csv, report.txt and report.html. The same campaign gives the same tables,
+    whatever the number of workers. Interrupted, it goes on with --resume.
 
     Example: fgnav campaign flown --out /tmp/flown
 

@@ -1,8 +1,8 @@
 """Several methods on one flight: who is right, by how much, and how much better anyone could be."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from time import perf_counter
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -66,15 +66,25 @@ class Comparison:
         In the order asked.
     bound : Angles
         Cramer-Rao bound of one epoch's carrier phase with right integers, degrees.
+    posterior_bound : Angles
+        That of all measurements of the flight with the prior of the motion, as a smoother has them;
+        of a flight with truth.
     differences : tuple of Difference
         Between each pair of methods, where there is no truth to judge by; else empty.
+    double_differences : DoubleDifferences or None
+        Of the array's observations; None without an array.
+    right_integers : Integers or None
+        What the true attitude implies of them; None without truth.
     """
 
     flight: str
     epochs: int
     methods: tuple[Method, ...]
     bound: Angles
+    posterior_bound: Angles = field(default_factory=Angles)
     differences: tuple[Difference, ...] = ()
+    double_differences: DoubleDifferences | None = None
+    right_integers: Integers | None = None
 
     @property
     def solved(self) -> list[Method]:
@@ -103,7 +113,10 @@ class Comparison:
             "flight": self.flight,
             "epochs": self.epochs,
             "methods": {method.name: method.to_dict() for method in self.methods},
-            "bound": {"crlb_deg": asdict(self.bound)},
+            "bound": {
+                "crlb_deg": asdict(self.bound),
+                "posterior_deg": asdict(self.posterior_bound),
+            },
             "differences": [asdict(difference) for difference in self.differences],
         }
 
@@ -187,7 +200,10 @@ def compare(
         epochs=max((estimate.epochs for estimate in estimates), default=gnss_epochs),
         methods=methods,
         bound=flight_bound(differences, flight.truth, estimates) if differences else Angles(),
+        posterior_bound=_posterior_bound(flight, known),
         differences=() if flight.truth else pairwise(estimates),
+        double_differences=differences,
+        right_integers=right,
     )
 
 
@@ -266,6 +282,24 @@ def _judge(
         estimate=estimate,
         errors=errors,
     )
+
+
+def _posterior_bound(flight: Flight, known: Mapping[Hashable, _Prepared]) -> Angles:
+    """Return the bound of the first smoothing problem, one that knows the whole flight if any."""
+    if flight.truth is None:
+        return Angles()
+    from fgnav.frontend.problem import PreparedFlight  # noqa: PLC0415  # lazy: brings numba
+
+    keys = sorted(known, key=lambda key: bool(getattr(key, "causal", False)))
+    for one in (known[key] for key in keys):
+        if isinstance(one.value, PreparedFlight) and not one.value.stretches:
+            from fgnav.evaluation.posterior_bound import posterior_angles  # noqa: PLC0415  # as above
+
+            try:
+                return posterior_angles(flight, one.value)
+            except NoSolutionError:  # measurements leave a state open: then nothing is bounded
+                return Angles()
+    return Angles()
 
 
 def _differences_of(flight: Flight) -> DoubleDifferences | None:

@@ -13,12 +13,14 @@ from fgnav.checks import FgnavError, FloatArray
 from fgnav.evaluation.comparison import Watch, compare
 from fgnav.evaluation.figures import FIGURES, flight_figures
 from fgnav.evaluation.paired import Interval, Paired, paired, pooled
+from fgnav.evaluation.scores import EULER
 from fgnav.types.estimate import Estimator
 from fgnav.types.flight import Flight
 
 # Figures that are held against each other, and whether each is itself a root mean square.
 POOLED = {
     "available": False,
+    **dict.fromkeys((f"{angle}_rmse_deg" for angle in EULER), True),
     "attitude_rmse_deg": True,
     "matched_attitude_rmse_deg": True,
     "attitude_median_deg": False,
@@ -91,6 +93,26 @@ class FlightsComparison:
         """Return a figure over flights with its interval: root mean square, or mean."""
         rng = np.random.default_rng([BOOTSTRAP_SEED, FIGURES.index(name)])
         return pooled(self.figure(name, method), rng, squared=POOLED[name])
+
+    def bound_deg(self, kind: str, angle: str) -> FloatArray:
+        """Return a bound of each flight, (n,): ``"crlb_deg"`` or ``"posterior_deg"``."""
+        return np.array(
+            [one.detail.get("bound", {}).get(kind, {}).get(angle) for one in self.flights],
+            dtype=float,
+        )
+
+    def innovations(self, method: str) -> dict[str, tuple[float, int]]:
+        """Return by kind of measurement its NIS over all flights, and the degrees of freedom."""
+        found: dict[str, list[tuple[float, int]]] = {}
+        for one in self.flights:
+            for test in one.detail.get("methods", {}).get(method, {}).get("consistency", ()):
+                found.setdefault(test["what"], []).append((test["nis"], test["freedom"]))
+        total = {kind: sum(n for _, n in own) for kind, own in found.items()}
+        return {
+            kind: (sum(nis * n for nis, n in own) / total[kind], total[kind])
+            for kind, own in found.items()
+            if total[kind]
+        }
 
     def paired(self, name: str, method: str) -> Paired:
         """Return what a method gains against the first one."""

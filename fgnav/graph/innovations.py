@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtri
+from scipy.special import chdtr, chdtri
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph import keys
@@ -228,11 +228,13 @@ def _judged(name: str, part: Innovations, t_s: FloatArray) -> Consistency:
     order = np.argsort(t_s[part.tested], kind="stable")
     squared, freedom = part.squared[part.tested][order], part.freedom[part.tested][order]
     beyond = squared > chdtri(freedom, _GATE)
+    decile = (10 * chdtr(freedom, squared.clip(0))).astype(np.int64).clip(0, 9)
     return Consistency(
         what=name,
         count=len(squared),
         freedom=int(freedom.sum()),
         nis=float(squared.sum() / max(freedom.sum(), 1)),
         beyond_99=float(beyond.mean()) if len(beyond) else 0.0,
+        deciles=tuple(np.bincount(decile, minlength=10).tolist()),
         contradictions=contradictions(t_s[part.tested][order], squared, freedom),
     )

@@ -92,6 +92,9 @@ class Consistency:
         Normalised innovation squared per degree of freedom; 1 is expected.
     beyond_99 : float
         Share beyond the gate that 99 % of right measurements pass; 0.01 is expected.
+    deciles : tuple of int
+        How many lie between each two deciles of their chi-square distribution, ten numbers: equally
+        many where the noise is what it is stated to be. Empty where that is not known.
     contradictions : tuple of Contradiction
         In order of time.
     """
@@ -101,6 +104,7 @@ class Consistency:
     freedom: int
     nis: float
     beyond_99: float
+    deciles: tuple[int, ...] = ()
     contradictions: tuple[Contradiction, ...] = ()
 
 

@@ -187,6 +187,8 @@ class SeekerTable(Table, frozen=True):
     line_of_sight_noise_rad : float
         What the noise of the currents amounts to, per axis, with the spot at the centre; where
         optics are given, they say how large it is.
+    misalignment_rad : float
+        1-sigma of the angles, about each body axis, by which the detector is turned.
     optics : OpticsTable or None
         None: automatic gain keeps the sum of the currents at one.
     occlusions : tuple of OcclusionTable
@@ -200,6 +202,7 @@ class SeekerTable(Table, frozen=True):
     detector_radius_m: Positive = 5e-3
     focal_length_m: Positive = 2e-2
     line_of_sight_noise_rad: Positive = 1e-3
+    misalignment_rad: NotNegative = 0.0
     optics: OpticsTable | None = None
     occlusions: tuple[OcclusionTable, ...] = ()
 
@@ -233,6 +236,8 @@ class Scenario(Table, frozen=True):
         By which spread keys of this scenario are drawn anew for every flight: see ``dispersions``.
     antennas_b_m : tuple of vectors
         Phase centres in body axes; the first is the reference. The paper's eight by default.
+    antenna_misplacement_m : float
+        1-sigma, per axis, of where antennas really sit beside that, which the flight states.
     gnss, imu, fixes, seeker, barometer, magnetometer : their tables, or None
     """
 
@@ -246,6 +251,7 @@ class Scenario(Table, frozen=True):
     flown: FlownTable | None = None
     dispersions: dict[str, Any] = msgspec.field(default_factory=dict)
     antennas_b_m: tuple[Vector, ...] = PAPER_ANTENNAS_B_M
+    antenna_misplacement_m: NotNegative = 0.0
     gnss: GnssTable | None = None
     imu: ImuTable | None = None
     fixes: FixesTable | None = None

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from fgnav.checks import Loss
@@ -72,7 +73,7 @@ def simulate_many(
     """
     together = max(1, int(_TOGETHER_S / scenario.duration_s)) if scenario.flown else 1
     for first in range(0, len(rngs), together):
-        streams = [rng.spawn(8) for rng in rngs[first : first + together]]
+        streams = [rng.spawn(9) for rng in rngs[first : first + together]]
         drawn = [disperse(scenario, scenario.dispersions, stream[4]) for stream in streams]
         moving = _moving([one for one, _ in drawn], [stream[5] for stream in streams])
         parts = zip(moving, drawn, streams, strict=True)
@@ -102,11 +103,14 @@ def _sensed(
     scenario: Scenario, rngs: Sequence[np.random.Generator], progress: Callable[[float], None]
 ) -> Flight:
     """Return what the sensors of a scenario measure of its motion; each has its place in rngs."""
-    gnss_rng, imu_rng, fixes_rng, seeker_rng, _, _, barometer_rng, magnetometer_rng = rngs
+    gnss_rng, imu_rng, fixes_rng, seeker_rng, _, _, barometer_rng, magnetometer_rng, place_rng = (
+        rngs
+    )
     gnss, imu, fixes, seeker = scenario.gnss, scenario.imu, scenario.fixes, scenario.seeker
     barometer, magnet = scenario.barometer, scenario.magnetometer
     broadcast, precise = _orbits(gnss, scenario) if gnss else (None, None)
     flown = precise or broadcast
+    real = _misplaced(scenario, place_rng)
     watched = detector.watch(seeker, scenario, rng=seeker_rng) if seeker else None
     sensed = inertial.sense(imu, scenario, rng=imu_rng) if imu else None
     losses = inertial.saturated(imu, sensed) if imu and sensed else ()
@@ -117,9 +121,7 @@ def _sensed(
         losses += (Loss(what="seeker", reason=reason, count=1),)
     received = base = None
     if gnss and flown:
-        received = observe(
-            gnss, scenario, flown, messages=broadcast, rng=gnss_rng, progress=progress
-        )
+        received = observe(gnss, real, flown, messages=broadcast, rng=gnss_rng, progress=progress)
         if gnss.base:
             base = stand(
                 gnss.base,
@@ -142,7 +144,7 @@ def _sensed(
         gnss_noise=_noise(gnss) if gnss else GnssNoise(),
         base=base,
         imu=sensed,
-        fixes=fix(fixes, scenario, "a1", rng=fixes_rng) if fixes else None,
+        fixes=fix(fixes, real, "a1", rng=fixes_rng) if fixes else None,
         seeker=watched,
         barometer=press(barometer, scenario, rng=barometer_rng) if barometer else None,
         magnetometer=point(magnet, scenario, rng=magnetometer_rng) if magnet else None,
@@ -152,6 +154,14 @@ def _sensed(
     if gnss and gnss.message_errors:
         return with_message_errors(flight, gnss_rng.spawn(1)[0])
     return flight
+
+
+def _misplaced(scenario: Scenario, rng: np.random.Generator) -> Scenario:
+    """Return a scenario whose antennas sit where they really do."""
+    stated_b_m = np.array(scenario.antennas_b_m)
+    off_b_m = scenario.antenna_misplacement_m * rng.standard_normal(stated_b_m.shape)
+    places = tuple((x, y, z) for x, y, z in (stated_b_m + off_b_m).tolist())
+    return msgspec.structs.replace(scenario, antennas_b_m=places)
 
 
 def _antennas(scenario: Scenario) -> tuple[Antenna, ...]:

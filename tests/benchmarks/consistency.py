@@ -23,6 +23,7 @@ from scipy.special import chdtri, erf
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.bound import attitude_bound
+from fgnav.evaluation.posterior_bound import posterior_bound, true_rate_prior
 from fgnav.frontend.problem import PreparedFlight
 from fgnav.geometry import rotations
 from fgnav.integers.resolvers.resolve import resolve
@@ -36,7 +37,6 @@ from fgnav_sim.motion import Hold, Ramp, Rate, Sine
 from fgnav_sim.propagation.message_errors import with_message_errors
 from fgnav_sim.scenario import FixesTable, Scenario, load_scenario
 from fgnav_sim.simulate import simulate
-from tests.benchmarks.posterior_bound import posterior_bound, true_rate_prior
 from tests.methods.true_gravity import TrueGravity
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios"

@@ -2,7 +2,6 @@
 
 import csv
 import os
-import re
 import signal
 
 import msgspec
@@ -31,7 +30,7 @@ def interrupted_after(count):
 
 
 def tables(folder):
-    return [(folder / name).read_bytes() for name in ("flights.csv", "report.txt")]
+    return [(folder / name).read_bytes() for name in ("flights.csv", "report.txt", "report.html")]
 
 
 @pytest.fixture(scope="module")
@@ -56,8 +55,8 @@ def test_every_flight_and_method_has_a_row(whole, order):
 def test_maximum_likelihood_beats_the_closed_form_by_the_report(whole):
     outcome, _ = whole
     line = next(x for x in outcome.report.splitlines() if x.startswith("  quiet"))
-    ratio, low, high = re.findall(r"(\S+) \[(\S+), (\S+)\]", line)[-1]
-    assert float(low) < float(ratio) < float(high) < 1
+    assert float(line.split()[-1]) < 1
+    assert "[" not in line  # of three flights, whatever is swept, there is no interval
 
 
 def test_interrupted_and_resumed_gives_the_same_bytes(whole, order, tmp_path):

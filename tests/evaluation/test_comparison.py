@@ -142,7 +142,8 @@ def test_json_has_the_promised_keys_and_null_for_what_is_unknown(flight, off, lo
     content = json.loads(comparison.to_json())
     assert content["flight"] == "turn"
     assert content["epochs"] == 100
-    assert content["bound"] == {"crlb_deg": {"roll": None, "pitch": None, "yaw": None}}
+    unknown = {"roll": None, "pitch": None, "yaw": None}
+    assert content["bound"] == {"crlb_deg": unknown, "posterior_deg": unknown}
     fine = content["methods"]["fine"]
     assert set(fine["rmse_deg"]) == {"roll", "pitch", "yaw"}
     assert fine["position_rmse_m"] is None

@@ -9,9 +9,14 @@ import pytest
 
 from fgnav import cli
 from fgnav.checks import BadInputError
-from fgnav.evaluation.flights import compare_flights
+from fgnav.evaluation.flights import FlightOutcome, FlightsComparison, compare_flights
 from fgnav.evaluation.paired import paired
-from fgnav.evaluation.report.flights_table import flights_lines
+from fgnav.evaluation.report.flights_table import (
+    angle_rows,
+    count_rows,
+    flights_lines,
+    innovation_rows,
+)
 from fgnav.evaluation.report.html.flights import save_flights_page
 from fgnav.types.estimate import Estimate
 
@@ -182,3 +187,37 @@ def test_several_flights_are_no_figure_and_none_counts_twice(batch, tmp_path, ca
     assert "is named twice" in capsys.readouterr().err
     assert cli.main(["compare", *METHODS]) == 2
     assert "requires an argument" in capsys.readouterr().err
+
+
+def of_details(details):
+    """Return a comparison of flights whose details are given."""
+    flights = tuple(
+        FlightOutcome(
+            flight=f"f{k}", figures={}, seconds={"a": 1.0 + k}, failures={}, detail=detail
+        )
+        for k, detail in enumerate(details)
+    )
+    return FlightsComparison(methods=("a",), flights=flights)
+
+
+def detail(nis, freedom, roll_deg):
+    test = {"what": "velocity", "nis": nis, "freedom": freedom}
+    bound = {"crlb_deg": {"roll": roll_deg, "pitch": None, "yaw": 0.1}}
+    return {"methods": {"a": {"consistency": [test]}}, "bound": bound}
+
+
+def test_innovations_of_flights_are_weighed_by_their_freedom():
+    outcome = of_details([detail(1.0, 300, 0.3), detail(2.0, 100, 0.4), {}])
+    assert outcome.innovations("a") == {"velocity": (1.25, 400)}
+    (row,) = innovation_rows(outcome)
+    assert row[:4] == ["a", "velocity", "400", "1.250"]
+    assert row[-1] == "above"  # 95 % of 400 degrees lie within .866 and 1.143
+
+
+def test_bounds_stand_below_the_methods_and_unknown_ones_do_not():
+    outcome = of_details([detail(1.0, 300, 0.3), detail(1.0, 300, 0.4), {}])
+    method, bound = angle_rows(outcome)
+    assert method == ["a", "–", "–", "–"]
+    assert bound == ["Cramér-Rao, one epoch of phase", "0.354", "–", "0.1"]  # rms of .3 and .4
+    (counts,) = count_rows(outcome)
+    assert counts == ["a", "–", "–", "–", "2"]

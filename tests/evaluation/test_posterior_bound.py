@@ -8,14 +8,22 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError, NoSolutionError
+from fgnav.evaluation.comparison import compare
+from fgnav.evaluation.posterior_bound import (
+    posterior_angles,
+    posterior_bound,
+    true_rate_prior,
+    true_states,
+)
+from fgnav.evaluation.scores import Angles
+from fgnav.geometry.rotations import euler_jacobian
 from fgnav.graph.build import Layout, flight_graph, flight_values
 from fgnav.graph.factors.position import Position
-from fgnav.integers.resolvers.truth import Truth
-from fgnav.methods.smoother import Batch
+from fgnav.integers.resolvers.truth import Truth, attitude_at
+from fgnav.methods.smoother import Batch, Forward
 from fgnav.process.evidence import RatePrior
 from fgnav_sim.simulate import simulate
 from tests.benchmarks.consistency import cases
-from tests.benchmarks.posterior_bound import posterior_bound, true_rate_prior, true_states
 from tests.methods.simulated import flown
 
 BATCH = Batch(resolver=Truth())
@@ -98,3 +106,23 @@ def test_a_flight_without_truth_has_no_bound(swing):
         posterior_bound(blind, prepared)
     with pytest.raises(NoSolutionError, match="a posterior bound needs its truth"):
         true_rate_prior(blind, prepared.problem.t_s)
+
+
+def test_a_comparison_states_the_bound_of_the_problem_that_knows_the_whole_flight(swing):
+    flight, prepared = swing
+    methods = [Forward(resolver=Truth(), noise="stated"), replace(BATCH, noise="stated")]
+    expected = posterior_angles(flight, methods[1].prepare(flight))
+    assert compare(flight, methods).posterior_bound == expected
+    J = euler_jacobian(attitude_at(flight.truth, prepared.problem.t_s)[0])
+    P = J @ posterior_bound(flight, methods[1].prepare(flight)) @ J.swapaxes(1, 2)
+    rms_deg = np.degrees(np.sqrt(np.einsum("nii->ni", P).mean(axis=0)))
+    np.testing.assert_allclose([expected.roll, expected.pitch, expected.yaw], rms_deg, rtol=1e-12)
+
+
+def test_without_truth_throughout_there_is_no_bound_of_angles(swing):
+    flight, prepared = swing
+    assert posterior_angles(replace(flight, truth=None), prepared) == Angles()
+    truth = flight.truth
+    half = {k: getattr(truth, k)[truth.t_s > 1.5] for k in ("t_s", "p_n_m", "v_n_mps", "R_nb")}
+    part = replace(flight, truth=replace(truth, integers=None, **half))
+    assert posterior_angles(part, prepared) == Angles()

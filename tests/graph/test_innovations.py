@@ -145,6 +145,9 @@ def test_nine_rows_of_three_degrees_of_freedom_are_three():
     assert told.freedom == 9 * n
     assert told.nis == pytest.approx(1.0, abs=4 * np.sqrt(2 / told.freedom))
     assert told.beyond_99 == pytest.approx(0.01, abs=4 * np.sqrt(0.01 / n))
+    assert sum(told.deciles) == n
+    # A tenth in each: of 4000, 400 with a standard deviation of 19.
+    np.testing.assert_allclose(told.deciles, n / 10, rtol=0, atol=4 * np.sqrt(0.09 * n))
 
 
 def test_a_measurement_that_alone_says_what_it_says_tests_nothing():

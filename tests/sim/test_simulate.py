@@ -200,3 +200,16 @@ def test_orbits_of_a_file_flown_in_vacuum_carry_no_ionosphere(shared):
     gnss = GnssTable(navigation=(str(file),), atmosphere=False)
     flight = made(Scenario(duration_s=1.0, gnss=gnss))
     assert not flight.broadcast.klobuchar.any()
+
+
+def test_misplaced_antennas_are_stated_where_they_are_not():
+    whole, moved = made(FULL), made(msgspec.structs.replace(FULL, antenna_misplacement_m=0.05))
+    for a, b in zip(whole.antennas, moved.antennas, strict=True):
+        assert same(a.position_b_m, b.position_b_m)
+    apart_m = moved.observations.code_m - whole.observations.code_m
+    # Noise is the same: what differs is each antenna's own few centimetres, by satellite.
+    assert 0.01 < np.nanstd(apart_m) < 0.15
+    of_antenna_m = apart_m - apart_m[:, :1]
+    assert (np.nanstd(of_antenna_m[:, 1:], axis=(0, 2)) > 0.005).all()
+    assert same(whole.imu.f_b_mps2, moved.imu.f_b_mps2)
+    assert not same(whole.fixes.p_n_m, moved.fixes.p_n_m)  # of the first, which moved, too

@@ -2,9 +2,12 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from fgnav.evaluation.flights import PAIRED, FlightsComparison
 from fgnav.evaluation.paired import Interval, Paired
 from fgnav.evaluation.report.table import folded_table
+from fgnav.evaluation.scores import EULER, rms
 
 # Heading, unit, figure.
 SUMMARY = (
@@ -27,6 +30,13 @@ TITLES = {
     "velocity_rmse_mps": "velocity RMS, m/s",
     "attitude_energy_score_deg": "energy score of attitude, deg",
 }
+BOUNDS = {
+    "crlb_deg": "Cramér-Rao, one epoch of phase",
+    "posterior_deg": "Cramér-Rao, flight, prior of motion",
+}
+ANGLE_HEADS = ["method or bound", *(f"{angle}, deg RMS" for angle in EULER)]
+_COUNTS = ("right", "wrong", "refused")
+COUNT_HEADS = ["method", *(f"integers {kind}" for kind in _COUNTS), "time, s"]
 _NONE = "–"
 
 
@@ -39,6 +49,8 @@ def flights_lines(comparison: FlightsComparison, width: int) -> list[str]:
         "bootstrap of flights",
         *_pooled(comparison, width),
     ]
+    lines += ["", *folded_table([ANGLE_HEADS], list(angle_rows(comparison)), width)]
+    lines += ["", *folded_table([COUNT_HEADS], list(count_rows(comparison)), width)]
     paired = list(paired_rows(comparison))
     if paired:
         heads = [["figure", "method", "flights", "difference", "ratio", "p", ""]]
@@ -72,6 +84,40 @@ def _pooled(comparison: FlightsComparison, width: int) -> list[str]:
     ]
     heads = [["method", *(head for head, _, _ in SUMMARY)], ["", *(unit for _, unit, _ in SUMMARY)]]
     return folded_table(heads, rows, width)
+
+
+def angle_rows(comparison: FlightsComparison) -> Iterator[list[str]]:
+    """Yield each method's RMS errors of roll, pitch and yaw, then the bounds, RMS over flights."""
+    for method in comparison.methods:
+        own = (comparison.pooled(f"{angle}_rmse_deg", method) for angle in EULER)
+        yield [method, *map(interval, own)]
+    for kind, name in BOUNDS.items():
+        values = [comparison.bound_deg(kind, angle) for angle in EULER]
+        known = [own[np.isfinite(own)] for own in values]
+        if any(map(len, known)):
+            pooled = map(rms, known)
+            yield [name, *(_NONE if value is None else number(value) for value in pooled)]
+
+
+def count_rows(comparison: FlightsComparison) -> Iterator[list[str]]:
+    """Yield each method's integers right, wrong and refused, summed over flights, and its time."""
+    for method in comparison.methods:
+        counts = [comparison.figure(f"integers_{kind}", method) for kind in _COUNTS]
+        seconds = [one.seconds[method] for one in comparison.flights if method in one.seconds]
+        sums = [f"{np.nansum(own):.0f}" if np.isfinite(own).any() else _NONE for own in counts]
+        yield [method, *sums, number(float(np.mean(seconds)) if seconds else np.nan)]
+
+
+def innovation_rows(comparison: FlightsComparison) -> Iterator[list[str]]:
+    """Yield method, measurement, degrees of freedom, NIS and its band of 95 %."""
+    from scipy.stats import chi2  # noqa: PLC0415  # lazy: 0.5 s
+
+    for method in comparison.methods:
+        for kind, (nis, freedom) in comparison.innovations(method).items():
+            low, high = (chi2.ppf([0.025, 0.975], freedom) / freedom).tolist()
+            inside = "yes" if low <= nis <= high else "above" if nis > high else "below"
+            figures = [f"{value:.3f}" for value in (nis, low, high)]
+            yield [method, kind, str(freedom), *figures, inside]
 
 
 def paired_rows(comparison: FlightsComparison) -> Iterator[list[str]]:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from fgnav.checks import FloatArray, Loss
-from fgnav.geometry.rotations import transpose
+from fgnav.geometry.rotations import exp, transpose
 from fgnav.seeker import spot_fraction
 from fgnav.types.flight import Seeker
 from fgnav_sim.scenario import OpticsTable, Scenario, SeekerTable
@@ -33,10 +33,12 @@ def watch(sensor: SeekerTable, scenario: Scenario, *, rng: np.random.Generator) 
     """
     t_s = scenario.epochs_s(sensor.rate_hz)
     noise = rng.standard_normal((len(t_s), 4))  # drawn for all times: the path changes no noise
+    turned_rad = sensor.misalignment_rad * rng.spawn(1)[0].standard_normal((1, 3))
     state = scenario.motion(t_s)
     place_n_m, _, _ = state.at(np.array(sensor.position_b_m))
     landmark_n_m = scenario.origin.frame.to_n(sensor.landmark.frame.p_e_m[None])[0]
     sight_b_m = np.einsum("nij,nj->ni", transpose(state.R_nb), landmark_n_m - place_n_m)
+    sight_b_m = sight_b_m @ exp(turned_rad)[0]  # in the detector's own axes
     ahead_m = np.where(sight_b_m[:, 0] > 0, sight_b_m[:, 0], np.nan)
     spot_m = sensor.focal_length_m * sight_b_m[:, 1:] / ahead_m[:, None]
     # A comparison with NaN is false: a beacon behind is not seen.

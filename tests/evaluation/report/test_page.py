@@ -14,7 +14,7 @@ import pytest
 
 from fgnav.checks import BadInputError, Loss
 from fgnav.evaluation.comparison import compare
-from fgnav.evaluation.report.html.chart import Axis, Chart, Line, spanning
+from fgnav.evaluation.report.html.drawing.chart import Axis, Chart, Line, spanning
 from fgnav.evaluation.report.html.page import save_page
 from fgnav.evaluation.report.lines import COLOURS
 from fgnav.evaluation.report.save import check_report, save_report
@@ -85,7 +85,17 @@ def flown(tmp_path_factory):
 
 def test_a_page_is_well_formed_and_has_every_section(flown):
     _, page = read(flown)
-    wanted = ("summary", "errors", "motion", "sky", "integers", "exclusions", "consistency")
+    wanted = (
+        "summary",
+        "errors",
+        "motion",
+        "sky",
+        "residuals",
+        "quality",
+        "integers",
+        "exclusions",
+    )
+    wanted += ("consistency", "separation", "allan")
     assert set(wanted) | {"set-up", "versions"} <= set(page.ids)
     assert len(page.ids) == len(set(page.ids))
 
@@ -229,3 +239,86 @@ def test_a_constant_series_and_a_series_of_nothing_have_an_axis():
         assert axis.high > axis.low
         line = Line(mark="m0", name="", x=np.arange(len(values)) * 1.0, y=values)
         str(Chart(title="", x=Axis(name="", low=0, high=4), y=axis, lines=[line]))
+
+
+def test_wrong_integers_show_in_time_and_residuals_by_satellite(off_one_cycle):
+    comparison, flight, path = off_one_cycle
+    save_page(comparison, flight, path)
+    text, _ = read(path)
+    integers = text[text.index('id="integers"') :]
+    strips = integers[: integers.index("</figure>")]
+    assert strips.count('class="l cell wrong"') == 1
+    assert 'class="l cell fixed"' in strips
+    residuals = text[text.index('id="residuals"') : text.index('id="quality"')]
+    assert all(name in residuals for name in ("G16 1C", "G16 1575"))
+
+
+@pytest.fixture
+def off_one_cycle(tmp_path):
+    """Return the comparison of a method half of whose epochs have one integer off by a cycle."""
+    demo = load_scenario("demo")
+    flight = simulate(msgspec.structs.replace(demo, duration_s=2.0), np.random.default_rng(1))
+    right = compare(flight, [MaximumLikelihood(resolver=resolver_named("lambda"))])
+    (method,) = right.methods
+    cycles = method.estimate.integers.cycles.copy()
+    cycles[10:, 0, :] += method.estimate.integers.fixed[10:, 0, :]
+    wrong = replace(method.estimate.integers, cycles=cycles)
+    estimate = replace(method.estimate, integers=wrong)
+    spoilt = replace(right, methods=(replace(method, estimate=estimate),))
+    return spoilt, flight, tmp_path / "page.html"
+
+
+def test_without_a_forward_pass_the_page_says_what_to_ask_for(flown):
+    text, _ = read(flown)
+    assert "Not compared: this needs the methods forward and smoother" in text
+
+
+def test_a_filter_is_held_against_the_smoother_of_the_same_measurements(flight, off, tmp_path):
+    def pair(suffix, wide):
+        covariance = np.tile(1e-4 * np.eye(3), (100, 1, 1))
+        more = {"attitude_covariance_rad2": covariance}
+        yield off(f"smoother{suffix}", more=more)
+        yield off(f"forward{suffix}", wide, more={"attitude_covariance_rad2": 5 * covariance})
+
+    methods = [*pair("", (0.02, 0.0, 0.0)), *pair(" without doppler", (0.0, 0.08, 0.0))]
+    save_page(compare(flight, methods), flight, tmp_path / "a.html")
+    text, _ = read(tmp_path / "a.html")
+    table = text[text.index("filter against smoother in figures") :]
+    rows = re.findall(r"<tr><th scope=.row.>(.*?)</tr>", table[: table.index("</table>")])
+    ratios = {
+        (row.split("</th>")[0], re.findall(r">([^<]*)</td>", row)[1]): re.findall(
+            r">([^<]*)</td>", row
+        )[3]
+        for row in rows
+    }
+    # Off by 0.02 rad of a root of 4e-4 rad2, and by 0.08.
+    assert ratios["smoother", "about x"] == "1.000"
+    assert ratios["smoother without doppler", "about y"] == "4.000"
+    assert float(ratios["smoother", "about y"]) < 1e-9
+
+
+def test_gaps_and_epochs_without_gnss_show_in_the_quality(flight, off, tmp_path):
+    t_s = np.concatenate([np.arange(0, 4, 0.1), np.arange(6, 10, 0.1)])
+    save_page(compare(flight, [off("holed", t_s=t_s)]), flight, tmp_path / "a.html")
+    text, _ = read(tmp_path / "a.html")
+    quality = text[text.index('id="quality"') :]
+    strips = quality[: quality.index("</figure>")]
+    assert strips.count('class="l cell absent"') == 1
+    assert strips.count('class="l cell predicted"') == 2  # no satellites at all, on either side
+    assert "fixed" not in re.findall(r'class="l cell (\w+)"', strips)
+
+
+def test_innovations_have_a_histogram_by_decile(flight, off, tmp_path):
+    tested = Consistency(
+        what="doppler",
+        count=100,
+        freedom=300,
+        nis=1.0,
+        beyond_99=0.01,
+        deciles=(*[5] * 5, *[15] * 5),
+    )
+    method = off("one", more={"consistency": (tested,)})
+    save_page(compare(flight, [method]), flight, tmp_path / "a.html")
+    text, _ = read(tmp_path / "a.html")
+    chart = text[text.index("NIS of doppler: share by decile") :]
+    assert "95 % of 100 independent" in chart[: chart.index("</figure>")]

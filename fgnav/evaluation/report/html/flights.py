@@ -7,16 +7,21 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.evaluation.flights import BOOTSTRAP_SEED, FlightsComparison
 from fgnav.evaluation.report.flights_table import (
+    ANGLE_HEADS,
+    COUNT_HEADS,
     SUMMARY,
+    angle_rows,
+    count_rows,
     failure_lines,
+    innovation_rows,
     interval,
     number,
     paired_rows,
 )
-from fgnav.evaluation.report.html.chart import Axis, Chart, Line, spanning
-from fgnav.evaluation.report.html.facts import versions
-from fgnav.evaluation.report.html.markup import grid, paragraph, table
+from fgnav.evaluation.report.html.drawing.chart import Axis, Chart, Line, spanning
+from fgnav.evaluation.report.html.drawing.markup import grid, paragraph, table
 from fgnav.evaluation.report.html.page import check_page, method_marks, page
+from fgnav.evaluation.report.html.sections.facts import versions
 from fgnav.io.atomic_write import write_text
 
 _CHARTS = (
@@ -43,8 +48,9 @@ def save_flights_page(comparison: FlightsComparison, path: Path) -> None:
         "random numbers."
     )
     contents = {
-        "summary": ("Summary", _pooled(comparison)),
+        "summary": ("Summary", _pooled(comparison) + _angles_and_counts(comparison)),
         "paired": (f"Against {methods[0]}, flight by flight", _paired(comparison)),
+        "consistency": ("Consistency", _innovations(comparison)),
         "flights": ("Every flight", _charts(comparison) + _per_flight(comparison)),
         "failures": ("Failures", "".join(map(paragraph, failure_lines(comparison)))),
         "versions": ("Versions and seeds", seed + versions()),
@@ -65,6 +71,28 @@ def _pooled(comparison: FlightsComparison) -> str:
         "bootstrap of flights."
     )
     return table(heads, rows, caption)
+
+
+def _angles_and_counts(comparison: FlightsComparison) -> str:
+    caption = "RMS over flights by angle, and the least that any unbiased estimate has"
+    bounds = (
+        "A smoother looks at more than one epoch; the bound of the flight is for motions drawn "
+        "from the prior, and an estimate of one of them may lie below."
+    )
+    return (
+        table(ANGLE_HEADS, angle_rows(comparison), caption)
+        + paragraph(bounds)
+        + table(COUNT_HEADS, count_rows(comparison), "links over all flights; mean time of one")
+    )
+
+
+def _innovations(comparison: FlightsComparison) -> str:
+    heads = ["method", "measurement", "freedom", "NIS", "low", "high", "in the band"]
+    caption = (
+        "Normalised innovations squared by degree of freedom, over all flights, with the band that "
+        "holds 95 % of means of independent innovations. NEES with its interval is in the summary."
+    )
+    return table(heads, innovation_rows(comparison), caption)
 
 
 def _paired(comparison: FlightsComparison) -> str:
@@ -115,7 +143,12 @@ def _charts(comparison: FlightsComparison) -> str:
                 Chart(
                     title=title,
                     x=Axis(name="flight", low=0.5, high=len(place) + 0.5),
-                    y=Axis(name=title, low=np.floor(y.low), high=np.ceil(y.high), log=True),
+                    y=Axis(
+                        name=title.rpartition(", ")[2],
+                        low=np.floor(y.low),
+                        high=np.ceil(y.high),
+                        log=True,
+                    ),
                     lines=lines,
                 )
             )

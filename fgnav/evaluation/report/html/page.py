@@ -6,20 +6,24 @@ from pathlib import Path
 
 from fgnav.checks import BadInputError
 from fgnav.evaluation.comparison import Comparison, Method
-from fgnav.evaluation.report.html.chart import Axis
-from fgnav.evaluation.report.html.consistency import consistency_parts
-from fgnav.evaluation.report.html.errors import error_charts
-from fgnav.evaluation.report.html.facts import (
+from fgnav.evaluation.report.html.drawing.chart import Axis
+from fgnav.evaluation.report.html.drawing.markup import folded, paragraph, section
+from fgnav.evaluation.report.html.sections.consistency import consistency_parts
+from fgnav.evaluation.report.html.sections.errors import error_charts
+from fgnav.evaluation.report.html.sections.facts import (
     constants_table,
     gaps_and_exclusions,
     method_table,
     set_up,
     versions,
 )
-from fgnav.evaluation.report.html.integers import integer_parts
-from fgnav.evaluation.report.html.markup import folded, paragraph, section
-from fgnav.evaluation.report.html.motion import motion_charts, rate_and_bias_charts
-from fgnav.evaluation.report.html.sky import sky_charts
+from fgnav.evaluation.report.html.sections.inertial import allan_parts
+from fgnav.evaluation.report.html.sections.integers import integer_parts
+from fgnav.evaluation.report.html.sections.motion import motion_charts, rate_and_bias_charts
+from fgnav.evaluation.report.html.sections.quality import quality_strips
+from fgnav.evaluation.report.html.sections.residuals import residual_parts
+from fgnav.evaluation.report.html.sections.separation import separation_parts
+from fgnav.evaluation.report.html.sections.sky import sky_charts
 from fgnav.evaluation.report.lines import COLOURS
 from fgnav.io.atomic_write import check_place, write_text
 from fgnav.types.flight import Flight
@@ -30,10 +34,14 @@ _TITLES = {
     "errors": "Errors",
     "motion": "Motion",
     "sky": "Sky and signals",
+    "residuals": "Residuals by satellite",
+    "quality": "Quality of answers",
     "integers": "Integers",
     "exclusions": "Gaps and exclusions",
     "consistency": "Consistency",
-    "constants": "Rates, biases and constants of the flight",
+    "separation": "Forward against smoother",
+    "constants": "Rates, biases and calibration parameters",
+    "allan": "Allan deviation of the inertial unit",
     "set-up": "Set-up as read",
     "versions": "Versions and seeds",
 }
@@ -86,10 +94,14 @@ def save_page(
         "errors": error_charts(solved, marks, time),
         "motion": motion_charts(flight, solved, marks, time),
         "sky": sky_charts(flight, time),
-        "integers": integer_parts(flight, solved, marks, time),
+        "residuals": residual_parts(flight, comparison, marks, time),
+        "quality": quality_strips(flight, solved, time),
+        "integers": integer_parts(flight, comparison, marks, time),
         "exclusions": gaps_and_exclusions(flight, comparison.methods),
         "consistency": consistency_parts(solved, marks, time),
-        "constants": rate_and_bias_charts(solved, marks, time) + constants_table(solved),
+        "separation": separation_parts(solved, marks, time),
+        "constants": rate_and_bias_charts(flight, solved, marks, time) + constants_table(solved),
+        "allan": allan_parts(flight),
         "set-up": set_up(flight) + _source(source),
         "versions": _seeds(seed) + versions(),
     }
@@ -98,8 +110,11 @@ def save_page(
 
 
 def method_marks(names: list[str]) -> dict[str, str]:
-    """Return the class that gives each method its colour, everywhere on a page."""
-    return {name: f"m{k % len(COLOURS)}" for k, name in enumerate(names)}
+    """Return the class that gives each method its colour, everywhere on a page.
+
+    Methods beyond the number of colours have them again, dashed.
+    """
+    return {name: f"m{k % (2 * len(COLOURS))}" for k, name in enumerate(names)}
 
 
 def page(title: str, methods: list[str], sections: dict[str, tuple[str, str]]) -> str:
@@ -121,6 +136,7 @@ def page(title: str, methods: list[str], sections: dict[str, tuple[str, str]]) -
         f'<span class="key {mark}"></span>{escape(name)}</label>'
         for name, mark in method_marks(methods).items()
     )
+    boxes += '<span><span class="key dashes"></span>truth, or what is expected</span>'
     links = "".join(
         f'<a href="#{name}">{escape(heading)}</a>' for name, (heading, _) in sections.items()
     )

@@ -7,25 +7,27 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Method
-from fgnav.evaluation.report.html.chart import (
+from fgnav.evaluation.report.html.drawing.chart import (
     BINS,
     HEIGHT,
     Axis,
     Band,
     Chart,
     Line,
+    nested,
     on_one_scale,
     spanning,
 )
-from fgnav.evaluation.report.html.errors import sigmas
-from fgnav.evaluation.report.html.markup import grid
+from fgnav.evaluation.report.html.drawing.markup import grid
+from fgnav.evaluation.report.html.sections.errors import sigmas
 from fgnav.evaluation.report.lines import every, unjumped_deg
 from fgnav.evaluation.scores import EULER, hidden
-from fgnav.geometry.rotations import to_euler
-from fgnav.types.flight import Flight
+from fgnav.geometry.rotations import log, to_euler, transpose
+from fgnav.types.flight import Flight, Truth
 
 _TRACK = 2000  # points of a ground track
 _WRAPS = 0.3  # share of the bins of a line that an angle wraps in: more are drawn as dots
+_THICK, _THIN = 4.5, 1.6  # lines of methods, below the truth's
 _SIGMAS = 3.0
 TRUTH = "truth"
 
@@ -60,9 +62,12 @@ def motion_charts(
     return grid(charts)
 
 
-def rate_and_bias_charts(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> str:
+def rate_and_bias_charts(
+    flight: Flight, methods: Sequence[Method], marks: dict[str, str], time: Axis
+) -> str:
     """Return diagrams of body rates and of the biases of inertial units, with ±3σ."""
     charts = []
+    true_rate, widths = _true_rate(flight.truth), nested(len(methods), _THICK, _THIN)
     for title, unit, field, covariance, scale in (
         ("body rate", "deg/s", "angular_rate_b_radps", None, 180 / np.pi),
         (
@@ -81,14 +86,16 @@ def rate_and_bias_charts(methods: Sequence[Method], marks: dict[str, str], time:
         ),
     ):
         for k, axis in enumerate("xyz"):
-            lines, bands = [], []
+            lines: list[Line] = []
+            bands: list[Band] = []
             for method in methods:
                 estimate = method.estimate
                 values = None if estimate is None else getattr(estimate, field)
                 if estimate is None or values is None:
                     continue
                 mark, t_s, value = marks[method.name], estimate.t_s, scale * values[:, k]
-                lines.append(Line(mark=mark, name=method.name, x=t_s, y=value))
+                width = float(widths[len(lines)])
+                lines.append(Line(mark=mark, name=method.name, x=t_s, y=value, width=width))
                 spread = None if covariance is None else sigmas(getattr(estimate, covariance))
                 if spread is not None:
                     half = _SIGMAS * scale * spread[:, k]
@@ -101,6 +108,10 @@ def rate_and_bias_charts(methods: Sequence[Method], marks: dict[str, str], time:
                             high=value + half,
                         )
                     )
+            if lines and field == "angular_rate_b_radps" and true_rate is not None:
+                t_s, rate_radps = true_rate
+                value = scale * rate_radps[:, k]
+                lines.append(Line(mark=TRUTH, name=TRUTH, x=t_s, y=value))
             if lines:
                 edges = [edge[len(edge) // 2 :] for b in bands for edge in (b.low, b.high)]
                 y = spanning(f"{title} {axis}, {unit}", [*(line.y for line in lines), *edges])
@@ -108,6 +119,15 @@ def rate_and_bias_charts(methods: Sequence[Method], marks: dict[str, str], time:
                     str(Chart(title=f"{title} {axis}", x=time, y=y, lines=lines, bands=bands))
                 )
     return grid(charts)
+
+
+def _true_rate(truth: Truth | None) -> tuple[FloatArray, FloatArray] | None:
+    """Return the truth's mean rate between samples, (k - 1, 3), in body axes, at the middle."""
+    if truth is None or len(truth.t_s) < 2:
+        return None
+    steps_s = np.diff(truth.t_s)[:, None]
+    turn_rad = log(transpose(truth.R_nb[:-1]) @ truth.R_nb[1:])
+    return (truth.t_s[:-1] + truth.t_s[1:]) / 2, turn_rad / steps_s
 
 
 def _states(flight: Flight, methods: Sequence[Method], marks: dict[str, str]) -> Iterator[_States]:
@@ -139,24 +159,41 @@ def _states(flight: Flight, methods: Sequence[Method], marks: dict[str, str]) ->
         )
 
 
+def _behind(of: list[tuple[_States, FloatArray]]) -> list[tuple[_States, FloatArray, float]]:
+    """Return series in the order of drawing with their widths: the roughest first, truth last."""
+    ordered = sorted(of, key=lambda one: (one[0].mark == TRUTH, -_roughness(one[1])))
+    methods = sum(one.mark != TRUTH for one, _ in ordered)
+    widths = [*nested(methods, _THICK, _THIN).tolist(), 1.0]
+    return [(one, y, width) for (one, y), width in zip(ordered, widths, strict=False)]
+
+
+def _roughness(y: FloatArray) -> float:
+    """Return the median size of steps."""
+    steps = np.abs(np.diff(y))
+    known = steps[np.isfinite(steps)]
+    return float(np.median(known)) if len(known) else 0.0
+
+
 def _angle(states: list[_States], k: int, name: str, time: Axis) -> Chart:
     lines = []
-    for one in states:
-        angle_deg = one.euler_deg[:, k]
-        if not np.isfinite(angle_deg).any():
-            continue
+    of = [(one, one.euler_deg[:, k]) for one in states]
+    shown = [(one, y) for one, y in of if np.isfinite(y).any()]
+    for one, angle_deg, width in _behind(shown):
         whole = unjumped_deg(angle_deg)
         jumps = int((np.isnan(whole) & np.isfinite(angle_deg)).sum())
         dots = jumps > _WRAPS * min(BINS, len(angle_deg))
         y = angle_deg if dots else whole
-        lines.append(Line(mark=one.mark, name=one.name, x=one.t_s, y=y, dots=dots))
+        lines.append(Line(mark=one.mark, name=one.name, x=one.t_s, y=y, dots=dots, width=width))
     return Chart(
         title=name, x=time, y=spanning(f"{name}, deg", [line.y for line in lines]), lines=lines
     )
 
 
 def _series(name: str, unit: str, of: list[tuple[_States, FloatArray]], time: Axis) -> list[str]:
-    lines = [Line(mark=s.mark, name=s.name, x=s.t_s, y=y) for s, y in of if np.isfinite(y).any()]
+    shown = [(s, y) for s, y in of if np.isfinite(y).any()]
+    lines = [
+        Line(mark=s.mark, name=s.name, x=s.t_s, y=y, width=width) for s, y, width in _behind(shown)
+    ]
     if not lines:
         return []
     y = spanning(f"{name}, {unit}", [line.y for line in lines])
@@ -166,11 +203,16 @@ def _series(name: str, unit: str, of: list[tuple[_States, FloatArray]], time: Ax
 def _track(states: list[_States]) -> list[str]:
     """Return east and north on one scale; nothing without positions."""
     lines = []
-    for one in states:
-        if one.p_n_m is None or not np.isfinite(one.p_n_m).any():
-            continue
-        north, east = one.p_n_m[every(len(one.p_n_m), _TRACK), :2].T
-        lines.append(Line(mark=one.mark, name=one.name, x=east, y=north, as_is=True))
+    shown = [
+        (one, one.p_n_m[:, 0])
+        for one in states
+        if one.p_n_m is not None and np.isfinite(one.p_n_m).any()
+    ]
+    for one, _, width in _behind(shown):
+        if one.p_n_m is not None:
+            north, east = one.p_n_m[every(len(one.p_n_m), _TRACK), :2].T
+            mark, name = one.mark, one.name
+            lines.append(Line(mark=mark, name=name, x=east, y=north, as_is=True, width=width))
     if not lines:
         return []
     height = 1.6 * HEIGHT

@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.evaluation.report.html.chart import Axis
+from fgnav.evaluation.report.html.drawing.chart import Axis
 
-WIDE, LEFT = 480.0, 52.0
-_LENGTH = WIDE - LEFT - 8.0
+WIDE, LEFT = 480.0, 60.0
+LENGTH = WIDE - LEFT - 8.0
 
 
 def cells(count: int, most: int) -> IntArray:
@@ -38,7 +38,7 @@ def strip(
         Height of the middle, and thickness.
     """
     y, thickness = at
-    edges, codes = _across(t_s, time).tolist(), kinds.tolist()
+    edges, codes = across(t_s, time).tolist(), kinds.tolist()
     bounds = [0, *(k for k in range(1, len(codes)) if codes[k] != codes[k - 1]), len(codes)]
     return "".join(
         f'<path class="l cell {classes[codes[a]]}" stroke-width="{thickness}" '
@@ -49,12 +49,14 @@ def strip(
 
 
 def time_ticks(time: Axis, y: float) -> str:
-    """Return the texts of the axis of time."""
-    return "".join(
-        f'<text x="{_across(value, time):.1f}" y="{y}" text-anchor="middle">{text}</text>'
+    """Return the texts of the axis of time, and below them its name."""
+    name = f'<text x="{LEFT + LENGTH / 2}" y="{y + 14}" text-anchor="middle">{time.name}</text>'
+    return name + "".join(
+        f'<text x="{across(value, time):.1f}" y="{y}" text-anchor="middle">{text}</text>'
         for value, text in time.ticks()
     )
 
 
-def _across(t_s: FloatArray | float, time: Axis) -> FloatArray:
-    return np.asarray((t_s - time.low) / (time.high - time.low) * _LENGTH + LEFT)
+def across(t_s: FloatArray | float, time: Axis) -> FloatArray:
+    """Return where along a row times lie."""
+    return np.asarray((t_s - time.low) / (time.high - time.low) * LENGTH + LEFT)

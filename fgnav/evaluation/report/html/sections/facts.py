@@ -10,12 +10,17 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Comparison, Method
-from fgnav.evaluation.report.html.markup import NONE, folded, number, paragraph, table
+from fgnav.evaluation.report.html.drawing.markup import NONE, folded, number, paragraph, table
 from fgnav.evaluation.report.table import HEADS, remarks, score_row
+from fgnav.evaluation.scores import EULER, Angles
 from fgnav.types.flight import Flight
 
 _MOST = 300  # rows of a table of exclusions
 _GAP = 1.5  # intervals: a longer step is a gap
+_ONE_FLIGHT = (
+    "Errors of neighbouring epochs are alike, so one flight cannot tell a better method from a "
+    "lucky one: name several flights, or a folder of them, for differences with their intervals."
+)
 _PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxruntime")
 
 
@@ -25,18 +30,30 @@ def method_table(comparison: Comparison) -> str:
     rows = [[m.name, *score_row(m.score)] for m in comparison.methods]
     judged = any(m.errors is not None for m in comparison.methods)
     what = "RMS errors against truth" if judged else "no truth to judge by"
-    bound = [
-        f"{angle} {number(value)} deg"
-        for angle in ("roll", "pitch", "yaw")
-        if (value := getattr(comparison.bound, angle)) is not None
+    bounds = [
+        (f"Cramér-Rao bound of {what}", _angles(own))
+        for what, own in (
+            ("one epoch of phase", comparison.bound),
+            ("the whole flight, its motion drawn from the prior", comparison.posterior_bound),
+        )
     ]
     said = "".join(paragraph(line) for line in remarks(comparison))
     return (
         table(heads, rows, f"{what}, {comparison.epochs} epochs")
-        + (paragraph(f"Cramér-Rao bound of one epoch: {', '.join(bound)}.") if bound else "")
+        + "".join(paragraph(f"{what}: {', '.join(own)}.") for what, own in bounds if own)
+        + (paragraph(_ONE_FLIGHT) if len(comparison.solved) > 1 else "")
         + _differences(comparison)
         + folded("notes, failures and losses in short", said)
     )
+
+
+def _angles(bound: Angles) -> list[str]:
+    """Return what is bounded, in words."""
+    return [
+        f"{angle} {number(value)} deg"
+        for angle in EULER
+        if (value := getattr(bound, angle)) is not None
+    ]
 
 
 def _differences(comparison: Comparison) -> str:

@@ -15,6 +15,8 @@ from fgnav.evaluation.report.lines import drawable, every
 WIDTH, HEIGHT = 480.0, 210.0
 BINS = 480  # of a long line: one for each unit of width
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52.0, 8.0, 8.0, 34.0
+_LINE = 12.0  # of text
+_LAST = 16.0  # a tick nearer to the right edge has its text to the left
 _TICKS = 5  # about so many on an axis
 _SAMPLE = 960  # dots of a series
 
@@ -111,8 +113,9 @@ class Chart:
         for value, text in self.x.ticks():
             at = _LEFT + _scaled(value, self.x, wide)
             parts.append(f'<path class="g" d="M{at:.1f} {_TOP}v{high}"/>')
+            anchor = "end" if at > WIDTH - _LAST else "middle"
             parts.append(
-                f'<text x="{at:.1f}" y="{_TOP + high + 13}" text-anchor="middle">{text}</text>'
+                f'<text x="{at:.1f}" y="{_TOP + high + 13}" text-anchor="{anchor}">{text}</text>'
             )
         for value, text in self.y.ticks():
             at = _TOP + high - _scaled(value, self.y, high)
@@ -164,10 +167,11 @@ class Chart:
         )
 
     def _rule(self, value: float, text: str, wide: float, high: float) -> str:
-        at = high - _scaled(value, self.y, high)
+        at = float(high - _scaled(value, self.y, high))
+        foot = at - 3 if at > _LINE else at + _LINE
         return (
             f'<path class="r" d="M0 {at:.1f}h{wide}"/>'
-            f'<text x="{wide - 3}" y="{at - 3:.1f}" text-anchor="end">{escape(text)}</text>'
+            f'<text x="{wide - 3}" y="{foot:.1f}" text-anchor="end">{escape(text)}</text>'
         )
 
 
@@ -196,6 +200,11 @@ def dots(x: FloatArray, y: FloatArray) -> str:
     known = np.isfinite(x) & np.isfinite(y) & (np.abs(y) < 1e4)
     places = np.stack([x, y], axis=1)[known].tolist()
     return "".join(f"M{a:.1f} {b:.1f}h0" for a, b in places)
+
+
+def nested(count: int, thickest: float = 3.0, thinnest: float = 1.0) -> FloatArray:
+    """Return widths of lines that may coincide, from the one behind to the one before: all show."""
+    return np.linspace(thickest, thinnest, count) if count > 1 else np.full(count, thinnest)
 
 
 def spanning(name: str, series: Sequence[FloatArray], margin: float = 0.04) -> Axis:

@@ -8,8 +8,8 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.evaluation.comparison import Method
 from fgnav.evaluation.reference import common_epochs
-from fgnav.evaluation.report.html.chart import Axis, Band, Chart, Line
-from fgnav.evaluation.report.html.markup import folded, grid, paragraph
+from fgnav.evaluation.report.html.drawing.chart import Axis, Band, Chart, Line, nested
+from fgnav.evaluation.report.html.drawing.markup import folded, grid, paragraph
 from fgnav.evaluation.report.lines import is_rough, limit
 from fgnav.evaluation.scores import EULER, hidden
 
@@ -114,12 +114,12 @@ def _together(name: str, unit: str, errors: list[AxisErrors], time: Axis) -> Cha
     behind = sorted(errors, key=lambda one: -float(np.nanmean(one.error**2)))
     half = limit([one.error for one in errors])
     smooth = [one.method for one in behind if not one.rough]
-    widths = dict(zip(reversed(smooth), (1.0, 2.0, 3.0, 4.0), strict=False))
+    widths = dict(zip(smooth, nested(len(smooth)).tolist(), strict=True))
     return Chart(
         title=f"{name}, all methods",
         x=time,
         y=Axis(name=f"{name}, {unit}", low=-half, high=half),
-        lines=[_line(one, widths.get(one.method, 4.0)) for one in behind],
+        lines=[_line(one, widths.get(one.method, 1.0)) for one in behind],
     )
 
 

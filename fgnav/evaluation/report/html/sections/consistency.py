@@ -6,8 +6,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Method
-from fgnav.evaluation.report.html.chart import Axis, Chart, Line, spanning
-from fgnav.evaluation.report.html.markup import folded, grid, number, paragraph, table
+from fgnav.evaluation.report.html.drawing.chart import Axis, Chart, Line, nested, spanning
+from fgnav.evaluation.report.html.drawing.markup import folded, grid, number, paragraph, table
 
 _FREEDOM = 3
 _LEVEL = 0.95
@@ -17,7 +17,11 @@ _FIELDS = (("attitude", "nees"), ("position", "position_nees"), ("velocity", "ve
 
 def consistency_parts(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> str:
     """Return tables and diagrams of NIS and NEES; empty where no method states a covariance."""
-    return _innovations(methods) + _normalised_errors(methods, marks, time)
+    return (
+        _innovations(methods)
+        + _innovation_histograms(methods, marks)
+        + _normalised_errors(methods, marks, time)
+    )
 
 
 def _innovations(methods: Sequence[Method]) -> str:
@@ -49,6 +53,55 @@ def _innovations(methods: Sequence[Method]) -> str:
         "95 % of means of independent innovations; 1 % are expected beyond the gate."
     )
     return table(heads, rows, caption)
+
+
+def _innovation_histograms(methods: Sequence[Method], marks: dict[str, str]) -> str:
+    """Return a histogram for each kind of measurement, by deciles of what is expected of it."""
+    from scipy.stats import binom  # noqa: PLC0415  # lazy: 0.5 s
+
+    kinds = dict.fromkeys(
+        one.what for m in methods for one in m.score.consistency if any(one.deciles)
+    )
+    charts = []
+    edges = np.repeat(np.arange(11) / 10, 2)[1:-1]
+    for kind in kinds:
+        of = {
+            m.name: np.array(one.deciles)
+            for m in methods
+            for one in m.score.consistency
+            if one.what == kind and any(one.deciles)
+        }
+        count = max(int(counts.sum()) for counts in of.values())
+        ends = binom.ppf([(1 - _LEVEL) / 2, (1 + _LEVEL) / 2], count, 0.1) / count
+        low, high = (100 * ends).tolist()
+        lines = [
+            Line(
+                mark=marks[name],
+                name=name,
+                x=edges,
+                y=np.repeat(100 * counts / counts.sum(), 2),
+                as_is=True,
+                width=width,
+            )
+            for (name, counts), width in zip(of.items(), nested(len(of)).tolist(), strict=True)
+        ]
+        most = max([15.0, high, *(float(line.y.max()) for line in lines)])
+        charts.append(
+            str(
+                Chart(
+                    title=f"NIS of {kind}: share by decile of chi-square",
+                    x=Axis(name="probability of less", low=0.0, high=1.0),
+                    y=Axis(name="share, %", low=0.0, high=1.05 * most),
+                    lines=lines,
+                    rules={low: "", high: f"95 % of {count} independent"},
+                )
+            )
+        )
+    said = paragraph(
+        "Ten per cent in each decile where the noise is what it is stated to be: more at the "
+        "right, noise is larger; at the left, smaller; at both ends, outliers or a mixture."
+    )
+    return folded("histograms of NIS", said + grid(charts)) if charts else ""
 
 
 def _normalised_errors(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> str:
@@ -92,7 +145,7 @@ def _normalised_errors(methods: Sequence[Method], marks: dict[str, str], time: A
         table(heads, rows, caption)
         + grid(charts)
         + folded(
-            "histograms",
+            "histograms of NEES",
             paragraph("Density of NEES by its logarithm; dashed: chi-square, three degrees.")
             + grid(histograms),
         )

@@ -5,15 +5,17 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError
+from fgnav.evaluation.scores import EULER, Angles
 from fgnav.frontend.attitude.rates import swing_n_mps
 from fgnav.frontend.problem import PreparedFlight
 from fgnav.geometry.cubic_spline import cubic_spline
-from fgnav.geometry.rotations import log, transpose
+from fgnav.geometry.rotations import euler_jacobian, log, transpose
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.integers.resolvers.truth import attitude_at
 from fgnav.process.evidence import RatePrior, rate_prior
+from fgnav.types.estimate import open_angle_variance_rad2
 from fgnav.types.flight import Flight, Truth
 
 _APART_S = 0.01  # of two attitudes whose difference is a rate
@@ -50,13 +52,30 @@ def posterior_bound(
     .. [1] Tichavsky, Muravchik, Nehorai: Posterior Cramer-Rao bounds for discrete-time nonlinear
        filtering, IEEE Trans. Signal Processing 46, 1998, eqs. 3 and 21.
     """
-    from fgnav.solve.chain.batch import covariance_at  # lazy: its kernels
+    from fgnav.solve.chain.batch import covariance_at  # noqa: PLC0415  # lazy: its kernels
 
     problem = prepared.problem
     if prior is not None:
         problem = _with_prior(problem, prior)
     states = true_states(flight, prepared)
     return np.asarray(covariance_at(problem, states).covariance[:, :3, :3])
+
+
+def posterior_angles(flight: Flight, prepared: PreparedFlight) -> Angles:
+    """Return the bound on roll, pitch and yaw, RMS over keyframes, degrees.
+
+    None for all three without a truth at every keyframe, and for an angle that is left open.
+    """
+    if flight.truth is None:
+        return Angles()
+    R_nb, known = attitude_at(flight.truth, prepared.problem.t_s)
+    if not known.all():
+        return Angles()
+    J = euler_jacobian(R_nb)
+    variance = np.einsum("nij,njk,nik->ni", J, posterior_bound(flight, prepared), J).mean(axis=0)
+    bounded = (variance > 0) & (variance < open_angle_variance_rad2())
+    sigma_deg = np.degrees(np.sqrt(np.where(bounded, variance, np.nan))).tolist()
+    return Angles(**{k: s for k, s, b in zip(EULER, sigma_deg, bounded.tolist(), strict=True) if b})
 
 
 def true_states(flight: Flight, prepared: PreparedFlight) -> States:

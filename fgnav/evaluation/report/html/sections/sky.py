@@ -3,13 +3,14 @@
 import numpy as np
 
 from fgnav.checks import BoolArray, IntArray
-from fgnav.evaluation.report.html.chart import Axis, figure, path
-from fgnav.evaluation.report.html.markup import grid
-from fgnav.evaluation.report.html.strip import LEFT, WIDE, cells, strip, time_ticks
+from fgnav.evaluation.report.html.drawing.chart import Axis, figure, path
+from fgnav.evaluation.report.html.drawing.markup import grid
+from fgnav.evaluation.report.html.drawing.strip import LEFT, WIDE, cells, strip, time_ticks
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
 
 _SIZE, _RADIUS = 340.0, 150.0
+_LETTER = 7.0  # width of a letter or digit
 _POINTS = 60  # of a satellite's way
 _CELLS = 240  # of a row of carrier-to-noise densities
 _LEVELS_DBHZ = (25.0, 30.0, 35.0, 40.0, 45.0)  # between colours
@@ -37,7 +38,7 @@ def _sky(flight: Flight, observations: Observations) -> str:
     receiver_e_m = np.tile(flight.origin.p_e_m, (len(rows), 1))
     _, elevation_rad, azimuth_rad = look_angles(receiver_e_m, states.p_e_m)
     is_tracked = _tracked(observations)[rows]
-    parts = [_circles(flight.elevation_mask_rad)]
+    lines, ends = [], {}
     for k, name in enumerate(satellites):
         own = [j for j, other in enumerate(observations.satellites) if other == name]
         shown = is_tracked[:, own].any(axis=1) & (elevation_rad[:, k] > 0)
@@ -48,11 +49,13 @@ def _sky(flight: Flight, observations: Observations) -> str:
         y = _SIZE / 2 - radius * np.cos(azimuth_rad[:, k])
         x, y = np.where(shown, x, np.nan), np.where(shown, y, np.nan)
         last = int(np.flatnonzero(shown)[-1])
-        parts.append(
+        ends[name] = (float(x[last]), float(y[last]))
+        lines.append(
             f'<path class="l" stroke-width="2" d="{path(x, y)}"/>'
             f'<circle class="fill" cx="{x[last]:.1f}" cy="{y[last]:.1f}" r="3.5"/>'
-            f'<text x="{x[last] + 5:.1f}" y="{y[last] - 4:.1f}">{name}</text>'
         )
+    circles, rings = _circles(flight.elevation_mask_rad)
+    parts = [circles, *lines, _labels(ends, rings)]
     return figure(
         "sky plot from the origin: north up, dashed the elevation mask",
         "".join(parts),
@@ -61,12 +64,13 @@ def _sky(flight: Flight, observations: Observations) -> str:
     )
 
 
-def _circles(mask_rad: float) -> str:
+def _circles(mask_rad: float) -> tuple[str, dict[str, tuple[float, float]]]:
+    """Return the grid of the sky, and where its rings of elevation end in the north."""
     middle = _SIZE / 2
+    rings = {deg: _RADIUS * (1 - deg / 90) for deg in (0, 30, 60)}
     parts = [
-        f'<circle class="g" cx="{middle}" cy="{middle}" r="{_RADIUS * (1 - deg / 90):.1f}"/>'
-        f'<text x="{middle + 2}" y="{middle - _RADIUS * (1 - deg / 90) + 11:.1f}">{deg}°</text>'
-        for deg in (0, 30, 60)
+        f'<circle class="g" cx="{middle}" cy="{middle}" r="{radius:.1f}"/>'
+        for radius in rings.values()
     ]
     at = _RADIUS * (1 - mask_rad / (np.pi / 2))
     parts.append(f'<circle class="r" cx="{middle}" cy="{middle}" r="{at:.1f}"/>')
@@ -76,7 +80,34 @@ def _circles(mask_rad: float) -> str:
             f'<text x="{middle + far * x}" y="{middle + far * y + 4}" '
             f'text-anchor="middle">{name}</text>'
         )
+    return "".join(parts), {f"{deg}°": (middle, middle - r) for deg, r in rings.items()}
+
+
+def _labels(
+    satellites: dict[str, tuple[float, float]], rings: dict[str, tuple[float, float]]
+) -> str:
+    """Return the names of points, each where it covers the fewest points and names before it."""
+    taken = [(x - 4, y - 4, x + 4, y + 4) for x, y in satellites.values()]
+    parts = []
+    for name, (x, y) in [*satellites.items(), *rings.items()]:
+        width = _LETTER * len(name)
+        places = [
+            (left, foot)
+            for foot in (y - 4, y + 12, y + 4, y - 15, y + 23)
+            for left in (x + 5, x - 5 - width)
+        ]
+        boxes = [(left, foot - 9, left + width, foot + 2) for left, foot in places]
+        hits = [sum(_meet(box, other) for other in taken) for box in boxes]
+        best = hits.index(min(hits))
+        taken.append(boxes[best])
+        left, foot = places[best]
+        parts.append(f'<text x="{left:.1f}" y="{foot:.1f}">{name}</text>')
     return "".join(parts)
+
+
+def _meet(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+    """Return whether two boxes, left, top, right, bottom, have something in common."""
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
 def _strengths(observations: Observations, time: Axis) -> str:
@@ -95,8 +126,8 @@ def _strengths(observations: Observations, time: Axis) -> str:
     bottom = _TOP + _ROW * len(shown)
     known = bool(np.isfinite(observations.cn0_dbhz).any())
     title = "C/N0, dBHz, mean over antennas" if known else "tracked channels: no C/N0 recorded"
-    parts += [time_ticks(time, bottom + 14), _scale(bottom + 22) if known else ""]
-    return figure(f"{title}; time, s", "".join(parts), WIDE, bottom + 44)
+    parts += [time_ticks(time, bottom + 14), _scale(bottom + 36) if known else ""]
+    return figure(title, "".join(parts), WIDE, bottom + 58)
 
 
 def _tracked(observations: Observations) -> BoolArray:

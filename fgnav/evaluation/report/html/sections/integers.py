@@ -7,23 +7,27 @@ from html import escape
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.evaluation.comparison import Method
-from fgnav.evaluation.report.html.chart import Axis, Chart, Line, figure, spanning
-from fgnav.evaluation.report.html.markup import NONE, grid, table
-from fgnav.evaluation.report.html.strip import LEFT, WIDE, cells, strip, time_ticks
+from fgnav.evaluation.comparison import Comparison, Method
+from fgnav.evaluation.report.html.drawing.chart import Axis, Chart, Line, figure, spanning
+from fgnav.evaluation.report.html.drawing.markup import NONE, grid, table
+from fgnav.evaluation.report.html.drawing.strip import LEFT, WIDE, cells, strip, time_ticks
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers
 
-_STATES = ("float", "refused", "fixed")  # a cell of several epochs shows the first that occurs
+_STATES = (
+    "wrong",
+    "float",
+    "refused",
+    "fixed",
+)  # a cell of several epochs shows the first that occurs
 _CELLS = 300
 _TOP, _ROW = 20.0, 30.0
 _MOST_REASONS = 40
 
 
-def integer_parts(
-    flight: Flight, methods: Sequence[Method], marks: dict[str, str], time: Axis
-) -> str:
+def integer_parts(flight: Flight, comparison: Comparison, marks: dict[str, str], time: Axis) -> str:
     """Return strips, diagram and tables of what became of integers; empty where none were used."""
+    methods = comparison.solved
     of = list(_with_times(flight, methods))
     if not of:
         return ""
@@ -33,7 +37,7 @@ def integer_parts(
     ]
     y = spanning("fixed links", [np.zeros(1), *(line.y for line in lines)])
     charts = [
-        _strips(of, time),
+        _strips(of, comparison.right_integers, time),
         str(Chart(title="links with fixed integers", x=time, y=y, lines=lines)),
     ]
     return grid(charts) + _counts(methods) + _reasons(of)
@@ -52,16 +56,20 @@ def _with_times(
             yield method.name, t_s, integers
 
 
-def _strips(of: list[tuple[str, FloatArray, Integers]], time: Axis) -> str:
+def _strips(of: list[tuple[str, FloatArray, Integers]], right: Integers | None, time: Axis) -> str:
     """Return a row for each method, coloured by what became of the epochs."""
     parts = [
         f'<path class="fill {state}" d="M{LEFT + 90 * k} 2h10v10h-10z"/>'
         f'<text x="{LEFT + 90 * k + 14}" y="11">{state}</text>'
-        for k, state in enumerate(reversed(_STATES))
+        for k, state in enumerate(reversed(_STATES if right is not None else _STATES[1:]))
     ]
     for row, (name, t_s, integers) in enumerate(of):
         top = _TOP + _ROW * row
         outcome = np.array([_STATES.index(state) for state in integers.outcome])
+        if right is not None and right.fixed.shape == integers.fixed.shape:
+            judged = integers.fixed & right.fixed
+            is_wrong = (judged & (integers.cycles != right.cycles)).any(axis=(1, 2))
+            outcome[is_wrong] = _STATES.index("wrong")
         starts = cells(len(t_s), _CELLS)
         worst = np.minimum.reduceat(outcome, starts)
         parts.append(f'<text x="{LEFT}" y="{top + 10}">{escape(name)}</text>')
@@ -69,8 +77,8 @@ def _strips(of: list[tuple[str, FloatArray, Integers]], time: Axis) -> str:
         parts.append(strip(worst, at_s, _STATES, time, (top + 20, 12.0)))
     bottom = _TOP + _ROW * len(of)
     parts.append(time_ticks(time, bottom + 14))
-    title = "epochs: fixed, refused by validation, float; the worst of what a cell holds; time, s"
-    return figure(title, "".join(parts), WIDE, bottom + 22)
+    title = "epochs by their integers: the worst of what a cell holds"
+    return figure(title, "".join(parts), WIDE, bottom + 34)
 
 
 def _counts(methods: Sequence[Method]) -> str:

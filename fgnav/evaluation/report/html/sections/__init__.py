@@ -1,0 +1,1 @@
+"""One file, one section of a page: what it shows and how."""

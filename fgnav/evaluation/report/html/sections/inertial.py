@@ -1,0 +1,73 @@
+"""The inertial unit's noise by averaging time, as recorded and as stated."""
+
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.evaluation.internal_consistency.allan import (
+    allan_deviation,
+    longest_run,
+    stated_deviation,
+)
+from fgnav.evaluation.report.html.drawing.chart import Axis, Chart, Line, spanning
+from fgnav.evaluation.report.html.drawing.markup import grid, paragraph
+from fgnav.types.flight import Flight
+
+_LEAST = 100  # samples: of fewer, a tenth is not a decade of averaging times
+
+
+def allan_parts(flight: Flight) -> str:
+    """Return the Allan deviations of accelerometer and gyroscope; empty without a unit."""
+    imu = flight.imu
+    if imu is None:
+        return ""
+    run = longest_run(imu.t_s)
+    t_s = imu.t_s[run]
+    if len(t_s) < _LEAST:
+        return ""
+    charts = _charts(
+        "accelerometer",
+        "m/s²",
+        t_s,
+        imu.f_b_mps2[run],
+        (imu.accelerometer_noise_mps2_per_sqrt_hz, imu.accelerometer_bias_walk_mps2_per_sqrt_s),
+    )
+    density, walk = (
+        imu.gyroscope_noise_radps_per_sqrt_hz,
+        imu.gyroscope_bias_walk_radps_per_sqrt_s,
+    )
+    if imu.w_b_radps is not None and density is not None and walk is not None:
+        stated = (float(np.degrees(density)), float(np.degrees(walk)))
+        charts += _charts("gyroscope", "deg/s", t_s, np.degrees(imu.w_b_radps[run]), stated)
+    return paragraph(
+        f"Allan deviation of {len(t_s)} samples from {t_s[0]:.1f} to {t_s[-1]:.1f} s, the longest "
+        "run without a gap, up to a tenth of it. The body's motion is in it: where a line falls "
+        "along the dashed one, or the body stands still, it is the unit's noise. Dashed: white "
+        "noise and random walk of the bias as the set-up states them."
+    ) + grid(charts)
+
+
+def _charts(
+    name: str, unit: str, t_s: FloatArray, values: FloatArray, stated: tuple[float, float]
+) -> list[str]:
+    """Return a diagram for each axis, all on one scale."""
+    tau_s, deviation = allan_deviation(values, float(np.median(np.diff(t_s))))
+    x, expected = np.log10(tau_s), _log10(stated_deviation(tau_s, *stated))
+    y = spanning(f"Allan deviation, {unit}", [_log10(deviation).ravel(), expected])
+    return [
+        str(
+            Chart(
+                title=f"{name} {axis}: Allan deviation",
+                x=Axis(name="averaging time, s", low=float(x[0]), high=float(x[-1]), log=True),
+                y=Axis(name=y.name, low=np.floor(y.low), high=np.ceil(y.high), log=True),
+                lines=[
+                    Line(mark="own", name="as recorded", x=x, y=_log10(own), as_is=True, width=1.6),
+                    Line(mark="truth", name="as stated", x=x, y=expected, as_is=True),
+                ],
+            )
+        )
+        for axis, own in zip("xyz", deviation.T, strict=True)
+    ]
+
+
+def _log10(values: FloatArray) -> FloatArray:
+    return np.asarray(np.log10(np.where(values > 0, values, np.nan)))
