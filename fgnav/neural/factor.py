@@ -72,6 +72,11 @@ class NeuralFactor:
         return self._network.manifest.name
 
     @property
+    def manifest(self) -> Path:
+        """Where the network is stated."""
+        return self._path
+
+    @property
     def between_s(self) -> float:
         """The shortest time between answers."""
         half_life_s = self._network.manifest.output.half_life_s
