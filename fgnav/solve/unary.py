@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.graph.build import Layout, insert_constants, insert_keyframe
+from fgnav.graph.build import Layout, insert_variables
 from fgnav.graph.types.states import States
 from fgnav.optional_gtsam import gtsam
 from fgnav.solve.chain import kernel
@@ -31,8 +31,9 @@ def add_unary(
         See ``chain.kernel``.
     """
     values, D = gtsam.Values(), layout.width
-    insert_keyframe(values, layout, number, at)
-    insert_constants(values, layout, at.constants)
+    factors = list(factors)
+    touched = (key for factor in factors for key in factor.keys())  # noqa: SIM118  # not a dict
+    insert_variables(values, layout, touched, at, {number: 0})
     x, v, aux = layout.keyframe(number)
     columns = {x: slice(0, 6), v: slice(6, 9), aux: slice(9, D)}
     of_constants = zip(layout.constant_keys, layout.constants.parts, strict=True)

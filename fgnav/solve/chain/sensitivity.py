@@ -123,8 +123,16 @@ class LinearisedFlight:
         a[judged.row[:, None], which] = weighed / t
         outer = weighed[:, :, None] * weighed[:, None, :]
         B[judged.row[:, None, None], which[:, None], which] = (information - outer) / (2 * t)
+        n, V = len(a), a.shape[1] + len(solved.constant)
         led, blocks = sensitivity_kernel.adjoint(
-            solved.gain, solved.covariance, solved.shared, solved.constant, a, B
+            solved.gain,
+            solved.covariance,
+            solved.shared,
+            solved.constant,
+            a,
+            B,
+            np.zeros((n, V)),
+            np.zeros((n, V, V)),
         )
         W = np.linalg.inv(covariance)
         by_mean = np.einsum("mfd,md->mf", jacobian, led[row])

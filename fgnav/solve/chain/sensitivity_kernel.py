@@ -29,6 +29,8 @@ def adjoint(
     constant: FloatArray,
     a: FloatArray,
     B: FloatArray,
+    f: FloatArray,
+    F: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Return P a, (n, D), and the diagonal blocks of P B P, (n, D, D).
 
@@ -41,10 +43,12 @@ def adjoint(
     a : ndarray, shape (n, D)
     B : ndarray, shape (n, D, D)
         Symmetric.
+    f, F : ndarray, shapes (n, V), (n, V, V)
+        Memory, zeros.
     """
     n, D, b = shared.shape
     V = D + b
-    f, F = _carried(gain, a, B, V)
+    _carry(gain, a, B, f, F)
     half = np.empty((D, V))
     S, R, later = np.empty((V, V)), np.zeros((V, V)), np.zeros(V)
     solved, blocks = np.empty((n, D)), np.empty((n, D, D))
@@ -67,12 +71,10 @@ def adjoint(
 
 
 @njit(cache=True)
-def _carried(
-    gain: FloatArray, a: FloatArray, B: FloatArray, V: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return f, (n, V), and F, (n, V, V), of all keyframes."""
+def _carry(gain: FloatArray, a: FloatArray, B: FloatArray, f: FloatArray, F: FloatArray) -> None:
+    """Fill f and F of all keyframes."""
     n, D = a.shape
-    f, F, half = np.zeros((n, V)), np.zeros((n, V, V)), np.empty((D, V))
+    half = np.empty((D, f.shape[1]))
     for k in range(n):
         if k:
             _led(gain[k - 1], f[k - 1], F[k - 1], half, f[k], F[k])
@@ -80,7 +82,6 @@ def _carried(
             f[k, i] += a[k, i]
             for j in range(D):
                 F[k, i, j] += B[k, i, j]
-    return f, F
 
 
 @njit(cache=True)

@@ -1,6 +1,7 @@
 """The likelihood of the truth under a chain's posterior, and its gradient by given measurements."""
 
 import dataclasses
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -81,6 +82,21 @@ def test_the_likelihood_is_that_of_the_dense_posterior(seed):
     assert found.nll == pytest.approx(np.mean(expected), rel=1e-9)
     own = judged.row[0] * D + judged.which
     np.testing.assert_allclose(found.covariance[0], P[np.ix_(own, own)], rtol=1e-7, atol=1e-12)
+
+
+def test_memory_grows_with_the_number_of_keyframes_and_no_faster():
+    peaks = []
+    for n in (300, 1200):
+        problem = random_problem(n, aux=6, b=2)
+        flight = LinearisedFlight.at(problem, problem.start)
+        given = (np.zeros(1, np.int64), np.ones((1, 1, 15)), np.ones((1, 1)), np.ones((1, 1, 1)))
+        judged = Judged(np.arange(n), np.arange(3), np.zeros((n, 3)))
+        flight.likelihood(*given, judged)  # what compiling takes
+        tracemalloc.start()
+        flight.likelihood(*given, judged)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] == pytest.approx(4 * peaks[0], rel=0.05)
 
 
 def test_a_state_that_is_left_open_is_named():
