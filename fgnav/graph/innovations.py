@@ -112,9 +112,7 @@ def own_consistency(
     own = [_of_own(one.factor, layout, solution, first) for one in factors]
     squared = np.array([one.r @ one.r for one in own])
     tested = np.ones(len(own), dtype=np.bool_)
-    for which in _alike(
-        own, solution
-    ):  # at once, not one by one
+    for which in _alike(own, solution):  # at once, not one by one
         rows, seen = np.array([own[i].rows for i in which]), own[which[0]].seen
         P = _covariance(solution, rows)[:, seen[:, None], seen]
         r, J = (np.stack([own[i][part] for i in which]) for part in (0, 1))

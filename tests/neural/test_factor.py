@@ -14,7 +14,7 @@ from fgnav.neural.correlation import half_life_s, inflation, interval_s
 from fgnav.neural.network import load_network
 from fgnav.neural.outputs import factor_of
 from tests.methods.simulated import flown
-from tests.neural import graphs
+from tests.neural import graphs, sun_compass
 
 R_NB = rotations.from_euler(*np.array([[0.2], [-0.3], [2.5]]))[0]
 P_N_M, V_N_MPS = np.array([10.0, -20.0, -300.0]), np.array([12.0, 5.0, -1.0])
@@ -72,6 +72,22 @@ def test_a_quaternion_is_its_rotation_matrix(tmp_path):
     )
     value = load_network(path)([np.zeros((1, 5, 3))]).value
     np.testing.assert_allclose(value.reshape(3, 3), R_NB, rtol=0, atol=1e-6)
+
+
+def test_onnxruntime_says_what_torch_says(tmp_path):
+    """Of a trained network, on windows that it has not seen, through its manifest."""
+    import torch
+
+    trained = sun_compass.trained()
+    seen, _ = sun_compass.examples(500, seed=77)
+    answers = load_network(sun_compass.written(tmp_path))([seen])
+    x = torch.tensor((seen - trained.mean) / trained.scale, dtype=torch.float32)
+    with torch.no_grad():
+        direction, log_sigma = (part.double().numpy() for part in trained.net(x))
+    heading_rad = np.arctan2(direction[:, 1], direction[:, 0])
+    np.testing.assert_allclose(rotations.wrap(answers.value[:, 0] - heading_rad), 0.0, atol=1e-5)
+    sigma_rad = np.sqrt(answers.covariance[:, 0, 0])
+    np.testing.assert_allclose(sigma_rad, np.exp(log_sigma[:, 0]), rtol=1e-5)
 
 
 def test_windows_end_at_keyframes_and_hold_nothing_later(tmp_path):

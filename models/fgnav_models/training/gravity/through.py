@@ -56,7 +56,7 @@ class Through(Table, frozen=True):
     duration_s: Positive = 30.0
     steps: Count = 400
     batch: Count = 8
-    learning_rate: Positive = 2e-4
+    learning_rate: Positive = 2e-5
 
 
 def flown(
