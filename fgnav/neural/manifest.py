@@ -67,6 +67,30 @@ class Input(Table, frozen=True):
                 raise ValueError(f"range: each must be [low, high], low first, got [{low}, {high}]")
 
 
+class Statistic(Table, frozen=True):
+    """A figure of its inputs that the graph computes, and what of it training has seen.
+
+    Attributes
+    ----------
+    name : str
+        Of the ONNX graph's output, (n,) or (n, 1) float32; in reports without its underscores.
+    unit : str
+        Of that, for people.
+    range : (float, float)
+        The factor leaves where it is beyond.
+    """
+
+    name: Text
+    unit: Text
+    range: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        """Check that the range is one."""
+        low, high = self.range
+        if not low < high:
+            raise ValueError(f"range: must be [low, high], low first, got [{low}, {high}]")
+
+
 class Covariance(Table, frozen=True):
     """How sure the network says it is.
 
@@ -167,6 +191,8 @@ class Manifest(Table, frozen=True):
         Of the weights: ``"BSD-3-Clause"``.
     inputs : tuple of Input
     output : Output
+    domain : tuple of Statistic
+        Where else than within its inputs' ranges it may be believed.
     """
 
     format: Literal["fgnav-factor/1"]
@@ -177,6 +203,7 @@ class Manifest(Table, frozen=True):
     licence: Text
     inputs: Annotated[tuple[Input, ...], msgspec.Meta(min_length=1)]
     output: Output
+    domain: tuple[Statistic, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the file's name."""

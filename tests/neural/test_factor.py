@@ -1,5 +1,6 @@
 """Outputs as factors, the windows they come from, and how outputs that err alike are counted."""
 
+import json
 import pickle
 
 import gtsam
@@ -112,6 +113,19 @@ def test_a_gap_in_a_window_leaves_its_answer_out(tmp_path):
     source = NeuralFactor(graphs.heading(tmp_path), records={"gyroscope": record})
     found = source(flown("surroundings", 5.0), timeline(np.array([0.95, 1.04, 1.2])))
     assert [one.factor.keys() for one in found] == [[pose(0)], [pose(2)]]
+
+
+def test_outside_of_what_its_graph_computes_a_factor_leaves(tmp_path):
+    path = graphs.heading(tmp_path)  # its output s is -3
+    content = json.loads(path.read_text())
+    times = timeline(np.arange(1.0, 2.0, 0.1))
+    for low, count in ((-4.0, 10), (-2.0, 0)):
+        content["domain"] = [{"name": "s", "unit": "m/s2", "range": [low, 0.0]}]
+        path.write_text(json.dumps(content))
+        found = NeuralFactor(path)(flown("surroundings", 5.0), times)
+        assert len(list(found)) == count
+    reason = "s outside -2 to 0 m/s2, the network's training domain"
+    assert [(loss.reason, loss.count) for loss in found.losses] == [(reason, 10)]
 
 
 def test_answers_within_two_half_lives_are_left_out_and_the_rest_are_inflated(tmp_path):

@@ -19,6 +19,7 @@ from fgnav_models.runtime.manifest import Port
 from fgnav_models.training.ambiguity.experiment import SliceOver
 from fgnav_models.training.ambiguity.released import Release
 from fgnav_models.training.gravity.data import Drawn, Rows, draw
+from fgnav_models.training.gravity.factor import release_factor
 from fgnav_models.training.gravity.figures import figures_of, independent_after_s
 from fgnav_models.training.gravity.nets import GravityNet, deviation, negative_log_likelihood
 from fgnav_models.training.gravity.paper import PaperStudy, run_paper
@@ -47,10 +48,13 @@ class Learned(Table, frozen=True):
         Its name and its card's words; the domain gains the bounds of what it was trained on.
     aided : bool
         Whether it sees a receiver's motion.
+    factor : bool
+        Whether it is released as the manifest of a factor, too: in the folder ``factors``.
     """
 
     release: Release
     aided: bool = True
+    factor: bool = False
 
 
 class Training(Table, frozen=True):
@@ -138,6 +142,8 @@ def _learn(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) ->
         learned.release.domain | {"independent_after_s": wait_s} | _bounds(how, epochs, aided=aided)
     )
     _release(net, apart, learned, recipe, domain, metrics, order.out)
+    if learned.factor:
+        release_factor(net, apart, learned.release, domain, order.out / "factors")
     write_text(done, msgspec.json.encode(metrics).decode() + "\n")
     return _rows(name, metrics)
 
