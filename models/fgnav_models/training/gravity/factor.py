@@ -1,6 +1,7 @@
 """The gravity network as a factor: what its estimator prepares is in the graph, the rest stated."""
 
 import warnings
+from collections.abc import Mapping
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
@@ -11,13 +12,13 @@ import torch
 from torch import nn
 
 from fgnav.checks import NoSolutionError
-from fgnav.io.atomic_write import atomic_file, made_folder
+from fgnav.io.atomic_write import atomic_file, made_folder, write_text
 from fgnav.neural.manifest import Covariance, Input, Manifest, Output, Statistic, save_manifest
 from fgnav.neural.network import load_network
 from fgnav_models.gravity_features import SAMPLES, SPAN_S, STEP_S
 from fgnav_models.training.ambiguity.released import Release
 from fgnav_models.training.gravity.nets import GravityNet
-from fgnav_models.training.release import AGREEMENT
+from fgnav_models.training.release import AGREEMENT, markdown_table
 from fgnav_sim.data_sets.gravity import GravityEpochs
 
 _FIX_S = 0.1
@@ -69,9 +70,14 @@ class GravityFactor(nn.Module):  # type: ignore[misc]  # mypy skips torch
 
 
 def release_factor(
-    net: GravityNet, epochs: GravityEpochs, words: Release, domain: dict[str, Any], folder: Path
+    net: GravityNet,
+    epochs: GravityEpochs,
+    words: Release,
+    domain: dict[str, Any],
+    metrics: Mapping[str, float],
+    folder: Path,
 ) -> None:
-    """Write ``NAME.onnx`` and ``NAME.json`` of an aided network, as ``--factors`` takes them.
+    """Write ``NAME.onnx``, ``NAME.json``, as ``--factors`` takes it, and the card ``NAME.md``.
 
     Parameters
     ----------
@@ -81,6 +87,8 @@ def release_factor(
     words : Release
     domain : dict
         Ranges of ``FIGURES``, and ``independent_after_s``.
+    metrics : mapping of str to float
+        For the card.
     folder : Path
 
     Raises
@@ -123,6 +131,7 @@ def release_factor(
     with atomic_file(place) as part:
         part.write_bytes(content)
     save_manifest(manifest, place.with_suffix(".json"))
+    write_text(place.with_suffix(".md"), _card(manifest, words, metrics))
     with torch.no_grad():
         expected = module(*examples)
     answers = load_network(place.with_suffix(".json"))([x.double().numpy() for x in examples])
@@ -138,6 +147,25 @@ def release_factor(
                 f"{words.name}: {what} of onnxruntime differs from torch by {worst:.2g}, allowed "
                 f"is {AGREEMENT:g}"
             )
+
+
+def _card(manifest: Manifest, words: Release, metrics: Mapping[str, float]) -> str:
+    domain = [f"{key.replace('_', ' ')}: {value}" for key, value in words.domain.items()]
+    domain += [
+        f"{one.name.replace('_', ' ')}: {one.range[0]} to {one.range[1]} {one.unit}"
+        for one in manifest.domain
+    ]
+    figures = [(key, f"{value:.6g}") for key, value in metrics.items()]
+    sections = {
+        **words.notes,
+        "Domain": "\n".join(f"- {line}" for line in domain),
+        "Measured on data it never saw": markdown_table(("figure", "value"), figures),
+        "Origin": f"sha256 `{manifest.sha256}`; half-life of errors "
+        f"{manifest.output.half_life_s:g} s; {manifest.licence}.",
+    }
+    parts = [f"# {manifest.name}", manifest.purpose]
+    parts += [f"## {title}\n\n{text.strip()}" for title, text in sections.items()]
+    return "\n\n".join(parts) + "\n"
 
 
 def _input(

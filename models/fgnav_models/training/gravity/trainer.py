@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import torch
 
+from fgnav.checks import BadInputError
 from fgnav.io.atomic_write import made_folder, write_text
 from fgnav.io.strict_toml import Positive, Table
 from fgnav.methods.smoother import Batch
@@ -49,7 +50,7 @@ class Learned(Table, frozen=True):
     aided : bool
         Whether it sees a receiver's motion.
     factor : bool
-        Whether it is released as the manifest of a factor, too: in the folder ``factors``.
+        Whether it is released as the manifest of a factor, in place of an estimator's.
     """
 
     release: Release
@@ -96,6 +97,10 @@ class Recipe(Table, frozen=True):
 def run(order: Order) -> list[str] | None:
     """Run a recipe; a ``fgnav_models.training.order.Trainer``."""
     recipe = scaled(order, Recipe)
+    if order.through == "smoother" and any(one.factor for one in recipe.network):
+        raise BadInputError(
+            f"{order.recipe}: key network.factor: --train-through smoother takes estimators alone"
+        )
     try:
         rows = []
         if recipe.paper is not None and order.through == "alone":
@@ -141,9 +146,10 @@ def _learn(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) ->
     domain = (
         learned.release.domain | {"independent_after_s": wait_s} | _bounds(how, epochs, aided=aided)
     )
-    _release(net, apart, learned, recipe, domain, metrics, order.out)
     if learned.factor:
-        release_factor(net, apart, learned.release, domain, order.out / "factors")
+        release_factor(net, apart, learned.release, domain, metrics, order.out)
+    else:
+        _release(net, apart, learned, recipe, domain, metrics, order.out)
     write_text(done, msgspec.json.encode(metrics).decode() + "\n")
     return _rows(name, metrics)
 

@@ -23,7 +23,8 @@ def network(tmp_path_factory):
         net.dense[-1].weight.normal_(0.0, 0.1, generator=torch.Generator().manual_seed(4))
     words = Release(name="down", purpose="Gravity.", notes={}, domain={})
     epochs = draw(GravityWorld(velocity_age_s=0.1), 80, rng=np.random.default_rng(5))
-    release_factor(net, epochs, words, DOMAIN, folder)
+    release_factor(net, epochs, words, DOMAIN, {"network, NEES": 2.0}, folder)
+    assert "| network, NEES | 2 |" in (folder / "down.md").read_text()
     return net, epochs, load_network(folder / "down.json")
 
 

@@ -82,6 +82,12 @@ def test_other_kinds_are_not_trained_through_the_smoother(tmp_path):
         train(RECIPE.with_name("trust.toml"), out=tmp_path, scale="smoke", train_through="smoother")
 
 
+def test_a_factor_is_not_trained_through_the_smoother(tmp_path):
+    recipe = RECIPE.with_name("gravity_factor.toml")
+    with pytest.raises(BadInputError, match=r"key network\.factor: --train-through smoother takes"):
+        train(recipe, out=tmp_path, scale="smoke", train_through="smoother")
+
+
 def test_a_network_without_a_batch_is_refused():
     with pytest.raises(ValueError, match="batches: must hold lstm"):
         PaperStudy(networks={"one": Architecture(kind="lstm")})
