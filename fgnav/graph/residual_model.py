@@ -176,7 +176,8 @@ class ResidualModel:
         shape: tuple[int, ...],
         by: int | None = None,
     ) -> None:
-        if found.shape == shape and isfinite(found.sum()):  # of what is not finite, no sum is
+        # The sum of squares of what is not finite is not: a quarter of the time of asking each.
+        if found.shape == shape and isfinite(np.vdot(found, found)):
             return
         keys = ", ".join(map(spelt, self.keys))
         what = what if by is None else f"{what} by {spelt(by)}"

@@ -92,10 +92,10 @@ def heading(
     return path
 
 
-def perceptron(folder, window, width):
-    """Write a network of random weights that sees accelerations and hardly knows the heading."""
-    rng = np.random.default_rng(0)
-    sizes = (3 * window, width, width, 1)
+def perceptron(folder, window, width, measures="heading"):
+    """Write a network of random weights that sees accelerations and hardly knows anything."""
+    rng, what = np.random.default_rng(0), MEASURES[measures]
+    sizes = (3 * window, width, width, what.freedom)
     nodes, weights, at = [helper.make_node("Flatten", ["x"], ["h0"], axis=1)], {}, "h0"
     for k, (i, o) in enumerate(pairwise(sizes)):
         weights[f"w{k}"] = rng.normal(size=(i, o)).astype(np.float32) / np.float32(np.sqrt(i))
@@ -107,7 +107,7 @@ def perceptron(folder, window, width):
         nodes,
         "g",
         [helper.make_tensor_value_info("x", TensorProto.FLOAT, ["n", window, 3])],
-        [helper.make_tensor_value_info(at, TensorProto.FLOAT, ["n", 1])],
+        [helper.make_tensor_value_info(at, TensorProto.FLOAT, ["n", what.freedom])],
         [numpy_helper.from_array(one, name) for name, one in weights.items()],
     )
     opset = [helper.make_opsetid("", 17)]
@@ -135,11 +135,11 @@ def perceptron(folder, window, width):
         ),
         output=Output(
             name=at,
-            measures="heading",
-            manifold="S1",
-            unit="rad",
-            frame="n",
-            covariance=Covariance(form="none", sigma=(100.0,)),
+            measures=measures,
+            manifold=what.manifold,
+            unit=next(iter(what.units)),
+            frame=what.frames[0],
+            covariance=Covariance(form="none", sigma=(1e3,)),
             half_life_s=0.0,
         ),
     )
