@@ -98,6 +98,10 @@ def _no_gyroscope(flight: Flight) -> Flight | None:
     return replace(flight, imu=replace(flight.imu, **lost))
 
 
+def _no_networks(flight: Flight) -> Flight | None:
+    return replace(flight, networks=()) if flight.networks else None
+
+
 KINDS: dict[str, Callable[[Flight], Flight | None]] = {
     "phase": _unmeasured("phase_cycles"),
     "doppler": _unmeasured("doppler_hz"),
@@ -108,4 +112,5 @@ KINDS: dict[str, Callable[[Flight], Flight | None]] = {
     "seeker": _none("seeker"),
     "barometer": _none("barometer"),
     "magnetometer": _none("magnetometer"),
+    "networks": _no_networks,
 }

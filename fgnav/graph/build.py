@@ -72,6 +72,31 @@ def insert_constants(values: gtsam.Values, layout: Layout, at: FloatArray) -> No
         values.insert(key, at[first : first + part])
 
 
+def insert_variables(
+    values: gtsam.Values,
+    layout: Layout,
+    variables: Iterable[int],
+    at: States,
+    rows: Mapping[int, int],
+) -> None:
+    """Add what factors touch: of keyframe k what stands in row ``rows[k]``, and constants."""
+    wanted = set(variables)
+    for key, part, first in _parts(layout.constants):
+        if key in wanted:
+            wanted.remove(key)
+            values.insert(key, at.constants[first : first + part])
+    for key in wanted:
+        k = keys.index(key)
+        row = rows[k]
+        x, v, _ = layout.keyframe(k)
+        if key == x:
+            values.insert(x, gtsam.Pose3(gtsam.Rot3(at.R_nb[row]), at.p_n_m[row]))
+        elif key == v:
+            values.insert(v, at.v_n_mps[row])
+        else:
+            values.insert(key, as_bias(at.aux[row]) if layout.gyroscope else at.aux[row])
+
+
 def read_keyframes(values: gtsam.Values, layout: Layout, numbers: Iterable[int]) -> States:
     """Return keyframes and constants that stand in values."""
     poses, v_n_mps, aux = [], [], []

@@ -10,7 +10,7 @@ References
 .. [1] Cook, Weisberg: Residuals and Influence in Regression, 1982, section 2.2.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from scipy.special import chdtr, chdtri
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph import keys
 from fgnav.graph.band import contradictions
-from fgnav.graph.build import Layout, insert_constants, insert_keyframe
+from fgnav.graph.build import Layout, insert_variables
 from fgnav.graph.custom import OwnFactor
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.problem import SmoothingProblem
@@ -109,64 +109,86 @@ def own_consistency(
     first : int
         Number of the solution's first keyframe, as in the factors' keys.
     """
-    parts = ((one.name, *_of_own(one.factor, layout, solution, first)) for one in factors)
-    return _by_name((name, part, t_s[row : row + 1]) for name, part, row in parts)
+    own = [_of_own(one.factor, layout, solution, first) for one in factors]
+    squared = np.array([one.r @ one.r for one in own])
+    tested = np.ones(len(own), dtype=np.bool_)
+    for which in _alike(own, solution):  # at once, not one by one
+        rows, seen = np.array([own[i].rows for i in which]), own[which[0]].seen
+        P = _covariance(solution, rows)[:, seen[:, None], seen]
+        r, J = (np.stack([own[i][part] for i in which]) for part in (0, 1))
+        squared[which], tested[which] = _squared(r, J, P)
+    freedom = np.array([int(one.J.any(axis=1).sum()) for one in own])
+    last = len(solution.covariance) - 1
+    at = np.array([one.rows[-1] if one.rows else last for one in own], dtype=np.int64)
+    names: dict[str, list[int]] = {}
+    for i, factor in enumerate(factors):
+        names.setdefault(factor.name, []).append(i)
+    return tuple(
+        _judged(name, Innovations(squared[of], freedom[of], tested[of]), t_s[at[of]])
+        for name, of in names.items()
+    )
 
 
-def _of_own(
-    factor: gtsam.NonlinearFactor, layout: Layout, solution: Solution, first: int
-) -> tuple[Innovations, int]:
-    """Return the innovation of one factor, linearised at the solution, and its last row there."""
+class _Own(NamedTuple):
+    """A factor of one's own, linearised at a solution."""
+
+    r: FloatArray  # (m,), whitened
+    J: FloatArray  # (m, d)
+    rows: tuple[int, ...]  # its keyframes
+    seen: IntArray  # (d,), where its variables stand among their states, then the constants
+
+
+def _of_own(factor: gtsam.NonlinearFactor, layout: Layout, solution: Solution, first: int) -> _Own:
     constants, involved = layout.constant_keys, list(factor.keys())
-    rows = sorted({keys.index(key) - first for key in involved if key not in constants})
-    values = gtsam.Values()
-    end = solution.states.constants
-    known = solution.constants if rows else None
-    insert_constants(values, layout, end if known is None else known[rows[-1]])
-    for row in rows:
-        insert_keyframe(values, layout, row + first, solution.states, row)
+    rows = tuple(sorted({keys.index(key) - first for key in involved if key not in constants}))
+    values, at = gtsam.Values(), solution.states
+    if rows and solution.constants is not None:
+        at = at._replace(constants=solution.constants[rows[-1]])
+    insert_variables(values, layout, involved, at, {row + first: row for row in rows})
     J, minus_r = factor.linearize(values).jacobian()
-    freedom = np.array([int(J.any(axis=1).sum())])
-    last = rows[-1] if rows else len(solution.covariance) - 1
-    P = _covariance(solution, rows)
-    if P is None:
-        return Innovations(np.array([minus_r @ minus_r]), freedom, np.array([True])), last
-    columns = _columns(layout, rows, first)
-    seen = np.concatenate([columns[key] for key in involved])
-    squared, tested = _squared(-minus_r[None], J[None], P[np.ix_(seen, seen)][None])
-    return Innovations(squared, freedom, tested), last
+    place = {row + first: layout.width * i for i, row in enumerate(rows)}
+    seen = [_columns(layout, key, place) for key in involved]
+    return _Own(-minus_r, J, rows, np.concatenate(seen))
 
 
-def _columns(layout: Layout, rows: list[int], first_keyframe: int) -> dict[int, IntArray]:
-    """Return where each variable stands among the states of some rows, then the constants."""
-    width, constants = layout.width, layout.constants
-    columns: dict[int, IntArray] = {}
-    for i, row in enumerate(rows):
-        parts = np.split(width * i + np.arange(width), [VELOCITY.start, AUX])
-        columns.update(zip(layout.keyframe(row + first_keyframe), parts, strict=True))
-    for key, first, part in zip(
-        layout.constant_keys, constants.first, constants.parts, strict=True
-    ):
-        columns[key] = width * len(rows) + first + np.arange(part.size)
-    return columns
+def _columns(layout: Layout, key: int, place: Mapping[int, int]) -> IntArray:
+    """Return where a variable stands, the state of keyframe k at ``place[k]``."""
+    if key in layout.constant_keys:
+        i, constants = layout.constant_keys.index(key), layout.constants
+        first = layout.width * len(place) + constants.first[i]
+        return first + np.arange(constants.parts[i].size)
+    k = keys.index(key)
+    spans = ((0, VELOCITY.start), (VELOCITY.start, AUX), (AUX, layout.width))
+    begin, end = spans[layout.keyframe(k).index(key)]
+    return place[k] + np.arange(begin, end)
 
 
-def _covariance(solution: Solution, rows: list[int]) -> FloatArray | None:
-    """Return the covariance of states of some rows and the constants; None if it is not known."""
-    if not rows:
-        return np.asarray(solution.constant_covariance[-1])
-    own, cross = solution.covariance[rows], solution.constant_cross[rows]
-    shared = solution.constant_covariance[rows[-1]]
-    if len(rows) == 1:
-        return np.block([[own[0], cross[0]], [cross[0].T, shared]])
-    if len(rows) > 2 or rows[1] - rows[0] != 1 or solution.cross is None:
-        return None
-    between = solution.cross[rows[0]]
+def _alike(own: Sequence[_Own], solution: Solution) -> list[list[int]]:
+    """Return factors of the same dimensions whose variables' joint covariance is known."""
+    alike: dict[tuple[object, ...], list[int]] = {}
+    for i, one in enumerate(own):
+        apart = one.rows[-1] - one.rows[0] if one.rows else 0
+        if len(one.rows) < 2 or (apart == 1 and solution.cross is not None):
+            kind = (len(one.rows), one.J.shape, *one.seen.tolist())
+            alike.setdefault(kind, []).append(i)
+    return list(alike.values())
+
+
+def _covariance(solution: Solution, rows: IntArray) -> FloatArray:
+    """Return covariances of the states of some rows, (k, 0 to 2), and the constants."""
+    if not rows.shape[1]:
+        return np.repeat(solution.constant_covariance[-1:], len(rows), axis=0)
+    shared = solution.constant_covariance[rows[:, -1]]
+    own = [solution.covariance[row] for row in rows.T]
+    cross = [solution.constant_cross[row] for row in rows.T]
+    if len(own) == 1 or solution.cross is None:
+        return np.block([[own[0], cross[0]], [cross[0].swapaxes(1, 2), shared]])
+    between = solution.cross[rows[:, 0]]
     return np.block(
         [
             [own[0], between, cross[0]],
-            [between.T, own[1], cross[1]],
-            [cross[0].T, cross[1].T, shared],
+            [between.swapaxes(1, 2), own[1], cross[1]],
+            [cross[0].swapaxes(1, 2), cross[1].swapaxes(1, 2), shared],
         ]
     )
 

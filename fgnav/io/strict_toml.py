@@ -57,6 +57,26 @@ def read_toml(path: Path) -> dict[str, Any]:
     return table
 
 
+def read_toml_or_json(path: Path) -> dict[str, Any]:
+    """Return the plain content of a TOML file, or of JSON where its name ends so.
+
+    Raises
+    ------
+    BadInputError
+        If the file cannot be read or is not what its name says.
+    """
+    if path.suffix != ".json":
+        return read_toml(path)
+    try:
+        content = msgspec.json.decode(read_bytes(path, _MOST_BYTES))
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise BadInputError(f"{path}: must be JSON, {error!s:.200}") from None
+    if not isinstance(content, dict):
+        raise BadInputError(f"{path}: must be a JSON object, got {type(content).__name__}")
+    check_sizes(path, content)
+    return content
+
+
 def check_sizes(path: Path, content: object) -> None:
     """Raise at what is too deep, too long or too large to be meant; without recursion."""
     todo = [("", content, 0)]

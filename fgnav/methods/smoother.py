@@ -224,7 +224,8 @@ class Smoother:
         """Estimate a flight whose problem is built."""
         if not prepared.stretches:
             # Factors of one's own cannot be left out of a flight: what they contradict is said.
-            is_tried = self.noise == "identified" and not self.causal and not self.factors
+            own = self.factors or flight.networks
+            is_tried = self.noise == "identified" and not self.causal and not own
             again = self._once if is_tried else None
             return without_contradictions(flight, self._estimated(flight, prepared), again)
         whole = [self._estimated(one.flight, one.prepared) for one in prepared.stretches]
@@ -244,6 +245,11 @@ class Smoother:
     ) -> Estimate:
         sourced = own_factors(self.factors, flight, prepared.problem)
         own = sourced.factors
+        if own and self.solver == "chain":
+            raise BadInputError(
+                f"flight {flight.name}: key network: solver chain takes no networks; use solver "
+                "gtsam, or leave them out"
+            )
         if own:
             from fgnav.methods.smoothing.own_heading import with_own_heading  # noqa: PLC0415  # lazy: gtsam
 

@@ -3,6 +3,7 @@
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,6 +33,7 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.methods.smoothing.calibration_report import calibrated_constants
 from fgnav.methods.smoothing.estimates import Body, stated
+from fgnav.methods.smoothing.own_sources import with_networks
 from fgnav.process.evidence import RatePrior
 from fgnav.types.estimate import Consistency, Estimate
 from fgnav.types.flight import Imu
@@ -46,7 +48,6 @@ if TYPE_CHECKING:
 # What a measurement needs to be stated of it.
 _NEEDED = {"sight": "landmark_n_m", "height_m": "barometer", "field_b_ut": "magnetometer"}
 _SUB_STEPS = 1
-_BEFORE_S = 0.1
 _BEFORE_S = 0.1  # of the first keyframe: an interval that nothing uses
 
 
@@ -74,6 +75,8 @@ class StreamSetUp:
         angles off by more than a few degrees want a flight's batch first.
     sub_steps : int
         Integration steps per inertial sample.
+    networks : tuple of Path
+        Manifests of networks whose factors the vehicle brings, such as ``flight.networks``.
     """
 
     origin: Origin
@@ -84,6 +87,7 @@ class StreamSetUp:
     magnetometer: Magnetometer | None = None
     estimate: tuple[str, ...] = ()
     sub_steps: int = _SUB_STEPS
+    networks: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
         """Reject what a stream cannot estimate."""
@@ -190,7 +194,7 @@ class Stream:
         from fgnav.solve.fixed_lag import FixedLag  # noqa: PLC0415  # lazy: gtsam
 
         self._set_up = set_up
-        self._sources = factors
+        self._sources = with_networks(factors, set_up.networks)
         self._times_s: list[float] = []  # of all keyframes; only for sources
         self._latest: SmoothingProblem | None = None
         self._body: Body | None = None

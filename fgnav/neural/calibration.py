@@ -182,13 +182,17 @@ def _errors(
     t_s = slowest.t_s[inside]
     shown = windows(network.manifest.inputs, seen, t_s)
     answers = network([x[shown.usable] for x in shown.inputs])
-    error = _against_truth(network, truth, t_s[shown.usable], answers.value)
-    covariance = answers.covariance
+    within = np.ones(int(shown.usable.sum()), dtype=np.bool_)
+    for statistic, figure in zip(network.manifest.domain, answers.figures, strict=True):
+        within &= (figure >= statistic.range[0]) & (figure <= statistic.range[1])
+    answered_s, value = t_s[shown.usable][within], answers.value[within]
+    error = _against_truth(network, truth, answered_s, value)
+    covariance = answers.covariance[within]
     if network.manifest.output.measures == "direction":
-        across = np.linalg.svd(answers.value[:, None, :])[2][:, 1:]
+        across = np.linalg.svd(value[:, None, :])[2][:, 1:]
         error = np.einsum("kij,kj->ki", across, error)
         covariance = across @ covariance @ across.swapaxes(1, 2)
-    return t_s[shown.usable], error, covariance, int((~shown.usable).sum())
+    return answered_s, error, covariance, len(t_s) - len(answered_s)
 
 
 def _against_truth(

@@ -72,6 +72,11 @@ class NeuralFactor:
         return self._network.manifest.name
 
     @property
+    def manifest(self) -> Path:
+        """Where the network is stated."""
+        return self._path
+
+    @property
     def between_s(self) -> float:
         """The shortest time between answers."""
         half_life_s = self._network.manifest.output.half_life_s
@@ -190,9 +195,10 @@ class NeuralFactor:
             reason = f"no keyframe stands {output.over_s:g} s before, where the displacement begins"
             lost[reason] = lost.get(reason, 0) + int((from_row[usable] < 0).sum())
             usable = usable[from_row[usable] >= 0]
-        chosen = self._apart(t_s[rows], usable)
+        known = self._within_domain(seen, usable, lost)
+        chosen = self._apart(t_s[rows], known)
         reason = f"within {self.between_s:g} s of another: their errors are alike"
-        lost[reason] = lost.get(reason, 0) + len(usable) - len(chosen)
+        lost[reason] = lost.get(reason, 0) + len(known) - len(chosen)
         answers = self._network([x[chosen] for x in seen.inputs])
         covariance = inflation(output.half_life_s, self.between_s) * answers.covariance
         return [
@@ -205,6 +211,22 @@ class NeuralFactor:
             )
             for j, i in enumerate(chosen)
         ]
+
+    def _within_domain(self, seen: Windows, usable: IntArray, lost: dict[str, int]) -> IntArray:
+        """Return the windows whose figures, which the graph computes, are as in training."""
+        domain = self._network.manifest.domain
+        if not domain:
+            return usable
+        figures = self._network([x[usable] for x in seen.inputs]).figures
+        within = np.ones(len(usable), dtype=np.bool_)
+        for one, figure in zip(domain, figures, strict=True):
+            low, high = one.range
+            inside = (figure >= low) & (figure <= high)
+            what = f"{one.name.replace('_', ' ')} outside {low:.4g} to {high:.4g} {one.unit}"
+            reason = f"{what}, the network's training domain"
+            lost[reason] = lost.get(reason, 0) + int((within & ~inside).sum())
+            within &= inside
+        return usable[within]
 
     def _apart(self, t_s: np.ndarray, usable: IntArray) -> IntArray:
         """Return those that are an interval after the last answer, or more, in order of time."""

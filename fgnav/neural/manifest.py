@@ -1,18 +1,16 @@
 """What a network that measures says of itself: the TOML or JSON file beside its ONNX file."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import msgspec
 
-from fgnav.checks import BadInputError, quoted
+from fgnav.checks import quoted
 from fgnav.io.atomic_write import write_text
-from fgnav.io.strict_toml import NotNegative, Positive, Table, as_table, check_sizes, read_toml
-from fgnav.io.user_files import read_bytes
+from fgnav.io.strict_toml import NotNegative, Positive, Table, as_table, read_toml_or_json
 from fgnav.neural.measures import MEASURES, SENSORS, Measure, Quantity
 
 FORMAT = "fgnav-factor/1"
-_MOST_BYTES = 4_000_000
 _HEX = r"^[0-9a-f]{64}$"
 
 Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1)]
@@ -67,6 +65,30 @@ class Input(Table, frozen=True):
         for low, high in self.range:
             if not low < high:
                 raise ValueError(f"range: each must be [low, high], low first, got [{low}, {high}]")
+
+
+class Statistic(Table, frozen=True):
+    """A figure of its inputs that the graph computes, and what of it training has seen.
+
+    Attributes
+    ----------
+    name : str
+        Of the ONNX graph's output, (n,) or (n, 1) float32; in reports without its underscores.
+    unit : str
+        Of that, for people.
+    range : (float, float)
+        The factor leaves where it is beyond.
+    """
+
+    name: Text
+    unit: Text
+    range: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        """Check that the range is one."""
+        low, high = self.range
+        if not low < high:
+            raise ValueError(f"range: must be [low, high], low first, got [{low}, {high}]")
 
 
 class Covariance(Table, frozen=True):
@@ -169,6 +191,8 @@ class Manifest(Table, frozen=True):
         Of the weights: ``"BSD-3-Clause"``.
     inputs : tuple of Input
     output : Output
+    domain : tuple of Statistic
+        Where else than within its inputs' ranges it may be believed.
     """
 
     format: Literal["fgnav-factor/1"]
@@ -179,6 +203,7 @@ class Manifest(Table, frozen=True):
     licence: Text
     inputs: Annotated[tuple[Input, ...], msgspec.Meta(min_length=1)]
     output: Output
+    domain: tuple[Statistic, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the file's name."""
@@ -197,24 +222,13 @@ def read_manifest(path: Path) -> Manifest:
     BadInputError
         If the file cannot be read or breaks the contract: one line with file, key and mend.
     """
-    return as_table(path, _json(path) if path.suffix == ".json" else read_toml(path), Manifest)
+    return as_table(path, read_toml_or_json(path), Manifest)
 
 
 def save_manifest(manifest: Manifest, path: Path) -> None:
     """Write a manifest as JSON, for people to read, too."""
     text = msgspec.json.format(msgspec.json.encode(manifest), indent=2).decode() + "\n"
     write_text(path, text)
-
-
-def _json(path: Path) -> dict[str, Any]:
-    try:
-        content = msgspec.json.decode(read_bytes(path, _MOST_BYTES))
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise BadInputError(f"{path}: must be JSON, {error!s:.200}") from None
-    if not isinstance(content, dict):
-        raise BadInputError(f"{path}: must be a JSON object, got {type(content).__name__}")
-    check_sizes(path, content)
-    return content
 
 
 def _one_of(key: str, value: str, allowed: tuple[str, ...], why: str) -> None:

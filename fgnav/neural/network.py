@@ -23,10 +23,14 @@ _LONGEST_LOG = 30.0  # of a 1-sigma: e^30 of any unit is nothing that a network 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Answers:
-    """Values, (k, d), and covariances, (k, f, f), in SI and radians, of k windows."""
+    """Values, (k, d), and covariances, (k, f, f), in SI and radians, of k windows.
+
+    ``figures`` are those of the manifest's domain, (k,) each.
+    """
 
     value: FloatArray
     covariance: FloatArray
+    figures: tuple[FloatArray, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -51,17 +55,27 @@ class Network:
         raw = [np.concatenate(columns) for columns in zip(*parts, strict=True)] if k else []
         output, where = self.manifest.output, f"{self.path}: output"
         if not raw:
-            return Answers(np.zeros((0, 1)), np.zeros((0, 1, 1)))
-        value = _value(where, output, raw[0])
-        return Answers(value, _covariance(where, output, raw[1] if len(raw) > 1 else None, k))
+            none = tuple(np.zeros(0) for _ in self.manifest.domain)
+            return Answers(np.zeros((0, 1)), np.zeros((0, 1, 1)), none)
+        stated = 2 if output.covariance.name else 1
+        return Answers(
+            _value(where, output, raw[0]),
+            _covariance(where, output, raw[1] if stated == 2 else None, k),
+            tuple(map(_figure, self._names[stated:], raw[stated:])),
+        )
+
+    @property
+    def _names(self) -> list[str]:
+        output, domain = self.manifest.output, self.manifest.domain
+        stated = [name for name in (output.name, output.covariance.name) if name]
+        return [*stated, *(one.name for one in domain)]
 
     def _run(self, inputs: list[FloatArray]) -> list[FloatArray]:
         feed = {
             one.name: ((x - one.mean) / one.scale).astype(np.float32)
             for one, x in zip(self.manifest.inputs, inputs, strict=True)
         }
-        output = self.manifest.output
-        names = [name for name in (output.name, output.covariance.name) if name]
+        names = self._names
         found = self._session.run(names, feed)
         for name, part in zip(names, found, strict=True):
             if part.shape[:1] != (len(inputs[0]),) or part.ndim > 3:
@@ -109,10 +123,12 @@ def _check_ports(path: Path, manifest: Manifest, session: Session) -> None:
         _check_input(f"{path}: key inputs[{row}]", one, have[one.name])
     outputs = [port.name for port in session.outputs()]
     output = manifest.output
-    for key, name in (("name", output.name), ("covariance.name", output.covariance.name)):
+    named = [("output.name", output.name), ("output.covariance.name", output.covariance.name)]
+    named += [(f"domain[{row}].name", one.name) for row, one in enumerate(manifest.domain)]
+    for key, name in named:
         if name and name not in outputs:
             raise BadInputError(
-                f"{path}: key output.{key}: {manifest.onnx} has no output {name!r}; it has "
+                f"{path}: key {key}: {manifest.onnx} has no output {name!r}; it has "
                 f"{', '.join(outputs)}"
             )
 
@@ -242,6 +258,15 @@ def _covariance(where: str, output: Output, raw: FloatArray | None, k: int) -> F
         )
     P = L @ L.swapaxes(1, 2)
     return np.asarray((P + P.swapaxes(1, 2)) / 2)
+
+
+def _figure(name: str, raw: FloatArray) -> FloatArray:
+    """Return a figure of the domain, (k,); one that is no number is beyond any range."""
+    if raw.shape[1] != 1:
+        raise BadInputError(
+            f"output {name!r}: a figure of the domain is one number, has {raw.shape[1]}"
+        )
+    return raw[:, 0]
 
 
 def _diagonal(sigma: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ Residuals are estimate less output, in the output's tangent; Jacobians are by th
 """
 
 from collections.abc import Callable
+from math import atan2, cos, sin
 from typing import Any, TypeAlias
 
 import gtsam
@@ -14,6 +15,7 @@ from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import skew
 from fgnav.graph.custom import OwnFactor, residual_factor
 from fgnav.graph.keys import pose, velocity
+from fgnav.graph.residual_model import Jacobian, Residual
 from fgnav.neural.manifest import Output
 
 Maker: TypeAlias = Callable[[str, Output, tuple[int, int], FloatArray, FloatArray], OwnFactor]
@@ -43,18 +45,19 @@ def _heading(
     name: str, _: Output, rows: tuple[int, int], value: FloatArray, covariance: FloatArray
 ) -> OwnFactor:
     """``psi = atan2(R10, R00)``; turned by delta, R's first column moves by ``R (delta x e1)``."""
+    measured = float(value[0])
 
-    def residual(x: Any) -> FloatArray:  # noqa: ANN401  # gtsam.Pose3
-        R = x.rotation().matrix()
-        turn = np.arctan2(R[1, 0], R[0, 0]) - value
-        return np.asarray(np.arctan2(np.sin(turn), np.cos(turn)))
+    def residual(x: Any) -> list[float]:  # noqa: ANN401  # gtsam.Pose3
+        (north, *_), (east, *_), *_ = x.matrix().tolist()  # a third of the rotation's time
+        turn = atan2(east, north) - measured
+        return [atan2(sin(turn), cos(turn))]
 
-    def jacobian(x: Any) -> tuple[FloatArray]:  # noqa: ANN401  # as above
-        R = x.rotation().matrix()
-        row = (R[0, 0] * R[1] - R[1, 0] * R[0]) / (R[0, 0] ** 2 + R[1, 0] ** 2)
-        return (np.array([[0.0, -row[2], row[1], 0.0, 0.0, 0.0]]),)
+    def jacobian(x: Any) -> tuple[list[list[float]]]:  # noqa: ANN401  # as above
+        (a, b, c, _), (d, e, f, _), *_ = x.matrix().tolist()
+        level = a * a + d * d
+        return ([[0.0, (d * c - a * f) / level, (a * e - d * b) / level, 0.0, 0.0, 0.0]],)
 
-    return residual_factor(name, [pose(rows[1])], residual, covariance, jacobian=jacobian)
+    return _factor(name, [pose(rows[1])], residual, covariance, jacobian)
 
 
 def _attitude(
@@ -70,17 +73,12 @@ def _direction(
 ) -> OwnFactor:
     """``r = E' R' e3``, E two axes across the output: gravity is down in ``n``."""
     across = np.linalg.svd(value[None])[2][1:]
-
-    def residual(x: Any) -> FloatArray:  # noqa: ANN401  # as above
-        return np.asarray(across @ x.rotation().matrix()[2])
-
-    def jacobian(x: Any) -> tuple[FloatArray]:  # noqa: ANN401  # as above
-        by_turn = across @ skew(x.rotation().matrix()[2][None])[0]
-        return (np.concatenate([by_turn, np.zeros((2, 3))], axis=1),)
-
     P = across @ covariance @ across.T
-    noise = (P + P.T) / 2  # rounding
-    return residual_factor(name, [pose(rows[1])], residual, noise, jacobian=jacobian)
+    # A field of size one that should have none across the output, as of ``factors.gravity``.
+    whitening = np.vstack([np.linalg.inv(np.linalg.cholesky(P)) @ across, np.zeros(3)])
+    noise = gtsam.noiseModel.Gaussian.SqrtInformation(whitening, False)
+    none, down = np.zeros(3), np.array([0.0, 0.0, 1.0])
+    return OwnFactor(name, gtsam.MagPoseFactorPose3(pose(rows[1]), none, 1.0, down, none, noise))
 
 
 def _velocity(
@@ -99,7 +97,7 @@ def _velocity(
         return np.concatenate([skew((R.T @ v_n_mps)[None])[0], np.zeros((3, 3))], axis=1), R.T
 
     keys = [pose(k), velocity(k)]
-    return residual_factor(name, keys, residual, covariance, jacobian=jacobian)
+    return _factor(name, keys, residual, covariance, jacobian)
 
 
 def _speed(
@@ -111,7 +109,7 @@ def _speed(
     def jacobian(v_n_mps: FloatArray) -> tuple[FloatArray]:
         return (v_n_mps[None] / max(float(np.linalg.norm(v_n_mps)), _SLOWEST_MPS),)
 
-    return residual_factor(name, [velocity(rows[1])], residual, covariance, jacobian=jacobian)
+    return _factor(name, [velocity(rows[1])], residual, covariance, jacobian)
 
 
 def _height(
@@ -123,19 +121,14 @@ def _height(
     def jacobian(x: Any) -> tuple[FloatArray]:  # noqa: ANN401  # as above
         return (np.concatenate([np.zeros(3), -x.rotation().matrix()[2]])[None],)
 
-    return residual_factor(name, [pose(rows[1])], residual, covariance, jacobian=jacobian)
+    return _factor(name, [pose(rows[1])], residual, covariance, jacobian)
 
 
 def _position(
     name: str, _: Output, rows: tuple[int, int], value: FloatArray, covariance: FloatArray
 ) -> OwnFactor:
-    def residual(x: Any) -> FloatArray:  # noqa: ANN401  # as above
-        return np.asarray(x.translation() - value)
-
-    def jacobian(x: Any) -> tuple[FloatArray]:  # noqa: ANN401  # as above
-        return (np.concatenate([np.zeros((3, 3)), x.rotation().matrix()], axis=1),)
-
-    return residual_factor(name, [pose(rows[1])], residual, covariance, jacobian=jacobian)
+    noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
+    return OwnFactor(name, gtsam.GPSFactor(pose(rows[1]), value, noise))
 
 
 def _displacement(
@@ -156,7 +149,15 @@ def _displacement(
         return by_a, np.concatenate([none, R_a.T @ R_b], axis=1)
 
     keys = [pose(rows[0]), pose(rows[1])]
-    return residual_factor(name, keys, residual, covariance, jacobian=jacobian)
+    return _factor(name, keys, residual, covariance, jacobian)
+
+
+def _factor(
+    name: str, keys: list[int], residual: Residual, covariance: FloatArray, jacobian: Jacobian
+) -> OwnFactor:
+    """Return a factor of a covariance that is known to be positive."""
+    noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
+    return residual_factor(name, keys, residual, noise, jacobian=jacobian)
 
 
 _MAKERS: dict[str, Maker] = {

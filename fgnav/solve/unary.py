@@ -5,10 +5,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.graph.build import Layout, insert_constants, insert_keyframe
+from fgnav.graph.build import Layout, insert_variables
 from fgnav.graph.types.states import States
 from fgnav.optional_gtsam import gtsam
-from fgnav.solve.chain import kernel
 
 
 def add_unary(
@@ -31,8 +30,9 @@ def add_unary(
         See ``chain.kernel``.
     """
     values, D = gtsam.Values(), layout.width
-    insert_keyframe(values, layout, number, at)
-    insert_constants(values, layout, at.constants)
+    factors = list(factors)
+    touched = (key for factor in factors for key in factor.keys())  # noqa: SIM118  # not a dict
+    insert_variables(values, layout, touched, at, {number: 0})
     x, v, aux = layout.keyframe(number)
     columns = {x: slice(0, 6), v: slice(6, 9), aux: slice(9, D)}
     of_constants = zip(layout.constant_keys, layout.constants.parts, strict=True)
@@ -43,11 +43,10 @@ def add_unary(
         if linear is None:  # a factor that is not active is none
             continue
         A, right = linear.jacobian()
-        rows, begin = np.zeros((1, len(right), len(node) - 1)), 0
+        rows, begin = np.zeros((len(right), len(node))), 0
         for key in linear.keys():  # noqa: SIM118  # not a dict
             own = columns[key]
-            rows[0, :, own] = A[:, begin : begin + own.stop - own.start]
+            rows[:, own] = A[:, begin : begin + own.stop - own.start]
             begin += own.stop - own.start
-        shared = np.ascontiguousarray(rows[:, :, D:])
-        state = np.ascontiguousarray(rows[:, :, :D])
-        kernel.add_squares(node[None], np.zeros(1, np.int64), -right[None], state, shared)
+        rows[:, -1] = right
+        node += rows.T @ rows

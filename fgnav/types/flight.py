@@ -1,6 +1,7 @@
 """The border type of the project: what was measured on a flight, before any estimator sees it."""
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -381,6 +382,8 @@ class Flight:
         What it may be taken to do.
     initial : InitialAttitude or None
         Of the first epoch that is estimated.
+    networks : tuple of Path
+        Manifests of the networks whose factors it brings (``fgnav.neural``).
     losses : tuple of Loss
         What was in the files and is not here.
     """
@@ -403,6 +406,7 @@ class Flight:
     vehicle: WheeledVehicle | None = None
     initial: InitialAttitude | None = None
     truth: Truth | None = None
+    networks: tuple[Path, ...] = ()
     losses: tuple[Loss, ...] = ()
 
     def __post_init__(self) -> None:

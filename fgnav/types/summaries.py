@@ -40,6 +40,7 @@ def _of_flight(flight: Any) -> tuple[str, dict[str, str]]:  # noqa: ANN401  # a 
         "origin": place,
         "gnss": gnss,
         "sensors": _list([name for name in sensors if getattr(flight, name) is not None]),
+        **({"networks": _list([path.stem for path in flight.networks])} if flight.networks else {}),
         "lost": f"{sum(loss.count for loss in flight.losses)} measurements and files",
     }
 

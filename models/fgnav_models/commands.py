@@ -15,6 +15,7 @@ _TRAINERS: Mapping[str, str] = {
     "gravity": "fgnav_models.training.gravity.trainer:run",
     "trust": "fgnav_models.training.trust.trainer:run",
 }
+_THROUGH_SMOOTHER = ("gravity",)  # kinds that know --train-through smoother
 _LOG_S = 10.0  # between lines of train.log
 
 
@@ -25,6 +26,7 @@ def train(
     out: Path,
     scale: Literal["smoke", "cpu", "paper"] = "cpu",
     device: Literal["cpu", "cuda"] = "cpu",
+    train_through: Literal["alone", "smoother"] = "alone",
     resume: bool = False,
     slice_s: float = 480.0,
 ) -> None:
@@ -45,6 +47,9 @@ def train(
         smoke (seconds), cpu (an hour on two cores) or paper (days without a GPU).
     device : str
         cpu, or cuda for one NVIDIA GPU.
+    train_through : str
+        alone, or smoother: trained on by the likelihood of the truth under a smoother's posterior,
+        and compared on held-out flights.
     resume : bool
         Go on with what the folder holds.
     slice_s : float
@@ -64,7 +69,13 @@ def train(
         )
     recipe = file_or_shipped(recipe, "fgnav_models", "recipes")
     content = read_toml(recipe)
-    trainer = _trainer(recipe, content.pop("kind", None), device)
+    kind = content.pop("kind", None)
+    trainer = _trainer(recipe, kind, device)
+    if train_through == "smoother" and kind not in _THROUGH_SMOOTHER:
+        raise BadInputError(
+            f"--train-through smoother: takes recipes of kind {', '.join(_THROUGH_SMOOTHER)}, "
+            f"{recipe} is of kind {kind}"
+        )
     from fgnav_models.training.order import Order  # noqa: PLC0415  # torch: seconds
 
     with _watched(made_folder(out) / "train.log") as watch:
@@ -77,6 +88,7 @@ def train(
                 device=device,
                 deadline_s=perf_counter() + slice_s,
                 watch=watch,
+                through=train_through,
             )
         )
     if lines is None:

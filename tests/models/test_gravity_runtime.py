@@ -7,11 +7,15 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.cli import main
+from fgnav.graph.custom import newest_keyframe
+from fgnav.graph.keys import Timeline
 from fgnav.gravity import gravity_named
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods import method_named
-from fgnav.methods.smoother import Smoother
+from fgnav.methods.smoother import Forward, Smoother
+from fgnav.neural import NeuralFactor
 from fgnav_models.gravity_features import course_motion
+from fgnav_models.runtime.factors import gravity, manifest
 from fgnav_models.runtime.gravity import AccelerometerGravity, NetworkGravity, answers
 from fgnav_models.runtime.load import load
 from fgnav_sim.data_sets.gravity import gravity_epochs
@@ -158,3 +162,23 @@ def test_the_smoother_of_a_flight_without_phase_keeps_its_tilt():
     sine = np.linalg.norm(np.cross(estimate.R_nb[:, 2], flight.truth.R_nb[row, 2]), axis=1)
     assert np.degrees(np.sqrt(np.mean(sine**2))) < 2.5
     assert any("their errors are alike" in loss.reason for loss in estimate.losses)
+
+
+def test_gravity_is_a_factor_for_filters_too():
+    """Its windows end at keyframes: what `--gravity network` refuses, it does."""
+    flight = flown(TURN, velocity_noise_mps=0.05)
+    with pytest.raises(BadInputError, match="its answers depend on what comes after them"):
+        Forward(gravity=NetworkGravity())(flight)
+    source = NeuralFactor(manifest("gravity-factor"))
+    timeline = Timeline(t_s=flight.fixes.t_s, gyroscope=False)
+    made = source(flight, timeline)
+    named = gravity(flight, timeline)
+    assert len(made.factors) == len(named.factors) > 3
+    assert made.losses == named.losses
+    assert any("within" in loss.reason for loss in made.losses)
+    apart_s = np.diff([flight.fixes.t_s[newest_keyframe(one)] for one in made.factors])
+    assert apart_s.min() >= source.between_s - 1e-6
+    noisy = replace(flight, imu=replace(flight.imu, f_b_mps2=3 * flight.imu.f_b_mps2))
+    lost = source(noisy, timeline)
+    assert not lost.factors
+    assert "the network's training domain" in reasons(lost)

@@ -1,6 +1,7 @@
 """ONNX graphs whose answer is known: a constant, whatever they see."""
 
 from hashlib import sha256
+from itertools import pairwise
 
 import numpy as np
 from onnx import TensorProto, helper, numpy_helper
@@ -87,6 +88,62 @@ def heading(
         ),
     )
     path = folder / "net.json"
+    save_manifest(manifest, path)
+    return path
+
+
+def perceptron(folder, window, width, measures="heading"):
+    """Write a network of random weights that sees accelerations and hardly knows anything."""
+    rng, what = np.random.default_rng(0), MEASURES[measures]
+    sizes = (3 * window, width, width, what.freedom)
+    nodes, weights, at = [helper.make_node("Flatten", ["x"], ["h0"], axis=1)], {}, "h0"
+    for k, (i, o) in enumerate(pairwise(sizes)):
+        weights[f"w{k}"] = rng.normal(size=(i, o)).astype(np.float32) / np.float32(np.sqrt(i))
+        ends = f"a{k}", f"h{k + 1}"
+        nodes.append(helper.make_node("MatMul", [at, f"w{k}"], [ends[0]]))
+        nodes.append(helper.make_node("Tanh", [ends[0]], [ends[1]]))
+        at = ends[1]
+    graph = helper.make_graph(
+        nodes,
+        "g",
+        [helper.make_tensor_value_info("x", TensorProto.FLOAT, ["n", window, 3])],
+        [helper.make_tensor_value_info(at, TensorProto.FLOAT, ["n", what.freedom])],
+        [numpy_helper.from_array(one, name) for name, one in weights.items()],
+    )
+    opset = [helper.make_opsetid("", 17)]
+    content = helper.make_model(graph, opset_imports=opset, ir_version=8).SerializeToString()
+    (folder / "perceptron.onnx").write_bytes(content)
+    manifest = Manifest(
+        format="fgnav-factor/1",
+        name="perceptron",
+        purpose="Costs what a network costs.",
+        onnx="perceptron.onnx",
+        sha256=sha256(content).hexdigest(),
+        licence="BSD-3-Clause",
+        inputs=(
+            Input(
+                name="x",
+                sensor="accelerometer",
+                unit="m/s2",
+                frame="b",
+                rate_hz=100.0,
+                window=window,
+                mean=(0.0,) * 3,
+                scale=(10.0,) * 3,
+                range=((-1e3, 1e3),) * 3,
+            ),
+        ),
+        output=Output(
+            name=at,
+            measures=measures,
+            manifold=what.manifold,
+            unit=next(iter(what.units)),
+            frame=what.frames[0],
+            covariance=Covariance(form="none", sigma=(1e3,)),
+            half_life_s=0.0,
+        ),
+    )
+    path = folder / "perceptron.json"
     save_manifest(manifest, path)
     return path
 

@@ -55,6 +55,7 @@ def examples(n, seed):
 class Trained:
     """A network's file, and what it was trained on."""
 
+    net: object  # torch's module
     onnx: bytes
     mean: np.ndarray
     scale: np.ndarray
@@ -104,9 +105,8 @@ def trained(seed=1, steps=800):
         optimiser.step()
         schedule.step()
     limits = np.stack([seen.min(axis=(0, 1)), seen.max(axis=(0, 1))], axis=1)
-    return Trained(
-        exported(net, (WINDOW, CHANNELS), ("direction", "log_sigma")), mean, scale, limits
-    )
+    onnx = exported(net, (WINDOW, CHANNELS), ("direction", "log_sigma"))
+    return Trained(net, onnx, mean, scale, limits)
 
 
 def exported(net, shape, outputs):

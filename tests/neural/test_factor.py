@@ -1,5 +1,6 @@
 """Outputs as factors, the windows they come from, and how outputs that err alike are counted."""
 
+import json
 import pickle
 
 import gtsam
@@ -14,7 +15,7 @@ from fgnav.neural.correlation import half_life_s, inflation, interval_s
 from fgnav.neural.network import load_network
 from fgnav.neural.outputs import factor_of
 from tests.methods.simulated import flown
-from tests.neural import graphs
+from tests.neural import graphs, sun_compass
 
 R_NB = rotations.from_euler(*np.array([[0.2], [-0.3], [2.5]]))[0]
 P_N_M, V_N_MPS = np.array([10.0, -20.0, -300.0]), np.array([12.0, 5.0, -1.0])
@@ -74,6 +75,22 @@ def test_a_quaternion_is_its_rotation_matrix(tmp_path):
     np.testing.assert_allclose(value.reshape(3, 3), R_NB, rtol=0, atol=1e-6)
 
 
+def test_onnxruntime_says_what_torch_says(tmp_path):
+    """Of a trained network, on windows that it has not seen, through its manifest."""
+    import torch
+
+    trained = sun_compass.trained()
+    seen, _ = sun_compass.examples(500, seed=77)
+    answers = load_network(sun_compass.written(tmp_path))([seen])
+    x = torch.tensor((seen - trained.mean) / trained.scale, dtype=torch.float32)
+    with torch.no_grad():
+        direction, log_sigma = (part.double().numpy() for part in trained.net(x))
+    heading_rad = np.arctan2(direction[:, 1], direction[:, 0])
+    np.testing.assert_allclose(rotations.wrap(answers.value[:, 0] - heading_rad), 0.0, atol=1e-5)
+    sigma_rad = np.sqrt(answers.covariance[:, 0, 0])
+    np.testing.assert_allclose(sigma_rad, np.exp(log_sigma[:, 0]), rtol=1e-5)
+
+
 def test_windows_end_at_keyframes_and_hold_nothing_later(tmp_path):
     """Samples after a keyframe are beyond the domain, and nobody notices."""
     t_s = np.arange(0.0, 3.0, 0.01)
@@ -96,6 +113,19 @@ def test_a_gap_in_a_window_leaves_its_answer_out(tmp_path):
     source = NeuralFactor(graphs.heading(tmp_path), records={"gyroscope": record})
     found = source(flown("surroundings", 5.0), timeline(np.array([0.95, 1.04, 1.2])))
     assert [one.factor.keys() for one in found] == [[pose(0)], [pose(2)]]
+
+
+def test_outside_of_what_its_graph_computes_a_factor_leaves(tmp_path):
+    path = graphs.heading(tmp_path)  # its output s is -3
+    content = json.loads(path.read_text())
+    times = timeline(np.arange(1.0, 2.0, 0.1))
+    for low, count in ((-4.0, 10), (-2.0, 0)):
+        content["domain"] = [{"name": "s", "unit": "m/s2", "range": [low, 0.0]}]
+        path.write_text(json.dumps(content))
+        found = NeuralFactor(path)(flown("surroundings", 5.0), times)
+        assert len(list(found)) == count
+    reason = "s outside -2 to 0 m/s2, the network's training domain"
+    assert [(loss.reason, loss.count) for loss in found.losses] == [(reason, 10)]
 
 
 def test_answers_within_two_half_lives_are_left_out_and_the_rest_are_inflated(tmp_path):

@@ -47,6 +47,16 @@ WRONG = {
     ),
     "no sigma": (("output", "covariance"), {"form": "none"}, "output.covariance.sigma: form none"),
     "displacement's span": (("output", "over_s"), 1.0, "output.over_s: goes with displacement"),
+    "domain's figure": (
+        ("domain",),
+        [{"name": "z", "unit": "1", "range": [0.0, 1.0]}],
+        r"domain\[0\].name: net.onnx has no output 'z'; it has y, s",
+    ),
+    "domain upside down": (
+        ("domain",),
+        [{"name": "s", "unit": "1", "range": [1.0, 0.0]}],
+        r"domain\[0\].range: must be \[low, high\], low first",
+    ),
     "hash": (("sha256",), "0" * 64, "sha256: net.onnx has .*; take the file that the manifest was"),
     "no hash": (("sha256",), "abc", "sha256: must be str matching regex"),
     "file elsewhere": (("onnx",), "../net.onnx", "onnx: must be the name of an .onnx file in the"),

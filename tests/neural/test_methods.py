@@ -112,7 +112,13 @@ def test_a_stream_takes_a_network(manifest):
 
 def streamed(case, sources):
     set_up = StreamSetUp(origin=flights.ORIGIN, antenna_b_m=np.zeros(3))
-    stream, parts = Stream(set_up, 2.0, factors=sources), []
+    stream = Stream(set_up, 2.0, factors=sources)
+    parts = [stream.update(now) for now in measured(case)]
+    return [part for part in (*parts, stream.rest()) if len(part.t_s)]
+
+
+def measured(case):
+    """Yield what comes in with each keyframe of a case."""
     turn = rotations.exp(np.radians([[2.0, -2.0, 10.0]]))[0]
     for k, t_s in enumerate(case.problem.t_s):
         near = (case.imu.t_s > t_s - 0.25) & (case.imu.t_s < t_s + 0.15)
@@ -127,6 +133,4 @@ def streamed(case, sources):
             for series in (case.position, case.velocity)
         )
         R_nb = case.truth.R_nb[0] @ turn if k == 0 else None
-        now = Measurements(t_s=float(t_s), imu=imu, R_nb=R_nb, position=position, velocity=velocity)
-        parts.append(stream.update(now))
-    return [part for part in (*parts, stream.rest()) if len(part.t_s)]
+        yield Measurements(t_s=float(t_s), imu=imu, R_nb=R_nb, position=position, velocity=velocity)

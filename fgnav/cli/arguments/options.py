@@ -30,8 +30,8 @@ WithoutKinds = Annotated[
     str,
     Parameter(
         help="Run each method also without these, one after another: phase, doppler, gnss, fixes, "
-        "gyroscope, inertial, seeker, barometer, magnetometer, gravity (of --gravity), separated "
-        "by commas; phase+doppler leaves both out together."
+        "gyroscope, inertial, seeker, barometer, magnetometer, networks (of flight.toml), "
+        "gravity (of --gravity), separated by commas; phase+doppler leaves both out together."
     ),
 ]
 ReportFile = Annotated[

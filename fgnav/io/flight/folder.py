@@ -9,7 +9,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.geometry.earth import Origin
 from fgnav.io.antennas import chosen, merge, named_alike
-from fgnav.io.flight import series, usual_noise
+from fgnav.io.flight import networks, series, usual_noise
 from fgnav.io.flight import toml as flight_toml
 from fgnav.io.flight import writer as flight_writer
 from fgnav.io.flight.columns import CALIBRATION, CURRENTS
@@ -91,7 +91,12 @@ def files_of(path: Path | str) -> tuple[Path, ...]:
         names += [part.samples] if part else []
     names += [table.seeker.samples, table.seeker.calibration] if table.seeker else []
     names += [table.truth.samples, table.truth.integers] if table.truth else []
-    return toml, *(toml.parent / name for name in names if name)
+    brought = networks.manifests(toml.parent, table.network)
+    return (
+        toml,
+        *(toml.parent / name for name in names if name),
+        *(file for manifest in brought for file in networks.files(manifest)),
+    )
 
 
 def save_flight(flight: Flight, folder: Path | str, *, rinex: RinexVersion = "3.04") -> None:
@@ -200,6 +205,7 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         truth=_truth(folder, origin, table.truth, [a.name for a in table.antenna])
         if table.truth
         else None,
+        networks=networks.manifests(folder, table.network),
         losses=tuple(losses),
     )
 

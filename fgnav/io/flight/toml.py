@@ -153,6 +153,12 @@ class InitialTable(Table, frozen=True, kw_only=True):
     heading_sigma_deg: Positive | None = None
 
 
+class NetworkTable(Table, frozen=True, kw_only=True):
+    """``[[network]]``: a manifest, of which the flight's methods make factors."""
+
+    manifest: str
+
+
 class TruthTable(Table, frozen=True, kw_only=True):
     """``[truth]``."""
 
@@ -169,6 +175,7 @@ class FlightTable(Table, frozen=True, kw_only=True):
     rows: dict[str, Annotated[int, msgspec.Meta(ge=0)]] = msgspec.field(default_factory=dict)
     origin: Place
     antenna: tuple[AntennaTable, ...] = ()
+    network: tuple[NetworkTable, ...] = ()
     gnss: GnssTable = GnssTable()
     imu: ImuTable | None = None
     fixes: FixesTable | None = None

@@ -10,7 +10,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.earth import Origin
 from fgnav.io.atomic_write import atomic_folder
-from fgnav.io.flight import columns
+from fgnav.io.flight import columns, networks
 from fgnav.io.flight import toml as flight_toml
 from fgnav.io.flight.integers import write_integers
 from fgnav.io.flight.local_frame import attitude_of_n, place_of_n, velocity_of_n
@@ -71,6 +71,7 @@ def write_parts(
         start=flight_toml.gps_date(flight.start_gps_s),
         origin=_place_of_origin(flight.origin),
         antenna=_antennas(flight, folder, rinex),
+        network=networks.write(flight.networks, folder),
         gnss=_gnss(flight, folder, rinex),
         imu=_imu(flight, folder),
         fixes=_fixes(flight, folder),

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fgnav import plugins
 from fgnav.checks import BadInputError, Loss
@@ -34,8 +34,8 @@ class OwnFactors:
 def own_factors(
     sources: tuple[FactorSource | str, ...], flight: Flight, problem: SmoothingProblem
 ) -> OwnFactors:
-    """Return the factors that sources make for a flight, and what they leave out."""
-    if not sources:
+    """Return the factors that sources and the flight's networks make, and what they leave out."""
+    if not (sources or flight.networks):
         return OwnFactors()
     from fgnav.graph.custom import named  # noqa: PLC0415  # lazy: gtsam
 
@@ -43,7 +43,7 @@ def own_factors(
     made: list[OwnFactor] = []
     losses: list[Loss] = []
     notes: list[str] = []
-    for source in map(factor_source, sources):
+    for source in with_networks(sources, flight.networks):
         factors = source(flight, timeline)
         if not isinstance(factors, Iterable):
             what = getattr(source, "__name__", type(source).__name__)
@@ -53,6 +53,16 @@ def own_factors(
             losses += factors.losses
             notes += factors.notes
     return OwnFactors(tuple(made), tuple(losses), tuple(notes))
+
+
+def with_networks(sources: tuple[Any, ...], manifests: tuple[Path, ...]) -> tuple[Any, ...]:
+    """Return sources of a flight's factors, or a stream's, and manifests that are not among them.
+
+    A network counts once: who gives its ``NeuralFactor`` takes the place of the flight's.
+    """
+    given = tuple(map(factor_source, sources))
+    stated = {one.manifest.resolve() for one in given if hasattr(one, "manifest")}
+    return *given, *(factor_source(str(m)) for m in manifests if m.resolve() not in stated)
 
 
 def factor_source(source: FactorSource | str) -> FactorSource:

@@ -9,6 +9,7 @@ from fgnav_models.training.train import Progress
 
 Scale: TypeAlias = Literal["smoke", "cpu", "paper"]
 Device: TypeAlias = Literal["cpu", "cuda"]
+By: TypeAlias = Literal["alone", "smoother"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,6 +27,8 @@ class Order:
     scale, device : str
     deadline_s : float
         Reading of ``time.perf_counter`` at which to stop with a checkpoint.
+    through : str
+        ``"smoother"``: networks are trained on by what a smoother makes of them.
     watch : callable
         To be told what is trained and how it stands.
     """
@@ -37,6 +40,7 @@ class Order:
     device: Device
     deadline_s: float
     watch: Callable[[str, Progress], None]
+    through: By = "alone"
 
 
 class Trainer(Protocol):

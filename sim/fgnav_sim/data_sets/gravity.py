@@ -103,7 +103,8 @@ def _flown(
     true_b_mps2 = sensed.specific_force_b_mps2(origin, lever_b_m, "wgs84-normal")
     f_b_mps2 = accelerometer(world.imu)(true_b_mps2, world.imu.rate_hz, rng=rng)
     half_s = 0.5 * world.velocity_step_s
-    v_n_mps = np.stack([motion(t_s[:, -1] + h).v_n_mps for h in (-half_s, half_s)])
+    middle_s = t_s[:, -1] - world.velocity_age_s
+    v_n_mps = np.stack([motion(middle_s + h).v_n_mps for h in (-half_s, half_s)])
     v_n_mps = v_n_mps + world.velocity_noise_mps * rng.standard_normal(v_n_mps.shape)
     end = motion(t_s[:, -1])
     g_n_mps2 = origin.gravity_n_mps2(end.p_n_m)

@@ -84,6 +84,8 @@ class GravityWorld(Table, frozen=True, tag="gravity", tag_field="kind"):
         Of a receiver's velocities, per axis.
     velocity_step_s : float
         The derivative is the difference of two velocities so far apart, about the window's end.
+    velocity_age_s : float
+        How long before the window's end the middle of the two is.
     lever_sigma_m : float
         Spread of where the accelerometer sits beside ``imu.position_b_m``, per axis.
     """
@@ -98,6 +100,7 @@ class GravityWorld(Table, frozen=True, tag="gravity", tag_field="kind"):
     imu: ImuTable = ImuTable()
     velocity_noise_mps: Positive = 0.05
     velocity_step_s: Positive = 0.2
+    velocity_age_s: NotNegative = 0.0
     lever_sigma_m: NotNegative = 0.0
 
     def __post_init__(self) -> None:

@@ -2,32 +2,42 @@
 
 import platform
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from pathlib import Path
+from typing import Annotated, Any, TypeAlias
 
 import msgspec
 import numpy as np
 import torch
 
+from fgnav.checks import BadInputError
 from fgnav.io.atomic_write import made_folder, write_text
 from fgnav.io.strict_toml import Positive, Table
+from fgnav.methods.smoother import Batch
 from fgnav_models.gravity_features import CALM, SAMPLES, domain_values
+from fgnav_models.runtime.gravity import NetworkGravity
+from fgnav_models.runtime.load import load
 from fgnav_models.runtime.manifest import Port
 from fgnav_models.training.ambiguity.experiment import SliceOver
 from fgnav_models.training.ambiguity.released import Release
 from fgnav_models.training.gravity.data import Drawn, Rows, draw
+from fgnav_models.training.gravity.factor import release_factor
 from fgnav_models.training.gravity.figures import figures_of, independent_after_s
 from fgnav_models.training.gravity.nets import GravityNet, deviation, negative_log_likelihood
 from fgnav_models.training.gravity.paper import PaperStudy, run_paper
+from fgnav_models.training.gravity.through import DrawnFlights, Through, flown, gravity_flights
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import said, scaled
 from fgnav_models.training.release import Story, markdown_table, release
+from fgnav_models.training.smoother.judging import Compared, compared, judged, report_rows, text
 from fgnav_models.training.train import Settings, train
 from fgnav_sim.data_sets.gravity import GravityEpochs
 from fgnav_sim.data_sets.gravity_world import GravityWorld
 
 Count = Annotated[int, msgspec.Meta(ge=1)]
 _TRAIN, _CALIBRATE, _TEST, _TIME = range(4)  # streams of random numbers: flights apart
+_THROUGH, _VALIDATE, _HELD_OUT, _INTERVAL = range(10, 14)  # 4 is the paper's
 _EXAMPLES = 64
+_Comparison: TypeAlias = tuple[Compared, ...]
 
 
 class Learned(Table, frozen=True):
@@ -39,10 +49,13 @@ class Learned(Table, frozen=True):
         Its name and its card's words; the domain gains the bounds of what it was trained on.
     aided : bool
         Whether it sees a receiver's motion.
+    factor : bool
+        Whether it is released as the manifest of a factor, in place of an estimator's.
     """
 
     release: Release
     aided: bool = True
+    factor: bool = False
 
 
 class Training(Table, frozen=True):
@@ -76,6 +89,7 @@ class Recipe(Table, frozen=True):
     world: GravityWorld
     paper: PaperStudy | None = None
     training: Training = Training()
+    through: Through = Through()
     network: tuple[Learned, ...] = ()
     seed: int = 1
 
@@ -83,12 +97,18 @@ class Recipe(Table, frozen=True):
 def run(order: Order) -> list[str] | None:
     """Run a recipe; a ``fgnav_models.training.order.Trainer``."""
     recipe = scaled(order, Recipe)
+    if order.through == "smoother" and any(one.factor for one in recipe.network):
+        raise BadInputError(
+            f"{order.recipe}: key network.factor: --train-through smoother takes estimators alone"
+        )
     try:
         rows = []
-        if recipe.paper is not None:
+        if recipe.paper is not None and order.through == "alone":
             rows = run_paper(recipe.paper, recipe.world, recipe.seed, order)
         flights = _Flights(recipe)
         rows += [row for one in recipe.network for row in _learn(one, recipe, flights, order)]
+        if order.through == "smoother":
+            rows += [row for one in recipe.network for row in _through(one, recipe, flights, order)]
     except SliceOver:
         return None
     heads = ("network", "tried on", "figure", "value")
@@ -120,8 +140,26 @@ def _learn(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) ->
     done = made_folder(order.out / name) / "metrics.json"
     if done.exists():
         return _rows(name, msgspec.json.decode(done.read_bytes(), type=dict[str, float]))
+    net, epochs, apart = _trained(learned, recipe, flights, order), flights(_TRAIN), flights(_TEST)
+    wait_s = independent_after_s(net, world, how.followed, rng=np.random.default_rng([seed, _TIME]))
+    metrics = figures_of(net, apart) | {"independent after, s": wait_s}
+    domain = (
+        learned.release.domain | {"independent_after_s": wait_s} | _bounds(how, epochs, aided=aided)
+    )
+    if learned.factor:
+        release_factor(net, apart, learned.release, domain, metrics, order.out)
+    else:
+        _release(net, apart, learned, recipe, domain, metrics, order.out)
+    write_text(done, msgspec.json.encode(metrics).decode() + "\n")
+    return _rows(name, metrics)
+
+
+def _trained(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) -> GravityNet:
+    """Return a network trained alone and calibrated; where its checkpoint is done, at once."""
+    name, how, seed, aided = learned.release.name, recipe.training, recipe.seed, learned.aided
     epochs, held = flights(_TRAIN), flights(_CALIBRATE)
-    net = GravityNet(aided=learned.aided, width=how.width, seed=seed).to(order.device)
+    net = GravityNet(aided=aided, width=how.width, seed=seed)
+    net.to(order.device)
     trained = train(
         net,
         Drawn(tensors=_tensors(epochs, order.device, aided=aided), batch=how.batch, seed=seed),
@@ -133,24 +171,72 @@ def _learn(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) ->
             seed=seed,
             validate_every=max(1, how.steps // 10),
         ),
-        done.with_name("checkpoint.safetensors"),
+        made_folder(order.out / name) / "checkpoint.safetensors",
         validate=lambda module: _validation(module, _tensors(held, order.device, aided=aided)),
         deadline_s=order.deadline_s,
         watch=lambda progress: order.watch(name, progress),
     )
     if not trained.finished:
         raise SliceOver
-    net = net.cpu()
+    net.cpu()
     calibrate(net, held)
-    apart = flights(_TEST)
-    wait_s = independent_after_s(net, world, how.followed, rng=np.random.default_rng([seed, _TIME]))
-    metrics = figures_of(net, apart) | {"independent after, s": wait_s}
-    domain = (
-        learned.release.domain | {"independent_after_s": wait_s} | _bounds(how, epochs, aided=aided)
+    return net
+
+
+def _through(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) -> list[list[str]]:
+    """Train a network on through the smoother, compare both; return its rows of the report."""
+    name, how, seed, world = learned.release.name, recipe.through, recipe.seed, recipe.world
+    folder = made_folder(order.out / name / "through")
+    done = folder / "comparison.json"
+    if done.exists():
+        return report_rows(name, msgspec.json.decode(done.read_bytes(), type=_Comparison))
+    net = _trained(learned, recipe, flights, order)
+    alone = NetworkGravity(network=order.out / f"{name}.onnx")
+    domain = load(alone.network).manifest.domain
+
+    def drawn(stream: int, count: int) -> DrawnFlights:
+        flights = flown(world, how.phases, count, how.duration_s, [seed, stream])
+        return DrawnFlights(
+            flights=gravity_flights(flights, alone, aided=learned.aided),
+            batch=how.batch,
+            every=round(10 * domain["independent_after_s"]),
+            seed=seed,
+        )
+
+    learn, held = drawn(_THROUGH, how.flights), drawn(_VALIDATE, how.validated)
+    trained = train(
+        net,
+        learn,
+        learn.loss,
+        Settings(
+            steps=how.steps,
+            learning_rate=how.learning_rate,
+            clip_norm=1.0,
+            seed=seed,
+            validate_every=max(1, how.steps // 20),
+        ),
+        folder / "checkpoint.safetensors",
+        validate=lambda module: {"negative_log_likelihood": held.of_all(module)},
+        deadline_s=order.deadline_s,
+        watch=lambda progress: order.watch(f"{name} through the smoother", progress),
     )
-    _release(net, apart, learned, recipe, domain, metrics, order)
-    write_text(done, msgspec.json.encode(metrics).decode() + "\n")
-    return _rows(name, metrics)
+    if not trained.finished:
+        raise SliceOver
+    apart = flights(_TEST)
+    metrics = figures_of(net, apart)
+    _release(net, apart, learned, recipe, domain, metrics, folder)
+    unseen = flown(world, how.phases, how.held_out, how.duration_s, [seed, _HELD_OUT])
+    through = NetworkGravity(network=folder / f"{name}.onnx")
+    before, after = (judged(Batch(gravity=one), unseen) for one in (alone, through))
+    found = compared(before, after, np.random.default_rng([seed, _INTERVAL]))
+    words = learned.release
+    told = msgspec.structs.replace(
+        words, notes=words.notes | {"Trained through the smoother": text(found)}
+    )
+    learned = msgspec.structs.replace(learned, release=told)
+    _release(net, apart, learned, recipe, domain, metrics, folder)
+    write_text(done, msgspec.json.encode(found).decode() + "\n")
+    return report_rows(name, found)
 
 
 def _rows(name: str, metrics: dict[str, float]) -> list[list[str]]:
@@ -191,7 +277,7 @@ def _release(
     recipe: Recipe,
     domain: dict[str, Any],
     metrics: dict[str, float],
-    order: Order,
+    folder: Path,
 ) -> None:
     words = learned.release
     inputs = [
@@ -230,4 +316,4 @@ def _release(
         made_with={"hardware": f"CPU {platform.machine()}"},
     )
     examples = [t[:_EXAMPLES].numpy() for t in Rows.of(apart).seen(aided=learned.aided)]
-    release(net, examples, story, order.out, notes=words.notes)
+    release(net, examples, story, folder, notes=words.notes)

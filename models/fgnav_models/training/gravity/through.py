@@ -1,0 +1,201 @@
+"""A gravity network trained through the smoother: answers as often as the estimator gives them.
+
+The released estimator gives one answer in the time after which errors are new ones; training draws
+where the first one stands, so that a flight's windows are all seen.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import msgspec
+import numpy as np
+import torch
+
+from fgnav.checks import BadInputError, FloatArray, IntArray, NoSolutionError
+from fgnav.geometry.rotations import skew
+from fgnav.graph.factors.directions import across
+from fgnav.gravity import GravityEstimator
+from fgnav.io.strict_toml import Positive, Table
+from fgnav.methods.smoother import Batch
+from fgnav.types.flight import Flight
+from fgnav_models.gravity_features import course_motion, differenced, windows
+from fgnav_models.training.gravity.nets import GravityNet
+from fgnav_models.training.smoother.flights import TrainingFlight, training_flight
+from fgnav_models.training.smoother.loss import negative_log_likelihood
+from fgnav_models.training.train import Batch as Tensors
+from fgnav_sim.data_sets.gravity_motions import drawn_motion
+from fgnav_sim.data_sets.gravity_world import GravityWorld
+from fgnav_sim.scenario import FixesTable, Scenario
+from fgnav_sim.simulate import simulate
+
+Count = Annotated[int, msgspec.Meta(ge=1)]
+_FIX_HZ = 10.0
+_LEAST_SINE = 1e-9
+
+
+class Through(Table, frozen=True):
+    """How a network is trained through the smoother once it is trained alone.
+
+    Attributes
+    ----------
+    flights, validated, held_out : int
+        To learn from; to choose the best weights on; to compare both networks on.
+    phases : tuple of str
+        Kinds of motion, one after another. Spins are lost to a smoother without gyroscope and
+        array, whatever the network.
+    duration_s : float
+    steps, batch : int
+        A batch are flights.
+    learning_rate : float
+    """
+
+    flights: Count = 120
+    validated: Count = 40
+    held_out: Count = 100
+    phases: tuple[str, ...] = ("climb", "cruise", "descent", "turn")
+    duration_s: Positive = 30.0
+    steps: Count = 400
+    batch: Count = 8
+    learning_rate: Positive = 2e-5
+
+
+def flown(
+    world: GravityWorld, phases: tuple[str, ...], count: int, duration_s: float, seed: list[int]
+) -> list[Flight]:
+    """Return flights of the networks' world, with fixes ten times a second."""
+    out = []
+    for number, rng in enumerate(np.random.default_rng(seed).spawn(count)):
+        kind = phases[number % len(phases)]
+        motion = drawn_motion(world, kind, rng=rng)
+        scenario = Scenario(
+            name=f"{kind} {number}",
+            duration_s=duration_s,
+            motion=motion,
+            imu=world.imu,
+            fixes=FixesTable(rate_hz=_FIX_HZ, velocity_noise_mps=world.velocity_noise_mps),
+        )
+        out.append(simulate(scenario, rng))
+    return out
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class GravityFlight:
+    """A flight to train on, and what a network may see of it at w keyframes.
+
+    Attributes
+    ----------
+    flight : TrainingFlight
+    row : ndarray of int, shape (w,)
+    seen : tuple of tensor, (w, ...) each
+        As ``GravityNet`` takes them.
+    down_b : ndarray, shape (w, 3)
+        Direction of gravity where the flight is linearised.
+    across_b : ndarray, shape (w, 2, 3)
+        Two axes across it, in which residuals are.
+    jacobian : ndarray, shape (w, 2, D)
+    """
+
+    flight: TrainingFlight
+    row: IntArray
+    seen: tuple[torch.Tensor, ...]
+    down_b: FloatArray
+    across_b: FloatArray
+    jacobian: FloatArray
+
+    def loss(self, net: GravityNet, which: IntArray) -> torch.Tensor:
+        """Return the negative log-likelihood of the truth beside some answers, (k,).
+
+        The answer's logarithm at the linearised direction u, in two axes A across it:
+        ``r = -A log_u(g)``, by a turn delta of the body ``A [u]x delta``.
+        """
+        g_b, covariance = net(*(tensor[which] for tensor in self.seen))
+        A = torch.from_numpy(self.across_b[which])
+        beside = torch.einsum("kij,kj->ki", A, g_b.double())
+        sine = beside.norm(dim=1, keepdim=True).clamp_min(_LEAST_SINE)
+        along = (torch.from_numpy(self.down_b[which]) * g_b.double()).sum(dim=1, keepdim=True)
+        residual = -beside * torch.atan2(sine, along) / sine
+        return negative_log_likelihood(
+            self.flight,
+            self.row[which],
+            self.jacobian[which],
+            residual,
+            A @ covariance.double() @ A.transpose(1, 2),
+        )
+
+
+def gravity_flights(
+    flights: list[Flight], estimator: GravityEstimator, *, aided: bool
+) -> list[GravityFlight]:
+    """Return flights linearised with an estimator's answers; those it does not solve are left out.
+
+    Raises
+    ------
+    BadInputError
+        If none is left.
+    """
+    out = []
+    for flight in flights:
+        try:
+            linearised = training_flight(flight, Batch(gravity=estimator), without="gravity")
+        except NoSolutionError:
+            continue
+        out.append(_gravity_flight(flight, linearised, aided=aided))
+    if not out:
+        raise BadInputError("through the smoother: it solves none of the flights; take more")
+    return out
+
+
+def _gravity_flight(flight: Flight, linearised: TrainingFlight, *, aided: bool) -> GravityFlight:
+    fixes, imu = flight.fixes, flight.imu
+    if fixes is None or fixes.v_n_mps is None or imu is None:
+        raise BadInputError(f"flight {flight.name}: training gravity needs velocities and an [imu]")
+    velocity, acceleration = differenced(fixes.t_s, fixes.v_n_mps)
+    f_b_mps2, covered = windows(imu, fixes.t_s[1:-1])
+    row = linearised.rows(fixes.t_s[1:-1])
+    kept = np.flatnonzero(covered & (row >= 0))
+    row = row[kept]
+    seen = (f_b_mps2[kept], course_motion(velocity, acceleration)[kept])[: 2 if aided else 1]
+    down_b = linearised.states.R_nb[row, 2]
+    axes = across(down_b)
+    jacobian = np.zeros((len(row), 2, linearised.states.width))
+    jacobian[:, :, :3] = axes @ skew(down_b)
+    return GravityFlight(
+        flight=linearised,
+        row=row,
+        seen=tuple(torch.from_numpy(x).float() for x in seen),
+        down_b=down_b,
+        across_b=axes,
+        jacobian=jacobian,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawnFlights:
+    """Batches of flights and of answers, ``every`` windows apart from a first one, by step."""
+
+    flights: list[GravityFlight]
+    batch: int
+    every: int
+    seed: int
+
+    def __call__(self, step: int) -> Tensors:
+        """Return flights and first windows of a step, (batch, 2), int64."""
+        rng = np.random.default_rng([self.seed, step])
+        count = min(self.batch, len(self.flights))
+        chosen = rng.choice(len(self.flights), count, replace=False)
+        first = rng.integers(0, self.every, count)
+        return (torch.from_numpy(np.stack([chosen, first], axis=1)),)
+
+    def loss(self, module: torch.nn.Module, batch: Tensors) -> torch.Tensor:
+        """Return the mean over a batch of flights."""
+        return torch.stack([self._one(module, *pair) for pair in batch[0].tolist()]).mean()
+
+    def of_all(self, module: torch.nn.Module) -> float:
+        """Return the mean over all flights, their first window in the middle of what is drawn."""
+        with torch.no_grad():
+            losses = [self._one(module, k, self.every // 2) for k in range(len(self.flights))]
+        return float(torch.stack(losses).mean())
+
+    def _one(self, module: torch.nn.Module, flight: int, first: int) -> torch.Tensor:
+        one = self.flights[flight]
+        return one.loss(module, np.arange(first, len(one.row), self.every))

@@ -1,0 +1,78 @@
+"""The likelihood of a flight's truth as a loss: torch differentiates the network, we the smoother.
+
+    residual, covariance = ...          # torch, of the network's answers at some keyframes
+    loss = negative_log_likelihood(flight, row, jacobian, residual, covariance)
+    loss.backward()
+
+The derivatives by residuals and covariances are exact for the linearised flight
+(``fgnav.solve.chain.sensitivity``), one adjoint pass each time; torch takes them from there on.
+"""
+
+from typing import Any
+
+import torch
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav_models.training.smoother.flights import TrainingFlight
+
+
+def negative_log_likelihood(
+    flight: TrainingFlight,
+    row: IntArray,
+    jacobian: FloatArray,
+    residual: torch.Tensor,
+    covariance: torch.Tensor,
+) -> torch.Tensor:
+    """Return the mean over keyframes of minus the log density of the truth, a scalar.
+
+    Parameters
+    ----------
+    flight : TrainingFlight
+    row : ndarray of int, shape (m,)
+        Keyframes of the answers.
+    jacobian : ndarray, shape (m, f, D)
+        Of residuals by the keyframe's tangent, where the flight is linearised.
+    residual : tensor, shape (m, f)
+        Estimate less answer there.
+    covariance : tensor, shape (m, f, f)
+
+    Raises
+    ------
+    NoSolutionError
+        If the flight leaves a state open.
+    """
+    loss: torch.Tensor = _Likelihood.apply(flight, row, jacobian, residual, covariance)
+    return loss
+
+
+class _Likelihood(torch.autograd.Function):  # type: ignore[misc]  # mypy skips torch
+    @staticmethod
+    def forward(
+        ctx: Any,  # noqa: ANN401  # torch's own
+        flight: TrainingFlight,
+        row: IntArray,
+        jacobian: FloatArray,
+        residual: torch.Tensor,
+        covariance: torch.Tensor,
+    ) -> torch.Tensor:
+        found = flight.linearised.likelihood(
+            row,
+            jacobian,
+            residual.detach().double().cpu().numpy(),
+            covariance.detach().double().cpu().numpy(),
+            flight.judged,
+        )
+        ctx.save_for_backward(
+            torch.from_numpy(found.by_residual).to(residual),
+            torch.from_numpy(found.by_covariance).to(covariance),
+        )
+        return residual.new_tensor(found.nll)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]  # as above
+    def backward(
+        ctx: Any,  # noqa: ANN401  # as above
+        by_loss: torch.Tensor,
+    ) -> tuple[None, None, None, torch.Tensor, torch.Tensor]:
+        by_residual, by_covariance = ctx.saved_tensors
+        return None, None, None, by_loss * by_residual, by_loss * by_covariance

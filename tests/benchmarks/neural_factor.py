@@ -1,0 +1,111 @@
+"""What a network's factor costs a smoother at ten answers a second, and its training through one.
+
+Shares of one core's time (``process_time``), the median of some rounds, what is compared in turns.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import process_time
+
+import msgspec
+import numpy as np
+
+from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.integers.resolvers.resolve import resolve
+from fgnav.methods.smoother import Smoother
+from fgnav.neural import NeuralFactor
+from fgnav.solve.chain.sensitivity import Judged, LinearisedFlight
+from fgnav_sim.scenario import load_scenario
+from fgnav_sim.simulate import simulate
+from tests.benchmarks.smoother import LAG_S, SCENARIO, Given
+from tests.neural import graphs
+from tests.solve.chain.linear_flight import random_problem
+
+MEASURES = {"heading": "in Python", "velocity": "GTSAM's own"}  # and so the others
+NAMES = (*(f"neural_factor_{measures}" for measures in MEASURES), "through_smoother")
+SPAN_S, ROUNDS = 60.0, 7
+WINDOW, WIDTH = 100, 128  # a second of accelerations, a multilayer perceptron of 100,000 weights
+MOST_PERCENT, MOST_SOLVES = 15.0, 3.0
+KEYFRAMES = 2000
+FREEDOM = 2  # of a given measurement
+
+
+def run(span_s: float = SPAN_S) -> list[dict]:
+    """Return the rows."""
+    return [*_factors(span_s), _training()]
+
+
+def _factors(span_s: float) -> list[dict]:
+    scenario = msgspec.structs.replace(load_scenario(SCENARIO), duration_s=span_s)
+    flight = simulate(scenario, np.random.default_rng(1))
+    plain = Smoother(resolver=Given(resolve(flight, Lambda())[1]), lag_s=LAG_S)
+    methods = [plain]
+    for measures in MEASURES:
+        with TemporaryDirectory() as folder:
+            network = NeuralFactor(graphs.perceptron(Path(folder), WINDOW, WIDTH, measures))
+        methods.append(replace(plain, factors=(network,)))
+    estimates = [method(flight) for method in methods]  # compiles
+    count = next(t.count for t in estimates[-1].consistency if t.what == network.name)
+    seconds = _in_turns([lambda one=one: one(flight) for one in methods])
+    note = (
+        f"more time of `smoother`, lag {LAG_S:g} s, demo, {span_s:g} s: {count} answers of a "
+        f"perceptron of {WIDTH} x {WIDTH} to a second of accelerations; peer: at most"
+    )
+    return [
+        _row(
+            f"neural_factor_{measures}",
+            100 * (s / seconds[0] - 1),
+            MOST_PERCENT,
+            "%",
+            f"{how}, {note}",
+        )
+        for (measures, how), s in zip(MEASURES.items(), seconds[1:], strict=True)
+    ]
+
+
+def _training() -> dict:
+    flight, given, judged = _given(KEYFRAMES)
+    row, jacobian, residual, covariance = given
+    root = np.linalg.cholesky(covariance)
+    whitened = np.linalg.solve(root, np.concatenate([residual[:, :, None], jacobian], axis=2))
+    works = [
+        lambda: flight._solved(row, whitened),  # what is measured
+        lambda: flight.likelihood(*given, judged),
+    ]
+    for work in works:
+        work()  # compiles
+    alone, both = _in_turns(works)
+    note = (
+        f"value and gradient by adjoint, {KEYFRAMES} keyframes of 21 states, 3 constants, a "
+        "measurement every tenth; in solves of the chain with covariances; peer: at most"
+    )
+    return _row("through_smoother", both / alone, MOST_SOLVES, "solves", note)
+
+
+def _given(n: int) -> tuple[LinearisedFlight, tuple, Judged]:
+    rng, problem = np.random.default_rng(1), random_problem(n, 12, 3)
+    row = np.arange(0, n, 10)
+    root = rng.normal(size=(len(row), FREEDOM, FREEDOM))
+    covariance = root @ root.swapaxes(1, 2) + 0.3 * np.eye(FREEDOM)
+    jacobian = rng.normal(size=(len(row), FREEDOM, problem.width))
+    judged = Judged(np.arange(n), np.array([0, 1, 2, 6, 7, 8]), rng.normal(size=(n, 6)))
+    given = (row, jacobian, rng.normal(size=(len(row), FREEDOM)), covariance)
+    return LinearisedFlight.at(problem, problem.start), given, judged
+
+
+def _in_turns(works: list[Callable[[], object]]) -> list[float]:
+    seconds = [[_seconds(work) for work in works] for _ in range(ROUNDS)]
+    return np.median(seconds, axis=0).tolist()
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    started_s = process_time()
+    work()
+    return process_time() - started_s
+
+
+def _row(name: str, ours: float, peer: float, unit: str, note: str) -> dict:
+    figures = {"name": name, "ours": ours, "peer": peer, "ratio": peer / ours}
+    return {**figures, "unit": unit, "note": note}
