@@ -27,8 +27,8 @@ class AttitudeSeries:
 
     def __post_init__(self) -> None:
         """Copy the arrays: any other layout, or a read-only one, is a type of its own to numba."""
-        copies = (np.array(values, order="C") for values in self.epochs)
-        object.__setattr__(self, "epochs", Epochs(*copies))
+        copies = Epochs._make(np.array(values, order="C") for values in self.epochs)
+        object.__setattr__(self, "epochs", copies)
 
     def log_densities(
         self,

@@ -226,7 +226,7 @@ def scan_3(
     int
         Rows filled.
     """
-    p, line, n, last = start[0], start[1], np.int64(0), np.int64(-1)
+    p, line, n, last = start[0], start[1], 0, -1
     seen, found = np.full((128, 100), -1, np.int64), np.zeros(3, np.int64)
     while p < len(text):
         newline = line_end(text, p)
@@ -316,7 +316,7 @@ def scan_2(
     problem: IntArray,
 ) -> int:
     """Scan the body of a RINEX 2 observation file; arguments as of ``scan_3``."""
-    place, n, last = start.copy(), np.int64(0), np.int64(-1)
+    place, n, last = start.copy(), 0, -1
     seen, found = np.full((128, 100), -1, np.int64), np.zeros(3, np.int64)
     ids = np.zeros((1000, 2), np.int64)
     while place[0] < len(text):

@@ -120,7 +120,7 @@ def format_epochs(
         out[head + 31] = _ZERO
         out[head + 35] = _NEWLINE
         p += EPOCH_WIDTH
-        count = np.int64(0)
+        count = 0
         for s in range(len(names)):
             q = _put_satellite(out, p, names[s], channels[s], values[:, n], flags[n])
             count += q > p
