@@ -37,6 +37,16 @@ def findings(tmp_path, capsys):
     return {one["name"]: f"{one['text']}; {one['mend']}" for one in found}
 
 
+def test_what_lies_beside_recordings_is_passed_over_and_named(shared, tmp_path, capsys):
+    folder = shared / "flights" / "drive_0708"
+    new(tmp_path, *sorted(folder.iterdir()))
+    said = capsys.readouterr().out
+    for name in ("LICENSE", "README.md", "imu_1934.csv.tag"):
+        assert f"passed over: {folder / name}: of no known format" in " ".join(said.split())
+    assert main(["new", str(folder / "LICENSE"), "--out", str(tmp_path / "none")]) == 2
+    assert "of no known format" in capsys.readouterr().err
+
+
 def test_two_edits_that_check_names_make_the_car_a_flight(shared, tmp_path, capsys):
     folder = shared / "flights" / "drive_0708"
     text = new(tmp_path, folder / "imu_1934.csv", folder / "gnss_1934_sf.pos")
