@@ -189,7 +189,10 @@ def _collect(
     # Ranges stand beside x as a tenth column: information, vector and constant at once.
     joint = np.zeros((n, 10, 10))
     count = np.zeros(n, dtype=np.int64)
-    for g in range(group.max() + 1 if m else 0):
+    groups = 0
+    for j in range(m):
+        groups = max(groups, group[j] + 1)
+    for g in range(groups):
         for k in range(n):
             laplacian = np.zeros((antennas, antennas))  # of the receiver terms
             cross = np.zeros((antennas, 10))
@@ -223,7 +226,9 @@ def _add_channel(
 ) -> int:
     """Add one channel of one epoch, its satellite term eliminated; return its links."""
     here, rows = _centred_rows(ranges_m, e_n, lever_arms_b_m)
-    antennas, links = len(here), int(here.sum())
+    antennas, links = len(here), 0
+    for i in range(antennas):
+        links += here[i] > 0.0
     for i in range(antennas if links > 1 else 0):
         for c in range(10):
             cross[i, c] += weight * rows[i, c]
@@ -256,9 +261,12 @@ def _centred_rows(
         if i > 0:
             rows[i, 9] = ranges_m[i - 1]
     for c in range(10):
-        mean = rows[:, c].sum() / here.sum()
+        total, links = 0.0, 0.0
         for i in range(antennas):
-            rows[i, c] -= here[i] * mean
+            total += rows[i, c]
+            links += here[i]
+        for i in range(antennas):
+            rows[i, c] -= here[i] * (total / links)
     return here, rows
 
 

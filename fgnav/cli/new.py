@@ -16,7 +16,8 @@ def new(*recordings: Path, out: Path, json: JsonFile = None) -> None:
     Parameters
     ----------
     recordings
-        RINEX, SP3, CSV, .pos, ULog, DataFlash, ROS bags, UBX, SBF, NovAtel, RTCM 3.
+        RINEX, SP3, CSV, .pos, ULog, DataFlash, ROS bags, UBX, SBF, NovAtel, RTCM 3; others beside
+        them, such as a README, are passed over.
     out
         Folder for the flight; made, and refused if it holds anything.
     """
@@ -29,14 +30,21 @@ def new(*recordings: Path, out: Path, json: JsonFile = None) -> None:
     from fgnav.io.importers.assemble import SETTINGS_NAME, assemble, write  # noqa: PLC0415
     from fgnav.io.importers.comments import comments  # noqa: PLC0415
     from fgnav.io.importers.guess import guessed  # noqa: PLC0415
-    from fgnav.io.importers.recognise import recognised  # noqa: PLC0415
+    from fgnav.io.importers.recognise import UnknownFormatError, recognised  # noqa: PLC0415
     from fgnav.io.importers.settings import Settings  # noqa: PLC0415
 
     if not recordings:
         raise BadInputError("recordings: name a file to look at, or several")
     check_empty(out)
     check_places(json)
-    formats = {one: recognised(one) for one in recordings}
+    formats, passed_over = {}, list[UnknownFormatError]()
+    for one in recordings:
+        try:
+            formats[one] = recognised(one)
+        except UnknownFormatError as error:
+            passed_over.append(error)
+    if not formats:
+        raise passed_over[0]
     tables = tuple(guessed(one) for one, name in formats.items() if name == "csv")
     settings = Settings(csv=tables)
     with (
@@ -56,6 +64,7 @@ def new(*recordings: Path, out: Path, json: JsonFile = None) -> None:
     write_json(json, {"folder": str(out), "formats": names, "edit": list(edits)})
     if json != "-":
         lines = [f"{one}: {name}" for one, name in names.items()]
+        lines += [f"passed over: {str(error).partition(';')[0]}" for error in passed_over]
         lines += [f"{one.file}: columns guessed, see {out / SETTINGS_NAME}" for one in tables]
         lines += loss_lines({"recording": whole.flight.losses})
         lines += [f"edit {key}" for key in edits]

@@ -1,5 +1,6 @@
 """The program ``fgnav``: its commands by name, imported when they run; errors and exit status."""
 
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
 
     from fgnav.checks import FgnavError
 
+# Compiling leaves millions of small objects, and collecting by default is a tenth of a first run.
+_COLLECT_AFTER = 50_000  # objects
 _LONGEST_ERROR = 600  # characters: names of files may have thousands
 _HELP = """\
 Attitude, position and velocity from recorded flights, with honest uncertainty.
@@ -82,6 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         elif words[0] == "--version":
             print(__version__)
         else:
+            gc.set_threshold(_COLLECT_AFTER)
             run(words)
         sys.stdout.flush()
     except _deliberate() as error:

@@ -130,17 +130,7 @@ def _keyframes(imu: Imu, epochs: Alignment) -> tuple[Alignment, int, tuple[Loss,
             f"line, to start from; needs 2 or more: {reason_without_attitude(imu, start, covered)}"
         )
     early = covered & (np.arange(len(t_s)) < (0 if carries else good[0]))
-    reasons = {
-        ("epoch", "not covered by the accelerometer's record"): ~covered,
-        ("epoch", "before the first attitude"): early,
-        ("array phases of an epoch", "residuals fail the chi-square test"): covered & start.refused,
-    }
-    losses = tuple(
-        Loss(what=what, reason=reason, count=int(lost.sum()))
-        for (what, reason), lost in reasons.items()
-        if lost.any()
-    )
-    start = start[np.flatnonzero(covered & ~early)]
+    start, losses = kept(start, covered, early)
     if carries and start.own is None:
         first_s = float(start.t_s[start.valid.argmax()])
         start = replace(start, own=own_rotation(imu), heading_from_s=first_s)
@@ -223,6 +213,23 @@ def interpolated(t_s: FloatArray, values: FloatArray, *, causal: bool = False) -
         return np.asarray(values[last])
     columns = [np.interp(t_s, t_s[known], column[known]) for column in values.T]
     return np.stack(columns, axis=1)
+
+
+def kept(
+    start: Alignment, covered: BoolArray, early: BoolArray
+) -> tuple[Alignment, tuple[Loss, ...]]:
+    """Return the keyframes that are covered and not early, and why others are left out."""
+    reasons = {
+        ("epoch", "not covered by the accelerometer's record"): ~covered,
+        ("epoch", "before the first attitude"): early,
+        ("array phases of an epoch", "residuals fail the chi-square test"): covered & start.refused,
+    }
+    losses = tuple(
+        Loss(what=what, reason=reason, count=int(lost.sum()))
+        for (what, reason), lost in reasons.items()
+        if lost.any()
+    )
+    return start[np.flatnonzero(covered & ~early)], losses
 
 
 def reason_without_attitude(imu: Imu, start: Alignment, covered: BoolArray) -> str:

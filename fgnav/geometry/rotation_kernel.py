@@ -41,6 +41,14 @@ def sandwich(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 @njit(cache=True)
+def put(a: FloatArray, out: FloatArray) -> None:
+    """Fill a matrix with as many rows and columns of another, from its first."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = a[i, j]
+
+
+@njit(cache=True)
 def transposed(a: FloatArray) -> FloatArray:
     """Return a', any shape."""
     out = np.empty((a.shape[1], a.shape[0]))

@@ -25,6 +25,11 @@ class AttitudeSeries:
     epochs: Epochs
     mean_rate: FloatArray  # (4,)
 
+    def __post_init__(self) -> None:
+        """Copy the arrays: any other layout, or a read-only one, is a type of its own to numba."""
+        copies = Epochs._make(np.array(values, order="C") for values in self.epochs)
+        object.__setattr__(self, "epochs", copies)
+
     def log_densities(
         self,
         length_s: float | FloatArray,
@@ -41,8 +46,8 @@ class AttitudeSeries:
             evidence_kernel.log_densities(
                 self.epochs,
                 self.mean_rate,
-                np.broadcast_to(length_s, n).astype(np.float64),
-                np.broadcast_to(variance_rad2ps2, (n, 3)).astype(np.float64),
+                np.full(n, length_s, dtype=np.float64),
+                np.full((n, 3), variance_rad2ps2, dtype=np.float64),
                 tape,
             )
         )
@@ -61,9 +66,9 @@ def attitude_series(
     is_open = variances[:, 2] > _OPEN_RAD**2
     linked = (np.diff(rows) == 1) & (np.diff(t_s[rows]) < _GAP * spacing_s)
     epochs = Epochs(
-        t_s=np.ascontiguousarray(t_s[rows], dtype=np.float64),
-        R_nb=np.ascontiguousarray(R_nb[rows], dtype=np.float64),
-        covariance_rad2=np.ascontiguousarray(covariance_rad2[rows], dtype=np.float64),
+        t_s=t_s[rows],
+        R_nb=R_nb[rows],
+        covariance_rad2=covariance_rad2[rows],
         open_axis=np.where(is_open[:, None], axes[:, :, 2], 0.0),
         use=np.append(RESTART, np.where(linked, UPDATE, RESTART)),
     )

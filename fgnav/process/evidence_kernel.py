@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.geometry.rotation_kernel import exp, product, scaled, times, transposed, turn
+from fgnav.geometry.rotation_kernel import exp, product, put, scaled, times, transposed, turn
 from fgnav.process import matern_kernel as matern
 from fgnav.process.filter_kernel import (
     MEAN,
@@ -120,7 +120,8 @@ def log_densities(
             Q = product(L, transposed(L))
         R = product(R, exp(rotation_rows(x, F, H, T_s, C, N)))
         if len(tape.share):
-            tape.transition[k], tape.noise[k] = times_transition(np.eye(SIZE), C, F), N
+            put(times_transition(np.eye(SIZE), C, F), tape.transition[k])
+            put(N, tape.noise[k])
         P = predicted(P, C, N, F, Q, variance_rad2ps2[k - 1])
         move(x, F)
         done = use[k]
@@ -138,7 +139,8 @@ def log_densities(
             R = R_nb[k].copy()
             _restart(P, covariance_rad2[k])
         if len(tape.share):
-            tape.use[k], tape.rotation[k] = done, P[:3, :3]
+            tape.use[k] = done
+            put(P, tape.rotation[k])
     return out
 
 
@@ -197,5 +199,9 @@ def _updated(
         for i in range(3):
             x[d, i] += share * step[3 + 3 * d + i]
     if len(tape.share):
-        tape.gain[k], tape.weight[k], tape.innovation[k], tape.share[k] = K, W, z, share
+        put(K, tape.gain[k])
+        put(W, tape.weight[k])
+        for i in range(3):
+            tape.innovation[k, i] = z[i]
+        tape.share[k] = share
     return density, share, product(R, exp(scaled(step[:3], share)))

@@ -45,9 +45,9 @@ def predicted_rotation_covariance(
     open_axis = np.zeros((n, 3))
     open_axis[rows - first] = known.epochs.open_axis
     epochs = Epochs(
-        t_s=np.ascontiguousarray(t_s[first:]),
-        R_nb=np.ascontiguousarray(R_nb[first:]),
-        covariance_rad2=np.ascontiguousarray(covariance_rad2[first:]),
+        t_s=t_s[first:],
+        R_nb=R_nb[first:],
+        covariance_rad2=covariance_rad2[first:],
         open_axis=open_axis,
         use=use,
     )

@@ -195,7 +195,9 @@ class Elimination:
         variables = list(one.variables)
         variables += [key for key in carried if key not in variables]
         rows = self._rows(after, variables[len(own) :])
-        return _Joint(self._places(variables), descended(one.R, one.S, after.P, rows))
+        return _Joint(
+            self._places(variables), descended(one.R, np.ascontiguousarray(one.S), after.P, rows)
+        )
 
     def _rows(self, joint: _Joint, variables: Sequence[int]) -> IntArray:
         """Return where variables stand in a covariance."""

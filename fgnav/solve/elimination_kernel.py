@@ -27,13 +27,11 @@ def descended(R: FloatArray, S: FloatArray, above: FloatArray, rows: IntArray) -
     f, e = R.shape[0], len(rows)
     inverse = _inverse(R)
     gain = _product(inverse, S)
-    beside = np.empty((e, e))
+    P, beside = np.empty((f + e, f + e)), np.empty((e, e))
     for i in range(e):
         for j in range(e):
-            beside[i, j] = above[rows[i], rows[j]]
+            beside[i, j] = P[f + i, f + j] = above[rows[i], rows[j]]
     cross = _product(gain, beside)
-    P = np.empty((f + e, f + e))
-    P[f:, f:] = beside
     for i in range(f):
         for j in range(e):
             P[i, f + j] = P[f + j, i] = -cross[i, j]

@@ -5,7 +5,7 @@ from scipy.stats import multivariate_normal
 from fgnav.checks import BadInputError
 from fgnav.geometry.rotations import exp, from_euler, log, transpose
 from fgnav.process import filter_kernel
-from fgnav.process.attitude_series import NO_TAPE
+from fgnav.process.attitude_series import NO_TAPE, attitude_series
 from fgnav.process.evidence import (
     DEFAULT_LENGTH_S,
     DEFAULT_SIGMA_RADPS,
@@ -15,6 +15,7 @@ from fgnav.process.evidence import (
 from fgnav.process.evidence_kernel import UPDATE, Epochs
 from fgnav.process.evidence_kernel import log_densities as log_densities_of
 from fgnav.process.matern import integral, transition
+from fgnav.process.prediction import predicted_rotation_covariance
 from tests.process.chain import (
     DEG,
     drawn_attitudes,
@@ -168,6 +169,20 @@ def test_axis_that_no_attitude_tells_does_not_spoil_the_others():
         assert 1 < prior.length_s < 8  # 3 with all axes; longer memories go with larger rates
         assert (sigmas(prior)[1:] > 0.1).all()  # .25 rad/s is that of the sine
         assert (sigmas(prior)[1:] < 2).all()
+
+
+def test_filter_is_compiled_for_one_layout_of_arrays(monkeypatch):
+    """Each other one costs a first run two seconds and more."""
+    t_s = np.arange(10.0)
+    t_s.flags.writeable = False
+    R_nb, P = np.tile(np.eye(3), (10, 1, 1)), np.tile(1e-4 * np.eye(3), (10, 1, 1))
+    kernel = type(log_densities_of)(log_densities_of.py_func)
+    monkeypatch.setattr("fgnav.process.evidence_kernel.log_densities", kernel)
+    series = attitude_series(t_s, R_nb, P, np.arange(10), 10)
+    series.log_densities(1.0, np.ones(3))
+    prior = np.ones(9), np.asfortranarray(np.ones((9, 3)))
+    predicted_rotation_covariance(t_s, R_nb, P, np.ones(10, dtype=np.bool_), prior)
+    assert len(kernel.signatures) == 1
 
 
 def test_gap_and_uneven_epochs_change_little():

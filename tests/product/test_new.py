@@ -37,13 +37,23 @@ def findings(tmp_path, capsys):
     return {one["name"]: f"{one['text']}; {one['mend']}" for one in found}
 
 
+def test_what_lies_beside_recordings_is_passed_over_and_named(shared, tmp_path, capsys):
+    folder = shared / "flights" / "drive_0708"
+    new(tmp_path, *sorted(folder.iterdir()))
+    said = capsys.readouterr().out
+    for name in ("LICENSE", "README.md", "imu_1934.csv.tag"):
+        assert f"passed over: {folder / name}: of no known format" in " ".join(said.split())
+    assert main(["new", str(folder / "LICENSE"), "--out", str(tmp_path / "none")]) == 2
+    assert "of no known format" in capsys.readouterr().err
+
+
 def test_two_edits_that_check_names_make_the_car_a_flight(shared, tmp_path, capsys):
     folder = shared / "flights" / "drive_0708"
     text = new(tmp_path, folder / "imu_1934.csv", folder / "gnss_1934_sf.pos")
     assert text.count("# EDIT: ") == 3  # axes, clock, antenna
     before = findings(tmp_path, capsys)
     assert "should read -x, y, -z" in before["imu mounting"]
-    assert "add 3.225 s to its t_s" in before["imu clock"]
+    assert "add 3.225 s to its t_s, or to [imu] clock_offset_s" in before["imu clock"]
     edited(
         tmp_path,
         ('axes = ["x", "y", "z"]', 'axes = ["-x", "y", "-z"]'),

@@ -26,6 +26,7 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import (
     Aligned,
     inertial_record,
+    kept,
     reason_without_attitude,
 )
 from fgnav.geometry.rotations import log, transpose
@@ -161,17 +162,7 @@ def _keyframes(imu: Imu, epochs: Alignment) -> tuple[Alignment, int, tuple[Loss,
         why = reason_without_attitude(imu, start, covered)
         raise NoSolutionError(f"attitude: no epoch has one to start from: {why}")
     early = covered & (np.arange(len(start.t_s)) < (0 if carries else good[0]))
-    reasons = {
-        ("epoch", "not covered by the accelerometer's record"): ~covered,
-        ("epoch", "before the first attitude"): early,
-        ("array phases of an epoch", "residuals fail the chi-square test"): covered & start.refused,
-    }
-    losses = tuple(
-        Loss(what=what, reason=reason, count=int(lost.sum()))
-        for (what, reason), lost in reasons.items()
-        if lost.any()
-    )
-    start = start[np.flatnonzero(covered & ~early)]
+    start, losses = kept(start, covered, early)
     if len(start.t_s) < 2:
         why = reason_without_attitude(imu, start, covered[covered & ~early])
         raise NoSolutionError(f"attitude: one keyframe, needs 2 or more: {why}")

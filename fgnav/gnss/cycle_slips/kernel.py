@@ -49,20 +49,26 @@ def judge(
                 step_m = phase_m[k, i, j] - phase_m[k - 1, i, j]
                 if not (unbroken[k, 0, j] and unbroken[k, i + 1, j] and np.isfinite(step_m)):
                     continue
-                turn = e_n[k, j] - e_n[k - 1, j]
+                turn2 = 0.0
                 for c in range(3):
+                    turn2 += (e_n[k, j, c] - e_n[k - 1, j, c]) ** 2
                     steps.A[count, c] = -0.5 * (e_n[k, j, c] + e_n[k - 1, j, c])
                 steps.A[count, 3] = 1.0
                 steps.y_m[count] = step_m
                 steps.sigma_m[count] = np.sqrt(2 * (variance_m2[k, j] + variance_m2[k - 1, j]))
-                steps.turn_m[count] = length_m[i] * np.sqrt(turn @ turn)
+                steps.turn_m[count] = length_m[i] * np.sqrt(turn2)
                 steps.wavelength_m[count] = wavelength_m[j]
                 steps.channel[count] = j
                 count += 1
-            tied[:] = False
+            marked = 0
+            for j in range(m):
+                tied[j] = False
             _snoop(steps, int(count), tied, verdict[k, i])
-            if tied.sum() > 2:
-                verdict[k, i][tied] = TIED
+            for j in range(m):
+                marked += tied[j]
+            for j in range(m if marked > 2 else 0):
+                if tied[j]:
+                    verdict[k, i, j] = TIED
 
 
 @njit(cache=True)
@@ -79,7 +85,8 @@ def _snoop(steps: _Steps, count: int, tied: BoolArray, verdict: IntArray) -> Non
         if worst < 0:
             return
         if count == _UNKNOWNS + 1:
-            verdict[channel[:count]] = SLIP
+            for c in range(count):
+                verdict[channel[c]] = SLIP
             return
         if count == everything - 1:
             verdict[channel[count]] = NOT_TESTED
@@ -210,7 +217,9 @@ def _fit(steps: _Steps, count: int, cofactor: FloatArray, x: FloatArray) -> bool
 def _normal(steps: _Steps, count: int, matrix: FloatArray) -> FloatArray:
     """Write the normal matrix, return its right-hand side; loops, which compile quickly."""
     A, pull = steps.A, np.zeros(_UNKNOWNS)
-    matrix[:] = 0.0
+    for p in range(_UNKNOWNS):
+        for r in range(_UNKNOWNS):
+            matrix[p, r] = 0.0
     for c in range(count):
         weight = 1.0 / steps.sigma_m[c] ** 2
         for p in range(_UNKNOWNS):

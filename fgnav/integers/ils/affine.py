@@ -365,7 +365,9 @@ def _of_code(
     for u in range(unknowns):
         for i in range(q):
             normal[u, unknowns + 1 + i] = A[i, u]
-    diagonal = np.diag(normal).copy()
+    diagonal = np.empty(unknowns)
+    for u in range(unknowns):
+        diagonal[u] = normal[u, u]
     _eliminate(normal)
     status = OK
     H, range_m = np.empty((unknowns, q)), np.zeros(q)

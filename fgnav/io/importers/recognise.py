@@ -36,13 +36,19 @@ _SUFFIXES = {
 _HEAD_BYTES = 4096
 
 
+class UnknownFormatError(BadInputError):
+    """Nothing tells what format a file is of."""
+
+
 def recognised(path: Path) -> str:
     """Return the name of a file's format.
 
     Raises
     ------
     BadInputError
-        If there is no such file, or nothing tells its format: the text lists what there is.
+        If there is no such file.
+    UnknownFormatError
+        If nothing tells its format: the text lists what there is.
     """
     if (path / "metadata.yaml").is_file():
         return "rosbag"
@@ -60,8 +66,8 @@ def recognised(path: Path) -> str:
         return "pos"
     named = _SUFFIXES.get(path.suffix.lower())
     if named is None:
-        raise BadInputError(
-            f"{path}: of no known format, it starts with {quoted(head[:12])}; state --format, one "
-            f"of {', '.join(importer_names())}"
+        raise UnknownFormatError(
+            f"{path}: of no known format, it starts with {quoted(head[:12])}; state it by fgnav "
+            f"import --format, one of {', '.join(importer_names())}"
         )
     return named

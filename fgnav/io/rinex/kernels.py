@@ -35,10 +35,10 @@ def trimmed(text: Bytes, start: int, end: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def whole(text: Bytes, start: int, width: int, stop: int) -> int:
+def whole(text: Bytes, start: int, end: int, stop: int) -> int:
     """Return a right-adjusted whole number, -1 when blank, -2 when it is none."""
     value = -1
-    for i in range(start, start + width):
+    for i in range(start, end):
         c = text[i] if i < stop else _BLANK
         if _ZERO <= c <= _NINE:
             value = (value if value > 0 else 0) * 10 + (c - _ZERO)
@@ -87,13 +87,13 @@ def days(year: int, month: int, day: int) -> int:
 @njit(cache=True, nogil=True)
 def _ticks(text: Bytes, p: int, year_width: int, stop: int) -> int:
     """Return the epoch written from ``p`` on, in 1e-7 s since 1980-01-06; -1 if it is none."""
-    year = whole(text, p, year_width, stop)
+    year = whole(text, p, p + year_width, stop)
     if year_width == 2 and year >= 0:
         year += 1900 if year >= 80 else 2000
     p += year_width
-    month, day = whole(text, p + 1, 2, stop), whole(text, p + 4, 2, stop)
-    hour, minute = whole(text, p + 7, 2, stop), whole(text, p + 10, 2, stop)
-    second, fraction = whole(text, p + 12, 3, stop), whole(text, p + 16, 7, stop)
+    month, day = whole(text, p + 1, p + 3, stop), whole(text, p + 4, p + 6, stop)
+    hour, minute = whole(text, p + 7, p + 9, stop), whole(text, p + 10, p + 12, stop)
+    second, fraction = whole(text, p + 12, p + 15, stop), whole(text, p + 16, p + 23, stop)
     day_number = days(year, month, day)
     fits = 0 <= hour < 24 and 0 <= minute < 60 and 0 <= second < 60 and fraction >= 0
     if (
@@ -167,7 +167,7 @@ def _satellite_3(
     ``found`` gets the letter, the number and whether the satellite is in use.
     """
     stop = trimmed(text, p, line_end(text, p))
-    letter, number = text[p], whole(text, p + 1, 2, stop)
+    letter, number = text[p], whole(text, p + 1, p + 3, stop)
     types = limits[letter, 0] if letter < 128 else 0
     if letter == _GREATER:
         problem[0] = 4
@@ -232,8 +232,8 @@ def scan_3(
         newline = line_end(text, p)
         stop = trimmed(text, p, newline)
         row = epochs[n]
-        row[TICKS], row[FLAG] = _ticks(text, p + 2, 4, stop), whole(text, p + 31, 1, stop)
-        row[ANNOUNCED], row[LINE], row[START] = whole(text, p + 32, 3, stop), line, p
+        row[TICKS], row[FLAG] = _ticks(text, p + 2, 4, stop), whole(text, p + 31, p + 32, stop)
+        row[ANNOUNCED], row[LINE], row[START] = whole(text, p + 32, p + 35, stop), line, p
         problem[1], problem[2] = line, 0
         well_begun = text[p] == _GREATER and stop >= p + 32
         problem[0] = _epoch_problem(row, last) if well_begun else 1
@@ -274,7 +274,7 @@ def _satellites_2(text: Bytes, p: int, count: int, ids: IntArray) -> tuple[int, 
             lines += 1
             newline = line_end(text, p)
         q = p + 32 + 3 * (k % 12)
-        number = whole(text, q + 1, 2, newline)
+        number = whole(text, q + 1, q + 3, newline)
         if newline >= len(text) or number < 1 or text[q] > 127:
             return -1, lines
         ids[k, 0] = 71 if text[q] == _BLANK else text[q]  # blank means GPS
@@ -323,9 +323,9 @@ def scan_2(
         p = place[0]
         stop = trimmed(text, p, line_end(text, p))
         row = epochs[n]
-        row[TICKS], row[FLAG] = _ticks(text, p + 1, 2, stop), whole(text, p + 28, 1, stop)
+        row[TICKS], row[FLAG] = _ticks(text, p + 1, 2, stop), whole(text, p + 28, p + 29, stop)
         row[FLAG] = 0 if row[FLAG] == -1 else row[FLAG]  # blank means 0
-        row[ANNOUNCED], row[LINE], row[START] = whole(text, p + 29, 3, stop), place[1], p
+        row[ANNOUNCED], row[LINE], row[START] = whole(text, p + 29, p + 32, stop), place[1], p
         problem[1], problem[2] = place[1], 0
         problem[0] = _epoch_problem(row, last)
         if problem[0]:

@@ -50,13 +50,13 @@ def _lines_of(letter: int) -> int:
 @njit(cache=True, nogil=True)
 def _epoch_fits(text: Bytes, p: int, version: int, stop: int) -> bool:
     """Tell whether a message's head holds a date, from ``p`` on."""
-    year = whole(text, p, 2, stop) if version == 2 else whole(text, p, 4, stop)
+    year = whole(text, p, p + 2, stop) if version == 2 else whole(text, p, p + 4, stop)
     p += 2 if version == 2 else 4
     if version == 2 and year >= 0:
         year += 1900 if year >= 80 else 2000
-    day = days(year, whole(text, p + 1, 2, stop), whole(text, p + 4, 2, stop))
-    hour, minute = whole(text, p + 7, 2, stop), whole(text, p + 10, 2, stop)
-    second = whole(text, p + 13, 2, stop)
+    day = days(year, whole(text, p + 1, p + 3, stop), whole(text, p + 4, p + 6, stop))
+    hour, minute = whole(text, p + 7, p + 9, stop), whole(text, p + 10, p + 12, stop)
+    second = whole(text, p + 13, p + 15, stop)
     return day >= 0 and 0 <= hour < 24 and 0 <= minute < 60 and 0 <= second < 61
 
 
@@ -154,12 +154,14 @@ def scan_messages(
             if text[p] != _GREATER or stop < p + 10:
                 problem[0] = 6
                 return n
-            message[LETTER], message[NUMBER] = text[p + 6], max(whole(text, p + 7, 2, stop), 0)
+            message[LETTER], message[NUMBER] = text[p + 6], max(whole(text, p + 7, p + 9, stop), 0)
             q, message[LINE] = line_end(text, p) + 1, line + 1
         if decoded:
             stop = trimmed(text, q, line_end(text, q)) if q < len(text) else q
             letter = default if version == 2 else text[q]
-            number = whole(text, q, 2, stop) if version == 2 else whole(text, q + 1, 2, stop)
+            number = (
+                whole(text, q, q + 2, stop) if version == 2 else whole(text, q + 1, q + 3, stop)
+            )
             known = letter in (_G, 69, 67, 74, 73, _R, _S)
             fits = (
                 known

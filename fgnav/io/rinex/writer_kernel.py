@@ -12,10 +12,10 @@ _BLANK, _DOT, _MINUS, _ZERO, _NEWLINE = 32, 46, 45, 48, 10
 
 
 @njit(cache=True, nogil=True)
-def _put_whole(out: Bytes, p: int, width: int, value: int, pad: int) -> None:
+def _put_whole(out: Bytes, start: int, end: int, value: int, pad: int) -> None:
     """Write a whole number right-adjusted, padded with ``pad``."""
-    for i in range(p + width - 1, p - 1, -1):
-        out[i] = _ZERO + value % 10 if value or i == p + width - 1 else pad
+    for i in range(end - 1, start - 1, -1):
+        out[i] = _ZERO + value % 10 if value or i == end - 1 else pad
         value //= 10
 
 
@@ -67,7 +67,8 @@ def _put_satellite(
             q += FIELD_WIDTH
     if end == p:
         return p
-    out[p : p + 3] = name
+    for i in range(3):  # numba takes two seconds for a slice
+        out[p + i] = name[i]
     out[end] = _NEWLINE
     return end + 1
 
@@ -109,12 +110,13 @@ def format_epochs(
         for i in range(head, head + EPOCH_WIDTH):
             out[i] = _BLANK
         out[head] = 62  # '>'
-        _put_whole(out, head + 2, 4, dates[n, 0], _ZERO)
+        _put_whole(out, head + 2, head + 6, dates[n, 0], _ZERO)
         for k in range(4):
-            _put_whole(out, head + 7 + 3 * k, 2, dates[n, k + 1], _ZERO)
-        _put_whole(out, head + 18, 3, dates[n, 5], _BLANK)
+            q = head + 7 + 3 * k
+            _put_whole(out, q, q + 2, dates[n, k + 1], _ZERO)
+        _put_whole(out, head + 18, head + 21, dates[n, 5], _BLANK)
         out[head + 21] = _DOT
-        _put_whole(out, head + 22, 7, dates[n, 6], _ZERO)
+        _put_whole(out, head + 22, head + 29, dates[n, 6], _ZERO)
         out[head + 31] = _ZERO
         out[head + 35] = _NEWLINE
         p += EPOCH_WIDTH
@@ -123,5 +125,5 @@ def format_epochs(
             q = _put_satellite(out, p, names[s], channels[s], values[:, n], flags[n])
             count += q > p
             p = q
-        _put_whole(out, head + 32, 3, count, _BLANK)
+        _put_whole(out, head + 32, head + 35, count, _BLANK)
     return p

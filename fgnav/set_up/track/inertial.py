@@ -165,7 +165,7 @@ def _clock_finding(clock: Clock, imu: Imu) -> Finding | None:
         f"its times are {-clock.late_s:+.3f} s off those of the fixes{leap} "
         f"(± {clock.sigma_s:.3f} s)"
     ]
-    mends = [f"add {clock.late_s:.3f} s to its t_s"]
+    mends = [f"add {clock.late_s:.3f} s to its t_s, or to [imu] clock_offset_s"]
     if runs:
         texts.append(f"run {-1e6 * clock.rate:+.0f} ppm fast (± {1e6 * clock.rate_sigma:.0f} ppm)")
         mends.append(f"stretch them by {1e6 * clock.rate:+.0f} ppm about the middle")

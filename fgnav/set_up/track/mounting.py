@@ -71,6 +71,8 @@ def _turned(down_b: FloatArray, ahead_b: FloatArray | None) -> list[Finding]:
         return []
     told = "gravity" if ahead_b is None else "gravity and the way of travel"
     shown = ", ".join(f"{x:.2f}" for x in _unit(down_b.mean(axis=0)[None])[0] + 0.0)
+    names = named_axes(ways[best])
+    stated = str(names.split(", ")).replace("'", '"')
     return [
         Finding(
             name="imu mounting",
@@ -79,7 +81,10 @@ def _turned(down_b: FloatArray, ahead_b: FloatArray | None) -> list[Finding]:
                 f"{told} over {len(gain)} windows lie along other axes than forward, right, down "
                 f"(down is [{shown}])"
             ),
-            mend=f"x, y, z of both sensors should read {named_axes(ways[best])}",
+            mend=(
+                f"x, y, z of both sensors should read {names}: [imu] axes = {stated}, where the "
+                "flight states none yet"
+            ),
         )
     ]
 

@@ -155,7 +155,8 @@ def test_help_names_every_format(capsys):
 def test_a_format_that_nobody_knows_is_one_line(tmp_path, capsys):
     (tmp_path / "a.xyz").write_bytes(b"\0\1")
     line = refused(capsys, tmp_path, tmp_path / "a.xyz")
-    assert r"a.xyz: of no known format, it starts with b'\x00\x01'; state --format, one of" in line
+    assert r"a.xyz: of no known format, it starts with b'\x00\x01'; state it by" in line
+    assert "fgnav import --format, one of csv, " in line
     assert "nowhere: no such file" in refused(capsys, tmp_path, tmp_path / "nowhere")
     assert main(["import", "--out", str(tmp_path / "none")]) == 2
     assert "name a file to import" in capsys.readouterr().err

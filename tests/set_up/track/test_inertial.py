@@ -165,6 +165,7 @@ def test_the_stretched_counter_of_the_car_runs_off(shared):
 def test_the_unit_of_the_car_as_it_lies_is_put_right(shared):
     finding = findings(drive(shared, mounted=False))["imu mounting"]
     assert "should read -x, y, -z" in finding.mend
+    assert '[imu] axes = ["-x", "y", "-z"]' in finding.mend
 
 
 def test_both_paths_of_the_quadrotor_have_one_clock_by_positions_alone(shared):
