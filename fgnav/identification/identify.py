@@ -248,7 +248,7 @@ def _as_stated(flight: _Flight) -> _AsStated | None:
     doubted |= _with_correlation(chain, score, theta, nothing)[1]
     told = Identified(
         names=chain.names,
-        factor=np.exp(theta),
+        factor=np.ones(len(theta)),
         sigma=sigma,
         used=nothing,
         stated=~nothing,

@@ -73,7 +73,7 @@ def simulate_many(
     """
     together = max(1, int(_TOGETHER_S / scenario.duration_s)) if scenario.flown else 1
     for first in range(0, len(rngs), together):
-        streams = [rng.spawn(9) for rng in rngs[first : first + together]]
+        streams = [rng.spawn(8) for rng in rngs[first : first + together]]
         drawn = [disperse(scenario, scenario.dispersions, stream[4]) for stream in streams]
         moving = _moving([one for one, _ in drawn], [stream[5] for stream in streams])
         parts = zip(moving, drawn, streams, strict=True)
@@ -103,14 +103,12 @@ def _sensed(
     scenario: Scenario, rngs: Sequence[np.random.Generator], progress: Callable[[float], None]
 ) -> Flight:
     """Return what the sensors of a scenario measure of its motion; each has its place in rngs."""
-    gnss_rng, imu_rng, fixes_rng, seeker_rng, _, _, barometer_rng, magnetometer_rng, place_rng = (
-        rngs
-    )
+    gnss_rng, imu_rng, fixes_rng, seeker_rng, drawn_rng, _, barometer_rng, magnetometer_rng = rngs
     gnss, imu, fixes, seeker = scenario.gnss, scenario.imu, scenario.fixes, scenario.seeker
     barometer, magnet = scenario.barometer, scenario.magnetometer
     broadcast, precise = _orbits(gnss, scenario) if gnss else (None, None)
     flown = precise or broadcast
-    real = _misplaced(scenario, place_rng)
+    real = _misplaced(scenario, drawn_rng.spawn(1)[0])
     watched = detector.watch(seeker, scenario, rng=seeker_rng) if seeker else None
     sensed = inertial.sense(imu, scenario, rng=imu_rng) if imu else None
     losses = inertial.saturated(imu, sensed) if imu and sensed else ()

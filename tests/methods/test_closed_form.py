@@ -100,9 +100,9 @@ def test_raw_and_orthogonal_matrix_differ_and_say_so(array_flight):
     assert "Attitude is the rotation nearest to the paper's matrix." in square.notes
 
 
-def test_default_integers_are_lambdas(array_flight):
+def test_default_integers_are_those_of_arcs(array_flight):
     estimate = ClosedForm()(array_flight)
-    assert estimate.integers.resolver == "lambda"
+    assert estimate.integers.resolver == "constrained-arcs"
     assert estimate.available > 0.9
 
 

@@ -25,6 +25,7 @@ TABLES = {
     "`[magnetometer]`": flight_toml.MagnetometerTable,
     "`[vehicle]`": flight_toml.VehicleTable,
     "`[initial]`": flight_toml.InitialTable,
+    "`[[network]]`": flight_toml.NetworkTable,
     "`[truth]`": flight_toml.TruthTable,
 }
 
