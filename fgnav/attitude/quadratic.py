@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numba import njit
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.integers import Integers, fixed_ranges_m
 
@@ -156,6 +156,11 @@ class RotationQuadratic:
         return self._root[0]
 
     def _split(self) -> tuple[FloatArray, FloatArray]:
+        if not np.isfinite(self.information).all():
+            raise NoSolutionError(
+                "array: phases of some epochs have no finite weight; see what fgnav check says of "
+                "antennas and noise"
+            )
         values, vectors = np.linalg.eigh(self.information)
         known = values > _NOTHING * values[:, -1:]
         root = np.sqrt(np.where(known, values, 0.0))

@@ -32,6 +32,7 @@ from fgnav.types.integers import Integers
 
 Validation = Literal["share", "posterior", "ratio", "difference"]
 
+_APART_M = 1e-3  # an array smaller than the noise of phase constrains nothing
 _GIVEN_UP = {
     "integer search given up before anything fitted": UNFINISHED,
     "integer search given up before its best was proven": UNPROVEN,
@@ -134,8 +135,13 @@ class Constrained:
         Raises
         ------
         BadInputError
-            If there is a prior of another number of epochs.
+            If there is a prior of another number of epochs, or all antennas are at one place.
         """
+        if np.linalg.norm(differences.baselines_b_m, axis=-1).max(initial=0.0) < _APART_M:
+            raise BadInputError(
+                f"flight {flight.name}: key antenna.position_b_m: all antennas are at one place, "
+                "so no array constrains integers; state where they are, or take --integers lambda"
+            )
         if self.estimate_noise:
             estimated = with_noise_so_far if self.causal else with_estimated_noise
             differences = estimated(differences, self.nodes, self.prior)
