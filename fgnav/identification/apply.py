@@ -162,7 +162,7 @@ def _identified(
 
 
 def _extra(flight: Flight, settings: ProblemSettings) -> tuple[FlightConstant, ...]:
-    """Return constants of time that are tested though nobody asked for them."""
+    """Return constants that are tested though nobody asked for them."""
     asked = [one.kind for one in settings.calibration]
     words = [] if flight.fixes is None or flight.fixes.v_n_mps is None else ["velocity-delay"]
     if flight.observations is not None:
