@@ -17,10 +17,11 @@ from fgnav.frontend.problem import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.delayed import PPM
 from fgnav.graph.types.constants import FlightConstant
-from fgnav.identification.identify import EXCLUDED, Identified, Times, identify
+from fgnav.identification.identify import EXCLUDED, Identified, identify
 from fgnav.identification.notes import constant_notes, noise_notes
 from fgnav.identification.stated import with_factors
-from fgnav.identification.track.begins import begins, over_common_span
+from fgnav.identification.tested_constants import Times
+from fgnav.identification.track.candidates import clock_candidates, over_common_span
 from fgnav.types.flight import Flight
 
 _FEWEST = 30  # keyframes that measured something: fewer tell no noise
@@ -89,7 +90,7 @@ def findings(
     problem = prepared.problem
     if len(np.unique(np.concatenate([one.row for one in problem.measurements]))) < _FEWEST:
         return None
-    told = _likeliest(flight, settings, prepared, build, begins(flight))
+    told = _likeliest(flight, settings, prepared, build, clock_candidates(flight))
     if told is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
     found, moved = told

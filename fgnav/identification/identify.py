@@ -7,26 +7,31 @@ so. The offset and the rate of the inertial unit's clock, and the delay of fix v
 constants of the same chain: its solution is a Newton step of their likelihood.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.graph.correlation import correlated
-from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
-from fgnav.graph.factors.position import Position
-from fgnav.graph.factors.velocity import Velocity
-from fgnav.graph.types.constants import Constants, FlightConstant
-from fgnav.graph.types.measurement import Measurement
+from fgnav.graph.delayed import TimedMotion
+from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.motion import INERTIAL_NOISES, NoiseParts
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.identification.begin import ABOVE, WHITE, begins, widened
-from fgnav.identification.linear_chain import LinearChain, Score
-from fgnav.identification.search import Found, search
+from fgnav.identification.likelihood.linear_chain import LinearChain, Score
+from fgnav.identification.likelihood.search import Found, search
+from fgnav.identification.likelihood.thinned import FIELDS, thinned
 from fgnav.identification.stated import INSTRUMENTS, scalable, unstated
-from fgnav.identification.thinned import FIELDS, Some, thinned
+from fgnav.identification.tested_constants import (
+    SIGMAS,
+    LeverArm,
+    Times,
+    arm_of,
+    depending,
+    times_of,
+)
 from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
@@ -39,8 +44,6 @@ _TEST_SIGMA = np.log(30.0)
 # A standard deviation off by less leaves squared errors of 3 between 1.3 and 6.8.
 _TOLERATED = np.log(1.5)
 _DOUBTED = 2.5  # sigmas: one of eight components in ten flights
-_SIGMAS = 4.0  # of a normal variable, two-sided: 6e-5
-_SQUARES = 22.1  # of three of them, as rare
 # Nats by which what contradicts the stated is likelier: one flight in ten thousand by chance.
 EXCLUDED = -np.log(FALSE_ALARM)
 _QUICK, _ITERATIONS = 6, 10  # Gauss-Newton steps
@@ -52,46 +55,6 @@ _NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged
 NO_NOISE = 50.0
 # Times as loud as stated an instrument begins that is in doubt: it tells next to nothing then.
 _IN_DOUBT = 100.0
-
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Times:
-    """Clock of the inertial unit and delay of velocities: values, their sigmas; NaN of absent ones.
-
-    Attributes
-    ----------
-    value, sigma : ndarray, shape (3,)
-        Offset (s, in the middle of the record, to be added to the unit's tags), its growth (ppm),
-        and how old velocities are (s).
-    """
-
-    value: FloatArray
-    sigma: FloatArray
-
-    @property
-    def significant(self) -> BoolArray:
-        """Which of them are not zero, (3,)."""
-        with np.errstate(invalid="ignore"):
-            return np.asarray(np.abs(self.value) > _SIGMAS * self.sigma)
-
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class LeverArm:
-    """What is to be added to the way from the unit to the antenna, and its covariance.
-
-    Attributes
-    ----------
-    off_b_m : ndarray, shape (3,)
-    covariance_m2 : ndarray, shape (3, 3)
-    """
-
-    off_b_m: FloatArray
-    covariance_m2: FloatArray
-
-    @property
-    def significant(self) -> bool:
-        """Whether it is not zero."""
-        return bool(self.off_b_m @ np.linalg.solve(self.covariance_m2, self.off_b_m) > _SQUARES)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -171,7 +134,7 @@ def identify(
     there = timed.at(np.searchsorted(problem.t_s, small.t_s))
     components = scalable(flight)
     stated = {name: name not in unstated(flight) for name in (*FIELDS, *components)}
-    small = _with_times(small, there, extra)
+    small = depending(small, there, extra)
     small_flight = _Flight(small, small.motion.noise_parts(), components)
     as_stated = _as_stated(small_flight) if all(stated.values()) and not known else None
     if as_stated is not None and not as_stated.is_doubted:
@@ -240,8 +203,8 @@ def _as_stated(flight: _Flight) -> _AsStated | None:
     sigma = 1 / np.sqrt(np.diag(score.information) + _TEST_SIGMA**-2)
     theta = sigma**2 * score.gradient
     constants = states.constants + score.constant_steps
-    times = _times(flight.problem.constants, constants, score)
-    arm = _arm(flight.problem.constants, constants, score)
+    times = times_of(flight.problem.constants, constants, score)
+    arm = arm_of(flight.problem.constants, constants, score)
     # One step is short of a factor far below one: whatever two sigmas speak against is searched.
     nothing = np.zeros(len(theta), dtype=np.bool_)
     doubted = (np.abs(theta) > _DOUBTED * sigma) & ~_quiet(chain, theta)
@@ -323,8 +286,8 @@ def _searched_from(
         sigma=found.sigma,
         used=used,
         stated=is_stated,
-        times=_times(flight.problem.constants, constants, found.score),
-        arm=_arm(flight.problem.constants, constants, found.score),
+        times=times_of(flight.problem.constants, constants, found.score),
+        arm=arm_of(flight.problem.constants, constants, found.score),
         likelihood=_penalised(chain, found, is_stated),
     )
 
@@ -411,49 +374,4 @@ def _prior(is_stated: BoolArray, names: tuple[str, ...]) -> tuple[FloatArray, Fl
 
 
 def _contradicted(theta: FloatArray, sigma: FloatArray) -> BoolArray:
-    return np.asarray((np.abs(theta) > _TOLERATED) & (np.abs(theta) > _SIGMAS * sigma))
-
-
-def _with_times(
-    small: SmoothingProblem, timed: TimedMotion, extra: tuple[FlightConstant, ...]
-) -> SmoothingProblem:
-    """Return a thinned problem whose measurements of GNSS depend on clock, delay and lever arm."""
-    if not extra:
-        return small
-    late = {"velocity": VELOCITY_DELAY}
-    gnss = ("array phases", "array shape", "position", "velocity")
-    arm = small.constants.column("lever-arm") if any(o.name == "lever-arm" for o in extra) else -1
-    extended = tuple(
-        on_clock(_with_arm(one, arm), timed, small.constants, delay=late.get(one.name, ""))
-        if one.name in gnss
-        else one
-        for one in small.measurements
-    )
-    return replace(small, measurements=extended)
-
-
-def _with_arm(one: Measurement, column: int) -> Measurement:
-    """Return a measurement that depends on the lever arm, if it is one that has any."""
-    if column < 0 or not isinstance(one, Some):
-        return one
-    if not isinstance(one.measurement, Position | Velocity):
-        return one
-    return replace(one, measurement=replace(one.measurement, lever_column=column))
-
-
-def _arm(constants: Constants, value: FloatArray, score: Score) -> LeverArm | None:
-    column = constants.column("lever-arm")
-    if column < 0:
-        return None
-    own = slice(column, column + 3)
-    return LeverArm(off_b_m=value[own], covariance_m2=score.constant_covariance[own, own])
-
-
-def _times(constants: Constants, value: FloatArray, score: Score) -> Times:
-    P = score.constant_covariance
-    values, sigmas = np.full(3, np.nan), np.full(3, np.nan)
-    for i, name in enumerate((CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY)):
-        column = constants.column(name)
-        if column >= 0:
-            values[i], sigmas[i] = value[column], np.sqrt(P[column, column])
-    return Times(value=values, sigma=sigmas)
+    return np.asarray((np.abs(theta) > _TOLERATED) & (np.abs(theta) > SIGMAS * sigma))

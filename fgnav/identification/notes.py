@@ -5,7 +5,7 @@ import numpy as np
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.graph.types.motion import INERTIAL_NOISES
 from fgnav.identification.identify import NO_NOISE, Identified
-from fgnav.identification.thinned import FIELDS
+from fgnav.identification.likelihood.thinned import FIELDS
 from fgnav.types.flight import Flight
 
 _WHAT = {

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from fgnav.identification.thinned import FIELDS, scaled
+from fgnav.identification.likelihood.thinned import FIELDS, scaled
 from fgnav.types.flight import Flight
 
 # Beside position and velocity. What they say less loudly than stated contradicts nothing: what is

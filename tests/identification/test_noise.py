@@ -10,8 +10,8 @@ from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.identification.apply import with_identified_noise
 from fgnav.identification.identify import identify
-from fgnav.identification.linear_chain import LinearChain
-from fgnav.identification.thinned import thinned
+from fgnav.identification.likelihood.linear_chain import LinearChain
+from fgnav.identification.likelihood.thinned import thinned
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.io.flight import usual_noise
 from fgnav.methods.smoother import Batch

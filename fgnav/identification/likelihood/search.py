@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.identification.linear_chain import LinearChain, Score
+from fgnav.identification.likelihood.linear_chain import LinearChain, Score
 
 _FAR = 4.0  # of squares over redundancy: beyond, theta moves by half its logarithm
 _MOST_STEP = 1.2  # of theta: a factor of 3.3

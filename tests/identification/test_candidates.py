@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fgnav.identification.track.begins import begins, over_common_span
+from fgnav.identification.track.candidates import clock_candidates, over_common_span
 from tests.frontend.standing import standing
 
 GYROSCOPE = ("noise_radps_per_sqrt_hz", "bias_radps", "bias_walk_radps_per_sqrt_s")
@@ -15,13 +15,13 @@ def late(flight, by_s):
 
 
 def test_a_track_that_tells_the_clock_leaves_no_other():
-    (found_s,) = begins(late(standing(20_009, span_s=90.0), -0.8))
+    (found_s,) = clock_candidates(late(standing(20_009, span_s=90.0), -0.8))
     assert abs(found_s - 0.8) < 0.05
 
 
 def test_a_short_track_has_candidates_that_keep_half_of_its_fixes():
     flight = late(standing(20_009, span_s=40.0), 0.5)
-    candidates_s = begins(flight)
+    candidates_s = clock_candidates(flight)
     assert candidates_s[0] == 0.0
     kept = over_common_span(flight, candidates_s).fixes.t_s
     assert 2 * len(kept) >= len(flight.fixes.t_s)
@@ -35,4 +35,4 @@ def test_without_a_gyroscope_or_with_few_fixes_the_stated_clock_stands_alone():
     silent = ("w_b_radps", *(f"gyroscope_{name}" for name in GYROSCOPE))
     blind = replace(flight, imu=replace(flight.imu, **dict.fromkeys(silent)))
     few = replace(flight, fixes=flight.fixes[np.arange(len(flight.fixes.t_s)) < 40])
-    assert begins(blind) == begins(few) == (0.0,)
+    assert clock_candidates(blind) == clock_candidates(few) == (0.0,)

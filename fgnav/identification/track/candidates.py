@@ -16,7 +16,7 @@ from fgnav.identification.track.windows import FEWEST
 from fgnav.types.flight import Flight
 
 
-def begins(flight: Flight) -> tuple[float, ...]:
+def clock_candidates(flight: Flight) -> tuple[float, ...]:
     """Return by what the unit's times are to be raised, s: what to try, the stated clock first.
 
     Without a gyroscope, or without fixes, that alone; where the track tells the clock, no other.

@@ -21,7 +21,7 @@ from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.motion import NoiseParts
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
-from fgnav.identification import chain_kernel
+from fgnav.identification.likelihood import chain_kernel
 from fgnav.solve.chain import back_kernel, kernel
 from fgnav.solve.chain.linear import Links, linearise
 

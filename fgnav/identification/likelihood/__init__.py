@@ -1,0 +1,1 @@
+"""The marginal likelihood of noises on a thinned, linearised chain, and its greatest."""

@@ -1,0 +1,109 @@
+"""Constants that are tested though nobody asked: clock, delay of velocities, lever arm.
+
+They stand in the chain on which noise is identified; its solution is a Newton step of their
+likelihood.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray
+from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
+from fgnav.graph.factors.position import Position
+from fgnav.graph.factors.velocity import Velocity
+from fgnav.graph.types.constants import Constants, FlightConstant
+from fgnav.graph.types.measurement import Measurement
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.identification.likelihood.linear_chain import Score
+from fgnav.identification.likelihood.thinned import Some
+
+SIGMAS = 4.0  # of a normal variable, two-sided: 6e-5
+_SQUARES = 22.1  # chi-square of three of them, as rare
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Times:
+    """Clock of the inertial unit and delay of velocities: values, their sigmas; NaN of absent ones.
+
+    Attributes
+    ----------
+    value, sigma : ndarray, shape (3,)
+        Offset (s, in the middle of the record, to be added to the unit's tags), its growth (ppm),
+        and how old velocities are (s).
+    """
+
+    value: FloatArray
+    sigma: FloatArray
+
+    @property
+    def significant(self) -> BoolArray:
+        """Which of them are not zero, (3,)."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.abs(self.value) > SIGMAS * self.sigma)
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class LeverArm:
+    """What is to be added to the way from the unit to the antenna, and its covariance.
+
+    Attributes
+    ----------
+    off_b_m : ndarray, shape (3,)
+    covariance_m2 : ndarray, shape (3, 3)
+    """
+
+    off_b_m: FloatArray
+    covariance_m2: FloatArray
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is not zero."""
+        return bool(self.off_b_m @ np.linalg.solve(self.covariance_m2, self.off_b_m) > _SQUARES)
+
+
+def depending(
+    small: SmoothingProblem, timed: TimedMotion, extra: tuple[FlightConstant, ...]
+) -> SmoothingProblem:
+    """Return a thinned problem whose measurements of GNSS depend on clock, delay and lever arm."""
+    if not extra:
+        return small
+    late = {"velocity": VELOCITY_DELAY}
+    gnss = ("array phases", "array shape", "position", "velocity")
+    arm = small.constants.column("lever-arm") if any(o.name == "lever-arm" for o in extra) else -1
+    extended = tuple(
+        on_clock(_with_arm(one, arm), timed, small.constants, delay=late.get(one.name, ""))
+        if one.name in gnss
+        else one
+        for one in small.measurements
+    )
+    return replace(small, measurements=extended)
+
+
+def _with_arm(one: Measurement, column: int) -> Measurement:
+    """Return a measurement that depends on the lever arm, if it is one that has any."""
+    if column < 0 or not isinstance(one, Some):
+        return one
+    if not isinstance(one.measurement, Position | Velocity):
+        return one
+    return replace(one, measurement=replace(one.measurement, lever_column=column))
+
+
+def arm_of(constants: Constants, value: FloatArray, score: Score) -> LeverArm | None:
+    """Return the lever arm, its values (b,) among all constants, m; None if it is not tested."""
+    column = constants.column("lever-arm")
+    if column < 0:
+        return None
+    own = slice(column, column + 3)
+    return LeverArm(off_b_m=value[own], covariance_m2=score.constant_covariance[own, own])
+
+
+def times_of(constants: Constants, value: FloatArray, score: Score) -> Times:
+    """Return clock and delay, their values (b,) among all constants."""
+    P = score.constant_covariance
+    values, sigmas = np.full(3, np.nan), np.full(3, np.nan)
+    for i, name in enumerate((CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY)):
+        column = constants.column(name)
+        if column >= 0:
+            values[i], sigmas[i] = value[column], np.sqrt(P[column, column])
+    return Times(value=values, sigma=sigmas)
