@@ -167,6 +167,23 @@ def of_vehicle(word: CalibrationRequest) -> FlightConstant:
     return flight_constant(word.kind, kind.axes, "rad" if kind.degrees else "m", word.sigma)
 
 
+def of_tags(
+    words: tuple[CalibrationRequest, ...], flight: Flight
+) -> tuple[FlightConstant, ...]:
+    """Return the offset of the unit's clock within its doubt, unless it is asked for or exact.
+
+    A gyroscope leads from one measurement to the next better than fixes see: turning, half a sample
+    is a thousandth of a radian. Attitudes of an array tell rates without one.
+    """
+    imu = flight.imu
+    is_asked = any(one.kind == "clock" for one in words)
+    if imu is None or imu.w_b_radps is None or not imu.clock_offset_sigma_s or is_asked:
+        return ()
+    return (
+        flight_constant(CLOCK_OFFSET, ("offset",), "s", imu.clock_offset_sigma_s, reported=False),
+    )
+
+
 def of_time(word: CalibrationRequest) -> tuple[FlightConstant, ...]:
     """Return the constants of a clock, or of values that are late."""
     if word.kind == "velocity-delay":

@@ -12,6 +12,7 @@ from fgnav.frontend.attitude.rates import mean_force_b_mps2, rates_at, slopes_at
 from fgnav.frontend.calibration_request import (
     constants_of,
     mean_rate,
+    of_tags,
     with_evidence,
     with_landmark,
 )
@@ -114,7 +115,8 @@ def build_problem(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
     track = tracked(flight, stage)
     imu, causal = stage.record.imu, settings.causal
     sensed = sense(flight, imu, stage.down, track.t_s, track.places_n_m, causal=causal)
-    constants = _constants(flight, asked, sensed, stage)
+    tags = of_tags(settings.calibration, flight)
+    constants = _constants(flight, (*asked, *tags), sensed, stage)
     motion, rate_notes = motion_of(flight, settings, (stage, track), constants)
     earth = flight.origin.earth_rate_n_radps
     timed = timed_motion(imu, track.t_s, track.gravity_n_mps2, earth, causal=causal)

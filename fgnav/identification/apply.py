@@ -87,6 +87,9 @@ def findings(
     """
     if prepared.integers is None and prepared.imu.w_b_radps is None:
         return None
+    exact = _with_exact_tags(flight)
+    if exact is not flight:  # the clock is tested whatever its doubt
+        flight, prepared = exact, build(exact, settings)
     problem = prepared.problem
     if len(np.unique(np.concatenate([one.row for one in problem.measurements]))) < _FEWEST:
         return None
@@ -174,6 +177,13 @@ def _extra(flight: Flight, settings: ProblemSettings) -> tuple[FlightConstant, .
         *(constant for word in times for constant in of_time(word)),
         *(of_vehicle(word) for word in arm),
     )
+
+
+def _with_exact_tags(flight: Flight) -> Flight:
+    imu = flight.imu
+    if imu is None or not imu.clock_offset_sigma_s:
+        return flight
+    return replace(flight, imu=replace(imu, clock_offset_sigma_s=0.0))
 
 
 def _far(flight: Flight, times: Times) -> bool:

@@ -84,6 +84,8 @@ class Imu:
     gyroscope_noise_radps_per_sqrt_hz, gyroscope_bias_radps,
     gyroscope_bias_walk_radps_per_sqrt_s : float or None
         The same of the gyroscope; None without one.
+    clock_offset_sigma_s : float
+        1-sigma of what is to be added to all sample times; 0 of exact ones.
     unstated : tuple of str
         Names of noises and walks that the flight does not state: a usual figure stands there.
     """
@@ -98,6 +100,7 @@ class Imu:
     gyroscope_noise_radps_per_sqrt_hz: float | None = None
     gyroscope_bias_radps: float | None = None
     gyroscope_bias_walk_radps_per_sqrt_s: float | None = None
+    clock_offset_sigma_s: float = 0.0
     unstated: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -107,6 +110,10 @@ class Imu:
         accelerometer = ("noise_mps2_per_sqrt_hz", "bias_mps2", "bias_walk_mps2_per_sqrt_s")
         for name in accelerometer:
             positive(f"imu accelerometer_{name}", getattr(self, f"accelerometer_{name}"))
+        if not 0 <= self.clock_offset_sigma_s < np.inf:
+            raise BadInputError(
+                f"imu clock_offset_sigma_s: must be 0 or more, got {self.clock_offset_sigma_s}"
+            )
         gyroscope = ("noise_radps_per_sqrt_hz", "bias_radps", "bias_walk_radps_per_sqrt_s")
         for name in gyroscope:
             value = getattr(self, f"gyroscope_{name}")

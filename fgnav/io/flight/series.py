@@ -43,13 +43,24 @@ def imu(samples: Mapping[str, FloatArray], table: ImuKeys) -> Imu:
     R_bu = mounting(table.axes, table.mounting_deg)
     gyroscope = RATE[0] in samples
     stated = {name: getattr(table, name) for name in usual_noise.IMU}
+    sigma_s = table.clock_offset_sigma_s
     return Imu(
         t_s=samples["t_s"] + table.clock_offset_s,
+        clock_offset_sigma_s=within_a_sample_s(samples["t_s"]) if sigma_s is None else sigma_s,
         f_b_mps2=columns_to_vectors(samples, FORCE) @ R_bu.T,
         w_b_radps=columns_to_vectors(samples, RATE) @ R_bu.T if gyroscope else None,
         position_b_m=np.array(table.position_b_m),
         **usual_noise.imu_noise(stated, gyroscope=gyroscope),
     )
+
+
+def within_a_sample_s(t_s: FloatArray) -> float:
+    """Return the 1-sigma of tags of samples at t_s, (k,), of which nothing is stated.
+
+    Loggers write values at a tag, or means over the interval before, about or after it: a tag is
+    off by up to half an interval, uniformly.
+    """
+    return float(np.median(np.diff(t_s)) / np.sqrt(12)) if len(t_s) > 1 else 0.0
 
 
 def fixes(

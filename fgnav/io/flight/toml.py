@@ -70,6 +70,7 @@ class ImuKeys(Table, frozen=True, kw_only=True):
     axes: tuple[str, str, str] = FORWARD_RIGHT_DOWN
     mounting_deg: Vector = (0.0, 0.0, 0.0)
     clock_offset_s: float = 0.0
+    clock_offset_sigma_s: float | None = None
     accelerometer_noise_mps2_per_sqrt_hz: float | None = None
     accelerometer_bias_mps2: float | None = None
     accelerometer_bias_walk_mps2_per_sqrt_s: float | None = None

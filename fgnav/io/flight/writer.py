@@ -211,7 +211,12 @@ def _imu(flight: Flight, folder: Path) -> flight_toml.ImuTable | None:
         (columns.RATE, imu.w_b_radps),
     )
     noise: dict[str, Any] = {n: None if n in imu.unstated else getattr(imu, n) for n in IMU}
-    return flight_toml.ImuTable(samples="imu.csv", position_b_m=_vector(imu.position_b_m), **noise)
+    return flight_toml.ImuTable(
+        samples="imu.csv",
+        position_b_m=_vector(imu.position_b_m),
+        clock_offset_sigma_s=imu.clock_offset_sigma_s,
+        **noise,
+    )
 
 
 def _fixes(flight: Flight, folder: Path) -> flight_toml.FixesTable | None:
