@@ -167,9 +167,7 @@ def of_vehicle(word: CalibrationRequest) -> FlightConstant:
     return flight_constant(word.kind, kind.axes, "rad" if kind.degrees else "m", word.sigma)
 
 
-def of_tags(
-    words: tuple[CalibrationRequest, ...], flight: Flight
-) -> tuple[FlightConstant, ...]:
+def of_tags(words: tuple[CalibrationRequest, ...], flight: Flight) -> tuple[FlightConstant, ...]:
     """Return the offset of the unit's clock within its doubt, unless it is asked for or exact.
 
     A gyroscope leads from one measurement to the next better than fixes see: turning, half a sample

@@ -68,6 +68,13 @@ def constant_notes(
     notes, kinds = [], [one.kind for one in requests]
     value, sigma = found.times.value.copy(), found.times.sigma
     value[:2] += moved
+    if found.times.are_one_or_the_other:
+        notes.append(
+            "The inertial unit's clock or the velocities of fixes are late, the flight does not "
+            f"tell which: clock {value[0]:+.3f} s, velocities {value[2]:.3f} s (± {sigma[0]:.3f} s "
+            "each, one against the other); both are estimated with the flight."
+        )
+        kinds = [one for one in kinds if one not in ("clock", "velocity-delay")]
     if "clock" in kinds:
         notes.append(
             f"The inertial unit's clock disagrees with GNSS: {value[0]:+.4f} ± {sigma[0]:.4f} s in "

@@ -19,7 +19,8 @@ from fgnav.identification.likelihood.linear_chain import Score
 from fgnav.identification.likelihood.thinned import Some
 
 SIGMAS = 4.0  # of a normal variable, two-sided: 6e-5
-_SQUARES = 22.1  # chi-square of three of them, as rare
+_SQUARES, _SQUARES_OF_TWO = 22.1, 19.3  # chi-square of three of them, of two, as rare
+_TOGETHER = [0, 2]  # offset and delay
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -31,16 +32,29 @@ class Times:
     value, sigma : ndarray, shape (3,)
         Offset (s, in the middle of the record, to be added to the unit's tags), its growth (ppm),
         and how old velocities are (s).
+    squares : float
+        Chi-square of offset and delay together; 0 where one is absent. Where positions tell little,
+        only the sum of both shows: neither is known by itself, though both cannot be zero.
     """
 
     value: FloatArray
     sigma: FloatArray
+    squares: float = 0.0
 
     @property
     def significant(self) -> BoolArray:
         """Which of them are not zero, (3,)."""
         with np.errstate(invalid="ignore"):
-            return np.asarray(np.abs(self.value) > SIGMAS * self.sigma)
+            alone = np.asarray(np.abs(self.value) > SIGMAS * self.sigma)
+        if self.are_one_or_the_other:
+            alone[_TOGETHER] = True
+        return alone
+
+    @property
+    def are_one_or_the_other(self) -> bool:
+        """Whether the clock or velocities are late, and nothing tells which."""
+        either = np.abs(self.value[_TOGETHER]) > SIGMAS * self.sigma[_TOGETHER]
+        return bool(self.squares > _SQUARES_OF_TWO and not either.any())
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -106,4 +120,8 @@ def times_of(constants: Constants, value: FloatArray, score: Score) -> Times:
         column = constants.column(name)
         if column >= 0:
             values[i], sigmas[i] = value[column], np.sqrt(P[column, column])
-    return Times(value=values, sigma=sigmas)
+    both = [constants.column(name) for name in (CLOCK_OFFSET, VELOCITY_DELAY)]
+    squares = 0.0
+    if min(both) >= 0:
+        squares = float(value[both] @ np.linalg.solve(P[np.ix_(both, both)], value[both]))
+    return Times(value=values, sigma=sigmas, squares=squares)

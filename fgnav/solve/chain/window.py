@@ -15,8 +15,8 @@ from fgnav.solve.sliding.relinearisation import (
     BLOCK_S,
     REPEATS,
     SLOW_S,
-    Leaving,
     has_gyroscope,
+    may_leave,
     moved_far,
     relaxed,
     repeats_at,
@@ -54,7 +54,6 @@ class ChainWindow:
         self._blocks: list[int] = []  # numbers of those that ended a block and have not left
         self._solved_s = -np.inf
         self._departed = 0  # keyframes that have left, not all of them marginalised
-        self._leaving = Leaving()
         self._newest: States
         self._updates = 0
         self._attitude_s = np.inf  # of the last keyframe with an attitude of its own
@@ -125,14 +124,14 @@ class ChainWindow:
             linear.forget(count)
 
     def _may_leave(self, count: int) -> bool:
-        """Return whether the attitude is known where the window would begin, or never was."""
+        """Return whether the attitude is known where the window would begin."""
         if self._keep:
             return True
         linear, oldest = self._linear, self._linear.oldest + count
         t_s, sigma_rad = linear.rows.t_s, self._turn_sigma_rad.get(oldest - 1)
         self._turn_sigma_rad = {k: s for k, s in self._turn_sigma_rad.items() if k >= oldest - 1}
         sigma_rad = linear.turn_sigma_rad(count) if sigma_rad is None else sigma_rad
-        return self._leaving.may(sigma_rad, t_s[-1] - t_s[0])
+        return may_leave(sigma_rad, t_s[-1] - t_s[0])
 
     def _begin(self, problem: SmoothingProblem, row: int) -> None:
         """Place a keyframe where its search starts."""

@@ -4,8 +4,6 @@ One rule for GTSAM's smoother and for the chain. Constants stay where they are: 
 relinearised has the whole window eliminated anew.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
@@ -21,8 +19,9 @@ _MOVED_WITH_GYROSCOPE_RAD = 0.001
 MOVED_RADPS = 0.05  # of the rate, without a gyroscope: turns by that in 0.1 s
 _ERRS_AT_MOST = 0.25  # of sigma, by half the square of a move: 3 % more RMS error
 _GYROSCOPE_AUX = 6
-# Of the attitude where a window would end in an outage. What is marginalised there stays linearised
-# where little was known: after 15 s it had turned by 86 degrees. So it waits, for so long at most.
+# Of the attitude where a window would begin. What is marginalised there stays linearised where
+# little was known: in an outage of 15 s it had turned by 86 degrees, and a heading that motion had
+# only begun to tell let roll seem told from the accelerometer's bias. So it waits, so long at most.
 UNKNOWN_RAD, WAITS_S = 0.5, 30.0
 
 BLOCK_S = 1.0  # that a window is solved with at once, and of what is marginalised
@@ -33,32 +32,17 @@ _LEAST_SHARE = 0.1  # of a step
 REPEATS = 5  # relinearisations after one update, at most; the next update goes on
 
 
-@dataclass(slots=True)
-class Leaving:
-    """Whether what has left a window may be marginalised, which ends its relinearisation.
+def may_leave(sigma_rad: float, span_s: float) -> bool:
+    """Return whether what has left a window may be marginalised, which ends its relinearisation.
 
-    Attributes
+    Parameters
     ----------
-    was_known : bool
-        Whether the attitude was, where the window began.
+    sigma_rad : float
+        Of the attitude where the window would begin, all axes.
+    span_s : float
+        Of what is in the window yet.
     """
-
-    was_known: bool = False
-
-    def may(self, sigma_rad: float, span_s: float) -> bool:
-        """Return whether a window may begin where the attitude is known to ``sigma_rad``.
-
-        Parameters
-        ----------
-        sigma_rad : float
-            All axes.
-        span_s : float
-            Of what is in the window yet.
-        """
-        is_known = sigma_rad < UNKNOWN_RAD
-        waits = self.was_known and span_s < WAITS_S
-        self.was_known |= is_known
-        return is_known or not waits
+    return sigma_rad < UNKNOWN_RAD or span_s >= WAITS_S
 
 
 def has_gyroscope(steps: FloatArray) -> bool:

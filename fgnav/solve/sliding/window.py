@@ -27,7 +27,7 @@ from fgnav.solve.sliding.relinearisation import (
     BLOCK_S,
     REPEATS,
     SLOW_S,
-    Leaving,
+    may_leave,
     moved_far,
     relaxed,
     repeats_at,
@@ -67,7 +67,6 @@ class FixedLag:
         self._constant_steps: FloatArray = np.empty(0)
         self._entering = Entering()
         self._t_s: list[float] = []  # of all keyframes so far
-        self._leaving = Leaving()
         self._turn_sigma_rad: dict[int, float] = {}  # of keyframes when last asked for
         self._follows = True  # whether the chain knows all that ISAM2 does
         self._departed = 0  # keyframes that have left, not all of them marginalised
@@ -228,14 +227,14 @@ class FixedLag:
                 self._follows = False
 
     def _may_leave(self, oldest: int) -> bool:
-        """Return whether the attitude is known where the window would begin, or never was."""
+        """Return whether the attitude is known where the window would begin."""
         if self._keep:
             return True
         sigma_rad = self._turn_sigma_rad.get(oldest - 1)  # as that keyframe left: next to it
         if sigma_rad is None:
             sigma_rad = self._alive.turn_sigma_rad(oldest)
         span_s = self._t_s[-1] - self._t_s[self._linear.oldest]
-        return self._leaving.may(sigma_rad, span_s)
+        return may_leave(sigma_rad, span_s)
 
     def _update(self, far: BoolArray, share: float = 1.0) -> None:
         """Solve with what has come, some keyframes linearised where they are estimated.
