@@ -8,10 +8,11 @@ import numpy as np
 
 from fgnav.campaign.fly import Record
 from fgnav.campaign.order import Order
-from fgnav.campaign.page import Sweep, write_page
+from fgnav.campaign.page import Sweep, campaign_report
 from fgnav.checks import FloatArray
 from fgnav.evaluation.figures import FIGURES
 from fgnav.evaluation.paired import Interval, paired, pooled
+from fgnav.evaluation.report.html.page import save_page
 from fgnav.evaluation.scores import EULER
 from fgnav.io.atomic_write import write_text
 
@@ -104,7 +105,7 @@ def write_report(order: Order, records: Iterable[Record], out: Path) -> str:
             lines += [name, *_aligned([heads, *rows])]
     text = "\n".join(lines) + "\n"
     write_text(out / REPORT, text)
-    write_page(out / PAGE, order, head, summaries, sweeps)
+    save_page(campaign_report(order, head, summaries, sweeps), out / PAGE)
     return text
 
 

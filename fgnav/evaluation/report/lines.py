@@ -1,11 +1,9 @@
-"""What of a long series is drawn, and in which colours: the same in every format of a report."""
+"""What of a long series is drawn: the same in every format of a report."""
 
 import numpy as np
 
 from fgnav.checks import FloatArray
 
-# Okabe and Ito's set, told apart by the colour-blind; black and yellow last.
-COLOURS = ("#E69F00", "#56B4E9", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#F0E442")
 _GAP = 1.5  # intervals; a line is broken across a longer step
 _ROUGH = 1.2  # step over size; white noise has 1.41
 _SHOWN = 99.5  # percentile of a method's errors that its share of the axis holds

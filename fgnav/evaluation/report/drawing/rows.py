@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.evaluation.report.html.drawing.chart import Axis, figure, nested, path
-from fgnav.evaluation.report.html.drawing.strip import LEFT, LENGTH, WIDE, across, time_ticks
+from fgnav.evaluation.report.drawing.chart import Axis, nested
+from fgnav.evaluation.report.drawing.shapes import GRID, Drawing, Shape, Stroke, Text, straight
+from fgnav.evaluation.report.drawing.strip import LEFT, LENGTH, WIDE, across, time_ticks
 
 _ROW, _TOP = 26.0, 16.0
 _CELLS = 90  # of a row
@@ -34,40 +34,35 @@ class Rows:
     value: FloatArray
 
 
-def rows_figure(title: str, unit: str, of: Sequence[Rows], time: Axis) -> str:
+def rows_drawing(title: str, unit: str, of: Sequence[Rows], time: Axis) -> Drawing | None:
     """Return a row of root mean squares in cells of time for each label, all on one scale.
 
-    Methods stand upon each other, the first thickest, the last thinnest.
+    Methods stand upon each other, the first thickest, the last thinnest. None without a value.
     """
     labels = _labels(of)
     if not labels:
-        return ""
+        return None
     edges_s = np.linspace(time.low, time.high, _CELLS + 1)
     x = across((edges_s[:-1] + edges_s[1:]) / 2, time)
     rms = [_rms(one, edges_s) for one in of]
     high = _ROW - 4
     full = float(np.median([np.nanpercentile(values, _SHOWN) for values in rms])) or 1.0
-    parts = []
+    shapes: list[Shape] = []
     for label, row in labels.items():
         foot = _TOP + _ROW * (row + 1) - 2
-        parts.append(
-            f'<path class="g" d="M{LEFT} {foot:g}h{LENGTH}"/>'
-            f'<text x="{LEFT - 4}" y="{foot - 6:g}" text-anchor="end">{escape(label)}</text>'
-        )
+        shapes.append(straight(GRID, (LEFT, foot), (LEFT + LENGTH, foot)))
+        shapes.append(Text(x=LEFT - 4, y=foot - 6, text=label, anchor="end"))
         for one, values, width in zip(of, rms, nested(len(of), 3.2, 0.9).tolist(), strict=True):
             if label in one.labels:
                 y = foot - (values[:, one.labels.index(label)] / full * high).clip(None, high)
-                parts.append(
-                    f'<path class="l {one.mark}" stroke-width="{width:.2g}" d="{path(x, y)}">'
-                    f"<title>{escape(one.name)}</title></path>"
-                )
+                shapes.append(Stroke(mark=one.mark, name=one.name, x=x, y=y, width=width))
     bottom = _TOP + _ROW * len(labels)
-    scale = f'<text x="{WIDE - 8}" y="11" text-anchor="end">row height: {full:.3g} {unit}</text>'
-    return figure(
-        title,
-        "".join([*parts, scale, time_ticks(time, bottom + 14)]),
-        WIDE,
-        bottom + 34,
+    scale = Text(x=WIDE - 8, y=11.0, text=f"row height: {full:.3g} {unit}", anchor="end")
+    return Drawing(
+        title=title,
+        width=WIDE,
+        height=bottom + 34,
+        shapes=[*shapes, scale, *time_ticks(time, bottom + 14)],
     )
 
 
