@@ -31,9 +31,12 @@ def every(count: int, most: int) -> slice:
 
 
 def unjumped_deg(angle_deg: FloatArray) -> FloatArray:
-    """Return an angle with NaN where it wraps, so that no line crosses the figure."""
+    """Return an angle with NaN where it wraps or flips, so that no line crosses the figure.
+
+    That is where it changes by more than a quarter turn from one epoch to the next.
+    """
     out = angle_deg.copy()
-    out[1:][np.abs(np.diff(angle_deg)) > 180] = np.nan
+    out[1:][np.abs(np.diff(angle_deg)) > 90] = np.nan
     return out
 
 

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 from fgnav.evaluation.report.drawing.shapes import GRID, INK, OWN, RULE, TRUTH
 
-# Okabe and Ito's set, told apart by the colour-blind; black and yellow last.
-COLOURS = ("#E69F00", "#56B4E9", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#F0E442")
+# Okabe and Ito's set, told apart by the colour-blind; black last, and in place of its yellow, which
+# white paper swallows, the red that is furthest from the others in CIELAB to any kind of eye.
+COLOURS = ("#E69F00", "#56B4E9", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#E1004B")
 _STRENGTHS = ("#3a5a9b", "#5d6f96", "#7f8287", "#a39a73", "#c8b54f", "#e8d12c")  # weak to strong
 
 GROUND, DIM, CARD, LINK = "ground", "dim", "card", "link"  # of text and what it stands on

@@ -1,6 +1,6 @@
 import numpy as np
 
-from fgnav.evaluation.report.lines import drawable
+from fgnav.evaluation.report.lines import drawable, unjumped_deg
 
 
 def test_long_lines_keep_their_spikes():
@@ -18,3 +18,10 @@ def test_lines_break_at_gaps():
     _, drawn = drawable(t_s, np.ones(len(t_s)), 1200)
     assert np.isnan(drawn).sum() == 1
     assert np.isnan(drawn[50])
+
+
+def test_no_line_is_drawn_where_an_angle_wraps_or_flips():
+    angle_deg = np.array([170.0, 179.0, -179.0, -170.0, -60.0, 40.0, 60.0])
+    np.testing.assert_array_equal(
+        np.isnan(unjumped_deg(angle_deg)), [False, False, True, False, True, True, False]
+    )

@@ -109,10 +109,14 @@ class Chart:
         """Return the figure."""
         wide, high = WIDTH - _LEFT - _RIGHT, self.height - _TOP - _BOTTOM
         inside: list[Shape] = [self._band(band, wide, high) for band in self.bands]
-        inside += [
-            shape for at, text in self.rules.items() for shape in self._rule(at, text, wide, high)
-        ]
+        places = [float(high - _scaled(value, self.y, high)) for value in self.rules]
+        inside += [straight(RULE, (0.0, at), (wide, at)) for at in places]
         inside += [self._line(line, wide, high) for line in self.lines]
+        inside += [
+            Text(x=wide - 3, y=at - 3 if at > _LINE else at + _LINE, text=text, anchor="end")
+            for at, text in zip(places, self.rules.values(), strict=True)
+            if text
+        ]
         frame = Frame(left=_LEFT, top=_TOP, width=wide, height=high, shapes=inside)
         return Drawing(
             title=self.title,
@@ -172,14 +176,6 @@ class Chart:
                 around = np.concatenate([x[own], x[own][::-1]])
                 outlines.append((around, np.concatenate([top[own], low[own][::-1]])))
         return Area(mark=band.mark, name=band.name, outlines=outlines)
-
-    def _rule(self, value: float, text: str, wide: float, high: float) -> list[Shape]:
-        at = float(high - _scaled(value, self.y, high))
-        foot = at - 3 if at > _LINE else at + _LINE
-        return [
-            straight(RULE, (0.0, at), (wide, at)),
-            *([Text(x=wide - 3, y=foot, text=text, anchor="end")] if text else []),
-        ]
 
 
 def nested(count: int, thickest: float = 3.0, thinnest: float = 1.0) -> FloatArray:

@@ -81,7 +81,7 @@ def _circles(mask_rad: float) -> tuple[list[Shape], dict[str, tuple[float, float
     shapes.append(circle(RULE, (middle, middle), at))
     for name, x, y in (("N", 0, -1), ("E", 1, 0), ("S", 0, 1), ("W", -1, 0)):
         shapes.append(Text(x=middle + far * x, y=middle + far * y + 4, text=name))
-    return shapes, {f"{deg}°": (middle, middle - r) for deg, r in rings.items()}
+    return shapes, {f"{deg}°": (middle, middle - r) for deg, r in rings.items() if deg}
 
 
 def _labels(
