@@ -178,7 +178,7 @@ class Chart:
         return Area(mark=band.mark, name=band.name, outlines=outlines)
 
 
-def nested(count: int, thickest: float = 3.0, thinnest: float = 1.0) -> FloatArray:
+def nested(count: int, thickest: float = 3.6, thinnest: float = 1.3) -> FloatArray:
     """Return widths of lines that may coincide, from the one behind to the one before: all show."""
     return np.linspace(thickest, thinnest, count) if count > 1 else np.full(count, thinnest)
 

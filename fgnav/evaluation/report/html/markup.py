@@ -40,16 +40,16 @@ def _block(block: Block) -> str:
 
 def _table(block: Table) -> str:
     """Return a table whose columns sort by a click or a key."""
+    kinds = [' class="n"' if is_figure else "" for is_figure in block.figures()]
     lines = []
-    kinds = [' class="n"' if is_figure else "" for is_figure in block.figures()[1:]]
     for first, *rest in block.rows:
         cells = "".join(
-            f"<td{kind}>{escape(cell)}</td>" for kind, cell in zip(kinds, rest, strict=True)
+            f"<td{kind}>{escape(cell)}</td>" for kind, cell in zip(kinds[1:], rest, strict=True)
         )
         lines.append(f'<tr><th scope="row">{escape(first)}</th>{cells}</tr>')
     titles = "".join(
-        f'<th scope="col"><button type="button">{escape(head)}</button></th>'
-        for head in block.heads
+        f'<th scope="col"{kind}><button type="button">{escape(head)}</button></th>'
+        for kind, head in zip(kinds, block.heads, strict=True)
     )
     named = f"<caption>{escape(block.caption)}</caption>" if block.caption else ""
     return (

@@ -110,7 +110,7 @@ class Pages:
         """Write a table, a narrow one in columns, its head again above each and on each sheet."""
         layout = Layout(table, _WITHIN)
         rows = list(layout.rows())
-        self._keep(_LINE + layout.height(layout.head) + sum(map(layout.height, rows[:2])))
+        self._keep(2 * _LINE + layout.height(layout.head) + sum(map(layout.height, rows[:2])))
         if table.caption:
             self._put(Paragraph(table.caption))
         left, top = _MARGIN, self.feet[-1]
@@ -120,6 +120,7 @@ class Pages:
             if at + layout.height(row) > _HIGH - _MARGIN:
                 left += layout.width + 2 * _GAP
                 if left + layout.width > _WIDE - _MARGIN:
+                    self.feet[-1] = lowest
                     self._begin()
                     left, top, lowest = _MARGIN, self.feet[-1], 0.0
                 at = self._table_row(layout, layout.head, left, top, bold=True)

@@ -26,7 +26,10 @@ _PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxrunt
 
 def method_table(comparison: Comparison) -> Blocks:
     """Return the table of the methods, and below it the bound or the differences."""
-    heads = ["method", *(f"{name}, {unit}" for name, unit in HEADS)]
+    heads = [
+        "method",
+        *(f"{name} {unit}" if "(" in unit else f"{name}, {unit}" for name, unit in HEADS),
+    ]
     rows = [[m.name, *score_row(m.score)] for m in comparison.methods]
     judged = any(m.errors is not None for m in comparison.methods)
     what = "RMS errors against truth" if judged else "no truth to judge by"
