@@ -22,7 +22,7 @@ from fgnav.cli.arguments.options import (
 )
 from fgnav.integers.resolvers.registry import DEFAULT
 from fgnav.json_file import JsonFile, write_json
-from fgnav.terminal import check_outputs, show_comparison, show_lines, show_report, width
+from fgnav.terminal import check_outputs, show_comparison, show_report, width
 
 if TYPE_CHECKING:
     from fgnav.types.estimate import Estimator
@@ -105,7 +105,7 @@ def _several(
     comparison = compare_folders(folders, estimators, span)
     write_json(json, comparison.to_dict())
     if json != "-":
-        show_lines(flights_lines(comparison, width()))
+        print("\n".join(flights_lines(comparison, width())))
     if not any(one.figures for one in comparison.flights):
         why = comparison.flights[0].failure or "; ".join(comparison.flights[0].failures.values())
         raise NoSolutionError(f"no method has a solution of any flight, of the first: {why}")

@@ -21,6 +21,7 @@ from fgnav.evaluation.report.flights_table import (
 from fgnav.evaluation.report.palette import method_marks
 from fgnav.evaluation.report.sections.facts import versions
 
+_BESIDE = 0.2  # flights: methods on either side of where their flight is, so that equal ones show
 _CHARTS = (
     ("attitude RMS, deg", "attitude_rmse_deg"),
     ("95th percentile of attitude error, deg", "attitude_p95_deg"),
@@ -127,8 +128,10 @@ def _charts(comparison: FlightsComparison) -> Blocks:
         known = {method: v for method, v in values.items() if (v > 0).any()}
         if not known:
             continue
+        beside = np.linspace(-_BESIDE, _BESIDE, len(known)) if len(known) > 1 else np.zeros(1)
         lines = [
-            Line(mark=marks[m], name=m, x=place, y=_log10(v), dots=True) for m, v in known.items()
+            Line(mark=marks[m], name=m, x=place + shift, y=_log10(v), dots=True)
+            for (m, v), shift in zip(known.items(), beside.tolist(), strict=True)
         ]
         y = spanning(title, [line.y for line in lines], margin=0.15)
         charts.append(

@@ -32,6 +32,7 @@ _LINE = 12.0  # of text
 _LAST = 16.0  # a tick nearer to the right edge has its text to the left
 _TICKS = 5  # about so many on an axis
 _SAMPLE = 960  # dots of a series
+_FEW, _BIG, _SMALL = 60, 5.0, 2.2  # so few dots are as big as that, more are small
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -150,7 +151,8 @@ class Chart:
             rows = every(len(line.x), _SAMPLE)
             x = _scaled(line.x[rows], self.x, wide)
             y = high - _scaled(line.y[rows], self.y, high)
-            return Dots(mark=line.mark, name=line.name, x=x, y=within_reach(y))
+            size = _BIG if len(x) <= _FEW else _SMALL
+            return Dots(mark=line.mark, name=line.name, x=x, y=within_reach(y), size=size)
         x, y = (line.x, line.y) if line.as_is else drawable(line.x, line.y, BINS)
         return Stroke(
             mark=line.mark,

@@ -35,7 +35,11 @@ class Layout:
             max(*map(len, column), round(_BOLD * len(head)))
             for head, column in zip(table.heads, columns, strict=True)
         ]
-        self._letters = _fitting(natural, room)
+        words = [
+            max(len(word) for cell in (head, *column) for word in (cell.split() or [""]))
+            for head, column in zip(table.heads, columns, strict=True)
+        ]
+        self._letters = _fitting(natural, words, room)
         self._is_figure = table.figures()
         self.width = sum(self._letters) * _LETTER + _GAP * (len(columns) - 1)
         self.head = self._broken(table.heads)
@@ -74,11 +78,17 @@ class Layout:
         ]
 
 
-def _fitting(natural: Sequence[int], room: int) -> list[int]:
-    """Return letters of each column: all they ask, or the widest cut to one width that fits."""
-    if sum(natural) <= room:
-        return [max(own, 1) for own in natural]
+def _fitting(natural: Sequence[int], words: Sequence[int], room: int) -> list[int]:
+    """Return letters of each column: all they ask, or the widest cut to one width that fits.
+
+    No column is narrower than its longest word, unless these alone are too wide.
+    """
+    least = words if sum(words) <= room else [_LEAST] * len(words)
     widest = max(natural)
-    while widest > _LEAST and sum(min(own, widest) for own in natural) > room:
+    while widest > _LEAST and sum(_cut(natural, least, widest)) > room:
         widest -= 1
-    return [max(min(own, widest), 1) for own in natural]
+    return _cut(natural, least, widest)
+
+
+def _cut(natural: Sequence[int], least: Sequence[int], widest: int) -> list[int]:
+    return [max(1, min(own, max(widest, low))) for own, low in zip(natural, least, strict=True)]
