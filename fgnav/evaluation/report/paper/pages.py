@@ -148,12 +148,10 @@ class Pages:
             self.sheets[-1].draw(one, left, top, own)
         self.feet[-1] += min(_heights(drawings), room + _CAPTION)
 
-    def _keep(self, height: float) -> bool:
-        """Begin a sheet unless so much room is left on one that holds anything."""
-        if self.feet[-1] + height <= _HIGH - _MARGIN or self.feet[-1] <= self._head:
-            return False
-        self._begin()
-        return True
+    def _keep(self, height: float) -> None:
+        """Begin a sheet unless so much room is left, or it is empty."""
+        if self.feet[-1] + height > _HIGH - _MARGIN and self.feet[-1] > self._head:
+            self._begin()
 
     def _write(self, text: str, size: float, line: float, **style: str) -> None:
         """Write a line at the left and go on below it."""

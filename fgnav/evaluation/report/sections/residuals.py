@@ -14,7 +14,7 @@ from fgnav.evaluation.internal_consistency.residuals import (
 )
 from fgnav.evaluation.report.blocks import Blocks, folded, grid, number, paragraph, table
 from fgnav.evaluation.report.drawing.chart import Axis
-from fgnav.evaluation.report.drawing.rows import Rows, rows_drawing
+from fgnav.evaluation.report.drawing.rows import Rows, rows_drawings
 from fgnav.evaluation.scores import EULER, hidden
 from fgnav.gnss.undifferenced import Undifferenced, undifferenced
 from fgnav.types.flight import Flight
@@ -38,10 +38,11 @@ def residual_parts(
         ("phase of the first antenna", "mm", 1e3, phase),
     ]
     drawings = [
-        rows_drawing(f"{title}: RMS, {unit}", unit, _rows(of, marks, scale), time)
+        drawing
         for title, unit, scale, of in kinds
+        for drawing in rows_drawings(f"{title}: RMS, {unit}", unit, _rows(of, marks, scale), time)
     ]
-    if not any(drawings):
+    if not drawings:
         return []
     return (
         paragraph(
@@ -51,7 +52,7 @@ def residual_parts(
             "taken off: errors of the position, of orbits and of the atmosphere that drift within "
             "an arc stay in. A row is cut at its upper edge."
         )
-        + grid(one for one in drawings if one)
+        + grid(drawings)
         + folded(
             "RMS by satellite and method",
             [block for kind in kinds if kind[-1] for block in _table(*kind)],

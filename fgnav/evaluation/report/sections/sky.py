@@ -26,6 +26,7 @@ _POINTS = 60  # of a satellite's way
 _CELLS = 240  # of a row of carrier-to-noise densities
 _LEVELS_DBHZ = (25.0, 30.0, 35.0, 40.0, 45.0)  # between colours
 _ROW, _TOP = 13.0, 8.0
+_MOST = 56  # rows of a drawing
 _COLOURS = tuple(f"c{k}" for k in range(len(_LEVELS_DBHZ) + 1))
 
 
@@ -34,7 +35,7 @@ def sky_charts(flight: Flight, time: Axis) -> Blocks:
     observations = flight.observations
     if observations is None or not len(observations.t_s) or not observations.satellites:
         return []
-    return grid([_sky(flight, observations), _strengths(observations, time)])
+    return grid([_sky(flight, observations), *_strengths(observations, time)])
 
 
 def _sky(flight: Flight, observations: Observations) -> Drawing:
@@ -111,24 +112,32 @@ def _meet(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
     return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
-def _strengths(observations: Observations, time: Axis) -> Drawing:
-    """Return a row for each channel: its mean carrier-to-noise density over antennas in time."""
+def _strengths(observations: Observations, time: Axis) -> list[Drawing]:
+    """Return a row for each channel: its mean carrier-to-noise density over antennas in time.
+
+    A drawing holds so many rows that a sheet of paper holds it.
+    """
     is_tracked = _tracked(observations)
     starts = cells(len(is_tracked), _CELLS)
     level = _levels(observations, is_tracked, starts)
     t_s = np.append(observations.t_s[starts], observations.t_s[-1])
     shown = np.flatnonzero(is_tracked.any(axis=0)).tolist()
-    shapes: list[Shape] = []
-    for row, k in enumerate(shown):
-        y = _TOP + _ROW * (row + 0.5)
-        name = f"{observations.satellites[k]} {observations.signals[k]}"
-        shapes.append(Text(x=LEFT - 4, y=y + 4, text=name, anchor="end"))
-        shapes += strip(level[:, k], t_s, _COLOURS, time, (y, _ROW - 2))
-    bottom = _TOP + _ROW * len(shown)
+    names = [f"{a} {b}" for a, b in zip(observations.satellites, observations.signals, strict=True)]
     known = bool(np.isfinite(observations.cn0_dbhz).any())
     title = "C/N0, dBHz, mean over antennas" if known else "tracked channels: no C/N0 recorded"
-    shapes += [*time_ticks(time, bottom + 14), *(_scale(bottom + 36) if known else [])]
-    return Drawing(title=title, width=WIDE, height=bottom + 58, shapes=shapes)
+    drawings = []
+    for first in range(0, len(shown), _MOST):
+        shapes: list[Shape] = []
+        some = shown[first : first + _MOST]
+        for row, k in enumerate(some):
+            y = _TOP + _ROW * (row + 0.5)
+            shapes.append(Text(x=LEFT - 4, y=y + 4, text=names[k], anchor="end"))
+            shapes += strip(level[:, k], t_s, _COLOURS, time, (y, _ROW - 2))
+        bottom = _TOP + _ROW * len(some)
+        shapes += [*time_ticks(time, bottom + 14), *(_scale(bottom + 36) if known else [])]
+        own = title if first == 0 else f"{title}, from {names[some[0]]}"
+        drawings.append(Drawing(title=own, width=WIDE, height=bottom + 58, shapes=shapes))
+    return drawings
 
 
 def _tracked(observations: Observations) -> BoolArray:
