@@ -1,5 +1,6 @@
 """What commands show on a terminal; with ``cli`` the only one that prints."""
 
+import os
 import shutil
 import sys
 import textwrap
@@ -79,9 +80,10 @@ def width() -> int:
 
 
 def show_lines(lines: Sequence[str]) -> None:
-    """Print lines, folded at words with a hanging indent on a terminal, each whole on a pipe."""
+    """Print lines, folded at words with a hanging indent; each whole on a pipe without COLUMNS."""
+    folds = sys.stdout.isatty() or "COLUMNS" in os.environ
     for line in lines:
-        if sys.stdout.isatty():
+        if folds:
             indent = " " * (len(line) - len(line.lstrip()) + 2)
             line = textwrap.fill(  # noqa: PLW2901  # the same line, folded
                 line,
@@ -91,6 +93,13 @@ def show_lines(lines: Sequence[str]) -> None:
                 break_on_hyphens=False,
             )
         print(line)
+
+
+def show_report(files: Sequence[Path]) -> None:
+    """Print that a report is more than the one file that was asked for, where it is."""
+    if len(files) > 1:
+        first, second, *_ = files
+        show_lines([f"{first} and {len(files) - 1} more, by parts: {second.name} and so on"])
 
 
 def show_names(texts: Mapping[str, str]) -> None:

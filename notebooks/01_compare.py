@@ -29,7 +29,7 @@ import numpy as np
 from IPython.display import Image
 
 import fgnav
-from fgnav.evaluation.report.plots import save_figure
+from fgnav.evaluation.report.save import save_report
 from fgnav.geometry import rotations
 from fgnav.integers.resolvers.registry import resolver_named
 from fgnav.integers.resolvers.resolve import resolve
@@ -97,6 +97,6 @@ smoother.attitude_nees_mean
 
 # %%
 with TemporaryDirectory() as folder:
-    save_figure(comparison, Path(folder) / "report.png")
-    picture = Image((Path(folder) / "report.png").read_bytes(), width=900)
+    save_report(comparison, flight, Path(folder) / "report.png")
+    picture = Image((Path(folder) / "report-errors.png").read_bytes(), width=900)
 picture

@@ -14,6 +14,7 @@ from fgnav.campaign.report import write_report
 from fgnav.campaign.runs import Run
 from fgnav.campaign.tables import write_tables
 from fgnav.checks import BadInputError, Loss
+from fgnav.evaluation.report.blocks import Report
 
 Watch = Callable[[int, int], None]
 _KINDS = 5  # of failures that are named
@@ -29,7 +30,10 @@ class Outcome:
         Runs of the order, those with a file now, those flown by this call.
     losses : tuple of Loss
         Runs that came to nothing, with the reason.
-    report : str
+    text : str
+        The report as text.
+    report : Report
+        The same as parts, for other formats.
     files : tuple of Path
     """
 
@@ -37,7 +41,8 @@ class Outcome:
     kept: int
     flown: int
     losses: tuple[Loss, ...]
-    report: str
+    text: str
+    report: Report
     files: tuple[Path, ...] = field(default=())
 
 
@@ -81,13 +86,14 @@ def conduct(
             unwritten[str(error).partition(": ")[2]] += 1
         watch(asked - len(todo) + flown, asked)
     files = write_tables(order, folder, out)
-    report = write_report(order, folder, out)
+    text, report = write_report(order, folder, out)
     failures = Counter(record["failure"] for record in folder)
     return Outcome(
         asked=asked,
         kept=failures.total(),
         flown=flown,
         losses=(*_failures(failures), *_losses("run not kept", unwritten)),
+        text=text,
         report=report,
         files=files,
     )

@@ -70,7 +70,7 @@ class Local:
                 if not suspects and not entering:
                     entering = [(task, 1) for task in islice(waiting, max(room, 0))]
                 for task, tries in entering:
-                    running[pool.submit(work, task)] = (task, tries)
+                    running[pool.submit(_under, os.getpid(), work, task)] = (task, tries)
                 if not running:
                     return
                 died: list[tuple[T, int]] = []
@@ -102,6 +102,13 @@ class Local:
             initializer=_end_with,
             initargs=(os.getpid(),),
         )
+
+
+def _under(parent: int, work: Callable[[T], R], task: T) -> R:
+    """Work for a parent that lives: whatever a worker began after its end would be done again."""
+    if os.getppid() != parent:
+        os._exit(1)
+    return work(task)
 
 
 def _end_with(parent: int) -> None:

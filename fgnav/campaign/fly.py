@@ -43,7 +43,7 @@ def estimator_of(table: MethodTable) -> Estimator:
         )
         estimator = method_named(table.method, resolver_named(table.integers), options=options)
     except BadInputError as error:
-        raise BadInputError(f"method {table.title!r}: {error}") from None
+        raise BadInputError(f"[[method]] {table.title!r}: {error}") from None
     if not table.without and "name" in getattr(estimator, "__dataclass_fields__", ()):
         return replace(estimator, name=table.title)  # type: ignore[type-var]  # it is one
     return Restricted(name=table.title, estimator=estimator, without=table.without)

@@ -1,17 +1,15 @@
-"""What a campaign amounts to, as one page of HTML that needs no network."""
+"""What a campaign amounts to, as a report."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from fgnav.campaign.order import Order
 from fgnav.checks import FloatArray
-from fgnav.evaluation.report.html.drawing.chart import Axis, Chart, Line, nested, spanning
-from fgnav.evaluation.report.html.drawing.markup import grid, paragraph, table
-from fgnav.evaluation.report.html.page import method_marks, page
-from fgnav.io.atomic_write import write_text
+from fgnav.evaluation.report.blocks import Blocks, Part, Report, grid, paragraph, table
+from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, nested, spanning
+from fgnav.evaluation.report.palette import method_marks
 
 Rows = tuple[list[str], list[list[str]]]  # headings, and cells below them
 
@@ -36,23 +34,20 @@ class Sweep:
     curves: Mapping[tuple[str, str, str], FloatArray]
 
 
-def write_page(
-    path: Path,
-    order: Order,
-    head: Sequence[str],
-    summaries: Mapping[str, Rows],
-    sweeps: Sequence[Sweep],
-) -> None:
-    """Write the tables of a report, and errors by what was swept, whole or not at all."""
-    first = "".join(table(*rows, name) for name, rows in summaries.items())
-    sections = {"summary": ("Summary", paragraph(" ".join(head)) + first)}
+def campaign_report(
+    order: Order, head: Sequence[str], summaries: Mapping[str, Rows], sweeps: Sequence[Sweep]
+) -> Report:
+    """Return the report of a campaign: a summary of each case, then what was swept."""
+    first = [block for name, rows in summaries.items() for block in table(*rows, name)]
+    parts = [Part(name="summary", title="Summary", blocks=paragraph(" ".join(head)) + first)]
     for number, sweep in enumerate(sweeps):
-        tables = "".join(table(*rows, name) for name, rows in sweep.tables.items())
-        sections[f"sweep-{number}"] = (f"By {sweep.name}", _charts(order, sweep) + tables)
-    write_text(path, page(f"Campaign {order.name}", order.titles, sections))
+        tables = [block for name, rows in sweep.tables.items() for block in table(*rows, name)]
+        blocks = _charts(order, sweep) + tables
+        parts.append(Part(name=f"sweep-{number}", title=f"By {sweep.name}", blocks=blocks))
+    return Report(title=f"Campaign {order.name}", methods=order.titles, parts=parts)
 
 
-def _charts(order: Order, sweep: Sweep) -> str:
+def _charts(order: Order, sweep: Sweep) -> Blocks:
     """Return a diagram for each angle and case: the logarithm of errors by what was swept."""
     marks = method_marks(order.titles)
     x = spanning(sweep.name, [sweep.values])
@@ -73,7 +68,7 @@ def _charts(order: Order, sweep: Sweep) -> str:
         ]
         y = spanning("RMSE, deg", [line.y for line in lines])
         y = Axis(name=y.name, low=np.floor(y.low), high=np.ceil(y.high), log=True)
-        charts.append(str(Chart(title=f"{angle}, {case}", x=x, y=y, lines=lines)))
+        charts.append(Chart(title=f"{angle}, {case}", x=x, y=y, lines=lines).drawing())
     return grid(charts)
 
 

@@ -8,10 +8,12 @@ import numpy as np
 
 from fgnav.campaign.fly import Record
 from fgnav.campaign.order import Order
-from fgnav.campaign.page import Sweep, write_page
+from fgnav.campaign.page import Sweep, campaign_report
 from fgnav.checks import FloatArray
 from fgnav.evaluation.figures import FIGURES
 from fgnav.evaluation.paired import Interval, paired, pooled
+from fgnav.evaluation.report.blocks import Report
+from fgnav.evaluation.report.html.page import save_page
 from fgnav.evaluation.scores import EULER
 from fgnav.io.atomic_write import write_text
 
@@ -83,8 +85,8 @@ class Table:
         return values
 
 
-def write_report(order: Order, records: Iterable[Record], out: Path) -> str:
-    """Write the report as text and as a page; return the text.
+def write_report(order: Order, records: Iterable[Record], out: Path) -> tuple[str, Report]:
+    """Write the report as text and as a page; return both.
 
     A summary of each case, then tables of what was swept, as papers print them.
     """
@@ -104,8 +106,9 @@ def write_report(order: Order, records: Iterable[Record], out: Path) -> str:
             lines += [name, *_aligned([heads, *rows])]
     text = "\n".join(lines) + "\n"
     write_text(out / REPORT, text)
-    write_page(out / PAGE, order, head, summaries, sweeps)
-    return text
+    report = campaign_report(order, head, summaries, sweeps)
+    save_page(report, out / PAGE)
+    return text, report
 
 
 def _aligned(rows: list[list[str]]) -> Iterator[str]:

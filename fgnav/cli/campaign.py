@@ -8,6 +8,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from fgnav.terminal import show_report
+
 
 def campaign(
     order: Path,
@@ -24,6 +26,9 @@ def campaign(
         bool,
         Parameter(help="Keep runs that are there, fly those that are missing.", negative=""),
     ] = False,
+    report: Annotated[
+        Path | None, Parameter(help="The report for print, too: .pdf, or .png, a picture by part.")
+    ] = None,
 ) -> None:
     """Fly scenarios many times, run several methods on every flight, and judge them.
 
@@ -45,15 +50,19 @@ def campaign(
     from fgnav.campaign.engines import Dask, Local  # noqa: PLC0415
     from fgnav.campaign.order import load_order  # noqa: PLC0415
     from fgnav.checks import BadInputError, NoSolutionError  # noqa: PLC0415
+    from fgnav.evaluation.report.save import check_report, write  # noqa: PLC0415
     from fgnav.shipped import file_or_shipped  # noqa: PLC0415
 
     if workers is not None and scheduler is not None:
         raise BadInputError("--workers: the cluster has its own; leave it out with --scheduler")
+    check_report(report)
     engine = Dask(scheduler) if scheduler is not None else Local(workers or _cores())
     what = load_order(file_or_shipped(order, "fgnav_sim", "campaigns"))
     with _shown(what.name) as watch:
         outcome = conduct(what, out, engine, resume=resume, watch=watch)
-    print(outcome.report, end="")
+    print(outcome.text, end="")
+    if report is not None:
+        show_report(write(outcome.report, report))
     for loss in outcome.losses:
         print(f"{loss.count} × {loss.what}: {loss.reason}")
     print(f"{outcome.kept} of {outcome.asked} flights; tables are in {out}")

@@ -22,7 +22,7 @@ from fgnav.cli.arguments.options import (
 )
 from fgnav.integers.resolvers.registry import DEFAULT
 from fgnav.json_file import JsonFile, write_json
-from fgnav.terminal import check_outputs, show_comparison, width
+from fgnav.terminal import check_outputs, show_comparison, show_report, width
 
 if TYPE_CHECKING:
     from fgnav.types.estimate import Estimator
@@ -56,6 +56,7 @@ def compare(
         Names, separated by commas.
     """
     from fgnav.checks import BadInputError  # noqa: PLC0415
+    from fgnav.evaluation.report.save import check_report  # noqa: PLC0415
 
     if not flights:
         raise BadInputError("compare: requires an argument: a flight, or several")
@@ -63,8 +64,7 @@ def compare(
     span = (from_, until)
     for folder in folders:
         check_outputs(folder, json, report)
-    check = _check_page if len(folders) > 1 else _check_report
-    check(report)
+    check_report(report)
     estimators = estimators_named(method, integers, smoother)
     estimators += ablated(method, integers, smoother, without) if without else []
     if len(folders) > 1:
@@ -86,7 +86,9 @@ def _one(
     if not comparison.solved:
         failures = "; ".join(f"{m.name}: {m.score.failure}" for m in comparison.methods)
         raise NoSolutionError(f"no method has a solution: {failures}")
-    save_report(comparison, data, report, flight)
+    files = save_report(comparison, data, report, flight)
+    if json != "-":
+        show_report(files)
 
 
 def _several(
@@ -98,7 +100,7 @@ def _several(
 ) -> None:
     from fgnav.checks import NoSolutionError  # noqa: PLC0415
     from fgnav.evaluation.report.flights_table import flights_lines  # noqa: PLC0415
-    from fgnav.evaluation.report.html.flights import save_flights_page  # noqa: PLC0415
+    from fgnav.evaluation.report.save import save_flights_report  # noqa: PLC0415
 
     comparison = compare_folders(folders, estimators, span)
     write_json(json, comparison.to_dict())
@@ -107,19 +109,6 @@ def _several(
     if not any(one.figures for one in comparison.flights):
         why = comparison.flights[0].failure or "; ".join(comparison.flights[0].failures.values())
         raise NoSolutionError(f"no method has a solution of any flight, of the first: {why}")
-    if report is not None:
-        save_flights_page(comparison, report)
-
-
-def _check_report(report: Path | None) -> None:
-    from fgnav.evaluation.report.save import check_report  # noqa: PLC0415
-
-    check_report(report)
-
-
-def _check_page(report: Path | None) -> None:
-    """Raise unless a report of several flights, which only a page can be, can be written."""
-    from fgnav.evaluation.report.html.page import check_page  # noqa: PLC0415
-
-    if report is not None:
-        check_page(report)
+    files = save_flights_report(comparison, report)
+    if json != "-":
+        show_report(files)

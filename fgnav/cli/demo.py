@@ -9,7 +9,7 @@ def demo(folder: Path | None = None, /) -> None:
     """Simulate a minute of flight, compare five methods on it and write one estimate.
 
     Prints each command before it runs; they can be typed as they stand. Leaves flight/,
-    compare.json, report.png and smoother/ in a folder.
+    compare.json, report.png with a picture of each part, and smoother/ in a folder.
 
     Example: fgnav demo my-first-flight
 

@@ -13,7 +13,7 @@ from fgnav.cli.arguments.options import (
 )
 from fgnav.integers.resolvers.registry import DEFAULT
 from fgnav.json_file import JsonFile, write_json
-from fgnav.terminal import check_outputs, show_lines
+from fgnav.terminal import check_outputs, show_lines, show_report
 
 
 def run(  # noqa: PLR0913  # a command has as many options as it takes
@@ -68,9 +68,10 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     folder = made_folder(out)
     save_estimate(outcome.estimate, data, folder / "estimate.npz")
     write_outcome(folder, outcome.estimate, data.origin, comparison.to_dict())
-    save_report(comparison, data, report, flight)
+    files = save_report(comparison, data, report, flight)
     write_json(json, comparison.to_dict())
     if json != "-":
         n = len(outcome.estimate.t_s)
-        print(f"{outcome.name}: {n} of {comparison.epochs} epochs in {folder / ESTIMATE}")
-        show_lines(remarks(comparison))
+        said = f"{outcome.name}: {n} of {comparison.epochs} epochs in {folder / ESTIMATE}"
+        show_lines([said, *remarks(comparison)])
+        show_report(files)

@@ -22,14 +22,14 @@ def restitution(*, out: Path, seeds: int = 3, processes: int = 2) -> None:
     processes : int
         How many flights at a time.
     """
-    from fgnav.evaluation.report.plots import check_figure  # noqa: PLC0415  # lazy, like all below
+    from fgnav.evaluation.report.save import check_report  # noqa: PLC0415  # lazy, like all below
     from fgnav.io.atomic_write import made_folder  # noqa: PLC0415
     from fgnav_models.restitution import cases, restitute  # noqa: PLC0415
     from fgnav_models.restitution_report import FIGURE, write_report  # noqa: PLC0415
 
     todo = cases(seeds)
     folder = made_folder(out)
-    check_figure(folder / FIGURE)
+    check_report(folder / FIGURE)
     with _shown(len(todo)) as watch:
         runs = restitute(todo, processes=processes, watch=watch)
     lines = write_report(runs, folder)

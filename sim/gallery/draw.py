@@ -75,7 +75,7 @@ def _draw_track(figure: Figure, axes: Axes, truth: Truth) -> None:
     axes.set(xlabel=names[0], ylabel=names[1], aspect="equal", adjustable="datalim")
     axes.autoscale_view()
     axes.locator_params(axis="x", nbins=4)
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="best")
     axes.set_title(f"height changes by {round(float(down_m[0] - down_m[-1]))} m", fontsize=9)
     figure.colorbar(way, ax=axes, label="time, s")
 

@@ -3,6 +3,8 @@
 import csv
 import os
 import signal
+import subprocess
+import sys
 
 import msgspec
 import pytest
@@ -54,7 +56,7 @@ def test_every_flight_and_method_has_a_row(whole, order):
 
 def test_maximum_likelihood_beats_the_closed_form_by_the_report(whole):
     outcome, _ = whole
-    line = next(x for x in outcome.report.splitlines() if x.startswith("  quiet"))
+    line = next(x for x in outcome.text.splitlines() if x.startswith("  quiet"))
     assert float(line.split()[-1]) < 1
     assert "[" not in line  # of three flights, whatever is swept, there is no interval
 
@@ -133,3 +135,11 @@ def _minus(task):
 def test_a_worker_that_is_killed_takes_only_its_own_run_with_it():
     results = sorted(Local(2)(_deadly, range(8), _minus))
     assert results == sorted([0, 1, 2, -3, 4, 5, 6, 7])
+
+
+def test_a_worker_whose_parent_is_gone_begins_no_run():
+    code = "from fgnav.campaign.engines import _under; _under({}, print, 'begun')"
+    for parent, said in ((os.getpid(), "begun\n"), (-1, "")):
+        command = [sys.executable, "-c", code.format(parent)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout) == (not said, said)

@@ -9,6 +9,7 @@ import pytest
 from fgnav.campaign.order import Order
 from fgnav.campaign.report import write_report
 from fgnav.evaluation.figures import FIGURES
+from fgnav.evaluation.report.save import write
 from tests.campaign.conftest import SMALL
 
 
@@ -33,7 +34,7 @@ def records(order, error_deg):
 
 
 def lines(order, error_deg, tmp_path):
-    return write_report(order, list(records(order, error_deg)), tmp_path).splitlines()
+    return write_report(order, list(records(order, error_deg)), tmp_path)[0].splitlines()
 
 
 def line_of(text, start):
@@ -95,3 +96,10 @@ def test_the_page_has_what_the_text_has(tmp_path):
     overall = re.search(r"0\.8 \[[^<]*", page)[0]
     assert any(overall in line for line in text)
     assert not re.search(r'd="[^"]*(nan|inf)', page)
+
+
+def test_the_report_for_print_has_the_same_parts(tmp_path):
+    order = order_of(3)
+    _, report = write_report(order, list(records(order, drawn)), tmp_path)
+    names = {path.name for path in write(report, tmp_path / "print.png")}
+    assert {"print.png", "print-sweep-0.png"} <= names

@@ -17,7 +17,7 @@ from fgnav.evaluation.report.flights_table import (
     flights_lines,
     innovation_rows,
 )
-from fgnav.evaluation.report.html.flights import save_flights_page
+from fgnav.evaluation.report.save import save_flights_report
 from fgnav.types.estimate import Estimate
 
 
@@ -93,7 +93,7 @@ def test_figures_are_json_without_nan_and_the_same_twice(flights, off):
 
 def test_a_page_of_flights_has_every_flight(flights, off, tmp_path):
     outcome = run(flights, [Growing(off, "a", 0.02), Growing(off, "b", 0.01)])
-    save_flights_page(outcome, tmp_path / "a.html")
+    save_flights_report(outcome, tmp_path / "a.html")
     text = (tmp_path / "a.html").read_text()
     for word in ("f0", "f5", "Wilcoxon p", "Against a, flight by flight", "0x5eed"):
         assert word in text
@@ -178,10 +178,13 @@ def test_what_cannot_be_done_is_one_line(batch, options, text, capsys):
     assert len(error.splitlines()) == 1
 
 
-def test_several_flights_are_no_figure_and_none_counts_twice(batch, tmp_path, capsys):
-    report = str(tmp_path / "a.png")
-    assert cli.main(["compare", str(batch), *METHODS, "--report", report]) == 2
-    assert "end" in capsys.readouterr().err
+def test_pictures_of_several_flights_show_every_part(flights, off, tmp_path):
+    outcome = run(flights, [Growing(off, "a", 0.02), Growing(off, "b", 0.01)])
+    names = {path.name for path in save_flights_report(outcome, tmp_path / "a.png")}
+    assert {"a.png", "a-paired.png", "a-flights.png", "a-versions.png"} <= names
+
+
+def test_a_flight_counts_once_and_one_is_needed(batch, capsys):
     one = str(batch / "0001")
     assert cli.main(["compare", one, one, *METHODS]) == 2
     assert "is named twice" in capsys.readouterr().err

@@ -70,6 +70,20 @@ def test_listings_and_help_fit_the_terminal_and_nothing_is_cut(columns, monkeypa
         assert "..." not in out
 
 
+def test_notes_are_folded_where_the_width_is_known_and_whole_on_a_pipe(monkeypatch, capsys):
+    note = f"smoother: {'a note of many words, ' * 12}and its end"
+    monkeypatch.setenv("COLUMNS", "60")
+    terminal.show_lines([note, "  table   1.0"])
+    *folded, last = capsys.readouterr().out.splitlines()
+    assert max(map(len, folded)) <= 60
+    assert all(line.startswith("  ") for line in folded[1:])
+    assert " ".join(" ".join(folded).split()) == note
+    assert last == "  table   1.0"
+    monkeypatch.delenv("COLUMNS")
+    terminal.show_lines([note])
+    assert capsys.readouterr().out == f"{note}\n"
+
+
 def test_steps_report_the_share_of_all_steps():
     seen = []
     steps = terminal.Steps(4, lambda what, share: seen.append((what, share)))

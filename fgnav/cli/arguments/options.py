@@ -37,8 +37,8 @@ WithoutKinds = Annotated[
 ReportFile = Annotated[
     Path | None,
     Parameter(
-        help="Report into this file: .html, one page that needs no network; .png or .pdf, errors "
-        "in time with their 3-sigma bands."
+        help="Report into this file: .html, one page that needs no network; .pdf, the same on "
+        "sheets; .png, the summary, and a picture of each other part beside it."
     ),
 ]
 

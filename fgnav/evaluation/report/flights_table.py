@@ -1,6 +1,9 @@
 """Several flights on screen: each flight's attitude error, pooled figures, paired differences."""
 
+import textwrap
 from collections.abc import Iterator
+from itertools import groupby
+from operator import itemgetter
 
 import numpy as np
 
@@ -41,26 +44,40 @@ _NONE = "–"
 
 
 def flights_lines(comparison: FlightsComparison, width: int) -> list[str]:
-    """Return the lines of all tables, and a line per failure."""
+    """Return the lines of all tables, and what is to be said of failures, folded to a width."""
     count = len(comparison.flights)
     lines = [f"{count} flights: attitude RMS errors, deg", *_per_flight(comparison, width), ""]
     lines += [
-        "Over flights: root mean square of RMS figures, mean of others, with intervals of 95 % by "
-        "bootstrap of flights",
+        *_folded(
+            "Over flights: root mean square of RMS figures, mean of others, with intervals of 95 % "
+            "by bootstrap of flights",
+            width,
+        ),
         *_pooled(comparison, width),
     ]
     lines += ["", *folded_table([ANGLE_HEADS], list(angle_rows(comparison)), width)]
     lines += ["", *folded_table([COUNT_HEADS], list(count_rows(comparison)), width)]
-    paired = list(paired_rows(comparison))
-    if paired:
-        heads = [["figure", "method", "flights", "difference", "ratio", "p", ""]]
-        lines += [
-            "",
+    rows = list(_by_figure(comparison))
+    if rows:
+        text = (
             f"Less {comparison.methods[0]!r}, flight by flight; * where interval of the ratio and "
-            "Wilcoxon's test exclude chance",
-            *folded_table(heads, paired, width),
-        ]
-    return lines + list(failure_lines(comparison))
+            "Wilcoxon's test exclude chance"
+        )
+        heads = [["figure, method", "flights", "difference", "ratio", "p", ""]]
+        lines += ["", *_folded(text, width), *folded_table(heads, rows, width)]
+    return lines + [part for line in failure_lines(comparison) for part in _folded(line, width)]
+
+
+def _folded(text: str, width: int) -> list[str]:
+    return textwrap.wrap(text, width, subsequent_indent="  ", break_long_words=False)
+
+
+def _by_figure(comparison: FlightsComparison) -> Iterator[list[str]]:
+    """Yield each figure, and below it a row for each method."""
+    for figure, rows in groupby(paired_rows(comparison), key=itemgetter(0)):
+        yield [figure]
+        for _, method, *cells in rows:
+            yield [f"  {method}", *cells]
 
 
 def _per_flight(comparison: FlightsComparison, width: int) -> list[str]:

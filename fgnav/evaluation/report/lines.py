@@ -1,11 +1,9 @@
-"""What of a long series is drawn, and in which colours: the same in every format of a report."""
+"""What of a long series is drawn: the same in every format of a report."""
 
 import numpy as np
 
 from fgnav.checks import FloatArray
 
-# Okabe and Ito's set, told apart by the colour-blind; black and yellow last.
-COLOURS = ("#E69F00", "#56B4E9", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#F0E442")
 _GAP = 1.5  # intervals; a line is broken across a longer step
 _ROUGH = 1.2  # step over size; white noise has 1.41
 _SHOWN = 99.5  # percentile of a method's errors that its share of the axis holds
@@ -33,9 +31,12 @@ def every(count: int, most: int) -> slice:
 
 
 def unjumped_deg(angle_deg: FloatArray) -> FloatArray:
-    """Return an angle with NaN where it wraps, so that no line crosses the figure."""
+    """Return an angle with NaN where it wraps or flips, so that no line crosses the figure.
+
+    That is where it changes by more than a quarter turn from one epoch to the next.
+    """
     out = angle_deg.copy()
-    out[1:][np.abs(np.diff(angle_deg)) > 180] = np.nan
+    out[1:][np.abs(np.diff(angle_deg)) > 90] = np.nan
     return out
 
 

@@ -1,14 +1,20 @@
-"""A comparison as a report: a page of HTML, or a figure, by the suffix of the file's name."""
+"""A report as a file: a page of HTML, a PDF or pictures, by the suffix of the file's name."""
 
+from importlib.util import find_spec
 from pathlib import Path
 
 from fgnav.checks import BadInputError
 from fgnav.evaluation.comparison import Comparison
-from fgnav.evaluation.report.html.page import SUFFIX, check_page, save_page
-from fgnav.evaluation.report.plots import FORMATS, check_figure, save_figure
+from fgnav.evaluation.flights import FlightsComparison
+from fgnav.evaluation.report.blocks import Report
+from fgnav.evaluation.report.contents import comparison_report
+from fgnav.evaluation.report.flights import flights_report
+from fgnav.evaluation.report.html.page import save_page
+from fgnav.io.atomic_write import check_place
 from fgnav.io.flight.folder import files_of
 from fgnav.types.flight import Flight
 
+_PAGE, _PDF, _PICTURES = ".html", ".pdf", ".png"
 _DRAWN = "dispersions.json"  # of the simulator: says the seed
 
 
@@ -22,20 +28,20 @@ def check_report(path: Path | None) -> None:
     """
     if path is None:
         return
-    if path.suffix.lower() == SUFFIX:
-        check_page(path)
-    elif path.suffix.lower() in FORMATS:
-        check_figure(path)
-    else:
+    suffix = path.suffix.lower()
+    if suffix not in (_PAGE, _PDF, _PICTURES):
         raise BadInputError(
             f"{path}: a report is HTML, PNG or PDF; end its name in .html, .png or .pdf"
         )
+    check_place(path)
+    if suffix != _PAGE and find_spec("matplotlib") is None:
+        raise BadInputError(f"{path}: a figure needs matplotlib; pip install 'fgnav[report]'")
 
 
 def save_report(
     comparison: Comparison, flight: Flight, path: Path | None, place: Path | None = None
-) -> None:
-    """Write the report of a comparison; None is none.
+) -> list[Path]:
+    """Write the report of a comparison; return its files, none where ``path`` is None.
 
     Parameters
     ----------
@@ -43,19 +49,51 @@ def save_report(
     flight : Flight
         The one compared.
     path : Path or None
+        One file, but pictures are many: the summary is ``report.png``, and each other part has its
+        name added, ``report-errors.png``.
     place : Path, optional
-        Where the flight was read from: a page quotes its ``flight.toml``.
+        Where the flight was read from: the report quotes its ``flight.toml``.
+
+    Raises
+    ------
+    BadInputError
+        As ``check_report``, or if no method has an estimate.
     """
-    if path is None:
-        return
     check_report(path)
-    if path.suffix.lower() == SUFFIX:
-        toml = None if place is None else files_of(place)[0]
-        source = "" if toml is None else _text(toml)
-        seed = None if toml is None else _seed(toml.with_name(_DRAWN))
-        save_page(comparison, flight, path, seed=seed, source=source)
-    else:
-        save_figure(comparison, path)
+    if path is None:
+        return []
+    if not comparison.solved:
+        raise BadInputError(f"{path}: no method has an estimate to report")
+    toml = None if place is None else files_of(place)[0]
+    source = "" if toml is None else _text(toml)
+    seed = None if toml is None else _seed(toml.with_name(_DRAWN))
+    return write(comparison_report(comparison, flight, seed=seed, source=source), path)
+
+
+def save_flights_report(comparison: FlightsComparison, path: Path | None) -> list[Path]:
+    """Write the report of several flights, as ``save_report``."""
+    check_report(path)
+    return [] if path is None else write(flights_report(comparison), path)
+
+
+def write(report: Report, path: Path) -> list[Path]:
+    """Write a report in the format that the name of its file says; return its files.
+
+    Raises
+    ------
+    BadInputError
+        As ``check_report``.
+    """
+    check_report(path)
+    if path.suffix.lower() == _PAGE:
+        save_page(report, path)
+        return [path]
+    from fgnav.evaluation.report.paper.save import save_pdf, save_pngs  # noqa: PLC0415  # matplotlib
+
+    if path.suffix.lower() == _PICTURES:
+        return save_pngs(report, path)
+    save_pdf(report, path)
+    return [path]
 
 
 def _text(path: Path) -> str:

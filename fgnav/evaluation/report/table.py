@@ -56,7 +56,8 @@ def comparison_table(comparison: Comparison, width: int) -> list[str]:
 def folded_table(heads: list[list[str]], rows: list[list[str]], width: int) -> list[str]:
     """Return aligned lines, the columns in as many bands as the width asks for, each with names."""
     cells = [row + [""] * (len(heads[0]) - len(row)) for row in (*heads, *rows)]
-    wide = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    of_columns = [row for row in cells if any(row[1:])]  # others may go beyond the first
+    wide = [max(map(len, column)) for column in zip(*of_columns, strict=True)]
     bands, room = [[0]], width - wide[0]
     for column in range(1, len(wide)):
         room -= wide[column] + 1

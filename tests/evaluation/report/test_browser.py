@@ -16,7 +16,8 @@ import pytest
 
 from fgnav.evaluation.comparison import compare
 from fgnav.evaluation.flights import compare_flights
-from fgnav.evaluation.report.html.flights import save_flights_page
+from fgnav.evaluation.report.contents import comparison_report
+from fgnav.evaluation.report.flights import flights_report
 from fgnav.evaluation.report.html.page import save_page
 from fgnav.integers.resolvers.registry import resolver_named
 from fgnav.methods import method_named
@@ -81,16 +82,17 @@ def methods():
 @pytest.fixture(scope="module")
 def report(flights, methods, tmp_path_factory):
     path = tmp_path_factory.mktemp("browser") / "report.html"
-    save_page(compare(flights[0], methods), flights[0], path, seed=1, source='name = "demo"')
+    made = compare(flights[0], methods)
+    save_page(comparison_report(made, flights[0], seed=1, source='name = "demo"'), path)
     return path
 
 
 @pytest.fixture(scope="module")
-def flights_report(flights, methods, tmp_path_factory):
+def report_of_flights(flights, methods, tmp_path_factory):
     path = tmp_path_factory.mktemp("browser") / "flights.html"
     named = ((f"flight {k}", flight) for k, flight in enumerate(flights))
     comparison = compare_flights(named, methods, watch=lambda _name: nullcontext())
-    save_flights_page(comparison, path)
+    save_page(flights_report(comparison), path)
     return path
 
 
@@ -109,8 +111,8 @@ def test_a_report_is_whole_in_a_browser(report, tmp_path, size, scheme):
 
 
 @pytest.mark.parametrize("size", [WIDE, PHONE], ids=["wide", "phone"])
-def test_a_report_of_several_flights_is_whole_in_a_browser(flights_report, tmp_path, size):
-    found, console = looked_at(flights_report, tmp_path, size)
+def test_a_report_of_several_flights_is_whole_in_a_browser(report_of_flights, tmp_path, size):
+    found, console = looked_at(report_of_flights, tmp_path, size)
     assert console == []
     assert found["wrong"] == []
     assert found["loaded"] == []
@@ -139,7 +141,7 @@ def test_twice_as_many_methods_as_colours_are_told_apart(flights, tmp_path):
     named = [
         replace(method_named("maximum-likelihood", resolver), name=f"number {k}") for k in range(12)
     ]
-    save_page(compare(flights[0], named), flights[0], tmp_path / "many.html")
+    save_page(comparison_report(compare(flights[0], named), flights[0]), tmp_path / "many.html")
     found, console = looked_at(tmp_path / "many.html", tmp_path)
     assert console == []
     assert found["wrong"] == []

@@ -12,9 +12,9 @@ from fgnav.evaluation.internal_consistency.residuals import (
     code_residuals,
     phase_residuals,
 )
-from fgnav.evaluation.report.html.drawing.chart import Axis
-from fgnav.evaluation.report.html.drawing.markup import folded, grid, number, paragraph, table
-from fgnav.evaluation.report.html.drawing.rows import Rows, rows_figure
+from fgnav.evaluation.report.blocks import Blocks, folded, grid, number, paragraph, table
+from fgnav.evaluation.report.drawing.chart import Axis
+from fgnav.evaluation.report.drawing.rows import Rows, rows_drawings
 from fgnav.evaluation.scores import EULER, hidden
 from fgnav.gnss.undifferenced import Undifferenced, undifferenced
 from fgnav.types.flight import Flight
@@ -24,7 +24,7 @@ _Of = list[tuple[Method, Residuals]]
 
 def residual_parts(
     flight: Flight, comparison: Comparison, marks: dict[str, str], time: Axis
-) -> str:
+) -> Blocks:
     """Return rows and tables of residuals by satellite; empty without observations."""
     methods = comparison.solved
     array, code, phase = _of_array(comparison), [], []
@@ -37,13 +37,13 @@ def residual_parts(
         ("code of the first antenna", "m", 1.0, code),
         ("phase of the first antenna", "mm", 1e3, phase),
     ]
-    charts = [
-        rows_figure(f"{title}: RMS, {unit}", unit, _rows(of, marks, scale), time)
+    drawings = [
+        drawing
         for title, unit, scale, of in kinds
-        if of
+        for drawing in rows_drawings(f"{title}: RMS, {unit}", unit, _rows(of, marks, scale), time)
     ]
-    if not charts:
-        return ""
+    if not drawings:
+        return []
     return (
         paragraph(
             "RMS in cells of time. The array's phase less what the attitude makes of it, whole "
@@ -52,10 +52,10 @@ def residual_parts(
             "taken off: errors of the position, of orbits and of the atmosphere that drift within "
             "an arc stay in. A row is cut at its upper edge."
         )
-        + grid(charts)
+        + grid(drawings)
         + folded(
             "RMS by satellite and method",
-            "".join(_table(title, unit, scale, of) for title, unit, scale, of in kinds if of),
+            [block for kind in kinds if kind[-1] for block in _table(*kind)],
         )
     )
 
@@ -112,7 +112,7 @@ def _rows(of: _Of, marks: dict[str, str], scale: float) -> list[Rows]:
     ]
 
 
-def _table(title: str, unit: str, scale: float, of: _Of) -> str:
+def _table(title: str, unit: str, scale: float, of: _Of) -> Blocks:
     heads = ["channel", *(f"{method.name}, {unit}" for method, _ in of)]
     rms = [
         dict(zip(own.channels, _rms(scale * own.value_m).tolist(), strict=True)) for _, own in of

@@ -1,15 +1,28 @@
-"""A diagram as SVG inside the page: its colours are those of the page, light or dark.
+"""A diagram: lines, bands and rules between two axes.
 
-Lines carry a class, ``m0`` for the first method, that gives them their colour everywhere.
+Lines carry a mark, ``m0`` for the first method, that gives them their colour everywhere.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from html import escape
+from typing import Literal
 
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.evaluation.report.drawing.shapes import (
+    GRID,
+    RULE,
+    Area,
+    Dots,
+    Drawing,
+    Frame,
+    Shape,
+    Stroke,
+    Text,
+    straight,
+    within_reach,
+)
 from fgnav.evaluation.report.lines import drawable, every
 
 WIDTH, HEIGHT = 480.0, 210.0
@@ -19,6 +32,7 @@ _LINE = 12.0  # of text
 _LAST = 16.0  # a tick nearer to the right edge has its text to the left
 _TICKS = 5  # about so many on an axis
 _SAMPLE = 960  # dots of a series
+_FEW, _BIG, _SMALL = 60, 5.0, 2.2  # so few dots are as big as that, more are small
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -92,117 +106,81 @@ class Chart:
     rules: dict[float, str] = field(default_factory=dict)
     height: float = HEIGHT
 
-    def __str__(self) -> str:
+    def drawing(self) -> Drawing:
         """Return the figure."""
         wide, high = WIDTH - _LEFT - _RIGHT, self.height - _TOP - _BOTTOM
-        inside = [self._band(band, wide, high) for band in self.bands]
-        inside += [self._rule(at, text, wide, high) for at, text in self.rules.items()]
+        inside: list[Shape] = [self._band(band, wide, high) for band in self.bands]
+        places = [float(high - _scaled(value, self.y, high)) for value in self.rules]
+        inside += [straight(RULE, (0.0, at), (wide, at)) for at in places]
         inside += [self._line(line, wide, high) for line in self.lines]
-        return figure(
-            self.title,
-            self._axes(wide, high)
-            # An inner drawing cuts off what leaves the axes.
-            + f'<svg x="{_LEFT}" y="{_TOP}" width="{wide}" height="{high}">{"".join(inside)}</svg>',
-            WIDTH,
-            self.height,
+        inside += [
+            Text(x=wide - 3, y=at - 3 if at > _LINE else at + _LINE, text=text, anchor="end")
+            for at, text in zip(places, self.rules.values(), strict=True)
+            if text
+        ]
+        frame = Frame(left=_LEFT, top=_TOP, width=wide, height=high, shapes=inside)
+        return Drawing(
+            title=self.title,
+            width=WIDTH,
+            height=self.height,
+            shapes=[*self._axes(wide, high), frame],
         )
 
-    def _axes(self, wide: float, high: float) -> str:
+    def _axes(self, wide: float, high: float) -> list[Shape]:
         """Return grid, ticks and names of the axes."""
-        parts = []
+        shapes: list[Shape] = []
+        foot = _TOP + high
         for value, text in self.x.ticks():
-            at = _LEFT + _scaled(value, self.x, wide)
-            parts.append(f'<path class="g" d="M{at:.1f} {_TOP}v{high}"/>')
-            anchor = "end" if at > WIDTH - _LAST else "middle"
-            parts.append(
-                f'<text x="{at:.1f}" y="{_TOP + high + 13}" text-anchor="{anchor}">{text}</text>'
-            )
+            at = _LEFT + float(_scaled(value, self.x, wide))
+            shapes.append(straight(GRID, (at, _TOP), (at, foot)))
+            is_last = at > WIDTH - _LAST
+            anchor: Literal["end", "middle"] = "end" if is_last else "middle"
+            shapes.append(Text(x=at, y=foot + 13, text=text, anchor=anchor))
         for value, text in self.y.ticks():
-            at = _TOP + high - _scaled(value, self.y, high)
-            parts.append(f'<path class="g" d="M{_LEFT} {at:.1f}h{wide}"/>')
-            parts.append(
-                f'<text x="{_LEFT - 5}" y="{at + 3.5:.1f}" text-anchor="end">{text}</text>'
-            )
-        middle = _TOP + high / 2
-        parts.append(
-            f'<text x="{_LEFT + wide / 2}" y="{self.height - 6}" text-anchor="middle">'
-            f"{escape(self.x.name)}</text>"
-            f'<text transform="translate(10 {middle}) rotate(-90)" text-anchor="middle">'
-            f"{escape(self.y.name)}</text>"
-        )
-        return "".join(parts)
+            at = foot - float(_scaled(value, self.y, high))
+            shapes.append(straight(GRID, (_LEFT, at), (_LEFT + wide, at)))
+            shapes.append(Text(x=_LEFT - 5, y=at + 3.5, text=text, anchor="end"))
+        return [
+            *shapes,
+            Text(x=_LEFT + wide / 2, y=self.height - 6, text=self.x.name),
+            Text(x=10.0, y=_TOP + high / 2, text=self.y.name, upright=True),
+        ]
 
-    def _line(self, line: Line, wide: float, high: float) -> str:
+    def _line(self, line: Line, wide: float, high: float) -> Shape:
         if line.dots:
             rows = every(len(line.x), _SAMPLE)
-            x, y = line.x[rows], line.y[rows]
-            shape, width = dots(_scaled(x, self.x, wide), high - _scaled(y, self.y, high)), 2.2
-        else:
-            x, y = (line.x, line.y) if line.as_is else drawable(line.x, line.y, BINS)
-            shape = path(_scaled(x, self.x, wide), high - _scaled(y, self.y, high))
-            width = line.width
-        return (
-            f'<path class="l {line.mark}" stroke-width="{width}" d="{shape}">'
-            f"<title>{escape(line.name)}</title></path>"
+            x = _scaled(line.x[rows], self.x, wide)
+            y = high - _scaled(line.y[rows], self.y, high)
+            size = _BIG if len(x) <= _FEW else _SMALL
+            return Dots(mark=line.mark, name=line.name, x=x, y=within_reach(y), size=size)
+        x, y = (line.x, line.y) if line.as_is else drawable(line.x, line.y, BINS)
+        return Stroke(
+            mark=line.mark,
+            name=line.name,
+            x=within_reach(_scaled(x, self.x, wide)),
+            y=within_reach(high - _scaled(y, self.y, high)),
+            width=line.width,
         )
 
-    def _band(self, band: Band, wide: float, high: float) -> str:
+    def _band(self, band: Band, wide: float, high: float) -> Area:
         """Return the shaded area, a piece for each run of epochs without a gap."""
         rows = every(len(band.x), BINS)
         x = _scaled(band.x[rows], self.x, wide)
-        low = high - _scaled(band.low[rows], self.y, high)
-        top = high - _scaled(band.high[rows], self.y, high)
+        low = within_reach(high - _scaled(band.low[rows], self.y, high))
+        top = within_reach(high - _scaled(band.high[rows], self.y, high))
         steps = np.diff(x)
         gap = steps > 3 * np.median(steps) if len(steps) else np.zeros(0, dtype=np.bool_)
         known = np.isfinite(low) & np.isfinite(top)
-        parts = []
+        outlines = []
         for run in np.split(np.arange(len(x)), np.flatnonzero(gap) + 1):
             own = run[known[run]]
             if len(own) > 1:
                 around = np.concatenate([x[own], x[own][::-1]])
-                parts.append(path(around, np.concatenate([top[own], low[own][::-1]])) + "Z")
-        return (
-            f'<path class="b {band.mark}" d="{"".join(parts)}">'
-            f"<title>{escape(band.name)}</title></path>"
-        )
-
-    def _rule(self, value: float, text: str, wide: float, high: float) -> str:
-        at = float(high - _scaled(value, self.y, high))
-        foot = at - 3 if at > _LINE else at + _LINE
-        return (
-            f'<path class="r" d="M0 {at:.1f}h{wide}"/>'
-            f'<text x="{wide - 3}" y="{foot:.1f}" text-anchor="end">{escape(text)}</text>'
-        )
+                outlines.append((around, np.concatenate([top[own], low[own][::-1]])))
+        return Area(mark=band.mark, name=band.name, outlines=outlines)
 
 
-def figure(title: str, content: str, width: float, height: float) -> str:
-    """Return a drawing with its title, also for those who do not see it."""
-    return (
-        f'<figure><figcaption>{escape(title)}</figcaption><svg viewBox="0 0 {width:g} {height:g}" '
-        f'role="img" aria-label="{escape(title)}">{content}</svg></figure>'
-    )
-
-
-def path(x: FloatArray, y: FloatArray) -> str:
-    """Return the path through points, with a new start after each NaN."""
-    known = np.isfinite(x) & np.isfinite(y)
-    is_start = known & ~np.concatenate([[False], known[:-1]])
-    # Far outside the axes a coordinate is cut: browsers draw in single precision.
-    places = np.stack([x, y], axis=1)[known].clip(-1e4, 1e4).tolist()
-    letters = np.where(is_start, "M", "L")[known].tolist()
-    return "".join(
-        f"{letter}{a:.1f} {b:.1f}" for letter, (a, b) in zip(letters, places, strict=True)
-    )
-
-
-def dots(x: FloatArray, y: FloatArray) -> str:
-    """Return the path of round dots at points."""
-    known = np.isfinite(x) & np.isfinite(y) & (np.abs(y) < 1e4)
-    places = np.stack([x, y], axis=1)[known].tolist()
-    return "".join(f"M{a:.1f} {b:.1f}h0" for a, b in places)
-
-
-def nested(count: int, thickest: float = 3.0, thinnest: float = 1.0) -> FloatArray:
+def nested(count: int, thickest: float = 3.6, thinnest: float = 1.3) -> FloatArray:
     """Return widths of lines that may coincide, from the one behind to the one before: all show."""
     return np.linspace(thickest, thinnest, count) if count > 1 else np.full(count, thinnest)
 

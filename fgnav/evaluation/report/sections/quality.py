@@ -1,16 +1,16 @@
 """Of what quality each method's answers are, epoch by epoch."""
 
 from collections.abc import Sequence
-from html import escape
 
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.evaluation.comparison import Method
 from fgnav.evaluation.reference import common_epochs
-from fgnav.evaluation.report.html.drawing.chart import Axis, figure
-from fgnav.evaluation.report.html.drawing.markup import grid
-from fgnav.evaluation.report.html.drawing.strip import LEFT, WIDE, strip, time_ticks
+from fgnav.evaluation.report.blocks import Blocks, grid
+from fgnav.evaluation.report.drawing.chart import Axis
+from fgnav.evaluation.report.drawing.shapes import Drawing, Text
+from fgnav.evaluation.report.drawing.strip import LEFT, WIDE, key, strip, time_ticks
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
 
@@ -22,25 +22,21 @@ _NEAR = 0.75  # usual intervals: epochs that follow each other have none further
 _TOP, _ROW = 20.0, 30.0
 
 
-def quality_strips(flight: Flight, methods: Sequence[Method], time: Axis) -> str:
+def quality_strips(flight: Flight, methods: Sequence[Method], time: Axis) -> Blocks:
     """Return a row for each method: integers, none, no GNSS at all, or no answer."""
     edges_s = np.linspace(time.low, time.high, _CELLS + 1)
     measured_s = _measured(flight)
-    parts = [
-        f'<path class="fill {name}" d="M{LEFT + 104 * k} 2h10v10h-10z"/>'
-        f'<text x="{LEFT + 104 * k + 14}" y="11">{said}</text>'
-        for k, (name, said) in enumerate(zip(_FLAGS[::-1], _SAID[::-1], strict=True))
-    ]
+    shapes = key(list(zip(_FLAGS[::-1], _SAID[::-1], strict=True)), 2.0, 104.0)
     of = [(m.name, m.estimate) for m in methods if m.estimate is not None and len(m.estimate.t_s)]
     for row, (name, estimate) in enumerate(of):
         top = _TOP + _ROW * row
         kinds = _in_cells(*_with_gaps(estimate.t_s, _flags(flight, estimate, measured_s)), edges_s)
-        parts.append(f'<text x="{LEFT}" y="{top + 10}">{escape(name)}</text>')
-        parts.append(strip(kinds, edges_s, _FLAGS, time, (top + 20, 12.0)))
+        shapes.append(Text(x=LEFT, y=top + 10, text=name, anchor="start"))
+        shapes += strip(kinds, edges_s, _FLAGS, time, (top + 20, 12.0))
     bottom = _TOP + _ROW * len(of)
-    parts.append(time_ticks(time, bottom + 14))
+    shapes += time_ticks(time, bottom + 14)
     title = "quality of answers: the worst of what a cell holds"
-    return grid([figure(title, "".join(parts), WIDE, bottom + 34)])
+    return grid([Drawing(title=title, width=WIDE, height=bottom + 34, shapes=shapes)])
 
 
 def _measured(flight: Flight) -> FloatArray:

@@ -2,15 +2,15 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from html import escape
 
 import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Comparison, Method
-from fgnav.evaluation.report.html.drawing.chart import Axis, Chart, Line, figure, spanning
-from fgnav.evaluation.report.html.drawing.markup import NONE, grid, table
-from fgnav.evaluation.report.html.drawing.strip import LEFT, WIDE, cells, strip, time_ticks
+from fgnav.evaluation.report.blocks import NONE, Blocks, grid, table
+from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, spanning
+from fgnav.evaluation.report.drawing.shapes import Drawing, Text
+from fgnav.evaluation.report.drawing.strip import LEFT, WIDE, cells, key, strip, time_ticks
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers
 
@@ -25,12 +25,14 @@ _TOP, _ROW = 20.0, 30.0
 _MOST_REASONS = 40
 
 
-def integer_parts(flight: Flight, comparison: Comparison, marks: dict[str, str], time: Axis) -> str:
+def integer_parts(
+    flight: Flight, comparison: Comparison, marks: dict[str, str], time: Axis
+) -> Blocks:
     """Return strips, diagram and tables of what became of integers; empty where none were used."""
     methods = comparison.solved
     of = list(_with_times(flight, methods))
     if not of:
-        return ""
+        return []
     lines = [
         Line(mark=marks[name], name=name, x=t_s, y=one.fixed.sum(axis=(1, 2)).astype(float))
         for name, t_s, one in of
@@ -38,7 +40,7 @@ def integer_parts(flight: Flight, comparison: Comparison, marks: dict[str, str],
     y = spanning("fixed links", [np.zeros(1), *(line.y for line in lines)])
     charts = [
         _strips(of, comparison.right_integers, time),
-        str(Chart(title="links with fixed integers", x=time, y=y, lines=lines)),
+        Chart(title="links with fixed integers", x=time, y=y, lines=lines).drawing(),
     ]
     return grid(charts) + _counts(methods) + _reasons(of)
 
@@ -56,13 +58,12 @@ def _with_times(
             yield method.name, t_s, integers
 
 
-def _strips(of: list[tuple[str, FloatArray, Integers]], right: Integers | None, time: Axis) -> str:
+def _strips(
+    of: list[tuple[str, FloatArray, Integers]], right: Integers | None, time: Axis
+) -> Drawing:
     """Return a row for each method, coloured by what became of the epochs."""
-    parts = [
-        f'<path class="fill {state}" d="M{LEFT + 90 * k} 2h10v10h-10z"/>'
-        f'<text x="{LEFT + 90 * k + 14}" y="11">{state}</text>'
-        for k, state in enumerate(reversed(_STATES if right is not None else _STATES[1:]))
-    ]
+    shown = _STATES if right is not None else _STATES[1:]
+    shapes = key([(state, state) for state in reversed(shown)], 2.0, 90.0)
     for row, (name, t_s, integers) in enumerate(of):
         top = _TOP + _ROW * row
         outcome = np.array([_STATES.index(state) for state in integers.outcome])
@@ -72,16 +73,16 @@ def _strips(of: list[tuple[str, FloatArray, Integers]], right: Integers | None, 
             outcome[is_wrong] = _STATES.index("wrong")
         starts = cells(len(t_s), _CELLS)
         worst = np.minimum.reduceat(outcome, starts)
-        parts.append(f'<text x="{LEFT}" y="{top + 10}">{escape(name)}</text>')
+        shapes.append(Text(x=LEFT, y=top + 10, text=name, anchor="start"))
         at_s = np.append(t_s[starts], t_s[-1])
-        parts.append(strip(worst, at_s, _STATES, time, (top + 20, 12.0)))
+        shapes += strip(worst, at_s, _STATES, time, (top + 20, 12.0))
     bottom = _TOP + _ROW * len(of)
-    parts.append(time_ticks(time, bottom + 14))
+    shapes += time_ticks(time, bottom + 14)
     title = "epochs by their integers: the worst of what a cell holds"
-    return figure(title, "".join(parts), WIDE, bottom + 34)
+    return Drawing(title=title, width=WIDE, height=bottom + 34, shapes=shapes)
 
 
-def _counts(methods: Sequence[Method]) -> str:
+def _counts(methods: Sequence[Method]) -> Blocks:
     """Return a table of links: right, wrong, open."""
     rows = []
     for method in methods:
@@ -93,7 +94,7 @@ def _counts(methods: Sequence[Method]) -> str:
     return table(["method", "fixed", "right", "wrong", "not fixed"], rows, "links, over all epochs")
 
 
-def _reasons(of: list[tuple[str, FloatArray, Integers]]) -> str:
+def _reasons(of: list[tuple[str, FloatArray, Integers]]) -> Blocks:
     """Return why epochs are not fixed, most frequent first."""
     counted = Counter(
         (name, reason) for name, _, integers in of for reason in integers.reasons or () if reason

@@ -8,8 +8,8 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.evaluation.comparison import Method
 from fgnav.evaluation.reference import common_epochs
-from fgnav.evaluation.report.html.drawing.chart import Axis, Band, Chart, Line, nested
-from fgnav.evaluation.report.html.drawing.markup import folded, grid, paragraph
+from fgnav.evaluation.report.blocks import Blocks, folded, grid, paragraph
+from fgnav.evaluation.report.drawing.chart import Axis, Band, Chart, Line, nested
 from fgnav.evaluation.report.lines import is_rough, limit
 from fgnav.evaluation.scores import EULER, hidden
 
@@ -29,9 +29,9 @@ class AxisErrors:
     rough: bool
 
 
-def error_charts(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> str:
+def error_charts(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> Blocks:
     """Return diagrams of attitude, position and velocity errors; empty without truth."""
-    parts = []
+    blocks: Blocks = []
     for quantity, axes, unit in (
         ("attitude", EULER, "deg"),
         ("position", _NORTH_EAST_DOWN, "m"),
@@ -42,24 +42,21 @@ def error_charts(methods: Sequence[Method], marks: dict[str, str], time: Axis) -
             f"{axis} error" if quantity == "attitude" else f"{quantity} error {axis}"
             for axis in axes
         ]
-        parts.append(
-            grid(
-                str(_together(name, unit, errors, time))
-                for name, errors in zip(names, by_axis, strict=True)
-                if errors
-            )
+        blocks += grid(
+            _together(name, unit, errors, time).drawing()
+            for name, errors in zip(names, by_axis, strict=True)
+            if errors
         )
-        parts.append(_apart(quantity, names, unit, by_axis, time))
-    text = "".join(parts)
-    if not text:
-        return ""
+        blocks += _apart(quantity, names, unit, by_axis, time)
+    if not blocks:
+        return []
     return (
         paragraph(
             "Estimate minus truth. Shaded: three standard deviations as each method states them, "
             "around zero. An axis holds what the middle method does; worse ones leave it. Lines of "
             "methods that coincide are drawn thinner upon thicker ones."
         )
-        + text
+        + blocks
     )
 
 
@@ -125,19 +122,19 @@ def _together(name: str, unit: str, errors: list[AxisErrors], time: Axis) -> Cha
 
 def _apart(
     quantity: str, names: list[str], unit: str, by_axis: list[list[AxisErrors]], time: Axis
-) -> str:
+) -> Blocks:
     """Return, to be opened, a row of diagrams for each method, each on a scale of its own."""
     methods = dict.fromkeys(one.method for errors in by_axis for one in errors)
-    rows = []
+    rows: Blocks = []
     for method in methods:
         charts = [
-            str(_alone(f"{method}: {name}", name, unit, one, time))
+            _alone(f"{method}: {name}", name, unit, one, time).drawing()
             for name, errors in zip(names, by_axis, strict=True)
             for one in errors
             if one.method == method
         ]
-        rows.append(grid(charts))
-    return folded(f"{quantity}: each method with its own ±3σ", "".join(rows))
+        rows += grid(charts)
+    return folded(f"{quantity}: each method with its own ±3σ", rows)
 
 
 def _alone(title: str, name: str, unit: str, one: AxisErrors, time: Axis) -> Chart:

@@ -10,7 +10,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Comparison, Method
-from fgnav.evaluation.report.html.drawing.markup import NONE, folded, number, paragraph, table
+from fgnav.evaluation.report.blocks import NONE, Blocks, folded, number, paragraph, table
 from fgnav.evaluation.report.table import HEADS, remarks, score_row
 from fgnav.evaluation.scores import EULER, Angles
 from fgnav.types.flight import Flight
@@ -24,9 +24,12 @@ _ONE_FLIGHT = (
 _PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxruntime")
 
 
-def method_table(comparison: Comparison) -> str:
+def method_table(comparison: Comparison) -> Blocks:
     """Return the table of the methods, and below it the bound or the differences."""
-    heads = ["method", *(f"{name}, {unit}" for name, unit in HEADS)]
+    heads = [
+        "method",
+        *(f"{name} {unit}" if "(" in unit else f"{name}, {unit}" for name, unit in HEADS),
+    ]
     rows = [[m.name, *score_row(m.score)] for m in comparison.methods]
     judged = any(m.errors is not None for m in comparison.methods)
     what = "RMS errors against truth" if judged else "no truth to judge by"
@@ -37,13 +40,17 @@ def method_table(comparison: Comparison) -> str:
             ("the whole flight, its motion drawn from the prior", comparison.posterior_bound),
         )
     ]
-    said = "".join(paragraph(line) for line in remarks(comparison))
     return (
         table(heads, rows, f"{what}, {comparison.epochs} epochs")
-        + "".join(paragraph(f"{what}: {', '.join(own)}.") for what, own in bounds if own)
-        + (paragraph(_ONE_FLIGHT) if len(comparison.solved) > 1 else "")
+        + [
+            block
+            for what, own in bounds
+            if own
+            for block in paragraph(f"{what}: {', '.join(own)}.")
+        ]
+        + (paragraph(_ONE_FLIGHT) if len(comparison.solved) > 1 else [])
         + _differences(comparison)
-        + folded("notes, failures and losses in short", said)
+        + folded("notes, failures and losses in short", paragraph(*remarks(comparison)))
     )
 
 
@@ -56,7 +63,7 @@ def _angles(bound: Angles) -> list[str]:
     ]
 
 
-def _differences(comparison: Comparison) -> str:
+def _differences(comparison: Comparison) -> Blocks:
     rows = [
         [
             " − ".join(one.methods),
@@ -79,7 +86,7 @@ def _differences(comparison: Comparison) -> str:
     return table(heads, rows, "RMS differences of methods on epochs that both have")
 
 
-def gaps_and_exclusions(flight: Flight, methods: Sequence[Method]) -> str:
+def gaps_and_exclusions(flight: Flight, methods: Sequence[Method]) -> Blocks:
     """Return gaps of the answers, measurements left out or mended, and losses, with reasons."""
     gaps = [
         [method.name, f"{a:.2f}", f"{b:.2f}", f"{b - a:.2f}"]
@@ -112,7 +119,7 @@ def gaps_and_exclusions(flight: Flight, methods: Sequence[Method]) -> str:
     ) or paragraph("No gap, no exclusion, no loss.")
 
 
-def _some(heads: list[str], rows: list[list[str]], caption: str) -> str:
+def _some(heads: list[str], rows: list[list[str]], caption: str) -> Blocks:
     """Return a table of the first rows, which says how many are not shown."""
     more = len(rows) - _MOST
     return table(heads, rows[:_MOST], caption + (f"; {more} more in --json" if more > 0 else ""))
@@ -127,7 +134,7 @@ def _gaps(t_s: FloatArray) -> list[tuple[float, float]]:
     return [(float(t_s[k]), float(t_s[k + 1])) for k in at]
 
 
-def constants_table(methods: Sequence[Method]) -> str:
+def constants_table(methods: Sequence[Method]) -> Blocks:
     """Return what was estimated with the flight and holds for all of it."""
     rows = [
         [method.name, one.name, axis, f"{value:.6g}", f"{sigma:.3g}", one.unit]
@@ -141,7 +148,7 @@ def constants_table(methods: Sequence[Method]) -> str:
     return table(["method", "constant", "axis", "value", "1σ", "unit"], rows)
 
 
-def set_up(flight: Flight) -> str:
+def set_up(flight: Flight) -> Blocks:
     """Return what was read of the flight: places, noises, rates, and what it did not state."""
     rows = [["name", flight.name, ""], ["start", f"{flight.start_gps_s:.3f} s GPS time", ""]]
     for name in ("origin", "gnss_noise", "initial"):
@@ -191,7 +198,7 @@ def _series(t_s: FloatArray) -> str:
     return f"{len(t_s)} samples, {rate_hz:.4g} Hz, {t_s[0]:.3f} to {t_s[-1]:.3f} s"
 
 
-def versions() -> str:
+def versions() -> Blocks:
     """Return who computed this."""
     rows = [["Python", platform.python_version()]]
     for name in _PACKAGES:

@@ -1,11 +1,11 @@
-"""The page of several flights: pooled figures, paired differences, and every flight."""
-
-from pathlib import Path
+"""The report of several flights: pooled figures, paired differences, and every flight."""
 
 import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.flights import BOOTSTRAP_SEED, FlightsComparison
+from fgnav.evaluation.report.blocks import Blocks, Part, Report, grid, paragraph, table
+from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, spanning
 from fgnav.evaluation.report.flights_table import (
     ANGLE_HEADS,
     COUNT_HEADS,
@@ -18,12 +18,10 @@ from fgnav.evaluation.report.flights_table import (
     number,
     paired_rows,
 )
-from fgnav.evaluation.report.html.drawing.chart import Axis, Chart, Line, spanning
-from fgnav.evaluation.report.html.drawing.markup import grid, paragraph, table
-from fgnav.evaluation.report.html.page import check_page, method_marks, page
-from fgnav.evaluation.report.html.sections.facts import versions
-from fgnav.io.atomic_write import write_text
+from fgnav.evaluation.report.palette import method_marks
+from fgnav.evaluation.report.sections.facts import versions
 
+_BESIDE = 0.2  # flights: methods on either side of where their flight is, so that equal ones show
 _CHARTS = (
     ("attitude RMS, deg", "attitude_rmse_deg"),
     ("95th percentile of attitude error, deg", "attitude_p95_deg"),
@@ -33,34 +31,30 @@ _CHARTS = (
 )
 
 
-def save_flights_page(comparison: FlightsComparison, path: Path) -> None:
-    """Write the report of several flights as one page, whole or not at all.
-
-    Raises
-    ------
-    BadInputError
-        As ``check_page``.
-    """
-    check_page(path)
+def flights_report(comparison: FlightsComparison) -> Report:
+    """Return the report of several flights."""
     methods = list(comparison.methods)
     seed = paragraph(
         f"Bootstrap of flights: 2000 resamples, seed {BOOTSTRAP_SEED:#x}. No method here draws "
         "random numbers."
     )
-    contents = {
-        "summary": ("Summary", _pooled(comparison) + _angles_and_counts(comparison)),
-        "paired": (f"Against {methods[0]}, flight by flight", _paired(comparison)),
-        "consistency": ("Consistency", _innovations(comparison)),
-        "flights": ("Every flight", _charts(comparison) + _per_flight(comparison)),
-        "failures": ("Failures", "".join(map(paragraph, failure_lines(comparison)))),
-        "versions": ("Versions and seeds", seed + versions()),
-    }
-    sections = {name: content for name, content in contents.items() if content[1]}
+    parts = [
+        Part(name=name, title=title, blocks=blocks)
+        for name, title, blocks in (
+            ("summary", "Summary", _pooled(comparison) + _angles_and_counts(comparison)),
+            ("paired", f"Against {methods[0]}, flight by flight", _paired(comparison)),
+            ("consistency", "Consistency", _innovations(comparison)),
+            ("flights", "Every flight", _charts(comparison) + _per_flight(comparison)),
+            ("failures", "Failures", paragraph(*failure_lines(comparison))),
+            ("versions", "Versions and seeds", seed + versions()),
+        )
+        if blocks
+    ]
     title = f"{len(comparison.flights)} flights: {', '.join(methods)}"
-    write_text(path, page(title, methods, sections))
+    return Report(title=title, methods=methods, parts=parts)
 
 
-def _pooled(comparison: FlightsComparison) -> str:
+def _pooled(comparison: FlightsComparison) -> Blocks:
     heads = ["method", *(f"{head} {unit}".strip() for head, unit, _ in SUMMARY)]
     rows = [
         [method, *(interval(comparison.pooled(name, method)) for _, _, name in SUMMARY)]
@@ -73,7 +67,7 @@ def _pooled(comparison: FlightsComparison) -> str:
     return table(heads, rows, caption)
 
 
-def _angles_and_counts(comparison: FlightsComparison) -> str:
+def _angles_and_counts(comparison: FlightsComparison) -> Blocks:
     caption = "RMS over flights by angle, and the least that any unbiased estimate has"
     bounds = (
         "A smoother looks at more than one epoch; the bound of the flight is for motions drawn "
@@ -86,7 +80,7 @@ def _angles_and_counts(comparison: FlightsComparison) -> str:
     )
 
 
-def _innovations(comparison: FlightsComparison) -> str:
+def _innovations(comparison: FlightsComparison) -> Blocks:
     heads = ["method", "measurement", "freedom", "NIS", "low", "high", "in the band"]
     caption = (
         "Normalised innovations squared by degree of freedom, over all flights, with the band that "
@@ -95,7 +89,7 @@ def _innovations(comparison: FlightsComparison) -> str:
     return table(heads, innovation_rows(comparison), caption)
 
 
-def _paired(comparison: FlightsComparison) -> str:
+def _paired(comparison: FlightsComparison) -> Blocks:
     heads = ["figure", "method", "flights", "difference", "ratio", "Wilcoxon p", "significant"]
     caption = (
         "Figures of each method less those of the first, on flights that both have; a ratio below "
@@ -104,7 +98,7 @@ def _paired(comparison: FlightsComparison) -> str:
     return table(heads, paired_rows(comparison), caption)
 
 
-def _per_flight(comparison: FlightsComparison) -> str:
+def _per_flight(comparison: FlightsComparison) -> Blocks:
     heads = [
         "flight",
         "method",
@@ -124,7 +118,7 @@ def _per_flight(comparison: FlightsComparison) -> str:
     return table(heads, rows)
 
 
-def _charts(comparison: FlightsComparison) -> str:
+def _charts(comparison: FlightsComparison) -> Blocks:
     """Return a dot for each flight and method, in the order of the flights."""
     marks = method_marks(list(comparison.methods))
     place = np.arange(1.0, len(comparison.flights) + 1)
@@ -134,24 +128,24 @@ def _charts(comparison: FlightsComparison) -> str:
         known = {method: v for method, v in values.items() if (v > 0).any()}
         if not known:
             continue
+        beside = np.linspace(-_BESIDE, _BESIDE, len(known)) if len(known) > 1 else np.zeros(1)
         lines = [
-            Line(mark=marks[m], name=m, x=place, y=_log10(v), dots=True) for m, v in known.items()
+            Line(mark=marks[m], name=m, x=place + shift, y=_log10(v), dots=True)
+            for (m, v), shift in zip(known.items(), beside.tolist(), strict=True)
         ]
         y = spanning(title, [line.y for line in lines], margin=0.15)
         charts.append(
-            str(
-                Chart(
-                    title=title,
-                    x=Axis(name="flight", low=0.5, high=len(place) + 0.5),
-                    y=Axis(
-                        name=title.rpartition(", ")[2],
-                        low=np.floor(y.low),
-                        high=np.ceil(y.high),
-                        log=True,
-                    ),
-                    lines=lines,
-                )
-            )
+            Chart(
+                title=title,
+                x=Axis(name="flight", low=0.5, high=len(place) + 0.5),
+                y=Axis(
+                    name=title.rpartition(", ")[2],
+                    low=np.floor(y.low),
+                    high=np.ceil(y.high),
+                    log=True,
+                ),
+                lines=lines,
+            ).drawing()
         )
     return grid(charts)
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Method
-from fgnav.evaluation.report.html.drawing.chart import Axis, Chart, Line, nested, spanning
-from fgnav.evaluation.report.html.drawing.markup import folded, grid, number, paragraph, table
+from fgnav.evaluation.report.blocks import Blocks, folded, grid, number, paragraph, table
+from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, nested, spanning
 
 _FREEDOM = 3
 _LEVEL = 0.95
@@ -15,7 +15,7 @@ _BINS = 40  # of a histogram
 _FIELDS = (("attitude", "nees"), ("position", "position_nees"), ("velocity", "velocity_nees"))
 
 
-def consistency_parts(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> str:
+def consistency_parts(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> Blocks:
     """Return tables and diagrams of NIS and NEES; empty where no method states a covariance."""
     return (
         _innovations(methods)
@@ -24,7 +24,7 @@ def consistency_parts(methods: Sequence[Method], marks: dict[str, str], time: Ax
     )
 
 
-def _innovations(methods: Sequence[Method]) -> str:
+def _innovations(methods: Sequence[Method]) -> Blocks:
     """Return a row for each method and kind of measurement, with the band of its mean."""
     from scipy.stats import chi2  # noqa: PLC0415  # lazy: 0.5 s
 
@@ -55,7 +55,7 @@ def _innovations(methods: Sequence[Method]) -> str:
     return table(heads, rows, caption)
 
 
-def _innovation_histograms(methods: Sequence[Method], marks: dict[str, str]) -> str:
+def _innovation_histograms(methods: Sequence[Method], marks: dict[str, str]) -> Blocks:
     """Return a histogram for each kind of measurement, by deciles of what is expected of it."""
     from scipy.stats import binom  # noqa: PLC0415  # lazy: 0.5 s
 
@@ -87,24 +87,22 @@ def _innovation_histograms(methods: Sequence[Method], marks: dict[str, str]) -> 
         ]
         most = max([15.0, high, *(float(line.y.max()) for line in lines)])
         charts.append(
-            str(
-                Chart(
-                    title=f"NIS of {kind}: share by decile of chi-square",
-                    x=Axis(name="probability of less", low=0.0, high=1.0),
-                    y=Axis(name="share, %", low=0.0, high=1.05 * most),
-                    lines=lines,
-                    rules={low: "", high: f"95 % of {count} independent"},
-                )
-            )
+            Chart(
+                title=f"NIS of {kind}: share by decile of chi-square",
+                x=Axis(name="probability of less", low=0.0, high=1.0),
+                y=Axis(name="share, %", low=0.0, high=1.05 * most),
+                lines=lines,
+                rules={low: "", high: f"95 % of {count} independent"},
+            ).drawing()
         )
     said = paragraph(
         "Ten per cent in each decile where the noise is what it is stated to be: more at the "
         "right, noise is larger; at the left, smaller; at both ends, outliers or a mixture."
     )
-    return folded("histograms of NIS", said + grid(charts)) if charts else ""
+    return folded("histograms of NIS", said + grid(charts)) if charts else []
 
 
-def _normalised_errors(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> str:
+def _normalised_errors(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> Blocks:
     from scipy.stats import chi2  # noqa: PLC0415  # lazy: 0.5 s
 
     low, high = chi2.ppf([(1 - _LEVEL) / 2, (1 + _LEVEL) / 2], _FREEDOM).tolist()
@@ -119,8 +117,8 @@ def _normalised_errors(methods: Sequence[Method], marks: dict[str, str], time: A
         }
         if not of:
             continue
-        charts.append(str(_in_time(quantity, of, marks, time, (low, high))))
-        histograms.append(str(_histogram(quantity, of, marks)))
+        charts.append(_in_time(quantity, of, marks, time, (low, high)).drawing())
+        histograms.append(_histogram(quantity, of, marks).drawing())
         for name, (_, values) in of.items():
             known = values[np.isfinite(values)]
             inside = float(((known >= low) & (known <= high)).mean())
@@ -134,7 +132,7 @@ def _normalised_errors(methods: Sequence[Method], marks: dict[str, str], time: A
                 ]
             )
     if not rows:
-        return ""
+        return []
     caption = (
         f"Normalised errors squared; 3 is expected, and 95 % between {low:.2f} and {high:.2f}. "
         "Errors of neighbouring epochs are alike in a smoother: one flight says little of the "

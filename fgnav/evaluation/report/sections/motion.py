@@ -7,7 +7,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Method
-from fgnav.evaluation.report.html.drawing.chart import (
+from fgnav.evaluation.report.blocks import Blocks, grid
+from fgnav.evaluation.report.drawing.chart import (
     BINS,
     HEIGHT,
     Axis,
@@ -18,9 +19,9 @@ from fgnav.evaluation.report.html.drawing.chart import (
     on_one_scale,
     spanning,
 )
-from fgnav.evaluation.report.html.drawing.markup import grid
-from fgnav.evaluation.report.html.sections.errors import sigmas
+from fgnav.evaluation.report.drawing.shapes import TRUTH, Drawing
 from fgnav.evaluation.report.lines import every, unjumped_deg
+from fgnav.evaluation.report.sections.errors import sigmas
 from fgnav.evaluation.scores import EULER, hidden
 from fgnav.geometry.rotations import log, to_euler, transpose
 from fgnav.types.flight import Flight, Truth
@@ -29,7 +30,6 @@ _TRACK = 2000  # points of a ground track
 _WRAPS = 0.3  # share of the bins of a line that an angle wraps in: more are drawn as dots
 _THICK, _THIN = 4.5, 1.6  # lines of methods, below the truth's
 _SIGMAS = 3.0
-TRUTH = "truth"
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -46,12 +46,12 @@ class _States:
 
 def motion_charts(
     flight: Flight, methods: Sequence[Method], marks: dict[str, str], time: Axis
-) -> str:
+) -> Blocks:
     """Return diagrams of the motion in time."""
     states = list(_states(flight, methods, marks))
     if not states:
-        return ""
-    charts = [str(_angle(states, k, name, time)) for k, name in enumerate(EULER)]
+        return []
+    charts = [_angle(states, k, name, time).drawing() for k, name in enumerate(EULER)]
     for k, name in enumerate(("north", "east", "down")):
         of = [(s, s.v_n_mps[:, k]) for s in states if s.v_n_mps is not None]
         charts += _series(f"velocity {name}", "m/s", of, time)
@@ -64,7 +64,7 @@ def motion_charts(
 
 def rate_and_bias_charts(
     flight: Flight, methods: Sequence[Method], marks: dict[str, str], time: Axis
-) -> str:
+) -> Blocks:
     """Return diagrams of body rates and of the biases of inertial units, with ±3σ."""
     charts = []
     true_rate, widths = _true_rate(flight.truth), nested(len(methods), _THICK, _THIN)
@@ -116,7 +116,7 @@ def rate_and_bias_charts(
                 edges = [edge[len(edge) // 2 :] for b in bands for edge in (b.low, b.high)]
                 y = spanning(f"{title} {axis}, {unit}", [*(line.y for line in lines), *edges])
                 charts.append(
-                    str(Chart(title=f"{title} {axis}", x=time, y=y, lines=lines, bands=bands))
+                    Chart(title=f"{title} {axis}", x=time, y=y, lines=lines, bands=bands).drawing()
                 )
     return grid(charts)
 
@@ -189,7 +189,9 @@ def _angle(states: list[_States], k: int, name: str, time: Axis) -> Chart:
     )
 
 
-def _series(name: str, unit: str, of: list[tuple[_States, FloatArray]], time: Axis) -> list[str]:
+def _series(
+    name: str, unit: str, of: list[tuple[_States, FloatArray]], time: Axis
+) -> list[Drawing]:
     shown = [(s, y) for s, y in of if np.isfinite(y).any()]
     lines = [
         Line(mark=s.mark, name=s.name, x=s.t_s, y=y, width=width) for s, y, width in _behind(shown)
@@ -197,10 +199,10 @@ def _series(name: str, unit: str, of: list[tuple[_States, FloatArray]], time: Ax
     if not lines:
         return []
     y = spanning(f"{name}, {unit}", [line.y for line in lines])
-    return [str(Chart(title=name, x=time, y=y, lines=lines))]
+    return [Chart(title=name, x=time, y=y, lines=lines).drawing()]
 
 
-def _track(states: list[_States]) -> list[str]:
+def _track(states: list[_States]) -> list[Drawing]:
     """Return east and north on one scale; nothing without positions."""
     lines = []
     shown = [
@@ -219,4 +221,4 @@ def _track(states: list[_States]) -> list[str]:
     x = spanning("east, m", [line.x for line in lines])
     y = spanning("north, m", [line.y for line in lines])
     x, y = on_one_scale(x, y, height)
-    return [str(Chart(title="ground track", x=x, y=y, lines=lines, height=height))]
+    return [Chart(title="ground track", x=x, y=y, lines=lines, height=height).drawing()]

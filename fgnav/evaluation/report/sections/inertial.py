@@ -8,22 +8,23 @@ from fgnav.evaluation.internal_consistency.allan import (
     longest_run,
     stated_deviation,
 )
-from fgnav.evaluation.report.html.drawing.chart import Axis, Chart, Line, spanning
-from fgnav.evaluation.report.html.drawing.markup import grid, paragraph
+from fgnav.evaluation.report.blocks import Blocks, grid, paragraph
+from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, spanning
+from fgnav.evaluation.report.drawing.shapes import Drawing
 from fgnav.types.flight import Flight
 
 _LEAST = 100  # samples: of fewer, a tenth is not a decade of averaging times
 
 
-def allan_parts(flight: Flight) -> str:
+def allan_parts(flight: Flight) -> Blocks:
     """Return the Allan deviations of accelerometer and gyroscope; empty without a unit."""
     imu = flight.imu
     if imu is None:
-        return ""
+        return []
     run = longest_run(imu.t_s)
     t_s = imu.t_s[run]
     if len(t_s) < _LEAST:
-        return ""
+        return []
     charts = _charts(
         "accelerometer",
         "m/s²",
@@ -48,23 +49,21 @@ def allan_parts(flight: Flight) -> str:
 
 def _charts(
     name: str, unit: str, t_s: FloatArray, values: FloatArray, stated: tuple[float, float]
-) -> list[str]:
+) -> list[Drawing]:
     """Return a diagram for each axis, all on one scale."""
     tau_s, deviation = allan_deviation(values, float(np.median(np.diff(t_s))))
     x, expected = np.log10(tau_s), _log10(stated_deviation(tau_s, *stated))
     y = spanning(f"Allan deviation, {unit}", [_log10(deviation).ravel(), expected])
     return [
-        str(
-            Chart(
-                title=f"{name} {axis}: Allan deviation",
-                x=Axis(name="averaging time, s", low=float(x[0]), high=float(x[-1]), log=True),
-                y=Axis(name=y.name, low=np.floor(y.low), high=np.ceil(y.high), log=True),
-                lines=[
-                    Line(mark="own", name="as recorded", x=x, y=_log10(own), as_is=True, width=1.6),
-                    Line(mark="truth", name="as stated", x=x, y=expected, as_is=True),
-                ],
-            )
-        )
+        Chart(
+            title=f"{name} {axis}: Allan deviation",
+            x=Axis(name="averaging time, s", low=float(x[0]), high=float(x[-1]), log=True),
+            y=Axis(name=y.name, low=np.floor(y.low), high=np.ceil(y.high), log=True),
+            lines=[
+                Line(mark="own", name="as recorded", x=x, y=_log10(own), as_is=True, width=1.6),
+                Line(mark="truth", name="as stated", x=x, y=expected, as_is=True),
+            ],
+        ).drawing()
         for axis, own in zip("xyz", deviation.T, strict=True)
     ]
 

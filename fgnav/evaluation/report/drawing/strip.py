@@ -6,7 +6,8 @@ from itertools import pairwise
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.evaluation.report.html.drawing.chart import Axis
+from fgnav.evaluation.report.drawing.chart import Axis
+from fgnav.evaluation.report.drawing.shapes import Shape, Stroke, Text, square
 
 WIDE, LEFT = 480.0, 60.0
 LENGTH = WIDE - LEFT - 8.0
@@ -20,41 +21,53 @@ def cells(count: int, most: int) -> IntArray:
 def strip(
     kinds: IntArray,
     t_s: FloatArray,
-    classes: Sequence[str],
+    marks: Sequence[str],
     time: Axis,
     at: tuple[float, float],
-) -> str:
+) -> list[Shape]:
     """Return one stroke for each run of cells of one kind.
 
     Parameters
     ----------
     kinds : ndarray of int, shape (c,)
-        Place in ``classes``; negative where nothing is drawn.
+        Place in ``marks``; negative where nothing is drawn.
     t_s : ndarray, shape (c + 1,)
         Edges of the cells.
-    classes : sequence of str
+    marks : sequence of str
     time : Axis
     at : tuple of float
         Height of the middle, and thickness.
     """
     y, thickness = at
-    edges, codes = across(t_s, time).tolist(), kinds.tolist()
+    edges, codes = across(t_s, time), kinds.tolist()
     bounds = [0, *(k for k in range(1, len(codes)) if codes[k] != codes[k - 1]), len(codes)]
-    return "".join(
-        f'<path class="l cell {classes[codes[a]]}" stroke-width="{thickness}" '
-        f'd="M{edges[a]:.1f} {y}H{edges[b]:.1f}"/>'
+    return [
+        Stroke(mark=marks[codes[a]], x=edges[[a, b]], y=np.full(2, y), width=thickness, butt=True)
         for a, b in pairwise(bounds)
         if codes[a] >= 0
-    )
+    ]
 
 
-def time_ticks(time: Axis, y: float) -> str:
+def time_ticks(time: Axis, y: float) -> list[Shape]:
     """Return the texts of the axis of time, and below them its name."""
-    name = f'<text x="{LEFT + LENGTH / 2}" y="{y + 14}" text-anchor="middle">{time.name}</text>'
-    return name + "".join(
-        f'<text x="{across(value, time):.1f}" y="{y}" text-anchor="middle">{text}</text>'
-        for value, text in time.ticks()
-    )
+    ticks = time.ticks()
+    places = across(np.array([value for value, _ in ticks]), time).tolist()
+    return [
+        Text(x=LEFT + LENGTH / 2, y=y + 14, text=time.name),
+        *(Text(x=at, y=y, text=text) for at, (_, text) in zip(places, ticks, strict=True)),
+    ]
+
+
+def key(kinds: Sequence[tuple[str, str]], top: float, step: float) -> list[Shape]:
+    """Return a row of squares, one for each mark, with what it means beside it."""
+    return [
+        shape
+        for k, (mark, text) in enumerate(kinds)
+        for shape in (
+            square(mark, LEFT + k * step, top),
+            Text(x=LEFT + k * step + 14, y=top + 9, text=text, anchor="start"),
+        )
+    ]
 
 
 def across(t_s: FloatArray | float, time: Axis) -> FloatArray:

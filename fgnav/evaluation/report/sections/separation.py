@@ -6,8 +6,8 @@ import numpy as np
 
 from fgnav.evaluation.comparison import Method
 from fgnav.evaluation.internal_consistency.filter_smoother import Separation, separations
-from fgnav.evaluation.report.html.drawing.chart import Axis, Chart, Line, nested
-from fgnav.evaluation.report.html.drawing.markup import folded, grid, number, paragraph, table
+from fgnav.evaluation.report.blocks import Blocks, folded, grid, number, paragraph, table
+from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, nested
 
 _FILTER, _SMOOTHERS = "forward", ("smoother", "batch")
 _SIGMAS = 3.0
@@ -19,7 +19,7 @@ _UNITS = {
 }
 
 
-def separation_parts(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> str:
+def separation_parts(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> Blocks:
     """Return diagrams and a table of a filter less smoothers; a sentence where one is missing."""
     of = [
         (method, apart)
@@ -46,7 +46,7 @@ def separation_parts(methods: Sequence[Method], marks: dict[str, str], time: Axi
                 )
                 for (method, apart), width in zip(pairs, nested(len(pairs)).tolist(), strict=True)
             ]
-            charts += [str(_chart(f"{quantity} {axis}", lines, time))] if lines else []
+            charts += [_chart(f"{quantity} {axis}", lines, time).drawing()] if lines else []
             rows += [_row(method, apart, k, (unit, scale, axis)) for method, apart in pairs]
     heads = ["forward less", "state", "axis", "RMS", "RMS / σ", "within 3σ", "no σ"]
     caption = "99.7 % are expected within 3σ; no σ: epochs of which the smoother states more"

@@ -1,0 +1,1 @@
+"""A report for print: pages by matplotlib, as one PDF or a PNG of each."""
