@@ -16,9 +16,8 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.frontend.attitude.in_motion import WINDOW_S
 from fgnav.frontend.attitude.initial import attitude_prior
-from fgnav.frontend.attitude.rates import swing_n_mps
 from fgnav.frontend.position.series import VectorSeries
-from fgnav.frontend.stages import Aligned, Tracked
+from fgnav.frontend.stages import Aligned, Tracked, moves_about
 from fgnav.graph.factors.wheels import NAME as WHEELS
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, Opening, SmoothingProblem
@@ -59,11 +58,7 @@ def open_heading(
     position = track.antenna.position
     if position is None:
         return None
-    p_n_m = start.p_n_m + (start.R_nb - R_nb) @ position.arm_b_m
-    v_n_mps = start.v_n_mps
-    for _, velocity in track.antenna.velocities[:1]:
-        arm_b_m = velocity.arm_b_m
-        v_n_mps = v_n_mps + swing_n_mps(start.R_nb - R_nb, stage.rates, arm_b_m)
+    p_n_m, v_n_mps = moves_about(stage, track, R_nb)
     # They speak of the heading, which here is arbitrary.
     parts = tuple(part for part in problem.measurements if part.name != WHEELS)
     without_wheels = replace(problem, measurements=parts)

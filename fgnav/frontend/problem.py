@@ -8,7 +8,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.frontend.array.shape import initial_shape, shape_at
 from fgnav.frontend.attitude.initial import attitude_prior
-from fgnav.frontend.attitude.rates import mean_force_b_mps2, rates_at, slopes_at, swing_n_mps
+from fgnav.frontend.attitude.rates import mean_force_b_mps2, rates_at, slopes_at
 from fgnav.frontend.calibration_request import (
     constants_of,
     mean_rate,
@@ -24,7 +24,7 @@ from fgnav.frontend.motion import motion_of
 from fgnav.frontend.position.live_arcs import antenna_phase
 from fgnav.frontend.sensors.sensed import Sensed, sense
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.frontend.stages import Aligned, Tracked, aligned, inertial_record, interpolated, tracked
+from fgnav.frontend.stages import Aligned, Tracked, aligned, inertial_record, moves_about, tracked
 from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.problem import Opening, SmoothingProblem
@@ -125,7 +125,7 @@ def build_problem(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
     )
     problem = SmoothingProblem(
         t_s=track.t_s,
-        start=_start(stage, track, constants, causal=causal),
+        start=_start(stage, track, constants),
         motion=motion,
         measurements=measurements_of(
             replace(_recorded(flight, stage, track, sensed, asked), timed=timed), constants
@@ -243,17 +243,11 @@ def timed_motion(
     )
 
 
-def _start(stage: Aligned, track: Tracked, constants: Constants, *, causal: bool) -> States:
+def _start(stage: Aligned, track: Tracked, constants: Constants) -> States:
     """Return where the search starts."""
-    t_s, R_nb, position = track.t_s, stage.start.R_nb, track.antenna.position
-    p_n_m = track.places_n_m - R_nb @ (0.0 if position is None else position.arm_b_m)
-    v_n_mps = np.zeros_like(p_n_m) if causal else np.gradient(p_n_m, t_s, axis=0)
-    for _, velocity in track.antenna.velocities[:1]:
-        if not velocity.valid.any():
-            continue
-        at_antenna = interpolated(t_s, velocity.value, causal=causal)
-        v_n_mps = at_antenna - swing_n_mps(R_nb, stage.rates, velocity.arm_b_m)
-    aux = np.zeros((len(t_s), 6 if stage.gyroscope else 12))
+    R_nb = stage.start.R_nb
+    p_n_m, v_n_mps = moves_about(stage, track, R_nb)
+    aux = np.zeros((len(track.t_s), 6 if stage.gyroscope else 12))
     bias_b_radps = stage.start.gyroscope_bias_b_radps
     if not stage.gyroscope:
         aux[:, 3:6] = stage.rates

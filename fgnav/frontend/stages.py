@@ -10,7 +10,7 @@ from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
 from fgnav.frontend.array.float_arcs import FloatArcs, with_float_arcs
 from fgnav.frontend.attitude.alignment import Alignment, align, at_keyframes
 from fgnav.frontend.attitude.filling import interpolated_attitudes
-from fgnav.frontend.attitude.rates import rough_rates
+from fgnav.frontend.attitude.rates import rough_rates, swing_n_mps
 from fgnav.frontend.faulty_samples import without_faulty
 from fgnav.frontend.gaps import (
     LONGEST_GAP_S,
@@ -203,6 +203,19 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
         tuple(one for gate in tested for one in gate.rejections),
         tuple(one for gate in tested for one in gate.losses),
     )
+
+
+def moves_about(stage: Aligned, track: Tracked, R_nb: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return places and velocities of the accelerometer, (n, 3) each, if its attitudes are R_nb."""
+    position = track.antenna.position
+    p_n_m = track.places_n_m - R_nb @ (0.0 if position is None else position.arm_b_m)
+    v_n_mps = np.zeros_like(p_n_m) if stage.causal else np.gradient(p_n_m, track.t_s, axis=0)
+    for _, velocity in track.antenna.velocities[:1]:
+        if not velocity.valid.any():
+            continue
+        at_antenna = interpolated(track.t_s, velocity.value, causal=stage.causal)
+        v_n_mps = at_antenna - swing_n_mps(R_nb, stage.rates, velocity.arm_b_m)
+    return p_n_m, v_n_mps
 
 
 def interpolated(t_s: FloatArray, values: FloatArray, *, causal: bool = False) -> FloatArray:
