@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 import torch
 
+from fgnav.graph.keys import Timeline
+from fgnav.neural import NeuralFactor
 from fgnav.neural.network import load_network
 from fgnav_models.commands import train
-from fgnav_models.runtime.factors import manifest
+from fgnav_models.runtime.factors import manifest, velocity
 from fgnav_models.training.velocity.data import records
 from fgnav_models.training.velocity.nets import VelocityNet, negative_log_likelihood
 from fgnav_models.training.velocity.trainer import calibrate
-from fgnav_sim.data_sets.vehicles.world import VehiclesWorld
+from fgnav_sim.data_sets.vehicles.world import VehiclesWorld, vehicle_scenario
+from fgnav_sim.simulate import simulate
 
 RECIPE = (
     Path(__file__).resolve().parents[4] / "models" / "fgnav_models" / "recipes" / "velocity.toml"
@@ -64,3 +67,13 @@ def test_the_released_network_is_small_and_runs():
     still = [np.zeros((2, one.window, 3)) for one in network.manifest.inputs]
     still[0][:, :, 2] = -9.81
     assert np.linalg.norm(network(still).value, axis=1).max() < 60.0
+
+
+def test_the_installed_factor_answers_a_flight_of_its_world():
+    rng = np.random.default_rng(3)
+    flight = simulate(vehicle_scenario(VehiclesWorld(flight_s=30.0), "car", rng), rng)
+    timeline = Timeline(t_s=np.arange(0.0, 29.0, 0.5), gyroscope=True)
+    made = velocity(flight, timeline)
+    between_s = NeuralFactor(manifest("velocity")).between_s
+    assert len(made.factors) == 1 + int((28.5 - 4.0) / between_s)
+    assert any("no window of 400 samples" in loss.reason for loss in made.losses)
