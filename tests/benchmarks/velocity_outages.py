@@ -1,7 +1,8 @@
 """What a velocity network is worth where GNSS is lost: simulated vehicles, a car, a quadrotor.
 
 Position errors within outages of 5, 15 and 30 s, with and without the factor, the same flights in
-pairs; intervals of 95 % by outage. ``VELOCITY_FLIGHTS`` states how many flights of each kind (8).
+pairs; intervals of 95 % by outage. Of filters, which do not know an outage's end, its first
+seconds. ``VELOCITY_FLIGHTS`` states how many flights of each kind (8).
 """
 
 import json
@@ -14,10 +15,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.methods.smoother import Batch, Smoother
+from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.neural import NeuralFactor
 from fgnav.neural.calibration import calibration
 from fgnav.neural.records import Record
+from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
 from fgnav_models.runtime.factors import manifest
 from fgnav_sim.data_sets.vehicles.track import Track
@@ -122,32 +124,29 @@ def resampled(t_s: FloatArray, values: FloatArray, unit: str) -> Record:
 
 
 def errors(
-    case: Case, method: Smoother, manifests: Sequence[Path | None], within_s: float = np.inf
+    case: Case, method: Smoother, manifests: Sequence[Path | None], within_s: Sequence[float]
 ) -> FloatArray:
-    """Return RMS position errors of outages, or their beginnings, by manifest, (k, m)."""
+    """Return RMS position errors in the first seconds of outages, by manifest, (w, k, m)."""
+    found = np.full((len(within_s), len(case.lost_s), len(manifests)), np.nan)
     try:
         prepared = method.prepare(case.flight)
+        for m, one in enumerate(manifests):
+            own = () if one is None else (NeuralFactor(one, records=case.records),)
+            estimate = replace(method, factors=own).estimate_prepared(case.flight, prepared)
+            found[:, :, m] = _of_outages(case, estimate, within_s)
     except NoSolutionError:
-        return np.full((len(case.lost_s), len(manifests)), np.nan)
-    columns = []
-    for one in manifests:
-        own = () if one is None else (NeuralFactor(one, records=case.records),)
-        try:
-            found = replace(method, factors=own).estimate_prepared(case.flight, prepared)
-        except NoSolutionError:
-            columns.append(np.full(len(case.lost_s), np.nan))
-            continue
-        arm_b_m = case.flight.antennas[0].position_b_m
-        antenna_n_m = found.p_n_m + found.R_nb @ arm_b_m
-        truth = np.stack([np.interp(found.t_s, case.judge_s, p) for p in case.judge_n_m.T], axis=1)
-        squares = ((antenna_n_m - truth) ** 2).sum(axis=1)
-        ends_s = np.minimum(case.lost_s[:, 1], case.lost_s[:, 0] + within_s)
-        of = [
-            (found.t_s > first) & (found.t_s < last)
-            for first, last in zip(case.lost_s[:, 0], ends_s, strict=True)
-        ]
-        columns.append(np.array([np.sqrt(squares[rows].mean()) for rows in of]))
-    return np.stack(columns, axis=1)
+        pass  # counted: those without a figure
+    return found
+
+
+def _of_outages(case: Case, found: Estimate, within_s: Sequence[float]) -> FloatArray:
+    antenna_n_m = found.p_n_m + found.R_nb @ case.flight.antennas[0].position_b_m
+    truth = np.stack([np.interp(found.t_s, case.judge_s, p) for p in case.judge_n_m.T], axis=1)
+    squares = ((antenna_n_m - truth) ** 2).sum(axis=1)
+    since_s = found.t_s[:, None] - case.lost_s[:, 0]
+    length_s = case.lost_s[:, 1] - case.lost_s[:, 0]
+    of = [(since_s > 0) & (since_s < np.minimum(length_s, within)) for within in within_s]
+    return np.sqrt([[squares[rows].mean() for rows in each.T] for each in of])
 
 
 def constant(folder: Path, sigma_mps: Sequence[float]) -> Path:
@@ -178,36 +177,52 @@ def run(count: int = FLIGHTS) -> list[dict]:
     fitted = calibration(manifest("velocity"), [(one, {}) for one in flown]).constant_sigma
     with TemporaryDirectory() as folder:
         manifests = (None, manifest("velocity"), constant(Path(folder), fitted))
-        return [_row(length_s, count, manifests) for length_s in LENGTHS_S]
+        filtered = [
+            (case.kind, errors(case, Forward(noise="stated"), manifests, LENGTHS_S))
+            for case in cases(LENGTHS_S[-1], count)
+            if case.kind in KINDS  # recordings state a data sheet's noise
+        ]
+        rows = []
+        for w, length_s in enumerate(LENGTHS_S):
+            smoothed = []
+            for case in cases(length_s, count):
+                noise = "stated" if case.kind in KINDS else "identified"
+                found = errors(case, Batch(noise=noise), manifests, (length_s,))
+                smoothed.append((case.kind, found[0]))
+            rows.append(_row(length_s, [(kind, found[w]) for kind, found in filtered], smoothed))
+    return rows
 
 
-def _row(length_s: float, count: int, manifests: Sequence[Path | None]) -> dict:
-    by_kind: dict[str, list[FloatArray]] = {}
-    for case in cases(length_s, count):
-        by_kind.setdefault(case.kind, []).append(errors(case, Batch(), manifests))
-    parts, rng = [], np.random.default_rng(0)
-    for kind, found in by_kind.items():
-        all_m = np.concatenate(found)
-        solved = all_m[np.isfinite(all_m).all(axis=1)]
-        if not len(solved):
-            parts.append(f"{kind}: none solved of {len(all_m)}")
-            continue
-        rms = np.sqrt((solved**2).mean(axis=0))
-        median = np.median(solved, axis=0)
-        low, high = interval(solved[:, 1] - solved[:, 0], rng)
-        parts.append(
-            f"{kind} ({len(solved)} of {len(all_m)} outages): RMS none {rms[0]:.2f}, factor "
-            f"{rms[1]:.2f}, constant sigma {rms[2]:.2f} m; median {median[0]:.2f}, "
-            f"{median[1]:.2f}, {median[2]:.2f}; factor less none {low:+.2f} to {high:+.2f}"
-        )
-    every = np.concatenate([one for found in by_kind.values() for one in found])
-    every = every[np.isfinite(every).all(axis=1)]
-    none, factor = np.median(every[:, :2], axis=0)
+def _row(
+    length_s: float,
+    filtered: list[tuple[str, FloatArray]],
+    smoothed: list[tuple[str, FloatArray]],
+) -> dict:
+    both = np.concatenate([found for _, found in filtered])
+    none, factor = np.sqrt(np.nanmean(both[:, :2] ** 2, axis=0))
     return {
         "name": f"velocity_outage_{length_s:.0f}_s",
         "ours": factor,
         "peer": none,
         "ratio": none / factor,
         "unit": "m",
-        "note": "median position error of `batch` in outages; peer: no factor. " + ". ".join(parts),
+        "note": f"RMS position error of `forward` in outages; peer: no factor. {_words(filtered)}; "
+        f"`batch`: {_words(smoothed)}",
     }
+
+
+def _words(of: list[tuple[str, FloatArray]]) -> str:
+    parts, rng = [], np.random.default_rng(0)
+    for kind in dict.fromkeys(kind for kind, _ in of):
+        found = np.concatenate([one for name, one in of if name == kind])
+        solved = found[np.isfinite(found).all(axis=1)]
+        if not len(solved):
+            parts.append(f"{kind}: none of {len(found)} solved")
+            continue
+        rms = np.sqrt((solved**2).mean(axis=0))
+        low, high = interval(solved[:, 1] - solved[:, 0], rng)
+        parts.append(
+            f"{kind}, {len(solved)} of {len(found)}: none {rms[0]:.2f}, factor {rms[1]:.2f}, "
+            f"constant sigma {rms[2]:.2f} m, mean of factor less none {low:+.2f} to {high:+.2f}"
+        )
+    return "; ".join(parts)
