@@ -81,11 +81,11 @@ def insert_variables(
 ) -> None:
     """Add what factors touch: of keyframe k what stands in row ``rows[k]``, and constants."""
     wanted = set(variables)
-    for key, part, first in _parts(layout.constants):
+    of_keyframes = {key for key in wanted if not keys.is_constant(key)}
+    for key, part, first in _parts(layout.constants) if of_keyframes != wanted else ():
         if key in wanted:
-            wanted.remove(key)
             values.insert(key, at.constants[first : first + part])
-    for key in wanted:
+    for key in of_keyframes:
         k = keys.index(key)
         row = rows[k]
         x, v, _ = layout.keyframe(k)

@@ -139,8 +139,8 @@ class _Own(NamedTuple):
 
 
 def _of_own(factor: gtsam.NonlinearFactor, layout: Layout, solution: Solution, first: int) -> _Own:
-    constants, involved = layout.constant_keys, list(factor.keys())
-    rows = tuple(sorted({keys.index(key) - first for key in involved if key not in constants}))
+    involved = list(factor.keys())
+    rows = tuple(sorted({keys.index(key) - first for key in involved if not keys.is_constant(key)}))
     values, at = gtsam.Values(), solution.states
     if rows and solution.constants is not None:
         at = at._replace(constants=solution.constants[rows[-1]])
@@ -153,7 +153,7 @@ def _of_own(factor: gtsam.NonlinearFactor, layout: Layout, solution: Solution, f
 
 def _columns(layout: Layout, key: int, place: Mapping[int, int]) -> IntArray:
     """Return where a variable stands, the state of keyframe k at ``place[k]``."""
-    if key in layout.constant_keys:
+    if keys.is_constant(key):
         i, constants = layout.constant_keys.index(key), layout.constants
         first = layout.width * len(place) + constants.first[i]
         return first + np.arange(constants.parts[i].size)

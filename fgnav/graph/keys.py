@@ -7,6 +7,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, frozen, increasing
 
 _INDEX_BITS = 56  # gtsam::Symbol: the letter stands in the highest byte
+_CONSTANT = ord("c")
 
 
 def pose(k: int) -> int:
@@ -46,6 +47,11 @@ def constant(i: int) -> int:
 def letter(key: int) -> str:
     """Return the letter of a key."""
     return chr(key >> _INDEX_BITS)
+
+
+def is_constant(key: int) -> bool:
+    """Return whether a key is that of a flight's constant."""
+    return key >> _INDEX_BITS == _CONSTANT
 
 
 def index(key: int) -> int:

@@ -23,7 +23,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.rotations import exp, log, to_euler, transpose, wrap
-from fgnav.neural.correlation import half_life_s
+from fgnav.neural.correlation import Errors, half_life_s, interval_s, together
 from fgnav.neural.measures import SENSORS
 from fgnav.neural.network import Network, load_network
 from fgnav.neural.records import Record, check_rate, of_flight
@@ -31,6 +31,7 @@ from fgnav.neural.windows import windows
 from fgnav.types.flight import Flight, Truth
 
 _DRAWS = 64  # pairs of each answer's energy score: 0.1 % of the mean of ten thousand answers
+_EVERY_S = 0.1  # between answers, or more where sensors are slower: closer ones say the same
 _BINS = 5  # by predicted sigma, equally many answers in each
 _JUDGED = ("heading", "attitude", "direction", "velocity", "speed", "height")
 
@@ -69,7 +70,10 @@ class Calibration:
     constant_sigma : tuple of float
         Of each axis of the tangent.
     half_life_s : float
-        Of normalised errors, the mean over flights of their autocorrelation's.
+        Of normalised errors, measured on these flights.
+    together : tuple of float
+        NEES of 1 of the mean of each flight's answers: as the manifest's half-life has them
+        counted, and as if all were independent.
     bins : tuple of Bin
     """
 
@@ -81,6 +85,7 @@ class Calibration:
     constant: Scores
     constant_sigma: tuple[float, ...]
     half_life_s: float
+    together: tuple[float, float]
     bins: tuple[Bin, ...]
 
     def __str__(self) -> str:
@@ -99,6 +104,10 @@ class Calibration:
             lines.append(f"{what:24} {one.nees:10.2f} {one.nll:10.3f} {scale * one.energy:12.4g}")
         if self.network.nll >= self.constant.nll:
             lines.append("The network's sigma is no better than a constant one.")
+        lines.append(
+            f"a flight's answers together: NEES of 1 {self.together[0]:.2f} as the factor counts "
+            f"them, {self.together[1]:.3g} if they were independent"
+        )
         lines.append(
             f"{'predicted ' + unit:>16} {'rms ' + unit:>12} {'NEES of 1':>10} {'count':>7}"
         )
@@ -126,7 +135,8 @@ def calibration(
         If a flight has no truth or lacks a sensor, nothing is answered, or the quantity is not
         one of a single time.
     """
-    network, errors, covariances, lives, outside = load_network(Path(manifest)), [], [], [], 0
+    network, errors, covariances, outside = load_network(Path(manifest)), [], [], 0
+    white: list[Errors] = []
     output = network.manifest.output
     if output.measures not in _JUDGED:
         raise BadInputError(
@@ -139,11 +149,11 @@ def calibration(
         covariances.append(covariance)
         outside += lost
         if len(t_s) > 2:
-            lives.append(half_life_s(t_s, _normalised(error, covariance)))
-    e, P = np.concatenate(errors), np.concatenate(covariances)
-    if not lives:
+            white.append((t_s, _normalised(error, covariance)))
+    if not white:
         raise BadInputError(f"{manifest}: the flights have no three windows to answer")
-    constant = e.T @ e / len(e)
+    e, P = np.concatenate(errors), np.concatenate(covariances)
+    constant, stated_s = e.T @ e / len(e), output.half_life_s
     return Calibration(
         name=network.manifest.name,
         unit="rad" if output.unit == "deg" else output.unit,
@@ -152,7 +162,8 @@ def calibration(
         network=_scores(e, P),
         constant=_scores(e, np.broadcast_to(constant, P.shape)),
         constant_sigma=tuple(np.sqrt(np.diag(constant)).tolist()),
-        half_life_s=float(np.mean(lives)),
+        half_life_s=half_life_s(white),
+        together=(together(white, stated_s, interval_s(stated_s)), together(white, 0.0, 0.0)),
         bins=_bins(e, P),
     )
 
@@ -179,7 +190,8 @@ def _errors(
     inside = (slowest.t_s >= max(truth.t_s[0], slowest.t_s[0] + longest_s)) & (
         slowest.t_s <= truth.t_s[-1]
     )
-    t_s = slowest.t_s[inside]
+    rate_hz = max(one.rate_hz for one in network.manifest.inputs if have[one.sensor] is slowest)
+    t_s = slowest.t_s[inside][:: max(1, round(_EVERY_S * rate_hz))]
     shown = windows(network.manifest.inputs, seen, t_s)
     answers = network([x[shown.usable] for x in shown.inputs])
     within = np.ones(int(shown.usable.sum()), dtype=np.bool_)
@@ -189,9 +201,9 @@ def _errors(
     error = _against_truth(network, truth, answered_s, value)
     covariance = answers.covariance[within]
     if network.manifest.output.measures == "direction":
-        across = np.linalg.svd(value[:, None, :])[2][:, 1:]
-        error = np.einsum("kij,kj->ki", across, error)
-        covariance = across @ covariance @ across.swapaxes(1, 2)
+        level = _attitudes(truth, answered_s)[:, :2]  # north and east: axes that do not turn
+        error = np.einsum("kij,kj->ki", level, error)
+        covariance = level @ covariance @ level.swapaxes(1, 2)
     return answered_s, error, covariance, len(t_s) - len(answered_s)
 
 

@@ -16,11 +16,18 @@ By default D is two half-lives, c = 5/3: of what all outputs, however dense, kno
 n D ln 2 / (2 h sigma^2), that keeps 2 (1 - 1/4) / ((1 + 1/4) 2 ln 2) = 87 %.
 """
 
+from collections.abc import Sequence
+from typing import TypeAlias
+
 import numpy as np
 
 from fgnav.checks import FloatArray
 
+Errors: TypeAlias = tuple[FloatArray, FloatArray]
+
 HALF_LIVES = 2.0  # between outputs, see above
+_TRIED = 200  # intervals: a few percent apart, interpolated between
+_SAME = 1e-6  # of an interval: times are rounded
 
 
 def interval_s(half_life_s: float) -> float:
@@ -44,32 +51,106 @@ def inflation(half_life_s: float, between_s: float) -> float:
     return float((1 + rho) / (1 - rho))
 
 
-def half_life_s(t_s: FloatArray, error: FloatArray) -> float:
-    """Return the half-life of errors by their autocovariance; 0 where neighbours are independent.
+def together(flights: Sequence[Errors], half_life_s: float, between_s: float) -> float:
+    """Return the NEES of 1 of the mean of each flight's answers, as the factor counts them.
 
-    The time that a first-order process with the same sum of autocorrelations has, which is what
-    ``inflation`` counts; the sum ends where the autocorrelation is below its own noise,
-    ``2 / sqrt(n)`` [1]_.
+    Of n answers ``between_s`` apart or more, each with its covariance times ``inflation``, the mean
+    of normalised errors has the variance ``inflation / n``; the mean square of what it errs by,
+    divided by that. The first answer is each of the first interval in turn.
 
     Parameters
     ----------
-    t_s : ndarray, shape (n,)
-        Evenly spaced times of outputs.
-    error : ndarray, shape (n,) or (n, d)
-        Normalised by the stated 1-sigma, best; channels are averaged.
+    flights : sequence of (t_s, error)
+        As of ``half_life_s``.
+    half_life_s, between_s : float
+        0 and the answers' own interval: as if all were independent.
+    """
+    squares, weights = [], []
+    for t_s, error in flights:
+        starts = np.flatnonzero(t_s <= t_s[0] + between_s * (1 - _SAME))
+        for start in starts.tolist():
+            rows = _apart(t_s, start, between_s)
+            squares.append((error[rows].sum(axis=0) ** 2).mean() / len(rows))
+            weights.append(1 / len(starts))
+    return float(np.average(squares, weights=weights) / inflation(half_life_s, between_s))
+
+
+def _apart(t_s: FloatArray, row: int, between_s: float) -> list[int]:
+    """Return answers an interval apart, or more, from a first one."""
+    rows = []
+    while row < len(t_s):
+        rows.append(row)
+        row = max(row + 1, int(np.searchsorted(t_s, t_s[row] + between_s * (1 - _SAME))))
+    return rows
+
+
+def half_life_s(flights: Sequence[Errors]) -> float:
+    """Return the half-life of errors by their autocovariance; 0 where neighbours are independent.
+
+    That with which a flight's answers, ``HALF_LIVES`` of it apart, are together as sure as they are
+    right. Of n answers D apart the mean's variance is the single one's, times
+
+        q(D) / n,  q(D) = 1 + 2 sum (1 - k/n) rho(k D),  k = 1 … n-1,
+
+    by the autocorrelation of all flights together, and the half-life h is half of the D at which
+    q(D) is ``inflation(h, D)``. So errors that have no single half-life, a part of which lasts as
+    long as a flight, are counted right over flights as long as these. The autocorrelation ends
+    where it is below its own noise, two over the square root of the pairs [1]_.
+
+    Parameters
+    ----------
+    flights : sequence of (t_s, error)
+        Times, (n,), multiples of an interval apart, and errors, (n, d), normalised by the stated
+        1-sigmas.
 
     References
     ----------
     .. [1] Box, Jenkins, Reinsel: Time Series Analysis, 4th edition, 2008, section 2.1.6.
     """
-    e = error.reshape(len(error), -1)
-    n, step_s = len(e), float(np.median(np.diff(t_s)))
+    step_s, rho = _autocorrelation(flights)
+    span_s = float(np.mean([t_s[-1] - t_s[0] for t_s, _ in flights]))
+    wanted = inflation(1.0, HALF_LIVES)
+    nearest = _sum(rho, step_s, span_s, step_s)
+    if nearest <= wanted:
+        one = (nearest - 1) / (nearest + 1)
+        return float(step_s * np.log(0.5) / np.log(one)) if one > 0 else 0.0
+    steps = np.geomspace(step_s, span_s, _TRIED)
+    sums = np.array([_sum(rho, step_s, span_s, between_s) for between_s in steps])
+    above = int(np.flatnonzero(sums > wanted)[-1])  # not the last: of one answer the sum is 1
+    return float(
+        np.interp(-wanted, -sums[above : above + 2], steps[above : above + 2]) / HALF_LIVES
+    )
+
+
+def _sum(rho: FloatArray, step_s: float, span_s: float, between_s: float) -> float:
+    """Return q of answers so far apart over a span, the mean over where the first may be."""
+    fewer, share = divmod((span_s + step_s) / between_s * (1 + 1e-9), 1.0)
+    found = 0.0
+    for n, weight in ((int(fewer), 1 - share), (int(fewer) + 1, share)):
+        k = np.arange(1, n)
+        at = np.interp(k * between_s, step_s * np.arange(len(rho)), rho, right=0.0)
+        found += weight * (1 + 2 * ((1 - k / max(n, 1)) * at).sum())
+    return float(found)
+
+
+def _autocorrelation(flights: Sequence[Errors]) -> tuple[float, FloatArray]:
+    """Return the interval and the autocorrelation of all flights, up to where it is noise."""
+    step_s = float(np.median(np.concatenate([np.diff(t_s) for t_s, _ in flights])))
+    places = [np.rint((t_s - t_s[0]) / step_s).astype(np.int64) for t_s, _ in flights]
+    n = max(int(place[-1]) for place in places) + 1
     size = 1 << (2 * n - 1).bit_length()
-    spectrum = np.abs(np.fft.rfft(e, size, axis=0)) ** 2
-    covariance = np.fft.irfft(spectrum, size, axis=0)[:n].sum(axis=1) / (n - np.arange(n))
-    rho = covariance / covariance[0]
-    below = np.flatnonzero(rho < 2 / np.sqrt(n))
-    total = rho[1 : int(below[0]) if len(below) else n].sum()
-    # rho + rho^2 + ... = rho / (1 - rho) = total
-    one = total / (1 + total)
-    return float(step_s * np.log(0.5) / np.log(one)) if one > 0 else 0.0
+    products, pairs = np.zeros(n), np.zeros(n)
+    for place, (_, error) in zip(places, flights, strict=True):
+        seen, errors = np.zeros(size), np.zeros((size, error.shape[1]))
+        seen[place], errors[place] = 1.0, error
+        pairs += _correlated(seen[:, None], n)
+        products += _correlated(errors, n) / error.shape[1]
+    rho = products / np.maximum(pairs, 1.0) / (products[0] / pairs[0])
+    noise = np.flatnonzero(rho < 2 / np.sqrt(np.maximum(pairs, 1.0)))
+    return step_s, rho[: int(noise[0])] if len(noise) else rho
+
+
+def _correlated(signals: FloatArray, n: int) -> FloatArray:
+    """Return the sum of products n lags apart, (n,), of padded signals, (size, d)."""
+    spectrum = np.abs(np.fft.rfft(signals, axis=0)) ** 2
+    return np.asarray(np.fft.irfft(spectrum, len(signals), axis=0)[:n].sum(axis=1))

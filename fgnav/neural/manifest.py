@@ -10,7 +10,7 @@ from fgnav.io.atomic_write import write_text
 from fgnav.io.strict_toml import NotNegative, Positive, Table, as_table, read_toml_or_json
 from fgnav.neural.measures import MEASURES, SENSORS, Measure, Quantity
 
-FORMAT = "fgnav-factor/1"
+FORMAT: Literal["fgnav-factor/1"] = "fgnav-factor/1"
 _HEX = r"^[0-9a-f]{64}$"
 
 Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1)]

@@ -52,7 +52,16 @@ class Network:
         """
         k = len(inputs[0])
         parts = [self._run([x[i : i + _AT_ONCE] for x in inputs]) for i in range(0, k, _AT_ONCE)]
-        raw = [np.concatenate(columns) for columns in zip(*parts, strict=True)] if k else []
+        return self.read([np.concatenate(columns) for columns in zip(*parts, strict=True)])
+
+    def read(self, raw: Sequence[FloatArray]) -> Answers:
+        """Return what outputs, (k, c) each, mean: value, covariance, figures; none of no windows.
+
+        Raises
+        ------
+        BadInputError
+            As of a call.
+        """
         output, where = self.manifest.output, f"{self.path}: output"
         if not raw:
             none = tuple(np.zeros(0) for _ in self.manifest.domain)
@@ -60,7 +69,7 @@ class Network:
         stated = 2 if output.covariance.name else 1
         return Answers(
             _value(where, output, raw[0]),
-            _covariance(where, output, raw[1] if stated == 2 else None, k),
+            _covariance(where, output, raw[1] if stated == 2 else None, len(raw[0])),
             tuple(map(_figure, self._names[stated:], raw[stated:])),
         )
 

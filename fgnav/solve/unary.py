@@ -5,6 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_variables
 from fgnav.graph.types.states import States
 from fgnav.optional_gtsam import gtsam
@@ -31,13 +32,12 @@ def add_unary(
     """
     values, D = gtsam.Values(), layout.width
     factors = list(factors)
-    touched = (key for factor in factors for key in factor.keys())  # noqa: SIM118  # not a dict
+    touched = [key for factor in factors for key in factor.keys()]  # noqa: SIM118  # not a dict
     insert_variables(values, layout, touched, at, {number: 0})
     x, v, aux = layout.keyframe(number)
     columns = {x: slice(0, 6), v: slice(6, 9), aux: slice(9, D)}
-    of_constants = zip(layout.constant_keys, layout.constants.parts, strict=True)
-    for (key, part), first in zip(of_constants, layout.constants.first, strict=True):
-        columns[key] = slice(D + first, D + first + part.size)
+    if any(map(keys.is_constant, touched)):
+        columns |= _of_constants(layout)
     for factor in factors:
         linear = factor.linearize(values)
         if linear is None:  # a factor that is not active is none
@@ -50,3 +50,11 @@ def add_unary(
             begin += own.stop - own.start
         rows[:, -1] = right
         node += rows.T @ rows
+
+
+def _of_constants(layout: Layout) -> dict[int, slice]:
+    of_parts = zip(layout.constant_keys, layout.constants.parts, strict=True)
+    return {
+        key: slice(layout.width + first, layout.width + first + part.size)
+        for (key, part), first in zip(of_parts, layout.constants.first, strict=True)
+    }

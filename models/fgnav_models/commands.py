@@ -14,6 +14,7 @@ _TRAINERS: Mapping[str, str] = {
     "ambiguity-frame": "fgnav_models.training.ambiguity.frame:run",
     "gravity": "fgnav_models.training.gravity.trainer:run",
     "trust": "fgnav_models.training.trust.trainer:run",
+    "velocity": "fgnav_models.training.velocity.trainer:run",
 }
 _THROUGH_SMOOTHER = ("gravity",)  # kinds that know --train-through smoother
 _LOG_S = 10.0  # between lines of train.log

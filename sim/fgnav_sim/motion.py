@@ -214,7 +214,7 @@ class Motion(Table, frozen=True):
         """Return the true motion at times since the start, (n,)."""
         displacement_m, v_n_mps, a_n_mps2 = self.path(t_s)
         roll, pitch, yaw = self.roll(t_s), self.pitch(t_s), self.yaw(t_s)
-        w_b_radps, alpha_b_radps2 = _body_rates(roll, pitch, yaw)
+        w_b_radps, alpha_b_radps2 = body_rates(roll, pitch, yaw)
         return State(
             p_n_m=displacement_m + np.array(self.position_n_m),
             v_n_mps=v_n_mps,
@@ -225,7 +225,7 @@ class Motion(Table, frozen=True):
         )
 
 
-def _body_rates(
+def body_rates(
     roll: FloatArray, pitch: FloatArray, yaw: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return body rate and its derivative, (n, 3), of angles with two derivatives, each (3, n)."""

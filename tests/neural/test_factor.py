@@ -11,7 +11,7 @@ from fgnav.geometry import rotations
 from fgnav.graph.custom import check_factor, jacobian_misfit
 from fgnav.graph.keys import Timeline, pose, velocity
 from fgnav.neural import NeuralFactor, Record
-from fgnav.neural.correlation import half_life_s, inflation, interval_s
+from fgnav.neural.correlation import half_life_s, inflation, interval_s, together
 from fgnav.neural.network import load_network
 from fgnav.neural.outputs import factor_of
 from tests.methods.simulated import flown
@@ -19,6 +19,8 @@ from tests.neural import graphs, sun_compass
 
 R_NB = rotations.from_euler(*np.array([[0.2], [-0.3], [2.5]]))[0]
 P_N_M, V_N_MPS = np.array([10.0, -20.0, -300.0]), np.array([12.0, 5.0, -1.0])
+
+STEP_S = 0.1  # between answers
 
 
 @pytest.fixture(name="values")
@@ -184,16 +186,55 @@ def test_independent_answers_are_not_inflated():
     assert inflation(0.0, 0.1) == 1.0
 
 
-def test_the_half_life_of_a_gauss_markov_process_is_found():
-    rng, step_s, true_s = np.random.default_rng(4), 0.1, 0.5
-    rho = 2.0 ** (-step_s / true_s)
-    noise, error = rng.standard_normal((20_000, 2)), np.zeros((20_000, 2))
-    for k in range(1, len(error)):
+def gauss_markov(count, true_s, rng):
+    """Return errors of unit variance, (count, 2), a tenth of a second apart."""
+    rho = 2.0 ** (-STEP_S / true_s)
+    noise, error = rng.standard_normal((count, 2)), np.zeros((count, 2))
+    error[0] = noise[0]
+    for k in range(1, count):
         error[k] = rho * error[k - 1] + np.sqrt(1 - rho**2) * noise[k]
-    found_s = half_life_s(step_s * np.arange(len(error)), error)
+    return error
+
+
+def test_the_half_life_of_a_gauss_markov_process_is_found():
+    rng = np.random.default_rng(4)
+    error, t_s = gauss_markov(20_000, 0.5, rng), STEP_S * np.arange(20_000)
     # The autocorrelation's sum has a relative 1-sigma of about sqrt(4 M / n): 5 % of M = 25 lags.
-    assert abs(found_s / true_s - 1) < 0.15
-    assert half_life_s(step_s * np.arange(len(error)), noise) < 0.3 * step_s
+    assert abs(half_life_s([(t_s, error)]) / 0.5 - 1) < 0.15
+    assert half_life_s([(t_s, rng.standard_normal((20_000, 2)))]) < 0.3 * STEP_S
+
+
+def test_a_half_life_is_found_across_missing_answers():
+    rng = np.random.default_rng(6)
+    error, t_s = gauss_markov(20_000, 0.5, rng), STEP_S * np.arange(20_000)
+    there = rng.random(20_000) < 0.7
+    assert abs(half_life_s([(t_s[there], error[there])]) / 0.5 - 1) < 0.15
+
+
+def test_errors_that_partly_last_for_a_flight_are_counted_right_over_one():
+    """A quarter of the variance is the flight's own: no single half-life has that."""
+
+    def flights(rng):
+        t_s = STEP_S * np.arange(300)
+        return [
+            (t_s, np.sqrt(0.75) * gauss_markov(300, 0.3, rng) + 0.5 * rng.standard_normal(2))
+            for _ in range(400)
+        ]
+
+    rng = np.random.default_rng(7)
+    found_s = half_life_s(flights(rng))
+    others = flights(rng)
+    assert 1.8 < 2 * together(others, found_s, interval_s(found_s)) < 2.2
+    assert 2 * together(others, 0.0, 0.0) > 3
+    assert 2 * together(others, 0.3, interval_s(0.3)) > 3  # what their neighbours would tell
+
+
+def test_answers_that_err_alike_throughout_are_together_as_sure_as_one():
+    rng, t_s = np.random.default_rng(8), STEP_S * np.arange(100)
+    flights = [(t_s, np.tile(rng.standard_normal(1), (100, 1))) for _ in range(50)]
+    found_s = half_life_s(flights)
+    one = np.mean([error[0] ** 2 for _, error in flights])
+    assert together(flights, found_s, interval_s(found_s)) == pytest.approx(one, rel=0.02)
 
 
 def timeline(t_s):

@@ -1,6 +1,7 @@
 """What holds for a whole flight and is estimated with it: places, angles, offsets."""
 
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 
@@ -77,7 +78,7 @@ class Constants:
     @property
     def first(self) -> tuple[int, ...]:
         """First column of each part."""
-        return tuple(int(k) for k in np.cumsum([0, *(part.size for part in self.parts)])[:-1])
+        return tuple(accumulate((part.size for part in self.parts), initial=0))[:-1]
 
     def column(self, name: str) -> int:
         """Return the first column of the part of that name; -1 if there is none."""

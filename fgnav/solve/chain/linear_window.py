@@ -213,8 +213,9 @@ class LinearWindow:
             begin = end
         for k in changed if self._unary else ():
             number = self.oldest + int(k)
-            own, layout = self._unary.get(number, ()), Layout.of(self._sources[k][0])
-            add_unary(own, layout, number, states.at(slice(k, k + 1)), links.node[k])
+            if own := self._unary.get(number):
+                layout = Layout.of(self._sources[k][0])
+                add_unary(own, layout, number, states.at(slice(k, k + 1)), links.node[k])
 
     def _eliminated(self, rows: WindowArrays, first: int, *, by_rows: bool) -> int:
         """Solve for the newest keyframe and the constants; return the first that is open, or -1."""

@@ -1,4 +1,4 @@
-"""Released networks as sources of factors: ``--factors gravity`` and others to come."""
+"""Released networks as sources of factors: ``--factors gravity,velocity``."""
 
 from pathlib import Path
 from typing import Any
@@ -20,8 +20,17 @@ def gravity(flight: Flight, timeline: Timeline) -> Sourced:
 
     A stream takes ``NeuralFactor(manifest("gravity-factor"))``, one of its own.
     """
+    return _made("gravity-factor", flight, timeline)
+
+
+def velocity(flight: Flight, timeline: Timeline) -> Sourced:
+    """Velocity in body axes from four seconds of a MEMS inertial unit, as of ``velocity``."""
+    return _made("velocity", flight, timeline)
+
+
+def _made(name: str, flight: Flight, timeline: Timeline) -> Sourced:
     from fgnav.neural.factor import NeuralFactor  # noqa: PLC0415  # lazy: gtsam, onnxruntime
 
-    source: Any = NeuralFactor(manifest("gravity-factor"))
+    source: Any = NeuralFactor(manifest(name))
     made: Sourced = source(flight, timeline)
     return made

@@ -13,6 +13,7 @@ from fgnav.checks import BadInputError
 from fgnav.io.atomic_write import made_folder, write_text
 from fgnav.io.strict_toml import Positive, Table
 from fgnav.methods.smoother import Batch
+from fgnav.neural.calibration import calibration
 from fgnav_models.gravity_features import CALM, SAMPLES, domain_values
 from fgnav_models.runtime.gravity import NetworkGravity
 from fgnav_models.runtime.load import load
@@ -20,7 +21,7 @@ from fgnav_models.runtime.manifest import Port
 from fgnav_models.training.ambiguity.experiment import SliceOver
 from fgnav_models.training.ambiguity.released import Release
 from fgnav_models.training.gravity.data import Drawn, Rows, draw
-from fgnav_models.training.gravity.factor import release_factor
+from fgnav_models.training.gravity.factor import release_gravity
 from fgnav_models.training.gravity.figures import figures_of, independent_after_s
 from fgnav_models.training.gravity.nets import GravityNet, deviation, negative_log_likelihood
 from fgnav_models.training.gravity.paper import PaperStudy, run_paper
@@ -31,11 +32,12 @@ from fgnav_models.training.release import Story, markdown_table, release
 from fgnav_models.training.smoother.judging import Compared, compared, judged, report_rows, text
 from fgnav_models.training.train import Settings, train
 from fgnav_sim.data_sets.gravity import GravityEpochs
+from fgnav_sim.data_sets.gravity_motions import PHASES
 from fgnav_sim.data_sets.gravity_world import GravityWorld
 
 Count = Annotated[int, msgspec.Meta(ge=1)]
 _TRAIN, _CALIBRATE, _TEST, _TIME = range(4)  # streams of random numbers: flights apart
-_THROUGH, _VALIDATE, _HELD_OUT, _INTERVAL = range(10, 14)  # 4 is the paper's
+_THROUGH, _VALIDATE, _HELD_OUT, _INTERVAL, _FOLLOWED = range(10, 15)  # 4 is the paper's
 _EXAMPLES = 64
 _Comparison: TypeAlias = tuple[Compared, ...]
 
@@ -147,7 +149,7 @@ def _learn(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) ->
         learned.release.domain | {"independent_after_s": wait_s} | _bounds(how, epochs, aided=aided)
     )
     if learned.factor:
-        release_factor(net, apart, learned.release, domain, metrics, order.out)
+        _release_factor(net, apart, learned, recipe, domain, metrics, order.out)
     else:
         _release(net, apart, learned, recipe, domain, metrics, order.out)
     write_text(done, msgspec.json.encode(metrics).decode() + "\n")
@@ -268,6 +270,26 @@ def _bounds(how: Training, epochs: GravityEpochs, *, aided: bool) -> dict[str, l
     edges = (how.domain_percent, 100.0 - how.domain_percent)
     bounds = {k: [float(f"{x:.4g}") for x in np.percentile(v, edges)] for k, v in seen.items()}
     return bounds | {k: [0.0, bounds[k][1]] for k in bounds if k in CALM}
+
+
+def _release_factor(
+    net: GravityNet,
+    apart: GravityEpochs,
+    learned: Learned,
+    recipe: Recipe,
+    domain: dict[str, Any],
+    metrics: dict[str, float],
+    folder: Path,
+) -> None:
+    """Release a factor, its half-life measured on flights as smoothers have them."""
+    words = learned.release
+    release_gravity(net, apart, words, domain | {"half_life_s": 0.0}, metrics, folder)
+    how = recipe.through
+    seed = [recipe.seed, _FOLLOWED]
+    flights = flown(recipe.world, PHASES, recipe.training.followed, how.duration_s, seed)
+    found = calibration(folder / f"{words.name}.json", [(one, {}) for one in flights])
+    domain |= {"half_life_s": round(found.half_life_s, 2)}
+    release_gravity(net, apart, words, domain, metrics, folder)
 
 
 def _release(

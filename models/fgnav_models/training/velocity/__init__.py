@@ -1,0 +1,1 @@
+"""Velocity in body axes by an inertial unit alone, of vehicles of many kinds."""

@@ -1,0 +1,171 @@
+"""Recipes of kind ``velocity``: body velocity by an inertial unit, released as a factor."""
+
+from typing import Annotated
+
+import msgspec
+import numpy as np
+import torch
+
+from fgnav.io.atomic_write import made_folder, write_text
+from fgnav.io.strict_toml import Positive, Table
+from fgnav.neural.manifest import FORMAT, Covariance, Manifest, Output, Statistic
+from fgnav_models.training.ambiguity.released import Release
+from fgnav_models.training.factor_release import factor_input, release_factor
+from fgnav_models.training.order import Order
+from fgnav_models.training.recipes import scaled
+from fgnav_models.training.release import markdown_table
+from fgnav_models.training.train import Settings, train
+from fgnav_models.training.velocity.data import SCALE, Drawn, Records, records
+from fgnav_models.training.velocity.figures import figures_of, judged, measured_half_life_s
+from fgnav_models.training.velocity.nets import (
+    FIGURES,
+    VelocityFactor,
+    VelocityNet,
+    negative_log_likelihood,
+)
+from fgnav_sim.data_sets.vehicles.world import VehiclesWorld
+
+Count = Annotated[int, msgspec.Meta(ge=1)]
+_TRAIN, _CALIBRATE, _TEST = range(3)  # streams of random numbers: flights apart
+_SENSORS = (("f_b_mps2", "accelerometer"), ("w_b_radps", "gyroscope"))
+_EXAMPLES = 64
+
+
+class Training(Table, frozen=True):
+    """How the network is made.
+
+    Attributes
+    ----------
+    flights, held_out : int
+        To learn from; to calibrate on, and as many to test on.
+    window_s : float
+    width, steps, batch : int
+    learning_rate : float
+    domain_percent : float
+        Of the training windows that lie beyond each bound of the declared domain.
+    """
+
+    flights: Count = 2500
+    held_out: Count = 200
+    window_s: Positive = 4.0
+    width: Count = 48
+    steps: Count = 8000
+    batch: Count = 256
+    learning_rate: Positive = 2e-3
+    domain_percent: Positive = 0.02
+
+
+class Recipe(Table, frozen=True):
+    """A network, and the vehicles that it learns from; ``gyroscope``: whether it sees rates."""
+
+    world: VehiclesWorld
+    release: Release
+    gyroscope: bool = True
+    training: Training = Training()
+    seed: int = 1
+
+
+def run(order: Order) -> list[str] | None:
+    """Run a recipe; a ``fgnav_models.training.order.Trainer``."""
+    recipe = scaled(order, Recipe)
+    how, seed, name = recipe.training, recipe.seed, recipe.release.name
+
+    def flights(stream: int, count: int) -> Records:
+        return records(recipe.world, count, rng=np.random.default_rng([seed, stream]))
+
+    learn, held = flights(_TRAIN, how.flights), flights(_CALIBRATE, how.held_out)
+    window = round(how.window_s * recipe.world.rate_hz)
+    net = VelocityNet(window=window, gyroscope=recipe.gyroscope, width=how.width, seed=seed)
+    net.to(order.device)
+    some = held.windows(*held.every(round(recipe.world.rate_hz), window), window)
+    trained = train(
+        net,
+        Drawn(flights=learn, window=window, batch=how.batch, seed=seed),
+        lambda module, batch: negative_log_likelihood(module, _on(order.device, batch)),
+        Settings(
+            steps=how.steps,
+            learning_rate=how.learning_rate,
+            clip_norm=1.0,
+            seed=seed,
+            validate_every=max(1, how.steps // 10),
+        ),
+        made_folder(order.out / name) / "checkpoint.safetensors",
+        validate=lambda module: _validation(module, _on(order.device, some)),
+        deadline_s=order.deadline_s,
+        watch=lambda progress: order.watch(name, progress),
+    )
+    if not trained.finished:
+        return None
+    net.cpu()
+    calibrate(net, held, window)
+    found = judged(net, flights(_TEST, how.held_out), window)
+    metrics = figures_of(found)
+    half_life_s = measured_half_life_s(judged(net, held, window))
+    _release(net, learn, recipe, half_life_s, metrics, order)
+    rows = [[name, key, f"{value:.4g}"] for key, value in metrics.items()]
+    write_text(order.out / "report.md", markdown_table(("network", "figure", "value"), rows) + "\n")
+    return [*(" | ".join(row) for row in rows), f"the table is in {order.out / 'report.md'}"]
+
+
+def calibrate(net: VelocityNet, held: Records, window: int) -> None:
+    """Scale each axis' 1-sigma so that the mean normalised square of held-out errors is 1."""
+    of = judged(net, held, window)
+    squares = ((of.error_mps / of.sigma_mps) ** 2).mean(axis=0)
+    net.log_scale += torch.from_numpy(np.log(squares) / 2).float()
+
+
+def _on(device: str, batch: tuple[torch.Tensor, ...]) -> tuple[torch.Tensor, ...]:
+    return tuple(x.to(device) for x in batch)
+
+
+def _validation(module: torch.nn.Module, batch: tuple[torch.Tensor, ...]) -> dict[str, float]:
+    with torch.no_grad():
+        return {"negative_log_likelihood": float(negative_log_likelihood(module, batch))}
+
+
+def _release(
+    net: VelocityNet,
+    learn: Records,
+    recipe: Recipe,
+    half_life_s: float,
+    metrics: dict[str, float],
+    order: Order,
+) -> None:
+    how, words, rate_hz = recipe.training, recipe.release, recipe.world.rate_hz
+    window, sensors = round(how.window_s * rate_hz), _SENSORS[: 2 if recipe.gyroscope else 1]
+    module = VelocityFactor(net, SCALE).eval()
+    *sensed, _ = learn.windows(*learn.every(window, window), window)
+    sensed = sensed[: len(sensors)]
+    with torch.no_grad():
+        figures = [figure[:, 0].numpy() for figure in module(*sensed)[2:]]
+    edges = (how.domain_percent, 100.0 - how.domain_percent)
+    bounds = [tuple(float(f"{x:.4g}") for x in np.percentile(one, edges)) for one in figures]
+    manifest = Manifest(
+        format=FORMAT,
+        name=words.name,
+        purpose=words.purpose,
+        onnx=f"{words.name}.onnx",
+        sha256="0" * 64,
+        licence="BSD-3-Clause",
+        inputs=tuple(
+            factor_input(port, sensor, rate_hz, window, scale=scale)
+            for (port, sensor), scale in zip(sensors, SCALE, strict=False)
+        ),
+        output=Output(
+            name="v_b_mps",
+            measures="velocity",
+            manifold="R3",
+            unit="m/s",
+            frame="b",
+            covariance=Covariance(form="log_sigma", name="log_sigma"),
+            half_life_s=round(half_life_s, 2),
+        ),
+        domain=tuple(
+            Statistic(name=name, unit=unit, range=(low, high))
+            for (name, unit), (low, high) in zip(FIGURES.items(), bounds, strict=False)
+        ),
+    )
+    examples = [
+        scale * x[:_EXAMPLES].double().numpy() for x, scale in zip(sensed, SCALE, strict=False)
+    ]
+    release_factor(module, examples, manifest, words, metrics, order.out)
