@@ -60,7 +60,17 @@ def flights_lines(comparison: FlightsComparison, width: int) -> list[str]:
             "Wilcoxon's test exclude chance",
             *folded_table(heads, paired, width),
         ]
-    return lines + list(failure_lines(comparison))
+    return lines + reference_lines(comparison) + list(failure_lines(comparison))
+
+
+def reference_lines(comparison: FlightsComparison) -> list[str]:
+    """Return a line of the flights whose truth is an estimate itself."""
+    judge = {one.flight: one.detail.get("judged_by") for one in comparison.flights}
+    against = [flight for flight, by in judge.items() if by == "reference"]
+    if not against:
+        return []
+    named = ", ".join(against[:3]) + (f" and {len(against) - 3} more" if len(against) > 3 else "")
+    return [f"errors and NEES of {named} are against a reference that is an estimate itself"]
 
 
 def _per_flight(comparison: FlightsComparison, width: int) -> list[str]:

@@ -308,4 +308,10 @@ def _truth(folder: Path, origin: Origin, table: TruthTable, names: list[str]) ->
         raise BadInputError(
             f"{folder / str(table.integers)}: true integers antenna: {name!r} is not one of {names}"
         )
-    return series.truth(_read(folder, table.samples, "truth"), origin, integers)
+    return series.truth(
+        _read(folder, table.samples, "truth"),
+        origin,
+        integers,
+        source=table.source,
+        where=folder / table.samples,
+    )

@@ -14,7 +14,7 @@ from fgnav.checks import BadInputError, quoted
 from fgnav.io.flight.mounting import FORWARD_RIGHT_DOWN
 from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.strict_toml import Positive, Table, Vector, as_table, read_toml
-from fgnav.types.flight import ElevationWeights, GnssNoise
+from fgnav.types.flight import ElevationWeights, GnssNoise, TruthSource
 
 FORMAT = "fgnav-flight/1"
 _START = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,9})?")
@@ -164,6 +164,7 @@ class TruthTable(Table, frozen=True, kw_only=True):
 
     samples: str
     integers: str | None = None
+    source: TruthSource | None = None
 
 
 class FlightTable(Table, frozen=True, kw_only=True):

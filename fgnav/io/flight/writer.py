@@ -319,9 +319,17 @@ def _truth(flight: Flight, folder: Path) -> flight_toml.TruthTable | None:
         (columns.PLACE, place_of_n(flight.origin, truth.p_n_m)),
         (columns.VELOCITY, velocity_of_n(flight.origin, truth.p_n_m, truth.v_n_mps)),
         (columns.EULER, attitude_of_n(flight.origin, truth.p_n_m, truth.R_nb)),
+        (columns.POSITION_SIGMA, truth.position_sigma_m),
+        (columns.VELOCITY_SIGMA, truth.velocity_sigma_mps),
+        (
+            columns.EULER_SIGMA,
+            None if truth.euler_sigma_rad is None else np.degrees(truth.euler_sigma_rad),
+        ),
     )
     if truth.integers is not None:
         write_integers(folder / "integers.csv", truth.integers)
     return flight_toml.TruthTable(
-        samples="truth.csv", integers=None if truth.integers is None else "integers.csv"
+        samples="truth.csv",
+        integers=None if truth.integers is None else "integers.csv",
+        source=truth.source,
     )

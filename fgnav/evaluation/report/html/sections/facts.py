@@ -11,7 +11,7 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.report.html.drawing.markup import NONE, folded, number, paragraph, table
-from fgnav.evaluation.report.table import HEADS, remarks, score_row
+from fgnav.evaluation.report.table import heads, remarks, score_row
 from fgnav.evaluation.scores import EULER, Angles
 from fgnav.types.flight import Flight
 
@@ -26,10 +26,10 @@ _PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxrunt
 
 def method_table(comparison: Comparison) -> str:
     """Return the table of the methods, and below it the bound or the differences."""
-    heads = ["method", *(f"{name}, {unit}" for name, unit in HEADS)]
+    columns = ["method", *(f"{name}, {unit}" for name, unit in heads(comparison))]
     rows = [[m.name, *score_row(m.score)] for m in comparison.methods]
-    judged = any(m.errors is not None for m in comparison.methods)
-    what = "RMS errors against truth" if judged else "no truth to judge by"
+    judge = comparison.judged_by
+    what = "no truth to judge by" if judge is None else f"RMS errors against {judge}"
     bounds = [
         (f"Cramér-Rao bound of {what}", _angles(own))
         for what, own in (
@@ -39,7 +39,7 @@ def method_table(comparison: Comparison) -> str:
     ]
     said = "".join(paragraph(line) for line in remarks(comparison))
     return (
-        table(heads, rows, f"{what}, {comparison.epochs} epochs")
+        table(columns, rows, f"{what}, {comparison.epochs} epochs")
         + "".join(paragraph(f"{what}: {', '.join(own)}.") for what, own in bounds if own)
         + (paragraph(_ONE_FLIGHT) if len(comparison.solved) > 1 else "")
         + _differences(comparison)
