@@ -60,6 +60,19 @@ def contradictions(
     return tuple(_spans(t_s, (sums, own), begins, flagged))
 
 
+def contradiction_of_one(
+    t_s: FloatArray, squared: float, freedom: int
+) -> tuple[Contradiction, ...]:
+    """Return whether one innovation of a whole flight, of times (n,), is out of its band."""
+    nis = squared / freedom
+    if nis <= _limit(freedom, _FALSE_ALARM, TOLERATED):
+        return ()
+    begin_s, end_s = float(t_s[0]), float(t_s[-1])
+    return (
+        Contradiction(from_s=begin_s, until_s=end_s, freedom=freedom, nis=nis, throughout=True),
+    )
+
+
 def _limit(freedom: FloatArray | float, false_alarm: float, tolerated: float) -> FloatArray:
     """Return the largest mean square that is no contradiction."""
     return np.asarray(np.maximum(tolerated, chdtri(freedom, false_alarm) / freedom))

@@ -147,6 +147,9 @@ FAULTS = (
     Fault("detector spikes", "seeker", "sight",
           lambda f: _currents(f, np.where(np.arange(len(f.seeker.t_s))[:, None] % 11 == 5,
                                           f.seeker.currents[:, [3, 0, 1, 2]], f.seeker.currents))),
+    Fault("landmark displaced", "seeker", "sight",
+          lambda f: replace(f, seeker=replace(f.seeker, landmark_n_m=np.add(
+              f.seeker.landmark_n_m, [70.0, 70.0, 0.0])))),
     Fault("unit stuck, array", "array", INERTIAL, _unit_stuck),
     Fault("unit stuck, gyroscope", "single", INERTIAL, _unit_stuck),
     Fault("accelerometer spikes", "single", INERTIAL,
