@@ -18,7 +18,7 @@ from scipy.special import chdtr, chdtri
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph import keys
-from fgnav.graph.band import contradictions
+from fgnav.graph.band import contradictions, limit_of
 from fgnav.graph.build import Layout, insert_variables
 from fgnav.graph.custom import OwnFactor
 from fgnav.graph.place_by_code import place_consistency
@@ -262,5 +262,6 @@ def _judged(name: str, part: Innovations, t_s: FloatArray) -> Consistency:
         nis=float(squared.sum() / max(freedom.sum(), 1)),
         beyond_99=float(beyond.mean()) if len(beyond) else 0.0,
         deciles=tuple(np.bincount(decile, minlength=10).tolist()),
+        limit=limit_of(squared, freedom) if len(squared) > 1 else None,
         contradictions=contradictions(t_s[part.tested][order], squared, freedom),
     )

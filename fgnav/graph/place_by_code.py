@@ -15,7 +15,7 @@ from scipy.special import chdtrc
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import skew
-from fgnav.graph.band import contradiction_of_one
+from fgnav.graph.band import contradiction_of_one, limit_of_one
 from fgnav.graph.factors.antenna_phase import AntennaPhase
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION, ROTATION
@@ -63,6 +63,7 @@ def place_consistency(
             freedom=freedom,
             nis=squared / freedom,
             beyond_99=float(chdtrc(freedom, squared) < _GATE),
+            limit=limit_of_one(freedom),
             contradictions=contradiction_of_one(t_s, squared, freedom),
         ),
     )

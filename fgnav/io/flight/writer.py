@@ -85,7 +85,7 @@ def write_parts(
 
 
 def _rows(flight: Flight) -> dict[str, int]:
-    """Return how many rows each table holds, by file."""
+    """Return how many rows each table holds, epochs or messages each file of orbits."""
     series = {
         "imu.csv": flight.imu,
         "fixes.csv": flight.fixes,
@@ -95,6 +95,10 @@ def _rows(flight: Flight) -> dict[str, int]:
         "truth.csv": flight.truth,
     }
     rows = {name: len(one.t_s) for name, one in series.items() if one is not None}
+    if flight.precise is not None:
+        rows["precise.sp3"] = len(flight.precise.t_s)
+    if flight.broadcast is not None:
+        rows["broadcast.rnx"] = len(flight.broadcast.records)
     if flight.seeker is not None:
         rows["quadrant.csv"] = len(flight.seeker.calibration)
     if flight.truth is not None and flight.truth.integers is not None:
