@@ -19,6 +19,7 @@ from fgnav.types.flight import ElevationWeights, GnssNoise, TruthSource
 FORMAT = "fgnav-flight/1"
 _START = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,9})?")
 
+_MOST_ANTENNAS = 256  # all pairs of them are held against each other
 _NOISE = GnssNoise()
 _NOTHING: tuple[Any, ...] = (None, [], (), {})
 
@@ -175,7 +176,7 @@ class FlightTable(Table, frozen=True, kw_only=True):
     start: str
     rows: dict[str, Annotated[int, msgspec.Meta(ge=0)]] = msgspec.field(default_factory=dict)
     origin: Place
-    antenna: tuple[AntennaTable, ...] = ()
+    antenna: Annotated[tuple[AntennaTable, ...], msgspec.Meta(max_length=_MOST_ANTENNAS)] = ()
     network: tuple[NetworkTable, ...] = ()
     gnss: GnssTable = GnssTable()
     imu: ImuTable | None = None
