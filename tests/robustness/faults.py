@@ -93,6 +93,12 @@ def _unit_stuck(flight: Flight) -> Flight:
     return _imu(flight, **changes)
 
 
+def _reversed_half_way(flight: Flight) -> Flight:
+    force = flight.imu.f_b_mps2.copy()
+    force[len(force) // 2 :, 2] *= -1.0
+    return _imu(flight, f_b_mps2=force)
+
+
 def _places_turned(flight: Flight) -> Flight:
     """Give the antennas in axes that point up and left."""
     signs = np.array([1.0, -1.0, -1.0])
@@ -154,6 +160,7 @@ FAULTS = (
     Fault("unit stuck, gyroscope", "single", INERTIAL, _unit_stuck),
     Fault("accelerometer spikes", "single", INERTIAL,
           lambda f: _imu(f, f_b_mps2=_spiked(f.imu.f_b_mps2, 97, [0.0, 0.0, 50.0]))),
+    Fault("accelerometer axis reversed half-way", "single", INERTIAL, _reversed_half_way),
     Fault("accelerometer axes exchanged", "array", INERTIAL,
           lambda f: _imu(f, f_b_mps2=f.imu.f_b_mps2[:, [1, 0, 2]])),
     Fault("accelerometer reversed", "seeker", INERTIAL,
