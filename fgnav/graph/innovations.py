@@ -18,10 +18,10 @@ from scipy.special import chdtr, chdtri
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph import keys
-from fgnav.graph.band import contradictions, limit_of
 from fgnav.graph.build import Layout, insert_variables
 from fgnav.graph.custom import OwnFactor
-from fgnav.graph.place_by_code import place_consistency
+from fgnav.graph.innovation.band import contradictions, limit_of
+from fgnav.graph.innovation.place_by_code import place_consistency
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution

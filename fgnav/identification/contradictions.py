@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import NoSolutionError
-from fgnav.graph.band import TOLERATED
+from fgnav.graph.innovation.band import TOLERATED
 from fgnav.identification.exclusion import Exclusion, exclusions
 from fgnav.types.estimate import Consistency, Estimate, Rejected
 from fgnav.types.flight import Flight

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock, PhaseRows
-from fgnav.graph.place_by_code import place_consistency
+from fgnav.graph.innovation.place_by_code import place_consistency
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States

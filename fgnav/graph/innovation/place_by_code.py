@@ -15,8 +15,8 @@ from scipy.special import chdtrc
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import skew
-from fgnav.graph.band import contradiction_of_one, limit_of_one
 from fgnav.graph.factors.antenna_phase import AntennaPhase
+from fgnav.graph.innovation.band import contradiction_of_one, limit_of_one
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION, ROTATION
 from fgnav.types.estimate import Consistency
