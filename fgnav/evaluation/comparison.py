@@ -4,7 +4,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from time import perf_counter
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.evaluation.bound import flight_bound
@@ -13,7 +13,7 @@ from fgnav.evaluation.pairwise import Difference, pairwise
 from fgnav.evaluation.scores import Angles, Errors, Score, errors_against, score
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Estimate, Estimator, Rejected
-from fgnav.types.flight import Flight
+from fgnav.types.flight import TRUTH_SIGMAS, Flight, Truth
 from fgnav.types.integers import Integers
 from fgnav.types.summaries import summary, summary_html
 
@@ -75,6 +75,11 @@ class Comparison:
         Of the array's observations; None without an array.
     right_integers : Integers or None
         What the true attitude implies of them; None without truth.
+    judged_by : {"truth", "reference"} or None
+        A reference is an estimate itself: its errors are in all figures. None without truth.
+    counted_sigmas : tuple of str
+        What the truth states 1-sigmas of, ``"attitude"``, ``"position"``, ``"velocity"``: NEES
+        counts them.
     """
 
     flight: str
@@ -85,6 +90,8 @@ class Comparison:
     differences: tuple[Difference, ...] = ()
     double_differences: DoubleDifferences | None = None
     right_integers: Integers | None = None
+    judged_by: Literal["truth", "reference"] | None = None
+    counted_sigmas: tuple[str, ...] = ()
 
     @property
     def solved(self) -> list[Method]:
@@ -112,6 +119,8 @@ class Comparison:
         return {
             "flight": self.flight,
             "epochs": self.epochs,
+            "judged_by": self.judged_by,
+            "counted_sigmas": self.counted_sigmas,
             "methods": {method.name: method.to_dict() for method in self.methods},
             "bound": {
                 "crlb_deg": asdict(self.bound),
@@ -204,7 +213,21 @@ def compare(
         differences=() if flight.truth else pairwise(estimates),
         double_differences=differences,
         right_integers=right,
+        judged_by=_judge_of(flight.truth),
+        counted_sigmas=_counted(flight.truth),
     )
+
+
+def _judge_of(truth: Truth | None) -> Literal["truth", "reference"] | None:
+    if truth is None:
+        return None
+    return "reference" if truth.is_reference else "truth"
+
+
+def _counted(truth: Truth | None) -> tuple[str, ...]:
+    names = ("position", "velocity", "attitude")
+    fields = zip(names, TRUTH_SIGMAS, strict=True)
+    return tuple(name for name, field in fields if getattr(truth, field, None) is not None)
 
 
 class _Prepared(NamedTuple):

@@ -1,10 +1,12 @@
 """What an epoch is held against: the truth between its samples, or the same epoch of another."""
 
+from typing import Any
+
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry import rotations
-from fgnav.types.flight import Truth
+from fgnav.types.flight import TRUTH_SIGMAS, Truth
 
 _SAME_EPOCH_S = 1e-6
 _EDGE_S = 1e-3  # times are rounded in files: an epoch this far outside the span is its end
@@ -30,7 +32,7 @@ def truth_at(truth: Truth, t_s: FloatArray) -> Truth:
     """Return the truth at covered epochs.
 
     Attitude turns about one axis at constant rate between two samples (the geodesic), position
-    follows the cubic that matches position and velocity at both, velocity runs straight. At a
+    follows the cubic that matches position and velocity at both, velocity and sigmas straight. At a
     sample itself all three are exact.
 
     Parameters
@@ -39,10 +41,17 @@ def truth_at(truth: Truth, t_s: FloatArray) -> Truth:
     t_s : ndarray, shape (n,)
         Epochs for which ``covered`` says yes.
     """
+    sigmas: dict[str, Any] = {
+        name: _between(truth.t_s, getattr(truth, name), t_s) for name in TRUTH_SIGMAS
+    }
     if len(truth.t_s) < 2:
         keep = np.zeros(len(t_s), dtype=np.int64)
         return Truth(
-            t_s=t_s, p_n_m=truth.p_n_m[keep], v_n_mps=truth.v_n_mps[keep], R_nb=truth.R_nb[keep]
+            t_s=t_s,
+            p_n_m=truth.p_n_m[keep],
+            v_n_mps=truth.v_n_mps[keep],
+            R_nb=truth.R_nb[keep],
+            **sigmas,
         )
     k = _before(truth.t_s, t_s)
     step_s = (truth.t_s[k + 1] - truth.t_s[k])[:, None]
@@ -60,7 +69,15 @@ def truth_at(truth: Truth, t_s: FloatArray) -> Truth:
         p_n_m=p_n_m,
         v_n_mps=(1 - x) * v0 + x * v1,
         R_nb=truth.R_nb[k] @ rotations.exp(x * turn),
+        **sigmas,
     )
+
+
+def _between(times_s: FloatArray, sigma: FloatArray | None, t_s: FloatArray) -> FloatArray | None:
+    """Return sigmas at epochs, (n, 3), straight between samples; None where none are stated."""
+    if sigma is None:
+        return None
+    return np.stack([np.interp(t_s, times_s, column) for column in sigma.T], axis=1)
 
 
 def common_epochs(a_s: FloatArray, b_s: FloatArray) -> tuple[IntArray, IntArray]:

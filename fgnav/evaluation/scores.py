@@ -111,7 +111,9 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
     tangent_b_rad = rotations.log(rotations.transpose(R_nb) @ real.R_nb)
     position_n_m = _minus(estimate.p_n_m, real.p_n_m, inside)
     velocity_n_mps = _minus(estimate.v_n_mps, real.v_n_mps, inside)
-    nees = _nees(tangent_b_rad, estimate.attitude_covariance_rad2, inside)
+    nees = _nees(
+        tangent_b_rad, estimate.attitude_covariance_rad2, inside, _attitude_covariance(real)
+    )
     outside = int((~inside).sum())
     losses = [("epoch", "not judged: outside the truth's time span or in a gap of it", outside)]
     if nees is not None:
@@ -124,8 +126,15 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
         position_n_m=position_n_m,
         velocity_n_mps=velocity_n_mps,
         nees=nees,
-        position_nees=_nees(position_n_m, estimate.position_covariance_m2, inside),
-        velocity_nees=_nees(velocity_n_mps, estimate.velocity_covariance_m2ps2, inside),
+        position_nees=_nees(
+            position_n_m, estimate.position_covariance_m2, inside, _diagonal(real.position_sigma_m)
+        ),
+        velocity_nees=_nees(
+            velocity_n_mps,
+            estimate.velocity_covariance_m2ps2,
+            inside,
+            _diagonal(real.velocity_sigma_mps),
+        ),
         losses=tuple(Loss(what=w, reason=r, count=c) for w, r, c in losses if c),
     )
 
@@ -199,13 +208,33 @@ def _minus(estimate: FloatArray | None, truth: FloatArray, inside: BoolArray) ->
     return None if estimate is None else np.asarray(estimate[inside] - truth)
 
 
+def _diagonal(sigma: FloatArray | None) -> FloatArray | None:
+    return None if sigma is None else np.asarray(sigma[:, :, None] ** 2 * np.eye(3))
+
+
+def _attitude_covariance(truth: Truth) -> FloatArray | None:
+    """Return the covariance of a reference's attitudes in body axes, (n, 3, 3)."""
+    euler_rad2 = _diagonal(truth.euler_sigma_rad)
+    if euler_rad2 is None:
+        return None
+    J = np.linalg.inv(rotations.euler_jacobian(truth.R_nb))
+    return np.asarray(J @ euler_rad2 @ J.swapaxes(1, 2))
+
+
 def _nees(
-    error: FloatArray | None, covariance: FloatArray | None, inside: BoolArray
+    error: FloatArray | None,
+    covariance: FloatArray | None,
+    inside: BoolArray,
+    of_reference: FloatArray | None,
 ) -> FloatArray | None:
-    """Return error' covariance^-1 error per epoch, (n,), NaN where there is no inverse."""
+    """Return error' covariance^-1 error per epoch, (n,), NaN where there is no inverse.
+
+    The covariance is that of the estimate, and of the reference where that states one: errors of
+    both are taken as independent.
+    """
     if error is None or covariance is None:
         return None
-    covariance = covariance[inside]
+    covariance = covariance[inside] if of_reference is None else covariance[inside] + of_reference
     told = np.isfinite(np.concatenate([covariance, error[:, :, None]], axis=2)).all(axis=(1, 2))
     variance, axes = np.linalg.eigh(np.where(np.reshape(told, (-1, 1, 1)), covariance, 0.0))
     sound = variance[:, 0] > 0

@@ -29,7 +29,7 @@ from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.problem import Opening, SmoothingProblem
 from fgnav.graph.types.states import States
-from fgnav.types.estimate import Rejected
+from fgnav.types.estimate import Consistency, Rejected
 from fgnav.types.flight import Flight, Imu
 from fgnav.types.integers import Integers
 
@@ -61,6 +61,8 @@ class PreparedFlight:
         As it were if the heading was known: horizontal accelerations are no noise anywhere.
     opening : Opening or None
         What a filter is given in its place until the heading is known.
+    tests : tuple of Consistency
+        Of the inertial unit, where its noise was identified as more than any noise.
     stretches : tuple of Stretch
         In place of all this, of a causal method whose noise is identified as the flight goes on.
     """
@@ -79,6 +81,7 @@ class PreparedFlight:
     causal: bool = False
     opening: Opening | None = None
     in_motion: SmoothingProblem | None = None
+    tests: tuple[Consistency, ...] = ()
     stretches: "tuple[Stretch, ...]" = ()
 
 

@@ -18,9 +18,10 @@ from scipy.special import chdtr, chdtri
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph import keys
-from fgnav.graph.band import contradictions
 from fgnav.graph.build import Layout, insert_variables
 from fgnav.graph.custom import OwnFactor
+from fgnav.graph.innovation.band import contradictions, limit_of
+from fgnav.graph.innovation.place_by_code import place_consistency
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
@@ -51,7 +52,7 @@ def consistency(problem: SmoothingProblem, solution: Solution) -> tuple[Consiste
     solution : Solution
         Of all its keyframes.
     """
-    return _by_name(
+    by_name = _by_name(
         (
             measurement.name,
             normalised_innovations(measurement, solution),
@@ -60,6 +61,9 @@ def consistency(problem: SmoothingProblem, solution: Solution) -> tuple[Consiste
         for measurement in problem.measurements
         if len(measurement.row)
     )
+    if problem.phase is None:
+        return by_name
+    return (*by_name, *place_consistency(problem.phase, problem.t_s, solution))
 
 
 def normalised_innovations(measurement: Measurement, solution: Solution) -> Innovations:
@@ -258,5 +262,6 @@ def _judged(name: str, part: Innovations, t_s: FloatArray) -> Consistency:
         nis=float(squared.sum() / max(freedom.sum(), 1)),
         beyond_99=float(beyond.mean()) if len(beyond) else 0.0,
         deciles=tuple(np.bincount(decile, minlength=10).tolist()),
+        limit=limit_of(squared, freedom) if len(squared) > 1 else None,
         contradictions=contradictions(t_s[part.tested][order], squared, freedom),
     )

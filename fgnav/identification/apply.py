@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtrc, chdtri
 
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.calibration_request import (
@@ -22,6 +23,7 @@ from fgnav.identification.notes import constant_notes, noise_notes
 from fgnav.identification.stated import with_factors
 from fgnav.identification.tested_constants import Times
 from fgnav.identification.track.candidates import clock_candidates, over_common_span
+from fgnav.types.estimate import Consistency, Contradiction
 from fgnav.types.flight import Flight
 
 _FEWEST = 30  # keyframes that measured something: fewer tell no noise
@@ -36,6 +38,7 @@ class Findings(NamedTuple):
     moved: FloatArray  # (2,), of the unit's tags: s, ppm
     calibration: tuple[CalibrationRequest, ...]
     notes: tuple[str, ...]
+    tests: tuple[Consistency, ...] = ()
 
 
 def with_identified_noise(
@@ -61,7 +64,9 @@ def with_identified_noise(
     except NoSolutionError as error:
         note = f"Noise is as stated or, where it is not, usual: it could not be tested ({error})."
         return replace(prepared, notes=(*prepared.notes, note))
-    return prepared if found is None else with_findings(flight, settings, found, build)
+    if found is None:
+        return prepared
+    return replace(with_findings(flight, settings, found, build), tests=found.tests)
 
 
 def with_findings(
@@ -101,7 +106,35 @@ def findings(
     if not found.used.any() and requests == settings.calibration:
         return None
     notes = (*noise_notes(flight, found), *constant_notes(found, moved, requests))
-    return Findings(found.factors, moved, requests, notes)
+    return Findings(found.factors, moved, requests, notes, _tests(flight, found))
+
+
+def _tests(flight: Flight, found: Identified) -> tuple[Consistency, ...]:
+    """Return how far the inertial unit is from what it states, where that is no noise any more.
+
+    Its innovations are those of all other sensors, which such a noise explains away: NIS is by the
+    stated one, the square of the factor between both.
+    """
+    if flight.imu is None:
+        return ()
+    t_s, tests = flight.imu.t_s, []
+    for name, factor in found.beyond_noise.items():
+        nis, freedom = factor**2, 3 * len(t_s)
+        span = Contradiction(
+            from_s=float(t_s[0]), until_s=float(t_s[-1]), freedom=freedom, nis=nis, throughout=True
+        )
+        beyond = float(chdtrc(3, chdtri(3, 0.01) / nis))
+        tests.append(
+            Consistency(
+                what=name,
+                count=len(t_s),
+                freedom=freedom,
+                nis=nis,
+                beyond_99=beyond,
+                contradictions=(span,),
+            )
+        )
+    return tuple(tests)
 
 
 def _likeliest(

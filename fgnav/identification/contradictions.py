@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import NoSolutionError
-from fgnav.graph.band import TOLERATED
+from fgnav.graph.innovation.band import TOLERATED
 from fgnav.identification.exclusion import Exclusion, exclusions
 from fgnav.types.estimate import Consistency, Estimate, Rejected
 from fgnav.types.flight import Flight
@@ -26,6 +26,8 @@ _BETTER = 0.5  # of what is left of contradictions by the round before
 # Residuals twice what noise explains all along, the noise identified: of states that fit such
 # measurements no covariance holds. Of faulty units NEES were 300 and more of 3 at an NIS of 4.
 _HOPELESS = 4.0
+# A standard deviation off by a quarter is said, one off by half (``TOLERATED``) is acted upon.
+_DOUBTED = 1.25**2
 _SHOWN = 3  # spans of a sentence
 
 Again = Callable[[Flight], Estimate]
@@ -55,7 +57,8 @@ def without_contradictions(flight: Flight, estimate: Estimate, again: Again | No
         If nothing consistent is left.
     """
     if not contradictory(estimate):
-        return estimate
+        doubts = _doubts(estimate)
+        return replace(estimate, notes=(*doubts, *estimate.notes)) if doubts else estimate
     out: tuple[Rejected, ...] = ()
     trials = _Trials(again, _TRIALS)
     for _ in range(_ROUNDS):
@@ -82,7 +85,7 @@ def without_contradictions(flight: Flight, estimate: Estimate, again: Again | No
     return replace(
         estimate,
         rejections=(*estimate.rejections, *out),
-        notes=(*notes, *estimate.notes),
+        notes=(*notes, *_doubts(estimate), *estimate.notes),
     )
 
 
@@ -103,6 +106,17 @@ class _Trials:
         except NoSolutionError:
             return None
         return estimate if estimate.converged else None
+
+
+def _doubts(estimate: Estimate) -> tuple[str, ...]:
+    """Return a sentence for each sensor that is out of its band by too little to contradict."""
+    return tuple(
+        f"Residuals of {one.what} are {np.sqrt(one.nis):.2g} x what noise explains (chance leaves "
+        f"{np.sqrt(one.limit):.2g} x): its noise is more than stated, or something is not as "
+        "stated; covariances may be too small."
+        for one in estimate.consistency
+        if not one.contradictions and one.limit is not None and one.nis > max(one.limit, _DOUBTED)
+    )
 
 
 def _best(flight: Flight, estimate: Estimate, trials: _Trials) -> tuple[Exclusion, Estimate] | None:

@@ -27,8 +27,9 @@ class Exclusion(NamedTuple):
 def exclusions(flight: Flight, contradictory: tuple[Consistency, ...]) -> Iterator[Exclusion]:
     """Yield flights without one sensor's part of what contradicts the others.
 
-    An instrument that contradicts throughout is left out whole, GNSS is not. The inertial unit,
-    whose errors all others show, is left out where any of them contradicts.
+    An instrument that contradicts throughout is left out whole, GNSS is not: whatever pulls a
+    solution away from it is tried in its place. The inertial unit, whose errors all others show, is
+    left out where any of them contradicts.
 
     Parameters
     ----------
@@ -43,8 +44,34 @@ def exclusions(flight: Flight, contradictory: tuple[Consistency, ...]) -> Iterat
         changed = _without(flight, one)
         if changed is not None:
             yield Exclusion(changed, _rejected(one))
+        else:
+            yield from _without_instruments(flight, one, {c.what for c in contradictory})
     if inertial is not None and len(contradictory) == 1:
         yield inertial
+
+
+def _without_instruments(flight: Flight, one: Consistency, named: set[str]) -> Iterator[Exclusion]:
+    """Yield flights without one instrument that agrees with a solution which GNSS contradicts."""
+    others = (
+        ("line of sight", replace(flight, seeker=None)),
+        ("barometric height", replace(flight, barometer=None)),
+        ("magnetic field", replace(flight, magnetometer=None)),
+    )
+    present = (flight.seeker, flight.barometer, flight.magnetometer)
+    for (what, without), instrument in zip(others, present, strict=True):
+        if what in named or instrument is None:
+            continue
+        rejected = tuple(
+            Rejected(
+                what=what,
+                link=what,
+                from_s=span.from_s,
+                until_s=span.until_s,
+                reason=f"{one.what} contradicts it: left out",
+            )
+            for span in one.contradictions
+        )
+        yield Exclusion(without, rejected)
 
 
 def _rejected(one: Consistency) -> tuple[Rejected, ...]:

@@ -95,6 +95,15 @@ class Identified:
         return bool((self.factor[unit] > NO_NOISE).any())
 
     @property
+    def beyond_noise(self) -> dict[str, float]:
+        """Factors of the unit's stated white noises that would be louder than any noise."""
+        return {
+            name: factor
+            for name, factor, stated in zip(self.names, self.factor, self.stated, strict=True)
+            if name in WHITE and stated and factor > NO_NOISE and name in self.factors
+        }
+
+    @property
     def factors(self) -> dict[str, float]:
         """Factors of components that are replaced."""
         return {

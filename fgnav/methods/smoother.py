@@ -255,7 +255,11 @@ class Smoother:
 
             prepared = with_own_heading(prepared, own)
         solution = self._solve(prepared, own)
-        tests = (*consistency(prepared.problem, solution), *_own_tests(own, prepared, solution))
+        tests = (
+            *consistency(prepared.problem, solution),
+            *_own_tests(own, prepared, solution),
+            *prepared.tests,
+        )
         estimate = estimate_of(self.name, prepared, solution, tests, rows)
         return replace(
             estimate,

@@ -1,9 +1,9 @@
 """Networks as factors: an ONNX file and a manifest that says what it measures, in which unit.
 
 Owns the contract of a learned measurement (``manifest``), the bounded run of its file (``network``,
-``session``, ``onnx_scan``), the windows of samples it sees (``windows``), what its outputs say of
-the states (``outputs``), how outputs that err alike are counted (``correlation``) and how honest
-they are (``calibration``). Nothing is unpickled; torch is not needed.
+``onnx``), the windows of samples it sees (``windows``), what its outputs say of the states
+(``outputs``), how outputs that err alike are counted (``correlation``) and how honest they are
+(``calibration``). Nothing is unpickled; torch is not needed.
 """
 
 from typing import Any

@@ -11,8 +11,8 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.io.user_files import read_bytes
 from fgnav.neural.manifest import Input, Manifest, Output, read_manifest
-from fgnav.neural.onnx_scan import scan
-from fgnav.neural.session import Session
+from fgnav.neural.onnx.scan import scan
+from fgnav.neural.onnx.session import Session
 
 _MOST_BYTES = 100_000_000  # networks that run at a keyframe's rate have a thousandth of it
 _AT_ONCE = 4096  # windows
@@ -121,7 +121,7 @@ def load_network(path: Path) -> Network:
 
 def _check_ports(path: Path, manifest: Manifest, session: Session) -> None:
     """Raise unless the graph has the inputs and outputs that the manifest names."""
-    have = {port.name: port for port in session.inputs()}
+    have = {port.name: port for port in session.inputs}
     wanted = {one.name: one for one in manifest.inputs}
     if have.keys() != wanted.keys():
         raise BadInputError(
@@ -130,7 +130,7 @@ def _check_ports(path: Path, manifest: Manifest, session: Session) -> None:
         )
     for row, one in enumerate(manifest.inputs):
         _check_input(f"{path}: key inputs[{row}]", one, have[one.name])
-    outputs = [port.name for port in session.outputs()]
+    outputs = [port.name for port in session.outputs]
     output = manifest.output
     named = [("output.name", output.name), ("output.covariance.name", output.covariance.name)]
     named += [(f"domain[{row}].name", one.name) for row, one in enumerate(manifest.domain)]

@@ -95,6 +95,9 @@ class Consistency:
     deciles : tuple of int
         How many lie between each two deciles of their chi-square distribution, ten numbers: equally
         many where the noise is what it is stated to be. Empty where that is not known.
+    limit : float or None
+        NIS that right noise exceeds once in 10,000 times, of so many measurements, as alike as they
+        are; None where that is not known.
     contradictions : tuple of Contradiction
         In order of time.
     """
@@ -105,6 +108,7 @@ class Consistency:
     nis: float
     beyond_99: float
     deciles: tuple[int, ...] = ()
+    limit: float | None = None
     contradictions: tuple[Contradiction, ...] = ()
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -134,6 +135,10 @@ class LinkIntegers:
         return tuple(zip(self.antennas, self.satellites, self.signals, strict=True))
 
 
+TruthSource: TypeAlias = Literal["simulated", "survey", "filter"]
+TRUTH_SIGMAS = ("position_sigma_m", "velocity_sigma_mps", "euler_sigma_rad")
+
+
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Truth:
     """What really happened, of a simulated flight; or a reference taken as such.
@@ -146,6 +151,10 @@ class Truth:
     R_nb : ndarray, shape (k, 3, 3)
     integers : LinkIntegers or None
         Of the phase, where they are known.
+    source : {"simulated", "survey", "filter"} or None
+        What made it, where that is known; what a filter made is an estimate itself.
+    position_sigma_m, velocity_sigma_mps, euler_sigma_rad : ndarray, shape (k, 3), or None
+        1-sigma of its own errors where it states them: north, east, down; roll, pitch, yaw.
     """
 
     t_s: FloatArray
@@ -153,11 +162,22 @@ class Truth:
     v_n_mps: FloatArray
     R_nb: FloatArray
     integers: LinkIntegers | None = None
+    source: TruthSource | None = None
+    position_sigma_m: FloatArray | None = None
+    velocity_sigma_mps: FloatArray | None = None
+    euler_sigma_rad: FloatArray | None = None
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
         k = freeze_times("truth", self)
         freeze("truth", self, {"p_n_m": (k, 3), "v_n_mps": (k, 3), "R_nb": (k, 3, 3)})
+        stated = [name for name in TRUTH_SIGMAS if getattr(self, name) is not None]
+        freeze("truth", self, dict.fromkeys(stated, (k, 3)))
+
+    @property
+    def is_reference(self) -> bool:
+        """Whether it is an estimate itself, so that errors against it are not all the judged's."""
+        return self.source == "filter"
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True, weakref_slot=True)

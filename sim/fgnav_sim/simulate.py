@@ -214,5 +214,10 @@ def _truth(scenario: Scenario, integers: LinkIntegers | None) -> Truth:
     t_s = scenario.epochs_s(scenario.truth_rate_hz)
     state = scenario.motion(t_s)
     return Truth(
-        t_s=t_s, p_n_m=state.p_n_m, v_n_mps=state.v_n_mps, R_nb=state.R_nb, integers=integers
+        t_s=t_s,
+        p_n_m=state.p_n_m,
+        v_n_mps=state.v_n_mps,
+        R_nb=state.R_nb,
+        integers=integers,
+        source="simulated",
     )

@@ -61,6 +61,38 @@ def test_mean_nees_of_an_honest_covariance_is_three(flight, off):
     assert abs(nees - 3) < 4 * np.sqrt(6 / len(t_s))  # chi-square with 3 dof has variance 6
 
 
+def test_sigmas_of_a_reference_count_beside_the_estimate_s(flight, off):
+    """The body is pitched and rolled, so that Euler angles are not axes of the body."""
+    rng = np.random.default_rng(4)
+    t_s = np.arange(0, 10, 0.002)
+    sigma_rad = np.array([0.6, 0.2, 0.1]) * DEG
+    covariance = np.tile(np.diag(sigma_rad**2), (len(t_s), 1, 1))
+    k = len(flight.truth.t_s)
+    euler_sigma_rad = np.array([0.3, 0.5, 2.0]) * DEG
+    J = np.linalg.inv(rotations.euler_jacobian(flight.truth.R_nb[:1]))[0]  # the same all along
+    tangent = sigma_rad * rng.standard_normal((len(t_s), 3))
+    tangent += (euler_sigma_rad * rng.standard_normal((len(t_s), 3))) @ J.T
+    truth = replace(
+        flight.truth,
+        source="filter",
+        euler_sigma_rad=np.tile(euler_sigma_rad, (k, 1)),
+        position_sigma_m=np.full((k, 3), 2.0),
+        velocity_sigma_mps=np.full((k, 3), 0.5),
+    )
+    more = {"attitude_covariance_rad2": covariance}
+    more |= dict.fromkeys(("position_covariance_m2", "velocity_covariance_m2ps2"), 0 * covariance)
+    method = off("one", tangent, 4.0, t_s=t_s, more=more)
+    outcome = compare(replace(flight, truth=truth), [method])
+    score = outcome["one"].score
+    assert abs(score.attitude_nees_mean - 3) < 4 * np.sqrt(6 / len(t_s))
+    assert score.position_nees_mean == pytest.approx((4.0 / 2.0) ** 2)
+    assert score.velocity_nees_mean == pytest.approx((8.0 / 0.5) ** 2, rel=1e-4)  # the turn
+    content = outcome.to_dict()
+    assert content["judged_by"] == "reference"
+    assert content["counted_sigmas"] == ("position", "velocity", "attitude")
+    assert compare(flight, [method]).judged_by == "truth"
+
+
 def test_an_epoch_with_a_broken_covariance_is_left_out_of_the_nees_and_counted(flight, off):
     covariance = np.tile(np.eye(3), (100, 1, 1))
     covariance[7] = np.diag([1.0, 1.0, -1.0])

@@ -147,6 +147,10 @@ def whole_flight(rng: np.random.Generator) -> Flight:
             p_n_m=p_n_m,
             v_n_mps=rng.normal(0, 100, (k, 3)),
             R_nb=from_euler(*rng.uniform(-1.4, 1.4, (3, k))),
+            source="filter",
+            position_sigma_m=rng.uniform(0.1, 2.0, (k, 3)),
+            velocity_sigma_mps=rng.uniform(0.1, 2.0, (k, 3)),
+            euler_sigma_rad=rng.uniform(0.001, 0.1, (k, 3)),
             integers=LinkIntegers(
                 antennas=("a1", "näs/1", "a1"),
                 satellites=("G05", "E07", "G05"),

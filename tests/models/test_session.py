@@ -1,12 +1,14 @@
 """A stranger's network stays within bounds, and its errors are one line."""
 
+import os
+
 import numpy as np
 import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from fgnav.checks import BadInputError
-from fgnav.neural import session
+from fgnav.neural.onnx import session
 from fgnav_models.runtime.load import load
 from tests.models.test_load import onnx_bytes, written
 
@@ -55,6 +57,66 @@ def test_a_network_that_takes_too_long_is_ended(tmp_path, monkeypatch):
     monkeypatch.setattr(session, "CPU_S", 0.1)
     with pytest.raises(BadInputError, match=r"more than 0\.1 s of computing"):
         network(x=X)
+
+
+def of_one_product(size):
+    """Return a graph whose time is that of one node."""
+    return of_nodes(
+        helper.make_node("ConstantOfShape", ["s"], ["c"]),
+        helper.make_node("MatMul", ["c", "c"], ["long"]),
+        *summed("long"),
+        s=[size, size],
+        w=W,
+    )
+
+
+def test_a_single_node_that_takes_too_long_is_ended_and_the_next_run_begins_anew(
+    tmp_path, monkeypatch
+):
+    network = load(written(tmp_path, of_one_product(2500)))
+    monkeypatch.setattr(session, "CPU_S", 0.05)
+    with pytest.raises(BadInputError, match=r"more than 0\.05 s of computing"):
+        network(x=X)
+    monkeypatch.setattr(session, "CPU_S", 30.0)
+    assert network(x=X)["y"].tolist() == [[3.0, 3.0]] * 4  # all that c holds is zero
+
+
+def test_memory_beside_the_arena_is_bounded(tmp_path):
+    content = of_nodes(
+        helper.make_node("ConstantOfShape", ["s"], ["c"], value=of_ones()),
+        helper.make_node("NonZero", ["c"], ["places"]),
+        helper.make_node("Cast", ["places"], ["floats"], to=TensorProto.FLOAT),
+        *summed("floats"),
+        s=[10**4, 2 * 10**4],
+        w=W,
+    )
+    with pytest.raises(BadInputError, match=r"onnxruntime stops at it: "):
+        load(written(tmp_path, content))(x=X)
+
+
+def of_ones():
+    return helper.make_tensor("one", TensorProto.BOOL, [1], [True])
+
+
+def test_a_fork_asks_a_process_of_its_own(tmp_path):
+    network = load(written(tmp_path, onnx_bytes()))
+    right = network(x=X)["y"]
+    reader, writer = os.pipe()
+    pid = os.fork()
+    if not pid:
+        os.write(writer, network(x=2 * X)["y"].tobytes())
+        os._exit(0)
+    os.waitpid(pid, 0)
+    assert os.read(reader, 1 << 12) != right.tobytes()
+    np.testing.assert_array_equal(network(x=X)["y"], right)
+
+
+def test_a_process_that_crashes_is_one_line(tmp_path):
+    network = load(written(tmp_path, onnx_bytes()))
+    network._session._child.kill()
+    with pytest.raises(BadInputError, match=r"toy\.onnx: .*its process ended with status -9"):
+        network(x=X)
+    assert network(x=X)["y"].shape == (4, 2)
 
 
 def test_answers_that_are_not_finite_or_of_another_shape_are_refused(tmp_path):

@@ -93,6 +93,12 @@ def _unit_stuck(flight: Flight) -> Flight:
     return _imu(flight, **changes)
 
 
+def _reversed_half_way(flight: Flight) -> Flight:
+    force = flight.imu.f_b_mps2.copy()
+    force[len(force) // 2 :, 2] *= -1.0
+    return _imu(flight, f_b_mps2=force)
+
+
 def _places_turned(flight: Flight) -> Flight:
     """Give the antennas in axes that point up and left."""
     signs = np.array([1.0, -1.0, -1.0])
@@ -147,10 +153,14 @@ FAULTS = (
     Fault("detector spikes", "seeker", "sight",
           lambda f: _currents(f, np.where(np.arange(len(f.seeker.t_s))[:, None] % 11 == 5,
                                           f.seeker.currents[:, [3, 0, 1, 2]], f.seeker.currents))),
+    Fault("landmark displaced", "seeker", "sight",
+          lambda f: replace(f, seeker=replace(f.seeker, landmark_n_m=np.add(
+              f.seeker.landmark_n_m, [70.0, 70.0, 0.0])))),
     Fault("unit stuck, array", "array", INERTIAL, _unit_stuck),
     Fault("unit stuck, gyroscope", "single", INERTIAL, _unit_stuck),
     Fault("accelerometer spikes", "single", INERTIAL,
           lambda f: _imu(f, f_b_mps2=_spiked(f.imu.f_b_mps2, 97, [0.0, 0.0, 50.0]))),
+    Fault("accelerometer axis reversed half-way", "single", INERTIAL, _reversed_half_way),
     Fault("accelerometer axes exchanged", "array", INERTIAL,
           lambda f: _imu(f, f_b_mps2=f.imu.f_b_mps2[:, [1, 0, 2]])),
     Fault("accelerometer reversed", "seeker", INERTIAL,

@@ -61,7 +61,7 @@ def undamaged(folder: Path, scratch: Path) -> Whole:
     for method in set(METHODS):
         status, out, err = _called(["run", str(folder), "--method", method, "--out", str(scratch)])
         assert status == 0, err
-        said[method] = _remarks(out)
+        said[method] = _remarks(out + err)
     return Whole(folder=folder, counts=counts(flight), truth=flight, said=said)
 
 
@@ -106,9 +106,8 @@ def _judged(whole: Whole, command: list[str], method: str, out: Path) -> tuple[s
         return (bad or ("refused" if status == 2 else "no solution")), err.strip()
     if status != 0:
         return "traceback", f"status {status}: {err}"
-    more = _remarks(printed) != whole.said[method]
-    silent = not more and counts(seen[0]) != whole.counts
-    if silent and seen[0].losses == whole.truth.losses:
+    more = _remarks(printed + err) != whole.said[method]
+    if not more and counts(seen[0]) != whole.counts:
         lost = {k: v for k, v in counts(seen[0]).items() if v != whole.counts[k]}
         return "silent loss", f"{lost} of {whole.counts}"
     nees = attitude_nees(out / "estimate.csv", whole.truth)

@@ -25,7 +25,7 @@ def outcome(flight):
 
 
 def of_contradictions(lines):
-    told = "what noise explains|used instead|inertial sample|field is"
+    told = "what noise explains|contradicts it|used instead|inertial sample|field is"
     return [line for line in lines if re.search(told, line)]
 
 

@@ -164,7 +164,9 @@ def _loaded(folder: Path, span: Span, step: Steps) -> "Flight":
 
 
 def _check_set_up(flight: "Flight") -> None:
-    """Print what a quick check finds to standard error, which no table or JSON goes to.
+    """Print what a quick check finds, and what of the files could not be read, to standard error.
+
+    No table or JSON goes there.
 
     Raises
     ------
@@ -172,14 +174,16 @@ def _check_set_up(flight: "Flight") -> None:
         For what makes every estimate of the flight worthless.
     """
     from fgnav.checks import BadInputError  # noqa: PLC0415
+    from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415
     from fgnav.set_up import describe  # noqa: PLC0415
 
     findings = describe(flight, quick=True).findings
     for finding in findings:
         if finding.certain:
             raise BadInputError(f"{flight.name}: {finding}")
-    for finding in findings:
-        print(f"check: {finding}", file=sys.stderr)
+    lost = loss_lines({"files": flight.losses})
+    for said in (*findings, *(f"files: {line}" for line in lost)):
+        print(f"check: {said}", file=sys.stderr)
 
 
 def load(folder: Path, step: Steps) -> "Flight":

@@ -65,7 +65,8 @@ def flights_lines(comparison: FlightsComparison, width: int) -> list[str]:
         )
         heads = [["figure, method", "flights", "difference", "ratio", "p", ""]]
         lines += ["", *_folded(text, width), *folded_table(heads, rows, width)]
-    return lines + [part for line in failure_lines(comparison) for part in _folded(line, width)]
+    said = [*reference_lines(comparison), *failure_lines(comparison)]
+    return lines + [part for line in said for part in _folded(line, width)]
 
 
 def _folded(text: str, width: int) -> list[str]:
@@ -78,6 +79,16 @@ def _by_figure(comparison: FlightsComparison) -> Iterator[list[str]]:
         yield [figure]
         for _, method, *cells in rows:
             yield [f"  {method}", *cells]
+
+
+def reference_lines(comparison: FlightsComparison) -> list[str]:
+    """Return a line of the flights whose truth is an estimate itself."""
+    judge = {one.flight: one.detail.get("judged_by") for one in comparison.flights}
+    against = [flight for flight, by in judge.items() if by == "reference"]
+    if not against:
+        return []
+    named = ", ".join(against[:3]) + (f" and {len(against) - 3} more" if len(against) > 3 else "")
+    return [f"errors and NEES of {named} are against a reference that is an estimate itself"]
 
 
 def _per_flight(comparison: FlightsComparison, width: int) -> list[str]:

@@ -13,14 +13,17 @@ _NONE = "–"
 _MOST_LINES = 8
 _MOST_LINKS = 3
 _DOUBTFUL = 0.01  # what resolvers that accept by a probability leave out (``wrong_max``)
-HEADS = (
+_HEADS = (
     ("roll", "deg"),
     ("pitch", "deg"),
     ("yaw", "deg"),
     ("angle", "deg"),
     ("position", "m"),
     ("velocity", "m/s"),
-    ("NEES", "(3)"),
+    ("NEES", "angle"),  # 3 where the stated covariance is right
+    ("NEES", "place"),
+    ("NEES", "speed"),
+    ("NIS", "most"),  # of a kind of measurements, 1 where its noise is right
     ("epochs", "%"),
     ("fixed", "%"),
     ("wrong", "%"),
@@ -29,14 +32,22 @@ HEADS = (
 )
 
 
+_REFERENCE = "errors and NEES are against a reference that is an estimate itself (a filter's): "
+_WHAT = {"truth": "RMS errors", "reference": "RMS errors against a reference", None: "no truth"}
+
+
+def heads(comparison: Comparison) -> list[tuple[str, str]]:
+    """Return names and units of a score's figures; NEES against a reference is called so."""
+    nees = "NEES ref" if comparison.judged_by == "reference" else "NEES"
+    return [(nees if name == "NEES" else name, unit) for name, unit in _HEADS]
+
+
 def comparison_table(comparison: Comparison, width: int) -> list[str]:
     """Return the lines of a table of RMS errors, or, without truth, of differences between methods.
 
     Columns that are too many for ``width`` go below each other, under the methods' names again;
     nothing is cut short.
     """
-    judged = any(method.errors is not None for method in comparison.methods)
-    what = "RMS errors" if judged else "no truth"
     rows = [[method.name, *score_row(method.score)] for method in comparison.methods]
     for difference in comparison.differences:
         first, second = difference.methods
@@ -48,9 +59,9 @@ def comparison_table(comparison: Comparison, width: int) -> list[str]:
         ]
         rows += [[first], [f"− {second}", *figures]]
     rows.append(["bound of one epoch", *_angles(comparison.bound)])
-    title = f"{comparison.flight}: {what}, {comparison.epochs} epochs"
-    heads = [["method", *(name for name, _ in HEADS)], ["", *(unit for _, unit in HEADS)]]
-    return [title, *folded_table(heads, rows, width)]
+    title = f"{comparison.flight}: {_WHAT[comparison.judged_by]}, {comparison.epochs} epochs"
+    names, units = zip(*heads(comparison), strict=True)
+    return [title, *folded_table([["method", *names], ["", *units]], rows, width)]
 
 
 def folded_table(heads: list[list[str]], rows: list[list[str]], width: int) -> list[str]:
@@ -78,7 +89,7 @@ def folded_table(heads: list[list[str]], rows: list[list[str]], width: int) -> l
 
 def remarks(comparison: Comparison) -> list[str]:
     """Return a line per failure, open state, note, kind of rejection and group of losses."""
-    lines = []
+    lines = [_REFERENCE + _counted(comparison)] if comparison.judged_by == "reference" else []
     for method in comparison.methods:
         score = method.score
         if score.failure is not None:
@@ -94,6 +105,13 @@ def remarks(comparison: Comparison) -> list[str]:
     lines += _said_by((m.name, rejection_lines(m.rejections)) for m in comparison.methods)
     per_method = {m.name: m.score.losses for m in comparison.solved}
     return lines + loss_lines(per_method)
+
+
+def _counted(comparison: Comparison) -> str:
+    sigmas = comparison.counted_sigmas
+    if not sigmas:
+        return "it states no sigmas, so that its errors count as the methods'"
+    return f"its own sigmas of {', '.join(sigmas)} are counted, as if independent"
 
 
 def _doubt(counts: IntegerCounts | None) -> tuple[str, ...]:
@@ -165,15 +183,18 @@ def _said_by(sayings: Iterable[tuple[str, tuple[str, ...]]]) -> list[str]:
 
 
 def score_row(score: Score) -> list[str]:
-    """Return a method's figures under ``HEADS``."""
+    """Return a method's figures under ``heads``."""
     if score.failure is not None:
-        return [_NONE] * (len(HEADS) - 1) + [f"{score.seconds:.2f}"]
+        return [_NONE] * (len(_HEADS) - 1) + [f"{score.seconds:.2f}"]
     return [
         *_angles(score.rmse_deg),
         _figure(score.attitude_rmse_deg),
         _figure(score.position_rmse_m),
         _figure(score.velocity_rmse_mps),
         _figure(score.attitude_nees_mean, digits=2),
+        _figure(score.position_nees_mean, digits=2),
+        _figure(score.velocity_nees_mean, digits=2),
+        _figure(max((one.nis for one in score.consistency), default=None), digits=2),
         f"{100 * score.available:.1f}",
         *_integers(score.integers),
         f"{score.seconds:.2f}",

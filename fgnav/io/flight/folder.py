@@ -145,6 +145,7 @@ def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> list[Loss]:
         read[table.seeker.calibration] = len(flight.seeker.calibration)
     if table.truth is not None and flight.truth is not None and flight.truth.integers is not None:
         read[str(table.truth.integers)] = len(flight.truth.integers.cycles)
+    read |= _orbit_counts(table, flight)
     losses = []
     for name, rows in table.rows.items():
         missing = rows - read.get(name, 0)
@@ -159,6 +160,17 @@ def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> list[Loss]:
         if missing:
             losses.append(Loss(what=f"{name[:80]} row", reason=reason, count=missing))
     return losses
+
+
+def _orbit_counts(table: FlightTable, flight: Flight) -> dict[str, int]:
+    """Return epochs and messages of orbits; of several files of a kind those that were written."""
+    epochs = 0 if flight.precise is None else len(flight.precise.t_s)
+    messages = 0 if flight.broadcast is None else len(flight.broadcast.records)
+    return {
+        name: count if len(names) == 1 else table.rows.get(name, 0)
+        for names, count in ((table.gnss.orbits, epochs), (table.gnss.navigation, messages))
+        for name in names
+    }
 
 
 def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
@@ -308,4 +320,10 @@ def _truth(folder: Path, origin: Origin, table: TruthTable, names: list[str]) ->
         raise BadInputError(
             f"{folder / str(table.integers)}: true integers antenna: {name!r} is not one of {names}"
         )
-    return series.truth(_read(folder, table.samples, "truth"), origin, integers)
+    return series.truth(
+        _read(folder, table.samples, "truth"),
+        origin,
+        integers,
+        source=table.source,
+        where=folder / table.samples,
+    )

@@ -11,6 +11,7 @@ from fgnav.io.flight import usual_noise
 from fgnav.io.flight.columns import (
     CURRENTS,
     EULER,
+    EULER_SIGMA,
     FIELD,
     FORCE,
     HEIGHT,
@@ -23,7 +24,7 @@ from fgnav.io.flight.columns import (
 from fgnav.io.flight.local_frame import attitude_to_n, columns_to_vectors, place_to_n, velocity_to_n
 from fgnav.io.flight.mounting import mounting
 from fgnav.io.flight.toml import BarometerKeys, ImuKeys, MagnetometerKeys
-from fgnav.types.flight import Fixes, Imu, LinkIntegers, Truth
+from fgnav.types.flight import Fixes, Imu, LinkIntegers, Truth, TruthSource
 from fgnav.types.surroundings import Barometer, Magnetometer
 
 # Of each table: the columns it must have, and groups that are there in full or not at all.
@@ -33,9 +34,12 @@ COLUMNS: Mapping[str, tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]] = {
     "barometer": (("t_s", *HEIGHT), ()),
     "magnetometer": (("t_s", *FIELD), ()),
     "seeker": (("t_s", *CURRENTS), ()),
-    "truth": (("t_s", *PLACE, *VELOCITY, *EULER), ()),
+    "truth": (
+        ("t_s", *PLACE, *VELOCITY, *EULER),
+        (POSITION_SIGMA, VELOCITY_SIGMA, EULER_SIGMA),
+    ),
 }
-LEAST_SIGMA = 1e-6  # m, m/s: no receiver knows its place or velocity better
+LEAST_SIGMA = 1e-6  # m, m/s, deg: no receiver knows its place or velocity better
 
 
 def imu(samples: Mapping[str, FloatArray], table: ImuKeys) -> Imu:
@@ -105,17 +109,24 @@ def _sigma(
     names: tuple[str, ...],
     default: tuple[float, ...],
 ) -> FloatArray:
-    if names[0] in samples:
-        sigma = columns_to_vectors(samples, names)
-        wrong = sigma < LEAST_SIGMA
-        if wrong.any():
-            row, column = np.argwhere(wrong)[0]
-            raise BadInputError(
-                f"{where}: line {row + 2}: {names[column]} must be {LEAST_SIGMA:g} or more, "
-                f"got {sigma[row, column]:.9g}"
-            )
-        return sigma
-    return np.tile(np.array(default), (len(samples["t_s"]), 1))
+    stated = _stated_sigma(where, samples, names)
+    return np.tile(np.array(default), (len(samples["t_s"]), 1)) if stated is None else stated
+
+
+def _stated_sigma(
+    where: Path | str, samples: Mapping[str, FloatArray], names: tuple[str, ...]
+) -> FloatArray | None:
+    if names[0] not in samples:
+        return None
+    sigma = columns_to_vectors(samples, names)
+    wrong = sigma < LEAST_SIGMA
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0]
+        raise BadInputError(
+            f"{where}: line {row + 2}: {names[column]} must be {LEAST_SIGMA:g} or more, "
+            f"got {sigma[row, column]:.9g}"
+        )
+    return sigma
 
 
 def barometer(samples: Mapping[str, FloatArray], table: BarometerKeys) -> Barometer:
@@ -143,9 +154,15 @@ def magnetometer(samples: Mapping[str, FloatArray], table: MagnetometerKeys) -> 
 
 
 def truth(
-    samples: Mapping[str, FloatArray], origin: Origin, integers: LinkIntegers | None = None
+    samples: Mapping[str, FloatArray],
+    origin: Origin,
+    integers: LinkIntegers | None = None,
+    *,
+    source: TruthSource | None = None,
+    where: Path | str,
 ) -> Truth:
-    """Return the truth, or a reference taken as such."""
+    """Return the truth, or a reference taken as such; ``where`` as of ``fixes``."""
+    euler_sigma_deg = _stated_sigma(where, samples, EULER_SIGMA)
     p_n_m = place_to_n(origin, columns_to_vectors(samples, PLACE))
     return Truth(
         t_s=samples["t_s"],
@@ -153,4 +170,8 @@ def truth(
         v_n_mps=velocity_to_n(origin, p_n_m, columns_to_vectors(samples, VELOCITY)),
         R_nb=attitude_to_n(origin, p_n_m, columns_to_vectors(samples, EULER)),
         integers=integers,
+        source=source,
+        position_sigma_m=_stated_sigma(where, samples, POSITION_SIGMA),
+        velocity_sigma_mps=_stated_sigma(where, samples, VELOCITY_SIGMA),
+        euler_sigma_rad=None if euler_sigma_deg is None else np.radians(euler_sigma_deg),
     )

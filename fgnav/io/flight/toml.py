@@ -14,11 +14,12 @@ from fgnav.checks import BadInputError, quoted
 from fgnav.io.flight.mounting import FORWARD_RIGHT_DOWN
 from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.strict_toml import Positive, Table, Vector, as_table, read_toml
-from fgnav.types.flight import ElevationWeights, GnssNoise
+from fgnav.types.flight import ElevationWeights, GnssNoise, TruthSource
 
 FORMAT = "fgnav-flight/1"
 _START = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,9})?")
 
+_MOST_ANTENNAS = 256  # all pairs of them are held against each other
 _NOISE = GnssNoise()
 _NOTHING: tuple[Any, ...] = (None, [], (), {})
 
@@ -165,6 +166,7 @@ class TruthTable(Table, frozen=True, kw_only=True):
 
     samples: str
     integers: str | None = None
+    source: TruthSource | None = None
 
 
 class FlightTable(Table, frozen=True, kw_only=True):
@@ -175,7 +177,7 @@ class FlightTable(Table, frozen=True, kw_only=True):
     start: str
     rows: dict[str, Annotated[int, msgspec.Meta(ge=0)]] = msgspec.field(default_factory=dict)
     origin: Place
-    antenna: tuple[AntennaTable, ...] = ()
+    antenna: Annotated[tuple[AntennaTable, ...], msgspec.Meta(max_length=_MOST_ANTENNAS)] = ()
     network: tuple[NetworkTable, ...] = ()
     gnss: GnssTable = GnssTable()
     imu: ImuTable | None = None

@@ -85,7 +85,7 @@ def write_parts(
 
 
 def _rows(flight: Flight) -> dict[str, int]:
-    """Return how many rows each table holds, by file."""
+    """Return how many rows each table holds, epochs or messages each file of orbits."""
     series = {
         "imu.csv": flight.imu,
         "fixes.csv": flight.fixes,
@@ -95,6 +95,10 @@ def _rows(flight: Flight) -> dict[str, int]:
         "truth.csv": flight.truth,
     }
     rows = {name: len(one.t_s) for name, one in series.items() if one is not None}
+    if flight.precise is not None:
+        rows["precise.sp3"] = len(flight.precise.t_s)
+    if flight.broadcast is not None:
+        rows["broadcast.rnx"] = len(flight.broadcast.records)
     if flight.seeker is not None:
         rows["quadrant.csv"] = len(flight.seeker.calibration)
     if flight.truth is not None and flight.truth.integers is not None:
@@ -324,9 +328,17 @@ def _truth(flight: Flight, folder: Path) -> flight_toml.TruthTable | None:
         (columns.PLACE, place_of_n(flight.origin, truth.p_n_m)),
         (columns.VELOCITY, velocity_of_n(flight.origin, truth.p_n_m, truth.v_n_mps)),
         (columns.EULER, attitude_of_n(flight.origin, truth.p_n_m, truth.R_nb)),
+        (columns.POSITION_SIGMA, truth.position_sigma_m),
+        (columns.VELOCITY_SIGMA, truth.velocity_sigma_mps),
+        (
+            columns.EULER_SIGMA,
+            None if truth.euler_sigma_rad is None else np.degrees(truth.euler_sigma_rad),
+        ),
     )
     if truth.integers is not None:
         write_integers(folder / "integers.csv", truth.integers)
     return flight_toml.TruthTable(
-        samples="truth.csv", integers=None if truth.integers is None else "integers.csv"
+        samples="truth.csv",
+        integers=None if truth.integers is None else "integers.csv",
+        source=truth.source,
     )

@@ -19,7 +19,7 @@ from fgnav.io.gps_time import WEEK_S
 from fgnav.io.importers.place import first_epoch_gps_s, origin_of
 from fgnav.io.importers.recording import Recording, cleaned
 from fgnav.io.importers.settings import Settings
-from fgnav.types.flight import Antenna, Flight
+from fgnav.types.flight import Antenna, Flight, TruthSource
 
 SETTINGS_NAME = "import.toml"
 
@@ -63,6 +63,7 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
     recordings = [_clean(one, losses) for one in recordings]
     start_s = _start(recordings, settings, missing)
     tables: dict[str, dict[str, FloatArray]] = {}
+    truth_source = next((one.truth_source for one in recordings if "truth" in one.tables), None)
     for one in recordings:
         shift_s = _shift(one, start_s, settings, missing)
         for kind, rows in one.tables.items():
@@ -85,7 +86,7 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
         antennas=antennas,
         losses=tuple(losses),
         gnss_noise=usual_noise.gnss_noise(dict.fromkeys(("code_m", "phase_m", "doppler_mps"))),
-        **_parts(tables, settings, noise, origin, antennas),
+        **_parts(tables, settings, noise, origin, antennas, truth_source),
     )
     return Assembled(
         flight=flight,
@@ -171,6 +172,7 @@ def _parts(
     noise: Mapping[str, float],
     origin: Origin,
     antennas: tuple[Antenna, ...],
+    truth_source: TruthSource | None,
 ) -> dict[str, Any]:
     """Return the parts of a flight by name."""
     parts: dict[str, Any] = {}
@@ -189,7 +191,9 @@ def _parts(
                 raise BadInputError(f"{kind}: state its noise in [{kind}] of --settings")
             parts[kind] = make(tables[kind], keys)
     if "truth" in tables:
-        parts["truth"] = series.truth(tables["truth"], origin)
+        parts["truth"] = series.truth(
+            tables["truth"], origin, source=truth_source, where="the imported reference"
+        )
     return parts
 
 

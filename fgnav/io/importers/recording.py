@@ -10,6 +10,7 @@ import numpy as np
 from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss
 from fgnav.io.flight.columns import largest
 from fgnav.io.flight.series import COLUMNS, LEAST_SIGMA
+from fgnav.types.flight import TruthSource
 
 Samples: TypeAlias = Mapping[str, FloatArray]
 Clock: TypeAlias = Literal["gps", "week", "own"]
@@ -32,6 +33,8 @@ class Recording:
         state; or something else, such as power-on.
     gps_start_s : float
         Of ``clock="gps"``: GPS time of ``t_s = 0``, seconds since 1980-01-06.
+    truth_source : {"simulated", "survey", "filter"} or None
+        What made the table ``truth``.
     imu_noise : mapping of str to float
         Noise that the format's unit is known for, by the names of ``[imu]`` in flight.toml.
     observations, navigation, orbits : tuple of Path
@@ -45,6 +48,7 @@ class Recording:
     tables: Mapping[str, Samples] = field(default_factory=dict)
     clock: Clock = "gps"
     gps_start_s: float = 0.0
+    truth_source: TruthSource | None = None
     imu_noise: Mapping[str, float] = field(default_factory=dict)
     observations: tuple[Path, ...] = ()
     navigation: tuple[Path, ...] = ()

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from fgnav.checks import BadInputError
 from fgnav.io.user_files import read_bytes
-from fgnav.neural.onnx_scan import scan
-from fgnav.neural.session import Session
+from fgnav.neural.onnx.scan import scan
+from fgnav.neural.onnx.session import Session
 from fgnav_models.runtime.manifest import Manifest, Port, read_manifest
 
 _MOST_BYTES = 100_000_000  # released networks have 1 MB at most
@@ -102,8 +102,8 @@ def load(name_or_path: str | Path, *, threads: int = 1) -> Model:
         )
     scan(str(path), content)
     session = Session(path, content, threads)
-    _check_ports(path, "input", manifest.inputs, session.inputs())
-    _check_ports(path, "output", manifest.outputs, session.outputs())
+    _check_ports(path, "input", manifest.inputs, session.inputs)
+    _check_ports(path, "output", manifest.outputs, session.outputs)
     return Model(manifest, session)
 
 

@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from fgnav.checks import Loss
@@ -21,7 +22,7 @@ def test_each_method_has_its_figures_in_its_row(flight, off, lost):
     text = printed(compare(flight, [off("tilted", (0, 0, 0.01), position_m=0.25), lost()]))
     tilted = row(text, "tilted")
     assert tilted[4:7] == ["0.573", "0.250", "0.500"]
-    assert tilted[8] == "100.0"
+    assert tilted[11] == "100.0"
     assert set(row(text, "lost")[1:-1]) == {"–"}
     assert "bound" in text
 
@@ -40,7 +41,7 @@ def test_integers_are_shares_of_links_and_of_fixed_links(flight, off):
     method = comparison["a"]
     counts = IntegerCounts(fixed=80, not_fixed=20, right=60, wrong=20)
     method = replace(method, score=replace(method.score, integers=counts))
-    assert row(printed(replace(comparison, methods=(method,))), "a")[9:11] == ["80.0", "25.00"]
+    assert row(printed(replace(comparison, methods=(method,))), "a")[12:14] == ["80.0", "25.00"]
 
 
 @pytest.mark.parametrize("chance", [0.002, 0.04])
@@ -51,7 +52,7 @@ def test_the_stated_chance_of_wrong_integers_stands_in_the_table_and_is_warned_o
     counts = IntegerCounts(fixed=80, not_fixed=20, right=60, wrong=20, chance=chance)
     method = replace(comparison["a"], score=replace(comparison["a"].score, integers=counts))
     changed = replace(comparison, methods=(method,))
-    assert row(printed(changed), "a")[11] == f"{100 * chance:.2f}"
+    assert row(printed(changed), "a")[14] == f"{100 * chance:.2f}"
     warned = [line for line in remarks(changed) if "wrong with a chance of" in line]
     assert len(warned) == (chance > 0.01)
 
@@ -115,3 +116,18 @@ def test_many_reasons_for_losses_are_cut_and_the_cut_is_told():
     lines = loss_lines({"a": losses})
     assert lines[0] == "lost 100 × x: reason 0"
     assert lines[-1] == "and 3 more reasons for losses, all in --json"
+
+
+def test_errors_against_a_reference_are_called_so_and_truth_is_truth(flight, off):
+    text = printed(compare(flight, [off("a")]))
+    assert "RMS errors," in text
+    assert "ref" not in text
+    filtered = replace(flight, truth=replace(flight.truth, source="filter"))
+    comparison = compare(filtered, [off("a")])
+    assert "RMS errors against a reference" in printed(comparison)
+    assert "NEES ref" in printed(comparison)
+    (line,) = (line for line in remarks(comparison) if "estimate itself" in line)
+    assert "states no sigmas" in line
+    stated = replace(filtered.truth, euler_sigma_rad=np.full((len(flight.truth.t_s), 3), 0.1))
+    said = remarks(compare(replace(flight, truth=stated), [off("a")]))
+    assert any("its own sigmas of attitude are counted" in line for line in said)

@@ -10,6 +10,7 @@ from fgnav.geometry.earth import ecef, ned_axes
 from fgnav.geometry.rotations import to_euler
 from fgnav.io.flight import writer as flight_writer
 from fgnav.io.flight.folder import files_of, load_flight, save_flight
+from fgnav.types.flight import TRUTH_SIGMAS
 from tests.io.flights import START_GPS_S, whole_flight
 from tests.io.rinex_texts import message, navigation_head, observation_3
 
@@ -76,7 +77,7 @@ def test_tables_come_back_within_the_digits(saved):
         "seeker": ("t_s", "currents", "position_b_m", "landmark_n_m", "calibration"),
         "barometer": ("t_s", "height_m", "position_b_m"),
         "magnetometer": ("t_s", "field_b_ut", "field_n_ut"),
-        "truth": ("t_s", "p_n_m", "v_n_mps", "R_nb"),
+        "truth": ("t_s", "p_n_m", "v_n_mps", "R_nb", *TRUTH_SIGMAS),
     }.items():
         want, got = getattr(saved[0], part), getattr(saved[1], part)
         for name in names:
@@ -121,6 +122,10 @@ def test_folder_and_its_toml_are_the_same_flight(tmp_path):
     assert load_flight(tmp_path).name == load_flight(str(tmp_path / "flight.toml")).name == "plain"
 
 
+def test_what_made_the_truth_is_kept(saved):
+    assert saved[1].truth.source == saved[0].truth.source == "filter"
+
+
 def test_truth_in_files_refers_to_the_axes_at_the_vehicle(saved):
     flight, _, folder = saved
     row = np.loadtxt(folder / "truth.csv", delimiter=",", skiprows=1)[3]
@@ -131,7 +136,7 @@ def test_truth_in_files_refers_to_the_axes_at_the_vehicle(saved):
     v_e_mps = flight.truth.v_n_mps[3] @ flight.origin.R_ne
     np.testing.assert_allclose(row[4:7], R_ne @ v_e_mps, rtol=0, atol=UM)
     R_eb = flight.origin.R_ne.T @ flight.truth.R_nb[3]
-    np.testing.assert_allclose(np.radians(row[7:]), to_euler((R_ne @ R_eb)[None])[0], atol=1e-12)
+    np.testing.assert_allclose(np.radians(row[7:10]), to_euler((R_ne @ R_eb)[None])[0], atol=1e-12)
 
 
 def test_fixes_without_sigma_have_the_documented_ones(tmp_path):
@@ -276,8 +281,8 @@ def test_a_table_cut_between_rows_is_a_counted_loss(saved, copy):
 
 def test_a_table_that_nothing_names_any_more_is_a_counted_loss(saved, copy):
     toml = copy / "flight.toml"
-    head, _, tail = toml.read_text().partition("[truth]\n")
-    toml.write_text(head + "".join(tail.splitlines(keepends=True)[2:]))
+    head, _, _ = toml.read_text().partition("[truth]\n")  # the last table
+    toml.write_text(head)
     lost = {loss.what: loss for loss in set(load_flight(copy).losses) - set(saved[1].losses)}
     assert sorted(lost) == ["integers.csv row", "truth.csv row"]
     assert lost["truth.csv row"].reason == "rows in flight.toml has it, no table names it"

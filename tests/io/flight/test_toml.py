@@ -120,3 +120,9 @@ def test_an_initial_attitude_is_read_strictly_and_written_back(tmp_path):
         read(tmp_path, GOOD + "[initial]\nheading = 90\n")
     with pytest.raises(BadInputError, match="initial heading_sigma_deg: angle and sigma go tog"):
         InitialAttitude(heading_rad=1.0)
+
+
+def test_more_antennas_than_any_vehicle_carries_are_refused(tmp_path):
+    antenna = '[[antenna]]\nname = "b{}"\nposition_b_m = [0, 0, {}]\n'
+    with pytest.raises(BadInputError, match=r"key antenna: .*256"):
+        read(tmp_path, GOOD + "".join(antenna.format(k, k) for k in range(256)))

@@ -82,6 +82,7 @@ def test_samples_fixes_and_filter_come_out_as_logged(file, tmp_path):
     np.testing.assert_allclose(to_euler(flight.truth.R_nb)[0], [0, 0, 0.4], atol=1e-6)
     lost = {loss.reason: loss.count for loss in whole.flight.losses}
     assert lost == {"has no height (fix_type)": 1}
+    assert whole.flight.truth.is_reference
     assert whole.notes["truth"] == "the on-board filter's estimate, not truth"
 
 

@@ -44,7 +44,12 @@ def read_kfgins(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     if width == 11:
         names = PLACE + VELOCITY + EULER
         table = {"t_s": x[:, 1], **vectors(names, x[:, 2:])}
-        return Recording(source=path, tables={"truth": table}, gps_start_s=WEEK_S * x[0, 0])
+        return Recording(
+            source=path,
+            tables={"truth": table},
+            gps_start_s=WEEK_S * x[0, 0],
+            truth_source="filter",
+        )
     if _is_increments(x):
         return Recording(source=path, tables={"imu": _rates(x)}, clock="week")
     fixes = {"t_s": x[:, 0], **vectors(PLACE + POSITION_SIGMA, x[:, 1:])}

@@ -63,6 +63,7 @@ def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         clock="own" if start_s is None else "gps",
         gps_start_s=start_s or 0.0,
         losses=tuple(Loss(what=w, reason=why, count=count) for w, why, count in lost if count),
+        truth_source="filter" if "truth" in tables else None,
         notes={"truth": "the on-board filter's estimate, not truth"} if "truth" in tables else {},
     )
 

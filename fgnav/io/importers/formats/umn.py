@@ -83,6 +83,7 @@ def read_umn(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         clock="week",
         imu_noise=_IMU_NOISE,
         losses=(Loss(what="imu sample", reason="before the first fix, or flagged", count=lost),),
+        truth_source="filter",
         notes={"truth": "the on-board filter's estimate, not truth"},
     )
 

@@ -43,21 +43,47 @@ def contradictions(
     k, total = len(t_s), int(freedom.sum())
     if k < _BLOCK or total == 0:
         return ()
-    apart = (squared - freedom) / np.sqrt(2 * freedom.clip(1))
-    effective = max(total / correlated((apart - apart.mean())[:, None]), 1.0)
     nis = float(squared.sum()) / total
-    out = nis > _limit(effective, _FALSE_ALARM, TOLERATED)
+    out = nis > max(TOLERATED, limit_of(squared, freedom))
     step_s = max(float(np.median(np.diff(t_s))), 1e-9)
     begins = np.arange(0, k, max(_BLOCK, round(_BLOCK_S / step_s)))
     own, sums = np.add.reduceat(freedom, begins), np.add.reduceat(squared, begins)
-    limit = _limit(own.clip(1).astype(np.float64), _FALSE_ALARM / len(begins), _TOLERATED_AT_ONCE)
-    flagged = sums > limit * own.clip(1)
+    limits = _limit(own.clip(1).astype(np.float64), _FALSE_ALARM / len(begins), _TOLERATED_AT_ONCE)
+    flagged = sums > limits * own.clip(1)
     if out and (flagged.mean() >= _THROUGHOUT or not flagged.any()):
         begin_s, end_s = float(t_s[0]), float(t_s[-1])
         return (
             Contradiction(from_s=begin_s, until_s=end_s, freedom=total, nis=nis, throughout=True),
         )
     return tuple(_spans(t_s, (sums, own), begins, flagged))
+
+
+def limit_of(squared: FloatArray, freedom: IntArray) -> float:
+    """Return the largest NIS of innovations, (k,), that noise explains, correlated as they are."""
+    total = int(freedom.sum())
+    if total == 0:
+        return float("inf")
+    apart = (squared - freedom) / np.sqrt(2 * freedom.clip(1))
+    effective = max(total / correlated((apart - apart.mean())[:, None]), 1.0)
+    return float(_limit(effective, _FALSE_ALARM, 0.0))
+
+
+def limit_of_one(freedom: int) -> float:
+    """Return the largest NIS of one innovation that noise explains."""
+    return float(_limit(freedom, _FALSE_ALARM, 0.0))
+
+
+def contradiction_of_one(
+    t_s: FloatArray, squared: float, freedom: int
+) -> tuple[Contradiction, ...]:
+    """Return whether one innovation of a whole flight, of times (n,), is out of its band."""
+    nis = squared / freedom
+    if nis <= max(TOLERATED, limit_of_one(freedom)):
+        return ()
+    begin_s, end_s = float(t_s[0]), float(t_s[-1])
+    return (
+        Contradiction(from_s=begin_s, until_s=end_s, freedom=freedom, nis=nis, throughout=True),
+    )
 
 
 def _limit(freedom: FloatArray | float, false_alarm: float, tolerated: float) -> FloatArray:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fgnav.graph.band import contradictions
 from fgnav.graph.correlation import correlated
+from fgnav.graph.innovation.band import contradictions
 
 K, D = 300, 3  # samples of 30 s, degrees of freedom of each
 T_S = np.arange(K) / 10.0
