@@ -27,7 +27,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fgnav.kernel_cache import ensure_kernel_cache
+from fgnav.kernels.cache import ensure_kernel_cache
 
 if TYPE_CHECKING:  # what an editor and a type checker see
     from fgnav import attitude, gnss, integers, methods

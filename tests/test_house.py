@@ -73,3 +73,28 @@ def test_an_old_name_is_the_new_module_and_says_so(old, new, monkeypatch):
     monkeypatch.delitem(sys.modules, old, raising=False)
     with pytest.warns(DeprecationWarning, match=re.escape(f"{old} is now {new}")):
         assert import_module(old) is import_module(new)
+
+
+def compiled(tree):
+    """Yield a file's compiled functions, each with the names in its decorator."""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef) and node.decorator_list:
+            how = names(node.decorator_list[0])
+            if how & {"inner", "inner_with", "kernel", "kernel_with"}:
+                yield node, how
+
+
+def test_only_kernels_call_what_python_cannot():
+    """An inner function has no entry from Python: called from there it ends the process."""
+    seen = 0
+    for file in FILES:
+        tree = parsed(file)
+        kernels = list(compiled(tree))
+        inner = {node.name for node, how in kernels if how & {"inner", "inner_with"}}
+        assert all(name.startswith("_") for name in inner), f"{file}: inner functions are private"
+        lines = {line for node, _ in kernels for line in range(node.lineno, node.end_lineno + 1)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Name) and node.id in inner:
+                seen += 1
+                assert node.lineno in lines, f"{file}:{node.lineno}: {node.id} is inner"
+    assert seen > 100

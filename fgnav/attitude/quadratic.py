@@ -10,9 +10,9 @@ vector measurements; with gaps it does not, which is why the nine-by-nine form i
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.kernels.compiled import inner, kernel
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.integers import Integers, fixed_ranges_m
 
@@ -181,7 +181,7 @@ def tangent_jacobian(R_nb: FloatArray) -> FloatArray:
 
 # The kernels below are plain loops: numba compiles them in a quarter of the time that kron, outer
 # and solve take, and a first run waits for that.
-@njit(cache=True)
+@kernel
 def _collect(
     ranges_m: FloatArray,
     e_n: FloatArray,
@@ -219,7 +219,7 @@ def _collect(
     return joint[:, :9, :9].copy(), joint[:, :9, 9].copy(), joint[:, 9, 9].copy(), count
 
 
-@njit(cache=True)
+@inner
 def _add_channel(
     ranges_m: FloatArray,
     e_n: FloatArray,
@@ -245,7 +245,7 @@ def _add_channel(
     return links
 
 
-@njit(cache=True)
+@inner
 def _centred_rows(
     ranges_m: FloatArray, e_n: FloatArray, lever_arms_b_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -275,7 +275,7 @@ def _centred_rows(
     return here, rows
 
 
-@njit(cache=True)
+@inner
 def _eliminate(laplacian: FloatArray, cross: FloatArray, joint: FloatArray) -> None:
     """Take the receiver terms off, by Cholesky; the reference antenna's term is the datum."""
     antennas = len(laplacian)

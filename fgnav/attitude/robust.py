@@ -1,9 +1,9 @@
 """Attitudes that wrong integers cannot pull away: a redescending weight for every link."""
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.kernels.compiled import inner, kernel
 from fgnav.types.differences import DoubleDifferences
 
 # Where residuals begin to lose their say, in wavelengths, from wide to narrow: from the start of
@@ -56,7 +56,7 @@ def robust_attitudes(
 
 
 # Plain loops: numba compiles them in a fraction of the time that array expressions take.
-@njit(cache=True)
+@kernel
 def _search(
     ranges_m: FloatArray,
     e_n: FloatArray,
@@ -88,7 +88,7 @@ def _search(
                 R_nb[k] = trial
 
 
-@njit(cache=True)
+@inner
 def _descend(
     ranges_m: FloatArray,
     D: FloatArray,
@@ -126,14 +126,14 @@ def _descend(
     return cost
 
 
-@njit(cache=True)
+@inner
 def _cross(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True)
+@inner
 def _turn(R: FloatArray, A: FloatArray, g: FloatArray) -> None:
     """Turn R, in place, by the body tangent that solves ``A step = g``, half a radian at most."""
     ridge = _RIDGE * (A[0, 0] + A[1, 1] + A[2, 2])

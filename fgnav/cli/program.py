@@ -160,9 +160,14 @@ def run(words: list[str]) -> None:
 
 def _show_help() -> None:
     """Print the program's help, which every newcomer sees first, without loading what runs it."""
+    from shutil import get_terminal_size  # noqa: PLC0415
+    from textwrap import fill  # noqa: PLC0415
+
     from fgnav.terminal import show_names  # noqa: PLC0415
 
-    print(f"Usage: fgnav COMMAND [OPTIONS]\n\n{_HELP}\nCommands:")
+    width = get_terminal_size().columns
+    text = "\n".join(fill(line, width) for line in _HELP.splitlines())
+    print(f"Usage: fgnav COMMAND [OPTIONS]\n\n{text}\n\nCommands:")
     show_names({f"  {name}": text for name, (_, text) in commands().items()})
     print("\nOptions:")
     show_names({f"  {name}": text for name, text in _OPTIONS.items()})

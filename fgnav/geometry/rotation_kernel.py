@@ -4,15 +4,15 @@ Plain loops over contiguous arrays: numba takes seconds to compile slices and su
 """
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray
+from fgnav.kernels.compiled import kernel
 
 SMALL_RAD = 1e-5  # below, series are exact to double precision
 _BERNOULLI_RAD = 0.2  # below, four terms are exact to 1e-12
 
 
-@njit(cache=True)
+@kernel
 def product(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return a b, any shapes."""
     out = np.zeros((a.shape[0], b.shape[1]))
@@ -24,7 +24,7 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
     return out
 
 
-@njit(cache=True)
+@kernel
 def sandwich(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return a b a', (n, n); b is symmetric, and what is returned is so to the last bit."""
     half = product(a, b)
@@ -40,7 +40,7 @@ def sandwich(a: FloatArray, b: FloatArray) -> FloatArray:
     return out
 
 
-@njit(cache=True)
+@kernel
 def put(a: FloatArray, out: FloatArray) -> None:
     """Fill a matrix with as many rows and columns of another, from its first."""
     for i in range(out.shape[0]):
@@ -48,7 +48,7 @@ def put(a: FloatArray, out: FloatArray) -> None:
             out[i, j] = a[i, j]
 
 
-@njit(cache=True)
+@kernel
 def transposed(a: FloatArray) -> FloatArray:
     """Return a', any shape."""
     out = np.empty((a.shape[1], a.shape[0]))
@@ -58,7 +58,7 @@ def transposed(a: FloatArray) -> FloatArray:
     return out
 
 
-@njit(cache=True)
+@kernel
 def times(a: FloatArray, v: FloatArray) -> FloatArray:
     """Return a v, any shapes."""
     out = np.zeros(a.shape[0])
@@ -68,7 +68,7 @@ def times(a: FloatArray, v: FloatArray) -> FloatArray:
     return out
 
 
-@njit(cache=True)
+@kernel
 def scaled(v: FloatArray, factor: float) -> FloatArray:
     """Return a vector times a number."""
     out = np.empty(len(v))
@@ -77,7 +77,7 @@ def scaled(v: FloatArray, factor: float) -> FloatArray:
     return out
 
 
-@njit(cache=True)
+@kernel
 def inverse(S: FloatArray) -> tuple[FloatArray, float]:
     """Return inverse and determinant of a matrix, (3, 3), by its adjugate."""
     W = np.empty((3, 3))
@@ -93,7 +93,7 @@ def inverse(S: FloatArray) -> tuple[FloatArray, float]:
     return W, determinant
 
 
-@njit(cache=True)
+@kernel
 def exp(v: FloatArray) -> FloatArray:
     """Return the rotation of a rotation vector, (3, 3)."""
     square = v[0] ** 2 + v[1] ** 2 + v[2] ** 2
@@ -103,7 +103,7 @@ def exp(v: FloatArray) -> FloatArray:
     return series(v, np.sin(angle) / angle, (1 - np.cos(angle)) / square)
 
 
-@njit(cache=True)
+@kernel
 def right_jacobian(v: FloatArray) -> FloatArray:
     """Return the change of the turn's end, in body axes, by the rotation vector, (3, 3)."""
     square = v[0] ** 2 + v[1] ** 2 + v[2] ** 2
@@ -113,13 +113,13 @@ def right_jacobian(v: FloatArray) -> FloatArray:
     return series(v, -(1 - np.cos(angle)) / square, (angle - np.sin(angle)) / (angle * square))
 
 
-@njit(cache=True)
+@kernel
 def inverse_right_jacobian(v: FloatArray) -> FloatArray:
     """Return the change of the rotation vector by a turn at its end, in body axes, (3, 3)."""
     return series(v, 0.5, inverse_terms(v)[0])
 
 
-@njit(cache=True)
+@kernel
 def inverse_terms(v: FloatArray) -> tuple[float, float]:
     """Return the factor of K^2 in the inverse right Jacobian, and its slope over the angle.
 
@@ -137,7 +137,7 @@ def inverse_terms(v: FloatArray) -> tuple[float, float]:
     return value, (bend / (4 * half) - 2 * value) / square
 
 
-@njit(cache=True)
+@kernel
 def skew(v: FloatArray) -> FloatArray:
     """Return the matrix of the cross product with a vector from the left, (3, 3)."""
     out = np.zeros((3, 3))
@@ -146,7 +146,7 @@ def skew(v: FloatArray) -> FloatArray:
     return out
 
 
-@njit(cache=True)
+@kernel
 def series(v: FloatArray, once: float, twice: float) -> FloatArray:
     """Return I + once K + twice K^2 with K the skew matrix of v."""
     square = v[0] ** 2 + v[1] ** 2 + v[2] ** 2
@@ -164,7 +164,7 @@ def series(v: FloatArray, once: float, twice: float) -> FloatArray:
     return out
 
 
-@njit(cache=True)
+@kernel
 def turn(R_from: FloatArray, R_to: FloatArray) -> FloatArray:
     """Return the rotation vector from one attitude to another, body axes."""
     R = np.zeros((3, 3))

@@ -1,14 +1,14 @@
 """States carried a little in time, with their derivatives, compiled; equations in ``delayed``."""
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.types.states import DERIVATIVE_SCALE_S, States
+from fgnav.kernels.compiled import kernel
 
 
-@njit(cache=True)
+@kernel
 def carried(
     at: States,
     later_s: FloatArray,

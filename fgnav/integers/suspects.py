@@ -8,8 +8,8 @@ from fgnav.integers.array.nearest import nearest, tangent, weak_axis
 from fgnav.integers.array.prior import AttitudePrior, PriorColumns, prior_columns
 from fgnav.integers.array.relaxation import Relaxation, Spans, relaxation, spans
 from fgnav.integers.ils.affine import Epochs, epochs_of, link_design
-from fgnav.integers.ils.decorrelation import kernel
 from fgnav.integers.ils.link_weights import solved, weighed
+from fgnav.kernels.compiled import inner, kernel
 from fgnav.types.differences import DoubleDifferences
 
 _UNTESTABLE = 1e-9  # of a residual's variance: nothing else checks the link
@@ -84,7 +84,7 @@ def _explained(epochs: Epochs, arrays: Spans, prior: PriorColumns, cycles: IntAr
     return out
 
 
-@kernel
+@inner
 def _attitude(relaxed: Relaxation, cycles: IntArray) -> FloatArray:
     """Return the columns that given integers lead to."""
     columns = relaxed.columns.copy()
@@ -95,7 +95,7 @@ def _attitude(relaxed: Relaxation, cycles: IntArray) -> FloatArray:
     return nearest(columns, relaxed.information, weak_axis(relaxed.information, np.inf))[1]
 
 
-@kernel
+@inner
 def _add_tests(
     residual_m: FloatArray,
     weight: FloatArray,
@@ -127,7 +127,7 @@ def _add_tests(
                 out[a, j] += pull * pull / known
 
 
-@kernel
+@inner
 def _share(antenna: int, channel: int, link: IntArray) -> float:
     """Return how an error of one antenna's channel enters a double difference: -1, 0 or 1."""
     if channel not in (link[1], link[2]):

@@ -6,10 +6,10 @@ What a backward pass or a guard needs of the filter's steps goes on a tape, wher
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotation_kernel import exp, product, put, scaled, times, transposed, turn
+from fgnav.kernels.compiled import inner, kernel
 from fgnav.process import matern_kernel as matern
 from fgnav.process.filter_kernel import (
     MEAN,
@@ -71,7 +71,7 @@ class Epochs(NamedTuple):
     use: IntArray  # (n,)
 
 
-@njit(cache=True)
+@kernel
 def log_densities(
     epochs: Epochs,
     mean_rate: FloatArray,
@@ -144,7 +144,7 @@ def log_densities(
     return out
 
 
-@njit(cache=True)
+@inner
 def _start_rates(x: FloatArray, rate: FloatArray) -> None:
     """Set rate and mean rate, derivatives zero, in x, (4, 3)."""
     for i in range(3):
@@ -152,7 +152,7 @@ def _start_rates(x: FloatArray, rate: FloatArray) -> None:
         x[1, i] = x[2, i] = 0.0
 
 
-@njit(cache=True)
+@inner
 def _start(length_s: float, variance: FloatArray, sigma: float) -> FloatArray:
     """Return the covariance of rate, derivatives and mean before the first attitude, (15, 15)."""
     square = (matern.rate_constant(length_s) * matern.DERIVATIVE_SCALE_S) ** 2
@@ -167,7 +167,7 @@ def _start(length_s: float, variance: FloatArray, sigma: float) -> FloatArray:
     return P
 
 
-@njit(cache=True)
+@inner
 def _restart(P: FloatArray, V: FloatArray) -> None:
     """Make the rotation as well known as an attitude is, whatever was before."""
     for i in range(3):
@@ -175,7 +175,7 @@ def _restart(P: FloatArray, V: FloatArray) -> None:
             P[i, j] = P[j, i] = V[i, j] if j < 3 else 0.0
 
 
-@njit(cache=True)
+@inner
 def _updated(
     P: FloatArray, x: FloatArray, R: FloatArray, z: FloatArray, V: FloatArray, k: int, tape: Tape
 ) -> tuple[float, float, FloatArray]:

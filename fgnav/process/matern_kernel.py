@@ -5,9 +5,9 @@ All is worked out in ``u = k T`` with ``k = sqrt(5) / length`` for the state
 """
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray
+from fgnav.kernels.compiled import inner, kernel
 
 DERIVATIVE_SCALE_S = 0.1  # T0: that of the states' tangent, makes rate and derivatives alike
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
@@ -15,13 +15,13 @@ _PANEL = 4.0  # ten nodes are exact to 1e-12 over this much of u
 _FORGOTTEN = 40.0  # exp(-40) u^4 is below double precision: only the integral still grows
 
 
-@njit(cache=True)
+@kernel
 def rate_constant(length_s: float) -> float:
     """Return ``k = sqrt(5) / length``, 1/s."""
     return float(np.sqrt(5.0) / length_s)
 
 
-@njit(cache=True)
+@kernel
 def transition(T_s: float, length_s: float) -> FloatArray:
     """Return F, (3, 3): ``exp(-u) (I + N u + N^2 u^2 / 2)``, of the scaled state."""
     k = rate_constant(length_s)
@@ -38,7 +38,7 @@ def transition(T_s: float, length_s: float) -> FloatArray:
     return F
 
 
-@njit(cache=True)
+@kernel
 def integral(T_s: float, length_s: float) -> FloatArray:
     """Return H, (3,), s: the integral of F's first row over the interval."""
     k = rate_constant(length_s)
@@ -53,7 +53,7 @@ def integral(T_s: float, length_s: float) -> FloatArray:
     return H
 
 
-@njit(cache=True)
+@kernel
 def noise_factor(T_s: float, length_s: float) -> FloatArray:
     """Return the lower Cholesky factor of the noise of (phi, w, T0 a, T0^2 j), (4, 4).
 
@@ -72,7 +72,7 @@ def noise_factor(T_s: float, length_s: float) -> FloatArray:
     return L
 
 
-@njit(cache=True)
+@kernel
 def whitening(L: FloatArray) -> FloatArray:
     """Return the inverse of a lower-triangular matrix, (n, n), by forward substitution."""
     n = L.shape[0]
@@ -87,7 +87,7 @@ def whitening(L: FloatArray) -> FloatArray:
     return W
 
 
-@njit(cache=True)
+@kernel
 def intervals_into(
     T_s: FloatArray, length_s: FloatArray, F: FloatArray, H: FloatArray, W: FloatArray
 ) -> None:
@@ -104,7 +104,7 @@ def intervals_into(
                 W[k, i, j] = own_W[i, j]
 
 
-@njit(cache=True)
+@inner
 def _gamma3(s: float) -> float:
     """Return ``1 - exp(-s) (1 + s + s^2 / 2)`` to full relative precision, s >= 0."""
     if s > 2.0:
@@ -116,7 +116,7 @@ def _gamma3(s: float) -> float:
     return float(np.exp(-s) * total)
 
 
-@njit(cache=True)
+@inner
 def _responses(u: float) -> FloatArray:
     """Return weighted impulse responses of (k phi, w, a / k, j / k^2), one row a node, (m, 4)."""
     end = min(u, _FORGOTTEN)
@@ -137,7 +137,7 @@ def _responses(u: float) -> FloatArray:
     return A
 
 
-@njit(cache=True)
+@inner
 def _orthogonalise(A: FloatArray, L: FloatArray) -> None:
     """Write L, lower, with ``L L' = A' A``; modified Gram-Schmidt, which spoils A."""
     m, n = A.shape

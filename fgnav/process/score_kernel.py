@@ -20,16 +20,16 @@ References
 """
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotation_kernel import product, sandwich, times, transposed
+from fgnav.kernels.compiled import inner, kernel
 from fgnav.process import matern_kernel as matern
 from fgnav.process.evidence_kernel import RESTART, RESTART_ALL, UPDATE, Tape
 from fgnav.process.filter_kernel import SIZE
 
 
-@njit(cache=True)
+@kernel
 def score(
     t_s: FloatArray, length_s: FloatArray, variance_rad2ps2: FloatArray, tape: Tape
 ) -> tuple[FloatArray, FloatArray]:
@@ -44,27 +44,18 @@ def score(
     """
     n = len(t_s)
     out, freedom = np.zeros((n - 1, 3)), np.zeros((n - 1, 3))
-    rho, N = np.zeros(SIZE), np.zeros((SIZE, SIZE))
+    rho: FloatArray = np.zeros(SIZE)
+    N: FloatArray = np.zeros((SIZE, SIZE))
     for k in range(n - 1, 0, -1):
         if k < n - 1:
             to_end = transposed(tape.transition[k + 1])
-            rho[:] = times(to_end, rho)
-            N[:] = sandwich(to_end, N)
-        if tape.use[k] == RESTART_ALL:
-            rho[:] = 0.0
-            N[:] = 0.0
-        elif tape.use[k] == RESTART:
-            rho[:3] = 0.0
-            N[:3] = 0.0
-            N[:, :3] = 0.0
+            rho, N = times(to_end, rho), sandwich(to_end, N)
+        if tape.use[k] in (RESTART, RESTART_ALL):
+            _forget(rho, N, 3 if tape.use[k] == RESTART else SIZE)
         if tape.use[k] in (UPDATE, RESTART_ALL):
-            share, W = tape.share[k], tape.weight[k]
-            kept = np.eye(SIZE)
-            kept[:3] -= share * transposed(tape.gain[k])
-            rho[:] = times(kept, rho)
-            N[:] = sandwich(kept, N)
-            rho[:3] += share * times(W, tape.innovation[k])
-            N[:3, :3] += share * W
+            kept = _kept(tape.share[k], tape.gain[k])
+            rho, N = times(kept, rho), sandwich(kept, N)
+            _add_innovation(tape.share[k], tape.weight[k], tape.innovation[k], rho, N)
         L = matern.noise_factor(t_s[k] - t_s[k - 1], length_s[k - 1])
         Q = product(L, transposed(L))
         for axis in range(3):
@@ -74,7 +65,40 @@ def score(
     return out, freedom
 
 
-@njit(cache=True)
+@inner
+def _forget(rho: FloatArray, N: FloatArray, count: int) -> None:
+    """Set what a restart makes anew, the first of the state, to zero."""
+    for i in range(count):
+        rho[i] = 0.0
+        for j in range(SIZE):
+            N[i, j] = N[j, i] = 0.0
+
+
+@inner
+def _kept(share: float, gain: FloatArray) -> FloatArray:
+    """Return ``(I - K H)'``, (15, 15)."""
+    out = np.zeros((SIZE, SIZE))
+    for i in range(SIZE):
+        out[i, i] = 1.0
+    for i in range(3):
+        for j in range(SIZE):
+            out[i, j] -= share * gain[j, i]
+    return out
+
+
+@inner
+def _add_innovation(
+    share: float, W: FloatArray, innovation: FloatArray, rho: FloatArray, N: FloatArray
+) -> None:
+    """Add ``H' S^-1 z`` and ``H' S^-1 H``."""
+    pull = times(W, innovation)
+    for i in range(3):
+        rho[i] += share * pull[i]
+        for j in range(3):
+            N[i, j] += share * W[i, j]
+
+
+@inner
 def _by_noise(
     rho: FloatArray, N: FloatArray, Q: FloatArray, rows: FloatArray, axis: int
 ) -> tuple[float, float]:

@@ -1,12 +1,12 @@
 """The covariance of a keyframe from that of the one after it, see ``elimination``."""
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.kernels.compiled import inner_with, kernel_with
 
 
-@njit(cache=True, fastmath={"reassoc", "contract"})
+@kernel_with(fastmath={"reassoc", "contract"})
 def descended(R: FloatArray, S: FloatArray, above: FloatArray, rows: IntArray) -> FloatArray:
     """Return the joint covariance of frontal variables and of others that are known.
 
@@ -45,7 +45,7 @@ def descended(R: FloatArray, S: FloatArray, above: FloatArray, rows: IntArray) -
     return P
 
 
-@njit(cache=True, fastmath={"reassoc", "contract"})
+@inner_with(fastmath={"reassoc", "contract"})
 def _inverse(R: FloatArray) -> FloatArray:
     """Return the inverse of an upper triangular matrix."""
     f = R.shape[0]
@@ -60,7 +60,7 @@ def _inverse(R: FloatArray) -> FloatArray:
     return inverse
 
 
-@njit(cache=True, fastmath={"reassoc", "contract"})
+@inner_with(fastmath={"reassoc", "contract"})
 def _product(A: FloatArray, B: FloatArray) -> FloatArray:
     """Return A times the first rows of B."""
     m, n, p = A.shape[0], A.shape[1], B.shape[1]

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.integers.ils.decorrelation import kernel
+from fgnav.kernels.compiled import inner, kernel
 
 # Of the data the network learns from, in the middle; how much of it is there, it learns itself.
 SHARE = 0.08
@@ -94,7 +94,7 @@ def log_odds(variance_m2: FloatArray) -> FloatArray:
     return out
 
 
-@kernel
+@inner
 def _log_density(residual_m: FloatArray, links: Links, worse: FloatArray) -> float:
     """Return the log density of residuals against that of none; fill in who is worse, (l,)."""
     total = 0.0
@@ -113,7 +113,7 @@ def _log_density(residual_m: FloatArray, links: Links, worse: FloatArray) -> flo
     return total
 
 
-@kernel
+@inner
 def _fitted(value_m: FloatArray, weight: FloatArray, links: Links) -> Fit:
     """Take out of phase and code what turn and offsets explain, by weights, (2, l).
 
@@ -143,7 +143,7 @@ def _fitted(value_m: FloatArray, weight: FloatArray, links: Links) -> Fit:
     return Fit(residual_m, logarithm)
 
 
-@kernel
+@inner
 def _add_links(
     value_m: FloatArray,
     weight: FloatArray,
@@ -165,7 +165,7 @@ def _add_links(
         normal[row, row] += w
 
 
-@kernel
+@inner
 def _sum_antennas(
     value_m: FloatArray,
     weight: FloatArray,
@@ -182,7 +182,7 @@ def _sum_antennas(
             arm[own, c] += w * links.arm[i, c]
 
 
-@kernel
+@inner
 def _eliminate(
     weight: FloatArray,
     links: Links,
@@ -213,7 +213,7 @@ def _eliminate(
             k -= 1
 
 
-@kernel
+@inner
 def _solve(normal: FloatArray, right: FloatArray, scale: FloatArray) -> float:
     """Solve in place by the lower half; return the log determinant of what is known at all."""
     logarithm = _factor(normal, right, scale)
@@ -228,7 +228,7 @@ def _solve(normal: FloatArray, right: FloatArray, scale: FloatArray) -> float:
     return logarithm
 
 
-@kernel
+@inner
 def _factor(normal: FloatArray, right: FloatArray, scale: FloatArray) -> float:
     """Factor in place; unknowns that nothing determines are taken out, to be zero.
 
@@ -256,7 +256,7 @@ def _factor(normal: FloatArray, right: FloatArray, scale: FloatArray) -> float:
     return logarithm
 
 
-@kernel
+@inner
 def _residuals(
     value_m: FloatArray,
     weight: FloatArray,

@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.ils.affine import Epochs
-from fgnav.integers.ils.decorrelation import kernel
+from fgnav.kernels.compiled import inner, kernel
 from fgnav_models.trust_fit import Fit, Links, least_squares, log_odds, mixture
 
 LINK_FEATURES, CANDIDATE_FEATURES, EPOCH_FEATURES = 15, 13, 8
@@ -95,7 +95,7 @@ def candidate_rows(
     return out, there, own
 
 
-@kernel
+@inner
 def _links_of(
     epochs: Epochs, group: IntArray, found: Proposed, r: int, places: IntArray
 ) -> tuple[Links, IntArray]:
@@ -130,7 +130,7 @@ def _links_of(
     return Links(antenna, channel, arm, variance_m2, log_odds(variance_m2), antennas), used
 
 
-@kernel
+@inner
 def _values_m(epochs: Epochs, found: Proposed, r: int, places: IntArray) -> FloatArray:
     """Return phase and code less the candidate's ranges, (2, l); 0 at references."""
     k, m = found.epoch[r], epochs.e_n.shape[1]
@@ -150,7 +150,7 @@ def _values_m(epochs: Epochs, found: Proposed, r: int, places: IntArray) -> Floa
     return out
 
 
-@kernel
+@inner
 def _whitened(fit: Fit, links: Links) -> FloatArray:
     out = np.empty(fit.residual_m.shape)
     for s in range(2):
@@ -159,7 +159,7 @@ def _whitened(fit: Fit, links: Links) -> FloatArray:
     return out
 
 
-@kernel
+@inner
 def _link_features(
     white: FloatArray, robust: FloatArray, worse: FloatArray, links: Links, out: FloatArray
 ) -> None:
@@ -186,7 +186,7 @@ def _link_features(
         f[14] = worse[i]
 
 
-@kernel
+@inner
 def _fit_features(
     white: FloatArray,
     fit: Fit,
@@ -203,14 +203,14 @@ def _fit_features(
     own[11] = (robust.log_determinant - fit.log_determinant) / 5.0
 
 
-@kernel
+@inner
 def _cost_features(cost: float, log_volume: float, degrees: float, own: FloatArray) -> None:
     own[2] = np.log1p(cost / degrees)
     own[3] = np.arcsinh((cost - degrees) / np.sqrt(2.0 * degrees))
     own[8] = log_volume / 5.0
 
 
-@kernel
+@inner
 def _beside_others(found: Proposed, log_mixture: FloatArray, own: FloatArray) -> None:
     """Write log posteriors of Gaussian and mixture, and how much dearer than others."""
     count = len(found.epoch)

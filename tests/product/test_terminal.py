@@ -62,7 +62,7 @@ def test_a_part_of_a_module_in_the_working_folder_is_named_by_it(tmp_path, monke
 @pytest.mark.parametrize("columns", ["80", "60"])
 def test_listings_and_help_fit_the_terminal_and_nothing_is_cut(columns, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", columns)
-    for words in (["methods"], ["resolvers"], ["factors"], ["scenarios"]):
+    for words in (["--help"], ["methods"], ["resolvers"], ["factors"], ["scenarios"]):
         assert main(words) == 0
         out = capsys.readouterr().out
         assert max(map(len, out.splitlines())) <= int(columns)

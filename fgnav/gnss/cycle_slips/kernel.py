@@ -3,10 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.gnss.cycle_slips.verdicts import FINE, NOT_TESTED, SLIP, TIED
+from fgnav.kernels.compiled import inner, kernel
 
 SIGNIFICANT = 4.5  # sigmas a step must reach …
 LEAST_CYCLES = 0.25  # … and cycles: the smallest slip is half a cycle, multipath moves less
@@ -27,7 +27,7 @@ class _Steps(NamedTuple):
     channel: IntArray
 
 
-@njit(cache=True)
+@kernel
 def judge(
     phase_m: FloatArray,
     e_n: FloatArray,
@@ -71,7 +71,7 @@ def judge(
                     verdict[k, i, j] = TIED
 
 
-@njit(cache=True)
+@inner
 def _snoop(steps: _Steps, count: int, tied: BoolArray, verdict: IntArray) -> None:
     """Take out the worst of ``count`` steps while it is a slip; write verdicts by channel.
 
@@ -98,7 +98,7 @@ def _snoop(steps: _Steps, count: int, tied: BoolArray, verdict: IntArray) -> Non
         _swap(steps, worst, count)
 
 
-@njit(cache=True)
+@inner
 def _pair(steps: _Steps, count: int, tied: BoolArray) -> tuple[int, int]:
     """Return the two rows, the later one first, whose slips explain all steps best.
 
@@ -124,7 +124,7 @@ def _pair(steps: _Steps, count: int, tied: BoolArray) -> tuple[int, int]:
     return best
 
 
-@njit(cache=True)
+@inner
 def _cost_of_slips(steps: _Steps, count: int, cofactor: FloatArray, x: FloatArray) -> float:
     """Return the squared residuals of all rows where the last two slipped by half cycles.
 
@@ -158,7 +158,7 @@ def _cost_of_slips(steps: _Steps, count: int, cofactor: FloatArray, x: FloatArra
     return squares + least
 
 
-@njit(cache=True)
+@inner
 def _residual(steps: _Steps, x: FloatArray, row: int) -> float:
     """Return what the fit leaves of a step."""
     left: float = steps.y_m[row]
@@ -167,7 +167,7 @@ def _residual(steps: _Steps, x: FloatArray, row: int) -> float:
     return left
 
 
-@njit(cache=True)
+@inner
 def _of_fit(steps: _Steps, cofactor: FloatArray, i: int, j: int) -> float:
     """Return the covariance of the steps that the fit expects of two rows."""
     total = 0.0
@@ -177,7 +177,7 @@ def _of_fit(steps: _Steps, cofactor: FloatArray, i: int, j: int) -> float:
     return total
 
 
-@njit(cache=True)
+@inner
 def _swap(steps: _Steps, i: int, j: int) -> None:
     for p in range(_UNKNOWNS):
         steps.A[i, p], steps.A[j, p] = steps.A[j, p], steps.A[i, p]
@@ -186,7 +186,7 @@ def _swap(steps: _Steps, i: int, j: int) -> None:
     steps.channel[i], steps.channel[j] = steps.channel[j], steps.channel[i]
 
 
-@njit(cache=True)
+@inner
 def _fit(steps: _Steps, count: int, cofactor: FloatArray, x: FloatArray) -> bool:
     """Weighted least squares of the first ``count`` rows; False if the geometry is singular."""
     pull = _normal(steps, count, cofactor)
@@ -213,7 +213,7 @@ def _fit(steps: _Steps, count: int, cofactor: FloatArray, x: FloatArray) -> bool
     return True
 
 
-@njit(cache=True)
+@inner
 def _normal(steps: _Steps, count: int, matrix: FloatArray) -> FloatArray:
     """Write the normal matrix, return its right-hand side; loops, which compile quickly."""
     A, pull = steps.A, np.zeros(_UNKNOWNS)
@@ -229,7 +229,7 @@ def _normal(steps: _Steps, count: int, matrix: FloatArray) -> FloatArray:
     return pull
 
 
-@njit(cache=True)
+@inner
 def _worst(
     steps: _Steps, count: int, x: FloatArray, cofactor: FloatArray, verdict: IntArray
 ) -> int:

@@ -27,13 +27,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
 from fgnav.graph.types.constants import Constants
+from fgnav.kernels.compiled import kernel
 from fgnav.optional_gtsam import gtsam
 
 
@@ -156,7 +156,7 @@ class AntennaPhase:
         return replace(self, row=row, blocks=blocks)
 
 
-@njit(cache=True)
+@kernel
 def _residual(
     pose: FloatArray, arcs: FloatArray, arm: FloatArray, G: FloatArray, H: FloatArray, z: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -13,7 +13,6 @@ References
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph import keys
@@ -22,6 +21,7 @@ from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.states import States
+from fgnav.kernels.compiled import kernel
 from fgnav.optional_gtsam import gtsam
 
 # Where the elements of R.ravel() stand in the column-major vector of a 4 by 4 pose matrix.
@@ -90,7 +90,7 @@ class ArrayPhase:
         return replace(self, row=row)
 
 
-@njit(cache=True)
+@kernel
 def _kernel(
     at: States, which: IntArray, root: FloatArray, minimum: FloatArray, element_column: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:

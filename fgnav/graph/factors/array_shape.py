@@ -14,7 +14,6 @@ References
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
@@ -23,6 +22,7 @@ from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.states import States
+from fgnav.kernels.compiled import kernel
 from fgnav.optional_gtsam import gtsam
 
 
@@ -91,7 +91,7 @@ class ArrayShape:
         return replace(self, row=row)
 
 
-@njit(cache=True)
+@kernel
 def _kernel(
     at: States,
     which: IntArray,

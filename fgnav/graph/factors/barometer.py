@@ -14,7 +14,6 @@ References
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray, IntArray, positive
 from fgnav.graph.measurement_factor import of_measurement, parts_of
@@ -22,6 +21,7 @@ from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.states import States
+from fgnav.kernels.compiled import kernel
 from fgnav.optional_gtsam import gtsam
 
 
@@ -105,7 +105,7 @@ class BarometricHeight:
         return replace(self, row=row)
 
 
-@njit(cache=True)
+@kernel
 def _kernel(
     at: States,
     which: IntArray,

@@ -13,7 +13,6 @@ References
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
@@ -24,6 +23,7 @@ from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.states import States
+from fgnav.kernels.compiled import kernel
 from fgnav.optional_gtsam import gtsam
 
 
@@ -90,7 +90,7 @@ class Gravity:
         return replace(self, row=row)
 
 
-@njit(cache=True)
+@kernel
 def _kernel(
     at: States, which: IntArray, known_n: FloatArray, across_b: FloatArray, column: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -8,7 +8,6 @@ GTSAM's ``BearingFactor3D``.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
@@ -18,6 +17,7 @@ from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.states import States
+from fgnav.kernels.compiled import kernel
 from fgnav.optional_gtsam import gtsam
 
 
@@ -80,7 +80,7 @@ class LineOfSight:
         return replace(self, row=row)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _kernel(
     at: States, which: IntArray, across_b: FloatArray, landmark: int, boresight: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -3,17 +3,17 @@
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray
 from fgnav.geometry import rotation_kernel as rot
+from fgnav.kernels.compiled import kernel
 
 # A plain integer would be a type of its own to numba, and the kernel compiled for each.
 ABOUT_X, ABOUT_Y = np.int64(0), np.int64(1)  # first of the two neighbouring axes of the angles
 Axis: TypeAlias = int | np.int64
 
 
-@njit(cache=True)
+@kernel
 def tilt(constants: FloatArray, column: int, axis: Axis) -> FloatArray:
     """Return minus the rotation vector t by which an instrument is turned in the body, (3,).
 
@@ -26,7 +26,7 @@ def tilt(constants: FloatArray, column: int, axis: Axis) -> FloatArray:
     return out
 
 
-@njit(cache=True)
+@kernel
 def fill(
     value: FloatArray,
     state: FloatArray,

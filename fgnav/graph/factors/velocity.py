@@ -13,7 +13,6 @@ References
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray, IntArray, frozen
 from fgnav.geometry import rotation_kernel as rot
@@ -23,6 +22,7 @@ from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.states import States
+from fgnav.kernels.compiled import inner, kernel
 from fgnav.optional_gtsam import gtsam
 
 _NO_GYROSCOPE = np.empty((0, 3))
@@ -117,7 +117,7 @@ class Velocity:
         return replace(self, row=row)
 
 
-@njit(cache=True)
+@kernel
 def _kernel(
     at: States,
     which: IntArray,
@@ -162,7 +162,7 @@ def _kernel(
     return value, state, shared
 
 
-@njit(cache=True)
+@inner
 def _relative_rate(
     aux: FloatArray, measured_b_radps: FloatArray, i: int, earth_b: FloatArray
 ) -> FloatArray:

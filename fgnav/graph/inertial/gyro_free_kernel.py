@@ -5,8 +5,6 @@ Equations in ``gyro_free``. Everything works on rows of contiguous arrays, one i
 
 from typing import NamedTuple
 
-from numba import njit
-
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.inertial.path_kernel import (
@@ -16,6 +14,7 @@ from fgnav.graph.inertial.path_kernel import (
     integrate,
     turn,
 )
+from fgnav.kernels.compiled import inner, kernel
 
 ROWS = 21  # rotation, position, velocity, accelerometer bias, rate and its two derivatives
 
@@ -38,7 +37,7 @@ class Filled(NamedTuple):
     by_mean: FloatArray  # (j, 21, 3)
 
 
-@njit(cache=True)
+@kernel
 def linearise(
     which: IntArray, of: Intervals, before: Rows, after: Rows, mean: FloatArray, out: Filled
 ) -> None:
@@ -70,7 +69,7 @@ def linearise(
         _whiten(of, k, out.by_mean[row])
 
 
-@njit(cache=True)
+@kernel
 def predict(which: IntArray, of: Intervals, before: Rows, mean: FloatArray, after: Rows) -> None:
     """Fill the states that intervals, (j,), lead to: the mean of the process, forces integrated."""
     path = empty_path()
@@ -104,7 +103,7 @@ def predict(which: IntArray, of: Intervals, before: Rows, mean: FloatArray, afte
                 after.p_n_m[row, i] += before.R_nb[row, i, j] * path.gain[1, j]
 
 
-@njit(cache=True)
+@inner
 def _rotation_rows(
     of: Intervals,
     k: int,
@@ -133,7 +132,7 @@ def _rotation_rows(
         out.by_mean[row, i, i] = H[0] - T
 
 
-@njit(cache=True)
+@inner
 def _process_rows(
     of: Intervals, k: int, row: int, before: Rows, after: Rows, mean: FloatArray, out: Filled
 ) -> None:
@@ -152,7 +151,7 @@ def _process_rows(
             out.value[row, at, 0] = value
 
 
-@njit(cache=True)
+@inner
 def _force_rows(
     of: Intervals,
     k: int,
@@ -203,7 +202,7 @@ def _force_rows(
         out.after[row, 6 + i, 6 + i] = 1.0
 
 
-@njit(cache=True)
+@inner
 def _put(E: FloatArray, row: int, column: int, R: FloatArray, M: FloatArray, factor: float) -> None:
     """Set a block, (3, 3), to ``factor R M``."""
     for i in range(3):
@@ -212,7 +211,7 @@ def _put(E: FloatArray, row: int, column: int, R: FloatArray, M: FloatArray, fac
             E[row + i, column + j] = factor * total
 
 
-@njit(cache=True)
+@inner
 def _bias_rows(white: float, row: int, before: Rows, after: Rows, out: Filled) -> None:
     """Fill the rows of the random walk of the accelerometer's bias, whitened."""
     for i in range(9, 12):
@@ -220,7 +219,7 @@ def _bias_rows(white: float, row: int, before: Rows, after: Rows, out: Filled) -
         out.value[row, i, 0] = white * (after.aux[row, i - 9] - before.aux[row, i - 9])
 
 
-@njit(cache=True)
+@inner
 def _whiten(of: Intervals, k: int, E: FloatArray) -> None:
     """Whiten the rows of the process and of the specific force in place, (21, c)."""
     W, force = of.white[k], of.force_white[k]
@@ -236,7 +235,7 @@ def _whiten(of: Intervals, k: int, E: FloatArray) -> None:
             E[6 + i, j] *= force[0]
 
 
-@njit(cache=True)
+@inner
 def _clear(row: int, out: Filled) -> None:
     """Set derivatives to zero."""
     for i in range(ROWS):

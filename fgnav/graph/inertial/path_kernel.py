@@ -7,10 +7,10 @@ body rate at both ends.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
+from fgnav.kernels.compiled import inner, kernel
 
 
 class Intervals(NamedTuple):
@@ -42,7 +42,7 @@ class Path(NamedTuple):
     sums: FloatArray
 
 
-@njit(cache=True)
+@kernel
 def empty_path() -> Path:
     """Return room for a path."""
     return Path(
@@ -55,7 +55,7 @@ def empty_path() -> Path:
     )
 
 
-@njit(cache=True)
+@kernel
 def turn(R_0: FloatArray, R_1: FloatArray, path: Path) -> None:
     """Fill the path's end: the rotation against the frame n, ``Log(R_0' R_1)``."""
     theta = rot.turn(R_0, R_1)
@@ -63,7 +63,7 @@ def turn(R_0: FloatArray, R_1: FloatArray, path: Path) -> None:
         path.theta[i] = theta[i]
 
 
-@njit(cache=True)
+@inner
 def _end_slope(aux: FloatArray, path: Path) -> None:
     """Fill the path's slope at its end, ``J_r^-1(theta) w``, and the derivative by theta."""
     theta, C = path.theta, path.C
@@ -85,7 +85,7 @@ def _end_slope(aux: FloatArray, path: Path) -> None:
         C[i, b] -= aux[3 + a] / 2
 
 
-@njit(cache=True)
+@kernel
 def integrate(of: Intervals, k: int, aux: FloatArray, aux_end: FloatArray, path: Path) -> None:
     """Integrate the specific force along a path that ends at ``path.theta``; fill the rest of it.
 
@@ -127,7 +127,7 @@ def integrate(of: Intervals, k: int, aux: FloatArray, aux_end: FloatArray, path:
                 sums[7, i, j] += rest_s * by_force
 
 
-@njit(cache=True)
+@inner
 def _rotation_and_jacobian(v: FloatArray, R: FloatArray, L: FloatArray) -> None:
     """Fill a rotation vector's rotation and its left Jacobian."""
     x, y, z = v[0], v[1], v[2]
@@ -150,7 +150,7 @@ def _rotation_and_jacobian(v: FloatArray, R: FloatArray, L: FloatArray) -> None:
         out[1, 2], out[2, 1] = twice * y * z - once * x, twice * y * z + once * x
 
 
-@njit(cache=True)
+@inner
 def _clear(path: Path) -> None:
     """Set the sums along a path to zero."""
     for i in range(3):

@@ -4,13 +4,13 @@ Shapes as in ``solve.chain.kernel``: D state dimensions, b constants, W = D + b 
 """
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.kernels.compiled import inner, kernel
 from fgnav.solve.chain.back_kernel import forward_solve
 
 
-@njit(cache=True)
+@kernel
 def whiten(
     motion: FloatArray,
     parts: FloatArray,
@@ -47,7 +47,7 @@ def whiten(
     return total
 
 
-@njit(cache=True)
+@inner
 def _cholesky(rest: FloatArray, parts: FloatArray, variance: FloatArray, L: FloatArray) -> float:
     """Fill the factor of one covariance; return its log determinant."""
     total = 0.0
@@ -68,7 +68,7 @@ def _cholesky(rest: FloatArray, parts: FloatArray, variance: FloatArray, L: Floa
     return total
 
 
-@njit(cache=True)
+@inner
 def _solved(L: FloatArray, A: FloatArray) -> FloatArray:
     """Return ``L^-1 A L^-T`` of a symmetric A."""
     X = A.copy()
@@ -78,7 +78,7 @@ def _solved(L: FloatArray, A: FloatArray) -> FloatArray:
     return X
 
 
-@njit(cache=True)
+@kernel
 def motion_score(
     white: FloatArray,
     root: FloatArray,
@@ -125,7 +125,7 @@ def motion_score(
                 information[c, d] += (shares[c] * shares[d].T).sum() / 2
 
 
-@njit(cache=True)
+@inner
 def _fill(
     joint: FloatArray,
     covariances: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
@@ -141,7 +141,7 @@ def _fill(
     joint[2 * D :, 2 * D :] = own
 
 
-@njit(cache=True)
+@kernel
 def measurement_score(
     value: FloatArray,
     state: FloatArray,

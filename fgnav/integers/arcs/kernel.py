@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.integers.ils.decorrelation import kernel
+from fgnav.kernels.compiled import inner, kernel
 
 _TINY = 1e-300
 
@@ -125,7 +125,7 @@ def _carry_pairs_so_far(answers: Answers, pairs: IntArray, carried: Carried) -> 
                     carried.chance[k, i, j] = run.chance
 
 
-@kernel
+@inner
 def _listen(answers: Answers, i: int, j: int, r: int, first: int) -> _Run:
     """Hear the epochs from ``first`` on, while both arcs last."""
     n = len(answers.cycles)
@@ -144,12 +144,12 @@ def _listen(answers: Answers, i: int, j: int, r: int, first: int) -> _Run:
     return _judged(so_far, last)
 
 
-@kernel
+@inner
 def _nothing_said() -> _SoFar:
     return _SoFar(-1, 0, 0, np.inf, np.inf, 0.0, 0.0)
 
 
-@kernel
+@inner
 def _hear(so_far: _SoFar, k: int, said: int, wrong: float) -> _SoFar:
     """Add what epoch k says, and its chance to be wrong."""
     source, cycles, voices, least, against, for_it, other = so_far
@@ -162,7 +162,7 @@ def _hear(so_far: _SoFar, k: int, said: int, wrong: float) -> _SoFar:
     return _SoFar(source, cycles, voices + 1, least, against, for_it, other)
 
 
-@kernel
+@inner
 def _judged(so_far: _SoFar, last: int) -> _Run:
     """Return what the epochs say together."""
     source, cycles, voices, least, against, for_it, other = so_far

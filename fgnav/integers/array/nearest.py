@@ -14,7 +14,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.integers.array.principal_axes import principal_axes
-from fgnav.integers.ils.decorrelation import kernel
+from fgnav.kernels.compiled import inner, kernel
 
 _STEPS = 20
 _HALVINGS = 6
@@ -89,7 +89,7 @@ def weak_axis(information: FloatArray, variance: float) -> FloatArray:
     return least
 
 
-@kernel
+@inner
 def _start(columns: FloatArray, axis: FloatArray, start: int) -> FloatArray:
     """Return columns to start from: four turn the array, two complete lengths along the axis."""
     if start < 4:
@@ -152,7 +152,7 @@ def log_volume(M: FloatArray, information: FloatArray) -> float:
 
 
 # Vectors are handled in place, in plain loops: numba compiles those in a third of the time.
-@kernel
+@inner
 def _dot(a: FloatArray, b: FloatArray) -> float:
     total = 0.0
     for i in range(len(a)):
@@ -160,13 +160,13 @@ def _dot(a: FloatArray, b: FloatArray) -> float:
     return total
 
 
-@kernel
+@inner
 def _add(a: FloatArray, factor: float, b: FloatArray) -> None:
     for i in range(len(a)):
         a[i] += factor * b[i]
 
 
-@kernel
+@inner
 def _normalised(v: FloatArray) -> bool:
     """Scale to length 1, or to 0 where there is no direction."""
     length = np.sqrt(_dot(v, v))
@@ -176,7 +176,7 @@ def _normalised(v: FloatArray) -> bool:
     return bool(known)
 
 
-@kernel
+@inner
 def _cross(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -224,7 +224,7 @@ def normal_matrix(J: FloatArray, information: FloatArray) -> FloatArray:
     return out
 
 
-@kernel
+@inner
 def _distance(M: FloatArray, columns: FloatArray, information: FloatArray) -> float:
     total = 0.0
     for i in range(len(M)):
@@ -235,7 +235,7 @@ def _distance(M: FloatArray, columns: FloatArray, information: FloatArray) -> fl
     return total
 
 
-@kernel
+@inner
 def _descend(
     start: FloatArray, columns: FloatArray, information: FloatArray
 ) -> tuple[float, FloatArray]:
@@ -260,7 +260,7 @@ def _descend(
     return cost, M
 
 
-@kernel
+@inner
 def _newton_step(J: FloatArray, information: FloatArray, residual: FloatArray) -> FloatArray:
     H = normal_matrix(J, information)
     g = np.zeros(3)
@@ -281,7 +281,7 @@ def _newton_step(J: FloatArray, information: FloatArray, residual: FloatArray) -
     return g
 
 
-@kernel
+@inner
 def _turned(M: FloatArray, turn_rad: FloatArray) -> FloatArray:
     """Turn every column about the axes of ``n`` (Rodrigues' formula)."""
     angle, axis = np.sqrt(_dot(turn_rad, turn_rad)), turn_rad.copy()
@@ -297,7 +297,7 @@ def _turned(M: FloatArray, turn_rad: FloatArray) -> FloatArray:
     return out
 
 
-@kernel
+@inner
 def _nearest_direction(column: FloatArray, information: FloatArray) -> FloatArray:
     """Return the unit vector; ``(information - mu) x = information column`` at the least mu."""
     values, vectors = principal_axes(information)

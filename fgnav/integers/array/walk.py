@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.integers.ils.decorrelation import kernel
+from fgnav.kernels.compiled import inner, kernel
 
 AT_VECTOR, AT_END, AT_LIMIT = range(3)  # where a walk stops
 _COMPLETE = -1  # a level: below the last
@@ -86,7 +86,7 @@ def walk_of(
     return walk
 
 
-@kernel
+@inner
 def _set_levels(walk: Walk, gain: FloatArray, covariance: FloatArray) -> None:
     """Find what each level tells of the columns before the integers below it are known."""
     u, n = gain.shape
@@ -168,7 +168,7 @@ def next_vector(walk: Walk, bound: float, limit: int) -> tuple[int, float]:
     return AT_LIMIT, 0.0
 
 
-@kernel
+@inner
 def _advance(walk: Walk, k: int) -> None:
     """Take a level's next integer: outward from the conditional estimate, to both sides in turn."""
     walk.z[k] += walk.step[k]
@@ -203,7 +203,7 @@ def least_distance(columns: FloatArray, covariance: FloatArray) -> float:
     return least * least
 
 
-@kernel
+@inner
 def _variance(covariance: FloatArray, u: int, v: int, x: FloatArray, y: FloatArray) -> float:
     """Return that of ``x . d`` for one column, u = v, and of ``x . d' + y . d`` for two."""
     total = 0.0

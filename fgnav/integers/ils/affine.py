@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, NoSolutionError, frozen
-from fgnav.integers.ils.decorrelation import kernel
 from fgnav.integers.ils.search import OK, UNFINISHED, solve_subset
 from fgnav.integers.ils.threads import in_blocks
+from fgnav.kernels.compiled import inner, kernel
 from fgnav.types.differences import DoubleDifferences
 
 NOTHING, WEAK, ILL = range(10, 13)  # how an epoch can end besides OK and UNFINISHED
@@ -346,7 +346,7 @@ def link_design(
     return A
 
 
-@kernel
+@inner
 def _of_code(
     A: FloatArray, code_m: FloatArray, variance: FloatArray, links: IntArray
 ) -> tuple[int, FloatArray, FloatArray, float]:
@@ -382,7 +382,7 @@ def _of_code(
     return status, H, range_m, squares
 
 
-@kernel
+@inner
 def _observed(
     A: FloatArray, code_m: FloatArray, variance: FloatArray, links: IntArray
 ) -> FloatArray:
@@ -398,7 +398,7 @@ def _observed(
     return W
 
 
-@kernel
+@inner
 def _eliminate(W: FloatArray) -> None:
     """Bring ``[S | B]``, S symmetric, to ``[D L^T | L^-1 B]`` with ``S = L D L^T``, in place."""
     q, width = W.shape

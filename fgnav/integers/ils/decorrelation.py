@@ -14,11 +14,9 @@ References
 """
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray
-
-kernel = njit(cache=True, nogil=True, error_model="numpy")
+from fgnav.kernels.compiled import inner, kernel
 
 _EPSILON = 2.0**-52
 _GAIN = 1e-12  # least relative gain of an exchange: rounding errors must not cycle
@@ -77,7 +75,7 @@ def decorrelate(
     return positive, U, d, T
 
 
-@kernel
+@inner
 def _sound(T: FloatArray) -> bool:
     for row in T:
         for value in row:
@@ -86,7 +84,7 @@ def _sound(T: FloatArray) -> bool:
     return True
 
 
-@kernel
+@inner
 def _factor(
     Q: FloatArray, U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray
 ) -> bool:
@@ -117,7 +115,7 @@ def _factor(
     return True
 
 
-@kernel
+@inner
 def _least_diagonal(U: FloatArray, last: int) -> int:
     best = last
     for j in range(last):
@@ -126,13 +124,13 @@ def _least_diagonal(U: FloatArray, last: int) -> int:
     return best
 
 
-@kernel
+@inner
 def _exchange_rows(A: FloatArray, i: int, j: int) -> None:
     for k in range(A.shape[1]):
         A[i, k], A[j, k] = A[j, k], A[i, k]
 
 
-@kernel
+@inner
 def _reduce(U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray, grown: float) -> None:
     """Exchange neighbours while that lowers the variance that is searched first."""
     n = len(d)
@@ -164,7 +162,7 @@ def _reduce(U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray, gr
         k = min(k + 1, n - 2)
 
 
-@kernel
+@inner
 def _subtract(U: FloatArray, carried: FloatArray, T: FloatArray, k: int, i: int) -> None:
     """Reduce element i of row k by its nearest integer times row i."""
     mu = np.floor(U[k, i] + 0.5)

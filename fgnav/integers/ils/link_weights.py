@@ -14,7 +14,7 @@ References
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.integers.ils.decorrelation import kernel
+from fgnav.kernels.compiled import inner, kernel
 
 
 @kernel
@@ -51,7 +51,7 @@ def weighed(
     return out
 
 
-@kernel
+@inner
 def _weigh_group(
     r: int,
     there: FloatArray,
@@ -79,7 +79,7 @@ def _weigh_group(
                     out[place[i, j] - 1, v] = left[i + 1, j, v] / variance[j]
 
 
-@kernel
+@inner
 def _take_satellites_clocks(left: FloatArray, there: FloatArray) -> None:
     """Take off the means over antennas."""
     a, m, width = left.shape
@@ -93,7 +93,7 @@ def _take_satellites_clocks(left: FloatArray, there: FloatArray) -> None:
                 left[i, j, v] -= there[i, j] * total / antennas
 
 
-@kernel
+@inner
 def _take_receivers_clocks(left: FloatArray, there: FloatArray, variance: FloatArray) -> None:
     """Take off what receivers' clocks explain of links that are free of satellites' clocks."""
     a, m, width = left.shape
@@ -117,7 +117,7 @@ def _take_receivers_clocks(left: FloatArray, there: FloatArray, variance: FloatA
                 left[i, j, v] -= there[i, j] * of_receivers[i, v]
 
 
-@kernel
+@inner
 def _antennas(there: FloatArray, j: int) -> float:
     """Return how many have a channel, 1 where none has."""
     total = 0.0
@@ -126,7 +126,7 @@ def _antennas(there: FloatArray, j: int) -> float:
     return max(total, 1.0)
 
 
-@kernel
+@inner
 def _there(r: int, reference: IntArray, place: IntArray) -> FloatArray:
     """Return 1 for the links of a group, those of its reference and of the reference antenna too.
 

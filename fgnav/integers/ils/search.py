@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
-from fgnav.integers.ils.decorrelation import decorrelate, kernel
+from fgnav.integers.ils.decorrelation import decorrelate
 from fgnav.integers.ils.threads import in_blocks
+from fgnav.kernels.compiled import inner, kernel
 
 __all__ = [
     "ASYMMETRIC",
@@ -336,7 +337,7 @@ def search(
     return False, found, squared_norms
 
 
-@kernel
+@inner
 def _insert(found: FloatArray, squared_norms: FloatArray, z: FloatArray, norm: float) -> None:
     i = len(squared_norms) - 1
     while i > 0 and squared_norms[i - 1] > norm:
@@ -349,7 +350,7 @@ def _insert(found: FloatArray, squared_norms: FloatArray, z: FloatArray, norm: f
         found[i, j] = z[j]
 
 
-@kernel
+@inner
 def _return_to_cycles(
     found: FloatArray, T: FloatArray, whole: FloatArray, wanted: BoolArray, integers: IntArray
 ) -> None:

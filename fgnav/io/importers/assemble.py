@@ -22,6 +22,7 @@ from fgnav.io.importers.settings import Settings
 from fgnav.types.flight import Antenna, Flight, TruthSource
 
 SETTINGS_NAME = "import.toml"
+_OPTIONAL = ("barometer", "magnetometer")  # whose noise no log states
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -56,11 +57,12 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
     Raises
     ------
     BadInputError
-        If two files have the same table, or a table has no usable row.
+        If two files have the same table, or a table has no usable row, or nothing is left
+        without instruments whose noise is not stated: those are left out, and counted.
     """
     missing = {key: text for one in recordings for key, text in one.missing.items()}
     losses = [loss for one in recordings for loss in one.losses]
-    recordings = [_clean(one, losses) for one in recordings]
+    recordings = [_clean(_stated(one, settings, losses), losses) for one in recordings]
     start_s = _start(recordings, settings, missing)
     tables: dict[str, dict[str, FloatArray]] = {}
     truth_source = next((one.truth_source for one in recordings if "truth" in one.tables), None)
@@ -96,6 +98,21 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
         notes={key: text for one in recordings for key, text in one.notes.items()},
         missing=missing,
     )
+
+
+def _stated(one: Recording, settings: Settings, losses: list[Loss]) -> Recording:
+    """Return a recording without instruments whose noise the settings do not state; count them."""
+    left = [kind for kind in _OPTIONAL if kind in one.tables and not getattr(settings, kind)]
+    if left and set(one.tables) == set(left):
+        raise BadInputError(
+            f"{one.source}: holds {' and '.join(left)} alone; state noise in [{left[0]}] of "
+            "--settings"
+        )
+    for kind in left:
+        reason = f"[{kind}] of --settings does not state its noise ({one.source.name})"
+        count = len(one.tables[kind]["t_s"])
+        losses.append(Loss(what=f"{kind} row", reason=reason, count=count))
+    return replace(one, tables={k: rows for k, rows in one.tables.items() if k not in left})
 
 
 def _clean(one: Recording, losses: list[Loss]) -> Recording:
@@ -184,12 +201,10 @@ def _parts(
         parts["fixes"] = series.fixes(
             tables["fixes"], origin, antennas[0].name, where="the imported fixes"
         )
-    for kind, make in (("barometer", series.barometer), ("magnetometer", series.magnetometer)):
-        if kind in tables:
-            keys = getattr(settings, kind)
-            if keys is None:
-                raise BadInputError(f"{kind}: state its noise in [{kind}] of --settings")
-            parts[kind] = make(tables[kind], keys)
+    if "barometer" in tables and settings.barometer is not None:
+        parts["barometer"] = series.barometer(tables["barometer"], settings.barometer)
+    if "magnetometer" in tables and settings.magnetometer is not None:
+        parts["magnetometer"] = series.magnetometer(tables["magnetometer"], settings.magnetometer)
     if "truth" in tables:
         parts["truth"] = series.truth(
             tables["truth"], origin, source=truth_source, where="the imported reference"

@@ -13,7 +13,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.io.flight.columns import FORCE, PLACE, RATE, VELOCITY
-from fgnav.io.importers.formats.text_columns import usual_width
+from fgnav.io.importers.formats.text_columns import is_number, usual_width
 from fgnav.io.importers.settings import UNITS, CsvTable
 
 _ROWS = 20_000  # looked at
@@ -52,12 +52,12 @@ def guessed(path: Path) -> CsvTable:
         lines = list(islice(file, _ROWS))
     delimiter = max(",;\t", key=lambda one: lines[0].count(one) if lines else 0)
     rows = [row for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True) if row]
-    header = bool(rows) and not all(_is_number(cell) for cell in rows[0])
+    header = bool(rows) and not all(is_number(cell) for cell in rows[0])
     width = usual_width(rows)
     body = [row for row in rows[header:] if len(row) == width]
     if len(body) < 2:
         raise BadInputError(f"{path}: must hold two rows of numbers or more to guess columns by")
-    x = np.array([[float(c) if _is_number(c) else np.nan for c in row] for row in body])
+    x = np.array([[float(c) if is_number(c) else np.nan for c in row] for row in body])
     names = _by_name(rows[0]) if header else {}
     if not any({"t_s", *wanted} <= set(names) for wanted in (FORCE, PLACE)):
         names = _by_numbers(x)
@@ -84,14 +84,6 @@ def guessed(path: Path) -> CsvTable:
     elif first_s > 1e9:  # s: as GPS time 2011 and later, which loggers rarely use; UTC since 2001
         fields["clock"] = "utc"
     return CsvTable(**fields)
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 def _by_name(head: list[str]) -> dict[str, int]:

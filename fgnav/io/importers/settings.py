@@ -71,6 +71,8 @@ class RosTable(Table, frozen=True, kw_only=True):
 
     imu: str | None = None
     fixes: str | None = None
+    barometer: str | None = None
+    magnetometer: str | None = None
 
 
 class Settings(Table, frozen=True, kw_only=True):

@@ -5,11 +5,11 @@ number): code 0 says all is well, the others are explained in ``scan.PROBLEMS``.
 """
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import IntArray
 from fgnav.io.gps_time import TICKS_PER_S
 from fgnav.io.rinex.text import Bytes
+from fgnav.kernels.compiled import inner, kernel
 
 # Columns of the table of epochs and events.
 TICKS, FLAG, ANNOUNCED, KEPT, LINE, START, END = range(7)
@@ -17,7 +17,7 @@ TICKS, FLAG, ANNOUNCED, KEPT, LINE, START, END = range(7)
 _BLANK, _DOT, _MINUS, _ZERO, _NINE, _NEWLINE, _GREATER = 32, 46, 45, 48, 57, 10, 62
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def line_end(text: Bytes, start: int) -> int:
     """Return where the line's end character stands, or the end of the text."""
     i = start
@@ -26,7 +26,7 @@ def line_end(text: Bytes, start: int) -> int:
     return i
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def trimmed(text: Bytes, start: int, end: int) -> int:
     """Return the end of the line without trailing blanks and carriage return."""
     while end > start and (text[end - 1] == _BLANK or text[end - 1] == 13):
@@ -34,7 +34,7 @@ def trimmed(text: Bytes, start: int, end: int) -> int:
     return end
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def whole(text: Bytes, start: int, end: int, stop: int) -> int:
     """Return a right-adjusted whole number, -1 when blank, -2 when it is none."""
     value = -1
@@ -47,7 +47,7 @@ def whole(text: Bytes, start: int, end: int, stop: int) -> int:
     return value
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _thousandths(text: Bytes, start: int, stop: int) -> tuple[int, int]:
     """Return a field F14.3 in thousandths, and 0 if blank, 1 if a number, 2 if broken."""
     i, end = start, min(start + 14, stop)
@@ -71,7 +71,7 @@ def _thousandths(text: Bytes, start: int, stop: int) -> tuple[int, int]:
     return (-value if negative else value), 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def days(year: int, month: int, day: int) -> int:
     """Return days since 1980-01-06 in the Gregorian calendar, or -1 of no date."""
     long = month in (1, 3, 5, 7, 8, 10, 12)
@@ -84,7 +84,7 @@ def days(year: int, month: int, day: int) -> int:
     return 365 * y + y // 4 - y // 100 + y // 400 + (153 * m + 2) // 5 + day - 1 - 723_125
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _ticks(text: Bytes, p: int, year_width: int, stop: int) -> int:
     """Return the epoch written from ``p`` on, in 1e-7 s since 1980-01-06; -1 if it is none."""
     year = whole(text, p, p + year_width, stop)
@@ -110,7 +110,7 @@ def _ticks(text: Bytes, p: int, year_width: int, stop: int) -> int:
     return (((day_number * 24 + hour) * 60 + minute) * 60 + second) * TICKS_PER_S + fraction
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _fields(  # a kernel: every argument is an array or a place in one
     text: Bytes, start: int, stop: int, tally: IntArray, first: int, count: int, used: bool
 ) -> int:
@@ -141,7 +141,7 @@ def _fields(  # a kernel: every argument is an array or a place in one
     return 16 * count if stop > start + 16 * count else -1
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _epoch_problem(row: IntArray, last: int) -> int:
     """Return the number of the rule that an epoch or event breaks, 0 if none."""
     flag, announced, ticks = row[FLAG], row[ANNOUNCED], row[TICKS]
@@ -150,7 +150,7 @@ def _epoch_problem(row: IntArray, last: int) -> int:
     return 3 if flag <= 1 and ticks <= last else 0
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _line_problem(text: Bytes, p: int) -> int:
     """Return 4 if there is no line any more, 5 if it is cut, 0 if it is there."""
     if p >= len(text):
@@ -158,7 +158,7 @@ def _line_problem(text: Bytes, p: int) -> int:
     return 5 if line_end(text, p) == len(text) else 0
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _satellite_3(
     text: Bytes, p: int, limits: IntArray, tally: IntArray, found: IntArray, problem: IntArray
 ) -> None:
@@ -180,7 +180,7 @@ def _satellite_3(
             problem[0], problem[2] = 8, column + 4
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _count_satellite(
     found: IntArray, seen: IntArray, satellites: IntArray, row: IntArray, epoch: int
 ) -> int:
@@ -194,7 +194,7 @@ def _count_satellite(
     return 0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def scan_3(
     text: Bytes,
     start: IntArray,
@@ -256,7 +256,7 @@ def scan_3(
     return n
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _satellites_2(text: Bytes, p: int, count: int, ids: IntArray) -> tuple[int, int]:
     """Read the satellites of a RINEX 2 epoch from its line and those that continue it.
 
@@ -282,7 +282,7 @@ def _satellites_2(text: Bytes, p: int, count: int, ids: IntArray) -> tuple[int, 
     return (newline + 1 if count else line_end(text, p) + 1), max(lines, 1)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _satellite_2(
     text: Bytes, place: IntArray, types: int, rows: IntArray, used: bool, problem: IntArray
 ) -> None:
@@ -305,7 +305,7 @@ def _satellite_2(
         place[0], place[1] = newline + 1, place[1] + 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def scan_2(
     text: Bytes,
     start: IntArray,

@@ -3,15 +3,15 @@
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.kernels.compiled import kernel
 
 _OWN = 255  # the record's own code tells the signal
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def count_records(
     records: NDArray[Any], signals: IntArray, totals: IntArray, present: BoolArray
 ) -> None:
@@ -47,7 +47,7 @@ def count_records(
                 present[sat, record.code[slot] if signal == _OWN else signal] = True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def spread_records(
     records: NDArray[Any],
     signals: IntArray,

@@ -1,17 +1,17 @@
 """Compiled formatting of RINEX observation epochs into a buffer of characters."""
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.io.rinex.text import Bytes
+from fgnav.kernels.compiled import inner, kernel
 
 EPOCH_WIDTH = 36  # with its line end
 FIELD_WIDTH = 16
 _BLANK, _DOT, _MINUS, _ZERO, _NEWLINE = 32, 46, 45, 48, 10
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _put_whole(out: Bytes, start: int, end: int, value: int, pad: int) -> None:
     """Write a whole number right-adjusted, padded with ``pad``."""
     for i in range(end - 1, start - 1, -1):
@@ -19,7 +19,7 @@ def _put_whole(out: Bytes, start: int, end: int, value: int, pad: int) -> None:
         value //= 10
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _put_thousandths(out: Bytes, p: int, value: float) -> None:
     """Write F14.3. Zero means "not measured" in RINEX, so what rounds to zero is written 0.001."""
     thousandths = int(np.rint(abs(value) * 1e3))
@@ -40,7 +40,7 @@ def _put_thousandths(out: Bytes, p: int, value: float) -> None:
         out[i] = _MINUS
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _put_satellite(
     out: Bytes, p: int, name: Bytes, channels: IntArray, values: FloatArray, flags: Bytes
 ) -> int:
@@ -73,7 +73,7 @@ def _put_satellite(
     return end + 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def format_epochs(
     out: Bytes,
     dates: IntArray,

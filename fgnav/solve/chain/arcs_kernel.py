@@ -5,13 +5,13 @@ them, and rounds by its number of columns.
 """
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray
+from fgnav.kernels.compiled import kernel
 from fgnav.solve.chain.back_kernel import backward_solve, cholesky, forward_solve
 
 
-@njit(cache=True)
+@kernel
 def eliminate_first(joint: FloatArray, size: int) -> tuple[bool, FloatArray, FloatArray]:
     """Eliminate the first variables of a symmetric augmented information, in place.
 
@@ -52,7 +52,7 @@ def eliminate_first(joint: FloatArray, size: int) -> tuple[bool, FloatArray, Flo
     return True, root, gain
 
 
-@njit(cache=True)
+@kernel
 def covariance_of_first(root: FloatArray, gain: FloatArray, others: FloatArray) -> FloatArray:
     """Return rows of the joint covariance of what was eliminated, (size, m + size).
 

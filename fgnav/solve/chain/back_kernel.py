@@ -7,14 +7,14 @@ system from its Cholesky factor, in the order of substitution.
 """
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray
+from fgnav.kernels.compiled import inner, kernel
 
 _NOTHING = 1e-13  # of a diagonal: less than that is rounding
 
 
-@njit(cache=True)
+@kernel
 def newest(forward: FloatArray, covariance: FloatArray, step: FloatArray) -> float:
     """Fill covariance and step of the newest state and the constants, (D + b,) wide.
 
@@ -47,7 +47,7 @@ def newest(forward: FloatArray, covariance: FloatArray, step: FloatArray) -> flo
     return float(least)
 
 
-@njit(cache=True)
+@kernel
 def substitute(gain: FloatArray, end: FloatArray, steps: FloatArray) -> None:
     """Fill the steps, (n, D), of all states, given those of the last one and the constants."""
     D, width = steps.shape[1], len(end)
@@ -65,7 +65,7 @@ def substitute(gain: FloatArray, end: FloatArray, steps: FloatArray) -> None:
             after[i] = step[i]
 
 
-@njit(cache=True)
+@kernel
 def marginals(
     gain: FloatArray,
     root: FloatArray,
@@ -105,7 +105,7 @@ def marginals(
                 constant_cross[k, i, j - D] = joint[i, j]
 
 
-@njit(cache=True)
+@inner
 def _less_product(out: FloatArray, T: FloatArray, G: FloatArray) -> None:
     """Take T G' off the lower half of a matrix; G may have more columns."""
     for i in range(len(out)):
@@ -116,7 +116,7 @@ def _less_product(out: FloatArray, T: FloatArray, G: FloatArray) -> None:
             out[i, j] -= total
 
 
-@njit(cache=True)
+@inner
 def _negative_product(G: FloatArray, S: FloatArray, out: FloatArray) -> None:
     """Set ``out`` to minus the product of G's first columns with a square S."""
     for i in range(len(out)):
@@ -129,7 +129,7 @@ def _negative_product(G: FloatArray, S: FloatArray, out: FloatArray) -> None:
                 row[j] -= scale * other[j]
 
 
-@njit(cache=True)
+@inner
 def _inverse_of_square(L: FloatArray, out: FloatArray) -> None:
     """Set the lower half of ``out`` to that of the inverse of L L'."""
     n = len(L)
@@ -147,7 +147,7 @@ def _inverse_of_square(L: FloatArray, out: FloatArray) -> None:
     backward_solve(L, out)
 
 
-@njit(cache=True)
+@kernel
 def cholesky(A: FloatArray) -> bool:
     """Leave the factor in A's lower half; return whether A is positive definite in its digits."""
     n = len(A)
@@ -166,7 +166,7 @@ def cholesky(A: FloatArray) -> bool:
     return True
 
 
-@njit(cache=True)
+@kernel
 def forward_solve(L: FloatArray, Y: FloatArray) -> None:
     """Solve L X = Y in place."""
     for i in range(len(L)):
@@ -179,7 +179,7 @@ def forward_solve(L: FloatArray, Y: FloatArray) -> None:
             row[j] /= L[i, i]
 
 
-@njit(cache=True)
+@kernel
 def backward_solve(L: FloatArray, Y: FloatArray) -> None:
     """Solve L' X = Y in place."""
     for i in range(len(L) - 1, -1, -1):

@@ -13,9 +13,9 @@ Barfoot, State Estimation for Robotics, 2nd edition, section 3.2.3 (Cholesky smo
 """
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.kernels.compiled import inner, inner_with, kernel
 from fgnav.solve.chain.back_kernel import backward_solve
 from fgnav.solve.chain.rows_kernel import eliminate_rows
 
@@ -23,7 +23,7 @@ from fgnav.solve.chain.rows_kernel import eliminate_rows
 _DIGITS_LOST = 1e-11
 
 
-@njit(cache=True)
+@kernel
 def add_squares(
     node: FloatArray, into: IntArray, value: FloatArray, state: FloatArray, shared: FloatArray
 ) -> None:
@@ -42,14 +42,14 @@ def add_squares(
                     _add(node[into[j], i, i:], row[i:], row[i])
 
 
-@njit(inline="always")
+@inner_with(inline="always")
 def _add(out: FloatArray, row: FloatArray, scale: float) -> None:
     """Add a multiple of a row; here and below slices let loops begin at 0: the processor's pace."""
     for j in range(len(out)):
         out[j] += scale * row[j]
 
 
-@njit(cache=True)
+@kernel
 def eliminate(
     motion: FloatArray,
     node: FloatArray,
@@ -97,7 +97,7 @@ def eliminate(
     return -1
 
 
-@njit(cache=True)
+@inner
 def _fill(joint: FloatArray, motion: FloatArray, node: FloatArray, forward: FloatArray) -> None:
     """Fill the information of two states and the constants, three rows of the motion at once."""
     D, J = motion.shape
@@ -119,7 +119,7 @@ def _fill(joint: FloatArray, motion: FloatArray, node: FloatArray, forward: Floa
                     row[j] += a * x[j] + b * y[j] + c * z[j]
 
 
-@njit(cache=True)
+@inner
 def _triangular(A: FloatArray, count: int) -> None:
     """Turn the first rows of A into those of its Cholesky factor, take their square off the rest.
 
@@ -140,7 +140,7 @@ def _triangular(A: FloatArray, count: int) -> None:
                 row[j] -= a * x[j] + b * y[j] + c * z[j]
 
 
-@njit(cache=True)
+@inner
 def _digits_left(A: FloatArray, whole: FloatArray, count: int) -> bool:
     """Return whether pivots, squared, and what is left of the diagonal have digits of their own.
 
@@ -153,7 +153,7 @@ def _digits_left(A: FloatArray, whole: FloatArray, count: int) -> bool:
     return True
 
 
-@njit(cache=True)
+@inner
 def _copy(joint: FloatArray, root: FloatArray, gain: FloatArray, forward: FloatArray) -> None:
     """Take the factor, the right-hand sides and what is left out of an eliminated matrix."""
     D, W = gain.shape

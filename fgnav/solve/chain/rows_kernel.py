@@ -12,14 +12,14 @@ Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, chapter
 """
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import BoolArray, FloatArray
+from fgnav.kernels.compiled import inner, inner_with, kernel
 
 _NOTHING = 1e-13  # of a diagonal: less than that is rounding
 
 
-@njit(cache=True)
+@kernel
 def eliminate_rows(
     motion: FloatArray,
     node: FloatArray,
@@ -51,7 +51,7 @@ def eliminate_rows(
     return True
 
 
-@njit(cache=True, fastmath={"reassoc"})
+@inner_with(fastmath={"reassoc"})
 def _square(columns: FloatArray, out: FloatArray) -> None:
     """Set the upper half of ``out`` to the products of rows, the lower to zero."""
     for i in range(len(out)):
@@ -64,7 +64,7 @@ def _square(columns: FloatArray, out: FloatArray) -> None:
             out[i, j] = total
 
 
-@njit(cache=True)
+@inner
 def _square_root(A: FloatArray, D: int, later: bool, columns: FloatArray, count: int) -> int:
     """Append rows whose square is A, by Cholesky with pivots; return how many there are by then.
 
@@ -91,7 +91,7 @@ def _square_root(A: FloatArray, D: int, later: bool, columns: FloatArray, count:
     return count
 
 
-@njit(cache=True)
+@inner
 def _take_off(M: FloatArray, pivot: int, done: BoolArray) -> None:
     """Take a pivot's square off what is not done."""
     for i in range(len(M)):
@@ -101,7 +101,7 @@ def _take_off(M: FloatArray, pivot: int, done: BoolArray) -> None:
                 M[i, j] -= share * M[pivot, j]
 
 
-@njit(cache=True)
+@inner
 def _largest(M: FloatArray, whole: FloatArray, done: BoolArray) -> int:
     """Return which diagonal has kept the largest share of itself, of those not done."""
     pivot, most = -1, -np.inf
@@ -112,7 +112,7 @@ def _largest(M: FloatArray, whole: FloatArray, done: BoolArray) -> int:
     return pivot
 
 
-@njit(cache=True, fastmath={"reassoc"})  # sums in any order: four times the pace
+@inner_with(fastmath={"reassoc"})  # sums in any order: four times the pace
 def _triangle(columns: FloatArray, count: int, D: int) -> bool:
     """Turn the first D columns of ``count`` rows into a triangle of positive diagonal.
 

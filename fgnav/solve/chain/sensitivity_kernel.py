@@ -16,12 +16,12 @@ right-hand sides makes the covariance P B P of solutions, which is linear in B, 
 """
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray
+from fgnav.kernels.compiled import inner, kernel
 
 
-@njit(cache=True)
+@kernel
 def adjoint(
     gain: FloatArray,
     covariance: FloatArray,
@@ -70,7 +70,7 @@ def adjoint(
     return solved, blocks
 
 
-@njit(cache=True)
+@inner
 def _carry(gain: FloatArray, a: FloatArray, B: FloatArray, f: FloatArray, F: FloatArray) -> None:
     """Fill f and F of all keyframes."""
     n, D = a.shape
@@ -84,7 +84,7 @@ def _carry(gain: FloatArray, a: FloatArray, B: FloatArray, f: FloatArray, F: Flo
                 F[k, i, j] += B[k, i, j]
 
 
-@njit(cache=True)
+@inner
 def _led(
     G: FloatArray, f: FloatArray, F: FloatArray, half: FloatArray, g: FloatArray, out: FloatArray
 ) -> None:
@@ -113,7 +113,7 @@ def _led(
             row[j] += F[i, j]
 
 
-@njit(cache=True)
+@inner
 def _brought_back(
     G: FloatArray, S: FloatArray, a: FloatArray, B: FloatArray, later: FloatArray, R: FloatArray
 ) -> None:
@@ -142,7 +142,7 @@ def _brought_back(
     later[:D] = moved
 
 
-@njit(cache=True)
+@inner
 def _product(A: FloatArray, B: FloatArray, out: FloatArray) -> None:
     """Set ``out`` to A times the first columns of B."""
     for i in range(len(out)):
@@ -155,7 +155,7 @@ def _product(A: FloatArray, B: FloatArray, out: FloatArray) -> None:
                     row[j] += scale * other[j]
 
 
-@njit(cache=True)
+@inner
 def _fill(P: FloatArray, shared: FloatArray, constant: FloatArray, S: FloatArray) -> None:
     """Set S to the covariance of a state and the constants."""
     D, b = shared.shape

@@ -4,11 +4,11 @@
 """
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.types.states import States
+from fgnav.kernels.compiled import kernel
 
 
 def retracted(
@@ -23,27 +23,27 @@ def retracted(
     ----------
     .. [1] Barfoot, State Estimation for Robotics, 2nd edition, section 8.1.3.
     """
-    own = _retracted(at.R_nb, at.p_n_m, at.v_n_mps, at.aux, steps, by_pose3)
-    return States(*own, at.constants + constant_steps)
+    R, p = _retracted(at.R_nb, at.p_n_m, steps, by_pose3)
+    v, aux = at.v_n_mps + steps[:, 6:9], at.aux + steps[:, 9:]
+    return States(R, p, v, aux, at.constants + constant_steps)
 
 
-@njit(cache=True)
+@kernel
 def _retracted(
-    R_nb: FloatArray,
-    p_n_m: FloatArray,
-    v_n_mps: FloatArray,
-    aux: FloatArray,
-    steps: FloatArray,
-    by_pose3: bool,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    R_nb: FloatArray, p_n_m: FloatArray, steps: FloatArray, by_pose3: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Return rotations and positions a step away, (n, 3, 3) and (n, 3)."""
     n = len(steps)
     R, p = np.empty((n, 3, 3)), np.empty((n, 3))
+    along: FloatArray = np.empty(3)
     for k in range(n):
-        turn, along = steps[k, :3], steps[k, 3:6].copy()
+        turn = steps[k, :3]
+        for i in range(3):
+            along[i] = steps[k, 3 + i]
         if by_pose3:
             along = rot.times(rot.transposed(rot.right_jacobian(turn)), along)
-        R[k] = rot.product(R_nb[k], rot.exp(turn))
+        rot.put(rot.product(R_nb[k], rot.exp(turn)), R[k])
         moved = rot.times(R_nb[k], along)
         for i in range(3):
             p[k, i] = p_n_m[k, i] + moved[i]
-    return R, p, v_n_mps + steps[:, 6:9], aux + steps[:, 9:]
+    return R, p

@@ -3,6 +3,7 @@
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.kernels.compiled import kernel
 from fgnav_sim.vehicle.forces import (
     FINS,
     Body,
@@ -12,7 +13,6 @@ from fgnav_sim.vehicle.forces import (
     added,
     canard,
     cross,
-    kernel,
     turned_back,
 )  # fmt: skip
 

@@ -9,12 +9,10 @@ dependencies only.
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numba import njit
 
 from fgnav.checks import FloatArray
+from fgnav.kernels.compiled import kernel
 from fgnav_sim.vehicle.atmosphere import CELL_M, FLOOR_M, GEOPOTENTIAL_RADIUS_M
-
-kernel = njit(cache=True, nogil=True, error_model="numpy")
 
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]

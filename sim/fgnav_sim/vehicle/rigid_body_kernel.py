@@ -12,6 +12,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import earth
+from fgnav.kernels.compiled import kernel
 from fgnav_sim.vehicle import autopilot, forces
 from fgnav_sim.vehicle.autopilot import deflections, wanted_turn
 from fgnav_sim.vehicle.forces import (
@@ -42,7 +43,6 @@ from fgnav_sim.vehicle.forces import (
     cross,
     dot,
     jet_damping,
-    kernel,
     mass_at,
     turned,
     turned_back,

@@ -6,6 +6,16 @@ from fgnav.io.importers import importer_named
 from fgnav.io.importers.assemble import assemble, write
 from fgnav.io.importers.settings import Settings, read_settings
 
+AROUND = """
+[barometer]
+noise_m = 0.5
+offset_m = 30.0
+[magnetometer]
+field_n_ut = [20.0, 0.0, 40.0]
+noise_ut = 0.5
+hard_iron_ut = 5.0
+"""
+
 
 def imported(tmp_path, name, *files, toml=None):
     """Return the flight that a format's importer makes of files, written and read again."""

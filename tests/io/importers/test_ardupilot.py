@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fgnav.geometry.earth import ecef
-from tests.io.importers.helpers import imported, refused
+from tests.io.importers.helpers import AROUND, imported, refused
 
 WEEK, MS = 2374, 243_258_500
 FORMATS = {  # type: name, format, columns; the codes of struct
@@ -19,6 +19,8 @@ FORMATS = {  # type: name, format, columns; the codes of struct
     ),
     3: ("GPA", "QBCCCCBIHfHB", "TimeUS,I,VDop,HAcc,VAcc,SAcc,VV,SMS,Delta,Und,RTCMFU,x", ""),
 }
+FORMATS[4] = ("BARO", "QBff", "TimeUS,I,Alt,Press", "<QB2f")
+FORMATS[5] = ("MAG", "QBhhh", "TimeUS,I,MagX,MagY,MagZ", "<QB3h")
 FORMATS[3] = (*FORMATS[3][:3], "<QBHHHHBIHfHB")
 
 
@@ -28,7 +30,7 @@ def record(kind, *values):
     return b"\xa3\x95" + bytes([kind]) + struct.pack(FORMATS[kind][3], *values)
 
 
-def log(*, accuracy=True, status=3):
+def log(*, accuracy=True, status=3, around=False):
     """Two seconds: two units at 50 Hz, a fix a second."""
     out = record(128, 128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
     for kind, (name, form, columns, code) in FORMATS.items():
@@ -56,6 +58,8 @@ def log(*, accuracy=True, status=3):
             1,
         )
         out += record(2, *gps)
+        if around:
+            out += record(4, t_us, 0, 1.5, 96_000.0) + record(5, t_us, 0, 250, -125, 500)
         if accuracy:
             out += record(3, t_us, 0, 100, 150, 250, 25, 1, t_us // 1000, 200, 47.5, 0, 0)
     return out
@@ -76,6 +80,22 @@ def test_the_first_unit_and_fixes_come_out_as_logged(tmp_path):
     np.testing.assert_allclose(flight.fixes.velocity_sigma_mps[0], [0.25] * 3)
     lost = {loss.reason: loss.count for loss in whole.flight.losses}
     assert lost == {"has no height (Status)": 1}
+
+
+def test_barometer_and_magnetometer_come_with_their_stated_noise(tmp_path):
+    (tmp_path / "log.BIN").write_bytes(log(around=True))
+    _, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN", toml=AROUND)
+    np.testing.assert_allclose(flight.barometer.height_m, 1.5)
+    np.testing.assert_allclose(flight.barometer.t_s, [-1, 0, 1], atol=1e-6)
+    np.testing.assert_allclose(flight.magnetometer.field_b_ut[0], [25, -12.5, 50])
+
+
+def test_instruments_of_unstated_noise_are_left_out_and_counted(tmp_path):
+    (tmp_path / "log.BIN").write_bytes(log(around=True))
+    whole, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
+    assert (flight.barometer, flight.magnetometer) == (None, None)
+    lost = {loss.what: loss.count for loss in whole.flight.losses}
+    assert (lost["barometer row"], lost["magnetometer row"]) == (3, 3)
 
 
 def test_pymavlink_reads_the_same_numbers(tmp_path):

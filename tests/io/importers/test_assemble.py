@@ -130,7 +130,7 @@ def test_what_no_flight_can_have_is_refused(tmp_path):
         Recording(source=tmp_path / "a", tables={"imu": table})
     height = {"t_s": np.arange(2.0), "height_m": np.zeros(2)}
     baro = Recording(source=tmp_path / "a", tables={"barometer": height})
-    with pytest.raises(BadInputError, match=r"barometer: state its noise in \[barometer\]"):
+    with pytest.raises(BadInputError, match=r"holds barometer alone; state noise in \[barometer\]"):
         assemble([baro], Settings())
 
 

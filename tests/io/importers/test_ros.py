@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fgnav.geometry.earth import ecef
-from tests.io.importers.helpers import imported, refused
+from tests.io.importers.helpers import AROUND, imported, refused
 
 START_S = 1_751_000_000  # UTC, 2025: GPS is 18 s ahead
 COVARIANCE = np.array([4.0, 0, 0, 0, 9.0, 0, 0, 0, 16.0])  # east, north, up
@@ -38,7 +38,22 @@ def messages(types, k, status=0):
     return imu, fix
 
 
-def bag(place, kind, topics=("/imu",)):
+def around(types, k):
+    """Return a pressure and a field at 0.1 k seconds."""
+    header = messages(types, k)[0].header
+    make = types.types
+    air = make["sensor_msgs/msg/FluidPressure"](
+        header=header, fluid_pressure=89_874.6, variance=0.0
+    )
+    field = make["sensor_msgs/msg/MagneticField"](
+        header=header,
+        magnetic_field=make["geometry_msgs/msg/Vector3"](x=25e-6, y=12.5e-6, z=-50e-6),
+        magnetic_field_covariance=np.zeros(9),
+    )
+    return air, field
+
+
+def bag(place, kind, topics=("/imu",), *, surroundings=False):
     """Write two seconds of a level unit that stands still; the first fix is none."""
     rosbag1, rosbag2, typesys = (
         pytest.importorskip(f"rosbags.{name}") for name in ("rosbag1", "rosbag2", "typesys")
@@ -54,12 +69,19 @@ def bag(place, kind, topics=("/imu",)):
     with writer:
         units = [writer.add_connection(t, "sensor_msgs/msg/Imu", typestore=types) for t in topics]
         gnss = writer.add_connection("/gps/fix", "sensor_msgs/msg/NavSatFix", typestore=types)
+        other = [
+            writer.add_connection(f"/{name}", f"sensor_msgs/msg/{name}", typestore=types)
+            for name in ("FluidPressure", "MagneticField")
+            if surroundings
+        ]
         for k in range(20):
             imu, fix = messages(types, k, status=0 if k else -1)
             at_ns = START_S * 10**9 + k * 10**8
             for unit in units:
                 writer.write(unit, at_ns, encode(imu, imu.__msgtype__))
             writer.write(gnss, at_ns, encode(fix, fix.__msgtype__))
+            for where, one in zip(other, around(types, k), strict=False):
+                writer.write(where, at_ns, encode(one, one.__msgtype__))
 
 
 @pytest.mark.parametrize("kind", ["bag", "mcap", "db3"])
@@ -76,6 +98,24 @@ def test_units_and_fixes_come_out_as_recorded(tmp_path, kind):
     np.testing.assert_allclose(flight.fixes.position_sigma_m[0], [3, 2, 4])
     lost = {loss.reason: loss.count for loss in whole.flight.losses}
     assert lost == {"the receiver had none (status)": 1}
+
+
+@pytest.mark.parametrize("kind", ["bag", "mcap"])
+def test_barometer_and_magnetometer_come_with_their_stated_noise(kind, tmp_path):
+    """ISO 2533's table: 89874.6 Pa at 1000 m."""
+    place = tmp_path / ("log.bag" if kind == "bag" else "log")
+    bag(place, kind, surroundings=True)
+    _, flight = imported(tmp_path, "rosbag", place, toml=AROUND)
+    np.testing.assert_allclose(flight.barometer.height_m, 1000, atol=0.02)
+    np.testing.assert_allclose(flight.magnetometer.field_b_ut[3], [25, -12.5, 50], rtol=1e-9)
+
+
+def test_instruments_of_unstated_noise_are_left_out_and_counted(tmp_path):
+    bag(tmp_path / "log", "mcap", surroundings=True)
+    whole, flight = imported(tmp_path, "rosbag", tmp_path / "log")
+    assert (flight.barometer, flight.magnetometer) == (None, None)
+    lost = {loss.what: loss.count for loss in whole.flight.losses}
+    assert (lost["barometer row"], lost["magnetometer row"]) == (20, 20)
 
 
 def test_a_file_of_a_bag_alone_is_told_by_its_first_bytes(tmp_path):

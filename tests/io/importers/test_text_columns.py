@@ -124,6 +124,11 @@ def test_one_file_of_two_tables_with_empty_cells(tmp_path):
             "units.mps2: must be one of m/s2, g, mg, got 'stone'",
         ),
         (ROWS, IMU + IMU, "needs a [[csv]] for each of its tables in --settings, has imu, imu"),
+        (
+            ROWS,
+            '[[csv]]\ntable = "barometer"\nheader = false\ncolumns = {t_s = 7, height_m = 1}',
+            "barometer: state its noise in [barometer] of --settings",
+        ),
         (ROWS, "", "imu.csv: needs a [[csv]] for each of its tables in --settings, has none"),
     ],
 )

@@ -7,12 +7,14 @@ import pytest
 
 from fgnav.geometry.earth import ecef
 from fgnav.geometry.rotations import to_euler
-from tests.io.importers.helpers import imported, refused
+from tests.io.importers.helpers import AROUND, imported, refused
 
 BOOT_UTC_S = 1_751_000_000  # 2025: GPS is 18 s ahead
 ATTITUDE = "uint64_t timestamp;float[4] q;"
 GLOBAL = "uint64_t timestamp;double lat;double lon;float alt;float alt_ellipsoid;"
 LOCAL = "uint64_t timestamp;float vx;float vy;float vz;"
+AIR = "uint64_t timestamp;float baro_alt_meter;"
+MAGNET = "uint64_t timestamp;float[3] magnetometer_ga;"
 IMU = "uint64_t timestamp;float[3] gyro_rad;float[3] accelerometer_m_s2;"
 SPEED = "float s_variance_m_s;float eph;float epv;float vel_n_m_s;float vel_e_m_s;float vel_d_m_s;"
 SPEED += "uint64_t time_utc_usec;uint8_t fix_type;"
@@ -25,11 +27,13 @@ def message(kind, body):
     return struct.pack("<Hc", len(body), kind) + body
 
 
-def log(gps_format, place, name):
+def log(gps_format, place, name, *, around=False):
     """Two seconds: 100 Hz of a still, level unit; a fix a second, the first without height."""
     formats = {"sensor_combined": IMU, name: gps_format}
     formats |= {"vehicle_attitude": ATTITUDE, "vehicle_global_position": GLOBAL}
     formats["vehicle_local_position"] = LOCAL
+    if around:
+        formats |= {"vehicle_air_data": AIR, "vehicle_magnetometer": MAGNET}
     out = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0)
     out += message(b"B", bytes(40))
     for topic, fields in formats.items():
@@ -48,6 +52,9 @@ def log(gps_format, place, name):
         out += message(b"D", struct.pack("<HQ4f", 2, t_us, np.cos(0.2), 0, 0, np.sin(0.2)))
         out += message(b"D", struct.pack("<HQddff", 3, t_us, 47.0, 8.0, 400.0, 450.0))
         out += message(b"D", struct.pack("<HQ3f", 4, t_us, 3.0, -4.0, 0.5))
+        if around:
+            out += message(b"D", struct.pack("<HQf", 5, t_us, 451.5))
+            out += message(b"D", struct.pack("<HQ3f", 6, t_us, 0.25, -0.125, 0.5))
     return out
 
 
@@ -84,6 +91,15 @@ def test_samples_fixes_and_filter_come_out_as_logged(file, tmp_path):
     assert lost == {"has no height (fix_type)": 1}
     assert whole.flight.truth.is_reference
     assert whole.notes["truth"] == "the on-board filter's estimate, not truth"
+
+
+def test_barometer_and_magnetometer_come_with_their_stated_noise(tmp_path):
+    pytest.importorskip("pyulog")
+    (tmp_path / "log.ulg").write_bytes(log(*LOGS["of 2024"], around=True))
+    _, flight = imported(tmp_path, "ulog", tmp_path / "log.ulg", toml=AROUND)
+    np.testing.assert_allclose(flight.barometer.height_m, 451.5)
+    np.testing.assert_allclose(flight.barometer.t_s, [-1, 0, 1], atol=1e-6)
+    np.testing.assert_allclose(flight.magnetometer.field_b_ut[0], [25, -12.5, 50])
 
 
 def test_a_log_that_ends_in_the_middle_is_read_up_to_there(file, tmp_path):

@@ -12,6 +12,7 @@ from fgnav.io.importers.assemble import assemble
 from fgnav.io.importers.formats.umn import read_umn as read_recording
 from fgnav.io.importers.settings import Settings
 from fgnav.methods.smoother import Batch
+from tests.io.importers.helpers import AROUND, imported
 
 
 def read_umn(path):
@@ -49,6 +50,27 @@ def test_a_made_recording_is_read_as_it_is(tmp_path):
     np.testing.assert_allclose(flight.fixes.t_s, [0, 0.98, 1.98], atol=1e-9)
     np.testing.assert_allclose(flight.truth.p_n_m, 0, atol=1e-6)
     np.testing.assert_allclose(flight.imu.f_b_mps2[0], [0, 0, -9.8])
+
+
+def test_barometer_and_magnetometer_come_with_their_stated_noise(tmp_path):
+    around = {"h": np.full(100, 12.5), "hx": np.full(100, 0.25)}
+    around |= {"hy": np.full(100, 0.125), "hz": np.full(100, -0.5)}
+    file = written(tmp_path, made(**around))
+    _, flight = imported(tmp_path, "umn", file, toml=AROUND)
+    np.testing.assert_allclose(flight.barometer.height_m, 12.5)
+    np.testing.assert_allclose(flight.magnetometer.field_b_ut[0], [25, -12.5, 50])
+
+
+def test_axes_and_unit_of_a_real_field_are_those_of_the_earth_s(thor, tmp_path):
+    """The field in body axes is the Earth's, 18 and 51 microtesla there, and a large hard iron."""
+    _, flight = imported(tmp_path, "umn", thor, toml=AROUND)
+    magnet, truth = flight.magnetometer, flight.truth
+    rows = np.searchsorted(truth.t_s, magnet.t_s).clip(0, len(truth.t_s) - 1)
+    earth_b_ut = np.einsum("nji,j->ni", truth.R_nb[rows], [18.0, 0.0, 51.0])
+    flown = np.linalg.norm(truth.v_n_mps[rows], axis=1) > 10
+    design = np.column_stack([earth_b_ut, np.ones(len(rows))])[flown]
+    gains = np.linalg.lstsq(design, magnet.field_b_ut[flown])[0][:3]
+    np.testing.assert_allclose(gains, np.eye(3), atol=0.07)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""DataFlash logs of ArduPilot, ``.BIN`` [1]_: the first inertial unit and the first receiver.
+"""DataFlash logs of ArduPilot, ``.BIN`` [1]_: the first instrument of each kind.
 
 A log explains itself: messages of type 128 say how long each other type is, and its fields. Axes
 are forward, right, down. Heights are above the ellipsoid where the log has the undulation
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss
-from fgnav.io.flight.columns import FORCE, PLACE, POSITION_SIGMA, RATE, VELOCITY, VELOCITY_SIGMA
+from fgnav.io.flight import columns as col
 from fgnav.io.gps_time import WEEK_S
 from fgnav.io.importers.recording import Recording, Samples, vectors
 from fgnav.io.importers.settings import Settings
@@ -22,6 +22,7 @@ from fgnav.io.user_files import read_bytes
 from fgnav.progress import report
 
 _US, _MS = 1e-6, 1e-3
+_UT_PER_MILLIGAUSS = 0.1
 _FIX_3D = 3  # GPS.Status
 _HEAD, _FORMAT, _FORMAT_BYTES = b"\xa3\x95", 128, 89
 # Letters of a format, numpy's codes and scales, as LogStructure.h lists them.
@@ -33,6 +34,8 @@ _NEEDED = {
     "GPS": ("TimeUS", "Status", "GMS", "GWk", "Lat", "Lng", "Alt", "Spd", "GCrs", "VZ"),
     "IMU": ("TimeUS", *(f"{kind}{axis}" for kind in ("Gyr", "Acc") for axis in "XYZ")),
     "GPA": ("TimeUS", "HAcc", "VAcc", "SAcc"),
+    "BARO": ("TimeUS", "Alt"),
+    "MAG": ("TimeUS", "MagX", "MagY", "MagZ"),
 }
 
 
@@ -59,6 +62,15 @@ def read_ardupilot(path: Path, _settings: Settings, _scratch: Path) -> Recording
             tables["fixes"] = _fixes(gps, messages.get("GPA", {}))
     if "IMU" in messages:
         tables["imu"] = _imu(messages["IMU"])
+    if "BARO" in messages:
+        air = messages["BARO"]
+        tables["barometer"] = {"t_s": air["TimeUS"] * _US} | vectors(
+            col.HEIGHT, air["Alt"][:, None]
+        )
+    if "MAG" in messages:
+        field = np.stack([messages["MAG"][f"Mag{axis}"] for axis in "XYZ"], axis=1)
+        t_s = messages["MAG"]["TimeUS"] * _US
+        tables["magnetometer"] = {"t_s": t_s} | vectors(col.FIELD, field * _UT_PER_MILLIGAUSS)
     above_sea = "heights are above the sea: the log has no GPA.Und"
     return Recording(
         source=path,
@@ -139,8 +151,8 @@ def _fields(
 def _imu(imu: dict[str, FloatArray]) -> Samples:
     return (
         {"t_s": imu["TimeUS"] * _US}
-        | vectors(FORCE, np.stack([imu[f"Acc{axis}"] for axis in "XYZ"], axis=1))
-        | vectors(RATE, np.stack([imu[f"Gyr{axis}"] for axis in "XYZ"], axis=1))
+        | vectors(col.FORCE, np.stack([imu[f"Acc{axis}"] for axis in "XYZ"], axis=1))
+        | vectors(col.RATE, np.stack([imu[f"Gyr{axis}"] for axis in "XYZ"], axis=1))
     )
 
 
@@ -151,11 +163,11 @@ def _fixes(gps: dict[str, FloatArray], accuracy: dict[str, FloatArray]) -> Sampl
     at = gps["TimeUS"]
     height_m = gps["Alt"]
     fixes = {"t_s": at * _US}
-    fixes |= vectors(VELOCITY, np.stack([north_mps, east_mps, gps["VZ"]], axis=1))
+    fixes |= vectors(col.VELOCITY, np.stack([north_mps, east_mps, gps["VZ"]], axis=1))
     if accuracy:
         known = {n: np.interp(at, accuracy["TimeUS"], x) for n, x in accuracy.items()}
         height_m = height_m + known.get("Und", 0.0)
         sigma_m = np.stack([known["HAcc"], known["HAcc"], known["VAcc"]], axis=1)
-        fixes |= vectors(POSITION_SIGMA, sigma_m)
-        fixes |= vectors(VELOCITY_SIGMA, np.repeat(known["SAcc"][:, None], 3, axis=1))
-    return fixes | vectors(PLACE, np.stack([gps["Lat"], gps["Lng"], height_m], axis=1))
+        fixes |= vectors(col.POSITION_SIGMA, sigma_m)
+        fixes |= vectors(col.VELOCITY_SIGMA, np.repeat(known["SAcc"][:, None], 3, axis=1))
+    return fixes | vectors(col.PLACE, np.stack([gps["Lat"], gps["Lng"], height_m], axis=1))

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.io.flight.columns import EULER, FORCE, PLACE, POSITION_SIGMA, RATE, VELOCITY
+from fgnav.io.flight import columns as col
 from fgnav.io.gps_time import WEEK_S
 from fgnav.io.importers.recording import Recording, Samples, vectors
 from fgnav.io.importers.settings import Settings
@@ -42,7 +42,7 @@ def read_kfgins(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     except ValueError as error:
         raise BadInputError(f"{path}: must hold numbers, {error}") from None
     if width == 11:
-        names = PLACE + VELOCITY + EULER
+        names = col.PLACE + col.VELOCITY + col.EULER
         table = {"t_s": x[:, 1], **vectors(names, x[:, 2:])}
         return Recording(
             source=path,
@@ -52,7 +52,7 @@ def read_kfgins(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         )
     if _is_increments(x):
         return Recording(source=path, tables={"imu": _rates(x)}, clock="week")
-    fixes = {"t_s": x[:, 0], **vectors(PLACE + POSITION_SIGMA, x[:, 1:])}
+    fixes = {"t_s": x[:, 0], **vectors(col.PLACE + col.POSITION_SIGMA, x[:, 1:])}
     return Recording(source=path, tables={"fixes": fixes}, clock="week")
 
 
@@ -70,4 +70,4 @@ def _rates(x: FloatArray) -> Samples:
     step_s = np.where((step_s > 0) & (step_s < _LONG * usual_s), step_s, usual_s)
     rates = x[:, 1:] / step_s[:, None]
     middle = {"t_s": x[:, 0] - step_s / 2}
-    return middle | vectors(FORCE, rates[:, 3:]) | vectors(RATE, rates[:, :3])
+    return middle | vectors(col.FORCE, rates[:, 3:]) | vectors(col.RATE, rates[:, :3])

@@ -11,7 +11,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.earth import geodetic
-from fgnav.io.flight.columns import PLACE, POSITION_SIGMA, VELOCITY, VELOCITY_SIGMA
+from fgnav.io.flight import columns as col
 from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, WEEK_S, gps_of_utc
 from fgnav.io.importers.recording import Recording, vectors
 from fgnav.io.importers.settings import Settings
@@ -41,16 +41,16 @@ def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     numbers = _numbers(path, rows, len(names) + 1)  # a time has two words
     columns = dict(zip(names[1:], numbers.T, strict=True))
     gps_s = _gps_seconds(path, rows, utc=names[0] == "UTC")
-    fixes = vectors(PLACE, _place(path, columns))
+    fixes = vectors(col.PLACE, _place(path, columns))
     if set(_SIGMA) <= set(columns):
         sigma_m = np.stack([columns[name] for name in _SIGMA], axis=1)
-        fixes |= vectors(POSITION_SIGMA, np.maximum(sigma_m, _LEAST_SIGMA))
+        fixes |= vectors(col.POSITION_SIGMA, np.maximum(sigma_m, _LEAST_SIGMA))
     if set(_VELOCITY) <= set(columns):
         up = np.array([1.0, 1.0, -1.0])
-        fixes |= vectors(VELOCITY, np.stack([columns[n] for n in _VELOCITY], axis=1) * up)
+        fixes |= vectors(col.VELOCITY, np.stack([columns[n] for n in _VELOCITY], axis=1) * up)
         if set(_VELOCITY_SIGMA) <= set(columns):
             sigma_mps = np.stack([columns[name] for name in _VELOCITY_SIGMA], axis=1)
-            fixes |= vectors(VELOCITY_SIGMA, np.maximum(sigma_mps, _LEAST_SIGMA))
+            fixes |= vectors(col.VELOCITY_SIGMA, np.maximum(sigma_mps, _LEAST_SIGMA))
     start_s = float(np.floor(gps_s[0] * 1e3) / 1e3)
     return Recording(
         source=path, tables={"fixes": {"t_s": gps_s - start_s, **fixes}}, gps_start_s=start_s

@@ -32,7 +32,8 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
     Raises
     ------
     BadInputError
-        If none is described, two are of one kind, or their clocks differ.
+        If none is described, two are of one kind, their clocks differ, or the noise of an
+        instrument that is described is not stated.
     """
     described = [one for one in settings.csv if one.file in (None, path.name)]
     kinds = [one.table for one in described]
@@ -41,6 +42,10 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
             f"{path}: needs a [[csv]] for each of its tables in --settings, has "
             f"{', '.join(kinds) or 'none'}; `fgnav new` writes one to start from"
         )
+    stated = {"barometer": settings.barometer, "magnetometer": settings.magnetometer}
+    unstated = next((kind for kind in kinds if kind in stated and not stated[kind]), None)
+    if unstated is not None:
+        raise BadInputError(f"{path}: {unstated}: state its noise in [{unstated}] of --settings")
     first, *others = (read_columns(path, one) for one in described)
     tables = dict(first.tables)
     for one in others:
@@ -156,7 +161,7 @@ def _numbers(path: Path, table: CsvTable, name: str, cells: np.ndarray) -> Float
     try:
         values = filled.astype(np.float64)
     except ValueError:
-        row = next(k for k, cell in enumerate(filled) if not _is_number(cell))
+        row = next(k for k, cell in enumerate(filled) if not is_number(cell))
         raise BadInputError(
             f"{path}: row {row + 1} of the numbers: column {quoted(table.columns[name])} must be a "
             f"number, got {quoted(str(cells[row]))}"
@@ -168,7 +173,8 @@ def _numbers(path: Path, table: CsvTable, name: str, cells: np.ndarray) -> Float
     return values * (-unit if negative else unit)
 
 
-def _is_number(cell: str) -> bool:
+def is_number(cell: str) -> bool:
+    """Return whether a cell holds a number."""
     try:
         float(cell)
     except ValueError:

@@ -1,4 +1,4 @@
-"""ULog files of PX4 [1]_: inertial samples, fixes, and the on-board filter as reference.
+"""ULog files of PX4 [1]_: inertial samples, fixes, barometer, magnetometer, on-board filter.
 
 Axes are forward, right, down. ``eph`` and ``epv`` become the standard deviation of each horizontal
 axis and of the height; times since boot become GPS time by the median of ``time_utc_usec``.
@@ -6,7 +6,8 @@ axis and of the height; times since boot become GPS time by the median of ``time
 References
 ----------
 .. [1] PX4 User Guide, "ULog File Format", and the messages SensorCombined, SensorGps,
-   VehicleAttitude, VehicleGlobalPosition, VehicleLocalPosition.
+   VehicleAirData, VehicleMagnetometer, VehicleAttitude, VehicleGlobalPosition,
+   VehicleLocalPosition.
 """
 
 from pathlib import Path
@@ -16,23 +17,17 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.geometry.rotations import to_euler
-from fgnav.io.flight.columns import (
-    EULER,
-    FORCE,
-    PLACE,
-    POSITION_SIGMA,
-    RATE,
-    VELOCITY,
-    VELOCITY_SIGMA,
-)
+from fgnav.io.flight import columns as col
 from fgnav.io.gps_time import gps_of_utc
 from fgnav.io.importers.formats.readers import foreign, reader
 from fgnav.io.importers.recording import Recording, Samples, vectors
 from fgnav.io.importers.settings import Settings
 
 _US = 1e-6
+_UT_PER_GAUSS = 100.0
 _FIX_3D = 3  # fix_type: 2 and less have no height
 _GPS = ("sensor_gps", "vehicle_gps_position")
+_AROUND = ("vehicle_air_data", "vehicle_magnetometer")
 _FILTER = ("vehicle_attitude", "vehicle_global_position", "vehicle_local_position")
 
 
@@ -40,7 +35,7 @@ def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     """Read a log's first inertial unit and first receiver."""
     pyulog = reader("pyulog", "ulog")
     with foreign(path, "ULog") as said, path.open("rb") as file:
-        log = pyulog.ULog(file, ["sensor_combined", *_GPS, *_FILTER])
+        log = pyulog.ULog(file, ["sensor_combined", *_AROUND, *_GPS, *_FILTER])
         topics = {one.name: one.data for one in reversed(log.data_list)}  # instance 0 stays
         damaged = int(log.file_corruption or "corruption" in said.getvalue())
         lost = [("logger dropout", "the logger could not keep up", len(log.dropouts))]
@@ -48,6 +43,7 @@ def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         tables: dict[str, Samples] = {}
         if "sensor_combined" in topics:
             tables["imu"] = _imu(topics["sensor_combined"])
+        tables |= _surroundings(topics)
         start_s = None
         gps = next((topics[name] for name in _GPS if name in topics), None)
         if gps is not None:
@@ -80,9 +76,22 @@ def _start(gps: dict[str, Any], flying: BoolArray) -> float | None:
 def _imu(topic: dict[str, Any]) -> Samples:
     return (
         {"t_s": topic["timestamp"] * _US}
-        | vectors(FORCE, _triple(topic, "accelerometer_m_s2[{}]"))
-        | vectors(RATE, _triple(topic, "gyro_rad[{}]"))
+        | vectors(col.FORCE, _triple(topic, "accelerometer_m_s2[{}]"))
+        | vectors(col.RATE, _triple(topic, "gyro_rad[{}]"))
     )
+
+
+def _surroundings(topics: dict[str, dict[str, Any]]) -> dict[str, Samples]:
+    """Return barometer and magnetometer, those that are there; PX4 logs gauss."""
+    tables: dict[str, Samples] = {}
+    air, magnet = (topics.get(name) for name in _AROUND)
+    if air is not None:
+        height_m = _numbers(air, "baro_alt_meter")[:, None]
+        tables["barometer"] = {"t_s": air["timestamp"] * _US} | vectors(col.HEIGHT, height_m)
+    if magnet is not None:
+        field_b_ut = _triple(magnet, "magnetometer_ga[{}]") * _UT_PER_GAUSS
+        tables["magnetometer"] = {"t_s": magnet["timestamp"] * _US} | vectors(col.FIELD, field_b_ut)
+    return tables
 
 
 def _numbers(topic: dict[str, Any], name: str) -> FloatArray:
@@ -106,10 +115,10 @@ def _fixes(topic: dict[str, Any]) -> dict[str, FloatArray]:
     sigma_mps = np.repeat(_numbers(topic, "s_variance_m_s")[:, None], 3, axis=1)
     return (
         {"t_s": topic["timestamp"] * _US}
-        | vectors(PLACE, place)
-        | vectors(VELOCITY, velocity)
-        | vectors(POSITION_SIGMA, np.stack([horizontal, horizontal, vertical], axis=1))
-        | vectors(VELOCITY_SIGMA, sigma_mps)
+        | vectors(col.PLACE, place)
+        | vectors(col.VELOCITY, velocity)
+        | vectors(col.POSITION_SIGMA, np.stack([horizontal, horizontal, vertical], axis=1))
+        | vectors(col.VELOCITY_SIGMA, sigma_mps)
     )
 
 
@@ -130,9 +139,9 @@ def _reference(topics: dict[str, dict[str, Any]]) -> Samples:
     place = np.stack([_numbers(at, name) for name in ("lat", "lon", height)], axis=1)
     return (
         {"t_s": t * _US}
-        | vectors(PLACE, place)
-        | vectors(VELOCITY, velocity)
-        | vectors(EULER, np.degrees(to_euler(R_nb)))
+        | vectors(col.PLACE, place)
+        | vectors(col.VELOCITY, velocity)
+        | vectors(col.EULER, np.degrees(to_euler(R_nb)))
     )
 
 

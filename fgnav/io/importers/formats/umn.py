@@ -1,7 +1,9 @@
 """Flights of the University of Minnesota's UAV laboratory: a MATLAB file with ``flight_data``.
 
 Inertial samples at 50 Hz in body axes, a receiver's fixes at 1 Hz, and the on-board filter's
-solution, which becomes the flight's reference: it is an estimate too, not truth [1]_.
+solution, which becomes the flight's reference: it is an estimate too, not truth [1]_. Where they
+are there, heights by pressure, ``h``, and the magnetic field, ``hx``, ``hy``, ``hz`` in gauss,
+whose second and third axis are the body's turned round.
 
 References
 ----------
@@ -14,15 +16,7 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
-from fgnav.io.flight.columns import (
-    EULER,
-    FORCE,
-    PLACE,
-    POSITION_SIGMA,
-    RATE,
-    VELOCITY,
-    VELOCITY_SIGMA,
-)
+from fgnav.io.flight import columns as col
 from fgnav.io.importers.recording import Recording, Samples, vectors
 from fgnav.io.importers.settings import Settings
 
@@ -40,6 +34,8 @@ _SIGMAS = (3.0, 3.0, 6.0, 0.3, 0.3, 0.5)  # m, m/s: north, east, down
 
 _HDF5 = b"MATLAB 7.3"  # another format under the same name
 _INERTIAL = ("ax", "ay", "az", "p", "q", "r")
+_AROUND = ("h", "hx", "hy", "hz")  # not in every recording
+_FIELD_TO_BODY_UT = 100.0 * np.array([1.0, -1.0, -1.0])
 _GNSS = ("lat", "lon", "alt", "vn", "ve", "vd", "GPS_TOW")
 _FILTER = ("navlat", "navlon", "navalt", "navvn", "navve", "navvd", "phi", "theta", "psi")
 _ANGLES = ("navlat", "navlon", "phi", "theta", "psi")  # rad
@@ -69,13 +65,22 @@ def read_umn(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     t_s = data["time"] - start_s + round(float(data["GPS_TOW"][new_fix[0]]), 3)
     sigmas = np.tile(_SIGMAS, (len(new_fix), 1))
     tables: dict[str, Samples] = {
-        "imu": {"t_s": t_s[sampled]} | vectors(FORCE + RATE, _stack(data, _INERTIAL, sampled)),
+        "imu": {"t_s": t_s[sampled]}
+        | vectors(col.FORCE + col.RATE, _stack(data, _INERTIAL, sampled)),
         "fixes": {"t_s": t_s[new_fix]}
-        | vectors(PLACE + VELOCITY, _stack(data, _GNSS[:6], new_fix))
-        | vectors(POSITION_SIGMA + VELOCITY_SIGMA, sigmas),
+        | vectors(col.PLACE + col.VELOCITY, _stack(data, _GNSS[:6], new_fix))
+        | vectors(col.POSITION_SIGMA + col.VELOCITY_SIGMA, sigmas),
         "truth": {"t_s": t_s[filtered]}
-        | vectors(PLACE + VELOCITY + EULER, _stack(data, _FILTER, filtered) * _FILTER_SCALE),
+        | vectors(
+            col.PLACE + col.VELOCITY + col.EULER, _stack(data, _FILTER, filtered) * _FILTER_SCALE
+        ),
     }
+    if "h" in data:
+        height_m = _stack(data, ("h",), sampled)
+        tables["barometer"] = {"t_s": t_s[sampled]} | vectors(col.HEIGHT, height_m)
+    if "hx" in data:
+        field_b_ut = _stack(data, _AROUND[1:], sampled) * _FIELD_TO_BODY_UT
+        tables["magnetometer"] = {"t_s": t_s[sampled]} | vectors(col.FIELD, field_b_ut)
     lost = int((~sampled).sum())
     return Recording(
         source=path,
@@ -106,7 +111,9 @@ def _columns(path: Path) -> dict[str, FloatArray]:
     if data is None:
         raise BadInputError(f"{path}: has no structure flight_data")
     columns: dict[str, FloatArray] = {}
-    for name in ("time", *_INERTIAL, *_GNSS, *_FILTER, *_STATUS):
+    around = [name for name in _AROUND if hasattr(data, name)]
+    around = around if {"hx", "hy", "hz"} <= set(around) else [n for n in around if n == "h"]
+    for name in ("time", *_INERTIAL, *_GNSS, *_FILTER, *_STATUS, *around):
         value = getattr(data, name, None)
         if value is None:
             raise BadInputError(f"{path}: flight_data.{name}: missing")

@@ -5,8 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import fgnav.kernel_cache
-from fgnav.kernel_cache import ensure_kernel_cache
+import fgnav.kernels.cache
+from fgnav.kernels.cache import ensure_kernel_cache
 
 
 def test_a_place_that_can_be_written_needs_nothing(tmp_path, monkeypatch):
@@ -17,7 +17,7 @@ def test_a_place_that_can_be_written_needs_nothing(tmp_path, monkeypatch):
 
 def test_a_named_folder_is_taken(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(fgnav.kernel_cache, "_is_writable", lambda _: False)
+    monkeypatch.setattr(fgnav.kernels.cache, "_is_writable", lambda _: False)
     ensure_kernel_cache(tmp_path / "sources")
     assert os.environ["NUMBA_CACHE_DIR"] == str(tmp_path)
 
@@ -27,7 +27,7 @@ def test_without_any_place_kernels_are_kept_for_the_process_alone(tmp_path):
     (tmp_path / "__pycache__").write_text("")
     (tmp_path / "cache").write_text("")
     code = (
-        "import os, sys; from pathlib import Path; from fgnav.kernel_cache import "
+        "import os, sys; from pathlib import Path; from fgnav.kernels.cache import "
         "ensure_kernel_cache as ensure; os.environ.pop('NUMBA_CACHE_DIR', None);"
         "ensure(Path(sys.argv[1])); ensure(Path(sys.argv[1]));"
         "print(os.environ['NUMBA_CACHE_DIR'], Path(os.environ['NUMBA_CACHE_DIR']).is_dir())"

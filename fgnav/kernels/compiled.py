@@ -1,0 +1,48 @@
+"""How compiled functions are compiled: those that Python calls, and those that only these call.
+
+Each could be called from Python and from C, and the code for that is half of what is compiled of a
+short one. A ``kernel`` leaves out the one, an ``inner`` function both: called from Python it would
+end the process, so it is private to a file of kernels (``tests/test_house.py`` looks). It is kept
+with those that call it, and needs no file of its own. What is divided by zero is infinite or NaN,
+as in numpy: else a check of each division would be compiled, too.
+"""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from numba import njit
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+_njit: Callable[..., Any] = njit  # its types leave out options without wrappers
+
+
+def kernel_with(*, fastmath: bool | set[str] = False) -> Callable[[Function], Function]:
+    """Return a decorator for what Python calls, with such rounding as numba's option allows."""
+    decorator: Callable[[Function], Function] = _njit(
+        cache=True, nogil=True, no_cfunc_wrapper=True, error_model="numpy", fastmath=fastmath
+    )
+    return decorator
+
+
+def inner_with(
+    *, fastmath: bool | set[str] = False, inline: str = "never"
+) -> Callable[[Function], Function]:
+    """Return a decorator for what only kernels call, with further options of numba."""
+    decorator: Callable[[Function], Function] = _njit(
+        no_cpython_wrapper=True,
+        no_cfunc_wrapper=True,
+        error_model="numpy",
+        fastmath=fastmath,
+        inline=inline,
+    )
+    return decorator
+
+
+def kernel(function: Function) -> Function:
+    """Compile what Python calls."""
+    return kernel_with()(function)
+
+
+def inner(function: Function) -> Function:
+    """Compile what only kernels call."""
+    return inner_with()(function)
