@@ -31,9 +31,8 @@ def demo(folder: Path | None = None, /) -> None:
     draws = find_spec("matplotlib") is not None
     if draws:
         figures += ["--report", str(place / "report.png")]
-    # The flight states its own noise right, and LAMBDA alone fixes all of its integers: to identify
-    # noise and to search what is clear already would only compile for longer.
-    simple = ["--noise", "stated", "--integers", "lambda"]
+    # The flight states its own noise right: identifying it would only compile for longer.
+    simple = ["--noise", "stated"]
     for words in (
         ["simulate", "demo", "--seed", "1", "--out", flight],
         ["compare", flight, *simple, *figures],
