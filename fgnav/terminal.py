@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from fgnav.evaluation.comparison import Comparison
     from fgnav.set_up import SetUp
 
-_PIPE_WIDTH = 110  # columns of a table that goes to no terminal
+_PIPE_WIDTH = 120  # columns of a table that goes to no terminal
 
 
 class Steps:

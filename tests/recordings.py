@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.geometry.earth import Origin, ecef
+from fgnav.io.flight.series import within_a_sample_s
 from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.importers import importer_named
 from fgnav.io.importers.assemble import assemble
@@ -61,6 +62,7 @@ def drive(shared: Path, *, stretched: bool = False, mounted: bool = True) -> Fli
             t_s=imu_s,
             f_b_mps2=G_MPS2 * samples[:, :3] @ R_bu.T,
             w_b_radps=np.radians(samples[:, 3:6]) @ R_bu.T,
+            clock_offset_sigma_s=within_a_sample_s(imu_s),
             **DATA_SHEET,
         ),
         fixes=Fixes(
@@ -89,6 +91,7 @@ def quadrotor(shared: Path, path: str) -> Flight:
             t_s=imu[:, 0],
             f_b_mps2=imu[:, 4:7] * down,
             w_b_radps=np.radians(imu[:, 7:10]) * down,
+            clock_offset_sigma_s=within_a_sample_s(imu[:, 0]),
             **DATA_SHEET,
         ),
         fixes=Fixes(

@@ -45,3 +45,19 @@ def test_keys_of_flight_toml_turn_samples_and_set_the_clock(tmp_path):
     np.testing.assert_allclose(got.f_b_mps2, np.column_stack([y, -x, z]), rtol=1e-10)
     x, y, z = flight.imu.w_b_radps.T
     np.testing.assert_allclose(got.w_b_radps, np.column_stack([y, -x, z]), rtol=1e-10)
+
+
+def test_tags_of_which_nothing_is_stated_are_known_to_half_a_sample(tmp_path):
+    flight = whole_flight(np.random.default_rng(6))
+    save_flight(flight, tmp_path / "flight")
+    assert load_flight(tmp_path / "flight").imu.clock_offset_sigma_s == 0.0  # a simulator's
+    toml = tmp_path / "flight" / "flight.toml"
+    line = "clock_offset_sigma_s = 0.0\n"
+    assert line in toml.read_text()
+    toml.write_text(toml.read_text().replace(line, ""))
+    interval_s = float(np.median(np.diff(flight.imu.t_s)))
+    got = load_flight(tmp_path / "flight").imu
+    assert got.clock_offset_sigma_s == pytest.approx(interval_s / np.sqrt(12), rel=1e-6)
+    toml.write_text(toml.read_text().replace("clock_offset_s = 0.0", line.replace("0.0", "-1.0")))
+    with pytest.raises(BadInputError, match="clock_offset_sigma_s: must be 0 or more"):
+        load_flight(tmp_path / "flight")

@@ -1,0 +1,41 @@
+"""What a gyroscope knows better than fixes can see: headings that motion begins to tell, tags."""
+
+import numpy as np
+import pytest
+
+from fgnav.evaluation.scores import errors_against
+from fgnav.methods.smoother import Batch, Forward, Smoother
+from tests.methods.driven import STEP_S, driven
+
+
+def nees(flight, estimate, from_s=0.0, until_s=np.inf):
+    errors = errors_against(flight.truth, estimate)
+    return float(errors.nees[(errors.t_s >= from_s) & (errors.t_s < until_s)].mean())
+
+
+@pytest.mark.parametrize("solver", ["gtsam", "chain"])
+def test_a_filter_waits_until_motion_has_told_the_heading(solver):
+    """Marginalised while its heading is open, level seemed told from the accelerometer's bias."""
+    figures = []
+    for seed in (31_001, 31_002):
+        flight = driven(seed)
+        estimate = Forward(noise="stated", solver=solver)(flight)
+        figures.append(nees(flight, estimate, 15.0, 35.0))
+    assert np.mean(figures) < 6.0
+
+
+@pytest.mark.parametrize("method", [Batch(noise="stated"), Smoother(noise="stated")])
+def test_tags_within_half_a_sample_are_estimated_with_the_flight(method):
+    late = {seed: driven(seed, late_s=STEP_S / 2) for seed in (31_003, 31_004)}
+    doubted = {
+        seed: driven(seed, late_s=STEP_S / 2, late_sigma_s=STEP_S / np.sqrt(12)) for seed in late
+    }
+    taken_as_exact = np.mean([nees(one, method(one), 20.0) for one in late.values()])
+    in_doubt = np.mean([nees(one, method(one), 20.0) for one in doubted.values()])
+    assert in_doubt < 6.0
+    assert taken_as_exact > 1.5 * in_doubt
+
+
+def test_tags_that_are_exact_lose_nothing_by_being_doubted():
+    flight = driven(31_005, late_sigma_s=STEP_S / np.sqrt(12))
+    assert nees(flight, Batch(noise="stated")(flight)) < 6.0
