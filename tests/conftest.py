@@ -19,3 +19,9 @@ def shared() -> Path:
             pytest.fail(f"FGNAV_SHARED={folder} has no folder 'data'")
         pytest.skip("FGNAV_SHARED: the folder of reference data is absent")
     return folder / "data"
+
+
+@pytest.fixture(autouse=True)
+def _no_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let what is printed go to a pipe, whose width nobody states: pytest's workers state one."""
+    monkeypatch.delenv("COLUMNS", raising=False)

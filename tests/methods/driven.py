@@ -45,9 +45,7 @@ def driven(seed, *, late_s=0.0, late_sigma_s=0.0, span_s=60.0):
         start_gps_s=1.3e9,
         origin=origin,
         antennas=(Antenna(name="a1", position_b_m=np.zeros(3)),),
-        imu=Imu(
-            t_s=t_s, f_b_mps2=f_b, w_b_radps=w_b, clock_offset_sigma_s=late_sigma_s, **_NOISE
-        ),
+        imu=Imu(t_s=t_s, f_b_mps2=f_b, w_b_radps=w_b, clock_offset_sigma_s=late_sigma_s, **_NOISE),
         fixes=Fixes(
             t_s=t_s[fix],
             antenna="a1",

@@ -24,8 +24,11 @@ def test_a_filter_waits_until_motion_has_told_the_heading(solver):
     assert np.mean(figures) < 6.0
 
 
-@pytest.mark.parametrize("method", [Batch(noise="stated"), Smoother(noise="stated")])
-def test_tags_within_half_a_sample_are_estimated_with_the_flight(method):
+@pytest.mark.parametrize(
+    ("method", "times"), [(Batch(noise="stated"), 2.0), (Smoother(noise="stated"), 1.2)]
+)
+def test_tags_within_half_a_sample_are_estimated_with_the_flight(method, times):
+    """A window knows the clock by then alone, and states more doubt of attitudes anyway."""
     late = {seed: driven(seed, late_s=STEP_S / 2) for seed in (31_003, 31_004)}
     doubted = {
         seed: driven(seed, late_s=STEP_S / 2, late_sigma_s=STEP_S / np.sqrt(12)) for seed in late
@@ -33,7 +36,7 @@ def test_tags_within_half_a_sample_are_estimated_with_the_flight(method):
     taken_as_exact = np.mean([nees(one, method(one), 20.0) for one in late.values()])
     in_doubt = np.mean([nees(one, method(one), 20.0) for one in doubted.values()])
     assert in_doubt < 6.0
-    assert taken_as_exact > 1.5 * in_doubt
+    assert taken_as_exact > times * in_doubt
 
 
 def test_tags_that_are_exact_lose_nothing_by_being_doubted():
