@@ -19,6 +19,8 @@ def shipped(package: str, kind: str) -> dict[str, Path]:
 def file_or_shipped(given: Path | str, package: str, kind: str) -> Path:
     """Return the file of that path, else the one that comes with a package under that name.
 
+    With its suffix or without: ``demo`` or ``demo.toml``.
+
     Raises
     ------
     BadInputError
@@ -26,10 +28,13 @@ def file_or_shipped(given: Path | str, package: str, kind: str) -> Path:
         is returned as it is: whoever reads it says what is wrong with it.
     """
     path, files = Path(given), shipped(package, kind)
-    if path.is_file() or len(path.parts) != 1 or path.suffix:
+    if path.is_file() or len(path.parts) != 1:
         return path
-    if path.name in files:
-        return files[path.name]
+    by_file_name = {file.name: file for file in files.values()}
+    if path.name in files or path.name in by_file_name:
+        return (files | by_file_name)[path.name]
+    if path.suffix:
+        return path
     meant = get_close_matches(path.name, files, n=1)
     hint = f"; did you mean {meant[0]}?" if meant else ""
     raise BadInputError(f"{given}: neither a file nor one of the {kind} {', '.join(files)}{hint}")

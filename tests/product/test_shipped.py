@@ -51,6 +51,7 @@ def test_a_file_of_one_s_own_goes_before_a_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "demo").mkdir()  # a flight's folder is no scenario
     assert file_or_shipped("demo", "fgnav_sim", "scenarios").name == "demo.toml"
+    assert file_or_shipped("demo.toml", "fgnav_sim", "scenarios").is_file()
     (tmp_path / "six").write_text("duration_s = 7.0\n")
     assert load_scenario("six").duration_s == 7.0
 
