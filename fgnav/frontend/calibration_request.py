@@ -170,12 +170,15 @@ def of_vehicle(word: CalibrationRequest) -> FlightConstant:
 def of_tags(words: tuple[CalibrationRequest, ...], flight: Flight) -> tuple[FlightConstant, ...]:
     """Return the offset of the unit's clock within its doubt, unless it is asked for or exact.
 
-    A gyroscope leads from one measurement to the next better than fixes see: turning, half a sample
-    is a thousandth of a radian. Attitudes of an array tell rates without one.
+    Of flights with a gyroscope and fixes: it leads from one to the next better than they see, and
+    half a sample of a turn is a thousandth of a radian. Phases of arcs depend on no clock: beside
+    them tags are taken as exact.
     """
     imu = flight.imu
     is_asked = any(one.kind == "clock" for one in words)
     if imu is None or imu.w_b_radps is None or not imu.clock_offset_sigma_s or is_asked:
+        return ()
+    if flight.observations is not None:
         return ()
     return (
         flight_constant(CLOCK_OFFSET, ("offset",), "s", imu.clock_offset_sigma_s, reported=False),
