@@ -1,12 +1,12 @@
 """Vectors that a flight without an antenna array knows in two frames, and its track."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fgnav.attitude.own_rotation import OwnRotation
 from fgnav.attitude.vector_pairs import VectorPairs, wahba
-from fgnav.checks import FloatArray, Loss, NoSolutionError
+from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
 from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.gravity import specific_force_pair
@@ -27,6 +27,10 @@ class Track:
     p_n_m: FloatArray
     v_n_mps: FloatArray | None
     arm_b_m: FloatArray
+
+    def __getitem__(self, rows: BoolArray) -> "Track":
+        v_n_mps = None if self.v_n_mps is None else self.v_n_mps[rows]
+        return replace(self, t_s=self.t_s[rows], p_n_m=self.p_n_m[rows], v_n_mps=v_n_mps)
 
 
 def track_of(flight: Flight, *, causal: bool = False) -> Track:

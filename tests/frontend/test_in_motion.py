@@ -1,5 +1,7 @@
 """In-motion alignment: heading from the first motion, and none from rest."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,13 +42,25 @@ def test_no_heading_is_told_at_rest():
         assert not len(aligned(standing(seed, stands_s=200.0, span_s=120.0)).until_s)
 
 
-def test_the_gyroscope_s_bias_is_told_by_headings_apart():
-    flight = standing(20_001, span_s=60.0)
-    rest = flight.imu.t_s < 14.0
-    real = flight.imu.w_b_radps[rest].mean(axis=0)
+@pytest.mark.parametrize("seed", range(20_001, 20_004))
+@pytest.mark.parametrize("bias_radps", [0.0, 0.05])
+def test_the_gyroscope_s_bias_is_told_by_one_attitude_over_minutes(seed, bias_radps):
+    """3 deg/s about each axis turn the axes of a window by more than a right angle."""
+    flight = standing(seed, span_s=60.0)
+    imu = replace(
+        flight.imu,
+        w_b_radps=flight.imu.w_b_radps + bias_radps,
+        gyroscope_bias_radps=0.02 if bias_radps else 0.005,
+    )
+    flight = replace(flight, imu=imu)
+    rest = imu.t_s < 14.0
+    real = imu.w_b_radps[rest].mean(axis=0)
     found = aligned(flight, in_motion_smoothed)
     assert found.bias_sigma_radps < 2e-3  # of 5e-3
     assert np.abs(found.bias_b_radps - real).max() < 3 * found.bias_sigma_radps
+    attitude = truth_at(flight.truth, found.middle_s[[-1]]).R_nb[0]
+    off = log((found.R_nu[-1] @ found.own.at(found.middle_s[[-1]])[0]).T[None] @ attitude)
+    assert np.abs(off).max() < 0.2
 
 
 def test_what_came_later_changes_no_window():

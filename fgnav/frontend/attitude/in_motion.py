@@ -1,22 +1,15 @@
 """In-motion alignment: attitude of a flight with a gyroscope, before any smoothing.
 
-The gyroscope turns specific force into axes ``u`` that do not turn, the body's at first [1]_. Over
-spans T between fixes it is the same vector in two frames, ``alpha = R_nu beta``:
-
-    alpha = (v(t + T) - v(t)) / T - g              beta = mean of R_ub f      (velocities)
-    alpha = (p(t + T) - 2 p(t) + p(t - T)) / T2 - g     the same of the double integral (positions)
-
+Specific forces of two frames (``force_pairs``), ``alpha = R_nu beta``, tell how one is turned.
 Level comes from the mean over a window. Heading is the phase of the complex regression of alpha's
 horizontal part on beta's, each less a straight line in time, which takes out tilt, bias of the
 accelerometer and drift of the gyroscope. Neither needs a noise: with N pairs and a squared
 coherence C the heading's variance is (1 - C) / (2 C N), and chance alone exceeds C with the
-probability (1 - C)^N [2]_.
+probability (1 - C)^N [1]_.
 
 References
 ----------
-.. [1] Wu, Pan: Velocity/position integration formula, part I: application to in-flight coarse
-   alignment, IEEE Transactions on Aerospace and Electronic Systems 49(2), 2013.
-.. [2] Carter: Coherence and time delay estimation, Proceedings of the IEEE 75(2), 1987.
+.. [1] Carter: Coherence and time delay estimation, Proceedings of the IEEE 75(2), 1987.
 """
 
 from collections.abc import Iterator
@@ -28,9 +21,10 @@ from numpy.typing import NDArray
 
 from fgnav.attitude.flight_vectors import Track
 from fgnav.attitude.own_rotation import OwnRotation, own_rotation
-from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.frontend.gaps import LONGEST_GAP_S
-from fgnav.geometry.rotations import exp, log, transpose
+from fgnav.checks import FloatArray, IntArray
+from fgnav.frontend.attitude.force_pairs import Integrated, Pairs, specific_forces
+from fgnav.frontend.attitude.gyroscope_bias import gyroscope_bias
+from fgnav.geometry.rotations import exp
 from fgnav.types.flight import Imu
 
 # T: vehicles speed up and turn within seconds; of positions good to metres only the longer ones
@@ -45,19 +39,8 @@ KNOWN_RAD = 0.25  # 1-sigma of a heading that counts: half a radian is two
 _BEGUN = 0.05  # of what tells the heading lies before motion began: noise, at rest
 _GAIN = (0.5, 2.0)  # of alpha over beta: beyond, fixes and accelerometer tell of different motions
 _UP_U = np.array([0.0, 0.0, -1.0])  # specific force at rest, frame n, in units of gravity
-_BIAS_SPAN_S = (5.0, 60.0)  # between headings that tell of the gyroscope's bias
-
 
 ComplexArray: TypeAlias = NDArray[np.complexfloating[Any]]
-
-
-class Pairs(NamedTuple):
-    """The same specific forces in two frames, means over spans of T, (m, 3)."""
-
-    from_s: FloatArray
-    until_s: FloatArray
-    f_n_mps2: FloatArray
-    f_u_mps2: FloatArray
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -123,7 +106,7 @@ def in_motion(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> InMotion | 
     own = own_rotation(imu)
     if own is None:
         return None
-    integrated = _Integrated(imu, own, track.arm_b_m - imu.position_b_m)
+    integrated = Integrated(imu, own, track.arm_b_m - imu.position_b_m)
     found = [
         one
         for span_s in _SPANS_S
@@ -150,40 +133,29 @@ def in_motion_smoothed(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> In
     first = in_motion(imu, track, gravity_n_mps2)
     if first is None or imu.w_b_radps is None or len(first.until_s) < 2:
         return first
-    bias_b_radps, sigma_radps = _gyroscope_bias(first)
-    unbiased = replace(imu, w_b_radps=imu.w_b_radps - bias_b_radps)
-    again = in_motion(unbiased, track, gravity_n_mps2)
-    if again is None or not len(again.until_s):
+    best = int(np.argmin(first.sigma_rad))
+    middle_s = float(first.middle_s[best])
+    R_nb = first.R_nu[best] @ first.own.at(np.array([middle_s]))[0]
+    half_s = min(float(first.until_s[best]) - middle_s, middle_s - float(first.begun_s[best]))
+    bias = gyroscope_bias(imu, track, gravity_n_mps2, R_nb, (middle_s - half_s, middle_s + half_s))
+    if bias is None:
         return first
-    return replace(again, bias_b_radps=bias_b_radps, bias_sigma_radps=sigma_radps)
+    unbiased = replace(imu, w_b_radps=imu.w_b_radps - bias.bias_b_radps)
+    again = in_motion(unbiased, track, gravity_n_mps2)
+    if again is None or not _surer(again, first):
+        return first
+    return replace(again, bias_b_radps=bias.bias_b_radps, bias_sigma_radps=bias.sigma_radps)
+
+
+def _surer(motion: InMotion, other: InMotion) -> bool:
+    """Return whether headings are known better than others, all together."""
+    return float(np.sum(motion.sigma_rad**-2)) > float(np.sum(other.sigma_rad**-2))
 
 
 def levelled(f_u: FloatArray) -> FloatArray:
     """Return the R_nu, (3, 3), of heading zero by which a mean specific force, (3,), points up."""
     e_u = f_u / np.linalg.norm(f_u)
     return _between(e_u, _UP_U)
-
-
-def specific_forces(
-    integrated: "_Integrated", track: Track, span_s: float, gravity_n_mps2: FloatArray
-) -> Iterator[Pairs]:
-    """Yield the pairs of velocities and of positions over spans between fixes about T apart."""
-    row = _spaced(track.t_s, span_s)
-    row = row[integrated.covers(track.t_s[row])]
-    t_s = track.t_s[row]
-    velocity_u, place_u = integrated.at(t_s)
-    if track.v_n_mps is not None and len(row) > 1:
-        dt = np.diff(t_s)[:, None]
-        f_n = np.diff(track.v_n_mps[row], axis=0) / dt - gravity_n_mps2
-        valid = _regular(t_s[:-1], t_s[1:], span_s) & np.isfinite(f_n).all(axis=1)
-        yield Pairs(
-            t_s[:-1][valid], t_s[1:][valid], f_n[valid], (np.diff(velocity_u, axis=0) / dt)[valid]
-        )
-    if len(row) > 2:
-        f_n = _second_difference(t_s, track.p_n_m[row]) - gravity_n_mps2
-        valid = _regular(t_s[:-2], t_s[2:], 2 * span_s) & np.isfinite(f_n).all(axis=1)
-        f_u = _second_difference(t_s, place_u)
-        yield Pairs(t_s[:-2][valid], t_s[2:][valid], f_n[valid], f_u[valid])
 
 
 class _Window(NamedTuple):
@@ -272,66 +244,3 @@ def _between(e_from: FloatArray, e_to: FloatArray) -> FloatArray:
         axis /= np.linalg.norm(axis)
         return np.asarray(exp((axis * (0.0 if cosine > 0 else np.pi))[None])[0])
     return np.asarray(exp((axis / sine * np.arctan2(sine, cosine))[None])[0])
-
-
-def _gyroscope_bias(motion: InMotion) -> tuple[FloatArray, float]:
-    """Return the bias, (3,), by which different windows turn against each other, and its sigma."""
-    own, step_s = motion.own, np.diff(motion.own.t_s)[:, None, None]
-    total = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(own.R_ub[:-1] * step_s, axis=0)])
-    at = total[np.searchsorted(own.t_s, motion.middle_s).clip(0, len(total) - 1)]
-    order = np.argsort(motion.middle_s, kind="stable")
-    row = order[_spaced(motion.middle_s[order], _BIAS_SPAN_S[0])]
-    a, b = row[:-1], row[1:]
-    near = motion.middle_s[b] - motion.middle_s[a] < _BIAS_SPAN_S[1]
-    a, b = a[near], b[near]
-    turned = log(transpose(motion.R_nu[a]) @ motion.R_nu[b])
-    A = -(at[b] - at[a])
-    weight = 1 / (motion.sigma_rad[a] ** 2 + motion.sigma_rad[b] ** 2)
-    H = np.einsum("nji,njk,n->ik", A, A, weight) + np.eye(3) / motion.bias_sigma_radps**2
-    bias_b_radps = np.linalg.solve(H, np.einsum("nji,nj,n->i", A, turned, weight))
-    return bias_b_radps, float(np.sqrt(np.linalg.eigvalsh(np.linalg.inv(H))[-1]))
-
-
-class _Integrated:
-    """Velocity and place of an antenna in ``u`` that specific force alone adds up to."""
-
-    def __init__(self, imu: Imu, own: OwnRotation, arm_b_m: FloatArray) -> None:
-        self._own, self._arm_b_m, self._t_s = own, arm_b_m, imu.t_s
-        dt = np.diff(imu.t_s)[:, None]
-        self._f_u = np.einsum("nij,nj->ni", own.R_ub, imu.f_b_mps2)
-        steps = (self._f_u[1:] + self._f_u[:-1]) / 2 * dt
-        self._v_u = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
-        steps = self._v_u[:-1] * dt + (2 * self._f_u[:-1] + self._f_u[1:]) / 6 * dt**2
-        self._p_u = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
-        self._gaps = np.concatenate([[0], np.cumsum(dt[:, 0] > LONGEST_GAP_S)])
-
-    def covers(self, t_s: FloatArray) -> BoolArray:
-        """Return which times, (n,), are in the record before its first gap, or between gaps."""
-        row = np.searchsorted(self._t_s, t_s, side="right") - 1
-        late_s = t_s - self._t_s[row.clip(0)]
-        return np.asarray((row >= 0) & (late_s <= LONGEST_GAP_S))
-
-    def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return velocity and place, (n, 3), by samples up to each time, the last one held."""
-        row = (np.searchsorted(self._t_s, t_s, side="right") - 1).clip(0)
-        since_s = (t_s - self._t_s[row])[:, None]
-        f_u, R_ub = self._f_u[row], self._own.at(t_s)
-        swing_b = np.cross(self._own.w_b_radps[row], self._arm_b_m)
-        v_u = self._v_u[row] + f_u * since_s + np.einsum("nij,nj->ni", R_ub, swing_b)
-        p_u = self._p_u[row] + self._v_u[row] * since_s + f_u * since_s**2 / 2
-        return v_u, p_u + R_ub @ self._arm_b_m
-
-
-def _spaced(t_s: FloatArray, span_s: float) -> IntArray:
-    """Return rows of times, (n,), that are about a span apart: the first within each."""
-    number = np.floor((t_s - t_s[0]) / span_s + 1e-6)
-    return np.flatnonzero(np.append(True, np.diff(number) > 0))
-
-
-def _regular(from_s: FloatArray, until_s: FloatArray, span_s: float) -> BoolArray:
-    return np.asarray((until_s - from_s > span_s / 2) & (until_s - from_s < 2 * span_s))
-
-
-def _second_difference(t_s: FloatArray, values: FloatArray) -> FloatArray:
-    slopes = np.diff(values, axis=0) / np.diff(t_s)[:, None]
-    return np.asarray(2 * np.diff(slopes, axis=0) / (t_s[2:] - t_s[:-2])[:, None])
