@@ -16,13 +16,14 @@ from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.graph.correlation import correlated
 from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.constants import FlightConstant
-from fgnav.graph.types.motion import INERTIAL_NOISES, NoiseParts
+from fgnav.graph.types.motion import NoiseParts
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.identification.begin import ABOVE, WHITE, begins, widened
 from fgnav.identification.likelihood.linear_chain import LinearChain, Score
 from fgnav.identification.likelihood.search import Found, search
 from fgnav.identification.likelihood.thinned import FIELDS, thinned
+from fgnav.identification.seen_noise import greatest_noise
 from fgnav.identification.stated import INSTRUMENTS, scalable, unstated
 from fgnav.identification.tested_constants import (
     SIGMAS,
@@ -51,8 +52,9 @@ _ALIKE = 0.5  # correlation of neighbours whose errors are more of what stays th
 _NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
 
 
-# Vibration made 17 and 43 times the figures of a data sheet of a car's unit (docs/model.md).
-NO_NOISE = 50.0
+# Times as loud as stated, beyond what the unit's own samples can hold (``seen_noise``), and sigmas
+# of that: less is covered by the noise in its place.
+_NO_NOISE, _BEYOND = 50.0, 3.0
 # Times as loud as stated an instrument begins that is in doubt: it tells next to nothing then.
 _IN_DOUBT = 100.0
 
@@ -72,6 +74,8 @@ class Identified:
     used : ndarray of bool, shape (c,)
         Which replace what the flight has: not stated, or contradicted.
     stated : ndarray of bool, shape (c,)
+    greatest : ndarray, shape (c,)
+        Factor that the unit's samples can hold; infinite of what is no white noise of the unit.
     times : Times
     arm : LeverArm or None
         None where it was not tested.
@@ -84,24 +88,23 @@ class Identified:
     sigma: FloatArray
     used: BoolArray
     stated: BoolArray
+    greatest: FloatArray
     times: Times
     arm: LeverArm | None
     likelihood: float
 
     @property
-    def is_no_noise(self) -> bool:
-        """Whether the inertial unit's would be louder than any noise."""
-        unit = np.isin(self.names, INERTIAL_NOISES) & self.used & self.stated
-        return bool((self.factor[unit] > NO_NOISE).any())
+    def is_no_noise(self) -> BoolArray:
+        """Return which of the unit's noises, (c,), are contradicted, and louder than any noise."""
+        with np.errstate(divide="ignore"):
+            beyond = np.log(self.factor / self.greatest) > _BEYOND * self.sigma
+        return np.asarray(self.used & self.stated & (self.factor > _NO_NOISE) & beyond)
 
     @property
     def beyond_noise(self) -> dict[str, float]:
         """Factors of the unit's stated white noises that would be louder than any noise."""
-        return {
-            name: factor
-            for name, factor, stated in zip(self.names, self.factor, self.stated, strict=True)
-            if name in WHITE and stated and factor > NO_NOISE and name in self.factors
-        }
+        rows = np.flatnonzero(self.is_no_noise).tolist()
+        return {self.names[i]: float(self.factor[i]) for i in rows}
 
     @property
     def factors(self) -> dict[str, float]:
@@ -144,7 +147,7 @@ def identify(
     components = scalable(flight)
     stated = {name: name not in unstated(flight) for name in (*FIELDS, *components)}
     small = depending(small, there, extra)
-    small_flight = _Flight(small, small.motion.noise_parts(), components)
+    small_flight = _Flight(small, small.motion.noise_parts(), components, _greatest(flight, small))
     as_stated = _as_stated(small_flight) if all(stated.values()) and not known else None
     if as_stated is not None and not as_stated.is_doubted:
         return as_stated.told
@@ -169,6 +172,11 @@ class _Flight(NamedTuple):
     problem: SmoothingProblem
     parts: NoiseParts
     scalable: tuple[str, ...]
+    greatest: dict[str, float]  # factors of the unit's white noise that its samples can hold
+
+    def limits(self, names: tuple[str, ...]) -> FloatArray:
+        """Return the greatest factors of components, (c,)."""
+        return np.array([self.greatest.get(name, np.inf) for name in names])
 
     def descended(
         self, states: States, theta: FloatArray, most: int
@@ -192,6 +200,14 @@ class _Flight(NamedTuple):
                 break
             at = states.moved(share * best.steps, share * best.constant_steps)
         raise NoSolutionError("noise: the chain has no minimum about which to identify it")
+
+
+def _greatest(flight: Flight, problem: SmoothingProblem) -> dict[str, float]:
+    """Return the factors on white noise that the unit's samples can hold between measurements."""
+    if flight.imu is None or len(problem.t_s) < 2:
+        return {}
+    greatest = greatest_noise(flight.imu, float(np.median(np.diff(problem.t_s))))
+    return {name: density / getattr(flight.imu, FIELDS[name]) for name, density in greatest.items()}
 
 
 def _padded(theta: FloatArray, chain: LinearChain) -> FloatArray:
@@ -224,6 +240,7 @@ def _as_stated(flight: _Flight) -> _AsStated | None:
         sigma=sigma,
         used=nothing,
         stated=~nothing,
+        greatest=flight.limits(chain.names),
         times=times,
         arm=arm,
         likelihood=score.log_likelihood,
@@ -240,7 +257,7 @@ def _unless_an_instrument(
     One instrument that contradicts the rest draws the search to a minimum where all rest is loud:
     from where it is loud itself, another is found.
     """
-    if not found.is_no_noise:
+    if not found.is_no_noise.any():
         return found
     for one in flight.problem.measurements:
         if one.name in INSTRUMENTS:
@@ -248,7 +265,7 @@ def _unless_an_instrument(
                 other = _searched(flight, stated, {one.name: _IN_DOUBT})
             except NoSolutionError:
                 continue
-            if not other.is_no_noise:
+            if not other.is_no_noise.any():
                 return other
     return found
 
@@ -295,6 +312,7 @@ def _searched_from(
         sigma=found.sigma,
         used=used,
         stated=is_stated,
+        greatest=flight.limits(chain.names),
         times=times_of(flight.problem.constants, constants, found.score),
         arm=arm_of(flight.problem.constants, constants, found.score),
         likelihood=_penalised(chain, found, is_stated),

@@ -4,7 +4,7 @@ import numpy as np
 
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.graph.types.motion import INERTIAL_NOISES
-from fgnav.identification.identify import NO_NOISE, Identified
+from fgnav.identification.identify import Identified
 from fgnav.identification.likelihood.thinned import FIELDS
 from fgnav.types.flight import Flight
 
@@ -37,7 +37,7 @@ def noise_notes(flight: Flight, found: Identified) -> tuple[str, ...]:
         if found.stated[i]:
             stated = _USUAL if name == "line of sight" else "what flight.toml states"
             times = f"{factor:.2g} x {stated}"
-            cause = _cause(found) if factor > NO_NOISE and name in INERTIAL_NOISES else ""
+            cause = _cause(found) if found.is_no_noise[i] else ""
             notes.append(f"{_WHAT[name]} is {times}{value and f', {value}'}: used instead{cause}.")
         else:
             usual = value or f"{factor:.2g} x {_USUAL}"

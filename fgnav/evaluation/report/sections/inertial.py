@@ -3,14 +3,14 @@
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.evaluation.internal_consistency.allan import (
+from fgnav.evaluation.report.blocks import Blocks, grid, paragraph
+from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, spanning
+from fgnav.evaluation.report.drawing.shapes import Drawing
+from fgnav.identification.allan import (
     allan_deviation,
     longest_run,
     stated_deviation,
 )
-from fgnav.evaluation.report.blocks import Blocks, grid, paragraph
-from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, spanning
-from fgnav.evaluation.report.drawing.shapes import Drawing
 from fgnav.types.flight import Flight
 
 _LEAST = 100  # samples: of fewer, a tenth is not a decade of averaging times

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.evaluation.internal_consistency.allan import (
+from fgnav.identification.allan import (
     allan_deviation,
     longest_run,
     stated_deviation,
