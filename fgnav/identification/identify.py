@@ -48,6 +48,7 @@ _DOUBTED = 2.5  # sigmas: one of eight components in ten flights
 # Nats by which what contradicts the stated is likelier: one flight in ten thousand by chance.
 EXCLUDED = -np.log(FALSE_ALARM)
 _QUICK, _ITERATIONS = 6, 10  # Gauss-Newton steps
+_ROUNDS = 20  # of noise at states, and states at noise
 _ALIKE = 0.5  # correlation of neighbours whose errors are more of what stays than of noise
 _NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
 
@@ -295,14 +296,20 @@ def _searched_from(
     sensors = [m.name for m in flight.problem.measurements if m.name in flight.scalable]
     names = (*flight.parts.names, *sensors)
     theta = np.log([known.get(n, above.get(n, 1.0)) for n in names])
-    while True:
+    share, last = 1.0, np.zeros(0)
+    for _ in range(_ROUNDS):
         chain, states, _ = flight.descended(states, theta, _ITERATIONS)
         is_stated = np.array([stated[name] for name in chain.names])
         before = _padded(theta, chain)
         found = _free(chain, before, is_stated)
-        theta = found.theta
-        if np.abs(theta - before)[: len(flight.parts.names)].max() < _TOLERATED:
+        change = found.theta - before
+        if np.abs(change)[: len(flight.parts.names)].max() < _TOLERATED:
             break
+        if len(last) == len(change) and change @ last < 0.0:
+            share /= 2  # noise and states undo each other's changes
+        theta, last = before + share * change, change
+    else:
+        raise NoSolutionError("noise: it is another at every linearisation of the chain")
     found, theta, used = _kept(chain, found, is_stated)
     theta, used = _with_correlation(chain, found.score, theta, used)
     constants = states.constants + found.score.constant_steps

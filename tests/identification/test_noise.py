@@ -6,12 +6,14 @@ import msgspec
 import numpy as np
 import pytest
 
+from fgnav.checks import NoSolutionError
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
+from fgnav.identification import identify as module
 from fgnav.identification.apply import with_identified_noise
 from fgnav.identification.identify import identify
 from fgnav.identification.likelihood.linear_chain import LinearChain
-from fgnav.identification.likelihood.thinned import thinned
+from fgnav.identification.likelihood.thinned import FIELDS, thinned
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.io.flight import usual_noise
 from fgnav.methods.smoother import Batch
@@ -162,3 +164,20 @@ def test_a_clock_off_by_more_than_a_swing_is_found_before_anything_is_aligned():
     clock = next(one for one in estimate.constants if one.name == "clock offset")
     assert abs(clock.value[0] + 1.2) < 4 * np.sqrt(clock.covariance[0, 0])
     assert nees(errors_rad(late, estimate), estimate.attitude_covariance_rad2) < 9.0
+
+
+def test_noises_that_undo_each_other_end_the_search(flight, monkeypatch):
+    """Of a likelihood that asks for more where there is less, and for less where there is more."""
+    found_by = module._free
+
+    def contrary(chain, begin, is_stated):
+        return found_by(chain, begin, is_stated)._replace(theta=np.where(begin > 0, -2.0, 2.0))
+
+    monkeypatch.setattr(module, "_free", contrary)
+    monkeypatch.setattr(module, "_ROUNDS", 3)
+    with pytest.raises(NoSolutionError, match="another at every linearisation"):
+        found_in(unstated(flight))
+
+
+def unstated(flight):
+    return replace(flight, imu=replace(flight.imu, unstated=tuple(FIELDS.values())))
