@@ -59,5 +59,5 @@ def test_noise_is_looked_at_when_motion_tells_the_heading_and_as_that_motion_dou
     opening.keyframes = 39
     known = SimpleNamespace(problem=problem, opening=opening)
     early = [5.0, 10.0, 20.0]  # with its clock off nothing tells the heading
-    assert looks_s(known) == [*early, 30.0, 38.0, 43.0, 48.0, 58.0, 60.0, 120.0]
-    assert looks_s(SimpleNamespace(problem=problem, opening=None)) == [30.0, 60.0, 120.0]
+    assert looks_s(known, 199.0) == [*early, 30.0, 38.0, 43.0, 48.0, 58.0, 60.0, 120.0]
+    assert looks_s(SimpleNamespace(problem=problem, opening=None), 199.0) == [30.0, 60.0, 120.0]

@@ -99,6 +99,11 @@ class AntennaPhase:
         """Rows of each epoch, (k,)."""
         return np.array([len(one.z) for one in self.rows], dtype=np.int64)
 
+    @property
+    def numbered(self) -> dict[int, ArcBlock]:
+        """Blocks by number."""
+        return dict(enumerate(self.blocks))
+
     def block_at(self, row: int, before: int) -> int:
         """Return the block of a keyframe; that before where it has no phases."""
         i = int(np.searchsorted(self.row, row))
