@@ -58,7 +58,7 @@ class Undifferenced:
         Of what messages and models of the atmosphere leave.
     error_rate_mps, error_walk_m_per_sqrt_s : float
         How that moves.
-    satellites : tuple of str, length m
+    satellites, signals : tuple of str, length m
     group : ndarray of int, shape (m,)
         Number of the carrier: phases of each have a clock of their own.
     wavelength_m : ndarray, shape (m,)
@@ -82,6 +82,7 @@ class Undifferenced:
     error_rate_mps: float
     error_walk_m_per_sqrt_s: float
     satellites: tuple[str, ...]
+    signals: tuple[str, ...]
     group: IntArray
     wavelength_m: FloatArray
     integers: bool
@@ -163,6 +164,7 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
         error_rate_mps=share * noise.satellite_error_rate_mps,
         error_walk_m_per_sqrt_s=share * noise.satellite_error_walk_m_per_sqrt_s,
         satellites=channels.satellites,
+        signals=channels.signals,
         group=group,
         wavelength_m=wavelength_m,
         integers=base,
@@ -316,6 +318,8 @@ def _arcs(
         unused=(),
         lost=Counter(),
     )
-    arcs = phase_arcs(single, ("models", flight.antennas[0].name), causal=True)
+    earlier_s = None if observations.earlier is None else observations.earlier.t_s
+    names = ("models", flight.antennas[0].name)
+    arcs = phase_arcs(single, names, causal=True, earlier_s=earlier_s)
     arc, m = arcs.arc[:, 1].astype(np.int64), phase_m.shape[1]
     return np.where(arc >= 0, arc * m + np.arange(m), -1), arcs.losses

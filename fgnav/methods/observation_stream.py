@@ -1,17 +1,20 @@
 """The forward filter fed with raw observations, epoch by epoch, as instruments hand them out."""
 
 from collections.abc import Iterator
-from dataclasses import replace
-from itertools import groupby, pairwise
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.frontend.problem import PreparedFlight, build_problem
+from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.methods.smoothing.estimates import stated_at
 from fgnav.methods.smoothing.joined import joined_estimates
+from fgnav.methods.streaming.going_on import GoingOn, going_on
 from fgnav.methods.streaming.recording import epochs_s, joined, pieces
 from fgnav.solve.sliding.departed import joined_solution, with_open_heading
 from fgnav.types.estimate import Estimate
@@ -34,6 +37,20 @@ class _Keyframe(NamedTuple):
     known: "Departed"
 
 
+@dataclass(slots=True)
+class _Span:
+    """Keyframes from a time on, with noise and times as they were told by then."""
+
+    from_s: float
+    told: "Look"
+    record: GoingOn
+
+    def prepared(self, settings: ProblemSettings) -> PreparedFlight:
+        """Return the problem of what is kept."""
+        build = partial(build_problem, earlier=self.record.earlier)
+        return self.told.prepared(self.record.flight, settings, build)
+
+
 class ObservationStream:
     """What ``Forward`` makes of a flight while it is flown.
 
@@ -53,13 +70,15 @@ class ObservationStream:
         if method.factors:
             raise BadInputError("stream factors: of one's own go into Stream, keyframe by keyframe")
         self._method = method
-        self._record: Flight | None = None
-        self._looks: list[tuple[float, Look]] = []
+        self._pieces: list[Flight] = []  # all of them, where noise is to be identified
+        self._spans: list[_Span] = []  # that keyframes to come may be in
+        self._plain: PreparedFlight | None = None  # as stated, up to where the heading is known
         self._window: FixedLag | None = None
         self._of: tuple[float, bool] | None = None  # what the window is of: look, open heading
-        self._taken = 0  # keyframes that have entered it
+        self._taken_s = -np.inf  # keyframe that entered it last
         self._newest: Departed
         self._last_s = -np.inf  # keyframe that was returned last
+        self._looked_s = -np.inf  # when noise was identified last
 
     @classmethod
     def replay(cls, flight: Flight, method: "Forward | None" = None) -> Iterator[Estimate]:
@@ -70,6 +89,11 @@ class ObservationStream:
         for piece in pieces(flight):
             yield stream.update(piece)
         yield stream.finish()
+
+    @property
+    def kept(self) -> Flight | None:
+        """What is kept of the records for keyframes to come."""
+        return self._spans[-1].record.flight if self._spans else None
 
     def update(self, piece: Flight) -> Estimate:
         """Take in what came since; return the keyframes up to the last epoch that were not yet.
@@ -88,12 +112,27 @@ class ObservationStream:
         """
         if piece.networks:
             raise BadInputError(f"flight {piece.name}: a stream of observations takes no networks")
-        self._record = piece if self._record is None else joined(self._record, piece)
-        epochs = epochs_s(self._record)
+        from fgnav.identification.from_past import Look  # noqa: PLC0415  # lazy: the chain
+
+        if not self._spans:
+            self._spans.append(_Span(-np.inf, Look(None), GoingOn(piece)))
+        else:
+            grown = [joined(span.record.flight, piece) for span in self._spans]
+            for span, flight in zip(self._spans, grown, strict=True):
+                span.record = span.record._replace(flight=flight)
+        if self._method.noise == "identified":
+            self._pieces.append(piece)
+        epochs = epochs_s(self._spans[-1].record.flight)
         return self._estimate(float(epochs[-1]) if len(epochs) else -np.inf)
 
     def finish(self) -> Estimate:
-        """Return the keyframes after the last epoch: of inertial samples alone."""
+        """Return the keyframes after the last epoch: of inertial samples alone.
+
+        Raises
+        ------
+        NoSolutionError
+            If all that has come tells no state.
+        """
         return self._estimate(np.inf)
 
     def _estimate(self, until_s: float) -> Estimate:
@@ -110,42 +149,53 @@ class ObservationStream:
 
     def _due(self, until_s: float) -> list[_Keyframe]:
         """Return the keyframes up to a time that have not been returned."""
-        if self._record is None:
-            return []
-        settings = self._method.preparation
+        settings, due = self._method.preparation, list[_Keyframe]()
         try:
-            plain = build_problem(self._record, settings)
-        except NoSolutionError:  # next to nothing is there yet
-            return []
-        self._look(plain, min(until_s, float(plain.problem.t_s[-1])))
-        due = []
-        from_s = [-np.inf, *(s for s, _ in self._looks), np.inf]
-        for k, (begin_s, end_s) in enumerate(pairwise(from_s)):
-            if end_s <= self._last_s:
-                continue
-            prepared = plain
-            if k:
-                told = self._looks[k - 1][1]
-                prepared = told.prepared(self._record, settings, build_problem)
+            self._look(until_s)
+            problems = [span.prepared(settings) for span in self._spans]
+        except NoSolutionError:
+            if self._window is not None or until_s == np.inf:
+                raise
+            return []  # next to nothing is there yet
+        ends_s = [*(span.from_s for span in self._spans[1:]), np.inf]
+        for span, prepared, end_s in zip(self._spans, problems, ends_s, strict=True):
             t_s = prepared.problem.t_s
-            new = (t_s > self._last_s) & (t_s >= begin_s) & (t_s < end_s) & (t_s <= until_s)
-            due += [self._keyframe(prepared, begin_s, at_s) for at_s in t_s[new].tolist()]
+            new = (t_s > self._last_s) & (t_s >= span.from_s) & (t_s < end_s) & (t_s <= until_s)
+            due += [self._keyframe(prepared, span.from_s, at_s) for at_s in t_s[new].tolist()]
         if due:
             self._last_s = float(due[-1].problem.t_s[due[-1].row])
+        while len(self._spans) > 1 and self._spans[1].from_s <= self._last_s:
+            del self._spans[0]
+        if len(self._spans) == 1 and self._spans[0].told.goes_on:
+            kept = going_on(self._spans[0].record.flight, problems[-1])
+            self._spans[0].record = kept or self._spans[0].record
         return due
 
-    def _look(self, plain: PreparedFlight, until_s: float) -> None:
+    def _look(self, until_s: float) -> None:
         """Identify noise at the times that have come."""
-        if self._record is None or self._method.noise != "identified":
+        if self._method.noise != "identified":
             return
         from fgnav.identification.from_past import Look, look, looks_s  # noqa: PLC0415  # lazy: the chain
 
-        before_s = self._looks[-1][0] if self._looks else -np.inf
+        settings, plain = self._method.preparation, self._plain
+        if plain is None or (plain.opening is not None and plain.opening.until_s == np.inf):
+            plain = self._plain = build_problem(self._whole(), settings)
+        before_s = self._spans[-1].from_s
+        imu = self._spans[-1].record.flight.imu
+        until_s = min(until_s, -np.inf if imu is None else float(imu.t_s[-1]))
         for at_s in looks_s(plain, until_s + _ROUNDING_S):
-            if before_s < at_s <= until_s:
-                told = look(self._record, self._method.preparation, at_s, build_problem)
-                if self._looks or told != Look(None):
-                    self._looks.append((at_s, told))
+            if self._looked_s < at_s <= until_s:
+                self._looked_s = at_s
+                whole = self._whole()
+                told = look(whole, settings, at_s, build_problem)
+                if len(self._spans) > 1 or before_s > -np.inf or told != Look(None):
+                    self._spans.append(_Span(at_s, told, GoingOn(whole)))
+
+    def _whole(self) -> Flight:
+        """Return all that has come."""
+        whole = joined(*self._pieces)
+        self._pieces = [whole]
+        return whole
 
     def _keyframe(self, prepared: PreparedFlight, look_s: float, at_s: float) -> _Keyframe:
         """Let a keyframe enter the window, which begins anew where its problem is another one."""
@@ -155,16 +205,12 @@ class ObservationStream:
         is_open = opening is not None and at_s < opening.until_s
         problem = opening.problem if opening is not None and is_open else prepared.windowed
         if self._window is None or self._of != (look_s, is_open):
-            self._window, self._of, self._taken = (
-                FixedLag(self._method.lag_s, 0.0),
-                (look_s, is_open),
-                0,
-            )
-        row = int(np.searchsorted(problem.t_s, at_s - _ROUNDING_S))
-        for k in range(self._taken, row + 1):
-            self._window.advance(problem, k)
+            self._window, self._taken_s = FixedLag(self._method.lag_s, 0.0), -np.inf
+            self._of = look_s, is_open
+        for row in np.flatnonzero((problem.t_s > self._taken_s) & (problem.t_s <= at_s)).tolist():
+            self._window.advance(problem, row)
             self._newest = self._window.newest()  # of each: what is asked for decides what leaves
-        self._taken, known = row + 1, self._newest
+        self._taken_s, known = at_s, self._newest
         if opening is not None and is_open:
             known = with_open_heading(known, opening)
         return _Keyframe(prepared, problem, row, known)

@@ -8,18 +8,21 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.geometry.rotations import to_euler
+from fgnav.gnss.single_point import atmosphere_choice
 from fgnav.identification import from_past
 from fgnav.methods.observation_stream import ObservationStream
 from fgnav.methods.smoother import Forward, Stream
 from fgnav.methods.smoothing.joined import joined_estimates
-from fgnav.methods.streaming.recording import joined, pieces
+from fgnav.methods.streaming.recording import epochs_s, joined, pieces
 from fgnav.types.flight import InitialAttitude
-from fgnav_sim.gnss.tables import OutageTable
+from fgnav_sim.gnss.tables import OutageTable, SlipsTable
+from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
 from tests.methods.test_truncation import scenario
 
 STATED = Forward(noise="stated")
 ONE = ((0.5, 0.1, 0.0),)
+SLIPS = SlipsTable(rate_per_hour=60.0, largest_cycles=10, flagged_share=0.5)
 GONE = OutageTable(from_s=4.0, until_s=5.0)
 RISING = OutageTable(until_s=5.0, azimuth_deg=(0.0, 150.0))
 
@@ -27,6 +30,10 @@ RISING = OutageTable(until_s=5.0, azimuth_deg=(0.0, 150.0))
 def one_antenna(span_s, **gnss):
     found = scenario("demo", span_s, gyroscope=True, **gnss)
     return msgspec.structs.replace(found, antennas_b_m=ONE)
+
+
+def every_second(made):
+    return msgspec.structs.replace(made, fixes=FixesTable(rate_hz=1.0))
 
 
 # The body, what it carries, and a seed that nothing was chosen on.
@@ -37,7 +44,10 @@ FLIGHTS = {
         41_002,
     ),
     "one epoch a second": (one_antenna(10.0, rate_hz=1.0), 41_003),
-    "fixes and a gyroscope": (scenario("six", 10.0, fixes=True, gyroscope=True), 41_004),
+    "fixes and a gyroscope": (
+        every_second(scenario("six", 10.0, fixes=True, gyroscope=True)),
+        41_004,
+    ),
     "an array": (scenario("demo", 2.0), 41_005),
     "an array once a second": (scenario("demo", 9.0, rate_hz=1.0), 41_006),
     "an array and a gyroscope": (scenario("demo", 2.0, gyroscope=True), 41_007),
@@ -52,16 +62,17 @@ def flown(which):
 
 
 def assert_same(flight, method):
-    parts = [part for part in ObservationStream.replay(flight, method) if len(part.t_s)]
-    whole = method(flight)
+    assert_joined(ObservationStream.replay(flight, method), method(flight))
+
+
+def assert_joined(parts, whole):
     n = len(whole.t_s)
-    streamed = joined_estimates(parts, n, n)
+    streamed = joined_estimates([part for part in parts if len(part.t_s)], n, n)
     np.testing.assert_array_equal(streamed.t_s, whole.t_s)
     for name in (one.name for one in fields(whole)):
         if isinstance(expected := getattr(whole, name), np.ndarray):
             found = getattr(streamed, name)
             np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9, err_msg=name)
-    return parts
 
 
 @pytest.mark.parametrize("which", FLIGHTS)
@@ -126,3 +137,25 @@ def test_what_does_not_go_on_is_named():
 def test_what_a_stream_of_observations_does_not_take_is_named(method, text):
     with pytest.raises(BadInputError, match=text):
         ObservationStream(method)
+
+
+LONG = {
+    "one antenna whose turns wind up phases": (
+        one_antenna(50.0, rate_hz=1.0, outages=(GONE,), wind_up=True, slips=SLIPS),
+        41_012,
+    ),
+    "fixes": (every_second(scenario("six", 50.0, fixes=True, gyroscope=True)), 41_013),
+}
+
+
+@pytest.mark.parametrize("which", LONG)
+def test_a_stream_that_has_let_its_beginning_go_ends_there_as_well(which, monkeypatch):
+    """Of epochs once a second; the atmosphere decided by 16 of them, not 64."""
+    monkeypatch.setattr(atmosphere_choice, "_DECIDING", (1, 2, 4, 8, 16))
+    made, seed = LONG[which]
+    flight = simulate(made, np.random.default_rng(seed))
+    stream = ObservationStream(STATED)
+    parts = [stream.update(piece) for piece in pieces(flight)]
+    assert stream.kept.imu.t_s[0] > 8.0
+    assert epochs_s(stream.kept)[0] > 8.0
+    assert_joined([*parts, stream.finish()], STATED(flight))

@@ -1,7 +1,8 @@
 """A recording that grows: pieces of a flight, one after another, as one flight."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -31,8 +32,8 @@ def pieces(flight: Flight) -> Iterator[Flight]:
         before_s = epoch_s
 
 
-def joined(record: Flight, piece: Flight) -> Flight:
-    """Return a flight with what came since.
+def joined(*parts: Flight) -> Flight:
+    """Return pieces of a flight, in their order, as one: the first says what is no record.
 
     Raises
     ------
@@ -41,50 +42,48 @@ def joined(record: Flight, piece: Flight) -> Flight:
     """
     changed: dict[str, Any] = {}
     for name, sampled in SAMPLED.items():
-        before, after = getattr(record, name), getattr(piece, name)
-        if after is None:
-            continue
-        if before is None:
-            changed[name] = after
-            continue
-        _follows(name, before.t_s, after.t_s)
-        parts = {n: (getattr(before, n), getattr(after, n)) for n in sampled}
-        values = {n: np.concatenate(v) for n, v in parts.items() if v[0] is not None}
-        changed[name] = replace(before, **values)
-    if piece.observations is not None:
-        changed["observations"] = _observed(record.observations, piece.observations)
-    if piece.base is not None:
-        before = None if record.base is None else record.base.observations
-        ground = _observed(before, piece.base.observations)
-        changed["base"] = replace(piece.base, observations=ground)
-    return replace(record, **changed)
+        records = [one for part in parts if (one := getattr(part, name)) is not None]
+        if len(records) > 1:
+            _follow(name, records)
+            columns = {n: [getattr(one, n) for one in records] for n in sampled}
+            changed[name] = replace(
+                records[0], **{n: np.concatenate(v) for n, v in columns.items() if v[0] is not None}
+            )
+        elif records:
+            changed[name] = records[0]
+    changed["observations"] = _observed([one.observations for one in parts])
+    bases = [one.base for one in parts if one.base is not None]
+    if bases:
+        ground = _observed([one.observations for one in bases])
+        changed["base"] = None if ground is None else replace(bases[0], observations=ground)
+    return replace(parts[0], **changed)
 
 
-def _follows(name: str, before_s: FloatArray, after_s: FloatArray) -> None:
-    if not after_s[0] > before_s[-1]:
-        raise BadInputError(
-            f"stream {name} t_s: must come after {before_s[-1]:.9g}, got {after_s[0]:.9g}"
-        )
+def _follow(name: str, records: Sequence[Any]) -> None:
+    for before, after in pairwise(records):
+        if not after.t_s[0] > before.t_s[-1]:
+            raise BadInputError(
+                f"stream {name} t_s: must come after {before.t_s[-1]:.9g}, got {after.t_s[0]:.9g}"
+            )
 
 
-def _observed(before: Observations | None, after: Observations) -> Observations:
+def _observed(parts: Sequence[Observations | None]) -> Observations | None:
     """Return observations one after the other; channels that are new come last."""
-    if before is None:
-        return after
-    _follows("observations", before.t_s, after.t_s)
-    channels = dict.fromkeys((*channels_of(before), *channels_of(after)))
+    records = [one for one in parts if one is not None]
+    if len(records) < 2:
+        return records[0] if records else None
+    _follow("observations", records)
+    channels = dict.fromkeys(channel for one in records for channel in channels_of(one))
     place = {channel: j for j, channel in enumerate(channels)}
+    columns = [[place[channel] for channel in channels_of(one)] for one in records]
     values: dict[str, Any] = {}
     for name in BY_EPOCH:
-        parts = [getattr(one, name) for one in (before, after)]
+        of = [getattr(one, name) for one in records]
         if name in BY_CHANNEL:
-            parts = [
-                _spread(part, [place[channel] for channel in channels_of(of)], len(place))
-                for part, of in zip(parts, (before, after), strict=True)
-            ]
-        values[name] = np.concatenate(parts)
+            of = [_spread(v, c, len(place)) for v, c in zip(of, columns, strict=True)]
+        values[name] = np.concatenate(of)
     return replace(
-        before,
+        records[0],
         satellites=tuple(satellite for satellite, _ in channels),
         signals=tuple(signal for _, signal in channels),
         **values,

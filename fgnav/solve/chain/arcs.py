@@ -64,11 +64,10 @@ class Border:
 
     def read(self, phase: AntennaPhase | None) -> None:
         """Let keyframes come from other phases: of the same flight, which has gone on since."""
-        if phase is self._phase or phase is None:
-            return
+        if phase is not self._phase and phase is not None:
+            self._blocks |= phase.numbered
+            self.width = max(self.width, *(one.size for one in phase.blocks), 0)
         self._phase = phase
-        self._blocks |= phase.numbered
-        self.width = max(self.width, *(one.size for one in phase.blocks))
 
     def append(self, row: int) -> None:
         """Take in a keyframe of the phases read last."""
