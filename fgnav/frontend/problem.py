@@ -214,9 +214,8 @@ def _phase_before_heading(
 
 def _goes_on(flight: Flight, stage: Aligned, arcs: EarlierArcs | None) -> Earlier | None:
     """Return what later keyframes need of these; None while, or where, it is not all summed up."""
-    start, others = stage.start, (flight.seeker, flight.barometer, flight.magnetometer)
-    is_more = flight.base is not None or flight.vehicle is not None or stage.down is not None
-    if is_more or any(one is not None for one in others):
+    start, others = stage.start, (flight.base, flight.vehicle, flight.seeker, stage.down)
+    if any(one is not None for one in others):
         return None
     if start.motion is None or not start.motion.step_s or not start.valid.any():
         return None

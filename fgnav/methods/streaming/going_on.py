@@ -6,12 +6,12 @@ keeps ``KEPT_S`` of records, and what it asks of them costs the same however lon
 """
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fgnav.frontend.attitude.in_motion import WINDOW_S
-from fgnav.frontend.causal.truncation import truncated
+from fgnav.frontend.causal.truncation import SAMPLED, truncated
 from fgnav.frontend.problem import Earlier, PreparedFlight
 from fgnav.gnss.signals import band, select
 from fgnav.gnss.single_point.atmosphere_choice import is_decided
@@ -22,6 +22,7 @@ from fgnav.types.observations import EarlierEpochs, Observations
 
 KEPT_S = WINDOW_S + 4.0  # and the span of four seconds between fixes that a window begins with
 _LEAST_S = 1.0  # less is not worth the copying
+_FIRST = 2  # samples of instruments
 _MARGIN_S = 0.5  # of inertial samples before the first epoch that is kept
 
 
@@ -53,14 +54,29 @@ def going_on(flight: Flight, prepared: PreparedFlight) -> GoingOn | None:
         channels = code_channels(observations, 0, causal=True)
         if not is_decided(flight, observations, channels, 0):
             return None
-    kept = truncated(flight, np.inf, after_s=from_s, base_s=0.0)
+    kept = truncated(flight, np.inf, after_s=from_s)
     samples = truncated(flight, np.inf, after_s=from_s - _MARGIN_S).imu
+    kept = replace(kept, imu=samples, **_surroundings(flight, from_s))
     if observations is not None:
         kept = replace(kept, observations=_without_beginning(flight, observations, from_s))
     own = earlier.motion.windows.own
     first = int(np.searchsorted(imu.t_s, from_s - _MARGIN_S, side="right"))
     motion = earlier.motion.after(from_s, own.R_ub[first])
-    return GoingOn(replace(kept, imu=samples), earlier._replace(motion=motion))
+    return GoingOn(kept, earlier._replace(motion=motion))
+
+
+def _surroundings(flight: Flight, from_s: float) -> dict[str, Any]:
+    """Return records of barometer and magnetometer after a time, and how they began.
+
+    Their first samples say since when there are any, and how often.
+    """
+    kept: dict[str, Any] = {}
+    for name in ("barometer", "magnetometer"):
+        record = getattr(flight, name)
+        if record is not None:
+            rows = (record.t_s > from_s) | (np.arange(len(record.t_s)) < _FIRST)
+            kept[name] = replace(record, **{n: getattr(record, n)[rows] for n in SAMPLED[name]})
+    return kept
 
 
 def _solved_s(flight: Flight) -> float:
