@@ -56,7 +56,15 @@ class ObservationStream:
 
     Each update brings what instruments measured since the one before, as a flight of its own: raw
     observations of one epoch or more, or fixes, and inertial samples up to the last of them. It
-    returns the keyframes that are due by then, each as known from the data up to it.
+    returns the keyframes that are due by then, each as known from the data up to it: joined they
+    are what ``method(flight)`` returns.
+
+    Of one antenna, or fixes, beside a gyroscope it keeps half a minute of records once the heading
+    is known, and an epoch costs the same however long it runs. Where noise is identified it keeps
+    all of them (20 MB an hour, of 2 and 100 samples a second) and runs anew whenever that has
+    doubled. Of arrays, bodies without a gyroscope, and beside a base, a detector, a gravity
+    estimator or wheels it keeps and reads all of them at every epoch: for short flights
+    (docs/model.md).
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from fgnav.methods.smoothing.joined import joined_estimates
 from fgnav.methods.streaming import going_on
 from fgnav.methods.streaming.recording import epochs_s, joined, pieces
 from fgnav.types.flight import InitialAttitude
-from fgnav_sim.gnss.tables import OutageTable, SlipsTable
+from fgnav_sim.gnss.tables import BaseTable, OutageTable, SlipsTable
 from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
 from tests.methods.test_truncation import scenario
@@ -24,6 +24,7 @@ from tests.methods.test_truncation import scenario
 STATED = Forward(noise="stated")
 ONE = ((0.5, 0.1, 0.0),)
 SLIPS = SlipsTable(rate_per_hour=60.0, largest_cycles=10, flagged_share=0.5)
+AHEAD = BaseTable(latitude_deg=40.36, longitude_deg=-3.88, height_m=600.0)
 GONE = OutageTable(from_s=4.0, until_s=5.0)
 RISING = OutageTable(until_s=5.0, azimuth_deg=(0.0, 150.0))
 
@@ -43,6 +44,7 @@ FLIGHTS = {
         one_antenna(6.0, rate_hz=4.0, outages=(RISING, GONE), wind_up=True),
         41_002,
     ),
+    "a base that it comes nearer to": (one_antenna(4.0, rate_hz=2.0, base=AHEAD), 41_004),
     "an array": (scenario("demo", 1.5), 41_005),
     "an array once a second": (scenario("demo", 6.0, rate_hz=1.0), 41_006),
     "an array and a gyroscope": (scenario("demo", 1.5, gyroscope=True), 41_007),

@@ -354,11 +354,11 @@ def _led(of: _Arcs, blocks: tuple[_Live | None, _Live], i: int, row: int) -> Arc
     error_m = np.zeros(s)
     for channel in _channels(of, i):
         error_m[_places(of, after, channel)] = of.of.error_sigma_m[i, channel]
-    sigma = np.concatenate([np.full(c, _UNKNOWN_M), error_m, np.full(s, of.of.error_rate_mps)])
+    sigma = np.concatenate([np.full(c, _UNKNOWN_M), error_m, np.full(s, of.of.error_rate_mps[i])])
     F: FloatArray = np.zeros((after.size, 0))
     if before is not None:
         goes_on, F = _transition(before, after)
-        walks = (_STILL_M_PER_SQRT_S, of.of.error_walk_m_per_sqrt_s, _STILL_MPS_PER_SQRT_S)
+        walks = (_STILL_M_PER_SQRT_S, of.of.error_walk_m_per_sqrt_s[i], _STILL_MPS_PER_SQRT_S)
         still = np.repeat(walks, (c, s, s)) * np.sqrt(after.t_s - before.t_s)
         sigma = np.where(goes_on, still, sigma)
     coded = np.isfinite(of.code_apart_m[i, after.channel])
