@@ -94,11 +94,6 @@ class Look(NamedTuple):
     found: Findings | None
     is_told: bool = True
 
-    @property
-    def goes_on(self) -> bool:
-        """Whether what is kept of a flight has the same times as all of it would have."""
-        return self.is_told and (self.found is None or not self.found.moved[1])
-
     def prepared(self, flight: Flight, settings: ProblemSettings, build: Build) -> PreparedFlight:
         """Return the problem of a flight that goes on, with noise and times as found."""
         if self.found is None:

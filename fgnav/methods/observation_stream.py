@@ -109,7 +109,7 @@ class ObservationStream:
         Parameters
         ----------
         piece : Flight
-            The first brings what is known of the vehicle; of others the records count.
+            The first brings what is known of the vehicle; of others records and orbits count.
 
         Raises
         ------
@@ -174,7 +174,7 @@ class ObservationStream:
             self._last_s = float(due[-1].problem.t_s[due[-1].row])
         while len(self._spans) > 1 and self._spans[1].from_s <= self._last_s:
             del self._spans[0]
-        if len(self._spans) == 1 and self._spans[0].told.goes_on:
+        if len(self._spans) == 1 and self._spans[0].told.is_told:
             kept = going_on(self._spans[0].record.flight, problems[-1])
             self._spans[0].record = kept or self._spans[0].record
         return due

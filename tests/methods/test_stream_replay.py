@@ -119,6 +119,16 @@ def test_pieces_of_a_flight_are_the_flight():
     np.testing.assert_array_equal(seen.lock_flags, of.lock_flags[:, :, order])
 
 
+def test_orbits_are_the_newest_that_came():
+    first, second, *_ = pieces(flown("one antenna, satellites that rise, an outage"))
+    newer = replace(second.broadcast, klobuchar=2 * second.broadcast.klobuchar)
+    assert joined(first, replace(second, broadcast=newer)).broadcast is newer
+    assert (
+        joined(first, replace(second, observations=None, broadcast=None)).broadcast
+        is first.broadcast
+    )
+
+
 def test_what_does_not_go_on_is_named():
     first, second, *_ = pieces(flown("one antenna, satellites that rise, an outage"))
     stream = ObservationStream(STATED)

@@ -33,7 +33,9 @@ def pieces(flight: Flight) -> Iterator[Flight]:
 
 
 def joined(*parts: Flight) -> Flight:
-    """Return pieces of a flight, in their order, as one: the first says what is no record.
+    """Return pieces of a flight, in their order, as one.
+
+    The first says what is no record; orbits are those of the last that has any.
 
     Raises
     ------
@@ -41,6 +43,9 @@ def joined(*parts: Flight) -> Flight:
         If a record does not go on where it ended.
     """
     changed: dict[str, Any] = {}
+    for name in ("broadcast", "precise"):
+        orbits = [one for part in parts if (one := getattr(part, name)) is not None]
+        changed[name] = orbits[-1] if orbits else None
     for name, sampled in SAMPLED.items():
         records = [one for part in parts if (one := getattr(part, name)) is not None]
         if len(records) > 1:
