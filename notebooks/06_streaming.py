@@ -27,10 +27,11 @@ import matplotlib.pyplot as plt
 import msgspec
 import numpy as np
 
+from fgnav.frontend.causal.truncation import truncated
 from fgnav.geometry import rotations
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.integers.resolvers.truth import attitude_at
-from fgnav.methods.smoother import Measured, Measurements, Stream, StreamSetUp
+from fgnav.methods.smoother import Forward, Measured, Measurements, Stream, StreamSetUp
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 
@@ -118,3 +119,26 @@ for name, parts, colour in (("newest", newest, "C0"), ("3 s later", smoothed, "C
     assert inside > 0.9
 axes.set(xlabel="time, s", ylabel="heading error, deg", ylim=(-12, 12))
 _ = axes.legend()
+
+# %% [markdown]
+# ## Raw observations
+# An `ObservationStream` needs no solution of a receiver: code, phase and Doppler of each epoch go
+# in as they are, with the inertial samples since. It builds the problem that `forward` builds of a
+# file, so a flight that is replayed ends where `forward` ends.
+
+# %%
+raw = truncated(replace(flight, magnetometer=None, barometer=None, seeker=None), 6.0)
+stated = Forward(noise="stated")
+answers, seconds = [], []
+started_s = perf_counter()
+for answer in Stream.replay(raw, stated):
+    seconds.append(perf_counter() - started_s)
+    answers.append(answer)
+    started_s = perf_counter()
+whole = stated(raw)
+streamed = np.concatenate([answer.R_nb for answer in answers])
+print(
+    f"{len(whole.t_s)} epochs, attitudes apart by {np.abs(streamed - whole.R_nb).max():.0e}", end=""
+)
+print(f"; {1e3 * np.median(seconds):.0f} ms an epoch, front end and window")
+assert np.allclose(streamed, whole.R_nb, rtol=0, atol=1e-9)

@@ -67,8 +67,11 @@ def spun(own: OwnRotation | None, t_s: FloatArray, R_nu: FloatArray) -> FloatArr
     return R_nu if own is None else np.asarray(R_nu @ own.at(t_s))
 
 
-def own_rotation(imu: Imu) -> OwnRotation | None:
-    """Return the rotation by the gyroscope, or else that of a spin; None where nothing is told."""
+def own_rotation(imu: Imu, R_ub: FloatArray | None = None) -> OwnRotation | None:
+    """Return the rotation by the gyroscope, or else that of a spin; None where nothing is told.
+
+    From the identity, or where an earlier record has led, (3, 3).
+    """
     if len(imu.t_s) < _FEWEST:
         return None
     w_b_radps = imu.w_b_radps
@@ -79,7 +82,8 @@ def own_rotation(imu: Imu) -> OwnRotation | None:
             return None
         w_b_radps = np.where(spins[:, None], told_b_radps, 0.0)
     turns = exp((w_b_radps[1:] + w_b_radps[:-1]) / 2 * np.diff(imu.t_s)[:, None])
-    return OwnRotation(t_s=imu.t_s, R_ub=accumulated(turns), w_b_radps=w_b_radps)
+    led = accumulated(turns) if R_ub is None else R_ub @ accumulated(turns)
+    return OwnRotation(t_s=imu.t_s, R_ub=led, w_b_radps=w_b_radps)
 
 
 def _told(t_s: FloatArray, f_b_mps2: FloatArray) -> tuple[FloatArray, BoolArray]:

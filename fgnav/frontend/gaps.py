@@ -94,6 +94,7 @@ def keyframe_times(
     turn_rad: FloatArray | None = None,
     *,
     causal: bool = False,
+    usual_s: float | None = None,
 ) -> FloatArray:
     """Return GNSS epochs, (k,), and times between them where these lie too far apart, (n,).
 
@@ -110,11 +111,13 @@ def keyframe_times(
     causal : bool
         Whether times after an epoch are not to depend on how far the body turns until the next,
         and go on beyond the last.
+    usual_s : float, optional
+        Between the first two epochs, where these are not among them.
     """
     if len(epochs_s) < 2:
         return epochs_s
     span_s = np.diff(epochs_s)
-    usual_s = min(float(span_s[0]), LONGEST_STEP_S)
+    usual_s = min(float(span_s[0]) if usual_s is None else usual_s, LONGEST_STEP_S)
     step_s = np.full(len(epochs_s), usual_s)
     if turn_rad is not None:
         rate = np.nan_to_num(turn_rad / span_s)

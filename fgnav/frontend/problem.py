@@ -7,6 +7,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.frontend.array.shape import initial_shape, shape_at
+from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.attitude.initial import attitude_prior
 from fgnav.frontend.attitude.rates import mean_force_b_mps2, rates_at, slopes_at
 from fgnav.frontend.calibration_request import (
@@ -21,11 +22,12 @@ from fgnav.frontend.gaps import gap_notes, spans
 from fgnav.frontend.heading_open import open_heading, until_motion
 from fgnav.frontend.measurements import Recorded, measurements_of
 from fgnav.frontend.motion import motion_of
-from fgnav.frontend.position.live_arcs import antenna_phase
+from fgnav.frontend.position.live_arcs import EarlierArcs, antenna_phase
 from fgnav.frontend.sensors.sensed import Sensed, sense
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import Aligned, Tracked, aligned, inertial_record, moves_about, tracked
 from fgnav.graph.delayed import TimedMotion
+from fgnav.graph.factors.antenna_phase import AntennaPhase
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.problem import Opening, SmoothingProblem
 from fgnav.graph.types.states import States
@@ -65,6 +67,8 @@ class PreparedFlight:
         Of the inertial unit, where its noise was identified as more than any noise.
     stretches : tuple of Stretch
         In place of all this, of a causal method whose noise is identified as the flight goes on.
+    goes_on : Earlier or None
+        What keyframes to come need of these.
     """
 
     problem: SmoothingProblem
@@ -83,6 +87,7 @@ class PreparedFlight:
     in_motion: SmoothingProblem | None = None
     tests: tuple[Consistency, ...] = ()
     stretches: "tuple[Stretch, ...]" = ()
+    goes_on: "Earlier | None" = None
 
 
 class Stretch(NamedTuple):
@@ -100,8 +105,23 @@ class Stretch(NamedTuple):
         return np.asarray(within & (t_s <= covered_s[-1]))
 
 
-def build_problem(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
+class Earlier(NamedTuple):
+    """What the problem of a flight that goes on needs of its beginning, which is not kept.
+
+    Of a flight with a gyroscope and one antenna, or fixes, whose heading is known.
+    """
+
+    motion: EarlierMotion
+    arcs: EarlierArcs | None
+
+
+def build_problem(
+    flight: Flight, settings: ProblemSettings, earlier: Earlier | None = None
+) -> PreparedFlight:
     """Return the smoothing problem of a flight: its GNSS epochs within the inertial record.
+
+    Of a flight that goes on (``earlier``) keyframes of its last half minute are there to lend what
+    later ones need of them.
 
     Raises
     ------
@@ -111,7 +131,7 @@ def build_problem(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
     asked = constants_of(settings.calibration, flight, gravity=settings.gravity is not None)
     inertial_record(flight)
     if settings.causal:
-        stage = causal_aligned(flight, settings)
+        stage = causal_aligned(flight, settings, None if earlier is None else earlier.motion)
     else:
         flight, asked = initial_shape(flight, asked, settings.resolver)
         stage = aligned(flight, settings, asked)
@@ -123,8 +143,13 @@ def build_problem(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
     motion, rate_notes = motion_of(flight, settings, (stage, track), constants)
     earth = flight.origin.earth_rate_n_radps
     timed = timed_motion(imu, track.t_s, track.gravity_n_mps2, earth, causal=causal)
-    phase, phase_notes = antenna_phase(
-        track.antenna.phases, track.t_s, stage.start.R_nb, constants, causal=causal
+    phase, phase_notes, arcs = antenna_phase(
+        track.antenna.phases,
+        track.t_s,
+        stage.start.R_nb,
+        constants,
+        causal=causal,
+        earlier=None if earlier is None else earlier.arcs,
     )
     problem = SmoothingProblem(
         t_s=track.t_s,
@@ -138,7 +163,8 @@ def build_problem(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
         attitude_prior=attitude_prior(flight.initial, stage.start.R_nb[0]),
         phase=phase,
     )
-    opening = open_heading(problem, stage, track, flight.initial)
+    opened = replace(problem, phase=_phase_before_heading(phase, stage, track, constants))
+    opening = open_heading(opened, stage, track, flight.initial)
     windowed = until_motion(problem, stage, track, flight.initial)
     in_motion = problem
     if stage.start.heading_from_s == np.inf:  # at rest all along
@@ -167,7 +193,33 @@ def build_problem(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
         windowed=windowed,
         opening=opening,
         in_motion=in_motion,
+        goes_on=_goes_on(flight, stage, arcs),
     )
+
+
+def _phase_before_heading(
+    phase: AntennaPhase | None, stage: Aligned, track: Tracked, constants: Constants
+) -> AntennaPhase | None:
+    """Return phases before the heading is known: turns wind them up about an open one, too."""
+    phases, t_s = track.antenna.phases, track.t_s
+    if stage.R_open is None or all(one.of.pole_n is None for one in phases):
+        return phase
+    before = [t_s[one.row] < stage.heading_known_s for one in phases]
+    part = tuple(
+        one._replace(row=one.row[rows], epoch=one.epoch[rows])
+        for one, rows in zip(phases, before, strict=True)
+    )
+    return antenna_phase(part, t_s, stage.R_open, constants, causal=True)[0]
+
+
+def _goes_on(flight: Flight, stage: Aligned, arcs: EarlierArcs | None) -> Earlier | None:
+    """Return what later keyframes need of these; None while, or where, it is not all summed up."""
+    start, others = stage.start, (flight.base, flight.vehicle, flight.seeker, stage.down)
+    if any(one is not None for one in others):
+        return None
+    if start.motion is None or not start.motion.step_s or not start.valid.any():
+        return None
+    return None if flight.observations is not None and arcs is None else Earlier(start.motion, arcs)
 
 
 def _measured_attitudes(stage: Aligned) -> BoolArray:

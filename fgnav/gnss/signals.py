@@ -1,5 +1,6 @@
 """Signals by their RINEX 3 names: carrier frequencies, and which signal of a band is used."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,12 +87,15 @@ class Selection:
         Column of the observations that holds it; -1 where an antenna never tracks the band.
     losses : tuple of Loss
         Observations of signals that are not used.
+    chosen : dict
+        Signal that each antenna uses, or None, by constellation's letter and band.
     """
 
     satellites: tuple[str, ...]
     signals: tuple[str, ...]
     channel: IntArray
     losses: tuple[Loss, ...]
+    chosen: dict[tuple[str, str], tuple[str | None, ...]]
 
 
 def select(observations: Observations, *, causal: bool = False) -> Selection:
@@ -116,9 +120,13 @@ def select(observations: Observations, *, causal: bool = False) -> Selection:
         if known(satellite, signal):
             key = (satellite[0], band(satellite, signal))
             columns.setdefault(key, {}).setdefault(signal, {})[satellite] = column
-    rows = []
-    for by_signal in columns.values():
-        chosen = _chosen_first(coded, by_signal) if causal else _chosen(counts, by_signal)
+    rows, signals = [], {}
+    decided = {} if observations.earlier is None else observations.earlier.signals
+    for key, by_signal in columns.items():
+        chosen = decided.get(key) or (
+            _chosen_first(coded, by_signal) if causal else _chosen(counts, by_signal)
+        )
+        signals[key] = tuple(chosen)
         for satellite in sorted({satellite for of in by_signal.values() for satellite in of}):
             row = [by_signal[s].get(satellite, -1) if s else -1 for s in chosen]
             names = [s for s, column in zip(chosen, row, strict=True) if s and column >= 0]
@@ -129,18 +137,19 @@ def select(observations: Observations, *, causal: bool = False) -> Selection:
         satellites=tuple(satellite for satellite, _, _ in rows),
         signals=tuple(signal for _, signal, _ in rows),
         channel=channel,
+        chosen=signals,
         losses=_unused(observations, counts, channel),
     )
 
 
-def _chosen(counts: IntArray, by_signal: dict[str, dict[str, int]]) -> list[str | None]:
+def _chosen(counts: IntArray, by_signal: dict[str, dict[str, int]]) -> Sequence[str | None]:
     """Return the signal of one band that each antenna takes, by its code observations (a, c)."""
     tracked = {s: counts[:, list(of.values())].sum(axis=1) for s, of in by_signal.items()}
     order = sorted(tracked, key=lambda s: ((tracked[s] > 0).sum(), tracked[s].sum()))[::-1]
     return [next((s for s in order if tracked[s][i] > 0), None) for i in range(len(counts))]
 
 
-def _chosen_first(coded: BoolArray, by_signal: dict[str, dict[str, int]]) -> list[str | None]:
+def _chosen_first(coded: BoolArray, by_signal: dict[str, dict[str, int]]) -> Sequence[str | None]:
     """Return the same by what each antenna, (n, a, c), has when it has any of them first."""
     by_name = {signal: by_signal[signal] for signal in sorted(by_signal)}
     columns = [column for of in by_name.values() for column in of.values()]

@@ -56,9 +56,9 @@ class Undifferenced:
         Of the receiver's noise.
     error_sigma_m : ndarray, shape (n, m)
         Of what messages and models of the atmosphere leave.
-    error_rate_mps, error_walk_m_per_sqrt_s : float
+    error_rate_mps, error_walk_m_per_sqrt_s : ndarray, shape (n,)
         How that moves.
-    satellites : tuple of str, length m
+    satellites, signals : tuple of str, length m
     group : ndarray of int, shape (m,)
         Number of the carrier: phases of each have a clock of their own.
     wavelength_m : ndarray, shape (m,)
@@ -79,9 +79,10 @@ class Undifferenced:
     phase_sigma_m: FloatArray
     code_sigma_m: FloatArray
     error_sigma_m: FloatArray
-    error_rate_mps: float
-    error_walk_m_per_sqrt_s: float
+    error_rate_mps: FloatArray
+    error_walk_m_per_sqrt_s: FloatArray
     satellites: tuple[str, ...]
+    signals: tuple[str, ...]
     group: IntArray
     wavelength_m: FloatArray
     integers: bool
@@ -126,13 +127,14 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
     ]
     ours = _Left._make(map(np.concatenate, zip(*blocks, strict=True)))
     noise = flight.gnss_noise
-    share = 1.0
+    share = np.ones(len(observations.t_s))
     flags = observations.lock_flags[:, 0][:, channels.column]
     if base and flight.base is not None:
         theirs, flags_of_base = _of_base(flight, observations.t_s, names, modelled)
         away_m = np.linalg.norm(p_e_m - flight.base.position_e_m, axis=1)[:, None]
         apart_m = _SPATIAL * away_m / np.sin(ours.elevation_rad).clip(0.1)
-        share = float(np.nanmin(_SPATIAL * away_m / ours.error_m, initial=1.0))
+        of_links = np.fmin.reduce(_SPATIAL * away_m / ours.error_m, axis=1, initial=1.0)
+        share = np.minimum.accumulate(of_links)  # as near as it has been
         ours = ours._replace(
             code_m=ours.code_m - theirs.code_m,
             phase_m=ours.phase_m - theirs.phase_m,
@@ -163,6 +165,7 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
         error_rate_mps=share * noise.satellite_error_rate_mps,
         error_walk_m_per_sqrt_s=share * noise.satellite_error_walk_m_per_sqrt_s,
         satellites=channels.satellites,
+        signals=channels.signals,
         group=group,
         wavelength_m=wavelength_m,
         integers=base,
@@ -316,6 +319,8 @@ def _arcs(
         unused=(),
         lost=Counter(),
     )
-    arcs = phase_arcs(single, ("models", flight.antennas[0].name), causal=True)
+    earlier_s = None if observations.earlier is None else observations.earlier.t_s
+    names = ("models", flight.antennas[0].name)
+    arcs = phase_arcs(single, names, causal=True, earlier_s=earlier_s)
     arc, m = arcs.arc[:, 1].astype(np.int64), phase_m.shape[1]
     return np.where(arc >= 0, arc * m + np.arange(m), -1), arcs.losses

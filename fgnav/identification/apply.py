@@ -39,6 +39,7 @@ class Findings(NamedTuple):
     calibration: tuple[CalibrationRequest, ...]
     notes: tuple[str, ...]
     tests: tuple[Consistency, ...] = ()
+    middle_s: float = 0.0  # of the record that says so: the offset holds there
 
 
 def with_identified_noise(
@@ -73,7 +74,7 @@ def with_findings(
     flight: Flight, settings: ProblemSettings, found: Findings, build: Build
 ) -> PreparedFlight:
     """Return the problem of a flight with noise and times as found."""
-    better = with_factors(_moved(flight, found.moved), found.factors)
+    better = with_factors(_moved(flight, found.moved, found.middle_s), found.factors)
     changed = build(better, replace(settings, calibration=found.calibration))
     return replace(changed, notes=(*changed.notes, *found.notes))
 
@@ -106,7 +107,8 @@ def findings(
     if not found.used.any() and requests == settings.calibration:
         return None
     notes = (*noise_notes(flight, found), *constant_notes(found, moved, requests))
-    return Findings(found.factors, moved, requests, notes, _tests(flight, found))
+    middle_s = _middle_s(flight)
+    return Findings(found.factors, moved, requests, notes, _tests(flight, found), middle_s)
 
 
 def _tests(flight: Flight, found: Identified) -> tuple[Consistency, ...]:
@@ -184,7 +186,8 @@ def _identified(
 
     None with a heading that nothing tells.
     """
-    moved_flight = _moved(flight, moved)
+    middle_s = _middle_s(flight)
+    moved_flight = _moved(flight, moved, middle_s)
     prepared = build(moved_flight, settings) if prepared is None else prepared
     if prepared.opening is not None and prepared.opening.until_s == np.inf:
         return None
@@ -193,7 +196,7 @@ def _identified(
     if not _far(flight, found.times):
         return found, moved
     moved = moved + found.times.value[:2]
-    moved_flight = _moved(flight, moved)
+    moved_flight = _moved(flight, moved, middle_s)
     again = build(moved_flight, settings)
     return identify(moved_flight, again.problem, again.timed, extra, found.factors), moved
 
@@ -227,13 +230,17 @@ def _far(flight: Flight, times: Times) -> bool:
     return bool(abs(times.value[0]) + PPM * abs(times.value[1]) * half_s > _MOVED_S)
 
 
-def _moved(flight: Flight, by: np.ndarray) -> Flight:
-    """Return a flight whose unit's tags are moved by an offset, s, and a rate, ppm."""
+def _middle_s(flight: Flight) -> float:
+    return 0.0 if flight.imu is None else float(flight.imu.t_s[[0, -1]].mean())
+
+
+def _moved(flight: Flight, by: np.ndarray, middle_s: float) -> Flight:
+    """Return a flight whose unit's tags are moved by an offset in a middle, s, and a rate, ppm."""
     imu = flight.imu
     if imu is None or not by.any():
         return flight
-    since_s = imu.t_s - imu.t_s[[0, -1]].mean()
-    return replace(flight, imu=replace(imu, t_s=imu.t_s + by[0] + PPM * by[1] * since_s))
+    moved_s = by[0] + PPM * by[1] * (imu.t_s - middle_s)
+    return replace(flight, imu=replace(imu, t_s=imu.t_s + moved_s))
 
 
 def _requests(

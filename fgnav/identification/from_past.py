@@ -48,25 +48,19 @@ def stretches(
     build : callable
         From a flight to its problem.
     """
-    from_s = [-np.inf, *looks_s(prepared), np.inf]
-    by_then = [Look(None), *(_look(flight, settings, float(s), build) for s in from_s[1:-1])]
+    from_s = [-np.inf, *looks_s(prepared, float(prepared.problem.t_s[-1])), np.inf]
+    by_then = [Look(None), *(look(flight, settings, float(s), build) for s in from_s[1:-1])]
     if all(one == Look(None) for one in by_then):
         return ()
     parts = []
-    for begin_s, end_s, (found, is_told) in zip(from_s[:-1], from_s[1:], by_then, strict=True):
+    for begin_s, end_s, told in zip(from_s[:-1], from_s[1:], by_then, strict=True):
         part = flight if end_s == np.inf else truncated(flight, float(end_s + ahead_s))
         try:
-            problem = (
-                build(part, settings)
-                if found is None
-                else with_findings(part, settings, found, build)
-            )
+            problem = told.prepared(part, settings, build)
         except NoSolutionError:
             if end_s == np.inf:
                 raise
             continue  # nothing is known by then, whatever comes later
-        if not is_told and problem.opening is not None:
-            problem = replace(problem, opening=replace(problem.opening, until_s=np.inf))
         parts.append(Stretch(float(begin_s), float(end_s), part, problem))
     changed_s = ", ".join(f"{s:.0f}" for s in from_s[1:-1])
     note = f"Noise is identified anew from the past, from {changed_s} s on."
@@ -75,13 +69,13 @@ def stretches(
     return (*parts[:-1], last._replace(prepared=said))
 
 
-def looks_s(prepared: PreparedFlight) -> list[float]:
-    """Return when noise is identified."""
+def looks_s(prepared: PreparedFlight, end_s: float) -> list[float]:
+    """Return when noise is identified, before a flight's end."""
     t_s, opening = prepared.problem.t_s, prepared.opening
-    looks_s = {*_doublings(float(t_s[0]), FIRST_S, float(t_s[-1]))}
+    looks_s = {*_doublings(float(t_s[0]), FIRST_S, end_s)}
     if opening is not None and opening.keyframes >= FEWEST:
         known_s = float(opening.until_s)
-        until_s = min((s for s in looks_s if s > known_s), default=float(t_s[-1]))
+        until_s = min((s for s in looks_s if s > known_s), default=end_s)
         looks_s |= {*_doublings(float(t_s[0]), MOVED_S, float(t_s[0] + FIRST_S))}
         if opening.keyframes < len(t_s):
             looks_s |= {known_s, *_doublings(known_s, MOVED_S, until_s)}
@@ -100,8 +94,19 @@ class Look(NamedTuple):
     found: Findings | None
     is_told: bool = True
 
+    def prepared(self, flight: Flight, settings: ProblemSettings, build: Build) -> PreparedFlight:
+        """Return the problem of a flight that goes on, with noise and times as found."""
+        if self.found is None:
+            problem = build(flight, settings)
+        else:
+            problem = with_findings(flight, settings, self.found, build)
+        if self.is_told or problem.opening is None:
+            return problem
+        return replace(problem, opening=replace(problem.opening, until_s=np.inf))
 
-def _look(flight: Flight, settings: ProblemSettings, until_s: float, build: Build) -> Look:
+
+def look(flight: Flight, settings: ProblemSettings, until_s: float, build: Build) -> Look:
+    """Return what a flight tells up to a time."""
     past = truncated(flight, until_s)
     whole = replace(settings, causal=False)
     try:

@@ -19,6 +19,7 @@ from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
 from fgnav.identification.contradictions import without_contradictions
 from fgnav.integers.resolvers.registry import default_resolver
+from fgnav.methods.observation_stream import ObservationStream
 from fgnav.methods.smoothing.estimates import estimate_of
 from fgnav.methods.smoothing.joined import among, joined_estimates
 from fgnav.methods.smoothing.own_sources import FactorSource, own_factors
@@ -47,6 +48,7 @@ __all__ = [
     "GtsamBatch",
     "Measured",
     "Measurements",
+    "ObservationStream",
     "Smoother",
     "Stream",
     "StreamSetUp",

@@ -1,7 +1,7 @@
 """The sliding window fed epoch by epoch, as measurements come, for as long as they come."""
 
 from collections import Counter, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,11 +17,13 @@ from fgnav.methods.smoothing.own_sources import with_networks
 from fgnav.methods.streaming.keyframe import Before, keyframe_problem
 from fgnav.methods.streaming.measurements import Direction, Measured, Measurements, StreamSetUp
 from fgnav.types.estimate import Consistency, Estimate
+from fgnav.types.flight import Flight
 
 if TYPE_CHECKING:
     import gtsam
 
     from fgnav.graph.custom import OwnFactor
+    from fgnav.methods.smoother import Forward
     from fgnav.solve.fixed_lag import Departed
 
 __all__ = ["Direction", "Measured", "Measurements", "Stream", "StreamSetUp", "StreamSource"]
@@ -62,6 +64,16 @@ class Stream:
         self._measured: deque[tuple[float, FloatArray]] = deque()  # rates of keyframes kept
         self._losses: Counter[tuple[str, str]] = Counter()
         self._judged: deque[OwnFactor] = deque()  # factors of one's own of keyframes kept
+
+    @staticmethod
+    def replay(flight: Flight, method: "Forward | None" = None) -> Iterator[Estimate]:
+        """Yield what ``ObservationStream`` returns of a flight, fed to it epoch by epoch.
+
+        Joined it is what ``method(flight)`` returns, ``Forward()`` by default.
+        """
+        from fgnav.methods.observation_stream import ObservationStream  # noqa: PLC0415  # above this
+
+        return ObservationStream.replay(flight, method)
 
     @property
     def keyframe(self) -> int:

@@ -13,6 +13,26 @@ _BY_EPOCH = ("t_s", "tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz",
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class EarlierEpochs:
+    """What epochs that are no longer kept have decided for those to come.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (k,)
+    bands : dict
+        RINEX band of the code of each constellation, by its letter.
+    signals : dict
+        That antennas use, by constellation's letter and band; None of those that have none yet.
+    has_atmosphere : bool
+    """
+
+    t_s: FloatArray
+    bands: dict[str, str]
+    signals: dict[tuple[str, str], tuple[str | None, ...]]
+    has_atmosphere: bool
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Observations:
     """GNSS observations of one or more antennas on a common set of epochs and channels.
 
@@ -38,6 +58,8 @@ class Observations:
         Bits ``LOST_LOCK`` and ``HALF_CYCLE``.
     losses : tuple of Loss
         What the reader saw and did not keep.
+    earlier : EarlierEpochs or None
+        Of a record that has gone on for long.
     """
 
     t_s: FloatArray
@@ -50,6 +72,7 @@ class Observations:
     cn0_dbhz: FloatArray
     lock_flags: IntArray
     losses: tuple[Loss, ...] = ()
+    earlier: EarlierEpochs | None = None
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from fgnav.frontend.causal.truncation import truncated
+from fgnav.frontend.problem import build_problem
+from fgnav.identification.apply import Findings, with_findings
 from fgnav.identification.from_past import looks_s
 from fgnav.methods.smoother import Forward
 from tests.frontend.standing import standing
@@ -59,5 +61,18 @@ def test_noise_is_looked_at_when_motion_tells_the_heading_and_as_that_motion_dou
     opening.keyframes = 39
     known = SimpleNamespace(problem=problem, opening=opening)
     early = [5.0, 10.0, 20.0]  # with its clock off nothing tells the heading
-    assert looks_s(known) == [*early, 30.0, 38.0, 43.0, 48.0, 58.0, 60.0, 120.0]
-    assert looks_s(SimpleNamespace(problem=problem, opening=None)) == [30.0, 60.0, 120.0]
+    assert looks_s(known, 199.0) == [*early, 30.0, 38.0, 43.0, 48.0, 58.0, 60.0, 120.0]
+    assert looks_s(SimpleNamespace(problem=problem, opening=None), 199.0) == [30.0, 60.0, 120.0]
+
+
+def test_a_drift_is_put_right_about_the_middle_of_the_record_that_told_it():
+    """Of a record that goes on the same: its tags up to then stay where they are."""
+    told = Findings({}, np.array([0.02, 300.0]), (), (), middle_s=10.0)
+    flight, settings = standing(20_010, stands_s=2.0, span_s=30.0), Forward().preparation
+    whole, part = (
+        with_findings(one, settings, told, build_problem).imu.t_s
+        for one in (flight, truncated(flight, 20.0))
+    )
+    np.testing.assert_array_equal(part, whole[: len(part)])
+    moved_s = part - flight.imu.t_s[: len(part)]
+    np.testing.assert_allclose(moved_s, 0.02 + 3e-4 * (flight.imu.t_s[: len(part)] - 10.0))

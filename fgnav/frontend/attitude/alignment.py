@@ -14,6 +14,7 @@ from fgnav.frontend.array.consensus import arc_consensus
 from fgnav.frontend.array.exclusion import ConsistentArray, exclude_faults
 from fgnav.frontend.array.pivot import pivot_losses, pivot_notes, pivot_views
 from fgnav.frontend.attitude.carried import carried_attitudes
+from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.attitude.vector_alignment import (
     VECTOR_SIGMA_RAD,
     VectorAttitudes,
@@ -63,6 +64,8 @@ class Alignment:
         Where the search for it starts.
     heading_from_s, heading_known_s : float
         When something begins to tell the heading, and when that is enough.
+    motion : EarlierMotion or None
+        Of attitudes that a gyroscope carries, for those to come.
     """
 
     t_s: FloatArray
@@ -82,6 +85,7 @@ class Alignment:
     gyroscope_bias_b_radps: FloatArray | None = None
     heading_from_s: float = -np.inf
     heading_known_s: float = -np.inf
+    motion: EarlierMotion | None = None
 
     @property
     def R_nu(self) -> FloatArray:
@@ -254,13 +258,15 @@ def _closed(
     return maximum_likelihood(form)
 
 
-def of_motion(flight: Flight, imu: Imu, *, causal: bool = False) -> Alignment:
+def of_motion(
+    flight: Flight, imu: Imu, *, causal: bool = False, earlier: EarlierMotion | None = None
+) -> Alignment:
     """Return attitudes that a gyroscope carries, from where gravity and motion tell them.
 
     Epochs are valid whose heading is known by then: by any time of the flight or, causal, by the
     past. The others have the heading that the search starts with.
     """
-    carried = carried_attitudes(flight, imu, causal=causal)
+    carried = carried_attitudes(flight, imu, causal=causal, earlier=earlier)
     return Alignment(
         t_s=carried.t_s,
         R_nb=carried.R_nb,
@@ -276,6 +282,7 @@ def of_motion(flight: Flight, imu: Imu, *, causal: bool = False) -> Alignment:
         gyroscope_bias_b_radps=carried.bias_b_radps,
         heading_from_s=carried.heading_from_s,
         heading_known_s=carried.heading_known_s,
+        motion=carried.motion,
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from fgnav.attitude.flight_vectors import track_of
 from fgnav.attitude.own_rotation import OwnRotation, spun
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
-from fgnav.frontend.attitude.in_motion import in_motion, in_motion_smoothed
+from fgnav.frontend.attitude.in_motion import EarlierMotion, in_motion, in_motion_smoothed
 from fgnav.frontend.attitude.initial import LEVEL_S, heading_told_s, level_start
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD
 from fgnav.types.flight import Flight, Imu
@@ -32,6 +32,8 @@ class Carried(NamedTuple):
     heading_from_s, heading_known_s : float
         When motion begins to tell the heading, and when it has; infinite where it never does.
     notes : tuple of str
+    motion : EarlierMotion
+        Of a flight that goes on.
     """
 
     t_s: FloatArray
@@ -43,9 +45,12 @@ class Carried(NamedTuple):
     heading_from_s: float
     heading_known_s: float
     notes: tuple[str, ...]
+    motion: EarlierMotion
 
 
-def carried_attitudes(flight: Flight, imu: Imu, *, causal: bool = False) -> Carried:
+def carried_attitudes(
+    flight: Flight, imu: Imu, *, causal: bool = False, earlier: EarlierMotion | None = None
+) -> Carried:
     """Return attitudes at the epochs of a flight's track.
 
     Each from the nearest window whose motion tells the heading; causal, from the last such window
@@ -60,12 +65,17 @@ def carried_attitudes(flight: Flight, imu: Imu, *, causal: bool = False) -> Carr
     track = track_of(flight, causal=causal)
     t_s = track.t_s
     gravity_n_mps2 = flight.origin.gravity_n_mps2(track.p_n_m[[0, 0]])[0]
-    align = in_motion if causal else in_motion_smoothed
-    motion = align(imu, track, gravity_n_mps2)
+    if earlier is not None:
+        gravity_n_mps2 = earlier.gravity_n_mps2
+        motion = in_motion(imu, track, gravity_n_mps2, earlier)
+    else:
+        motion = (in_motion if causal else in_motion_smoothed)(imu, track, gravity_n_mps2)
     if motion is None:
         raise NoSolutionError(f"attitude: {len(imu.t_s)} inertial samples are too few")
     first_s = float(t_s[np.searchsorted(t_s, imu.t_s[0]).clip(0, len(t_s) - 1)])
+    first_s = first_s if earlier is None else earlier.first_s
     told_s = heading_told_s(flight, first_s)
+    R_level = np.eye(3) if earlier is None else earlier.R_level
     if len(motion.until_s) and not (causal and told_s < np.inf):
         window = motion.latest(t_s) if causal else motion.nearest(t_s)
         known_s = float(motion.until_s[0]) if causal else -np.inf
@@ -73,7 +83,9 @@ def carried_attitudes(flight: Flight, imu: Imu, *, causal: bool = False) -> Carr
     else:
         level_s = first_s if causal else max(first_s, float(imu.t_s[0]) + LEVEL_S)
         level_s = level_s if told_s == np.inf else max(level_s, told_s)
-        R_nu = np.tile(level_start(flight, imu, motion.own, level_s), (len(t_s), 1, 1))
+        if earlier is None:
+            R_level = level_start(flight, imu, motion.own, level_s)
+        R_nu = np.tile(R_level, (len(t_s), 1, 1))
         sigma_rad = np.full(len(t_s), ROTATION_PRIOR_RAD)
         known_s = told_s if causal or told_s == np.inf else -np.inf
     told_s = told_s if causal or told_s == np.inf else -np.inf
@@ -87,6 +99,15 @@ def carried_attitudes(flight: Flight, imu: Imu, *, causal: bool = False) -> Carr
         heading_from_s=min(told_s, _first(motion.begun_s, known_s)),
         heading_known_s=min(told_s, _first(motion.until_s, known_s)),
         notes=(OPEN_HEADING,) if known_s == np.inf else (),
+        motion=EarlierMotion(
+            first_s=float(t_s[0]) if earlier is None else earlier.first_s,
+            step_s=float(np.diff(t_s[:2]).sum()) if earlier is None else earlier.step_s,
+            until_s=float(t_s[t_s <= imu.t_s[-1]].max(initial=-np.inf)),
+            gravity_n_mps2=gravity_n_mps2,
+            R_level=R_level,
+            R_ub=motion.own.R_ub[0],
+            windows=motion,
+        ),
     )
 
 

@@ -34,10 +34,14 @@ class Pairs(NamedTuple):
 
 
 def specific_forces(
-    integrated: "Integrated", track: Track, span_s: float, gravity_n_mps2: FloatArray
+    integrated: "Integrated",
+    track: Track,
+    span_s: float,
+    gravity_n_mps2: FloatArray,
+    first_s: float | None = None,
 ) -> Iterator[Pairs]:
     """Yield the pairs of velocities and of positions over spans between fixes about T apart."""
-    row = spaced(track.t_s, span_s)
+    row = _spaced(track.t_s, span_s, first_s)
     row = row[integrated.covers(track.t_s[row])]
     t_s = track.t_s[row]
     velocity_u, place_u = integrated.at(t_s)
@@ -85,9 +89,12 @@ class Integrated:
         return v_u, p_u + R_ub @ self._arm_b_m
 
 
-def spaced(t_s: FloatArray, span_s: float) -> IntArray:
-    """Return rows of times, (n,), that are about a span apart: the first within each."""
-    number = np.floor((t_s - t_s[0]) / span_s + 1e-6)
+def _spaced(t_s: FloatArray, span_s: float, first_s: float | None = None) -> IntArray:
+    """Return rows of times, (n,), that are about a span apart: the first within each.
+
+    Spans are counted from the first time, or an earlier one.
+    """
+    number = np.floor((t_s - (t_s[0] if first_s is None else first_s)) / span_s + 1e-6)
     return np.flatnonzero(np.append(True, np.diff(number) > 0))
 
 

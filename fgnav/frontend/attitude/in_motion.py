@@ -74,6 +74,18 @@ class InMotion:
     bias_b_radps: FloatArray
     bias_sigma_radps: float
 
+    @property
+    def windows(self) -> "list[_Window]":
+        """Return each of them."""
+        columns = self.until_s, self.begun_s, self.middle_s, self.R_nu, self.sigma_rad
+        return [_Window._make(one) for one in zip(*columns, strict=True)]
+
+    def at(self, which: IntArray) -> "InMotion":
+        """Return some of the windows."""
+        names = ("until_s", "begun_s", "middle_s", "R_nu", "sigma_rad")
+        rows: dict[str, Any] = {name: getattr(self, name)[which] for name in names}
+        return replace(self, **rows)
+
     def nearest(self, t_s: FloatArray) -> IntArray:
         """Return the windows, (n,), whose middle is nearest to times."""
         order = np.argsort(self.middle_s, kind="stable")
@@ -90,7 +102,31 @@ class InMotion:
         return np.asarray(np.hypot(self.sigma_rad[window], self.bias_sigma_radps * away_s))
 
 
-def in_motion(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> InMotion | None:
+class EarlierMotion(NamedTuple):
+    """What an alignment that goes on needs of its beginning, which is not kept."""
+
+    first_s: float  # epoch of the track
+    step_s: float  # from there to the next
+    until_s: float  # windows that end later are still to come
+    gravity_n_mps2: FloatArray  # (3,), at that epoch
+    R_level: FloatArray  # (3, 3), by which the first specific force points up
+    R_ub: FloatArray  # (3, 3), of the first inertial sample that is kept
+    windows: InMotion
+
+    def after(self, from_s: float, R_ub: FloatArray) -> "EarlierMotion":
+        """Return what is needed of it by samples after a time, the first of which is at R_ub.
+
+        Of windows the first, which says when the heading was known, and those that they may follow.
+        """
+        count = len(self.windows.until_s)
+        last = int(np.searchsorted(self.windows.until_s, from_s, side="right")) - 1
+        kept = np.unique(np.r_[:1, max(last, 0) : count])[:count]
+        return self._replace(R_ub=R_ub, windows=self.windows.at(kept))
+
+
+def in_motion(
+    imu: Imu, track: Track, gravity_n_mps2: FloatArray, earlier: EarlierMotion | None = None
+) -> InMotion | None:
     """Return attitudes of all windows whose heading is known; None without samples enough.
 
     Each depends on what came until its end alone, and no bias of the gyroscope is taken out.
@@ -102,20 +138,27 @@ def in_motion(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> InMotion | 
     track : Track
         Of an antenna.
     gravity_n_mps2 : ndarray, shape (3,)
+    earlier : EarlierMotion, optional
     """
-    own = own_rotation(imu)
+    own = own_rotation(imu, None if earlier is None else earlier.R_ub)
     if own is None:
         return None
     integrated = Integrated(imu, own, track.arm_b_m - imu.position_b_m)
+    first_s, until_s = None, -np.inf
+    if earlier is not None:
+        first_s, until_s = earlier.first_s, earlier.until_s
     found = [
         one
         for span_s in _SPANS_S
-        for pairs in specific_forces(integrated, track, span_s, gravity_n_mps2)
-        for one in _windows(pairs)
+        for pairs in specific_forces(integrated, track, span_s, gravity_n_mps2, first_s)
+        for one in _windows(pairs, until_s)
     ]
     found.sort(key=lambda one: (one.until_s, one.sigma_rad))
     keep = [k for k, one in enumerate(found) if not k or one.until_s > found[k - 1].until_s]
     best = [found[k] for k in keep]
+    if earlier is not None:
+        told = [one for one in earlier.windows.windows if one.until_s <= until_s]
+        best = [*told, *best]
     return InMotion(
         until_s=np.array([one.until_s for one in best]),
         begun_s=np.array([one.begun_s for one in best]),
@@ -166,12 +209,12 @@ class _Window(NamedTuple):
     sigma_rad: float
 
 
-def _windows(pairs: Pairs) -> Iterator[_Window]:
-    """Yield the windows whose heading is known."""
+def _windows(pairs: Pairs, after_s: float) -> Iterator[_Window]:
+    """Yield the windows whose heading is known, and that end after a time."""
     first = np.searchsorted(pairs.from_s, pairs.until_s - WINDOW_S)
     for last, begin in enumerate(first.tolist()):
         rows = slice(begin, last + 1)
-        if last + 1 - begin < _FEWEST + 2:
+        if last + 1 - begin < _FEWEST + 2 or pairs.until_s[last] <= after_s:
             continue
         f_n, f_u = pairs.f_n_mps2[rows], pairs.f_u_mps2[rows]
         t_s = (pairs.from_s[rows] + pairs.until_s[rows]) / 2

@@ -17,6 +17,7 @@ from fgnav.frontend.array.float_arcs import FloatArcs
 from fgnav.frontend.array.pivot import pivot_views
 from fgnav.frontend.attitude.alignment import Alignment, at_keyframes, completed_by, of_motion
 from fgnav.frontend.attitude.filling import zero_order_hold
+from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.attitude.initial import level_start
 from fgnav.frontend.attitude.vector_alignment import VECTOR_SIGMA_RAD
 from fgnav.frontend.causal.array import causal_array
@@ -34,8 +35,12 @@ from fgnav.gravity import causal_gravity
 from fgnav.types.flight import Flight, Imu
 
 
-def causal_aligned(flight: Flight, settings: ProblemSettings) -> Aligned:
+def causal_aligned(
+    flight: Flight, settings: ProblemSettings, earlier: EarlierMotion | None = None
+) -> Aligned:
     """Return attitudes at keyframes, each from its own epoch, integers and all.
+
+    Of a flight that goes on, ``earlier`` is what its beginning told.
 
     Raises
     ------
@@ -47,7 +52,7 @@ def causal_aligned(flight: Flight, settings: ProblemSettings) -> Aligned:
     record = bridged(inertial_record(flight), causal=True)
     imu = record.imu
     down = None if settings.gravity is None else causal_gravity(settings.gravity)(flight)
-    start, count, losses = _keyframes(imu, _epochs(flight, settings))
+    start, count, losses = _keyframes(imu, _epochs(flight, settings, earlier), earlier)
     R_open = None
     if start.own is not None and not start.valid[0]:
         R_nu = level_start(flight, imu, start.own, float(start.t_s[0]))
@@ -58,14 +63,14 @@ def causal_aligned(flight: Flight, settings: ProblemSettings) -> Aligned:
     return Aligned(record, down, start, no_arcs, rates, count, losses, causal=True, R_open=R_open)
 
 
-def _epochs(flight: Flight, settings: ProblemSettings) -> Alignment:
+def _epochs(flight: Flight, settings: ProblemSettings, earlier: EarlierMotion | None) -> Alignment:
     """Return attitudes by the array, by motion beside a gyroscope, or by other vectors."""
     if _has_array(flight):
         return _of_arrays(flight, settings)
     imu = flight.imu
     if imu is None or imu.w_b_radps is None or flight.seeker is not None:
         return _of_vectors(flight)
-    return of_motion(flight, imu, causal=True)
+    return of_motion(flight, imu, causal=True, earlier=earlier)
 
 
 def _has_array(flight: Flight) -> bool:
@@ -147,13 +152,16 @@ def _of_vectors(flight: Flight) -> Alignment:
     )
 
 
-def _keyframes(imu: Imu, epochs: Alignment) -> tuple[Alignment, int, tuple[Loss, ...]]:
+def _keyframes(
+    imu: Imu, epochs: Alignment, earlier: EarlierMotion | None
+) -> tuple[Alignment, int, tuple[Loss, ...]]:
     """Choose epochs, and times between and after them, as keyframes; count the rest."""
     turn_rad = None
     if imu.w_b_radps is None and len(epochs.t_s) > 1:
         turn_rad = np.linalg.norm(log(transpose(epochs.R_nb[:-1]) @ epochs.R_nb[1:]), axis=1)
         turn_rad[~(epochs.valid[1:] & epochs.valid[:-1])] = np.nan
-    times_s = keyframe_times(epochs.t_s, float(imu.t_s[-1]), turn_rad, causal=True)
+    usual_s = None if earlier is None else earlier.step_s
+    times_s = keyframe_times(epochs.t_s, float(imu.t_s[-1]), turn_rad, causal=True, usual_s=usual_s)
     start = at_keyframes(epochs, times_s)
     covered = (start.t_s >= imu.t_s[0]) & (start.t_s <= imu.t_s[-1])
     good = np.flatnonzero(covered & start.valid)

@@ -42,8 +42,19 @@ class _Arcs(NamedTuple):
     arc: IntArray  # (n, m); -1 without phase
     satellite: IntArray  # (m,)
     arm_b_m: FloatArray
-    offset_m: FloatArray  # (a,), taken off the phases of each arc
-    first: int  # number of the first arc
+    offset_m: FloatArray  # (a,), taken off the phases of each arc, by its number among its own
+    wound: FloatArray  # (n, m), cycles by which turns of the antenna have wound up phases
+
+
+class EarlierArcs(NamedTuple):
+    """What phases that go on need of epochs that are not kept."""
+
+    t_s: float  # epoch up to which they have become rows
+    links: dict[tuple[str, str], tuple[int, float, float]]  # arc, what is taken off, cycles wound
+    arcs: int  # that there have been, or more
+    blocks: int
+    live: "_Live | None"
+    satellites: tuple[str, ...]  # of the live block
 
 
 class _Live(NamedTuple):
@@ -67,8 +78,11 @@ def antenna_phase(
     constants: Constants,
     *,
     causal: bool = False,
-) -> tuple[AntennaPhase | None, tuple[str, ...]]:
+    earlier: EarlierArcs | None = None,
+) -> tuple[AntennaPhase | None, tuple[str, ...], EarlierArcs | None]:
     """Return the phases of antennas at keyframes, None where there are none, and notes on them.
+
+    And what phases of epochs to come need of these, of one antenna without a base.
 
     Parameters
     ----------
@@ -80,23 +94,29 @@ def antenna_phase(
     constants : Constants
     causal : bool
         Whether integers against a base hold only after they are found.
+    earlier : EarlierArcs, optional
+        Rows are of epochs after it.
     """
     names = dict.fromkeys(name for one in observed for name in one.of.satellites)
+    if earlier is not None:
+        names |= dict.fromkeys(earlier.satellites)
     number = {name: k for k, name in enumerate(sorted(names))}
     arcs, first = [], 0
     at: dict[int, tuple[_Arcs, int]] = {}
     for one in observed:
-        arcs.append(_numbered(one, first, number, R_nb))
+        arcs.append(_numbered(one, first, number, R_nb, earlier))
         first = max(first, 1 + int(arcs[-1].arc.max(initial=-1)))
         for k, i in zip(one.row.tolist(), one.epoch.tolist(), strict=True):
             at[k] = arcs[-1], i
-    live: _Live | None = None
+    live, begun = _resumed(earlier, number)
     blocks: list[ArcBlock] = []
     of_blocks: list[ArcNames] = []
     rows: list[PhaseRows] = []
     taken: list[tuple[int, int]] = []
     arms_b_m: list[FloatArray] = []
     for k in sorted(at):
+        if earlier is not None and t_s[k] <= earlier.t_s:
+            continue
         of, i = at[k]
         channel, coded = _channels(of, i)
         bases = (
@@ -114,13 +134,15 @@ def antenna_phase(
         ):
             after = _next(of, i, live, now_s, (channel, coded))
             blocks.append(_led(of, (live, after), i, k))
-            of_blocks.append(_names(of, after))
+            of_blocks.append(_names(of, after, i))
             live = after
+        live = live._replace(channel=channel)
         rows.append(_rows(of, live, i, bases, coded, now_s - live.t_s))
-        taken.append((k, len(blocks) - 1))
+        taken.append((k, begun + len(blocks) - 1))
         arms_b_m.append(of.arm_b_m)
+    goes_on = _goes_on(arcs[0], at, t_s, number, (live, begun + len(blocks))) if arcs else None
     if not taken:
-        return None, ()
+        return None, (), goes_on
     row, block = np.array(taken, dtype=np.int64).T.copy()
     notes: tuple[str, ...] = ()
     if any(one.of.integers for one in observed):
@@ -130,11 +152,45 @@ def antenna_phase(
         rows=tuple(rows),
         block=block,
         blocks=tuple(blocks),
+        first_block=begun,
         arm_b_m=np.array(arms_b_m),
         lever_column=constants.column("lever-arm"),
         constants=constants,
     )
-    return phase, notes
+    return phase, notes, goes_on
+
+
+def _resumed(earlier: EarlierArcs | None, number: dict[str, int]) -> tuple[_Live | None, int]:
+    """Return the block that goes on, and how many there have been."""
+    if earlier is None or earlier.live is None:
+        return None, 0
+    satellite = np.array([number[name] for name in earlier.satellites], dtype=np.int64)
+    return earlier.live._replace(satellite=satellite), earlier.blocks
+
+
+def _goes_on(
+    of: _Arcs,
+    at: dict[int, tuple[_Arcs, int]],
+    t_s: FloatArray,
+    number: dict[str, int],
+    so_far: tuple[_Live | None, int],
+) -> EarlierArcs | None:
+    """Return what phases of epochs to come need of those up to the last one."""
+    live, blocks = so_far
+    if not at or live is None:
+        return None
+    k = max(at)
+    i = at[k][1]
+    channels = zip(of.of.satellites, of.of.signals, strict=True)
+    local = of.of.arc[i]
+    links = {
+        channel: (int(of.arc[i, j]), float(of.offset_m[local[j]]), float(of.wound[i, j]))
+        for j, channel in enumerate(channels)
+        if local[j] >= 0
+    }
+    named = {place: name for name, place in number.items()}
+    satellites = tuple(named[s] for s in live.satellite.tolist())
+    return EarlierArcs(float(t_s[k]), links, 1 + int(of.arc.max()), blocks, live, satellites)
 
 
 def _with_integers(
@@ -157,43 +213,72 @@ def _with_integers(
     return list(held.blocks), (f"{note}.",)
 
 
-def _names(of: _Arcs, live: _Live) -> ArcNames:
+def _names(of: _Arcs, live: _Live, i: int) -> ArcNames:
     return ArcNames(
         arc=live.arc,
         group=of.of.group[live.channel],
         wavelength_m=of.of.wavelength_m[live.channel],
-        offset_m=of.offset_m[live.arc - of.first],
+        offset_m=of.offset_m[of.of.arc[i, live.channel]],
     )
 
 
-def _numbered(one: Observed, first: int, number: dict[str, int], R_nb: FloatArray) -> _Arcs:
+def _numbered(
+    one: Observed,
+    first: int,
+    number: dict[str, int],
+    R_nb: FloatArray,
+    earlier: EarlierArcs | None,
+) -> _Arcs:
     """Return what an antenna observed, its arcs numbered from ``first`` on.
 
     Phase less code of each arc's first epoch is taken off, so that numbers are small.
     """
     of, phase_m = one.of, one.of.phase_m.copy()
+    known, now = _known_links(of, earlier)
+    total = np.zeros(phase_m.shape)
     if of.pole_n is not None and len(one.row):
         wound = wind_up_cycles(of.e_n[one.epoch], R_nb[one.row], of.pole_n)
         if of.integers:  # a base's antenna looks up, its front to the north
             still = np.broadcast_to(np.eye(3), (len(one.row), 3, 3))
             wound -= wind_up_cycles(of.e_n[one.epoch], still, of.pole_n)
-        phase_m[one.epoch] -= of.wavelength_m * wound
+        total[one.epoch] = wound
+        for j, (_, _, cycles) in known.items():  # counted on from an earlier epoch
+            total[:, j] += np.rint(cycles - total[now, j])
+        phase_m[one.epoch] -= of.wavelength_m * total[one.epoch]
     epoch, channel = np.nonzero(of.arc >= 0)
     arc, code_m = of.arc[epoch, channel], of.code_m[epoch, channel]
     apart_m = phase_m[epoch, channel] - np.where(np.isfinite(code_m), code_m, 0.0)
     offset_m = np.zeros(1 + arc.max(initial=-1))
     offset_m[arc[::-1]] = apart_m[::-1]  # as of the first epoch of each arc
+    ids = np.arange(len(offset_m)) + (first if earlier is None else earlier.arcs)
+    for j, (link, off_m, _) in known.items():
+        ids[of.arc[now, j]], offset_m[of.arc[now, j]] = link, off_m
     phase_m -= np.where(of.arc >= 0, offset_m[of.arc.clip(0)] if len(offset_m) else 0.0, 0.0)
     return _Arcs(
         of=of,
         phase_m=phase_m,
         code_apart_m=phase_m - of.code_m,
-        arc=np.where(of.arc >= 0, of.arc + first, -1),
+        arc=np.where(of.arc >= 0, ids[of.arc.clip(0)], -1) if len(ids) else of.arc,
         satellite=np.array([number[name] for name in of.satellites], dtype=np.int64),
         arm_b_m=one.arm_b_m,
         offset_m=offset_m,
-        first=first,
+        wound=total,
     )
+
+
+def _known_links(
+    of: Undifferenced, earlier: EarlierArcs | None
+) -> tuple[dict[int, tuple[int, float, float]], int]:
+    """Return the arcs that go on from an earlier epoch, by channel, and its row."""
+    if earlier is None:
+        return {}, 0
+    now = int(np.searchsorted(of.t_s, earlier.t_s - _ROUNDING_S))
+    known = {
+        j: earlier.links[channel]
+        for j, channel in enumerate(zip(of.satellites, of.signals, strict=True))
+        if channel in earlier.links and of.arc[now, j] >= 0
+    }
+    return known, now
 
 
 def _channels(of: _Arcs, i: int) -> tuple[IntArray, IntArray]:
@@ -269,11 +354,11 @@ def _led(of: _Arcs, blocks: tuple[_Live | None, _Live], i: int, row: int) -> Arc
     error_m = np.zeros(s)
     for channel in _channels(of, i):
         error_m[_places(of, after, channel)] = of.of.error_sigma_m[i, channel]
-    sigma = np.concatenate([np.full(c, _UNKNOWN_M), error_m, np.full(s, of.of.error_rate_mps)])
+    sigma = np.concatenate([np.full(c, _UNKNOWN_M), error_m, np.full(s, of.of.error_rate_mps[i])])
     F: FloatArray = np.zeros((after.size, 0))
     if before is not None:
         goes_on, F = _transition(before, after)
-        walks = (_STILL_M_PER_SQRT_S, of.of.error_walk_m_per_sqrt_s, _STILL_MPS_PER_SQRT_S)
+        walks = (_STILL_M_PER_SQRT_S, of.of.error_walk_m_per_sqrt_s[i], _STILL_MPS_PER_SQRT_S)
         still = np.repeat(walks, (c, s, s)) * np.sqrt(after.t_s - before.t_s)
         sigma = np.where(goes_on, still, sigma)
     coded = np.isfinite(of.code_apart_m[i, after.channel])

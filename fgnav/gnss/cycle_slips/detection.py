@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.checks import BoolArray, IntArray, Loss
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.gnss.cycle_slips.verdicts import NOT_TESTED, SLIP, TIED
 from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_differences import SingleDifferences
@@ -36,7 +36,11 @@ class Arcs:
 
 
 def phase_arcs(
-    differences: SingleDifferences, names: tuple[str, ...], *, causal: bool = False
+    differences: SingleDifferences,
+    names: tuple[str, ...],
+    *,
+    causal: bool = False,
+    earlier_s: FloatArray | None = None,
 ) -> Arcs:
     """Find the arcs of every antenna and channel.
 
@@ -64,6 +68,8 @@ def phase_arcs(
     causal : bool
         Each epoch by epochs up to it alone. The slip test looks at an epoch and the one before in
         any case; here the median interval, too, is that of intervals before.
+    earlier_s : ndarray, shape (k,), optional
+        Epochs before, whose intervals count.
 
     References
     ----------
@@ -74,7 +80,7 @@ def phase_arcs(
     before[1:] = there[:-1]
     step_s = np.diff(t_s, prepend=t_s[:1])
     if len(t_s) > 1:
-        usual_s = usual_interval_so_far_s(t_s) if causal else np.median(step_s[1:])
+        usual_s = _usual_s(t_s, earlier_s) if causal else np.median(step_s[1:])
         before[step_s > LONGEST_GAP * usual_s] = False
     flagged = there & before & ((differences.lock_flags & LOST_LOCK) != 0)
     unbroken = there & before & ~flagged
@@ -107,6 +113,12 @@ def phase_arcs(
         untested=int((both & (verdict == NOT_TESTED)).sum()),
         losses=tuple(Loss(what=w, reason=r, count=c) for (w, r), c in lost.items() if c),
     )
+
+
+def _usual_s(t_s: FloatArray, earlier_s: FloatArray | None) -> FloatArray:
+    if earlier_s is None:
+        return usual_interval_so_far_s(t_s)
+    return usual_interval_so_far_s(np.append(earlier_s, t_s))[len(earlier_s) :]
 
 
 def _blame(verdict: IntArray) -> BoolArray:

@@ -7,7 +7,7 @@ there is none.
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.gnss.single_point.adjustment import adjust_each, misfits
 from fgnav.gnss.single_point.model import CodeChannels, code_ranges
 from fgnav.types.flight import Flight
@@ -44,7 +44,31 @@ def atmosphere_so_far(
     antenna : int
     """
     n = len(observations.t_s)
+    if observations.earlier is not None:
+        return np.full(n, observations.earlier.has_atmosphere)
     applied = np.ones(n, dtype=np.bool_)
+    squares, rows = _deciding(flight, observations, channels, antenna)
+    for count in _DECIDING:
+        if count <= len(rows):
+            medians = np.median(squares[:count], axis=0)
+            applied[rows[count - 1] :] = not without_atmosphere(*medians)
+    return applied
+
+
+def is_decided(
+    flight: Flight, observations: Observations, channels: CodeChannels, antenna: int
+) -> bool:
+    """Return whether ``atmosphere_so_far`` says the same of all epochs to come."""
+    if observations.earlier is not None:
+        return True
+    return len(_deciding(flight, observations, channels, antenna)[1]) >= _DECIDING[-1]
+
+
+def _deciding(
+    flight: Flight, observations: Observations, channels: CodeChannels, antenna: int
+) -> tuple[FloatArray, IntArray]:
+    """Return squared residuals with models and without, (k, 2), of epochs that decide, (k,)."""
+    n = len(observations.t_s)
     squares, rows = np.empty((0, 2)), np.empty(0, dtype=np.int64)
     for first in range(0, n, _BLOCK):
         epoch = np.arange(first, min(first + _BLOCK, n))
@@ -59,8 +83,4 @@ def atmosphere_so_far(
         rows = np.append(rows, epoch[redundant])
         if len(rows) >= _DECIDING[-1]:
             break
-    for count in _DECIDING:
-        if count <= len(rows):
-            medians = np.median(squares[:count], axis=0)
-            applied[rows[count - 1] :] = not without_atmosphere(*medians)
-    return applied
+    return squares, rows

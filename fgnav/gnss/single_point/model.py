@@ -64,8 +64,12 @@ def code_channels(
     eligible = _first_seen(observations, antenna, chosen) if causal else has
     bands = [band(*pair) for pair in zip(chosen.satellites, chosen.signals, strict=True)]
     letters = [satellite[0] for satellite in chosen.satellites]
+    decided = {} if observations.earlier is None else observations.earlier.bands
     first: dict[str, str] = {}
     for letter in "GEJC":
+        if letter in decided:
+            first[letter] = decided[letter]
+            continue
         there = {b for b, c, h in zip(bands, letters, eligible, strict=True) if h and c == letter}
         if there:
             first[letter] = min(there, key=_BANDS[letter].index)

@@ -79,6 +79,8 @@ class AntennaPhase:
     lever_column : int
         First of the three constants l; -1 where the lever arm is known.
     constants : Constants
+    first_block : int
+        Number of the first of the blocks: of phases that go on.
     """
 
     row: IntArray
@@ -88,6 +90,7 @@ class AntennaPhase:
     arm_b_m: FloatArray
     lever_column: int
     constants: Constants
+    first_block: int = 0
 
     @property
     def name(self) -> str:
@@ -98,6 +101,11 @@ class AntennaPhase:
     def freedom(self) -> IntArray:
         """Rows of each epoch, (k,)."""
         return np.array([len(one.z) for one in self.rows], dtype=np.int64)
+
+    @property
+    def numbered(self) -> dict[int, ArcBlock]:
+        """Blocks by number."""
+        return dict(enumerate(self.blocks, self.first_block))
 
     def block_at(self, row: int, before: int) -> int:
         """Return the block of a keyframe; that before where it has no phases."""
@@ -130,7 +138,7 @@ class AntennaPhase:
 
     def entering(self, block: int) -> gtsam.NonlinearFactor:
         """Return what leads to the A of a block: from that before, or from nothing."""
-        one = self.blocks[block]
+        one = self.blocks[block - self.first_block]
         point = gtsam.Values()
         terms = [(keys.arcs(block), one.after)]
         if one.before.shape[1]:

@@ -67,8 +67,9 @@ def increments(imu: Imu, t_s: FloatArray, sub_steps: int = SUB_STEPS) -> Increme
     counts = np.maximum(1, np.rint(span_s / period_s * sub_steps)).astype(np.int64)
     first = np.concatenate([[0], np.cumsum(counts)])
     step_s = span_s / counts
-    middle_s = np.repeat(t_s[:-1] - first[:-1] * step_s, counts)
-    middle_s += (np.arange(first[-1]) + 0.5) * np.repeat(step_s, counts)
+    # Counted from each interval's own beginning: what was before is not to change the rounding.
+    within = np.arange(first[-1]) - np.repeat(first[:-1], counts) + 0.5
+    middle_s = np.repeat(t_s[:-1], counts) + within * np.repeat(step_s, counts)
     nodes, weights = _interpolation(
         imu.t_s, middle_s, np.repeat(last, counts), np.repeat(period_s, counts)
     )

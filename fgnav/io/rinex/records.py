@@ -72,6 +72,7 @@ def to_observations(
         satellites=tuple(satellite for satellite, _ in channels),
         signals=tuple(signal for _, signal in channels),
         losses=losses,
+        earlier=None,
         **arrays,
     )
 

@@ -10,6 +10,7 @@ from fgnav.frontend.problem import PreparedFlight, timed_motion
 from fgnav.geometry.rotations import skew
 from fgnav.graph.delayed import CLOCK_OFFSET, on_gnss_time
 from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ACCELEROMETER_BIAS, RATE
 from fgnav.methods.smoothing.calibration_report import calibrated_constants, sentence
@@ -76,24 +77,8 @@ def estimate_of(
     rows = np.arange(len(problem.t_s)) if rows is None else rows
     lost = int(refused[rows].sum())
     rows = rows[~refused[rows]]
-    body = Body(
-        position_b_m=prepared.imu.position_b_m,
-        earth_rate_n_radps=prepared.earth_rate_n_radps,
-        gyroscope=prepared.imu.w_b_radps is not None,
-    )
-    part, t_s = solution[rows], problem.t_s[rows]
-    if problem.constants.column(CLOCK_OFFSET) >= 0:  # states so far are those of the unit's clock
-        timed = timed_motion(
-            prepared.imu,
-            t_s,
-            problem.motion.gravity_n_mps2[rows],
-            prepared.earth_rate_n_radps,
-            causal=prepared.causal,
-        )
-        part = on_gnss_time(part, timed, problem.constants)
-    w_b_radps = problem.motion.rates_b_radps(t_s, part.states.aux)
     return replace(
-        stated(name, problem.constants, part, t_s, w_b_radps, body),
+        stated_at(name, prepared, problem, solution[rows], rows),
         epochs=epochs,
         unobservable=open_states,
         integers=prepared.integers,
@@ -107,6 +92,33 @@ def estimate_of(
         constants=constants,
         notes=(*prepared.notes, *notes),
     )
+
+
+def stated_at(
+    name: str,
+    prepared: PreparedFlight,
+    problem: SmoothingProblem,
+    part: Solution,
+    rows: IntArray,
+) -> Estimate:
+    """Return what a solution of some rows of a problem says of the body's origin, at GNSS time."""
+    t_s = problem.t_s[rows]
+    body = Body(
+        position_b_m=prepared.imu.position_b_m,
+        earth_rate_n_radps=prepared.earth_rate_n_radps,
+        gyroscope=prepared.imu.w_b_radps is not None,
+    )
+    if problem.constants.column(CLOCK_OFFSET) >= 0:  # states so far are those of the unit's clock
+        timed = timed_motion(
+            prepared.imu,
+            t_s,
+            problem.motion.gravity_n_mps2[rows],
+            prepared.earth_rate_n_radps,
+            causal=prepared.causal,
+        )
+        part = on_gnss_time(part, timed, problem.constants)
+    w_b_radps = problem.motion.rates_b_radps(t_s, part.states.aux)
+    return stated(name, problem.constants, part, t_s, w_b_radps, body)
 
 
 def stated(

@@ -36,14 +36,15 @@ class Border:
     """
 
     def __init__(self, phase: AntennaPhase | None) -> None:
-        self._phase = phase
-        sizes = [one.size for one in phase.blocks] if phase is not None else []
-        self.width = max(sizes, default=0)  # of A
+        self.width = 0  # of A
+        self._phase: AntennaPhase | None = None
+        self._blocks: dict[int, ArcBlock] = {}  # by number
         self._block: list[int] = []  # of each keyframe; -1 before the first
         self._eliminated: dict[int, EliminatedArcs] = {}  # by number of the keyframe before
         self._oldest = 0
         self.at: list[FloatArray] = []  # where the A of each block is linearised; empty: at zero
         self.steps: dict[int, FloatArray] = {}  # from there, by block, once substituted
+        self.read(phase)
 
     @property
     def log_root(self) -> float:
@@ -53,8 +54,7 @@ class Border:
     @property
     def cost(self) -> float:
         """Return the sum of squares of what leads from block to block."""
-        blocks = () if self._phase is None else self._phase.blocks
-        rights = (self._linearised(block, j).right for j, block in enumerate(blocks))
+        rights = (self._linearised(block, j).right for j, block in self._blocks.items())
         return float(sum(right @ right for right in rights))
 
     def size(self, k: int) -> int:
@@ -62,8 +62,15 @@ class Border:
         arcs = self._arcs(k)
         return 0 if arcs is None else arcs.size
 
+    def read(self, phase: AntennaPhase | None) -> None:
+        """Let keyframes come from other phases: of the same flight, which has gone on since."""
+        if phase is not self._phase and phase is not None:
+            self._blocks |= phase.numbered
+            self.width = max(self.width, *(one.size for one in phase.blocks), 0)
+        self._phase = phase
+
     def append(self, row: int) -> None:
-        """Take in a keyframe of the problem."""
+        """Take in a keyframe of the phases read last."""
         before = self._block[-1] if self._block else -1
         self._block.append(before if self._phase is None else self._phase.block_at(row, before))
 
@@ -73,6 +80,8 @@ class Border:
             self._eliminated.pop(number, None)
         del self._block[:count]
         self._oldest += count
+        for number in [j for j in self._blocks if self._block and j < self._block[0]]:
+            del self._blocks[number]
 
     def begin(self, information: FloatArray) -> None:
         """Begin anew at the first keyframe: add what is known of its A."""
@@ -161,7 +170,7 @@ class Border:
     def _arcs(self, k: int) -> ArcBlock | None:
         """Return the block of arcs of a keyframe, about where it is linearised; None before any."""
         j = self._block[k]
-        return None if self._phase is None or j < 0 else self._linearised(self._phase.blocks[j], j)
+        return None if j < 0 else self._linearised(self._blocks[j], j)
 
     def _linearised(self, block: ArcBlock, j: int) -> ArcBlock:
         if not self.at:

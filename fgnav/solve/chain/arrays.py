@@ -46,6 +46,20 @@ class WindowArrays(NamedTuple):
         """Return some of the rows, the same memory."""
         return WindowArrays._make(part[first:end] for part in self)
 
+    def take(self, rows: "WindowArrays", wider: int) -> None:
+        """Begin with other rows, whose border lacks some variables: they are independent units."""
+        n = len(rows.t_s)
+        for name, new, old in zip(self._fields, self, rows, strict=True):
+            kept = np.r_[0 : old.shape[-1] - 1, new.shape[-1] - 1] if old.ndim > 2 else np.empty(0)
+            if name in ("node", "forward"):
+                new[:n, kept[:, None], kept] = old
+            elif name in ("motion", "gain"):
+                new[:n, :, kept] = old
+            else:
+                new[:n] = old
+        unused = np.arange(wider) + self.forward.shape[1] - 1 - wider
+        self.forward[:n, unused, unused] = 1.0
+
     def states(self, constants: FloatArray) -> States:
         """Return where keyframes are linearised, the same memory."""
         return States(self.R_nb, self.p_n_m, self.v_n_mps, self.aux, constants)

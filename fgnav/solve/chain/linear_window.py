@@ -65,6 +65,7 @@ class LinearWindow:
             self.constants = np.array(problem.start.constants)
             self._border = Border(problem.phase)
             self.end = np.zeros(problem.width + len(self.constants) + self._border.width)
+        self._border.read(problem.phase)
         self._make_room(problem.width)
         here = self._first + len(self)
         self._memory.t_s[here] = problem.t_s[row]
@@ -183,14 +184,15 @@ class LinearWindow:
         self.rows = self.rows.between(count, len(self.rows.t_s))
 
     def _make_room(self, width: int) -> None:
-        """When the memory is full, move what is there to the front of one twice as long."""
-        if self._first + len(self) < len(self._memory.t_s):
-            return
+        """When the memory is full or too narrow, move what is there to the front of another one."""
         border = len(self.constants) + self._border.width
+        wider = width + border - len(self.end)
+        if not wider and self._first + len(self) < len(self._memory.t_s):
+            return
         memory = WindowArrays.empty(max(_LEAST_ROOM, 2 * len(self)), width, border)
         if len(self):
-            for new, old in zip(memory, self.rows, strict=True):
-                new[: len(self)] = old
+            memory.take(self.rows, wider)
+        self.end = np.append(self.end, np.zeros(wider))
         self._memory, self._first = memory, 0
 
     def _linearise(self, rows: WindowArrays, changed: IntArray) -> None:

@@ -96,11 +96,11 @@ def opened(
         return [part for part in leaving(problem, len(problem.t_s)) if part is not None]
     first = leaving(opening.problem, opening.keyframes)
     later = [] if opening.keyframes == len(problem.t_s) else leaving(problem, len(problem.t_s))
-    turned = [part and _with_open_heading(part, opening) for part in first]
+    turned = [part and with_open_heading(part, opening) for part in first]
     return [part for part in (*turned, *later[len(first) :]) if part is not None]
 
 
-def _with_open_heading(part: Departed, opening: Opening) -> Departed:
+def with_open_heading(part: Departed, opening: Opening) -> Departed:
     """Return keyframes with what is not known of the heading that the opening holds fixed.
 
     The body may be turned about the vertical through its antenna.

@@ -147,7 +147,7 @@ class Entering:
         block = int(phase.block[i])
         if block > self._block:
             self._block = block
-            self._begin(block, phase.blocks[block].size, smoother, k)
+            self._begin(block, phase.blocks[block - phase.first_block].size, smoother, k)
             factors.append(phase.entering(block))
         factors.append(phase.factor(i, k))
         return factors

@@ -28,7 +28,7 @@ def of_flight(flight, *, causal=False):
     rows = np.arange(len(of.t_s))
     R_nb = truth.R_nb[np.searchsorted(truth.t_s, of.t_s - 1e-6)]
     observed = Observed(of, rows, rows, np.zeros(3))
-    phase, notes = antenna_phase((observed,), of.t_s, R_nb, Constants(), causal=causal)
+    phase, notes, _ = antenna_phase((observed,), of.t_s, R_nb, Constants(), causal=causal)
     return phase, antenna_n_m(flight, of.t_s), notes
 
 

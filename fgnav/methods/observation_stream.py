@@ -1,0 +1,224 @@
+"""The forward filter fed with raw observations, epoch by epoch, as instruments hand them out."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import groupby
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from fgnav.checks import BadInputError, NoSolutionError
+from fgnav.frontend.problem import PreparedFlight, build_problem
+from fgnav.frontend.settings import ProblemSettings
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.methods.smoothing.estimates import stated_at
+from fgnav.methods.smoothing.joined import joined_estimates
+from fgnav.methods.streaming.going_on import GoingOn, going_on
+from fgnav.methods.streaming.recording import epochs_s, joined, pieces
+from fgnav.solve.sliding.departed import joined_solution, with_open_heading
+from fgnav.types.estimate import Estimate
+from fgnav.types.flight import Flight
+
+if TYPE_CHECKING:
+    from fgnav.identification.from_past import Look
+    from fgnav.methods.smoother import Forward
+    from fgnav.solve.fixed_lag import Departed, FixedLag
+
+_ROUNDING_S = 1e-6
+
+
+class _Keyframe(NamedTuple):
+    """A keyframe as it was known when it came."""
+
+    prepared: PreparedFlight
+    problem: SmoothingProblem
+    row: int
+    known: "Departed"
+
+
+@dataclass(slots=True)
+class _Span:
+    """Keyframes from a time on, with noise and times as they were told by then."""
+
+    from_s: float
+    told: "Look"
+    record: GoingOn
+
+    def prepared(self, settings: ProblemSettings) -> PreparedFlight:
+        """Return the problem of what is kept."""
+        build = partial(build_problem, earlier=self.record.earlier)
+        return self.told.prepared(self.record.flight, settings, build)
+
+
+class ObservationStream:
+    """What ``Forward`` makes of a flight while it is flown.
+
+    Each update brings what instruments measured since the one before, as a flight of its own: raw
+    observations of one epoch or more, or fixes, and inertial samples up to the last of them. It
+    returns the keyframes that are due by then, each as known from the data up to it: joined they
+    are what ``method(flight)`` returns.
+
+    Of one antenna, or fixes, beside a gyroscope it keeps half a minute of records once the heading
+    is known, and an epoch costs the same however long it runs. Where noise is identified it keeps
+    all of them (20 MB an hour, of 2 and 100 samples a second) and runs anew whenever that has
+    doubled. Of arrays, bodies without a gyroscope, and beside a base, a detector, a gravity
+    estimator or wheels it keeps and reads all of them at every epoch: for short flights
+    (docs/model.md).
+
+    Parameters
+    ----------
+    method : Forward
+        With GTSAM, and without factors of one's own.
+    """
+
+    def __init__(self, method: "Forward") -> None:
+        if method.solver != "gtsam":
+            raise BadInputError(f"stream solver: must be gtsam, got {method.solver!r}")
+        if method.factors:
+            raise BadInputError("stream factors: of one's own go into Stream, keyframe by keyframe")
+        self._method = method
+        self._pieces: list[Flight] = []  # all of them, where noise is to be identified
+        self._spans: list[_Span] = []  # that keyframes to come may be in
+        self._plain: PreparedFlight | None = None  # as stated, up to where the heading is known
+        self._window: FixedLag | None = None
+        self._of: tuple[float, bool] | None = None  # what the window is of: look, open heading
+        self._taken_s = -np.inf  # keyframe that entered it last
+        self._newest: Departed
+        self._last_s = -np.inf  # keyframe that was returned last
+        self._looked_s = -np.inf  # when noise was identified last
+
+    @classmethod
+    def replay(cls, flight: Flight, method: "Forward | None" = None) -> Iterator[Estimate]:
+        """Yield what a stream would have returned epoch by epoch; see ``update``."""
+        from fgnav.methods.smoother import Forward  # noqa: PLC0415  # it imports this module
+
+        stream = cls(Forward() if method is None else method)
+        for piece in pieces(flight):
+            yield stream.update(piece)
+        yield stream.finish()
+
+    @property
+    def kept(self) -> Flight | None:
+        """What is kept of the records for keyframes to come."""
+        return self._spans[-1].record.flight if self._spans else None
+
+    def update(self, piece: Flight) -> Estimate:
+        """Take in what came since; return the keyframes up to the last epoch that were not yet.
+
+        Parameters
+        ----------
+        piece : Flight
+            The first brings what is known of the vehicle; of others records and orbits count.
+
+        Raises
+        ------
+        BadInputError
+            If a record does not go on where it ended, or the flight brings networks.
+        NoSolutionError
+            If the measurements so far leave a state open.
+        """
+        if piece.networks:
+            raise BadInputError(f"flight {piece.name}: a stream of observations takes no networks")
+        from fgnav.identification.from_past import Look  # noqa: PLC0415  # lazy: the chain
+
+        if not self._spans:
+            self._spans.append(_Span(-np.inf, Look(None), GoingOn(piece)))
+        else:
+            grown = [joined(span.record.flight, piece) for span in self._spans]
+            for span, flight in zip(self._spans, grown, strict=True):
+                span.record = span.record._replace(flight=flight)
+        if self._method.noise == "identified":
+            self._pieces.append(piece)
+        epochs = epochs_s(self._spans[-1].record.flight)
+        return self._estimate(float(epochs[-1]) if len(epochs) else -np.inf)
+
+    def finish(self) -> Estimate:
+        """Return the keyframes after the last epoch: of inertial samples alone.
+
+        Raises
+        ------
+        NoSolutionError
+            If all that has come tells no state.
+        """
+        return self._estimate(np.inf)
+
+    def _estimate(self, until_s: float) -> Estimate:
+        parts, name = [], self._method.name
+        for problem, group in groupby(self._due(until_s), key=lambda one: one.problem):
+            part = list(group)
+            solution = replace(joined_solution([one.known for one in part]), cross=None)
+            rows = np.array([one.row for one in part])
+            parts.append(stated_at(name, part[0].prepared, problem, solution, rows))
+        if not parts:
+            return Estimate(method=name, t_s=np.empty(0), epochs=0, R_nb=np.empty((0, 3, 3)))
+        count = sum(len(part.t_s) for part in parts)
+        return joined_estimates(parts, count, count)
+
+    def _due(self, until_s: float) -> list[_Keyframe]:
+        """Return the keyframes up to a time that have not been returned."""
+        settings, due = self._method.preparation, list[_Keyframe]()
+        try:
+            self._look(until_s)
+            problems = [span.prepared(settings) for span in self._spans]
+        except NoSolutionError:
+            if self._window is not None or until_s == np.inf:
+                raise
+            return []  # next to nothing is there yet
+        ends_s = [*(span.from_s for span in self._spans[1:]), np.inf]
+        for span, prepared, end_s in zip(self._spans, problems, ends_s, strict=True):
+            t_s = prepared.problem.t_s
+            new = (t_s > self._last_s) & (t_s >= span.from_s) & (t_s < end_s) & (t_s <= until_s)
+            due += [self._keyframe(prepared, span.from_s, at_s) for at_s in t_s[new].tolist()]
+        if due:
+            self._last_s = float(due[-1].problem.t_s[due[-1].row])
+        while len(self._spans) > 1 and self._spans[1].from_s <= self._last_s:
+            del self._spans[0]
+        if len(self._spans) == 1 and self._spans[0].told.is_told:
+            kept = going_on(self._spans[0].record.flight, problems[-1])
+            self._spans[0].record = kept or self._spans[0].record
+        return due
+
+    def _look(self, until_s: float) -> None:
+        """Identify noise at the times that have come."""
+        if self._method.noise != "identified":
+            return
+        from fgnav.identification.from_past import Look, look, looks_s  # noqa: PLC0415  # lazy: the chain
+
+        settings, plain = self._method.preparation, self._plain
+        if plain is None or (plain.opening is not None and plain.opening.until_s == np.inf):
+            plain = self._plain = build_problem(self._whole(), settings)
+        before_s = self._spans[-1].from_s
+        imu = self._spans[-1].record.flight.imu
+        until_s = min(until_s, -np.inf if imu is None else float(imu.t_s[-1]))
+        for at_s in looks_s(plain, until_s + _ROUNDING_S):
+            if self._looked_s < at_s <= until_s:
+                self._looked_s = at_s
+                whole = self._whole()
+                told = look(whole, settings, at_s, build_problem)
+                if len(self._spans) > 1 or before_s > -np.inf or told != Look(None):
+                    self._spans.append(_Span(at_s, told, GoingOn(whole)))
+
+    def _whole(self) -> Flight:
+        """Return all that has come."""
+        whole = joined(*self._pieces)
+        self._pieces = [whole]
+        return whole
+
+    def _keyframe(self, prepared: PreparedFlight, look_s: float, at_s: float) -> _Keyframe:
+        """Let a keyframe enter the window, which begins anew where its problem is another one."""
+        from fgnav.solve.fixed_lag import FixedLag  # noqa: PLC0415  # lazy: gtsam
+
+        opening = prepared.opening
+        is_open = opening is not None and at_s < opening.until_s
+        problem = opening.problem if opening is not None and is_open else prepared.windowed
+        if self._window is None or self._of != (look_s, is_open):
+            self._window, self._taken_s = FixedLag(self._method.lag_s, 0.0), -np.inf
+            self._of = look_s, is_open
+        for row in np.flatnonzero((problem.t_s > self._taken_s) & (problem.t_s <= at_s)).tolist():
+            self._window.advance(problem, row)
+            self._newest = self._window.newest()  # of each: what is asked for decides what leaves
+        self._taken_s, known = at_s, self._newest
+        if opening is not None and is_open:
+            known = with_open_heading(known, opening)
+        return _Keyframe(prepared, problem, row, known)

@@ -1,0 +1,108 @@
+"""A recording that grows: pieces of a flight, one after another, as one flight."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray
+from fgnav.frontend.causal.truncation import BY_CHANNEL, BY_EPOCH, SAMPLED, truncated
+from fgnav.types.flight import Flight
+from fgnav.types.observations import Observations
+
+_SAME_S = 1e-3  # epochs of vehicle and base this close are one
+
+
+def epochs_s(flight: Flight) -> FloatArray:
+    """Return the epochs of raw observations, or else of fixes, (n,)."""
+    gnss = flight.observations or flight.fixes
+    return np.empty(0) if gnss is None else gnss.t_s
+
+
+def pieces(flight: Flight) -> Iterator[Flight]:
+    """Yield a flight epoch by epoch: each with what came since the one before.
+
+    What comes after the last epoch is a piece of its own.
+    """
+    before_s = -np.inf
+    for epoch_s in (*epochs_s(flight).tolist(), np.inf):
+        yield truncated(flight, epoch_s, after_s=before_s, base_s=_SAME_S)
+        before_s = epoch_s
+
+
+def joined(*parts: Flight) -> Flight:
+    """Return pieces of a flight, in their order, as one.
+
+    The first says what is no record; orbits are those of the last that has any.
+
+    Raises
+    ------
+    BadInputError
+        If a record does not go on where it ended.
+    """
+    changed: dict[str, Any] = {}
+    for name in ("broadcast", "precise"):
+        orbits = [one for part in parts if (one := getattr(part, name)) is not None]
+        changed[name] = orbits[-1] if orbits else None
+    for name, sampled in SAMPLED.items():
+        records = [one for part in parts if (one := getattr(part, name)) is not None]
+        if len(records) > 1:
+            _follow(name, records)
+            columns = {n: [getattr(one, n) for one in records] for n in sampled}
+            changed[name] = replace(
+                records[0], **{n: np.concatenate(v) for n, v in columns.items() if v[0] is not None}
+            )
+        elif records:
+            changed[name] = records[0]
+    changed["observations"] = _observed([one.observations for one in parts])
+    bases = [one.base for one in parts if one.base is not None]
+    if bases:
+        ground = _observed([one.observations for one in bases])
+        changed["base"] = None if ground is None else replace(bases[0], observations=ground)
+    return replace(parts[0], **changed)
+
+
+def _follow(name: str, records: Sequence[Any]) -> None:
+    for before, after in pairwise(records):
+        if not after.t_s[0] > before.t_s[-1]:
+            raise BadInputError(
+                f"stream {name} t_s: must come after {before.t_s[-1]:.9g}, got {after.t_s[0]:.9g}"
+            )
+
+
+def _observed(parts: Sequence[Observations | None]) -> Observations | None:
+    """Return observations one after the other; channels that are new come last."""
+    records = [one for one in parts if one is not None]
+    if len(records) < 2:
+        return records[0] if records else None
+    _follow("observations", records)
+    channels = dict.fromkeys(channel for one in records for channel in channels_of(one))
+    place = {channel: j for j, channel in enumerate(channels)}
+    columns = [[place[channel] for channel in channels_of(one)] for one in records]
+    values: dict[str, Any] = {}
+    for name in BY_EPOCH:
+        of = [getattr(one, name) for one in records]
+        if name in BY_CHANNEL:
+            of = [_spread(v, c, len(place)) for v, c in zip(of, columns, strict=True)]
+        values[name] = np.concatenate(of)
+    return replace(
+        records[0],
+        satellites=tuple(satellite for satellite, _ in channels),
+        signals=tuple(signal for _, signal in channels),
+        **values,
+    )
+
+
+def channels_of(observations: Observations) -> list[tuple[str, str]]:
+    """Return satellite and signal of each channel."""
+    return list(zip(observations.satellites, observations.signals, strict=True))
+
+
+def _spread(values: np.ndarray, columns: list[int], m: int) -> np.ndarray:
+    """Return values of some channels among all m; NaN, or no flag, of the others."""
+    nothing = 0 if values.dtype.kind == "u" else np.nan
+    out = np.full((*values.shape[:2], m), nothing, dtype=values.dtype)
+    out[:, :, columns] = values
+    return out
