@@ -33,6 +33,7 @@ def stretches(
     prepared: PreparedFlight,
     ahead_s: float,
     build: Build,
+    since_s: float = -np.inf,
 ) -> tuple[Stretch, ...]:
     """Return the stretches of a flight, in turn; none where nothing contradicts what it states.
 
@@ -47,9 +48,14 @@ def stretches(
         How much later data an estimate may take part of.
     build : callable
         From a flight to its problem.
+    since_s : float
+        When estimates begin, and noise is identified, too: earlier ones are not wanted.
     """
-    from_s = [-np.inf, *looks_s(prepared), np.inf]
-    by_then = [Look(None), *(_look(flight, settings, float(s), build) for s in from_s[1:-1])]
+    from_s = [since_s, *(s for s in looks_s(prepared) if s > since_s), np.inf]
+    by_then = [
+        Look(None) if s == -np.inf else _look(flight, settings, float(s), build)
+        for s in from_s[:-1]
+    ]
     if all(one == Look(None) for one in by_then):
         return ()
     parts = []
@@ -68,7 +74,7 @@ def stretches(
         if not is_told and problem.opening is not None:
             problem = replace(problem, opening=replace(problem.opening, until_s=np.inf))
         parts.append(Stretch(float(begin_s), float(end_s), part, problem))
-    changed_s = ", ".join(f"{s:.0f}" for s in from_s[1:-1])
+    changed_s = ", ".join(f"{s:.0f}" for s in from_s[:-1] if s > -np.inf)
     note = f"Noise is identified anew from the past, from {changed_s} s on."
     last = parts[-1]
     said = replace(last.prepared, notes=(*last.prepared.notes, note))
