@@ -15,6 +15,7 @@ _SIGMAS = 20.0
 _NEIGHBOURS = 6.0  # sigmas by which neighbours of a spike may differ
 _FEWEST = 100
 _FALSE_ALARM = 1e-4  # of each test on a right record
+_STUCK = "all axes repeat the sample before, more often than by chance: left out"
 
 
 def without_faulty(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
@@ -28,8 +29,7 @@ def without_faulty(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
         count, run = count + run[1], stuck_unit(stuck)
     mended, losses = without_spikes(stuck)
     if count:
-        reason = "all axes repeat the sample before, more often than by chance: left out"
-        losses = (Loss(what="inertial sample", reason=reason, count=count), *losses)
+        losses = (Loss(what="inertial sample", reason=_STUCK, count=count), *losses)
     return mended, losses
 
 
@@ -63,6 +63,22 @@ def is_unlikely(length: int, share: float, n: int) -> bool:
     A run of that length begins at one of n places with probability ``n share**length``.
     """
     return length > 1 and n * share**length < _FALSE_ALARM
+
+
+def without_stuck_so_far(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
+    """Return a record without samples that, by those up to each, are of a stuck unit."""
+    x = imu.f_b_mps2 if imu.w_b_radps is None else np.hstack([imu.f_b_mps2, imu.w_b_radps])
+    same = np.append(False, (np.diff(x, axis=0) == 0).all(axis=1))
+    k = np.arange(len(x))
+    run = k - np.maximum.accumulate(np.where(same, 0, k))  # equal ones in a row, up to each
+    share = (np.cumsum(same) - run + 1) / (k - run + 2)  # of those before the row
+    stuck = (run > 1) & (run < k) & (k >= _FEWEST) & (k * share**run < _FALSE_ALARM)
+    if not stuck.any():
+        return imu, ()
+    keep = ~stuck
+    rates = None if imu.w_b_radps is None else imu.w_b_radps[keep]
+    left = replace(imu, t_s=imu.t_s[keep], f_b_mps2=imu.f_b_mps2[keep], w_b_radps=rates)
+    return left, (Loss(what="inertial sample", reason=_STUCK, count=int(stuck.sum())),)
 
 
 def without_spikes(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:

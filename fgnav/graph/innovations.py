@@ -20,7 +20,7 @@ from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_variables
 from fgnav.graph.custom import OwnFactor
-from fgnav.graph.innovation.band import contradictions, limit_of
+from fgnav.graph.innovation.band import beyond_s, contradictions, limit_of
 from fgnav.graph.innovation.place_by_code import place_consistency
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.problem import SmoothingProblem
@@ -264,4 +264,5 @@ def _judged(name: str, part: Innovations, t_s: FloatArray) -> Consistency:
         deciles=tuple(np.bincount(decile, minlength=10).tolist()),
         limit=limit_of(squared, freedom) if len(squared) > 1 else None,
         contradictions=contradictions(t_s[part.tested][order], squared, freedom),
+        beyond_s=beyond_s(t_s[part.tested][order], squared, freedom),
     )

@@ -11,12 +11,13 @@ References
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.checks import NoSolutionError
 from fgnav.graph.innovation.band import TOLERATED
-from fgnav.identification.exclusion import Exclusion, exclusions
+from fgnav.identification.exclusion import Exclusion, exclusions, going_on
 from fgnav.types.estimate import Consistency, Estimate, Rejected
 from fgnav.types.flight import Flight
 
@@ -56,36 +57,71 @@ def without_contradictions(flight: Flight, estimate: Estimate, again: Again | No
     NoSolutionError
         If nothing consistent is left.
     """
-    if not contradictory(estimate):
-        doubts = _doubts(estimate)
-        return replace(estimate, notes=(*doubts, *estimate.notes)) if doubts else estimate
-    out: tuple[Rejected, ...] = ()
+    rest = consistent_rest(flight, estimate, again)
+    if again is not None and is_hopeless(rest.estimate):
+        raise refusal(rest.estimate)
+    out = tuple(rejected for one in rest.out for rejected in one.rejected)
+    return with_words(rest.estimate, out)
+
+
+class Rest(NamedTuple):
+    """The estimate of what is consistent of a flight, and what that is without, in turn."""
+
+    estimate: Estimate
+    out: tuple[Exclusion, ...]
+
+
+def consistent_rest(
+    flight: Flight, estimate: Estimate, again: Again | None, present_s: float = np.inf
+) -> Rest:
+    """Return what is consistent of a flight; parameters as in ``without_contradictions``.
+
+    Of a record that goes on, what contradicts at present, ``present_s``, is left out for as long
+    again as it has done so.
+    """
+    out: tuple[Exclusion, ...] = ()
     trials = _Trials(again, _TRIALS)
     for _ in range(_ROUNDS):
         # Real noise is not white: without what contradicts for seconds alone nothing is gained.
         if not any(one.nis > TOLERATED for one in contradictory(estimate)):
             break
-        found = _best(flight, estimate, trials)
+        found = _best(flight, estimate, trials, present_s)
         if found is None:
             break
-        (flight, rejected), estimate = found
-        out = (*out, *rejected)
-    left = contradictory(estimate)
-    if again is not None and any(map(_hopeless, left)):
-        raise NoSolutionError(
-            f"measurements contradict each other: {_listed(left)}; axes, units, signs or times of "
-            "one of them, or of the inertial unit, are not as stated; fgnav check may name it"
-        )
-    notes = _sentences(out)
+        one, estimate = found
+        flight, out = one.flight, (*out, one)
+    return Rest(estimate, out)
+
+
+def is_hopeless(estimate: Estimate) -> bool:
+    """Return whether no covariance holds of what such measurements tell."""
+    return any(map(_hopeless, contradictory(estimate)))
+
+
+def refusal(estimate: Estimate) -> NoSolutionError:
+    """Return the error that names what contradicts."""
+    return NoSolutionError(
+        f"measurements contradict each other: {_listed(contradictory(estimate))}; axes, units, "
+        "signs or times of one of them, or of the inertial unit, are not as stated; fgnav check "
+        "may name it"
+    )
+
+
+def with_words(estimate: Estimate, out: tuple[Rejected, ...]) -> Estimate:
+    """Return an estimate with what it is without, and with what of it still contradicts."""
+    left, notes = contradictory(estimate), _sentences(out)
     if left:
         notes += (
             f"Measurements contradict each other: {_listed(left)}: one of them, or the inertial "
             "unit, is not as stated there, and covariances are too small.",
         )
+    notes += _doubts(estimate)
+    if not notes and not out:
+        return estimate
     return replace(
         estimate,
         rejections=(*estimate.rejections, *out),
-        notes=(*notes, *_doubts(estimate), *estimate.notes),
+        notes=(*notes, *estimate.notes),
     )
 
 
@@ -119,10 +155,15 @@ def _doubts(estimate: Estimate) -> tuple[str, ...]:
     )
 
 
-def _best(flight: Flight, estimate: Estimate, trials: _Trials) -> tuple[Exclusion, Estimate] | None:
-    """Return the exclusion that leaves least; None if none leaves half of what there is."""
-    best, least = None, _BETTER * _left(estimate)
-    for one in exclusions(flight, contradictory(estimate)):
+def _best(
+    flight: Flight, estimate: Estimate, trials: _Trials, present_s: float
+) -> tuple[Exclusion, Estimate] | None:
+    """Return the exclusion that leaves least; None if none leaves half of what there is.
+
+    Of a record that goes on, whose noise may be about to be identified, it is to leave nothing.
+    """
+    best, least = None, _BETTER * _left(estimate) if present_s == np.inf else 0.0
+    for one in exclusions(flight, going_on(contradictory(estimate), present_s)):
         trial = trials(one.flight)
         if trial is None:
             continue

@@ -1,7 +1,8 @@
 """A flight without what contradicts the rest of it, over a span of time or throughout."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -14,22 +15,30 @@ from fgnav.types.surroundings import Barometer, Magnetometer
 
 _AROUND_S = 1.0  # blocks are a second long: what spoils one may reach into the next
 _LONGEST = 0.5  # of an inertial record: more of it cannot be bridged
+# Instruments by their measurement's name: where in a flight they stand.
+_INSTRUMENTS = {
+    "line of sight": "seeker",
+    "barometric height": "barometer",
+    "magnetic field": "magnetometer",
+}
 _Series = TypeVar("_Series", Barometer, Fixes, Imu, Magnetometer, Seeker)
 
 
 class Exclusion(NamedTuple):
-    """A flight, what it is without, and whose measurements those are."""
+    """A flight, what it is without, and the same of a longer record of it."""
 
     flight: Flight
     rejected: tuple[Rejected, ...]
+    of: Callable[[Flight], Flight]
 
 
 def exclusions(flight: Flight, contradictory: tuple[Consistency, ...]) -> Iterator[Exclusion]:
     """Yield flights without one sensor's part of what contradicts the others.
 
-    An instrument that contradicts throughout is left out whole, GNSS is not: whatever pulls a
-    solution away from it is tried in its place. The inertial unit, whose errors all others show, is
-    left out where any of them contradicts.
+    Instruments come first: one without which all others agree is at fault, for GNSS would show what
+    is wrong with the inertial unit. That, whose errors all others show, is left out where any of
+    them contradicts. An instrument that contradicts throughout is left out whole, GNSS is not:
+    whatever pulls a solution away from it is tried in its place.
 
     Parameters
     ----------
@@ -37,30 +46,45 @@ def exclusions(flight: Flight, contradictory: tuple[Consistency, ...]) -> Iterat
     contradictory : tuple of Consistency
         With contradictions, the worst first.
     """
+    instruments = [one for one in contradictory if one.what in _INSTRUMENTS]
+    for one in instruments:
+        yield Exclusion(_without(flight, one), _rejected(one), partial(_without, one=one))
     inertial = _without_inertial(flight, contradictory)
     if inertial is not None and len(contradictory) > 1:
         yield inertial
     for one in contradictory:
+        if one in instruments:
+            continue
         changed = _without(flight, one)
-        if changed is not None:
-            yield Exclusion(changed, _rejected(one))
+        if changed is not flight:
+            yield Exclusion(changed, _rejected(one), partial(_without, one=one))
         else:
             yield from _without_instruments(flight, one, {c.what for c in contradictory})
     if inertial is not None and len(contradictory) == 1:
         yield inertial
 
 
+def going_on(contradictory: tuple[Consistency, ...], present_s: float) -> tuple[Consistency, ...]:
+    """Return contradictions that last till the present as lasting as long again.
+
+    Those that have lasted all along last for good.
+    """
+    longer = []
+    for one in contradictory:
+        *before, last = one.contradictions
+        if last.until_s >= present_s - _AROUND_S:
+            again_s = np.inf if last.throughout else present_s - last.from_s
+            last = replace(last, until_s=present_s + again_s)
+        longer.append(replace(one, contradictions=(*before, last)))
+    return tuple(longer)
+
+
 def _without_instruments(flight: Flight, one: Consistency, named: set[str]) -> Iterator[Exclusion]:
     """Yield flights without one instrument that agrees with a solution which GNSS contradicts."""
-    others = (
-        ("line of sight", replace(flight, seeker=None)),
-        ("barometric height", replace(flight, barometer=None)),
-        ("magnetic field", replace(flight, magnetometer=None)),
-    )
-    present = (flight.seeker, flight.barometer, flight.magnetometer)
-    for (what, without), instrument in zip(others, present, strict=True):
-        if what in named or instrument is None:
+    for what, field in _INSTRUMENTS.items():
+        if what in named or getattr(flight, field) is None:
             continue
+        without = partial(_without_instrument, field=field)
         rejected = tuple(
             Rejected(
                 what=what,
@@ -71,7 +95,7 @@ def _without_instruments(flight: Flight, one: Consistency, named: set[str]) -> I
             )
             for span in one.contradictions
         )
-        yield Exclusion(without, rejected)
+        yield Exclusion(without(flight), rejected, without)
 
 
 def _rejected(one: Consistency) -> tuple[Rejected, ...]:
@@ -99,23 +123,31 @@ def _inside(t_s: FloatArray, spans: FloatArray) -> BoolArray:
     return np.asarray(((t_s[:, None] >= spans[:, 0]) & (t_s[:, None] <= spans[:, 1])).any(axis=1))
 
 
-def _without(flight: Flight, one: Consistency) -> Flight | None:
-    """Return a flight without one sensor's contradictions; None if nothing would be left."""
+def _without(flight: Flight, one: Consistency) -> Flight:
+    """Return a flight without one sensor's contradictions; as it is if nothing would be left."""
     whole, spans = one.contradictions[0].throughout, _spans(one)
-    if one.what == "barometric height":
-        return replace(flight, barometer=None if whole else _outside(flight.barometer, spans))
-    if one.what == "line of sight":
-        return replace(flight, seeker=None if whole else _outside(flight.seeker, spans))
-    if one.what == "magnetic field":
-        return replace(flight, magnetometer=None if whole else _outside(flight.magnetometer, spans))
+    instrument = _INSTRUMENTS.get(one.what)
+    if instrument is not None:
+        if whole:
+            return _without_instrument(flight, instrument)
+        left = _outside(getattr(flight, instrument), spans)
+        return replace(flight, **{instrument: left})  # type: ignore[arg-type]  # of its own type
     if whole:
-        return None
+        return flight
     if one.what in ("position", "velocity") and flight.observations is None:
         return replace(flight, fixes=_outside(flight.fixes, spans))
     field = {"velocity": "doppler_hz", "array phases": "phase_cycles"}.get(one.what)
     if field is None or flight.observations is None:
-        return None
+        return flight
     return _unobserved(flight, flight.observations, field, spans)
+
+
+def _without_instrument(flight: Flight, field: str) -> Flight:
+    return replace(flight, **{field: None})  # type: ignore[arg-type]  # each may be absent
+
+
+def _without_samples(flight: Flight, spans: FloatArray) -> Flight:
+    return replace(flight, imu=_outside(flight.imu, spans))
 
 
 def _outside(series: _Series | None, spans: FloatArray) -> _Series | None:
@@ -152,8 +184,9 @@ def _without_inertial(flight: Flight, contradictory: tuple[Consistency, ...]) ->
     if inside.mean() > _LONGEST:
         return None
     reason = f"{', '.join(one.what for one in contradictory)} contradict it: left out and bridged"
+    without = partial(_without_samples, spans=spans)
     return Exclusion(
-        replace(flight, imu=_outside(imu, spans)),
+        without(flight),
         tuple(
             Rejected(
                 what="inertial samples",
@@ -164,6 +197,7 @@ def _without_inertial(flight: Flight, contradictory: tuple[Consistency, ...]) ->
             )
             for begin_s, end_s in _merged(spans)
         ),
+        without,
     )
 
 

@@ -33,6 +33,7 @@ def stretches(
     prepared: PreparedFlight,
     ahead_s: float,
     build: Build,
+    since_s: float = -np.inf,
 ) -> tuple[Stretch, ...]:
     """Return the stretches of a flight, in turn; none where nothing contradicts what it states.
 
@@ -47,22 +48,27 @@ def stretches(
         How much later data an estimate may take part of.
     build : callable
         From a flight to its problem.
+    since_s : float
+        When estimates begin, and noise is identified, too: earlier ones are not wanted.
     """
-    from_s = [-np.inf, *looks_s(prepared, float(prepared.problem.t_s[-1])), np.inf]
-    by_then = [Look(None), *(look(flight, settings, float(s), build) for s in from_s[1:-1])]
+    end_s = float(prepared.problem.t_s[-1])
+    from_s = [since_s, *(s for s in looks_s(prepared, end_s) if s > since_s), np.inf]
+    by_then = [
+        Look(None) if s == -np.inf else look(flight, settings, float(s), build) for s in from_s[:-1]
+    ]
     if all(one == Look(None) for one in by_then):
         return ()
     parts = []
-    for begin_s, end_s, told in zip(from_s[:-1], from_s[1:], by_then, strict=True):
-        part = flight if end_s == np.inf else truncated(flight, float(end_s + ahead_s))
+    for begin_s, until_s, told in zip(from_s[:-1], from_s[1:], by_then, strict=True):
+        part = flight if until_s == np.inf else truncated(flight, float(until_s + ahead_s))
         try:
             problem = told.prepared(part, settings, build)
         except NoSolutionError:
-            if end_s == np.inf:
+            if until_s == np.inf:
                 raise
             continue  # nothing is known by then, whatever comes later
-        parts.append(Stretch(float(begin_s), float(end_s), part, problem))
-    changed_s = ", ".join(f"{s:.0f}" for s in from_s[1:-1])
+        parts.append(Stretch(float(begin_s), float(until_s), part, problem))
+    changed_s = ", ".join(f"{s:.0f}" for s in from_s[:-1] if s > -np.inf)
     note = f"Noise is identified anew from the past, from {changed_s} s on."
     last = parts[-1]
     said = replace(last.prepared, notes=(*last.prepared.notes, note))

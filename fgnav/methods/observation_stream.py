@@ -57,7 +57,8 @@ class ObservationStream:
     Each update brings what instruments measured since the one before, as a flight of its own: raw
     observations of one epoch or more, or fixes, and inertial samples up to the last of them. It
     returns the keyframes that are due by then, each as known from the data up to it: joined they
-    are what ``method(flight)`` returns.
+    are what ``method(flight)`` returns. Whole sensors that contradict the others are not sought: of
+    a faulty flight ``method`` leaves them out, a stream does not.
 
     Of one antenna, or fixes, beside a gyroscope it keeps half a minute of records once the heading
     is known, and an epoch costs the same however long it runs. Where noise is identified it keeps

@@ -4,7 +4,7 @@ All three estimate the same factor graph (docs/model.md). GTSAM solves it; ``sol
 it by block elimination in compiled code.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -21,8 +21,9 @@ from fgnav.identification.contradictions import without_contradictions
 from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.methods.observation_stream import ObservationStream
 from fgnav.methods.smoothing.estimates import estimate_of
-from fgnav.methods.smoothing.joined import among, joined_estimates
+from fgnav.methods.smoothing.joined import joined_estimates
 from fgnav.methods.smoothing.own_sources import FactorSource, own_factors
+from fgnav.methods.smoothing.so_far import Asked, consistent_so_far
 from fgnav.methods.smoothing.solving import (
     Solver,
     at_once,
@@ -198,15 +199,18 @@ class Smoother:
             noise=self.noise,
         )
 
-    def prepare(self, flight: Flight) -> PreparedFlight:
-        """Return the smoothing problem of a flight."""
+    def prepare(self, flight: Flight, since_s: float = -np.inf) -> PreparedFlight:
+        """Return the smoothing problem of a flight.
+
+        ``since_s``: when estimates of a causal method begin that has judged its record up to then.
+        """
         settings = self.preparation
         prepared = build_problem(flight, settings)
         if settings.noise == "identified" and self.causal:
             from fgnav.identification.from_past import stretches  # noqa: PLC0415  # lazy: the chain
 
             ahead_s = self.lag_s + 2 * BLOCK_S
-            found = stretches(flight, settings, prepared, ahead_s, build_problem)
+            found = stretches(flight, settings, prepared, ahead_s, build_problem, since_s)
             return replace(prepared, stretches=found)
         if settings.noise == "identified":
             from fgnav.identification.apply import (  # noqa: PLC0415  # lazy: the chain
@@ -224,20 +228,26 @@ class Smoother:
 
     def estimate_prepared(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
         """Estimate a flight whose problem is built."""
-        if not prepared.stretches:
-            # Factors of one's own cannot be left out of a flight: what they contradict is said.
-            own = self.factors or flight.networks
-            is_tried = self.noise == "identified" and not self.causal and not own
-            again = self._once if is_tried else None
-            return without_contradictions(flight, self._estimated(flight, prepared), again)
-        whole = [self._estimated(one.flight, one.prepared) for one in prepared.stretches]
-        parts = [
-            among(e, one.from_s, one.until_s)
-            for e, one in zip(whole, prepared.stretches, strict=True)
-        ]
-        times = [(one.prepared.problem.t_s, one) for one in prepared.stretches]
-        asked = sum(int(((t >= s.from_s) & (t < s.until_s)).sum()) for t, s in times)
-        return joined_estimates(parts, whole[-1].epochs, asked)
+        # Factors of one's own cannot be left out of a flight: what they contradict is said.
+        own = self.factors or flight.networks
+        is_tried = self.noise == "identified" and not own
+        if self.causal:
+            whole = self._of_whole_flights._once if is_tried else None
+            asked = Asked(self.prepare, self._estimated, whole, self._waits_s)
+            return consistent_so_far(flight, prepared, asked)
+        again = self._once if is_tried else None
+        return without_contradictions(flight, self._estimated(flight, prepared), again)
+
+    @property
+    def _waits_s(self) -> float:
+        """How much of what comes later a causal estimate takes part of."""
+        return self.lag_s
+
+    @property
+    def _of_whole_flights(self) -> "Batch":
+        """The method without openings, whose innovations are those of a bad linearisation, too."""
+        own = {one.name: getattr(self, one.name) for one in fields(Smoother)}
+        return Batch(**own | {"causal": False, "lag_s": Batch().lag_s, "name": self.name})
 
     def _once(self, flight: Flight) -> Estimate:
         return self._estimated(flight, self.prepare(flight))
@@ -283,6 +293,10 @@ class Forward(Smoother):
     causal: bool = True
     lag_s: float = 1.0
     name: str = "forward"
+
+    @property
+    def _waits_s(self) -> float:
+        return 0.0
 
     def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
         return by_newest(prepared, own, self.solver, self.lag_s)

@@ -100,6 +100,8 @@ class Consistency:
         are; None where that is not known.
     contradictions : tuple of Contradiction
         In order of time.
+    beyond_s : tuple of float
+        Ends of seconds by which the record so far was beyond its band: what a filter knew of it.
     """
 
     what: str
@@ -110,6 +112,7 @@ class Consistency:
     deciles: tuple[int, ...] = ()
     limit: float | None = None
     contradictions: tuple[Contradiction, ...] = ()
+    beyond_s: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

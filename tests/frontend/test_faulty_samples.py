@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav.frontend.faulty_samples import without_faulty, without_spikes
+from fgnav.frontend.faulty_samples import without_faulty, without_spikes, without_stuck_so_far
 from fgnav.types.flight import Imu
 
 T_S = np.arange(0, 10, 0.01)
@@ -85,3 +85,23 @@ def test_a_right_record_and_one_at_rest_without_noise_are_kept(imu):
     assert without_faulty(imu)[0] is imu
     still = replace(imu, f_b_mps2=0 * imu.f_b_mps2, w_b_radps=0 * imu.w_b_radps)
     assert without_faulty(still)[0] is still
+
+
+def test_a_stuck_unit_is_known_by_what_came_before(imu):
+    force, rate = imu.f_b_mps2.copy(), imu.w_b_radps.copy()
+    force[300:400], rate[300:400] = force[300], rate[300]
+    stuck = replace(imu, f_b_mps2=force, w_b_radps=rate)
+    left, (loss,) = without_stuck_so_far(stuck)
+    assert loss.count > 90
+    assert np.isin(stuck.t_s[:302], left.t_s).all()
+    assert np.isin(stuck.t_s[400:], left.t_s).all()
+    for end in (250, 330, 420):  # what comes later does not matter
+        parts = {n: getattr(stuck, n)[:end] for n in ("t_s", "f_b_mps2", "w_b_radps")}
+        part, _ = without_stuck_so_far(replace(stuck, **parts))
+        np.testing.assert_array_equal(part.t_s, left.t_s[left.t_s <= stuck.t_s[end - 1]])
+
+
+def test_right_records_so_far_are_kept(imu):
+    assert without_stuck_so_far(imu)[0] is imu
+    still = replace(imu, f_b_mps2=0 * imu.f_b_mps2, w_b_radps=0 * imu.w_b_radps)
+    assert without_stuck_so_far(still)[0] is still

@@ -69,7 +69,7 @@ def test_the_worst_comes_first():
 
 
 def test_samples_of_the_spans_alone_are_left_out(flight):
-    (_, field, *_) = (
+    (field, *_) = (
         one.flight
         for one in exclusions(
             flight,

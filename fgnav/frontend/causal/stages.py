@@ -21,6 +21,7 @@ from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.attitude.initial import level_start
 from fgnav.frontend.attitude.vector_alignment import VECTOR_SIGMA_RAD
 from fgnav.frontend.causal.array import causal_array
+from fgnav.frontend.faulty_samples import without_stuck_so_far
 from fgnav.frontend.gaps import bridged, keyframe_times
 from fgnav.frontend.matching import nearest
 from fgnav.frontend.settings import ProblemSettings
@@ -49,7 +50,8 @@ def causal_aligned(
     NoSolutionError
         If no epoch has an attitude.
     """
-    record = bridged(inertial_record(flight), causal=True)
+    imu, faulty = without_stuck_so_far(inertial_record(flight))
+    record = bridged(imu, causal=True)
     imu = record.imu
     down = None if settings.gravity is None else causal_gravity(settings.gravity)(flight)
     start, count, losses = _keyframes(imu, _epochs(flight, settings, earlier), earlier)
@@ -59,7 +61,7 @@ def causal_aligned(
         R_open = spun(start.own, start.t_s, np.tile(R_nu, (len(start.t_s), 1, 1)))
     stretch = np.full(len(start.t_s), -1, dtype=np.int64)
     rates = np.zeros((len(start.t_s), 3)) if imu.w_b_radps is None else _latest_rates(imu, start)
-    no_arcs = FloatArcs(stretch=stretch, count=0)
+    no_arcs, losses = FloatArcs(stretch=stretch, count=0), (*faulty, *losses)
     return Aligned(record, down, start, no_arcs, rates, count, losses, causal=True, R_open=R_open)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.graph.correlation import correlated
+from fgnav.graph.correlation import SHOWN_BY, correlated
 from fgnav.types.estimate import Contradiction
 
 _FALSE_ALARM = 1e-4  # of a sensor of a right flight, by each of the two tests
@@ -15,6 +15,7 @@ TOLERATED = 1.5**2
 # reached 3.6, 2.6 and 6; frozen fixes, stuck units and spikes 11 and more.
 _TOLERATED_AT_ONCE = 3.0**2
 _BLOCK_S, _BLOCK = 1.0, 5  # s and samples of a block at least: few samples have wide bands
+_ROUNDING = 1e-6  # of times
 _THROUGHOUT = 0.5  # share of blocks
 
 
@@ -41,11 +42,11 @@ def contradictions(
        independent ones (``correlated``).
     """
     k, total = len(t_s), int(freedom.sum())
-    if k < _BLOCK or total == 0:
+    if total == 0:
         return ()
     nis = float(squared.sum()) / total
     out = nis > max(TOLERATED, limit_of(squared, freedom))
-    step_s = max(float(np.median(np.diff(t_s))), 1e-9)
+    step_s = max(float(np.median(np.diff(t_s))) if k > 1 else 1.0, 1e-9)
     begins = np.arange(0, k, max(_BLOCK, round(_BLOCK_S / step_s)))
     own, sums = np.add.reduceat(freedom, begins), np.add.reduceat(squared, begins)
     limits = _limit(own.clip(1).astype(np.float64), _FALSE_ALARM / len(begins), _TOLERATED_AT_ONCE)
@@ -58,14 +59,40 @@ def contradictions(
     return tuple(_spans(t_s, (sums, own), begins, flagged))
 
 
-def limit_of(squared: FloatArray, freedom: IntArray) -> float:
-    """Return the largest NIS of innovations, (k,), that noise explains, correlated as they are."""
+def beyond_s(t_s: FloatArray, squared: FloatArray, freedom: IntArray) -> tuple[float, ...]:
+    """Return the ends of seconds by which the record so far contradicts what it states.
+
+    Test j of a record that is tested second by second has the share 1 / (j (j + 1)) of the false
+    alarm. Parameters as in ``contradictions``.
+    """
+    if not len(t_s):
+        return ()
+    # Of the flight's time: which sample is the first to test anything may be a matter of rounding.
+    ends = np.flatnonzero(np.diff(np.floor(t_s / _BLOCK_S + _ROUNDING)) > 0)
+    ends = ends[ends >= _BLOCK - 1]
+    suspicious = np.cumsum(squared)[ends] > TOLERATED * np.cumsum(freedom)[ends]
+    found = []
+    for j in np.flatnonzero(suspicious):
+        so_far = slice(0, ends[j] + 1)
+        false_alarm = _FALSE_ALARM / ((j + 1) * (j + 2))
+        total = int(freedom[so_far].sum())
+        if squared[so_far].sum() > total * limit_of(squared[so_far], freedom[so_far], false_alarm):
+            found.append(float(t_s[ends[j]]))
+    return tuple(found)
+
+
+def limit_of(squared: FloatArray, freedom: IntArray, false_alarm: float = _FALSE_ALARM) -> float:
+    """Return the largest NIS of innovations, (k,), that noise explains, correlated as they are.
+
+    All of them are worth one where they are too few for any correlation to show.
+    """
     total = int(freedom.sum())
     if total == 0:
         return float("inf")
     apart = (squared - freedom) / np.sqrt(2 * freedom.clip(1))
-    effective = max(total / correlated((apart - apart.mean())[:, None]), 1.0)
-    return float(_limit(effective, _FALSE_ALARM, 0.0))
+    longer = correlated((apart - apart.mean())[:, None]) if len(apart) > SHOWN_BY else len(apart)
+    effective = max(total / longer, 1.0)
+    return float(_limit(effective, false_alarm, 0.0))
 
 
 def limit_of_one(freedom: int) -> float:

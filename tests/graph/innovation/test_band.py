@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fgnav.graph.correlation import correlated
-from fgnav.graph.innovation.band import contradictions
+from fgnav.graph.innovation.band import beyond_s, contradictions
 
 K, D = 300, 3  # samples of 30 s, degrees of freedom of each
 T_S = np.arange(K) / 10.0
@@ -57,8 +57,15 @@ def test_one_sample_far_off_is_found():
     assert found.until_s - found.from_s < 1.0
 
 
-def test_few_samples_and_none_that_test_anything_say_nothing():
-    assert contradictions(T_S[:4], np.full(4, 1e6), FREEDOM[:4]) == ()
+def test_few_samples_say_what_one_of_them_would():
+    for k in (1, 4):
+        assert contradictions(T_S[:k], np.full(k, 5.0 * D), FREEDOM[:k]) == ()  # chance: 7.04
+        (found,) = contradictions(T_S[:k], np.full(k, 9.0 * D), FREEDOM[:k])
+        assert found.throughout
+
+
+def test_none_that_test_anything_say_nothing():
+    assert contradictions(T_S[:0], np.empty(0), FREEDOM[:0]) == ()
     assert contradictions(T_S, np.full(K, 1e6), 0 * FREEDOM) == ()
 
 
@@ -73,3 +80,30 @@ def test_white_series_and_nothing_have_no_correlation():
     rng = np.random.default_rng(30_005)
     assert [correlated(rng.normal(size=(200, 2))) for _ in range(200)].count(1.0) >= 198
     assert correlated(np.zeros((10, 2))) == 1.0
+
+
+def test_right_noise_that_is_tested_every_second_is_hardly_ever_contradicted():
+    rng = np.random.default_rng(30_005)
+    alarms = sum(bool(beyond_s(T_S, squares(rng).sum(axis=0), FREEDOM)) for _ in range(2000))
+    assert alarms <= 2  # of 0.2 expected at most: 1e-4 of all tests of a record together
+
+
+def test_errors_that_stay_are_worth_one_until_they_can_show_that_they_stay():
+    rng = np.random.default_rng(30_006)
+    alarms = 0
+    for _ in range(500):
+        squared = np.full(K, (rng.normal(size=D) ** 2).sum())  # a constant that is off
+        alarms += min(beyond_s(T_S, squared, FREEDOM), default=np.inf) < 1.6
+    assert alarms <= 2
+
+
+def test_noise_that_grows_louder_is_known_within_seconds_and_no_earlier():
+    rng = np.random.default_rng(30_007)
+    sigma = np.where(T_S >= 10, 6.0, 1.0)
+    squared = squares(rng, sigma).sum(axis=0)
+    found = beyond_s(T_S, squared, FREEDOM)
+    assert 10.0 < found[0] < 13.0
+    until = T_S <= 14.0  # what comes later does not matter
+    assert beyond_s(T_S[until], squared[until], FREEDOM[until]) == tuple(
+        s for s in found if s < 13.95
+    )
