@@ -10,5 +10,6 @@ def manifest(name: str) -> Path:
     return _FACTORS / f"{name}.json"
 
 
-gravity = manifest("gravity-factor")  # direction of gravity, accelerations and fixes' velocities
+gravity = manifest("gravity")  # its direction, from accelerations and fixes' velocities
+gravity_accelerometer = manifest("gravity-accelerometer")  # the same from accelerations alone
 velocity = manifest("velocity")  # in body axes, from four seconds of a MEMS inertial unit
