@@ -12,6 +12,7 @@ from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.geometry.rotations import log, to_euler, transpose, wrap
 from fgnav.gravity import GravityDirection
 from fgnav.methods.smoother import Batch
+from fgnav.neural import NeuralFactor
 from fgnav.types.flight import Flight
 from fgnav_models.runtime.factors import manifest
 from fgnav_models.training.gravity.data import angles_deg, rms
@@ -116,7 +117,7 @@ def methods() -> dict[str, Batch]:
     return {
         "none": Batch(),
         "physical pair": Batch(gravity=Pair(interval_s=PAIR_INTERVAL_S)),
-    } | {name: Batch(factors=(str(manifest(name)),)) for name in networks}
+    } | {name: Batch(factors=(NeuralFactor(manifest(name)),)) for name in networks}
 
 
 def ablation(flown: list[Flight], by: dict[str, Batch]) -> dict[str, Tally]:

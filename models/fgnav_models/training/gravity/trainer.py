@@ -12,6 +12,7 @@ from fgnav.io.atomic_write import made_folder, write_text
 from fgnav.io.strict_toml import Table
 from fgnav.methods.smoother import Batch
 from fgnav.neural.calibration import calibration
+from fgnav.neural.factor import NeuralFactor
 from fgnav_models.training.ambiguity.experiment import SliceOver
 from fgnav_models.training.ambiguity.released import Release
 from fgnav_models.training.gravity.data import Drawn, Rows, draw
@@ -160,7 +161,7 @@ def _through(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) 
     if done.exists():
         return report_rows(name, msgspec.json.decode(done.read_bytes(), type=_Comparison))
     net = _trained(learned, recipe, flights, order)
-    alone = Batch(factors=(str(order.out / f"{name}.json"),))
+    alone = Batch(factors=(NeuralFactor(order.out / f"{name}.json"),))
     metrics = order.out / name / "metrics.json"
     wait_s = msgspec.json.decode(metrics.read_bytes(), type=dict[str, float])[_WAIT]
 
@@ -189,7 +190,7 @@ def _through(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) 
     found = figures_of(net, flights(_TEST))
     _release(net, flights, learned, recipe, found, folder)
     unseen = flown(world, how.phases, how.held_out, how.duration_s, [seed, _HELD_OUT])
-    through = Batch(factors=(str(folder / f"{name}.json"),))
+    through = Batch(factors=(NeuralFactor(folder / f"{name}.json"),))
     before, after = (judged(one, unseen) for one in (alone, through))
     both = compared(before, after, np.random.default_rng([seed, _INTERVAL]))
     words = learned.release
