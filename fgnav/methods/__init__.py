@@ -26,7 +26,7 @@ METHODS = {
     "gtsam": "fgnav.methods.smoother:GtsamBatch",
     "rtk": "fgnav.methods.rtk:Rtk",
 }
-_NETWORKS = {"network": "gravity", "network-accelerometer": "gravity-accelerometer"}
+FORMER_GRAVITY = {"network": "gravity", "network-accelerometer": "gravity-accelerometer"}
 SMOOTHERS = ("smoother", "forward", "batch", "gtsam")  # those that take all of ``Options``
 WITH_LAG = ("smoother", "forward")
 
@@ -82,7 +82,7 @@ def gravity_source(
     """
     if name is None:
         return None, factors
-    factor = _NETWORKS.get(name)
+    factor = FORMER_GRAVITY.get(name)
     if factor is None:
         return gravity_named(name), factors
     _LOG.warning(
