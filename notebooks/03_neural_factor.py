@@ -194,9 +194,9 @@ table = calibration(folder / "sun.json", [(f, {"photodiodes": r}) for f, r in fl
 print(table)
 
 # %% [markdown]
-# How long its errors last goes into the manifest: what lasts as long as a flight is a constant of the
-# graph; of the rest, outputs closer than two half-lives are left out, and the others' covariance is
-# that much larger.
+# How long its errors last goes into the manifest: what lasts as long as a flight is a constant of
+# the graph; of the rest, outputs closer than two half-lives are left out, and the others'
+# covariance is that much larger.
 
 # %%
 output = msgspec.structs.replace(
