@@ -1,7 +1,9 @@
 """Interchangeable parts by name: the library's own, then those of installed packages."""
 
+import json
 import re
 import sys
+import tomllib
 from collections.abc import Mapping
 from importlib import import_module
 from importlib.metadata import entry_points
@@ -85,6 +87,10 @@ def _from_module(name: str, kind: str) -> Any:  # noqa: ANN401  # any part
 
 
 def _first_line(part: object) -> str:
-    """Return the first line of a part's docstring."""
+    """Return the first line of a part's docstring; of a network's manifest its purpose."""
+    if isinstance(part, Path):
+        text = part.read_text(encoding="utf-8")
+        stated = json.loads(text) if part.suffix == ".json" else tomllib.loads(text)
+        return str(stated["purpose"])
     line = (getdoc(part) or "says nothing of itself").splitlines()[0]
     return re.sub(r" \[\d+\]_", "", line)  # references stand further down

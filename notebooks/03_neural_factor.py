@@ -194,11 +194,14 @@ table = calibration(folder / "sun.json", [(f, {"photodiodes": r}) for f, r in fl
 print(table)
 
 # %% [markdown]
-# Its half-life goes into the manifest: outputs closer than two of it are left out, and the others'
+# How long its errors last goes into the manifest: what lasts as long as a flight is a constant of
+# the graph; of the rest, outputs closer than two half-lives are left out, and the others'
 # covariance is that much larger.
 
 # %%
-output = msgspec.structs.replace(manifest.output, half_life_s=table.half_life_s)
+output = msgspec.structs.replace(
+    manifest.output, half_life_s=table.half_life_s, lasting=table.lasting
+)
 save_manifest(msgspec.structs.replace(manifest, output=output), folder / "sun.json")
 
 # %% [markdown]

@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from fgnav import plugins
+from fgnav.gravity import ESTIMATORS
 from fgnav.integers.resolvers.registry import resolver_names
-from fgnav.methods import METHODS
+from fgnav.methods import FORMER_GRAVITY, METHODS
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("models/**/*.md"), *ROOT.glob("sim/*.md")])
@@ -24,7 +25,7 @@ def typed(option: str) -> set[str]:
     ("option", "known"),
     [
         ("integers", resolver_names()),
-        ("gravity", plugins.names("fgnav.gravity", {})),
+        ("gravity", (*plugins.names("fgnav.gravity", ESTIMATORS), *FORMER_GRAVITY)),
         ("method", plugins.names("fgnav.methods", METHODS)),
     ],
 )

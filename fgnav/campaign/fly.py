@@ -27,16 +27,16 @@ def estimator_of(table: MethodTable) -> Estimator:
         Naming the table and what it asks that is not there.
     """
     from fgnav.evaluation.ablation import Restricted, check_kinds  # noqa: PLC0415
-    from fgnav.gravity import gravity_named  # noqa: PLC0415
     from fgnav.integers.resolvers.registry import resolver_named  # noqa: PLC0415
-    from fgnav.methods import Options, method_named  # noqa: PLC0415
+    from fgnav.methods import Options, gravity_source, method_named  # noqa: PLC0415
 
     try:
         check_kinds(table.without)
+        gravity, factors = gravity_source(table.gravity, table.factors)
         options = Options(
-            gravity=None if table.gravity is None else gravity_named(table.gravity),
+            gravity=gravity,
             estimate=table.estimate,
-            factors=table.factors,
+            factors=factors,
             solver=table.solver,
             causal=table.causal,
             lag_s=table.lag_s,

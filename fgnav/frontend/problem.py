@@ -89,6 +89,19 @@ class PreparedFlight:
     stretches: "tuple[Stretch, ...]" = ()
     goes_on: "Earlier | None" = None
 
+    def with_constants(self, parts: tuple[FlightConstant, ...]) -> "PreparedFlight":
+        """Return the same with more constants, after those its problems have."""
+        opening, in_motion = self.opening, self.in_motion
+        return replace(
+            self,
+            problem=self.problem.with_constants(parts),
+            windowed=self.windowed.with_constants(parts),
+            in_motion=None if in_motion is None else in_motion.with_constants(parts),
+            opening=None
+            if opening is None
+            else replace(opening, problem=opening.problem.with_constants(parts)),
+        )
+
 
 class Stretch(NamedTuple):
     """A flight up to a time, as it is prepared for estimates from another time on."""

@@ -81,11 +81,14 @@ class Timeline:
     new : int
         First keyframe that is new: 0 of a recorded flight; of a stream, which asks at every update
         with all keyframes so far, the newest. Factors of earlier ones alone are not taken again.
+    constants : tuple of int
+        Keys of the constants that the source has in its attribute ``constants``, in that order.
     """
 
     t_s: FloatArray
     gyroscope: bool
     new: int = 0
+    constants: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         """Check and freeze the times."""

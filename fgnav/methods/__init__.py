@@ -6,12 +6,15 @@ through the entry-point group ``fgnav.methods``: a callable that takes ``resolve
 ``Estimator``.
 """
 
+import logging
 from dataclasses import dataclass, replace
 
 from fgnav import plugins
-from fgnav.gravity import GravityEstimator
+from fgnav.gravity import GravityEstimator, gravity_named
 from fgnav.types.estimate import Estimator
 from fgnav.types.integers import Resolver
+
+_LOG = logging.getLogger(__name__)
 
 GROUP = "fgnav.methods"
 METHODS = {
@@ -23,6 +26,7 @@ METHODS = {
     "gtsam": "fgnav.methods.smoother:GtsamBatch",
     "rtk": "fgnav.methods.rtk:Rtk",
 }
+FORMER_GRAVITY = {"network": "gravity", "network-accelerometer": "gravity-accelerometer"}
 SMOOTHERS = ("smoother", "forward", "batch", "gtsam")  # those that take all of ``Options``
 WITH_LAG = ("smoother", "forward")
 
@@ -67,6 +71,26 @@ class Options:
             "lag_s": self.lag_s if name in WITH_LAG else None,
         }
         return {option: value for option, value in wanted.items() if value is not None}
+
+
+def gravity_source(
+    name: str | None, factors: tuple[str, ...]
+) -> tuple[GravityEstimator | None, tuple[str, ...]]:
+    """Return who tells gravity by a name, and factors with what that is another name of.
+
+    Networks that tell it are factors; their names as estimators hold for one version.
+    """
+    if name is None:
+        return None, factors
+    factor = FORMER_GRAVITY.get(name)
+    if factor is None:
+        return gravity_named(name), factors
+    _LOG.warning(
+        "gravity %r is now a factor: --factors %s; this name goes with the next version",
+        name,
+        factor,
+    )
+    return None, factors if factor in factors else (*factors, factor)
 
 
 def method_named(

@@ -255,7 +255,7 @@ class Smoother:
     def _estimated(
         self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None
     ) -> Estimate:
-        sourced = own_factors(self.factors, flight, prepared.problem)
+        prepared, sourced = own_factors(self.factors, flight, prepared)
         own = sourced.factors
         if own and self.solver == "chain":
             raise BadInputError(

@@ -13,7 +13,7 @@ from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.methods.smoothing.calibration_report import calibrated_constants
 from fgnav.methods.smoothing.estimates import Body, stated
-from fgnav.methods.smoothing.own_sources import with_networks
+from fgnav.methods.smoothing.own_sources import own_constants, with_networks, with_timelines
 from fgnav.methods.streaming.keyframe import Before, keyframe_problem
 from fgnav.methods.streaming.measurements import Direction, Measured, Measurements, StreamSetUp
 from fgnav.types.estimate import Consistency, Estimate
@@ -55,6 +55,7 @@ class Stream:
 
         self._set_up = set_up
         self._sources = with_networks(factors, set_up.networks)
+        self._asked = own_constants(self._sources)
         self._times_s: list[float] = []  # of all keyframes; only for sources
         self._latest: SmoothingProblem | None = None
         self._body: Body | None = None
@@ -102,7 +103,7 @@ class Stream:
         before = None
         if self._count:
             before = Before(self._last_s, self._window.newest().solution.states.p_n_m[0])
-        problem = keyframe_problem(measurements, self._set_up, before)
+        problem = keyframe_problem(measurements, self._set_up, before).with_constants(self._asked)
         if before is None:
             self._body = Body(
                 position_b_m=measurements.imu.position_b_m,
@@ -150,8 +151,9 @@ class Stream:
         times_s = [*self._times_s, measurements.t_s]
         if self._sources:
             timeline = Timeline(t_s=np.array(times_s), gyroscope=layout.gyroscope, new=self._count)
-            for source in self._sources:
-                made = source(measurements, timeline)
+            first = len(problem.constants.parts) - len(self._asked)
+            for source, its in with_timelines(self._sources, timeline, first):
+                made = source(measurements, its)
                 factors += [one for one in map(named, made) if entering_stream(one, *bounds)]
                 if isinstance(made, Sourced):
                     self._losses.update({(one.what, one.reason): one.count for one in made.losses})

@@ -23,7 +23,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.rotations import exp, log, to_euler, transpose, wrap
-from fgnav.neural.correlation import Errors, half_life_s, interval_s, together
+from fgnav.neural.correlation import Errors, half_life_s, interval_s, lasting_share, together
 from fgnav.neural.measures import SENSORS
 from fgnav.neural.network import Network, load_network
 from fgnav.neural.records import Record, check_rate, of_flight
@@ -32,6 +32,7 @@ from fgnav.types.flight import Flight, Truth
 
 _DRAWS = 64  # pairs of each answer's energy score: 0.1 % of the mean of ten thousand answers
 _EVERY_S = 0.1  # between answers, or more where sensors are slower: closer ones say the same
+_NOTHING = 1e-9  # of a variance: rounding
 _BINS = 5  # by predicted sigma, equally many answers in each
 _JUDGED = ("heading", "attitude", "direction", "velocity", "speed", "height")
 
@@ -69,11 +70,12 @@ class Calibration:
         By the network's covariance, and by the constant one of these answers.
     constant_sigma : tuple of float
         Of each axis of the tangent.
-    half_life_s : float
-        Of normalised errors, measured on these flights.
+    half_life_s, lasting : float
+        Of normalised errors, measured on these flights: the share of their variance that lasts, and
+        the half-life of the rest.
     together : tuple of float
-        NEES of 1 of the mean of each flight's answers: as the manifest's half-life has them
-        counted, and as if all were independent.
+        NEES of 1 of the mean of each flight's answers: as the manifest has them counted, and as if
+        all were independent.
     bins : tuple of Bin
     """
 
@@ -85,6 +87,7 @@ class Calibration:
     constant: Scores
     constant_sigma: tuple[float, ...]
     half_life_s: float
+    lasting: float
     together: tuple[float, float]
     bins: tuple[Bin, ...]
 
@@ -94,7 +97,8 @@ class Calibration:
         sigma = ", ".join(f"{scale * s:.3g}" for s in self.constant_sigma)
         lines = [
             f"{self.name}: {self.count} answers, {self.outside} windows outside the domain or "
-            f"with gaps; half-life of errors {self.half_life_s:.3g} s",
+            f"with gaps; {self.lasting:.0%} of the errors' variance lasts, half-life of the rest "
+            f"{self.half_life_s:.3g} s",
             f"{'covariance':24} {'NEES of 1':>10} {'NLL':>10} {f'energy {unit}':>12}",
         ]
         for what, one in (
@@ -144,16 +148,17 @@ def calibration(
             f"{output.measures}"
         )
     for flight, records in flights:
-        t_s, error, covariance, lost = _errors(network, flight, records)
+        t_s, error, covariance, normalised, lost = _errors(network, flight, records)
         errors.append(error)
         covariances.append(covariance)
         outside += lost
         if len(t_s) > 2:
-            white.append((t_s, _normalised(error, covariance)))
+            white.append((t_s, normalised))
     if not white:
         raise BadInputError(f"{manifest}: the flights have no three windows to answer")
     e, P = np.concatenate(errors), np.concatenate(covariances)
     constant, stated_s = e.T @ e / len(e), output.half_life_s
+    lasting = lasting_share(white)
     return Calibration(
         name=network.manifest.name,
         unit="rad" if output.unit == "deg" else output.unit,
@@ -162,16 +167,20 @@ def calibration(
         network=_scores(e, P),
         constant=_scores(e, np.broadcast_to(constant, P.shape)),
         constant_sigma=tuple(np.sqrt(np.diag(constant)).tolist()),
-        half_life_s=half_life_s(white),
-        together=(together(white, stated_s, interval_s(stated_s)), together(white, 0.0, 0.0)),
+        half_life_s=half_life_s(white, lasting),
+        lasting=lasting,
+        together=(
+            together(white, stated_s, interval_s(stated_s), output.lasting),
+            together(white, 0.0, 0.0),
+        ),
         bins=_bins(e, P),
     )
 
 
 def _errors(
     network: Network, flight: Flight, records: Mapping[str, Record]
-) -> tuple[FloatArray, FloatArray, FloatArray, int]:
-    """Return times, errors in the tangent, covariances, and how many windows have no answer."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int]:
+    """Return times, errors and covariances, normalised errors, and how many have no answer."""
     truth = flight.truth
     if truth is None:
         raise BadInputError(f"flight {flight.name}: calibration needs its truth")
@@ -200,11 +209,15 @@ def _errors(
     answered_s, value = t_s[shown.usable][within], answers.value[within]
     error = _against_truth(network, truth, answered_s, value)
     covariance = answers.covariance[within]
+    across = np.eye(error.shape[1])
+    if network.manifest.output.measures == "direction":
+        across = across - value[:, :, None] * value[:, None, :]
+    normalised = _in_tangent(error, across @ covariance @ across)
     if network.manifest.output.measures == "direction":
         level = _attitudes(truth, answered_s)[:, :2]  # north and east: axes that do not turn
         error = np.einsum("kij,kj->ki", level, error)
         covariance = level @ covariance @ level.swapaxes(1, 2)
-    return answered_s, error, covariance, len(t_s) - len(answered_s)
+    return answered_s, error, covariance, normalised, len(t_s) - len(answered_s)
 
 
 def _against_truth(
@@ -238,6 +251,18 @@ def _attitudes(truth: Truth, t_s: FloatArray) -> FloatArray:
 
 def _normalised(e: FloatArray, P: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.solve(np.linalg.cholesky(P), e[:, :, None])[:, :, 0])
+
+
+def _in_tangent(e: FloatArray, P: FloatArray) -> FloatArray:
+    """Return errors by the symmetric root of covariances, which may have no rank along one axis.
+
+    Along that there is no error; the others are scaled so that all together have a NEES of 1.
+    """
+    values, axes = np.linalg.eigh(P)
+    there = values > _NOTHING * values[:, -1:]
+    by_axis = np.einsum("kji,kj->ki", axes, e) / np.sqrt(np.where(there, values, 1.0)) * there
+    scale = np.sqrt(e.shape[1] / there.sum(axis=1))[:, None]
+    return np.asarray(scale * np.einsum("kij,kj->ki", axes, by_axis))
 
 
 def _scores(e: FloatArray, P: FloatArray) -> Scores:

@@ -1,8 +1,9 @@
 """How outputs are counted whose errors are alike: of overlapping windows, or slow ones.
 
-Errors of outputs are taken as a first-order Gauss-Markov process, correlated by
-``rho(s) = 2^(-s / h)`` at s seconds apart, h the half-life that the manifest states. Outputs are
-taken no closer than an interval D, and the covariance of each is multiplied by
+Of the errors' variance a share s lasts as long as a flight: a constant of the graph, in 1-sigmas,
+that all outputs have in common. The rest is taken as a first-order Gauss-Markov process, correlated
+by ``rho(t) = 2^(-t / h)`` at t seconds apart; the manifest states both. Outputs are taken no closer
+than an interval D, and what is left of the covariance of each, 1 - s of it, is multiplied by
 
     c = (1 + rho(D)) / (1 - rho(D)).
 
@@ -26,6 +27,7 @@ from fgnav.checks import FloatArray
 Errors: TypeAlias = tuple[FloatArray, FloatArray]
 
 HALF_LIVES = 2.0  # between outputs, see above
+_MOST_LASTING = 0.99  # some of every error is new: its rounding
 _TRIED = 200  # intervals: a few percent apart, interpolated between
 _SAME = 1e-6  # of an interval: times are rounded
 
@@ -51,12 +53,14 @@ def inflation(half_life_s: float, between_s: float) -> float:
     return float((1 + rho) / (1 - rho))
 
 
-def together(flights: Sequence[Errors], half_life_s: float, between_s: float) -> float:
+def together(
+    flights: Sequence[Errors], half_life_s: float, between_s: float, lasting: float = 0.0
+) -> float:
     """Return the NEES of 1 of the mean of each flight's answers, as the factor counts them.
 
-    Of n answers ``between_s`` apart or more, each with its covariance times ``inflation``, the mean
-    of normalised errors has the variance ``inflation / n``; the mean square of what it errs by,
-    divided by that. The first answer is each of the first interval in turn.
+    Of n answers ``between_s`` apart or more the mean of normalised errors has the variance
+    ``lasting + (1 - lasting) inflation / n``; the mean square of what it errs by, divided by that.
+    The first answer is each of the first interval in turn.
 
     Parameters
     ----------
@@ -64,15 +68,43 @@ def together(flights: Sequence[Errors], half_life_s: float, between_s: float) ->
         As of ``half_life_s``.
     half_life_s, between_s : float
         0 and the answers' own interval: as if all were independent.
+    lasting : float
     """
     squares, weights = [], []
+    new = (1 - lasting) * inflation(half_life_s, between_s)
     for t_s, error in flights:
         starts = np.flatnonzero(t_s <= t_s[0] + between_s * (1 - _SAME))
         for start in starts.tolist():
             rows = _apart(t_s, start, between_s)
-            squares.append((error[rows].sum(axis=0) ** 2).mean() / len(rows))
+            expected = lasting + new / len(rows)
+            squares.append((error[rows].mean(axis=0) ** 2).mean() / expected)
             weights.append(1 / len(starts))
-    return float(np.average(squares, weights=weights) / inflation(half_life_s, between_s))
+    return float(np.average(squares, weights=weights))
+
+
+def lasting_share(flights: Sequence[Errors]) -> float:
+    """Return the share of the errors' variance that lasts: where the autocovariance levels off.
+
+    The mean product of errors half of a flight's span apart, or more, over the mean square. Flights
+    are independent of each other: below twice its standard error over them it is none, as it is of
+    a single one.
+
+    Parameters
+    ----------
+    flights : sequence of (t_s, error)
+        As of ``half_life_s``, ten or more.
+    """
+    if len(flights) < 2:
+        return 0.0
+    of_flights = []
+    for t_s, error in flights:
+        far = t_s[None] - t_s[:, None] >= (t_s[-1] - t_s[0]) / 2
+        products = (far @ error * error).sum()
+        of_flights.append((products / far.sum(), (error**2).sum(axis=1).mean()))
+    plateau, variance = np.array(of_flights).T
+    share = plateau.mean() / variance.mean()
+    spread = (plateau - share * variance).std(ddof=1) / np.sqrt(len(plateau)) / variance.mean()
+    return float(share.clip(0.0, _MOST_LASTING)) if share > 2 * spread else 0.0
 
 
 def _apart(t_s: FloatArray, row: int, between_s: float) -> list[int]:
@@ -84,11 +116,12 @@ def _apart(t_s: FloatArray, row: int, between_s: float) -> list[int]:
     return rows
 
 
-def half_life_s(flights: Sequence[Errors]) -> float:
-    """Return the half-life of errors by their autocovariance; 0 where neighbours are independent.
+def half_life_s(flights: Sequence[Errors], lasting: float = 0.0) -> float:
+    """Return the half-life of errors, less what lasts; 0 where neighbours are independent.
 
-    That with which a flight's answers, ``HALF_LIVES`` of it apart, are together as sure as they are
-    right. Of n answers D apart the mean's variance is the single one's, times
+    By their autocovariance: that with which a flight's answers, ``HALF_LIVES`` of it apart, are
+    together as sure as they are right. Of n answers D apart the mean's variance is the single
+    one's, times
 
         q(D) / n,  q(D) = 1 + 2 sum (1 - k/n) rho(k D),  k = 1 … n-1,
 
@@ -102,12 +135,14 @@ def half_life_s(flights: Sequence[Errors]) -> float:
     flights : sequence of (t_s, error)
         Times, (n,), multiples of an interval apart, and errors, (n, d), normalised by the stated
         1-sigmas.
+    lasting : float
+        Share of their variance.
 
     References
     ----------
     .. [1] Box, Jenkins, Reinsel: Time Series Analysis, 4th edition, 2008, section 2.1.6.
     """
-    step_s, rho = _autocorrelation(flights)
+    step_s, rho = _autocorrelation(flights, lasting)
     span_s = float(np.mean([t_s[-1] - t_s[0] for t_s, _ in flights]))
     wanted = inflation(1.0, HALF_LIVES)
     nearest = _sum(rho, step_s, span_s, step_s)
@@ -133,8 +168,8 @@ def _sum(rho: FloatArray, step_s: float, span_s: float, between_s: float) -> flo
     return float(found)
 
 
-def _autocorrelation(flights: Sequence[Errors]) -> tuple[float, FloatArray]:
-    """Return the interval and the autocorrelation of all flights, up to where it is noise."""
+def _autocorrelation(flights: Sequence[Errors], lasting: float) -> tuple[float, FloatArray]:
+    """Return the interval and the autocorrelation of what is new, up to where it is noise."""
     step_s = float(np.median(np.concatenate([np.diff(t_s) for t_s, _ in flights])))
     places = [np.rint((t_s - t_s[0]) / step_s).astype(np.int64) for t_s, _ in flights]
     n = max(int(place[-1]) for place in places) + 1
@@ -146,6 +181,7 @@ def _autocorrelation(flights: Sequence[Errors]) -> tuple[float, FloatArray]:
         pairs += _correlated(seen[:, None], n)
         products += _correlated(errors, n) / error.shape[1]
     rho = products / np.maximum(pairs, 1.0) / (products[0] / pairs[0])
+    rho = (rho - lasting) / (1 - lasting)
     noise = np.flatnonzero(rho < 2 / np.sqrt(np.maximum(pairs, 1.0)))
     return step_s, rho[: int(noise[0])] if len(noise) else rho
 

@@ -10,10 +10,11 @@ from fgnav.checks import BadInputError, IntArray, Loss, positive
 from fgnav.graph.custom import OwnFactor
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
+from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.neural.correlation import inflation, interval_s
 from fgnav.neural.measures import SENSORS
 from fgnav.neural.network import load_network
-from fgnav.neural.outputs import factor_of
+from fgnav.neural.outputs import Counted, factor_of
 from fgnav.neural.records import Record, check_rate, joined, of_flight, of_measurements
 from fgnav.neural.windows import Windows, windows
 from fgnav.types.flight import Flight
@@ -82,6 +83,16 @@ class NeuralFactor:
         half_life_s = self._network.manifest.output.half_life_s
         return interval_s(half_life_s) if self._interval_s is None else self._interval_s
 
+    @property
+    def constants(self) -> tuple[FlightConstant, ...]:
+        """What of its errors lasts as long as a flight, in 1-sigmas; none of most."""
+        output = self._network.manifest.output
+        if not output.lasting:
+            return ()
+        axes = tuple(f"axis {i + 1}" for i in range(output.measure.freedom))
+        name = f"lasting error of {self.name}"
+        return (flight_constant(name, axes, "", 1.0, reported=False),)
+
     def add(self, sensor: str, record: Record) -> None:
         """Take samples of a sensor that a stream's measurements do not have, as they come."""
         self._check(sensor, record)
@@ -98,12 +109,13 @@ class NeuralFactor:
         if isinstance(flight, Flight):
             have = {**of_flight(flight), **self._given}
             self._last_s = -np.inf
-            return self._answered(have, timeline.t_s, 0, self._notes(flight), flight.name)
+            return self._answered(have, timeline, self._notes(flight), flight.name)
         if timeline.new == 0:
             self._so_far, self._last_s = {}, -np.inf
         self._so_far = joined(self._so_far, of_measurements(flight))
-        self._so_far = {k: _newest(v, self._span_s) for k, v in self._so_far.items()}
-        return self._answered({**self._so_far, **self._given}, timeline.t_s, timeline.new, ())
+        kept_s = float(timeline.t_s[-1]) - self._span_s
+        self._so_far = {k: v.after(kept_s) for k, v in self._so_far.items()}
+        return self._answered({**self._so_far, **self._given}, timeline, ())
 
     @property
     def _span_s(self) -> float:
@@ -164,30 +176,35 @@ class NeuralFactor:
     def _answered(
         self,
         have: Mapping[str, Record],
-        t_s: np.ndarray,
-        new: int,
+        timeline: Timeline,
         notes: tuple[str, ...],
         flight: str | None = None,
     ) -> Sourced:
+        if len(timeline.constants) != len(self.constants):
+            raise BadInputError(
+                f"{self._path}: key output.lasting: its factors share a constant; give the source "
+                "itself to the smoother or the stream, which has its key"
+            )
         records = self._records(have, flight)
         if records is None:
             return Sourced()
         factors: list[OwnFactor] = []
         lost: dict[str, int] = {}
-        for first in range(new, len(t_s), _AT_ONCE):
+        t_s = timeline.t_s
+        for first in range(timeline.new, len(t_s), _AT_ONCE):
             rows = np.arange(first, min(first + _AT_ONCE, len(t_s)))
             seen = windows(self._network.manifest.inputs, records, t_s[rows])
             for reason, which in seen.lost.items():
                 lost[reason] = lost.get(reason, 0) + int(which.sum())
-            factors += self._factors(seen, t_s, rows, lost)
+            factors += self._factors(seen, timeline, rows, lost)
         what = f"{self.name} answer"
         losses = tuple(Loss(what=what, reason=r, count=n) for r, n in lost.items() if n)
         return Sourced(factors=tuple(factors), losses=losses, notes=notes)
 
     def _factors(
-        self, seen: Windows, t_s: np.ndarray, rows: IntArray, lost: dict[str, int]
+        self, seen: Windows, timeline: Timeline, rows: IntArray, lost: dict[str, int]
     ) -> list[OwnFactor]:
-        output = self._network.manifest.output
+        output, t_s = self._network.manifest.output, timeline.t_s
         usable = np.flatnonzero(seen.usable)
         from_row = np.full(len(rows), -1)
         if output.over_s is not None:
@@ -200,14 +217,17 @@ class NeuralFactor:
         reason = f"within {self.between_s:g} s of another: their errors are alike"
         lost[reason] = lost.get(reason, 0) + len(known) - len(chosen)
         answers = self._network([x[chosen] for x in seen.inputs])
-        covariance = inflation(output.half_life_s, self.between_s) * answers.covariance
+        counted = Counted(
+            inflation(output.half_life_s, self.between_s), output.lasting, *timeline.constants
+        )
         return [
             factor_of(
                 self.name,
                 output,
                 (int(from_row[i]), int(rows[i])),
                 answers.value[j],
-                covariance[j],
+                answers.covariance[j],
+                counted,
             )
             for j, i in enumerate(chosen)
         ]
@@ -242,10 +262,6 @@ def _beginnings(t_s: np.ndarray, at_s: np.ndarray) -> IntArray:
     """Return the keyframes at times; -1 where there is none."""
     row = np.searchsorted(t_s, at_s - 1e-3).clip(0, len(t_s) - 1)
     return np.where(np.abs(t_s[row] - at_s) < 1e-3, row, -1)
-
-
-def _newest(record: Record, span_s: float) -> Record:
-    return record.after(float(record.t_s[-1]) - span_s) if len(record.t_s) else record
 
 
 def _reconstructed(

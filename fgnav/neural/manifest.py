@@ -15,6 +15,7 @@ _HEX = r"^[0-9a-f]{64}$"
 
 Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1)]
 Count: TypeAlias = Annotated[int, msgspec.Meta(ge=1, le=100_000)]
+Share: TypeAlias = Annotated[float, msgspec.Meta(ge=0, lt=1)]
 
 
 class Input(Table, frozen=True):
@@ -135,7 +136,10 @@ class Output(Table, frozen=True):
         As ``measures`` has them. A displacement in ``b`` is in body axes at its beginning.
     covariance : Covariance
     half_life_s : float
-        After which errors of two outputs are correlated by a half; 0 of independent ones.
+        After which errors of two outputs, less what lasts, are correlated by a half; 0 of
+        independent ones.
+    lasting : float
+        Share of the errors' variance that lasts as long as a flight, in the tangent's axes.
     over_s : float or None
         Of displacements.
     """
@@ -147,6 +151,7 @@ class Output(Table, frozen=True):
     frame: Text
     covariance: Covariance
     half_life_s: NotNegative
+    lasting: Share = 0.0
     over_s: Positive | None = None
 
     def __post_init__(self) -> None:

@@ -10,13 +10,13 @@ import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.geometry.rotations import log, to_euler, transpose, wrap
-from fgnav.gravity import GravityDirection, GravityEstimator
+from fgnav.gravity import GravityDirection
 from fgnav.methods.smoother import Batch
+from fgnav.neural import NeuralFactor
 from fgnav.types.flight import Flight
-from fgnav_models.gravity_features import SPAN_S, differenced, windows
-from fgnav_models.runtime.gravity import AccelerometerGravity, NetworkGravity
-from fgnav_models.runtime.load import load
+from fgnav_models.runtime.factors import manifest
 from fgnav_models.training.gravity.data import angles_deg, rms
+from fgnav_models.training.gravity.features import SPAN_S, differenced, windows
 from fgnav_sim.data_sets.gravity_motions import PHASES, drawn_motion
 from fgnav_sim.data_sets.gravity_world import GravityWorld
 from fgnav_sim.scenario import FixesTable, Scenario
@@ -25,6 +25,7 @@ from fgnav_sim.simulate import simulate
 NAMES = ("gravity_ablation", "gravity_ablation_pair", "gravity_ablation_accelerometer")
 FLIGHTS = int(os.environ.get("GRAVITY_FLIGHTS", "30"))
 DURATION_S, SEED = 30.0, 20_077
+PAIR_INTERVAL_S = 5.6  # after which errors of the network of the same velocities are new: its card
 PAIR_SIGMA_RAD = np.radians(2.1)  # per axis, of the pair's errors in the world of training
 
 
@@ -54,8 +55,8 @@ class Pair:
 
 def run(count: int = FLIGHTS) -> list[dict[str, object]]:
     """Return a row for each source of gravity, against the batch without one."""
-    table = ablation(flights(count, SEED), sources())
-    named = dict(zip(NAMES, ("network", "physical pair", "network-accelerometer"), strict=True))
+    table = ablation(flights(count, SEED), methods())
+    named = dict(zip(NAMES, ("gravity", "physical pair", "gravity-accelerometer"), strict=True))
     note = f"median flight's RMS tilt, {count} flights without phase; peer: no gravity. "
     peer = table["none"].tilt_deg
     return [
@@ -110,22 +111,18 @@ def flights(count: int, seed: int) -> list[Flight]:
     return out
 
 
-def sources() -> dict[str, GravityEstimator | None]:
-    """Return sources of gravity directions by name."""
-    interval_s = float(load("gravity").manifest.domain["independent_after_s"])
+def methods() -> dict[str, Batch]:
+    """Return the batch by what tells it gravity."""
+    networks = ("gravity", "gravity-accelerometer")
     return {
-        "none": None,
-        "physical pair": Pair(interval_s=interval_s),
-        "network": NetworkGravity(),
-        "network-accelerometer": AccelerometerGravity(),
-    }
+        "none": Batch(),
+        "physical pair": Batch(gravity=Pair(interval_s=PAIR_INTERVAL_S)),
+    } | {name: Batch(factors=(NeuralFactor(manifest(name)),)) for name in networks}
 
 
-def ablation(flown: list[Flight], by: dict[str, GravityEstimator | None]) -> dict[str, Tally]:
+def ablation(flown: list[Flight], by: dict[str, Batch]) -> dict[str, Tally]:
     """Return the batch's errors with each source of gravity, on the same flights."""
-    errors = {
-        name: [errors_of(flight, gravity) for flight in flown] for name, gravity in by.items()
-    }
+    errors = {name: [errors_of(flight, method) for flight in flown] for name, method in by.items()}
     solved = [k for k in range(len(flown)) if all(of[k] is not None for of in errors.values())]
     return {
         name: tally([of[k] for k in solved], sum(one is None for one in of))
@@ -133,11 +130,11 @@ def ablation(flown: list[Flight], by: dict[str, GravityEstimator | None]) -> dic
     }
 
 
-def errors_of(flight: Flight, gravity: GravityEstimator | None) -> Errors | None:
+def errors_of(flight: Flight, method: Batch) -> Errors | None:
     """Return the batch's errors on a flight; None where it has no solution."""
     try:
         # The window is linearised where this has the flight, and says the same.
-        estimate = Batch(gravity=gravity)(flight)
+        estimate = method(flight)
     except NoSolutionError:
         return None
     R_nb = flight.truth.R_nb[np.searchsorted(flight.truth.t_s, estimate.t_s - 1e-6)]

@@ -1,4 +1,4 @@
-"""The released gravity networks, on flights of the world they know and of others."""
+"""The released gravity networks as factors, on flights of the world they know and of others."""
 
 from dataclasses import replace
 
@@ -8,22 +8,22 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.cli import main
 from fgnav.graph.custom import newest_keyframe
-from fgnav.graph.keys import Timeline
-from fgnav.gravity import gravity_named
+from fgnav.graph.keys import Timeline, constant
+from fgnav.gravity import LowDynamics, gravity_named
 from fgnav.integers.resolvers.truth import Truth
-from fgnav.methods import method_named
-from fgnav.methods.smoother import Forward, Smoother
+from fgnav.methods import gravity_source, method_named
+from fgnav.methods.smoother import Smoother
 from fgnav.neural import NeuralFactor
-from fgnav_models.gravity_features import course_motion
-from fgnav_models.runtime.factors import gravity, manifest
-from fgnav_models.runtime.gravity import AccelerometerGravity, NetworkGravity, answers
-from fgnav_models.runtime.load import load
+from fgnav.neural.network import load_network
+from fgnav_models.runtime.factors import manifest
+from fgnav_models.training.gravity.features import SPAN_S
 from fgnav_sim.data_sets.gravity import gravity_epochs
 from fgnav_sim.data_sets.gravity_world import GravityWorld, WindowsTable
 from fgnav_sim.motion import Arc, Motion, Rate, Straight
 from fgnav_sim.scenario import FixesTable, ImuTable, Scenario
 from fgnav_sim.simulate import simulate
 
+NAMES = ("gravity", "gravity-accelerometer")
 CRUISE = Motion(path=Straight(speed_mps=90.0))
 TURN = Motion(path=Arc(speed_mps=90.0, radius_m=800.0), yaw=Rate(rate_degps=np.degrees(90 / 800)))
 BANKED = Motion(
@@ -42,60 +42,60 @@ def flown(motion=CRUISE, *, seed=1, imu=None, **fixes):
     return simulate(scenario, np.random.default_rng(seed))
 
 
-def error_deg(told, flight):
-    """Return the angles to the true down at the answers' times."""
-    row = np.searchsorted(flight.truth.t_s, told.t_s - 0.051).clip(max=len(flight.truth.t_s) - 1)
-    down_b = flight.truth.R_nb[row, 2]
-    return np.degrees(np.linalg.norm(np.cross(told.g_b, down_b), axis=1))
+def asked(flight, name="gravity", **options):
+    """Return what a network's source makes of a flight."""
+    source = NeuralFactor(manifest(name), **options)
+    t_s = flight.fixes.t_s
+    keys = tuple(map(constant, range(len(source.constants))))
+    return source, source(flight, Timeline(t_s=t_s, gyroscope=False, constants=keys))
 
 
-def reasons(told):
-    return " | ".join(loss.reason for loss in told.losses)
+def thrice(flight):
+    """Return a flight whose accelerometer measures three times too much."""
+    return replace(flight, imu=replace(flight.imu, f_b_mps2=3 * flight.imu.f_b_mps2))
 
 
-@pytest.fixture(scope="module")
-def unseen():
+def reasons(made):
+    return " | ".join(loss.reason for loss in made.losses)
+
+
+@pytest.fixture(scope="module", name="unseen")
+def windows():
     """Return windows of 3000 flights: errors of one flight are alike, so few windows of each."""
-    world = GravityWorld(windows=WindowsTable(per_flight=2))
+    world = GravityWorld(windows=WindowsTable(per_flight=2), velocity_age_s=0.1)
     return gravity_epochs(world, np.random.default_rng(20_261), 6000)
 
 
-@pytest.mark.parametrize("name", ["gravity", "gravity-accelerometer"])
+@pytest.mark.parametrize("name", NAMES)
 def test_on_unseen_flights_the_mean_normalised_square_is_two(name, unseen):
-    motion = course_motion(unseen.v_n_mps, unseen.a_n_mps2) if name == "gravity" else None
-    g_b, covariance = answers(load(name), unseen.f_b_mps2, motion)
+    half_mps = unseen.a_n_mps2 * SPAN_S / 2
+    v_n_mps = np.stack([unseen.v_n_mps - half_mps, unseen.v_n_mps, unseen.v_n_mps + half_mps], 1)
+    network = load_network(manifest(name))
+    answers = network([unseen.f_b_mps2, v_n_mps][: len(network.manifest.inputs)])
+    g_b = answers.value
     apart = unseen.g_b - np.einsum("ni,ni->n", g_b, unseen.g_b)[:, None] * g_b
     sine = np.linalg.norm(apart, axis=1)
     angle = np.arctan2(sine, np.einsum("ni,ni->n", g_b, unseen.g_b))
-    error = apart * (angle / sine)[:, None]
-    nees = np.einsum("ni,nij,nj->n", error, np.linalg.pinv(covariance, rcond=1e-9), error)
+    across = np.linalg.svd(g_b[:, None])[2][:, 1:]
+    error = np.einsum("nij,nj->ni", across, apart * (angle / sine)[:, None])
+    P = across @ answers.covariance @ across.swapaxes(1, 2)
+    nees = np.einsum("ni,nij,nj->n", error, np.linalg.inv(P), error)
     assert 1.8 <= nees.mean() <= 2.2
 
 
-def test_with_velocities_down_is_known_in_level_flight_and_in_a_banked_turn():
-    for motion in (CRUISE, BANKED):
-        flight = flown(motion)
-        told = NetworkGravity(interval_s=0.1)(flight)
-        assert len(told.t_s) > 190
-        assert np.sqrt(np.mean(error_deg(told, flight) ** 2)) < 3.0
-
-
-def test_without_velocities_a_turn_is_told_by_a_wide_covariance():
+def test_without_velocities_a_turn_is_known_by_a_wide_covariance():
+    network = load_network(manifest("gravity-accelerometer"))
     wide, narrow = (
-        np.einsum("nii->n", AccelerometerGravity()(flown(motion)).covariance).min()
-        for motion in (BANKED, CRUISE)
+        np.median(
+            [
+                np.trace(P) / 1.5
+                for P in network([flight.imu.f_b_mps2[:1000].reshape(-1, 10, 3)]).covariance
+            ]
+        )
+        for flight in map(flown, (BANKED, CRUISE))
     )
     assert np.degrees(np.sqrt(wide)) > 20
     assert np.degrees(np.sqrt(narrow)) < 10
-
-
-def test_answers_are_as_far_apart_as_their_errors_are_independent():
-    flight = flown()
-    told = NetworkGravity()(flight)
-    wait_s = load("gravity").manifest.domain["independent_after_s"]
-    assert np.median(np.diff(told.t_s)) == pytest.approx(wait_s, abs=0.051)
-    assert "their errors are alike" in reasons(told)
-    assert sum(loss.count for loss in told.losses) + len(told.t_s) == 198
 
 
 @pytest.mark.parametrize(
@@ -103,82 +103,66 @@ def test_answers_are_as_far_apart_as_their_errors_are_independent():
     [
         (lambda: flown(Motion(path=Straight(speed_mps=600.0))), "horizontal speed mps outside"),
         (lambda: flown(Motion(path=Straight(climb_mps=300.0))), "upward speed mps outside"),
-        (lambda: flown(rate_hz=1.0), "velocities before and after are not 0.2 s apart"),
-        (lambda: flown(velocity_noise_mps=0.5), "velocities are noisier than 0.06 m/s"),
-        (lambda: flown(imu=ImuTable(rate_hz=50.0)), "has no 10 samples, 0.01 s apart or less"),
-        (
-            lambda: flown(imu=ImuTable(position_b_m=(0.5, 0.0, 0.0))),
-            "of an antenna 0.5 m from the accelerometer",
-        ),
+        (lambda: thrice(flown(TURN)), "specific force mps2 outside"),
     ],
 )
 def test_outside_its_domain_there_is_no_answer_but_a_loss(flight, reason):
-    told = NetworkGravity()(flight())
-    assert len(told.t_s) == 0
-    assert reason in reasons(told)
+    _, made = asked(flight())
+    assert len(made.factors) < 5
+    assert reason in reasons(made)
 
 
-def test_a_flight_without_accelerometer_or_velocities_is_refused():
+def test_other_rates_and_missing_sensors_are_refused_by_name():
     flight = flown()
-    with pytest.raises(BadInputError, match=r"network gravity needs an \[imu\]"):
-        NetworkGravity()(replace(flight, imu=None))
-    fixes = replace(flight.fixes, v_n_mps=None, velocity_sigma_mps=None)
-    for bare in (None, fixes):
-        with pytest.raises(BadInputError, match="needs velocities, of Doppler or of fixes"):
-            NetworkGravity()(replace(flight, fixes=bare))
-    assert len(AccelerometerGravity()(replace(flight, fixes=None)).t_s)
+    bare = replace(flight.fixes, v_n_mps=None, velocity_sigma_mps=None)
+    for wrong, text in (
+        (flown(rate_hz=1.0), "rate_hz"),
+        (flown(imu=ImuTable(rate_hz=50.0)), "rate_hz"),
+        (replace(flight, fixes=bare), "has no 'velocity'"),
+    ):
+        with pytest.raises(BadInputError, match=text):
+            asked(wrong)
 
 
-def test_an_interval_is_positive():
-    with pytest.raises(BadInputError, match="network gravity interval_s: must be positive"):
-        NetworkGravity(interval_s=0.0)
-
-
-def test_installed_networks_are_found_by_name():
-    assert gravity_named("network-accelerometer").network == "gravity-accelerometer"
-    with pytest.raises(
-        BadInputError, match="gravity estimator 'up': not one of low-dynamics"
-    ) as refused:
-        gravity_named("up")
-    assert "network, network-accelerometer" in str(refused.value)
-
-
-def test_only_methods_that_use_gravity_are_given_it():
-    network = NetworkGravity()
-    assert method_named("smoother", Truth(), network).gravity is network
-    assert method_named("batch", Truth()).gravity is None
-    assert method_named("rtk", Truth(), network).name == "rtk"
-
-
-def test_the_command_refuses_gravity_that_no_method_uses(capsys):
-    assert main(["compare", "nowhere", "--method", "rtk", "--gravity", "low-dynamics"]) == 2
-    assert "--gravity: only smoother, forward, batch, gtsam use it" in capsys.readouterr().err
+def test_answers_stand_two_half_lives_apart_and_share_what_lasts():
+    """Windows end at keyframes and hold nothing later: filters and streams may have them."""
+    flight = flown(TURN, velocity_noise_mps=0.05)
+    source, made = asked(flight)
+    assert [one.name for one in source.constants] == ["lasting error of gravity"]
+    assert "their errors are alike" in reasons(made)
+    rows = [newest_keyframe(one) for one in made.factors]
+    assert np.diff(flight.fixes.t_s[rows]).min() >= source.between_s - 1e-6
+    assert all(constant(0) in one.factor.keys() for one in made.factors)  # noqa: SIM118  # no dict
+    assert sum(loss.count for loss in made.losses) + len(rows) == len(flight.fixes.t_s)
 
 
 def test_the_smoother_of_a_flight_without_phase_keeps_its_tilt():
     flight = flown(BANKED)
-    estimate = Smoother(gravity=NetworkGravity())(flight)
+    estimate = Smoother(factors=(str(manifest("gravity")),))(flight)
     row = np.searchsorted(flight.truth.t_s, estimate.t_s - 1e-6)
     sine = np.linalg.norm(np.cross(estimate.R_nb[:, 2], flight.truth.R_nb[row, 2]), axis=1)
     assert np.degrees(np.sqrt(np.mean(sine**2))) < 2.5
     assert any("their errors are alike" in loss.reason for loss in estimate.losses)
 
 
-def test_gravity_is_a_factor_for_filters_too():
-    """Its windows end at keyframes: what `--gravity network` refuses, it does."""
-    flight = flown(TURN, velocity_noise_mps=0.05)
-    with pytest.raises(BadInputError, match="its answers depend on what comes after them"):
-        Forward(gravity=NetworkGravity())(flight)
-    source = NeuralFactor(manifest("gravity-factor"))
-    timeline = Timeline(t_s=flight.fixes.t_s, gyroscope=False)
-    made = source(flight, timeline)
-    named = gravity(flight, timeline)
-    assert len(made.factors) == len(named.factors) > 2
-    assert made.losses == named.losses
-    assert any("within" in loss.reason for loss in made.losses)
-    apart_s = np.diff([flight.fixes.t_s[newest_keyframe(one)] for one in made.factors])
-    assert apart_s.min() >= source.between_s - 1e-6
-    noisy = replace(flight, imu=replace(flight.imu, f_b_mps2=3 * flight.imu.f_b_mps2))
-    lost = source(noisy, timeline)
-    assert not lost.factors
-    assert "the network's training domain" in reasons(lost)
+def test_a_former_name_of_the_network_is_that_of_its_factor(caplog):
+    assert gravity_source(None, ("velocity",)) == (None, ("velocity",))
+    assert gravity_source("network", ("velocity",)) == (None, ("velocity", "gravity"))
+    assert gravity_source("network", ("gravity",)) == (None, ("gravity",))
+    assert "--factors gravity; this name goes with the next version" in caplog.text
+    found, _ = gravity_source("low-dynamics", ())
+    assert isinstance(found, LowDynamics)
+    with pytest.raises(BadInputError, match="gravity estimator 'up': not one of low-dynamics"):
+        gravity_named("up")
+
+
+def test_only_methods_that_use_gravity_are_given_it():
+    estimator = LowDynamics()
+    assert method_named("smoother", Truth(), estimator).gravity is estimator
+    assert method_named("batch", Truth()).gravity is None
+    assert method_named("rtk", Truth(), estimator).name == "rtk"
+
+
+def test_the_command_refuses_gravity_that_no_method_uses(capsys):
+    assert main(["compare", "nowhere", "--method", "rtk", "--gravity", "low-dynamics"]) == 2
+    assert "--gravity: only smoother, forward, batch, gtsam use it" in capsys.readouterr().err

@@ -49,6 +49,7 @@ def heading(
     rate_hz=100.0,
     limit=1e3,
     half_life_s=0.0,
+    lasting=0.0,
     over_s=None,
     frame=None,
 ):
@@ -84,6 +85,7 @@ def heading(
             frame=frame or what.frames[0],
             covariance=Covariance(form=form, name="s"),
             half_life_s=half_life_s,
+            lasting=lasting,
             over_s=over_s,
         ),
     )

@@ -9,11 +9,11 @@ import pytest
 
 from fgnav.geometry import rotations
 from fgnav.graph.custom import check_factor, jacobian_misfit
-from fgnav.graph.keys import Timeline, pose, velocity
+from fgnav.graph.keys import Timeline, constant, pose, velocity
 from fgnav.neural import NeuralFactor, Record
 from fgnav.neural.correlation import half_life_s, inflation, interval_s, together
 from fgnav.neural.network import load_network
-from fgnav.neural.outputs import factor_of
+from fgnav.neural.outputs import Counted, factor_of
 from tests.methods.simulated import flown
 from tests.neural import graphs, sun_compass
 
@@ -30,6 +30,8 @@ def states():
     values.insert(velocity(3), V_N_MPS)
     R_before = R_NB @ rotations.exp(np.array([[0.1, -0.2, 0.3]]))[0]
     values.insert(pose(1), gtsam.Pose3(gtsam.Rot3(R_before), P_N_M - V_N_MPS))
+    values.insert(constant(0), np.zeros(1))
+    values.insert(constant(1), np.zeros(3))
     return values
 
 
@@ -60,10 +62,11 @@ def test_a_right_answer_leaves_no_residual_and_its_jacobian_is_that_of_differenc
     )
     answers = network([np.zeros((1, 5, 3))])
     output = network.manifest.output
-    one = factor_of("net", output, (1, 3), answers.value[0], answers.covariance[0])
-    check_factor(one, values)
-    assert one.factor.error(values) < 1e-6
-    if one.model is not None:
+    lasts = Counted(1.5, 0.3, constant(int(output.measure.freedom > 1)))
+    for counted in (Counted(), lasts):
+        one = factor_of("net", output, (1, 3), answers.value[0], answers.covariance[0], counted)
+        check_factor(one, values)
+        assert one.factor.error(values) < 1e-6
         assert jacobian_misfit(one, values) < 1e-7
 
 

@@ -35,6 +35,7 @@ WRONG = {
     "output's frame": (("output", "frame"), "b", "output.frame: must be n, a frame of heading"),
     "output's name": (("output", "name"), "yaw", "output.name: net.onnx has no output 'yaw'; it"),
     "half-life": (("output", "half_life_s"), -1.0, "output.half_life_s: must be float >= 0.0"),
+    "lasting": (("output", "lasting"), 1.0, "output.lasting: must be float < 1.0"),
     "form": (
         ("output", "covariance", "form"),
         "fog",

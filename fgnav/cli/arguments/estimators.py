@@ -35,15 +35,15 @@ def _loading() -> Iterator[None]:
 def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> "list[Estimator]":
     """Return the methods of a comma-separated list, all with one resolver and the same options."""
     from fgnav.checks import BadInputError  # noqa: PLC0415
-    from fgnav.gravity import gravity_named  # noqa: PLC0415
     from fgnav.integers.resolvers.registry import resolver_named  # noqa: PLC0415
-    from fgnav.methods import SMOOTHERS, WITH_LAG, Options, method_named  # noqa: PLC0415
+    from fgnav.methods import SMOOTHERS, WITH_LAG, Options, gravity_source, method_named  # noqa: PLC0415
 
     resolver, names = resolver_named(integers), list(_words(methods))
+    gravity, factors = gravity_source(smoother.gravity, _words(smoother.factors))
     options = Options(
-        gravity=None if smoother.gravity is None else gravity_named(smoother.gravity),
+        gravity=gravity,
         estimate=_words(smoother.estimate),
-        factors=_words(smoother.factors),
+        factors=factors,
         solver=smoother.solver,
         causal=smoother.causal,
         noise=smoother.noise,

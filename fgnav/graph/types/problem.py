@@ -1,12 +1,12 @@
 """A flight as a smoother takes it: where to start, motion, measurements, constants, prior."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.states import States
@@ -67,6 +67,14 @@ class SmoothingProblem:
     def width(self) -> int:
         """Dimensions of one keyframe's tangent, D."""
         return self.start.width
+
+    def with_constants(self, parts: tuple[FlightConstant, ...]) -> "SmoothingProblem":
+        """Return the same with more constants, after those it has."""
+        constants = Constants((*self.constants.parts, *parts))
+        start = self.start._replace(
+            constants=np.concatenate([self.start.constants, *(p.start for p in parts)])
+        )
+        return replace(self, constants=constants, start=start)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

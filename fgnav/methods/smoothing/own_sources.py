@@ -1,15 +1,17 @@
 """Sources of factors of one's own: callables, names of installed ones, manifests of networks."""
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fgnav import plugins
 from fgnav.checks import BadInputError, Loss
+from fgnav.frontend.problem import PreparedFlight
+from fgnav.graph import keys
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.constants import FlightConstant
 from fgnav.types.flight import Flight
 
 if TYPE_CHECKING:
@@ -32,19 +34,23 @@ class OwnFactors:
 
 
 def own_factors(
-    sources: tuple[FactorSource | str, ...], flight: Flight, problem: SmoothingProblem
-) -> OwnFactors:
-    """Return the factors that sources and the flight's networks make, and what they leave out."""
+    sources: tuple[FactorSource | str, ...], flight: Flight, prepared: PreparedFlight
+) -> tuple[PreparedFlight, OwnFactors]:
+    """Return the factors that sources and the flight's networks make, and what they leave out.
+
+    The flight is returned with the constants that they ask for.
+    """
     if not (sources or flight.networks):
-        return OwnFactors()
+        return prepared, OwnFactors()
     from fgnav.graph.custom import named  # noqa: PLC0415  # lazy: gtsam
 
+    problem, asking = prepared.problem, with_networks(sources, flight.networks)
     timeline = Timeline(t_s=problem.t_s, gyroscope=problem.motion.aux == 6)
     made: list[OwnFactor] = []
     losses: list[Loss] = []
     notes: list[str] = []
-    for source in with_networks(sources, flight.networks):
-        factors = source(flight, timeline)
+    for source, own in with_timelines(asking, timeline, len(problem.constants.parts)):
+        factors = source(flight, own)
         if not isinstance(factors, Iterable):
             what = getattr(source, "__name__", type(source).__name__)
             raise BadInputError(f"source of factors {what}: must yield factors, got {factors!r}")
@@ -52,7 +58,26 @@ def own_factors(
         if isinstance(factors, Sourced):
             losses += factors.losses
             notes += factors.notes
-    return OwnFactors(tuple(made), tuple(losses), tuple(notes))
+    prepared = prepared.with_constants(own_constants(asking))
+    return prepared, OwnFactors(tuple(made), tuple(losses), tuple(notes))
+
+
+def own_constants(sources: Iterable[Any]) -> tuple[FlightConstant, ...]:
+    """Return the constants that sources ask for, by an attribute, one source after another."""
+    return tuple(one for source in sources for one in getattr(source, "constants", ()))
+
+
+def with_timelines(
+    sources: Iterable[Any], timeline: Timeline, first: int
+) -> Iterator[tuple[Any, Timeline]]:
+    """Yield sources, each with a timeline that has the keys of its constants, from number first."""
+    for source in sources:
+        count = len(own_constants((source,)))
+        yield (
+            source,
+            replace(timeline, constants=tuple(map(keys.constant, range(first, first + count)))),
+        )
+        first += count
 
 
 def with_networks(sources: tuple[Any, ...], manifests: tuple[Path, ...]) -> tuple[Any, ...]:
@@ -66,12 +91,20 @@ def with_networks(sources: tuple[Any, ...], manifests: tuple[Path, ...]) -> tupl
 
 
 def factor_source(source: FactorSource | str) -> FactorSource:
-    """Return a source of factors, an installed one by its name, a network by its manifest."""
+    """Return a source of factors, an installed one by its name, a network by its manifest.
+
+    What is installed under a name may be a source, or the path of a manifest.
+    """
     if not isinstance(source, str):
         return source
-    if Path(source).suffix in (".toml", ".json"):
-        from fgnav.neural.factor import NeuralFactor  # noqa: PLC0415  # lazy: gtsam, onnxruntime
+    is_manifest = Path(source).suffix in (".toml", ".json")
+    loaded: FactorSource | Path = (
+        Path(source)
+        if is_manifest
+        else plugins.named(FACTORS, {}, source, kind="source of factors")
+    )
+    if not isinstance(loaded, Path):
+        return loaded
+    from fgnav.neural.factor import NeuralFactor  # noqa: PLC0415  # lazy: gtsam, onnxruntime
 
-        return NeuralFactor(source)
-    loaded: FactorSource = plugins.named(FACTORS, {}, source, kind="source of factors")
-    return loaded
+    return NeuralFactor(loaded)

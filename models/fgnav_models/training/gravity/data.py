@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
-from fgnav_models.gravity_features import SAMPLES, SPAN_S, STEP_S, course_motion
+from fgnav_models.training.gravity.features import SAMPLES, SPAN_S, STEP_S, course_motion
 from fgnav_models.training.train import Batch
 from fgnav_sim.data_sets.gravity import GravityEpochs, gravity_epochs
 from fgnav_sim.data_sets.gravity_world import GravityWorld
@@ -25,9 +25,9 @@ class Rows:
     @classmethod
     def of(cls, epochs: GravityEpochs) -> "Rows":
         """Return the rows of simulated windows."""
-        motion = course_motion(epochs.v_n_mps, epochs.a_n_mps2)
-        tensors = [torch.from_numpy(x).float() for x in (epochs.f_b_mps2, motion, epochs.g_b)]
-        return cls(f_b_mps2=tensors[0], motion=tensors[1], g_b=tensors[2])
+        motion = course_motion(*map(torch.from_numpy, (epochs.v_n_mps, epochs.a_n_mps2)))
+        f_b_mps2, g_b = (torch.from_numpy(x).float() for x in (epochs.f_b_mps2, epochs.g_b))
+        return cls(f_b_mps2=f_b_mps2, motion=motion.float(), g_b=g_b)
 
     def __len__(self) -> int:
         """Return the number of rows."""

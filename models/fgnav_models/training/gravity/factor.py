@@ -1,25 +1,25 @@
-"""The gravity network as a factor: what its estimator prepares is in the graph, the rest stated."""
+"""A gravity network as a factor: what prepares its inputs is in the graph, the rest stated."""
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 from torch import nn
 
-from fgnav.neural.manifest import FORMAT, Covariance, Manifest, Output, Statistic
-from fgnav_models.gravity_features import SAMPLES, SPAN_S, STEP_S
+from fgnav.neural.manifest import Covariance, Output, Statistic
 from fgnav_models.training.ambiguity.released import Release
 from fgnav_models.training.factor_release import factor_input, release_factor
+from fgnav_models.training.gravity.features import SAMPLES, SPAN_S, STEP_S, course_motion
 from fgnav_models.training.gravity.nets import GravityNet
+from fgnav_models.training.learning import manifest_of
 from fgnav_sim.data_sets.gravity import GravityEpochs
 
 _FIX_S = 0.1
 _VELOCITIES = round(SPAN_S / _FIX_S) + 1  # the oldest and the newest are differenced
 _GRAVITY_MPS2 = 9.81  # told to a hundredth, for the domain alone
-_EXAMPLES = 64
-FIGURES = {
+CALM = ("specific_force_change_mps2", "acceleration_mps2")  # figures that may be as low as 0
+UNITS = {
     "specific_force_mps2": "m/s2",
     "specific_force_change_mps2": "m/s2",
     "specific_force_along_body_mps2": "m/s2",
@@ -28,6 +28,30 @@ FIGURES = {
     "acceleration_mps2": "m/s2",
     "accelerometer_less_velocities_mps2": "m/s2",
 }
+
+
+def figures_of_windows(
+    f_b_mps2: torch.Tensor, motion: torch.Tensor | None
+) -> dict[str, torch.Tensor]:
+    """Return, by name, the figures of each row that tell whether training has seen its like, (n,).
+
+    Parameters
+    ----------
+    f_b_mps2 : tensor, shape (n, SAMPLES, 3)
+    motion : tensor, shape (n, 5), or None
+        ``course_motion``, for networks that see it.
+    """
+    size = f_b_mps2.norm(dim=2)
+    figures = [size[:, -1], size.amax(dim=1) - size.amin(dim=1), f_b_mps2[:, -1, 0]]
+    if motion is not None:
+        expected = (motion[:, 2:] - motion.new_tensor([0.0, 0.0, _GRAVITY_MPS2])).norm(dim=1)
+        figures += [
+            motion[:, 0],
+            motion[:, 1],
+            motion[:, 2:].norm(dim=1),
+            size[:, -1] - expected,
+        ]
+    return dict(zip(UNITS, figures, strict=False))
 
 
 class GravityFactor(nn.Module):  # type: ignore[misc]  # mypy skips torch
@@ -41,24 +65,18 @@ class GravityFactor(nn.Module):  # type: ignore[misc]  # mypy skips torch
         super().__init__()
         self.net = net
 
-    def forward(self, f_b_mps2: torch.Tensor, v_n_mps: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    def forward(
+        self, f_b_mps2: torch.Tensor, v_n_mps: torch.Tensor | None = None
+    ) -> tuple[torch.Tensor, ...]:
         """Return g_b, (n, 3), L by rows, (n, 6), and figures, (n, 1) each."""
-        before, after = v_n_mps[:, 0], v_n_mps[:, -1]
-        motion = _course_motion((before + after) / 2, (after - before) / SPAN_S)
+        motion = None
+        if v_n_mps is not None:
+            before, after = v_n_mps[:, 0], v_n_mps[:, -1]
+            motion = course_motion((before + after) / 2, (after - before) / SPAN_S)
         g_b, covariance = self.net(f_b_mps2, motion)
         mean = (covariance[:, 0, 0] + covariance[:, 1, 1] + covariance[:, 2, 2]) / 2
         P = covariance + mean[:, None, None] * g_b[:, :, None] * g_b[:, None, :]
-        size = f_b_mps2.norm(dim=2)
-        told = (motion[:, 2:] - motion.new_tensor([0.0, 0.0, _GRAVITY_MPS2])).norm(dim=1)
-        figures = (
-            size[:, -1],
-            size.amax(dim=1) - size.amin(dim=1),
-            f_b_mps2[:, -1, 0],
-            motion[:, 0],
-            motion[:, 1],
-            motion[:, 2:].norm(dim=1),
-            size[:, -1] - told,
-        )
+        figures = figures_of_windows(f_b_mps2, motion).values()
         return g_b, _cholesky(P), *(figure[:, None] for figure in figures)
 
 
@@ -66,7 +84,8 @@ def release_gravity(
     net: GravityNet,
     epochs: GravityEpochs,
     words: Release,
-    domain: Mapping[str, Any],
+    errors: tuple[float, float],
+    domain: tuple[Statistic, ...],
     metrics: Mapping[str, float],
     folder: Path,
 ) -> None:
@@ -78,53 +97,33 @@ def release_gravity(
     epochs : GravityEpochs
         What both run-times are compared on.
     words : Release
-    domain : mapping
-        Ranges of ``FIGURES``, and ``half_life_s``.
+    errors : (float, float)
+        Their half-life, s, and the share of their variance that lasts.
+    domain : tuple of Statistic
     metrics : mapping of str to float
         For the card.
     folder : Path
     """
     half_mps = epochs.a_n_mps2 * SPAN_S / 2
     v_n_mps = np.stack([epochs.v_n_mps - half_mps, epochs.v_n_mps, epochs.v_n_mps + half_mps], 1)
-    manifest = Manifest(
-        format=FORMAT,
-        name=words.name,
-        purpose=words.purpose,
-        onnx=f"{words.name}.onnx",
-        sha256="0" * 64,
-        licence="BSD-3-Clause",
-        inputs=(
-            factor_input("f_b_mps2", "accelerometer", 1 / STEP_S, SAMPLES),
-            factor_input("v_n_mps", "velocity", 1 / _FIX_S, _VELOCITIES),
-        ),
-        output=Output(
-            name="g_b",
-            measures="direction",
-            manifold="S2",
-            unit="rad",
-            frame="b",
-            covariance=Covariance(form="cholesky", name="cholesky"),
-            half_life_s=float(domain["half_life_s"]),
-        ),
-        domain=tuple(
-            Statistic(name=name, unit=unit, range=tuple(domain[name]))
-            for name, unit in FIGURES.items()
-        ),
+    seen = 2 if net.aided else 1
+    inputs = (
+        factor_input("f_b_mps2", "accelerometer", 1 / STEP_S, SAMPLES),
+        factor_input("v_n_mps", "velocity", 1 / _FIX_S, _VELOCITIES),
     )
-    examples = [epochs.f_b_mps2[:_EXAMPLES], v_n_mps[:_EXAMPLES]]
+    output = Output(
+        name="g_b",
+        measures="direction",
+        manifold="S2",
+        unit="rad",
+        frame="b",
+        covariance=Covariance(form="cholesky", name="cholesky"),
+        half_life_s=round(errors[0], 2),
+        lasting=round(errors[1], 2),
+    )
+    manifest = manifest_of(words, inputs[:seen], output, domain)
+    examples = [epochs.f_b_mps2, v_n_mps][:seen]
     release_factor(GravityFactor(net), examples, manifest, words, metrics, folder)
-
-
-def _course_motion(v_n_mps: torch.Tensor, a_n_mps2: torch.Tensor) -> torch.Tensor:
-    """Return ``fgnav_models.gravity_features.course_motion``, (n, 5)."""
-    horizontal = v_n_mps[:, :2].norm(dim=1)
-    moving = horizontal > 0
-    scale = torch.where(moving, horizontal, torch.ones_like(horizontal))
-    north = torch.where(moving, v_n_mps[:, 0] / scale, torch.ones_like(scale))
-    east = v_n_mps[:, 1] / scale
-    along = north * a_n_mps2[:, 0] + east * a_n_mps2[:, 1]
-    right = north * a_n_mps2[:, 1] - east * a_n_mps2[:, 0]
-    return torch.stack([horizontal, -v_n_mps[:, 2], along, right, a_n_mps2[:, 2]], dim=1)
 
 
 def _cholesky(P: torch.Tensor) -> torch.Tensor:

@@ -5,8 +5,8 @@ from itertools import pairwise
 import torch
 from torch import nn
 
-from fgnav_models.gravity_features import SAMPLES
 from fgnav_models.training.ambiguity.nets import Architecture, StackedDense, StackedRecurrent
+from fgnav_models.training.gravity.features import SAMPLES
 
 _GRAVITY_MPS2 = 9.81  # scale, and first guess of what the velocities' acceleration lacks
 _MOTION_SCALE = (0.01, 0.02, 0.1, 0.1, 0.1)  # of ``course_motion``: speeds, accelerations

@@ -1,25 +1,23 @@
-"""A gravity network trained through the smoother: answers as often as the estimator gives them.
+"""A gravity network trained through the smoother, by answers that may be taken as independent.
 
-The released estimator gives one answer in the time after which errors are new ones; training draws
-where the first one stands, so that a flight's windows are all seen.
+One in the time after which errors are new ones, what lasts of them included; training draws where
+the first one stands, so that a flight's windows are all seen.
 """
 
 from dataclasses import dataclass
-from typing import Annotated
 
-import msgspec
 import numpy as np
 import torch
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, NoSolutionError
 from fgnav.geometry.rotations import skew
 from fgnav.graph.factors.directions import across
-from fgnav.gravity import GravityEstimator
-from fgnav.io.strict_toml import Positive, Table
+from fgnav.io.strict_toml import Positive
 from fgnav.methods.smoother import Batch
 from fgnav.types.flight import Flight
-from fgnav_models.gravity_features import course_motion, differenced, windows
+from fgnav_models.training.gravity.features import course_motion, differenced, windows
 from fgnav_models.training.gravity.nets import GravityNet
+from fgnav_models.training.learning import Count, Steps
 from fgnav_models.training.smoother.flights import TrainingFlight, training_flight
 from fgnav_models.training.smoother.loss import negative_log_likelihood
 from fgnav_models.training.train import Batch as Tensors
@@ -28,13 +26,12 @@ from fgnav_sim.data_sets.gravity_world import GravityWorld
 from fgnav_sim.scenario import FixesTable, Scenario
 from fgnav_sim.simulate import simulate
 
-Count = Annotated[int, msgspec.Meta(ge=1)]
 _FIX_HZ = 10.0
 _LEAST_SINE = 1e-9
 
 
-class Through(Table, frozen=True):
-    """How a network is trained through the smoother once it is trained alone.
+class Through(Steps, frozen=True):
+    """How a network is trained through the smoother once it is trained alone, by flights.
 
     Attributes
     ----------
@@ -44,9 +41,6 @@ class Through(Table, frozen=True):
         Kinds of motion, one after another. Spins are lost to a smoother without gyroscope and
         array, whatever the network.
     duration_s : float
-    steps, batch : int
-        A batch are flights.
-    learning_rate : float
     """
 
     flights: Count = 120
@@ -123,10 +117,8 @@ class GravityFlight:
         )
 
 
-def gravity_flights(
-    flights: list[Flight], estimator: GravityEstimator, *, aided: bool
-) -> list[GravityFlight]:
-    """Return flights linearised with an estimator's answers; those it does not solve are left out.
+def gravity_flights(flights: list[Flight], method: Batch, *, aided: bool) -> list[GravityFlight]:
+    """Return flights linearised with a network's answers; those it does not solve are left out.
 
     Raises
     ------
@@ -136,7 +128,7 @@ def gravity_flights(
     out = []
     for flight in flights:
         try:
-            linearised = training_flight(flight, Batch(gravity=estimator), without="gravity")
+            linearised = training_flight(flight, method)
         except NoSolutionError:
             continue
         out.append(_gravity_flight(flight, linearised, aided=aided))
@@ -150,11 +142,13 @@ def _gravity_flight(flight: Flight, linearised: TrainingFlight, *, aided: bool) 
     if fixes is None or fixes.v_n_mps is None or imu is None:
         raise BadInputError(f"flight {flight.name}: training gravity needs velocities and an [imu]")
     velocity, acceleration = differenced(fixes.t_s, fixes.v_n_mps)
-    f_b_mps2, covered = windows(imu, fixes.t_s[1:-1])
-    row = linearised.rows(fixes.t_s[1:-1])
+    ends_s = fixes.t_s[2:]  # of windows: the newest of three velocities
+    f_b_mps2, covered = windows(imu, ends_s)
+    row = linearised.rows(ends_s)
     kept = np.flatnonzero(covered & (row >= 0))
     row = row[kept]
-    seen = (f_b_mps2[kept], course_motion(velocity, acceleration)[kept])[: 2 if aided else 1]
+    motion = course_motion(*(torch.from_numpy(x[kept]) for x in (velocity, acceleration)))
+    seen = (torch.from_numpy(f_b_mps2[kept]), motion)[: 2 if aided else 1]
     down_b = linearised.states.R_nb[row, 2]
     axes = across(down_b)
     jacobian = np.zeros((len(row), 2, linearised.states.width))
@@ -162,7 +156,7 @@ def _gravity_flight(flight: Flight, linearised: TrainingFlight, *, aided: bool) 
     return GravityFlight(
         flight=linearised,
         row=row,
-        seen=tuple(torch.from_numpy(x).float() for x in seen),
+        seen=tuple(x.float() for x in seen),
         down_b=down_b,
         across_b=axes,
         jacobian=jacobian,

@@ -1,66 +1,59 @@
 """Recipes of kind ``gravity``: the source paper's networks, and those that are released."""
 
-import platform
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import TypeAlias
 
 import msgspec
 import numpy as np
 import torch
 
-from fgnav.checks import BadInputError
 from fgnav.io.atomic_write import made_folder, write_text
-from fgnav.io.strict_toml import Positive, Table
+from fgnav.io.strict_toml import Table
 from fgnav.methods.smoother import Batch
 from fgnav.neural.calibration import calibration
-from fgnav_models.gravity_features import CALM, SAMPLES, domain_values
-from fgnav_models.runtime.gravity import NetworkGravity
-from fgnav_models.runtime.load import load
-from fgnav_models.runtime.manifest import Port
+from fgnav.neural.factor import NeuralFactor
 from fgnav_models.training.ambiguity.experiment import SliceOver
 from fgnav_models.training.ambiguity.released import Release
 from fgnav_models.training.gravity.data import Drawn, Rows, draw
-from fgnav_models.training.gravity.factor import release_gravity
+from fgnav_models.training.gravity.factor import CALM, UNITS, figures_of_windows, release_gravity
 from fgnav_models.training.gravity.figures import figures_of, independent_after_s
 from fgnav_models.training.gravity.nets import GravityNet, deviation, negative_log_likelihood
 from fgnav_models.training.gravity.paper import PaperStudy, run_paper
 from fgnav_models.training.gravity.through import DrawnFlights, Through, flown, gravity_flights
+from fgnav_models.training.learning import Count, Learning
 from fgnav_models.training.order import Order
-from fgnav_models.training.recipes import said, scaled
-from fgnav_models.training.release import Story, markdown_table, release
+from fgnav_models.training.recipes import scaled
+from fgnav_models.training.release import markdown_table
 from fgnav_models.training.smoother.judging import Compared, compared, judged, report_rows, text
-from fgnav_models.training.train import Settings, train
+from fgnav_models.training.train import train
 from fgnav_sim.data_sets.gravity import GravityEpochs
 from fgnav_sim.data_sets.gravity_motions import PHASES
 from fgnav_sim.data_sets.gravity_world import GravityWorld
 
-Count = Annotated[int, msgspec.Meta(ge=1)]
 _TRAIN, _CALIBRATE, _TEST, _TIME = range(4)  # streams of random numbers: flights apart
 _THROUGH, _VALIDATE, _HELD_OUT, _INTERVAL, _FOLLOWED = range(10, 15)  # 4 is the paper's
-_EXAMPLES = 64
+_VALIDATIONS = 20  # through the smoother
+_WAIT = "independent after, s"
 _Comparison: TypeAlias = tuple[Compared, ...]
 
 
 class Learned(Table, frozen=True):
-    """A network with a covariance, to be released.
+    """A network with a covariance, to be released as a factor.
 
     Attributes
     ----------
     release : Release
-        Its name and its card's words; the domain gains the bounds of what it was trained on.
+        Its name and its card's words.
     aided : bool
         Whether it sees a receiver's motion.
-    factor : bool
-        Whether it is released as the manifest of a factor, in place of an estimator's.
     """
 
     release: Release
     aided: bool = True
-    factor: bool = False
 
 
-class Training(Table, frozen=True):
+class Training(Learning, frozen=True):
     """How the networks to be released are made.
 
     Attributes
@@ -69,20 +62,11 @@ class Training(Table, frozen=True):
         To learn from; to calibrate on, and as many to test on, of other flights.
     followed : int
         Flights to tell from how soon errors are new ones.
-    width, steps, batch : int
-    learning_rate : float
-    domain_percent : float
-        Of the training windows that lie beyond each bound of the declared domain.
     """
 
     windows: Count = 400_000
     held_out: Count = 40_000
     followed: Count = 200
-    width: Count = 128
-    steps: Count = 8000
-    batch: Count = 1024
-    learning_rate: Positive = 2e-3
-    domain_percent: Positive = 0.02
 
 
 class Recipe(Table, frozen=True):
@@ -99,10 +83,6 @@ class Recipe(Table, frozen=True):
 def run(order: Order) -> list[str] | None:
     """Run a recipe; a ``fgnav_models.training.order.Trainer``."""
     recipe = scaled(order, Recipe)
-    if order.through == "smoother" and any(one.factor for one in recipe.network):
-        raise BadInputError(
-            f"{order.recipe}: key network.factor: --train-through smoother takes estimators alone"
-        )
     try:
         rows = []
         if recipe.paper is not None and order.through == "alone":
@@ -137,21 +117,15 @@ class _Flights:
 
 def _learn(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) -> list[list[str]]:
     """Train, calibrate, judge and release one network; return its rows of the report."""
-    name, world, seed = learned.release.name, recipe.world, recipe.seed
-    how, aided = recipe.training, learned.aided
+    name, seed = learned.release.name, recipe.seed
     done = made_folder(order.out / name) / "metrics.json"
     if done.exists():
         return _rows(name, msgspec.json.decode(done.read_bytes(), type=dict[str, float]))
-    net, epochs, apart = _trained(learned, recipe, flights, order), flights(_TRAIN), flights(_TEST)
-    wait_s = independent_after_s(net, world, how.followed, rng=np.random.default_rng([seed, _TIME]))
-    metrics = figures_of(net, apart) | {"independent after, s": wait_s}
-    domain = (
-        learned.release.domain | {"independent_after_s": wait_s} | _bounds(how, epochs, aided=aided)
-    )
-    if learned.factor:
-        _release_factor(net, apart, learned, recipe, domain, metrics, order.out)
-    else:
-        _release(net, apart, learned, recipe, domain, metrics, order.out)
+    net, apart = _trained(learned, recipe, flights, order), flights(_TEST)
+    rng = np.random.default_rng([seed, _TIME])
+    wait_s = independent_after_s(net, recipe.world, recipe.training.followed, rng=rng)
+    metrics = figures_of(net, apart) | {_WAIT: wait_s}
+    _release(net, flights, learned, recipe, metrics, order.out)
     write_text(done, msgspec.json.encode(metrics).decode() + "\n")
     return _rows(name, metrics)
 
@@ -166,13 +140,7 @@ def _trained(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) 
         net,
         Drawn(tensors=_tensors(epochs, order.device, aided=aided), batch=how.batch, seed=seed),
         negative_log_likelihood,
-        Settings(
-            steps=how.steps,
-            learning_rate=how.learning_rate,
-            clip_norm=1.0,
-            seed=seed,
-            validate_every=max(1, how.steps // 10),
-        ),
+        how.settings(seed),
         made_folder(order.out / name) / "checkpoint.safetensors",
         validate=lambda module: _validation(module, _tensors(held, order.device, aided=aided)),
         deadline_s=order.deadline_s,
@@ -193,15 +161,16 @@ def _through(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) 
     if done.exists():
         return report_rows(name, msgspec.json.decode(done.read_bytes(), type=_Comparison))
     net = _trained(learned, recipe, flights, order)
-    alone = NetworkGravity(network=order.out / f"{name}.onnx")
-    domain = load(alone.network).manifest.domain
+    alone = Batch(factors=(NeuralFactor(order.out / f"{name}.json"),))
+    metrics = order.out / name / "metrics.json"
+    wait_s = msgspec.json.decode(metrics.read_bytes(), type=dict[str, float])[_WAIT]
 
     def drawn(stream: int, count: int) -> DrawnFlights:
         flights = flown(world, how.phases, count, how.duration_s, [seed, stream])
         return DrawnFlights(
             flights=gravity_flights(flights, alone, aided=learned.aided),
             batch=how.batch,
-            every=round(10 * domain["independent_after_s"]),
+            every=max(1, round(10 * wait_s)),
             seed=seed,
         )
 
@@ -210,13 +179,7 @@ def _through(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) 
         net,
         learn,
         learn.loss,
-        Settings(
-            steps=how.steps,
-            learning_rate=how.learning_rate,
-            clip_norm=1.0,
-            seed=seed,
-            validate_every=max(1, how.steps // 20),
-        ),
+        how.settings(seed, _VALIDATIONS),
         folder / "checkpoint.safetensors",
         validate=lambda module: {"negative_log_likelihood": held.of_all(module)},
         deadline_s=order.deadline_s,
@@ -224,21 +187,20 @@ def _through(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) 
     )
     if not trained.finished:
         raise SliceOver
-    apart = flights(_TEST)
-    metrics = figures_of(net, apart)
-    _release(net, apart, learned, recipe, domain, metrics, folder)
+    found = figures_of(net, flights(_TEST))
+    _release(net, flights, learned, recipe, found, folder)
     unseen = flown(world, how.phases, how.held_out, how.duration_s, [seed, _HELD_OUT])
-    through = NetworkGravity(network=folder / f"{name}.onnx")
-    before, after = (judged(Batch(gravity=one), unseen) for one in (alone, through))
-    found = compared(before, after, np.random.default_rng([seed, _INTERVAL]))
+    through = Batch(factors=(NeuralFactor(folder / f"{name}.json"),))
+    before, after = (judged(one, unseen) for one in (alone, through))
+    both = compared(before, after, np.random.default_rng([seed, _INTERVAL]))
     words = learned.release
-    told = msgspec.structs.replace(
-        words, notes=words.notes | {"Trained through the smoother": text(found)}
+    with_both = msgspec.structs.replace(
+        words, notes=words.notes | {"Trained through the smoother": text(both)}
     )
-    learned = msgspec.structs.replace(learned, release=told)
-    _release(net, apart, learned, recipe, domain, metrics, folder)
-    write_text(done, msgspec.json.encode(found).decode() + "\n")
-    return report_rows(name, found)
+    learned = msgspec.structs.replace(learned, release=with_both)
+    _release(net, flights, learned, recipe, found, folder)
+    write_text(done, msgspec.json.encode(both).decode() + "\n")
+    return report_rows(name, both)
 
 
 def _rows(name: str, metrics: dict[str, float]) -> list[list[str]]:
@@ -263,79 +225,21 @@ def _validation(module: torch.nn.Module, tensors: tuple[torch.Tensor, ...]) -> d
         return {"negative_log_likelihood": float(negative_log_likelihood(module, tensors))}
 
 
-def _bounds(how: Training, epochs: GravityEpochs, *, aided: bool) -> dict[str, list[float]]:
-    """Return what the domain's figures span over the training windows, but for a few."""
-    rows = Rows.of(epochs)
-    seen = domain_values(rows.f_b_mps2.numpy(), rows.motion.numpy() if aided else None)
-    edges = (how.domain_percent, 100.0 - how.domain_percent)
-    bounds = {k: [float(f"{x:.4g}") for x in np.percentile(v, edges)] for k, v in seen.items()}
-    return bounds | {k: [0.0, bounds[k][1]] for k in bounds if k in CALM}
-
-
-def _release_factor(
-    net: GravityNet,
-    apart: GravityEpochs,
-    learned: Learned,
-    recipe: Recipe,
-    domain: dict[str, Any],
-    metrics: dict[str, float],
-    folder: Path,
-) -> None:
-    """Release a factor, its half-life measured on flights as smoothers have them."""
-    words = learned.release
-    release_gravity(net, apart, words, domain | {"half_life_s": 0.0}, metrics, folder)
-    how = recipe.through
-    seed = [recipe.seed, _FOLLOWED]
-    flights = flown(recipe.world, PHASES, recipe.training.followed, how.duration_s, seed)
-    found = calibration(folder / f"{words.name}.json", [(one, {}) for one in flights])
-    domain |= {"half_life_s": round(found.half_life_s, 2)}
-    release_gravity(net, apart, words, domain, metrics, folder)
-
-
 def _release(
     net: GravityNet,
-    apart: GravityEpochs,
+    flights: _Flights,
     learned: Learned,
     recipe: Recipe,
-    domain: dict[str, Any],
     metrics: dict[str, float],
     folder: Path,
 ) -> None:
-    words = learned.release
-    inputs = [
-        Port(
-            name="f_b_mps2",
-            shape=("n", SAMPLES, 3),
-            unit="m/s2",
-            meaning="specific force in body axes, 0.01 s apart, oldest first",
-        ),
-        Port(
-            name="motion",
-            shape=("n", 5),
-            unit="m/s, m/s2",
-            meaning="fgnav_models.gravity_features.course_motion of a receiver's velocities",
-        ),
-    ][: 2 if learned.aided else 1]
-    outputs = (
-        Port(
-            name="g_b",
-            shape=("n", 3),
-            unit="1",
-            meaning="direction of gravity in body axes at the newest sample",
-        ),
-        Port(name="covariance", shape=("n", 3, 3), unit="rad2", meaning="of g_b, across it"),
-    )
-    content = said({"world": recipe.world, "aided": learned.aided, "training": recipe.training})
-    story = Story(
-        name=words.name,
-        purpose=words.purpose,
-        inputs=tuple(inputs),
-        outputs=outputs,
-        domain=domain,
-        recipe=content | {"seed": recipe.seed},
-        seed=recipe.seed,
-        metrics=metrics,
-        made_with={"hardware": f"CPU {platform.machine()}"},
-    )
-    examples = [t[:_EXAMPLES].numpy() for t in Rows.of(apart).seen(aided=learned.aided)]
-    release(net, examples, story, folder, notes=words.notes)
+    """Release a factor, how long its errors last measured on flights as smoothers have them."""
+    words, how, rows = learned.release, recipe.training, Rows.of(flights(_TRAIN))
+    seen = figures_of_windows(rows.f_b_mps2, rows.motion if net.aided else None)
+    domain = how.domain(UNITS, {name: x.numpy() for name, x in seen.items()}, CALM)
+    apart, seed = flights(_TEST), [recipe.seed, _FOLLOWED]
+    release_gravity(net, apart, words, (0.0, 0.0), domain, metrics, folder)
+    followed = flown(recipe.world, PHASES, how.followed, recipe.through.duration_s, seed)
+    found = calibration(folder / f"{words.name}.json", [(one, {}) for one in followed])
+    errors = found.half_life_s, found.lasting
+    release_gravity(net, apart, words, errors, domain, metrics, folder)

@@ -9,6 +9,7 @@ from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
 from fgnav.integers.resolvers.truth import attitude_at
 from fgnav.methods.smoother import Batch
+from fgnav.methods.smoothing.own_sources import own_factors
 from fgnav.methods.smoothing.solving import at_once
 from fgnav.solve.chain.sensitivity import Judged, LinearisedFlight
 from fgnav.types.flight import Flight
@@ -57,9 +58,10 @@ def training_flight(
     flight : Flight
         With truth; of the accelerometer, where velocities are judged.
     method : Batch
-        By whose estimate it is linearised.
+        By whose estimate it is linearised, factors of its own included, which are left out then:
+        the network's answers are to replace them.
     without : str
-        Name of the measurement that the network's answers are to replace, such as ``"gravity"``.
+        Name of a measurement that they replace, too, such as ``"gravity"``.
     velocity : bool
         Whether velocities are judged beside attitudes.
 
@@ -78,8 +80,8 @@ def training_flight(
             f"flight {flight.name}: key imu.position_b_m: velocities are judged at the "
             "accelerometer; put the body's origin there, or judge attitudes alone"
         )
-    prepared = method.prepare(flight)
-    solution = at_once(prepared, (), "chain")
+    prepared, sourced = own_factors(method.factors, flight, method.prepare(flight))
+    solution = at_once(prepared, sourced.factors, "gtsam" if sourced.factors else "chain")
     states, t_s = solution.states, prepared.problem.t_s
     R_nb, covered = attitude_at(truth, t_s)
     row = np.flatnonzero(covered)

@@ -1,20 +1,18 @@
 """Recipes of kind ``velocity``: body velocity by an inertial unit, released as a factor."""
 
-from typing import Annotated
-
-import msgspec
 import numpy as np
 import torch
 
 from fgnav.io.atomic_write import made_folder, write_text
 from fgnav.io.strict_toml import Positive, Table
-from fgnav.neural.manifest import FORMAT, Covariance, Manifest, Output, Statistic
+from fgnav.neural.manifest import Covariance, Output
 from fgnav_models.training.ambiguity.released import Release
 from fgnav_models.training.factor_release import factor_input, release_factor
+from fgnav_models.training.learning import Count, Learning, manifest_of
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import scaled
 from fgnav_models.training.release import markdown_table
-from fgnav_models.training.train import Settings, train
+from fgnav_models.training.train import train
 from fgnav_models.training.velocity.data import SCALE, Drawn, Records, records
 from fgnav_models.training.velocity.figures import figures_of, judged, measured_half_life_s
 from fgnav_models.training.velocity.nets import (
@@ -25,13 +23,11 @@ from fgnav_models.training.velocity.nets import (
 )
 from fgnav_sim.data_sets.vehicles.world import VehiclesWorld
 
-Count = Annotated[int, msgspec.Meta(ge=1)]
 _TRAIN, _CALIBRATE, _TEST = range(3)  # streams of random numbers: flights apart
 _SENSORS = (("f_b_mps2", "accelerometer"), ("w_b_radps", "gyroscope"))
-_EXAMPLES = 64
 
 
-class Training(Table, frozen=True):
+class Training(Learning, frozen=True):
     """How the network is made.
 
     Attributes
@@ -39,20 +35,13 @@ class Training(Table, frozen=True):
     flights, held_out : int
         To learn from; to calibrate on, and as many to test on.
     window_s : float
-    width, steps, batch : int
-    learning_rate : float
-    domain_percent : float
-        Of the training windows that lie beyond each bound of the declared domain.
     """
 
     flights: Count = 2500
     held_out: Count = 200
     window_s: Positive = 4.0
     width: Count = 48
-    steps: Count = 8000
     batch: Count = 256
-    learning_rate: Positive = 2e-3
-    domain_percent: Positive = 0.02
 
 
 class Recipe(Table, frozen=True):
@@ -82,13 +71,7 @@ def run(order: Order) -> list[str] | None:
         net,
         Drawn(flights=learn, window=window, batch=how.batch, seed=seed),
         lambda module, batch: negative_log_likelihood(module, _on(order.device, batch)),
-        Settings(
-            steps=how.steps,
-            learning_rate=how.learning_rate,
-            clip_norm=1.0,
-            seed=seed,
-            validate_every=max(1, how.steps // 10),
-        ),
+        how.settings(seed),
         made_folder(order.out / name) / "checkpoint.safetensors",
         validate=lambda module: _validation(module, _on(order.device, some)),
         deadline_s=order.deadline_s,
@@ -138,34 +121,20 @@ def _release(
     sensed = sensed[: len(sensors)]
     with torch.no_grad():
         figures = [figure[:, 0].numpy() for figure in module(*sensed)[2:]]
-    edges = (how.domain_percent, 100.0 - how.domain_percent)
-    bounds = [tuple(float(f"{x:.4g}") for x in np.percentile(one, edges)) for one in figures]
-    manifest = Manifest(
-        format=FORMAT,
-        name=words.name,
-        purpose=words.purpose,
-        onnx=f"{words.name}.onnx",
-        sha256="0" * 64,
-        licence="BSD-3-Clause",
-        inputs=tuple(
-            factor_input(port, sensor, rate_hz, window, scale=scale)
-            for (port, sensor), scale in zip(sensors, SCALE, strict=False)
-        ),
-        output=Output(
-            name="v_b_mps",
-            measures="velocity",
-            manifold="R3",
-            unit="m/s",
-            frame="b",
-            covariance=Covariance(form="log_sigma", name="log_sigma"),
-            half_life_s=round(half_life_s, 2),
-        ),
-        domain=tuple(
-            Statistic(name=name, unit=unit, range=(low, high))
-            for (name, unit), (low, high) in zip(FIGURES.items(), bounds, strict=False)
-        ),
+    inputs = tuple(
+        factor_input(port, sensor, rate_hz, window, scale=scale)
+        for (port, sensor), scale in zip(sensors, SCALE, strict=False)
     )
-    examples = [
-        scale * x[:_EXAMPLES].double().numpy() for x, scale in zip(sensed, SCALE, strict=False)
-    ]
+    output = Output(
+        name="v_b_mps",
+        measures="velocity",
+        manifold="R3",
+        unit="m/s",
+        frame="b",
+        covariance=Covariance(form="log_sigma", name="log_sigma"),
+        half_life_s=round(half_life_s, 2),
+    )
+    domain = how.domain(FIGURES, dict(zip(FIGURES, figures, strict=False)))
+    manifest = manifest_of(words, inputs, output, domain)
+    examples = [scale * x.double().numpy() for x, scale in zip(sensed, SCALE, strict=False)]
     release_factor(module, examples, manifest, words, metrics, order.out)

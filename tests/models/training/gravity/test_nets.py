@@ -4,7 +4,6 @@ import torch
 
 from fgnav.checks import BadInputError
 from fgnav.geometry import rotations
-from fgnav_models.gravity_features import SAMPLES, course_motion
 from fgnav_models.training.ambiguity.nets import Architecture
 from fgnav_models.training.gravity.data import (
     BASELINES,
@@ -15,6 +14,7 @@ from fgnav_models.training.gravity.data import (
     rms,
     split,
 )
+from fgnav_models.training.gravity.features import SAMPLES, course_motion
 from fgnav_models.training.gravity.figures import figures_of, whitened
 from fgnav_models.training.gravity.nets import (
     GravityNet,
@@ -45,9 +45,9 @@ def nose_first(rng, n):
     R_nb = rotations.from_euler(roll, pitch, yaw)
     a_n_mps2 = rng.uniform(-8, 8, (n, 3))
     f_b = np.einsum("nji,nj->ni", R_nb, a_n_mps2 - G_N_MPS2)
-    motion = course_motion(80.0 * R_nb[:, :, 0], a_n_mps2)
+    motion = course_motion(torch.from_numpy(80.0 * R_nb[:, :, 0]), torch.from_numpy(a_n_mps2))
     seen = np.repeat(f_b[:, None], SAMPLES, axis=1)
-    return *(torch.from_numpy(x).float() for x in (seen, motion)), R_nb[:, 2]
+    return torch.from_numpy(seen).float(), motion.float(), R_nb[:, 2]
 
 
 def test_untrained_the_aided_network_answers_as_physics_does():

@@ -3,16 +3,20 @@
 from pathlib import Path
 
 import numpy as np
+import onnx
 import pytest
 import torch
+from onnx import numpy_helper
 
 from fgnav.graph.keys import Timeline
 from fgnav.neural import NeuralFactor
 from fgnav.neural.network import load_network
 from fgnav_models.commands import train
-from fgnav_models.runtime.factors import manifest, velocity
-from fgnav_models.training.velocity.data import records
-from fgnav_models.training.velocity.nets import VelocityNet, negative_log_likelihood
+from fgnav_models.runtime.factors import manifest
+from fgnav_models.training.factor_release import disagreement
+from fgnav_models.training.release import AGREEMENT
+from fgnav_models.training.velocity.data import SCALE, records
+from fgnav_models.training.velocity.nets import VelocityFactor, VelocityNet, negative_log_likelihood
 from fgnav_models.training.velocity.trainer import calibrate
 from fgnav_sim.data_sets.vehicles.world import VehiclesWorld, vehicle_scenario
 from fgnav_sim.simulate import simulate
@@ -73,7 +77,24 @@ def test_the_installed_factor_answers_a_flight_of_its_world():
     rng = np.random.default_rng(3)
     flight = simulate(vehicle_scenario(VehiclesWorld(flight_s=30.0), "car", rng), rng)
     timeline = Timeline(t_s=np.arange(0.0, 29.0, 0.5), gyroscope=True)
-    made = velocity(flight, timeline)
+    made = NeuralFactor(manifest("velocity"))(flight, timeline)
     between_s = NeuralFactor(manifest("velocity")).between_s
     assert len(made.factors) == 1 + int((28.5 - 4.0) / between_s)
     assert any("no window of 400 samples" in loss.reason for loss in made.losses)
+
+
+def test_the_released_network_says_what_torch_says_with_its_weights():
+    """Of its scale: single precision leaves 2e-6, of the double's answer as much either way."""
+    network = load_network(manifest("velocity"))
+    window = network.manifest.inputs[0].window
+    module = VelocityFactor(VelocityNet(window=window, gyroscope=True, width=48, seed=1), SCALE)
+    graph = onnx.load(str(manifest("velocity").with_suffix(".onnx"))).graph
+    weights = {one.name: torch.tensor(numpy_helper.to_array(one)) for one in graph.initializer}
+    module.load_state_dict({name: weights[name] for name in module.state_dict()})
+    flights = records(VehiclesWorld(), 8, rng=np.random.default_rng(7))
+    *sensed, _ = flights.windows(*flights.every(100, window), window)
+    with torch.no_grad():
+        raw = [x.double().numpy() for x in module.eval()(*sensed)]
+    examples = [scale * x.double().numpy() for x, scale in zip(sensed, SCALE, strict=True)]
+    found = disagreement(network(examples), network.read(raw))
+    assert max(found.values()) < AGREEMENT

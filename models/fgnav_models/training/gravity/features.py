@@ -5,16 +5,15 @@ the heading enters, which gravity does not depend on.
 """
 
 import numpy as np
+import torch
 
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.types.flight import Imu
 
 SAMPLES, STEP_S = 10, 0.01  # a window: its last sample is the answer's time
 SPAN_S = 0.2  # between the two velocities whose difference is the acceleration
-CALM = ("specific_force_change_mps2", "acceleration_mps2")  # figures that may be as low as 0
 _WIDEST_STEP_S = 1.5 * STEP_S
 _ROUNDING_S = 1e-6
-_GRAVITY_MPS2 = 9.81  # told to a hundredth, for the domain alone
 
 
 def windows(imu: Imu, t_s: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -42,19 +41,20 @@ def windows(imu: Imu, t_s: FloatArray) -> tuple[FloatArray, BoolArray]:
     return f_b_mps2, (inside & close).all(axis=1)
 
 
-def course_motion(v_n_mps: FloatArray, a_n_mps2: FloatArray) -> FloatArray:
+def course_motion(v_n_mps: torch.Tensor, a_n_mps2: torch.Tensor) -> torch.Tensor:
     """Return a receiver's velocity and acceleration in the course frame, (n, 5).
 
     Columns: horizontal and upward speed, m/s; acceleration along the course, to its right, and
     down, m/s2. Inputs are (n, 3), north-east-down; a vertical flight has the course north.
     """
-    horizontal_mps = np.hypot(v_n_mps[:, 0], v_n_mps[:, 1])
-    moving = horizontal_mps > 0
-    scale = np.where(moving, horizontal_mps, 1.0)
-    north, east = np.where(moving, v_n_mps[:, 0] / scale, 1.0), v_n_mps[:, 1] / scale
+    horizontal = v_n_mps[:, :2].norm(dim=1)
+    moving = horizontal > 0
+    scale = torch.where(moving, horizontal, torch.ones_like(horizontal))
+    north = torch.where(moving, v_n_mps[:, 0] / scale, torch.ones_like(scale))
+    east = v_n_mps[:, 1] / scale
     along = north * a_n_mps2[:, 0] + east * a_n_mps2[:, 1]
     right = north * a_n_mps2[:, 1] - east * a_n_mps2[:, 0]
-    return np.stack([horizontal_mps, -v_n_mps[:, 2], along, right, a_n_mps2[:, 2]], axis=1)
+    return torch.stack([horizontal, -v_n_mps[:, 2], along, right, a_n_mps2[:, 2]], dim=1)
 
 
 def differenced(t_s: FloatArray, v_n_mps: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -65,29 +65,3 @@ def differenced(t_s: FloatArray, v_n_mps: FloatArray) -> tuple[FloatArray, Float
     span_s = (t_s[2:] - t_s[:-2])[:, None]
     before, after = v_n_mps[:-2], v_n_mps[2:]
     return (before + after) / 2, (after - before) / span_s
-
-
-def domain_values(f_b_mps2: FloatArray, motion: FloatArray | None) -> dict[str, FloatArray]:
-    """Return, by name, the figures of each row that tell whether training has seen its like, (n,).
-
-    Parameters
-    ----------
-    f_b_mps2 : ndarray, shape (n, SAMPLES, 3)
-    motion : ndarray, shape (n, 5), or None
-        ``course_motion``, for networks that see it.
-    """
-    size_mps2 = np.linalg.norm(f_b_mps2, axis=2)
-    values = {
-        "specific_force_mps2": size_mps2[:, -1],
-        "specific_force_change_mps2": np.ptp(size_mps2, axis=1),
-        "specific_force_along_body_mps2": f_b_mps2[:, -1, 0],
-    }
-    if motion is None:
-        return values
-    told_mps2 = motion[:, 2:] - [0.0, 0.0, _GRAVITY_MPS2]
-    return values | {
-        "horizontal_speed_mps": motion[:, 0],
-        "upward_speed_mps": motion[:, 1],
-        "acceleration_mps2": np.linalg.norm(motion[:, 2:], axis=1),
-        "accelerometer_less_velocities_mps2": size_mps2[:, -1] - np.linalg.norm(told_mps2, axis=1),
-    }
