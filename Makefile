@@ -35,7 +35,7 @@ demo: $(RUN)
 	$(BIN)/fgnav run demo/flight --noise stated --out demo/smoother >/dev/null & \
 	$(BIN)/fgnav compare demo/flight --noise stated \
 	  --method closed-form,maximum-likelihood,smoother,batch,rtk \
-	  --json demo/compare.json --report demo/report.png; status=$$?; wait; exit $$status
+	  --json demo/compare.json --report demo/report.html; status=$$?; wait; exit $$status
 
 # Two workers: more gain nothing on a small machine, nor do threads of theirs. Notebooks run whole, warnings of their kernel's
 # own machinery aside.
