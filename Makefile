@@ -27,7 +27,7 @@ $(DEV): $(RUN)
 	@touch $@
 
 # A first run compiles for a minute and more: two processes side by side share that work through its
-# cache. The flight states its own noise, so nothing is identified. Else as `fgnav demo`.
+# cache. The flight states its own noise, so nothing is identified. Else as `fgnav demo`, and pictures.
 demo: $(RUN)
 	rm -rf demo
 	mkdir -p demo

@@ -3,6 +3,7 @@
 import ast
 import re
 import sys
+from collections import Counter
 from importlib import import_module
 from pathlib import Path
 
@@ -14,6 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = [ROOT / "fgnav", ROOT / "sim" / "fgnav_sim", ROOT / "models" / "fgnav_models"]
 FILES = [file for package in PACKAGES for file in package.rglob("*.py")]
 FULL = 12  # files of a room, its __init__ aside
+SHORT = 5  # lines that may be compiled once more
 MOVED = {
     "fgnav.flight": "fgnav.types.flight",
     "fgnav.io.flight_folder": "fgnav.io.flight.folder",
@@ -80,7 +82,7 @@ def compiled(tree):
     for node in tree.body:
         if isinstance(node, ast.FunctionDef) and node.decorator_list:
             how = names(node.decorator_list[0])
-            if how & {"inner", "inner_with", "kernel", "kernel_with"}:
+            if how & {"inlined", "inner", "inner_with", "kernel", "kernel_with"}:
                 yield node, how
 
 
@@ -98,3 +100,21 @@ def test_only_kernels_call_what_python_cannot():
                 seen += 1
                 assert node.lineno in lines, f"{file}:{node.lineno}: {node.id} is inner"
     assert seen > 100
+
+
+def test_what_is_inlined_has_one_caller_or_is_short():
+    """Each further call would compile it anew."""
+    calls, inlined = Counter(), []
+    for file in FILES:
+        for node, how in compiled(parsed(file)):
+            if "inlined" in how:
+                inlined.append((file, node))
+            called = [one.func for one in ast.walk(node) if isinstance(one, ast.Call)]
+            for one in called:
+                if isinstance(one, ast.Name):
+                    calls[file if one.id.startswith("_") else None, one.id] += 1
+    assert len(inlined) > 50
+    for file, node in inlined:
+        count = calls[file if node.name.startswith("_") else None, node.name]
+        short = node.end_lineno - node.lineno < SHORT
+        assert count == 1 or (count and short), f"{file}: {node.name} is called {count} times"

@@ -5,6 +5,9 @@ short one. A ``kernel`` leaves out the one, an ``inner`` function both: called f
 end the process, so it is private to a file of kernels (``tests/test_house.py`` looks). It is kept
 with those that call it, and needs no file of its own. What is divided by zero is infinite or NaN,
 as in numpy: else a check of each division would be compiled, too.
+
+LLVM optimises a function and all below it, and again within each function above it. What one place
+alone calls is ``inlined`` there, before types are inferred, and compiled once.
 """
 
 from collections.abc import Callable
@@ -24,16 +27,13 @@ def kernel_with(*, fastmath: bool | set[str] = False) -> Callable[[Function], Fu
     return decorator
 
 
-def inner_with(
-    *, fastmath: bool | set[str] = False, inline: str = "never"
-) -> Callable[[Function], Function]:
-    """Return a decorator for what only kernels call, with further options of numba."""
+def inner_with(*, fastmath: bool | set[str] = False) -> Callable[[Function], Function]:
+    """Return a decorator for what only kernels call, rounded as numba's option allows."""
     decorator: Callable[[Function], Function] = _njit(
         no_cpython_wrapper=True,
         no_cfunc_wrapper=True,
         error_model="numpy",
         fastmath=fastmath,
-        inline=inline,
     )
     return decorator
 
@@ -46,3 +46,11 @@ def kernel(function: Function) -> Function:
 def inner(function: Function) -> Function:
     """Compile what only kernels call."""
     return inner_with()(function)
+
+
+def inlined(function: Function) -> Function:
+    """Make a function a part of the only one that calls it; called from Python it is a kernel."""
+    decorated: Function = _njit(
+        cache=True, nogil=True, no_cfunc_wrapper=True, error_model="numpy", inline="always"
+    )(function)
+    return decorated

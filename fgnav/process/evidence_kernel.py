@@ -9,7 +9,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotation_kernel import exp, product, put, scaled, times, transposed, turn
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 from fgnav.process import matern_kernel as matern
 from fgnav.process.filter_kernel import (
     MEAN,
@@ -175,7 +175,7 @@ def _restart(P: FloatArray, V: FloatArray) -> None:
             P[i, j] = P[j, i] = V[i, j] if j < 3 else 0.0
 
 
-@inner
+@inlined
 def _updated(
     P: FloatArray, x: FloatArray, R: FloatArray, z: FloatArray, V: FloatArray, k: int, tape: Tape
 ) -> tuple[float, float, FloatArray]:

@@ -16,12 +16,12 @@ from fgnav.geometry.rotation_kernel import (
     skew,
     turn,
 )
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, kernel
 
 SIZE, MEAN = 15, 12  # of the error state; where m stands in it
 
 
-@kernel
+@inlined
 def rotation_rows(
     x: FloatArray, F: FloatArray, H: FloatArray, T_s: float, C: FloatArray, N: FloatArray
 ) -> FloatArray:
@@ -53,7 +53,7 @@ def rotation_rows(
     return phi
 
 
-@kernel
+@inlined
 def move(x: FloatArray, F: FloatArray) -> None:
     """Move rate and derivatives, rows 0 to 2 of x, on about the mean, row 3."""
     for i in range(3):
@@ -84,7 +84,7 @@ def times_transition(P: FloatArray, C: FloatArray, F: FloatArray) -> FloatArray:
     return out
 
 
-@kernel
+@inlined
 def predicted(
     P: FloatArray, C: FloatArray, N: FloatArray, F: FloatArray, Q: FloatArray, variance: FloatArray
 ) -> FloatArray:
@@ -111,7 +111,7 @@ def predicted(
     return out
 
 
-@inner
+@inlined
 def _add_noise(P: FloatArray, N: FloatArray, Q: FloatArray, variance: FloatArray) -> None:
     """Add the noise of an interval to the lower half of the covariance after it."""
     for axis in range(3):
@@ -129,7 +129,7 @@ def _add_noise(P: FloatArray, N: FloatArray, Q: FloatArray, variance: FloatArray
                 P[3 + 3 * d + axis, 3 + 3 * e + axis] += s2 * Q[1 + d, 1 + e]
 
 
-@kernel
+@inlined
 def difference(R: FloatArray, R_measured: FloatArray, axis: FloatArray) -> FloatArray:
     """Return the rotation vector from a prediction to an attitude, (3,).
 
@@ -148,7 +148,7 @@ def difference(R: FloatArray, R_measured: FloatArray, axis: FloatArray) -> Float
     return z
 
 
-@kernel
+@inlined
 def gain(
     P: FloatArray, z: FloatArray, V: FloatArray
 ) -> tuple[FloatArray, FloatArray, float, float]:

@@ -7,7 +7,7 @@ All is worked out in ``u = k T`` with ``k = sqrt(5) / length`` for the state
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 
 DERIVATIVE_SCALE_S = 0.1  # T0: that of the states' tangent, makes rate and derivatives alike
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
@@ -116,7 +116,7 @@ def _gamma3(s: float) -> float:
     return float(np.exp(-s) * total)
 
 
-@inner
+@inlined
 def _responses(u: float) -> FloatArray:
     """Return weighted impulse responses of (k phi, w, a / k, j / k^2), one row a node, (m, 4)."""
     end = min(u, _FORGOTTEN)
@@ -137,7 +137,7 @@ def _responses(u: float) -> FloatArray:
     return A
 
 
-@inner
+@inlined
 def _orthogonalise(A: FloatArray, L: FloatArray) -> None:
     """Write L, lower, with ``L L' = A' A``; modified Gram-Schmidt, which spoils A."""
     m, n = A.shape

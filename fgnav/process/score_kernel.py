@@ -23,7 +23,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotation_kernel import product, sandwich, times, transposed
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, kernel
 from fgnav.process import matern_kernel as matern
 from fgnav.process.evidence_kernel import RESTART, RESTART_ALL, UPDATE, Tape
 from fgnav.process.filter_kernel import SIZE
@@ -65,7 +65,7 @@ def score(
     return out, freedom
 
 
-@inner
+@inlined
 def _forget(rho: FloatArray, N: FloatArray, count: int) -> None:
     """Set what a restart makes anew, the first of the state, to zero."""
     for i in range(count):
@@ -74,7 +74,7 @@ def _forget(rho: FloatArray, N: FloatArray, count: int) -> None:
             N[i, j] = N[j, i] = 0.0
 
 
-@inner
+@inlined
 def _kept(share: float, gain: FloatArray) -> FloatArray:
     """Return ``(I - K H)'``, (15, 15)."""
     out = np.zeros((SIZE, SIZE))
@@ -86,7 +86,7 @@ def _kept(share: float, gain: FloatArray) -> FloatArray:
     return out
 
 
-@inner
+@inlined
 def _add_innovation(
     share: float, W: FloatArray, innovation: FloatArray, rho: FloatArray, N: FloatArray
 ) -> None:
@@ -98,7 +98,7 @@ def _add_innovation(
             N[i, j] += share * W[i, j]
 
 
-@inner
+@inlined
 def _by_noise(
     rho: FloatArray, N: FloatArray, Q: FloatArray, rows: FloatArray, axis: int
 ) -> tuple[float, float]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.gnss.cycle_slips.verdicts import FINE, NOT_TESTED, SLIP, TIED
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 
 SIGNIFICANT = 4.5  # sigmas a step must reach …
 LEAST_CYCLES = 0.25  # … and cycles: the smallest slip is half a cycle, multipath moves less
@@ -71,7 +71,7 @@ def judge(
                     verdict[k, i, j] = TIED
 
 
-@inner
+@inlined
 def _snoop(steps: _Steps, count: int, tied: BoolArray, verdict: IntArray) -> None:
     """Take out the worst of ``count`` steps while it is a slip; write verdicts by channel.
 
@@ -98,7 +98,7 @@ def _snoop(steps: _Steps, count: int, tied: BoolArray, verdict: IntArray) -> Non
         _swap(steps, worst, count)
 
 
-@inner
+@inlined
 def _pair(steps: _Steps, count: int, tied: BoolArray) -> tuple[int, int]:
     """Return the two rows, the later one first, whose slips explain all steps best.
 
@@ -124,7 +124,7 @@ def _pair(steps: _Steps, count: int, tied: BoolArray) -> tuple[int, int]:
     return best
 
 
-@inner
+@inlined
 def _cost_of_slips(steps: _Steps, count: int, cofactor: FloatArray, x: FloatArray) -> float:
     """Return the squared residuals of all rows where the last two slipped by half cycles.
 
@@ -213,7 +213,7 @@ def _fit(steps: _Steps, count: int, cofactor: FloatArray, x: FloatArray) -> bool
     return True
 
 
-@inner
+@inlined
 def _normal(steps: _Steps, count: int, matrix: FloatArray) -> FloatArray:
     """Write the normal matrix, return its right-hand side; loops, which compile quickly."""
     A, pull = steps.A, np.zeros(_UNKNOWNS)
@@ -229,7 +229,7 @@ def _normal(steps: _Steps, count: int, matrix: FloatArray) -> FloatArray:
     return pull
 
 
-@inner
+@inlined
 def _worst(
     steps: _Steps, count: int, x: FloatArray, cofactor: FloatArray, verdict: IntArray
 ) -> int:

@@ -22,7 +22,7 @@ from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.states import States
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, kernel
 from fgnav.optional_gtsam import gtsam
 
 _NO_GYROSCOPE = np.empty((0, 3))
@@ -162,7 +162,7 @@ def _kernel(
     return value, state, shared
 
 
-@inner
+@inlined
 def _relative_rate(
     aux: FloatArray, measured_b_radps: FloatArray, i: int, earth_b: FloatArray
 ) -> FloatArray:

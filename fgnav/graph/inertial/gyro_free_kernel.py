@@ -14,7 +14,7 @@ from fgnav.graph.inertial.path_kernel import (
     integrate,
     turn,
 )
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 
 ROWS = 21  # rotation, position, velocity, accelerometer bias, rate and its two derivatives
 
@@ -103,7 +103,7 @@ def predict(which: IntArray, of: Intervals, before: Rows, mean: FloatArray, afte
                 after.p_n_m[row, i] += before.R_nb[row, i, j] * path.gain[1, j]
 
 
-@inner
+@inlined
 def _rotation_rows(
     of: Intervals,
     k: int,
@@ -132,7 +132,7 @@ def _rotation_rows(
         out.by_mean[row, i, i] = H[0] - T
 
 
-@inner
+@inlined
 def _process_rows(
     of: Intervals, k: int, row: int, before: Rows, after: Rows, mean: FloatArray, out: Filled
 ) -> None:
@@ -151,7 +151,7 @@ def _process_rows(
             out.value[row, at, 0] = value
 
 
-@inner
+@inlined
 def _force_rows(
     of: Intervals,
     k: int,
@@ -211,7 +211,7 @@ def _put(E: FloatArray, row: int, column: int, R: FloatArray, M: FloatArray, fac
             E[row + i, column + j] = factor * total
 
 
-@inner
+@inlined
 def _bias_rows(white: float, row: int, before: Rows, after: Rows, out: Filled) -> None:
     """Fill the rows of the random walk of the accelerometer's bias, whitened."""
     for i in range(9, 12):
@@ -235,7 +235,7 @@ def _whiten(of: Intervals, k: int, E: FloatArray) -> None:
             E[6 + i, j] *= force[0]
 
 
-@inner
+@inlined
 def _clear(row: int, out: Filled) -> None:
     """Set derivatives to zero."""
     for i in range(ROWS):

@@ -10,7 +10,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, kernel
 
 
 class Intervals(NamedTuple):
@@ -63,7 +63,7 @@ def turn(R_0: FloatArray, R_1: FloatArray, path: Path) -> None:
         path.theta[i] = theta[i]
 
 
-@inner
+@inlined
 def _end_slope(aux: FloatArray, path: Path) -> None:
     """Fill the path's slope at its end, ``J_r^-1(theta) w``, and the derivative by theta."""
     theta, C = path.theta, path.C
@@ -127,7 +127,7 @@ def integrate(of: Intervals, k: int, aux: FloatArray, aux_end: FloatArray, path:
                 sums[7, i, j] += rest_s * by_force
 
 
-@inner
+@inlined
 def _rotation_and_jacobian(v: FloatArray, R: FloatArray, L: FloatArray) -> None:
     """Fill a rotation vector's rotation and its left Jacobian."""
     x, y, z = v[0], v[1], v[2]
@@ -150,7 +150,7 @@ def _rotation_and_jacobian(v: FloatArray, R: FloatArray, L: FloatArray) -> None:
         out[1, 2], out[2, 1] = twice * y * z - once * x, twice * y * z + once * x
 
 
-@inner
+@inlined
 def _clear(path: Path) -> None:
     """Set the sums along a path to zero."""
     for i in range(3):

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 
 _TINY = 1e-300
 
@@ -125,7 +125,7 @@ def _carry_pairs_so_far(answers: Answers, pairs: IntArray, carried: Carried) -> 
                     carried.chance[k, i, j] = run.chance
 
 
-@inner
+@inlined
 def _listen(answers: Answers, i: int, j: int, r: int, first: int) -> _Run:
     """Hear the epochs from ``first`` on, while both arcs last."""
     n = len(answers.cycles)

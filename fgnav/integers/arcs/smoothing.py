@@ -18,7 +18,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.integers.ils.affine import code_residuals
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, kernel
 from fgnav.types.differences import DoubleDifferences
 
 _ROUNDS = 100
@@ -159,7 +159,7 @@ def _fit(
     return constant, residual, count
 
 
-@inner
+@inlined
 def _beginnings(arc: IntArray) -> IntArray:
     """Return the epoch at which each link's arc begins, (n, m); -1 without phase."""
     n, m = arc.shape
@@ -174,7 +174,7 @@ def _beginnings(arc: IntArray) -> IntArray:
     return first
 
 
-@inner
+@inlined
 def _chained(
     gap_m: FloatArray, weight: FloatArray, first: IntArray, group: IntArray, constant: FloatArray
 ) -> FloatArray:
@@ -197,7 +197,7 @@ def _chained(
     return common
 
 
-@inner
+@inlined
 def _arc_constants(
     gap_m: FloatArray,
     weight: FloatArray,
@@ -222,7 +222,7 @@ def _arc_constants(
     return moved
 
 
-@inner
+@inlined
 def _epoch_constants(
     gap_m: FloatArray,
     weight: FloatArray,

@@ -27,7 +27,7 @@ from fgnav.integers.array.walk import (
 from fgnav.integers.ils.affine import Epochs
 from fgnav.integers.ils.decorrelation import decorrelate
 from fgnav.integers.ils.link_weights import solved
-from fgnav.kernels.compiled import inner, inner_with, kernel
+from fgnav.kernels.compiled import inlined, kernel
 
 PROVEN, NOTHING, UNPROVEN, UNFINISHED, ILL = range(5)  # how an epoch can end
 
@@ -128,7 +128,7 @@ def search_epochs(
             _search_epoch(relaxed, k, first_bound[k], found, reach, limit, listed)
 
 
-@inner_with(inline="always")  # else all below it is optimised twice: three seconds
+@inlined
 def _search_epoch(
     relaxed: Relaxation,
     k: int,
@@ -178,7 +178,7 @@ def _search_epoch(
     _write(best, whole, T, relaxed.links, found, k)
 
 
-@inner
+@inlined
 def _model(relaxed: Relaxation, T: FloatArray) -> tuple[_Model, FloatArray]:
     """Return the model of complete vectors, and the gain by decorrelated integers, (3 r, q)."""
     u, q = relaxed.gain.shape
@@ -198,7 +198,7 @@ def _model(relaxed: Relaxation, T: FloatArray) -> tuple[_Model, FloatArray]:
     return _Model(relaxed.constant, relaxed.information, covariance, axis), gain
 
 
-@inner
+@inlined
 def _enter(walk: Walk, model: _Model, best: _Best, norm: float, bound: float, listed: bool) -> int:
     """Take the walk's complete vector into account; return its nodes."""
     cost = model.constant + norm
@@ -216,7 +216,7 @@ def _enter(walk: Walk, model: _Model, best: _Best, norm: float, bound: float, li
     return _COMPLETE
 
 
-@inner
+@inlined
 def _insert(best: _Best, z: FloatArray, M: FloatArray, cost: float, weight: float) -> None:
     """Enter a candidate among the best; what is not among them adds to the weight of the others."""
     held = len(best.costs)
@@ -234,7 +234,7 @@ def _insert(best: _Best, z: FloatArray, M: FloatArray, cost: float, weight: floa
             best.columns[to, i] = M[i] if to == place else best.columns[to - 1, i]
 
 
-@inner
+@inlined
 def _write(
     best: _Best, whole: FloatArray, T: FloatArray, links: IntArray, found: Found, k: int
 ) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.integers.array.principal_axes import principal_axes
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 
 _STEPS = 20
 _HALVINGS = 6
@@ -89,7 +89,7 @@ def weak_axis(information: FloatArray, variance: float) -> FloatArray:
     return least
 
 
-@inner
+@inlined
 def _start(columns: FloatArray, axis: FloatArray, start: int) -> FloatArray:
     """Return columns to start from: four turn the array, two complete lengths along the axis."""
     if start < 4:
@@ -132,7 +132,7 @@ def orthonormal(columns: FloatArray) -> FloatArray:
     return out
 
 
-@kernel
+@inlined
 def log_volume(M: FloatArray, information: FloatArray) -> float:
     """Return minus half the log determinant of the information on the attitude behind M.
 
@@ -235,7 +235,7 @@ def _distance(M: FloatArray, columns: FloatArray, information: FloatArray) -> fl
     return total
 
 
-@inner
+@inlined
 def _descend(
     start: FloatArray, columns: FloatArray, information: FloatArray
 ) -> tuple[float, FloatArray]:
@@ -260,7 +260,7 @@ def _descend(
     return cost, M
 
 
-@inner
+@inlined
 def _newton_step(J: FloatArray, information: FloatArray, residual: FloatArray) -> FloatArray:
     H = normal_matrix(J, information)
     g = np.zeros(3)
@@ -297,7 +297,7 @@ def _turned(M: FloatArray, turn_rad: FloatArray) -> FloatArray:
     return out
 
 
-@inner
+@inlined
 def _nearest_direction(column: FloatArray, information: FloatArray) -> FloatArray:
     """Return the unit vector; ``(information - mu) x = information column`` at the least mu."""
     values, vectors = principal_axes(information)

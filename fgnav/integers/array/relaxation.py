@@ -26,7 +26,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.ils.affine import Epochs, epoch_links, link_covariance, link_design
 from fgnav.integers.ils.link_weights import solved, weighed
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 
 _FLAT_M = 1e-3  # an array is flat in a direction it leaves by less: below phase noise
 
@@ -142,7 +142,7 @@ def relaxation(
     return Relaxation(links, cycles, covariance, constant - multiplier * r, columns, gain, N)
 
 
-@inner
+@inlined
 def _design_and_code(
     epochs: Epochs, coordinates_m: FloatArray, k: int, links: IntArray, u: int
 ) -> FloatArray:
@@ -167,7 +167,7 @@ def _normal(A: FloatArray, weighted: FloatArray) -> FloatArray:
     return out
 
 
-@inner
+@inlined
 def _floats(
     epochs: Epochs, k: int, links: IntArray, A: FloatArray, by_code: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -188,7 +188,7 @@ def _floats(
     return cycles, covariance
 
 
-@inner
+@inlined
 def _add_prior(columns: FloatArray, information: FloatArray, normal: FloatArray) -> float:
     """Add a measurement of the columns to their normal equations; return its cost at zero."""
     cost, u = 0.0, len(normal) - 1
@@ -200,7 +200,7 @@ def _add_prior(columns: FloatArray, information: FloatArray, normal: FloatArray)
     return cost
 
 
-@inner
+@inlined
 def _multiplier(q: int, u: int) -> float:
     best = _PER_INTEGER * q / max(q - u, 1)
     return min(best, _LARGEST_MULTIPLIER) if q > u else _LARGEST_MULTIPLIER

@@ -20,7 +20,7 @@ import numpy as np
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, NoSolutionError, frozen
 from fgnav.integers.ils.search import OK, UNFINISHED, solve_subset
 from fgnav.integers.ils.threads import in_blocks
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 from fgnav.types.differences import DoubleDifferences
 
 NOTHING, WEAK, ILL = range(10, 13)  # how an epoch can end besides OK and UNFINISHED
@@ -382,7 +382,7 @@ def _of_code(
     return status, H, range_m, squares
 
 
-@inner
+@inlined
 def _observed(
     A: FloatArray, code_m: FloatArray, variance: FloatArray, links: IntArray
 ) -> FloatArray:

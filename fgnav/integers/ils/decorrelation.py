@@ -16,7 +16,7 @@ References
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 
 _EPSILON = 2.0**-52
 _GAIN = 1e-12  # least relative gain of an exchange: rounding errors must not cycle
@@ -75,7 +75,7 @@ def decorrelate(
     return positive, U, d, T
 
 
-@inner
+@inlined
 def _sound(T: FloatArray) -> bool:
     for row in T:
         for value in row:
@@ -84,7 +84,7 @@ def _sound(T: FloatArray) -> bool:
     return True
 
 
-@inner
+@inlined
 def _factor(
     Q: FloatArray, U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray
 ) -> bool:
@@ -115,7 +115,7 @@ def _factor(
     return True
 
 
-@inner
+@inlined
 def _least_diagonal(U: FloatArray, last: int) -> int:
     best = last
     for j in range(last):
@@ -130,7 +130,7 @@ def _exchange_rows(A: FloatArray, i: int, j: int) -> None:
         A[i, k], A[j, k] = A[j, k], A[i, k]
 
 
-@inner
+@inlined
 def _reduce(U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray, grown: float) -> None:
     """Exchange neighbours while that lowers the variance that is searched first."""
     n = len(d)

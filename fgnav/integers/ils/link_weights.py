@@ -14,7 +14,7 @@ References
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 
 
 @kernel
@@ -51,7 +51,7 @@ def weighed(
     return out
 
 
-@inner
+@inlined
 def _weigh_group(
     r: int,
     there: FloatArray,
@@ -93,7 +93,7 @@ def _take_satellites_clocks(left: FloatArray, there: FloatArray) -> None:
                 left[i, j, v] -= there[i, j] * total / antennas
 
 
-@inner
+@inlined
 def _take_receivers_clocks(left: FloatArray, there: FloatArray, variance: FloatArray) -> None:
     """Take off what receivers' clocks explain of links that are free of satellites' clocks."""
     a, m, width = left.shape
@@ -126,7 +126,7 @@ def _antennas(there: FloatArray, j: int) -> float:
     return max(total, 1.0)
 
 
-@inner
+@inlined
 def _there(r: int, reference: IntArray, place: IntArray) -> FloatArray:
     """Return 1 for the links of a group, those of its reference and of the reference antenna too.
 

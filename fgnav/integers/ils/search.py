@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.integers.ils.decorrelation import decorrelate
 from fgnav.integers.ils.threads import in_blocks
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 
 __all__ = [
     "ASYMMETRIC",
@@ -337,7 +337,7 @@ def search(
     return False, found, squared_norms
 
 
-@inner
+@inlined
 def _insert(found: FloatArray, squared_norms: FloatArray, z: FloatArray, norm: float) -> None:
     i = len(squared_norms) - 1
     while i > 0 and squared_norms[i - 1] > norm:

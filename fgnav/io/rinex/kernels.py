@@ -9,7 +9,7 @@ import numpy as np
 from fgnav.checks import IntArray
 from fgnav.io.gps_time import TICKS_PER_S
 from fgnav.io.rinex.text import Bytes
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 
 # Columns of the table of epochs and events.
 TICKS, FLAG, ANNOUNCED, KEPT, LINE, START, END = range(7)
@@ -47,7 +47,7 @@ def whole(text: Bytes, start: int, end: int, stop: int) -> int:
     return value
 
 
-@inner
+@inlined
 def _thousandths(text: Bytes, start: int, stop: int) -> tuple[int, int]:
     """Return a field F14.3 in thousandths, and 0 if blank, 1 if a number, 2 if broken."""
     i, end = start, min(start + 14, stop)
@@ -158,7 +158,7 @@ def _line_problem(text: Bytes, p: int) -> int:
     return 5 if line_end(text, p) == len(text) else 0
 
 
-@inner
+@inlined
 def _satellite_3(
     text: Bytes, p: int, limits: IntArray, tally: IntArray, found: IntArray, problem: IntArray
 ) -> None:

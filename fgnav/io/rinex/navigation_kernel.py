@@ -3,7 +3,7 @@
 from fgnav.checks import IntArray
 from fgnav.io.rinex.kernels import days, line_end, trimmed, whole
 from fgnav.io.rinex.text import Bytes
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 
 # Columns of the table of messages.
 START, END, LINE, LETTER, NUMBER = range(5)
@@ -19,7 +19,7 @@ def _digits(text: Bytes, start: int, end: int) -> int:
     return i
 
 
-@inner
+@inlined
 def _number(text: Bytes, start: int, stop: int) -> int:
     """Return 0 of a blank field of 19 columns, 1 of a number, -1 of anything else."""
     first, end = start, trimmed(text, start, max(start, min(start + 19, stop)))
@@ -40,13 +40,13 @@ def _number(text: Bytes, start: int, stop: int) -> int:
     return 1 if letter and signed and _digits(text, i + 2, end) == end else -1
 
 
-@inner
+@inlined
 def _lines_of(letter: int) -> int:
     """Return how many lines a message of RINEX 2 or 3 has (4 of GLONASS and SBAS, else 8)."""
     return 4 if letter in (_R, _S) else 8
 
 
-@inner
+@inlined
 def _epoch_fits(text: Bytes, p: int, version: int, stop: int) -> bool:
     """Tell whether a message's head holds a date, from ``p`` on."""
     year = whole(text, p, p + 2, stop) if version == 2 else whole(text, p, p + 4, stop)
@@ -59,13 +59,13 @@ def _epoch_fits(text: Bytes, p: int, version: int, stop: int) -> bool:
     return day >= 0 and 0 <= hour < 24 and 0 <= minute < 60 and 0 <= second < 61
 
 
-@inner
+@inlined
 def _required(row: int, field: int) -> bool:
     """Tell whether a field must not be blank: clock, orbit, week; not spares and flags."""
     return row <= 4 or (row == 5 and field in (0, 2)) or (row == 6 and field in (1, 2))
 
 
-@inner
+@inlined
 def _check_message(
     text: Bytes, p: int, shift: int, lines: int, message: IntArray, problem: IntArray
 ) -> int:
@@ -93,7 +93,7 @@ def _check_message(
     return p
 
 
-@inner
+@inlined
 def _next_record(text: Bytes, p: int) -> tuple[int, int]:
     """Return the offset of the next line that starts with '>', and the lines until there."""
     lines = 0
@@ -103,7 +103,7 @@ def _next_record(text: Bytes, p: int) -> tuple[int, int]:
     return min(p, len(text)), lines
 
 
-@inner
+@inlined
 def _is_decoded(text: Bytes, p: int, stop: int) -> bool:
     """Tell whether a RINEX 4 record ``> EPH G05 LNAV`` has the layout of RINEX 3."""
     if stop < p + 12 or not (text[p + 2] == 69 and text[p + 3] == 80):  # EP

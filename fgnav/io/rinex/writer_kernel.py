@@ -4,7 +4,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.io.rinex.text import Bytes
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 
 EPOCH_WIDTH = 36  # with its line end
 FIELD_WIDTH = 16
@@ -19,7 +19,7 @@ def _put_whole(out: Bytes, start: int, end: int, value: int, pad: int) -> None:
         value //= 10
 
 
-@inner
+@inlined
 def _put_thousandths(out: Bytes, p: int, value: float) -> None:
     """Write F14.3. Zero means "not measured" in RINEX, so what rounds to zero is written 0.001."""
     thousandths = int(np.rint(abs(value) * 1e3))
@@ -40,7 +40,7 @@ def _put_thousandths(out: Bytes, p: int, value: float) -> None:
         out[i] = _MINUS
 
 
-@inner
+@inlined
 def _put_satellite(
     out: Bytes, p: int, name: Bytes, channels: IntArray, values: FloatArray, flags: Bytes
 ) -> int:

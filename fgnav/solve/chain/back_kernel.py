@@ -9,7 +9,7 @@ system from its Cholesky factor, in the order of substitution.
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, kernel
 
 _NOTHING = 1e-13  # of a diagonal: less than that is rounding
 
@@ -105,7 +105,7 @@ def marginals(
                 constant_cross[k, i, j - D] = joint[i, j]
 
 
-@inner
+@inlined
 def _less_product(out: FloatArray, T: FloatArray, G: FloatArray) -> None:
     """Take T G' off the lower half of a matrix; G may have more columns."""
     for i in range(len(out)):
@@ -116,7 +116,7 @@ def _less_product(out: FloatArray, T: FloatArray, G: FloatArray) -> None:
             out[i, j] -= total
 
 
-@inner
+@inlined
 def _negative_product(G: FloatArray, S: FloatArray, out: FloatArray) -> None:
     """Set ``out`` to minus the product of G's first columns with a square S."""
     for i in range(len(out)):
@@ -129,7 +129,7 @@ def _negative_product(G: FloatArray, S: FloatArray, out: FloatArray) -> None:
                 row[j] -= scale * other[j]
 
 
-@inner
+@inlined
 def _inverse_of_square(L: FloatArray, out: FloatArray) -> None:
     """Set the lower half of ``out`` to that of the inverse of L L'."""
     n = len(L)

@@ -15,7 +15,7 @@ Barfoot, State Estimation for Robotics, 2nd edition, section 3.2.3 (Cholesky smo
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.kernels.compiled import inner, inner_with, kernel
+from fgnav.kernels.compiled import inlined, kernel
 from fgnav.solve.chain.back_kernel import backward_solve
 from fgnav.solve.chain.rows_kernel import eliminate_rows
 
@@ -42,7 +42,7 @@ def add_squares(
                     _add(node[into[j], i, i:], row[i:], row[i])
 
 
-@inner_with(inline="always")
+@inlined
 def _add(out: FloatArray, row: FloatArray, scale: float) -> None:
     """Add a multiple of a row; here and below slices let loops begin at 0: the processor's pace."""
     for j in range(len(out)):
@@ -97,7 +97,7 @@ def eliminate(
     return -1
 
 
-@inner
+@inlined
 def _fill(joint: FloatArray, motion: FloatArray, node: FloatArray, forward: FloatArray) -> None:
     """Fill the information of two states and the constants, three rows of the motion at once."""
     D, J = motion.shape
@@ -119,7 +119,7 @@ def _fill(joint: FloatArray, motion: FloatArray, node: FloatArray, forward: Floa
                     row[j] += a * x[j] + b * y[j] + c * z[j]
 
 
-@inner
+@inlined
 def _triangular(A: FloatArray, count: int) -> None:
     """Turn the first rows of A into those of its Cholesky factor, take their square off the rest.
 
@@ -140,7 +140,7 @@ def _triangular(A: FloatArray, count: int) -> None:
                 row[j] -= a * x[j] + b * y[j] + c * z[j]
 
 
-@inner
+@inlined
 def _digits_left(A: FloatArray, whole: FloatArray, count: int) -> bool:
     """Return whether pivots, squared, and what is left of the diagonal have digits of their own.
 
@@ -153,7 +153,7 @@ def _digits_left(A: FloatArray, whole: FloatArray, count: int) -> bool:
     return True
 
 
-@inner
+@inlined
 def _copy(joint: FloatArray, root: FloatArray, gain: FloatArray, forward: FloatArray) -> None:
     """Take the factor, the right-hand sides and what is left out of an eliminated matrix."""
     D, W = gain.shape

@@ -14,7 +14,7 @@ Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, chapter
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.kernels.compiled import inner, inner_with, kernel
+from fgnav.kernels.compiled import inlined, inner, inner_with, kernel
 
 _NOTHING = 1e-13  # of a diagonal: less than that is rounding
 
@@ -91,7 +91,7 @@ def _square_root(A: FloatArray, D: int, later: bool, columns: FloatArray, count:
     return count
 
 
-@inner
+@inlined
 def _take_off(M: FloatArray, pivot: int, done: BoolArray) -> None:
     """Take a pivot's square off what is not done."""
     for i in range(len(M)):
@@ -101,7 +101,7 @@ def _take_off(M: FloatArray, pivot: int, done: BoolArray) -> None:
                 M[i, j] -= share * M[pivot, j]
 
 
-@inner
+@inlined
 def _largest(M: FloatArray, whole: FloatArray, done: BoolArray) -> int:
     """Return which diagonal has kept the largest share of itself, of those not done."""
     pivot, most = -1, -np.inf

@@ -10,6 +10,7 @@ from fgnav.cli import main
 from fgnav.io.flight.folder import load_flight
 from fgnav.io.importers import importer_named
 from fgnav.io.importers.assemble import assemble
+from fgnav.io.importers.formats.framing import bytes_outside
 from fgnav.io.importers.settings import Settings, read_settings
 from fgnav.io.rinex.reader import read_rinex
 from tests.io.importers.helpers import refused
@@ -163,11 +164,31 @@ def test_a_file_without_observations_is_one_line(tmp_path, capsys, name):
     assert f"rover: RTKLIB finds no observations of format {name} in it" in line
 
 
-def test_a_damaged_epoch_is_left_out(tmp_path):
-    made = bytearray(ubx())
-    made[len(made) // 2] ^= 0xFF
-    _, seen = decoded(tmp_path, "ubx", bytes(made))
+@pytest.mark.parametrize(
+    ("name", "made", "lost"), [("ubx", ubx, 216), ("sbf", sbf, 140), ("novatel", novatel, 300)]
+)
+def test_a_damaged_epoch_is_left_out_and_its_bytes_are_counted(tmp_path, name, made, lost):
+    content = bytearray(made())
+    content[len(content) // 2 + 40] ^= 0xFF
+    found, seen = decoded(tmp_path, name, bytes(content))
     assert len(seen.t_s) == 9
+    (loss,) = found.losses
+    assert f"in no whole message of {name}" in loss.reason
+    assert loss.count == lost
+
+
+@pytest.mark.parametrize("name", ["ubx", "sbf", "novatel", "rtcm3"])
+def test_only_what_is_damaged_lies_outside_messages(name):
+    content = {"ubx": ubx, "sbf": sbf, "novatel": novatel, "rtcm3": rtcm3}[name]()
+    epoch, rng = len(content) // 10, np.random.default_rng(5)
+    assert bytes_outside(b"$GPGGA,1,2*1A\r\n" + content, name) == 0
+    assert bytes_outside(b"noise" + content + b"noise", name) == 10
+    for at in rng.integers(len(content), size=100):
+        changed = bytearray(content)
+        changed[at] ^= int(rng.integers(1, 256))
+        assert 0 < bytes_outside(bytes(changed), name) <= epoch
+    for at in range(1, epoch):
+        assert bytes_outside(content[:-at], name) in range(1, epoch) or (name, at) == ("sbf", 16)
 
 
 def test_a_receivers_file_with_navigation_becomes_a_flight(tmp_path, capsys):

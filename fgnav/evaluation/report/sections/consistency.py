@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import bdtrik, chdtri
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Method
@@ -10,7 +11,7 @@ from fgnav.evaluation.report.blocks import Blocks, folded, grid, number, paragra
 from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, nested, spanning
 
 _FREEDOM = 3
-_LEVEL = 0.95
+_TAILS = np.array([0.975, 0.025])  # of probability above the two ends of a band of 95 %
 _BINS = 40  # of a histogram
 _FIELDS = (("attitude", "nees"), ("position", "position_nees"), ("velocity", "velocity_nees"))
 
@@ -26,14 +27,12 @@ def consistency_parts(methods: Sequence[Method], marks: dict[str, str], time: Ax
 
 def _innovations(methods: Sequence[Method]) -> Blocks:
     """Return a row for each method and kind of measurement, with the band of its mean."""
-    from scipy.stats import chi2  # noqa: PLC0415  # lazy: 0.5 s
-
     rows = []
     for method in methods:
         for one in method.score.consistency:
             if not one.freedom:
                 continue
-            low, high = chi2.ppf([(1 - _LEVEL) / 2, (1 + _LEVEL) / 2], one.freedom) / one.freedom
+            low, high = chdtri(one.freedom, _TAILS) / one.freedom
             inside = "yes" if low <= one.nis <= high else "above" if one.nis > high else "below"
             rows.append(
                 [
@@ -57,8 +56,6 @@ def _innovations(methods: Sequence[Method]) -> Blocks:
 
 def _innovation_histograms(methods: Sequence[Method], marks: dict[str, str]) -> Blocks:
     """Return a histogram for each kind of measurement, by deciles of what is expected of it."""
-    from scipy.stats import binom  # noqa: PLC0415  # lazy: 0.5 s
-
     kinds = dict.fromkeys(
         one.what for m in methods for one in m.score.consistency if any(one.deciles)
     )
@@ -72,7 +69,7 @@ def _innovation_histograms(methods: Sequence[Method], marks: dict[str, str]) -> 
             if one.what == kind and any(one.deciles)
         }
         count = max(int(counts.sum()) for counts in of.values())
-        ends = binom.ppf([(1 - _LEVEL) / 2, (1 + _LEVEL) / 2], count, 0.1) / count
+        ends = np.ceil(bdtrik(1 - _TAILS, count, 0.1)) / count
         low, high = (100 * ends).tolist()
         lines = [
             Line(
@@ -103,9 +100,7 @@ def _innovation_histograms(methods: Sequence[Method], marks: dict[str, str]) -> 
 
 
 def _normalised_errors(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> Blocks:
-    from scipy.stats import chi2  # noqa: PLC0415  # lazy: 0.5 s
-
-    low, high = chi2.ppf([(1 - _LEVEL) / 2, (1 + _LEVEL) / 2], _FREEDOM).tolist()
+    low, high = chdtri(_FREEDOM, _TAILS).tolist()
     charts, histograms, rows = [], [], []
     for quantity, field in _FIELDS:
         of = {
@@ -177,8 +172,6 @@ def _histogram(
     quantity: str, of: dict[str, tuple[FloatArray, FloatArray]], marks: dict[str, str]
 ) -> Chart:
     """Return densities of the logarithm, which shows both tails."""
-    from scipy.stats import chi2  # noqa: PLC0415
-
     edges = np.linspace(-2.0, 3.0, _BINS + 1)
     middle = (edges[:-1] + edges[1:]) / 2
     lines = []
@@ -186,7 +179,9 @@ def _histogram(
         known = _log10(values[np.isfinite(values)]).clip(edges[0], edges[-1])
         density = np.histogram(known, edges)[0] / len(known) / np.diff(edges)
         lines.append(Line(mark=marks[name], name=name, x=middle, y=density, as_is=True))
-    expected = chi2.pdf(10**middle, _FREEDOM) * 10**middle * np.log(10)
+    nees = 10**middle
+    density = np.sqrt(nees / (2 * np.pi)) * np.exp(-nees / 2)  # of chi-square, three degrees
+    expected = density * nees * np.log(10)
     lines.append(Line(mark="truth", name="chi-square", x=middle, y=expected, as_is=True))
     return Chart(
         title=f"NEES of {quantity}",

@@ -4,9 +4,10 @@ import sys
 from pathlib import Path
 from tempfile import mkdtemp
 
-from fgnav.checks import BadInputError
+from fgnav.checks import BadInputError, Loss
 from fgnav.io.decoder import Decoder, Job
 from fgnav.io.flight.toml import gps_seconds
+from fgnav.io.importers.formats.framing import bytes_outside
 from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from fgnav.io.rinex.text import read_text
@@ -65,10 +66,13 @@ def _converted(path: Path, format: str, settings: Settings, scratch: Path) -> Re
         file.rename(file.with_name(f"{path.stem}{end}"))
         for file, end in zip(files, (".obs", ".nav"), strict=False)
     ]
+    outside = bytes_outside(path.read_bytes(), format)
+    reason = f"of {path.name}, in no whole message of {format}: damaged, or of another format"
     return Recording(
         source=path,
         observations=tuple(renamed[:1]),
         navigation=tuple(renamed[1:]),
+        losses=(Loss(what="byte", reason=reason, count=outside),) if outside else (),
         missing={_ANTENNA: _PLACE_UNKNOWN},
     )
 

@@ -1,0 +1,99 @@
+"""How many bytes of a receiver's file lie in no whole message: RTKLIB passes over them unsaid."""
+
+import re
+from binascii import crc32, crc_hqx
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+# NMEA 0183, which many receivers write between their messages.
+_SENTENCE = re.compile(rb"\$[A-Z]{2,6},[\x20-\x7e]*\*[0-9A-F]{2}\r?\n")
+_CRC24Q = 0x1864CFB  # polynomial, RTCM 10403.3, section 4
+
+
+class _Frame(NamedTuple):
+    """How a format frames its messages."""
+
+    sync: bytes
+    head: int  # bytes that tell the length
+    length: Callable[[bytes], int]  # of the message, from these
+    is_whole: Callable[[bytes], bool]  # a message of that length
+
+
+def bytes_outside(content: bytes, format: str) -> int:  # noqa: A002
+    """Return how many bytes are of no whole message, nor of a sentence of NMEA.
+
+    Parameters
+    ----------
+    content : bytes
+    format : {"ubx", "sbf", "novatel", "rtcm3"}
+    """
+    frame = _FRAMES[format]
+    outside = done = 0
+    at = content.find(frame.sync)
+    while at >= 0:
+        head = content[at : at + frame.head]
+        message = content[at : at + frame.length(head)] if len(head) == frame.head else b""
+        if message and len(message) == frame.length(head) and frame.is_whole(message):
+            outside += _not_sentences(content[done:at])
+            done = at = at + len(message)
+        else:
+            at += 1
+        at = content.find(frame.sync, at)
+    return outside + _not_sentences(content[done:])
+
+
+def _not_sentences(between: bytes) -> int:
+    return len(_SENTENCE.sub(b"", between))
+
+
+def _short(head: bytes, at: int) -> int:
+    return int.from_bytes(head[at : at + 2], "little")
+
+
+def _ubx_is_whole(message: bytes) -> bool:
+    """Compare Fletcher's sums, u-blox interface description, section 3.4."""
+    part = np.frombuffer(message, np.uint8)[2:-2].astype(np.int64)
+    sums = part.sum() & 255, (part * np.arange(len(part), 0, -1)).sum() & 255
+    return bytes(sums) == message[-2:]
+
+
+def _sbf_is_whole(message: bytes) -> bool:
+    """Compare the CRC, SBF reference guide, section 4.1."""
+    return len(message) >= 8 and crc_hqx(message[4:], 0) == _short(message, 2)
+
+
+def _novatel_is_whole(message: bytes) -> bool:
+    """Compare the CRC, OEM7 manual, "32-bit CRC": as of binascii, without its inversions."""
+    crc = ~crc32(message[:-4], 0xFFFFFFFF) & 0xFFFFFFFF
+    return crc.to_bytes(4, "little") == message[-4:]
+
+
+def _shifted(byte: int) -> int:
+    for _ in range(8):
+        byte = byte << 1 ^ (_CRC24Q if byte & 0x80 << 16 else 0)
+    return byte & 0xFFFFFF
+
+
+_SHIFTED = [_shifted(byte << 16) for byte in range(256)]
+
+
+def _rtcm3_is_whole(message: bytes) -> bool:
+    """Compare the CRC; none is left where its own bytes are taken in."""
+    crc = 0
+    for byte in message:
+        crc = (crc << 8 & 0xFFFFFF) ^ _SHIFTED[crc >> 16 ^ byte]
+    return crc == 0
+
+
+_FRAMES = {
+    "ubx": _Frame(b"\xb5\x62", 6, lambda head: 8 + _short(head, 4), _ubx_is_whole),
+    "sbf": _Frame(b"$@", 8, lambda head: _short(head, 6), _sbf_is_whole),
+    "novatel": _Frame(
+        b"\xaa\x44\x12", 10, lambda head: head[3] + _short(head, 8) + 4, _novatel_is_whole
+    ),
+    "rtcm3": _Frame(
+        b"\xd3", 3, lambda head: 6 + (int.from_bytes(head[1:], "big") & 1023), _rtcm3_is_whole
+    ),
+}
