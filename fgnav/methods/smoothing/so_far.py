@@ -7,7 +7,8 @@ whole flight is: its noise is identified, and sensors are left out of it in turn
 stays as it is. The method then runs anew over all that came before, without what is left out.
 
 Where that mends nothing, it is tried again after 1, 2, 4, ... seconds. Until then there are no
-estimates, if no covariance would hold.
+estimates, if no covariance would hold. Where the record as a whole contradicts nothing, it is
+judged again when it is twice as long.
 """
 
 from collections.abc import Callable
@@ -22,6 +23,7 @@ from fgnav.frontend.problem import PreparedFlight, Stretch
 from fgnav.identification.contradictions import (
     Rest,
     consistent_rest,
+    contradictory,
     is_hopeless,
     refusal,
     with_words,
@@ -110,6 +112,10 @@ def _adapt(so_far: _SoFar, asked: Asked, known_s: float, *, is_last: bool) -> No
     so_far.judged_s = np.inf if is_last else float(np.nextafter(known_s, np.inf))
     if rest is None or not rest.out:
         so_far.judged_s, so_far.wait_s = later_s, 2 * so_far.wait_s
+    if rest is not None and not rest.out and not contradictory(rest.estimate):
+        # As a whole it contradicts nothing: what was beyond is the filter's own beginning.
+        since_s = known_s - float(so_far.prepared.problem.t_s[0])
+        so_far.judged_s = max(so_far.judged_s, known_s + since_s)
     if rest is not None:
         for one in rest.out:
             so_far.flight = one.of(so_far.flight)
