@@ -75,10 +75,7 @@ def without_stuck_so_far(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     stuck = (run > 1) & (run < k) & (k >= _FEWEST) & (k * share**run < _FALSE_ALARM)
     if not stuck.any():
         return imu, ()
-    keep = ~stuck
-    rates = None if imu.w_b_radps is None else imu.w_b_radps[keep]
-    left = replace(imu, t_s=imu.t_s[keep], f_b_mps2=imu.f_b_mps2[keep], w_b_radps=rates)
-    return left, (Loss(what="inertial sample", reason=_STUCK, count=int(stuck.sum())),)
+    return imu[~stuck], (Loss(what="inertial sample", reason=_STUCK, count=int(stuck.sum())),)
 
 
 def without_spikes(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:

@@ -9,6 +9,7 @@ _PER_DECADE = 12
 # Clusters of a tenth of the record are nine independent differences at most, known to a quarter:
 # IEEE Std 952-1997, equation C.21.
 _LONGEST = 0.1
+FEWEST = 10  # samples: a tenth of them is one
 
 
 def allan_deviation(values: FloatArray, interval_s: float) -> tuple[FloatArray, FloatArray]:
@@ -39,8 +40,8 @@ def allan_deviation(values: FloatArray, interval_s: float) -> tuple[FloatArray, 
        equation 11.
     """
     n = len(values)
-    if n < 1 / _LONGEST:
-        raise BadInputError(f"allan deviation: needs {1 / _LONGEST:.0f} samples or more, got {n}")
+    if n < FEWEST:
+        raise BadInputError(f"allan deviation: needs {FEWEST} samples or more, got {n}")
     longest = int(_LONGEST * n)
     count = 1 + int(np.ceil(_PER_DECADE * np.log10(longest))) if longest > 1 else 1
     m = np.unique(np.geomspace(1, longest, count).round().astype(np.int64))

@@ -10,10 +10,8 @@ above it, at 300 times its data sheet.
 
 import numpy as np
 
-from fgnav.identification.allan import allan_deviation, longest_run
+from fgnav.identification.allan import FEWEST, allan_deviation, longest_run
 from fgnav.types.flight import Imu
-
-_FEWEST = 10  # samples of an Allan deviation
 
 
 def greatest_noise(imu: Imu, until_s: float) -> dict[str, float]:
@@ -32,7 +30,7 @@ def greatest_noise(imu: Imu, until_s: float) -> dict[str, float]:
         empty where samples without a gap are too few.
     """
     run = longest_run(imu.t_s)
-    if run.stop - run.start < _FEWEST:
+    if run.stop - run.start < FEWEST:
         return {}
     interval_s = float(np.median(np.diff(imu.t_s[run])))
     records = {"accelerometer": imu.f_b_mps2, "gyroscope": imu.w_b_radps}

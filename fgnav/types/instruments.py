@@ -124,6 +124,11 @@ class Imu:
         if self.w_b_radps is not None:
             freeze("imu", self, {"w_b_radps": (k, 3)})
 
+    def __getitem__(self, rows: slice | BoolArray) -> "Imu":
+        """Return some of the samples."""
+        w_b_radps = None if self.w_b_radps is None else self.w_b_radps[rows]
+        return replace(self, t_s=self.t_s[rows], f_b_mps2=self.f_b_mps2[rows], w_b_radps=w_b_radps)
+
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Fixes:

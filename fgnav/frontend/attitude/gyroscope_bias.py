@@ -17,7 +17,7 @@ import numpy as np
 
 from fgnav.attitude.flight_vectors import Track
 from fgnav.attitude.own_rotation import own_rotation
-from fgnav.checks import BoolArray, FloatArray
+from fgnav.checks import FloatArray
 from fgnav.frontend.attitude.force_pairs import Integrated, Pairs, specific_forces
 from fgnav.geometry.rotations import exp, skew
 from fgnav.types.flight import Imu
@@ -79,7 +79,7 @@ def gyroscope_bias(
         inside = np.abs(track.t_s - middle_s) <= length_s / 2
         fitted = None
         if near.any() and inside.any():
-            fitted = _fitted(_cut(imu, near), track[inside], gravity_n_mps2, middle_s, fit)
+            fitted = _fitted(imu[near], track[inside], gravity_n_mps2, middle_s, fit)
         if fitted is not None:
             fit = fitted
             found = GyroscopeBias(fit.biases[:3], fit.sigma_radps)
@@ -146,9 +146,3 @@ def _forces(
     if pairs is None:
         return None
     return pairs._replace(f_u_mps2=pairs.f_u_mps2 @ own.at(np.array([middle_s]))[0])
-
-
-def _cut(imu: Imu, rows: BoolArray) -> Imu:
-    """Return some of a unit's samples."""
-    w_b_radps = None if imu.w_b_radps is None else imu.w_b_radps[rows]
-    return replace(imu, t_s=imu.t_s[rows], f_b_mps2=imu.f_b_mps2[rows], w_b_radps=w_b_radps)

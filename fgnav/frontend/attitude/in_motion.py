@@ -172,7 +172,7 @@ def in_motion(
 
 
 def in_motion_smoothed(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> InMotion | None:
-    """Return the same, the gyroscope's bias taken out that headings of different times tell."""
+    """Return the same, the gyroscope's bias taken out where headings get surer by it."""
     first = in_motion(imu, track, gravity_n_mps2)
     if first is None or imu.w_b_radps is None or len(first.until_s) < 2:
         return first

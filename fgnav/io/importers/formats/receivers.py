@@ -11,6 +11,7 @@ from fgnav.io.importers.formats.framing import bytes_outside
 from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from fgnav.io.rinex.text import read_text
+from fgnav.io.user_files import read_bytes
 
 _COMMAND = (sys.executable, "-m", "fgnav.io.rtklib_convert")
 _ANTENNA = "antenna.position_b_m"
@@ -66,7 +67,7 @@ def _converted(path: Path, format: str, settings: Settings, scratch: Path) -> Re
         file.rename(file.with_name(f"{path.stem}{end}"))
         for file, end in zip(files, (".obs", ".nav"), strict=False)
     ]
-    outside = bytes_outside(path.read_bytes(), format)
+    outside = bytes_outside(read_bytes(path), format)
     reason = f"of {path.name}, in no whole message of {format}: damaged, or of another format"
     return Recording(
         source=path,
