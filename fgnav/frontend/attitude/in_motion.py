@@ -12,7 +12,6 @@ References
 .. [1] Carter: Coherence and time delay estimation, Proceedings of the IEEE 75(2), 1987.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
 
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 
 from fgnav.attitude.flight_vectors import Track
 from fgnav.attitude.own_rotation import OwnRotation, own_rotation
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.attitude.force_pairs import Integrated, Pairs, specific_forces
 from fgnav.frontend.attitude.gyroscope_bias import gyroscope_bias
 from fgnav.geometry.rotations import exp
@@ -74,16 +73,9 @@ class InMotion:
     bias_b_radps: FloatArray
     bias_sigma_radps: float
 
-    @property
-    def windows(self) -> "list[_Window]":
-        """Return each of them."""
-        columns = self.until_s, self.begun_s, self.middle_s, self.R_nu, self.sigma_rad
-        return [_Window._make(one) for one in zip(*columns, strict=True)]
-
     def at(self, which: IntArray) -> "InMotion":
         """Return some of the windows."""
-        names = ("until_s", "begun_s", "middle_s", "R_nu", "sigma_rad")
-        rows: dict[str, Any] = {name: getattr(self, name)[which] for name in names}
+        rows: dict[str, Any] = {name: getattr(self, name)[which] for name in _Windows._fields}
         return replace(self, **rows)
 
     def nearest(self, t_s: FloatArray) -> IntArray:
@@ -148,27 +140,27 @@ def in_motion(
     if earlier is not None:
         first_s, until_s = earlier.first_s, earlier.until_s
     found = [
-        one
+        _windows(pairs, until_s)
         for span_s in _SPANS_S
         for pairs in specific_forces(integrated, track, span_s, gravity_n_mps2, first_s)
-        for one in _windows(pairs, until_s)
     ]
-    found.sort(key=lambda one: (one.until_s, one.sigma_rad))
-    keep = [k for k, one in enumerate(found) if not k or one.until_s > found[k - 1].until_s]
-    best = [found[k] for k in keep]
+    best = _best(found)
     if earlier is not None:
-        told = [one for one in earlier.windows.windows if one.until_s <= until_s]
-        best = [*told, *best]
+        told = earlier.windows.at(np.flatnonzero(earlier.windows.until_s <= until_s))
+        best = _joined([_Windows(*(getattr(told, name) for name in _Windows._fields)), best])
     return InMotion(
-        until_s=np.array([one.until_s for one in best]),
-        begun_s=np.array([one.begun_s for one in best]),
-        middle_s=np.array([one.middle_s for one in best]),
-        R_nu=np.array([one.R_nu for one in best]).reshape(-1, 3, 3),
-        sigma_rad=np.array([one.sigma_rad for one in best]),
+        **best._asdict(),
         own=own,
         bias_b_radps=np.zeros(3),
         bias_sigma_radps=imu.gyroscope_bias_radps or np.inf,
     )
+
+
+def _best(found: "list[_Windows]") -> "_Windows":
+    """Return windows in order of their ends, the surest of those that end together."""
+    every = _joined(found)
+    every = every.at(np.lexsort((every.sigma_rad, every.until_s)))
+    return every.at(np.flatnonzero(np.diff(every.until_s, prepend=-np.inf) > 0))
 
 
 def in_motion_smoothed(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> InMotion | None:
@@ -196,94 +188,128 @@ def _surer(motion: InMotion, other: InMotion) -> bool:
 
 
 def levelled(f_u: FloatArray) -> FloatArray:
-    """Return the R_nu, (3, 3), of heading zero by which a mean specific force, (3,), points up."""
-    e_u = f_u / np.linalg.norm(f_u)
-    return _between(e_u, _UP_U)
+    """Return the R_nu, (k, 3, 3), of heading zero by which mean specific forces point up."""
+    return _between(_unit(f_u), np.broadcast_to(_UP_U, f_u.shape))
 
 
-class _Window(NamedTuple):
-    until_s: float
-    begun_s: float
-    middle_s: float
+class _Windows(NamedTuple):
+    """Some windows, as in ``InMotion``."""
+
+    until_s: FloatArray
+    begun_s: FloatArray
+    middle_s: FloatArray
     R_nu: FloatArray
-    sigma_rad: float
+    sigma_rad: FloatArray
+
+    def at(self, which: IntArray) -> "_Windows":
+        return _Windows(*(column[which] for column in self))
 
 
-def _windows(pairs: Pairs, after_s: float) -> Iterator[_Window]:
-    """Yield the windows whose heading is known, and that end after a time."""
+def _joined(parts: list[_Windows]) -> _Windows:
+    if not parts:
+        return _Windows(np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3, 3)), np.empty(0))
+    return _Windows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _windows(pairs: Pairs, after_s: float) -> _Windows:
+    """Return the windows, (k,), whose heading is known, and that end after a time."""
     first = np.searchsorted(pairs.from_s, pairs.until_s - WINDOW_S)
-    for last, begin in enumerate(first.tolist()):
-        rows = slice(begin, last + 1)
-        if last + 1 - begin < _FEWEST + 2 or pairs.until_s[last] <= after_s:
-            continue
-        f_n, f_u = pairs.f_n_mps2[rows], pairs.f_u_mps2[rows]
-        t_s = (pairs.from_s[rows] + pairs.until_s[rows]) / 2
-        heading = _heading(t_s, f_n, f_u)
-        if heading is not None:
-            R_nu, sigma_rad, size = heading
-            share = np.cumsum(size) / size.sum()
-            begun, middle = np.searchsorted(share, (_BEGUN, 0.5))
-            yield _Window(
-                float(pairs.until_s[last]),
-                float(pairs.from_s[rows][begun]),
-                float(t_s[middle]),
-                R_nu,
-                sigma_rad,
-            )
+    count = np.arange(1, len(first) + 1) - first
+    which = np.flatnonzero((count >= _FEWEST + 2) & (pairs.until_s > after_s))
+    row = first[which, None] + np.arange(count[which].max(initial=0))
+    within = row <= which[:, None]
+    row = np.minimum(row, which[:, None])
+    t_s = (pairs.from_s + pairs.until_s)[row] / 2
+    f_n, f_u = (f[row] * within[..., None] for f in (pairs.f_n_mps2, pairs.f_u_mps2))
+    R_nu, sigma_rad, size = _headings(t_s, f_n, f_u, within)
+    known = np.flatnonzero(sigma_rad < KNOWN_RAD)
+    row, t_s, size = row[known], t_s[known], size[known]
+    share = np.cumsum(size, axis=1) / size.sum(axis=1, keepdims=True)
+    begun, middle = (np.argmax(share >= least, axis=1) for least in (_BEGUN, 0.5))
+    k = np.arange(len(known))
+    return _Windows(
+        pairs.until_s[which[known]],
+        pairs.from_s[row[k, begun]],
+        t_s[k, middle],
+        R_nu[known],
+        sigma_rad[known],
+    )
 
 
-def _heading(
-    t_s: FloatArray, f_n: FloatArray, f_u: FloatArray
-) -> tuple[FloatArray, float, FloatArray] | None:
-    """Return R_nu, the sigma of its heading, and what each pair says of it, (m,), in proportion.
+def _headings(
+    t_s: FloatArray, f_n: FloatArray, f_u: FloatArray, within: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return R_nu, (k, 3, 3), the sigma of its heading, (k,), and what each pair says of it.
 
-    None where the forces do not tell it.
+    Infinite where the forces do not tell it. The last, (k, m), is in proportion.
+
+    Parameters
+    ----------
+    t_s : ndarray, shape (k, m)
+    f_n, f_u : ndarray, shape (k, m, 3)
+        Zero where there is no pair.
+    within : ndarray of bool, shape (k, m)
+        Where there is one.
     """
-    mean_n, mean_u = f_n.mean(axis=0), f_u.mean(axis=0)
-    if np.linalg.norm(mean_u) == 0 or np.linalg.norm(mean_n) == 0:
-        return None
-    line = np.stack([np.ones_like(t_s), t_s - t_s.mean()], axis=1)
-    line /= np.linalg.norm(line, axis=0)
-    alpha = _without_line(line, f_n[:, 0] + 1j * f_n[:, 1])
-    count = len(t_s) - line.shape[1]
-    R_nu = _turned(line, alpha, f_u, levelled(mean_u)) @ levelled(mean_u)
-    R_nu = _between(R_nu @ mean_u / np.linalg.norm(mean_u), mean_n / np.linalg.norm(mean_n)) @ R_nu
+    pairs = within.sum(axis=1)
+    mean_n, mean_u = (f.sum(axis=1) / pairs[:, None] for f in (f_n, f_u))
+    felt = (mean_n != 0).any(axis=1) & (mean_u != 0).any(axis=1)
+    up_n, up_u = (np.where(felt[:, None], mean, _UP_U) for mean in (mean_n, mean_u))
+    line = _line(t_s, within)
+    alpha = _without_line(line, f_n[..., 0] + 1j * f_n[..., 1])
+    R_nu = levelled(up_u)
+    R_nu = _turned(line, alpha, f_u, R_nu) @ R_nu
+    R_nu = _between(_unit(np.einsum("kij,kj->ki", R_nu, up_u)), _unit(up_n)) @ R_nu
     R_nu = _turned(line, alpha, f_u, R_nu) @ R_nu  # level is off by the mean force before
     beta = _horizontal(line, f_u, R_nu)
-    size, scale = np.vdot(beta, beta).real, np.vdot(alpha, alpha).real
-    if not size * scale > 0.0:
-        return None
-    product = abs(np.vdot(beta, alpha))
-    coherence = min(float(product**2 / (size * scale)), 1.0 - 1e-9)
-    sigma_rad = np.sqrt((1 - coherence) / (2 * coherence * count)) if coherence else np.inf
-    is_known = sigma_rad < KNOWN_RAD and (1 - coherence) ** (count - 1) < _CHANCE
-    if not is_known or not _GAIN[0] < product / size < _GAIN[1]:
-        return None
-    return R_nu, float(sigma_rad), np.abs(beta) ** 2
+    size, scale = (np.sum(np.abs(value) ** 2, axis=1) for value in (beta, alpha))
+    product = np.abs(np.sum(beta.conj() * alpha, axis=1))
+    tells = felt & (size * scale > 0.0)
+    coherence = np.divide(product**2, size * scale, out=np.zeros(len(size)), where=tells)
+    coherence = np.minimum(coherence, 1.0 - 1e-9)
+    gain = np.divide(product, size, out=np.zeros(len(size)), where=tells)
+    count = pairs - line.shape[1]
+    tells &= (1 - coherence) ** (count - 1) < _CHANCE
+    tells &= (gain > _GAIN[0]) & (gain < _GAIN[1])
+    variance_rad2 = np.full(len(size), np.inf)
+    np.divide(1 - coherence, 2 * coherence * count, out=variance_rad2, where=tells)
+    return R_nu, np.sqrt(variance_rad2), np.abs(beta) ** 2
+
+
+def _line(t_s: FloatArray, within: BoolArray) -> FloatArray:
+    """Return a constant and a straight line in time, (k, 2, m): orthogonal, of unit length."""
+    since_s = t_s - t_s.mean(axis=1, where=within, keepdims=True)
+    line = np.stack([np.ones_like(t_s), since_s], axis=1) * within[:, None]
+    return np.asarray(line / np.linalg.norm(line, axis=2, keepdims=True))
 
 
 def _turned(line: FloatArray, alpha: ComplexArray, f_u: FloatArray, R_nu: FloatArray) -> FloatArray:
-    """Return the turn about the vertical, (3, 3), that the regression asks for."""
-    angle = np.angle(np.vdot(_horizontal(line, f_u, R_nu), alpha))
-    return np.asarray(exp(np.array([[0.0, 0.0, angle]]))[0])
+    """Return the turns about the vertical, (k, 3, 3), that the regressions ask for."""
+    angle = np.angle(np.sum(_horizontal(line, f_u, R_nu).conj() * alpha, axis=1))
+    return np.asarray(exp(angle[:, None] * -_UP_U))
 
 
 def _horizontal(line: FloatArray, f_u: FloatArray, R_nu: FloatArray) -> ComplexArray:
-    """Return beta: north + i east of forces, (m,), less a straight line in time."""
-    level = f_u @ R_nu.T
-    return _without_line(line, level[:, 0] + 1j * level[:, 1])
+    """Return beta: north + i east of forces, (k, m), less a straight line in time."""
+    level = f_u @ R_nu[:, :2].transpose(0, 2, 1)
+    return _without_line(line, level[..., 0] + 1j * level[..., 1])
 
 
 def _without_line(line: FloatArray, values: ComplexArray) -> ComplexArray:
-    return np.asarray(values - line @ (line.T @ values))
+    share = np.einsum("kim,km->ki", line, values)
+    return np.asarray(values - np.einsum("kim,ki->km", line, share))
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def _between(e_from: FloatArray, e_to: FloatArray) -> FloatArray:
-    """Return the least rotation, (3, 3), that takes one unit vector, (3,), to another."""
-    axis, cosine = np.cross(e_from, e_to), float(e_from @ e_to)
-    sine = float(np.linalg.norm(axis))
-    if sine < 1e-12:
-        axis = np.cross(e_from, np.eye(3)[np.abs(e_from).argmin()])
-        axis /= np.linalg.norm(axis)
-        return np.asarray(exp((axis * (0.0 if cosine > 0 else np.pi))[None])[0])
-    return np.asarray(exp((axis / sine * np.arctan2(sine, cosine))[None])[0])
+    """Return the least rotations, (k, 3, 3), that take unit vectors, (k, 3), to others."""
+    axis, cosine = np.cross(e_from, e_to), np.sum(e_from * e_to, axis=1)
+    sine = np.linalg.norm(axis, axis=1)
+    parallel = sine < 1e-12
+    across = _unit(np.cross(e_from, np.eye(3)[np.abs(e_from).argmin(axis=1)]))
+    axis = np.where(parallel[:, None], across, axis / np.where(parallel, 1.0, sine)[:, None])
+    angle = np.where(parallel, np.where(cosine > 0, 0.0, np.pi), np.arctan2(sine, cosine))
+    return np.asarray(exp(angle[:, None] * axis))

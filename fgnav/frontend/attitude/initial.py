@@ -26,7 +26,7 @@ def level_start(flight: Flight, imu: Imu, own: OwnRotation, at_s: float) -> Floa
     begin = min(int(np.searchsorted(imu.t_s, at_s - LEVEL_S)), end - 1)
     f_u = np.einsum("nij,nj->ni", own.R_ub[begin:end], imu.f_b_mps2[begin:end]).mean(axis=0)
     R_ub = own.at(np.array([at_s]))[0]
-    R_nb = levelled(f_u) @ R_ub if np.any(f_u) else np.eye(3)
+    R_nb = levelled(f_u[None])[0] @ R_ub if np.any(f_u) else np.eye(3)
     R_nb = from_euler(*(to_euler(R_nb[None]) * [1, 1, 0]).T)[0]
     if heading_told_s(flight, at_s) <= at_s and flight.magnetometer is not None:
         R_nb = _turned_to_field(flight.magnetometer, own, R_nb @ R_ub.T, at_s) @ R_ub
