@@ -337,11 +337,13 @@ def _free(chain: LinearChain, begin: FloatArray, is_stated: BoolArray) -> Found:
     Of positions that repeat, and of instruments, none that is less than stated.
     """
     prior, everything = _prior(is_stated, chain.names), np.ones(len(begin), dtype=np.bool_)
-    found = search(chain, begin, everything, prior)
-    if found is not None:
-        kept = is_stated & (_repeat(chain, found.theta) | _quiet(chain, found.theta))
-        if kept.any():
-            found = search(chain, np.where(kept, 0.0, found.theta), ~kept, prior)
+    position = is_stated & np.array([name == "position" for name in chain.names])
+    held = position | is_stated & np.isin(chain.names, INSTRUMENTS)
+    found = search(chain, begin, everything, prior, np.where(held, 0.0, -np.inf))
+    repeats = found is not None and _err_alike(chain, found.score)
+    if found is not None and (position & (found.theta == 0.0)).any() and not repeats:
+        least = np.where(held & ~position, 0.0, -np.inf)
+        found = search(chain, found.theta, everything, prior, least)
     if found is None:
         raise NoSolutionError("noise: the chain has no solution about which to identify it")
     return found
@@ -366,18 +368,16 @@ def _quiet(chain: LinearChain, theta: FloatArray) -> BoolArray:
     return np.asarray((theta < 0) & np.isin(chain.names, INSTRUMENTS))
 
 
-def _repeat(chain: LinearChain, theta: FloatArray) -> BoolArray:
-    """Return which measurements are positions that agree better than stated, but err alike.
+def _err_alike(chain: LinearChain, score: Score) -> bool:
+    """Return whether positions agree better than stated because neighbours err alike.
 
     What stays with a receiver's positions for minutes is in their sigmas: that neighbours repeat to
     centimetres does not contradict metres.
     """
-    repeat = np.array([name == "position" for name in chain.names]) & (theta < 0)
-    for i in np.flatnonzero(repeat):
-        score = chain.score(np.where(repeat, 0.0, theta))
-        r = chain.residuals("position", score) if score is not None else np.zeros((1, 3))
-        repeat[i] = (r[1:] * r[:-1]).sum() > _ALIKE * (r**2).sum()
-    return repeat
+    if "position" not in chain.names:
+        return False
+    r = chain.residuals("position", score)
+    return bool((r[1:] * r[:-1]).sum() > _ALIKE * (r**2).sum())
 
 
 def _kept(

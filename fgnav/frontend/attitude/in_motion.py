@@ -216,6 +216,8 @@ def _windows(pairs: Pairs, after_s: float) -> _Windows:
     first = np.searchsorted(pairs.from_s, pairs.until_s - WINDOW_S)
     count = np.arange(1, len(first) + 1) - first
     which = np.flatnonzero((count >= _FEWEST + 2) & (pairs.until_s > after_s))
+    if not len(which):
+        return _joined([])
     row = first[which, None] + np.arange(count[which].max(initial=0))
     within = row <= which[:, None]
     row = np.minimum(row, which[:, None])

@@ -24,7 +24,11 @@ class Found(NamedTuple):
 
 
 def search(
-    chain: LinearChain, theta: FloatArray, free: BoolArray, prior: tuple[FloatArray, FloatArray]
+    chain: LinearChain,
+    theta: FloatArray,
+    free: BoolArray,
+    prior: tuple[FloatArray, FloatArray],
+    least: FloatArray | None = None,
 ) -> Found | None:
     """Return the greatest likelihood times a normal prior of theta.
 
@@ -40,24 +44,30 @@ def search(
         Which to search for.
     prior : tuple of ndarray, shapes (c,), (c,)
         Mean and sigma of theta.
+    least : ndarray, shape (c,), optional
+        Theta is not searched below; minus infinity where there is no bound, as by default.
 
     References
     ----------
     .. [1] Foerstner, Ein Verfahren zur Schaetzung von Varianz- und Kovarianzkomponenten, 1979.
     """
     mean, weight = prior[0], 1 / prior[1] ** 2
+    least = np.full(len(theta), -np.inf) if least is None else least
+    theta = np.where(free, np.maximum(theta, least), theta)
     score = chain.score(theta)
     if score is None:
         return None
-    own, settled = np.flatnonzero(free), False
-    for _ in range(_STEPS if len(own) else 0):
-        gradient = (score.gradient - weight * (theta - mean))[own]
+    settled = not free.any()
+    for _ in range(0 if settled else _STEPS):
+        uphill = score.gradient - weight * (theta - mean)
+        own = np.flatnonzero(free & ((theta > least) | (uphill > 0)))
+        gradient = uphill[own]
         H = score.information[np.ix_(own, own)] + np.diag(weight[own])
         step = np.linalg.solve(H, gradient)
         ratio = (score.squares / score.redundancy.clip(1e-3)).clip(1e-6)[own]
         far = (ratio > _FAR) | (ratio < 1 / _FAR)
         step = np.where(far & (score.redundancy[own] > 1), np.log(ratio) / 2, step)
-        step = step.clip(-_MOST_STEP, _MOST_STEP)
+        step = np.maximum(step.clip(-_MOST_STEP, _MOST_STEP), least[own] - theta[own])
         trial = _uphill(chain, theta, own, step, (score, mean, weight))
         if trial is None:
             break
@@ -67,7 +77,7 @@ def search(
             settled = True
             break
     sigma = 1 / np.sqrt(np.diag(score.information) + weight)
-    return Found(theta, sigma, score, settled or not len(own))
+    return Found(theta, sigma, score, settled)
 
 
 def _uphill(
