@@ -14,7 +14,8 @@ from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.integers.resolvers.truth import attitude_at
-from fgnav.process.evidence import RatePrior, rate_prior
+from fgnav.process.evidence import rate_prior
+from fgnav.process.hyperparameters import RatePrior
 from fgnav.types.estimate import open_angle_variance_rad2
 from fgnav.types.flight import Flight, Truth
 
@@ -139,7 +140,7 @@ def _with_prior(problem: SmoothingProblem, prior: RatePrior) -> SmoothingProblem
     n = len(problem.t_s) - 1
     other = replace(
         motion,
-        length_s=np.full(n, prior.length_s),
+        poles_per_s=np.tile(prior.poles_per_s, (n, 1)),
         variance_rad2ps2=np.tile(prior.variance_rad2ps2, (n, 1)),
     )
     return replace(problem, motion=other)

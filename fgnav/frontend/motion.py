@@ -12,7 +12,9 @@ from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
-from fgnav.process.evidence import RatePrior, causal_rate_priors, rate_prior
+from fgnav.process import matern
+from fgnav.process.evidence import causal_rate_priors, matern_prior, swinging_prior
+from fgnav.process.hyperparameters import RatePrior
 from fgnav.process.prediction import predicted_rotation_covariance
 from fgnav.process.volatility import varying_rate_prior
 from fgnav.types.flight import Flight
@@ -47,15 +49,15 @@ def motion_of(
             accelerometer_noise=_accelerometer_noise(stage.record, holed),
             gyroscope_noise=np.where(holed, rate_noise, imu.gyroscope_noise_radps_per_sqrt_hz) ** 2,
         ), ()
-    length_s, variance, notes = _rate_priors(stage, settings)
-    lost = holed | _is_direction_unknown(stage, (length_s, variance))
+    poles, variance, notes = _rate_priors(stage, settings)
+    lost = holed | _is_direction_unknown(stage, (poles, variance))
     return GyroFree(
         t_s=track.t_s,
         imu=imu,
         sub_steps=settings.sub_steps or _SUB_STEPS,
         gravity_n_mps2=track.gravity_n_mps2,
         earth_rate_n_radps=flight.origin.earth_rate_n_radps,
-        length_s=length_s,
+        poles_per_s=poles,
         variance_rad2ps2=variance,
         accelerometer_noise=_accelerometer_noise(stage.record, lost),
         rate_column=constants.column(MEAN_RATE),
@@ -66,7 +68,7 @@ def motion_of(
 def _rate_priors(
     stage: Aligned, settings: ProblemSettings
 ) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
-    """Return length, (n - 1,), and variances, (n - 1, 3), of each interval's prior; what to note.
+    """Return poles and variances, (n - 1, 3), of each interval's prior; what to note.
 
     Stated, or identified by the evidence of attitudes with integers: by those of the whole flight,
     its scale varying where that is likelier, or, where nothing is to look ahead, by those up to
@@ -81,32 +83,41 @@ def _rate_priors(
             f"turns without a gyroscope, needs {_FEWEST}; or state rate_prior"
         )
     if settings.causal and settings.rate_prior is None:
-        length_s, variance = _causal_priors(start, sure)
-        return length_s, variance, ("Rate prior: identified by the attitudes up to each keyframe.",)
+        poles, variance = _causal_priors(start, sure)
+        return poles, variance, ("Rate prior: identified by the attitudes up to each keyframe.",)
     attitudes = start.t_s[sure], start.R_nu[sure], start.covariance_rad2[sure]
-    prior = settings.rate_prior or rate_prior(*attitudes)
-    varying = None if settings.rate_prior else varying_rate_prior(*attitudes, prior)
+    if settings.rate_prior is not None:
+        prior, varying = settings.rate_prior, None
+    else:
+        still = matern_prior(*attitudes)
+        swinging = swinging_prior(*attitudes, still)
+        prior = swinging or still
+        varying = varying_rate_prior(*attitudes, still, swinging)
     if varying is None:
         variance = np.tile(prior.variance_rad2ps2, (n, 1))
-        return np.full(n, prior.length_s), variance, (prior_note(prior),)
+        return np.tile(prior.poles_per_s, (n, 1)), variance, (prior_note(prior),)
     note = (
         f"Rate prior (Matern 5/2 about a constant): length {varying.length_s:.3g} s, its scale "
         f"varies with the motion: {varying.gained_nats:.0f} nats likelier than a constant one."
     )
     latest = _latest(attitudes[0], start.t_s[:-1]).clip(max=len(varying.variance_rad2ps2) - 1)
-    return np.full(n, varying.length_s), varying.variance_rad2ps2[latest], (note,)
+    return (
+        np.tile(matern.poles(varying.length_s), (n, 1)),
+        varying.variance_rad2ps2[latest],
+        (note,),
+    )
 
 
 def _causal_priors(start: Alignment, sure: BoolArray) -> tuple[FloatArray, FloatArray]:
     t_s, R_nu, P = start.t_s[sure], start.R_nu[sure], start.covariance_rad2[sure]
     # One attitude more: that after the last interval, which takes no part in its prior.
-    length_s, variance = causal_rate_priors(
+    poles, variance = causal_rate_priors(
         np.append(t_s, t_s[-1] + 1.0),
         np.concatenate([R_nu, R_nu[-1:]]),
         np.concatenate([P, P[-1:]]),
     )
     latest = _latest(t_s, start.t_s[:-1])
-    return length_s[latest], variance[latest]
+    return poles[latest], variance[latest]
 
 
 def _is_direction_unknown(stage: Aligned, prior: tuple[FloatArray, FloatArray]) -> BoolArray:
@@ -157,6 +168,20 @@ def prior_note(prior: RatePrior) -> str:
     """Return the hyperparameters of the rate's prior in a sentence."""
     sigma = ", ".join(f"{value:.3g}" for value in np.degrees(np.sqrt(prior.variance_rad2ps2)))
     return (
-        f"Rate prior (Matern 5/2 about a constant): length {prior.length_s:.3g} s, "
+        f"Rate prior ({_shape(prior.poles_per_s)} about a constant): "
         f"sigma about the body axes {sigma} deg/s."
     )
+
+
+def _shape(poles_per_s: FloatArray) -> str:
+    """Return the poles of the rate's prior in words."""
+    third, decay, frequency = poles_per_s
+    if frequency == 0.0:
+        return f"Matern 5/2 of length {np.sqrt(5.0) / third:.3g} s"
+    if frequency > decay:
+        return (
+            f"swings of {frequency / (2 * np.pi):.3g} Hz that die away in {1 / decay:.3g} s, the "
+            f"rest in {1 / third:.3g} s,"
+        )
+    pair_s = 1 / np.hypot(decay, frequency)
+    return f"third order with time constants of {1 / third:.3g} s and twice {pair_s:.3g} s"

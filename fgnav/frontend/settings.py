@@ -5,7 +5,7 @@ from typing import Literal
 
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.gravity import GravityEstimator
-from fgnav.process.evidence import RatePrior
+from fgnav.process.hyperparameters import RatePrior
 from fgnav.types.integers import Resolver
 
 

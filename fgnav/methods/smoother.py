@@ -33,7 +33,7 @@ from fgnav.methods.smoothing.solving import (
 )
 from fgnav.methods.stream import Direction, Measured, Measurements, Stream, StreamSetUp
 from fgnav.optional_gtsam import ABSENT, HAS_GTSAM
-from fgnav.process.evidence import RatePrior
+from fgnav.process.hyperparameters import RatePrior
 from fgnav.solve.sliding.relinearisation import BLOCK_S
 from fgnav.types.estimate import Consistency, Estimate
 from fgnav.types.flight import Flight

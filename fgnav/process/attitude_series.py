@@ -32,21 +32,20 @@ class AttitudeSeries:
 
     def log_densities(
         self,
-        length_s: float | FloatArray,
+        poles_per_s: FloatArray,
         variance_rad2ps2: FloatArray,
         tape: evidence_kernel.Tape = NO_TAPE,
     ) -> FloatArray:
         """Return the log density of each attitude given those before, (n,), under a prior.
 
-        Its length scale and variance, (3,), are those of all intervals, or of each, (n - 1,) and
-        (n - 1, 3).
+        Its poles and variance are those of all intervals, (3,), or of each, (n - 1, 3).
         """
         n = max(len(self.epochs.t_s) - 1, 1)
         return np.asarray(
             evidence_kernel.log_densities(
                 self.epochs,
                 self.mean_rate,
-                np.full(n, length_s, dtype=np.float64),
+                np.full((n, 3), poles_per_s, dtype=np.float64),
                 np.full((n, 3), variance_rad2ps2, dtype=np.float64),
                 tape,
             )

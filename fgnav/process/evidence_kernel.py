@@ -75,7 +75,7 @@ class Epochs(NamedTuple):
 def log_densities(
     epochs: Epochs,
     mean_rate: FloatArray,
-    length_s: FloatArray,
+    poles_per_s: FloatArray,
     variance_rad2ps2: FloatArray,
     tape: Tape,
 ) -> FloatArray:
@@ -89,7 +89,7 @@ def log_densities(
     epochs : Epochs
     mean_rate : ndarray, shape (4,)
         Of the mean rate, rad/s: where it is linearised, (3,), and its 1-sigma before the flight.
-    length_s, variance_rad2ps2 : ndarray, shape (n - 1,), (n - 1, 3)
+    poles_per_s, variance_rad2ps2 : ndarray, shape (n - 1, 3)
         Of each interval.
     tape : Tape
         Filled where it has room.
@@ -103,20 +103,21 @@ def log_densities(
     n = len(t_s)
     out, x = np.zeros(n), np.zeros((4, 3))
     _start_rates(x, mean_rate[:3])
-    P = _start(length_s[0], variance_rad2ps2[0], mean_rate[3])
+    P = _start(poles_per_s[0], variance_rad2ps2[0], mean_rate[3])
     C, N = np.empty((3, SIZE)), np.empty((3, 6))
     R = R_nb[0].copy()
     _restart(P, covariance_rad2[0])
     contradicted = 0
-    T_s, length = -1.0, -1.0
+    T_s, poles = -1.0, poles_per_s[0]
     F: FloatArray = np.empty((3, 3))
     H: FloatArray = np.empty(3)
     Q: FloatArray = np.empty((4, 4))
     for k in range(1, n):
-        if abs(t_s[k] - t_s[k - 1] - T_s) > _SAME_S or length_s[k - 1] != length:
-            T_s, length = t_s[k] - t_s[k - 1], length_s[k - 1]
-            F, H = matern.transition(T_s, length), matern.integral(T_s, length)
-            L = matern.noise_factor(T_s, length)
+        same = abs(t_s[k] - t_s[k - 1] - T_s) <= _SAME_S
+        if not (same and _alike(poles_per_s[k - 1], poles)):
+            T_s, poles = t_s[k] - t_s[k - 1], poles_per_s[k - 1]
+            F, H = matern.transition(T_s, poles), matern.integral(T_s, poles)
+            L = matern.noise_factor(T_s, poles)
             Q = product(L, transposed(L))
         R = product(R, exp(rotation_rows(x, F, H, T_s, C, N)))
         if len(tape.share):
@@ -133,7 +134,7 @@ def log_densities(
                 done = RESTART_ALL
         if done == RESTART_ALL:
             contradicted = 0
-            P = _start(length, variance_rad2ps2[k - 1], mean_rate[3])
+            P = _start(poles, variance_rad2ps2[k - 1], mean_rate[3])
             _start_rates(x, scaled(turn(R_nb[k - 1], R_nb[k]), 1 / T_s))
         if done in (RESTART, RESTART_ALL):
             R = R_nb[k].copy()
@@ -153,17 +154,22 @@ def _start_rates(x: FloatArray, rate: FloatArray) -> None:
 
 
 @inner
-def _start(length_s: float, variance: FloatArray, sigma: float) -> FloatArray:
+def _alike(poles: FloatArray, others: FloatArray) -> bool:
+    return bool(poles[0] == others[0] and poles[1] == others[1] and poles[2] == others[2])
+
+
+@inner
+def _start(poles_per_s: FloatArray, variance: FloatArray, sigma: float) -> FloatArray:
     """Return the covariance of rate, derivatives and mean before the first attitude, (15, 15)."""
-    square = (matern.rate_constant(length_s) * matern.DERIVATIVE_SCALE_S) ** 2
+    first, second = matern.stationary(poles_per_s)
     P = np.zeros((SIZE, SIZE))
     for i in range(3):
         w, a, j, m = 3 + i, 6 + i, 9 + i, MEAN + i
         P[m, m] = P[w, m] = P[m, w] = sigma**2
         P[w, w] = sigma**2 + variance[i]
-        P[a, a] = variance[i] * square / 3
-        P[j, j] = variance[i] * square**2
-        P[w, j] = P[j, w] = -variance[i] * square / 3
+        P[a, a] = variance[i] * first
+        P[j, j] = variance[i] * second
+        P[w, j] = P[j, w] = -variance[i] * first
     return P
 
 

@@ -1,17 +1,22 @@
-"""The Matern-5/2 process that the angular rate follows about its mean, one axis at a time.
+"""The process that the angular rate follows about its mean, one axis at a time.
 
+A stationary autoregression of third order [2]_: Matern 5/2 where its poles are one, ``-k`` with
+``k = sqrt(5) / length``, and a body that swings where two of them, ``-z +- i w``, are apart.
 The state is the rate with its derivatives scaled, ``x = (w, T0 a, T0^2 j)``, T0 =
 ``DERIVATIVE_SCALE_S``. Over an interval T, about a mean rate m::
 
     x(T) - (m, 0, 0) = F (x(0) - (m, 0, 0)) + noise
     integral of w    = m T + H (x(0) - (m, 0, 0)) + noise
 
-with both noises together, (4,), of covariance ``variance * L L'``.
+with both noises together, (4,), of covariance ``variance * L L'``. Poles are rows ``(k, z, w)``,
+1/s.
 
 References
 ----------
 .. [1] Hartikainen and Sarkka, Kalman filtering and smoothing solutions to temporal Gaussian process
    regression models, IEEE MLSP 2010, section 3.3 (Matern as a state-space model).
+.. [2] Kelly, Becker, Sobolewska, Siemiginowska and Uttley, Flexible and scalable methods for
+   quantifying stochastic variability, Astrophysical Journal 788, 2014 (continuous-time ARMA).
 """
 
 from typing import NamedTuple
@@ -20,7 +25,6 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.process import matern_kernel
-from fgnav.process.matern_kernel import DERIVATIVE_SCALE_S
 
 _TIME_RESOLUTION_DIGITS = 9  # s: intervals closer than this are one
 
@@ -33,47 +37,52 @@ class Intervals(NamedTuple):
     W: FloatArray  # (k, 4, 4) lower: W @ noise of (phi, w, T0 a, T0^2 j) is white
 
 
-def transition(T_s: float, length_s: float) -> FloatArray:
-    """Return F, (3, 3), over an interval of the process of that length scale."""
-    return np.asarray(matern_kernel.transition(float(T_s), float(length_s)))
+def poles(length_s: FloatArray | float) -> FloatArray:
+    """Return the poles, (..., 3), of Matern 5/2 with length scales, (...)."""
+    k = np.sqrt(5.0) / np.asarray(length_s, dtype=np.float64)
+    return np.stack([k, k, np.zeros_like(k)], axis=-1)
 
 
-def integral(T_s: float, length_s: float) -> FloatArray:
+def transition(T_s: float, poles_per_s: FloatArray) -> FloatArray:
+    """Return F, (3, 3), over an interval of the process with poles, (3,)."""
+    return np.asarray(matern_kernel.transition(float(T_s), np.array(poles_per_s)))
+
+
+def integral(T_s: float, poles_per_s: FloatArray) -> FloatArray:
     """Return H, (3,), s: the angle turned through is ``m T + H (x - (m, 0, 0))``."""
-    return np.asarray(matern_kernel.integral(float(T_s), float(length_s)))
+    return np.asarray(matern_kernel.integral(float(T_s), np.array(poles_per_s)))
 
 
-def noise_factor(T_s: float, length_s: float) -> FloatArray:
+def noise_factor(T_s: float, poles_per_s: FloatArray) -> FloatArray:
     """Return the lower factor of the covariance of (phi, w, T0 a, T0^2 j), (4, 4), unit variance.
 
     Units: phi in s, the others 1. Of unit variance, that is of a rate of 1 rad/s.
     """
-    return np.asarray(matern_kernel.noise_factor(float(T_s), float(length_s)))
+    return np.asarray(matern_kernel.noise_factor(float(T_s), np.array(poles_per_s)))
 
 
-def stationary(length_s: float) -> FloatArray:
+def stationary(poles_per_s: FloatArray) -> FloatArray:
     """Return the covariance of (w, T0 a, T0^2 j) at any time, (3, 3), for unit variance."""
-    square = (matern_kernel.rate_constant(float(length_s)) * DERIVATIVE_SCALE_S) ** 2
-    P = np.diag([1.0, square / 3, square**2])
-    P[0, 2] = P[2, 0] = -square / 3
+    first, second = matern_kernel.stationary(np.array(poles_per_s))
+    P = np.diag([1.0, first, second])
+    P[0, 2] = P[2, 0] = -first
     return P
 
 
-def intervals(T_s: FloatArray, length_s: FloatArray) -> Intervals:
-    """Return the process over intervals, each distinct pair of duration and length worked out once.
+def intervals(T_s: FloatArray, poles_per_s: FloatArray) -> Intervals:
+    """Return the process over intervals, each distinct duration with its poles worked out once.
 
     Parameters
     ----------
     T_s : ndarray, shape (k,)
         Durations.
-    length_s : ndarray, shape (k,)
-        Length scales.
+    poles_per_s : ndarray, shape (k, 3)
     """
-    pairs = np.stack([np.round(T_s, _TIME_RESOLUTION_DIGITS), length_s], axis=1)
-    distinct, which = np.unique(pairs, axis=0, return_inverse=True)
+    rows = np.column_stack([np.round(T_s, _TIME_RESOLUTION_DIGITS), poles_per_s])
+    distinct, which = np.unique(rows, axis=0, return_inverse=True)
     m = len(distinct)
     F, H, W = np.empty((m, 3, 3)), np.empty((m, 3)), np.empty((m, 4, 4))
-    durations, lengths = np.ascontiguousarray(distinct.T)
-    matern_kernel.intervals_into(durations, lengths, F, H, W)
+    durations, own = distinct[:, 0].copy(), distinct[:, 1:].copy()
+    matern_kernel.intervals_into(durations, own, F, H, W)
     which = which.reshape(-1)
     return Intervals(F=F[which], H=H[which], W=W[which])

@@ -1,74 +1,94 @@
-"""The Matern-5/2 process over one interval, for inner loops: transition, integral, noise.
+"""A third-order autoregression over one interval, for inner loops: transition, integral, noise.
 
-All is worked out in ``u = k T`` with ``k = sqrt(5) / length`` for the state
-``(w, a / k, j / k^2)``, where no parameter is left, then scaled to ``(w, T0 a, T0^2 j)``.
+Everything follows from its response to an impulse of the third derivative, h(t), with the poles
+``-k`` and ``-z +- i w``: the divided difference of ``exp(p t)`` at the three. With ``d = z - k``::
+
+    h(t) = exp(-z t) g(t)        g(t) = (exp(d t) - cos w t - d sin(w t) / w) / (d^2 + w^2)
+
+Where poles are close, ``g`` is summed as a series; where all are slow against t, so is ``h``.
 """
 
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.kernels.compiled import inlined, inner, kernel
+from fgnav.kernels.compiled import inlined, kernel
 
 DERIVATIVE_SCALE_S = 0.1  # T0: that of the states' tangent, makes rate and derivatives alike
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
-_PANEL = 4.0  # ten nodes are exact to 1e-12 over this much of u
+_PANEL = 4.0  # ten nodes are exact to 1e-12 over this much of time times the fastest pole
 _FORGOTTEN = 40.0  # exp(-40) u^4 is below double precision: only the integral still grows
+_SERIES, _TERMS = 1.0, 24  # of what is at most one: 1 / 24! is below double precision
 
 
 @kernel
-def rate_constant(length_s: float) -> float:
-    """Return ``k = sqrt(5) / length``, 1/s."""
-    return float(np.sqrt(5.0) / length_s)
+def coefficients(poles_per_s: FloatArray) -> tuple[float, float, float, float]:
+    """Return c0, c1, c2 of ``(D^3 + c2 D^2 + c1 D + c0) x = noise``, and q.
+
+    q is the noise's density for which x has unit variance.
+    """
+    k, z, w = poles_per_s[0], poles_per_s[1], poles_per_s[2]
+    pair = z * z + w * w
+    c0, c1, c2 = k * pair, pair + 2 * z * k, 2 * z + k
+    return c0, c1, c2, 2 * c0 * (c1 * c2 - c0) / c2
 
 
 @kernel
-def transition(T_s: float, length_s: float) -> FloatArray:
-    """Return F, (3, 3): ``exp(-u) (I + N u + N^2 u^2 / 2)``, of the scaled state."""
-    k = rate_constant(length_s)
-    u, c = k * T_s, k * DERIVATIVE_SCALE_S
-    q = u * u / 2
+def stationary(poles_per_s: FloatArray) -> tuple[float, float]:
+    """Return the variances of the first two scaled derivatives; that of x is one."""
+    c0, c1, c2, _ = coefficients(poles_per_s)
+    first = c0 / c2 * DERIVATIVE_SCALE_S**2
+    return first, first * c1 * DERIVATIVE_SCALE_S**2
+
+
+@kernel
+def transition(T_s: float, poles_per_s: FloatArray) -> FloatArray:
+    """Return F, (3, 3), of the scaled state."""
+    c0, c1, c2, _ = coefficients(poles_per_s)
+    h, h1, h2, _ = _response(T_s, poles_per_s)
+    T0 = DERIVATIVE_SCALE_S
     F = np.empty((3, 3))
-    F[0, 0], F[0, 1], F[0, 2] = 1 + u + q, (u + 2 * q) / c, q / (c * c)
-    F[1, 0], F[1, 1], F[1, 2] = -q * c, 1 + u - 2 * q, (u - q) / c
-    F[2, 0], F[2, 1], F[2, 2] = (q - u) * c * c, (2 * q - 3 * u) * c, 1 - 2 * u + q
-    decay = np.exp(-u)
-    for i in range(3):
-        for j in range(3):
-            F[i, j] *= decay
+    F[0, 0], F[0, 1], F[0, 2] = h2 + c2 * h1 + c1 * h, (h1 + c2 * h) / T0, h / T0**2
+    F[1, 0], F[1, 1], F[1, 2] = -c0 * h * T0, h2 + c2 * h1, h1 / T0
+    F[2, 0], F[2, 1], F[2, 2] = -c0 * h1 * T0**2, -(c1 * h1 + c0 * h) * T0, h2
     return F
 
 
 @kernel
-def integral(T_s: float, length_s: float) -> FloatArray:
+def integral(T_s: float, poles_per_s: FloatArray) -> FloatArray:
     """Return H, (3,), s: the integral of F's first row over the interval."""
-    k = rate_constant(length_s)
-    u, c = k * T_s, k * DERIVATIVE_SCALE_S
-    decay, third = np.exp(-u), _gamma3(u)
-    second = third + decay * u * u / 2  # regularised incomplete gamma functions of u
-    first = second + decay * u
+    _, c1, c2, _ = coefficients(poles_per_s)
+    h, h1, _, turned = _response(T_s, poles_per_s)
     H = np.empty(3)
-    H[0] = (first + second + third) / k
-    H[1] = (second + 2 * third) / (k * c)
-    H[2] = third / (k * c * c)
+    H[0] = h1 + c2 * h + c1 * turned
+    H[1] = (h + c2 * turned) / DERIVATIVE_SCALE_S
+    H[2] = turned / DERIVATIVE_SCALE_S**2
     return H
 
 
 @kernel
-def noise_factor(T_s: float, length_s: float) -> FloatArray:
+def noise_factor(T_s: float, poles_per_s: FloatArray) -> FloatArray:
     """Return the lower Cholesky factor of the noise of (phi, w, T0 a, T0^2 j), (4, 4).
 
     For unit variance: Gauss-Legendre quadrature of the impulse response's square, whose root is
     taken by orthogonalising its rows; the covariance itself is never formed.
     """
-    k = rate_constant(length_s)
-    u, c = k * T_s, k * DERIVATIVE_SCALE_S
-    A = _responses(u)
+    c0, _, _, q = coefficients(poles_per_s)
+    k, z, w = poles_per_s[0], poles_per_s[1], poles_per_s[2]
+    end = min(T_s, _FORGOTTEN / min(k, z))
+    panels = max(1, int(np.ceil(end * max(k, z, w) / _PANEL)))
+    m, half = len(_NODES), end / panels / 2
+    A = np.zeros((panels * m + 1, 4))
+    for panel in range(panels):
+        for i in range(m):
+            root = np.sqrt(q * half * _WEIGHTS[i])
+            h, h1, h2, turned = _response(half * (2 * panel + 1 + _NODES[i]), poles_per_s)
+            row = panel * m + i
+            A[row, 0], A[row, 1] = root * turned, root * h
+            A[row, 2] = root * h1 * DERIVATIVE_SCALE_S
+            A[row, 3] = root * h2 * DERIVATIVE_SCALE_S**2
+    A[panels * m, 0] = np.sqrt(q * (T_s - end)) / c0
     L = np.zeros((4, 4))
     _orthogonalise(A, L)
-    for j in range(4):
-        L[0, j] /= k
-        L[2, j] *= c
-        L[3, j] *= c * c
     return L
 
 
@@ -89,52 +109,50 @@ def whitening(L: FloatArray) -> FloatArray:
 
 @kernel
 def intervals_into(
-    T_s: FloatArray, length_s: FloatArray, F: FloatArray, H: FloatArray, W: FloatArray
+    T_s: FloatArray, poles_per_s: FloatArray, F: FloatArray, H: FloatArray, W: FloatArray
 ) -> None:
     """Write transition (k, 3, 3), integral (k, 3) and whitening rows (k, 4, 4) of intervals."""
     for k in range(len(T_s)):
-        own_F, own_H = transition(T_s[k], length_s[k]), integral(T_s[k], length_s[k])
-        own_W = whitening(noise_factor(T_s[k], length_s[k]))
-        for i in range(3):
-            H[k, i] = own_H[i]
-            for j in range(3):
-                F[k, i, j] = own_F[i, j]
-        for i in range(4):
-            for j in range(4):
-                W[k, i, j] = own_W[i, j]
+        F[k] = transition(T_s[k], poles_per_s[k])
+        H[k] = integral(T_s[k], poles_per_s[k])
+        W[k] = whitening(noise_factor(T_s[k], poles_per_s[k]))
 
 
-@inner
-def _gamma3(s: float) -> float:
-    """Return ``1 - exp(-s) (1 + s + s^2 / 2)`` to full relative precision, s >= 0."""
-    if s > 2.0:
-        return float(1 - np.exp(-s) * (1 + s + s * s / 2))
-    term, total = s * s * s / 6, 0.0
-    for n in range(4, 28):
-        total += term
-        term *= s / n
-    return float(np.exp(-s) * total)
+@kernel
+def _response(t_s: float, poles_per_s: FloatArray) -> tuple[float, float, float, float]:
+    """Return h, its two derivatives, and its integral since zero."""
+    k, z, w = poles_per_s[0], poles_per_s[1], poles_per_s[2]
+    c0, c1, c2, _ = coefficients(poles_per_s)
+    if max(k, z, w) * t_s <= _SERIES:
+        return _series(t_s, c0, c1, c2)
+    d = z - k
+    slow, fast = np.exp(-k * t_s), np.exp(-z * t_s)
+    if max(abs(d), w) * t_s <= _SERIES:
+        g, g1, g2, _ = _series(t_s, -d * w * w, w * w, -d)
+        g, g1, g2 = fast * g, fast * g1, fast * g2
+        h, h1, h2 = g, g1 - z * g, g2 - 2 * z * g1 + z * z * g
+    else:
+        cosine, sine = np.cos(w * t_s), np.sin(w * t_s) / w if w > 0 else t_s
+        b, b1 = fast * (cosine + d * sine), fast * (d * cosine - w * w * sine)
+        b2 = -w * w * b
+        square = d * d + w * w
+        h = (slow - b) / square
+        h1 = (-k * slow - b1 + z * b) / square
+        h2 = (k * k * slow - b2 + 2 * z * b1 - z * z * b) / square
+    return h, h1, h2, (1 - h2 - c2 * h1 - c1 * h) / c0
 
 
 @inlined
-def _responses(u: float) -> FloatArray:
-    """Return weighted impulse responses of (k phi, w, a / k, j / k^2), one row a node, (m, 4)."""
-    end = min(u, _FORGOTTEN)
-    panels = max(1, int(np.ceil(end / _PANEL)))
-    m, half = len(_NODES), end / panels / 2
-    A = np.zeros((panels * m + 1, 4))
-    for panel in range(panels):
-        for i in range(m):
-            s = half * (2 * panel + 1 + _NODES[i])
-            root = np.sqrt(16.0 / 3.0 * half * _WEIGHTS[i])  # q = 16 / 3 k^5 for unit variance
-            decay = root * np.exp(-s)
-            row = panel * m + i
-            A[row, 0] = root * _gamma3(s)
-            A[row, 1] = decay * s * s / 2
-            A[row, 2] = decay * (s - s * s / 2)
-            A[row, 3] = decay * (1 - 2 * s + s * s / 2)
-    A[panels * m, 0] = np.sqrt(16.0 / 3.0 * (u - end))
-    return A
+def _series(t_s: float, c0: float, c1: float, c2: float) -> tuple[float, float, float, float]:
+    """Return the same by the Taylor series of ``(D^3 + c2 D^2 + c1 D + c0) x = 0``."""
+    before, last, now = 0.0, 0.0, 1.0  # derivatives n - 2, n - 1 and n at zero, from n = 2
+    p2, p1, p, p_1 = 1.0, t_s, t_s**2 / 2, t_s**3 / 6  # t^m / m! of m = n - 2 to n + 1
+    h, h1, h2, turned = 0.0, 0.0, 0.0, 0.0
+    for n in range(2, 2 + _TERMS):
+        h, h1, h2, turned = h + now * p, h1 + now * p1, h2 + now * p2, turned + now * p_1
+        before, last, now = last, now, -c2 * now - c1 * last - c0 * before
+        p2, p1, p, p_1 = p1, p, p_1, p_1 * t_s / (n + 2)
+    return h, h1, h2, turned
 
 
 @inlined

@@ -18,7 +18,7 @@ def predicted_rotation_covariance(
 ) -> FloatArray:
     """Return the covariance of each rotation given the attitudes up to it, (n, 3, 3), rad2.
 
-    Infinite before the first attitude. A Matern process runs alike backwards in time: the same of
+    Infinite before the first attitude. The process runs alike backwards in time: the same of
     reversed arrays, times negated, is what the attitudes from there on tell.
 
     Parameters
@@ -26,8 +26,8 @@ def predicted_rotation_covariance(
     t_s, R_nb, covariance_rad2 : ndarray, shape (n,), (n, 3, 3), (n, 3, 3)
         Only valid attitudes are looked at.
     valid : ndarray of bool, shape (n,)
-    prior : tuple of ndarray, shape (n - 1,) and (n - 1, 3)
-        Length scale and variances of each interval.
+    prior : tuple of ndarray, shape (n - 1, 3)
+        Poles and variances of each interval.
     past : int, optional
         Attitudes that the filter's beginning may depend on; None: all.
     """

@@ -31,14 +31,14 @@ from fgnav.process.filter_kernel import SIZE
 
 @kernel
 def score(
-    t_s: FloatArray, length_s: FloatArray, variance_rad2ps2: FloatArray, tape: Tape
+    t_s: FloatArray, poles_per_s: FloatArray, variance_rad2ps2: FloatArray, tape: Tape
 ) -> tuple[FloatArray, FloatArray]:
     """Return the score by the log scale of each interval's noise, and its freedom, (n - 1, 3) each.
 
     Parameters
     ----------
     t_s : ndarray, shape (n,)
-    length_s, variance_rad2ps2 : ndarray, shape (n - 1,), (n - 1, 3)
+    poles_per_s, variance_rad2ps2 : ndarray, shape (n - 1, 3)
         Those that the tape was made with.
     tape : Tape
     """
@@ -56,7 +56,7 @@ def score(
             kept = _kept(tape.share[k], tape.gain[k])
             rho, N = times(kept, rho), sandwich(kept, N)
             _add_innovation(tape.share[k], tape.weight[k], tape.innovation[k], rho, N)
-        L = matern.noise_factor(t_s[k] - t_s[k - 1], length_s[k - 1])
+        L = matern.noise_factor(t_s[k] - t_s[k - 1], poles_per_s[k - 1])
         Q = product(L, transposed(L))
         for axis in range(3):
             chance, mean = _by_noise(rho, N, Q, tape.noise[k], axis)

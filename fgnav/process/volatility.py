@@ -18,26 +18,25 @@ import numpy as np
 from scipy.linalg import cholesky_banded, solveh_banded
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.process import matern
 from fgnav.process.attitude_series import AttitudeSeries, attitude_series
-from fgnav.process.evidence import (
+from fgnav.process.evidence_kernel import Tape, tape
+from fgnav.process.hyperparameters import (
     DEFAULT_SIGMA_RADPS,
     LEAST_RADPS,
     LONGEST_S,
     MOST_RADPS,
     SHORTEST_S,
+    VERY_STRONG_NATS,
     RatePrior,
     log_prior,
 )
-from fgnav.process.evidence_kernel import Tape, tape
 from fgnav.process.score_kernel import score
 
 _BLOCK_S = 0.5
 # 1-sigma of the walk's steps. Evidence of a coast, a tumble, a glider, a rocket and a ramp, three
 # flights each: nats gained 499, 494, 456 and 362 with .35, .5, .7 and 1.
 _WALK_SIGMA = 0.5
-# Nats beyond which a varying scale is believed: "very strong", Kass and Raftery, Bayes factors,
-# JASA 90, 1995, section 3.2. Exact sines lose 50 to 100, a spin 4 to 7, a coast of 12 s gains 14.
-_VERY_STRONG_NATS = 5.0
 # Searches start with scales too large: towards too small ones attitudes are lost, and no slope is.
 _FROM_ABOVE = 1.5
 _MOST_STEP, _MOST_LENGTH_STEP = 1.0, 0.3  # of logarithms at once
@@ -70,19 +69,28 @@ class VaryingRatePrior:
 
 
 def varying_rate_prior(
-    t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray, constant: RatePrior
+    t_s: FloatArray,
+    R_nb: FloatArray,
+    covariance_rad2: FloatArray,
+    constant: RatePrior,
+    swinging: RatePrior | None = None,
 ) -> VaryingRatePrior | None:
     """Return the likeliest prior of varying scale, or None where constant variances will do.
+
+    Where a swing explains more than a scale that varies, it will do, too.
 
     Parameters
     ----------
     t_s, R_nb, covariance_rad2 : ndarray, shape (n,), (n, 3, 3), (n, 3, 3)
         As in ``rate_prior``.
     constant : RatePrior
-        What that has identified from them.
+        What ``matern_prior`` has identified from them.
+    swinging : RatePrior, optional
+        What ``swinging_prior`` has.
     """
     n = len(t_s)
-    search = _Search(attitude_series(t_s, R_nb, covariance_rad2, np.arange(n), past=n))
+    attitudes = attitude_series(t_s, R_nb, covariance_rad2, np.arange(n), past=n)
+    search = _Search(attitudes)
     log_sigma = np.log(constant.variance_rad2ps2) / 2
     scales = np.tile(log_sigma, (search.block[-1] + 1, 1))
     still = search.point(float(np.log(constant.length_s)), scales)
@@ -90,13 +98,24 @@ def varying_rate_prior(
     for with_length, level in zip((False, True), _LEVEL_NATS, strict=True):
         best = search.climbed(best, level, with_length=with_length)
     gained = best.value - still.value + search.log_volume(best)
-    if gained < _VERY_STRONG_NATS:
+    if gained < max(VERY_STRONG_NATS, _gained(attitudes, constant, swinging)):
         return None
     return VaryingRatePrior(
         length_s=float(np.exp(best.log_length)),
         variance_rad2ps2=search.variances(best.scales),
         gained_nats=gained,
     )
+
+
+def _gained(attitudes: AttitudeSeries, constant: RatePrior, other: RatePrior | None) -> float:
+    """Return the nats by which attitudes are likelier under another constant prior, if any."""
+    if other is None:
+        return 0.0
+    own, usual = (
+        float(attitudes.log_densities(prior.poles_per_s, prior.variance_rad2ps2).sum())
+        for prior in (other, constant)
+    )
+    return own - usual
 
 
 class _Point(NamedTuple):
@@ -128,7 +147,7 @@ class _Search:
     def point(self, log_length: float, scales: FloatArray) -> _Point:
         """Return a point with its density; the tape is that of the last one."""
         value = self.attitudes.log_densities(
-            float(np.exp(log_length)), self.variances(scales), self.tape
+            matern.poles(np.exp(log_length)), self.variances(scales), self.tape
         ).sum()
         level = np.array([log_length, *scales.mean(axis=0)])
         walk = (np.diff(scales, axis=0) ** 2).sum() / (2 * _WALK_SIGMA**2)
@@ -165,9 +184,9 @@ class _Search:
     def _score(self, at: _Point) -> tuple[FloatArray, FloatArray]:
         """Return the score of scales, and the freedom that attitudes tell of them, (blocks, 3)."""
         variance = self.variances(at.scales)
-        length_s = np.full(len(variance), np.exp(at.log_length))
-        self.attitudes.log_densities(length_s, variance, self.tape)
-        parts = score(self.attitudes.epochs.t_s, length_s, variance, self.tape)
+        poles = np.tile(matern.poles(np.exp(at.log_length)), (len(variance), 1))
+        self.attitudes.log_densities(poles, variance, self.tape)
+        parts = score(self.attitudes.epochs.t_s, poles, variance, self.tape)
         out = [np.zeros_like(at.scales) for _ in parts]
         for into, part in zip(out, parts, strict=True):
             np.add.at(into, self.block, part)

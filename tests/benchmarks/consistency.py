@@ -30,7 +30,7 @@ from fgnav.integers.resolvers.resolve import resolve
 from fgnav.integers.resolvers.truth import Truth, attitude_at
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.process import matern
-from fgnav.process.evidence import RatePrior
+from fgnav.process.hyperparameters import RatePrior
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
 from fgnav_sim.motion import Hold, Ramp, Rate, Sine
@@ -99,9 +99,10 @@ def drawn_turns(
 
     Steps are so short that axes do not mix in one.
     """
-    F, H = matern.transition(step_s, prior.length_s), matern.integral(step_s, prior.length_s)
-    root = matern.noise_factor(step_s, prior.length_s)
-    x = np.linalg.cholesky(matern.stationary(prior.length_s)) @ rng.standard_normal((3, 3))
+    poles = prior.poles_per_s
+    F, H = matern.transition(step_s, poles), matern.integral(step_s, poles)
+    root = matern.noise_factor(step_s, poles)
+    x = np.linalg.cholesky(matern.stationary(poles)) @ rng.standard_normal((3, 3))
     turns = np.empty((count, 3))
     for k in range(count):
         noise = root @ rng.standard_normal((4, 3))

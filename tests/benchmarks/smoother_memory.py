@@ -18,7 +18,7 @@ from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import from_euler
 from fgnav.methods.smoother import Measured, Measurements, Stream, StreamSetUp
-from fgnav.process.evidence import RatePrior
+from fgnav.process.hyperparameters import RatePrior
 from fgnav.types.flight import Imu
 
 NAMES = ("smoother_memory_hour",)

@@ -21,7 +21,7 @@ from fgnav.graph.build import Layout, flight_graph, flight_values
 from fgnav.graph.factors.position import Position
 from fgnav.integers.resolvers.truth import Truth, attitude_at
 from fgnav.methods.smoother import Batch, Forward
-from fgnav.process.evidence import RatePrior
+from fgnav.process.hyperparameters import RatePrior
 from fgnav_sim.simulate import simulate
 from tests.benchmarks.consistency import cases
 from tests.methods.simulated import flown

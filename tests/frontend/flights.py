@@ -22,7 +22,7 @@ from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
-from fgnav.process.evidence import RatePrior
+from fgnav.process.hyperparameters import RatePrior
 from fgnav.types.flight import Imu, Truth
 from tests.attitude.arrays import synthetic
 
@@ -179,7 +179,7 @@ def _motion(
         gyroscope_noise = np.full(n, GYROSCOPE["gyroscope_noise_radps_per_sqrt_hz"] ** 2)
         return Inertial(gyroscope_noise=gyroscope_noise, **common)
     return GyroFree(
-        length_s=np.full(n, prior.length_s),
+        poles_per_s=np.tile(prior.poles_per_s, (n, 1)),
         variance_rad2ps2=np.tile(prior.variance_rad2ps2, (n, 1)),
         rate_column=constants.column(MEAN_RATE),
         constants=constants,

@@ -18,7 +18,7 @@ from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.states import States
 from fgnav.gravity import LowDynamics
 from fgnav.integers.resolvers.truth import Truth, attitude_at
-from fgnav.process.evidence import RatePrior
+from fgnav.process.hyperparameters import RatePrior
 from fgnav_sim.gnss.tables import OutageTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
@@ -93,7 +93,9 @@ def test_without_a_gyroscope_rates_are_states_about_a_constant_of_the_flight(dem
     assert problem.width == 21
     assert problem.motion.rate_column == problem.constants.column(MEAN_RATE) >= 0
     assert problem.start.aux[:, 3:6].any(axis=1).all()
-    np.testing.assert_array_equal(problem.motion.length_s, PRIOR.length_s)
+    np.testing.assert_array_equal(
+        problem.motion.poles_per_s, np.tile(PRIOR.poles_per_s, (len(problem.t_s) - 1, 1))
+    )
     assert any(note.startswith("Rate prior (Matern 5/2") for note in demo[1].notes)
 
 
@@ -110,10 +112,11 @@ def test_with_a_gyroscope_its_biases_are():
 def test_the_rate_prior_is_identified_where_none_is_stated():
     """Sines of 20 degrees and 6.3 s about all axes: rates of 0.25 rad/s RMS, smooth for seconds."""
     motion = build(flown("demo", 20.0), rate_prior=None).problem.motion
-    assert np.ptp(motion.length_s) == 0
-    assert 1.0 < motion.length_s[0] < 10.0
+    assert (np.ptp(motion.poles_per_s, axis=0) == 0).all()
+    assert motion.poles_per_s[0, 2] == pytest.approx(1.0, rel=0.1)
+    assert motion.poles_per_s[0, 1] < 0.3
     sigma = np.sqrt(motion.variance_rad2ps2)
-    assert (sigma > 0.25).all()
+    assert (sigma > 0.2).all()
     assert (sigma < 1.0).all()
 
 

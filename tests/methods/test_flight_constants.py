@@ -8,7 +8,7 @@ import pytest
 from fgnav.checks import NoSolutionError
 from fgnav.geometry.rotations import exp
 from fgnav.methods.smoother import Batch, Smoother
-from fgnav.process.evidence import RatePrior
+from fgnav.process.hyperparameters import RatePrior
 from fgnav.seeker import line_of_sight
 from tests.frontend.array.test_shape import OFF_B_M, off
 from tests.methods.simulated import errors_rad, flown, nees

@@ -11,14 +11,14 @@ DEG = np.pi / 180
 _PARTS = 10  # of an interval when rates are drawn
 
 
-def drawn_attitudes(t_s, length_s, sigma, mean, rng):
+def drawn_attitudes(t_s, own, sigma, mean, rng):
     """Return attitudes (n, 3, 3) of rates drawn from the prior."""
     R = np.empty((len(t_s), 3, 3))
     R[0] = np.eye(3)
-    x = np.linalg.cholesky(stationary(length_s)) @ rng.normal(size=(3, 3)) * sigma
+    x = np.linalg.cholesky(stationary(own)) @ rng.normal(size=(3, 3)) * sigma
     for k in range(len(t_s) - 1):
         T = (t_s[k + 1] - t_s[k]) / _PARTS
-        F, H, L = transition(T, length_s), integral(T, length_s), noise_factor(T, length_s)
+        F, H, L = transition(T, own), integral(T, own), noise_factor(T, own)
         R[k + 1] = R[k]
         for _ in range(_PARTS):
             noise = L @ rng.normal(size=(4, 3)) * sigma
@@ -52,8 +52,8 @@ class Process:
 def matern_process(t_s, prior):
     """Return the process of a rate prior."""
     T = np.diff(t_s)
-    of = intervals(T, np.full(len(T), prior.length_s))
-    first = np.linalg.inv(np.linalg.cholesky(stationary(prior.length_s)))
+    of = intervals(T, np.tile(prior.poles_per_s, (len(T), 1)))
+    first = np.linalg.inv(np.linalg.cholesky(stationary(prior.poles_per_s)))
     return Process(of.F, of.H, of.W, np.sqrt(prior.variance_rad2ps2), first, True)
 
 

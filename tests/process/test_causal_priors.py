@@ -2,12 +2,14 @@ import numpy as np
 import pytest
 
 from fgnav.geometry.rotations import exp, from_euler
+from fgnav.process import matern
 from fgnav.process.evidence import (
     DEFAULT_LENGTH_S,
     DEFAULT_SIGMA_RADPS,
     causal_rate_priors,
     rate_prior,
 )
+from fgnav.process.matern_kernel import coefficients
 from tests.process.chain import DEG, sine, with_noise
 
 T_S = 0.1 * np.arange(600)
@@ -16,6 +18,12 @@ ARRAY_SIGMA = np.array([0.55, 0.14, 0.065]) * DEG
 
 def sigmas(prior):
     return np.sqrt(prior.variance_rad2ps2)
+
+
+def noise(poles, variance):
+    """Return the mean density of the rate's third derivative, rad2/s7, of intervals."""
+    q = np.array([coefficients(own)[3] for own in poles])
+    return q * variance.mean(axis=1)
 
 
 def swings_from(start_s, t_s, rng):
@@ -29,41 +37,42 @@ def test_cutting_a_flight_changes_no_causal_prior_before_the_cut():
     rng = np.random.default_rng(20_010)
     R, V = with_noise(sine(T_S), 0.3 * DEG, rng)
     R[300:] = R[300:] @ exp(rng.normal(size=(300, 3)))  # what comes later is of no account
-    length_s, variance = causal_rate_priors(T_S[:400], R[:400], V[:400])
+    poles, variance = causal_rate_priors(T_S[:400], R[:400], V[:400])
     for cut in (5, 10, 11, 41, 200):
         early, early_variance = causal_rate_priors(T_S[:cut], R[:cut], V[:cut])
-        np.testing.assert_array_equal(early, length_s[: cut - 1])
+        np.testing.assert_array_equal(early, poles[: cut - 1])
         np.testing.assert_array_equal(early_variance, variance[: cut - 1])
 
 
 def test_causal_prior_is_the_default_first_and_then_that_of_the_past():
     rng = np.random.default_rng(20_011)
     R, V = with_noise(sine(T_S), 0.3 * DEG, rng)
-    length_s, variance = causal_rate_priors(T_S[:12], R[:12], V[:12])
-    assert length_s.shape == (11,)
+    poles, variance = causal_rate_priors(T_S[:12], R[:12], V[:12])
+    assert poles.shape == (11, 3)
     assert variance.shape == (11, 3)
-    np.testing.assert_array_equal(length_s[:9], DEFAULT_LENGTH_S)
+    np.testing.assert_array_equal(poles[:9], np.tile(matern.poles(DEFAULT_LENGTH_S), (9, 1)))
     np.testing.assert_array_equal(variance[:9], DEFAULT_SIGMA_RADPS**2)
     identified = rate_prior(T_S[:10], R[:10], V[:10])
-    np.testing.assert_array_equal(length_s[9:], identified.length_s)
+    np.testing.assert_array_equal(poles[9:], np.tile(identified.poles_per_s, (2, 1)))
     np.testing.assert_array_equal(variance[9:], np.tile(identified.variance_rad2ps2, (2, 1)))
 
 
 def test_motion_that_starts_late_widens_the_causal_prior_within_a_second():
     R, V = swings_from(30.0, T_S, np.random.default_rng(20_030))
-    length_s, variance = causal_rate_priors(T_S, R, V)
+    poles, variance = causal_rate_priors(T_S, R, V)
     assert (np.sqrt(variance[290:300]).max(axis=1) < 0.35).all()
-    assert (length_s[290:300] > 10).all()
+    assert (noise(poles, variance)[290:300] < 1e-6).all()
     assert (np.sqrt(variance[310:400]) > 0.3).all()
-    assert (length_s[310:400] < 4).all()
+    assert (noise(poles, variance)[310:400] > 1e-4).all()
 
 
 def test_lasting_change_of_motion_is_identified_anew():
     R, V = swings_from(30.0, T_S, np.random.default_rng(20_031))
-    length_s, variance = causal_rate_priors(T_S, R, V)
+    poles, variance = causal_rate_priors(T_S, R, V)
     whole = rate_prior(T_S[320:], R[320:], V[320:])
-    assert abs(np.log(length_s[430] / whole.length_s)) < 0.3
-    assert np.abs(np.log(np.sqrt(variance[430]) / sigmas(whole))).max() < 0.7
+    for frequency_radps in (poles[430, 2], whole.poles_per_s[2]):
+        assert 0.9 < frequency_radps < 1.4  # it swings at 1 and 1.3
+    assert np.abs(np.log(np.sqrt(variance[430]) / sigmas(whole))).max() < 1.2  # of few swings
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1])
@@ -72,8 +81,8 @@ def test_steady_motion_keeps_its_identified_prior(share):
     R, V = with_noise(sine(T_S), 0.3 * DEG, rng)
     wrong = rng.random(600) < share
     R[wrong] = R[wrong] @ exp(rng.normal(size=(wrong.sum(), 3)))
-    length_s, variance = causal_rate_priors(T_S, R, V)
-    changes = np.flatnonzero(np.diff(length_s)) + 1
+    poles, variance = causal_rate_priors(T_S, R, V)
+    changes = np.flatnonzero(np.diff(poles[:, 0])) + 1
     assert set(changes[changes >= 40]) == {79, 159, 319}  # as identified, and none other
     assert (np.abs(np.log(np.sqrt(variance[320:]) / sigmas(rate_prior(T_S, R, V)))) < 0.3).all()
 
@@ -88,10 +97,10 @@ def test_wrong_attitudes_for_three_seconds_do_not_widen_the_causal_prior():
 
 def test_cutting_a_flight_whose_motion_changes_alters_no_causal_prior_before_the_cut():
     R, V = swings_from(30.0, T_S, np.random.default_rng(20_034))
-    length_s, variance = causal_rate_priors(T_S, R, V)
+    poles, variance = causal_rate_priors(T_S, R, V)
     for cut in (301, 306, 320, 321, 421, 560):
         early, early_variance = causal_rate_priors(T_S[:cut], R[:cut], V[:cut])
-        np.testing.assert_array_equal(early, length_s[: cut - 1])
+        np.testing.assert_array_equal(early, poles[: cut - 1])
         np.testing.assert_array_equal(early_variance, variance[: cut - 1])
 
 
@@ -99,7 +108,7 @@ def test_gap_after_the_cut_changes_no_causal_prior_before_it():
     rng = np.random.default_rng(20_035)
     t_s = np.append(T_S[:100], 100 + np.arange(200.0))  # its usual spacing is another
     R, V = with_noise(sine(t_s), 0.3 * DEG, rng)
-    length_s, variance = causal_rate_priors(t_s, R, V)
+    poles, variance = causal_rate_priors(t_s, R, V)
     early, early_variance = causal_rate_priors(t_s[:100], R[:100], V[:100])
-    np.testing.assert_array_equal(early, length_s[:99])
+    np.testing.assert_array_equal(early, poles[:99])
     np.testing.assert_array_equal(early_variance, variance[:99])

@@ -14,7 +14,7 @@ from fgnav.process.evidence import (
 )
 from fgnav.process.evidence_kernel import UPDATE, Epochs
 from fgnav.process.evidence_kernel import log_densities as log_densities_of
-from fgnav.process.matern import integral, transition
+from fgnav.process.matern import integral, poles, transition
 from fgnav.process.prediction import predicted_rotation_covariance
 from tests.process.chain import (
     DEG,
@@ -37,8 +37,8 @@ def sigmas(prior):
 def log_densities(t_s, R_nb, V, length_s, sigma, mean_sigma=0.1):
     n = len(t_s)
     epochs = Epochs(t_s, R_nb, V, np.zeros((n, 3)), np.full(n, UPDATE))
-    length, variance = np.full(n - 1, float(length_s)), np.full((n - 1, 3), sigma**2)
-    return log_densities_of(epochs, np.array([0, 0, 0, mean_sigma]), length, variance, NO_TAPE)
+    own, variance = np.tile(poles(length_s), (n - 1, 1)), np.full((n - 1, 3), sigma**2)
+    return log_densities_of(epochs, np.array([0, 0, 0, mean_sigma]), own, variance, NO_TAPE)
 
 
 def dense_log_likelihood(t_s, angle, V, length_s, sigma, mean_sigma):
@@ -70,8 +70,8 @@ def test_likelihood_is_that_of_the_dense_covariance(length_s, sigma):
 
 def test_rotation_rows_are_the_derivatives_of_the_predicted_rotation():
     rng = np.random.default_rng(2)
-    T_s, length_s, h = 0.2, 0.7, 1e-6
-    F, H = transition(T_s, length_s), integral(T_s, length_s)
+    T_s, own, h = 0.2, poles(0.7), 1e-6
+    F, H = transition(T_s, own), integral(T_s, own)
     x = rng.normal(size=(4, 3)) * np.array([[3.0], [0.5], [0.3], [2.0]])
     C, N = np.empty((3, 15)), np.empty((3, 6))
     middle = exp(filter_kernel.rotation_rows(x, F, H, T_s, C, N)[None])[0]
@@ -97,7 +97,7 @@ def test_rotation_rows_are_the_derivatives_of_the_predicted_rotation():
 def test_hyperparameters_of_drawn_rates_are_recovered(length_s, epochs):
     rng = np.random.default_rng(20_000)
     sigma, t_s = np.array([0.3, 0.5, 0.2]), T_S[:epochs]
-    R = drawn_attitudes(t_s, length_s, sigma, np.array([0.1, -0.2, 3.0]), rng)
+    R = drawn_attitudes(t_s, poles(length_s), sigma, np.array([0.1, -0.2, 3.0]), rng)
     prior = rate_prior(t_s, *with_noise(R, 0.3 * DEG, rng))
     effective = t_s[-1] / length_s  # independent values of each rate, roughly
     spread = 3 / np.sqrt(2 * effective) + 0.1
@@ -105,12 +105,34 @@ def test_hyperparameters_of_drawn_rates_are_recovered(length_s, epochs):
     assert abs(np.log(prior.length_s / length_s)) < 0.2
 
 
-def test_sine_is_long_in_memory_and_as_brisk_as_it_is():
+def test_sine_swings_at_its_frequency_for_long():
     rng = np.random.default_rng(20_001)
     prior = rate_prior(T_S, *with_noise(sine(T_S), ARRAY_SIGMA, rng))
-    assert 2 < prior.length_s < 5
-    assert (sigmas(prior) > 20 * DEG / np.sqrt(2)).all()
+    decay_per_s, frequency_radps = prior.swing_per_s
+    assert frequency_radps == pytest.approx(1.0, rel=0.1)
+    assert decay_per_s < 0.2
+    assert (sigmas(prior) > 20 * DEG / 2).all()
     assert (sigmas(prior) < 1).all()
+
+
+def test_swings_that_were_drawn_are_recovered():
+    rng = np.random.default_rng(20_013)
+    own, sigma = np.array([2.0, 0.15, 2.5]), np.array([0.3, 0.5, 0.2])
+    R = drawn_attitudes(T_S, own, sigma, np.array([0.1, -0.2, 0.5]), rng)
+    prior = rate_prior(T_S, *with_noise(R, 0.3 * DEG, rng))
+    decay_per_s, frequency_radps = prior.swing_per_s
+    periods = frequency_radps / decay_per_s  # 9 in 60 s, three axes
+    assert frequency_radps == pytest.approx(2.5, rel=0.05)
+    assert 5 < periods < 50
+    assert np.abs(np.log(sigmas(prior) / sigma)).max() < 0.6
+
+
+@pytest.mark.parametrize("seed", range(20_060, 20_070))
+def test_rates_that_do_not_swing_are_not_said_to(seed):
+    rng = np.random.default_rng(seed)
+    length_s, sigma = np.exp(rng.uniform(np.log(0.3), np.log(4.0))), rng.uniform(0.1, 0.5, 3)
+    R = drawn_attitudes(T_S[:300], poles(length_s), sigma, np.zeros(3), rng)
+    assert rate_prior(T_S[:300], *with_noise(R, 0.3 * DEG, rng)).swing_per_s is None
 
 
 @pytest.mark.parametrize("rate", [[0, 0, 0], [0, 0, 0.2], [4 * np.pi, 0, 0], [0, 8 * np.pi, 0]])
@@ -134,7 +156,7 @@ def test_wrong_attitudes_are_not_motion(share):
     wrong = rng.random(600) < share
     R[wrong] = R[wrong] @ exp(rng.normal(size=(wrong.sum(), 3)))
     prior = rate_prior(T_S, R, V)
-    assert abs(np.log(prior.length_s / clean.length_s)) < 0.2
+    assert prior.swing_per_s[1] == pytest.approx(clean.swing_per_s[1], rel=0.05)
     assert np.abs(np.log(sigmas(prior) / sigmas(clean))).max() < 0.3
 
 
@@ -152,8 +174,8 @@ def test_motion_that_starts_late_is_motion():
     late = np.maximum(T_S - 50, 0)
     R = from_euler(0 * late, 0.5 * np.sin(3 * late), 0 * late)
     prior = rate_prior(T_S, *with_noise(R, 0.3 * DEG, rng))
-    assert prior.length_s < 3
-    assert sigmas(prior)[1] > 0.3
+    assert prior.swing_per_s[1] == pytest.approx(3.0, rel=0.1)
+    assert sigmas(prior)[1] > 0.1
     assert (sigmas(prior)[[0, 2]] < 0.05).all()
 
 
@@ -167,6 +189,7 @@ def test_axis_that_no_attitude_tells_does_not_spoil_the_others():
     for attitudes in (R, shuffled):
         prior = rate_prior(T_S, attitudes, V)
         assert 1 < prior.length_s < 8  # 3 with all axes; longer memories go with larger rates
+        assert prior.swing_per_s is None
         assert (sigmas(prior)[1:] > 0.1).all()  # .25 rad/s is that of the sine
         assert (sigmas(prior)[1:] < 2).all()
 
@@ -179,8 +202,8 @@ def test_filter_is_compiled_for_one_layout_of_arrays(monkeypatch):
     kernel = type(log_densities_of)(log_densities_of.py_func)
     monkeypatch.setattr("fgnav.process.evidence_kernel.log_densities", kernel)
     series = attitude_series(t_s, R_nb, P, np.arange(10), 10)
-    series.log_densities(1.0, np.ones(3))
-    prior = np.ones(9), np.asfortranarray(np.ones((9, 3)))
+    series.log_densities(poles(1.0), np.ones(3))
+    prior = np.tile(poles(1.0), (9, 1)), np.asfortranarray(np.ones((9, 3)))
     predicted_rotation_covariance(t_s, R_nb, P, np.ones(10, dtype=np.bool_), prior)
     assert len(kernel.signatures) == 1
 
@@ -200,15 +223,15 @@ def test_epochs_a_second_apart_tell_the_same_sine():
     rng = np.random.default_rng(20_008)
     t_s = np.arange(300.0)
     prior = rate_prior(t_s, *with_noise(sine(t_s), ARRAY_SIGMA, rng))
-    assert 1.5 < prior.length_s < 4
-    assert (sigmas(prior) > 0.2).all()
+    assert prior.swing_per_s[1] == pytest.approx(1.0, rel=0.1)
+    assert (sigmas(prior) > 0.15).all()
     assert (sigmas(prior) < 0.6).all()
 
 
 def test_long_flight_is_looked_at_in_blocks():
     rng = np.random.default_rng(20_009)
     t_s = 0.1 * np.arange(2000)
-    R = drawn_attitudes(t_s, 0.6, np.array([0.3, 0.5, 0.2]), np.zeros(3), rng)
+    R = drawn_attitudes(t_s, poles(0.6), np.array([0.3, 0.5, 0.2]), np.zeros(3), rng)
     prior = rate_prior(t_s, *with_noise(R, 0.3 * DEG, rng))
     assert prior.length_s == pytest.approx(0.6, rel=0.1)
     np.testing.assert_allclose(sigmas(prior), [0.3, 0.5, 0.2], rtol=0.2)
@@ -246,7 +269,7 @@ def test_smoothing_with_the_prior_is_as_accurate_as_it_states():
     t_s = T_S[:150]
     for seed in range(4):
         rng = np.random.default_rng(20_020 + seed)
-        truth = drawn_attitudes(t_s, 1.0, np.full(3, 0.4), np.zeros(3), rng)
+        truth = drawn_attitudes(t_s, poles(1.0), np.full(3, 0.4), np.zeros(3), rng)
         R, V = with_noise(truth, 0.3 * DEG, rng)
         found, P = smoothed(t_s, R, V, matern_process(t_s, rate_prior(t_s, R, V)), rounds=3)
         error = log(transpose(truth) @ found)

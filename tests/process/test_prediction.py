@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from fgnav.geometry.rotations import exp
-from fgnav.process.matern import integral, noise_factor, stationary
+from fgnav.process.matern import integral, noise_factor, poles, stationary
 from fgnav.process.prediction import predicted_rotation_covariance
 from tests.process.chain import DEG
 
@@ -14,7 +14,7 @@ def covariances(valid, length_s=1.0, sigma=0.2, R_nb=None):
     n = len(T_S)
     R = np.tile(np.eye(3), (n, 1, 1)) if R_nb is None else R_nb
     P = np.tile(SIGMA**2 * np.eye(3), (n, 1, 1))
-    prior = np.full(n - 1, length_s), np.full((n - 1, 3), sigma**2)
+    prior = np.tile(poles(length_s), (n - 1, 1)), np.full((n - 1, 3), sigma**2)
     return predicted_rotation_covariance(T_S, R, P, valid, prior)
 
 
@@ -22,13 +22,14 @@ def test_a_gap_grows_as_the_process_predicts():
     """Between what it does from a rate that is known, and from a rate and a mean that are not."""
     valid = np.ones(120, dtype=bool)
     valid[61:] = False
+    own = poles(1.0)
     sigma = np.sqrt(covariances(valid)[:, 0, 0])
     assert (sigma[2:61] < 1.5 * SIGMA).all()  # the second may be wrong for all that is known
     for k in (65, 75, 100):
         T = T_S[k] - T_S[60]
-        noise = 0.2 * np.linalg.norm(noise_factor(T, 1.0)[0])
-        H = integral(T, 1.0)
-        unknown = np.linalg.norm([noise, 0.2 * np.sqrt(H @ stationary(1.0) @ H), 0.2 * T])
+        noise = 0.2 * np.linalg.norm(noise_factor(T, own)[0])
+        H = integral(T, own)
+        unknown = np.linalg.norm([noise, 0.2 * np.sqrt(H @ stationary(own) @ H), 0.2 * T])
         assert noise < sigma[k] < unknown
     assert (np.diff(sigma[61:]) > 0).all()
 

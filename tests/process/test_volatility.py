@@ -3,8 +3,9 @@ import pytest
 
 from fgnav.geometry.rotations import exp, from_euler
 from fgnav.process.attitude_series import attitude_series
-from fgnav.process.evidence import rate_prior
+from fgnav.process.evidence import matern_prior, swinging_prior
 from fgnav.process.evidence_kernel import PREDICT, RESTART, tape
+from fgnav.process.matern import poles
 from fgnav.process.score_kernel import score
 from fgnav.process.volatility import varying_rate_prior
 from tests.process.chain import DEG, drawn_attitudes, sine, with_noise
@@ -24,14 +25,15 @@ def thrown(t_s, rng):
 def test_score_is_the_derivative_of_the_likelihood(with_gap):
     rng = np.random.default_rng(20_040)
     t_s, sigma = T_S[:60], np.array([0.3, 0.5, 0.2])
-    R = drawn_attitudes(t_s, 0.6, sigma, np.array([0.1, -0.2, 0.3]), rng)
+    R = drawn_attitudes(t_s, poles(0.6), sigma, np.array([0.1, -0.2, 0.3]), rng)
     attitudes = attitude_series(t_s, *with_noise(R, SIGMA, rng), np.arange(60), past=60)
     if with_gap:
         attitudes.epochs.use[20:24], attitudes.epochs.use[40] = PREDICT, RESTART
     variance = sigma**2 * rng.uniform(0.5, 2, (59, 3))
     room = tape(60)
-    attitudes.log_densities(0.6, variance, room)
-    slope, freedom = score(t_s, np.full(59, 0.6), variance, room)
+    own = np.array([2.0, 0.5, 3.0])
+    attitudes.log_densities(own, variance, room)
+    slope, freedom = score(t_s, np.tile(own, (59, 1)), variance, room)
     assert (freedom > -1e-12).all()
     assert (freedom < 4).all()
     for k, axis in ((3, 0), (21, 1), (30, 1), (39, 2), (58, 0)):
@@ -39,15 +41,16 @@ def test_score_is_the_derivative_of_the_likelihood(with_gap):
         for step in (1e-4, -1e-4):
             moved = variance.copy()
             moved[k, axis] *= np.exp(2 * step)
-            ends.append(attitudes.log_densities(0.6, moved).sum())
+            ends.append(attitudes.log_densities(own, moved).sum())
         # linearised about other estimates at every other variance, and of a mixture: .1
         assert slope[k, axis] == pytest.approx((ends[0] - ends[1]) / 2e-4, abs=0.1, rel=0.1)
 
 
 def test_a_throw_has_a_scale_of_its_own():
     R, V = thrown(T_S, np.random.default_rng(20_041))
-    constant = rate_prior(T_S, R, V)
-    varying = varying_rate_prior(T_S, R, V, constant)
+    constant = matern_prior(T_S, R, V)
+    swinging = swinging_prior(T_S, R, V, constant)
+    varying = varying_rate_prior(T_S, R, V, constant, swinging)
     assert varying.gained_nats > 20
     sigma = np.sqrt(varying.variance_rad2ps2)
     during = np.abs(T_S[:-1] - 15) < 0.5
@@ -63,10 +66,10 @@ def test_an_even_motion_keeps_its_constant_scale(motion):
         "sine": lambda: sine(T_S),
         "still": lambda: np.tile(np.eye(3), (len(T_S), 1, 1)),
         "spin": lambda: exp(4 * np.pi * T_S[:, None] * along),
-        "drawn": lambda: drawn_attitudes(T_S, 0.6, np.full(3, 0.4), np.zeros(3), rng),
+        "drawn": lambda: drawn_attitudes(T_S, poles(0.6), np.full(3, 0.4), np.zeros(3), rng),
     }[motion]()
     R, V = with_noise(truth, SIGMA, rng)
-    assert varying_rate_prior(T_S, R, V, rate_prior(T_S, R, V)) is None
+    assert varying_rate_prior(T_S, R, V, matern_prior(T_S, R, V)) is None
 
 
 def test_wrong_attitudes_are_no_throw():
@@ -74,4 +77,4 @@ def test_wrong_attitudes_are_no_throw():
     R, V = with_noise(sine(T_S), SIGMA, rng)
     wrong = rng.random(300) < 0.05
     R[wrong] = R[wrong] @ exp(rng.normal(size=(wrong.sum(), 3)))
-    assert varying_rate_prior(T_S, R, V, rate_prior(T_S, R, V)) is None
+    assert varying_rate_prior(T_S, R, V, matern_prior(T_S, R, V)) is None

@@ -15,6 +15,7 @@ from fgnav.graph.types.constants import Constants, FlightConstant, flight_consta
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
+from fgnav.process import matern
 from tests.graph.factors.motions import EARTH_N_RADPS, GRAVITY_N_MPS2, TrueMotion, sine
 
 ATTITUDE_RAD = np.radians([0.3, 0.25, 0.22])
@@ -61,7 +62,7 @@ def flight(
         if gyroscope
         else GyroFree(
             **common,
-            length_s=np.ones(n - 1),
+            poles_per_s=np.tile(matern.poles(1.0), (n - 1, 1)),
             variance_rad2ps2=np.full((n - 1, 3), 0.2),
             rate_column=0,
             constants=constants,
@@ -139,7 +140,7 @@ def part(problem: SmoothingProblem, first: int, last: int) -> SmoothingProblem:
     rows, motion = slice(first, last + 1), problem.motion
     cut = {
         name: getattr(motion, name)[first:last]
-        for name in ("length_s", "variance_rad2ps2", "accelerometer_noise", "gyroscope_noise")
+        for name in ("poles_per_s", "variance_rad2ps2", "accelerometer_noise", "gyroscope_noise")
         if hasattr(motion, name)
     }
     measurements = []

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from fgnav.evaluation.scores import errors_against
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Batch, Forward, Smoother
-from fgnav.process.evidence import RatePrior
+from fgnav.process.hyperparameters import RatePrior
 from fgnav_sim.gnss.tables import OutageTable, SlipsTable
 from tests.gnss.based import flown
 

@@ -10,6 +10,7 @@ from fgnav.geometry.rotations import log, transpose
 from fgnav.graph import keys
 from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.process import matern
 from fgnav.solve import chain, fixed_lag
 from fgnav.solve.batch import solve_batch
 from fgnav.solve.sliding.relinearisation import MOVED_RAD
@@ -55,7 +56,9 @@ def test_a_flight_agrees_with_the_chain(method: str, gyroscope: bool) -> None:
 def test_a_slow_motion_agrees_with_the_chain(method: str) -> None:
     problem, _ = flight(5.0, motion=sine(5.0, rate_radps=0.1))
     motion = replace(
-        problem.motion, length_s=np.full(50, 45.0), variance_rad2ps2=np.full((50, 3), 1e-3)
+        problem.motion,
+        poles_per_s=np.tile(matern.poles(45.0), (50, 1)),
+        variance_rad2ps2=np.full((50, 3), 1e-3),
     )
     problem = replace(problem, motion=motion)
     one, other = (getattr(of, method)(problem, 2.0) for of in (fixed_lag, chain))

@@ -63,8 +63,8 @@ class GyroFree:
     gravity_n_mps2 : ndarray, shape (n, 3)
         Where each keyframe is.
     earth_rate_n_radps : ndarray, shape (3,)
-    length_s : ndarray, shape (n - 1,)
-        Correlation length of the rate's process in each interval.
+    poles_per_s : ndarray, shape (n - 1, 3)
+        Of the rate's process in each interval.
     variance_rad2ps2 : ndarray, shape (n - 1, 3)
         Its variance about each body axis.
     accelerometer_noise : ndarray, shape (n - 1,)
@@ -79,7 +79,7 @@ class GyroFree:
     sub_steps: int
     gravity_n_mps2: FloatArray
     earth_rate_n_radps: FloatArray
-    length_s: FloatArray
+    poles_per_s: FloatArray
     variance_rad2ps2: FloatArray
     accelerometer_noise: FloatArray
     rate_column: int
@@ -98,7 +98,7 @@ class GyroFree:
         n = len(self.t_s)
         shapes = {
             "gravity_n_mps2": (n, 3),
-            "length_s": (n - 1,),
+            "poles_per_s": (n - 1, 3),
             "variance_rad2ps2": (n - 1, 3),
             "accelerometer_noise": (n - 1,),
         }
@@ -114,7 +114,7 @@ class GyroFree:
     def _prepared(self) -> Intervals:
         cut = increments(self.imu, self.t_s, self.sub_steps)
         span_s = np.diff(self.t_s)
-        F, H, W = matern.intervals(span_s, self.length_s)
+        F, H, W = matern.intervals(span_s, self.poles_per_s)
         walk = self.imu.accelerometer_bias_walk_mps2_per_sqrt_s
         return Intervals(
             span_s=span_s,
@@ -170,7 +170,7 @@ class GyroFree:
         """
         rows = np.zeros((_VECTOR, _VECTOR + constants))
         rows[range(3), range(3)] = 1 / self.imu.accelerometer_bias_mps2
-        white = np.linalg.inv(np.linalg.cholesky(matern.stationary(float(self.length_s[0]))))
+        white = np.linalg.inv(np.linalg.cholesky(matern.stationary(self.poles_per_s[0])))
         for i in range(3):
             own = [3 + i, 6 + i, 9 + i]
             weighted = white / np.sqrt(self.variance_rad2ps2[0, i])
@@ -225,7 +225,7 @@ class GyroFree:
             self,
             t_s=t_s,
             gravity_n_mps2=np.stack(gravity, axis=1),
-            length_s=self.length_s[part],
+            poles_per_s=self.poles_per_s[part],
             variance_rad2ps2=self.variance_rad2ps2[part],
             accelerometer_noise=self.accelerometer_noise[part],
         )

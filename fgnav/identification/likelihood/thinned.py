@@ -155,7 +155,7 @@ def _between(motion: Motion, rows: IntArray) -> Motion:
     if not isinstance(motion, GyroFree):
         return motion.at_times(motion.t_s[rows])
     changed: dict[str, Any] = {"t_s": motion.t_s[rows]}
-    for name in ("length_s", "variance_rad2ps2", "accelerometer_noise"):
+    for name in ("poles_per_s", "variance_rad2ps2", "accelerometer_noise"):
         changed[name] = getattr(motion, name)[rows[:-1]]
     changed["gravity_n_mps2"] = motion.gravity_n_mps2[rows]
     return replace(motion, **changed)

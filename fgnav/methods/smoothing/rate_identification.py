@@ -14,7 +14,7 @@ from fgnav.frontend.motion import prior_note
 from fgnav.frontend.problem import PreparedFlight
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.process.evidence import RatePrior
+from fgnav.process.hyperparameters import RatePrior
 from fgnav.solve.chain import log_evidence, solve_batch
 
 _BEGIN = (-1, 2)  # exponents of where the search begins: 0.3 s, 10 deg/s
@@ -76,7 +76,7 @@ def _candidate(
         problem,
         motion=replace(
             motion,
-            length_s=np.full(n, prior.length_s),
+            poles_per_s=np.tile(prior.poles_per_s, (n, 1)),
             variance_rad2ps2=np.tile(prior.variance_rad2ps2, (n, 1)),
         ),
     )

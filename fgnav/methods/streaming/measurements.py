@@ -8,7 +8,7 @@ from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.frontend.calibration_request import calibration_requests
 from fgnav.geometry.earth import Origin
-from fgnav.process.evidence import RatePrior
+from fgnav.process.hyperparameters import RatePrior
 from fgnav.types.flight import Imu
 from fgnav.types.surroundings import Barometer, Magnetometer
 

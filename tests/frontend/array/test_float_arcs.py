@@ -18,7 +18,7 @@ from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.geometry import rotations
 from fgnav.integers.resolvers.truth import Truth, attitude_at
-from fgnav.process.evidence import RatePrior
+from fgnav.process.hyperparameters import RatePrior
 from fgnav_sim.gnss.tables import OutageTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate

@@ -41,7 +41,7 @@ def gyro_free(imu, t_s, *, length_s=1.0, variance=0.3, sub_steps=5):
         sub_steps=sub_steps,
         gravity_n_mps2=np.tile(GRAVITY_N_MPS2, (n, 1)),
         earth_rate_n_radps=EARTH_N_RADPS,
-        length_s=np.full(n - 1, length_s),
+        poles_per_s=np.tile(matern.poles(length_s), (n - 1, 1)),
         variance_rad2ps2=np.full((n - 1, 3), variance),
         accelerometer_noise=np.full(n - 1, DENSITY),
         rate_column=RATE.start,
@@ -102,10 +102,11 @@ def _simulated(rng, *, until_s, length_s, variance):
     """Keyframes every 0.1 s, a noisy accelerometer and true states of a body that turns so."""
     h, every_sample, every_keyframe = 1e-3, 10, 100
     n = round(until_s / h)
-    F, H = matern.transition(h, length_s), matern.integral(h, length_s)
-    L = matern.noise_factor(h, length_s) * np.sqrt(variance)
+    own = matern.poles(length_s)
+    F, H = matern.transition(h, own), matern.integral(h, own)
+    L = matern.noise_factor(h, own) * np.sqrt(variance)
     x = np.empty((n + 1, 3, 3))  # time, derivative, axis
-    x[0] = np.linalg.cholesky(matern.stationary(length_s) * variance) @ rng.standard_normal((3, 3))
+    x[0] = np.linalg.cholesky(matern.stationary(own) * variance) @ rng.standard_normal((3, 3))
     noise, mean = np.einsum("pq,nqi->npi", L, rng.standard_normal((n, 4, 3))), np.array([1.0, 0, 0])
     for k in range(n):
         x[k + 1] = F @ x[k] + noise[k, 1:]
@@ -228,7 +229,7 @@ def test_raised_noise_weakens_position_and_velocity_alone():
 
 def test_arrays_of_wrong_shape_are_refused_by_name():
     factors, _ = of_motion(sine(20.0), 0.1, 5)
-    with pytest.raises(BadInputError, match=r"gyro-free length_s: expected shape \(5,\)"):
-        replace(factors, length_s=np.ones(4))
+    with pytest.raises(BadInputError, match=r"gyro-free poles_per_s: expected shape \(5, 3\)"):
+        replace(factors, poles_per_s=np.ones((4, 3)))
     with pytest.raises(BadInputError, match="the mean rate is not among the constants"):
         replace(factors, rate_column=3)

@@ -10,6 +10,7 @@ from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
+from fgnav.process import matern
 from fgnav.solve import fixed_lag
 from fgnav.solve.chain import window
 from fgnav.solve.chain.batch import solve_batch
@@ -50,7 +51,7 @@ def flight():
         sub_steps=1,
         gravity_n_mps2=np.tile(GRAVITY_N_MPS2, (n, 1)),
         earth_rate_n_radps=EARTH_N_RADPS,
-        length_s=np.full(n - 1, 2.0),
+        poles_per_s=np.tile(matern.poles(2.0), (n - 1, 1)),
         variance_rad2ps2=np.full((n - 1, 3), 0.12),
         accelerometer_noise=np.full(n - 1, 1e-6),
         rate_column=0,
