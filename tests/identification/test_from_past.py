@@ -25,8 +25,13 @@ def loud():
     return replace(flight, imu=replace(flight.imu, gyroscope_noise_radps_per_sqrt_hz=sheet))
 
 
-def test_a_filter_is_as_sure_as_the_noise_that_its_past_shows(loud):
-    stated, found = Forward(noise="stated")(loud), Forward()(loud)
+@pytest.fixture(scope="module")
+def filtered(loud):
+    return Forward()(loud)
+
+
+def test_a_filter_is_as_sure_as_the_noise_that_its_past_shows(loud, filtered):
+    stated, found = Forward(noise="stated")(loud), filtered
     late = stated.t_s > 60.0
     figures = [
         nees(errors_rad(loud, e)[late], e.attitude_covariance_rad2[late]) for e in (stated, found)
@@ -40,11 +45,12 @@ def test_a_filter_is_as_sure_as_the_noise_that_its_past_shows(loud):
 
 
 @pytest.mark.parametrize("rate_hz", [None, 5.0])
-def test_nothing_that_comes_later_takes_part(loud, rate_hz):
-    def estimate(flight):
-        return Forward()(flight) if rate_hz is None else Forward().at(flight, rate_hz=rate_hz)
-
-    whole, part = estimate(loud), estimate(truncated(loud, CUT_S))
+def test_nothing_that_comes_later_takes_part(loud, filtered, rate_hz):
+    cut = truncated(loud, CUT_S)
+    if rate_hz is None:
+        whole, part = filtered, Forward()(cut)
+    else:
+        whole, part = (Forward().at(one, rate_hz=rate_hz) for one in (loud, cut))
     n = int((part.t_s <= part.t_s[-1]).sum())
     assert part.t_s[-1] > CUT_S - 1.2
     for name in ("t_s", "R_nb", "p_n_m", "v_n_mps", "attitude_covariance_rad2"):

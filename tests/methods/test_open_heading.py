@@ -44,7 +44,7 @@ def cruising(seed):
 
 @pytest.mark.parametrize(
     "method",
-    [Batch(), Batch(solver="chain"), Smoother(), Forward()],
+    [Batch(), Smoother(), Forward()],
     ids=lambda method: f"{method.name}-{method.solver}",
 )
 def test_a_heading_that_nothing_tells_is_open_and_the_rest_is_honest(method):

@@ -165,11 +165,6 @@ LONG = {
         41_012,
         10.0,
     ),
-    "barometer and magnetometer": (
-        scenario("surroundings", 20.0, rate_hz=1.0, outages=()),
-        41_014,
-        10.0,
-    ),
     "fixes": (
         every_second(scenario("six", 50.0, fixes=True, gyroscope=True)),
         41_013,
@@ -185,7 +180,7 @@ def test_a_stream_that_has_let_its_beginning_go_ends_there_as_well(which, monkey
     made, seed, kept_s = LONG[which]
     monkeypatch.setattr(going_on, "KEPT_S", kept_s)
     flight = simulate(made, np.random.default_rng(seed))
-    if flight.fixes is None and flight.magnetometer is None:
+    if flight.fixes is None:
         flight = with_heading(flight)
     stream = ObservationStream(STATED)
     parts = [stream.update(piece) for piece in pieces(flight)]
