@@ -167,7 +167,7 @@ def test_the_rate_prior_is_not_identified_from_such_epochs(flight, monkeypatch):
         assert len(t_s) == len(R_nb) == len(covariance_rad2)
         return PRIOR
 
-    monkeypatch.setattr(motion, "rate_prior", recorded)
+    monkeypatch.setattr(motion, "matern_prior", recorded)
     build_problem(flight, ProblemSettings(resolver=Cut()))
     (t_s,) = times
     assert len(t_s) > 50
