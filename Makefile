@@ -8,6 +8,10 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install --no-com
 RUN := $(VENV)/installed-run
 DEV := $(VENV)/installed-dev
 
+# Packages are compiled to bytecode as they are imported. Where that may not be kept every process does it anew, 2 s
+# of each command and each worker.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := install
 .PHONY: install demo test check bench clean
 

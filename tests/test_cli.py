@@ -1,5 +1,6 @@
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -71,6 +72,17 @@ def test_help_names_all_commands_and_an_example(capsys):
     text = capsys.readouterr().out
     for word in ("check", "run", "compare", "simulate", "fgnav simulate demo"):
         assert word in text
+
+
+@pytest.mark.parametrize("command", program.commands())
+def test_help_of_a_command_shows_no_empty_default_and_no_option_that_undoes_another(
+    command, capsys
+):
+    assert cli.main([command, "--help"]) == 0
+    out = capsys.readouterr().out
+    assert f"fgnav {command}" in out
+    assert re.search(r"default: (\"\"|None|False|)\]", out) is None
+    assert re.search(r"--(no|empty)-", out) is None
 
 
 def test_help_loads_nothing_heavy():

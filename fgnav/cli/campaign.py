@@ -24,7 +24,7 @@ def campaign(
     ] = None,
     resume: Annotated[
         bool,
-        Parameter(help="Keep runs that are there, fly those that are missing.", negative=""),
+        Parameter(help="Keep runs that are there, fly those that are missing."),
     ] = False,
     report: Annotated[
         Path | None, Parameter(help="The report for print, too: .pdf, or .png, a picture by part.")
@@ -41,8 +41,7 @@ def campaign(
     Parameters
     ----------
     order
-        Which flights, methods and how often: a TOML file, or one that comes along: flown,
-        restitution, degraded.
+        A TOML file, or one that comes along: flown, restitution, degraded.
     out
         Folder for the results; new, unless resumed.
     """

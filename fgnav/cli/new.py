@@ -9,15 +9,15 @@ from fgnav.terminal import progress, show_lines
 def new(*recordings: Path, out: Path, json: JsonFile = None) -> None:
     """Look at files of any format and write a flight folder to edit.
 
-    Its flight.toml says beside each key what it means, and, marked EDIT, what no file states.
+    Its flight.toml says beside each key what it means, and, marked EDIT, what no file states. Files
+    of no known format, such as a README, are named and passed over.
 
     Example: fgnav new imu.csv rover.pos --out flights/first
 
     Parameters
     ----------
     recordings
-        RINEX, SP3, CSV, .pos, ULog, DataFlash, ROS bags, UBX, SBF, NovAtel, RTCM 3; others beside
-        them, such as a README, are passed over.
+        RINEX, SP3, CSV, .pos, ULog, DataFlash, ROS bags, UBX, SBF, NovAtel, RTCM 3.
     out
         Folder for the flight; made, and refused if it holds anything.
     """

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from fgnav.checks import FgnavError
 
 # Compiling leaves millions of small objects, and collecting by default is a tenth of a first run.
-_COLLECT_AFTER = 50_000  # objects
+_COLLECT_AFTER = 200_000  # objects
 _LONGEST_ERROR = 600  # characters: names of files may have thousands
 _HELP = """\
 Attitude, position and velocity from recorded flights, with honest uncertainty.
@@ -117,12 +117,15 @@ def commands() -> dict[str, tuple[str, str]]:
 
 def program(command: str = "") -> "App":
     """Return the command line, of one command or of all that there is."""
-    from cyclopts import App  # noqa: PLC0415  # lazy: --help does without
+    from cyclopts import App, Parameter  # noqa: PLC0415  # lazy: --help does without
 
     app = App(
         name="fgnav",
         help=_HELP,
         help_format="plaintext",
+        default_parameter=Parameter(
+            negative=(), show_default=lambda value: str(value) if value else None
+        ),
         version=__version__,
         result_action="return_value",
         suppress_keyboard_interrupt=False,

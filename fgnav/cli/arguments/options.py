@@ -80,9 +80,7 @@ class SmootherOptions:
     ] = ""
     causal: Annotated[
         bool,
-        Parameter(
-            help="Let the smoother know nothing beyond its lag, settings included.", negative=""
-        ),
+        Parameter(help="Let the smoother know nothing beyond its lag, settings included."),
     ] = False
     noise: Annotated[
         str | None,

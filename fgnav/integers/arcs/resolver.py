@@ -130,14 +130,14 @@ class Arcs:
 
 
 def lambda_arcs() -> Arcs:
-    """Return LAMBDA over arcs."""
+    """Integer least squares, one integer from slip to slip."""
     from fgnav.integers.resolvers.lambda_ import Lambda  # noqa: PLC0415  # each brings its own kernels
 
     return Arcs(inner=Lambda(success_min=1.0 - 0.25 * _WRONG_MAX), prepare=noise_as_shown)
 
 
 def constrained_arcs() -> Arcs:
-    """Return the search of the rigid array over arcs."""
+    """Integer least squares under the array's known shape, one integer from slip to slip."""
     from fgnav.integers.resolvers.constrained import Constrained  # noqa: PLC0415
 
     inner = Constrained(wrong_max=None, estimate_noise=False)

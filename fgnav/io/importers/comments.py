@@ -14,7 +14,7 @@ _MEANING = {
     "imu.position_b_m": "Where the accelerometer sits, m, from the body's origin.",
     "imu.axes": "Which axis of the samples points forward, right, down.",
     "imu.mounting_deg": "Roll, pitch, yaw of the unit, its axes so named, against the body. On "
-    'wheels `fgnav run` finds pitch and yaw, where [vehicle] has kind = "wheeled".',
+    'wheels `fgnav check` finds them, where [vehicle] has kind = "wheeled".',
     "imu.clock_offset_s": "Added to t_s of the samples.",
     "fixes": "A receiver's own solution of one antenna.",
     "truth": "A reference that estimates are judged by.",

@@ -71,9 +71,8 @@ def track_findings(flight: Flight, imu: Imu, fixes: Fixes) -> tuple[list[Finding
         v_n_mps=usable.v_n_mps,
         arm_b_m=arm_b_m,
     )
-    findings += arm
-    findings += mounting_findings(main.series, integrals, main.clock, track)
-    return findings, [*unchecked, *missing]
+    mounting, untold = mounting_findings(main.series, integrals, main.clock, track, flight.vehicle)
+    return [*findings, *arm, *mounting], [*unchecked, *missing, *untold]
 
 
 def _judged(series: list[Series], imu: Imu, arm_b_m: FloatArray) -> tuple[list[_Judged], Integrals]:

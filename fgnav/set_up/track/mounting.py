@@ -1,29 +1,38 @@
 """How the inertial unit lies in the vehicle: gravity and the way of travel in its axes.
 
 Gravity is down, and what flies or drives goes nose first. Neither must be so of a body that rolls,
-hovers or slips; only directions that stay where they are in the unit's axes say anything.
+hovers or slips; only directions that stay where they are in the unit's axes say anything. By less
+than a quarter turn only wheels tell a unit that leans from a body that does, such as a wing at its
+angle of attack.
 """
 
 import numpy as np
 
 from fgnav.attitude.flight_vectors import Track
 from fgnav.checks import FloatArray
+from fgnav.geometry.rotations import to_euler
 from fgnav.identification.track.clock import Clock
 from fgnav.identification.track.integrals import Integrals, sampled
 from fgnav.identification.track.motion import Series
 from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.set_up.findings import Finding
 from fgnav.set_up.track.axes import named_axes, signed_permutations
+from fgnav.types.vehicle import WheeledVehicle
 
 _FAST_MPS = 5.0  # a course is meant: faster than wind and noise turn it
 _STEADY = np.cos(np.radians(25.0))  # mean resultant length: directions within 25 deg of their mean
 _FEWEST = 8  # windows
+_SAMPLES = "[imu] samples, fx_mps2 to wz_radps"
 
 
 def mounting_findings(
-    series: Series, integrals: Integrals, clock: Clock, track: Track
-) -> list[Finding]:
-    """Return how the axes should be read, where gravity or travel lie along another one."""
+    series: Series,
+    integrals: Integrals,
+    clock: Clock,
+    track: Track,
+    vehicle: WheeledVehicle | None,
+) -> tuple[list[Finding], list[Finding]]:
+    """Return how the axes should be read, and what only wheels would tell."""
     windows = clock.windows
     t_s = series.t_s[windows.row]
     R_sb = sampled(integrals.t_s, integrals.R_sb, (t_s - clock.late_s).ravel())
@@ -45,8 +54,11 @@ def mounting_findings(
     steady_down = len(down) >= _FEWEST and np.linalg.norm(down.mean(axis=0)) > _STEADY
     steady_ahead = len(ahead) >= _FEWEST and np.linalg.norm(ahead.mean(axis=0)) > _STEADY
     if not steady_down:
-        return []
-    return _turned(down, ahead if steady_ahead else None)
+        return [], []
+    turned = _turned(down, ahead if steady_ahead else None)
+    if turned or not steady_ahead:
+        return turned, []
+    return _leaning(down, ahead, vehicle)
 
 
 def _turned(down_b: FloatArray, ahead_b: FloatArray | None) -> list[Finding]:
@@ -76,7 +88,7 @@ def _turned(down_b: FloatArray, ahead_b: FloatArray | None) -> list[Finding]:
     return [
         Finding(
             name="imu mounting",
-            where="[imu] samples, fx_mps2 to wz_radps",
+            where=_SAMPLES,
             text=(
                 f"{told} over {len(gain)} windows lie along other axes than forward, right, down "
                 f"(down is [{shown}])"
@@ -87,6 +99,39 @@ def _turned(down_b: FloatArray, ahead_b: FloatArray | None) -> list[Finding]:
             ),
         )
     ]
+
+
+def _leaning(
+    down_b: FloatArray, ahead_b: FloatArray, vehicle: WheeledVehicle | None
+) -> tuple[list[Finding], list[Finding]]:
+    """Return angles that most windows have beyond those a vehicle's axes may have.
+
+    Medians and signs, for curves and manoeuvres turn some windows by tens of degrees.
+    """
+    from scipy.stats import binom  # noqa: PLC0415  # lazy, as above
+
+    z = _unit(down_b - (down_b * ahead_b).sum(axis=1, keepdims=True) * ahead_b)
+    R_bu = np.stack([ahead_b, np.cross(z, ahead_b), z], axis=1)
+    angles_rad = to_euler(R_bu)
+    usual = WheeledVehicle() if vehicle is None else vehicle
+    median_rad = np.median(angles_rad, axis=0)
+    beyond = (angles_rad * np.sign(median_rad) > usual.axes_sigma_rad).sum(axis=0)
+    if (binom.sf(beyond - 1, len(angles_rad), 0.5) > FALSE_ALARM / 3).all():
+        return [], []
+    # A median's sigma from that of what is drawn, and that from the median distance, if normal.
+    spread_rad = 1.4826 * np.median(np.abs(angles_rad - median_rad), axis=0)
+    sigma_deg = np.degrees(np.sqrt(np.pi / 2 / len(angles_rad)) * spread_rad)
+    shown = ", ".join(f"{x:.1f}" for x in np.degrees(median_rad).round(1) + 0.0)
+    sigmas = ", ".join(f"{x:.1f}" for x in sigma_deg)
+    text = (
+        f"gravity and the way of travel over {len(angles_rad)} windows lie off its axes as if it "
+        f"were turned by roll, pitch, yaw [{shown}] deg (± {sigmas})"
+    )
+    if vehicle is None:
+        why = f'{text}: on wheels it is the unit that lies so; state [vehicle] kind = "wheeled"'
+        return [], [Finding(name="imu mounting", text=why)]
+    mend = f"[imu] mounting_deg = [{shown}], where the flight states none yet"
+    return [Finding(name="imu mounting", text=text, mend=mend, where=_SAMPLES)], []
 
 
 def _unit(v: FloatArray) -> FloatArray:

@@ -143,12 +143,12 @@ class AmbiguityNetwork:
 
 
 def classification() -> AmbiguityNetwork:
-    """Return the resolver ``ambiguity-classification``."""
+    """Integers by a network that classifies them, epoch by epoch."""
     return AmbiguityNetwork()
 
 
 def regression() -> AmbiguityNetwork:
-    """Return the resolver ``ambiguity-regression``."""
+    """Integers by a network that estimates them as numbers, epoch by epoch."""
     return AmbiguityNetwork(network="ambiguity-regression")
 
 

@@ -177,6 +177,19 @@ def test_a_damaged_epoch_is_left_out_and_its_bytes_are_counted(tmp_path, name, m
     assert loss.count == lost
 
 
+def test_rtcm3_of_any_length_is_held_against_its_crc():
+    """The CRC by long division, bit by bit."""
+    for length in (0, 1, 2, 255, 1023):
+        message = b"\xd3" + length.to_bytes(2, "big") + bytes(i % 251 for i in range(length))
+        left = int.from_bytes(message, "big") << 24
+        for at in range(left.bit_length() - 1, 23, -1):
+            left ^= 0x1864CFB << at - 24 if left >> at & 1 else 0
+        whole = message + left.to_bytes(3, "big")
+        assert bytes_outside(whole, "rtcm3") == 0
+        torn = bytes([*whole[:-1], whole[-1] ^ 1])
+        assert bytes_outside(torn, "rtcm3") == len(whole)
+
+
 @pytest.mark.parametrize("name", ["ubx", "sbf", "novatel", "rtcm3"])
 def test_only_what_is_damaged_lies_outside_messages(name):
     content = {"ubx": ubx, "sbf": sbf, "novatel": novatel, "rtcm3": rtcm3}[name]()

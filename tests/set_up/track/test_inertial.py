@@ -11,6 +11,7 @@ from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import from_euler, log
 from fgnav.set_up import describe
 from fgnav.types.flight import Antenna, Fixes, Flight, Imu
+from fgnav.types.vehicle import WheeledVehicle
 from tests.recordings import drive, quadrotor
 
 ORIGIN = Origin(latitude_rad=0.7, longitude_rad=0.2, height_m=100.0)
@@ -166,6 +167,34 @@ def test_the_unit_of_the_car_as_it_lies_is_put_right(shared):
     finding = findings(drive(shared, mounted=False))["imu mounting"]
     assert "should read -x, y, -z" in finding.mend
     assert '[imu] axes = ["-x", "y", "-z"]' in finding.mend
+
+
+def test_the_car_with_its_axes_named_leans_as_its_authors_say(shared):
+    """By 6.79 and 5.35 deg, beside the quarter turns."""
+    flight = drive(shared, mounted=False)
+    named = np.array([-1.0, 1.0, -1.0])
+    imu = replace(
+        flight.imu, f_b_mps2=flight.imu.f_b_mps2 * named, w_b_radps=flight.imu.w_b_radps * named
+    )
+    car = replace(flight, imu=imu, vehicle=WheeledVehicle())
+    finding = findings(car)["imu mounting"]
+    figures = [re.findall(r"-?\d+\.\d", part) for part in finding.text.split("[")[1].split("(±")]
+    off, sigma = np.array(figures, dtype=float)
+    assert (np.abs(off - [0.0, -6.79, 5.35]) < 3 * sigma).all()
+    assert (sigma < 1.0).all()
+    assert f"mounting_deg = [{', '.join(figures[0])}]" in finding.mend
+
+
+def test_only_wheels_tell_a_unit_that_leans_from_a_body_that_does():
+    M = from_euler(*np.radians([[1.0], [-7.0], [6.0]]))[0]
+    imu = flown().imu
+    leaning = with_imu(f_b_mps2=imu.f_b_mps2 @ M, w_b_radps=imu.w_b_radps @ M)
+    open_to_all = describe(leaning)
+    assert "imu mounting" not in {one.name for one in open_to_all.findings}
+    assert any('[vehicle] kind = "wheeled"' in one.text for one in open_to_all.unchecked)
+    wheels = WheeledVehicle()
+    assert "imu mounting" in findings(replace(leaning, vehicle=wheels))
+    assert findings(replace(flown(), vehicle=wheels)) == {}
 
 
 def test_both_paths_of_the_quadrotor_have_one_clock_by_positions_alone(shared):

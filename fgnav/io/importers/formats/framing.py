@@ -3,13 +3,17 @@
 import re
 from binascii import crc32, crc_hqx
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
+from fgnav.checks import IntArray
+
 # NMEA 0183, which many receivers write between their messages.
 _SENTENCE = re.compile(rb"\$[A-Z]{2,6},[\x20-\x7e]*\*[0-9A-F]{2}\r?\n")
 _CRC24Q = 0x1864CFB  # polynomial, RTCM 10403.3, section 4
+_LONGEST_RTCM3 = 1029  # bytes: ten bits of length, a head of three, the CRC
 
 
 class _Frame(NamedTuple):
@@ -70,21 +74,24 @@ def _novatel_is_whole(message: bytes) -> bool:
     return crc.to_bytes(4, "little") == message[-4:]
 
 
-def _shifted(byte: int) -> int:
+@cache
+def _remainders() -> IntArray:
+    """Return what each byte leaves of a CRC that is a sum, (bytes behind it, byte)."""
+    last = np.arange(256) << 16
     for _ in range(8):
-        byte = byte << 1 ^ (_CRC24Q if byte & 0x80 << 16 else 0)
-    return byte & 0xFFFFFF
-
-
-_SHIFTED = [_shifted(byte << 16) for byte in range(256)]
+        last = last << 1 ^ np.where(last & 1 << 23, _CRC24Q, 0)
+    table = np.empty((_LONGEST_RTCM3, 256), dtype=np.int64)
+    table[0] = last
+    for k in range(1, _LONGEST_RTCM3):
+        table[k] = (table[k - 1] << 8 & 0xFFFFFF) ^ last[table[k - 1] >> 16]
+    return table
 
 
 def _rtcm3_is_whole(message: bytes) -> bool:
     """Compare the CRC; none is left where its own bytes are taken in."""
-    crc = 0
-    for byte in message:
-        crc = (crc << 8 & 0xFFFFFF) ^ _SHIFTED[crc >> 16 ^ byte]
-    return crc == 0
+    behind = np.arange(len(message) - 1, -1, -1)
+    left = _remainders()[behind, np.frombuffer(message, np.uint8)]
+    return not np.bitwise_xor.reduce(left)
 
 
 _FRAMES = {
