@@ -16,7 +16,7 @@ from fgnav_models.training.contract import (
     epoch_input,
     integers_output,
     manifest_of,
-    told_apart,
+    words_and_figures,
 )
 from fgnav_models.training.release import AGREEMENT, made_with, release
 
@@ -25,7 +25,7 @@ def manifest(name="toy", *, channels=4, window=1, form=None):
     """Return the manifest of a toy, but for its hash."""
     words = Release(name=name, purpose="A test.", notes={}, domain={})
     one = epoch_input("x", "lengths", Sensor("m", "none", channels), window)
-    _, figures = told_apart({"satellites": [4, 8]})
+    _, figures = words_and_figures({"satellites": [4, 8]})
     origin = made_with(5, {"steps": 3}, {})
     output = integers_output("y", form or Covariance(form="none"))
     return manifest_of(words, (one,), output, figures, origin)

@@ -76,7 +76,7 @@ def manifest_of(
     )
 
 
-def told_apart(domain: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[Statistic, ...]]:
+def words_and_figures(domain: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[Statistic, ...]]:
     """Return what a recipe's domain says in words, and its figures: one number, or a range."""
     figures = {
         name: value if isinstance(value, list) else [value, value]

@@ -17,7 +17,7 @@ from fgnav_models.training.contract import (
     epoch_input,
     integers_output,
     manifest_of,
-    told_apart,
+    words_and_figures,
 )
 from fgnav_models.training.release import made_with, release
 
@@ -69,7 +69,7 @@ def release_network(
     known = replace(GIVEN[_SENSOR], channels=example.shape[1])
     classifies = net.task == "classification"
     form = Covariance(form="probability", name="probability") if classifies else _NOTHING
-    said, figures = told_apart(words.domain)
+    said, figures = words_and_figures(words.domain)
     manifest = manifest_of(
         words,
         (epoch_input("features", _SENSOR, known, net.window),),

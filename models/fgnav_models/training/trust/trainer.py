@@ -19,7 +19,7 @@ from fgnav_models.training.contract import (
     epoch_input,
     integers_output,
     manifest_of,
-    told_apart,
+    words_and_figures,
 )
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import said, scaled
@@ -274,7 +274,7 @@ def _release(
     folder: Path,
 ) -> None:
     content = {k: v for k, v in said(recipe).items() if k not in ("notes", "domain")}
-    _, domain = told_apart({**recipe.domain, "misfit": misfit})
+    _, domain = words_and_figures({**recipe.domain, "misfit": misfit})
     words = Release(
         name=recipe.name,
         purpose=recipe.purpose,
