@@ -159,7 +159,7 @@ class Network:
         told = [
             Loss(
                 what="epoch's trust",
-                reason=f"outside the network's domain, {text}: left to {self.fallback.name}",
+                reason=f"{text}, the network's training domain: left to {self.fallback.name}",
                 count=int(count),
             )
             for text, count in zip(texts, counts, strict=True)
