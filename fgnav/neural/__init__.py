@@ -2,8 +2,9 @@
 
 Owns the contract of a learned measurement (``manifest``), the bounded run of its file (``network``,
 ``onnx``), the windows of samples it sees (``windows``), what its outputs say of the states
-(``outputs``), how outputs that err alike are counted (``correlation``) and how honest they are
-(``calibration``). Nothing is unpickled; torch is not needed.
+(``outputs``) or of an array's integers (``integers``), how outputs that err alike are counted
+(``correlation``) and how honest they are (``calibration``). Nothing is unpickled; torch is not
+needed.
 """
 
 from typing import Any

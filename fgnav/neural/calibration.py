@@ -167,7 +167,7 @@ def calibration(
         network=_scores(e, P),
         constant=_scores(e, np.broadcast_to(constant, P.shape)),
         constant_sigma=tuple(np.sqrt(np.diag(constant)).tolist()),
-        half_life_s=half_life_s(white, lasting),
+        half_life_s=half_life_s(white, lasting, axes=2 if output.measures == "direction" else None),
         lasting=lasting,
         together=(
             together(white, stated_s, interval_s(stated_s), output.lasting),
@@ -205,7 +205,7 @@ def _errors(
     answers = network([x[shown.usable] for x in shown.inputs])
     within = np.ones(int(shown.usable.sum()), dtype=np.bool_)
     for statistic, figure in zip(network.manifest.domain, answers.figures, strict=True):
-        within &= (figure >= statistic.range[0]) & (figure <= statistic.range[1])
+        within &= statistic.holds(figure)
     answered_s, value = t_s[shown.usable][within], answers.value[within]
     error = _against_truth(network, truth, answered_s, value)
     covariance = answers.covariance[within]

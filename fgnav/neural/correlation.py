@@ -13,11 +13,22 @@ states that change, they claim less: by Gershgorin's theorem no eigenvalue of th
 exceeds its largest row sum, which is c or less for outputs D apart or more, so that
 ``C <= c diag(C)`` and the factors' covariance is never smaller than the true one.
 
+A flight's errors may also swing with its motion: then they are correlated at one frequency, which
+is another in each flight, and the mean over flights shows nothing of it. What an attitude that
+swings alike, too, knows of itself hangs on that frequency. So h is at least such that answers D
+apart claim no more at any frequency of a flight than they know there (``half_life_s``).
+
+A flight's errors may also swing with its motion: then they are correlated at one frequency, which
+is another in each flight, and the mean over all flights shows nothing of it. What is known of an
+attitude that swings alike hangs on that frequency. So h is such that answers D apart claim no more
+at any frequency of a flight than they know there (``half_life_s``).
+
 By default D is two half-lives, c = 5/3: of what all outputs, however dense, know of a constant,
 n D ln 2 / (2 h sigma^2), that keeps 2 (1 - 1/4) / ((1 + 1/4) 2 ln 2) = 87 %.
 """
 
 from collections.abc import Sequence
+from functools import cache
 from typing import TypeAlias
 
 import numpy as np
@@ -30,6 +41,9 @@ HALF_LIVES = 2.0  # between outputs, see above
 _MOST_LASTING = 0.99  # some of every error is new: its rounding
 _TRIED = 200  # intervals: a few percent apart, interpolated between
 _SAME = 1e-6  # of an interval: times are rounded
+_UNEVEN = 0.01  # of an interval: beyond, an answer is missing, and a flight has no periodogram
+_LEAST_ANSWERS, _STARTS = 8, 8  # of a flight; first answers that are tried
+_BEYOND = 40.0  # the largest of 10,000 unit exponentials is above with a probability of 4e-14
 
 
 def interval_s(half_life_s: float) -> float:
@@ -116,12 +130,15 @@ def _apart(t_s: FloatArray, row: int, between_s: float) -> list[int]:
     return rows
 
 
-def half_life_s(flights: Sequence[Errors], lasting: float = 0.0) -> float:
+def half_life_s(
+    flights: Sequence[Errors], lasting: float = 0.0, *, axes: int | None = None
+) -> float:
     """Return the half-life of errors, less what lasts; 0 where neighbours are independent.
 
-    By their autocovariance: that with which a flight's answers, ``HALF_LIVES`` of it apart, are
-    together as sure as they are right. Of n answers D apart the mean's variance is the single
-    one's, times
+    That with which a flight's answers, ``HALF_LIVES`` of it apart, are as sure as they are right,
+    together and at each frequency: the longer of two.
+
+    Together: of n answers D apart the mean's variance is the single one's, times
 
         q(D) / n,  q(D) = 1 + 2 sum (1 - k/n) rho(k D),  k = 1 … n-1,
 
@@ -130,6 +147,11 @@ def half_life_s(flights: Sequence[Errors], lasting: float = 0.0) -> float:
     long as a flight, are counted right over flights as long as these. The autocorrelation ends
     where it is below its own noise, two over the square root of the pairs [1]_.
 
+    At each frequency: the largest ordinate of a flight's periodogram of answers D apart, less their
+    mean, is in the mean over the flights at most what it is of independent answers of the variance
+    that the factor counts, ``(1 - lasting) inflation``. Of m ordinates in a axes that is the mean
+    of the largest of m Gamma variables of shape a [2]_.
+
     Parameters
     ----------
     flights : sequence of (t_s, error)
@@ -137,11 +159,21 @@ def half_life_s(flights: Sequence[Errors], lasting: float = 0.0) -> float:
         1-sigmas.
     lasting : float
         Share of their variance.
+    axes : int, optional
+        In which there are errors at a time, a: of a direction two of three.
 
     References
     ----------
     .. [1] Box, Jenkins, Reinsel: Time Series Analysis, 4th edition, 2008, section 2.1.6.
+    .. [2] Brockwell, Davis: Time Series: Theory and Methods, 2nd edition, 1991, section 10.3.
     """
+    return max(
+        _half_life_together_s(flights, lasting), _half_life_swinging_s(flights, lasting, axes)
+    )
+
+
+def _half_life_together_s(flights: Sequence[Errors], lasting: float) -> float:
+    """Return the half-life with which means of flights are as sure as they are right."""
     step_s, rho = _autocorrelation(flights, lasting)
     span_s = float(np.mean([t_s[-1] - t_s[0] for t_s, _ in flights]))
     wanted = inflation(1.0, HALF_LIVES)
@@ -157,6 +189,48 @@ def half_life_s(flights: Sequence[Errors], lasting: float = 0.0) -> float:
     )
 
 
+def _half_life_swinging_s(flights: Sequence[Errors], lasting: float, axes: int | None) -> float:
+    """Return the half-life with which no frequency is surer than it is right; 0 of even flights."""
+    step_s = _step_s(flights)
+    whole = [error for t_s, error in flights if np.ptp(np.diff(t_s)) < _UNEVEN * step_s]
+    longest = max((len(error) for error in whole), default=0) // _LEAST_ANSWERS
+    counted = (1 - lasting) * inflation(1.0, HALF_LIVES)
+    before, above = 0.0, np.inf
+    for every in np.unique(np.geomspace(1, max(longest, 1), _TRIED).astype(np.int64)).tolist():
+        seen = [one for one in whole if len(one) >= every * _LEAST_ANSWERS]
+        largest = [_largest(one, every, axes or one.shape[1]) for one in seen]
+        ratio = float(np.mean(largest)) / counted if seen else 0.0
+        if ratio <= 1:
+            if every == 1:
+                return 0.0
+            return float(np.interp(-1, (-above, -ratio), (before, every)) * step_s / HALF_LIVES)
+        before, above = float(every), ratio
+    return before * step_s / HALF_LIVES
+
+
+def _largest(error: FloatArray, every: int, axes: int) -> float:
+    """Return the largest ordinate of answers so many apart over that of independent unit ones.
+
+    The mean over where the first of them is.
+    """
+    found = []
+    for first in range(0, every, -(-every // _STARTS)):
+        answers = error[first::every] - error[first::every].mean(axis=0)
+        ordinates = (np.abs(np.fft.rfft(answers, axis=0)) ** 2).mean(axis=1) / len(answers)
+        ordinates = ordinates[1 : (len(answers) + 1) // 2]  # less the mean's and Nyquist's
+        found.append(ordinates.max() / _largest_of_independent(len(ordinates), axes))
+    return float(np.mean(found))
+
+
+@cache
+def _largest_of_independent(m: int, d: int) -> float:
+    """Return the mean of the largest of m means of d unit exponential variables."""
+    from scipy.special import gammainc  # noqa: PLC0415  # heavy, and of training only
+
+    x = np.linspace(0.0, _BEYOND, 10_001)
+    return float(np.trapezoid(1 - gammainc(d, d * x) ** m, x))
+
+
 def _sum(rho: FloatArray, step_s: float, span_s: float, between_s: float) -> float:
     """Return q of answers so far apart over a span, the mean over where the first may be."""
     fewer, share = divmod((span_s + step_s) / between_s * (1 + 1e-9), 1.0)
@@ -170,7 +244,7 @@ def _sum(rho: FloatArray, step_s: float, span_s: float, between_s: float) -> flo
 
 def _autocorrelation(flights: Sequence[Errors], lasting: float) -> tuple[float, FloatArray]:
     """Return the interval and the autocorrelation of what is new, up to where it is noise."""
-    step_s = float(np.median(np.concatenate([np.diff(t_s) for t_s, _ in flights])))
+    step_s = _step_s(flights)
     places = [np.rint((t_s - t_s[0]) / step_s).astype(np.int64) for t_s, _ in flights]
     n = max(int(place[-1]) for place in places) + 1
     size = 1 << (2 * n - 1).bit_length()
@@ -184,6 +258,10 @@ def _autocorrelation(flights: Sequence[Errors], lasting: float) -> tuple[float, 
     rho = (rho - lasting) / (1 - lasting)
     noise = np.flatnonzero(rho < 2 / np.sqrt(np.maximum(pairs, 1.0)))
     return step_s, rho[: int(noise[0])] if len(noise) else rho
+
+
+def _step_s(flights: Sequence[Errors]) -> float:
+    return float(np.median(np.concatenate([np.diff(t_s) for t_s, _ in flights])))
 
 
 def _correlated(signals: FloatArray, n: int) -> FloatArray:

@@ -240,10 +240,7 @@ class NeuralFactor:
         figures = self._network([x[usable] for x in seen.inputs]).figures
         within = np.ones(len(usable), dtype=np.bool_)
         for one, figure in zip(domain, figures, strict=True):
-            low, high = one.range
-            inside = (figure >= low) & (figure <= high)
-            what = f"{one.name.replace('_', ' ')} outside {low:.4g} to {high:.4g} {one.unit}"
-            reason = f"{what}, the network's training domain"
+            inside, reason = one.holds(figure), f"{one.beyond}, the network's training domain"
             lost[reason] = lost.get(reason, 0) + int((within & ~inside).sum())
             within &= inside
         return usable[within]

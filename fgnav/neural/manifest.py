@@ -1,20 +1,22 @@
 """What a network that measures says of itself: the TOML or JSON file beside its ONNX file."""
 
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
+import numpy as np
 
-from fgnav.checks import quoted
+from fgnav.checks import BoolArray, FloatArray, quoted
 from fgnav.io.atomic_write import write_text
 from fgnav.io.strict_toml import NotNegative, Positive, Table, as_table, read_toml_or_json
-from fgnav.neural.measures import MEASURES, SENSORS, Measure, Quantity
+from fgnav.neural.measures import MEASURES, SENSORS, Form, Measure, Quantity
 
 FORMAT: Literal["fgnav-factor/1"] = "fgnav-factor/1"
 _HEX = r"^[0-9a-f]{64}$"
+_ROUNDING = 1e-9  # of a range: figures of files are rounded
 
 Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1)]
-Count: TypeAlias = Annotated[int, msgspec.Meta(ge=1, le=100_000)]
+Window: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=100_000)]
 Share: TypeAlias = Annotated[float, msgspec.Meta(ge=0, lt=1)]
 
 
@@ -24,16 +26,18 @@ class Input(Table, frozen=True):
     Attributes
     ----------
     name : str
-        Of the ONNX graph's input, of shape (n, window, channels), float32.
+        Of the ONNX graph's input, of shape (n, window, channels), float32; axes of length one may
+        be left out.
     sensor : str
         ``"accelerometer"``, ``"gyroscope"``, ``"magnetometer"``, ``"barometer"``, ``"position"``,
-        ``"velocity"``, or the name of a ``Record`` that the factor is given.
+        ``"velocity"``, or the name of a ``Record`` that the factor is given; of integers what their
+        resolver gives.
     unit, frame : str
         Of its samples, as the flight has them: nothing is converted.
     rate_hz : float
-        That the network was trained at.
+        That the network was trained at; 0 of an epoch by itself.
     window : int
-        Samples.
+        Samples; 0 of a set of any length, of an epoch.
     mean, scale : tuple of float
         By channel: the network is given ``(x - mean) / scale``.
     range : tuple of (float, float)
@@ -44,8 +48,8 @@ class Input(Table, frozen=True):
     sensor: Text
     unit: Text
     frame: Text
-    rate_hz: Positive
-    window: Count
+    rate_hz: NotNegative
+    window: Window
     mean: tuple[float, ...]
     scale: tuple[Positive, ...]
     range: tuple[tuple[float, float], ...]
@@ -67,18 +71,24 @@ class Input(Table, frozen=True):
             if not low < high:
                 raise ValueError(f"range: each must be [low, high], low first, got [{low}, {high}]")
 
+    def inside(self, values: FloatArray) -> BoolArray:
+        """Return whether all samples of windows, (k, window, channels), are, (k, channels)."""
+        low, high = np.array(self.range).T
+        return np.asarray(((values >= low) & (values <= high)).all(axis=1))
+
 
 class Statistic(Table, frozen=True):
-    """A figure of its inputs that the graph computes, and what of it training has seen.
+    """A figure of its inputs, and what of it training has seen.
 
     Attributes
     ----------
     name : str
-        Of the ONNX graph's output, (n,) or (n, 1) float32; in reports without its underscores.
+        Of the ONNX graph's output, (n,) or (n, 1) float32, or of what a resolver of integers
+        computes of an epoch; in reports without its underscores.
     unit : str
         Of that, for people.
     range : (float, float)
-        The factor leaves where it is beyond.
+        The factor leaves, and integers are left to others, where it is beyond.
     """
 
     name: Text
@@ -88,8 +98,21 @@ class Statistic(Table, frozen=True):
     def __post_init__(self) -> None:
         """Check that the range is one."""
         low, high = self.range
-        if not low < high:
+        if low > high:
             raise ValueError(f"range: must be [low, high], low first, got [{low}, {high}]")
+
+    def holds(self, figure: FloatArray) -> BoolArray:
+        """Return which figures are within the range, up to rounding."""
+        low, high = self.range
+        slack = _ROUNDING * max(abs(low), abs(high))
+        return np.asarray((figure >= low - slack) & (figure <= high + slack))
+
+    @property
+    def beyond(self) -> str:
+        """What a report says of figures that are beyond: ``"misfit outside 0.62 to 2.34"``."""
+        low, high = self.range
+        unit = f" {self.unit}" if self.unit != "1" else ""
+        return f"{self.name.replace('_', ' ')} outside {low:.4g} to {high:.4g}{unit}"
 
 
 class Covariance(Table, frozen=True):
@@ -97,24 +120,27 @@ class Covariance(Table, frozen=True):
 
     Attributes
     ----------
-    form : {"log_sigma", "cholesky", "none"}
+    form : {"log_sigma", "cholesky", "none", "probability", "posterior"}
         ``log_sigma``: natural logarithms of the 1-sigmas of each axis of the tangent, or one for
         all. ``cholesky``: lower triangle L of ``L L'``, row by row, its diagonal positive.
-        ``none``: the network states nothing, ``sigma`` does.
+        ``none``: the network states nothing, ``sigma`` does, of integers nothing. Of integers,
+        ``probability``: of each to be right. ``posterior``: the output is no integers but, of
+        candidates that a search has found, exponents of their posterior; ``name`` is that of none
+        of an epoch's to be right.
     name : str
         Of the ONNX graph's output; of forms other than none.
     sigma : tuple of float
         1-sigmas, each or one for all, in the output's unit; of the form none.
     """
 
-    form: Literal["log_sigma", "cholesky", "none"]
+    form: Form
     name: str = ""
     sigma: tuple[Positive, ...] = ()
 
     def __post_init__(self) -> None:
         """Check that each form has what it needs, and nothing else."""
-        if self.form == "none" and (self.name or not self.sigma):
-            raise ValueError("sigma: form none needs sigma, and no name; add it")
+        if self.form == "none" and self.name:
+            raise ValueError("name: form none has no output of the graph; leave it out")
         if self.form != "none" and (self.sigma or not self.name):
             raise ValueError(
                 f"name: form {self.form} needs the name of the graph's output, and no sigma"
@@ -131,7 +157,8 @@ class Output(Table, frozen=True):
         matrix row by row, or a quaternion wxyz, of ``R_nb``; a vector; a number.
     measures : str
         Heading of ``x_b``; attitude; direction of gravity; velocity, speed, height above the
-        origin, position, and displacement over ``over_s``, of the accelerometer.
+        origin, position, and displacement over ``over_s``, of the accelerometer; the integers of an
+        array's double differences.
     manifold, unit, frame : str
         As ``measures`` has them. A displacement in ``b`` is in body axes at its beginning.
     covariance : Covariance
@@ -142,6 +169,9 @@ class Output(Table, frozen=True):
         Share of the errors' variance that lasts as long as a flight, in the tangent's axes.
     over_s : float or None
         Of displacements.
+    outlier : str
+        Of integers: the graph's output, (n, window) of the first input, that has the logits of its
+        rows to be worse than their stated variance; empty where it has none.
     """
 
     name: Text
@@ -153,6 +183,7 @@ class Output(Table, frozen=True):
     half_life_s: NotNegative
     lasting: Share = 0.0
     over_s: Positive | None = None
+    outlier: str = ""
 
     def __post_init__(self) -> None:
         """Check manifold, unit and frame against what is measured."""
@@ -162,11 +193,17 @@ class Output(Table, frozen=True):
         _one_of("frame", self.frame, what.frames, f"a frame of {self.measures}")
         if (self.over_s is None) == (self.measures == "displacement"):
             raise ValueError("over_s: goes with displacement, and only then")
-        if len(self.covariance.sigma) not in {0, 1, what.freedom}:
-            raise ValueError(
-                f"covariance.sigma: must have 1 or {what.freedom} entries, has "
-                f"{len(self.covariance.sigma)}"
-            )
+        form, sigmas = self.covariance.form, len(self.covariance.sigma)
+        _one_of("covariance.form", form, what.forms, f"a form of {self.measures}")
+        if what.freedom and form == "none" and not sigmas:
+            raise ValueError("covariance.sigma: form none needs sigma; add it")
+        if sigmas not in {0, 1, what.freedom} or (sigmas and not what.freedom):
+            wanted = f"1 or {what.freedom} entries" if what.freedom else "none, of integers"
+            raise ValueError(f"covariance.sigma: must have {wanted}, has {sigmas}")
+        if what.freedom and self.outlier:
+            raise ValueError("outlier: goes with integers, and only then")
+        if not what.freedom and (self.half_life_s or self.lasting):
+            raise ValueError("half_life_s: must be 0 of integers, an epoch of which is by itself")
 
     @property
     def measure(self) -> Measure:
@@ -179,8 +216,29 @@ class Output(Table, frozen=True):
         return self.measure.units[self.unit]
 
 
+class Origin(Table, frozen=True):
+    """What a network was made of, and with.
+
+    Attributes
+    ----------
+    recipe : dict
+        Of its training, whole.
+    seed : int
+        Of data and training.
+    metrics : dict of str to float
+        Measured on data that it never saw; a name says the unit and the set.
+    made_with : dict of str to str
+        Versions and hardware.
+    """
+
+    recipe: dict[str, Any]
+    seed: int
+    metrics: dict[str, float]
+    made_with: dict[str, str]
+
+
 class Manifest(Table, frozen=True):
-    """The contract of a network that measures.
+    """The contract of a network that measures states or integers.
 
     Attributes
     ----------
@@ -198,6 +256,8 @@ class Manifest(Table, frozen=True):
     output : Output
     domain : tuple of Statistic
         Where else than within its inputs' ranges it may be believed.
+    origin : Origin or None
+        Nothing that runs it reads this.
     """
 
     format: Literal["fgnav-factor/1"]
@@ -209,14 +269,34 @@ class Manifest(Table, frozen=True):
     inputs: Annotated[tuple[Input, ...], msgspec.Meta(min_length=1)]
     output: Output
     domain: tuple[Statistic, ...] = ()
+    origin: Origin | None = None
 
     def __post_init__(self) -> None:
-        """Check the file's name."""
+        """Check the file's name, and that samples in time have a rate."""
+        for row, one in enumerate(self.inputs):
+            if self.output.measure.freedom and not (one.rate_hz and one.window):
+                key = "window" if one.rate_hz else "rate_hz"
+                raise ValueError(
+                    f"inputs[{row}].{key}: must be above 0 of a network that measures "
+                    f"{self.output.measures}, got 0"
+                )
         if Path(self.onnx).name != self.onnx or not self.onnx.endswith(".onnx"):
             raise ValueError(
                 f"onnx: must be the name of an .onnx file in the manifest's folder, got "
                 f"{quoted(self.onnx)}"
             )
+
+    def outputs(self) -> list[tuple[str, str]]:
+        """Return key and name of each output of the graph: the answer's, then the domain's."""
+        output = self.output
+        named = [
+            ("output.name", output.name),
+            ("output.covariance.name", output.covariance.name),
+            ("output.outlier", output.outlier),
+        ]
+        if output.measure.freedom:  # what a resolver computes of an epoch is none
+            named += [(f"domain[{row}].name", one.name) for row, one in enumerate(self.domain)]
+        return [(key, name) for key, name in named if name]
 
 
 def read_manifest(path: Path) -> Manifest:

@@ -14,17 +14,19 @@ Quantity: TypeAlias = Literal[
     "speed",
     "height",
     "position",
+    "integers",
 ]
+Form: TypeAlias = Literal["log_sigma", "cholesky", "none", "probability", "posterior"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measure:
-    """A quantity of the states that a network's output may be.
+    """A quantity that a network's output may be: of the states, or an array's integers.
 
     Attributes
     ----------
     manifold : str
-        ``"S1"`` angles, ``"SO3"`` rotations, ``"S2"`` unit vectors, ``"R1"``, ``"R3"``.
+        ``"S1"`` angles, ``"SO3"`` rotations, ``"S2"`` unit vectors, ``"R1"``, ``"R3"``, ``"Z"``.
     units : dict of str to float
         Allowed ones, each in SI or radians: of the output and of its 1-sigma; of rotations and unit
         vectors, which are plain numbers, of the 1-sigma alone.
@@ -32,9 +34,11 @@ class Measure:
     widths : tuple of int
         Numbers that the value may have.
     freedom : int
-        Of the tangent that the covariance is stated in.
+        Of the tangent that the covariance is stated in; 0 of integers, which have none.
     tangent : str
         Its axes, in words.
+    forms : tuple of str
+        In which the network may say how sure it is.
     """
 
     manifold: str
@@ -43,6 +47,7 @@ class Measure:
     widths: tuple[int, ...]
     freedom: int
     tangent: str
+    forms: tuple[Form, ...] = ("log_sigma", "cholesky", "none")
 
 
 _ANGLE = {"rad": 1.0, "deg": float(np.pi / 180)}
@@ -97,6 +102,15 @@ MEASURES: dict[str, Measure] = {
     "speed": _scalar("m/s", "the speed"),
     "height": _scalar("m", "upwards"),
     "position": _vector("m", "n"),
+    "integers": Measure(
+        manifold="Z",
+        units={"cycle": 1.0},
+        frames=("none",),
+        widths=(),
+        freedom=0,
+        tangent="each integer, or each candidate",
+        forms=("probability", "posterior", "none"),
+    ),
 }
 
 

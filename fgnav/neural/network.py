@@ -40,6 +40,7 @@ class Network:
     path: Path
     manifest: Manifest
     _session: Session
+    _axes: tuple[tuple[int, ...], ...]  # of each input, that the graph has
 
     def __call__(self, inputs: Sequence[FloatArray]) -> Answers:
         """Return what the network says of windows, (k, window, channels) for each input.
@@ -50,9 +51,19 @@ class Network:
             If an output is not finite, no value of what it is to measure, or its covariance is
             not positive.
         """
+        return self.read(self.run(inputs))
+
+    def run(self, inputs: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return the outputs that the manifest names, (k, c) each; none of no windows.
+
+        Raises
+        ------
+        BadInputError
+            If one has not a row for each window, or the network stops at it.
+        """
         k = len(inputs[0])
         parts = [self._run([x[i : i + _AT_ONCE] for x in inputs]) for i in range(0, k, _AT_ONCE)]
-        return self.read([np.concatenate(columns) for columns in zip(*parts, strict=True)])
+        return [np.concatenate(columns) for columns in zip(*parts, strict=True)]
 
     def read(self, raw: Sequence[FloatArray]) -> Answers:
         """Return what outputs, (k, c) each, mean: value, covariance, figures; none of no windows.
@@ -75,14 +86,14 @@ class Network:
 
     @property
     def _names(self) -> list[str]:
-        output, domain = self.manifest.output, self.manifest.domain
-        stated = [name for name in (output.name, output.covariance.name) if name]
-        return [*stated, *(one.name for one in domain)]
+        return [name for _, name in self.manifest.outputs()]
 
     def _run(self, inputs: list[FloatArray]) -> list[FloatArray]:
         feed = {
-            one.name: ((x - one.mean) / one.scale).astype(np.float32)
-            for one, x in zip(self.manifest.inputs, inputs, strict=True)
+            one.name: ((x - one.mean) / one.scale)
+            .astype(np.float32)
+            .reshape([x.shape[axis] for axis in axes])
+            for one, x, axes in zip(self.manifest.inputs, inputs, self._axes, strict=True)
         }
         names = self._names
         found = self._session.run(names, feed)
@@ -95,16 +106,24 @@ class Network:
         return [part.astype(np.float64).reshape(len(part), -1) for part in found]
 
 
-def load_network(path: Path) -> Network:
-    """Return the network of a manifest, ready to run.
+def load_network(path: Path, *, integers: bool = False) -> Network:
+    """Return the network of a manifest, ready to run: one that measures states, or integers.
 
     Raises
     ------
     BadInputError
         If manifest or ONNX file cannot be read, or the hash, content, inputs or outputs are not
-        those of the manifest; nothing of it has been run then.
+        those of the manifest, or it measures the other; nothing of it has been run then.
     """
     manifest = read_manifest(path)
+    if integers != (manifest.output.measures == "integers"):
+        raise BadInputError(
+            f"{path}: key output.measures: must be integers, of a resolver, got "
+            f"{manifest.output.measures}; --factors takes it"
+            if integers
+            else f"{path}: key output.measures: integers are of a resolver, --integers, and no "
+            "factor"
+        )
     onnx = path.with_name(manifest.onnx)
     content = read_bytes(onnx, _MOST_BYTES)
     digest = sha256(content).hexdigest()
@@ -115,12 +134,11 @@ def load_network(path: Path) -> Network:
         )
     scan(str(onnx), content)
     session = Session(onnx, content, threads=1)
-    _check_ports(path, manifest, session)
-    return Network(path, manifest, session)
+    return Network(path, manifest, session, _checked_ports(path, manifest, session))
 
 
-def _check_ports(path: Path, manifest: Manifest, session: Session) -> None:
-    """Raise unless the graph has the inputs and outputs that the manifest names."""
+def _checked_ports(path: Path, manifest: Manifest, session: Session) -> tuple[tuple[int, ...], ...]:
+    """Return which axes of each input the graph has, once it has what the manifest names."""
     have = {port.name: port for port in session.inputs}
     wanted = {one.name: one for one in manifest.inputs}
     if have.keys() != wanted.keys():
@@ -128,31 +146,36 @@ def _check_ports(path: Path, manifest: Manifest, session: Session) -> None:
             f"{path}: key inputs: {manifest.onnx} takes {', '.join(have)}, the manifest names "
             f"{', '.join(wanted)}; name each once"
         )
-    for row, one in enumerate(manifest.inputs):
-        _check_input(f"{path}: key inputs[{row}]", one, have[one.name])
     outputs = [port.name for port in session.outputs]
-    output = manifest.output
-    named = [("output.name", output.name), ("output.covariance.name", output.covariance.name)]
-    named += [(f"domain[{row}].name", one.name) for row, one in enumerate(manifest.domain)]
-    for key, name in named:
-        if name and name not in outputs:
+    for key, name in manifest.outputs():
+        if name not in outputs:
             raise BadInputError(
                 f"{path}: key {key}: {manifest.onnx} has no output {name!r}; it has "
                 f"{', '.join(outputs)}"
             )
+    return tuple(
+        _checked_axes(f"{path}: key inputs[{row}]", one, have[one.name])
+        for row, one in enumerate(manifest.inputs)
+    )
 
 
-def _check_input(where: str, one: Input, port: Any) -> None:  # noqa: ANN401  # onnxruntime has no types
-    shape = (one.window, len(one.range))
-    fits = len(port.shape) == 3 and all(
-        not isinstance(have, int) or have == want
-        for have, want in zip(port.shape[1:], shape, strict=True)
+def _checked_axes(where: str, one: Input, port: Any) -> tuple[int, ...]:  # noqa: ANN401  # onnxruntime has no types
+    """Return an input's axes less those of length one that the graph leaves out."""
+    shape = ("n", one.window or "any", len(one.range))
+    axes = [0, 1, 2]
+    for axis in (1, 2):
+        if len(axes) > len(port.shape) and shape[axis] == 1:
+            axes.remove(axis)
+    fits = len(port.shape) == len(axes) and all(
+        not isinstance(have, int) or have == shape[axis]
+        for have, axis in zip(port.shape[1:], axes[1:], strict=True)
     )
     if not fits or port.type != "tensor(float)":
         raise BadInputError(
             f"{where}.window: {one.name!r} takes {port.type} of shape {port.shape}, must take "
-            f"float of shape ['n', {shape[0]}, {shape[1]}]; export it so"
+            f"float of shape {list(shape)}; export it so"
         )
+    return tuple(axes)
 
 
 def _value(where: str, output: Output, raw: FloatArray) -> FloatArray:

@@ -53,10 +53,10 @@ def windows(inputs: Sequence[Input], records: Sequence[Record], t_s: FloatArray)
         reasons = {
             f"{one.sensor} has no window of {one.window} samples at {one.rate_hz:g} Hz": whole
         }
-        low, high = np.array(one.range).T
-        inside = ((values >= low) & (values <= high)).all(axis=1)
+        inside = one.inside(values)
         for c in np.flatnonzero(~inside.all(axis=0)):
-            what = f"{one.sensor} channel {c} outside {low[c]:.4g} to {high[c]:.4g} {one.unit}"
+            low, high = one.range[c]
+            what = f"{one.sensor} channel {c} outside {low:.4g} to {high:.4g} {one.unit}"
             reasons[f"{what}, the network's training domain"] = inside[:, c]
         for reason, well in reasons.items():
             lost[reason] = usable & ~well

@@ -17,10 +17,9 @@ from fgnav.types.flight import Flight
 from fgnav_models.runtime.factors import manifest
 from fgnav_models.training.gravity.data import angles_deg, rms
 from fgnav_models.training.gravity.features import SPAN_S, differenced, windows
-from fgnav_sim.data_sets.gravity_motions import PHASES, drawn_motion
+from fgnav_models.training.gravity.through import flown
+from fgnav_sim.data_sets.gravity_motions import PHASES
 from fgnav_sim.data_sets.gravity_world import GravityWorld
-from fgnav_sim.scenario import FixesTable, Scenario
-from fgnav_sim.simulate import simulate
 
 NAMES = ("gravity_ablation", "gravity_ablation_pair", "gravity_ablation_accelerometer")
 FLIGHTS = int(os.environ.get("GRAVITY_FLIGHTS", "30"))
@@ -95,20 +94,7 @@ class Tally:
 
 def flights(count: int, seed: int) -> list[Flight]:
     """Return flights of the world that the networks know, with fixes ten times a second."""
-    world = GravityWorld()
-    out = []
-    for number, rng in enumerate(np.random.default_rng(seed).spawn(count)):
-        kind = PHASES[number % len(PHASES)]
-        motion = drawn_motion(world, kind, rng=rng)
-        scenario = Scenario(
-            name=f"{kind} {number}",
-            duration_s=DURATION_S,
-            motion=motion,
-            imu=world.imu,
-            fixes=FixesTable(rate_hz=10.0, velocity_noise_mps=world.velocity_noise_mps),
-        )
-        out.append(simulate(scenario, rng))
-    return out
+    return flown(GravityWorld(), PHASES, count, DURATION_S, [seed])
 
 
 def methods() -> dict[str, Batch]:
@@ -120,10 +106,10 @@ def methods() -> dict[str, Batch]:
     } | {name: Batch(factors=(NeuralFactor(manifest(name)),)) for name in networks}
 
 
-def ablation(flown: list[Flight], by: dict[str, Batch]) -> dict[str, Tally]:
+def ablation(given: list[Flight], by: dict[str, Batch]) -> dict[str, Tally]:
     """Return the batch's errors with each source of gravity, on the same flights."""
-    errors = {name: [errors_of(flight, method) for flight in flown] for name, method in by.items()}
-    solved = [k for k in range(len(flown)) if all(of[k] is not None for of in errors.values())]
+    errors = {name: [errors_of(flight, method) for flight in given] for name, method in by.items()}
+    solved = [k for k in range(len(given)) if all(of[k] is not None for of in errors.values())]
     return {
         name: tally([of[k] for k in solved], sum(one is None for one in of))
         for name, of in errors.items()

@@ -23,8 +23,12 @@ from tests.benchmarks.smoother import LAG_S, SCENARIO, Given
 from tests.neural import graphs
 from tests.solve.chain.linear_flight import random_problem
 
-MEASURES = {"heading": "in Python", "velocity": "GTSAM's own"}  # and so the others
-NAMES = (*(f"neural_factor_{measures}" for measures in MEASURES), "through_smoother")
+FACTORS = {  # what it measures, the share of its errors that lasts, and whose factor that is
+    "heading": ("heading", 0.0, "in Python"),
+    "velocity": ("velocity", 0.0, "GTSAM's own"),  # and so the others
+    "lasting": ("heading", 0.25, "in Python, a constant of the flight in each"),
+}
+NAMES = (*(f"neural_factor_{name}" for name in FACTORS), "through_smoother")
 SPAN_S, ROUNDS = 60.0, 7
 WINDOW, WIDTH = 100, 128  # a second of accelerations, a multilayer perceptron of 100,000 weights
 MOST_PERCENT, MOST_SOLVES = 15.0, 3.0
@@ -42,9 +46,10 @@ def _factors(span_s: float) -> list[dict]:
     flight = simulate(scenario, np.random.default_rng(1))
     plain = Smoother(resolver=Given(resolve(flight, Lambda())[1]), lag_s=LAG_S)
     methods = [plain]
-    for measures in MEASURES:
+    for measures, lasting, _ in FACTORS.values():
         with TemporaryDirectory() as folder:
-            network = NeuralFactor(graphs.perceptron(Path(folder), WINDOW, WIDTH, measures))
+            path = graphs.perceptron(Path(folder), WINDOW, WIDTH, measures, lasting)
+            network = NeuralFactor(path)
         methods.append(replace(plain, factors=(network,)))
     estimates = [method(flight) for method in methods]  # compiles
     count = next(t.count for t in estimates[-1].consistency if t.what == network.name)
@@ -55,13 +60,13 @@ def _factors(span_s: float) -> list[dict]:
     )
     return [
         _row(
-            f"neural_factor_{measures}",
+            f"neural_factor_{name}",
             100 * (s / seconds[0] - 1),
             MOST_PERCENT,
             "%",
             f"{how}, {note}",
         )
-        for (measures, how), s in zip(MEASURES.items(), seconds[1:], strict=True)
+        for (name, (_, _, how)), s in zip(FACTORS.items(), seconds[1:], strict=True)
     ]
 
 

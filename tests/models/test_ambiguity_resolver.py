@@ -83,6 +83,19 @@ def test_epoch_that_lacks_a_link_is_not_fixed_and_counted(differences, flight):
     assert loss.count == 34
 
 
+def test_epochs_whose_code_is_noisier_than_in_training_are_not_fixed_and_counted(
+    differences, flight
+):
+    variance_m2 = differences.code_variance_m2.copy()
+    variance_m2[7:] = 0.3**2
+    integers = classification()(replace(differences, code_variance_m2=variance_m2), flight)
+    assert integers.fixed[:7].sum() == 7 * 35
+    assert not integers.fixed[7:].any()
+    (loss,) = integers.losses
+    assert loss.reason.startswith("range noise m outside 0.0005 to 0.003 m, network ambiguity-cla")
+    assert loss.count == 23 * 35
+
+
 def test_other_signals_are_not_fixed_and_counted():
     two = scenario(signals={"G": ("1C", "5Q")}, code_noise_m=0.0005, phase_noise_m=0.0005)
     flight = simulate(two, np.random.default_rng(3))

@@ -8,9 +8,10 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from fgnav.checks import BadInputError
+from fgnav.neural.integers import integer_answers
 from fgnav.neural.onnx import session
 from fgnav_models.runtime.load import load
-from tests.models.test_load import onnx_bytes, written
+from tests.models.test_load import onnx_bytes, said, written
 
 X = np.ones((4, 3))
 
@@ -46,7 +47,7 @@ def test_a_network_that_wants_too_much_memory_is_refused(tmp_path):
     )
     network = load(written(tmp_path, content))
     with pytest.raises(BadInputError, match=r"onnxruntime stops at it: .*ConstantOfShape"):
-        network(x=X)
+        said(network, X)
 
 
 def test_a_network_that_takes_too_long_is_ended(tmp_path, monkeypatch):
@@ -56,7 +57,7 @@ def test_a_network_that_takes_too_long_is_ended(tmp_path, monkeypatch):
     network = load(written(tmp_path, content))
     monkeypatch.setattr(session, "CPU_S", 0.1)
     with pytest.raises(BadInputError, match=r"more than 0\.1 s of computing"):
-        network(x=X)
+        said(network, X)
 
 
 def of_one_product(size):
@@ -76,9 +77,9 @@ def test_a_single_node_that_takes_too_long_is_ended_and_the_next_run_begins_anew
     network = load(written(tmp_path, of_one_product(2500)))
     monkeypatch.setattr(session, "CPU_S", 0.05)
     with pytest.raises(BadInputError, match=r"more than 0\.05 s of computing"):
-        network(x=X)
+        said(network, X)
     monkeypatch.setattr(session, "CPU_S", 30.0)
-    assert network(x=X)["y"].tolist() == [[3.0, 3.0]] * 4  # all that c holds is zero
+    assert said(network, X).tolist() == [[3.0, 3.0]] * 4  # all that c holds is zero
 
 
 def test_memory_beside_the_arena_is_bounded(tmp_path):
@@ -91,7 +92,7 @@ def test_memory_beside_the_arena_is_bounded(tmp_path):
         w=W,
     )
     with pytest.raises(BadInputError, match=r"onnxruntime stops at it: "):
-        load(written(tmp_path, content))(x=X)
+        said(load(written(tmp_path, content)), X)
 
 
 def of_ones():
@@ -100,30 +101,30 @@ def of_ones():
 
 def test_a_fork_asks_a_process_of_its_own(tmp_path):
     network = load(written(tmp_path, onnx_bytes()))
-    right = network(x=X)["y"]
+    right = said(network, X)
     reader, writer = os.pipe()
     pid = os.fork()
     if not pid:
-        os.write(writer, network(x=2 * X)["y"].tobytes())
+        os.write(writer, said(network, 2 * X).tobytes())
         os._exit(0)
     os.waitpid(pid, 0)
     assert os.read(reader, 1 << 12) != right.tobytes()
-    np.testing.assert_array_equal(network(x=X)["y"], right)
+    np.testing.assert_array_equal(said(network, X), right)
 
 
 def test_a_process_that_crashes_is_one_line(tmp_path):
     network = load(written(tmp_path, onnx_bytes()))
     network._session._child.kill()
     with pytest.raises(BadInputError, match=r"toy\.onnx: .*its process ended with status -9"):
-        network(x=X)
-    assert network(x=X)["y"].shape == (4, 2)
+        said(network, X)
+    assert said(network, X).shape == (4, 2)
 
 
 def test_answers_that_are_not_finite_or_of_another_shape_are_refused(tmp_path):
     weights = np.full((3, 2), 3e38, np.float32)
     network = load(written(tmp_path, onnx_bytes(weights)))
-    with pytest.raises(BadInputError, match="output y is not finite, first at row 0"):
-        network(x=X)
+    with pytest.raises(BadInputError, match=r"toy\.json: output\.name: not finite"):
+        integer_answers(network, [X[:, None]])
     content = of_nodes(
         helper.make_node("MatMul", ["x", "w"], ["product"]),
         helper.make_node("Slice", ["product", "zero", "one"], ["y"]),
@@ -132,8 +133,8 @@ def test_answers_that_are_not_finite_or_of_another_shape_are_refused(tmp_path):
         one=[1],
     )
     network = load(written(tmp_path, content))
-    with pytest.raises(BadInputError, match=r"output y must have shape \('n', 2\) with .*\(1, 2\)"):
-        network(x=X)
+    with pytest.raises(BadInputError, match=r"output 'y': must have one row per window, 4, got"):
+        said(network, X)
 
 
 def test_a_network_that_fails_as_it_runs_is_refused(tmp_path):
@@ -144,7 +145,7 @@ def test_a_network_that_fails_as_it_runs_is_refused(tmp_path):
         w=np.ones((7, 2), np.float32),
     )
     with pytest.raises(BadInputError, match=r"onnxruntime stops at it: .*Reshape"):
-        load(written(tmp_path, content))(x=X)
+        said(load(written(tmp_path, content)), X)
 
 
 def test_texts_that_are_no_utf8_are_one_line(tmp_path, capsys):

@@ -20,7 +20,10 @@ def flight(shared, tmp_path_factory):
 def test_no_epoch_trusted_beyond_one_in_a_thousand_is_wrong(flight, mask_deg):
     d = of_signals(double_differences(flight), {"G1"}, mask_deg)
     integers = Network()(d, flight)
-    assert "antennas not 3 to 8: left to constrained" in integers.losses[0].reason
+    assert (
+        "antennas outside 3 to 8, the network's training domain: left to constrained"
+        in integers.losses[0].reason
+    )
     assert integers.losses[0].count == d.resolvable.any(axis=(1, 2)).sum()
     sure = integers.fixed.any(axis=(1, 2)) & (integers.wrong_probability < 1e-3)
     assert sure.any()

@@ -94,7 +94,7 @@ def heading(
     return path
 
 
-def perceptron(folder, window, width, measures="heading"):
+def perceptron(folder, window, width, measures="heading", lasting=0.0):
     """Write a network of random weights that sees accelerations and hardly knows anything."""
     rng, what = np.random.default_rng(0), MEASURES[measures]
     sizes = (3 * window, width, width, what.freedom)
@@ -143,6 +143,7 @@ def perceptron(folder, window, width, measures="heading"):
             frame=what.frames[0],
             covariance=Covariance(form="none", sigma=(1e3,)),
             half_life_s=0.0,
+            lasting=lasting,
         ),
     )
     path = folder / "perceptron.json"

@@ -8,7 +8,13 @@ from fgnav.checks import BadInputError
 from fgnav.graph.keys import Timeline, constant, pose
 from fgnav.methods.smoother import Batch
 from fgnav.neural import NeuralFactor
-from fgnav.neural.correlation import half_life_s, interval_s, lasting_share, together
+from fgnav.neural.correlation import (
+    half_life_s,
+    inflation,
+    interval_s,
+    lasting_share,
+    together,
+)
 from fgnav.neural.network import load_network
 from fgnav.neural.outputs import Counted, factor_of
 from tests.frontend import flights
@@ -90,3 +96,34 @@ def test_who_asks_it_without_its_constant_is_told(tmp_path):
     source = NeuralFactor(graphs.heading(tmp_path, lasting=0.3))
     with pytest.raises(BadInputError, match=r"key output\.lasting: its factors share a constant"):
         source(flown("surroundings", 5.0), Timeline(t_s=np.arange(1.0, 2.0, 0.1), gyroscope=True))
+
+
+def test_errors_that_swing_are_counted_at_their_own_frequency():
+    """At another one in each flight: the mean over flights of what is correlated shows nothing."""
+
+    def swinging(rng, count=200, n=300):
+        t_s = STEP_S * np.arange(n)
+        rates = rng.uniform(1.0, 3.0, (count, 1, 2))
+        starts = rng.uniform(0, 2 * np.pi, (count, 1, 2))
+        swing = np.sqrt(2) * np.cos(rates * t_s[:, None] + starts)
+        new = rng.standard_normal((count, n, 2))
+        return [(t_s, np.sqrt(0.3) * a + np.sqrt(0.7) * b) for a, b in zip(swing, new, strict=True)]
+
+    rng = np.random.default_rng(11)
+    found_s = half_life_s(swinging(rng))
+    every = round(interval_s(found_s) / STEP_S)
+
+    def largest(errors, counted):
+        answers = [error[::every] - error[::every].mean(axis=0) for _, error in errors]
+        spectra = [np.abs(np.fft.rfft(one, axis=0)) ** 2 for one in answers]
+        return (
+            np.mean(
+                [s[1:-1].mean(axis=1).max() / len(a) for s, a in zip(spectra, answers, strict=True)]
+            )
+            / counted
+        )
+
+    white = [(None, rng.standard_normal((300, 2))) for _ in range(400)]
+    inflated = inflation(found_s, every * STEP_S)
+    assert largest(swinging(rng), inflated) < 1.1 * largest(white, 1.0)
+    assert found_s > 2 * STEP_S

@@ -18,11 +18,16 @@ from tests.neural import graphs, sun_compass
 WRONG = {
     "unit": (("inputs", 0, "unit"), "deg/s", r"inputs\[0\].unit: must be rad/s, the unit of a fl"),
     "frame": (("inputs", 0, "frame"), "n", r"inputs\[0\].frame: must be b, the frame of a fli"),
-    "negative rate": (("inputs", 0, "rate_hz"), -1.0, r"inputs\[0\].rate_hz: must be float > 0.0"),
-    "no window": (("inputs", 0, "window"), 0, r"inputs\[0\].window: must be int >= 1"),
+    "negative rate": (("inputs", 0, "rate_hz"), -1.0, r"inputs\[0\].rate_hz: must be float >= 0.0"),
+    "no window": (("inputs", 0, "window"), 0, r"inputs\[0\].window: must be above 0 of a"),
     "window of another length": (("inputs", 0, "window"), 7, r"inputs\[0\].window: 'x' takes"),
     "channels": (("inputs", 0, "mean"), [0.0], r"inputs\[0\].mean: must have 3 entries, one per"),
     "scale of zero": (("inputs", 0, "scale"), [1.0, 0.0, 1.0], r"inputs\[0\].scale\[1\]: must be"),
+    "rate of an epoch": (
+        ("inputs", 0, "rate_hz"),
+        0.0,
+        r"inputs\[0\].rate_hz: must be above 0",
+    ),
     "range upside down": (
         ("inputs", 0, "range"),
         [[1.0, -1.0]] * 3,
@@ -39,7 +44,7 @@ WRONG = {
     "form": (
         ("output", "covariance", "form"),
         "fog",
-        "output.covariance.form: must be cholesky or log_sigma or none",
+        "output.covariance.form: must be cholesky or log_sigma or none or posterior or probability",
     ),
     "sigma of zero": (
         ("output", "covariance"),

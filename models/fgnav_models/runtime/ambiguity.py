@@ -7,14 +7,16 @@ import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.integers.validation import not_fixed, phase_links
+from fgnav.neural.integers import integer_answers
+from fgnav.neural.measures import Sensor
+from fgnav.neural.network import Network
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers
 from fgnav_models.features import ambiguity_inputs, by_elevation, wrapped
-from fgnav_models.runtime.load import Model, load
+from fgnav_models.runtime.load import for_resolver
 
 _SATELLITES = 6
-_ROWS = 10_000  # epochs at a time
 # The source paper's array (its section 2.3.2), antennas 2 to 8 from the first.
 _BASELINES_B_M = np.array(
     [
@@ -28,6 +30,10 @@ _BASELINES_B_M = np.array(
     ]
 )
 _ELSEWHERE_M = 1e-3  # an antenna further off than surveys are wrong is another array
+# Double-differenced ranges and the dilution of precision, ``fgnav_models.features``.
+GIVEN = {"double differences": Sensor("cycle", "none", 36)}
+_FORMS = {"probability", "none"}
+_FIGURES = {"antennas", "satellites", "range_noise_m"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,10 +41,10 @@ class AmbiguityNetwork:
     """A network that says how many whole wavelengths a double-differenced range holds.
 
     It knows GPS 1C, the source paper's eight antennas and epochs of six satellites, all tracked by
-    all antennas; other links are not fixed. It is a quantiser of the range: where that has more
-    than millimetres of noise, its integers are wrong. Where a double difference is near half a
-    cycle, phase and range may round to different sides, and then the integer is wrong however well
-    the network answers.
+    all antennas; other links are not fixed. It is a quantiser of the range: where that is stated to
+    have more than millimetres of noise, its integers would be wrong, and are not fixed. Where a
+    double difference is near half a cycle, phase and range may round to different sides, and then
+    the integer is wrong however well the network answers.
 
     Attributes
     ----------
@@ -79,17 +85,21 @@ class AmbiguityNetwork:
             probabilities and some are asked.
         """
         _check_array(self.network, differences.baselines_b_m, flight)
+        network = _loaded(self.network)
         links = phase_links(differences)
         signal = _of_signal(differences)
         whole = _whole(differences, signal)
+        noise = next(one for one in network.manifest.domain if one.name == "range_noise_m")
+        precise = noise.holds(np.sqrt(differences.code_variance_m2))
+        known = whole & (precise | ~signal).all(axis=1)
         cycles, sure = np.zeros(links.shape, dtype=np.int64), np.zeros(links.shape, dtype=np.bool_)
-        if whole.any():
-            order = _order(differences, signal)[whole]
-            answers, accepted = self._answers(differences, np.flatnonzero(whole), order)
-            _put(cycles, whole, order, answers)
-            _put(sure, whole, order, accepted)
+        if known.any():
+            order = _order(differences, signal)[known]
+            answers, accepted = self._answers(network, differences, np.flatnonzero(known), order)
+            _put(cycles, known, order, answers)
+            _put(sure, known, order, accepted)
         fixed = links & sure
-        known = whole[:, None, None] & signal
+        six, exact = (one[:, None, None] & signal for one in (whole, known))
         return Integers(
             resolver=self.name,
             cycles=np.where(fixed, cycles, 0),
@@ -99,15 +109,18 @@ class AmbiguityNetwork:
                 {
                     f"not GPS 1C, all that network {self.network} knows": links & ~signal,
                     f"network {self.network} wants six satellites, tracked by all antennas": (
-                        links & signal & ~known
+                        links & signal & ~six
                     ),
-                    f"probability below {self.probability_min:g}": links & known & ~sure,
+                    f"{noise.beyond}, network {self.network}'s training domain": links
+                    & six
+                    & ~exact,
+                    f"probability below {self.probability_min:g}": links & exact & ~sure,
                 }
             ),
         )
 
     def _answers(
-        self, differences: DoubleDifferences, rows: IntArray, order: IntArray
+        self, network: Network, differences: DoubleDifferences, rows: IntArray, order: IntArray
     ) -> tuple[IntArray, BoolArray]:
         """Return cycles in the phases of whole epochs, (k, b, 6), and which are accepted."""
         wavelength_m = differences.wavelength_m[order[0, 0]]
@@ -123,23 +136,17 @@ class AmbiguityNetwork:
             e_n=np.take_along_axis(differences.e_n[rows], order[..., None], axis=1),
             t_s=differences.t_s[rows],
         )
-        network = _loaded(self.network)
-        parts = [
-            network(features=features[first : first + _ROWS, None])
-            for first in range(0, len(features), _ROWS)
-        ]
-        answer = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-        if self.probability_min and "probability" not in answer:
+        answers = integer_answers(network, [features[:, None]])
+        if self.probability_min and answers.sure is None:
             raise BadInputError(
                 f"{self.network} probability_min: the network states no probabilities; take 0"
             )
         _, taken = wrapped(phase_m / wavelength_m)
-        cycles = taken - answer["cycles"].reshape(shape)
-        probability = answer.get("probability", np.ones(answer["cycles"].shape)).reshape(shape)
+        cycles = taken - np.rint(answers.value).astype(np.int64).reshape(shape)
+        probability = np.ones(shape) if answers.sure is None else answers.sure.reshape(shape)
+        accepted = (probability >= self.probability_min) & answers.within[:, None, None]
         of_reference = ((0, 0), (0, 0), (1, 0))
-        return np.pad(cycles, of_reference), np.pad(
-            probability >= self.probability_min, of_reference
-        )
+        return np.pad(cycles, of_reference), np.pad(accepted, of_reference)
 
 
 def classification() -> AmbiguityNetwork:
@@ -153,8 +160,8 @@ def regression() -> AmbiguityNetwork:
 
 
 @cache
-def _loaded(network: str) -> Model:
-    return load(network)
+def _loaded(network: str) -> Network:
+    return for_resolver(network, GIVEN, _FORMS, _FIGURES)
 
 
 def _check_array(network: str, baselines_b_m: FloatArray, flight: Flight) -> None:

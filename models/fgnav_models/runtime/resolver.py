@@ -12,13 +12,38 @@ from fgnav.integers.epochs import epochs_at
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.snooping import touched
 from fgnav.integers.validation import WITHOUT_CODE, not_fixed, phase_links
+from fgnav.neural.integers import integer_answers
+from fgnav.neural.manifest import Statistic
+from fgnav.neural.measures import Sensor
+from fgnav.neural.network import Network as Contracted
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers
-from fgnav_models.runtime.load import Model, load
-from fgnav_models.trust_features import TrustRows, links_of, probabilities, trust_rows
+from fgnav_models.runtime.load import for_resolver
+from fgnav_models.trust_features import (
+    LINK_FEATURES,
+    WHOLE_FEATURES,
+    links_of,
+    probabilities,
+    trust_rows,
+)
 
-_ROWS = 4096  # candidates at a time
+# Of each candidate of a search, ``fgnav_models.trust_features.trust_rows``.
+GIVEN = {
+    "residuals of links": Sensor("1", "none", LINK_FEATURES),
+    "links that are there": Sensor("1", "none", 1),
+    "candidate": Sensor("1", "none", WHOLE_FEATURES),
+}
+FIGURES = (
+    "antennas",
+    "satellites",
+    "groups",
+    "phase_sigma_m",
+    "code_sigma_m",
+    "sigma_ratio",
+    "baseline_m",
+    "misfit",
+)
 _ENOUGH = 30  # epochs whose median residual tells how well the noise is stated
 
 
@@ -47,7 +72,7 @@ class Network:
     nodes : int
         What the search of an epoch may visit.
     model : str
-        A released network, or a path to its ONNX file.
+        A released network, or the path of a manifest.
     fallback : Constrained
     """
 
@@ -84,10 +109,10 @@ class Network:
         inside, at = np.flatnonzero(~out), np.flatnonzero(out)
         some = epochs_at(differences, inside) if len(at) else differences
         trust = trusted(some, network, nodes=self.nodes)
-        low, high = network.manifest.domain["misfit"]
-        median = float(np.median(trust.misfit)) if len(inside) >= _ENOUGH else low
-        if not low <= median <= high:
-            outside = (f"median misfit {median:.2g} is not {low:g} to {high:g}",) * len(out)
+        misfit = next(one for one in network.manifest.domain if one.name == "misfit")
+        median = np.asarray(np.median(trust.misfit))
+        if len(inside) >= _ENOUGH and not misfit.holds(median):
+            outside = (f"median {misfit.beyond}, {median:.2g}",) * len(out)
             return self._beyond(differences, flight, np.arange(len(out)), outside)
         own = self._accepted(some, trust)
         if not len(at):
@@ -134,7 +159,7 @@ class Network:
         told = [
             Loss(
                 what="epoch's trust",
-                reason=f"outside the network's domain, {text}: left to {self.fallback.name}",
+                reason=f"{text}, the network's training domain: left to {self.fallback.name}",
                 count=int(count),
             )
             for text, count in zip(texts, counts, strict=True)
@@ -151,14 +176,14 @@ class Network:
 
 
 def outside_domain(
-    differences: DoubleDifferences, domain: dict[str, tuple[float, float]]
+    differences: DoubleDifferences, domain: tuple[Statistic, ...]
 ) -> tuple[str, ...]:
     """Return why each epoch is not what the network was trained on, length n; empty where it is.
 
     Parameters
     ----------
     differences : DoubleDifferences
-    domain : dict
+    domain : tuple of Statistic
         Of the network's manifest.
     """
     links = links_of(differences)
@@ -178,39 +203,46 @@ def outside_domain(
         "sigma_ratio": (np.ones(len(links)), np.maximum(*(v[1] / v[0] for v in (phase_m, code_m)))),
         "baseline_m": _range(np.broadcast_to(length_m, antennas[:, 1:].shape), antennas[:, 1:]),
     }
-    for name, (least, most) in counted.items():
-        low, high = domain[name]
-        out = there & ((least < low) | (most > high)) & (texts == "")
-        texts[out] = f"{name.replace('_', ' ')} not {low:g} to {high:g}"
+    for one in domain:
+        if one.name in counted:
+            least, most = counted[one.name]
+            texts[there & ~(one.holds(least) & one.holds(most)) & (texts == "")] = one.beyond
     return tuple(texts.tolist())
 
 
-def trusted(differences: DoubleDifferences, network: Model, *, nodes: int) -> Trust:
+def trusted(differences: DoubleDifferences, network: Contracted, *, nodes: int) -> Trust:
     """Return the likeliest integers of each epoch, and how likely they are wrong.
 
     Parameters
     ----------
     differences : DoubleDifferences
         Within the network's domain.
-    network : Model
+    network : fgnav.neural.network.Network
     nodes : int
         What the search of an epoch may visit.
     """
     n, b, m = differences.phase_m.shape
     found = candidates(differences, nodes=nodes)
     rows = trust_rows(differences, found)
-    score, none, logit = _run(network, rows)
-    probability, _, best = probabilities(score, none, found.epoch, n)
+    wrong, cycles = np.ones(n), np.zeros((n, b, m), dtype=np.int64)
+    outlier = np.zeros((n, (b + 1) * m))
+    ratio, misfit = _costs(differences, found)
+    if not len(found.epoch):
+        return Trust(cycles, wrong, ratio, outlier.reshape(n, b + 1, m), misfit)
+    answers = integer_answers(network, [rows.links, rows.there[:, :, None], rows.whole[:, None]])
+    if answers.sure is None or answers.outlier is None:
+        raise BadInputError(
+            f"{network.path}: key output.outlier: is missing; name the graph's output that says "
+            "which links are worse than stated"
+        )
+    probability, _, best = probabilities(answers.value[:, 0], answers.sure[:, 0], found.epoch, n)
     some = np.flatnonzero(best >= 0)
     top = best[some]
-    wrong, cycles = np.ones(n), np.zeros((n, b, m), dtype=np.int64)
-    wrong[some] = np.clip(1.0 - probability[top], 0.0, 1.0)
+    wrong[some] = np.where(answers.within[top], np.clip(1.0 - probability[top], 0.0, 1.0), 1.0)
     cycles[some] = found.cycles[top]
-    outlier = np.zeros((n, (b + 1) * m))
     slot = rows.slot[some]
     at, place = np.nonzero(slot >= 0)
-    outlier[some[at], slot[at, place]] = 1.0 / (1.0 + np.exp(-logit[top][at, place]))
-    ratio, misfit = _costs(differences, found)
+    outlier[some[at], slot[at, place]] = 1.0 / (1.0 + np.exp(-answers.outlier[top][at, place]))
     return Trust(cycles, wrong, ratio, outlier.reshape(n, b + 1, m), misfit)
 
 
@@ -225,18 +257,6 @@ def _costs(differences: DoubleDifferences, found: Candidates) -> tuple[FloatArra
     misfit[some] = found.cost[first[some]] / degrees[some]
     ratio[two] = found.cost[first[two] + 1] / np.maximum(found.cost[first[two]], 1e-30)
     return ratio, misfit
-
-
-def _run(network: Model, rows: TrustRows) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return score and score of none, (c,), and logits of outliers, (c, l)."""
-    total, length = rows.there.shape
-    out = np.zeros(total), np.zeros(total), np.zeros((total, length))
-    for start in range(0, total, _ROWS):
-        part = slice(start, start + _ROWS)
-        answer = network(links=rows.links[part], there=rows.there[part], whole=rows.whole[part])
-        for value, name in zip(out, ("score", "none", "outlier"), strict=True):
-            value[part] = answer[name]
-    return out
 
 
 def _range(value: FloatArray, there: BoolArray) -> tuple[FloatArray, FloatArray]:
@@ -273,5 +293,5 @@ def _merged(
 
 
 @cache
-def _loaded(model: str) -> Model:
-    return load(model)
+def _loaded(model: str) -> Contracted:
+    return for_resolver(model, GIVEN, {"posterior"}, set(FIGURES))

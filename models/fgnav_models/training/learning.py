@@ -1,16 +1,16 @@
 """What recipes of networks that measure have in common: how one learns, and what it is told of."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated
 
 import msgspec
 import numpy as np
+import torch
 
 from fgnav.checks import FloatArray
 from fgnav.io.strict_toml import Positive, Table
-from fgnav.neural.manifest import FORMAT, Input, Manifest, Output, Statistic
-from fgnav_models.training.ambiguity.released import Release
-from fgnav_models.training.train import Settings
+from fgnav.neural.manifest import Statistic
+from fgnav_models.training.train import Batch, Settings
 
 Count = Annotated[int, msgspec.Meta(ge=1)]
 _VALIDATIONS = 10
@@ -78,18 +78,9 @@ class Learning(Steps, frozen=True):
         return tuple(out)
 
 
-def manifest_of(
-    words: Release, inputs: tuple[Input, ...], output: Output, domain: tuple[Statistic, ...]
-) -> Manifest:
-    """Return the manifest of a network to be released, but for its file's hash."""
-    return Manifest(
-        format=FORMAT,
-        name=words.name,
-        purpose=words.purpose,
-        onnx=f"{words.name}.onnx",
-        sha256="0" * 64,
-        licence="BSD-3-Clause",
-        inputs=inputs,
-        output=output,
-        domain=domain,
-    )
+def validated(
+    loss: Callable[[torch.nn.Module, Batch], torch.Tensor], module: torch.nn.Module, batch: Batch
+) -> dict[str, float]:
+    """Return the loss, a negative log-likelihood, on held-out rows."""
+    with torch.no_grad():
+        return {"negative_log_likelihood": float(loss(module, batch))}

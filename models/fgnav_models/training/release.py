@@ -1,12 +1,12 @@
-"""From a trained torch module to the files that ``runtime.load`` accepts: ONNX, manifest, card."""
+"""From a trained torch module to what the contract takes: ONNX, manifest and card, compared."""
 
+import platform
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -16,105 +16,99 @@ from onnx import TensorProto, helper, numpy_helper
 
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError
 from fgnav.io.atomic_write import atomic_file, made_folder, write_text
-from fgnav_models.runtime.load import load
-from fgnav_models.runtime.manifest import Manifest, Port, manifest_text
+from fgnav.neural.manifest import Manifest, Origin, save_manifest
+from fgnav.neural.network import load_network
+from fgnav_models.training.contract import Release
 
-AGREEMENT = 1e-5  # onnxruntime against torch, absolute, or relative to outputs above 1
+AGREEMENT = 1e-5  # onnxruntime against torch, of an output's root mean square
 _OPSET = 17
+_EXAMPLES = 2000  # of those given
 _HALVED_FROM = 256  # numbers; smaller tensors (biases, scales) keep float32
-
-
-class Story(msgspec.Struct, frozen=True, kw_only=True):
-    """All of a manifest that its maker tells; the rest is computed from the files."""
-
-    name: str
-    purpose: str
-    inputs: tuple[Port, ...]
-    outputs: tuple[Port, ...]
-    domain: dict[str, Any]
-    recipe: dict[str, Any]
-    seed: int
-    metrics: dict[str, float]
-    made_with: dict[str, str] = {}
 
 
 def release(
     module: torch.nn.Module,
     examples: Sequence[FloatArray],
-    story: Story,
+    manifest: Manifest,
+    words: Release,
+    metrics: Mapping[str, float],
     folder: Path,
     *,
-    notes: Mapping[str, str],
-    cards: Path | None = None,
     half: bool = False,
 ) -> Manifest:
-    """Write ``NAME.onnx``, ``NAME.json`` and the model card ``NAME.md``.
+    """Write ``NAME.onnx``, ``NAME.json`` and the card ``NAME.md``.
 
     Parameters
     ----------
     module : torch.nn.Module
-        On the CPU; takes the inputs of ``story`` in their order, returns its outputs.
+        On the CPU; takes the manifest's inputs, normalised, and returns its outputs in their order,
+        and whatever else it likes.
     examples : sequence of ndarray
-        One array per input, with two rows or more: what both run-times are compared on.
-    story : Story
+        In the manifest's units, as the module takes them, two rows or more: what both run-times are
+        compared on.
+    manifest : Manifest
+        But for the hash.
+    words : Release
+    metrics : mapping of str to float
+        For the card.
     folder : Path
-        For ONNX and manifest; made if absent.
-    notes : mapping of str to str
-        Sections of the card, title and Markdown text: what the network is for, what it is not.
-    cards : Path, optional
-        Folder of the card; ``folder`` itself by default.
+        Made if absent.
     half : bool
         Store large weights as float16; it still computes in float32. The parameters of ``module``
         are rounded so; its buffers are not.
 
-    Returns
-    -------
-    Manifest
-
     Raises
     ------
     NoSolutionError
-        If onnxruntime and torch differ by more than ``AGREEMENT``, or a weight is not finite.
+        If a weight is not finite, or onnxruntime and torch differ by more than ``AGREEMENT`` of an
+        answer's root mean square, the scale that single precision rounds at.
     """
     module.eval()
-    _check_weights(module, story.name)
+    _check_weights(module, manifest.name)
+    given = _tensors([one[:_EXAMPLES] for one in examples], manifest)
     if half:
         _round_to_half(module)
-    content = _exported(module, examples, story)
+    content = _exported(module, given, manifest)
     if half:
         content = _halved(content)
-    own = {"torch": str(torch.__version__), "onnx": str(onnx.__version__)}
-    manifest = Manifest(
-        format="fgnav-network/1",
-        sha256=sha256(content).hexdigest(),
-        size_bytes=len(content),
-        **msgspec.structs.asdict(story) | {"made_with": own | story.made_with},
-    )
+    manifest = msgspec.structs.replace(manifest, sha256=sha256(content).hexdigest())
     with TemporaryDirectory() as place:
-        _write(manifest, content, Path(place))
-        _check_agreement(module, examples, story, Path(place) / f"{story.name}.onnx")
-    _write(manifest, content, made_folder(folder))
-    write_text(made_folder(cards or folder) / f"{story.name}.md", card_text(manifest, notes))
+        _check_agreement(module, given, _written(manifest, content, Path(place)))
+    _written(manifest, content, made_folder(folder))
+    write_text(folder / f"{manifest.name}.md", card(manifest, words, metrics))
     return manifest
 
 
-def card_text(manifest: Manifest, notes: Mapping[str, str]) -> str:
-    """Return the model card, Markdown: purpose, notes, ports, domain, metrics, origin."""
+def card(manifest: Manifest, words: Release, metrics: Mapping[str, float]) -> str:
+    """Return the card of a network, Markdown: purpose, notes, contract, domain, metrics, origin."""
+    output = manifest.output
     ports = [
-        (side, f"`{p.name}`", " × ".join(map(str, p.shape)), p.unit, p.meaning)
-        for side, group in (("in", manifest.inputs), ("out", manifest.outputs))
-        for p in group
+        (
+            "in",
+            f"`{one.name}`",
+            f"{one.window or 'any'} × {len(one.range)}",
+            one.unit,
+            f"{one.sensor}, frame {one.frame}" + (f", {one.rate_hz:g} Hz" if one.rate_hz else ""),
+        )
+        for one in manifest.inputs
     ]
-    figures = [(_words(key), f"{value:.6g}") for key, value in manifest.metrics.items()]
-    domain = [f"- {_words(key)}: {_plain(value)}" for key, value in manifest.domain.items()]
-    made_with = ", ".join(f"{key} {value}" for key, value in manifest.made_with.items())
+    ports.append(("out", f"`{output.name}`", output.manifold, output.unit, output.measures))
+    if output.covariance.name:
+        ports.append(("out", f"`{output.covariance.name}`", "", "", output.covariance.form))
+    if output.outlier:
+        ports.append(("out", f"`{output.outlier}`", "", "", "logit of a row to be an outlier"))
+    domain = [f"{_words(key)}: {_plain(value)}" for key, value in words.domain.items()]
+    domain += [
+        f"{_words(one.name)}: {one.range[0]:g} to {one.range[1]:g} {one.unit}".removesuffix(" 1")
+        for one in manifest.domain
+    ]
+    figures = [(_words(key), f"{value:.6g}") for key, value in metrics.items()]
     sections = {
-        **notes,
-        "Inputs and outputs": markdown_table(("", "name", "shape", "unit", "meaning"), ports),
-        "Domain": "\n".join(domain),
+        **words.notes,
+        "Inputs and outputs": markdown_table(("", "name", "shape", "unit", "what"), ports),
+        "Domain": "\n".join(f"- {line}" for line in domain),
         "Measured on data it never saw": markdown_table(("figure", "value"), figures),
-        "Origin": f"Seed {manifest.seed}; {made_with}.\n{manifest.size_bytes} bytes, "
-        f"sha256 `{manifest.sha256}`. The recipe is in the manifest, {manifest.name}.json.",
+        "Origin": _origin(manifest),
     }
     parts = [f"# {manifest.name}", manifest.purpose]
     parts += [f"## {title}\n\n{text.strip()}" for title, text in sections.items()]
@@ -127,6 +121,38 @@ def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
+def disagreement(ours: Sequence[FloatArray], theirs: Sequence[FloatArray]) -> list[float]:
+    """Return by how much each output differs at most, of its root mean square."""
+    return [
+        float(np.abs(a - b).max(initial=0.0) / max(np.sqrt((b**2).mean()), np.finfo(float).tiny))
+        for a, b in zip(ours, theirs, strict=True)
+    ]
+
+
+def _origin(manifest: Manifest) -> str:
+    """Return whose file a card is of, and what is known of how it was made."""
+    output, origin = manifest.output, manifest.origin
+    text = f"sha256 `{manifest.sha256}`; {manifest.licence}."
+    if output.measure.freedom:
+        share = f"{1 - output.lasting:.0%} of their variance"
+        text += f"\nHalf-life of errors {output.half_life_s:g} s, of {share}."
+    if origin is not None:
+        made_with = ", ".join(f"{key} {value}" for key, value in origin.made_with.items())
+        text += f"\nSeed {origin.seed}; {made_with}. The recipe is in the manifest, "
+        text += f"{manifest.name}.json."
+    return text
+
+
+def made_with(seed: int, recipe: Mapping[str, object], metrics: Mapping[str, float]) -> Origin:
+    """Return what a network is made of, with this machine's versions."""
+    versions = {
+        "torch": str(torch.__version__),
+        "onnx": str(onnx.__version__),
+        "hardware": f"CPU {platform.machine()}",
+    }
+    return Origin(recipe=dict(recipe), seed=seed, metrics=dict(metrics), made_with=versions)
+
+
 def _words(name: str) -> str:
     return name.replace("_", " ")
 
@@ -137,10 +163,13 @@ def _plain(value: object) -> str:
     return str(value)
 
 
-def _write(manifest: Manifest, content: bytes, folder: Path) -> None:
-    with atomic_file(folder / f"{manifest.name}.onnx") as part:
+def _written(manifest: Manifest, content: bytes, folder: Path) -> Path:
+    """Write ONNX file and manifest; return where that is."""
+    with atomic_file(folder / manifest.onnx) as part:
         part.write_bytes(content)
-    write_text(folder / f"{manifest.name}.json", manifest_text(manifest))
+    path = folder / f"{manifest.name}.json"
+    save_manifest(manifest, path)
+    return path
 
 
 def _check_weights(module: torch.nn.Module, name: str) -> None:
@@ -157,46 +186,44 @@ def _round_to_half(module: torch.nn.Module) -> None:
                 value.copy_(value.half().float())
 
 
-def _exported(module: torch.nn.Module, examples: Sequence[FloatArray], story: Story) -> bytes:
-    """Return the ONNX file of a module, every length that a port names left open."""
-    ports = (*story.inputs, *story.outputs)
-    axes = {
-        p.name: {i: length for i, length in enumerate(p.shape) if isinstance(length, str)}
-        for p in ports
-    }
+def _exported(
+    module: torch.nn.Module, given: tuple[torch.Tensor, ...], manifest: Manifest
+) -> bytes:
+    """Return the ONNX file of a module, the number of rows and of any set left open."""
+    inputs, outputs = [one.name for one in manifest.inputs], [n for _, n in manifest.outputs()]
+    axes: dict[str, dict[int, str]] = {name: {0: "n"} for name in (*inputs, *outputs)}
+    for one in manifest.inputs:
+        if not one.window:
+            axes[one.name][1] = "l"
+    if manifest.output.outlier:
+        axes[manifest.output.outlier][1] = "l"
     buffer = BytesIO()
     with warnings.catch_warnings():
         # The tracer is on its way out of torch; its successor wants one more package.
         warnings.simplefilter("ignore")
         torch.onnx.export(
             module,
-            tuple(_tensors(examples, story.inputs)),
+            given,
             buffer,
             dynamo=False,
             opset_version=_OPSET,
-            input_names=[port.name for port in story.inputs],
-            output_names=[port.name for port in story.outputs],
-            dynamic_axes={name: named for name, named in axes.items() if named},
+            input_names=inputs,
+            output_names=outputs,
+            dynamic_axes=axes,
         )
-    return _with_shapes(buffer.getvalue(), story.outputs)
+    return buffer.getvalue()
 
 
-def _with_shapes(content: bytes, outputs: Sequence[Port]) -> bytes:
-    """Return a file that states its outputs' lengths: the tracer gives up on some of them."""
-    model = onnx.load_model_from_string(content)
-    for value, port in zip(model.graph.output, outputs, strict=True):
-        element = value.type.tensor_type.elem_type
-        value.CopyFrom(helper.make_tensor_value_info(value.name, element, port.shape))
-    return bytes(model.SerializeToString())
-
-
-def _tensors(arrays: Sequence[FloatArray], ports: Sequence[Port]) -> list[torch.Tensor]:
-    if len(arrays) != len(ports):
-        raise BadInputError(f"examples: must be one per input, {len(ports)}, got {len(arrays)}")
-    return [
-        torch.from_numpy(np.ascontiguousarray(array, dtype=port.dtype))
-        for array, port in zip(arrays, ports, strict=True)
-    ]
+def _tensors(examples: Sequence[FloatArray], manifest: Manifest) -> tuple[torch.Tensor, ...]:
+    """Return examples as the module is given them."""
+    if len(examples) != len(manifest.inputs):
+        raise BadInputError(
+            f"examples: must be one per input, {len(manifest.inputs)}, got {len(examples)}"
+        )
+    return tuple(
+        torch.from_numpy(np.ascontiguousarray((x - one.mean) / one.scale, dtype=np.float32))
+        for one, x in zip(manifest.inputs, examples, strict=True)
+    )
 
 
 def _halved(content: bytes) -> bytes:
@@ -222,25 +249,26 @@ def _halved(content: bytes) -> bytes:
     return bytes(model.SerializeToString())
 
 
-def _check_agreement(
-    module: torch.nn.Module, examples: Sequence[FloatArray], story: Story, path: Path
-) -> None:
-    """Raise unless torch and onnxruntime agree, on all rows and on the first alone."""
-    network = load(path)
-    names = [port.name for port in story.outputs]
-    open_first = [bool(p.shape) and isinstance(p.shape[0], str) for p in story.inputs]
+def _check_agreement(module: torch.nn.Module, given: tuple[torch.Tensor, ...], path: Path) -> None:
+    """Raise unless torch and onnxruntime answer alike, on all rows and on the first alone."""
+    manifest = msgspec.json.decode(path.read_bytes(), type=Manifest)
+    network = load_network(path, integers=not manifest.output.measure.freedom)
+    names = [name for key, name in manifest.outputs() if key.startswith("output.")]
     for rows in (slice(None), slice(1)):
-        some = [a[rows] if cut else a for a, cut in zip(examples, open_first, strict=True)]
+        some = tuple(x[rows] for x in given)
         with torch.no_grad():
-            answer = module(*_tensors(some, story.inputs))
+            answer = module(*some)
         answers = (answer,) if isinstance(answer, torch.Tensor) else answer
-        ours = network(**{p.name: a for p, a in zip(story.inputs, some, strict=True)})
-        for name, value in zip(names, answers, strict=True):
-            expected = value.numpy()
-            error = np.abs(ours[name] - expected) / np.maximum(1.0, np.abs(expected))
-            worst = float(error.max(initial=0.0))
+        theirs = [x.double().numpy().reshape(len(x), -1) for x in answers[: len(names)]]
+        shown = [
+            x.numpy().reshape(len(x), one.window or x.shape[1], len(one.range)) * one.scale
+            + one.mean
+            for one, x in zip(manifest.inputs, some, strict=True)
+        ]
+        ours = network.run(shown)[: len(names)]
+        for name, worst in zip(names, disagreement(ours, theirs), strict=True):
             if not worst <= AGREEMENT:
                 raise NoSolutionError(
-                    f"{story.name}: output {name} of onnxruntime differs from torch by "
-                    f"{worst:.2g}, allowed is {AGREEMENT:g}"
+                    f"{manifest.name}: output {name} of onnxruntime differs from torch by "
+                    f"{worst:.2g} of its scale, allowed is {AGREEMENT:g}"
                 )

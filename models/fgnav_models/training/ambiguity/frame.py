@@ -24,7 +24,8 @@ from fgnav_models.training.ambiguity.experiment import (
     run_experiment,
 )
 from fgnav_models.training.ambiguity.nets import AmbiguityNet, Count
-from fgnav_models.training.ambiguity.released import Release, release_network
+from fgnav_models.training.ambiguity.released import release_network
+from fgnav_models.training.contract import Release
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import laid_over, plain
 from fgnav_models.training.release import markdown_table

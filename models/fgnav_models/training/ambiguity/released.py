@@ -1,35 +1,28 @@
 """An ambiguity network as it is released: features in, integers out."""
 
-import platform
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import torch
 from torch import nn
 
 from fgnav.checks import FloatArray
-from fgnav.io.strict_toml import Table
-from fgnav_models.runtime.manifest import Manifest, Port
+from fgnav.neural.manifest import Covariance, Manifest
+from fgnav_models.runtime.ambiguity import GIVEN
 from fgnav_models.training.ambiguity.nets import N_MAX, AmbiguityNet, cycles_of
-from fgnav_models.training.release import Story, release
+from fgnav_models.training.contract import (
+    Release,
+    epoch_input,
+    integers_output,
+    manifest_of,
+    words_and_figures,
+)
+from fgnav_models.training.release import made_with, release
 
-
-class Release(Table, frozen=True):
-    """What a recipe says about a network to be released.
-
-    Attributes
-    ----------
-    name, purpose : str
-    notes : dict of str to str
-        Sections of the model card, in Markdown.
-    domain : dict
-        Where the network may be believed.
-    """
-
-    name: str
-    purpose: str
-    notes: dict[str, str]
-    domain: dict[str, Any]
+_SENSOR = "double differences"
+_NOTHING = Covariance(form="none")
 
 
 class Answer(nn.Module):  # type: ignore[misc]  # mypy skips torch
@@ -72,39 +65,18 @@ def release_network(
     metrics : dict of str to float
     folder : Path
     """
+    # Of features another than the released ones are: whatever their number.
+    known = replace(GIVEN[_SENSOR], channels=example.shape[1])
     classifies = net.task == "classification"
-    second = Port(
-        name="probability" if classifies else "value",
-        shape=("n", net.targets),
-        unit="1" if classifies else "cycle",
-        meaning="of the integer, by the network" if classifies else "what was rounded",
+    form = Covariance(form="probability", name="probability") if classifies else _NOTHING
+    said, figures = words_and_figures(words.domain)
+    manifest = manifest_of(
+        words,
+        (epoch_input("features", _SENSOR, known, net.window),),
+        integers_output("cycles", form),
+        figures,
+        made_with(int(recipe["seed"]), recipe, metrics),
     )
-    story = Story(
-        name=words.name,
-        purpose=words.purpose,
-        inputs=(
-            Port(
-                name="features",
-                shape=("n", net.window, example.shape[1]),
-                unit="cycle",
-                meaning="rows of fgnav_models.features.ambiguity_inputs, oldest first",
-            ),
-        ),
-        outputs=(
-            Port(
-                name="cycles",
-                shape=("n", net.targets),
-                unit="cycle",
-                dtype="int64",
-                meaning="integer of each wrapped double difference, round(range / wavelength)",
-            ),
-            second,
-        ),
-        domain=words.domain,
-        recipe=recipe,
-        seed=int(recipe["seed"]),
-        metrics=metrics,
-        made_with={"hardware": f"CPU {platform.machine()}"},
-    )
+    words = msgspec.structs.replace(words, domain=said)
     windows = example[:, None].repeat(net.window, axis=1)
-    return release(Answer(net), [windows], story, folder, notes=words.notes, half=True)
+    return release(Answer(net), [windows], manifest, words, metrics, folder, half=True)

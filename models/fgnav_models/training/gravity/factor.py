@@ -8,11 +8,10 @@ import torch
 from torch import nn
 
 from fgnav.neural.manifest import Covariance, Output, Statistic
-from fgnav_models.training.ambiguity.released import Release
-from fgnav_models.training.factor_release import factor_input, release_factor
+from fgnav_models.training.contract import Release, factor_input, manifest_of
 from fgnav_models.training.gravity.features import SAMPLES, SPAN_S, STEP_S, course_motion
 from fgnav_models.training.gravity.nets import GravityNet
-from fgnav_models.training.learning import manifest_of
+from fgnav_models.training.release import release
 from fgnav_sim.data_sets.gravity import GravityEpochs
 
 _FIX_S = 0.1
@@ -89,7 +88,7 @@ def release_gravity(
     metrics: Mapping[str, float],
     folder: Path,
 ) -> None:
-    """Write the factor of a network, as ``training.factor_release`` does.
+    """Write the factor of a network, as ``training.release`` does.
 
     Parameters
     ----------
@@ -123,7 +122,7 @@ def release_gravity(
     )
     manifest = manifest_of(words, inputs[:seen], output, domain)
     examples = [epochs.f_b_mps2, v_n_mps][:seen]
-    release_factor(GravityFactor(net), examples, manifest, words, metrics, folder)
+    release(GravityFactor(net), examples, manifest, words, metrics, folder)
 
 
 def _cholesky(P: torch.Tensor) -> torch.Tensor:

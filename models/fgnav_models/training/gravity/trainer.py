@@ -14,14 +14,14 @@ from fgnav.methods.smoother import Batch
 from fgnav.neural.calibration import calibration
 from fgnav.neural.factor import NeuralFactor
 from fgnav_models.training.ambiguity.experiment import SliceOver
-from fgnav_models.training.ambiguity.released import Release
+from fgnav_models.training.contract import Release
 from fgnav_models.training.gravity.data import Drawn, Rows, draw
 from fgnav_models.training.gravity.factor import CALM, UNITS, figures_of_windows, release_gravity
 from fgnav_models.training.gravity.figures import figures_of, independent_after_s
 from fgnav_models.training.gravity.nets import GravityNet, deviation, negative_log_likelihood
 from fgnav_models.training.gravity.paper import PaperStudy, run_paper
 from fgnav_models.training.gravity.through import DrawnFlights, Through, flown, gravity_flights
-from fgnav_models.training.learning import Count, Learning
+from fgnav_models.training.learning import Count, Learning, validated
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import scaled
 from fgnav_models.training.release import markdown_table
@@ -142,7 +142,9 @@ def _trained(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) 
         negative_log_likelihood,
         how.settings(seed),
         made_folder(order.out / name) / "checkpoint.safetensors",
-        validate=lambda module: _validation(module, _tensors(held, order.device, aided=aided)),
+        validate=lambda module: validated(
+            negative_log_likelihood, module, _tensors(held, order.device, aided=aided)
+        ),
         deadline_s=order.deadline_s,
         watch=lambda progress: order.watch(name, progress),
     )
@@ -218,11 +220,6 @@ def calibrate(net: GravityNet, held: GravityEpochs) -> None:
 def _tensors(epochs: GravityEpochs, device: str, *, aided: bool) -> tuple[torch.Tensor, ...]:
     rows = Rows.of(epochs)
     return tuple(t.to(device) for t in (*rows.seen(aided=aided), rows.g_b))
-
-
-def _validation(module: torch.nn.Module, tensors: tuple[torch.Tensor, ...]) -> dict[str, float]:
-    with torch.no_grad():
-        return {"negative_log_likelihood": float(negative_log_likelihood(module, tensors))}
 
 
 def _release(

@@ -1,6 +1,5 @@
 """``fgnav train trust``: draw worlds, train the trust network, release it."""
 
-import platform
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -13,15 +12,22 @@ import torch
 from fgnav.checks import FloatArray, IntArray
 from fgnav.io.atomic_write import atomic_file, made_folder
 from fgnav.io.strict_toml import Table
-from fgnav_models.runtime.manifest import Port
+from fgnav.neural.manifest import Covariance
+from fgnav_models.runtime.resolver import GIVEN
+from fgnav_models.training.contract import (
+    Release,
+    epoch_input,
+    integers_output,
+    manifest_of,
+    words_and_figures,
+)
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import said, scaled
-from fgnav_models.training.release import Story, markdown_table, release
+from fgnav_models.training.release import made_with, markdown_table, release
 from fgnav_models.training.train import Batch, Settings, train
 from fgnav_models.training.trust.data import TrustSamples, joined, random_world, samples_of
 from fgnav_models.training.trust.net import TrustNet, loss_of
 from fgnav_models.training.trust.score import judged, posteriors, temperature
-from fgnav_models.trust_features import LINK_FEATURES, WHOLE_FEATURES
 from fgnav_sim.data_sets.world import RandomArray, World
 
 _CHUNK = 4096  # rows at a time through the network
@@ -268,45 +274,20 @@ def _release(
     folder: Path,
 ) -> None:
     content = {k: v for k, v in said(recipe).items() if k not in ("notes", "domain")}
-    link = ("c", "l")
-    story = Story(
+    _, domain = words_and_figures({**recipe.domain, "misfit": misfit})
+    words = Release(
         name=recipe.name,
         purpose=recipe.purpose,
-        inputs=(
-            Port(
-                name="links",
-                shape=(*link, LINK_FEATURES),
-                unit="1",
-                meaning="links of fgnav_models.trust_features.trust_rows",
-            ),
-            Port(name="there", shape=link, unit="1", meaning="1 where a link counts"),
-            Port(
-                name="whole",
-                shape=("c", WHOLE_FEATURES),
-                unit="1",
-                meaning="whole of fgnav_models.trust_features.trust_rows",
-            ),
-        ),
-        outputs=(
-            Port(name="score", shape=("c",), unit="1", meaning="of a candidate: exponent"),
-            Port(
-                name="none",
-                shape=("c",),
-                unit="1",
-                meaning="that no candidate is true: exponent; an epoch's first row counts",
-            ),
-            Port(
-                name="outlier",
-                shape=link,
-                unit="1",
-                meaning="logit that a link is worse than stated, if the candidate is true",
-            ),
-        ),
-        domain={**recipe.domain, "misfit": misfit},
-        recipe=content,
-        seed=recipe.seed,
-        metrics=figures,
-        made_with={"hardware": f"CPU {platform.machine()}"},
+        notes={**recipe.notes, "On worlds of bad links": trials},
+        domain={},
+    )
+    ports = zip(("links", "there", "whole"), GIVEN.items(), (0, 0, 1), strict=True)
+    manifest = manifest_of(
+        words,
+        tuple(epoch_input(port, *sensor, window) for port, sensor, window in ports),
+        integers_output("score", Covariance(form="posterior", name="none"), "outlier"),
+        domain,
+        made_with(recipe.seed, content, figures),
     )
     examples = [x[:256] for x in (samples.links, samples.there, samples.whole)]
-    release(net, examples, story, folder, notes={**recipe.notes, "On worlds of bad links": trials})
+    release(net, examples, manifest, words, figures, folder)

@@ -6,12 +6,11 @@ import torch
 from fgnav.io.atomic_write import made_folder, write_text
 from fgnav.io.strict_toml import Positive, Table
 from fgnav.neural.manifest import Covariance, Output
-from fgnav_models.training.ambiguity.released import Release
-from fgnav_models.training.factor_release import factor_input, release_factor
-from fgnav_models.training.learning import Count, Learning, manifest_of
+from fgnav_models.training.contract import Release, factor_input, manifest_of
+from fgnav_models.training.learning import Count, Learning, validated
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import scaled
-from fgnav_models.training.release import markdown_table
+from fgnav_models.training.release import markdown_table, release
 from fgnav_models.training.train import train
 from fgnav_models.training.velocity.data import SCALE, Drawn, Records, records
 from fgnav_models.training.velocity.figures import figures_of, judged, measured_half_life_s
@@ -73,7 +72,7 @@ def run(order: Order) -> list[str] | None:
         lambda module, batch: negative_log_likelihood(module, _on(order.device, batch)),
         how.settings(seed),
         made_folder(order.out / name) / "checkpoint.safetensors",
-        validate=lambda module: _validation(module, _on(order.device, some)),
+        validate=lambda module: validated(negative_log_likelihood, module, _on(order.device, some)),
         deadline_s=order.deadline_s,
         watch=lambda progress: order.watch(name, progress),
     )
@@ -99,11 +98,6 @@ def calibrate(net: VelocityNet, held: Records, window: int) -> None:
 
 def _on(device: str, batch: tuple[torch.Tensor, ...]) -> tuple[torch.Tensor, ...]:
     return tuple(x.to(device) for x in batch)
-
-
-def _validation(module: torch.nn.Module, batch: tuple[torch.Tensor, ...]) -> dict[str, float]:
-    with torch.no_grad():
-        return {"negative_log_likelihood": float(negative_log_likelihood(module, batch))}
 
 
 def _release(
@@ -137,4 +131,4 @@ def _release(
     domain = how.domain(FIGURES, dict(zip(FIGURES, figures, strict=False)))
     manifest = manifest_of(words, inputs, output, domain)
     examples = [scale * x.double().numpy() for x, scale in zip(sensed, SCALE, strict=False)]
-    release_factor(module, examples, manifest, words, metrics, order.out)
+    release(module, examples, manifest, words, metrics, order.out)

@@ -10,6 +10,7 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.cli import main
+from fgnav.neural.integers import integer_answers
 from fgnav_models.commands import train
 from fgnav_models.runtime.load import load
 from fgnav_models.training.ambiguity.data import draw
@@ -134,13 +135,13 @@ def test_a_study_stands_beside_its_baselines_and_is_tried_elsewhere(frame):
 
 
 def test_a_released_study_answers_in_cycles(frame):
-    network = load(frame / "short.onnx")
+    network = load(frame / "short.json")
     world = World(noise=NoiseTable(code_m=1e-4, phase_m=1e-6))
     samples = draw(world, ("range", "constellation"), 200, rng=np.random.default_rng(9))
-    answer = network(features=samples.features[:, None])
-    assert (answer["cycles"] == samples.cycles).mean() > 0.95
-    assert ((answer["probability"] > 0) & (answer["probability"] <= 1)).all()
-    metrics = network.manifest.metrics
+    answer = integer_answers(network, [samples.features[:, None]])
+    assert (answer.value == samples.cycles).mean() > 0.95
+    assert ((answer.sure > 0) & (answer.sure <= 1)).all()
+    metrics = network.manifest.origin.metrics
     assert metrics["half a metre: rounding, % right"] < 20.0
     assert (frame / "short.md").exists()
 

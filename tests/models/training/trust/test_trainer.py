@@ -10,6 +10,7 @@ import torch
 
 from fgnav.io.strict_toml import read_toml
 from fgnav_models.runtime.load import load
+from fgnav_models.runtime.resolver import FIGURES
 from fgnav_models.training.order import Order
 from fgnav_models.training.trust.data import NONE, TrustSamples
 from fgnav_models.training.trust.net import TrustNet, log_probabilities
@@ -50,8 +51,8 @@ def test_smoke_scale_ends_in_a_network_that_runs_and_goes_on_where_it_was_cut(tm
     table = [line for line in lines if line.startswith("| 8 satellites | 20 |")]
     assert len(table) == 1
     assert table[0] in (out / "trust.md").read_text().splitlines()
-    network = load(out / "trust.onnx")
-    assert {"antennas", "satellites", "misfit"} <= network.manifest.domain.keys()
+    network = load(out / "trust.json")
+    assert {one.name for one in network.manifest.domain} == set(FIGURES)
     again = tmp_path / "again"
     run(order(again))
     assert (again / "trust.onnx").read_bytes() == (out / "trust.onnx").read_bytes()

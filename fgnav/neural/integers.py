@@ -1,0 +1,76 @@
+"""What a network says of an array's integers: each with a probability, or candidates' posterior."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import BadInputError, BoolArray, FloatArray
+from fgnav.neural.network import Network
+
+_WHOLE = 1e-6  # integers come as they are; this is of floats that hold them
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class IntegerAnswers:
+    """Of k epochs, or candidates.
+
+    Attributes
+    ----------
+    value : ndarray, shape (k, t)
+        Integers; of the form ``posterior`` exponents of candidates, t = 1.
+    sure : ndarray, shape (k, t), or None
+        Probabilities of integers to be right; exponents of no candidate to be. None of the form
+        ``none``.
+    outlier : ndarray, shape (k, l), or None
+        Logits of rows of the first input to be worse than stated.
+    within : ndarray of bool, shape (k,)
+        Whether all inputs are as in training.
+    """
+
+    value: FloatArray
+    sure: FloatArray | None
+    outlier: FloatArray | None
+    within: BoolArray
+
+
+def integer_answers(network: Network, inputs: Sequence[FloatArray]) -> IntegerAnswers:
+    """Return what a network says of inputs, (k, window, channels) each, of one row or more.
+
+    Raises
+    ------
+    BadInputError
+        If an input is of another shape, or an output is not finite, no integer, no probability, or
+        of another width.
+    """
+    manifest, lengths = network.manifest, {len(x) for x in inputs}
+    for row, (one, x) in enumerate(zip(manifest.inputs, inputs, strict=True)):
+        shape = (one.window or x.shape[1], len(one.range))
+        if x.shape[1:] != shape or len(lengths) > 1:
+            raise BadInputError(
+                f"{network.path}: key inputs[{row}]: {one.name!r} takes rows of shape {shape}, "
+                f"got {x.shape}"
+            )
+    raw, form = network.run(inputs), manifest.output.covariance.form
+    named: dict[str, FloatArray] = {
+        key: part for (key, _), part in zip(manifest.outputs(), raw, strict=True)
+    }
+    for key, part in named.items():
+        if not np.isfinite(part).all():
+            raise BadInputError(f"{network.path}: {key}: not finite")
+    value = named["output.name"]
+    sure, outlier = named.get("output.covariance.name"), named.get("output.outlier")
+    if form != "posterior" and np.abs(value - np.round(value)).max() > _WHOLE:
+        raise BadInputError(f"{network.path}: output.name: must be integers, by manifold Z")
+    if form == "probability" and sure is not None and not ((sure >= 0) & (sure <= 1)).all():
+        raise BadInputError(f"{network.path}: output.covariance.name: must be probabilities")
+    widths = {"output.covariance.name": value.shape[1], "output.outlier": inputs[0].shape[1]}
+    for key, width in widths.items():
+        if key in named and named[key].shape[1] != width:
+            raise BadInputError(
+                f"{network.path}: {key}: must have {width} numbers, has {named[key].shape[1]}"
+            )
+    inside = [one.inside(x).all(axis=1) for one, x in zip(manifest.inputs, inputs, strict=True)]
+    return IntegerAnswers(
+        value=value, sure=sure, outlier=outlier, within=np.logical_and.reduce(inside)
+    )
