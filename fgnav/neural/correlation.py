@@ -18,11 +18,6 @@ is another in each flight, and the mean over flights shows nothing of it. What a
 swings alike, too, knows of itself hangs on that frequency. So h is at least such that answers D
 apart claim no more at any frequency of a flight than they know there (``half_life_s``).
 
-A flight's errors may also swing with its motion: then they are correlated at one frequency, which
-is another in each flight, and the mean over all flights shows nothing of it. What is known of an
-attitude that swings alike hangs on that frequency. So h is such that answers D apart claim no more
-at any frequency of a flight than they know there (``half_life_s``).
-
 By default D is two half-lives, c = 5/3: of what all outputs, however dense, know of a constant,
 n D ln 2 / (2 h sigma^2), that keeps 2 (1 - 1/4) / ((1 + 1/4) 2 ln 2) = 87 %.
 """
