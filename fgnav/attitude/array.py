@@ -1,6 +1,6 @@
 """Attitude of an antenna array by full-covariance maximum likelihood, with its covariance."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -167,6 +167,25 @@ def maximum_likelihood(
         solved=settled & (open_directions <= 1),
         open_axis_b=axes[:, :, 0] * is_open[:, :1],
     )
+
+
+def searched_again(
+    solution: AttitudeSolution,
+    quadratic: RotationQuadratic,
+    rows: IntArray,
+    R_nb_start: FloatArray | None = None,
+) -> AttitudeSolution:
+    """Return attitudes, those of some epochs, (k,), searched again; others do not move at all.
+
+    From starts, (k, 3, 3), or those of ``maximum_likelihood``.
+    """
+    if not len(rows):
+        return solution
+    found = maximum_likelihood(quadratic[rows], R_nb_start)
+    parts = {one.name: getattr(solution, one.name).copy() for one in fields(solution)}
+    for name, values in parts.items():
+        values[rows] = getattr(found, name)
+    return AttitudeSolution(**parts)
 
 
 def agreeing(

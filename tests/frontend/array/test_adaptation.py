@@ -1,4 +1,4 @@
-"""Phases that contradict their array: wrong integers mended, bad links left out."""
+"""Phases that contradict array or arcs: integers mended and held, bad links left out."""
 
 import dataclasses
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fgnav.attitude import RotationQuadratic
-from fgnav.frontend.array.exclusion import exclude_faults
+from fgnav.frontend.array.adaptation import adapted
 from fgnav.geometry import rotations
 from tests.attitude.arrays import sky, synthetic
 from tests.integers.arrays import L1_M, PAPER_ANTENNAS_B_M
@@ -23,8 +23,18 @@ def array(seed, antennas_b_m=PAPER_ANTENNAS_B_M, channels=8):
     return differences, true, rng
 
 
-def cleaned(differences, integers, names=NAMES):
-    return exclude_faults(differences, integers, names, 1e-4)
+def cleaned(differences, integers, names=NAMES, *, causal=False):
+    return adapted(differences, integers, names, 1e-4, causal=causal)
+
+
+def changed(integers, cycles):
+    return dataclasses.replace(integers, cycles=np.where(integers.fixed, cycles, 0))
+
+
+def without(integers, epochs):
+    fixed = integers.fixed.copy()
+    fixed[epochs] = False
+    return changed(dataclasses.replace(integers, fixed=fixed), integers.cycles)
 
 
 def with_phase(differences, phase_m):
@@ -41,16 +51,17 @@ def test_an_array_that_agrees_is_left_alone():
     assert (clean.form.information == stated.information).all()
 
 
+@pytest.mark.parametrize("causal", [False, True])
 @pytest.mark.parametrize("share", [0.05, 0.1, 0.2])
-def test_arcs_with_wrong_integers_end_as_if_they_were_right(share):
+def test_arcs_with_wrong_integers_end_as_if_they_were_right(share, causal):
     for seed in range(4):
         differences, true, rng = array(seed)
         wrong = true.fixed[0] & (rng.random(true.fixed[0].shape) < share)
         off = np.where(wrong, rng.integers(1, 4, wrong.shape) * rng.choice([-1, 1], wrong.shape), 0)
-        clean = cleaned(differences, dataclasses.replace(true, cycles=true.cycles + off))
+        clean = cleaned(differences, changed(true, true.cycles + off), causal=causal)
         assert (clean.integers.cycles == true.cycles).all()
         assert not clean.refused.any()
-        right = cleaned(differences, true)
+        right = cleaned(differences, true, causal=causal)
         np.testing.assert_allclose(clean.form.vector, right.form.vector, rtol=1e-9)
         assert len(clean.rejections) == wrong.sum()
         spans = {(one.from_s, one.until_s) for one in clean.rejections}
@@ -64,26 +75,47 @@ def test_a_mended_integer_is_listed_with_its_link_its_span_and_by_how_much():
     (one,) = cleaned(differences, dataclasses.replace(true, cycles=cycles)).rejections
     assert (one.what, one.link) == ("phase", "a4 G05 1C")
     assert (one.from_s, one.until_s) == pytest.approx((0.5, 1.4))
-    assert one.reason == "integer off by +2: mended by what the rest of the array says"
+    assert one.reason == "integer off by +2: mended by its arc"
 
 
-def test_epochs_with_all_integers_wrong_are_mended_by_their_arcs():
+@pytest.mark.parametrize("causal", [False, True])
+def test_epochs_with_all_integers_wrong_are_mended_by_their_arcs(causal):
     differences, true, rng = array(2)
     cycles = true.cycles.copy()
     cycles[7] += np.where(true.fixed[7], rng.integers(-3, 4, true.fixed[7].shape), 0)
-    clean = cleaned(differences, dataclasses.replace(true, cycles=cycles))
+    clean = cleaned(differences, changed(true, cycles), causal=causal)
     assert (clean.integers.cycles == true.cycles).all()
     assert not clean.refused.any()
 
 
-def test_a_slip_that_nobody_noticed_is_mended_by_the_epochs_themselves():
-    """Resolved once for its arc, the integer is right only before the slip."""
+@pytest.mark.parametrize("causal", [False, True])
+@pytest.mark.parametrize("resolved_from", [15, 23, N])
+def test_an_integer_is_mended_from_a_slip_on_that_nobody_noticed(causal, resolved_from):
+    """The arc goes on, its integer does not; who resolves notices at once, later, or never."""
     differences, true, _ = array(3)
-    phase_m = differences.phase_m.copy()
+    phase_m, slipped = differences.phase_m.copy(), true.cycles.copy()
     phase_m[15:, 1, 3] += 4 * L1_M  # most of the arc
-    clean = cleaned(with_phase(differences, phase_m), true)
-    assert (clean.integers.cycles[:15, 1, 3] == true.cycles[:15, 1, 3]).all()
-    assert (clean.integers.cycles[15:, 1, 3] == true.cycles[15:, 1, 3] + 4).all()
+    slipped[15:, 1, 3] += 4
+    cycles = np.where(np.arange(N)[:, None, None] < resolved_from, true.cycles, slipped)
+    clean = cleaned(with_phase(differences, phase_m), changed(true, cycles), causal=causal)
+    assert (clean.integers.cycles == slipped).all()
+    changes = sum(round(10 * (one.until_s - one.from_s)) + 1 for one in clean.rejections)
+    assert changes == resolved_from - 15
+
+
+def test_integers_that_fit_but_are_not_those_of_their_arcs_are_detected_by_these():
+    """Two antennas, integers of the array turned over: their residuals contradict nothing."""
+    differences, true, _ = array(8, PAPER_ANTENNAS_B_M[[0, 3]])
+    turned = rotations.from_euler(*np.tile([[0.4], [-0.5], [2.0]], N))
+    cycles = true.cycles.copy()
+    other_m = differences.phase_m - differences.array_m(turned)
+    cycles[20] = np.rint(other_m / L1_M)[20]
+    found = RotationQuadratic.of_ranges(differences, differences.phase_m - L1_M * cycles)
+    for causal in (False, True):
+        clean = cleaned(differences, changed(true, cycles), NAMES[:2], causal=causal)
+        assert (clean.integers.cycles == true.cycles).all()
+        assert {one.from_s for one in clean.rejections} == {differences.t_s[20]}
+    assert found.count[20] == found.count[19]
 
 
 def off_links(differences, link, error_m, epochs):
@@ -147,3 +179,51 @@ def test_louder_noise_is_noise_and_no_link_is_left_out():
     assert any("times the stated" in note for note in clean.notes)
     assert len(clean.rejections) < 0.01 * true.fixed.sum()
     assert clean.refused.mean() < 0.1
+
+
+def test_refused_epochs_take_the_integers_of_their_arcs():
+    differences, true, _ = array(9)
+    clean = cleaned(differences, without(true, np.arange(3, 30)))
+    assert (clean.integers.cycles == true.cycles).all()
+    assert (clean.integers.fixed == true.fixed).all()
+    assert "27 epochs" in clean.notes[0]
+    assert clean.rejections == ()
+
+
+def test_integers_of_arcs_are_as_likely_as_where_they_come_from():
+    differences, true, _ = array(9)
+    chance = np.linspace(1e-6, 1e-4, N)
+    chance[10:13] = 0.3  # why they are refused
+    stated = dataclasses.replace(true, wrong_probability=chance)
+    for causal in (False, True):
+        found = cleaned(differences, without(stated, [10, 11, 12]), causal=causal).integers
+        assert (found.wrong_probability[10:13] == chance[9]).all()
+        assert (found.wrong_probability[13:] == chance[13:]).all()
+
+
+def test_causal_an_arc_holds_from_when_five_epochs_have_said_so():
+    differences, true, _ = array(9)
+    clean = cleaned(differences, without(true, [0, 4, 10, 11]), causal=True)
+    assert not clean.integers.fixed[[0, 4]].any()
+    assert (clean.integers.fixed[5:] == true.fixed[5:]).all()
+    assert (clean.integers.cycles[5:] == true.cycles[5:]).all()
+
+
+def test_a_slip_among_refused_epochs_is_found_by_their_residuals():
+    differences, true, _ = array(3)
+    phase_m, slipped = differences.phase_m.copy(), true.cycles.copy()
+    phase_m[20:, 1, 3] += 4 * L1_M
+    slipped[20:, 1, 3] += 4
+    for causal in (False, True):
+        integers = without(changed(true, slipped), np.arange(15, 25))
+        found = cleaned(with_phase(differences, phase_m), integers, causal=causal).integers
+        assert (found.cycles == slipped)[found.fixed].all()
+        assert found.fixed[15:25].mean() > 0.8 * true.fixed[15:25].mean()
+
+
+def test_links_left_out_of_a_fixed_baseline_stay_out():
+    differences, true, _ = array(9)
+    fixed = true.fixed.copy()
+    fixed[10:20, 0, 2] = False
+    integers = changed(dataclasses.replace(true, fixed=fixed), true.cycles)
+    assert (cleaned(differences, integers).integers.fixed == fixed).all()
