@@ -227,6 +227,8 @@ def _chosen(
         return _Chosen(integers, np.zeros_like(fixed), rows, attitude.R_nb[rows])
     ranges_m = fixed_ranges_m(differences, integers)
     R_nb = zero_order_hold(differences.t_s, attitude.R_nb, attitude.solved)
+    since = np.logical_or.accumulate(attitude.solved)  # the first holds from there on only
+    R_nb = np.where(since[:, None, None], R_nb, attitude.R_nb)
     R_own = robust_attitudes(differences, ranges_m, R_nb, doubtful, causal=causal)
     off = _off_cycles(differences, integers, R_own)
     whole = np.rint(off).astype(np.int64)

@@ -8,6 +8,7 @@ import pytest
 from fgnav.attitude import RotationQuadratic
 from fgnav.frontend.array.adaptation import adapted
 from fgnav.geometry import rotations
+from fgnav.integers.epochs import epochs_at
 from tests.attitude.arrays import sky, synthetic
 from tests.integers.arrays import L1_M, PAPER_ANTENNAS_B_M
 
@@ -207,6 +208,29 @@ def test_causal_an_arc_holds_from_when_five_epochs_have_said_so():
     assert not clean.integers.fixed[[0, 4]].any()
     assert (clean.integers.fixed[5:] == true.fixed[5:]).all()
     assert (clean.integers.cycles[5:] == true.cycles[5:]).all()
+
+
+def test_causal_nothing_before_a_cut_comes_from_after_it():
+    """Epochs of one link, wrong arcs, slips and refused epochs, whole and cut anywhere."""
+    differences, true, rng = array(10, PAPER_ANTENNAS_B_M[[0, 1, 3, 5]])
+    cycles = true.cycles + np.where(rng.random(true.cycles.shape[1:]) < 0.1, 2, 0)
+    cycles[12:] += np.where(rng.random(true.cycles.shape[1:]) < 0.1, 1, 0)
+    integers = without(changed(true, cycles), rng.permutation(N)[:8])
+    few = np.zeros(integers.fixed.shape, dtype=bool)
+    few[:, 1, 3] = True
+    fixed = np.where(np.arange(N)[:, None, None] < 4, integers.fixed & few, integers.fixed)
+    integers = changed(dataclasses.replace(integers, fixed=fixed), integers.cycles)
+    whole = cleaned(differences, integers, NAMES[:4], causal=True)
+    assert whole.rejections
+    for n in (3, 6, 15, 29):
+        rows = np.arange(n)
+        first = dataclasses.replace(
+            integers, cycles=integers.cycles[:n], fixed=integers.fixed[:n], ratio=integers.ratio[:n]
+        )
+        part = cleaned(epochs_at(differences, rows), first, NAMES[:4], causal=True)
+        np.testing.assert_array_equal(part.integers.cycles, whole.integers.cycles[:n])
+        np.testing.assert_array_equal(part.excluded, whole.excluded[:n])
+        np.testing.assert_allclose(part.attitude.R_nb, whole.attitude.R_nb[:n], atol=1e-9)
 
 
 def test_a_slip_among_refused_epochs_is_found_by_their_residuals():
