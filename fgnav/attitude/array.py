@@ -208,8 +208,15 @@ def agreeing(
     if factor == 1.0:
         return quadratic, solution, ()
     louder = quadratic.louder(factor)
-    note = f"Phase noise is taken as {np.sqrt(factor):.2g} times the stated: its residuals say so."
-    return louder, maximum_likelihood(louder, solution.R_nb), (note,)
+    return louder, maximum_likelihood(louder, solution.R_nb), noise_notes(factor)
+
+
+def noise_notes(variance_factor: float) -> tuple[str, ...]:
+    """Return a sentence on the noise of phases, where it is not as stated."""
+    if variance_factor == 1.0:
+        return ()
+    times = np.sqrt(variance_factor)
+    return (f"Phase noise is taken as {times:.2g} times the stated: its residuals say so.",)
 
 
 def _descend(quadratic: RotationQuadratic, start: FloatArray) -> tuple[FloatArray, BoolArray]:

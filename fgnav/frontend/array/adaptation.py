@@ -23,7 +23,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.attitude.array import AttitudeSolution, maximum_likelihood, searched_again
+from fgnav.attitude.array import (
+    AttitudeSolution,
+    maximum_likelihood,
+    noise_notes,
+    searched_again,
+)
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.attitude.robust import robust_attitudes
 from fgnav.checks import BoolArray, FloatArray, IntArray
@@ -130,15 +135,11 @@ def adapted(
         variance_factor=factor,
         refused=refused,
         rejections=listed(differences, antennas, change, chosen.by_arc, excluded & here),
-        notes=(*_noise_note(factor), *_filled_note(differences, integers, believed)),
+        notes=(
+            *noise_notes(float(factor[-1]) if len(factor) else 1.0),
+            *_filled_note(differences, integers, believed),
+        ),
     )
-
-
-def _noise_note(factor: FloatArray) -> tuple[str, ...]:
-    last = float(factor[-1]) if len(factor) else 1.0
-    if last == 1.0:
-        return ()
-    return (f"Phase noise is taken as {np.sqrt(last):.2g} times the stated: its residuals say so.",)
 
 
 def _filled_note(
