@@ -1,6 +1,6 @@
 """Attitude of an antenna array by full-covariance maximum likelihood, with its covariance."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -169,6 +169,25 @@ def maximum_likelihood(
     )
 
 
+def searched_again(
+    solution: AttitudeSolution,
+    quadratic: RotationQuadratic,
+    rows: IntArray,
+    R_nb_start: FloatArray | None = None,
+) -> AttitudeSolution:
+    """Return attitudes, those of some epochs, (k,), searched again; others do not move at all.
+
+    From starts, (k, 3, 3), or those of ``maximum_likelihood``.
+    """
+    if not len(rows):
+        return solution
+    found = maximum_likelihood(quadratic[rows], R_nb_start)
+    parts = {one.name: getattr(solution, one.name).copy() for one in fields(solution)}
+    for name, values in parts.items():
+        values[rows] = getattr(found, name)
+    return AttitudeSolution(**parts)
+
+
 def agreeing(
     quadratic: RotationQuadratic, solution: AttitudeSolution | None = None
 ) -> tuple[RotationQuadratic, AttitudeSolution, tuple[str, ...]]:
@@ -189,8 +208,15 @@ def agreeing(
     if factor == 1.0:
         return quadratic, solution, ()
     louder = quadratic.louder(factor)
-    note = f"Phase noise is taken as {np.sqrt(factor):.2g} times the stated: its residuals say so."
-    return louder, maximum_likelihood(louder, solution.R_nb), (note,)
+    return louder, maximum_likelihood(louder, solution.R_nb), noise_notes(factor)
+
+
+def noise_notes(variance_factor: float) -> tuple[str, ...]:
+    """Return a sentence on the noise of phases, where it is not as stated."""
+    if variance_factor == 1.0:
+        return ()
+    times = np.sqrt(variance_factor)
+    return (f"Phase noise is taken as {times:.2g} times the stated: its residuals say so.",)
 
 
 def _descend(quadratic: RotationQuadratic, start: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -116,11 +116,12 @@ class RotationQuadratic:
             count=self.count[epochs],
         )
 
-    def louder(self, factor: float) -> "RotationQuadratic":
-        """Return the form with all variances multiplied by a factor."""
+    def louder(self, factor: float | FloatArray) -> "RotationQuadratic":
+        """Return the form with all variances multiplied by a factor, or one of each epoch, (n,)."""
+        factor = np.broadcast_to(factor, self.constant.shape)
         return RotationQuadratic(
-            information=self.information / factor,
-            vector=self.vector / factor,
+            information=self.information / factor[:, None, None],
+            vector=self.vector / factor[:, None],
             constant=self.constant / factor,
             count=self.count,
         )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.checks import BoolArray, FloatArray
 from fgnav.kernels.compiled import inner, kernel
 from fgnav.types.differences import DoubleDifferences
 
@@ -18,6 +18,8 @@ def robust_attitudes(
     ranges_m: FloatArray,
     R_nb_start: FloatArray,
     wanted: BoolArray,
+    *,
+    causal: bool = False,
 ) -> FloatArray:
     """Return attitudes, (n, 3, 3), that most double differences of an epoch agree on.
 
@@ -33,6 +35,8 @@ def robust_attitudes(
     R_nb_start : ndarray, shape (n, 3, 3)
     wanted : ndarray of bool, shape (n,)
         Epochs to search; the others keep their start, and lend it to their neighbours.
+    causal : bool
+        Whether only the epoch before lends its attitude, not the one after.
 
     References
     ----------
@@ -42,15 +46,16 @@ def robust_attitudes(
     of_reference = differences.reference[:, differences.group].clip(0)
     variance_m2 = differences.phase_variance_m2
     R_nb = R_nb_start.copy()
+    e_n = differences.e_n
     _search(
         np.where(differences.is_reference[:, None, :], np.nan, ranges_m),
-        np.ascontiguousarray(differences.e_n),
-        of_reference,
+        np.take_along_axis(e_n, of_reference[..., None], axis=1) - e_n,
         1.0 / (variance_m2 + np.take_along_axis(variance_m2, of_reference, axis=1)),
         np.ascontiguousarray(differences.wavelength_m),
         np.ascontiguousarray(differences.baselines_b_m),
         wanted,
         R_nb,
+        2 if causal else 3,
     )
     return R_nb
 
@@ -59,30 +64,28 @@ def robust_attitudes(
 @kernel
 def _search(
     ranges_m: FloatArray,
-    e_n: FloatArray,
-    of_reference: IntArray,
+    directions_n: FloatArray,
     weight: FloatArray,
     wavelength_m: FloatArray,
     baselines_b_m: FloatArray,
     wanted: BoolArray,
     R_nb: FloatArray,
+    sweeps: int,
 ) -> None:
-    """Search forwards, each epoch also from the one before it, and then backwards."""
-    n, _, m = ranges_m.shape
+    """Search each epoch from its own start, then from the one before it, then the one after."""
+    n = len(ranges_m)
     lowest = np.full(n, np.inf)
-    D = np.zeros((m, 3))
     trial = np.zeros((3, 3))
-    for sweep in range(3):
+    for sweep in range(sweeps):
         for i in range(n):
             k = n - 1 - i if sweep == 2 else i
             other = k - 1 if sweep == 1 else k + 1 if sweep == 2 else k
             if not wanted[k] or other < 0 or other >= n:
                 continue
-            for j in range(m):
-                for c in range(3):
-                    D[j, c] = e_n[k, of_reference[k, j], c] - e_n[k, j, c]
             trial[:] = R_nb[other]
-            cost = _descend(ranges_m[k], D, weight[k], wavelength_m, baselines_b_m, trial)
+            cost = _descend(
+                ranges_m[k], directions_n[k], weight[k], wavelength_m, baselines_b_m, trial
+            )
             if cost < lowest[k]:
                 lowest[k] = cost
                 R_nb[k] = trial

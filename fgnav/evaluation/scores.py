@@ -8,10 +8,11 @@ from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.reference import covered, truth_at
 from fgnav.geometry import rotations
-from fgnav.types.estimate import Consistency, Estimate
+from fgnav.types.estimate import Consistency, Estimate, open_angle_variance_rad2
 from fgnav.types.flight import Truth
 
 EULER = ("roll", "pitch", "yaw")
+_OPEN = 0.9  # of the variance of a uniform angle: rounding, and what a prior adds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +39,9 @@ class Errors:
     nees, position_nees, velocity_nees : ndarray, shape (n,), or None
         Normalised errors squared of attitude, position, velocity: chi-square with 3 degrees of
         freedom when the stated covariance is right; NaN where that is not positive definite.
+    line_nees : ndarray, shape (n,), or None
+        That of the direction of antennas in a line, 2 degrees of freedom; NaN where the stated
+        covariance does not leave one axis open.
     losses : tuple of Loss
         Epochs of the estimate that could not be judged.
     """
@@ -50,6 +54,7 @@ class Errors:
     nees: FloatArray | None
     position_nees: FloatArray | None = None
     velocity_nees: FloatArray | None = None
+    line_nees: FloatArray | None = None
     losses: tuple[Loss, ...] = ()
 
 
@@ -67,6 +72,8 @@ class Score:
     attitude_nees_mean, position_nees_mean, velocity_nees_mean : float or None
         Near 3 when the stated covariance is honest, over many flights: errors of position are
         nearly the same all along one.
+    line_nees_mean : float or None
+        Near 2 when that of the direction of antennas in a line is; None unless an angle is open.
     available : float
         Share of the epochs with an answer.
     integers : IntegerCounts or None
@@ -90,6 +97,7 @@ class Score:
     attitude_nees_mean: float | None = None
     position_nees_mean: float | None = None
     velocity_nees_mean: float | None = None
+    line_nees_mean: float | None = None
     available: float = 0.0
     integers: IntegerCounts | None = None
     seconds: float
@@ -135,6 +143,12 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
             inside,
             _diagonal(real.velocity_sigma_mps),
         ),
+        line_nees=_line_nees(
+            rotations.transpose(R_nb) @ real.R_nb,
+            estimate.attitude_covariance_rad2,
+            inside,
+            _attitude_covariance(real),
+        ),
         losses=tuple(Loss(what=w, reason=r, count=c) for w, r, c in losses if c),
     )
 
@@ -166,6 +180,7 @@ def score(
         attitude_nees_mean=_mean(errors.nees) if whole else None,
         position_nees_mean=None if "position" in lost else _mean(errors.position_nees),
         velocity_nees_mean=None if "velocity" in lost else _mean(errors.velocity_nees),
+        line_nees_mean=None if whole else _mean(errors.line_nees),
     )
 
 
@@ -241,3 +256,32 @@ def _nees(
     along = np.einsum("nij,ni->nj", axes, error)
     safe = np.where(sound[:, None], variance, 1.0)
     return np.where(sound, (along**2 / safe).sum(axis=1), np.nan)
+
+
+def _line_nees(
+    turn_b: FloatArray,
+    covariance: FloatArray | None,
+    inside: BoolArray,
+    of_reference: FloatArray | None,
+) -> FloatArray | None:
+    """Return the NEES of the axis about which attitudes are open, (n,); NaN where none is.
+
+    ``turn_b``, (n, 3, 3), is the way from the estimated to the true attitude. The angle about the
+    axis may be any, so that components of its rotation vector across say nothing: the way that the
+    axis itself takes does.
+    """
+    if covariance is None:
+        return None
+    covariance = covariance[inside] if of_reference is None else covariance[inside] + of_reference
+    known = np.isfinite(covariance).all(axis=(1, 2))
+    variance, axes = np.linalg.eigh(np.where(np.reshape(known, (-1, 1, 1)), covariance, np.eye(3)))
+    is_open = variance > _OPEN * open_angle_variance_rad2()
+    line = known & is_open[:, 2] & ~is_open[:, 1] & (variance[:, 0] > 0)
+    axis_b = axes[:, :, 2]
+    true_b = np.einsum("nij,nj->ni", turn_b, axis_b)
+    across = np.cross(axis_b, true_b)
+    sine, cosine = np.linalg.norm(across, axis=1), np.einsum("ni,ni->n", axis_b, true_b)
+    angle = np.arctan2(sine, cosine) / np.maximum(sine, np.finfo(float).tiny)
+    along = np.einsum("nij,ni->nj", axes[:, :, :2], angle[:, None] * across)
+    safe = np.where(line[:, None], variance[:, :2], 1.0)
+    return np.where(line, (along**2 / safe).sum(axis=1), np.nan)

@@ -18,7 +18,7 @@ _AUX_PARTS = {
 }
 _UNKNOWN = (np.pi, 1e3, 1e3, 1.0)  # rad, m, m/s, m/s2, then rad/s: as good as nothing
 _FIRST_COLUMN = {"x": 0, "v": 6, "b": AUX, "m": AUX}  # of a keyframe's variables
-_CONSTANT = keys.letter(keys.constant(0))
+_CONSTANT, _ARCS = keys.letter(keys.constant(0)), keys.letter(keys.arcs(0))
 
 
 def in_words(
@@ -40,6 +40,8 @@ def in_words(
         reason = " ".join(str(error).split())
         return NoSolutionError(f"state: the data do not determine it ({reason})")
     letter, number = named[1], int(named[2])
+    if letter == _ARCS:
+        return open_constant(constants.width, constants)
     if letter == _CONSTANT:
         return open_constant(constants.first[number], constants)
     return open_state(_FIRST_COLUMN[letter], width, t_s(number))
@@ -52,8 +54,10 @@ def open_state(column: int, width: int, t_s: float) -> NoSolutionError:
 
 
 def open_constant(column: int, constants: Constants) -> NoSolutionError:
-    """Return the error that a column of the constants is not determined."""
+    """Return the error that a column of the constants, or of the arcs behind, is not determined."""
     ends = np.cumsum([part.size for part in constants.parts])
+    if column >= constants.width:
+        return NoSolutionError("ambiguities of phase: the data do not determine them")
     part = constants.parts[int(np.searchsorted(ends, column, side="right"))]
     return NoSolutionError(f"{part.name}: the data do not determine it")
 

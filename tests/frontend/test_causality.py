@@ -11,17 +11,19 @@ from numpy.testing import assert_allclose, assert_array_equal
 from fgnav.attitude.array import AttitudeSolution
 from fgnav.attitude.flight_vectors import measured_vectors, track_of
 from fgnav.checks import BadInputError
-from fgnav.frontend.causal.array import causal_array, causal_track
+from fgnav.frontend.array.adaptation import adapted
 from fgnav.frontend.causal.truncation import truncated
 from fgnav.geometry.rotations import log, transpose
 from fgnav.gnss.difference import double_differences
 from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_differences import motion_so_far, single_differences
+from fgnav.gnss.single_point.solution import code_solution
 from fgnav.gravity import LowDynamics, causal_gravity, gravity_named
 from fgnav.integers.resolvers.causal import causal_form, looks_ahead
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.integers.resolvers.registry import resolver_named
+from fgnav.integers.resolvers.resolve import resolve
 from fgnav.integers.resolvers.rounding import Rounding
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.integers.validation import share_so_far, share_threshold
@@ -66,6 +68,17 @@ def approach():
 def cuts(flight):
     t_s = flight.observations.t_s
     return [float(t_s[int(share * (len(t_s) - 1))]) + 0.03 for share in (0.2, 0.55, 0.9)]
+
+
+def causal_track(flight):
+    return code_solution(flight, causal=True)
+
+
+def causal_array(flight, resolver):
+    """Differences of the array, what a resolver makes of them, and what agrees of that."""
+    differences, resolved = resolve(flight, resolver, causal=True)
+    names = tuple(antenna.name for antenna in flight.antennas)
+    return differences, resolved, adapted(differences, resolved, names, FALSE_ALARM, causal=True)
 
 
 def assert_same(found, expected):
@@ -114,13 +127,13 @@ def test_first_epochs_tell_whether_there_is_an_atmosphere(which, air):
 @pytest.mark.parametrize("resolver", [Constrained(), Lambda()], ids=["constrained", "lambda"])
 def test_array_before_a_cut_is_the_same(which, resolver):
     flight = flown(which)
-    whole = causal_array(flight, resolver, FALSE_ALARM)
+    differences, _, whole = causal_array(flight, resolver)
     assert whole.attitude.solved.mean() > 0.5
     for cut_s in cuts(flight):
-        part = causal_array(truncated(flight, cut_s), resolver, FALSE_ALARM)
-        n, of = len(part.differences.t_s), columns(part.differences, whole.differences)
-        assert n == (whole.differences.t_s <= cut_s).sum()
-        _assert_same_differences(part, whole, n, of)
+        of_part, _, part = causal_array(truncated(flight, cut_s), resolver)
+        n, of = len(of_part.t_s), columns(of_part, differences)
+        assert n == (differences.t_s <= cut_s).sum()
+        _assert_same_differences(of_part, differences, n, of)
         for name in ("cycles", "fixed"):
             expected = getattr(whole.integers, name)[:n][:, :, of]
             assert_array_equal(getattr(part.integers, name), expected)
@@ -138,18 +151,18 @@ def test_array_before_a_cut_is_the_same(which, resolver):
 
 def _assert_same_differences(part, whole, n, of):
     for name in ("code_m", "phase_m", "arc"):
-        expected = getattr(whole.differences, name)[:n][:, :, of]
-        assert_allclose(getattr(part.differences, name), expected, rtol=0, atol=1e-9)
+        expected = getattr(whole, name)[:n][:, :, of]
+        assert_allclose(getattr(part, name), expected, rtol=0, atol=1e-9)
     for name in ("e_n", "code_variance_m2", "phase_variance_m2"):
-        assert_same(getattr(part.differences, name), getattr(whole.differences, name)[:n][:, of])
+        assert_same(getattr(part, name), getattr(whole, name)[:n][:, of])
 
 
 @pytest.mark.parametrize("which", FLIGHTS)
 def test_causal_array_is_as_good_as_one_that_looks_ahead(which):
     flight = flown(which)
-    found = causal_array(flight, Constrained(), FALSE_ALARM)
+    differences, _, found = causal_array(flight, Constrained())
     truth = flight.truth
-    row = np.searchsorted(truth.t_s, found.differences.t_s - 1e-6)
+    row = np.searchsorted(truth.t_s, differences.t_s - 1e-6)
     delta = log(transpose(truth.R_nb[row]) @ found.attitude.R_nb)
     good = found.attitude.solved & ~found.refused
     assert good.mean() > (0.6 if which == "reference antenna gone" else 0.9)
@@ -327,15 +340,15 @@ def test_arcs_carry_integers_of_the_surest_epoch_so_far(name):
     assert looks_ahead(resolver)
     assert not looks_ahead(causal_form(resolver))
     flight = flown("rough")
-    whole = causal_array(flight, resolver, FALSE_ALARM)
-    true = Truth()(whole.differences, flight)
-    both = whole.integers.fixed & true.fixed
+    differences, whole = resolve(flight, resolver, causal=True)
+    true = Truth()(differences, flight)
+    both = whole.fixed & true.fixed
     assert both.mean() > 0.9 * true.fixed.mean()
-    assert (whole.integers.cycles == true.cycles)[both].mean() > 0.999
-    part = causal_array(truncated(flight, 11.03), resolver, FALSE_ALARM)
-    n, of = len(part.differences.t_s), columns(part.differences, whole.differences)
-    assert_array_equal(part.integers.cycles, whole.integers.cycles[:n][:, :, of])
-    assert_array_equal(part.integers.fixed, whole.integers.fixed[:n][:, :, of])
+    assert (whole.cycles == true.cycles)[both].mean() > 0.999
+    of_part, part = resolve(truncated(flight, 11.03), resolver, causal=True)
+    n, of = len(of_part.t_s), columns(of_part, differences)
+    assert_array_equal(part.cycles, whole.cycles[:n][:, :, of])
+    assert_array_equal(part.fixed, whole.fixed[:n][:, :, of])
 
 
 def test_arcs_prepared_by_who_knows_what_have_no_causal_form():

@@ -10,7 +10,7 @@ from fgnav.graph.build import Layout
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.solve.batch import solve_batch
 from fgnav.solve.elimination import Elimination
-from fgnav.solve.failures import in_words
+from fgnav.solve.failures import in_words, weakest_state
 from fgnav.solve.fixed_lag import FixedLag, solve_fixed_lag, solve_forward
 from tests.solve.flights import flight, part, sigma_ratio, sigmas_apart
 
@@ -162,11 +162,20 @@ def test_a_failure_of_gtsam_is_put_in_words() -> None:
         "v7": "velocity: the data do not determine it at 0.70 s",
         "x2": "attitude: the data do not determine it at 0.20 s",
         "c0": "landmark: the data do not determine it",
+        "a4": "ambiguities of phase: the data do not determine them",
     }.items():
         error = in_words(
             RuntimeError(text.format(symbol)), layout.width, layout.constants, lambda k: k / 10
         )
         assert str(error) == words
+
+
+def test_arcs_that_are_open_are_named_where_they_stand_behind_the_constants() -> None:
+    constants = Constants((flight_constant("landmark", ("n",), "m", 1.0),))
+    information = np.eye(15 + 1 + 2 + 1)  # a keyframe, the constant, two arcs; what it is worth
+    information[17, 17] = 0.0
+    error = weakest_state(information, 15, constants, 1.0)
+    assert str(error) == "ambiguities of phase: the data do not determine them"
 
 
 def test_a_window_without_a_keyframe_has_nothing_to_say() -> None:

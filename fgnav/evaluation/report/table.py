@@ -191,7 +191,7 @@ def score_row(score: Score) -> list[str]:
         _figure(score.attitude_rmse_deg),
         _figure(score.position_rmse_m),
         _figure(score.velocity_rmse_mps),
-        _figure(score.attitude_nees_mean, digits=2),
+        _attitude_nees(score),
         _figure(score.position_nees_mean, digits=2),
         _figure(score.velocity_nees_mean, digits=2),
         _figure(max((one.nis for one in score.consistency), default=None), digits=2),
@@ -199,6 +199,13 @@ def score_row(score: Score) -> list[str]:
         *_integers(score.integers),
         f"{score.seconds:.2f}",
     ]
+
+
+def _attitude_nees(score: Score) -> str:
+    """Return the NEES of three angles, or of the direction of antennas in a line."""
+    if score.attitude_nees_mean is None and score.line_nees_mean is not None:
+        return f"{score.line_nees_mean:.2f} of 2"
+    return _figure(score.attitude_nees_mean, digits=2)
 
 
 def _integers(counts: IntegerCounts | None) -> list[str]:

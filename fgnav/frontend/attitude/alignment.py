@@ -5,13 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
+from fgnav.attitude.array import maximum_likelihood
 from fgnav.attitude.flight_vectors import measured_vectors, track_of
 from fgnav.attitude.own_rotation import OwnRotation, despun
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
-from fgnav.frontend.array.consensus import arc_consensus
-from fgnav.frontend.array.exclusion import ConsistentArray, exclude_faults
+from fgnav.frontend.array.adaptation import adapted
 from fgnav.frontend.array.pivot import pivot_losses, pivot_notes, pivot_views
 from fgnav.frontend.attitude.carried import carried_attitudes
 from fgnav.frontend.attitude.in_motion import EarlierMotion
@@ -166,13 +165,31 @@ def align(
             if carried.valid.any() or flight.seeker is None:
                 return carried
         return _of_vectors(vector_attitudes(flight, gravity))
-    whole, *others = pivot_views(flight)
-    start = _of_array(whole.flight, resolver, false_alarm)
+    return of_arrays(flight, resolver, false_alarm)
+
+
+def of_arrays(
+    flight: Flight, resolver: Resolver, false_alarm: float, *, causal: bool = False
+) -> Alignment:
+    """Return attitudes of the array, by another reference where the first tracks nothing.
+
+    Causal: each from its own epoch, integers and all.
+
+    Raises
+    ------
+    BadInputError
+        If the resolver has no causal form, and needs one.
+    NoSolutionError
+        If the array has no attitudes by the first reference.
+    """
+    whole, *others = pivot_views(flight, causal=causal)
+    start = _of_array(whole.flight, resolver, false_alarm, causal=causal)
     for view in others:
         try:
-            start = completed_by(start, _of_array(view.flight, resolver, false_alarm), view.rows)
+            other = _of_array(view.flight, resolver, false_alarm, causal=causal)
         except NoSolutionError:  # then these epochs stay without
             continue
+        start = _completed_by(start, other, view.rows)
     return replace(
         start,
         losses=pivot_losses((whole, *others), start.losses),
@@ -180,7 +197,7 @@ def align(
     )
 
 
-def completed_by(start: Alignment, other: Alignment, rows: IntArray) -> Alignment:
+def _completed_by(start: Alignment, other: Alignment, rows: IntArray) -> Alignment:
     """Put what another reference antenna tells of some epochs, (k,), in the place of nothing."""
 
     def put(
@@ -211,12 +228,15 @@ def completed_by(start: Alignment, other: Alignment, rows: IntArray) -> Alignmen
     )
 
 
-def _of_array(flight: Flight, resolver: Resolver, false_alarm: float) -> Alignment:
-    differences, integers = resolve(flight, resolver)
+def _of_array(flight: Flight, resolver: Resolver, false_alarm: float, *, causal: bool) -> Alignment:
+    differences, integers = resolve(flight, resolver, causal=causal)
     names = tuple(antenna.name for antenna in flight.antennas)
-    consensus = arc_consensus(differences, integers, names)
-    clean = exclude_faults(differences, consensus.integers, names, false_alarm)
-    attitude = _closed(flight, differences, clean)
+    clean = adapted(differences, integers, names, false_alarm, causal=causal)
+    attitude = clean.attitude
+    is_open = attitude.solved & attitude.open_axis_b.any(axis=1)
+    if is_open.any():
+        form = _with_vectors(flight, clean.form, differences.t_s, is_open, causal=causal)
+        attitude = maximum_likelihood(form)
     return Alignment(
         t_s=differences.t_s,
         R_nb=attitude.R_nb,
@@ -226,36 +246,33 @@ def _of_array(flight: Flight, resolver: Resolver, false_alarm: float) -> Alignme
         integers=clean.integers,
         refused=clean.refused,
         losses=(*differences.losses, *integers.losses),
-        rejections=(*consensus.rejections, *clean.rejections),
-        notes=(*consensus.notes, *clean.notes, *_antenna_gaps(names, differences)),
+        rejections=clean.rejections,
+        notes=(*clean.notes, *_antenna_gaps(names, differences)),
         unobservable=attitude.unobservable(),
         phases=(differences, clean.ranges_m),
     )
 
 
-def _closed(
-    flight: Flight, differences: DoubleDifferences, clean: ConsistentArray
-) -> AttitudeSolution:
-    """Return the array's attitudes, an angle that one baseline leaves open told by other vectors.
+def _with_vectors(
+    flight: Flight, form: RotationQuadratic, t_s: FloatArray, wanted: BoolArray, *, causal: bool
+) -> RotationQuadratic:
+    """Return forms with what other vectors say of epochs of which an angle is open.
 
     They only say where to start: the smoother's own factors know them better.
     """
-    is_open = clean.attitude.solved & clean.attitude.open_axis_b.any(axis=1)
-    if not is_open.any():
-        return clean.attitude
-    track = track_of(flight)
-    pairs, _ = measured_vectors(flight, track)
-    row, found = nearest(track.t_s, differences.t_s)
-    form = clean.form
+    track = track_of(flight, causal=causal)
+    pairs, _ = measured_vectors(flight, track, causal=causal)
+    row, same = nearest(track.t_s, t_s)
     for v_n, v_b in zip(np.moveaxis(pairs.v_n, 1, 0), np.moveaxis(pairs.v_b, 1, 0), strict=True):
-        valid = found & np.isfinite(v_n[row]).all(axis=1) & is_open
-        size = np.where(valid, np.linalg.norm(v_b[row], axis=1), 1.0)
+        there = same & wanted & np.isfinite(v_n[row]).all(axis=1)
+        there &= np.isfinite(v_b[row]).all(axis=1)
+        size = np.where(there, np.linalg.norm(v_b[row], axis=1), 1.0)
         form = form + RotationQuadratic.of_vector_pairs(
-            np.where(valid[:, None], v_n[row], 0.0),
-            np.where(valid[:, None], v_b[row], np.nan),
+            np.where(there[:, None], v_n[row], 0.0),
+            np.where(there[:, None], v_b[row], np.nan),
             (VECTOR_SIGMA_RAD * size)[:, None, None] ** 2 * np.eye(3),
         )
-    return maximum_likelihood(form)
+    return form
 
 
 def of_motion(

@@ -8,10 +8,10 @@ from fgnav.frontend.gaps import LOST_S, carried
 from fgnav.geometry.rotations import exp, log, transpose
 
 
-def zero_order_hold(t_s: FloatArray, R_nb: FloatArray, valid: BoolArray) -> FloatArray:
-    """Hold the last of attitudes, (n, 3, 3), where an epoch is not valid, (n,); first the first."""
+def zero_order_hold(t_s: FloatArray, values: FloatArray, valid: BoolArray) -> FloatArray:
+    """Hold the last of values, (n, ...), where an epoch is not valid, (n,); first the first."""
     first = int(valid.argmax())
-    return np.asarray(R_nb[np.maximum.accumulate(np.where(valid, np.arange(len(t_s)), first))])
+    return np.asarray(values[np.maximum.accumulate(np.where(valid, np.arange(len(t_s)), first))])
 
 
 def interpolated_attitudes(t_s: FloatArray, R_nb: FloatArray, valid: BoolArray) -> FloatArray:

@@ -1,29 +1,24 @@
 """The stages before a smoothing problem for a filter: each keyframe by what came before it alone.
 
-What is certain only later is left out: no integers along arcs, no float arcs.
+What is certain only later is left out: arcs have the integers that epochs so far name, none floats.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
-from fgnav.attitude.array import maximum_likelihood
 from fgnav.attitude.flight_vectors import measured_vectors, track_of, with_velocity
 from fgnav.attitude.own_rotation import own_rotation, spun
-from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.attitude.vector_pairs import wahba
-from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
+from fgnav.checks import FloatArray, Loss, NoSolutionError
 from fgnav.frontend.array.float_arcs import FloatArcs
-from fgnav.frontend.array.pivot import pivot_views
-from fgnav.frontend.attitude.alignment import Alignment, at_keyframes, completed_by, of_motion
+from fgnav.frontend.attitude.alignment import Alignment, at_keyframes, of_arrays, of_motion
 from fgnav.frontend.attitude.filling import zero_order_hold
 from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.attitude.initial import level_start
 from fgnav.frontend.attitude.vector_alignment import VECTOR_SIGMA_RAD
-from fgnav.frontend.causal.array import causal_array
 from fgnav.frontend.faulty_samples import without_stuck_so_far
 from fgnav.frontend.gaps import bridged, keyframe_times
-from fgnav.frontend.matching import nearest
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import (
     Aligned,
@@ -68,7 +63,7 @@ def causal_aligned(
 def _epochs(flight: Flight, settings: ProblemSettings, earlier: EarlierMotion | None) -> Alignment:
     """Return attitudes by the array, by motion beside a gyroscope, or by other vectors."""
     if _has_array(flight):
-        return _of_arrays(flight, settings)
+        return of_arrays(flight, settings.resolver, settings.false_alarm, causal=True)
     imu = flight.imu
     if imu is None or imu.w_b_radps is None or flight.seeker is not None:
         return _of_vectors(flight)
@@ -77,60 +72,6 @@ def _epochs(flight: Flight, settings: ProblemSettings, earlier: EarlierMotion | 
 
 def _has_array(flight: Flight) -> bool:
     return flight.observations is not None and len(flight.antennas) > 1
-
-
-def _of_arrays(flight: Flight, settings: ProblemSettings) -> Alignment:
-    """Return attitudes of the array, by another reference where the first tracks nothing."""
-    whole, *others = pivot_views(flight, causal=True)
-    start = _of_array(whole.flight, settings)
-    for view in others:
-        try:
-            start = completed_by(start, _of_array(view.flight, settings), view.rows)
-        except NoSolutionError:  # then these epochs stay without
-            continue
-    return start
-
-
-def _of_array(flight: Flight, settings: ProblemSettings) -> Alignment:
-    array = causal_array(flight, settings.resolver, settings.false_alarm)
-    attitude, form = array.attitude, array.form
-    is_open = attitude.solved & attitude.open_axis_b.any(axis=1)
-    if is_open.any():  # an angle that one baseline leaves open, by other vectors
-        attitude = maximum_likelihood(_with_vectors(flight, form, array.differences.t_s, is_open))
-    differences = array.differences
-    return Alignment(
-        t_s=differences.t_s,
-        R_nb=attitude.R_nb,
-        covariance_rad2=attitude.covariance_rad2,
-        valid=attitude.solved & ~array.refused & ~attitude.open_axis_b.any(axis=1),
-        form=form,
-        integers=array.integers,
-        refused=array.refused,
-        losses=(*differences.losses, *array.integers.losses),
-        rejections=(),
-        notes=(),
-        unobservable=attitude.unobservable(),
-        phases=(differences, array.ranges_m),
-    )
-
-
-def _with_vectors(
-    flight: Flight, form: RotationQuadratic, t_s: FloatArray, wanted: BoolArray
-) -> RotationQuadratic:
-    """Return forms with what other vectors say of epochs that need it."""
-    track = track_of(flight, causal=True)
-    pairs, _ = measured_vectors(flight, track, causal=True)
-    row, same = nearest(track.t_s, t_s)
-    for v_n, v_b in zip(np.moveaxis(pairs.v_n, 1, 0), np.moveaxis(pairs.v_b, 1, 0), strict=True):
-        there = same & wanted & np.isfinite(v_n[row]).all(axis=1)
-        there &= np.isfinite(v_b[row]).all(axis=1)
-        size = np.where(there, np.linalg.norm(v_b[row], axis=1), 1.0)
-        form = form + RotationQuadratic.of_vector_pairs(
-            np.where(there[:, None], v_n[row], 0.0),
-            np.where(there[:, None], v_b[row], np.nan),
-            (VECTOR_SIGMA_RAD * size)[:, None, None] ** 2 * np.eye(3),
-        )
-    return form
 
 
 def _of_vectors(flight: Flight) -> Alignment:

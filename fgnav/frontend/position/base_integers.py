@@ -45,7 +45,7 @@ class Constraint(NamedTuple):
     success: float
 
 
-class Held(NamedTuple):
+class BaseIntegers(NamedTuple):
     """Blocks with integers, and what is to be said of them."""
 
     blocks: tuple[ArcBlock, ...]
@@ -59,7 +59,7 @@ def with_integers(
     epochs: list[list[PhaseRows]],
     *,
     causal: bool,
-) -> Held:
+) -> BaseIntegers:
     """Return blocks whose arcs have their integers where these are known.
 
     Parameters
@@ -99,7 +99,7 @@ def with_integers(
         for one in found:
             fixed[_first_with(names, one) : one.block + 1] = True
     success = float(np.prod([one.success for one in found]))
-    return Held(tuple(out), fixed, 1 - success)
+    return BaseIntegers(tuple(out), fixed, 1 - success)
 
 
 def _led(

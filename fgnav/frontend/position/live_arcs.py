@@ -205,12 +205,12 @@ def _with_integers(
     epochs: list[list[PhaseRows]] = [[] for _ in blocks]
     for j, one in zip(block.tolist(), rows, strict=True):
         epochs[j].append(one)
-    held = with_integers(blocks, names, epochs, causal=causal)
-    share = 100 * held.fixed[block].mean()
+    found = with_integers(blocks, names, epochs, causal=causal)
+    share = 100 * found.fixed[block].mean()
     note = f"Positions against the base: integers known at {share:.1f} % of epochs"
     if share:
-        note += f", all right but for a chance of {held.wrong_probability:.1g}"
-    return list(held.blocks), (f"{note}.",)
+        note += f", all right but for a chance of {found.wrong_probability:.1g}"
+    return list(found.blocks), (f"{note}.",)
 
 
 def _names(of: _Arcs, live: _Live, i: int) -> ArcNames:

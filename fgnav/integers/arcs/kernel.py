@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.kernels.compiled import inlined, inner, kernel
+from fgnav.kernels.compiled import inner, kernel
 
 _TINY = 1e-300
 
@@ -28,17 +28,8 @@ class Carried(NamedTuple):
     chance: FloatArray  # that the integer is wrong
 
 
-class _Run(NamedTuple):
-    """Epochs in which the arcs of two channels both go on, and what they say together."""
-
-    last: int  # one after the last epoch
-    source: int
-    cycles: int
-    chance: float
-
-
 class _SoFar(NamedTuple):
-    """What epochs of a run have said until now."""
+    """What epochs in which the arcs of two channels both go on have said until now."""
 
     source: int  # the surest; -1: none
     cycles: int
@@ -73,75 +64,55 @@ def carry(answers: Answers, *, causal: bool = False) -> Carried:
     epoch, channel = np.nonzero(answers.of_reference >= 0)
     pairs[channel, answers.of_reference[epoch, channel]] = True
     pairs[np.arange(m), np.arange(m)] = False
-    (_carry_pairs_so_far if causal else _carry_pairs)(answers, np.argwhere(pairs), carried)
+    _carry_pairs(answers, np.argwhere(pairs), carried, causal)
     return carried
 
 
 @kernel
-def _carry_pairs(answers: Answers, pairs: IntArray, carried: Carried) -> None:
+def _carry_pairs(answers: Answers, pairs: IntArray, carried: Carried, causal: bool) -> None:
     """Carry differences of channels ``pairs``, (p, 2), the second as reference."""
     n, b, _ = answers.cycles.shape
     for i in range(b):
         for p in range(len(pairs)):
             j, r = pairs[p, 0], pairs[p, 1]
-            first = 0
-            while first < n:
-                if answers.arc[first, i, j] < 0 or answers.arc[first, i, r] < 0:
-                    first += 1
-                    continue
-                run = _listen(answers, i, j, r, first)
-                if run.source >= 0:
-                    for k in range(first, run.last):
-                        there = answers.arc[k, i, j] >= 0 and answers.arc[k, i, r] >= 0
-                        if there and answers.of_reference[k, j] == r:
-                            carried.cycles[k, i, j] = run.cycles
-                            carried.source[k, i, j] = run.source
-                            carried.chance[k, i, j] = run.chance
-                first = run.last
-
-
-@kernel
-def _carry_pairs_so_far(answers: Answers, pairs: IntArray, carried: Carried) -> None:
-    """Carry the same on from epoch to epoch."""
-    n, b, _ = answers.cycles.shape
-    for i in range(b):
-        for p in range(len(pairs)):
-            j, r = pairs[p, 0], pairs[p, 1]
-            so_far = _nothing_said()
+            so_far, first = _nothing_said(), 0
             arc_j, arc_r = -1, -1
             for k in range(n):
                 if answers.arc[k, i, j] < 0 or answers.arc[k, i, r] < 0:
                     continue
                 if answers.arc[k, i, j] != arc_j or answers.arc[k, i, r] != arc_r:
+                    if not causal:
+                        _give(so_far, answers, (i, j, r), (first, k), carried)
                     arc_j, arc_r = answers.arc[k, i, j], answers.arc[k, i, r]
-                    so_far = _nothing_said()
+                    so_far, first = _nothing_said(), k
                 if answers.known[k, i, j] and answers.known[k, i, r]:
                     said = answers.cycles[k, i, j] - answers.cycles[k, i, r]
                     so_far = _hear(so_far, k, said, answers.wrong[k])
-                if so_far.source >= 0 and answers.of_reference[k, j] == r:
-                    run = _judged(so_far, k + 1)
-                    carried.cycles[k, i, j] = run.cycles
-                    carried.source[k, i, j] = run.source
-                    carried.chance[k, i, j] = run.chance
+                if causal:
+                    _give(so_far, answers, (i, j, r), (k, k + 1), carried)
+            if not causal:
+                _give(so_far, answers, (i, j, r), (first, n), carried)
 
 
-@inlined
-def _listen(answers: Answers, i: int, j: int, r: int, first: int) -> _Run:
-    """Hear the epochs from ``first`` on, while both arcs last."""
-    n = len(answers.cycles)
-    last, so_far = n, _nothing_said()
-    for k in range(first, n):
-        if answers.arc[k, i, j] < 0 or answers.arc[k, i, r] < 0:
-            continue
-        same = answers.arc[k, i, j] == answers.arc[first, i, j]
-        if not (same and answers.arc[k, i, r] == answers.arc[first, i, r]):
-            last = k
-            break
-        if not (answers.known[k, i, j] and answers.known[k, i, r]):
-            continue
-        said = answers.cycles[k, i, j] - answers.cycles[k, i, r]
-        so_far = _hear(so_far, k, said, answers.wrong[k])
-    return _judged(so_far, last)
+@inner
+def _give(
+    so_far: _SoFar,
+    answers: Answers,
+    link: tuple[int, int, int],
+    epochs: tuple[int, int],
+    carried: Carried,
+) -> None:
+    """Give a link of some epochs, from the first to one before the last, what was said of it."""
+    if so_far.source < 0:
+        return
+    i, j, r = link
+    chance = _chance(so_far)
+    for k in range(epochs[0], epochs[1]):
+        there = answers.arc[k, i, j] >= 0 and answers.arc[k, i, r] >= 0
+        if there and answers.of_reference[k, j] == r:
+            carried.cycles[k, i, j] = so_far.cycles
+            carried.source[k, i, j] = so_far.source
+            carried.chance[k, i, j] = chance
 
 
 @inner
@@ -163,16 +134,14 @@ def _hear(so_far: _SoFar, k: int, said: int, wrong: float) -> _SoFar:
 
 
 @inner
-def _judged(so_far: _SoFar, last: int) -> _Run:
-    """Return what the epochs say together."""
-    source, cycles, voices, least, against, for_it, other = so_far
-    if source < 0:
-        return _Run(last, source, cycles, 1.0)
+def _chance(so_far: _SoFar) -> float:
+    """Return how likely what the epochs say together is wrong."""
+    _, _, voices, least, against, for_it, other = so_far
     # Of as many chances one may be small by chance; their geometric mean is never so. Both bound
     # what the epochs together would say, and the smaller of two bounds counts twice.
     mean = 1.0 / (1.0 + np.exp((for_it - other) / voices))
     opposed = least / (least + against) if least > 0.0 else 0.0  # by a second opinion
-    return _Run(last, source, cycles, min(1.0, max(2.0 * min(voices * least, mean), opposed)))
+    return float(min(1.0, max(2.0 * min(voices * least, mean), opposed)))
 
 
 @kernel

@@ -1,7 +1,7 @@
 """How likely noise makes the epochs of a rigid array, whichever of their integers are true.
 
 The integers that noise may stand behind are searched once, for one law of noise. For any law nearby
-each of them is as likely as ``held`` says, in closed form, and an epoch is as likely as
+each of them is as likely as ``given_integers`` says, in closed form, and an epoch is as likely as
 all of its integers together. Epochs may be calmer or rougher than the mean: their common scale is
 integrated out for each vector of integers, which makes Gaussian weights those of Student's
 distribution.
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.integers.array.held import Held, hold
+from fgnav.integers.array.given_integers import GivenIntegers, given_integers
 from fgnav.integers.array.kernel import PROVEN, nothing_found, search_epochs
 from fgnav.integers.array.prior import AttitudePrior, prior_columns
 from fgnav.integers.array.relaxation import spans
@@ -35,13 +35,13 @@ class Likelihood:
     ----------
     epoch : ndarray of int64, shape (c,)
         To which a vector of integers belongs; rising.
-    held : Held
+    given : GivenIntegers
         Those c vectors.
     degrees : ndarray of int64, shape (c,)
     """
 
     epoch: IntArray
-    held: Held
+    given: GivenIntegers
     degrees: IntArray
 
     @property
@@ -66,7 +66,7 @@ class Likelihood:
             Degrees of freedom of an epoch's own scale: the larger, the more alike epochs are.
         """
         of_links = code_variance_m2[self.epoch], phase_variance_m2[self.epoch]
-        cost, rest = self.held.log_likelihoods(*of_links)
+        cost, rest = self.given.log_likelihoods(*of_links)
         each = rest - 0.5 * (roughness + self.degrees) * np.log1p(cost / roughness)
         return float(np.logaddexp.reduceat(each, self._first).sum()) if len(each) else 0.0
 
@@ -95,10 +95,10 @@ def likelihood_of(
     there = np.isfinite(found.costs)
     whole = (found.status == PROVEN) & ~there[:, -1]
     epoch, which = np.nonzero(there & whole[:, None])
-    held = hold(
+    given = given_integers(
         epochs_at(differences, epoch),
         found.cycles[epoch, which],
         found.columns[epoch, which],
         None if prior is None else prior.at(epoch),
     )
-    return Likelihood(epoch, held, degrees[epoch])
+    return Likelihood(epoch, given, degrees[epoch])

@@ -29,8 +29,8 @@ class _Group:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Held:
-    """Epochs whose integers are held, as linear functions of three turns about the axes of ``n``.
+class GivenIntegers:
+    """Epochs with given integers, as linear functions of three turns about the axes of ``n``.
 
     Attributes
     ----------
@@ -66,13 +66,13 @@ class Held:
         return N[:, 3, 3] - np.sum(N[:, :3, 3] * turn_rad, axis=1), rest
 
 
-def hold(
+def given_integers(
     differences: DoubleDifferences,
     cycles: IntArray,
     columns: FloatArray,
     prior: AttitudePrior | None,
-) -> Held:
-    """Hold integers that a search found.
+) -> GivenIntegers:
+    """Return epochs with the integers that a search found.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def hold(
     groups = [_group(differences, values, g) for g in range(differences.reference.shape[1])]
     line = (arrays.rank[arrays.pattern] == 1)[:, None, None]
     known = prior_columns(prior, arrays)
-    return Held(
+    return GivenIntegers(
         groups=groups,
         known=_of_prior(M, known.columns, known.information),
         open_axis=np.where(line, M[:, 0, :, None] * M[:, 0, None, :], 0.0),

@@ -1,0 +1,334 @@
+"""Phases of an array that contradict it: detected, identified and adapted in one place [1]_.
+
+A resolver proposes integers, epoch by epoch or arc by arc; who uses the array's phases asks here.
+
+- Detection: the phases of an epoch contradict each other where their residuals fail the chi-square
+  test, and an epoch contradicts its arcs where it has other integers than their epochs agree on.
+- Identification: residuals about the attitude that most links of the epoch share (a robust cost)
+  are whole cycles where integers are wrong, or an unseen slip was; other ones tell bad links.
+- Adaptation: an integer becomes that of its arc, or, where most links then fit better, of the epoch
+  itself. Bad links are excluded. An epoch that fails the test again is refused whole.
+
+An epoch that a resolver refuses has the integers that its arcs agree on, and is tested like any
+other. Causal, all of that is by epochs up to each alone.
+
+References
+----------
+.. [1] P. J. G. Teunissen, "Quality control in integrated navigation systems", IEEE Aerospace and
+   Electronic Systems Magazine 5, 1990.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.attitude.array import (
+    AttitudeSolution,
+    maximum_likelihood,
+    noise_notes,
+    searched_again,
+)
+from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.attitude.robust import robust_attitudes
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.frontend.array.links import link_sigmas, listed, without
+from fgnav.frontend.attitude.filling import zero_order_hold
+from fgnav.geometry.rotations import skew
+from fgnav.integers.arcs.consensus import arc_consensus
+from fgnav.integers.epochs import epochs_at
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.estimate import Rejected, open_angle_variance_rad2
+from fgnav.types.integers import Integers, fixed_ranges_m
+
+_NEAR_CYCLES = 0.15  # a residual this near to a whole number says which one it is
+_MOSTLY = 0.75  # of an epoch's links are that near when its attitude is right; a third by chance
+_MENDED_AT_MOST = 0.4  # of an epoch's links: the majority knows the attitude, not a minority
+_PLACED_CYCLES = 0.1  # 1-sigma of where an antenna is, before its integers are rounded
+_LINK_SIGMAS = 4.5  # beyond, a link contradicts its array
+_EXCLUDED_AT_MOST = 0.25  # of an epoch's links; an epoch with more to say against is refused
+_ROUNDS = 3  # of excluding links
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class AdaptedArray:
+    """Phases of the array that agree, epoch by epoch.
+
+    Attributes
+    ----------
+    integers : Integers
+        Adapted, and without the links that are excluded.
+    form : RotationQuadratic
+        Of the links that take part, the noise raised to what their residuals ask for.
+    attitude : AttitudeSolution
+        Of the form.
+    ranges_m : ndarray, shape (n, b, m)
+        Double differences without integers that the form is of; NaN where excluded.
+    excluded : ndarray of bool, shape (n, b + 1, m)
+        Links, the reference antenna's first, that contradict the others of their epoch.
+    variance_factor : ndarray, shape (n,)
+        By which the noise is raised.
+    refused : ndarray of bool, shape (n,)
+        Epochs that nothing brings to agree.
+    rejections : tuple of Rejected
+    notes : tuple of str
+    """
+
+    integers: Integers
+    form: RotationQuadratic
+    attitude: AttitudeSolution
+    ranges_m: FloatArray
+    excluded: BoolArray
+    variance_factor: FloatArray
+    refused: BoolArray
+    rejections: tuple[Rejected, ...]
+    notes: tuple[str, ...]
+
+
+def adapted(
+    differences: DoubleDifferences,
+    integers: Integers,
+    antennas: tuple[str, ...],
+    false_alarm: float,
+    *,
+    causal: bool = False,
+) -> AdaptedArray:
+    """Return what agrees of an array's phases; of epochs and arcs that agree at once, everything.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+    integers : Integers
+        Of the same differences.
+    antennas : tuple of str, length b + 1
+        Names, the reference first.
+    false_alarm : float
+        Share of right epochs that the chi-square test may turn away.
+    causal : bool
+        Each epoch by epochs up to it alone; so must be the integers.
+    """
+    filled, attitude = _filled(differences, integers, false_alarm, causal=causal)
+    chosen = _chosen(differences, filled, attitude, false_alarm, causal=causal)
+    ranges_m = fixed_ranges_m(differences, chosen.integers)
+    if len(chosen.rows):
+        form = RotationQuadratic.of_ranges(differences, ranges_m)
+        attitude = searched_again(attitude, form, chosen.rows, chosen.R_nb)
+    excluded, form, attitude = _excluding(differences, ranges_m, attitude, false_alarm, causal)
+    factor = _variance_factor(attitude, causal=causal)
+    if (factor != 1.0).any():
+        form = form.louder(factor)
+        louder = np.flatnonzero(factor != 1.0)
+        attitude = searched_again(attitude, form, louder, attitude.R_nb[louder])
+    refused = attitude.solved & ~attitude.consistent(false_alarm)
+    believed, here = chosen.integers, ~refused[:, None, None]
+    if excluded.any():
+        fixed = believed.fixed & np.isfinite(without(ranges_m, excluded))
+        believed = replace(believed, fixed=fixed, cycles=np.where(fixed, believed.cycles, 0))
+    both = integers.fixed & believed.fixed & here
+    change = np.where(both, believed.cycles - integers.cycles, 0)
+    return AdaptedArray(
+        integers=believed,
+        form=form,
+        attitude=attitude,
+        ranges_m=without(ranges_m, excluded),
+        excluded=excluded,
+        variance_factor=factor,
+        refused=refused,
+        rejections=listed(differences, antennas, change, chosen.by_arc, excluded & here),
+        notes=(
+            *noise_notes(float(factor[-1]) if len(factor) else 1.0),
+            *_filled_note(differences, integers, believed),
+        ),
+    )
+
+
+def _filled_note(
+    differences: DoubleDifferences, resolved: Integers, believed: Integers
+) -> tuple[str, ...]:
+    new = believed.fixed & ~resolved.fixed
+    if not new.any():
+        return ()
+    none = new.any(axis=(1, 2)) & ~resolved.fixed.any(axis=(1, 2))
+    arcs = np.unique(np.c_[np.argwhere(new)[:, 1:], differences.arc[new]], axis=0)
+    return (
+        f"Integers of {len(arcs)} arcs hold where they were refused: {int(new.sum())} links, "
+        f"{int(none.sum())} epochs that had none.",
+    )
+
+
+def _variance_factor(attitude: AttitudeSolution, *, causal: bool) -> FloatArray:
+    """Return by what the noise's variance is raised, (n,)."""
+    if causal:
+        return attitude.variance_factor_so_far()
+    return np.full(len(attitude.solved), attitude.variance_factor())
+
+
+def _filled(
+    differences: DoubleDifferences, integers: Integers, false_alarm: float, *, causal: bool
+) -> tuple[Integers, AttitudeSolution]:
+    """Return integers, those that arcs agree on also of baselines that are refused; attitudes.
+
+    A baseline with some links fixed at an epoch gets no more: who resolved it left the others out.
+    """
+    form = RotationQuadratic.of_ranges(differences, fixed_ranges_m(differences, integers))
+    attitude = maximum_likelihood(form)
+    new = differences.resolvable & ~integers.fixed.any(axis=2, keepdims=True)
+    if not (new.any() and integers.fixed.any()):
+        return integers, attitude
+    sound = attitude.solved & attitude.consistent(false_alarm)
+    votes = integers.fixed & sound[:, None, None]
+    arcs = arc_consensus(differences.arc, integers.cycles, votes, causal=causal)
+    new &= arcs.agreed
+    rows = np.flatnonzero(new.any(axis=(1, 2)))
+    if not len(rows):
+        return integers, attitude
+    wrong = integers.wrong_probability
+    if wrong is not None:  # as likely as those of the last epoch that voted for them
+        voting = np.asarray(votes.any(axis=(1, 2)))
+        held = zero_order_hold(differences.t_s, wrong, voting)
+        wrong = np.where(new.any(axis=(1, 2)), held, wrong)
+    integers = replace(
+        integers,
+        cycles=np.where(new, arcs.cycles, integers.cycles),
+        fixed=integers.fixed | new,
+        wrong_probability=wrong,
+    )
+    form = RotationQuadratic.of_ranges(differences, fixed_ranges_m(differences, integers))
+    return integers, searched_again(attitude, form, rows)
+
+
+class _Chosen(NamedTuple):
+    """Integers, and what is known of epochs that were in doubt."""
+
+    integers: Integers
+    by_arc: BoolArray  # (n, b, m): the arc's, not the epoch's own
+    rows: IntArray  # (k,), those in doubt
+    R_nb: FloatArray  # (k, 3, 3), what most of their links agree on
+
+
+def _chosen(
+    differences: DoubleDifferences,
+    integers: Integers,
+    attitude: AttitudeSolution,
+    false_alarm: float,
+    *,
+    causal: bool,
+) -> _Chosen:
+    """Return integers, those of doubtful epochs their arcs' or their own.
+
+    A slip that nobody noticed parts an arc in two: there the epoch knows better than its arc.
+    """
+    fixed, cycles, arc = integers.fixed, integers.cycles, differences.arc
+    sound = attitude.solved & attitude.consistent(false_alarm)
+    arcs = arc_consensus(arc, cycles, fixed & sound[:, None, None], causal=causal)
+    differs = (fixed & arcs.agreed & (cycles != arcs.cycles)).any(axis=(1, 2))
+    doubtful = fixed.any(axis=(1, 2)) & (~sound | differs)
+    rows = np.flatnonzero(doubtful)
+    if not len(rows):
+        return _Chosen(integers, np.zeros_like(fixed), rows, attitude.R_nb[rows])
+    ranges_m = fixed_ranges_m(differences, integers)
+    R_nb = zero_order_hold(differences.t_s, attitude.R_nb, attitude.solved)
+    since = np.logical_or.accumulate(attitude.solved)  # the first holds from there on only
+    R_nb = np.where(since[:, None, None], R_nb, attitude.R_nb)
+    R_own = robust_attitudes(differences, ranges_m, R_nb, doubtful, causal=causal)
+    off = _off_cycles(differences, integers, R_own)
+    whole = np.rint(off).astype(np.int64)
+    near = _share(np.abs(off - whole) < _NEAR_CYCLES, fixed)
+    trusted = (near >= _MOSTLY) & (_share(whole != 0, fixed) <= _MENDED_AT_MOST)
+    right = fixed & (whole == 0)
+    right &= (right.sum(axis=2) >= (1 - _MENDED_AT_MOST) * fixed.sum(axis=2))[:, :, None]
+    trusted &= _placed(differences, ranges_m, R_own, right)
+    own = cycles + np.where((doubtful & trusted)[:, None, None], whole, 0)
+    votes = fixed & (trusted | sound)[:, None, None]
+    arcs = arc_consensus(arc, own, votes, causal=causal)
+    by_arc = replace(integers, cycles=np.where(fixed & (arcs.margin > 0), arcs.cycles, own))
+    R_arc = robust_attitudes(
+        differences, fixed_ranges_m(differences, by_arc), R_own, doubtful, causal=causal
+    )
+    near_arc = _share(np.abs(_off_cycles(differences, by_arc, R_arc)) < _NEAR_CYCLES, fixed)
+    alone = ~doubtful | ((trusted | sound) & (near > near_arc))
+    believed = np.where(alone[:, None, None], own, by_arc.cycles)
+    return _Chosen(
+        replace(integers, cycles=np.where(fixed, believed, 0)),
+        (arcs.margin > 0) & ~alone[:, None, None],
+        rows,
+        np.where(alone[:, None, None], R_own, R_arc)[rows],
+    )
+
+
+def _off_cycles(differences: DoubleDifferences, integers: Integers, R_nb: FloatArray) -> FloatArray:
+    """Return fixed double differences less those of attitudes, in cycles, (n, b, m); else 0."""
+    off_m = fixed_ranges_m(differences, integers) - differences.array_m(R_nb)
+    return np.where(integers.fixed, off_m / differences.wavelength_m, 0.0)
+
+
+def _placed(
+    differences: DoubleDifferences, ranges_m: FloatArray, R_nb: FloatArray, links: BoolArray
+) -> BoolArray:
+    """Return the epochs, (n,), whose attitude some links tell well enough to round the others.
+
+    Else an antenna would be free to turn about what the others tell, its integers along with it.
+    """
+    known_m = np.where(
+        links | (differences.is_reference[:, None] & (ranges_m == 0)), ranges_m, np.nan
+    )
+    information = RotationQuadratic.of_ranges(differences, known_m).information_at(R_nb)
+    covariance = np.linalg.inv(information + np.eye(3) / open_angle_variance_rad2())
+    arms = skew(differences.baselines_b_m)
+    place_m2 = np.einsum("bij,njk,bik->nb", arms, covariance, arms)
+    shortest_m = differences.wavelength_m.min(initial=1.0)
+    return np.asarray(place_m2.max(axis=1) < (_PLACED_CYCLES * shortest_m) ** 2)
+
+
+def _share(of_links: BoolArray, links: BoolArray) -> FloatArray:
+    """Return the share of an epoch's links, (n, b, m), that a property holds of, (n,)."""
+    return np.asarray((of_links & links).sum(axis=(1, 2)) / np.maximum(links.sum(axis=(1, 2)), 1))
+
+
+def _excluding(
+    differences: DoubleDifferences,
+    ranges_m: FloatArray,
+    attitude: AttitudeSolution,
+    false_alarm: float,
+    causal: bool,
+) -> tuple[BoolArray, RotationQuadratic, AttitudeSolution]:
+    """Return the links, (n, a, m), without which others of their epoch agree; form and attitudes.
+
+    Nothing is excluded where that would take too many.
+    """
+    n, b, m = ranges_m.shape
+    excluded, hopeless = np.zeros((n, b + 1, m), dtype=np.bool_), np.zeros(n, dtype=np.bool_)
+    most = _EXCLUDED_AT_MOST * np.isfinite(ranges_m).sum(axis=(1, 2))
+    form = RotationQuadratic.of_ranges(differences, ranges_m)
+    for _ in range(_ROUNDS):
+        factor = _variance_factor(attitude, causal=causal)
+        fails = attitude.solved & ~attitude.consistent(false_alarm, factor) & ~hopeless
+        rows = np.flatnonzero(fails)
+        if not len(rows):
+            break
+        rest_m = without(ranges_m, excluded)
+        R_nb = robust_attitudes(differences, rest_m, attitude.R_nb, fails, causal=causal)
+        sigmas = _sigmas_off(differences, rest_m, R_nb, rows) / np.sqrt(factor[rows, None, None])
+        worst = sigmas.max(axis=(1, 2), keepdims=True)
+        excluded[rows] |= sigmas >= np.minimum(worst, _LINK_SIGMAS)
+        taken = np.isfinite(ranges_m) & np.isnan(without(ranges_m, excluded))
+        hopeless |= taken.sum(axis=(1, 2)) > most
+        excluded[hopeless] = False
+        form = RotationQuadratic.of_ranges(differences, without(ranges_m, excluded))
+        attitude = searched_again(attitude, form, rows, attitude.R_nb[rows])
+    return excluded, form, attitude
+
+
+def _sigmas_off(
+    differences: DoubleDifferences, ranges_m: FloatArray, R_nb: FloatArray, rows: IntArray
+) -> FloatArray:
+    """Return by how many sigmas links of some epochs, (k, a, m), are off the others.
+
+    Robust weights tell which are the worst; the rest with its full covariance is three times as
+    accurate, and an attitude that is off makes links look off.
+    """
+    part, ranges_m, R_nb = epochs_at(differences, rows), ranges_m[rows], R_nb[rows]
+    sigmas = link_sigmas(part, ranges_m, R_nb)
+    suspects = sigmas > sigmas.max(axis=(1, 2), keepdims=True) / 2
+    rest = RotationQuadratic.of_ranges(part, without(ranges_m, suspects))
+    return link_sigmas(part, ranges_m, maximum_likelihood(rest, R_nb).R_nb)
