@@ -106,20 +106,15 @@ def test_an_antenna_alone_still_gives_position():
 
 @pytest.mark.parametrize("method", [Batch(), Smoother(), Forward()], ids=lambda one: one.name)
 def test_fifteen_seconds_without_satellites_are_solved_by_every_method(method):
-    """A detector sees a beacon all along; its line of sight leaves the roll open.
-
-    A window cannot know by its lag how often the body rolled over in between, a filter never; a
-    batch can.
-    """
+    """A detector sees a beacon all along; its line of sight leaves the roll to the body's swing."""
     gap = OutageTable(from_s=30.0, until_s=45.0)
     flight = simulate(scenario("beacon", 50.0, outages=(gap,)), np.random.default_rng(20_001))
     estimate = method(flight)
     assert estimate.converged
     error, P = errors_rad(flight, estimate), estimate.attitude_covariance_rad2
     turned, sigma = np.linalg.norm(error, axis=1), np.sqrt(np.einsum("nii->n", P))
-    stated = sigma < np.radians(30.0)
-    assert (turned[stated] < 3 * sigma[stated]).mean() >= 0.99
+    assert np.degrees(sigma).max() < 30.0
+    assert (turned < 3 * sigma).mean() >= 0.99
     after = estimate.t_s >= gap.until_s
     assert np.degrees(sigma[after]).max() < 1.0
     assert nees(error[after], P[after]) < 4.0
-    assert stated.all() == (method.name == "batch")

@@ -32,6 +32,7 @@ _SPANS_S = (1.0, 2.0, 4.0)
 WINDOW_S = (
     30.0  # a bias of 0.02 rad/s, a straight line in tilt, turns heading by 0.3 rad to its middle
 )
+_MOST = int(WINDOW_S / _SPANS_S[0]) + 2  # pairs: all windows alike add up in the same order
 _FEWEST = 4  # pairs beside the two of a straight line
 _CHANCE = 1e-7  # of a heading where there is none: six spans a second are one in half a month
 KNOWN_RAD = 0.25  # 1-sigma of a heading that counts: half a radian is two
@@ -218,7 +219,7 @@ def _windows(pairs: Pairs, after_s: float) -> _Windows:
     which = np.flatnonzero((count >= _FEWEST + 2) & (pairs.until_s > after_s))
     if not len(which):
         return _joined([])
-    row = first[which, None] + np.arange(count[which].max(initial=0))
+    row = first[which, None] + np.arange(_MOST)
     within = row <= which[:, None]
     row = np.minimum(row, which[:, None])
     t_s = (pairs.from_s + pairs.until_s)[row] / 2
