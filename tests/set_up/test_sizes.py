@@ -8,7 +8,7 @@ from fgnav.set_up import describe
 from fgnav.set_up.sizes import share_of_least, size_findings
 from fgnav.types.flight import Imu
 from tests.recordings import uav
-from tests.robustness.dirty import right_flight
+from tests.robustness.drawn.flights import right_flight
 
 T_S = np.arange(0, 60, 0.01)
 

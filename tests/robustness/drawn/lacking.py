@@ -1,6 +1,6 @@
 """Flights that lack so much that few can be solved, drawn from a seed.
 
-Each is one of ``dirty.right_flight`` without two to four of the things by which it could be.
+Each is one of ``flights.right_flight`` without two to four of the things by which it could be.
 """
 
 from collections.abc import Callable
