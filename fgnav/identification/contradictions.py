@@ -56,7 +56,7 @@ def without_contradictions(flight: Flight, estimate: Estimate, again: Again | No
         If nothing consistent is left.
     """
     rest = consistent_rest(flight, estimate, again)
-    if again is not None and is_hopeless(rest.estimate):
+    if again is not None and rest.estimate.converged and is_hopeless(rest.estimate):
         raise refusal(rest.estimate)
     out = tuple(rejected for one in rest.out for rejected in one.rejected)
     return with_words(rest.estimate, out)
