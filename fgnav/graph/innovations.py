@@ -21,6 +21,7 @@ from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_variables
 from fgnav.graph.custom import OwnFactor
 from fgnav.graph.innovation.band import beyond_s, contradictions, limit_of
+from fgnav.graph.innovation.phase_redundancy import phase_innovations
 from fgnav.graph.innovation.place_by_code import place_consistency
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.problem import SmoothingProblem
@@ -61,9 +62,16 @@ def consistency(problem: SmoothingProblem, solution: Solution) -> tuple[Consiste
         for measurement in problem.measurements
         if len(measurement.row)
     )
-    if problem.phase is None:
+    phase = problem.phase
+    if phase is None:
         return by_name
-    return (*by_name, *place_consistency(problem.phase, problem.t_s, solution))
+    squared, freedom = phase_innovations(phase)
+    own = Innovations(squared, freedom, freedom > 0)
+    return (
+        *by_name,
+        _judged(phase.name, own, problem.t_s[phase.row]),
+        *place_consistency(phase, problem.t_s, solution),
+    )
 
 
 def normalised_innovations(measurement: Measurement, solution: Solution) -> Innovations:

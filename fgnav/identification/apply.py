@@ -97,7 +97,10 @@ def findings(
     if exact is not flight:  # the clock is tested whatever its doubt
         flight, prepared = exact, build(exact, settings)
     problem = prepared.problem
-    if len(np.unique(np.concatenate([one.row for one in problem.measurements]))) < _FEWEST:
+    measured = np.zeros(len(problem.t_s), dtype=np.bool_)
+    for one in problem.measurements:
+        measured[one.row] = True
+    if measured.sum() < _FEWEST:
         return None
     told = _likeliest(flight, settings, prepared, build, clock_candidates(flight))
     if told is None:  # the motion's noise stands for accelerations of unknown direction, too

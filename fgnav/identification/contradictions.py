@@ -27,8 +27,6 @@ _BETTER = 0.5  # of what is left of contradictions by the round before
 # Residuals twice what noise explains all along, the noise identified: of states that fit such
 # measurements no covariance holds. Of faulty units NEES were 300 and more of 3 at an NIS of 4.
 _HOPELESS = 4.0
-# A standard deviation off by a quarter is said, one off by half (``TOLERATED``) is acted upon.
-_DOUBTED = 1.25**2
 _SHOWN = 3  # spans of a sentence
 
 Again = Callable[[Flight], Estimate]
@@ -58,7 +56,7 @@ def without_contradictions(flight: Flight, estimate: Estimate, again: Again | No
         If nothing consistent is left.
     """
     rest = consistent_rest(flight, estimate, again)
-    if again is not None and is_hopeless(rest.estimate):
+    if again is not None and rest.estimate.converged and is_hopeless(rest.estimate):
         raise refusal(rest.estimate)
     out = tuple(rejected for one in rest.out for rejected in one.rejected)
     return with_words(rest.estimate, out)
@@ -145,13 +143,20 @@ class _Trials:
 
 
 def _doubts(estimate: Estimate) -> tuple[str, ...]:
-    """Return a sentence for each sensor that is out of its band by too little to contradict."""
+    """Return a sentence for each sensor whose noise may be more than is tolerated.
+
+    Acted upon is a variance that is out of its band and beyond ``TOLERATED``. Said is one that is
+    out of its band, and beyond as far as its samples tell: they know it to a factor of their limit,
+    for of so many the lower quantile of chi-square over its freedom is about one over the upper.
+    """
     return tuple(
         f"Residuals of {one.what} are {np.sqrt(one.nis):.2g} x what noise explains (chance leaves "
         f"{np.sqrt(one.limit):.2g} x): its noise is more than stated, or something is not as "
         "stated; covariances may be too small."
         for one in estimate.consistency
-        if not one.contradictions and one.limit is not None and one.nis > max(one.limit, _DOUBTED)
+        if not one.contradictions
+        and one.limit is not None
+        and one.nis > max(one.limit, TOLERATED / one.limit)
     )
 
 

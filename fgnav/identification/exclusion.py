@@ -21,6 +21,8 @@ _INSTRUMENTS = {
     "barometric height": "barometer",
     "magnetic field": "magnetometer",
 }
+# Observations by the measurement's name.
+_OBSERVED = {"velocity": "doppler_hz", "array phases": "phase_cycles", "phase": "phase_cycles"}
 _Series = TypeVar("_Series", Barometer, Fixes, Imu, Magnetometer, Seeker)
 
 
@@ -37,8 +39,9 @@ def exclusions(flight: Flight, contradictory: tuple[Consistency, ...]) -> Iterat
 
     Instruments come first: one without which all others agree is at fault, for GNSS would show what
     is wrong with the inertial unit. That, whose errors all others show, is left out where any of
-    them contradicts. An instrument that contradicts throughout is left out whole, GNSS is not:
-    whatever pulls a solution away from it is tried in its place.
+    them contradicts. An instrument that contradicts throughout is left out whole, and so are phases
+    that contradict each other; other GNSS is not: whatever pulls a solution away from it is tried
+    in its place.
 
     Parameters
     ----------
@@ -132,11 +135,11 @@ def _without(flight: Flight, one: Consistency) -> Flight:
             return _without_instrument(flight, instrument)
         left = _outside(getattr(flight, instrument), spans)
         return replace(flight, **{instrument: left})  # type: ignore[arg-type]  # of its own type
-    if whole:
+    if whole and one.what != "phase":
         return flight
     if one.what in ("position", "velocity") and flight.observations is None:
         return replace(flight, fixes=_outside(flight.fixes, spans))
-    field = {"velocity": "doppler_hz", "array phases": "phase_cycles"}.get(one.what)
+    field = _OBSERVED.get(one.what)
     if field is None or flight.observations is None:
         return flight
     return _unobserved(flight, flight.observations, field, spans)

@@ -47,15 +47,12 @@ _TOLERATED = np.log(1.5)
 _DOUBTED = 2.5  # sigmas: one of eight components in ten flights
 # Nats by which what contradicts the stated is likelier: one flight in ten thousand by chance.
 EXCLUDED = -np.log(FALSE_ALARM)
-_QUICK, _ITERATIONS = 6, 10  # Gauss-Newton steps
+_DAMPED, _ITERATIONS = 30, 10  # steps to the minimum as stated, and of Gauss-Newton elsewhere
 _ROUNDS = 20  # of noise at states, and states at noise
 _ALIKE = 0.5  # correlation of neighbours whose errors are more of what stays than of noise
 _NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
 
 
-# Times as loud as stated, beyond what the unit's own samples can hold (``seen_noise``), and sigmas
-# of that: less is covered by the noise in its place.
-_NO_NOISE, _BEYOND = 50.0, 3.0
 # Times as loud as stated an instrument begins that is in doubt: it tells next to nothing then.
 _IN_DOUBT = 100.0
 
@@ -96,10 +93,14 @@ class Identified:
 
     @property
     def is_no_noise(self) -> BoolArray:
-        """Return which of the unit's noises, (c,), are contradicted, and louder than any noise."""
+        """Return which of the unit's noises, (c,), are contradicted, and louder than any noise.
+
+        That of what its samples can hold, as of what is stated: by the same test.
+        """
         with np.errstate(divide="ignore"):
-            beyond = np.log(self.factor / self.greatest) > _BEYOND * self.sigma
-        return np.asarray(self.used & self.stated & (self.factor > _NO_NOISE) & beyond)
+            beyond = np.log(self.factor / self.greatest)
+        louder = (beyond > 0) & _contradicted(beyond, self.sigma)
+        return np.asarray(self.used & self.stated & louder)
 
     @property
     def beyond_noise(self) -> dict[str, float]:
@@ -150,21 +151,26 @@ def identify(
     small = depending(small, there, extra)
     small_flight = _Flight(small, small.motion.noise_parts(), components, _greatest(flight, small))
     as_stated = _as_stated(small_flight) if all(stated.values()) and not known else None
-    if as_stated is not None and not as_stated.is_doubted:
+    if as_stated is not None and not (as_stated.is_noise_doubted or as_stated.is_off):
         return as_stated.told
-    found = _unless_an_instrument(
-        small_flight, stated, _searched(small_flight, stated, known or {})
-    )
+    try:
+        found = _searched(small_flight, stated, known or {})
+    except NoSolutionError:
+        if as_stated is None or as_stated.is_noise_doubted:
+            raise
+        return as_stated.told
+    found = _unless_an_instrument(small_flight, stated, found)
     if as_stated is None or found.likelihood > as_stated.told.likelihood + EXCLUDED:
         return found
     return as_stated.told
 
 
 class _AsStated(NamedTuple):
-    """What a flight says with noise as stated, and whether something may contradict that."""
+    """What a flight says with noise as stated, and whether that may be wrong, or times and arm."""
 
     told: Identified
-    is_doubted: bool
+    is_noise_doubted: bool
+    is_off: bool
 
 
 class _Flight(NamedTuple):
@@ -219,7 +225,7 @@ def _padded(theta: FloatArray, chain: LinearChain) -> FloatArray:
 def _as_stated(flight: _Flight) -> _AsStated | None:
     """Return what a flight says with noise as stated; None where that has no solution."""
     try:  # damped: without a gyroscope full steps may turn too far
-        start = solve_batch(flight.problem, most=_QUICK).states
+        start = solve_batch(flight.problem, most=_DAMPED).states
         chain, states, _ = flight.descended(start, np.zeros(0), 2)
     except NoSolutionError:
         return None
@@ -247,7 +253,7 @@ def _as_stated(flight: _Flight) -> _AsStated | None:
         likelihood=score.log_likelihood,
     )
     is_off = times.significant.any() or (arm is not None and arm.significant)
-    return _AsStated(told, bool(doubted.any() or is_off))
+    return _AsStated(told, bool(doubted.any()), bool(is_off))
 
 
 def _unless_an_instrument(

@@ -13,13 +13,14 @@ from fgnav.set_up.contents import contents
 from fgnav.set_up.findings import Finding, SetUp
 from fgnav.set_up.instruments import instrument_findings
 from fgnav.set_up.samples import sample_findings
-from fgnav.set_up.sizes import expected_force, size_findings
+from fgnav.set_up.sizes import expected_force, share_of_least, size_findings
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight, Imu
 from fgnav.types.observations import Observations
 
 _LEAP_S = 18.0
 _TRIED = 20  # epochs
+_APART_S = 1.0  # of a pair of them
 _SOLVED = 0.5  # share of epochs with a position below which the time is doubted
 _LONGEST = 3000  # epochs that are solved; of a longer flight the stretch that has it all
 
@@ -27,8 +28,9 @@ _LONGEST = 3000  # epochs that are solved; of a longer flight the stretch that h
 def describe(flight: Flight, *, quick: bool = False) -> SetUp:
     """Return what a flight holds and every mistake in its set-up that its data give away.
 
-    Quick: only what costs a small part of an estimate: files and sizes, neither the array nor the
-    motion, whose search for the clock takes a third of a smoother's time on fixes alone.
+    Quick: only what costs a small part of an estimate: files, sizes and whether velocities are the
+    change of positions, neither the array nor the motion, whose search for the clock takes a third
+    of a smoother's time on fixes alone.
 
     Raises
     ------
@@ -44,8 +46,10 @@ def describe(flight: Flight, *, quick: bool = False) -> SetUp:
     if flight.observations is not None and len(flight.observations.t_s):
         if not quick:
             findings, unchecked = _solved_findings(flight)
+    elif quick:
+        findings = _velocity_findings(flight)
     elif flight.imu is not None:
-        findings, unchecked = ([], []) if quick else _track_findings(flight, flight.imu)
+        findings, unchecked = _track_findings(flight, flight.imu)
     if flight.imu is not None:
         judged = {finding.name.split()[0] for finding in findings}  # by motion, which knows better
         findings += [
@@ -117,21 +121,31 @@ def _track_findings(flight: Flight, imu: Imu) -> tuple[list[Finding], list[Findi
     return track_findings(flight, imu, fixes)
 
 
+def _velocity_findings(flight: Flight) -> list[Finding]:
+    if flight.fixes is None or len(flight.fixes.t_s) < 2:
+        return []
+    from fgnav.identification.track.series import where_it_moves  # noqa: PLC0415  # lazy
+    from fgnav.set_up.track.velocities import velocity_findings  # noqa: PLC0415
+
+    return velocity_findings(where_it_moves(flight.fixes))[0]
+
+
 def _sizes(flight: Flight, imu: Imu, *, quick: bool) -> list[Finding]:
     """Judge sizes by the track; quick: of raw data by that of a few pairs of epochs."""
     observations = flight.observations
     try:
         if quick and observations is not None:
             rows = _tracked_rows(observations, _TRIED)
-            pairs = np.unique(
-                np.concatenate([rows, (rows + 1).clip(max=len(observations.t_s) - 1)])
-            )
+            later = np.searchsorted(observations.t_s, observations.t_s[rows] + _APART_S)
+            pairs = np.unique(np.append(rows, later.clip(max=len(observations.t_s) - 1)))
             track = track_of(replace(flight, observations=_observations_at(observations, pairs)))
-            return size_findings(imu, None, expected_force(track, flight.origin))
+            share = share_of_least(imu, track, flight.origin)
+            return size_findings(imu, None, expected_force(track, flight.origin), share)
         track = track_of(flight)
     except NoSolutionError:  # it has no track
         return size_findings(imu)
-    return size_findings(imu, track, expected_force(track, flight.origin))
+    share = share_of_least(imu, track, flight.origin)
+    return size_findings(imu, track, expected_force(track, flight.origin), share)
 
 
 def _leap_finding(flight: Flight) -> Finding | None:

@@ -10,25 +10,65 @@ from fgnav.set_up.findings import Finding
 from fgnav.types.flight import Imu
 
 _G_MPS2 = 9.80665
+_FORCES = "[imu] samples, fx_mps2, fy_mps2, fz_mps2"
 _SPAN_S = 0.5  # of means whose change is compared
 _FEWEST = 20
 _RELATED = 0.5  # correlation that says anything
+_ALIKE = 3.0  # times: a slope at so loose a correlation is known no better
 _FAST_MPS = 5.0  # a course is meant
 _NEAR_S = 2.5
+_SPAN_OF_TRACK_S = 1.0  # over which velocities of .5 m/s noise still tell gravity to 7 %
+_LESS = 0.8  # of what is the least: no scale factor, bias or noise leaves so little
 
 
 def size_findings(
-    imu: Imu, track: Track | None = None, expected_mps2: float | None = _G_MPS2
+    imu: Imu,
+    track: Track | None = None,
+    expected_mps2: float | None = _G_MPS2,
+    share: float | None = None,
 ) -> list[Finding]:
     """Return units of specific force and of rates that cannot be right.
 
     ``expected_mps2``: median size of the specific force by the track (``expected_force``); that at
-    rest where there is none; None where the track does not tell.
+    rest where there is none; None where the track does not tell. ``share``: ``share_of_least``.
     """
     if len(imu.t_s) < 2:
         return []
     forces = [] if expected_mps2 is None else _force_findings(imu, expected_mps2)
+    if not any(finding.certain for finding in forces) and share is not None and share < _LESS:
+        forces = [_too_little(share)]
     return [*forces, *_rate_findings(imu, track)]
+
+
+def share_of_least(imu: Imu, track: Track, origin: Origin) -> float | None:
+    """Return the median of the mean size of specific force over the least that it can be.
+
+    However a body turns, the mean size of specific force over a span is no less than the size of
+    its mean in axes that do not turn, which is that of the change of velocity less gravity. Noise
+    and vibration only add to it. None where the track tells no such spans.
+    """
+    if track.v_n_mps is None or len(track.t_s) < _FEWEST:
+        return None
+    t_s = track.t_s
+    end = np.searchsorted(t_s, t_s + _SPAN_OF_TRACK_S - 1e-9)
+    begin = np.flatnonzero(end < len(t_s))
+    end = end[begin]
+    near = (
+        (t_s[end] - t_s[begin] < _NEAR_S) & (t_s[begin] >= imu.t_s[0]) & (t_s[end] <= imu.t_s[-1])
+    )
+    begin, end = begin[near], end[near]
+    span_s = (t_s[end] - t_s[begin])[:, None]
+    gravity_n_mps2 = origin.gravity_n_mps2(track.p_n_m[begin])
+    force_n_mps2 = (track.v_n_mps[end] - track.v_n_mps[begin]) / span_s - gravity_n_mps2
+    least_mps2 = np.linalg.norm(force_n_mps2, axis=1)
+    size_mps2 = np.linalg.norm(imu.f_b_mps2, axis=1)
+    steps = (size_mps2[1:] + size_mps2[:-1]) / 2 * np.diff(imu.t_s)
+    total = np.concatenate([[0.0], np.cumsum(steps)])
+    gained = np.interp(t_s[end], imu.t_s, total) - np.interp(t_s[begin], imu.t_s, total)
+    told = least_mps2 > _G_MPS2 / 2  # less, and velocities' noise might be it
+    if told.sum() < _FEWEST // 2:
+        return None
+    return float(np.median(gained[told] / span_s[told, 0] / least_mps2[told]))
 
 
 def expected_force(track: Track, origin: Origin) -> float | None:
@@ -51,7 +91,8 @@ def expected_force(track: Track, origin: Origin) -> float | None:
 def _force_findings(imu: Imu, expected_mps2: float) -> list[Finding]:
     median_mps2 = float(np.median(np.linalg.norm(imu.f_b_mps2, axis=1)))
     rate_hz = 1.0 / float(np.median(np.diff(imu.t_s)))
-    where = "[imu] samples, fx_mps2, fy_mps2, fz_mps2"
+    if abs(median_mps2 - expected_mps2) < 0.2 * expected_mps2:
+        return []
     units = {
         f"accelerations look like g, not m/s2; multiply by {_G_MPS2:g}": _G_MPS2,
         f"accelerations look like increments; multiply by the rate, {rate_hz:g} Hz": rate_hz,
@@ -59,14 +100,26 @@ def _force_findings(imu: Imu, expected_mps2: float) -> list[Finding]:
     for text, factor in units.items():
         if abs(median_mps2 * factor - expected_mps2) < 0.2 * expected_mps2:
             size = f"the median of |f| is {median_mps2:.3f}: {text}"
-            return [Finding(name="imu unit", text=size, where=where, certain=True)]
+            return [Finding(name="imu unit", text=size, where=_FORCES, certain=True)]
     if median_mps2 < 0.2 * expected_mps2:
         text = (
             f"the median of |f| is {median_mps2:.3f} m/s2: gravity looks removed, or the flight "
             "is in free fall; specific force is wanted"
         )
-        return [Finding(name="imu gravity", text=text, where=where)]
+        return [Finding(name="imu gravity", text=text, where=_FORCES)]
     return []
+
+
+def _too_little(share: float) -> Finding:
+    return Finding(
+        name="imu gravity",
+        text=(
+            f"the mean of |f| is {share:.2f} x the least that changes of velocity and gravity "
+            "leave: gravity is removed, an axis is missing, or a unit is wrong"
+        ),
+        where=_FORCES,
+        certain=True,
+    )
 
 
 def _rate_findings(imu: Imu, track: Track | None) -> list[Finding]:
@@ -78,7 +131,7 @@ def _rate_findings(imu: Imu, track: Track | None) -> list[Finding]:
         witnesses["the course turns"] = _course(imu, imu.w_b_radps, track.t_s, track.v_n_mps)
     related = {name: _related(told, seen) for name, (told, seen) in witnesses.items()}
     name, (correlation, slope) = max(related.items(), key=lambda item: item[1])
-    if correlation < _RELATED:
+    if correlation < _RELATED or 1 / _ALIKE < slope < _ALIKE:
         return []
     rate_hz = 1.0 / float(np.median(np.diff(imu.t_s)))
     units = {
@@ -86,7 +139,7 @@ def _rate_findings(imu: Imu, track: Track | None) -> list[Finding]:
         f"look like increments; multiply by the rate, {rate_hz:g} Hz": rate_hz,
     }
     for text, factor in units.items():
-        if factor / 3 < slope < 3 * factor:
+        if factor / _ALIKE < slope < _ALIKE * factor:
             evidence = f"{name} {slope:.3g} times as fast as they say"
             return [
                 Finding(

@@ -5,10 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fgnav.checks import NoSolutionError
+from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.integers.resolvers.registry import default_resolver
 from tests.methods.simulated import flown
 from tests.methods.test_maximum_likelihood import Off
 
@@ -131,3 +132,10 @@ def test_phases_that_all_contradict_each_other_are_named():
 def test_nothing_fixed_is_named():
     with pytest.raises(NoSolutionError, match="are not fixed, or too few"):
         build(flown("demo", 5.0), Off(nothing=True))
+
+
+def test_an_array_at_one_place_is_named_whatever_else_there_is():
+    flight = flown("demo", 5.0)
+    heap = tuple(dataclasses.replace(one, position_b_m=np.zeros(3)) for one in flight.antennas)
+    with pytest.raises(BadInputError, match="all antennas are at one place"):
+        build(dataclasses.replace(flight, antennas=heap), default_resolver())

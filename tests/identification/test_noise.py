@@ -18,6 +18,7 @@ from fgnav.integers.resolvers.truth import Truth
 from fgnav.io.flight import usual_noise
 from fgnav.methods.smoother import Batch
 from fgnav.solve.chain import solve_batch
+from fgnav_sim.motion import Arc, Motion, Sine
 from fgnav_sim.scenario import FixesTable, load_scenario
 from fgnav_sim.simulate import simulate
 from tests.frontend.standing import standing
@@ -45,6 +46,27 @@ def with_fixes(seed=20_001, span_s=200.0):
     return replace(
         flight, observations=None, broadcast=None, precise=None, antennas=flight.antennas[:1]
     )
+
+
+def circling():
+    """One antenna's observations, and a gyroscope, in a steady turn."""
+    demo, other = (load_scenario(SCENARIOS / f"{n}.toml") for n in ("demo", "surroundings"))
+    rng, change = np.random.default_rng([92, 5083]), msgspec.structs.replace
+    size_deg, speed_mps = rng.uniform(8.0, 25.0), rng.uniform(30.0, 100.0)
+    path = Arc(speed_mps=speed_mps, radius_m=rng.uniform(4.0, 10.0) * speed_mps)
+    swings = {
+        "pitch": Sine(amplitude_deg=size_deg, phase_deg=rng.uniform(0.0, 180.0)),
+        "yaw": Sine(amplitude_deg=size_deg, phase_deg=rng.uniform(0.0, 180.0)),
+    }
+    scenario = change(
+        demo,
+        duration_s=20.0,
+        motion=Motion(path=path, roll=Sine(amplitude_deg=size_deg), **swings),
+        antennas_b_m=((0.3, 0.0, -0.2),),
+        gnss=change(demo.gnss, rate_hz=5.0),
+        imu=other.imu,
+    )
+    return simulate(scenario, rng)
 
 
 @pytest.fixture(scope="module")
@@ -181,3 +203,26 @@ def test_noises_that_undo_each_other_end_the_search(flight, monkeypatch):
 
 def unstated(flight):
     return replace(flight, imu=replace(flight.imu, unstated=tuple(FIELDS.values())))
+
+
+def test_a_clock_about_which_full_steps_go_to_and_fro_is_tested_all_the_same():
+    """Of one antenna's Doppler the clock's offset leaps between two places, .06 s apart."""
+    flight, by_b_m = circling(), np.array([0.0, -0.08, 0.08])
+    assert not [note for note in prepared(flight).notes if "could not be tested" in note]
+    (antenna,) = flight.antennas
+    moved = replace(antenna, position_b_m=antenna.position_b_m + by_b_m)
+    notes = prepared(replace(flight, antennas=(moved,))).notes
+    assert [note for note in notes if note.startswith("The antenna is off where")]
+
+
+def test_what_exceeds_a_unit_s_own_samples_is_no_noise_however_little_is_stated(flight):
+    said = found_in(flight)
+    louder = replace(
+        said,
+        factor=np.full(len(said.names), 3.0),
+        sigma=np.full(len(said.names), 0.1),
+        greatest=np.array([1.0, 2.5, *[np.inf] * (len(said.names) - 2)]),
+        used=np.ones(len(said.names), dtype=np.bool_),
+        stated=np.ones(len(said.names), dtype=np.bool_),
+    )
+    assert list(louder.beyond_noise) == [said.names[0]]  # 3 beside 2.5 is within a factor of 1.5

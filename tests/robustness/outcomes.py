@@ -59,9 +59,9 @@ def undamaged(folder: Path, scratch: Path) -> Whole:
     flight = flight_folder.load_flight(folder)
     said = {}
     for method in set(METHODS):
-        status, out, err = _called(["run", str(folder), "--method", method, "--out", str(scratch)])
+        status, out, err = called(["run", str(folder), "--method", method, "--out", str(scratch)])
         assert status == 0, err
-        said[method] = _remarks(out + err)
+        said[method] = remarks_of(out + err)
     return Whole(folder=folder, counts=counts(flight), truth=flight, said=said)
 
 
@@ -92,7 +92,7 @@ def _judged(whole: Whole, command: list[str], method: str, out: Path) -> tuple[s
     flight_folder_load = flight_folder.load_flight
     try:
         with limits(), mock.patch.object(flight_folder, "load_flight", load):
-            status, printed, err = _called(command)
+            status, printed, err = called(command)
     except Hang:
         return "hang", ""
     except MemoryError:
@@ -102,11 +102,11 @@ def _judged(whole: Whole, command: list[str], method: str, out: Path) -> tuple[s
     if "Warning:" in err:
         return "warning", err.strip()
     if status in (1, 2):
-        bad = _misshapen(err, status)
+        bad = misshapen(err, status)
         return (bad or ("refused" if status == 2 else "no solution")), err.strip()
     if status != 0:
         return "traceback", f"status {status}: {err}"
-    more = _remarks(printed + err) != whole.said[method]
+    more = remarks_of(printed + err) != whole.said[method]
     if not more and counts(seen[0]) != whole.counts:
         lost = {k: v for k, v in counts(seen[0]).items() if v != whole.counts[k]}
         return "silent loss", f"{lost} of {whole.counts}"
@@ -116,7 +116,7 @@ def _judged(whole: Whole, command: list[str], method: str, out: Path) -> tuple[s
     return ("said" if more else "same"), f"NEES {nees:.1f}"
 
 
-def _misshapen(err: str, status: int) -> str:
+def misshapen(err: str, status: int) -> str:
     """Return what is wrong with an error's text; nothing where it is one line of decent length.
 
     Findings about set-up come before it.
@@ -127,11 +127,11 @@ def _misshapen(err: str, status: int) -> str:
     if len(lines[0]) > 700:
         return "unnamed"
     # Bad input has a place: a file of the flight, or the flight by name.
-    is_named = status == 1 or "/flight" in lines[0] or "flight " in lines[0]
+    is_named = status == 1 or re.search(r"/flight|flight |fgnav: [a-z]+: \w+ \w+: ", lines[0])
     return "" if is_named else "unnamed"
 
 
-def _called(arguments: list[str]) -> tuple[int, str, str]:
+def called(arguments: list[str]) -> tuple[int, str, str]:
     """Return status, output and errors of the command line, called in this process."""
     out, err = io.StringIO(), io.StringIO()
     with (
@@ -144,7 +144,7 @@ def _called(arguments: list[str]) -> tuple[int, str, str]:
     return status, out.getvalue(), err.getvalue()
 
 
-def _remarks(printed: str) -> str:
+def remarks_of(printed: str) -> str:
     """Return what is printed beside figures: every kind of sentence, without its numbers."""
     lines = printed.splitlines()[1:]
     return "\n".join(sorted(re.sub(r"[-+]?\d[\d.e+-]*", "#", line) for line in lines))

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from fgnav.attitude.flight_vectors import track_of
-from fgnav.set_up.sizes import size_findings
+from fgnav.set_up import describe
+from fgnav.set_up.sizes import share_of_least, size_findings
 from fgnav.types.flight import Imu
 from tests.recordings import uav
+from tests.robustness.drawn.flights import right_flight
 
 T_S = np.arange(0, 60, 0.01)
 
@@ -87,3 +89,33 @@ def test_a_real_gyroscope_is_right_and_its_degrees_are_found(shared):
     (finding,) = size_findings(degrees, track)
     assert "degrees per second" in finding.text
     assert "the course turns" in finding.text
+
+
+@pytest.mark.parametrize("kind", ["fixes", "raw", "array"])
+def test_accelerations_without_gravity_are_named_and_right_forces_are_not(kind):
+    flight = right_flight(kind, 7)
+    assert not [one for one in describe(flight, quick=True).findings if "imu" in one.name]
+    t_s, truth = flight.imu.t_s, flight.truth
+    down_b = truth.R_nb[np.searchsorted(truth.t_s, t_s).clip(max=len(truth.t_s) - 1), 2]
+    removed = replace(flight.imu, f_b_mps2=flight.imu.f_b_mps2 + 9.80665 * down_b)
+    (finding,) = [
+        one
+        for one in describe(replace(flight, imu=removed), quick=True).findings
+        if "imu" in one.name
+    ]
+    assert finding.certain
+    assert "gravity is removed" in finding.text
+
+
+def test_vibration_adds_to_the_least_that_specific_force_can_be():
+    flight = right_flight("fixes", 7)
+    shaken = np.random.default_rng(0).normal(0.0, 8.0, flight.imu.f_b_mps2.shape)
+    loud = replace(flight.imu, f_b_mps2=flight.imu.f_b_mps2 + shaken)
+    assert share_of_least(loud, track_of(flight), flight.origin) > 1.2
+
+
+def test_a_rate_of_a_hertz_is_no_unit():
+    """Rows twice a second: increments would be as large as rates."""
+    f_b_mps2, w_b_radps = rolling()
+    slow = imu(f_b_mps2, w_b_radps)[::50]
+    assert size_findings(slow) == []

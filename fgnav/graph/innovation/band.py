@@ -25,7 +25,7 @@ def contradictions(
     """Return spans in which one sensor's innovations are larger than its noise can make them.
 
     All of them are tested against the band of their effective number [1]_, and blocks of a second
-    each against their own.
+    each against their own. Where the rest is out of its band without these, too, all of them are.
 
     Parameters
     ----------
@@ -44,19 +44,24 @@ def contradictions(
     k, total = len(t_s), int(freedom.sum())
     if total == 0:
         return ()
-    nis = float(squared.sum()) / total
-    out = nis > max(TOLERATED, limit_of(squared, freedom))
+    nis, out = float(squared.sum()) / total, _out_of_band(squared, freedom)
     step_s = max(float(np.median(np.diff(t_s))) if k > 1 else 1.0, 1e-9)
     begins = np.arange(0, k, max(_BLOCK, round(_BLOCK_S / step_s)))
     own, sums = np.add.reduceat(freedom, begins), np.add.reduceat(squared, begins)
     limits = _limit(own.clip(1).astype(np.float64), _FALSE_ALARM / len(begins), _TOLERATED_AT_ONCE)
     flagged = sums > limits * own.clip(1)
-    if out and (flagged.mean() >= _THROUGHOUT or not flagged.any()):
+    others = ~np.repeat(flagged, np.diff(np.append(begins, k)))
+    if out and (flagged.mean() >= _THROUGHOUT or _out_of_band(squared[others], freedom[others])):
         begin_s, end_s = float(t_s[0]), float(t_s[-1])
         return (
             Contradiction(from_s=begin_s, until_s=end_s, freedom=total, nis=nis, throughout=True),
         )
     return tuple(_spans(t_s, (sums, own), begins, flagged))
+
+
+def _out_of_band(squared: FloatArray, freedom: IntArray) -> bool:
+    nis = float(squared.sum()) / max(int(freedom.sum()), 1)
+    return nis > max(TOLERATED, limit_of(squared, freedom))
 
 
 def beyond_s(t_s: FloatArray, squared: FloatArray, freedom: IntArray) -> tuple[float, ...]:

@@ -21,6 +21,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.array.likelihood import Likelihood, likelihood_of
 from fgnav.integers.array.prior import AttitudePrior
+from fgnav.integers.array.relaxation import spans
 from fgnav.integers.epochs import epochs_at
 from fgnav.types.differences import DoubleDifferences
 
@@ -67,8 +68,8 @@ def with_estimated_noise(
 ) -> DoubleDifferences:
     """Return the same differences with code and phase variances as large as the data show.
 
-    As they are, where fewer than 30 epochs have links, or so many integers that fit that a search
-    cannot list them.
+    As they are, where fewer than 30 epochs have links of antennas apart, or so many integers that
+    fit that a search cannot list them.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ def with_estimated_noise(
         What the search of an epoch may visit.
     prior : AttitudePrior or None
     """
-    there = np.flatnonzero(differences.resolvable.any(axis=(1, 2)))
+    there = _of_array(differences)
     if len(there) < _ENOUGH:
         return differences
     whole = _sample(differences, prior, there)
@@ -97,7 +98,7 @@ def with_noise_so_far(
     nodes : int
     prior : AttitudePrior or None
     """
-    there = np.flatnonzero(differences.resolvable.any(axis=(1, 2)))
+    there = _of_array(differences)
     code_m2 = differences.code_variance_m2.copy()
     phase_m2 = differences.phase_variance_m2.copy()
     count, start = _ENOUGH, np.array(_CALM)
@@ -110,6 +111,13 @@ def with_noise_so_far(
         code_m2[later], phase_m2[later] = (part[later] for part in variances)
         count, start = _RENEWED * count, law if enough else np.array(_CALM)
     return replace(differences, code_variance_m2=code_m2, phase_variance_m2=phase_m2)
+
+
+def _of_array(differences: DoubleDifferences) -> IntArray:
+    """Return the epochs whose links are of antennas apart from each other, (k,)."""
+    arrays = spans(differences.baselines_b_m, differences.resolvable)
+    linked = differences.resolvable.any(axis=(1, 2))
+    return np.flatnonzero(linked & (arrays.rank[arrays.pattern] > 0))
 
 
 def _sample(

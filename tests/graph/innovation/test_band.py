@@ -48,6 +48,14 @@ def test_noise_that_is_louder_all_along_is_one_span():
     assert (found.from_s, found.until_s) == (0.0, T_S[-1])
 
 
+def test_noise_that_is_louder_all_along_is_one_span_though_a_second_is_louder_still():
+    rng = np.random.default_rng(30_004)
+    sigma = np.where((T_S >= 10) & (T_S < 11), 4.0, 2.2)
+    (found,) = contradictions(T_S, squares(rng, sigma).sum(axis=0), FREEDOM)
+    assert found.throughout
+    assert found.nis == pytest.approx(5.2, rel=0.2)
+
+
 def test_one_sample_far_off_is_found():
     rng = np.random.default_rng(30_003)
     squared = squares(rng).sum(axis=0)

@@ -130,9 +130,10 @@ def test_rates_in_degrees_are_named():
 
 def test_velocities_in_knots_and_east_for_north_are_named():
     v = flown().fixes.v_n_mps[:, [1, 0, 2]] * 3600 / 1852
-    mend = findings(with_fixes(v_n_mps=v))["fixes velocity"].mend
-    assert "multiply by 0.514444" in mend
-    assert "should read ve_mps, vn_mps, vd_mps" in mend
+    finding = findings(with_fixes(v_n_mps=v))["fixes velocity"]
+    assert "multiply by 0.514444" in finding.mend
+    assert "should read ve_mps, vn_mps, vd_mps" in finding.mend
+    assert findings(with_fixes(v_n_mps=v), quick=True)["fixes velocity"] == finding
 
 
 def test_old_velocities_are_named_and_do_not_move_the_clock():

@@ -1,0 +1,1 @@
+"""Flights, faults of theirs and what they lack, drawn from seeds."""
