@@ -90,7 +90,8 @@ def _rate_priors(
         prior, varying = settings.rate_prior, None
     else:
         still = matern_prior(*attitudes)
-        swinging = swinging_prior(*attitudes, still)
+        # Attitudes of vectors err alike for seconds, which would seem to swing.
+        swinging = swinging_prior(*attitudes, still) if start.form is not None else None
         prior = swinging or still
         varying = varying_rate_prior(*attitudes, still, swinging)
     if varying is None:
@@ -115,6 +116,7 @@ def _causal_priors(start: Alignment, sure: BoolArray) -> tuple[FloatArray, Float
         np.append(t_s, t_s[-1] + 1.0),
         np.concatenate([R_nu, R_nu[-1:]]),
         np.concatenate([P, P[-1:]]),
+        swings=start.form is not None,
     )
     latest = _latest(t_s, start.t_s[:-1])
     return poles[latest], variance[latest]

@@ -128,7 +128,7 @@ def _series(t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray) -> A
 
 
 def causal_rate_priors(
-    t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray
+    t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray, *, swings: bool = True
 ) -> tuple[FloatArray, FloatArray]:
     """Return poles and variances, (n - 1, 3), for each interval from its past.
 
@@ -145,6 +145,8 @@ def causal_rate_priors(
     ----------
     t_s, R_nb, covariance_rad2 : ndarray, shape (n,), (n, 3, 3), (n, 3, 3)
         As in ``rate_prior``.
+    swings : bool
+        Whether the rate may swing.
 
     References
     ----------
@@ -163,7 +165,8 @@ def causal_rate_priors(
         part = (t_s[rows], R_nb[rows], covariance_rad2[rows])
         past = count - rows.start
         recent = slice(max(0, past - latest), past)
-        prior = rate_prior(*(values[recent] for values in part), start=prior)
+        identified = rate_prior if swings else matern_prior
+        prior = identified(*(values[recent] for values in part), start=prior)
         alternatives = _alternatives(prior)
         attitudes = attitude_series(*part, np.arange(len(part[0])), past)
         chosen = _best_of(alternatives, attitudes)[past - 1 :]

@@ -101,13 +101,12 @@ def test_every_epoch_is_answered_when_it_comes():
 
 
 def test_noise_is_identified_anew_while_it_runs(monkeypatch):
-    """Of an accelerometer ten times as loud as stated, the heading stated; looked at sooner."""
+    """Of velocities five times as loud as stated, the heading stated; looked at sooner."""
     monkeypatch.setattr(from_past, "FIRST_S", 5.0)
     made = scenario("six", 7.0, fixes=True, gyroscope=True)
     flight = simulate(made, np.random.default_rng(41_010))
-    noise = flight.imu.accelerometer_noise_mps2_per_sqrt_hz / 10
-    imu = replace(flight.imu, accelerometer_noise_mps2_per_sqrt_hz=noise)
-    flight = with_heading(replace(flight, imu=imu))
+    fixes = replace(flight.fixes, velocity_sigma_mps=flight.fixes.velocity_sigma_mps / 5)
+    flight = with_heading(replace(flight, fixes=fixes))
     assert len(Forward().prepare(flight).stretches) > 1
     assert_same(flight, Forward())
 

@@ -76,14 +76,14 @@ def test_smoother_is_within_a_quarter_of_the_papers_method_at_its_best(runs):
         assert 0 < smoother < 0.25 * best
 
 
-def test_networks_are_counted_wrong_where_the_range_is_code(runs):
+def test_networks_leave_alone_where_the_range_is_code(runs):
+    """Trained on noise of millimetres; where they answered more than half was wrong."""
     precise = of(runs, PRECISE, "closed form, classification")
     assert precise.wrong < 0.03
     assert precise.clean_deg < 0.5  # what has only right integers is as good as the phase allows
     by_code = of(runs, BY_CODE, "closed form, classification")
-    assert by_code.wrong > 0.5
-    assert by_code.spoilt == 1.0
-    assert np.isnan(by_code.clean_deg)
+    assert by_code.available == 0.0
+    assert by_code.failure
     assert of(runs, BY_CODE, BY_RIGHT_INTEGERS).wrong == 0.0
 
 
