@@ -101,11 +101,11 @@ def test_every_epoch_is_answered_when_it_comes():
 
 
 def test_noise_is_identified_anew_while_it_runs(monkeypatch):
-    """Of velocities five times as loud as stated, the heading stated; looked at sooner."""
+    """Of velocities twice as loud as stated, the heading stated; looked at sooner."""
     monkeypatch.setattr(from_past, "FIRST_S", 5.0)
     made = scenario("six", 7.0, fixes=True, gyroscope=True)
     flight = simulate(made, np.random.default_rng(41_010))
-    fixes = replace(flight.fixes, velocity_sigma_mps=flight.fixes.velocity_sigma_mps / 5)
+    fixes = replace(flight.fixes, velocity_sigma_mps=flight.fixes.velocity_sigma_mps / 2)
     flight = with_heading(replace(flight, fixes=fixes))
     assert len(Forward().prepare(flight).stretches) > 1
     assert_same(flight, Forward())
