@@ -207,8 +207,8 @@ def agreeing(
     factor = solution.variance_factor()
     if factor == 1.0:
         return quadratic, solution, ()
-    louder = quadratic.louder(factor)
-    return louder, maximum_likelihood(louder, solution.R_nb), noise_notes(factor)
+    scaled = quadratic.with_variance_factor(factor)
+    return scaled, maximum_likelihood(scaled, solution.R_nb), noise_notes(factor)
 
 
 def noise_notes(variance_factor: float) -> tuple[str, ...]:

@@ -116,7 +116,7 @@ class RotationQuadratic:
             count=self.count[epochs],
         )
 
-    def louder(self, factor: float | FloatArray) -> "RotationQuadratic":
+    def with_variance_factor(self, factor: float | FloatArray) -> "RotationQuadratic":
         """Return the form with all variances multiplied by a factor, or one of each epoch, (n,)."""
         factor = np.broadcast_to(factor, self.constant.shape)
         return RotationQuadratic(

@@ -51,6 +51,16 @@ class AttitudeSeries:
             )
         )
 
+    def turn_deviations(self) -> tuple[FloatArray, FloatArray]:
+        """Return how far turns are off their median, rad/s: usually, (3,), and overall, (3,).
+
+        The former is a standard deviation unless attitudes are wrong or motion comes in bursts.
+        """
+        rates = turn_rates(self.epochs.t_s, self.epochs.R_nb)[self.epochs.use[1:] == UPDATE]
+        deviations = np.abs(rates - np.median(rates, axis=0))
+        usual = 1.5 * np.median(deviations, axis=0)  # of a normal one: 1.48
+        return np.asarray(usual), np.asarray(np.sqrt((deviations**2).mean(axis=0)))
+
 
 def attitude_series(
     t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray, rows: IntArray, past: int

@@ -8,8 +8,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, increasing
 from fgnav.process import matern
-from fgnav.process.attitude_series import AttitudeSeries, attitude_series, turn_rates
-from fgnav.process.evidence_kernel import UPDATE
+from fgnav.process.attitude_series import AttitudeSeries, attitude_series
 from fgnav.process.hyperparameters import (
     DEFAULT_LENGTH_S,
     DEFAULT_SIGMA_RADPS,
@@ -228,12 +227,7 @@ def _starts(
     attitudes: AttitudeSeries, spacing_s: float, start: RatePrior | None
 ) -> list[FloatArray]:
     """Return candidates (log length, log standard deviations) where the search may start."""
-    epochs = attitudes.epochs
-    rates = turn_rates(epochs.t_s, epochs.R_nb)[epochs.use[1:] == UPDATE]
-    deviations = np.abs(rates - np.median(rates, axis=0))
-    least = 10 * LEAST_RADPS
-    usual = np.maximum(1.5 * np.median(deviations, axis=0), least)  # of a normal one: 1.48
-    overall = np.maximum(np.sqrt((deviations**2).mean(axis=0)), least)  # of bursts, or wrong ones
+    usual, overall = (one.clip(10 * LEAST_RADPS) for one in attitudes.turn_deviations())
     large = np.maximum(usual, DEFAULT_SIGMA_RADPS)
     pairs = [(n * spacing_s, s) for n in _STARTS_SPACINGS for s in (usual, overall, large)]
     if start is not None:

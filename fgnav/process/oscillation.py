@@ -13,7 +13,7 @@ References
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.process.attitude_series import AttitudeSeries, turn_rates
+from fgnav.process.attitude_series import AttitudeSeries
 from fgnav.process.evidence_kernel import UPDATE
 from fgnav.process.hyperparameters import (
     LEAST_RADPS,
@@ -37,6 +37,10 @@ def swinging(
 ) -> RatePrior | None:
     """Return the likeliest prior of a rate that swings; None where one that does not will do.
 
+    Before attitudes are seen the third pole is as likely as that of Matern 5/2; of the others all
+    orders of magnitude are alike, from those of the longest memory and one swing in the record to
+    those of the shortest and one in two attitudes.
+
     Parameters
     ----------
     attitudes : AttitudeSeries
@@ -46,8 +50,7 @@ def swinging(
         Where the search may start as well.
     """
     epochs = attitudes.epochs
-    linked = epochs.use[1:] == UPDATE
-    span_s, n = float(epochs.t_s[-1] - epochs.t_s[0]), int(linked.sum())
+    span_s, n = float(epochs.t_s[-1] - epochs.t_s[0]), int((epochs.use[1:] == UPDATE).sum())
     slowest, fastest = 2 * np.pi / span_s, np.pi / float(np.median(np.diff(epochs.t_s)))
     # About an axis that attitudes do not tell a body may turn such that the others seem to swing.
     if slowest >= fastest or epochs.open_axis.any():
@@ -62,10 +65,7 @@ def swinging(
     def score(x: FloatArray) -> float:
         return log_likelihood(x) + log_prior(np.array([np.log(np.sqrt(5.0)) - x[0], *x[3:]]))
 
-    rates = turn_rates(epochs.t_s, epochs.R_nb)[linked]
-    deviations = np.abs(rates - np.median(rates, axis=0))
-    usual = (1.5 * np.median(deviations, axis=0)).clip(LEAST_RADPS)  # of a normal one: 1.48
-    overall = np.sqrt((deviations**2).mean(axis=0)).clip(LEAST_RADPS)  # of bursts, or wrong ones
+    usual, overall = (one.clip(LEAST_RADPS) for one in attitudes.turn_deviations())
     candidates = [
         np.log([third * w, decay * w, w, *sigma])
         for w in np.geomspace(slowest, fastest, _FREQUENCIES + 2)[1:-1]

@@ -3,12 +3,14 @@ import pytest
 
 from fgnav.geometry.rotations import exp, from_euler
 from fgnav.process import matern
+from fgnav.process.attitude_series import attitude_series
 from fgnav.process.evidence import (
     DEFAULT_LENGTH_S,
     DEFAULT_SIGMA_RADPS,
     causal_rate_priors,
     rate_prior,
 )
+from fgnav.process.hyperparameters import VERY_STRONG_NATS
 from fgnav.process.matern_kernel import coefficients
 from tests.process.chain import DEG, sine, with_noise
 
@@ -72,7 +74,17 @@ def test_lasting_change_of_motion_is_identified_anew():
     whole = rate_prior(T_S[320:], R[320:], V[320:])
     for frequency_radps in (poles[430, 2], whole.poles_per_s[2]):
         assert 0.9 < frequency_radps < 1.4  # it swings at 1 and 1.3
-    assert np.abs(np.log(np.sqrt(variance[430]) / sigmas(whole))).max() < 1.2  # of few swings
+    later = attitude_series(T_S[430:], R[430:], V[430:], np.arange(170), past=170)
+    now, before, best = (
+        later.log_densities(own, of).sum()
+        for own, of in (
+            (poles[430], variance[430]),
+            (poles[299], variance[299]),
+            (whole.poles_per_s, whole.variance_rad2ps2),
+        )
+    )
+    assert now > best - VERY_STRONG_NATS  # what comes later has taken part in that one
+    assert before < best - 1000
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1])

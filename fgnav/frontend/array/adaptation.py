@@ -116,9 +116,9 @@ def adapted(
     excluded, form, attitude = _excluding(differences, ranges_m, attitude, false_alarm, causal)
     factor = _variance_factor(attitude, causal=causal)
     if (factor != 1.0).any():
-        form = form.louder(factor)
-        louder = np.flatnonzero(factor != 1.0)
-        attitude = searched_again(attitude, form, louder, attitude.R_nb[louder])
+        form = form.with_variance_factor(factor)
+        raised = np.flatnonzero(factor != 1.0)
+        attitude = searched_again(attitude, form, raised, attitude.R_nb[raised])
     refused = attitude.solved & ~attitude.consistent(false_alarm)
     believed, here = chosen.integers, ~refused[:, None, None]
     if excluded.any():

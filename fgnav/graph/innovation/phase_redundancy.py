@@ -32,7 +32,8 @@ def phase_innovations(phase: AntennaPhase) -> tuple[FloatArray, IntArray]:
         seen = np.column_stack([across.T @ H, across.T @ z])
         before = _rank(root)
         root, squared[i] = _triangular(np.vstack([root, seen]))
-        freedom[i] = len(seen) + before - _rank(root)
+        whole = before == root.shape[1] - 1  # nothing is open that these rows could tell
+        freedom[i] = len(seen) + before - (before if whole else _rank(root))
     return squared, freedom
 
 
