@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from fgnav.attitude.own_rotation import spun
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
 from fgnav.frontend.attitude.alignment import Alignment
 from fgnav.frontend.calibration_request import MEAN_RATE
@@ -15,7 +16,7 @@ from fgnav.graph.types.motion import Motion
 from fgnav.process import matern
 from fgnav.process.evidence import causal_rate_priors, matern_prior, swinging_prior
 from fgnav.process.hyperparameters import RatePrior
-from fgnav.process.prediction import predicted_rotation_covariance
+from fgnav.process.prediction import Turning, filtered, filtered_back, smoothed
 from fgnav.process.volatility import varying_rate_prior
 from fgnav.types.flight import Flight
 
@@ -33,14 +34,17 @@ def motion_of(
     settings: ProblemSettings,
     stages: tuple[Aligned, Tracked],
     constants: Constants,
-) -> tuple[Motion, tuple[str, ...]]:
-    """Return what leads from keyframe to keyframe, gaps included; and what to note."""
+) -> tuple[Motion, Turning | None, tuple[str, ...]]:
+    """Return what leads from keyframe to keyframe, gaps included, and what to note.
+
+    Without a gyroscope also how attitudes alone say that the body turns.
+    """
     stage, track = stages
     imu, inflated = stage.record.imu, stage.record.inflated
     holed = stage.record.overlaps(track.t_s)[:-1]
     if imu.gyroscope_noise_radps_per_sqrt_hz is not None:
         rate_noise = inflated.gyroscope_noise_radps_per_sqrt_hz or 0.0
-        return Inertial(
+        motion: Motion = Inertial(
             t_s=track.t_s,
             imu=imu,
             sub_steps=settings.sub_steps or _SUB_STEPS_WITH_GYROSCOPE,
@@ -48,10 +52,12 @@ def motion_of(
             earth_rate_n_radps=flight.origin.earth_rate_n_radps,
             accelerometer_noise=_accelerometer_noise(stage.record, holed),
             gyroscope_noise=np.where(holed, rate_noise, imu.gyroscope_noise_radps_per_sqrt_hz) ** 2,
-        ), ()
+        )
+        return motion, None, ()
     poles, variance, notes = _rate_priors(stage, settings)
-    lost = holed | _is_direction_unknown(stage, (poles, variance))
-    return GyroFree(
+    known = _by_attitudes(stage.start, (poles, variance), causal=stage.causal)
+    lost = holed | _is_direction_unknown(stage, known)
+    motion = GyroFree(
         t_s=track.t_s,
         imu=imu,
         sub_steps=settings.sub_steps or _SUB_STEPS,
@@ -62,7 +68,28 @@ def motion_of(
         accelerometer_noise=_accelerometer_noise(stage.record, lost),
         rate_column=constants.column(MEAN_RATE),
         constants=constants,
-    ), notes
+    )
+    turning = known[0] if stage.causal else smoothed(*known)
+    return motion, _in_body(turning, stage.start), notes
+
+
+def _by_attitudes(
+    start: Alignment, prior: tuple[FloatArray, FloatArray], *, causal: bool
+) -> tuple[Turning, ...]:
+    """Return how attitudes turn of axes that do not spin: up to each, and from there on."""
+    of = (start.t_s, start.R_nu, start.covariance_rad2, start.valid, prior)
+    if causal:
+        return (filtered(*of, past=_FIRST),)
+    return filtered(*of), filtered_back(*of)
+
+
+def _in_body(turning: Turning, start: Alignment) -> Turning:
+    """Return the rotations of the body itself, which may spin."""
+    own, t_s = start.own, start.t_s
+    if own is None:
+        return turning
+    rate = np.einsum("nji,nj->ni", own.at(t_s), turning.rate_b_radps) + own.rates(t_s)
+    return turning._replace(R_nb=spun(own, t_s, turning.R_nb), rate_b_radps=np.asarray(rate))
 
 
 def _rate_priors(
@@ -122,7 +149,7 @@ def _causal_priors(start: Alignment, sure: BoolArray) -> tuple[FloatArray, Float
     return poles[latest], variance[latest]
 
 
-def _is_direction_unknown(stage: Aligned, prior: tuple[FloatArray, FloatArray]) -> BoolArray:
+def _is_direction_unknown(stage: Aligned, known: tuple[Turning, ...]) -> BoolArray:
     """Return the intervals, (n - 1,), over which nobody knows where the specific force points.
 
     Where the rotation across it, as the prior leads on from the attitudes before, or back from
@@ -130,19 +157,10 @@ def _is_direction_unknown(stage: Aligned, prior: tuple[FloatArray, FloatArray]) 
     linearisation that holds no longer.
     """
     start, imu = stage.start, stage.record.imu
-    t_s, R_nu, P, valid = start.t_s, start.R_nu, start.covariance_rad2, start.valid
-    if stage.causal:
-        covariances = [predicted_rotation_covariance(t_s, R_nu, P, valid, prior, past=_FIRST)]
-    else:
-        back_prior = (prior[0][::-1], prior[1][::-1])
-        back = predicted_rotation_covariance(
-            -t_s[::-1], R_nu[::-1], P[::-1], valid[::-1], back_prior
-        )
-        covariances = [predicted_rotation_covariance(t_s, R_nu, P, valid, prior), back[::-1]]
     f_b = np.stack([np.interp(start.t_s, imu.t_s, column) for column in imu.f_b_mps2.T], axis=1)
     e_b = f_b / np.linalg.norm(f_b, axis=1, keepdims=True).clip(1e-9)
     across = np.eye(3) - e_b[:, :, None] * e_b[:, None, :]
-    sigma = np.min([_largest_sigma(across, P) for P in covariances], axis=0)
+    sigma = np.min([_largest_sigma(across, P.covariance[:, :3, :3]) for P in known], axis=0)
     return np.asarray(np.minimum(sigma[1:], sigma[:-1]) > _UNKNOWN_RAD)
 
 

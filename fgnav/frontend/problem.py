@@ -31,6 +31,7 @@ from fgnav.graph.factors.antenna_phase import AntennaPhase
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.problem import Opening, SmoothingProblem
 from fgnav.graph.types.states import States
+from fgnav.process.prediction import Turning
 from fgnav.types.estimate import Consistency, Rejected
 from fgnav.types.flight import Flight, Imu
 from fgnav.types.integers import Integers
@@ -153,7 +154,7 @@ def build_problem(
     sensed = sense(flight, imu, stage.down, track.t_s, track.places_n_m, causal=causal)
     tags = of_tags(settings.calibration, flight)
     constants = _constants(flight, (*asked, *tags), sensed, stage)
-    motion, rate_notes = motion_of(flight, settings, (stage, track), constants)
+    motion, turning, rate_notes = motion_of(flight, settings, (stage, track), constants)
     earth = flight.origin.earth_rate_n_radps
     timed = timed_motion(imu, track.t_s, track.gravity_n_mps2, earth, causal=causal)
     phase, phase_notes, arcs = antenna_phase(
@@ -166,7 +167,7 @@ def build_problem(
     )
     problem = SmoothingProblem(
         t_s=track.t_s,
-        start=_start(stage, track, constants),
+        start=_start(stage, track, constants, turning),
         motion=motion,
         measurements=measurements_of(
             replace(_recorded(flight, stage, track, sensed, asked), timed=timed), constants
@@ -175,6 +176,7 @@ def build_problem(
         attitude_known=_measured_attitudes(stage),
         attitude_prior=attitude_prior(flight.initial, stage.start.R_nb[0]),
         phase=phase,
+        rate_known=turning is not None,
     )
     opened = replace(problem, phase=_phase_before_heading(phase, stage, track, constants))
     opening = open_heading(opened, stage, track, flight.initial)
@@ -311,14 +313,16 @@ def timed_motion(
     )
 
 
-def _start(stage: Aligned, track: Tracked, constants: Constants) -> States:
+def _start(stage: Aligned, track: Tracked, constants: Constants, turning: Turning | None) -> States:
     """Return where the search starts."""
     R_nb = stage.start.R_nb
     p_n_m, v_n_mps = moves_about(stage, track, R_nb)
     aux = np.zeros((len(track.t_s), 6 if stage.gyroscope else 12))
     bias_b_radps = stage.start.gyroscope_bias_b_radps
-    if not stage.gyroscope:
-        aux[:, 3:6] = stage.rates
+    if turning is not None:
+        valid = stage.start.valid
+        aux[:, 3:6] = np.where(valid[:, None], turning.rate_b_radps, stage.rates)
+        R_nb = np.where(valid[:, None, None], turning.R_nb, R_nb)
     elif bias_b_radps is not None:
         aux[:, 3:6] = bias_b_radps
     return States(R_nb=R_nb, p_n_m=p_n_m, v_n_mps=v_n_mps, aux=aux, constants=constants.start)

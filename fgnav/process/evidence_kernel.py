@@ -40,7 +40,9 @@ class Tape(NamedTuple):
     innovation: FloatArray  # (n, 3)
     share: FloatArray  # (n,), probability that the attitude is right
     use: IntArray  # (n,), what was done
-    rotation: FloatArray  # (n, 3, 3), covariance of the rotation after the epoch, rad2
+    covariance: FloatArray  # (n, 6, 6), of rotation and rate after the epoch, rad, rad/s
+    R_nb: FloatArray  # (n, 3, 3), after the epoch
+    rate: FloatArray  # (n, 3), after the epoch, rad/s
 
 
 def tape(n: int) -> Tape:
@@ -53,7 +55,9 @@ def tape(n: int) -> Tape:
         innovation=np.empty((n, 3)),
         share=np.empty(n),
         use=np.empty(n, dtype=np.int64),
-        rotation=np.empty((n, 3, 3)),
+        covariance=np.empty((n, 6, 6)),
+        R_nb=np.empty((n, 3, 3)),
+        rate=np.empty((n, 3)),
     )
 
 
@@ -141,7 +145,9 @@ def log_densities(
             _restart(P, covariance_rad2[k])
         if len(tape.share):
             tape.use[k] = done
-            put(P, tape.rotation[k])
+            put(P, tape.covariance[k])
+            put(R, tape.R_nb[k])
+            put(x, tape.rate[k : k + 1])
     return out
 
 

@@ -1,13 +1,24 @@
-"""How well a rotation is known between attitudes by the prior of the rate alone."""
+"""How a body turns by attitudes and its rate's prior, by those up to each time or by all."""
+
+from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
+from fgnav.geometry.rotations import exp, log, transpose
 from fgnav.process.attitude_series import AttitudeSeries, attitude_series
 from fgnav.process.evidence_kernel import PREDICT, Epochs, tape
 
 
-def predicted_rotation_covariance(
+class Turning(NamedTuple):
+    """Rotations and rates at n times, by attitudes."""
+
+    R_nb: FloatArray  # (n, 3, 3)
+    rate_b_radps: FloatArray  # (n, 3)
+    covariance: FloatArray  # (n, 6, 6), of both, body axes; infinite before the first attitude
+
+
+def filtered(
     t_s: FloatArray,
     R_nb: FloatArray,
     covariance_rad2: FloatArray,
@@ -15,11 +26,8 @@ def predicted_rotation_covariance(
     prior: tuple[FloatArray, FloatArray],
     *,
     past: int | None = None,
-) -> FloatArray:
-    """Return the covariance of each rotation given the attitudes up to it, (n, 3, 3), rad2.
-
-    Infinite before the first attitude. The process runs alike backwards in time: the same of
-    reversed arrays, times negated, is what the attitudes from there on tell.
+) -> Turning:
+    """Return each rotation and rate given the attitudes up to it; as given before the second one.
 
     Parameters
     ----------
@@ -33,8 +41,8 @@ def predicted_rotation_covariance(
     """
     rows = np.flatnonzero(valid)
     first, n = rows[0], len(t_s) - rows[0]
-    out = np.full((len(t_s), 3, 3), np.inf)
-    out[first] = covariance_rad2[first]
+    out = Turning(np.array(R_nb), np.zeros((len(t_s), 3)), np.full((len(t_s), 6, 6), np.inf))
+    out.covariance[first, :3, :3] = covariance_rad2[first]
     if n < 2 or len(rows) < 2:
         return out
     known = attitude_series(
@@ -54,5 +62,51 @@ def predicted_rotation_covariance(
     steps = tape(n)
     series = AttitudeSeries(epochs=epochs, mean_rate=known.mean_rate)
     series.log_densities(prior[0][first:], prior[1][first:], steps)
-    out[first + 1 :] = steps.rotation[1:]
+    out.R_nb[first + 1 :] = steps.R_nb[1:]
+    out.rate_b_radps[first + 1 :] = steps.rate[1:]
+    out.covariance[first + 1 :] = steps.covariance[1:]
+    return out
+
+
+def filtered_back(
+    t_s: FloatArray,
+    R_nb: FloatArray,
+    covariance_rad2: FloatArray,
+    valid: BoolArray,
+    prior: tuple[FloatArray, FloatArray],
+) -> Turning:
+    """Return the same given the attitudes from each time on: backwards the process runs alike."""
+    poles, variance = prior
+    back = filtered(
+        -t_s[::-1],
+        R_nb[::-1],
+        covariance_rad2[::-1],
+        valid[::-1],
+        (poles[::-1], variance[::-1]),
+    )
+    sign = np.repeat([1.0, -1.0], 3)  # rates are of the time that runs backwards
+    return Turning(
+        back.R_nb[::-1], -back.rate_b_radps[::-1], (back.covariance * np.outer(sign, sign))[::-1]
+    )
+
+
+def smoothed(before: Turning, after: Turning) -> Turning:
+    """Return rotations and rates by what is known up to each time and from there on, weighted.
+
+    An attitude at the time itself counts twice: a start for a search, and no estimate.
+    """
+    out = Turning(*(np.array(part) for part in before))
+    known = np.isfinite(after.covariance).all(axis=(1, 2))
+    first = known & ~np.isfinite(before.covariance).all(axis=(1, 2))
+    for part, other in zip(out, after, strict=True):
+        part[first] = other[first]
+    both = np.flatnonzero(known & ~first)
+    P = before.covariance[both]
+    gain = np.linalg.solve(P + after.covariance[both], P).swapaxes(1, 2)
+    turn = log(transpose(before.R_nb[both]) @ after.R_nb[both])
+    change = np.hstack([turn, after.rate_b_radps[both] - before.rate_b_radps[both]])
+    step = np.einsum("nij,nj->ni", gain, change)
+    out.R_nb[both] = before.R_nb[both] @ exp(step[:, :3])
+    out.rate_b_radps[both] += step[:, 3:]
+    out.covariance[both] = P - gain @ P
     return out

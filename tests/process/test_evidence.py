@@ -15,7 +15,7 @@ from fgnav.process.evidence import (
 from fgnav.process.evidence_kernel import UPDATE, Epochs
 from fgnav.process.evidence_kernel import log_densities as log_densities_of
 from fgnav.process.matern import integral, poles, transition
-from fgnav.process.prediction import predicted_rotation_covariance
+from fgnav.process.prediction import filtered
 from tests.process.chain import (
     DEG,
     drawn_attitudes,
@@ -204,7 +204,7 @@ def test_filter_is_compiled_for_one_layout_of_arrays(monkeypatch):
     series = attitude_series(t_s, R_nb, P, np.arange(10), 10)
     series.log_densities(poles(1.0), np.ones(3))
     prior = np.tile(poles(1.0), (9, 1)), np.asfortranarray(np.ones((9, 3)))
-    predicted_rotation_covariance(t_s, R_nb, P, np.ones(10, dtype=np.bool_), prior)
+    filtered(t_s, R_nb, P, np.ones(10, dtype=np.bool_), prior)
     assert len(kernel.signatures) == 1
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from fgnav.geometry.rotations import exp
 from fgnav.process.matern import integral, noise_factor, poles, stationary
-from fgnav.process.prediction import predicted_rotation_covariance
+from fgnav.process.prediction import filtered
 from tests.process.chain import DEG
 
 T_S = 0.1 * np.arange(120)
@@ -15,7 +15,7 @@ def covariances(valid, length_s=1.0, sigma=0.2, R_nb=None):
     R = np.tile(np.eye(3), (n, 1, 1)) if R_nb is None else R_nb
     P = np.tile(SIGMA**2 * np.eye(3), (n, 1, 1))
     prior = np.tile(poles(length_s), (n - 1, 1)), np.full((n - 1, 3), sigma**2)
-    return predicted_rotation_covariance(T_S, R, P, valid, prior)
+    return filtered(T_S, R, P, valid, prior).covariance[:, :3, :3]
 
 
 def test_a_gap_grows_as_the_process_predicts():

@@ -9,7 +9,7 @@ from fgnav.checks import BoolArray, FloatArray
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.motion import Motion
-from fgnav.graph.types.states import States
+from fgnav.graph.types.states import AUX, RATE, States
 
 if TYPE_CHECKING:
     from fgnav.graph.factors.antenna_phase import AntennaPhase
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 ROTATION_PRIOR_RAD = np.pi
 POSITION_PRIOR_M = 1e3
 VELOCITY_PRIOR_MPS = 1e3
+
+
+_RATE = slice(RATE.start - AUX, RATE.stop - AUX)  # columns of ``States.aux``
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -48,6 +51,8 @@ class SmoothingProblem:
     attitude_known : ndarray of bool, shape (n,)
         Keyframes whose ``start`` holds an attitude measured there; a window starts the others where
         the motion leads.
+    rate_known : bool
+        Whether there ``start`` holds the body's rate, too, told by attitudes up to there.
     attitude_prior : AttitudePrior or None
         None: next to nothing, about where the search starts.
     phase : AntennaPhase or None
@@ -62,6 +67,16 @@ class SmoothingProblem:
     attitude_known: BoolArray
     attitude_prior: AttitudePrior | None = None
     phase: "AntennaPhase | None" = None
+    rate_known: bool = False
+
+    def begun(self, row: int, led: States) -> States:
+        """Return where a window starts a keyframe to which the motion has led."""
+        if not self.attitude_known[row]:
+            return led
+        at = slice(row, row + 1)
+        if self.rate_known:
+            led.aux[:, _RATE] = self.start.aux[at, _RATE]
+        return led._replace(R_nb=self.start.R_nb[at])
 
     @property
     def width(self) -> int:

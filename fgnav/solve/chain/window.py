@@ -137,9 +137,7 @@ class ChainWindow:
         """Place a keyframe where its search starts."""
         at = problem.start.at(slice(row, row + 1))
         if len(self) and not self._keep:
-            known, at = at.R_nb, problem.motion.predict(self._newest, np.array([row - 1]))
-            if problem.attitude_known[row]:
-                at = at._replace(R_nb=known)
+            at = problem.begun(row, problem.motion.predict(self._newest, np.array([row - 1])))
         self._linear.append(problem, row, at)
         if problem.attitude_known[row]:
             self._is_slow = problem.t_s[row] - self._attitude_s > SLOW_S

@@ -1,7 +1,11 @@
-"""GTSAM's incremental fixed-lag smoother, told by number what leaves and what moves.
+"""GTSAM's incremental fixed-lag smoother, told by number what enters, what leaves and what moves.
 
 What GTSAM 4.3.0 asks of its callers, each measured:
 
+- What enters and what is linearised anew go into one update of its ISAM2, which eliminates in the
+  order of time: left to itself it begins at either end, and every second update then eliminates the
+  whole window. What leaves is at the end of the tree by that, and the smoother's own update, which
+  cannot take an order, only cuts it off: .4 ms where it took 20.
 - A keyframe's variables are stamped with its number and constants with the newest, and the lag is
   set before each update: what leaves is decided here, and no rounding of times takes part.
 - What is relinearised is decided here: ISAM2's own thresholds go by a variable's letter and want
@@ -80,34 +84,57 @@ class IncrementalSmoother:
         RuntimeError
             Of GTSAM, naming a variable that the data leave open.
         """
-        if relinearised:
-            self._relinearise(relinearised)
+        begin, self.end = self.end, end
         entered = values.keys()  # a list of keys, not a dict's
-        if self.oldest == 0 and not entered and graph.empty():
-            return
+        if entered or relinearised or not graph.empty():
+            self._isam.update(graph, values, self._parameters(relinearised, end - begin))
+            self._variables.update(entered)
+        if entered or self._leaving:
+            self._leave(begin)
+
+    def _parameters(self, relinearised: list[int], entering: int) -> gtsam.ISAM2UpdateParams:
+        """Return which keyframes are linearised anew, and in which order all are eliminated."""
+        parameters = gtsam.ISAM2UpdateParams()
+        if relinearised:
+            moved = {key for k in relinearised for key in self._layout.keyframe(k)}
+            staying = gtsam.KeyList()
+            for key in self._variables - moved:
+                staying.push_back(key)
+            parameters.force_relinearize, parameters.noRelinKeys = True, staying
+        parameters.constrainedKeys = self._order(entering + len(relinearised))
+        return parameters
+
+    def _order(self, touched: int) -> gtsam.KeyGroupMap:
+        """Return groups of variables, one eliminated after another: keyframes as they came.
+
+        There may be as many groups as variables in what is eliminated, which are at least those of
+        the keyframes that are touched.
+        """
+        last, groups = max(3 * touched - 1, 0), gtsam.KeyGroupMap()
+        for k in range(self.oldest, self.end):
+            for key in self._layout.keyframe(k):
+                groups.insert2(key, max(last + k - self.end, 0))
+        for key, (_, k) in self._arcs.items():  # with the last keyframe that needs them
+            groups.insert2(key, min(max(last + k - self.end, 0), last))
+        for key in self._constants:
+            groups.insert2(key, last)
+        return groups
+
+    def _leave(self, begin: int) -> None:
+        """Let GTSAM's smoother know keyframes from ``begin`` on, and marginalise what leaves."""
+        last = self.end - 1
         stamps: dict[SupportsInt | SupportsIndex, SupportsFloat | SupportsIndex] = {}
-        stamps.update(dict.fromkeys(self._constants, float(end - 1)))
-        for k in range(self.end, end):
+        stamps.update(dict.fromkeys(self._constants, float(last)))
+        for k in range(begin, self.end):
             stamps.update(dict.fromkeys(self._layout.keyframe(k), float(k)))
-        for key, (_, last) in self._arcs.items():
-            stamps[key] = float(min(last, end - 1))
-        self._smoother.setSmootherLag(float(end - 1 - self.oldest))
-        self._smoother.update(graph, values, stamps)
-        self._variables.update(entered)
+        for key, (_, k) in self._arcs.items():
+            stamps[key] = float(min(k, last))
+        self._smoother.setSmootherLag(float(last - self.oldest))
+        self._smoother.update(gtsam.NonlinearFactorGraph(), gtsam.Values(), stamps)
         self._variables.difference_update(self._leaving)
         for key in self._leaving & self._arcs.keys():
             del self._arcs[key]
         self._leaving.clear()
-        self.end = end
-
-    def _relinearise(self, numbers: list[int]) -> None:
-        """Linearise keyframes anew where they are estimated."""
-        moved = {key for k in numbers for key in self._layout.keyframe(k)}
-        parameters, staying = gtsam.ISAM2UpdateParams(), gtsam.KeyList()
-        for key in self._variables - moved:
-            staying.push_back(key)
-        parameters.force_relinearize, parameters.noRelinKeys = True, staying
-        self._isam.update(gtsam.NonlinearFactorGraph(), gtsam.Values(), parameters)
 
     def marginalise(self, oldest: int) -> None:
         """Leave out keyframes before ``oldest`` by the next update; what they tell stays."""

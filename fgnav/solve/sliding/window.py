@@ -178,13 +178,10 @@ class FixedLag:
             self._entering.own(factor, number - self._linear.oldest)
 
     def _start(self, problem: SmoothingProblem, row: int) -> States:
-        at = slice(row, row + 1)
         if self._keep:
-            return problem.start.at(at)
+            return problem.start.at(slice(row, row + 1))
         ahead = problem.motion.predict(self._newest, np.array([row - 1]))
-        if problem.attitude_known[row]:
-            ahead = ahead._replace(R_nb=problem.start.R_nb[at])
-        return ahead
+        return problem.begun(row, ahead)
 
     def _solve(self) -> None:
         """Update GTSAM's smoother with what has come; what has left is marginalised by that."""
