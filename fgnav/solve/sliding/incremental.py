@@ -62,6 +62,7 @@ class IncrementalSmoother:
         self._variables: set[int] = set()
         self._arcs: dict[int, tuple[int, int]] = {}  # size, and the last keyframe that needs it
         self._leaving: set[int] = set()  # by the next update
+        self._stamped = oldest  # keyframes before it have a time in GTSAM's smoother
         self.oldest, self.end, self.is_chain = oldest, oldest, True
 
     def enter_arcs(self, key: int, size: int, begin: int) -> None:
@@ -84,13 +85,13 @@ class IncrementalSmoother:
         RuntimeError
             Of GTSAM, naming a variable that the data leave open.
         """
-        begin, self.end = self.end, end
+        entering, self.end = end - self.end, end
         entered = values.keys()  # a list of keys, not a dict's
         if entered or relinearised or not graph.empty():
-            self._isam.update(graph, values, self._parameters(relinearised, end - begin))
+            self._isam.update(graph, values, self._parameters(relinearised, entering))
             self._variables.update(entered)
-        if entered or self._leaving:
-            self._leave(begin)
+        if self._leaving:
+            self._leave()
 
     def _parameters(self, relinearised: list[int], entering: int) -> gtsam.ISAM2UpdateParams:
         """Return which keyframes are linearised anew, and in which order all are eliminated."""
@@ -120,13 +121,14 @@ class IncrementalSmoother:
             groups.insert2(key, last)
         return groups
 
-    def _leave(self, begin: int) -> None:
-        """Let GTSAM's smoother know keyframes from ``begin`` on, and marginalise what leaves."""
+    def _leave(self) -> None:
+        """Let GTSAM's smoother know keyframes that are new to it, and marginalise what leaves."""
         last = self.end - 1
         stamps: dict[SupportsInt | SupportsIndex, SupportsFloat | SupportsIndex] = {}
         stamps.update(dict.fromkeys(self._constants, float(last)))
-        for k in range(begin, self.end):
+        for k in range(self._stamped, self.end):
             stamps.update(dict.fromkeys(self._layout.keyframe(k), float(k)))
+        self._stamped = self.end
         for key, (_, k) in self._arcs.items():
             stamps[key] = float(min(k, last))
         self._smoother.setSmootherLag(float(last - self.oldest))
