@@ -126,10 +126,10 @@ def _truth_of(flight: Flight) -> Truth:
 
 def _rates_b_radps(truth: Truth, t_s: FloatArray) -> FloatArray:
     """Return true body rates against n, (n, 3)."""
-    ends = (np.clip(t_s + h, truth.t_s[0], truth.t_s[-1]) for h in (-_APART_S / 2, _APART_S / 2))
-    before, after = ends
+    before = np.clip(t_s - _APART_S / 2, truth.t_s[0], truth.t_s[-1] - _APART_S)
+    after = before + _APART_S
     turned = log(transpose(attitude_at(truth, before)[0]) @ attitude_at(truth, after)[0])
-    return np.asarray(turned / (after - before)[:, None])
+    return np.asarray(turned / _APART_S)
 
 
 def _with_prior(problem: SmoothingProblem, prior: RatePrior) -> SmoothingProblem:

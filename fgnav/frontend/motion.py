@@ -149,6 +149,11 @@ def _causal_priors(start: Alignment, sure: BoolArray) -> tuple[FloatArray, Float
     return poles[latest], variance[latest]
 
 
+def is_told(turning: Turning) -> BoolArray:
+    """Return at which times, (n,), attitudes tell rotations well enough to linearise there."""
+    return np.asarray(np.trace(turning.covariance[:, :3, :3], axis1=1, axis2=2) < _UNKNOWN_RAD**2)
+
+
 def _is_direction_unknown(stage: Aligned, known: tuple[Turning, ...]) -> BoolArray:
     """Return the intervals, (n - 1,), over which nobody knows where the specific force points.
 

@@ -21,7 +21,7 @@ from fgnav.frontend.causal.stages import causal_aligned
 from fgnav.frontend.gaps import gap_notes, spans
 from fgnav.frontend.heading_open import open_heading, until_motion
 from fgnav.frontend.measurements import Recorded, measurements_of
-from fgnav.frontend.motion import motion_of
+from fgnav.frontend.motion import is_told, motion_of
 from fgnav.frontend.position.live_arcs import EarlierArcs, antenna_phase
 from fgnav.frontend.sensors.sensed import Sensed, sense
 from fgnav.frontend.settings import ProblemSettings
@@ -320,9 +320,9 @@ def _start(stage: Aligned, track: Tracked, constants: Constants, turning: Turnin
     aux = np.zeros((len(track.t_s), 6 if stage.gyroscope else 12))
     bias_b_radps = stage.start.gyroscope_bias_b_radps
     if turning is not None:
-        valid = stage.start.valid
-        aux[:, 3:6] = np.where(valid[:, None], turning.rate_b_radps, stage.rates)
-        R_nb = np.where(valid[:, None, None], turning.R_nb, R_nb)
+        told = is_told(turning)
+        aux[:, 3:6] = np.where(told[:, None], turning.rate_b_radps, stage.rates)
+        R_nb = np.where(told[:, None, None], turning.R_nb, R_nb)
     elif bias_b_radps is not None:
         aux[:, 3:6] = bias_b_radps
     return States(R_nb=R_nb, p_n_m=p_n_m, v_n_mps=v_n_mps, aux=aux, constants=constants.start)

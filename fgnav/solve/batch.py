@@ -30,6 +30,7 @@ _ITERATIONS = 20
 _RELATIVE_COST = 1e-5  # a smaller change ends the search; Newton steps do the rest
 _ROUNDS = 2  # of motion preintegrated about the estimates, with a gyroscope
 _NEWTON_STEPS = 8
+_LEAST_SHARE = 0.01  # of a Newton step: what must be cut shorter leads nowhere
 # Of the cost, that another step promises at a minimum. In an outage a hundredth of a sigma breaks
 # the rows of the specific force: steps were small where the cost was 90 times the least.
 _LEVEL = 0.1
@@ -121,20 +122,34 @@ def _least_squares(
 
 
 def _newton(problem: SmoothingProblem, graph: gtsam.NonlinearFactorGraph, begin: States) -> Minimum:
-    """Return the minimum next to states, with covariances; not converged if there is none."""
+    """Return the minimum next to states, with covariances; not converged if there is none.
+
+    Along a valley that bends, steps are halved until they lead down it.
+    """
     factors = [graph.at(i) for i in range(graph.size())]
     n, b = len(problem.t_s), problem.constants.width
-    states, arcs, least, count = begin, None, np.inf, 0
+    states, values, count, share = begin, flight_values(problem, begin), 0, 1.0
+    cost = 2.0 * graph.error(values)
     while True:
-        values = flight_values(problem, states, arcs)
         linear = _linear(problem, factors, values)
         steps, constant_steps, arc_steps = linear.step()
-        known, cost = linear.marginals(), 2.0 * graph.error(values)
+        known = linear.marginals()
         is_least = linear.promised < _LEVEL and _is_small(steps, known.covariance)
-        if is_least or cost > least + _LEVEL or count == _NEWTON_STEPS:
+        if is_least or count == _NEWTON_STEPS:
             break
-        states, least, count = states.moved(steps, constant_steps), cost, count + 1
-        arcs = {key: values.atVector(key) + step for key, step in arc_steps.items()}
+        share, before = min(2 * share, 1.0), (states, values, cost)
+        while share > _LEAST_SHARE:
+            states = before[0].moved(share * steps, share * constant_steps)
+            arcs = {key: before[1].atVector(key) + share * step for key, step in arc_steps.items()}
+            values = flight_values(problem, states, arcs)
+            cost = 2.0 * graph.error(values)
+            if cost <= before[2]:
+                break
+            share /= 2
+        else:
+            states, values, cost = before
+            break
+        count += 1
     cost -= linear.promised if is_least else 0.0
     solution = Solution(
         states=states.moved(steps, constant_steps) if is_least else states,

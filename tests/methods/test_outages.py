@@ -104,11 +104,18 @@ def test_an_antenna_alone_still_gives_position():
     assert within_three_sigma(flight, estimate).mean() >= 0.99
 
 
-@pytest.mark.parametrize("method", [Batch(), Smoother(), Forward()], ids=lambda one: one.name)
-def test_fifteen_seconds_without_satellites_are_solved_by_every_method(method):
-    """A detector sees a beacon all along; its line of sight leaves the roll to the body's swing."""
+@pytest.mark.parametrize(
+    ("method", "seed"),
+    [(Batch(), 20_001), (Smoother(), 20_001), (Forward(), 20_001), (Batch(), 20_104)],
+    ids=lambda one: getattr(one, "name", one),
+)
+def test_fifteen_seconds_without_satellites_are_solved_by_every_method(method, seed):
+    """A detector sees a beacon all along; its line of sight leaves the roll to the body's swing.
+
+    Along the valley of the second flight the cost bends before a whole Newton step ends.
+    """
     gap = OutageTable(from_s=30.0, until_s=45.0)
-    flight = simulate(scenario("beacon", 50.0, outages=(gap,)), np.random.default_rng(20_001))
+    flight = simulate(scenario("beacon", 50.0, outages=(gap,)), np.random.default_rng(seed))
     estimate = method(flight)
     assert estimate.converged
     error, P = errors_rad(flight, estimate), estimate.attitude_covariance_rad2

@@ -91,6 +91,19 @@ def test_keyframes_a_second_apart_are_relinearised_at_once() -> None:
     assert sigmas_apart(batch, window) < SIGMAS
 
 
+def test_an_update_eliminates_what_enters_and_not_the_whole_window() -> None:
+    """A second of keyframes enters, and the one before it is linearised anew: of eight, two."""
+    problem, _ = flight(8.0)
+    window, counts = FixedLag(20.0), []
+    for row in range(len(problem.t_s)):
+        updates = window.updates
+        window.update(problem, row)
+        if window.updates > updates:
+            counts.append(window._alive.eliminated)
+    assert len(problem.t_s) == 81
+    assert max(counts[2:]) <= 3 * 22 + 2
+
+
 def test_kept_linearisation_stays_at_the_start() -> None:
     problem, _ = flight(3.0, gyroscope=True)
     window = FixedLag(10.0, keep_linearisation=True)

@@ -23,17 +23,18 @@ from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock
 def phase_innovations(phase: AntennaPhase) -> tuple[FloatArray, IntArray]:
     """Return the innovation squared of each epoch, (k,), and its degrees of freedom, (k,)."""
     squared, freedom = np.zeros(len(phase.row)), np.zeros(len(phase.row), dtype=np.int64)
-    root, last = np.zeros((0, phase.blocks[0].before.shape[1] + 1)), -1
+    root, last, known = np.zeros((0, phase.blocks[0].before.shape[1] + 1)), -1, 0
     for i, (G, H, z) in enumerate(phase.rows):
         while last < phase.block[i] - phase.first_block:
             last += 1
             root = _led_on(root, phase.blocks[last])
+            known = _rank(root)
         across = np.linalg.qr(G, mode="complete")[0][:, 3:]
         seen = np.column_stack([across.T @ H, across.T @ z])
-        before = _rank(root)
         root, squared[i] = _triangular(np.vstack([root, seen]))
-        whole = before == root.shape[1] - 1  # nothing is open that these rows could tell
-        freedom[i] = len(seen) + before - (before if whole else _rank(root))
+        before, whole = known, known == root.shape[1] - 1  # nothing is open that they could tell
+        known = known if whole else _rank(root)
+        freedom[i] = len(seen) + before - known
     return squared, freedom
 
 

@@ -16,7 +16,7 @@ from fgnav.solve.chain.linear import Links, linearise
 from fgnav.solve.failures import weakest_state
 
 _CHUNK = 256  # keyframes linearised at once: 4 MB
-_ITERATIONS = 100
+_ITERATIONS = 300  # in outages a search creeps along a valley: 143 where it took most
 _STEP_SIGMAS = 0.01  # a next Newton step below this share of every sigma: it is a minimum
 _NEAR = 1.0  # promised decreases below it shrink with their square, as Newton's do
 _DAMPING, _MOST_DAMPING = 0.1, 1e8  # 1/rad2, first and last of Levenberg's on rotations

@@ -47,6 +47,8 @@ class IncrementalSmoother:
         Keyframes ``oldest`` to ``end - 1`` are in it.
     is_chain : bool
         Whether no factor has yet joined other keyframes than neighbours.
+    eliminated : int
+        Variables that the last update eliminated.
     """
 
     def __init__(self, layout: Layout, oldest: int = 0) -> None:
@@ -64,6 +66,7 @@ class IncrementalSmoother:
         self._leaving: set[int] = set()  # by the next update
         self._stamped = oldest  # keyframes before it have a time in GTSAM's smoother
         self.oldest, self.end, self.is_chain = oldest, oldest, True
+        self.eliminated = 0
 
     def enter_arcs(self, key: int, size: int, begin: int) -> None:
         """Let arcs begin with the next update, at a keyframe; those before them end there."""
@@ -88,7 +91,8 @@ class IncrementalSmoother:
         entering, self.end = end - self.end, end
         entered = values.keys()  # a list of keys, not a dict's
         if entered or relinearised or not graph.empty():
-            self._isam.update(graph, values, self._parameters(relinearised, entering))
+            done = self._isam.update(graph, values, self._parameters(relinearised, entering))
+            self.eliminated = done.getVariablesReeliminated()
             self._variables.update(entered)
         if self._leaving:
             self._leave()
