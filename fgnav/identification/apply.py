@@ -106,8 +106,8 @@ def findings(
     if told is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
     found, moved = told
-    requests = _requests(settings.calibration, found, moved)
-    if not found.used.any() and requests == settings.calibration:
+    requests = _requests(flight, settings.calibration, found, moved)
+    if not (found.used.any() or moved.any()) and requests == settings.calibration:
         return None
     notes = (*noise_notes(flight, found), *constant_notes(found, moved, requests))
     middle_s = _middle_s(flight)
@@ -201,7 +201,10 @@ def _identified(
     moved = moved + found.times.value[:2]
     moved_flight = _moved(flight, moved, middle_s)
     again = build(moved_flight, settings)
-    return identify(moved_flight, again.problem, again.timed, extra, found.factors), moved
+    found = identify(moved_flight, again.problem, again.timed, extra, found.factors)
+    if flight.observations is None:
+        return found, moved
+    return found.on_time(), moved + found.times.value[:2]  # nothing is left to estimate
 
 
 def _extra(flight: Flight, settings: ProblemSettings) -> tuple[FlightConstant, ...]:
@@ -226,9 +229,14 @@ def _with_exact_tags(flight: Flight) -> Flight:
 
 
 def _far(flight: Flight, times: Times) -> bool:
-    """Return whether the clock is off by so much that states are carried too far."""
+    """Return whether the clock is off by so much that states are carried too far.
+
+    Or at all, of raw observations: phases of arcs take tags as exact.
+    """
     if flight.imu is None or not times.significant[:2].any():
         return False
+    if flight.observations is not None:
+        return True
     half_s = (flight.imu.t_s[-1] - flight.imu.t_s[0]) / 2
     return bool(abs(times.value[0]) + PPM * abs(times.value[1]) * half_s > _MOVED_S)
 
@@ -247,7 +255,7 @@ def _moved(flight: Flight, by: np.ndarray, middle_s: float) -> Flight:
 
 
 def _requests(
-    asked: tuple[CalibrationRequest, ...], found: Identified, moved: np.ndarray
+    flight: Flight, asked: tuple[CalibrationRequest, ...], found: Identified, moved: np.ndarray
 ) -> tuple[CalibrationRequest, ...]:
     """Return what is asked for, with what was found not to be zero."""
     kinds = {one.kind: one for one in asked}
@@ -255,7 +263,7 @@ def _requests(
     significant = times.significant
     wanted = {
         "lever-arm": found.arm is not None and found.arm.significant,
-        "clock": bool(moved.any() or significant[:2].any()),
+        "clock": flight.observations is None and bool(moved.any() or significant[:2].any()),
         "velocity-delay": bool(significant[2]),
     }
     for kind, needed in wanted.items():

@@ -7,7 +7,7 @@ so. The offset and the rate of the inertial unit's clock, and the delay of fix v
 constants of the same chain: its solution is a Newton step of their likelihood.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -107,6 +107,11 @@ class Identified:
         """Factors of the unit's stated white noises that would be louder than any noise."""
         rows = np.flatnonzero(self.is_no_noise).tolist()
         return {self.names[i]: float(self.factor[i]) for i in rows}
+
+    def on_time(self) -> "Identified":
+        """Return the same with the unit's clock corrected by what it is off."""
+        value = np.concatenate([[0.0, 0.0], self.times.value[2:]])
+        return replace(self, times=replace(self.times, value=value))
 
     @property
     def factors(self) -> dict[str, float]:
