@@ -18,6 +18,7 @@ from fgnav.frontend.problem import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.delayed import PPM
 from fgnav.graph.types.constants import FlightConstant
+from fgnav.identification.array_places import places_of, with_reference
 from fgnav.identification.identify import EXCLUDED, Identified, identify
 from fgnav.identification.notes import constant_notes, noise_notes
 from fgnav.identification.stated import with_factors
@@ -40,6 +41,7 @@ class Findings(NamedTuple):
     notes: tuple[str, ...]
     tests: tuple[Consistency, ...] = ()
     middle_s: float = 0.0  # of the record that says so: the offset holds there
+    reference: int = 0  # antenna against which the array's others are
 
 
 def with_identified_noise(
@@ -75,6 +77,7 @@ def with_findings(
 ) -> PreparedFlight:
     """Return the problem of a flight with noise and times as found."""
     better = with_factors(_moved(flight, found.moved, found.middle_s), found.factors)
+    better = with_reference(better, found.reference)
     changed = build(better, replace(settings, calibration=found.calibration))
     return replace(changed, notes=(*changed.notes, *found.notes))
 
@@ -96,6 +99,12 @@ def findings(
     exact = _with_exact_tags(flight)
     if exact is not flight:  # the clock is tested whatever its doubt
         flight, prepared = exact, build(exact, settings)
+    stated = settings.calibration
+    places = places_of(flight, stated, prepared)
+    if places.requests:
+        settings = replace(settings, calibration=(*stated, *places.requests))
+        flight = with_reference(flight, places.reference)
+        prepared = build(flight, settings)
     problem = prepared.problem
     measured = np.zeros(len(problem.t_s), dtype=np.bool_)
     for one in problem.measurements:
@@ -107,11 +116,12 @@ def findings(
         raise NoSolutionError("nothing tells the heading")
     found, moved = told
     requests = _requests(flight, settings.calibration, found, moved)
-    if not (found.used.any() or moved.any()) and requests == settings.calibration:
+    if not (found.used.any() or moved.any()) and requests == stated:
         return None
-    notes = (*noise_notes(flight, found), *constant_notes(found, moved, requests))
+    notes = (*places.notes, *noise_notes(flight, found), *constant_notes(found, moved, requests))
     middle_s = _middle_s(flight)
-    return Findings(found.factors, moved, requests, notes, _tests(flight, found), middle_s)
+    tests = _tests(flight, found)
+    return Findings(found.factors, moved, requests, notes, tests, middle_s, places.reference)
 
 
 def _tests(flight: Flight, found: Identified) -> tuple[Consistency, ...]:
