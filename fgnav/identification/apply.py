@@ -116,11 +116,11 @@ def findings(
         raise NoSolutionError("nothing tells the heading")
     found, moved = told
     requests = _requests(flight, settings.calibration, found, moved)
-    if not (found.used.any() or moved.any()) and requests == stated:
+    tests = (*places.tests, *_tests(flight, found))
+    if not (found.used.any() or moved.any() or tests) and requests == stated:
         return None
     notes = (*places.notes, *noise_notes(flight, found), *constant_notes(found, moved, requests))
     middle_s = _middle_s(flight)
-    tests = _tests(flight, found)
     return Findings(found.factors, moved, requests, notes, tests, middle_s, places.reference)
 
 

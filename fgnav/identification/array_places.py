@@ -5,9 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fgnav.attitude.array import maximum_likelihood
+from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.checks import FloatArray
 from fgnav.frontend.array.misplaced import misplaced
 from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests
 from fgnav.frontend.problem import PreparedFlight
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.estimate import Consistency, Contradiction
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
 
@@ -23,11 +28,14 @@ class Places(NamedTuple):
         Antenna against which the others are: one that is at its place.
     requests : tuple of CalibrationRequest
     notes : tuple of str
+    tests : tuple of Consistency
+        Of phases that no misplaced antenna and no noise explains.
     """
 
     reference: int
     requests: tuple[CalibrationRequest, ...]
     notes: tuple[str, ...]
+    tests: tuple[Consistency, ...]
 
 
 def places_of(
@@ -49,7 +57,28 @@ def places_of(
             f"x_b, y_b, z_b (± {sigma_m} m); estimated with the flight."
         )
     reference = min(set(range(len(flight.antennas))) - off, default=0)
-    return Places(reference, tuple(requests), tuple(notes))
+    tests = () if found or prepared.array is None else _tests(*prepared.array)
+    return Places(reference, tuple(requests), tuple(notes), tests)
+
+
+def _tests(differences: DoubleDifferences, ranges_m: FloatArray) -> tuple[Consistency, ...]:
+    """Return by how much phases of most epochs contradict each other, where that is no noise."""
+    attitude = maximum_likelihood(RotationQuadratic.of_ranges(differences, ranges_m))
+    nis, freedom = attitude.misfit(), int(attitude.degrees_of_freedom[attitude.solved].sum())
+    if nis == 1.0:
+        return ()
+    begin_s, end_s = float(differences.t_s[0]), float(differences.t_s[-1])
+    span = Contradiction(from_s=begin_s, until_s=end_s, freedom=freedom, nis=nis, throughout=True)
+    return (
+        Consistency(
+            what="array",
+            count=int(attitude.solved.sum()),
+            freedom=freedom,
+            nis=nis,
+            beyond_99=1.0,
+            contradictions=(span,),
+        ),
+    )
 
 
 def with_reference(flight: Flight, reference: int) -> Flight:

@@ -16,6 +16,7 @@ from fgnav.checks import FloatArray
 from fgnav.frontend.array.shape import baseline_information
 from fgnav.geometry.rotations import skew
 from fgnav.graph.correlation import correlated
+from fgnav.graph.innovation.band import TOLERATED
 from fgnav.types.differences import DoubleDifferences
 
 _SQUARES = 22.1  # chi-square of three beyond what is no chance, 6e-5: as of the lever arm
@@ -50,7 +51,7 @@ def misplaced(differences: DoubleDifferences, ranges_m: FloatArray) -> tuple[Mis
         if best.squares - (0.0 if fit is None else fit.squares) <= _SQUARES * best.noise:
             break
         found, fit = list(best.antennas), best
-    if fit is None:
+    if fit is None or fit.noise > TOLERATED:  # something else is wrong, too
         return ()
     return tuple(
         Misplaced(a, fit.off_m[3 * i : 3 * i + 3], fit.sigma_m[3 * i : 3 * i + 3])
