@@ -18,8 +18,10 @@ from fgnav.frontend.problem import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.delayed import PPM
 from fgnav.graph.types.constants import FlightConstant
+from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.array_places import places_of, with_reference
 from fgnav.identification.identify import EXCLUDED, Identified, identify
+from fgnav.identification.likelihood.beside_phases import louder
 from fgnav.identification.notes import constant_notes, noise_notes
 from fgnav.identification.stated import with_factors
 from fgnav.identification.tested_constants import Times
@@ -116,6 +118,10 @@ def findings(
         raise NoSolutionError("nothing tells the heading")
     found, moved = told
     requests = _requests(flight, settings.calibration, found, moved)
+    if problem.phase is not None:
+        is_as_it_was = not (found.used.any() or moved.any()) and requests == settings.calibration
+        begin = problem if is_as_it_was else None
+        found = _beside_phases(flight, settings, found, (moved, requests), build, begin)
     tests = (*places.tests, *_tests(flight, found))
     if not (found.used.any() or moved.any() or tests) and requests == stated:
         return None
@@ -150,6 +156,26 @@ def _tests(flight: Flight, found: Identified) -> tuple[Consistency, ...]:
             )
         )
     return tuple(tests)
+
+
+def _beside_phases(
+    flight: Flight,
+    settings: ProblemSettings,
+    found: Identified,
+    of_time: tuple[FloatArray, tuple[CalibrationRequest, ...]],
+    build: Build,
+    begin: SmoothingProblem | None,
+) -> Identified:
+    """Return what is found, with the unit as loud as the phases of arcs show it."""
+    moved, requests = of_time
+    settings = replace(settings, calibration=requests)
+
+    def changed(factors: dict[str, float]) -> SmoothingProblem:
+        noise = found.times_louder(factors).factors
+        better = with_factors(_moved(flight, moved, _middle_s(flight)), noise)
+        return build(better, settings).problem
+
+    return found.times_louder(louder(changed({}) if begin is None else begin, changed))
 
 
 def _likeliest(

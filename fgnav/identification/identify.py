@@ -108,6 +108,14 @@ class Identified:
         rows = np.flatnonzero(self.is_no_noise).tolist()
         return {self.names[i]: float(self.factor[i]) for i in rows}
 
+    def times_louder(self, by: dict[str, float]) -> "Identified":
+        """Return the same with some noises louder by factors than found, or stated if not used."""
+        times = np.array([by.get(name, 1.0) for name in self.names])
+        found = np.where(self.used, self.factor, 1.0)
+        louder = times != 1.0
+        factor = np.where(louder, found * times, self.factor)
+        return replace(self, factor=factor, used=self.used | louder)
+
     def on_time(self) -> "Identified":
         """Return the same with the unit's clock corrected by what it is off."""
         value = np.concatenate([[0.0, 0.0], self.times.value[2:]])

@@ -1,8 +1,8 @@
 """Antennas that are not where the flight states, by the fixed phases of the array alone.
 
 Of each epoch's baselines u in ``n`` phases say ``|u - minimum|^2`` by J (``shape``); the attitude
-that fits best takes part of a misplacement c of some antennas, the same in body axes all along. What
-is left of it are a score g = dL/dc and its information N, summed over epochs: g' N^-1 g is
+that fits best takes part of a misplacement c of some antennas, the same in body axes all along.
+What is left of it are a score g = dL/dc and its information N, summed over epochs: g' N^-1 g is
 chi-square where all antennas are where they are said to be.
 """
 
@@ -33,7 +33,7 @@ class Misplaced(NamedTuple):
 
 
 def misplaced(differences: DoubleDifferences, ranges_m: FloatArray) -> tuple[Misplaced, ...]:
-    """Return the antennas that are off, found one by one, the surest first; none where all are right.
+    """Return the antennas that are off, found one by one, the surest first.
 
     Parameters
     ----------
@@ -44,7 +44,8 @@ def misplaced(differences: DoubleDifferences, ranges_m: FloatArray) -> tuple[Mis
     scores = _scores(differences, ranges_m)
     if scores is None:
         return ()
-    antennas, found, fit = len(differences.baselines_b_m) + 1, [], None
+    antennas, fit = len(differences.baselines_b_m) + 1, None
+    found: list[int] = []
     while len(found) < antennas - 1:
         fits = [_fit(scores, [*found, a]) for a in range(antennas) if a not in found]
         best = max(fits, key=lambda one: one.squares)
