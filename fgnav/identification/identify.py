@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.graph.correlation import correlated
@@ -250,10 +251,13 @@ def _as_stated(flight: _Flight) -> _AsStated | None:
     constants = states.constants + score.constant_steps
     times = times_of(flight.problem.constants, constants, score)
     arm = arm_of(flight.problem.constants, constants, score)
+    # What is left of all measurements is chi-square, whatever is wrong: a bias beyond its sigma, too.
     # One step is short of a factor far below one: whatever two sigmas speak against is searched.
     nothing = np.zeros(len(theta), dtype=np.bool_)
     doubted = (np.abs(theta) > _DOUBTED * sigma) & ~_quiet(chain, theta)
     doubted |= _with_correlation(chain, score, theta, nothing)[1]
+    rows = sum(int(one.freedom.sum()) for one in flight.problem.measurements)
+    misfits = score.cost - score.promised > chdtri(rows, FALSE_ALARM)
     told = Identified(
         names=chain.names,
         factor=np.ones(len(theta)),
@@ -266,7 +270,7 @@ def _as_stated(flight: _Flight) -> _AsStated | None:
         likelihood=score.log_likelihood,
     )
     is_off = times.significant.any() or (arm is not None and arm.significant)
-    return _AsStated(told, bool(doubted.any()), bool(is_off))
+    return _AsStated(told, bool(misfits or doubted.any()), bool(is_off))
 
 
 def _unless_an_instrument(
