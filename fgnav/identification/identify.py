@@ -251,7 +251,7 @@ def _as_stated(flight: _Flight) -> _AsStated | None:
     constants = states.constants + score.constant_steps
     times = times_of(flight.problem.constants, constants, score)
     arm = arm_of(flight.problem.constants, constants, score)
-    # What is left of all measurements is chi-square, whatever is wrong: a bias beyond its sigma, too.
+    # What is left of all measurements is chi-square: a bias beyond its sigma shows there alone.
     # One step is short of a factor far below one: whatever two sigmas speak against is searched.
     nothing = np.zeros(len(theta), dtype=np.bool_)
     doubted = (np.abs(theta) > _DOUBTED * sigma) & ~_quiet(chain, theta)

@@ -17,6 +17,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.graph.innovation.band import TOLERATED
@@ -24,11 +25,12 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.begin import ABOVE, WHITE
 from fgnav.identification.likelihood.linear_chain import LinearChain
 from fgnav.identification.tested_constants import SIGMAS
+from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.solve.chain import solve_batch
 
 _ROUNDS = 20  # of noise at states, and states at noise
-_SETTLED = 0.1  # of theta: 10 % of a standard deviation
-_MOST_STEP = 1.2  # of theta, as of ``likelihood.search``
+_MOST_STEP = 1.2  # of theta, as of ``search``
+_SETTLED = 0.03  # of theta: 3 % of a standard deviation, as there
 
 
 def louder(
@@ -44,7 +46,7 @@ def louder(
         From factors to the problem with these.
     """
     found = _scored(problem)
-    if found is None or not found.is_beyond(found.theta).any():
+    if found is None or not (found.misfits or found.is_beyond(found.theta).any()):
         return {}
     theta = np.full(len(found.names), np.log(ABOVE))  # whoever is faint takes nothing
     for _ in range(_ROUNDS):
@@ -70,6 +72,7 @@ class _Scored(NamedTuple):
     names: tuple[str, ...]
     theta: FloatArray
     sigma: FloatArray
+    misfits: bool  # whether all that is left of the measurements is beyond chance
 
     def is_beyond(self, theta: FloatArray) -> BoolArray:
         """Return which of some logarithms are contradictions, (c,)."""
@@ -90,4 +93,15 @@ def _scored(problem: SmoothingProblem) -> _Scored | None:
     own = [i for i, name in enumerate(parts.names) if name in WHITE]
     theta = np.log(squares[own].clip(1e-6) / redundancy[own].clip(1e-6)) / 2
     sigma = 1 / np.sqrt(((np.diag(4 * information) + 2 * redundancy) / 2)[own].clip(1e-6))
-    return _Scored(tuple(parts.names[i] for i in own), theta, sigma)
+    misfits = solution.cost > chdtri(_rows(problem), FALSE_ALARM)
+    return _Scored(tuple(parts.names[i] for i in own), theta, sigma, bool(misfits))
+
+
+def _rows(problem: SmoothingProblem) -> int:
+    """Return how many measurements there are beside as many as states, constants and arcs."""
+    rows = sum(int(one.freedom.sum()) for one in problem.measurements)
+    phase = problem.phase
+    if phase is not None:
+        rows += int(phase.freedom.sum())
+        rows += sum(len(one.right) - one.size for one in phase.blocks)
+    return rows
