@@ -22,6 +22,7 @@ from scipy.special import chdtri
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.graph.innovation.band import TOLERATED
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import States
 from fgnav.identification.begin import ABOVE, WHITE
 from fgnav.identification.likelihood.linear_chain import LinearChain
 from fgnav.identification.tested_constants import SIGMAS
@@ -50,7 +51,7 @@ def louder(
         return {}
     theta = np.full(len(found.names), np.log(ABOVE))  # whoever is faint takes nothing
     for _ in range(_ROUNDS):
-        found = _scored(changed(_factors(found.names, theta)))
+        found = _scored(changed(_factors(found.names, theta)), found.states)
         if found is None:
             return {}
         step = found.theta.clip(-_MOST_STEP, _MOST_STEP)
@@ -72,6 +73,7 @@ class _Scored(NamedTuple):
     names: tuple[str, ...]
     theta: FloatArray
     sigma: FloatArray
+    states: States
     misfits: bool  # whether all that is left of the measurements is beyond chance
 
     def is_beyond(self, theta: FloatArray) -> BoolArray:
@@ -79,10 +81,10 @@ class _Scored(NamedTuple):
         return np.asarray((2 * theta > np.log(TOLERATED)) & (theta > SIGMAS * self.sigma))
 
 
-def _scored(problem: SmoothingProblem) -> _Scored | None:
-    """Return the fixed point's next step at one linearisation; None without a minimum."""
+def _scored(problem: SmoothingProblem, begin: States | None = None) -> _Scored | None:
+    """Return the fixed point's next step at a minimum, sought from states; None without one."""
     try:
-        solution = solve_batch(problem)
+        solution = solve_batch(problem, begin=begin)
     except NoSolutionError:
         return None
     if not solution.converged:
@@ -94,7 +96,7 @@ def _scored(problem: SmoothingProblem) -> _Scored | None:
     theta = np.log(squares[own].clip(1e-6) / redundancy[own].clip(1e-6)) / 2
     sigma = 1 / np.sqrt(((np.diag(4 * information) + 2 * redundancy) / 2)[own].clip(1e-6))
     misfits = solution.cost > chdtri(_rows(problem), FALSE_ALARM)
-    return _Scored(tuple(parts.names[i] for i in own), theta, sigma, bool(misfits))
+    return _Scored(tuple(parts.names[i] for i in own), theta, sigma, solution.states, bool(misfits))
 
 
 def _rows(problem: SmoothingProblem) -> int:
