@@ -1,4 +1,4 @@
-"""Inertial samples that no motion makes: all axes stuck, or one apart from both neighbours."""
+"""Inertial samples that no motion makes: axes stuck, held, or one apart from both neighbours."""
 
 from dataclasses import replace
 
@@ -20,6 +20,7 @@ _STUCK = "all axes repeat the sample before, more often than by chance: left out
 
 def without_faulty(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     """Return a record without samples of a stuck unit, and without spikes, and their numbers."""
+    imu, held = without_held(imu)
     stuck, count, run = imu, 0, stuck_unit(imu)
     while run is not None:
         keep = np.ones(len(stuck.t_s), dtype=np.bool_)
@@ -30,7 +31,40 @@ def without_faulty(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     mended, losses = without_spikes(stuck)
     if count:
         losses = (Loss(what="inertial sample", reason=_STUCK, count=count), *losses)
-    return mended, losses
+    return mended, (*held, *losses)
+
+
+def without_held(imu: Imu, *, causal: bool = False) -> tuple[Imu, tuple[Loss, ...]]:
+    """Return a record without samples of a sensor that repeats all axes at even intervals.
+
+    Such a sensor is slower than its record and no later than what it repeats. Where most samples
+    repeat the one before, and most runs are as long as the run before: of samples that repeat by
+    chance or by coarse steps at most a third are. Causal: by samples up to each.
+    """
+    losses, kept = [], imu
+    for name, field in (("accelerometer", "f_b_mps2"), ("gyroscope", "w_b_radps")):
+        x = getattr(kept, field)
+        if x is None or len(x) < _FEWEST:
+            continue
+        held = _held(x, causal=causal)
+        if held.any():
+            reason = f"the {name} repeats the sample before at even intervals: left out"
+            losses.append(Loss(what="inertial sample", reason=reason, count=int(held.sum())))
+            kept = kept[~held]
+    return kept, tuple(losses)
+
+
+def _held(x: FloatArray, *, causal: bool) -> BoolArray:
+    """Return which samples, (k,), repeat at even intervals."""
+    same = np.append(False, (np.diff(x, axis=0) == 0).all(axis=1))
+    fresh = np.flatnonzero(~same)
+    runs = np.diff(fresh)  # each ends where the next is fresh
+    even, many = np.zeros(len(x)), np.zeros(len(x))
+    many[fresh[1:]], even[fresh[2:]] = 1.0, runs[1:] == runs[:-1]
+    repeats, even, many = np.cumsum(same), np.cumsum(even), np.cumsum(many)
+    k = np.arange(1, len(x) + 1)
+    is_held = (repeats > k / 2) & (even > many / 2) & (k >= _FEWEST)
+    return np.asarray(same & (is_held if causal else is_held[-1]))
 
 
 def stuck_unit(imu: Imu) -> tuple[int, int] | None:
@@ -67,6 +101,7 @@ def is_unlikely(length: int, share: float, n: int) -> bool:
 
 def without_stuck_so_far(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     """Return a record without samples that, by those up to each, are of a stuck unit."""
+    imu, held = without_held(imu, causal=True)
     x = imu.f_b_mps2 if imu.w_b_radps is None else np.hstack([imu.f_b_mps2, imu.w_b_radps])
     same = np.append(False, (np.diff(x, axis=0) == 0).all(axis=1))
     k = np.arange(len(x))
@@ -74,8 +109,9 @@ def without_stuck_so_far(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     share = (np.cumsum(same) - run + 1) / (k - run + 2)  # of those before the row
     stuck = (run > 1) & (run < k) & (k >= _FEWEST) & (k * share**run < _FALSE_ALARM)
     if not stuck.any():
-        return imu, ()
-    return imu[~stuck], (Loss(what="inertial sample", reason=_STUCK, count=int(stuck.sum())),)
+        return imu, held
+    stuck_loss = Loss(what="inertial sample", reason=_STUCK, count=int(stuck.sum()))
+    return imu[~stuck], (*held, stuck_loss)
 
 
 def without_spikes(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:

@@ -32,6 +32,7 @@ from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.problem import Opening, SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.process.prediction import Turning
+from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Consistency, Rejected
 from fgnav.types.flight import Flight, Imu
 from fgnav.types.integers import Integers
@@ -66,6 +67,8 @@ class PreparedFlight:
         What a filter is given in its place until the heading is known.
     tests : tuple of Consistency
         Of the inertial unit, where its noise was identified as more than any noise.
+    array : tuple of DoubleDifferences and ndarray, or None
+        Phases of the array, and what of them tells its attitudes, without integers.
     stretches : tuple of Stretch
         In place of all this, of a causal method whose noise is identified as the flight goes on.
     goes_on : Earlier or None
@@ -87,6 +90,7 @@ class PreparedFlight:
     opening: Opening | None = None
     in_motion: SmoothingProblem | None = None
     tests: tuple[Consistency, ...] = ()
+    array: tuple[DoubleDifferences, FloatArray] | None = None
     stretches: "tuple[Stretch, ...]" = ()
     goes_on: "Earlier | None" = None
 
@@ -208,6 +212,7 @@ def build_problem(
         windowed=windowed,
         opening=opening,
         in_motion=in_motion,
+        array=start.phases,
         goes_on=_goes_on(flight, stage, arcs),
     )
 

@@ -18,7 +18,10 @@ from fgnav.frontend.problem import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.delayed import PPM
 from fgnav.graph.types.constants import FlightConstant
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.identification.array_places import places_of, with_reference
 from fgnav.identification.identify import EXCLUDED, Identified, identify
+from fgnav.identification.likelihood.beside_phases import louder
 from fgnav.identification.notes import constant_notes, noise_notes
 from fgnav.identification.stated import with_factors
 from fgnav.identification.tested_constants import Times
@@ -40,6 +43,7 @@ class Findings(NamedTuple):
     notes: tuple[str, ...]
     tests: tuple[Consistency, ...] = ()
     middle_s: float = 0.0  # of the record that says so: the offset holds there
+    reference: int = 0  # antenna against which the array's others are
 
 
 def with_identified_noise(
@@ -75,6 +79,7 @@ def with_findings(
 ) -> PreparedFlight:
     """Return the problem of a flight with noise and times as found."""
     better = with_factors(_moved(flight, found.moved, found.middle_s), found.factors)
+    better = with_reference(better, found.reference)
     changed = build(better, replace(settings, calibration=found.calibration))
     return replace(changed, notes=(*changed.notes, *found.notes))
 
@@ -96,6 +101,12 @@ def findings(
     exact = _with_exact_tags(flight)
     if exact is not flight:  # the clock is tested whatever its doubt
         flight, prepared = exact, build(exact, settings)
+    stated = settings.calibration
+    places = places_of(flight, stated, prepared)
+    if places.requests:
+        settings = replace(settings, calibration=(*stated, *places.requests))
+        flight = with_reference(flight, places.reference)
+        prepared = build(flight, settings)
     problem = prepared.problem
     measured = np.zeros(len(problem.t_s), dtype=np.bool_)
     for one in problem.measurements:
@@ -106,12 +117,17 @@ def findings(
     if told is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
     found, moved = told
-    requests = _requests(settings.calibration, found, moved)
-    if not found.used.any() and requests == settings.calibration:
+    requests = _requests(flight, settings.calibration, found, moved)
+    if problem.phase is not None:
+        is_as_it_was = not (found.used.any() or moved.any()) and requests == settings.calibration
+        begin = problem if is_as_it_was else None
+        found = _beside_phases(flight, settings, found, (moved, requests), build, begin)
+    tests = (*places.tests, *_tests(flight, found))
+    if not (found.used.any() or moved.any() or tests) and requests == stated:
         return None
-    notes = (*noise_notes(flight, found), *constant_notes(found, moved, requests))
+    notes = (*places.notes, *noise_notes(flight, found), *constant_notes(found, moved, requests))
     middle_s = _middle_s(flight)
-    return Findings(found.factors, moved, requests, notes, _tests(flight, found), middle_s)
+    return Findings(found.factors, moved, requests, notes, tests, middle_s, places.reference)
 
 
 def _tests(flight: Flight, found: Identified) -> tuple[Consistency, ...]:
@@ -140,6 +156,26 @@ def _tests(flight: Flight, found: Identified) -> tuple[Consistency, ...]:
             )
         )
     return tuple(tests)
+
+
+def _beside_phases(
+    flight: Flight,
+    settings: ProblemSettings,
+    found: Identified,
+    of_time: tuple[FloatArray, tuple[CalibrationRequest, ...]],
+    build: Build,
+    begin: SmoothingProblem | None,
+) -> Identified:
+    """Return what is found, with the unit as loud as the phases of arcs show it."""
+    moved, requests = of_time
+    settings = replace(settings, calibration=requests)
+
+    def changed(factors: dict[str, float]) -> SmoothingProblem:
+        noise = found.times_louder(factors).factors
+        better = with_factors(_moved(flight, moved, _middle_s(flight)), noise)
+        return build(better, settings).problem
+
+    return found.times_louder(louder(changed({}) if begin is None else begin, changed))
 
 
 def _likeliest(
@@ -201,7 +237,10 @@ def _identified(
     moved = moved + found.times.value[:2]
     moved_flight = _moved(flight, moved, middle_s)
     again = build(moved_flight, settings)
-    return identify(moved_flight, again.problem, again.timed, extra, found.factors), moved
+    found = identify(moved_flight, again.problem, again.timed, extra, found.factors)
+    if flight.observations is None:
+        return found, moved
+    return found.on_time(), moved + found.times.value[:2]  # nothing is left to estimate
 
 
 def _extra(flight: Flight, settings: ProblemSettings) -> tuple[FlightConstant, ...]:
@@ -226,9 +265,14 @@ def _with_exact_tags(flight: Flight) -> Flight:
 
 
 def _far(flight: Flight, times: Times) -> bool:
-    """Return whether the clock is off by so much that states are carried too far."""
+    """Return whether the clock is off by so much that states are carried too far.
+
+    Or at all, of raw observations: phases of arcs take tags as exact.
+    """
     if flight.imu is None or not times.significant[:2].any():
         return False
+    if flight.observations is not None:
+        return True
     half_s = (flight.imu.t_s[-1] - flight.imu.t_s[0]) / 2
     return bool(abs(times.value[0]) + PPM * abs(times.value[1]) * half_s > _MOVED_S)
 
@@ -247,7 +291,7 @@ def _moved(flight: Flight, by: np.ndarray, middle_s: float) -> Flight:
 
 
 def _requests(
-    asked: tuple[CalibrationRequest, ...], found: Identified, moved: np.ndarray
+    flight: Flight, asked: tuple[CalibrationRequest, ...], found: Identified, moved: np.ndarray
 ) -> tuple[CalibrationRequest, ...]:
     """Return what is asked for, with what was found not to be zero."""
     kinds = {one.kind: one for one in asked}
@@ -255,7 +299,7 @@ def _requests(
     significant = times.significant
     wanted = {
         "lever-arm": found.arm is not None and found.arm.significant,
-        "clock": bool(moved.any() or significant[:2].any()),
+        "clock": flight.observations is None and bool(moved.any() or significant[:2].any()),
         "velocity-delay": bool(significant[2]),
     }
     for kind, needed in wanted.items():

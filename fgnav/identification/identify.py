@@ -7,10 +7,11 @@ so. The offset and the rate of the inertial unit's clock, and the delay of fix v
 constants of the same chain: its solution is a Newton step of their likelihood.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.graph.correlation import correlated
@@ -107,6 +108,19 @@ class Identified:
         """Factors of the unit's stated white noises that would be louder than any noise."""
         rows = np.flatnonzero(self.is_no_noise).tolist()
         return {self.names[i]: float(self.factor[i]) for i in rows}
+
+    def times_louder(self, by: dict[str, float]) -> "Identified":
+        """Return the same with some noises louder by factors than found, or stated if not used."""
+        times = np.array([by.get(name, 1.0) for name in self.names])
+        found = np.where(self.used, self.factor, 1.0)
+        louder = times != 1.0
+        factor = np.where(louder, found * times, self.factor)
+        return replace(self, factor=factor, used=self.used | louder)
+
+    def on_time(self) -> "Identified":
+        """Return the same with the unit's clock corrected by what it is off."""
+        value = np.concatenate([[0.0, 0.0], self.times.value[2:]])
+        return replace(self, times=replace(self.times, value=value))
 
     @property
     def factors(self) -> dict[str, float]:
@@ -237,10 +251,13 @@ def _as_stated(flight: _Flight) -> _AsStated | None:
     constants = states.constants + score.constant_steps
     times = times_of(flight.problem.constants, constants, score)
     arm = arm_of(flight.problem.constants, constants, score)
+    # What is left of all measurements is chi-square: a bias beyond its sigma shows there alone.
     # One step is short of a factor far below one: whatever two sigmas speak against is searched.
     nothing = np.zeros(len(theta), dtype=np.bool_)
     doubted = (np.abs(theta) > _DOUBTED * sigma) & ~_quiet(chain, theta)
     doubted |= _with_correlation(chain, score, theta, nothing)[1]
+    rows = sum(int(one.freedom.sum()) for one in flight.problem.measurements)
+    misfits = score.cost - score.promised > chdtri(rows, FALSE_ALARM)
     told = Identified(
         names=chain.names,
         factor=np.ones(len(theta)),
@@ -253,7 +270,7 @@ def _as_stated(flight: _Flight) -> _AsStated | None:
         likelihood=score.log_likelihood,
     )
     is_off = times.significant.any() or (arm is not None and arm.significant)
-    return _AsStated(told, bool(doubted.any()), bool(is_off))
+    return _AsStated(told, bool(misfits or doubted.any()), bool(is_off))
 
 
 def _unless_an_instrument(

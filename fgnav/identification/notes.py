@@ -75,11 +75,12 @@ def constant_notes(
             "each, one against the other); both are estimated with the flight."
         )
         kinds = [one for one in kinds if one not in ("clock", "velocity-delay")]
-    if "clock" in kinds:
+    elif "clock" in kinds or moved.any():
+        then = "corrected, and estimated with the flight" if "clock" in kinds else "corrected"
         notes.append(
             f"The inertial unit's clock disagrees with GNSS: {value[0]:+.4f} ± {sigma[0]:.4f} s in "
             f"the middle of its record, to be added to its tags, and {value[1]:+.0f} ± "
-            f"{sigma[1]:.0f} ppm in rate; corrected, and estimated with the flight."
+            f"{sigma[1]:.0f} ppm in rate; {then}."
         )
     if "velocity-delay" in kinds:
         notes.append(

@@ -20,6 +20,7 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.motion import NoiseParts
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.identification.likelihood import chain_kernel
 from fgnav.solve.chain import back_kernel, kernel
@@ -133,6 +134,35 @@ class LinearChain:
         rows, linear, _ = self._sensors[self.names.index(name) - own]
         moved = np.einsum("kmd,kd->km", linear.state, score.steps[rows])
         return np.asarray(linear.value + moved + linear.shared @ score.constant_steps)
+
+    def motion_score(self, solution: Solution) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the motion's squares, redundancy, (c,), and information, (c, c), at a minimum.
+
+        That of more than this chain knows, about which it is linearised; noises as stated.
+        """
+        if solution.cross is None:
+            raise ValueError("solution: needs covariances of neighbours")
+        n, D = solution.covariance.shape[:2]
+        c, b = self._parts.shape[1], solution.constant_cross.shape[2]
+        motion, root = np.empty_like(self._motion), np.empty((n - 1, D, D))
+        variance = np.ones(c)
+        chain_kernel.whiten(self._motion, self._parts, self._rest, variance, motion, root)
+        out = np.zeros(c), np.zeros(c), np.zeros((c, c))
+        chain_kernel.motion_score(
+            motion,
+            root,
+            self._parts,
+            variance,
+            (np.zeros((n, D)), np.zeros(b)),
+            (
+                np.ascontiguousarray(solution.covariance),
+                np.ascontiguousarray(solution.cross),
+                np.ascontiguousarray(solution.constant_cross),
+                np.ascontiguousarray(solution.constant_covariance[-1]),
+            ),
+            out,
+        )
+        return out
 
     def score(self, theta: FloatArray, *, whole: bool = True) -> Score | None:
         """Return likelihood and derivatives at log factors on standard deviations, (c,).

@@ -1,0 +1,120 @@
+"""Antennas that are not where the flight states, by the fixed phases of the array alone.
+
+Of each epoch's baselines u in ``n`` phases say ``|u - minimum|^2`` by J (``shape``); the attitude
+that fits best takes part of a misplacement c of some antennas, the same in body axes all along.
+What is left of it are a score g = dL/dc and its information N, summed over epochs: g' N^-1 g is
+chi-square where all antennas are where they are said to be.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.attitude.array import maximum_likelihood
+from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.checks import FloatArray
+from fgnav.frontend.array.shape import baseline_information
+from fgnav.geometry.rotations import skew
+from fgnav.graph.correlation import correlated
+from fgnav.graph.innovation.band import TOLERATED
+from fgnav.types.differences import DoubleDifferences
+
+_SQUARES = 22.1  # chi-square of three beyond what is no chance, 6e-5: as of the lever arm
+_FEWEST = 30  # epochs, as of noise
+_OPEN = 1e-6  # relative eigenvalue: what the attitude takes wholly
+
+
+class Misplaced(NamedTuple):
+    """An antenna, the reference being 0, and by what it is off its place."""
+
+    antenna: int
+    off_b_m: FloatArray  # (3,)
+    sigma_m: FloatArray  # (3,)
+
+
+def misplaced(differences: DoubleDifferences, ranges_m: FloatArray) -> tuple[Misplaced, ...]:
+    """Return the antennas that are off, found one by one, the surest first.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+    ranges_m : ndarray, shape (n, b, m)
+        Without integers; NaN where there are none.
+    """
+    scores = _scores(differences, ranges_m)
+    if scores is None:
+        return ()
+    antennas, fit = len(differences.baselines_b_m) + 1, None
+    found: list[int] = []
+    while len(found) < antennas - 1:
+        fits = [_fit(scores, [*found, a]) for a in range(antennas) if a not in found]
+        best = max(fits, key=lambda one: one.squares)
+        if best.squares - (0.0 if fit is None else fit.squares) <= _SQUARES * best.noise:
+            break
+        found, fit = list(best.antennas), best
+    if fit is None or fit.noise > TOLERATED:  # something else is wrong, too
+        return ()
+    return tuple(
+        Misplaced(a, fit.off_m[3 * i : 3 * i + 3], fit.sigma_m[3 * i : 3 * i + 3])
+        for i, a in enumerate(fit.antennas)
+    )
+
+
+class _Scores(NamedTuple):
+    """Scores of all antennas' misplacements by epoch."""
+
+    g: FloatArray  # (n, 3 a)
+    N: FloatArray  # (n, 3 a, 3 a)
+    squares: float  # of all residuals
+    freedom: int
+
+
+class _Fit(NamedTuple):
+    """Misplacements of some antennas that fit best."""
+
+    antennas: tuple[int, ...]
+    off_m: FloatArray
+    sigma_m: FloatArray
+    squares: float  # that they take of the residuals
+    noise: float  # variance factor of what is left, correlated as it is
+
+
+def _scores(differences: DoubleDifferences, ranges_m: FloatArray) -> _Scores | None:
+    attitude = maximum_likelihood(RotationQuadratic.of_ranges(differences, ranges_m))
+    rows = np.flatnonzero(attitude.solved & (attitude.degrees_of_freedom > 0))
+    if len(rows) < _FEWEST:
+        return None
+    J, h = (part[rows] for part in baseline_information(differences, ranges_m))
+    R_nb, arms_b_m = attitude.R_nb[rows], differences.baselines_b_m
+    b, n = len(arms_b_m), len(rows)
+    u = (R_nb @ arms_b_m.T).swapaxes(1, 2).reshape(n, -1)
+    slope = h - np.einsum("nij,nj->ni", J, u)
+    by_turn = -(R_nb[:, None] @ skew(arms_b_m)).reshape(n, -1, 3)
+    by_place = np.zeros((n, 3 * b, 3 * b + 3))
+    for k in range(b):
+        own = slice(3 * k, 3 * k + 3)
+        by_place[:, own, :3], by_place[:, own, 3 * k + 3 : 3 * k + 6] = -R_nb, R_nb
+    turned = by_turn.swapaxes(1, 2) @ J
+    taken = np.linalg.pinv(turned @ by_turn, hermitian=True) @ (turned @ by_place)
+    left = by_place - by_turn @ taken
+    return _Scores(
+        g=np.einsum("nji,nj->ni", left, slope),
+        N=left.swapaxes(1, 2) @ J @ left,
+        squares=float(attitude.chi_square[rows].sum()),
+        freedom=int(attitude.degrees_of_freedom[rows].sum()),
+    )
+
+
+def _fit(scores: _Scores, antennas: list[int]) -> _Fit:
+    own = np.concatenate([3 * a + np.arange(3) for a in antennas])
+    g, N = scores.g[:, own], scores.N[:, own[:, None], own]
+    covariance = np.linalg.pinv(N.sum(axis=0), rcond=_OPEN, hermitian=True)
+    off_m = covariance @ g.sum(axis=0)
+    squares = float(g.sum(axis=0) @ off_m)
+    left = g - N @ off_m
+    freedom = max(scores.freedom - len(own), 1)
+    noise = (scores.squares - squares) / freedom
+    noise *= correlated(left / np.sqrt(np.einsum("nii->ni", N).mean(axis=0).clip(1e-30)))
+    return _Fit(
+        tuple(antennas), off_m, np.sqrt(noise * np.diag(covariance).clip(0)), squares, noise
+    )

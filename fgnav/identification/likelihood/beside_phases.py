@@ -1,0 +1,109 @@
+"""The inertial unit's noise beside the phases of arcs, which place an antenna to millimetres.
+
+The chain on which noise is identified has no arcs. Whether the unit is louder than stated shows
+best beside them: of the whole problem's minimum the score of each noise is
+
+    dL/dtheta = r' C r - tr(C M)        exp(2 theta) = r' C r / tr(C M)  where that is zero [1]_
+
+with r, M, C of the motion's rows as in ``likelihood.linear_chain``.
+
+References
+----------
+.. [1] Foerstner, Ein Verfahren zur Schaetzung von Varianz- und Kovarianzkomponenten, 1979.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtri
+
+from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.graph.innovation.band import TOLERATED
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import States
+from fgnav.identification.begin import ABOVE, WHITE
+from fgnav.identification.likelihood.linear_chain import LinearChain
+from fgnav.identification.tested_constants import SIGMAS
+from fgnav.identification.track.windows import FALSE_ALARM
+from fgnav.solve.chain import solve_batch
+
+_ROUNDS = 20  # of noise at states, and states at noise
+_MOST_STEP = 1.2  # of theta, as of ``search``
+_SETTLED = 0.03  # of theta: 3 % of a standard deviation, as there
+
+
+def louder(
+    problem: SmoothingProblem, changed: Callable[[dict[str, float]], SmoothingProblem]
+) -> dict[str, float]:
+    """Return factors on the unit's white noises that phases contradict.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+        With phases.
+    changed : callable
+        From factors to the problem with these.
+    """
+    found = _scored(problem)
+    if found is None or not (found.misfits or found.is_beyond(found.theta).any()):
+        return {}
+    theta = np.full(len(found.names), np.log(ABOVE))  # whoever is faint takes nothing
+    for _ in range(_ROUNDS):
+        found = _scored(changed(_factors(found.names, theta)), found.states)
+        if found is None:
+            return {}
+        step = found.theta.clip(-_MOST_STEP, _MOST_STEP)
+        step = np.maximum(step, -theta)  # none is less than stated
+        theta = theta + step
+        if np.abs(step).max() < _SETTLED:
+            break
+    used = found.is_beyond(theta)
+    return {n: f for n, f in _factors(found.names, theta).items() if used[found.names.index(n)]}
+
+
+def _factors(names: tuple[str, ...], theta: FloatArray) -> dict[str, float]:
+    return dict(zip(names, np.exp(theta).tolist(), strict=True))
+
+
+class _Scored(NamedTuple):
+    """White noises of the unit, by what their logarithms are off, and the sigmas of these."""
+
+    names: tuple[str, ...]
+    theta: FloatArray
+    sigma: FloatArray
+    states: States
+    misfits: bool  # whether all that is left of the measurements is beyond chance
+
+    def is_beyond(self, theta: FloatArray) -> BoolArray:
+        """Return which of some logarithms are contradictions, (c,)."""
+        return np.asarray((2 * theta > np.log(TOLERATED)) & (theta > SIGMAS * self.sigma))
+
+
+def _scored(problem: SmoothingProblem, begin: States | None = None) -> _Scored | None:
+    """Return the fixed point's next step at a minimum, sought from states; None without one."""
+    try:
+        solution = solve_batch(problem, begin=begin)
+    except NoSolutionError:
+        return None
+    if not solution.converged:
+        return None
+    parts = problem.motion.noise_parts()
+    chain = LinearChain.of(replace(problem, phase=None), solution.states, parts, ())
+    squares, redundancy, information = chain.motion_score(solution)
+    own = [i for i, name in enumerate(parts.names) if name in WHITE]
+    theta = np.log(squares[own].clip(1e-6) / redundancy[own].clip(1e-6)) / 2
+    sigma = 1 / np.sqrt(((np.diag(4 * information) + 2 * redundancy) / 2)[own].clip(1e-6))
+    misfits = solution.cost > chdtri(_rows(problem), FALSE_ALARM)
+    return _Scored(tuple(parts.names[i] for i in own), theta, sigma, solution.states, bool(misfits))
+
+
+def _rows(problem: SmoothingProblem) -> int:
+    """Return how many measurements there are beside as many as states, constants and arcs."""
+    rows = sum(int(one.freedom.sum()) for one in problem.measurements)
+    phase = problem.phase
+    if phase is not None:
+        rows += int(phase.freedom.sum())
+        rows += sum(len(one.right) - one.size for one in phase.blocks)
+    return rows

@@ -1,0 +1,50 @@
+"""What raw observations tell of the inertial unit: phases of arcs, and places of an array."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fgnav.frontend.problem import build_problem
+from fgnav.identification.apply import findings
+from fgnav.methods.smoother import Smoother
+from tests.robustness.drawn.flights import right_flight
+
+SETTINGS = Smoother().preparation
+
+
+def found_in(flight):
+    return findings(flight, SETTINGS, build_problem(flight, SETTINGS), build_problem)
+
+
+def test_an_accelerometer_too_loud_for_phases_is_found_beside_them():
+    """Doppler alone does not tell: attitudes erred by nine sigmas without a word."""
+    flight = right_flight("raw", 75_843)
+    assert found_in(flight) is None
+    imu = flight.imu
+    noise = 0.2 * np.random.default_rng(3).normal(size=imu.f_b_mps2.shape)
+    loud = found_in(replace(flight, imu=replace(imu, f_b_mps2=imu.f_b_mps2 + noise)))
+    stated = imu.accelerometer_noise_mps2_per_sqrt_hz
+    real = np.hypot(0.2 * np.sqrt(np.median(np.diff(imu.t_s))), stated)
+    assert set(loud.factors) == {"accelerometer"}
+    assert abs(np.log(loud.factors["accelerometer"] * stated / real)) < 4 * 0.14  # its sigmas
+
+
+def test_a_clock_that_is_off_is_corrected_to_the_end():
+    """Phases of arcs take tags as exact: a clock estimated beside them erred by eight sigmas."""
+    flight = right_flight("array", 75_835)
+    late = replace(flight, imu=replace(flight.imu, t_s=flight.imu.t_s + 0.352))
+    found = found_in(late)
+    assert abs(found.moved[0] + 0.352) < 4 * 0.0013  # its sigma
+    assert all(one.kind != "clock" for one in found.calibration)
+    assert any("corrected." in note for note in found.notes)
+
+
+def test_the_reference_may_be_the_antenna_that_is_off():
+    flight = right_flight("array", 75_835)
+    off_b_m = np.array([0.02, -0.01, 0.02])
+    first, *others = flight.antennas
+    moved = replace(first, position_b_m=first.position_b_m + off_b_m)
+    found = found_in(replace(flight, antennas=(moved, *others)))
+    assert found.reference != 0
+    assert [one.antenna for one in found.calibration] == [first.name]
+    assert any(f"Antenna {first.name} is off its place" in note for note in found.notes)
