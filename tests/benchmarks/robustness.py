@@ -82,6 +82,7 @@ class WrongArcs:
     share: float
     seed: int
     name: str = "wrong-arcs"
+    looks_ahead = False  # as the truth; asked epoch by epoch it would draw anew at each
 
     def __call__(self, differences, flight):
         """Resolve."""

@@ -5,9 +5,11 @@ A resolver proposes integers, epoch by epoch or arc by arc; who uses the array's
 - Detection: the phases of an epoch contradict each other where their residuals fail the chi-square
   test, and an epoch contradicts its arcs where it has other integers than their epochs agree on.
 - Identification: residuals about the attitude that most links of the epoch share (a robust cost)
-  are whole cycles where integers are wrong, or an unseen slip was; other ones tell bad links.
-- Adaptation: an integer becomes that of its arc, or, where most links then fit better, of the epoch
-  itself. Bad links are excluded. An epoch that fails the test again is refused whole.
+  are whole cycles where integers are wrong, or an unseen slip was; other ones tell bad links. What
+  an epoch then says of its arcs counts by its evidence: few links fit some attitude by chance.
+- Adaptation: an integer becomes that of its arc, or, where the evidence is greater, of the epoch
+  itself. Bad links are excluded. An epoch that fails the test again is refused whole, as is one
+  that failed it once and neither its arcs nor its own evidence vouches for.
 
 An epoch that a resolver refuses has the integers that its arcs agree on, and is tested like any
 other. Causal, all of that is by epochs up to each alone.
@@ -32,17 +34,17 @@ from fgnav.attitude.array import (
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.attitude.robust import robust_attitudes
 from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.frontend.array.evidence import BELIEVED_NATS, epoch_evidence, votes_of
 from fgnav.frontend.array.links import link_sigmas, listed, without
 from fgnav.frontend.attitude.filling import zero_order_hold
 from fgnav.geometry.rotations import skew
-from fgnav.integers.arcs.consensus import arc_consensus
+from fgnav.integers.arcs.consensus import Consensus, arc_consensus
 from fgnav.integers.epochs import epochs_at
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Rejected, open_angle_variance_rad2
 from fgnav.types.integers import Integers, fixed_ranges_m
 
 _NEAR_CYCLES = 0.15  # a residual this near to a whole number says which one it is
-_MOSTLY = 0.75  # of an epoch's links are that near when its attitude is right; a third by chance
 _MENDED_AT_MOST = 0.4  # of an epoch's links: the majority knows the attitude, not a minority
 _PLACED_CYCLES = 0.1  # 1-sigma of where an antenna is, before its integers are rounded
 _LINK_SIGMAS = 4.5  # beyond, a link contradicts its array
@@ -119,7 +121,7 @@ def adapted(
         form = form.with_variance_factor(factor)
         raised = np.flatnonzero(factor != 1.0)
         attitude = searched_again(attitude, form, raised, attitude.R_nb[raised])
-    refused = attitude.solved & ~attitude.consistent(false_alarm)
+    refused = attitude.solved & (chosen.unsure | ~attitude.consistent(false_alarm))
     believed, here = chosen.integers, ~refused[:, None, None]
     if excluded.any():
         fixed = believed.fixed & np.isfinite(without(ranges_m, excluded))
@@ -176,16 +178,16 @@ def _filled(
     if not (new.any() and integers.fixed.any()):
         return integers, attitude
     sound = attitude.solved & attitude.consistent(false_alarm)
-    votes = integers.fixed & sound[:, None, None]
-    arcs = arc_consensus(differences.arc, integers.cycles, votes, causal=causal)
+    factor = _variance_factor(attitude, causal=causal)
+    evidence = epoch_evidence(differences, integers.fixed, attitude, factor)
+    arcs, votes = _agreed(differences, integers, evidence, sound, sound, causal=causal)
     new &= arcs.agreed
     rows = np.flatnonzero(new.any(axis=(1, 2)))
     if not len(rows):
         return integers, attitude
     wrong = integers.wrong_probability
     if wrong is not None:  # as likely as those of the last epoch that voted for them
-        voting = np.asarray(votes.any(axis=(1, 2)))
-        held = zero_order_hold(differences.t_s, wrong, voting)
+        held = zero_order_hold(differences.t_s, wrong, votes > 0.0)
         wrong = np.where(new.any(axis=(1, 2)), held, wrong)
     integers = replace(
         integers,
@@ -204,6 +206,7 @@ class _Chosen(NamedTuple):
     by_arc: BoolArray  # (n, b, m): the arc's, not the epoch's own
     rows: IntArray  # (k,), those in doubt
     R_nb: FloatArray  # (k, 3, 3), what most of their links agree on
+    unsure: BoolArray  # (n,): neither the epoch nor its arcs say enough for them
 
 
 def _chosen(
@@ -218,14 +221,16 @@ def _chosen(
 
     A slip that nobody noticed parts an arc in two: there the epoch knows better than its arc.
     """
-    fixed, cycles, arc = integers.fixed, integers.cycles, differences.arc
+    fixed, cycles = integers.fixed, integers.cycles
     sound = attitude.solved & attitude.consistent(false_alarm)
-    arcs = arc_consensus(arc, cycles, fixed & sound[:, None, None], causal=causal)
+    factor = _variance_factor(attitude, causal=causal)
+    evidence = epoch_evidence(differences, fixed, attitude, factor)
+    arcs, _ = _agreed(differences, integers, evidence, sound, sound, causal=causal)
     differs = (fixed & arcs.agreed & (cycles != arcs.cycles)).any(axis=(1, 2))
     doubtful = fixed.any(axis=(1, 2)) & (~sound | differs)
     rows = np.flatnonzero(doubtful)
     if not len(rows):
-        return _Chosen(integers, np.zeros_like(fixed), rows, attitude.R_nb[rows])
+        return _Chosen(integers, np.zeros_like(fixed), rows, attitude.R_nb[rows], doubtful)
     ranges_m = fixed_ranges_m(differences, integers)
     R_nb = zero_order_hold(differences.t_s, attitude.R_nb, attitude.solved)
     since = np.logical_or.accumulate(attitude.solved)  # the first holds from there on only
@@ -233,27 +238,67 @@ def _chosen(
     R_own = robust_attitudes(differences, ranges_m, R_nb, doubtful, causal=causal)
     off = _off_cycles(differences, integers, R_own)
     whole = np.rint(off).astype(np.int64)
-    near = _share(np.abs(off - whole) < _NEAR_CYCLES, fixed)
-    trusted = (near >= _MOSTLY) & (_share(whole != 0, fixed) <= _MENDED_AT_MOST)
     right = fixed & (whole == 0)
     right &= (right.sum(axis=2) >= (1 - _MENDED_AT_MOST) * fixed.sum(axis=2))[:, :, None]
+    trusted = _share(whole != 0, fixed) <= _MENDED_AT_MOST
     trusted &= _placed(differences, ranges_m, R_own, right)
-    own = cycles + np.where((doubtful & trusted)[:, None, None], whole, 0)
-    votes = fixed & (trusted | sound)[:, None, None]
-    arcs = arc_consensus(arc, own, votes, causal=causal)
-    by_arc = replace(integers, cycles=np.where(fixed & (arcs.margin > 0), arcs.cycles, own))
+    own = replace(integers, cycles=cycles + np.where((doubtful & trusted)[:, None, None], whole, 0))
+    near, mended = _about(differences, own, R_own, rows, attitude)
+    factor = _variance_factor(mended, causal=causal)
+    by_epoch = epoch_evidence(differences, near, mended, factor, chosen_of=fixed)
+    arcs, _ = _agreed(differences, own, by_epoch, sound, sound | trusted, causal=causal)
+    by_arc = replace(integers, cycles=np.where(fixed & (arcs.margin > 0), arcs.cycles, own.cycles))
     R_arc = robust_attitudes(
         differences, fixed_ranges_m(differences, by_arc), R_own, doubtful, causal=causal
     )
-    near_arc = _share(np.abs(_off_cycles(differences, by_arc, R_arc)) < _NEAR_CYCLES, fixed)
-    alone = ~doubtful | ((trusted | sound) & (near > near_arc))
-    believed = np.where(alone[:, None, None], own, by_arc.cycles)
+    near, held = _about(differences, by_arc, R_arc, rows, mended)
+    of_arc = epoch_evidence(differences, near, held, factor, chosen_of=fixed)
+    differs = (own.cycles != by_arc.cycles).any(axis=(1, 2))
+    alone = ~doubtful | ((trusted | sound) & differs & (by_epoch > of_arc))
+    believed = np.where(alone[:, None, None], own.cycles, by_arc.cycles)
+    borne = _share((believed == arcs.cycles) & (arcs.margin >= 1.0), fixed)
+    odds = np.where(alone, by_epoch, of_arc)
+    unsure = doubtful & (odds < BELIEVED_NATS) & (borne < 1 - _MENDED_AT_MOST)
     return _Chosen(
         replace(integers, cycles=np.where(fixed, believed, 0)),
         (arcs.margin > 0) & ~alone[:, None, None],
         rows,
         np.where(alone[:, None, None], R_own, R_arc)[rows],
+        unsure,
     )
+
+
+def _agreed(
+    differences: DoubleDifferences,
+    integers: Integers,
+    evidence: FloatArray,
+    sound: BoolArray,
+    voting: BoolArray,
+    *,
+    causal: bool,
+) -> tuple[Consensus, FloatArray]:
+    """Return what arcs agree on, and the votes of epochs, (n,), by their evidence."""
+    say = votes_of(differences.t_s, evidence, sound, integers.wrong_probability)
+    say = np.where(voting, say, 0.0)
+    votes = np.where(integers.fixed, say[:, None, None], 0.0)
+    return arc_consensus(differences.arc, integers.cycles, votes, causal=causal), say
+
+
+def _about(
+    differences: DoubleDifferences,
+    integers: Integers,
+    R_nb: FloatArray,
+    rows: IntArray,
+    attitude: AttitudeSolution,
+) -> tuple[BoolArray, AttitudeSolution]:
+    """Return the fixed links, (n, b, m), of some epochs those near attitudes, and theirs."""
+    near = np.abs(_off_cycles(differences, integers, R_nb)) < _NEAR_CYCLES
+    links = integers.fixed.copy()
+    links[rows] &= near[rows]
+    ranges_m = fixed_ranges_m(differences, integers)
+    known_m = np.where(links | ~integers.fixed, ranges_m, np.nan)
+    form = RotationQuadratic.of_ranges(differences, known_m)
+    return links, searched_again(attitude, form, rows, R_nb[rows])
 
 
 def _off_cycles(differences: DoubleDifferences, integers: Integers, R_nb: FloatArray) -> FloatArray:

@@ -1,44 +1,40 @@
-"""The integer that the epochs of an arc agree on: a vote against it takes one for it away."""
+"""The integer that the epochs of an arc agree on: the one with most votes."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import BoolArray, IntArray
-from fgnav.kernels.compiled import kernel
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.kernels.compiled import inner, kernel
 
-_FEWEST = 5  # epochs more for an integer than against: wrong ones seldom say the same
-_MOST = 4 * _FEWEST  # so many epochs outvote it after a slip that nobody noticed
+_FEWEST = 5.0  # votes more than any other integer has: wrong ones seldom say the same
+_MOST = 4 * _FEWEST  # so many displace it after a slip that nobody noticed
 
 
 class Consensus(NamedTuple):
     """Integers of arcs at each epoch by the votes of the others, (n, b, m) each."""
 
     cycles: IntArray
-    margin: IntArray  # votes for it less those against; 0 where there are none
+    margin: FloatArray  # votes for it less those for the next; 0 where there are none
     agreed: BoolArray  # by five votes at least, and not outvoted since
 
 
-def arc_consensus(arc: IntArray, cycles: IntArray, votes: BoolArray, *, causal: bool) -> Consensus:
+def arc_consensus(arc: IntArray, cycles: IntArray, votes: FloatArray, *, causal: bool) -> Consensus:
     """Return the integer of each arc at each epoch, by the epochs before and, not causal, after.
 
-    A majority in one pass [1]_, by twenty votes at most. Where votes before and after name two
-    integers, the one of more votes counts, and neither is agreed on: a slip that nobody noticed may
-    be in between.
+    The most votes win, be they a minority: wrong integers are of many kinds. An integer has twenty
+    at most; of more, each loses what is beyond. Where votes before and after name two integers, the
+    one by more votes counts, and neither is agreed on: a slip that nobody noticed may be in
+    between.
 
     Parameters
     ----------
     arc : ndarray of int, shape (n, b, m)
         From slip to slip; -1 without phase.
     cycles : ndarray of int, shape (n, b, m)
-    votes : ndarray of bool, shape (n, b, m)
-        Where an epoch has a say.
+    votes : ndarray, shape (n, b, m)
+        What say an epoch has, from 0 to 1.
     causal : bool
-
-    References
-    ----------
-    .. [1] R. S. Boyer, J. S. Moore, "MJRTY: A Fast Majority Vote Algorithm", Automated Reasoning,
-       1991, pages 105-117.
     """
     before = _so_far(arc, cycles, votes)
     if causal:
@@ -53,30 +49,61 @@ def arc_consensus(arc: IntArray, cycles: IntArray, votes: BoolArray, *, causal: 
     )
 
 
-def _so_far(arc: IntArray, cycles: IntArray, votes: BoolArray) -> Consensus:
-    whole = np.zeros(arc.shape, dtype=np.int64)
-    out = Consensus(whole, whole.copy(), np.zeros(arc.shape, dtype=np.bool_))
+def _so_far(arc: IntArray, cycles: IntArray, votes: FloatArray) -> Consensus:
+    out = Consensus(
+        np.zeros(arc.shape, dtype=np.int64),
+        np.zeros(arc.shape),
+        np.zeros(arc.shape, dtype=np.bool_),
+    )
     _count(arc, cycles, votes, out)
     return out
 
 
 @kernel
-def _count(arc: IntArray, cycles: IntArray, votes: BoolArray, out: Consensus) -> None:
+def _count(arc: IntArray, cycles: IntArray, votes: FloatArray, out: Consensus) -> None:
     n, b, m = arc.shape
+    named, count = np.zeros(n, dtype=np.int64), np.zeros(n)
     for i in range(b):
         for j in range(m):
-            of, integer, margin, agreed = -1, 0, 0, False
+            of, names, agreed = -1, 0, False
             for k in range(n):
                 if arc[k, i, j] < 0:
                     continue
                 if arc[k, i, j] != of:
-                    of, margin, agreed = arc[k, i, j], 0, False
-                out.cycles[k, i, j] = integer
+                    of, names, agreed = arc[k, i, j], 0, False
+                first, margin = _leading(count, names)
+                agreed = margin > 0.0 and (agreed or margin >= _FEWEST)
+                out.cycles[k, i, j] = named[first] if names else 0
                 out.margin[k, i, j] = margin
                 out.agreed[k, i, j] = agreed
-                if not votes[k, i, j]:
-                    continue
-                if margin == 0:
-                    integer = cycles[k, i, j]
-                margin = min(margin + 1, _MOST) if cycles[k, i, j] == integer else margin - 1
-                agreed = margin > 0 and (agreed or margin >= _FEWEST)
+                if votes[k, i, j] > 0.0:
+                    names = _voted(cycles[k, i, j], votes[k, i, j], named, count, names)
+
+
+@inner
+def _leading(count: FloatArray, names: int) -> tuple[int, float]:
+    """Return which of the integers named has most votes, and how many more than the next."""
+    first, most, second = 0, 0.0, 0.0
+    for c in range(names):
+        if count[c] > most:
+            first, most, second = c, count[c], most
+        else:
+            second = max(second, count[c])
+    return first, most - second
+
+
+@inner
+def _voted(integer: int, vote: float, named: IntArray, count: FloatArray, names: int) -> int:
+    """Add a vote for an integer, in place; return how many integers are named by then."""
+    at = 0
+    while at < names and named[at] != integer:
+        at += 1
+    if at == names:
+        named[at], count[at] = integer, 0.0
+        names += 1
+    count[at] += vote
+    beyond = count[at] - _MOST
+    if beyond > 0.0:
+        for c in range(names):
+            count[c] = max(count[c] - beyond, 0.0)
+    return names

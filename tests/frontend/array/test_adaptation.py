@@ -172,6 +172,21 @@ def test_of_two_baselines_that_disagree_neither_is_believed():
     assert clean.rejections == ()
 
 
+@pytest.mark.parametrize("causal", [False, True])
+def test_two_antennas_whose_arcs_are_wrong_to_a_third_are_right_or_refused(causal):
+    """Five links beyond a direction are half a proof: what no arc vouches for is refused."""
+    used = wrong = 0
+    for seed in range(100, 110):
+        differences, true, rng = array(seed, PAPER_ANTENNAS_B_M[[0, 3]])
+        off = np.where(rng.random(true.fixed[0].shape) < 1 / 3, rng.integers(1, 4, (1, 8)), 0)
+        clean = cleaned(differences, changed(true, true.cycles + off), NAMES[:2], causal=causal)
+        fixed = clean.integers.fixed & ~clean.refused[:, None, None]
+        used += fixed.sum()
+        wrong += (fixed & (clean.integers.cycles != true.cycles)).sum()
+    assert wrong < 0.01 * used
+    assert used > 0.4 * 10 * true.fixed.sum()
+
+
 def test_louder_noise_is_noise_and_no_link_is_left_out():
     differences, true, rng = array(7)
     noise_m = 0.006 * rng.standard_normal(differences.phase_m.shape)

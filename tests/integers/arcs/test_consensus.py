@@ -10,7 +10,7 @@ def link(cycles, *, arc=None, votes=None, causal=True):
     """Return what one link holds, each (n,)."""
     n = len(cycles)
     arc = np.zeros(n, dtype=int) if arc is None else np.asarray(arc)
-    votes = np.ones(n, dtype=bool) if votes is None else np.asarray(votes)
+    votes = np.ones(n) if votes is None else np.asarray(votes, dtype=float)
     parts = (part.reshape(n, 1, 1) for part in (arc, np.asarray(cycles), votes))
     return [part[:, 0, 0] for part in arc_consensus(*parts, causal=causal)]
 
@@ -30,6 +30,24 @@ def test_a_majority_is_that_of_counting():
         cycles, margin, _ = link([*votes, 0])
         assert cycles[-1] == 2
         assert margin[-1] >= 2
+
+
+def test_the_most_votes_win_though_most_epochs_are_wrong():
+    """Epochs with noisy code: nine of ten are wrong, each in its own way."""
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        wrong = rng.permutation(np.arange(1, 91))
+        cycles, _, agreed = link([*rng.permutation(np.r_[wrong, np.zeros(10)]).astype(int), 0])
+        assert cycles[-1] == 0
+        assert agreed[-1]
+
+
+def test_epochs_count_by_their_say():
+    cycles, margin, agreed = link([1] * 20 + [2] * 3, votes=[0.25] * 20 + [1.0] * 3)
+    np.testing.assert_allclose(margin[:21], 0.25 * np.arange(21))
+    assert agreed[20]
+    assert_array_equal(cycles[1:], 1)
+    np.testing.assert_allclose(margin[21:], [4.0, 3.0])
 
 
 def test_an_integer_is_displaced_by_as_many_votes_as_it_had():
@@ -61,7 +79,7 @@ def test_an_integer_lasts_as_long_as_its_arc_over_gaps():
 
 
 def test_nothing_agreed_between_two_integers_and_more_votes_say_which():
-    votes = np.array([1] * 8 + [0] * 3 + [1] * 6, dtype=bool)
+    votes = [1] * 8 + [0] * 3 + [1] * 6
     cycles, margin, agreed = link([5] * 8 + [0] * 3 + [6] * 6, votes=votes, causal=False)
     assert not agreed[8:11].any()
     assert_array_equal(cycles[8:11], 5)
@@ -69,6 +87,6 @@ def test_nothing_agreed_between_two_integers_and_more_votes_say_which():
 
 
 def test_later_epochs_say_it_of_earlier_ones_but_for_a_filter():
-    votes = np.array([0] * 4 + [1] * 6, dtype=bool)
+    votes = [0] * 4 + [1] * 6
     assert link([5] * 10, votes=votes, causal=False)[2][:4].all()
     assert not link([5] * 10, votes=votes)[2][:9].any()
