@@ -11,6 +11,7 @@ Where poles are close, ``g`` is summed as a series; where all are slow against t
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.geometry.rotation_kernel import put
 from fgnav.kernels.compiled import inlined, inner, kernel
 
 DERIVATIVE_SCALE_S = 0.1  # T0: that of the states' tangent, makes rate and derivatives alike
@@ -113,9 +114,11 @@ def intervals_into(
 ) -> None:
     """Write transition (k, 3, 3), integral (k, 3) and whitening rows (k, 4, 4) of intervals."""
     for k in range(len(T_s)):
-        F[k] = transition(T_s[k], poles_per_s[k])
-        H[k] = integral(T_s[k], poles_per_s[k])
-        W[k] = whitening(noise_factor(T_s[k], poles_per_s[k]))
+        turned_s = integral(T_s[k], poles_per_s[k])
+        for i in range(3):  # an array assigned whole compiles numpy's text of unequal shapes: 3 s
+            H[k, i] = turned_s[i]
+        put(transition(T_s[k], poles_per_s[k]), F[k])
+        put(whitening(noise_factor(T_s[k], poles_per_s[k])), W[k])
 
 
 @kernel

@@ -27,7 +27,7 @@ from fgnav.integers.array.walk import (
 from fgnav.integers.ils.affine import Epochs
 from fgnav.integers.ils.decorrelation import decorrelate
 from fgnav.integers.ils.link_weights import solved
-from fgnav.kernels.compiled import inlined, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 
 PROVEN, NOTHING, UNPROVEN, UNFINISHED, ILL = range(5)  # how an epoch can end
 
@@ -198,7 +198,7 @@ def _model(relaxed: Relaxation, T: FloatArray) -> tuple[_Model, FloatArray]:
     return _Model(relaxed.constant, relaxed.information, covariance, axis), gain
 
 
-@inlined
+@inner  # not inlined: numba copies what is inlined at each level again, 1.3 s of 17 here
 def _enter(walk: Walk, model: _Model, best: _Best, norm: float, bound: float, listed: bool) -> int:
     """Take the walk's complete vector into account; return its nodes."""
     cost = model.constant + norm
