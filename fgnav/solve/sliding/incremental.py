@@ -1,9 +1,11 @@
-"""GTSAM's incremental fixed-lag smoother, told by number what leaves and what moves.
+"""GTSAM's ISAM2 over a window, told by number what leaves, what moves and what is eliminated first.
 
 What GTSAM 4.3.0 asks of its callers, each measured:
 
-- A keyframe's variables are stamped with its number and constants with the newest, and the lag is
-  set before each update: what leaves is decided here, and no rounding of times takes part.
+- Variables are eliminated in order of time, constants last: keyframes that leave are leaves of its
+  tree then, and new ones touch but its root. ``IncrementalFixedLagSmoother`` leaves the order to
+  COLAMD, which ends anywhere in the window: new keyframes have two thirds of it eliminated anew,
+  with a constant that each meets all of it.
 - What is relinearised is decided here: ISAM2's own thresholds go by a variable's letter and want
   one size of it, which constants have not.
 - QR, for Cholesky fails of slow motion; a wildfire threshold far below sigma, for that of 1e-3
@@ -11,12 +13,12 @@ What GTSAM 4.3.0 asks of its callers, each measured:
 - After an exception the smoother is of no more use.
 """
 
-from collections.abc import Callable
-from typing import SupportsFloat, SupportsIndex, SupportsInt
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.graph import keys
 from fgnav.graph.build import Layout
 from fgnav.graph.types.states import AUX, ROTATION
 from fgnav.optional_gtsam import gtsam
@@ -24,12 +26,13 @@ from fgnav.solve.failures import open_state
 from fgnav.solve.marginals import Marginals
 
 _WILDFIRE = 1e-5  # m, rad
+_ANEW = 0.5  # of variables eliminated anew: then all are; of 0.65 GTSAM does so itself, unasked
 _OPEN_END = 1 << 60  # a keyframe that never comes
 _OPEN = 1e12  # variance, m2 or rad2, where the weakest prior has 1e6
 
 
 class IncrementalSmoother:
-    """``gtsam.IncrementalFixedLagSmoother``, and which keyframes are in it.
+    """``gtsam.ISAM2``, and which keyframes are in it.
 
     Parameters
     ----------
@@ -52,18 +55,18 @@ class IncrementalSmoother:
         parameters.findUnusedFactorSlots = True
         parameters.enableRelinearization = False  # but where an update forces it
         parameters.setRelinearizeThreshold(0.0)
-        self._smoother = gtsam.IncrementalFixedLagSmoother(np.inf, parameters)
-        self._isam, self._layout = self._smoother.getISAM2(), layout
+        self._isam, self._layout = gtsam.ISAM2(parameters), layout
         self._constants = layout.constant_keys
         self._variables: set[int] = set()
-        self._arcs: dict[int, tuple[int, int]] = {}  # size, and the last keyframe that needs it
+        self._arcs: dict[int, tuple[int, int]] = {}  # size, and their last keyframe
         self._leaving: set[int] = set()  # by the next update
+        self._first = oldest  # of the tree: those before the oldest leave by the next update
         self.oldest, self.end, self.is_chain = oldest, oldest, True
 
     def enter_arcs(self, key: int, size: int, begin: int) -> None:
-        """Let arcs begin with the next update, at a keyframe; those before them end there."""
+        """Let arcs begin with the next update, at a keyframe; those before end just before it."""
         for before, (width, last) in self._arcs.items():
-            self._arcs[before] = width, min(last, begin)
+            self._arcs[before] = width, min(last, begin - 1)
         self._arcs[key] = size, _OPEN_END
 
     def update(
@@ -83,31 +86,49 @@ class IncrementalSmoother:
         if relinearised:
             self._relinearise(relinearised)
         entered = values.keys()  # a list of keys, not a dict's
-        if self.oldest == 0 and not entered and graph.empty():
+        if not entered and graph.empty() and not self._leaving:
             return
-        stamps: dict[SupportsInt | SupportsIndex, SupportsFloat | SupportsIndex] = {}
-        stamps.update(dict.fromkeys(self._constants, float(end - 1)))
-        for k in range(self.end, end):
-            stamps.update(dict.fromkeys(self._layout.keyframe(k), float(k)))
-        for key, (_, last) in self._arcs.items():
-            stamps[key] = float(min(last, end - 1))
-        self._smoother.setSmootherLag(float(end - 1 - self.oldest))
-        self._smoother.update(graph, values, stamps)
+        self.end = end
         self._variables.update(entered)
+        touched = [keys.index(key) for key in graph.keyVector() if keys.letter(key) in "xvbm"]
+        self._isam.update(graph, values, self._ordered(min(touched, default=end - 1)))
+        if self._leaving:
+            self._isam.marginalizeLeaves(_key_list(self._leaving))
         self._variables.difference_update(self._leaving)
         for key in self._leaving & self._arcs.keys():
             del self._arcs[key]
         self._leaving.clear()
-        self.end = end
+        self._first = self.oldest
 
     def _relinearise(self, numbers: list[int]) -> None:
         """Linearise keyframes anew where they are estimated."""
         moved = {key for k in numbers for key in self._layout.keyframe(k)}
-        parameters, staying = gtsam.ISAM2UpdateParams(), gtsam.KeyList()
-        for key in self._variables - moved:
-            staying.push_back(key)
-        parameters.force_relinearize, parameters.noRelinKeys = True, staying
+        parameters = self._ordered(numbers[0])
+        parameters.force_relinearize = True
+        parameters.noRelinKeys = _key_list(self._variables - moved)
         self._isam.update(gtsam.NonlinearFactorGraph(), gtsam.Values(), parameters)
+
+    def _ordered(self, first: int) -> gtsam.ISAM2UpdateParams:
+        """Return that keyframes are eliminated one after another, then constants.
+
+        Anew are those of keyframes from the first on that an update touches, and the one before:
+        both may be in the root, or in one clique with what is relinearised. Where factors join
+        others, more may be, in any order: what leaves then is made leaves by eliminating all anew.
+        """
+        parameters, groups = gtsam.ISAM2UpdateParams(), gtsam.KeyGroupMap()
+        base, others = max(first - 1, self._first), len(self._arcs) + len(self._constants)
+        is_most = 3 * (self.end - base) + others > _ANEW * len(self._variables)
+        if is_most or (self._leaving and not self.is_chain):
+            base = self._first
+        parameters.extraReelimKeys = _key_list(self._layout.keyframe(base))
+        rank = {key: k - base for k in range(base, self.end) for key in self._layout.keyframe(k)}
+        # Arcs as in the chain: with their last keyframe, while they go on beside the constants.
+        rank |= {key: min(last, self.end) - base for key, (_, last) in self._arcs.items()}
+        rank |= dict.fromkeys(self._constants, self.end - base)
+        for key in rank.keys() & self._variables:
+            groups.insert2(key, max(rank[key], 0))
+        parameters.constrainedKeys = groups
+        return parameters
 
     def marginalise(self, oldest: int) -> None:
         """Leave out keyframes before ``oldest`` by the next update; what they tell stays."""
@@ -175,3 +196,10 @@ class IncrementalSmoother:
         if self.is_chain:
             return k == self.oldest and k > 0
         return bool(self._isam.getFixedVariables().count(self._layout.keyframe(k)[0]))
+
+
+def _key_list(variables: Iterable[int]) -> gtsam.KeyList:
+    keys_of = gtsam.KeyList()
+    for key in variables:
+        keys_of.push_back(key)
+    return keys_of
