@@ -77,8 +77,8 @@ class Smoother:
         names of installed ones (entry points ``fgnav.factors``), or manifests of networks
         (``neural``); see ``graph.custom``.
     solver : {"gtsam", "chain"}
-        GTSAM's incremental fixed-lag smoother and Levenberg-Marquardt, or the compiled chain, which
-        is the default where GTSAM is not installed.
+        GTSAM's ISAM2 over a window and Levenberg-Marquardt, or the compiled chain, which is the
+        default where GTSAM is not installed.
     rate_prior : RatePrior or None
         Of flights without a gyroscope; None: identified by the evidence of the array's attitudes.
     sub_steps : int or None
