@@ -1,6 +1,6 @@
 """Factors of one's own that touch one keyframe, in the chain's normal equations."""
 
-from collections.abc import Iterable
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -12,44 +12,46 @@ from fgnav.optional_gtsam import gtsam
 
 
 def add_unary(
-    factors: Iterable[gtsam.NonlinearFactor],
+    factors: Mapping[int, Sequence[gtsam.NonlinearFactor]],
     layout: Layout,
-    number: int,
+    rows: Mapping[int, int],
     at: States,
     node: FloatArray,
 ) -> None:
-    """Add factors of keyframe ``number`` and constants to its augmented information.
+    """Add factors of a keyframe each, and constants, to the augmented information.
 
     Parameters
     ----------
-    factors : iterable of gtsam.NonlinearFactor
+    factors : mapping of int to sequence of gtsam.NonlinearFactor
+        By the number of their keyframe.
     layout : Layout
-    number : int
+    rows : mapping of int to int
+        Of keyframes, among the states.
     at : States
-        Where it is linearised, (1,).
-    node : ndarray, shape (D + b + 1, D + b + 1)
+        Where they are linearised, (n,).
+    node : ndarray, shape (n, D + b + 1, D + b + 1)
         See ``chain.kernel``.
     """
     values, D = gtsam.Values(), layout.width
-    factors = list(factors)
-    touched = [key for factor in factors for key in factor.keys()]  # noqa: SIM118  # not a dict
-    insert_variables(values, layout, touched, at, {number: 0})
-    x, v, aux = layout.keyframe(number)
-    columns = {x: slice(0, 6), v: slice(6, 9), aux: slice(9, D)}
-    if any(map(keys.is_constant, touched)):
-        columns |= _of_constants(layout)
-    for factor in factors:
-        linear = factor.linearize(values)
-        if linear is None:  # a factor that is not active is none
-            continue
-        A, right = linear.jacobian()
-        rows, begin = np.zeros((len(right), len(node))), 0
-        for key in linear.keys():  # noqa: SIM118  # not a dict
-            own = columns[key]
-            rows[:, own] = A[:, begin : begin + own.stop - own.start]
-            begin += own.stop - own.start
-        rows[:, -1] = right
-        node += rows.T @ rows
+    each = [one for of in factors.values() for one in of]
+    touched = {key for one in each for key in one.keys()}  # noqa: SIM118  # not a dict
+    insert_variables(values, layout, touched, at, rows)
+    constants = _of_constants(layout) if any(map(keys.is_constant, touched)) else {}
+    for number, of in factors.items():
+        x, v, aux = layout.keyframe(number)
+        columns = constants | {x: slice(0, 6), v: slice(6, 9), aux: slice(9, D)}
+        for factor in of:
+            linear = factor.linearize(values)
+            if linear is None:  # a factor that is not active is none
+                continue
+            A, right = linear.jacobian()
+            whitened, begin = np.zeros((len(right), node.shape[1])), 0
+            for key in linear.keys():  # noqa: SIM118  # not a dict
+                own = columns[key]
+                whitened[:, own] = A[:, begin : begin + own.stop - own.start]
+                begin += own.stop - own.start
+            whitened[:, -1] = right
+            node[rows[number]] += whitened.T @ whitened
 
 
 def _of_constants(layout: Layout) -> dict[int, slice]:

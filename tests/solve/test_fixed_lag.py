@@ -7,6 +7,7 @@ import pytest
 from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.graph import keys
 from fgnav.graph.build import Layout
+from fgnav.graph.custom import residual_factor
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.solve.batch import solve_batch
 from fgnav.solve.elimination import Elimination
@@ -91,17 +92,28 @@ def test_keyframes_a_second_apart_are_relinearised_at_once() -> None:
     assert sigmas_apart(batch, window) < SIGMAS
 
 
-def test_an_update_eliminates_what_enters_and_not_the_whole_window() -> None:
-    """A second of keyframes enters, and the one before it is linearised anew: of eight, two."""
+@pytest.fixture
+def eliminated(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many variables each update of ISAM2 eliminates."""
+    update, variables = gtsam.ISAM2.update, list[int]()
+
+    def counted(isam: gtsam.ISAM2, *given: object) -> gtsam.ISAM2Result:
+        result = update(isam, *given)
+        variables.append(result.getVariablesReeliminated())
+        return result
+
+    monkeypatch.setattr(gtsam.ISAM2, "update", counted)
+    return variables
+
+
+def test_an_update_eliminates_what_enters_and_not_the_whole_window(eliminated: list[int]) -> None:
+    """A second of keyframes enters, that before it is linearised anew; of eight, two."""
     problem, _ = flight(8.0)
-    window, counts = FixedLag(20.0), []
+    window = FixedLag(20.0)
     for row in range(len(problem.t_s)):
-        updates = window.updates
         window.update(problem, row)
-        if window.updates > updates:
-            counts.append(window._alive.eliminated)
-    assert len(problem.t_s) == 81
-    assert max(counts[2:]) <= 3 * 22 + 2
+    assert len(eliminated) == 8
+    assert max(eliminated) <= 3 * 23 + 2
 
 
 def test_kept_linearisation_stays_at_the_start() -> None:
@@ -125,6 +137,35 @@ def test_a_factor_of_ones_own_enters_with_its_last_keyframe() -> None:
     assert np.abs(truth.steps_to(window.states)[:, 3:6]).max() < 0.03
     assert sigmas_apart(batch[np.arange(11, 31)], window[np.arange(11, 31)]) < 3.0
     assert batch.converged
+
+
+@pytest.mark.parametrize("gyroscope", [False, True])
+def test_a_constant_that_all_keyframes_meet_has_no_more_eliminated_anew(
+    eliminated: list[int], gyroscope: bool
+) -> None:
+    """Keyframes that are new touch the root of ISAM2's tree, what leaves its leaves."""
+    problem, truth = flight(6.0, gyroscope=gyroscope)
+    offset = flight_constant("offset", ("x", "y", "z"), "m", 1.0)
+    problem = problem.with_constants((offset,))
+    shared, noise = Layout.of(problem).constant_keys[-1], gtsam.noiseModel.Isotropic.Sigma(3, 0.1)
+    own = [
+        residual_factor(
+            "place",
+            [keys.pose(k), shared],
+            lambda x, c, k=k: x.translation() + c - truth.p_n_m[k],
+            noise,
+            jacobian=lambda x, _: (np.hstack([np.zeros((3, 3)), x.rotation().matrix()]), np.eye(3)),
+        )
+        for k in range(len(problem.t_s))
+    ]
+    counts = []
+    for factors in ((), own):
+        eliminated.clear()
+        solve_forward(problem, 2.0, own=factors, keep_linearisation=True)
+        counts.append(max(eliminated[len(eliminated) // 2 :]))  # of 20 to 30 keyframes
+    # A new keyframe, and what is eliminated anew, counted twice: two keyframes and the constants.
+    old = 2 * 3 + len(problem.constants.parts)
+    assert counts == [3 + 2 * (old - 1), 3 + 2 * old]
 
 
 def test_a_factor_that_reaches_behind_the_window_is_refused_by_name() -> None:

@@ -213,11 +213,10 @@ class LinearWindow:
                 of,
             )
             begin = end
-        for k in changed if self._unary else ():
-            number = self.oldest + int(k)
-            if own := self._unary.get(number):
-                layout = Layout.of(self._sources[k][0])
-                add_unary(own, layout, number, states.at(slice(k, k + 1)), links.node[k])
+        numbers = (changed + self.oldest).tolist() if self._unary else []
+        if own := {number: self._unary[number] for number in numbers if number in self._unary}:
+            of_rows = {number: number - self.oldest for number in own}
+            add_unary(own, Layout.of(self._sources[-1][0]), of_rows, states, links.node)
 
     def _eliminated(self, rows: WindowArrays, first: int, *, by_rows: bool) -> int:
         """Solve for the newest keyframe and the constants; return the first that is open, or -1."""

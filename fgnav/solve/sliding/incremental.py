@@ -15,12 +15,13 @@ What GTSAM 4.3.0 asks of its callers, each measured:
 - After an exception the smoother is of no more use.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import SupportsFloat, SupportsIndex, SupportsInt
 
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.graph import keys
 from fgnav.graph.build import Layout
 from fgnav.graph.types.states import AUX, ROTATION
 from fgnav.optional_gtsam import gtsam
@@ -47,8 +48,6 @@ class IncrementalSmoother:
         Keyframes ``oldest`` to ``end - 1`` are in it.
     is_chain : bool
         Whether no factor has yet joined other keyframes than neighbours.
-    eliminated : int
-        Variables that the last update eliminated.
     """
 
     def __init__(self, layout: Layout, oldest: int = 0) -> None:
@@ -66,12 +65,11 @@ class IncrementalSmoother:
         self._leaving: set[int] = set()  # by the next update
         self._stamped = oldest  # keyframes before it have a time in GTSAM's smoother
         self.oldest, self.end, self.is_chain = oldest, oldest, True
-        self.eliminated = 0
 
     def enter_arcs(self, key: int, size: int, begin: int) -> None:
-        """Let arcs begin with the next update, at a keyframe; those before them end there."""
+        """Let arcs begin with the next update, at a keyframe; those before end just before it."""
         for before, (width, last) in self._arcs.items():
-            self._arcs[before] = width, min(last, begin)
+            self._arcs[before] = width, min(last, begin - 1)
         self._arcs[key] = size, _OPEN_END
 
     def update(
@@ -88,42 +86,39 @@ class IncrementalSmoother:
         RuntimeError
             Of GTSAM, naming a variable that the data leave open.
         """
-        entering, self.end = end - self.end, end
+        self.end = end
         entered = values.keys()  # a list of keys, not a dict's
         if entered or relinearised or not graph.empty():
-            done = self._isam.update(graph, values, self._parameters(relinearised, entering))
-            self.eliminated = done.getVariablesReeliminated()
             self._variables.update(entered)
+            shared = self._arcs.keys() | set(self._constants)
+            touched = [keys.index(key) for key in graph.keyVector() if key not in shared]
+            parameters = self._ordered(min((*relinearised, *touched), default=end - 1))
+            if relinearised:
+                moved = {key for k in relinearised for key in self._layout.keyframe(k)}
+                parameters.force_relinearize = True
+                parameters.noRelinKeys = _key_list(self._variables - moved)
+            self._isam.update(graph, values, parameters)
         if self._leaving:
             self._leave()
 
-    def _parameters(self, relinearised: list[int], entering: int) -> gtsam.ISAM2UpdateParams:
-        """Return which keyframes are linearised anew, and in which order all are eliminated."""
-        parameters = gtsam.ISAM2UpdateParams()
-        if relinearised:
-            moved = {key for k in relinearised for key in self._layout.keyframe(k)}
-            staying = gtsam.KeyList()
-            for key in self._variables - moved:
-                staying.push_back(key)
-            parameters.force_relinearize, parameters.noRelinKeys = True, staying
-        parameters.constrainedKeys = self._order(entering + len(relinearised))
-        return parameters
+    def _ordered(self, first: int) -> gtsam.ISAM2UpdateParams:
+        """Return that keyframes are eliminated one after another as they came, then constants.
 
-    def _order(self, touched: int) -> gtsam.KeyGroupMap:
-        """Return groups of variables, one eliminated after another: keyframes as they came.
-
-        There may be as many groups as variables in what is eliminated, which are at least those of
-        the keyframes that are touched.
+        Eliminated are at least those from the first on that an update touches, and the one before:
+        there may be as many groups as variables in what is eliminated, the older are one.
         """
-        last, groups = max(3 * touched - 1, 0), gtsam.KeyGroupMap()
-        for k in range(self.oldest, self.end):
-            for key in self._layout.keyframe(k):
-                groups.insert2(key, max(last + k - self.end, 0))
-        for key, (_, k) in self._arcs.items():  # with the last keyframe that needs them
-            groups.insert2(key, min(max(last + k - self.end, 0), last))
-        for key in self._constants:
-            groups.insert2(key, last)
-        return groups
+        base = max(first - 1, self.oldest)
+        last = 3 * (self.end - base) - 1
+        rank = {key: k for k in range(self.oldest, self.end) for key in self._layout.keyframe(k)}
+        # Arcs as in the chain: with their last keyframe, while they go on beside the constants.
+        rank |= {key: min(k, self.end) for key, (_, k) in self._arcs.items()}
+        rank |= dict.fromkeys(self._constants, self.end)
+        groups, parameters = gtsam.KeyGroupMap(), gtsam.ISAM2UpdateParams()
+        for key, after in rank.items():
+            groups.insert2(key, max(last - self.end + after, 0))
+        parameters.constrainedKeys = groups
+        parameters.extraReelimKeys = _key_list(self._layout.keyframe(base))
+        return parameters
 
     def _leave(self) -> None:
         """Let GTSAM's smoother know keyframes that are new to it, and marginalise what leaves."""
@@ -208,3 +203,10 @@ class IncrementalSmoother:
         if self.is_chain:
             return k == self.oldest and k > 0
         return bool(self._isam.getFixedVariables().count(self._layout.keyframe(k)[0]))
+
+
+def _key_list(variables: Iterable[int]) -> gtsam.KeyList:
+    listed = gtsam.KeyList()
+    for key in variables:
+        listed.push_back(key)
+    return listed
