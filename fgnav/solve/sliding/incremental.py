@@ -105,11 +105,13 @@ class IncrementalSmoother:
         """Return that keyframes are eliminated one after another as they came, then constants.
 
         Eliminated are at least those from the first on that an update touches, and the one before:
-        there may be as many groups as variables in what is eliminated, the older are one.
+        there may be as many groups as variables in what is eliminated. The older are the first one,
+        which needs no name.
         """
         base = max(first - 1, self.oldest)
         last = 3 * (self.end - base) - 1
-        rank = {key: k for k in range(self.oldest, self.end) for key in self._layout.keyframe(k)}
+        second = max(self.end - last + 1, self.oldest)
+        rank = {key: k for k in range(second, self.end) for key in self._layout.keyframe(k)}
         # Arcs as in the chain: with their last keyframe, while they go on beside the constants.
         rank |= {key: min(k, self.end) for key, (_, k) in self._arcs.items()}
         rank |= dict.fromkeys(self._constants, self.end)
