@@ -20,7 +20,7 @@ _STUCK = "all axes repeat the sample before, more often than by chance: left out
 
 def without_faulty(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     """Return a record without samples of a stuck unit, and without spikes, and their numbers."""
-    imu, held = without_held(imu)
+    imu, held = without_repeated(imu)
     stuck, count, run = imu, 0, stuck_unit(imu)
     while run is not None:
         keep = np.ones(len(stuck.t_s), dtype=np.bool_)
@@ -34,7 +34,7 @@ def without_faulty(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     return mended, (*held, *losses)
 
 
-def without_held(imu: Imu, *, causal: bool = False) -> tuple[Imu, tuple[Loss, ...]]:
+def without_repeated(imu: Imu, *, causal: bool = False) -> tuple[Imu, tuple[Loss, ...]]:
     """Return a record without samples of a sensor that repeats all axes at even intervals.
 
     Such a sensor is slower than its record and no later than what it repeats. Where most samples
@@ -46,7 +46,7 @@ def without_held(imu: Imu, *, causal: bool = False) -> tuple[Imu, tuple[Loss, ..
         x = getattr(kept, field)
         if x is None or len(x) < _FEWEST:
             continue
-        held = _held(x, causal=causal)
+        held = _is_repeated(x, causal=causal)
         if held.any():
             reason = f"the {name} repeats the sample before at even intervals: left out"
             losses.append(Loss(what="inertial sample", reason=reason, count=int(held.sum())))
@@ -54,7 +54,7 @@ def without_held(imu: Imu, *, causal: bool = False) -> tuple[Imu, tuple[Loss, ..
     return kept, tuple(losses)
 
 
-def _held(x: FloatArray, *, causal: bool) -> BoolArray:
+def _is_repeated(x: FloatArray, *, causal: bool) -> BoolArray:
     """Return which samples, (k,), repeat at even intervals."""
     same = np.append(False, (np.diff(x, axis=0) == 0).all(axis=1))
     fresh = np.flatnonzero(~same)
@@ -101,7 +101,7 @@ def is_unlikely(length: int, share: float, n: int) -> bool:
 
 def without_stuck_so_far(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     """Return a record without samples that, by those up to each, are of a stuck unit."""
-    imu, held = without_held(imu, causal=True)
+    imu, held = without_repeated(imu, causal=True)
     x = imu.f_b_mps2 if imu.w_b_radps is None else np.hstack([imu.f_b_mps2, imu.w_b_radps])
     same = np.append(False, (np.diff(x, axis=0) == 0).all(axis=1))
     k = np.arange(len(x))

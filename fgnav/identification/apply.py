@@ -21,7 +21,7 @@ from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.array_places import places_of, with_reference
 from fgnav.identification.identify import EXCLUDED, Identified, identify
-from fgnav.identification.likelihood.beside_phases import louder
+from fgnav.identification.likelihood.beside_phases import white_noise_factors
 from fgnav.identification.notes import constant_notes, noise_notes
 from fgnav.identification.stated import with_factors
 from fgnav.identification.tested_constants import Times
@@ -171,11 +171,11 @@ def _beside_phases(
     settings = replace(settings, calibration=requests)
 
     def changed(factors: dict[str, float]) -> SmoothingProblem:
-        noise = found.times_louder(factors).factors
+        noise = found.scaled(factors).factors
         better = with_factors(_moved(flight, moved, _middle_s(flight)), noise)
         return build(better, settings).problem
 
-    return found.times_louder(louder(changed({}) if begin is None else begin, changed))
+    return found.scaled(white_noise_factors(changed({}) if begin is None else begin, changed))
 
 
 def _likeliest(

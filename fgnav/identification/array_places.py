@@ -5,13 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.attitude.array import maximum_likelihood
+from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import FloatArray
 from fgnav.frontend.array.misplaced import misplaced
 from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests
 from fgnav.frontend.problem import PreparedFlight
-from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Consistency, Contradiction
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
@@ -42,8 +41,12 @@ def places_of(
     flight: Flight, asked: tuple[CalibrationRequest, ...], prepared: PreparedFlight
 ) -> Places:
     """Return what phases say of places; nothing of an array whose places are asked for."""
+    if prepared.array is None:
+        return Places(0, (), (), ())
+    differences, ranges_m = prepared.array
+    attitude = maximum_likelihood(RotationQuadratic.of_ranges(differences, ranges_m))
     is_asked = any(one.kind == "antenna" for one in asked)
-    found = () if is_asked or prepared.array is None else misplaced(*prepared.array)
+    found = () if is_asked else misplaced(differences, ranges_m, attitude)
     off = {one.antenna for one in found}
     requests, notes = [], []
     for one in found:
@@ -57,17 +60,16 @@ def places_of(
             f"x_b, y_b, z_b (± {sigma_m} m); estimated with the flight."
         )
     reference = min(set(range(len(flight.antennas))) - off, default=0)
-    tests = () if found or prepared.array is None else _tests(*prepared.array)
+    tests = () if found else _tests(differences.t_s, attitude)
     return Places(reference, tuple(requests), tuple(notes), tests)
 
 
-def _tests(differences: DoubleDifferences, ranges_m: FloatArray) -> tuple[Consistency, ...]:
+def _tests(t_s: FloatArray, attitude: AttitudeSolution) -> tuple[Consistency, ...]:
     """Return by how much phases of most epochs contradict each other, where that is no noise."""
-    attitude = maximum_likelihood(RotationQuadratic.of_ranges(differences, ranges_m))
     nis, freedom = attitude.misfit(), int(attitude.degrees_of_freedom[attitude.solved].sum())
     if nis == 1.0:
         return ()
-    begin_s, end_s = float(differences.t_s[0]), float(differences.t_s[-1])
+    begin_s, end_s = float(t_s[0]), float(t_s[-1])
     span = Contradiction(from_s=begin_s, until_s=end_s, freedom=freedom, nis=nis, throughout=True)
     return (
         Consistency(

@@ -109,13 +109,12 @@ class Identified:
         rows = np.flatnonzero(self.is_no_noise).tolist()
         return {self.names[i]: float(self.factor[i]) for i in rows}
 
-    def times_louder(self, by: dict[str, float]) -> "Identified":
-        """Return the same with some noises louder by factors than found, or stated if not used."""
+    def scaled(self, by: dict[str, float]) -> "Identified":
+        """Return the same with some noises times factors, of what is found, or else stated."""
         times = np.array([by.get(name, 1.0) for name in self.names])
-        found = np.where(self.used, self.factor, 1.0)
-        louder = times != 1.0
-        factor = np.where(louder, found * times, self.factor)
-        return replace(self, factor=factor, used=self.used | louder)
+        changed, found = times != 1.0, np.where(self.used, self.factor, 1.0)
+        factor = np.where(changed, found * times, self.factor)
+        return replace(self, factor=factor, used=self.used | changed)
 
     def on_time(self) -> "Identified":
         """Return the same with the unit's clock corrected by what it is off."""

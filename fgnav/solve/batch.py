@@ -137,19 +137,18 @@ def _newton(problem: SmoothingProblem, graph: gtsam.NonlinearFactorGraph, begin:
         is_least = linear.promised < _LEVEL and _is_small(steps, known.covariance)
         if is_least or count == _NEWTON_STEPS:
             break
-        share, before = min(2 * share, 1.0), (states, values, cost)
-        while share > _LEAST_SHARE:
-            states = before[0].moved(share * steps, share * constant_steps)
-            arcs = {key: before[1].atVector(key) + share * step for key, step in arc_steps.items()}
-            values = flight_values(problem, states, arcs)
-            cost = 2.0 * graph.error(values)
-            if cost <= before[2]:
+        share = min(2 * share, 1.0)
+        while True:
+            moved = states.moved(share * steps, share * constant_steps)
+            arcs = {key: values.atVector(key) + share * step for key, step in arc_steps.items()}
+            there = flight_values(problem, moved, arcs)
+            lower = 2.0 * graph.error(there)
+            if lower <= cost or share < _LEAST_SHARE:
                 break
             share /= 2
-        else:
-            states, values, cost = before
+        if lower > cost:
             break
-        count += 1
+        states, values, cost, count = moved, there, lower, count + 1
     cost -= linear.promised if is_least else 0.0
     solution = Solution(
         states=states.moved(steps, constant_steps) if is_least else states,

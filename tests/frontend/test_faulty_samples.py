@@ -5,7 +5,7 @@ import pytest
 
 from fgnav.frontend.faulty_samples import (
     without_faulty,
-    without_held,
+    without_repeated,
     without_spikes,
     without_stuck_so_far,
 )
@@ -116,7 +116,7 @@ def test_right_records_so_far_are_kept(imu):
 def test_a_slower_sensor_keeps_what_it_measured(imu, causal):
     k = np.arange(len(T_S))
     held = replace(imu, w_b_radps=imu.w_b_radps[k // 4 * 4])
-    left, losses = without_held(held, causal=causal)
+    left, losses = without_repeated(held, causal=causal)
     known = k >= 99 if causal else k >= 0  # fewer samples tell nothing
     np.testing.assert_array_equal(left.t_s, T_S[~known | (k % 4 == 0)])
     assert [one.count for one in losses] == [len(T_S) - len(left.t_s)]
@@ -124,13 +124,13 @@ def test_a_slower_sensor_keeps_what_it_measured(imu, causal):
 
 
 def test_coarse_steps_and_samples_as_drawn_are_not_held(imu):
-    assert without_held(imu)[0] is imu
+    assert without_repeated(imu)[0] is imu
     coarse = replace(imu, f_b_mps2=np.round(imu.f_b_mps2 / 3.0) * 3.0)
     assert (np.diff(coarse.f_b_mps2, axis=0) == 0).all(axis=1).mean() > 0.5
-    assert without_held(coarse)[0] is coarse
+    assert without_repeated(coarse)[0] is coarse
 
 
 def test_what_is_held_so_far_does_not_depend_on_what_comes(imu):
     held = replace(imu, f_b_mps2=imu.f_b_mps2[np.arange(len(T_S)) // 5 * 5])
-    whole, part = (without_held(one, causal=True)[0].t_s for one in (held, held[:600]))
+    whole, part = (without_repeated(one, causal=True)[0].t_s for one in (held, held[:600]))
     np.testing.assert_array_equal(whole[whole <= T_S[599]], part)

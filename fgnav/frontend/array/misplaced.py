@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.attitude.array import maximum_likelihood
-from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.attitude.array import AttitudeSolution
 from fgnav.checks import FloatArray
 from fgnav.frontend.array.shape import baseline_information
 from fgnav.geometry.rotations import skew
@@ -32,7 +31,9 @@ class Misplaced(NamedTuple):
     sigma_m: FloatArray  # (3,)
 
 
-def misplaced(differences: DoubleDifferences, ranges_m: FloatArray) -> tuple[Misplaced, ...]:
+def misplaced(
+    differences: DoubleDifferences, ranges_m: FloatArray, attitude: AttitudeSolution
+) -> tuple[Misplaced, ...]:
     """Return the antennas that are off, found one by one, the surest first.
 
     Parameters
@@ -40,8 +41,10 @@ def misplaced(differences: DoubleDifferences, ranges_m: FloatArray) -> tuple[Mis
     differences : DoubleDifferences
     ranges_m : ndarray, shape (n, b, m)
         Without integers; NaN where there are none.
+    attitude : AttitudeSolution
+        The likeliest by these ranges.
     """
-    scores = _scores(differences, ranges_m)
+    scores = _scores(differences, ranges_m, attitude)
     if scores is None:
         return ()
     antennas, fit = len(differences.baselines_b_m) + 1, None
@@ -79,8 +82,9 @@ class _Fit(NamedTuple):
     noise: float  # variance factor of what is left, correlated as it is
 
 
-def _scores(differences: DoubleDifferences, ranges_m: FloatArray) -> _Scores | None:
-    attitude = maximum_likelihood(RotationQuadratic.of_ranges(differences, ranges_m))
+def _scores(
+    differences: DoubleDifferences, ranges_m: FloatArray, attitude: AttitudeSolution
+) -> _Scores | None:
     rows = np.flatnonzero(attitude.solved & (attitude.degrees_of_freedom > 0))
     if len(rows) < _FEWEST:
         return None

@@ -73,10 +73,11 @@ class SmoothingProblem:
         """Return where a window starts a keyframe to which the motion has led."""
         if not self.attitude_known[row]:
             return led
-        at = slice(row, row + 1)
+        at, aux = slice(row, row + 1), led.aux
         if self.rate_known:
-            led.aux[:, _RATE] = self.start.aux[at, _RATE]
-        return led._replace(R_nb=self.start.R_nb[at])
+            aux = aux.copy()
+            aux[:, _RATE] = self.start.aux[at, _RATE]
+        return led._replace(R_nb=self.start.R_nb[at], aux=aux)
 
     @property
     def width(self) -> int:

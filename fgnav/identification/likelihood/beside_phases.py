@@ -34,7 +34,7 @@ _MOST_STEP = 1.2  # of theta, as of ``search``
 _SETTLED = 0.03  # of theta: 3 % of a standard deviation, as there
 
 
-def louder(
+def white_noise_factors(
     problem: SmoothingProblem, changed: Callable[[dict[str, float]], SmoothingProblem]
 ) -> dict[str, float]:
     """Return factors on the unit's white noises that phases contradict.
