@@ -1,5 +1,6 @@
 """From a flight to a smoothing problem: keyframes, measurements, motion, and where to start."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -96,15 +97,17 @@ class PreparedFlight:
 
     def with_constants(self, parts: tuple[FlightConstant, ...]) -> "PreparedFlight":
         """Return the same with more constants, after those its problems have."""
+        return self.changed(lambda problem: problem.with_constants(parts))
+
+    def changed(self, by: Callable[[SmoothingProblem], SmoothingProblem]) -> "PreparedFlight":
+        """Return the same with all its problems changed."""
         opening, in_motion = self.opening, self.in_motion
         return replace(
             self,
-            problem=self.problem.with_constants(parts),
-            windowed=self.windowed.with_constants(parts),
-            in_motion=None if in_motion is None else in_motion.with_constants(parts),
-            opening=None
-            if opening is None
-            else replace(opening, problem=opening.problem.with_constants(parts)),
+            problem=by(self.problem),
+            windowed=by(self.windowed),
+            in_motion=None if in_motion is None else by(in_motion),
+            opening=None if opening is None else replace(opening, problem=by(opening.problem)),
         )
 
 

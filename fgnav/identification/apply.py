@@ -1,7 +1,8 @@
 """A smoothing problem with the noise and the times that its flight asks for."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +23,11 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.array_places import places_of, with_reference
 from fgnav.identification.identify import EXCLUDED, Identified, identify
 from fgnav.identification.likelihood.beside_phases import white_noise_factors
-from fgnav.identification.notes import constant_notes, noise_notes
+from fgnav.identification.likelihood.satellite_errors import (
+    satellite_error_factors,
+    with_errors,
+)
+from fgnav.identification.notes import constant_notes, noise_notes, satellite_error_notes
 from fgnav.identification.stated import with_factors
 from fgnav.identification.tested_constants import Times
 from fgnav.identification.track.candidates import clock_candidates, over_common_span
@@ -44,6 +49,8 @@ class Findings(NamedTuple):
     tests: tuple[Consistency, ...] = ()
     middle_s: float = 0.0  # of the record that says so: the offset holds there
     reference: int = 0  # antenna against which the array's others are
+    errors: Mapping[str, float] = MappingProxyType({})  # of satellites, as factors
+    is_as_it_was: bool = False  # all but those errors
 
 
 def with_identified_noise(
@@ -71,6 +78,8 @@ def with_identified_noise(
         return replace(prepared, notes=(*prepared.notes, note))
     if found is None:
         return prepared
+    if found.is_as_it_was:
+        return _said(prepared, found)
     return replace(with_findings(flight, settings, found, build), tests=found.tests)
 
 
@@ -80,8 +89,21 @@ def with_findings(
     """Return the problem of a flight with noise and times as found."""
     better = with_factors(_moved(flight, found.moved, found.middle_s), found.factors)
     better = with_reference(better, found.reference)
-    changed = build(better, replace(settings, calibration=found.calibration))
+    return _said(build(better, replace(settings, calibration=found.calibration)), found)
+
+
+def _said(prepared: PreparedFlight, found: Findings) -> PreparedFlight:
+    """Return a problem with the errors of satellites as found, and what is to be said of all."""
+    changed = _erring(prepared, found.errors)
     return replace(changed, notes=(*changed.notes, *found.notes))
+
+
+def _erring(prepared: PreparedFlight, errors: Mapping[str, float]) -> PreparedFlight:
+    def changed(problem: SmoothingProblem) -> SmoothingProblem:
+        phase = problem.phase
+        return problem if phase is None else replace(problem, phase=with_errors(phase, errors))
+
+    return prepared.changed(changed) if errors else prepared
 
 
 def findings(
@@ -107,6 +129,12 @@ def findings(
         settings = replace(settings, calibration=(*stated, *places.requests))
         flight = with_reference(flight, places.reference)
         prepared = build(flight, settings)
+    errors = _satellite_errors(flight, prepared.problem)
+    prepared = _erring(prepared, errors)
+
+    def erring(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
+        return _erring(build(flight, settings), errors)
+
     problem = prepared.problem
     measured = np.zeros(len(problem.t_s), dtype=np.bool_)
     for one in problem.measurements:
@@ -121,13 +149,30 @@ def findings(
     if problem.phase is not None:
         is_as_it_was = not (found.used.any() or moved.any()) and requests == settings.calibration
         begin = problem if is_as_it_was else None
-        found = _beside_phases(flight, settings, found, (moved, requests), build, begin)
+        found = _beside_phases(flight, settings, found, (moved, requests), erring, begin)
     tests = (*places.tests, *_tests(flight, found))
-    if not (found.used.any() or moved.any() or tests) and requests == stated:
+    is_as_it_was = not (found.used.any() or moved.any() or tests) and requests == stated
+    if is_as_it_was and not errors:
         return None
-    notes = (*places.notes, *noise_notes(flight, found), *constant_notes(found, moved, requests))
-    middle_s = _middle_s(flight)
-    return Findings(found.factors, moved, requests, notes, tests, middle_s, places.reference)
+    noise = (*noise_notes(flight, found), *satellite_error_notes(errors))
+    return Findings(
+        factors=found.factors,
+        moved=moved,
+        calibration=requests,
+        notes=(*places.notes, *noise, *constant_notes(found, moved, requests)),
+        tests=tests,
+        middle_s=_middle_s(flight),
+        reference=places.reference,
+        errors=errors,
+        is_as_it_was=is_as_it_was,
+    )
+
+
+def _satellite_errors(flight: Flight, problem: SmoothingProblem) -> dict[str, float]:
+    """Return factors on errors of satellites; against a base they are other ones."""
+    if problem.phase is None or flight.base is not None:
+        return {}
+    return satellite_error_factors(problem.phase)
 
 
 def _tests(flight: Flight, found: Identified) -> tuple[Consistency, ...]:

@@ -1,5 +1,7 @@
 """What identification tells a user, in sentences."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from fgnav.frontend.calibration_request import CalibrationRequest
@@ -24,6 +26,11 @@ _UNIT = {
     "gyroscope": "rad/s/sqrt(Hz)",
     "accelerometer bias": "m/s2/sqrt(s)",
     "gyroscope bias": "rad/s/sqrt(s)",
+}
+_OF_SATELLITES = {
+    "satellite error": "the size is",
+    "satellite error walk": "the random walk is",
+    "satellite error rate": "the rate is",
 }
 _USUAL = "the usual figure"
 
@@ -59,6 +66,14 @@ def _value(flight: Flight, name: str, factor: float) -> str:
     if flight.imu is None or name not in FIELDS:
         return ""
     return f"{factor * getattr(flight.imu, FIELDS[name]):.2g} {_UNIT[name]}"
+
+
+def satellite_error_notes(factors: Mapping[str, float]) -> tuple[str, ...]:
+    """Return a sentence on errors of satellites that are not as stated; none if all are."""
+    parts = [f"{_OF_SATELLITES[name]} {factor:.2g} x" for name, factor in factors.items()]
+    if not parts:
+        return ()
+    return (f"Of errors of satellites {', '.join(parts)} what is stated or usual: used instead.",)
 
 
 def constant_notes(

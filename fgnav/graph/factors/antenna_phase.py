@@ -55,6 +55,7 @@ class ArcBlock(NamedTuple):
     before: FloatArray  # (q, d); (q, 0) of the first block
     after: FloatArray  # (q, d')
     right: FloatArray  # (q,)
+    satellites: int = 0  # whose errors d, and then rates r, are the last of A'
 
     @property
     def size(self) -> int:
