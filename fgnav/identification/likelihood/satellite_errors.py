@@ -31,6 +31,7 @@ from fgnav.solve.chain.arcs_kernel import eliminate_first
 ERRORS = ("satellite error", "satellite error walk", "satellite error rate")
 _EXCLUDED = -np.log(FALSE_ALARM)  # nats that what is stated is less likely by
 _MOST = np.log(100.0)  # of a factor's logarithm: centimetres of metres, noise of phases and codes
+_ENOUGH = 600  # blocks of a second: walks of four satellites more than a place to 1.5 %
 _SETTLED = 0.1  # of it: 10 % of a standard deviation
 
 
@@ -73,14 +74,15 @@ class SatelliteErrors:
     """
 
     def __init__(self, phase: AntennaPhase) -> None:
-        self._size = [block.size for block in phase.blocks]
-        kinds = [_kinds(block) for block in phase.blocks]
-        self.count = [sum(int((of == i).sum()) for of in kinds) for i in range(len(ERRORS))]
-        self._led = [_squares(*of) for of in zip(phase.blocks, kinds, strict=True)]
-        self._measured = [np.zeros((size + 1, size + 1)) for size in self._size]
+        blocks = phase.blocks[:_ENOUGH]
+        self._kinds = [_kinds(block) for block in blocks]
+        self._rows = [np.column_stack([-one.before, one.after, one.right]) for one in blocks]
+        self.count = [sum(int((of == i).sum()) for of in self._kinds) for i in range(len(ERRORS))]
+        self._measured = [np.zeros((one.size + 1, one.size + 1)) for one in blocks]
         for one, block in zip(phase.rows, phase.block - phase.first_block, strict=True):
-            rows = np.column_stack(without_place(one))
-            self._measured[block] += rows.T @ rows
+            if block < len(blocks):
+                rows = np.column_stack(without_place(one))
+                self._measured[block] += rows.T @ rows
 
     def climbed(self, theta: FloatArray, i: int) -> tuple[FloatArray, float]:
         """Return logarithms of factors, (3,), the i-th of them the likeliest, and ln L there."""
@@ -102,10 +104,9 @@ class SatelliteErrors:
         """Return ln L of logarithms of factors, (3,), but for a constant."""
         weight = np.append(np.exp(-2 * theta), 1.0)
         log_root, information = 0.0, np.zeros((1, 1))
-        for led, measured in zip(self._led, self._measured, strict=True):
+        for rows, kinds, measured in zip(self._rows, self._kinds, self._measured, strict=True):
             before = len(information) - 1
-            n = len(led[0])
-            joint = (weight @ led.reshape(len(led), -1)).reshape(n, n)
+            joint = rows.T @ (weight[kinds, None] * rows)
             joint[:before, :before] += information[:before, :before]
             joint[:before, -1] += information[:before, -1]
             joint[-1, -1] += information[-1, -1]
@@ -142,9 +143,3 @@ def _weighted(block: ArcBlock, weight: FloatArray) -> ArcBlock:
         after=weight[:, None] * block.after,
         right=weight * block.right,
     )
-
-
-def _squares(block: ArcBlock, kinds: IntArray) -> FloatArray:
-    """Return the information that rows of each kind add over (A, A', 1), (4, n, n)."""
-    rows = np.column_stack([-block.before, block.after, block.right])
-    return np.array([rows[kinds == i].T @ rows[kinds == i] for i in range(len(ERRORS) + 1)])
