@@ -204,7 +204,6 @@ def agreeing(
 
     Parameters
     ----------
-    quadratic : RotationQuadratic
     solution : AttitudeSolution, optional
         Its ``maximum_likelihood``, if that is known.
     """

@@ -21,15 +21,10 @@ class MethodTable(Table, frozen=True):
     ----------
     name : str
         What tables call it; the method's own name where none is given.
-    method : str
     integers : str
         Who resolves integers.
-    gravity : str or None
     estimate, factors, without : tuple of str
         ``without`` names what is left out of the flight first, see ``evaluation.ablation``.
-    solver : str or None
-    causal : bool
-    lag_s : float or None
     """
 
     method: str
@@ -85,12 +80,10 @@ class CaseTable(Table, frozen=True):
 
     Attributes
     ----------
-    name : str
     scenario : str
         Of the simulator: a name it knows, or a file beside the campaign's.
     changes : dict
         By dotted key, what the scenario says instead.
-    sweep : SweepTable or None
     any_hour : bool
         Whether each flight starts at a time of the day of its own, so under a sky of its own.
     """
@@ -117,15 +110,12 @@ class Order(Table, frozen=True):
 
     Attributes
     ----------
-    name : str
     seed : int
         Root of all random numbers.
     flights : int
         Of each case and value of its sweep.
     baseline : str or None
         The method that others are held against; the first where none is named.
-    method : tuple of MethodTable
-    case : tuple of CaseTable
     """
 
     seed: Annotated[int, msgspec.Meta(ge=0)]

@@ -20,7 +20,6 @@ class Sweep:
 
     Attributes
     ----------
-    name : str
     values : ndarray, shape (c,)
     tables : mapping of str to Rows
         By caption.

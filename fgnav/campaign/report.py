@@ -37,11 +37,6 @@ class Table:
 
     Columns of a sweep share their random draws, flight by flight: intervals and tests are by
     flight number, over all columns of which a flight is averaged first.
-
-    Parameters
-    ----------
-    order : Order
-    records : iterable of Record
     """
 
     def __init__(self, order: Order, records: Iterable[Record]) -> None:

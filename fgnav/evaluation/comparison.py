@@ -26,8 +26,6 @@ class Method:
 
     Attributes
     ----------
-    name : str
-    score : Score
     estimate : Estimate or None
         None where the method failed; ``score.failure`` says why.
     errors : Errors or None

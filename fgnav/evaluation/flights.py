@@ -54,7 +54,6 @@ class FlightOutcome:
         What tables call it: its folder.
     figures : dict
         By method and name of ``FIGURES``; empty where the flight came to nothing.
-    seconds : dict of str to float
     failures : dict of str to str
         Of methods without an answer.
     detail : dict
@@ -79,7 +78,6 @@ class FlightsComparison:
     ----------
     methods : tuple of str
         In the order asked; the first is the one that others are held against.
-    flights : tuple of FlightOutcome
     """
 
     methods: tuple[str, ...]
@@ -154,7 +152,6 @@ def compare_flights(
     ----------
     flights : iterable of tuple
         What tables call it, and the flight or why it cannot be had. Only one is held at a time.
-    estimators : sequence of Estimator
     watch : callable
         From an estimator's name to a context that it runs in.
     """

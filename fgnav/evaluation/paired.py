@@ -71,7 +71,6 @@ def paired(first: FloatArray, second: FloatArray, rng: np.random.Generator) -> P
     ----------
     first, second : ndarray, shape (n,)
         The same flights in the same order, not negative; NaN where a method has no answer.
-    rng : numpy.random.Generator
 
     Raises
     ------
@@ -100,7 +99,6 @@ def pooled(figure: FloatArray, rng: np.random.Generator, *, squared: bool) -> In
     Parameters
     ----------
     figure : ndarray, shape (n,)
-    rng : numpy.random.Generator
     squared : bool
         Whether it is itself a root mean square, whose squares are averaged.
     """

@@ -21,9 +21,6 @@ class Difference:
     ----------
     methods : tuple of str
         The two names.
-    epochs : int
-    rms_deg : Angles
-    attitude_rms_deg, position_rms_m, velocity_rms_mps : float or None
     """
 
     methods: tuple[str, str]

@@ -37,7 +37,6 @@ def truth_at(truth: Truth, t_s: FloatArray) -> Truth:
 
     Parameters
     ----------
-    truth : Truth
     t_s : ndarray, shape (n,)
         Epochs for which ``covered`` says yes.
     """

@@ -95,7 +95,6 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
 
     Parameters
     ----------
-    flight : Flight
     base : bool
         Whether to take off those of the base, at the epochs that it has, too.
 

@@ -50,7 +50,6 @@ class Decoded:
 
     Attributes
     ----------
-    jobs : tuple of Job
     files : tuple of Path
         The records of each job, as they lay in memory.
     satellites, signals : ndarray of str
@@ -135,10 +134,6 @@ class Decoder:
 
     def decode(self, jobs: Sequence[Job]) -> Decoded:
         """Decode files, shared among the processes by size; may be called once.
-
-        Parameters
-        ----------
-        jobs : sequence of Job
 
         Returns
         -------

@@ -12,13 +12,10 @@ class Series:
 
     Attributes
     ----------
-    samples : int
-    first_s, last_s : float
     rate_hz : float
         From the median interval; 0 for a single sample.
     gaps : int
         Steps longer than one and a half intervals.
-    longest_gap_s : float
     """
 
     samples: int
@@ -35,7 +32,6 @@ class Finding:
 
     Attributes
     ----------
-    name : str
     text : str
         What is wrong, and how that is known.
     where : str
@@ -65,8 +61,6 @@ class SetUp:
 
     Attributes
     ----------
-    flight : str
-    antennas : tuple of str
     channels : dict of str to int
         Signals tracked at least once, by constellation and signal: ``{"GPS 1C": 9}``.
     series : dict of str to Series
@@ -74,8 +68,6 @@ class SetUp:
         ``truth``; absent ones are not there.
     orbits : tuple of str
         ``broadcast``, ``precise``.
-    gyroscope : bool
-    findings : tuple of Finding
     unchecked : tuple of Finding
         What the data cannot tell right from wrong, with the reason.
     losses : tuple of Loss

@@ -51,9 +51,6 @@ class Restitution:
 
     Attributes
     ----------
-    readings : tuple of Reading
-    methods : tuple of str
-    amplitudes_deg : tuple of int
     rmse_deg : ndarray, shape (readings, methods, motions, amplitudes, 3)
         Roll, pitch, yaw; NaN where a method had no answer with any seed.
     shares : ndarray, shape (readings, methods, 4)
@@ -63,7 +60,6 @@ class Restitution:
         RMSE over epochs without a wrong integer, mean of angles and of flights that have such.
     failures : dict
         Why flights had no answer at all, by reading and method.
-    seeds : int
     """
 
     readings: tuple[Reading, ...]
@@ -177,7 +173,6 @@ def save_figure(figures: Restitution, path: Path) -> None:
 
     Parameters
     ----------
-    figures : Restitution
     path : Path
         Ends in ``.png``; its folder exists.
     """

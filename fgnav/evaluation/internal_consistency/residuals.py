@@ -56,8 +56,6 @@ def code_residuals(
 
     Parameters
     ----------
-    observed : Undifferenced
-    estimate : Estimate
     arm_b_m : ndarray, shape (3,)
         The antenna in body axes.
 

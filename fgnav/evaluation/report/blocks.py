@@ -77,7 +77,6 @@ class Report:
 
     Attributes
     ----------
-    title : str
     methods : sequence of str
         Each has a colour, by its place.
     parts : sequence of Part

@@ -188,7 +188,6 @@ def atmosphere_m(
     ----------
     flight : Flight
         Its broadcast ionosphere; none without.
-    channels : CodeChannels
     p_e_m : ndarray, shape (n, 3)
     angles_rad : tuple of ndarray, shape (n, m)
         Elevations and azimuths.

@@ -24,12 +24,10 @@ class RecordedEstimate:
 
     Attributes
     ----------
-    flight : str
     start_gps_s : float
         GPS time of ``t_s = 0``, s since 1980-01-06.
     origin : Origin
         Of the frame ``n``.
-    estimate : Estimate
     """
 
     flight: str

@@ -75,7 +75,6 @@ def fixes(
     Parameters
     ----------
     samples : mapping of str to ndarray, shape (k,)
-    origin : Origin
     antenna : str
         Whose they are.
     where : Path or str

@@ -31,7 +31,6 @@ def write_folder(flight: Flight, folder: Path, rinex: RinexVersion = "3.04") -> 
 
     Parameters
     ----------
-    flight : Flight
     folder : Path
         Must not exist, or be empty.
     rinex : {"3.04", "4.00"}

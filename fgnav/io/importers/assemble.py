@@ -35,7 +35,6 @@ class Assembled:
         Without observations: RINEX files are copied as they are.
     observations : tuple of Path
         One an antenna, or none.
-    navigation, orbits : tuple of Path
     notes, missing : mapping of str to str
         What the user should know, and what he must state, by the key of flight.toml.
     """
@@ -224,7 +223,6 @@ def write(
 
     Parameters
     ----------
-    assembled : Assembled
     folder : Path
         Must not exist, or be empty.
     verify : bool

@@ -26,9 +26,7 @@ class Header:
 
     Attributes
     ----------
-    path : Path
     kind : {"observations", "navigation"}
-    version : float
     system : str
         Letter of the constellation, ``M`` for mixed.
     types : dict of str to tuple of str
@@ -69,10 +67,6 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
         The whole file.
     kind : {"observations", "navigation"}
         What the caller expects.
-
-    Returns
-    -------
-    Header
 
     Raises
     ------

@@ -48,13 +48,8 @@ def scan_navigation(header: Header, text: Bytes) -> NavigationScan:
 
     Parameters
     ----------
-    header : Header
     text : ndarray of uint8
         The whole file, plain.
-
-    Returns
-    -------
-    NavigationScan
 
     Raises
     ------

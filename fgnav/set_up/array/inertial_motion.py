@@ -27,7 +27,6 @@ class Motion:
     ----------
     quick : Quick
         Of n epochs.
-    imu : Imu
     grid_s : ndarray, shape (m,)
         Times at the accelerometer's rate.
     R_nb : ndarray, shape (m, 3, 3)

@@ -17,7 +17,6 @@ class Regression:
     vector : ndarray, shape (q,)
     constant : float
         Square sum of ``y``.
-    rows : int
     """
 
     information: FloatArray

@@ -75,8 +75,6 @@ def best_reading(
 
     Parameters
     ----------
-    series : Series
-    imu : Imu
     late_s : tuple of float
         Clocks to try; samples as they are may have the best of them.
     arm_b_m : ndarray, shape (3,)

@@ -15,7 +15,6 @@ class Release(Table, frozen=True):
 
     Attributes
     ----------
-    name, purpose : str
     notes : dict of str to str
         Sections of the card, in Markdown.
     domain : dict

@@ -17,13 +17,7 @@ _VALIDATIONS = 10
 
 
 class Steps(Table, frozen=True):
-    """How long and how fast a network learns.
-
-    Attributes
-    ----------
-    steps, batch : int
-    learning_rate : float
-    """
+    """How long and how fast a network learns."""
 
     steps: Count = 8000
     batch: Count = 1024

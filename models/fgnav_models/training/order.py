@@ -24,7 +24,6 @@ class Order:
         What the file holds, without the key ``kind``.
     out : Path
         Folder of checkpoints and results; exists.
-    scale, device : str
     deadline_s : float
         Reading of ``time.perf_counter`` at which to stop with a checkpoint.
     through : str

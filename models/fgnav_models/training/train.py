@@ -42,7 +42,6 @@ class Settings(Table, frozen=True):
 
     Attributes
     ----------
-    steps : int
     learning_rate : float
         At the start; ``cosine`` takes it to zero at the last step.
     validate_every : int
@@ -72,7 +71,6 @@ class Progress:
 
     Attributes
     ----------
-    step, steps : int
     loss : float
         Mean since the last report.
     figures : mapping
@@ -137,10 +135,8 @@ def train(
     ----------
     module : torch.nn.Module
         On the device to train on; holds the kept weights once finished.
-    batches : Batches
     loss : callable
         Of the module and a batch: a scalar.
-    settings : Settings
     checkpoint : Path
         A safetensors file, read if it is there, written whole or not at all.
     validate : callable, optional
@@ -149,10 +145,6 @@ def train(
         Reading of ``time.perf_counter`` at which to stop with a checkpoint.
     watch : callable, optional
         Told about once per second how the run stands.
-
-    Returns
-    -------
-    Trained
 
     Raises
     ------

@@ -73,11 +73,8 @@ class GravityWorld(Table, frozen=True, tag="gravity", tag_field="kind"):
 
     Attributes
     ----------
-    name : str
     epochs, shard_epochs : int
         How many windows a data set holds, and one file of it.
-    origin : Place
-    phases, windows, motion : their tables
     imu : ImuTable
         The accelerometer; errors are drawn for each flight.
     velocity_noise_mps : float

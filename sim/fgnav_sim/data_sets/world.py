@@ -55,7 +55,6 @@ class AnyTimes(Table, frozen=True, tag="any", tag_field="kind"):
 
     Attributes
     ----------
-    days : float
     runs_per_moment : int
         Runs that share one moment, hence the satellites' orbits: 8 runs at places anywhere see
         skies that have nothing in common, and cost a third of the time. Runs at given places never
@@ -77,7 +76,6 @@ class SatellitesTable(Table, frozen=True):
         All in view (the 16 highest, if there are more), so many, or a number drawn for each run.
     pick : {"geometry", "random"}
         The best geometry, as ``fgnav_sim.gnss.selection`` chooses for 15 min, or any.
-    mask_deg : float
     navigation, orbits : tuple of str
         Broadcast or SP3 files; none: the built-in almanac.
     """
@@ -177,13 +175,7 @@ class OutliersTable(Table, frozen=True):
 
 
 class RunsTable(Table, frozen=True):
-    """Consecutive epochs of one simulation: its site, array, integers and noise level stay.
-
-    Attributes
-    ----------
-    epochs : int
-    step_s : float
-    """
+    """Consecutive epochs of one simulation: its site, array, integers and noise level stay."""
 
     epochs: Count = 1
     step_s: Positive = 15.0
@@ -194,13 +186,11 @@ class World(Table, frozen=True, tag="array", tag_field="kind"):
 
     Attributes
     ----------
-    name : str
     start : datetime
         GPS time of ``t_s = 0``.
     epochs, shard_epochs : int
         How many a data set holds, and one file of it.
     sites, times, runs, satellites, array, attitudes, noise : their tables
-    outliers, multipath : their tables, or None
     reflectors : tuple of ReflectorTable
         Parts of the body that mirror signals; they need one array for all runs.
     """

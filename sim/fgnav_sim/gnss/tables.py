@@ -23,7 +23,6 @@ class ClockTable(Table, frozen=True):
     ----------
     oscillator : {"common", "separate"}
         One oscillator for all receivers, each with its own constant offset; or one each.
-    offset_s, drift_sps, drift_walk_sps_per_sqrt_s : float
     """
 
     oscillator: Literal["common", "separate"] = "common"
@@ -98,7 +97,6 @@ class BodyMaskTable(Table, frozen=True):
     ----------
     axes_b : tuple of vectors
         One for all antennas, or one each.
-    half_angle_deg : float
     """
 
     axes_b: tuple[Vector, ...] = ((0.0, 0.0, -1.0),)
@@ -118,7 +116,6 @@ class MultipathTable(Table, frozen=True):
     code_m, phase_m : float
         Standard deviations, weighted by elevation as the noise is. Estimators are told of noise
         and echoes together.
-    time_constant_s : float
     """
 
     code_m: NotNegative
@@ -160,7 +157,6 @@ class Cn0Table(Table, frozen=True):
 
     Attributes
     ----------
-    horizon_dbhz, zenith_dbhz : float
     sets_noise : bool
         Noise follows C/N0 in place of ``elevation_weights``: 6 dB less double it.
     """
@@ -183,7 +179,6 @@ class GnssTable(Table, frozen=True):
 
     Attributes
     ----------
-    rate_hz : float
     signals : dict
         RINEX 3 signals by constellation letter: ``{ G = ["1C"], E = ["1C", "5Q"] }``.
     navigation : tuple of str
@@ -201,7 +196,6 @@ class GnssTable(Table, frozen=True):
         ``sine`` divides the noise by the sine of the elevation.
     antenna_noise : tuple of float
         A factor to the noise of each antenna; none: all alike. Estimators are not told.
-    cn0 : Cn0Table
     atmosphere : bool
         Delay the signals by the broadcast ionosphere and a standard troposphere.
     message_errors : bool
@@ -212,13 +206,10 @@ class GnssTable(Table, frozen=True):
     wind_up : bool
         Turns of the antennas, all of which look along -z_b, wind up the phase; in double
         differences of a rigid body nothing of it is left.
-    clock : ClockTable
     rinex : {"3.04", "4.00"}
         Version of the files that ``fgnav simulate`` writes.
     base : BaseTable or None
         A station on the ground that records, too.
-    slips, loss_of_lock, body_mask, multipath : their tables, or None
-    outages, reflectors : tuple of their tables
     """
 
     rate_hz: Positive = 10.0

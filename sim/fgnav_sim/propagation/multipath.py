@@ -46,7 +46,6 @@ def echoes(
 
     Parameters
     ----------
-    reflectors : tuple of ReflectorTable
     arms_b_m : ndarray, shape (a, 3)
         The antennas.
     e_b : ndarray, shape (n, m, 3)

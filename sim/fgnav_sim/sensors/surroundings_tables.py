@@ -8,8 +8,6 @@ class BarometerTable(Table, frozen=True):
 
     Attributes
     ----------
-    rate_hz : float
-    position_b_m : vector
     noise_m : float
         White, of each sample.
     offset_m : float
@@ -31,7 +29,6 @@ class MagnetometerTable(Table, frozen=True):
 
     Attributes
     ----------
-    rate_hz : float
     field_n_ut : vector
         The Earth's, north, east, down, the same everywhere; Madrid's where nothing is said.
     noise_ut : float

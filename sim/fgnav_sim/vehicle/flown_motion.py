@@ -81,7 +81,6 @@ def flown_motion(
         1e-9 of the attitude.
     origin : Origin
         Of the frame; the flight starts wherever it was launched.
-    flight : int
     vehicle : Vehicle or None
         The body's origin is its dry centre of mass, of which the burning motor's moves away; None:
         the centre of mass.

@@ -53,7 +53,6 @@ class WindTable(Table, frozen=True):
 
     Attributes
     ----------
-    height_m : tuple of float
     north_mps, east_mps : float or tuple of float
         One value for every height, or one for each.
     """
@@ -131,18 +130,14 @@ class FlownTable(Table, frozen=True):
     ----------
     vehicle : str or Vehicle
         A vehicle's file, relative to the scenario's, or its tables.
-    start : StartTable
     attitude : AttitudeTable or None
         None: canards rest.
     ignition_s : float
         When the motor's curve of thrust begins; below zero it has burnt for so long, or burnt out.
     air : bool
         Standard atmosphere, or vacuum.
-    wind : WindTable
-    gusts : GustsTable or None
     gravity : {"wgs84-normal", "j2", "spherical", "constant"} or None
         None: that of the scenario.
-    earth : EarthTable or None
     ground_m : float
         Ellipsoidal height at which the flight ends.
     step_s : float

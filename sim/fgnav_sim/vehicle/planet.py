@@ -18,7 +18,6 @@ class Planet:
 
     Attributes
     ----------
-    semi_major_axis_m : float
     flattening : float
         0: a sphere.
     rate_radps : float

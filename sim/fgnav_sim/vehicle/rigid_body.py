@@ -73,7 +73,6 @@ class Plan:
 
     Attributes
     ----------
-    duration_s : float
     step_s : float
         At most; it divides the interval of rows.
     row_interval_s : float
@@ -83,7 +82,6 @@ class Plan:
         Ellipsoidal height at which a flight ends.
     commands : three commands, or None
         Roll, pitch, yaw for an autopilot, against north, east, down.
-    planet : Planet
     """
 
     duration_s: float
@@ -130,7 +128,6 @@ class Flown:
         Their time derivatives.
     rows : ndarray of int, shape (n,)
         How many rows of each flight are above the ground.
-    planet : Planet
     """
 
     t_s: FloatArray
@@ -187,11 +184,6 @@ def fly_batch(
     ----------
     vehicles, launches, air : sequences of equal length
         One flight each; tables of the vehicles and of the air have equal lengths in a batch.
-    plan : Plan
-
-    Returns
-    -------
-    Flown
 
     Raises
     ------

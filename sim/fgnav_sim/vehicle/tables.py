@@ -19,7 +19,6 @@ class BodyTable(Table, frozen=True):
 
     Attributes
     ----------
-    mass_kg : float
     inertia_kgm2 : vector
         Axial, about +y_b, about +z_b, at the centre of mass.
     products_kgm2 : vector
@@ -43,11 +42,9 @@ class MotorTable(Table, frozen=True):
 
     Attributes
     ----------
-    propellant_kg : float
     loaded_inertia_kgm2 : vector
         Of the whole vehicle before ignition, as ``body.inertia_kgm2``; in between it follows the
         propellant left.
-    loaded_centre_m : float
     nozzle_m : float
         Station of the nozzle's exit, whose jet damps pitch and yaw.
     time_s, thrust_n : tuple of float
@@ -134,7 +131,6 @@ class Airframe(_Aerodynamics, frozen=True, kw_only=True, tag="airframe"):
 
     Attributes
     ----------
-    area_m2, span_m, chord_m : float
     mach, rate_terms, reference_m
         As those of ``Axisymmetric``.
     cd0, cdk : drag, ``cd0 + cdk cl^2``
@@ -208,14 +204,7 @@ class AutopilotTable(Table, frozen=True):
 
 
 class Vehicle(Table, frozen=True):
-    """A vehicle: a body, and what of the rest it has.
-
-    Attributes
-    ----------
-    name : str
-    body : BodyTable
-    motor, aerodynamics, canards, autopilot : their tables, or None
-    """
+    """A vehicle: a body, and what of the rest it has."""
 
     body: BodyTable
     name: str = ""

@@ -89,13 +89,8 @@ class Chart:
 
     Attributes
     ----------
-    title : str
-    x, y : Axis
-    lines : sequence of Line
-    bands : sequence of Band
     rules : dict
         Horizontal lines: where, and what they mean.
-    height : float
     """
 
     title: str

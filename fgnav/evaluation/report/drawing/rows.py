@@ -22,7 +22,6 @@ class Rows:
 
     Attributes
     ----------
-    mark, name : str
     t_s : ndarray, shape (n,)
     labels : sequence of str, length m
     value : ndarray, shape (n, m)

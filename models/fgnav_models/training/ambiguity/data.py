@@ -31,7 +31,6 @@ class Data(Table, frozen=True):
 
     Attributes
     ----------
-    epochs : int
     inputs : tuple of str
         As ``ambiguity_inputs`` names them.
     split : str
@@ -39,7 +38,6 @@ class Data(Table, frozen=True):
         its own; a run that lies within one block goes with it. ``"simulations"``: parts share no
         run but all of the time: what the paper seems to do, and a leak where runs share a
         trajectory.
-    block_s : float
     shares : tuple of float
         Of training, validation and test.
     """
@@ -100,12 +98,10 @@ def draw(
 
     Parameters
     ----------
-    world : World
     inputs : tuple of str
         As ``ambiguity_inputs`` names them.
     count : int
         Epochs.
-    rng : numpy.random.Generator
     satellites : int
         Slots at least, the last of them empty where the world has fewer.
 
@@ -248,11 +244,8 @@ class Rows:
 
     Parameters
     ----------
-    samples : Samples
     columns : ndarray of int
         Double differences wanted, one per target of the network.
-    window : int
-    device : str
     """
 
     def __init__(self, samples: Samples, columns: IntArray, window: int, device: str) -> None:

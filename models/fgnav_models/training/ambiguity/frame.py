@@ -40,13 +40,10 @@ class Study(Table, frozen=True):
 
     Attributes
     ----------
-    name : str
     question : str
         What it is to show.
-    world, data, experiment : their tables
     elsewhere : dict of str to World
         Where the trained network is tried, too; nothing of them was seen in training.
-    elsewhere_epochs : int
     release : Release, optional
         Release the network.
     """

@@ -132,7 +132,6 @@ class Findings:
 
     Attributes
     ----------
-    campaign : Campaign
     results : dict
         By the folder's name: ``"1/classification-rnn-k5"``.
     chosen : dict

@@ -26,12 +26,10 @@ class TrainingFlight:
 
     Attributes
     ----------
-    name : str
     t_s : ndarray, shape (n,)
         Its keyframes.
     states : States
         Where it is linearised; a network's residuals and Jacobians are to be taken there.
-    linearised : LinearisedFlight
     judged : Judged
         The truth.
     """

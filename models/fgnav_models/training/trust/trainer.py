@@ -49,7 +49,6 @@ class Draw(Table, frozen=True):
 
     Attributes
     ----------
-    name : str
     world : World
         Its array is replaced by drawn ones.
     arrays, epochs : int
@@ -72,10 +71,8 @@ class Trial(Table, frozen=True):
 
     Attributes
     ----------
-    name : str
     world : World
         With a given array.
-    epochs : int
     """
 
     name: str
@@ -88,11 +85,8 @@ class Recipe(Table, frozen=True):
 
     Attributes
     ----------
-    draws : tuple of Draw
-    trials : tuple of Trial
     never_seen : tuple of int
         Epochs of so many satellites are left out of what is drawn: not of the trials.
-    training : Settings
     width : int
         Of the hidden layers.
     batch : int

@@ -25,7 +25,6 @@ class Records:
     sensed : tuple of tensor, shape (m, n, 3) each
         Specific force and rate, over ``SCALE``.
     v_b_mps : tensor, shape (m, n, 3)
-    rate_hz : float
     """
 
     kind: IntArray
