@@ -16,20 +16,12 @@ Rows = tuple[list[str], list[list[str]]]  # headings, and cells below them
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Sweep:
-    """What a sweep amounts to.
-
-    Attributes
-    ----------
-    values : ndarray, shape (c,)
-    tables : mapping of str to Rows
-        By caption.
-    curves : mapping
-        By angle, case and method: RMSE of each value, degrees, (c,).
-    """
+    """What a sweep amounts to."""
 
     name: str
-    values: FloatArray
-    tables: Mapping[str, Rows]
+    values: FloatArray  # (c,)
+    tables: Mapping[str, Rows]  # by caption
+    # by angle, case and method: RMSE of each value, degrees, (c,)
     curves: Mapping[tuple[str, str, str], FloatArray]
 
 

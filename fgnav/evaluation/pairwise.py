@@ -15,15 +15,9 @@ from fgnav.types.estimate import Estimate
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """RMS difference of two methods on the epochs that both have.
+    """RMS difference of two methods on the epochs that both have."""
 
-    Attributes
-    ----------
-    methods : tuple of str
-        The two names.
-    """
-
-    methods: tuple[str, str]
+    methods: tuple[str, str]  # the two names
     epochs: int
     rms_deg: Angles
     attitude_rms_deg: float | None

@@ -25,23 +25,12 @@ _FEW_BYTES = 5_000_000  # decoded in the time that another process takes to star
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """One file to decode.
-
-    Attributes
-    ----------
-    kind : {"observations", "navigation"}
-    source : Path
-        The user's file, for error texts.
-    path : Path
-        The plain, checked file to decode.
-    options : str
-        RTKLIB's reading options.
-    """
+    """One file to decode."""
 
     kind: Kind
-    source: Path
-    path: Path
-    options: str = ""
+    source: Path  # the user's file, for error texts
+    path: Path  # the plain, checked file to decode
+    options: str = ""  # RTKLIB's reading options
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

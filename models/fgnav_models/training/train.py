@@ -67,23 +67,13 @@ class Settings(Table, frozen=True):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """Where a run stands.
-
-    Attributes
-    ----------
-    loss : float
-        Mean since the last report.
-    figures : mapping
-        Of the last validation.
-    eta_s : float
-        Until the last step, at the pace of this slice.
-    """
+    """Where a run stands."""
 
     step: int
     steps: int
-    loss: float
-    figures: Mapping[str, float]
-    eta_s: float
+    loss: float  # mean since the last report
+    figures: Mapping[str, float]  # of the last validation
+    eta_s: float  # until the last step, at the pace of this slice
 
 
 @dataclass(slots=True)
@@ -98,24 +88,12 @@ class _State:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trained:
-    """A run at its end, or at the end of its slice.
+    """A run at its end, or at the end of its slice."""
 
-    Attributes
-    ----------
-    finished : bool
-        False where the time was up; call again to go on.
-    step : int
-        Steps done.
-    history : list of dict
-        One row per validation: step, loss and its figures.
-    best : float
-        Lowest first figure so far.
-    """
-
-    finished: bool
-    step: int
-    history: list[dict[str, float]]
-    best: float
+    finished: bool  # False where the time was up; call again to go on
+    step: int  # steps done
+    history: list[dict[str, float]]  # one row per validation: step, loss and its figures
+    best: float  # lowest first figure so far
 
 
 def train(

@@ -115,20 +115,12 @@ class GivenArray(Table, frozen=True, tag="given", tag_field="kind"):
 
 
 class RandomArray(Table, frozen=True, tag="random", tag_field="kind"):
-    """A rigid array for each run: antennas uniform in a box whose size is drawn, too.
-
-    Attributes
-    ----------
-    antennas : range of int
-    box_m : vector
-        The largest box's edges; its middle and the first antenna are the body's origin.
-    scale : range of float
-        Of the box, uniform.
-    """
+    """A rigid array for each run: antennas uniform in a box whose size is drawn, too."""
 
     antennas: tuple[Annotated[int, msgspec.Meta(ge=2)], Annotated[int, msgspec.Meta(ge=2)]] = (3, 8)
+    # the largest box's edges; its middle and the first antenna are the body's origin
     box_m: Vector = (2.0, 1.0, 0.4)
-    scale: tuple[Positive, Positive] = (0.2, 1.0)
+    scale: tuple[Positive, Positive] = (0.2, 1.0)  # of the box, uniform
 
     def __post_init__(self) -> None:
         """Check ranges."""

@@ -91,15 +91,9 @@ class OutageTable(Table, frozen=True):
 
 
 class BodyMaskTable(Table, frozen=True):
-    """What the body leaves in view: a cone about each antenna's axis.
+    """What the body leaves in view: a cone about each antenna's axis."""
 
-    Attributes
-    ----------
-    axes_b : tuple of vectors
-        One for all antennas, or one each.
-    """
-
-    axes_b: tuple[Vector, ...] = ((0.0, 0.0, -1.0),)
+    axes_b: tuple[Vector, ...] = ((0.0, 0.0, -1.0),)  # one for all antennas, or one each
     half_angle_deg: Annotated[float, msgspec.Meta(gt=0, le=180)] = 90.0
 
     def __post_init__(self) -> None:
@@ -124,27 +118,14 @@ class MultipathTable(Table, frozen=True):
 
 
 class ReflectorTable(Table, frozen=True):
-    """A flat piece of the body that mirrors signals into antennas in front of it.
+    """A flat piece of the body that mirrors signals into antennas in front of it."""
 
-    Attributes
-    ----------
-    point_b_m : vector
-        Its middle.
-    normal_b : vector
-        Out of its front; any length.
-    radius_m : float or None
-        Of the disc that it is; None: of any size.
-    amplitude : float
-        Of the echo against the direct signal.
-    phase_deg : float
-        What the reflection adds to the echo's phase; 180 on metal.
-    """
-
-    point_b_m: Vector
-    normal_b: Vector
-    radius_m: Positive | None = None
+    point_b_m: Vector  # its middle
+    normal_b: Vector  # out of its front; any length
+    radius_m: Positive | None = None  # of the disc that it is; None: of any size
+    # of the echo against the direct signal
     amplitude: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.3
-    phase_deg: float = 180.0
+    phase_deg: float = 180.0  # what the reflection adds to the echo's phase; 180 on metal
 
     def __post_init__(self) -> None:
         """Require a direction."""

@@ -28,16 +28,10 @@ class FlownMotion:
     Rates and accelerations are the derivatives of these very quintics, so that a state is
     consistent in itself at every time: integrating what its sensors feel returns to it. Positions
     of 6e6 m round to 1e-9 m, which makes 6e-5 m/s2 of acceleration between rows of 10 ms.
-
-    Attributes
-    ----------
-    position_n_m : scipy.interpolate.PPoly
-    quaternion_nb : scipy.interpolate.PPoly
-        wxyz, of unit length at the rows only.
     """
 
     position_n_m: "PPoly"
-    quaternion_nb: "PPoly"
+    quaternion_nb: "PPoly"  # wxyz, of unit length at the rows only
 
     def __call__(self, t_s: FloatArray) -> State:
         """Return the motion at times since the start, (n,).

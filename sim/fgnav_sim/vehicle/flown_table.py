@@ -81,20 +81,11 @@ class WindTable(Table, frozen=True):
 
 
 class GustsTable(Table, frozen=True):
-    """Dryden turbulence along the path: see ``atmosphere.dryden``.
+    """Dryden turbulence along the path: see ``atmosphere.dryden``."""
 
-    Attributes
-    ----------
-    sigma_mps : float
-        Of each component.
-    scale_m : float
-        Of turbulence.
-    length_m : float
-        Distance through the air that is covered; beyond it the last gust stays.
-    """
-
-    sigma_mps: Positive
-    scale_m: Positive = 533.4
+    sigma_mps: Positive  # of each component
+    scale_m: Positive = 533.4  # of turbulence
+    # distance through the air that is covered; beyond it the last gust stays
     length_m: Annotated[float, msgspec.Meta(gt=0, le=1e7)] = 20_000.0
 
 
@@ -125,36 +116,21 @@ class FlownTable(Table, frozen=True):
     """A rigid body in six degrees of freedom, in place of a commanded motion.
 
     The body's origin, from which lever arms count, is the vehicle's dry centre of mass.
-
-    Attributes
-    ----------
-    vehicle : str or Vehicle
-        A vehicle's file, relative to the scenario's, or its tables.
-    attitude : AttitudeTable or None
-        None: canards rest.
-    ignition_s : float
-        When the motor's curve of thrust begins; below zero it has burnt for so long, or burnt out.
-    air : bool
-        Standard atmosphere, or vacuum.
-    gravity : {"wgs84-normal", "j2", "spherical", "constant"} or None
-        None: that of the scenario.
-    ground_m : float
-        Ellipsoidal height at which the flight ends.
-    step_s : float
-        Of the integration, at most.
     """
 
-    vehicle: str | Vehicle
+    vehicle: str | Vehicle  # a vehicle's file, relative to the scenario's, or its tables
     start: StartTable = StartTable()
-    attitude: AttitudeTable | None = None
+    attitude: AttitudeTable | None = None  # none: canards rest
+    # when the motor's curve of thrust begins; below zero it has burnt for so long, or burnt out
     ignition_s: float = 0.0
-    air: bool = True
+    air: bool = True  # standard atmosphere, or vacuum
     wind: WindTable = WindTable()
     gusts: GustsTable | None = None
-    gravity: FieldModel | None = None
+    gravity: FieldModel | None = None  # none: that of the scenario
     earth: EarthTable | None = None
+    # ellipsoidal height at which the flight ends
     ground_m: Annotated[float, msgspec.Meta(ge=FLOOR_M)] = FLOOR_M
-    step_s: Positive = 1e-3
+    step_s: Positive = 1e-3  # of the integration, at most
 
     def __post_init__(self) -> None:
         """Check what one key's type cannot say."""

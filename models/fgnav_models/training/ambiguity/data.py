@@ -56,34 +56,18 @@ class Data(Table, frozen=True):
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Samples:
-    """Epochs as networks see them.
+    """Epochs as networks see them."""
 
-    Attributes
-    ----------
-    features : ndarray of float32, shape (n, f)
-    cycles : ndarray of int64, shape (n, d)
-        The integer of each wrapped double difference; 0 where there is none.
-    rounded : ndarray of int64, shape (n, d)
-        What rounding the range gives.
-    there : ndarray of bool, shape (n, d)
-    t_s : ndarray, shape (n,)
-    run, first : ndarray of int, shape (n,)
-        The simulation, and the row of its first epoch.
-    satellites : int
-        Slots: what has fewer is padded.
-    losses : tuple of Loss
-        Differences outside of what the networks can answer.
-    """
-
-    features: FloatArray
-    cycles: IntArray
-    rounded: IntArray
-    there: BoolArray
-    t_s: FloatArray
+    features: FloatArray  # (n, f)
+    cycles: IntArray  # (n, d); the integer of each wrapped double difference; 0 where there is none
+    rounded: IntArray  # (n, d); what rounding the range gives
+    there: BoolArray  # (n, d)
+    t_s: FloatArray  # (n,)
+    # run, first: (n,); the simulation, and the row of its first epoch
     run: IntArray
     first: IntArray
-    satellites: int
-    losses: tuple[Loss, ...] = ()
+    satellites: int  # slots: what has fewer is padded
+    losses: tuple[Loss, ...] = ()  # differences outside of what the networks can answer
 
 
 def draw(

@@ -105,55 +105,28 @@ class Campaign(Table, frozen=True):
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Ensemble:
-    """Phase 4 of one task: one network per integer.
+    """Phase 4 of one task: one network per integer."""
 
-    Attributes
-    ----------
-    accuracy_percent, mse_failed_cycles2 : ndarray, shape (d,)
-        Of each network, in its last round.
-    rounds : ndarray of int, shape (d,)
-        Trainings that it took.
-    reached : ndarray of bool, shape (d,)
-        Whether the threshold was met.
-    failed : ndarray of bool, shape (n, d)
-        Failures on the test rows.
-    """
-
+    # accuracy_percent, mse_failed_cycles2: (d,); of each network, in its last round
     accuracy_percent: FloatArray
     mse_failed_cycles2: FloatArray
-    rounds: IntArray
-    reached: BoolArray
-    failed: BoolArray
+    rounds: IntArray  # (d,); trainings that it took
+    reached: BoolArray  # (d,); whether the threshold was met
+    failed: BoolArray  # (n, d); failures on the test rows
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Findings:
-    """All of a campaign that its report needs.
-
-    Attributes
-    ----------
-    results : dict
-        By the folder's name: ``"1/classification-rnn-k5"``.
-    chosen : dict
-        What phases 1 to 3 chose, by task.
-    baselines : dict of str to Figures
-        On the test rows of phases 1 to 3, and of phase 4.
-    ensembles : dict of str to Ensemble
-        By task.
-    group : ndarray of int
-        Test rows of phase 4: a change is a gap in time.
-    losses : list of str
-        Epochs and differences that were drawn and not used.
-    """
+    """All of a campaign that its report needs."""
 
     campaign: Campaign
-    results: dict[str, Result]
-    chosen: dict[str, Experiment]
-    baselines: dict[str, Figures]
+    results: dict[str, Result]  # by the folder's name: ``"1/classification-rnn-k5"``
+    chosen: dict[str, Experiment]  # what phases 1 to 3 chose, by task
+    baselines: dict[str, Figures]  # on the test rows of phases 1 to 3, and of phase 4
     final_baselines: dict[str, Figures]
-    ensembles: dict[str, Ensemble]
-    group: IntArray
-    losses: list[str]
+    ensembles: dict[str, Ensemble]  # by task
+    group: IntArray  # test rows of phase 4: a change is a gap in time
+    losses: list[str]  # epochs and differences that were drawn and not used
 
 
 def find(campaign: Campaign, order: Order) -> Findings:

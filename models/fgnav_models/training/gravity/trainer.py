@@ -39,18 +39,10 @@ _Comparison: TypeAlias = tuple[Compared, ...]
 
 
 class Learned(Table, frozen=True):
-    """A network with a covariance, to be released as a factor.
+    """A network with a covariance, to be released as a factor."""
 
-    Attributes
-    ----------
-    release : Release
-        Its name and its card's words.
-    aided : bool
-        Whether it sees a receiver's motion.
-    """
-
-    release: Release
-    aided: bool = True
+    release: Release  # its name and its card's words
+    aided: bool = True  # whether it sees a receiver's motion
 
 
 class Training(Learning, frozen=True):

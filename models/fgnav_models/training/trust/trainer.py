@@ -67,16 +67,10 @@ class Draw(Table, frozen=True):
 
 
 class Trial(Table, frozen=True):
-    """A world that the network is judged on once it is trained, noise as stated.
-
-    Attributes
-    ----------
-    world : World
-        With a given array.
-    """
+    """A world that the network is judged on once it is trained, noise as stated."""
 
     name: str
-    world: World
+    world: World  # with a given array
     epochs: int
 
 
