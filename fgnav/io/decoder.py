@@ -35,18 +35,11 @@ class Job:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Decoded:
-    """Arrays of the decoder, one per job, and what its numbers mean.
-
-    Attributes
-    ----------
-    files : tuple of Path
-        The records of each job, as they lay in memory.
-    satellites, signals : ndarray of str
-        RINEX names by RTKLIB's satellite and code numbers.
-    """
+    """Arrays of the decoder, one per job, and what its numbers mean."""
 
     jobs: tuple[Job, ...]
-    files: tuple[Path, ...]
+    files: tuple[Path, ...]  # the records of each job, as they lay in memory
+    # satellites, signals: RINEX names by RTKLIB's satellite and code numbers
     satellites: NDArray[np.str_]
     signals: NDArray[np.str_]
 

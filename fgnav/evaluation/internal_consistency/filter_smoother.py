@@ -19,22 +19,13 @@ _COVARIANCES = {
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Separation:
-    """One vector of a filter less that of a smoother, at the epochs that both have.
+    """One vector of a filter less that of a smoother, at the epochs that both have."""
 
-    Attributes
-    ----------
-    quantity : str
-        ``"attitude"``, ``"position"`` or ``"velocity"``.
-    t_s : ndarray, shape (n,)
-    difference : ndarray, shape (n, 3)
-        Attitude in body axes of the smoother, rad; position and velocity in ``n``, m and m/s.
-    sigma : ndarray, shape (n, 3)
-        Its standard deviations; NaN where the smoother states more than the filter.
-    """
-
-    quantity: str
-    t_s: FloatArray
+    quantity: str  # ``"attitude"``, ``"position"`` or ``"velocity"``
+    t_s: FloatArray  # (n,)
+    # (n, 3); attitude in body axes of the smoother, rad; position and velocity in ``n``, m and m/s
     difference: FloatArray
+    # (n, 3); its standard deviations; NaN where the smoother states more than the filter
     sigma: FloatArray
 
     @property

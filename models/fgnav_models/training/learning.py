@@ -35,17 +35,10 @@ class Steps(Table, frozen=True):
 
 
 class Learning(Steps, frozen=True):
-    """How a network is made.
+    """How a network is made."""
 
-    Attributes
-    ----------
-    width : int
-        Of its hidden layers.
-    domain_percent : float
-        Of the training windows that lie beyond each bound of the declared domain.
-    """
-
-    width: Count = 128
+    width: Count = 128  # of its hidden layers
+    # of the training windows that lie beyond each bound of the declared domain
     domain_percent: Positive = 0.02
 
     def domain(

@@ -38,31 +38,20 @@ class Batches(Protocol):
 
 
 class Settings(Table, frozen=True):
-    """How to train.
-
-    Attributes
-    ----------
-    learning_rate : float
-        At the start; ``cosine`` takes it to zero at the last step.
-    validate_every : int
-        Steps between validations; 0 for one at the end.
-    keep : str
-        ``"best"`` by the first figure that validation returns (the lower, the better), or
-        ``"last"``.
-    checkpoint_s : float
-        Seconds between checkpoints; 0 writes one after every step.
-    """
+    """How to train."""
 
     steps: Annotated[int, msgspec.Meta(ge=1)]
-    learning_rate: Positive = 1e-3
+    learning_rate: Positive = 1e-3  # at the start; ``cosine`` takes it to zero at the last step
     optimizer: Literal["adam", "adamw"] = "adam"
     weight_decay: NotNegative = 0.0
     schedule: Literal["constant", "cosine"] = "cosine"
     clip_norm: Positive | None = None
     seed: int = 0
+    # steps between validations; 0 for one at the end
     validate_every: Annotated[int, msgspec.Meta(ge=0)] = 0
+    # ``"best"`` by the first figure that validation returns (the lower, the better), or ``"last"``
     keep: Literal["best", "last"] = "best"
-    checkpoint_s: NotNegative = 30.0
+    checkpoint_s: NotNegative = 30.0  # seconds between checkpoints; 0 writes one after every step
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

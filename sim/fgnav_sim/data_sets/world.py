@@ -131,17 +131,11 @@ class RandomArray(Table, frozen=True, tag="random", tag_field="kind"):
 
 
 class NoiseTable(Table, frozen=True):
-    """White noise of one link at the zenith; where a range is given, drawn for each run (log).
-
-    Attributes
-    ----------
-    code_m, phase_m : float or range
-    elevation_weights : {"uniform", "sine"}
-        ``sine`` divides the noise by the sine of the elevation.
-    """
+    """White noise of one link at the zenith; where a range is given, drawn for each run (log)."""
 
     code_m: Drawn = 0.5
     phase_m: Drawn = 0.003
+    # ``sine`` divides the noise by the sine of the elevation
     elevation_weights: Literal["uniform", "sine"] = "uniform"
 
     def __post_init__(self) -> None:
@@ -151,17 +145,10 @@ class NoiseTable(Table, frozen=True):
 
 
 class OutliersTable(Table, frozen=True):
-    """Links with noise of which nobody is told, each epoch anew.
+    """Links with noise of which nobody is told, each epoch anew."""
 
-    Attributes
-    ----------
-    share : float
-        Of links.
-    code_m, phase_m : float
-        Standard deviation of what is added.
-    """
-
-    share: Annotated[float, msgspec.Meta(gt=0, lt=1)]
+    share: Annotated[float, msgspec.Meta(gt=0, lt=1)]  # of links
+    # code_m, phase_m: standard deviation of what is added
     code_m: NotNegative = 1.5
     phase_m: NotNegative = 0.015
 

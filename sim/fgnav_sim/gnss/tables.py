@@ -63,24 +63,15 @@ class LossOfLockTable(Table, frozen=True):
 
 
 class OutageTable(Table, frozen=True):
-    """Links that are not there during a span of time, in a sector of the sky, of some antennas.
+    """Links that are not there during a span of time, in a sector of the sky, of some antennas."""
 
-    Attributes
-    ----------
-    from_s, until_s : float
-        Until the end where the second is not given.
-    azimuth_deg : tuple of float
-        The sector reaches clockwise from the first to the second; all around where they are equal.
-    elevation_deg : tuple of float
-    antennas : tuple of str
-        ``"a1"`` is the reference; all where none is named.
-    """
-
+    # from_s, until_s: until the end where the second is not given
     from_s: NotNegative = 0.0
     until_s: Positive | None = None
+    # the sector reaches clockwise from the first to the second; all around where they are equal
     azimuth_deg: tuple[_Azimuth, _Azimuth] = (0.0, 360.0)
     elevation_deg: tuple[_Elevation, _Elevation] = (-90.0, 90.0)
-    antennas: tuple[str, ...] = ()
+    antennas: tuple[str, ...] = ()  # ``"a1"`` is the reference; all where none is named
 
     def __post_init__(self) -> None:
         """Require spans that are not empty."""

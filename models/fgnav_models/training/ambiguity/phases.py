@@ -31,25 +31,12 @@ _DATA, _PARTS = range(2)  # streams of random numbers, apart from one another
 
 
 class Grid(Table, frozen=True):
-    """What the phases try; the defaults are the paper's.
-
-    Attributes
-    ----------
-    windows : tuple of int
-        Phase 1.
-    sizes : dict of str to tuple of int
-        Dense layers by name; phase 2, as are ``units`` and ``activations``.
-    learning_rates : tuple of float
-        Phase 3.
-    tuning_passes : float
-        Phase 3's length.
-    batches : dict of str to int
-        By the network's type.
-    """
+    """What the phases try; the defaults are the paper's."""
 
     tasks: tuple[Task, ...] = ("classification", "regression")
     types: tuple[Type, ...] = ("mlp", "rnn")
-    windows: tuple[Count, ...] = (1, 5, 10)
+    windows: tuple[Count, ...] = (1, 5, 10)  # phase 1
+    # dense layers by name; phase 2, as are ``units`` and ``activations``
     sizes: dict[str, tuple[Count, ...]] = msgspec.field(
         default_factory=lambda: {
             "BA": (800, 400, 200, 100),
@@ -59,8 +46,9 @@ class Grid(Table, frozen=True):
     )
     units: tuple[Count, ...] = (100, 125, 150, 175, 200)
     activations: tuple[Literal["tanh", "relu"], ...] = ("tanh", "relu")
-    learning_rates: tuple[Positive, ...] = (0.01, 0.005, 0.001, 0.0005, 0.0001)
-    tuning_passes: Positive = 2000.0
+    learning_rates: tuple[Positive, ...] = (0.01, 0.005, 0.001, 0.0005, 0.0001)  # phase 3
+    tuning_passes: Positive = 2000.0  # phase 3's length
+    # by the network's type
     batches: dict[Type, Count] = msgspec.field(
         default_factory=lambda: {"mlp": 200, "rnn": 16, "lstm": 16}
     )

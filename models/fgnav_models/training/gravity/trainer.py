@@ -46,19 +46,12 @@ class Learned(Table, frozen=True):
 
 
 class Training(Learning, frozen=True):
-    """How the networks to be released are made.
+    """How the networks to be released are made."""
 
-    Attributes
-    ----------
-    windows, held_out : int
-        To learn from; to calibrate on, and as many to test on, of other flights.
-    followed : int
-        Flights to tell from how soon errors are new ones.
-    """
-
+    # windows, held_out: to learn from; to calibrate on, and as many to test on, of other flights
     windows: Count = 400_000
     held_out: Count = 40_000
-    followed: Count = 200
+    followed: Count = 200  # flights to tell from how soon errors are new ones
 
 
 class Recipe(Table, frozen=True):

@@ -45,24 +45,15 @@ _TOLD = {  # of a trial, and how the card calls it
 
 
 class Draw(Table, frozen=True):
-    """One kind of world.
-
-    Attributes
-    ----------
-    world : World
-        Its array is replaced by drawn ones.
-    arrays, epochs : int
-        How many are drawn, and epochs of each.
-    array : RandomArray
-    outliers : range of float
-        Share of links worse than stated, drawn for each array.
-    """
+    """One kind of world."""
 
     name: str
-    world: World
+    world: World  # its array is replaced by drawn ones
+    # arrays, epochs: how many are drawn, and epochs of each
     arrays: int
     epochs: int
     array: RandomArray = RandomArray()
+    # share of links worse than stated, drawn for each array
     outliers: tuple[float, float] = (0.0, 0.2)
 
 
