@@ -17,8 +17,6 @@ from fgnav.types.flight import TRUTH_SIGMAS, Flight, Truth
 from fgnav.types.integers import Integers
 from fgnav.types.summaries import summary, summary_html
 
-_SAME_EPOCH_S = 1e-6
-
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Method:

@@ -192,6 +192,17 @@ def spanning(name: str, series: Sequence[FloatArray], margin: float = 0.04) -> A
     return Axis(name=name, low=low - room, high=high + room)
 
 
+def log10(values: FloatArray) -> FloatArray:
+    """Return where values stand on an axis in powers of ten; NaN of none above zero."""
+    return np.asarray(np.log10(np.where(values > 0, values, np.nan)))
+
+
+def decades(name: str, series: Sequence[FloatArray], margin: float = 0.04) -> Axis:
+    """Return an axis in whole powers of ten that holds series of ``log10``, with a margin."""
+    y = spanning(name, series, margin)
+    return Axis(name=name, low=np.floor(y.low), high=np.ceil(y.high), log=True)
+
+
 def on_one_scale(x: Axis, y: Axis, height: float) -> tuple[Axis, Axis]:
     """Return both axes widened so that a unit is as long on either, in a diagram of that height."""
     wide, high = WIDTH - _LEFT - _RIGHT, height - _TOP - _BOTTOM
