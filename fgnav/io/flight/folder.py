@@ -223,12 +223,8 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
 
 
 def _vehicle(table: VehicleTable) -> WheeledVehicle:
-    return WheeledVehicle(
-        position_b_m=np.array(table.position_b_m),
-        position_sigma_m=table.position_sigma_m,
-        slip_mps=table.slip_mps,
-        axes_sigma_rad=float(np.radians(table.axes_sigma_deg)),
-    )
+    axes_sigma_rad = float(np.radians(table.axes_sigma_deg))
+    return WheeledVehicle(**series.values_of(table, WheeledVehicle), axes_sigma_rad=axes_sigma_rad)
 
 
 def _rinex(
@@ -279,13 +275,7 @@ def _gnss_noise(gnss: GnssTable) -> GnssNoise:
         "phase_m": gnss.phase_noise_m,
         "doppler_mps": gnss.doppler_noise_mps,
     }
-    return replace(
-        usual_noise.gnss_noise(stated),
-        elevation_weights=gnss.elevation_weights,
-        wind_up=gnss.wind_up,
-        satellite_error_rate_mps=gnss.satellite_error_rate_mps,
-        satellite_error_walk_m_per_sqrt_s=gnss.satellite_error_walk_m_per_sqrt_s,
-    )
+    return replace(usual_noise.gnss_noise(stated), **series.values_of(gnss, GnssNoise))
 
 
 def _read(folder: Path, name: str, kind: str) -> dict[str, FloatArray]:
