@@ -207,6 +207,14 @@ def angles(euler_rad: FloatArray) -> Angles:
     return Angles(**dict(zip(EULER, columns, strict=True)))
 
 
+def finite_mean(values: FloatArray, axis: int) -> FloatArray:
+    """Return the mean of what is finite over an axis; NaN of nothing."""
+    known = np.isfinite(values)
+    count = known.sum(axis=axis)
+    total = np.where(known, values, 0.0).sum(axis=axis)
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
+
+
 def _mean(values: FloatArray | None) -> float | None:
     if values is None or not np.isfinite(values).any():
         return None

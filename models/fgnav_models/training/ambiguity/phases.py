@@ -145,13 +145,14 @@ def find(campaign: Campaign, order: Order) -> Findings:
         task: _ensemble(campaign, experiment, samples, parts, order)
         for task, experiment in chosen.items()
     }
-    losses = [*samples.losses, *bench.parts(window).losses]
+    of_bench = bench.parts(window)
+    losses = [*samples.losses, *of_bench.losses]
     return Findings(
         campaign=campaign,
         results=bench.results,
         chosen=chosen,
-        baselines=_baselines(samples, bench.parts(window)),
-        final_baselines=_baselines(samples, parts),
+        baselines=of_baselines(samples, of_bench.train, of_bench.test),
+        final_baselines=of_baselines(samples, parts.train, parts.test),
         ensembles=ensembles,
         group=np.cumsum(np.diff(parts.test, prepend=parts.test[0]) > 1),
         losses=[f"{loss.count} × {loss.what} not used: {loss.reason}" for loss in losses],
@@ -281,10 +282,6 @@ def _reached(final: Final, task: Task, accuracy: FloatArray, error: FloatArray) 
     if task == "classification":
         return np.asarray(accuracy >= final.accuracy_percent)
     return np.asarray(np.isnan(error) | (error < final.mse_failed_cycles2))
-
-
-def _baselines(samples: Samples, parts: Parts) -> dict[str, Figures]:
-    return of_baselines(samples, parts.train, parts.test)
 
 
 def _rng(campaign: Campaign, stream: int) -> np.random.Generator:
