@@ -9,7 +9,7 @@ from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector
 from fgnav_sim.motion import Command, Hold
 from fgnav_sim.vehicle.atmosphere import FLOOR_M
 from fgnav_sim.vehicle.planet import FieldModel, Planet
-from fgnav_sim.vehicle.tables import Column, Vehicle
+from fgnav_sim.vehicle.tables import Column, Vehicle, check_grid, check_length
 
 
 class StartTable(Table, frozen=True):
@@ -63,21 +63,12 @@ class WindTable(Table, frozen=True):
 
     def __post_init__(self) -> None:
         """Require heights that increase, and a value for each."""
-        for row in range(1, len(self.height_m)):
-            if self.height_m[row] <= self.height_m[row - 1]:
-                raise ValueError(
-                    f"height_m: must increase, row {row} has {self.height_m[row]:g} after "
-                    f"{self.height_m[row - 1]:g}"
-                )
         if not self.height_m:
             raise ValueError("height_m: must hold one height or more")
-        for name in ("north_mps", "east_mps"):
-            value = getattr(self, name)
-            if isinstance(value, tuple) and len(value) != len(self.height_m):
-                raise ValueError(
-                    f"{name}: must hold {len(self.height_m)} values, one for each of height_m, "
-                    f"got {len(value)}"
-                )
+        check_grid("height_m", self.height_m, least=1)
+        for name, value in (("north_mps", self.north_mps), ("east_mps", self.east_mps)):
+            if isinstance(value, tuple):
+                check_length(name, value, "height_m", len(self.height_m))
 
 
 class GustsTable(Table, frozen=True):
@@ -104,12 +95,7 @@ class EarthTable(Table, frozen=True):
     @property
     def planet(self) -> Planet:
         """The body that it describes."""
-        return Planet(
-            semi_major_axis_m=self.semi_major_axis_m,
-            flattening=self.flattening,
-            rate_radps=self.rate_radps,
-            gm_m3ps2=self.gm_m3ps2,
-        )
+        return Planet(**msgspec.structs.asdict(self))
 
 
 class FlownTable(Table, frozen=True):

@@ -61,8 +61,8 @@ class MotorTable(Table, frozen=True):
     def __post_init__(self) -> None:
         """Require a curve of thrust."""
         _check_inertia("loaded_inertia_kgm2", self.loaded_inertia_kgm2, (0.0, 0.0, 0.0))
-        _check_grid("time_s", self.time_s, least=2)
-        _check_length("thrust_n", self.thrust_n, "time_s", len(self.time_s))
+        check_grid("time_s", self.time_s, least=2)
+        check_length("thrust_n", self.thrust_n, "time_s", len(self.time_s))
         if not any(self.thrust_n):
             raise ValueError("thrust_n: must rise above zero")
 
@@ -76,11 +76,11 @@ class _Aerodynamics(Table, frozen=True, kw_only=True, tag_field="kind"):
 
     def __post_init__(self) -> None:
         """Require as many values as Mach numbers."""
-        _check_grid("mach", self.mach, least=1)
+        check_grid("mach", self.mach, least=1)
         for name in self.coefficients():
             value = getattr(self, name)
             if isinstance(value, tuple):
-                _check_length(name, value, "mach", len(self.mach))
+                check_length(name, value, "mach", len(self.mach))
 
     @classmethod
     def coefficients(cls) -> tuple[str, ...]:
@@ -223,7 +223,7 @@ class Vehicle(Table, frozen=True):
             raise ValueError("canards: need a table [aerodynamics]")
         slope = self.canards.slope
         if isinstance(slope, tuple):
-            _check_length("canards.slope", slope, "aerodynamics.mach", len(self.aerodynamics.mach))
+            check_length("canards.slope", slope, "aerodynamics.mach", len(self.aerodynamics.mach))
         axial = [self.body.inertia_kgm2[0]]
         axial += [self.motor.loaded_inertia_kgm2[0]] if self.motor else []
         if self.canards.forebody_inertia_kgm2 >= min(axial):
@@ -248,7 +248,7 @@ def load_vehicle(vehicle: Path | str) -> Vehicle:
     return table if table.name else msgspec.structs.replace(table, name=path.stem)
 
 
-def _check_grid(name: str, grid: tuple[float, ...], least: int) -> None:
+def check_grid(name: str, grid: tuple[float, ...], least: int) -> None:
     """Raise unless a grid has enough values that increase."""
     if len(grid) < least:
         raise ValueError(f"{name}: must hold {least} values or more, got {len(grid)}")
@@ -259,7 +259,7 @@ def _check_grid(name: str, grid: tuple[float, ...], least: int) -> None:
             )
 
 
-def _check_length(name: str, column: tuple[float, ...], grid: str, length: int) -> None:
+def check_length(name: str, column: tuple[float, ...], grid: str, length: int) -> None:
     """Raise unless a column has a value for each one of its grid."""
     if len(column) != length:
         raise ValueError(
