@@ -9,6 +9,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.geometry.earth import Origin
 from fgnav.io.antennas import chosen, merge, named_alike
+from fgnav.io.atomic_write import atomic_folder
 from fgnav.io.flight import networks, series, usual_noise
 from fgnav.io.flight import toml as flight_toml
 from fgnav.io.flight import writer as flight_writer
@@ -115,7 +116,10 @@ def save_flight(flight: Flight, folder: Path | str, *, rinex: RinexVersion = "3.
     BadInputError
         If the folder holds something, or a value does not fit into its file's columns.
     """
-    flight_writer.write_folder(flight, Path(folder), rinex)
+    flight_writer.check_empty(Path(folder))
+    with atomic_folder(Path(folder)) as new:
+        table = flight_writer.write_parts(flight, new, rinex)
+        flight_toml.write_flight_toml(new / flight_writer.FILE_NAME, table)
 
 
 def _toml(path: Path) -> Path:

@@ -1,4 +1,4 @@
-"""A flight written as a folder that appears whole or not at all."""
+"""The files of a flight, written into a folder, and what its flight.toml says of them."""
 
 import re
 from dataclasses import asdict
@@ -10,7 +10,6 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.earth import Origin
-from fgnav.io.atomic_write import atomic_folder
 from fgnav.io.flight import columns, networks
 from fgnav.io.flight import toml as flight_toml
 from fgnav.io.flight.integers import write_integers
@@ -26,27 +25,6 @@ FILE_NAME = "flight.toml"
 _PLAIN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
 _TAKEN = ("base", "broadcast")
 _T = TypeVar("_T", bound=msgspec.Struct)
-
-
-def write_folder(flight: Flight, folder: Path, rinex: RinexVersion = "3.04") -> None:
-    """Write a flight.
-
-    Parameters
-    ----------
-    folder : Path
-        Must not exist, or be empty.
-    rinex : {"3.04", "4.00"}
-        Version of observation and navigation files.
-
-    Raises
-    ------
-    BadInputError
-        If the folder holds something, cannot be made, or a value does not fit into its file.
-    """
-    check_empty(folder)
-    with atomic_folder(folder) as new:
-        table = write_parts(flight, new, rinex)
-        flight_toml.write_flight_toml(new / FILE_NAME, table)
 
 
 def check_empty(folder: Path) -> None:

@@ -34,15 +34,7 @@ class NavigationScan:
 def scan_navigation(header: Header, text: Bytes) -> NavigationScan:
     """Check the body of a navigation file and take the messages that can be decoded.
 
-    Parameters
-    ----------
-    text : ndarray of uint8
-        The whole file, plain.
-
-    Raises
-    ------
-    BadInputError
-        Naming file, line, rule and value, at the first fault.
+    Parameters and errors are those of ``fgnav.io.rinex.scan.scan_observations``.
     """
     from fgnav.io.rinex.navigation_kernel import scan_messages  # noqa: PLC0415  # lazy: numba
 
