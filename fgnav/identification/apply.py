@@ -154,7 +154,7 @@ def findings(
     is_as_it_was = not (found.used.any() or moved.any() or tests) and requests == stated
     if is_as_it_was and not errors:
         return None
-    noise = (*noise_notes(flight, found), *satellite_error_notes(errors))
+    noise = (*noise_notes(flight, found), *satellite_error_notes(flight.gnss_noise, errors))
     return Findings(
         factors=found.factors,
         moved=moved,

@@ -9,6 +9,7 @@ from fgnav.graph.types.motion import INERTIAL_NOISES
 from fgnav.identification.identify import Identified
 from fgnav.identification.likelihood.thinned import FIELDS
 from fgnav.types.flight import Flight
+from fgnav.types.instruments import GnssNoise
 
 _WHAT = {
     "accelerometer": "Accelerometer noise in motion",
@@ -20,6 +21,9 @@ _WHAT = {
     "barometric height": "Noise of barometric heights",
     "line of sight": "Noise of the seeker's lines of sight",
     "magnetic field": "Noise of the magnetometer",
+    "satellite error": "Size of satellites' errors",
+    "satellite error walk": "Random walk of satellites' errors",
+    "satellite error rate": "Rate of satellites' errors",
 }
 _UNIT = {
     "accelerometer": "m/s2/sqrt(Hz)",
@@ -28,9 +32,8 @@ _UNIT = {
     "gyroscope bias": "rad/s/sqrt(s)",
 }
 _OF_SATELLITES = {
-    "satellite error": "the size is",
-    "satellite error walk": "the random walk is",
-    "satellite error rate": "the rate is",
+    "satellite error walk": "satellite_error_walk_m_per_sqrt_s",
+    "satellite error rate": "satellite_error_rate_mps",
 }
 _USUAL = "the usual figure"
 
@@ -68,12 +71,19 @@ def _value(flight: Flight, name: str, factor: float) -> str:
     return f"{factor * getattr(flight.imu, FIELDS[name]):.2g} {_UNIT[name]}"
 
 
-def satellite_error_notes(factors: Mapping[str, float]) -> tuple[str, ...]:
-    """Return a sentence on errors of satellites that are not as stated; none if all are."""
-    parts = [f"{_OF_SATELLITES[name]} {factor:.2g} x" for name, factor in factors.items()]
-    if not parts:
-        return ()
-    return (f"Of errors of satellites {', '.join(parts)} what is stated or usual: used instead.",)
+def satellite_error_notes(noise: GnssNoise, factors: Mapping[str, float]) -> tuple[str, ...]:
+    """Return a sentence for each size of satellites' errors that the flight contradicts."""
+    return tuple(
+        f"{_WHAT[name]} is {factor:.2g} x what flight.toml states: used instead."
+        if _is_stated(noise, name)
+        else f"{_WHAT[name]}, not stated, is identified as {factor:.2g} x {_USUAL}."
+        for name, factor in factors.items()
+    )
+
+
+def _is_stated(noise: GnssNoise, name: str) -> bool:
+    field = _OF_SATELLITES.get(name)
+    return field is not None and getattr(noise, field) != getattr(GnssNoise(), field)
 
 
 def constant_notes(
