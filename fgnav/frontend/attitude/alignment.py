@@ -251,7 +251,7 @@ def _of_array(flight: Flight, resolver: Resolver, false_alarm: float, *, causal:
         covariance_rad2=attitude.covariance_rad2,
         valid=attitude.solved & ~clean.refused & ~attitude.open_axis_b.any(axis=1),
         form=clean.form,
-        integers=clean.integers,
+        integers=replace(clean.integers, evidence=clean.evidence, source=clean.source),
         refused=clean.refused,
         losses=(*differences.losses, *integers.losses),
         rejections=clean.rejections,
