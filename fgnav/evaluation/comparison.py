@@ -11,6 +11,7 @@ from fgnav.evaluation.bound import flight_bound
 from fgnav.evaluation.integer_counts import count_integers, integers_at, true_attitudes
 from fgnav.evaluation.pairwise import Difference, pairwise
 from fgnav.evaluation.scores import Angles, Errors, Score, errors_against, score
+from fgnav.integers.arcs.reported import ArcInteger, reported_arcs
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Estimate, Estimator, Rejected
 from fgnav.types.flight import TRUTH_SIGMAS, Flight, Truth
@@ -26,6 +27,8 @@ class Method:
     score: Score
     estimate: Estimate | None = None  # None where the method failed; ``score.failure`` says why
     errors: Errors | None = None  # None also where the flight has no truth
+    # of arcs\' integers, each with the chance that it is wrong, and who says so
+    arcs: tuple[ArcInteger, ...] = ()
 
     @property
     def rejections(self) -> tuple[Rejected, ...]:
@@ -38,6 +41,7 @@ class Method:
         return asdict(self.score) | {
             "rejections": [asdict(one) for one in self.rejections],
             "constants": [one.to_dict() for one in constants],
+            "arcs": [asdict(one) for one in self.arcs],
         }
 
 
@@ -285,13 +289,17 @@ def _judge(
         return Method(name=name, score=Score(seconds=seconds, failure=failure))
     errors = errors_against(flight.truth, estimate) if flight.truth else None
     counts = None
+    arcs: tuple[ArcInteger, ...] = ()
     if differences is not None and estimate.integers is not None:
         counts = count_integers(differences, estimate.integers, right)
+        names = tuple(antenna.name for antenna in flight.antennas)
+        arcs = reported_arcs(differences, estimate.integers, names)
     return Method(
         name=name,
         score=score(estimate, errors, counts, seconds),
         estimate=estimate,
         errors=errors,
+        arcs=arcs,
     )
 
 

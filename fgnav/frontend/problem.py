@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.frontend.array.multipath import lasting_error
 from fgnav.frontend.array.shape import initial_shape, shape_at
 from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.attitude.initial import attitude_prior
@@ -29,6 +30,7 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import Aligned, Tracked, aligned, inertial_record, moves_about, tracked
 from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.factors.antenna_phase import AntennaPhase
+from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.problem import Opening, SmoothingProblem
 from fgnav.graph.types.states import States
@@ -161,7 +163,8 @@ def build_problem(
     sensed = sense(flight, imu, stage.down, track.t_s, track.places_n_m, causal=causal)
     tags = of_tags(settings.calibration, flight)
     constants = _constants(flight, (*asked, *tags), sensed, stage)
-    motion, turning, rate_notes = motion_of(flight, settings, (stage, track), constants)
+    multipath, lasting_notes = _lasting(stage, asked)
+    motion, turning, rate_notes = motion_of(flight, settings, (stage, track), constants, multipath)
     earth = flight.origin.earth_rate_n_radps
     timed = timed_motion(imu, track.t_s, track.gravity_n_mps2, earth, causal=causal)
     phase, phase_notes, arcs = antenna_phase(
@@ -174,10 +177,13 @@ def build_problem(
     )
     problem = SmoothingProblem(
         t_s=track.t_s,
-        start=_start(stage, track, constants, turning),
+        start=_start(stage, track, constants, turning, motion.aux),
         motion=motion,
         measurements=measurements_of(
-            replace(_recorded(flight, stage, track, sensed, asked), timed=timed), constants
+            replace(
+                _recorded(flight, stage, track, sensed, asked), timed=timed, multipath=multipath
+            ),
+            constants,
         ),
         constants=constants,
         attitude_known=_measured_attitudes(stage),
@@ -203,6 +209,7 @@ def build_problem(
         rejections=(*start.rejections, *track.rejections),
         notes=(
             *start.notes,
+            *lasting_notes,
             *rate_notes,
             *antenna.notes,
             *phase_notes,
@@ -218,6 +225,14 @@ def build_problem(
         array=start.phases,
         goes_on=_goes_on(flight, stage, arcs),
     )
+
+
+def _lasting(
+    stage: Aligned, asked: tuple[FlightConstant, ...]
+) -> tuple[Multipath | None, tuple[str, ...]]:
+    """Return what stays of the array's errors; where its shape is asked for it is that."""
+    shape_asked = any(one.name.startswith("antenna ") for one in asked)
+    return (None, ()) if stage.causal or shape_asked else lasting_error(stage.start)
 
 
 def _phase_before_heading(
@@ -321,11 +336,13 @@ def timed_motion(
     )
 
 
-def _start(stage: Aligned, track: Tracked, constants: Constants, turning: Turning | None) -> States:
+def _start(
+    stage: Aligned, track: Tracked, constants: Constants, turning: Turning | None, width: int
+) -> States:
     """Return where the search starts."""
     R_nb = stage.start.R_nb
     p_n_m, v_n_mps = moves_about(stage, track, R_nb)
-    aux = np.zeros((len(track.t_s), 6 if stage.gyroscope else 12))
+    aux = np.zeros((len(track.t_s), width))
     bias_b_radps = stage.start.gyroscope_bias_b_radps
     if turning is not None:
         told = is_told(turning)
