@@ -308,7 +308,8 @@ def test_phase_errors_that_stay_are_a_state_of_keyframes():
     prepared = build(flight)
     problem, error = prepared.problem, prepared.problem.motion.multipath
     assert error.share[0] == pytest.approx(0.5, abs=0.1)
-    assert 1 / error.decay_per_s[0] == pytest.approx(5.0, rel=0.5)
+    # Eight other seeds: 4.4 ± .3, since clocks and satellites are taken off by what lasts, too.
+    assert 1 / error.decay_per_s[0] == pytest.approx(5.0, rel=0.3)
     assert problem.width == 21 + error.size
     array = measurement(prepared, "array phases")
     np.testing.assert_array_equal(array.share, error.share)
@@ -326,7 +327,7 @@ def test_beside_a_gyroscope_phases_that_err_alike_count_as_often_as_they_differ(
     assert prepared.problem.width == 15
     # Half for 5 s at 10 Hz: 1 + 2 x .5 x 49.5.
     ratio = (white.root**2).sum(axis=(1, 2)) / (array.root**2).sum(axis=(1, 2))
-    assert np.median(ratio) == pytest.approx(50.5, rel=0.5)
+    assert np.median(ratio) == pytest.approx(50.5, rel=0.3)
 
 
 def test_white_phase_errors_are_no_state():
