@@ -296,8 +296,9 @@ def _magnetometer(flight: Flight, folder: Path) -> flight_toml.MagnetometerTable
 def _vehicle(flight: Flight) -> flight_toml.VehicleTable | None:
     vehicle = flight.vehicle
     if vehicle is None:
-        return None
+        return flight_toml.VehicleTable(standstill=True) if flight.standstill else None
     return flight_toml.VehicleTable(
+        standstill=flight.standstill,
         kind="wheeled",
         position_b_m=_vector(vehicle.position_b_m),
         position_sigma_m=vehicle.position_sigma_m,
