@@ -17,27 +17,15 @@ from fgnav.types.flight import TRUTH_SIGMAS, Flight, Truth
 from fgnav.types.integers import Integers
 from fgnav.types.summaries import summary, summary_html
 
-_SAME_EPOCH_S = 1e-6
-
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Method:
-    """What one method did: its figures, its estimate and its errors.
-
-    Attributes
-    ----------
-    name : str
-    score : Score
-    estimate : Estimate or None
-        None where the method failed; ``score.failure`` says why.
-    errors : Errors or None
-        None also where the flight has no truth.
-    """
+    """What one method did: its figures, its estimate and its errors."""
 
     name: str
     score: Score
-    estimate: Estimate | None = None
-    errors: Errors | None = None
+    estimate: Estimate | None = None  # None where the method failed; ``score.failure`` says why
+    errors: Errors | None = None  # None also where the flight has no truth
 
     @property
     def rejections(self) -> tuple[Rejected, ...]:

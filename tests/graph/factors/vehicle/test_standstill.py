@@ -8,8 +8,7 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.frontend.causal.truncation import truncated
 from fgnav.graph.factors.vehicle.standstill import NAME, Standstill
-from fgnav.io.flight.folder import load_flight
-from fgnav.io.flight.writer import write_folder
+from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav.methods.observation_stream import ObservationStream
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.types.vehicle import WheeledVehicle
@@ -72,7 +71,7 @@ def test_a_stream_stands_as_the_filter_does():
 def test_a_flight_folder_keeps_the_request(lost, tmp_path):
     for k, vehicle in enumerate((None, WheeledVehicle())):
         folder = tmp_path / f"flight {k}"
-        write_folder(replace(lost, vehicle=vehicle), folder)
+        save_flight(replace(lost, vehicle=vehicle), folder)
         read = load_flight(folder)
         assert read.standstill
         assert (read.vehicle is None) == (vehicle is None)
@@ -80,7 +79,7 @@ def test_a_flight_folder_keeps_the_request(lost, tmp_path):
 
 def test_keys_of_wheels_without_a_kind_are_refused(lost, tmp_path):
     folder = tmp_path / "flight"
-    write_folder(lost, folder)
+    save_flight(lost, folder)
     toml = folder / "flight.toml"
     toml.write_text(toml.read_text().replace("standstill = true", "standstill = false"))
     with pytest.raises(BadInputError, match=r"key vehicle\.kind: is missing; add"):
