@@ -30,12 +30,12 @@ def test_a_filter_waits_until_motion_has_told_the_heading(solver):
 def test_what_leaves_a_window_knows_biases_by_what_they_did(solver):
     """Level is three degrees off at first, the accelerometer's bias 2.5 of its sigmas."""
     figures = []
-    for seed in (31_006, 31_007):
+    for seed in (1, 2):
         flight = driven(seed)
         biased = flight.imu.f_b_mps2 + np.array([0.0, 0.75, 0.0])
         flight = replace(flight, imu=replace(flight.imu, f_b_mps2=biased))
         figures.append(nees(flight, Smoother(noise="stated", solver=solver)(flight)))
-    assert np.mean(figures) < 6.25  # all of it that of the prior; 15 to 95 in body axes
+    assert np.mean(figures) < 6.25  # that of the bias by its prior; 27 in body axes
 
 
 @pytest.mark.parametrize(
