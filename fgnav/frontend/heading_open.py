@@ -18,7 +18,7 @@ from fgnav.frontend.attitude.in_motion import WINDOW_S
 from fgnav.frontend.attitude.initial import attitude_prior
 from fgnav.frontend.position.series import VectorSeries
 from fgnav.frontend.stages import Aligned, Tracked, moves_about
-from fgnav.graph.factors.wheels import NAME as WHEELS
+from fgnav.graph.factors.vehicle.wheels import NAME as WHEELS
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, Opening, SmoothingProblem
 from fgnav.types.estimate import open_angle_variance_rad2

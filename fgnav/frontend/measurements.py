@@ -20,8 +20,9 @@ from fgnav.graph.factors.gravity import Gravity
 from fgnav.graph.factors.line_of_sight import LineOfSight
 from fgnav.graph.factors.magnetometer import MagneticField
 from fgnav.graph.factors.position import Position
+from fgnav.graph.factors.vehicle.standstill import Standstill
+from fgnav.graph.factors.vehicle.wheels import AXES, AXLE, RollingWheels
 from fgnav.graph.factors.velocity import Velocity
-from fgnav.graph.factors.wheels import AXES, AXLE, RollingWheels
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Measurement
@@ -80,6 +81,7 @@ def measurements_of(recorded: Recorded, constants: Constants) -> tuple[Measureme
         *_directions(recorded, constants),
         *_surroundings(recorded, constants),
         *_wheels(recorded, constants),
+        *_standstill(recorded),
     )
     timed = recorded.timed
     if timed is not None:
@@ -220,3 +222,8 @@ def _wheels(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
             axle_column=constants.column(AXLE),
             constants=constants,
         )
+
+
+def _standstill(recorded: Recorded) -> Iterator[Measurement]:
+    if recorded.sensed.standing is not None:
+        yield Standstill(**recorded.sensed.standing._asdict())

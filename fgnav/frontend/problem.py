@@ -26,6 +26,7 @@ from fgnav.frontend.measurements import Recorded, measurements_of
 from fgnav.frontend.motion import is_told, motion_of
 from fgnav.frontend.position.live_arcs import EarlierArcs, antenna_phase
 from fgnav.frontend.sensors.sensed import Sensed, sense
+from fgnav.frontend.sensors.standstill import standing
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import Aligned, Tracked, aligned, inertial_record, moves_about, tracked
 from fgnav.graph.delayed import TimedMotion
@@ -161,6 +162,9 @@ def build_problem(
     track = tracked(flight, stage)
     imu, causal = stage.record.imu, settings.causal
     sensed = sense(flight, imu, stage.down, track.t_s, track.places_n_m, causal=causal)
+    if flight.standstill:
+        stands = standing(stage.record, track.t_s, track.antenna, causal=causal)
+        sensed = replace(sensed, standing=stands)
     tags = of_tags(settings.calibration, flight)
     constants = _constants(flight, (*asked, *tags), sensed, stage)
     multipath, lasting_notes = _lasting(stage, asked)
@@ -253,7 +257,7 @@ def _phase_before_heading(
 def _goes_on(flight: Flight, stage: Aligned, arcs: EarlierArcs | None) -> Earlier | None:
     """Return what later keyframes need of these; None while, or where, it is not all summed up."""
     start, others = stage.start, (flight.base, flight.vehicle, flight.seeker, stage.down)
-    if any(one is not None for one in others):
+    if flight.standstill or any(one is not None for one in others):
         return None
     if start.motion is None or not start.motion.step_s or not start.valid.any():
         return None

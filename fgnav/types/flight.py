@@ -199,6 +199,8 @@ class Flight:
     imu, fixes, seeker, barometer, magnetometer, truth : their types, or None
     vehicle : WheeledVehicle or None
         What it may be taken to do.
+    standstill : bool
+        Whether it may be taken to stand still where samples and GNSS say so.
     initial : InitialAttitude or None
         Of the first epoch that is estimated.
     networks : tuple of Path
@@ -223,6 +225,7 @@ class Flight:
     barometer: Barometer | None = None
     magnetometer: Magnetometer | None = None
     vehicle: WheeledVehicle | None = None
+    standstill: bool = False
     initial: InitialAttitude | None = None
     truth: Truth | None = None
     networks: tuple[Path, ...] = ()

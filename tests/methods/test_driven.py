@@ -1,5 +1,7 @@
 """What a gyroscope knows better than fixes can see: headings that motion begins to tell, tags."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -22,6 +24,18 @@ def test_a_filter_waits_until_motion_has_told_the_heading(solver):
         estimate = Forward(noise="stated", solver=solver)(flight)
         figures.append(nees(flight, estimate, 15.0, 35.0))
     assert np.mean(figures) < 6.0
+
+
+@pytest.mark.parametrize("solver", ["gtsam", "chain"])
+def test_what_leaves_a_window_knows_biases_by_what_they_did(solver):
+    """Level is three degrees off at first, the accelerometer's bias 2.5 of its sigmas."""
+    figures = []
+    for seed in (1, 2):
+        flight = driven(seed)
+        biased = flight.imu.f_b_mps2 + np.array([0.0, 0.75, 0.0])
+        flight = replace(flight, imu=replace(flight.imu, f_b_mps2=biased))
+        figures.append(nees(flight, Smoother(noise="stated", solver=solver)(flight)))
+    assert np.mean(figures) < 6.25  # that of the bias by its prior; 27 in body axes
 
 
 @pytest.mark.parametrize(

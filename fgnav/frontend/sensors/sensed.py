@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from fgnav.checks import FloatArray, Loss
 from fgnav.frontend.sensors.directional import gravity, sight
+from fgnav.frontend.sensors.standstill import Standing
 from fgnav.frontend.sensors.surroundings import Heights, MagneticField, heights, magnetic_field
 from fgnav.frontend.sensors.wheels import Wheels, wheels
 from fgnav.graph.factors.directions import Directions
@@ -24,6 +25,7 @@ class Sensed:
     heights : Heights or None
     field : MagneticField or None
     wheels : Wheels or None
+    standing : Standing or None
     losses : tuple of Loss
     """
 
@@ -32,6 +34,7 @@ class Sensed:
     heights: Heights | None = None
     field: MagneticField | None = None
     wheels: Wheels | None = None
+    standing: Standing | None = None
     losses: tuple[Loss, ...] = ()
 
     @property

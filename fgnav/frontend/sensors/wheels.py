@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.graph.factors.wheels import AXES, AXLE
+from fgnav.graph.factors.vehicle.wheels import AXES, AXLE
 from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.types.flight import Flight, Imu
 

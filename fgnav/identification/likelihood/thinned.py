@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import IntArray
-from fgnav.graph.factors.wheels import NAME as WHEELS
+from fgnav.graph.factors.vehicle.standstill import NAME as STANDSTILL
+from fgnav.graph.factors.vehicle.wheels import NAME as WHEELS
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import Constants, FlightConstant
@@ -25,6 +26,7 @@ from fgnav.types.flight import Imu
 _ENOUGH = 150
 _APART_S = 1.0
 _STRETCH = 200
+_OF_VEHICLES = (WHEELS, STANDSTILL)
 # Fields of ``Imu`` by component.
 FIELDS = {
     "accelerometer": "accelerometer_noise_mps2_per_sqrt_hz",
@@ -87,8 +89,8 @@ class Some:
 def thinned(problem: SmoothingProblem, extra: tuple[FlightConstant, ...] = ()) -> SmoothingProblem:
     """Return a problem of fewer keyframes, with constants beside its own.
 
-    Of instruments alone: how wheels slip tells no noise, and noise stated far too small makes them
-    contradict what is measured.
+    Of instruments alone: how wheels slip or stand tells no noise, and noise stated far too small
+    makes them contradict what is measured.
 
     Parameters
     ----------
@@ -97,7 +99,7 @@ def thinned(problem: SmoothingProblem, extra: tuple[FlightConstant, ...] = ()) -
         Appended to its constants; nothing depends on them yet.
     """
     constants = Constants((*problem.constants.parts, *extra))
-    instruments = tuple(one for one in problem.measurements if one.name != WHEELS)
+    instruments = tuple(one for one in problem.measurements if one.name not in _OF_VEHICLES)
     rows = _rows(replace(problem, measurements=instruments))
     return SmoothingProblem(
         t_s=problem.t_s[rows],

@@ -217,6 +217,7 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         if table.magnetometer
         else None,
         vehicle=_vehicle(table.vehicle) if table.vehicle else None,
+        standstill=table.vehicle is not None and table.vehicle.standstill,
         initial=_initial(table.initial) if table.initial else None,
         truth=_truth(folder, origin, table.truth, [a.name for a in table.antenna])
         if table.truth
@@ -226,7 +227,13 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
     )
 
 
-def _vehicle(table: VehicleTable) -> WheeledVehicle:
+def _vehicle(table: VehicleTable) -> WheeledVehicle | None:
+    if table.kind is None:
+        if table != VehicleTable(standstill=True):
+            raise BadInputError(
+                'key vehicle.kind: is missing; add "wheeled", or state standstill = true alone'
+            )
+        return None
     axes_sigma_rad = float(np.radians(table.axes_sigma_deg))
     return WheeledVehicle(**series.values_of(table, WheeledVehicle), axes_sigma_rad=axes_sigma_rad)
 

@@ -135,9 +135,10 @@ class MagnetometerTable(MagnetometerKeys, frozen=True, kw_only=True):
 
 
 class VehicleTable(Table, frozen=True, kw_only=True):
-    """``[vehicle]``: what its build lets it do, as of ``WheeledVehicle``."""
+    """``[vehicle]``: what its build lets it do, as of ``WheeledVehicle``, and that it may stand."""
 
-    kind: Literal["wheeled"]
+    standstill: bool = False
+    kind: Literal["wheeled"] | None = None
     position_b_m: Vector = (0.0, 0.0, 0.0)
     position_sigma_m: Positive = 1.0
     slip_mps: Positive = 0.1

@@ -257,9 +257,15 @@ def _magnetometer(flight: Flight, folder: Path) -> flight_toml.MagnetometerTable
 def _vehicle(flight: Flight) -> flight_toml.VehicleTable | None:
     vehicle = flight.vehicle
     if vehicle is None:
-        return None
+        return flight_toml.VehicleTable(standstill=True) if flight.standstill else None
     leaning_deg = float(np.degrees(vehicle.axes_sigma_rad))
-    return _keys(flight_toml.VehicleTable, vehicle, kind="wheeled", axes_sigma_deg=leaning_deg)
+    return _keys(
+        flight_toml.VehicleTable,
+        vehicle,
+        kind="wheeled",
+        standstill=flight.standstill,
+        axes_sigma_deg=leaning_deg,
+    )
 
 
 def _initial(flight: Flight) -> flight_toml.InitialTable | None:

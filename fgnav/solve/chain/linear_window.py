@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
-from fgnav.geometry.rotations import transpose
+from fgnav.geometry.rotations import skew, transpose
 from fgnav.graph.build import Layout
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import AUX, POSITION, ROTATION, States
@@ -19,9 +19,11 @@ from fgnav.solve.chain.arrays import WindowArrays
 from fgnav.solve.chain.linear import Links, linearise
 from fgnav.solve.failures import weakest_state
 from fgnav.solve.marginals import Marginals
+from fgnav.solve.sliding.relinearisation import has_gyroscope
 from fgnav.solve.unary import add_unary
 
 _LEAST_ROOM = 64  # keyframes
+_ACCELEROMETER, _GYROSCOPE = slice(AUX, AUX + 3), slice(AUX + 3, AUX + 6)  # their biases
 
 
 class LinearWindow:
@@ -84,7 +86,8 @@ class LinearWindow:
 
         What has been marginalised is led on to where the oldest is then: it knows rotations and
         positions in ``n``, so their directions turn against the body as the body has turned. Kept
-        in body axes, a level that is known later would tell a heading that is none.
+        in body axes, a level that is known later would tell a heading that is none. The same holds
+        of biases, which it knows by what they did in ``n``.
         """
         if self.oldest and len(which) and which[0] == 0:
             self._lead_marginal(at.at(slice(0, 1)))
@@ -100,6 +103,11 @@ class LinearWindow:
         moved = np.eye(len(forward))
         moved[ROTATION, ROTATION] = moved[POSITION, POSITION] = turn
         moved[: len(step), -1] = -step
+        problem, row = self._sources[0]
+        force_b_mps2 = -transpose(to.R_nb)[0] @ problem.motion.gravity_n_mps2[row]  # at rest
+        _lead_bias(moved, step, turn, _ACCELEROMETER, (at, to), force_b_mps2)
+        if has_gyroscope(step[None]):
+            _lead_bias(moved, step, turn, _GYROSCOPE, (at, to), np.zeros(3))
         forward[:] = np.triu(moved.T @ (np.triu(forward) + np.triu(forward, 1).T) @ moved)
 
     def arcs_size(self, row: int) -> int:
@@ -228,3 +236,27 @@ class LinearWindow:
         self._end_covariance = np.empty((len(self.end), len(self.end)))
         least = back_kernel.newest(rows.forward[-1], self._end_covariance, self.end)
         return -1 if np.isfinite(least) else len(self) - 1
+
+
+def _lead_bias(
+    moved: FloatArray,
+    step: FloatArray,
+    turn: FloatArray,
+    bias: slice,
+    states: tuple[States, States],
+    measured_b: FloatArray,
+) -> None:
+    """Lead what is known of a bias b to where the oldest keyframe is linearised next.
+
+    Measured is ``R (m - b)``, m what the sensor reads, in axes that do not turn: linear in itself,
+    and in rotation and bias together of second order, ``turn x b``, which adds up for as long as
+    the bias lasts. Of c = b - m the step ``turn c' - c + c x turn`` makes the rows, linear in
+    rotation and bias, say what they say of ``R c`` (Barrau and Bonnabel, The Geometry of Navigation
+    Problems, IEEE TAC 68(2), 2023: biases in the axes of the group).
+    """
+    of = slice(bias.start - AUX, bias.stop - AUX)
+    before, after = (state.aux[0, of] - measured_b for state in states)
+    after = turn @ after
+    moved[bias, bias] = turn
+    moved[bias, ROTATION] = skew((before - after)[None])[0] @ turn
+    moved[bias, -1] = before - after - np.cross(before, step[ROTATION])

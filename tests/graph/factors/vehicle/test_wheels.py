@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav.graph.factors.wheels import NAME, RollingWheels
+from fgnav.graph.factors.vehicle.wheels import NAME, RollingWheels
 from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.types.vehicle import WheeledVehicle

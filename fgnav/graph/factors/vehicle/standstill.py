@@ -1,0 +1,69 @@
+"""A body that stands still: the velocity of its accelerometer is zero, a zero velocity update.
+
+``r = v_n / sigma`` [1]_.
+
+References
+----------
+.. [1] Groves: Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd
+   edition, 2013, section 15.3.1.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph import keys
+from fgnav.graph.types.arrays import freeze
+from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.states import VELOCITY, States
+from fgnav.optional_gtsam import gtsam
+
+NAME = "standstill"
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Standstill:
+    """Velocities that are zero, three rows each.
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (k,)
+    sigma_mps : ndarray, shape (k,)
+        Of each axis.
+    """
+
+    row: IntArray
+    sigma_mps: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check and freeze the arrays."""
+        k = len(self.row)
+        freeze(self, {"sigma_mps": (k,)}, {"row": (k,)})
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        return NAME
+
+    @property
+    def freedom(self) -> IntArray:
+        """Three of each, (k,)."""
+        return np.full(len(self.row), 3, dtype=np.int64)
+
+    def linearise(self, at: States, which: IntArray) -> Linearised:
+        """Return whitened residuals of standstills ``which``, (j,); see ``Measurement``."""
+        weight = 1.0 / self.sigma_mps[which]
+        state = np.zeros((len(which), 3, at.width))
+        state[:, :, VELOCITY] = weight[:, None, None] * np.eye(3)
+        shared = np.zeros((len(which), 3, len(at.constants)))
+        return Linearised(weight[:, None] * at.v_n_mps, state, shared)
+
+    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
+        """Return standstill i as a factor of keyframe ``key``."""
+        noise = gtsam.noiseModel.Isotropic.Sigma(3, float(self.sigma_mps[i]))
+        return gtsam.PriorFactorVector(keys.velocity(key), np.zeros(3), noise)
+
+    def on(self, row: IntArray) -> "Standstill":
+        """Return the same measurements at other rows, (k,)."""
+        return replace(self, row=row)
