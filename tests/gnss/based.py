@@ -8,17 +8,19 @@ import numpy as np
 from fgnav_sim.gnss.tables import BaseTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
+from tests.frontend.flights import GYROSCOPE
 from tests.methods.simulated import SCENARIOS
 
 NEAR = BaseTable(latitude_deg=40.34, longitude_deg=-3.87, height_m=650.0)  # 1.4 km from the start
 
 
 @cache
-def flown(*, name="demo", base=NEAR, span_s=20.0, seed=1, **gnss):
+def flown(*, name="demo", base=NEAR, span_s=20.0, seed=1, gyroscope=False, **gnss):
     """Return a flight; the same object for the same arguments."""
     scenario = load_scenario(SCENARIOS / f"{name}.toml")
     gnss = msgspec.structs.replace(scenario.gnss, base=base, **gnss)
-    scenario = msgspec.structs.replace(scenario, duration_s=span_s, gnss=gnss)
+    imu = msgspec.structs.replace(scenario.imu, **(GYROSCOPE if gyroscope else {}))
+    scenario = msgspec.structs.replace(scenario, duration_s=span_s, gnss=gnss, imu=imu)
     return simulate(scenario, np.random.default_rng(seed))
 
 

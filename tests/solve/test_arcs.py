@@ -10,7 +10,7 @@ from fgnav.evaluation.scores import errors_against
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.process.hyperparameters import RatePrior
-from fgnav_sim.gnss.tables import OutageTable, SlipsTable
+from fgnav_sim.gnss.tables import BodyMaskTable, OutageTable, SlipsTable
 from tests.gnss.based import flown
 
 PRIOR = RatePrior(length_s=1.0, variance_rad2ps2=np.full(3, 0.12), evidence=0.0)
@@ -18,16 +18,22 @@ SET_UP = {"resolver": Truth(), "rate_prior": PRIOR}
 
 
 @cache
-def disturbed():
+def disturbed(*, gyroscope=False):
+    """Slips, and an outage; or satellites that the body hides when it leans, a few each second."""
+    if gyroscope:
+        hidden = BodyMaskTable(axes_b=((0.0, 0.0, -1.0),), half_angle_deg=65.0)
+        return flown(base=None, span_s=12.0, seed=20_001, gyroscope=True, body_mask=hidden)
     outage = OutageTable(from_s=5.0, until_s=6.5)
     slips = SlipsTable(rate_per_hour=100.0, flagged_share=0.5)
     return flown(base=None, span_s=12.0, seed=20_001, outages=(outage,), slips=slips)
 
 
+@pytest.mark.parametrize("gyroscope", [False, True])
 @pytest.mark.parametrize("method", [Smoother, Forward, Batch])
-def test_the_chain_agrees_with_gtsam(method):
+def test_the_chain_agrees_with_gtsam(method, gyroscope):
     set_up = {"rate_prior": PRIOR} if method is Forward else {"lag_s": 2.0, **SET_UP}
-    one, two = (method(solver=solver, **set_up)(disturbed()) for solver in ("gtsam", "chain"))
+    flight = disturbed(gyroscope=gyroscope)
+    one, two = (method(solver=solver, **set_up)(flight) for solver in ("gtsam", "chain"))
     sigma_m = np.sqrt(np.einsum("nii->ni", one.position_covariance_m2))
     assert (np.abs(one.p_n_m - two.p_n_m) < 0.03 * sigma_m).all()
     sigma = np.sqrt(np.einsum("nii->ni", one.velocity_covariance_m2ps2))

@@ -61,6 +61,11 @@ class Border:
         arcs = self._arcs(k)
         return 0 if arcs is None else arcs.size
 
+    @property
+    def leads_on(self) -> bool:
+        """Return whether the oldest keyframe's information is that with the A of the next one."""
+        return self._oldest in self._eliminated
+
     def read(self, phase: AntennaPhase | None) -> None:
         """Let keyframes come from other phases: of the same flight, which has gone on since."""
         if phase is not self._phase and phase is not None:

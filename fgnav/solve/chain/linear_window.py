@@ -114,10 +114,15 @@ class LinearWindow:
         """Return how many dimensions the arcs of a keyframe have, counted from the oldest."""
         return self._border.size(row)
 
+    @property
+    def row_of_arcs(self) -> int:
+        """Return which keyframe's arcs ``marginal`` is of: the next one's, if others begin there."""
+        return int(self._border.leads_on)
+
     def marginal(self) -> tuple[FloatArray, FloatArray]:
         """Return what is known of the oldest keyframe by then: whitened rows and right-hand side.
 
-        Of its state, the constants and its arcs.
+        Of its state, the constants and the arcs of ``row_of_arcs``.
 
         Raises
         ------
@@ -125,7 +130,7 @@ class LinearWindow:
             If squares have not digits enough.
         """
         forward = self.rows.forward[0]
-        size = len(self.rows.steps[0]) + len(self.constants) + self.arcs_size(0)
+        size = len(self.rows.steps[0]) + len(self.constants) + self.arcs_size(self.row_of_arcs)
         try:
             R = np.linalg.cholesky(forward[:size, :size], upper=True)
         except np.linalg.LinAlgError as error:

@@ -28,11 +28,11 @@ from fgnav.solve.sliding.incremental import IncrementalSmoother
 
 
 class _Keyframe(NamedTuple):
-    """What entered with a keyframe; ``block`` of its arcs ``begins`` there, or is older."""
+    """What entered with a keyframe."""
 
     factors: list[gtsam.NonlinearFactor]
-    block: int  # negative before any
-    begins: bool
+    block: int  # of its arcs; negative before any
+    begins: gtsam.NonlinearFactor | None  # what leads to its arcs, where they begin
 
 
 class Entering:
@@ -91,11 +91,9 @@ class Entering:
             factors += problem.motion.factors(row - 1, k - 1, k, before)
         insert_keyframe(self.values, self.layout, k, at)
         factors += self._measured.factors(row, k)
-        block = self._block
-        factors += self._phases(problem, row, smoother, k)
-        for factor in factors:
-            self.graph.add(factor)
-        self._keyframes.append(_Keyframe(factors, self._block, self._block != block))
+        phases, begins = self._phases(problem, row, smoother, k)
+        self._keyframes.append(_Keyframe([*factors, *phases], self._block, begins))
+        self._add(self._keyframes[-1])
 
     def own(self, factor: gtsam.NonlinearFactor, row: int | None) -> None:
         """Take in a factor of one's own, of one keyframe counted from the oldest, or of several."""
@@ -119,39 +117,46 @@ class Entering:
         NoSolutionError
             If squares have not digits enough for what has been marginalised.
         """
-        layout, first = self.layout, self._keyframes[0].factors
+        layout, entered, known = self.layout, list(self._keyframes), 0
         if linear.oldest:
-            first = [marginal_factor(linear, layout, self._keyframes[0].block)]
+            known = linear.row_of_arcs
+            marginal = marginal_factor(linear, layout, entered[known].block)
+            entered[known] = entered[known]._replace(begins=None)
+            entered[0] = _Keyframe([marginal], entered[known].block, None)
         self.taken()
         smoother = IncrementalSmoother(layout, linear.oldest)
         insert_constants(self.values, layout, linear.constants)
-        for row, one in enumerate(self._keyframes):
+        block = -1
+        for row, one in enumerate(entered):
             k = linear.oldest + row
             insert_keyframe(self.values, layout, k, linear.states, row)
-            if one.block >= 0 and (one.begins or not row):
-                self._begin(one.block, linear.arcs_size(row), smoother, k)
-            for factor in one.factors if row else first:
-                self.graph.add(factor)
+            if one.block != block:
+                block = one.block
+                self._begin(block, linear.arcs_size(max(row, known)), smoother, k)
+            self._add(one)
         return smoother
+
+    def _add(self, one: _Keyframe) -> None:
+        begins = () if one.begins is None else (one.begins,)
+        for factor in (*one.factors, *begins):
+            self.graph.add(factor)
 
     def _phases(
         self, problem: SmoothingProblem, row: int, smoother: IncrementalSmoother, k: int
-    ) -> list[gtsam.NonlinearFactor]:
-        """Return the phases of a keyframe, and take in the arcs that they are of."""
-        factors: list[gtsam.NonlinearFactor] = []
-        phase = problem.phase
+    ) -> tuple[list[gtsam.NonlinearFactor], gtsam.NonlinearFactor | None]:
+        """Return the phases of a keyframe, and what leads to arcs that begin there."""
+        phase, begins = problem.phase, None
         if phase is None:
-            return factors
+            return [], None
         i = int(np.searchsorted(phase.row, row))
         if i == len(phase.row) or phase.row[i] != row:
-            return factors
+            return [], None
         block = int(phase.block[i])
         if block > self._block:
             self._block = block
             self._begin(block, phase.blocks[block - phase.first_block].size, smoother, k)
-            factors.append(phase.entering(block))
-        factors.append(phase.factor(i, k))
-        return factors
+            begins = phase.entering(block)
+        return [phase.factor(i, k)], begins
 
     def _begin(self, block: int, size: int, smoother: IncrementalSmoother, k: int) -> None:
         self.values.insert(keys.arcs(block), np.zeros(size))
