@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc, chdtri
+from scipy.special import chdtrc, chdtri, expit
 
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.calibration_request import (
@@ -14,12 +14,20 @@ from fgnav.frontend.calibration_request import (
     of_time,
     of_vehicle,
 )
-from fgnav.frontend.problem import PreparedFlight
+from fgnav.frontend.problem import BodyAxes, PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.delayed import PPM
+from fgnav.graph.turned import ARRAY_TURN, UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.identification.array_places import places_of, with_reference
+from fgnav.identification.array.places import places_of, with_reference
+from fgnav.identification.array.turn import (
+    others_tell,
+    request_of,
+    sentence,
+    tested_turn,
+    turned_back,
+)
 from fgnav.identification.identify import EXCLUDED, Identified, identify
 from fgnav.identification.likelihood.beside_phases import white_noise_factors
 from fgnav.identification.notes import constant_notes, noise_notes
@@ -31,6 +39,7 @@ from fgnav.types.flight import Flight
 
 _FEWEST = 30  # keyframes that measured something: fewer tell no noise
 _MOVED_S = 0.01  # a clock off by more is corrected first: beyond, its carrying of states errs
+_EITHER = 0.5  # where nothing tells which is turned: unit and array are both set up by hand
 Build = Callable[[Flight, ProblemSettings], PreparedFlight]
 
 
@@ -44,6 +53,18 @@ class Findings(NamedTuple):
     tests: tuple[Consistency, ...] = ()
     middle_s: float = 0.0  # of the record that says so: the offset holds there
     reference: int = 0  # antenna against which the array's others are
+    turn: "Turn | None" = None
+
+
+class Turn(NamedTuple):
+    """By how much the array is turned against the unit, (3,), and whose axes are the body's."""
+
+    turn_rad: FloatArray
+    axes: BodyAxes
+
+    def back(self, flight: Flight) -> Flight:
+        """Return a flight whose sensors all stand in the body's axes."""
+        return turned_back(flight, self.turn_rad, of_array=self.axes.of_array)
 
 
 def with_identified_noise(
@@ -80,8 +101,10 @@ def with_findings(
     """Return the problem of a flight with noise and times as found."""
     better = with_factors(_moved(flight, found.moved, found.middle_s), found.factors)
     better = with_reference(better, found.reference)
+    better = better if found.turn is None else found.turn.back(better)
     changed = build(better, replace(settings, calibration=found.calibration))
-    return replace(changed, notes=(*changed.notes, *found.notes))
+    axes = None if found.turn is None else found.turn.axes
+    return replace(changed, notes=(*changed.notes, *found.notes), axes=axes)
 
 
 def findings(
@@ -116,18 +139,57 @@ def findings(
     told = _likeliest(flight, settings, prepared, build, clock_candidates(flight))
     if told is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
-    found, moved = told
+    axes, (found, moved) = _turned(flight, settings, prepared, build, told)
+    turn, turn_notes = None, []
+    if found.turn is not None and found.is_turned:
+        turn = Turn(found.turn.off, axes)
+        request = request_of(found.turn, axes)
+        settings = replace(settings, calibration=(*settings.calibration, request))
+        turn_notes.append(sentence(found.turn, axes))
+        flight = turn.back(flight)
     requests = _requests(flight, settings.calibration, found, moved)
     if problem.phase is not None:
-        is_as_it_was = not (found.used.any() or moved.any()) and requests == settings.calibration
+        is_as_it_was = not (found.used.any() or moved.any() or requests != stated)
         begin = problem if is_as_it_was else None
         found = _beside_phases(flight, settings, found, (moved, requests), build, begin)
     tests = (*places.tests, *_tests(flight, found))
     if not (found.used.any() or moved.any() or tests) and requests == stated:
         return None
-    notes = (*places.notes, *noise_notes(flight, found), *constant_notes(found, moved, requests))
+    notes = (
+        *places.notes,
+        *turn_notes,
+        *noise_notes(flight, found),
+        *constant_notes(found, moved, requests),
+    )
     middle_s = _middle_s(flight)
-    return Findings(found.factors, moved, requests, notes, tests, middle_s, places.reference)
+    return Findings(found.factors, moved, requests, notes, tests, middle_s, places.reference, turn)
+
+
+def _turned(
+    flight: Flight,
+    settings: ProblemSettings,
+    prepared: PreparedFlight,
+    build: Build,
+    told: tuple[Identified, FloatArray],
+) -> tuple[BodyAxes, tuple[Identified, FloatArray]]:
+    """Return whose axes are the body's should there be a turn, and what the flight says with it.
+
+    The array's where nothing tells: places of antennas are stated, turns of a unit mostly left out.
+    """
+    (found, moved), even = told, BodyAxes(of_array=True, share=_EITHER)
+    if not (found.used.any() or found.is_turned) or not others_tell(prepared.problem):
+        return even, told
+    begin = None if moved.any() else prepared
+    try:
+        other = _identified(flight, settings, begin, build, moved, ARRAY_TURN)
+    except NoSolutionError:
+        other = None
+    if other is None:
+        return even, told
+    ahead = found.likelihood - other[0].likelihood
+    if ahead < 0.0 and other[0].is_turned:
+        return BodyAxes(of_array=False, share=float(expit(-ahead))), other
+    return BodyAxes(of_array=True, share=max(_EITHER, float(expit(ahead)))), told
 
 
 def _tests(flight: Flight, found: Identified) -> tuple[Consistency, ...]:
@@ -220,6 +282,7 @@ def _identified(
     prepared: PreparedFlight | None,
     build: Build,
     moved: FloatArray,
+    turn: str = UNIT_TURN,
 ) -> tuple[Identified, FloatArray] | None:
     """Return what a flight says with the unit's tags moved, and by what they are in the end.
 
@@ -230,7 +293,7 @@ def _identified(
     prepared = build(moved_flight, settings) if prepared is None else prepared
     if prepared.opening is not None and prepared.opening.until_s == np.inf:
         return None
-    extra = _extra(flight, settings)
+    extra = (*_extra(flight, settings), *tested_turn(prepared.problem, turn))
     found = identify(moved_flight, prepared.problem, prepared.timed, extra)
     if not _far(flight, found.times):
         return found, moved

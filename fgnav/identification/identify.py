@@ -16,6 +16,8 @@ from scipy.special import chdtri
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.graph.correlation import correlated
 from fgnav.graph.delayed import TimedMotion
+from fgnav.graph.innovation.band import TOLERATED
+from fgnav.graph.turned import ARRAY_TURN, UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.motion import NoiseParts
 from fgnav.graph.types.problem import SmoothingProblem
@@ -28,11 +30,11 @@ from fgnav.identification.seen_noise import greatest_noise
 from fgnav.identification.stated import INSTRUMENTS, scalable, unstated
 from fgnav.identification.tested_constants import (
     SIGMAS,
-    LeverArm,
+    TestedVector,
     Times,
-    arm_of,
     depending,
     times_of,
+    vector_of,
 )
 from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.solve.chain import solve_batch
@@ -54,6 +56,7 @@ _ALIKE = 0.5  # correlation of neighbours whose errors are more of what stays th
 _NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
 
 
+_VECTORS = (("lever-arm",), (ARRAY_TURN, UNIT_TURN))
 # Times as loud as stated an instrument begins that is in doubt: it tells next to nothing then.
 _IN_DOUBT = 100.0
 
@@ -76,8 +79,8 @@ class Identified:
     greatest : ndarray, shape (c,)
         Factor that the unit's samples can hold; infinite of what is no white noise of the unit.
     times : Times
-    arm : LeverArm or None
-        None where it was not tested.
+    arm, turn : TestedVector or None
+        Lever arm and turn of the array; None where they were not tested.
     likelihood : float
         Penalised, its logarithm.
     """
@@ -89,7 +92,8 @@ class Identified:
     stated: BoolArray
     greatest: FloatArray
     times: Times
-    arm: LeverArm | None
+    arm: TestedVector | None
+    turn: TestedVector | None
     likelihood: float
 
     @property
@@ -108,6 +112,11 @@ class Identified:
         """Factors of the unit's stated white noises that would be louder than any noise."""
         rows = np.flatnonzero(self.is_no_noise).tolist()
         return {self.names[i]: float(self.factor[i]) for i in rows}
+
+    @property
+    def is_turned(self) -> bool:
+        """Whether the array and the inertial unit are turned against each other."""
+        return self.turn is not None and self.turn.significant
 
     def scaled(self, by: dict[str, float]) -> "Identified":
         """Return the same with some noises times factors, of what is found, or else stated."""
@@ -249,7 +258,7 @@ def _as_stated(flight: _Flight) -> _AsStated | None:
     theta = sigma**2 * score.gradient
     constants = states.constants + score.constant_steps
     times = times_of(flight.problem.constants, constants, score)
-    arm = arm_of(flight.problem.constants, constants, score)
+    arm, turn = _vectors(flight, chain, constants, score)
     # What is left of all measurements is chi-square: a bias beyond its sigma shows there alone.
     # One step is short of a factor far below one: whatever two sigmas speak against is searched.
     nothing = np.zeros(len(theta), dtype=np.bool_)
@@ -266,9 +275,10 @@ def _as_stated(flight: _Flight) -> _AsStated | None:
         greatest=flight.limits(chain.names),
         times=times,
         arm=arm,
+        turn=turn,
         likelihood=score.log_likelihood,
     )
-    is_off = times.significant.any() or (arm is not None and arm.significant)
+    is_off = times.significant.any() or any(v is not None and v.significant for v in (arm, turn))
     return _AsStated(told, bool(misfits or doubted.any()), bool(is_off))
 
 
@@ -335,6 +345,7 @@ def _searched_from(
     found, theta, used = _kept(chain, found, is_stated)
     theta, used = _with_correlation(chain, found.score, theta, used)
     constants = states.constants + found.score.constant_steps
+    arm, turn = _vectors(flight, chain, constants, found.score)
     return Identified(
         names=chain.names,
         factor=np.exp(theta),
@@ -343,9 +354,26 @@ def _searched_from(
         stated=is_stated,
         greatest=flight.limits(chain.names),
         times=times_of(flight.problem.constants, constants, found.score),
-        arm=arm_of(flight.problem.constants, constants, found.score),
+        arm=arm,
+        turn=turn,
         likelihood=_penalised(chain, found, is_stated),
     )
+
+
+def _vectors(
+    flight: _Flight, chain: LinearChain, constants: FloatArray, score: Score
+) -> tuple[TestedVector | None, TestedVector | None]:
+    """Return lever arm and turn, what of them was tested.
+
+    A turn is for long, as are errors of velocities that stay: it has to be beyond what is tolerated
+    of stated noise, times how long they do.
+    """
+    arm, turn = (vector_of(n, flight.problem.constants, constants, score) for n in _VECTORS)
+    if turn is None:
+        return arm, None
+    sensors = [one.name for one in flight.problem.measurements if one.name in chain.names]
+    longer = max((correlated(chain.residuals(name, score)) for name in sensors), default=1.0)
+    return arm, replace(turn, noise=TOLERATED * longer)
 
 
 def _penalised(chain: LinearChain, found: Found, is_stated: BoolArray) -> float:
