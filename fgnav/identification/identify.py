@@ -16,8 +16,6 @@ from scipy.special import chdtri
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.graph.correlation import correlated
 from fgnav.graph.delayed import TimedMotion
-from fgnav.graph.innovation.band import TOLERATED
-from fgnav.graph.turned import ARRAY_TURN, UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.motion import NoiseParts
 from fgnav.graph.types.problem import SmoothingProblem
@@ -29,7 +27,9 @@ from fgnav.identification.likelihood.thinned import FIELDS, thinned
 from fgnav.identification.seen_noise import greatest_noise
 from fgnav.identification.stated import INSTRUMENTS, scalable, unstated
 from fgnav.identification.tested_constants import (
+    LEVER_ARM,
     SIGMAS,
+    TURNS,
     TestedVector,
     Times,
     depending,
@@ -56,7 +56,7 @@ _ALIKE = 0.5  # correlation of neighbours whose errors are more of what stays th
 _NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
 
 
-_VECTORS = (("lever-arm",), (ARRAY_TURN, UNIT_TURN))
+_VECTORS = (LEVER_ARM, TURNS)
 # Times as loud as stated an instrument begins that is in doubt: it tells next to nothing then.
 _IN_DOUBT = 100.0
 
@@ -258,7 +258,7 @@ def _as_stated(flight: _Flight) -> _AsStated | None:
     theta = sigma**2 * score.gradient
     constants = states.constants + score.constant_steps
     times = times_of(flight.problem.constants, constants, score)
-    arm, turn = _vectors(flight, chain, constants, score)
+    arm, turn = (vector_of(n, flight.problem.constants, constants, score) for n in _VECTORS)
     # What is left of all measurements is chi-square: a bias beyond its sigma shows there alone.
     # One step is short of a factor far below one: whatever two sigmas speak against is searched.
     nothing = np.zeros(len(theta), dtype=np.bool_)
@@ -345,7 +345,7 @@ def _searched_from(
     found, theta, used = _kept(chain, found, is_stated)
     theta, used = _with_correlation(chain, found.score, theta, used)
     constants = states.constants + found.score.constant_steps
-    arm, turn = _vectors(flight, chain, constants, found.score)
+    arm, turn = (vector_of(n, flight.problem.constants, constants, found.score) for n in _VECTORS)
     return Identified(
         names=chain.names,
         factor=np.exp(theta),
@@ -358,22 +358,6 @@ def _searched_from(
         turn=turn,
         likelihood=_penalised(chain, found, is_stated),
     )
-
-
-def _vectors(
-    flight: _Flight, chain: LinearChain, constants: FloatArray, score: Score
-) -> tuple[TestedVector | None, TestedVector | None]:
-    """Return lever arm and turn, what of them was tested.
-
-    A turn is for long, as are errors of velocities that stay: it has to be beyond what is tolerated
-    of stated noise, times how long they do.
-    """
-    arm, turn = (vector_of(n, flight.problem.constants, constants, score) for n in _VECTORS)
-    if turn is None:
-        return arm, None
-    sensors = [one.name for one in flight.problem.measurements if one.name in chain.names]
-    longer = max((correlated(chain.residuals(name, score)) for name in sensors), default=1.0)
-    return arm, replace(turn, noise=TOLERATED * longer)
 
 
 def _penalised(chain: LinearChain, found: Found, is_stated: BoolArray) -> float:

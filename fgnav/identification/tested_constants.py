@@ -22,6 +22,9 @@ from fgnav.identification.likelihood.thinned import Some
 SIGMAS = 4.0  # of a normal variable, two-sided: 6e-5
 _SQUARES, _SQUARES_OF_TWO = 22.1, 19.3  # chi-square of three of them, of two, as rare
 _TOGETHER = [0, 2]  # offset and delay
+LEVER_ARM, TURNS = ("lever-arm",), (ARRAY_TURN, UNIT_TURN)
+# No array and no unit is put into a body better: 2 mm on a metre. Echoes that stay are as large.
+_MOUNTED_RAD = np.radians(0.1)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -67,19 +70,19 @@ class TestedVector:
     off : ndarray, shape (3,)
         Of the way from the unit to the antenna, m; the array's turn against the unit, rad.
     covariance : ndarray, shape (3, 3)
-    noise : float
-        Variance of what measurements leave, over what noise explains, for as long as it stays.
+    stated : float
+        1-sigma to which a flight may be taken to state it.
     """
 
     off: FloatArray
     covariance: FloatArray
-    noise: float = 1.0
+    stated: float = 0.0
 
     @property
     def significant(self) -> bool:
         """Whether it is not zero."""
-        squares = float(self.off @ np.linalg.solve(self.covariance, self.off))
-        return squares > _SQUARES * self.noise
+        covariance = self.covariance + self.stated**2 * np.eye(len(self.off))
+        return bool(self.off @ np.linalg.solve(covariance, self.off) > _SQUARES)
 
 
 def depending(
@@ -91,7 +94,7 @@ def depending(
     late = {"velocity": VELOCITY_DELAY}
     gnss = ("array phases", "array shape", "position", "velocity")
     arm = small.constants.column("lever-arm") if any(o.name == "lever-arm" for o in extra) else -1
-    turns = Constants(tuple(one for one in extra if one.name in (ARRAY_TURN, UNIT_TURN)))
+    turns = Constants(tuple(one for one in extra if one.name in TURNS))
     turned = small.measurements
     if turns.parts:  # else those of the flight's own constants depend on them already
         turned = tuple(in_turned_axes(one, small.constants) for one in turned)
@@ -120,7 +123,9 @@ def vector_of(
     own = max((constants.columns(name) for name in names), key=lambda one: one.stop)
     if not own.stop:
         return None
-    return TestedVector(off=value[own], covariance=score.constant_covariance[own, own])
+    covariance = score.constant_covariance[own, own]
+    stated = 0.0 if names == LEVER_ARM else _MOUNTED_RAD
+    return TestedVector(off=value[own], covariance=covariance, stated=stated)
 
 
 def times_of(constants: Constants, value: FloatArray, score: Score) -> Times:
