@@ -158,7 +158,10 @@ def constants_of(
             found += of_time(word)
             continue
         if word.kind in _TURNS:
-            found.append(replace(turn_of(word.kind, word.sigma), mean=-np.array(word.turned_rad)))
+            # Begun and expected where it was found: a window that learns a turn of
+            # degrees anew marginalises what it has linearised far from it.
+            stated = -np.array(word.turned_rad)
+            found.append(replace(turn_of(word.kind, word.sigma), stated=stated))
             continue
         if word.kind != "antenna":
             found.append(of_vehicle(word))

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc, chdtri, expit
+from scipy.special import chdtrc, chdtri
 
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.calibration_request import (
@@ -14,20 +14,15 @@ from fgnav.frontend.calibration_request import (
     of_time,
     of_vehicle,
 )
-from fgnav.frontend.problem import BodyAxes, PreparedFlight
+from fgnav.frontend.problem import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.delayed import PPM
-from fgnav.graph.turned import ARRAY_TURN, UNIT_TURN
+from fgnav.graph.turned import UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.identification.array.choice import Told, Turn, chosen_turn
 from fgnav.identification.array.places import places_of, with_reference
-from fgnav.identification.array.turn import (
-    others_tell,
-    request_of,
-    sentence,
-    tested_turn,
-    turned_back,
-)
+from fgnav.identification.array.turn import others_tell, request_of, sentence, tested_turn
 from fgnav.identification.identify import EXCLUDED, Identified, identify
 from fgnav.identification.likelihood.beside_phases import white_noise_factors
 from fgnav.identification.notes import constant_notes, noise_notes
@@ -39,7 +34,6 @@ from fgnav.types.flight import Flight
 
 _FEWEST = 30  # keyframes that measured something: fewer tell no noise
 _MOVED_S = 0.01  # a clock off by more is corrected first: beyond, its carrying of states errs
-_EITHER = 0.5  # where nothing tells which is turned: unit and array are both set up by hand
 Build = Callable[[Flight, ProblemSettings], PreparedFlight]
 
 
@@ -53,18 +47,7 @@ class Findings(NamedTuple):
     tests: tuple[Consistency, ...] = ()
     middle_s: float = 0.0  # of the record that says so: the offset holds there
     reference: int = 0  # antenna against which the array's others are
-    turn: "Turn | None" = None
-
-
-class Turn(NamedTuple):
-    """By how much the array is turned against the unit, (3,), and whose axes are the body's."""
-
-    turn_rad: FloatArray
-    axes: BodyAxes
-
-    def back(self, flight: Flight) -> Flight:
-        """Return a flight whose sensors all stand in the body's axes."""
-        return turned_back(flight, self.turn_rad, of_array=self.axes.of_array)
+    turn: Turn | None = None
 
 
 def with_identified_noise(
@@ -131,21 +114,16 @@ def findings(
         flight = with_reference(flight, places.reference)
         prepared = build(flight, settings)
     problem = prepared.problem
-    measured = np.zeros(len(problem.t_s), dtype=np.bool_)
-    for one in problem.measurements:
-        measured[one.row] = True
-    if measured.sum() < _FEWEST:
+    if len({*np.concatenate([one.row for one in problem.measurements]).tolist()}) < _FEWEST:
         return None
     told = _likeliest(flight, settings, prepared, build, clock_candidates(flight))
     if told is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
-    axes, (found, moved) = _turned(flight, settings, prepared, build, told)
-    turn, turn_notes = None, []
-    if found.turn is not None and found.is_turned:
-        turn = Turn(found.turn.off, axes)
-        request = request_of(found.turn, axes)
+
+    turn, (found, moved) = _turn(flight, settings, problem, told, build)
+    if turn is not None:
+        request = request_of(turn.found, turn.axes)
         settings = replace(settings, calibration=(*settings.calibration, request))
-        turn_notes.append(sentence(found.turn, axes))
         flight = turn.back(flight)
     requests = _requests(flight, settings.calibration, found, moved)
     if problem.phase is not None:
@@ -157,7 +135,7 @@ def findings(
         return None
     notes = (
         *places.notes,
-        *turn_notes,
+        *(() if turn is None else (sentence(turn.found, turn.axes),)),
         *noise_notes(flight, found),
         *constant_notes(found, moved, requests),
     )
@@ -165,31 +143,22 @@ def findings(
     return Findings(found.factors, moved, requests, notes, tests, middle_s, places.reference, turn)
 
 
-def _turned(
+def _turn(
     flight: Flight,
     settings: ProblemSettings,
-    prepared: PreparedFlight,
+    problem: SmoothingProblem,
+    told: Told,
     build: Build,
-    told: tuple[Identified, FloatArray],
-) -> tuple[BodyAxes, tuple[Identified, FloatArray]]:
-    """Return whose axes are the body's should there be a turn, and what the flight says with it.
+) -> tuple[Turn | None, Told]:
+    """Return a turn of the array against the unit, and what the flight says with it taken back."""
 
-    The array's where nothing tells: places of antennas are stated, turns of a unit mostly left out.
-    """
-    (found, moved), even = told, BodyAxes(of_array=True, share=_EITHER)
-    if not (found.used.any() or found.is_turned) or not others_tell(prepared.problem):
-        return even, told
-    begin = None if moved.any() else prepared
-    try:
-        other = _identified(flight, settings, begin, build, moved, ARRAY_TURN)
-    except NoSolutionError:
-        other = None
-    if other is None:
-        return even, told
-    ahead = found.likelihood - other[0].likelihood
-    if ahead < 0.0 and other[0].is_turned:
-        return BodyAxes(of_array=False, share=float(expit(-ahead))), other
-    return BodyAxes(of_array=True, share=max(_EITHER, float(expit(ahead)))), told
+    def again(flight: Flight, moved: FloatArray, turn: str) -> Told | None:
+        try:
+            return _identified(flight, settings, None, build, moved, turn)
+        except NoSolutionError:
+            return None
+
+    return chosen_turn(flight, told, again, arbitrated=others_tell(problem))
 
 
 def _tests(flight: Flight, found: Identified) -> tuple[Consistency, ...]:
@@ -246,7 +215,7 @@ def _likeliest(
     prepared: PreparedFlight,
     build: Build,
     late_s: tuple[float, ...],
-) -> tuple[Identified, FloatArray] | None:
+) -> Told | None:
     """Return what the flight says with the unit's times raised as fits best, and by what.
 
     Of several clocks the likeliest over the same measurements, but the stated one, the first, as
@@ -283,7 +252,7 @@ def _identified(
     build: Build,
     moved: FloatArray,
     turn: str = UNIT_TURN,
-) -> tuple[Identified, FloatArray] | None:
+) -> Told | None:
     """Return what a flight says with the unit's tags moved, and by what they are in the end.
 
     None with a heading that nothing tells.

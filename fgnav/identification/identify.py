@@ -80,7 +80,8 @@ class Identified:
         Factor that the unit's samples can hold; infinite of what is no white noise of the unit.
     times : Times
     arm, turn : TestedVector or None
-        Lever arm and turn of the array; None where they were not tested.
+        Lever arm and turn of the array; None where they were not tested. A turn is to be confirmed
+        by a search with it taken back.
     likelihood : float
         Penalised, its logarithm.
     """
@@ -178,13 +179,16 @@ def identify(
     try:
         found = _searched(small_flight, stated, known or {})
     except NoSolutionError:
-        if as_stated is None or as_stated.is_noise_doubted:
+        if as_stated is None or (as_stated.is_noise_doubted and not as_stated.told.is_turned):
             raise
         return as_stated.told
     found = _unless_an_instrument(small_flight, stated, found)
-    if as_stated is None or found.likelihood > as_stated.told.likelihood + EXCLUDED:
+    if as_stated is None:
         return found
-    return as_stated.told
+    if found.likelihood <= as_stated.told.likelihood + EXCLUDED:
+        return as_stated.told
+    # Noise so loud that a turn no longer shows stands for it: whoever asks is to take it back.
+    return found if found.is_turned else replace(found, turn=as_stated.told.turn)
 
 
 class _AsStated(NamedTuple):

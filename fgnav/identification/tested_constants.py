@@ -12,7 +12,7 @@ from fgnav.checks import BoolArray, FloatArray
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
 from fgnav.graph.factors.position import Position
 from fgnav.graph.factors.velocity import Velocity
-from fgnav.graph.turned import ARRAY_TURN, UNIT_TURN, in_turned_axes
+from fgnav.graph.turned import ARRAY_TURN, MOUNTED_RAD, UNIT_TURN, in_turned_axes
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.problem import SmoothingProblem
@@ -23,8 +23,6 @@ SIGMAS = 4.0  # of a normal variable, two-sided: 6e-5
 _SQUARES, _SQUARES_OF_TWO = 22.1, 19.3  # chi-square of three of them, of two, as rare
 _TOGETHER = [0, 2]  # offset and delay
 LEVER_ARM, TURNS = ("lever-arm",), (ARRAY_TURN, UNIT_TURN)
-# No array and no unit is put into a body better: 2 mm on a metre. Echoes that stay are as large.
-_MOUNTED_RAD = np.radians(0.1)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -124,7 +122,7 @@ def vector_of(
     if not own.stop:
         return None
     covariance = score.constant_covariance[own, own]
-    stated = 0.0 if names == LEVER_ARM else _MOUNTED_RAD
+    stated = 0.0 if names == LEVER_ARM else MOUNTED_RAD
     return TestedVector(off=value[own], covariance=covariance, stated=stated)
 
 

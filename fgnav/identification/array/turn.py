@@ -13,7 +13,7 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.frontend.calibration_request import CalibrationRequest, turn_of
 from fgnav.frontend.problem import BodyAxes
-from fgnav.geometry.rotations import exp
+from fgnav.geometry.rotations import exp, log
 from fgnav.graph.turned import ARRAY_TURN, DIRECTIONS, UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
@@ -67,6 +67,13 @@ def turned_back(flight: Flight, turn_rad: FloatArray, *, of_array: bool) -> Flig
         for one in flight.antennas
     )
     return replace(flight, antennas=antennas)
+
+
+def after(before_rad: FloatArray, turn: TestedVector, *, of_array: bool) -> TestedVector:
+    """Return a turn that was found once another had been taken back, both together."""
+    first, second = exp(before_rad[None])[0], exp(turn.off[None])[0]
+    whole = first @ second if of_array else second @ first
+    return replace(turn, off=log(whole[None])[0])
 
 
 def others_tell(problem: SmoothingProblem) -> bool:

@@ -3,7 +3,8 @@
 States are of the unit's axes u, the array's are ``R_na = R_nu Exp(c)``. A share s of the posterior
 takes those for the body's that the flight was put right by, the rest the others, all of c away: the
 covariance is that of both about the first, ``s P + (1 - s) (P' + c c')``, P and P' of the one's and
-the other's axes.
+the other's axes. Places on the body turn with its axes, so that c is not quite the same by the
+other: by no more than it is tested to.
 """
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.frontend.problem import BodyAxes
 from fgnav.geometry.rotations import exp
-from fgnav.graph.turned import ARRAY_TURN, UNIT_TURN
+from fgnav.graph.turned import ARRAY_TURN, MOUNTED_RAD, UNIT_TURN
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION
@@ -25,19 +26,22 @@ def attitude_of_body(
     Parameters
     ----------
     solution : Solution
-        Its constants have the turn, whose mean is less by what was taken back before.
+        Its constants have the turn, what was taken back before not counted.
     constants : Constants
     axes : BodyAxes
     """
-    own = constants.columns(UNIT_TURN if axes.of_array else ARRAY_TURN)
+    name = UNIT_TURN if axes.of_array else ARRAY_TURN
+    own = constants.columns(name)
+    (stated,) = (part.origin for part in constants.parts if part.name == name)
     R_nu, P_u = solution.states.R_nb, solution.covariance[:, ROTATION, ROTATION]
     values = solution.states.constants if solution.constants is None else solution.constants
     left = np.broadcast_to(values[..., own], (len(R_nu), 3))
-    whole = left - constants.mean[own]
+    whole = left - stated
     cross = solution.constant_cross[:, ROTATION, own]
     # What is left of the turn is small: its axes are the unit's and the array's.
     P_a = P_u + cross + cross.swapaxes(1, 2) + solution.constant_covariance[:, own, own]
     apart = whole[:, :, None] * whole[:, None, :]
     chosen, other = (P_a, P_u) if axes.of_array else (P_u, P_a)
-    P = axes.share * chosen + (1.0 - axes.share) * (other + apart)
+    other = other + apart + MOUNTED_RAD**2 * np.eye(3)
+    P = axes.share * chosen + (1.0 - axes.share) * other
     return (R_nu @ exp(left) if axes.of_array else R_nu), P
