@@ -9,7 +9,7 @@ from fgnav.checks import FloatArray
 from fgnav.frontend.problem import BodyAxes
 from fgnav.graph.turned import ARRAY_TURN, UNIT_TURN
 from fgnav.identification.array.turn import after, turned_back
-from fgnav.identification.identify import EXCLUDED, Identified
+from fgnav.identification.identify import Identified
 from fgnav.identification.tested_constants import TestedVector
 from fgnav.types.flight import Flight
 
@@ -89,5 +89,4 @@ def _confirmed(flight: Flight, told: Told, again: Again, name: str) -> _Confirme
     if second is None or second[0].turn is None:
         return None
     whole = after(found.turn.off, second[0].turn, of_array=of_array)
-    one = _Confirmed(whole, name, second)
-    return one if whole.significant and one.ahead_of(found) > -EXCLUDED else None
+    return _Confirmed(whole, name, second) if whole.significant else None
