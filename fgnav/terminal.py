@@ -74,6 +74,26 @@ def progress(steps: int) -> "Iterator[Steps]":
         yield Steps(steps, lambda what, to: shown.update(task, description=what, completed=to))
 
 
+@contextmanager
+def counting(name: str) -> "Iterator[Callable[[int, int], None]]":
+    """Show how many are done, and of how many, on a terminal; nothing on a pipe."""
+    from rich.console import Console  # noqa: PLC0415  # lazy, as above
+    from rich.progress import (  # noqa: PLC0415
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    console = Console(stderr=True)
+    columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    hidden = not console.is_terminal
+    with Progress(*columns, console=console, disable=hidden, transient=True) as shown:
+        task = shown.add_task(name, total=None)
+        yield lambda done, asked: shown.update(task, completed=done, total=asked)
+
+
 def width() -> int:
     """Return the columns of the terminal, or of COLUMNS; as a table needs where neither is."""
     return shutil.get_terminal_size((_PIPE_WIDTH, 24)).columns

@@ -22,28 +22,16 @@ _ALONG_AXIS = 1e-3  # rad: an open direction this close to a body axis is that a
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class AttitudeSolution:
-    """Attitudes of epochs, each from that epoch's measurements alone.
+    """Attitudes of epochs, each from that epoch's measurements alone."""
 
-    Attributes
-    ----------
-    R_nb : ndarray, shape (n, 3, 3)
-        Identity where there is no information at all.
-    covariance_rad2 : ndarray, shape (n, 3, 3)
-        Of the body-axes tangent; directions left open have the variance of a uniform angle.
-    chi_square : ndarray, shape (n,)
-        Weighted square sum of the residuals.
-    degrees_of_freedom : ndarray of int, shape (n,)
-    solved : ndarray of bool, shape (n,)
-        Whether the search ended at a minimum and at least two angles are determined.
-    open_axis_b : ndarray, shape (n, 3)
-        Unit vector in body axes about which the attitude is open; 0 where all is determined.
-    """
-
-    R_nb: FloatArray
+    R_nb: FloatArray  # (n, 3, 3); identity where there is no information at all
+    # (n, 3, 3); of the body-axes tangent; directions left open have the variance of a uniform angle
     covariance_rad2: FloatArray
-    chi_square: FloatArray
-    degrees_of_freedom: IntArray
+    chi_square: FloatArray  # (n,); weighted square sum of the residuals
+    degrees_of_freedom: IntArray  # (n,)
+    # (n,); whether the search ended at a minimum and at least two angles are determined
     solved: BoolArray
+    # (n, 3); unit vector in body axes about which the attitude is open; 0 where all is determined
     open_axis_b: FloatArray
 
     def consistent(
@@ -204,7 +192,6 @@ def agreeing(
 
     Parameters
     ----------
-    quadratic : RotationQuadratic
     solution : AttitudeSolution, optional
         Its ``maximum_likelihood``, if that is known.
     """

@@ -140,24 +140,13 @@ def weighted_baselines(differences: DoubleDifferences, integers: Integers) -> Fi
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class BodyMotion:
-    """Where the body's origin was at epochs of known attitude, by the reference antenna's code.
+    """Where the body's origin was at epochs of known attitude, by the reference antenna's code."""
 
-    Attributes
-    ----------
-    p_n_m : ndarray, shape (n, 3), or None
-    position_covariance_m2 : ndarray, shape (n, 3, 3), or None
-    v_n_mps : ndarray, shape (n, 3), or None
-        Of the reference antenna.
-    velocity_covariance_m2ps2 : ndarray, shape (n, 3, 3), or None
-    notes : tuple of str
-        Why something is None, and what the velocity lacks.
-    """
-
-    p_n_m: FloatArray | None = None
-    position_covariance_m2: FloatArray | None = None
-    v_n_mps: FloatArray | None = None
-    velocity_covariance_m2ps2: FloatArray | None = None
-    notes: tuple[str, ...] = ()
+    p_n_m: FloatArray | None = None  # (n, 3)
+    position_covariance_m2: FloatArray | None = None  # (n, 3, 3)
+    v_n_mps: FloatArray | None = None  # (n, 3); of the reference antenna
+    velocity_covariance_m2ps2: FloatArray | None = None  # (n, 3, 3)
+    notes: tuple[str, ...] = ()  # why something is None, and what the velocity lacks
 
 
 def body_motion(flight: Flight, t_s: FloatArray, R_nb: FloatArray) -> BodyMotion:

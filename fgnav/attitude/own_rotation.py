@@ -22,19 +22,11 @@ _FEWEST = 5  # samples
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class OwnRotation:
-    """Axes ``u`` that do not turn with it: the body's at first, ``v_u = R_ub @ v_b``.
+    """Axes ``u`` that do not turn with it: the body's at first, ``v_u = R_ub @ v_b``."""
 
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-    R_ub : ndarray, shape (n, 3, 3)
-    w_b_radps : ndarray, shape (n, 3)
-        As the gyroscope has it, or of the spin; 0 where there is none.
-    """
-
-    t_s: FloatArray
-    R_ub: FloatArray
-    w_b_radps: FloatArray
+    t_s: FloatArray  # (n,)
+    R_ub: FloatArray  # (n, 3, 3)
+    w_b_radps: FloatArray  # (n, 3); as the gyroscope has it, or of the spin; 0 where there is none
 
     def at(self, t_s: FloatArray) -> FloatArray:
         """Return R_ub at times, (n,), as (n, 3, 3)."""

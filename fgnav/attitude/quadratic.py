@@ -21,22 +21,12 @@ _NOTHING = 1e-10  # relative eigenvalue: rounding of an array that does not span
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RotationQuadratic:
-    """``-log p = (x' information x - 2 vector' x + constant) / 2``, x = R_nb.ravel(), per epoch.
+    """``-log p = (x' information x - 2 vector' x + constant) / 2``, x = R_nb.ravel(), per epoch."""
 
-    Attributes
-    ----------
-    information : ndarray, shape (n, 9, 9)
-    vector : ndarray, shape (n, 9)
-    constant : ndarray, shape (n,)
-        The weighted square sum of the measurements themselves.
-    count : ndarray of int, shape (n,)
-        Independent scalar measurements, nuisance parameters already taken off.
-    """
-
-    information: FloatArray
-    vector: FloatArray
-    constant: FloatArray
-    count: IntArray
+    information: FloatArray  # (n, 9, 9)
+    vector: FloatArray  # (n, 9)
+    constant: FloatArray  # (n,); the weighted square sum of the measurements themselves
+    count: IntArray  # (n,); independent scalar measurements, nuisance parameters already taken off
     _root: list[tuple[FloatArray, FloatArray]] = field(
         default_factory=list, init=False, repr=False
     )  # once it is known: eigenvectors of nine dimensions are dear

@@ -29,7 +29,6 @@ def robust_attitudes(
 
     Parameters
     ----------
-    differences : DoubleDifferences
     ranges_m : ndarray, shape (n, b, m)
         ``fixed_ranges_m``, with whatever integers.
     R_nb_start : ndarray, shape (n, 3, 3)

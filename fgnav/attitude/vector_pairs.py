@@ -130,7 +130,6 @@ def wahba(pairs: VectorPairs, solver: WahbaSolver = "svd") -> VectorAttitude:
 
     Parameters
     ----------
-    pairs : VectorPairs
     solver : {"svd", "davenport"}
         Singular value decomposition [1]_, or the largest eigenvector of Davenport's 4 x 4 matrix
         [2]_. Both give the same rotation.

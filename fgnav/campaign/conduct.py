@@ -34,7 +34,6 @@ class Outcome:
         The report as text.
     report : Report
         The same as parts, for other formats.
-    files : tuple of Path
     """
 
     asked: int
@@ -58,10 +57,8 @@ def conduct(
 
     Parameters
     ----------
-    order : Order
     out : Path
         Folder for all that.
-    engine : Engine
     resume : bool
         Whether to go on where an earlier call stopped.
     watch : callable

@@ -22,7 +22,6 @@ class Folder:
     ----------
     path : Path
         Made if absent.
-    order : Order
     resume : bool
         Whether runs that are there already are kept.
 

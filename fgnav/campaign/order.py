@@ -21,15 +21,10 @@ class MethodTable(Table, frozen=True):
     ----------
     name : str
         What tables call it; the method's own name where none is given.
-    method : str
     integers : str
         Who resolves integers.
-    gravity : str or None
     estimate, factors, without : tuple of str
         ``without`` names what is left out of the flight first, see ``evaluation.ablation``.
-    solver : str or None
-    causal : bool
-    lag_s : float or None
     """
 
     method: str
@@ -50,20 +45,11 @@ class MethodTable(Table, frozen=True):
 
 
 class SweepTable(Table, frozen=True):
-    """Keys of a scenario that take a list of values, one after another.
+    """Keys of a scenario that take a list of values, one after another."""
 
-    Attributes
-    ----------
-    name : str
-        What tables call it: ``"amplitude_deg"``.
-    values : tuple of float
-        Headings of the columns.
-    keys : dict
-        By dotted key, the value for each column; a key without a list takes ``values``.
-    """
-
-    name: _Name
-    values: Annotated[tuple[float, ...], msgspec.Meta(min_length=1)]
+    name: _Name  # what tables call it: ``"amplitude_deg"``
+    values: Annotated[tuple[float, ...], msgspec.Meta(min_length=1)]  # headings of the columns
+    # by dotted key, the value for each column; a key without a list takes ``values``
     keys: dict[str, tuple[Any, ...] | bool]
 
     def __post_init__(self) -> None:
@@ -85,12 +71,10 @@ class CaseTable(Table, frozen=True):
 
     Attributes
     ----------
-    name : str
     scenario : str
         Of the simulator: a name it knows, or a file beside the campaign's.
     changes : dict
         By dotted key, what the scenario says instead.
-    sweep : SweepTable or None
     any_hour : bool
         Whether each flight starts at a time of the day of its own, so under a sky of its own.
     """
@@ -113,26 +97,14 @@ class CaseTable(Table, frozen=True):
 
 
 class Order(Table, frozen=True):
-    """A campaign: every case, so many flights each, through every method.
+    """A campaign: every case, so many flights each, through every method."""
 
-    Attributes
-    ----------
-    name : str
-    seed : int
-        Root of all random numbers.
-    flights : int
-        Of each case and value of its sweep.
-    baseline : str or None
-        The method that others are held against; the first where none is named.
-    method : tuple of MethodTable
-    case : tuple of CaseTable
-    """
-
-    seed: Annotated[int, msgspec.Meta(ge=0)]
-    flights: _Flights
+    seed: Annotated[int, msgspec.Meta(ge=0)]  # root of all random numbers
+    flights: _Flights  # of each case and value of its sweep
     method: Annotated[tuple[MethodTable, ...], msgspec.Meta(min_length=1)]
     case: Annotated[tuple[CaseTable, ...], msgspec.Meta(min_length=1)]
     name: str = ""
+    # the method that others are held against; the first where none is named
     baseline: str | None = None
 
     def __post_init__(self) -> None:

@@ -3,12 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from fgnav.campaign.order import Order
 from fgnav.checks import FloatArray
 from fgnav.evaluation.report.blocks import Blocks, Part, Report, grid, paragraph, table
-from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, nested, spanning
+from fgnav.evaluation.report.drawing.chart import Chart, Line, decades, log10, nested, spanning
 from fgnav.evaluation.report.palette import method_marks
 
 Rows = tuple[list[str], list[list[str]]]  # headings, and cells below them
@@ -16,21 +14,12 @@ Rows = tuple[list[str], list[list[str]]]  # headings, and cells below them
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Sweep:
-    """What a sweep amounts to.
-
-    Attributes
-    ----------
-    name : str
-    values : ndarray, shape (c,)
-    tables : mapping of str to Rows
-        By caption.
-    curves : mapping
-        By angle, case and method: RMSE of each value, degrees, (c,).
-    """
+    """What a sweep amounts to."""
 
     name: str
-    values: FloatArray
-    tables: Mapping[str, Rows]
+    values: FloatArray  # (c,)
+    tables: Mapping[str, Rows]  # by caption
+    # by angle, case and method: RMSE of each value, degrees, (c,)
     curves: Mapping[tuple[str, str, str], FloatArray]
 
 
@@ -58,7 +47,7 @@ def _charts(order: Order, sweep: Sweep) -> Blocks:
                 mark=marks[title],
                 name=title,
                 x=sweep.values,
-                y=_log10(sweep.curves[angle, case, title]),
+                y=log10(sweep.curves[angle, case, title]),
                 as_is=True,
                 width=width,
             )
@@ -66,11 +55,6 @@ def _charts(order: Order, sweep: Sweep) -> Blocks:
                 order.titles, nested(len(order.titles), 6.0, 1.2).tolist(), strict=True
             )
         ]
-        y = spanning("RMSE, deg", [line.y for line in lines])
-        y = Axis(name=y.name, low=np.floor(y.low), high=np.ceil(y.high), log=True)
+        y = decades("RMSE, deg", [line.y for line in lines])
         charts.append(Chart(title=f"{angle}, {case}", x=x, y=y, lines=lines).drawing())
     return grid(charts)
-
-
-def _log10(values: FloatArray) -> FloatArray:
-    return np.asarray(np.log10(np.where(values > 0, values, np.nan)))

@@ -14,7 +14,7 @@ from fgnav.evaluation.figures import FIGURES
 from fgnav.evaluation.paired import Interval, paired, pooled
 from fgnav.evaluation.report.blocks import Report
 from fgnav.evaluation.report.html.page import save_page
-from fgnav.evaluation.scores import EULER
+from fgnav.evaluation.scores import EULER, finite_mean
 from fgnav.io.atomic_write import write_text
 
 REPORT, PAGE = "report.txt", "report.html"
@@ -37,11 +37,6 @@ class Table:
 
     Columns of a sweep share their random draws, flight by flight: intervals and tests are by
     flight number, over all columns of which a flight is averaged first.
-
-    Parameters
-    ----------
-    order : Order
-    records : iterable of Record
     """
 
     def __init__(self, order: Order, records: Iterable[Record]) -> None:
@@ -236,21 +231,13 @@ def _overall(order: Order, table: Table, cases: list[int]) -> Iterator[list[str]
 
 def _pooled(values: FloatArray, rng: np.random.Generator, *, squared: bool) -> Interval:
     """Return a figure over flights, (flights, columns), each flight averaged first."""
-    by_flight = _root_mean(values) if squared else _mean(values)
+    by_flight = _root_mean(values) if squared else finite_mean(values, -1)
     return pooled(by_flight, rng, squared=squared)
 
 
 def _root_mean(values: FloatArray) -> FloatArray:
     """Return the root mean square over the last axis; NaN of nothing."""
-    return np.asarray(np.sqrt(_mean(values**2)))
-
-
-def _mean(values: FloatArray) -> FloatArray:
-    """Return the mean of what is finite over the last axis; NaN of nothing."""
-    known = np.isfinite(values)
-    count = known.sum(axis=-1)
-    total = np.where(known, values, 0.0).sum(axis=-1)
-    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
+    return np.asarray(np.sqrt(finite_mean(values**2, -1)))
 
 
 def _cell(of: Interval) -> str:

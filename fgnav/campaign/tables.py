@@ -42,10 +42,8 @@ def write_tables(order: Order, records: Iterable[Record], out: Path) -> tuple[Pa
 
     Parameters
     ----------
-    order : Order
     records : iterable of Record
         Gone through once for each file, and never held at once.
-    out : Path
     """
     files = [out / "flights.csv", out / "seconds.csv"]
     rows = rows_of(order, records)

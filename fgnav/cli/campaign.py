@@ -1,14 +1,12 @@
 """The command ``fgnav campaign``."""
 
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from fgnav.terminal import show_report
+from fgnav.terminal import counting, show_report
 
 
 def campaign(
@@ -57,7 +55,7 @@ def campaign(
     check_report(report)
     engine = Dask(scheduler) if scheduler is not None else Local(workers or _cores())
     what = load_order(file_or_shipped(order, "fgnav_sim", "campaigns"))
-    with _shown(what.name) as watch:
+    with counting(what.name) as watch:
         outcome = conduct(what, out, engine, resume=resume, watch=watch)
     print(outcome.text, end="")
     if report is not None:
@@ -72,24 +70,3 @@ def campaign(
 def _cores() -> int:
     """Return how many processors this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-@contextmanager
-def _shown(name: str) -> Iterator[Callable[[int, int], None]]:
-    """Show a bar with the time that is left on a terminal, nothing on a pipe."""
-    from rich.console import Console  # noqa: PLC0415
-    from rich.progress import (  # noqa: PLC0415
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    console = Console(stderr=True)
-    columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(
-        *columns, console=console, disable=not console.is_terminal, transient=True
-    ) as bar:
-        task = bar.add_task(name, total=None)
-        yield lambda done, asked: bar.update(task, completed=done, total=asked)

@@ -30,7 +30,6 @@ def without(flight: Flight, kinds: Sequence[str]) -> Flight:
 
     Parameters
     ----------
-    flight : Flight
     kinds : sequence of str
         Of ``KINDS``.
 

@@ -50,7 +50,6 @@ def attitude_bound(differences: DoubleDifferences, integers: Integers, R_nb: Flo
 
     Parameters
     ----------
-    differences : DoubleDifferences
     integers : Integers
         The right ones; links that are not fixed carry no information.
     R_nb : ndarray, shape (n, 3, 3)

@@ -11,33 +11,24 @@ from fgnav.evaluation.bound import flight_bound
 from fgnav.evaluation.integer_counts import count_integers, integers_at, true_attitudes
 from fgnav.evaluation.pairwise import Difference, pairwise
 from fgnav.evaluation.scores import Angles, Errors, Score, errors_against, score
+from fgnav.integers.arcs.reported import ArcInteger, reported_arcs
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Estimate, Estimator, Rejected
 from fgnav.types.flight import TRUTH_SIGMAS, Flight, Truth
 from fgnav.types.integers import Integers
 from fgnav.types.summaries import summary, summary_html
 
-_SAME_EPOCH_S = 1e-6
-
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Method:
-    """What one method did: its figures, its estimate and its errors.
-
-    Attributes
-    ----------
-    name : str
-    score : Score
-    estimate : Estimate or None
-        None where the method failed; ``score.failure`` says why.
-    errors : Errors or None
-        None also where the flight has no truth.
-    """
+    """What one method did: its figures, its estimate and its errors."""
 
     name: str
     score: Score
-    estimate: Estimate | None = None
-    errors: Errors | None = None
+    estimate: Estimate | None = None  # None where the method failed; ``score.failure`` says why
+    errors: Errors | None = None  # None also where the flight has no truth
+    # of arcs\' integers, each with the chance that it is wrong, and who says so
+    arcs: tuple[ArcInteger, ...] = ()
 
     @property
     def rejections(self) -> tuple[Rejected, ...]:
@@ -50,6 +41,7 @@ class Method:
         return asdict(self.score) | {
             "rejections": [asdict(one) for one in self.rejections],
             "constants": [one.to_dict() for one in constants],
+            "arcs": [asdict(one) for one in self.arcs],
         }
 
 
@@ -297,13 +289,17 @@ def _judge(
         return Method(name=name, score=Score(seconds=seconds, failure=failure))
     errors = errors_against(flight.truth, estimate) if flight.truth else None
     counts = None
+    arcs: tuple[ArcInteger, ...] = ()
     if differences is not None and estimate.integers is not None:
         counts = count_integers(differences, estimate.integers, right)
+        names = tuple(antenna.name for antenna in flight.antennas)
+        arcs = reported_arcs(differences, estimate.integers, names)
     return Method(
         name=name,
         score=score(estimate, errors, counts, seconds),
         estimate=estimate,
         errors=errors,
+        arcs=arcs,
     )
 
 

@@ -46,29 +46,15 @@ BOOTSTRAP_SEED = 0x5EED  # intervals are the same whenever the flights are
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightOutcome:
-    """What all methods made of one flight.
+    """What all methods made of one flight."""
 
-    Attributes
-    ----------
-    flight : str
-        What tables call it: its folder.
-    figures : dict
-        By method and name of ``FIGURES``; empty where the flight came to nothing.
-    seconds : dict of str to float
-    failures : dict of str to str
-        Of methods without an answer.
-    detail : dict
-        The comparison in plain types.
-    failure : str or None
-        Why no method could be asked.
-    """
-
-    flight: str
+    flight: str  # what tables call it: its folder
+    # by method and name of ``FIGURES``; empty where the flight came to nothing
     figures: Mapping[str, Mapping[str, float]]
     seconds: Mapping[str, float]
-    failures: Mapping[str, str]
-    detail: Mapping[str, Any]
-    failure: str | None = None
+    failures: Mapping[str, str]  # of methods without an answer
+    detail: Mapping[str, Any]  # the comparison in plain types
+    failure: str | None = None  # why no method could be asked
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -79,7 +65,6 @@ class FlightsComparison:
     ----------
     methods : tuple of str
         In the order asked; the first is the one that others are held against.
-    flights : tuple of FlightOutcome
     """
 
     methods: tuple[str, ...]
@@ -154,7 +139,6 @@ def compare_flights(
     ----------
     flights : iterable of tuple
         What tables call it, and the flight or why it cannot be had. Only one is held at a time.
-    estimators : sequence of Estimator
     watch : callable
         From an estimator's name to a context that it runs in.
     """

@@ -89,7 +89,6 @@ def integers_at(differences: DoubleDifferences, R_nb: FloatArray, known: BoolArr
 
     Parameters
     ----------
-    differences : DoubleDifferences
     R_nb : ndarray, shape (n, 3, 3)
     known : ndarray of bool, shape (n,)
     """

@@ -29,26 +29,14 @@ class Interval:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paired:
-    """What a method gains against another one, on the flights that both have.
+    """What a method gains against another one, on the flights that both have."""
 
-    Attributes
-    ----------
-    flights : int
-        Pairs.
-    unpaired : int
-        Flights that one of both has no figure of: they are in no other number here.
-    ratio : Interval
-        Of root mean squares over flights, first by second: below 1 the first is better.
-    difference : Interval
-        Mean of the first less the second.
-    p_value : float
-        Of Wilcoxon's signed-rank test, two-sided: chance of such ranks if neither is better.
-    """
-
-    flights: int
-    unpaired: int
+    flights: int  # pairs
+    unpaired: int  # flights that one of both has no figure of: they are in no other number here
+    # of root mean squares over flights, first by second: below 1 the first is better
     ratio: Interval
-    difference: Interval
+    difference: Interval  # mean of the first less the second
+    # of Wilcoxon's signed-rank test, two-sided: chance of such ranks if neither is better
     p_value: float
 
     @property
@@ -71,7 +59,6 @@ def paired(first: FloatArray, second: FloatArray, rng: np.random.Generator) -> P
     ----------
     first, second : ndarray, shape (n,)
         The same flights in the same order, not negative; NaN where a method has no answer.
-    rng : numpy.random.Generator
 
     Raises
     ------
@@ -100,7 +87,6 @@ def pooled(figure: FloatArray, rng: np.random.Generator, *, squared: bool) -> In
     Parameters
     ----------
     figure : ndarray, shape (n,)
-    rng : numpy.random.Generator
     squared : bool
         Whether it is itself a root mean square, whose squares are averaged.
     """

@@ -6,8 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
-from fgnav.evaluation.reference import common_epochs
+from fgnav.evaluation.reference import common_epochs, minus
 from fgnav.evaluation.scores import EULER, Angles, angles, degrees, hidden, rms
 from fgnav.geometry import rotations
 from fgnav.types.estimate import Estimate
@@ -15,18 +14,9 @@ from fgnav.types.estimate import Estimate
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """RMS difference of two methods on the epochs that both have.
+    """RMS difference of two methods on the epochs that both have."""
 
-    Attributes
-    ----------
-    methods : tuple of str
-        The two names.
-    epochs : int
-    rms_deg : Angles
-    attitude_rms_deg, position_rms_m, velocity_rms_mps : float or None
-    """
-
-    methods: tuple[str, str]
+    methods: tuple[str, str]  # the two names
     epochs: int
     rms_deg: Angles
     attitude_rms_deg: float | None
@@ -52,12 +42,6 @@ def _difference(a: Estimate, b: Estimate) -> Difference:
         epochs=len(of_a),
         rms_deg=angles(euler_rad),
         attitude_rms_deg=None if lost & set(EULER) else degrees(rms(turn_rad)),
-        position_rms_m=rms(_minus(a.p_n_m, b.p_n_m, of_a, of_b)),
-        velocity_rms_mps=rms(_minus(a.v_n_mps, b.v_n_mps, of_a, of_b)),
+        position_rms_m=rms(minus(a.p_n_m, b.p_n_m, of_a, of_b)),
+        velocity_rms_mps=rms(minus(a.v_n_mps, b.v_n_mps, of_a, of_b)),
     )
-
-
-def _minus(
-    a: FloatArray | None, b: FloatArray | None, of_a: IntArray, of_b: IntArray
-) -> FloatArray | None:
-    return None if a is None or b is None else np.asarray(a[of_a] - b[of_b])

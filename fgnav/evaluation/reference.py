@@ -37,7 +37,6 @@ def truth_at(truth: Truth, t_s: FloatArray) -> Truth:
 
     Parameters
     ----------
-    truth : Truth
     t_s : ndarray, shape (n,)
         Epochs for which ``covered`` says yes.
     """
@@ -86,6 +85,13 @@ def common_epochs(a_s: FloatArray, b_s: FloatArray) -> tuple[IntArray, IntArray]
     b_ticks = np.round(b_s / _SAME_EPOCH_S).astype(np.int64)
     _, of_a, of_b = np.intersect1d(a_ticks, b_ticks, assume_unique=True, return_indices=True)
     return of_a, of_b
+
+
+def minus(
+    a: FloatArray | None, b: FloatArray | None, of_a: IntArray, of_b: IntArray
+) -> FloatArray | None:
+    """Return some rows less some of another; None where one of both is None."""
+    return None if a is None or b is None else np.asarray(a[of_a] - b[of_b])
 
 
 def _before(times_s: FloatArray, t_s: FloatArray) -> IntArray:

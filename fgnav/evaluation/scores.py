@@ -64,7 +64,6 @@ class Score:
 
     Attributes
     ----------
-    rmse_deg : Angles
     attitude_rmse_deg : float or None
         RMS of the angle of the rotation between estimate and truth.
     position_rmse_m, velocity_rmse_mps : float or None
@@ -76,16 +75,11 @@ class Score:
         Near 2 when that of the direction of antennas in a line is; None unless an angle is open.
     available : float
         Share of the epochs with an answer.
-    integers : IntegerCounts or None
     seconds : float
         Wall time from the flight to the estimate, differences and integers included, without
         the compilation of kernels that the first run after an install brings.
-    converged : bool
-    unobservable : tuple of str
-    losses : tuple of Loss
     consistency : tuple of Consistency
         Innovations by kind of measurement, of a method that states them.
-    notes : tuple of str
     failure : str or None
         Why there is no estimate at all.
     """
@@ -211,6 +205,14 @@ def angles(euler_rad: FloatArray) -> Angles:
     """Return the RMS per Euler angle of (n, 3) angles; None for columns that hold a NaN."""
     columns = [None if np.isnan(c).any() else degrees(rms(c)) for c in euler_rad.T]
     return Angles(**dict(zip(EULER, columns, strict=True)))
+
+
+def finite_mean(values: FloatArray, axis: int) -> FloatArray:
+    """Return the mean of what is finite over an axis; NaN of nothing."""
+    known = np.isfinite(values)
+    count = known.sum(axis=axis)
+    total = np.where(known, values, 0.0).sum(axis=axis)
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
 def _mean(values: FloatArray | None) -> float | None:

@@ -19,7 +19,6 @@ def within(flight: Flight, from_s: float | None, until_s: float | None) -> Fligh
 
     Parameters
     ----------
-    flight : Flight
     from_s, until_s : float or None
         Seconds of the flight; None for its start or end.
 

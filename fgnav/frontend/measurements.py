@@ -8,6 +8,7 @@ import numpy as np
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.array import float_arcs
+from fgnav.frontend.array.multipath import symmetric_root
 from fgnav.frontend.array.shape import BaselineForm, antenna_parts
 from fgnav.frontend.position.series import VectorSeries
 from fgnav.frontend.sensors.sensed import Sensed
@@ -21,6 +22,7 @@ from fgnav.graph.factors.magnetometer import MagneticField
 from fgnav.graph.factors.position import Position
 from fgnav.graph.factors.velocity import Velocity
 from fgnav.graph.factors.wheels import AXES, AXLE, RollingWheels
+from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.turned import in_turned_axes
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Measurement
@@ -36,6 +38,8 @@ class Recorded:
         Of the array's phases.
     array_valid : ndarray of bool, shape (n,)
         Keyframes whose phases take part.
+    multipath : Multipath or None
+        What of their errors stays.
     float_stretch : ndarray of int, shape (n,)
         Stretch of epochs without integers that a keyframe is in, or -1.
     shape : BaselineForm or None
@@ -67,6 +71,7 @@ class Recorded:
     measured_b_radps: FloatArray | None
     earth_rate_n_radps: FloatArray
     timed: TimedMotion | None = None
+    multipath: Multipath | None = None
 
 
 def measurements_of(recorded: Recorded, constants: Constants) -> tuple[Measurement, ...]:
@@ -102,7 +107,12 @@ def _array(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
         )
         valid = valid & ~shape.there
     row = np.flatnonzero(valid & (form.count > 0))
-    root, minimum = form[row].square_root()
+    form, lasting = form[row], recorded.multipath
+    if lasting is not None and recorded.measured_b_radps is not None:
+        form, lasting = form.with_variance_factor(lasting.inflation()[row]), None
+    root, minimum = form.square_root()
+    if lasting is not None:
+        root = symmetric_root(form.information)[0]
     yield ArrayPhase(
         row=row,
         root=root,
@@ -111,6 +121,7 @@ def _array(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
             constants, float_arcs.NAME, recorded.float_stretch[row], float_arcs.ELEMENTS
         ),
         constants=constants,
+        **({} if lasting is None else {"share": lasting.share[row], "basis": lasting.basis}),
     )
 
 

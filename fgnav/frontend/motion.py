@@ -10,6 +10,7 @@ from fgnav.frontend.gaps import Bridged
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import Aligned, Tracked
 from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
@@ -34,6 +35,7 @@ def motion_of(
     settings: ProblemSettings,
     stages: tuple[Aligned, Tracked],
     constants: Constants,
+    multipath: Multipath | None = None,
 ) -> tuple[Motion, Turning | None, tuple[str, ...]]:
     """Return what leads from keyframe to keyframe, gaps included, and what to note.
 
@@ -68,6 +70,7 @@ def motion_of(
         accelerometer_noise=_accelerometer_noise(stage.record, lost),
         rate_column=constants.column(MEAN_RATE),
         constants=constants,
+        multipath=multipath,
     )
     turning = known[0] if stage.causal else smoothed(*known)
     return motion, _in_body(turning, stage.start), notes

@@ -1,11 +1,13 @@
 """From a flight to a smoothing problem: keyframes, measurements, motion, and where to start."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.frontend.array.multipath import lasting_error
 from fgnav.frontend.array.shape import initial_shape, shape_at
 from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.attitude.initial import attitude_prior
@@ -28,6 +30,7 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import Aligned, Tracked, aligned, inertial_record, moves_about, tracked
 from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.factors.antenna_phase import AntennaPhase
+from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.problem import Opening, SmoothingProblem
 from fgnav.graph.types.states import States
@@ -99,15 +102,17 @@ class PreparedFlight:
 
     def with_constants(self, parts: tuple[FlightConstant, ...]) -> "PreparedFlight":
         """Return the same with more constants, after those its problems have."""
+        return self.changed(lambda problem: problem.with_constants(parts))
+
+    def changed(self, by: Callable[[SmoothingProblem], SmoothingProblem]) -> "PreparedFlight":
+        """Return the same with all its problems changed."""
         opening, in_motion = self.opening, self.in_motion
         return replace(
             self,
-            problem=self.problem.with_constants(parts),
-            windowed=self.windowed.with_constants(parts),
-            in_motion=None if in_motion is None else in_motion.with_constants(parts),
-            opening=None
-            if opening is None
-            else replace(opening, problem=opening.problem.with_constants(parts)),
+            problem=by(self.problem),
+            windowed=by(self.windowed),
+            in_motion=None if in_motion is None else by(in_motion),
+            opening=None if opening is None else replace(opening, problem=by(opening.problem)),
         )
 
 
@@ -173,7 +178,8 @@ def build_problem(
     sensed = sense(flight, imu, stage.down, track.t_s, track.places_n_m, causal=causal)
     tags = of_tags(settings.calibration, flight)
     constants = _constants(flight, (*asked, *tags), sensed, stage)
-    motion, turning, rate_notes = motion_of(flight, settings, (stage, track), constants)
+    multipath, lasting_notes = _lasting(stage, asked)
+    motion, turning, rate_notes = motion_of(flight, settings, (stage, track), constants, multipath)
     earth = flight.origin.earth_rate_n_radps
     timed = timed_motion(imu, track.t_s, track.gravity_n_mps2, earth, causal=causal)
     phase, phase_notes, arcs = antenna_phase(
@@ -186,10 +192,13 @@ def build_problem(
     )
     problem = SmoothingProblem(
         t_s=track.t_s,
-        start=_start(stage, track, constants, turning),
+        start=_start(stage, track, constants, turning, motion.aux),
         motion=motion,
         measurements=measurements_of(
-            replace(_recorded(flight, stage, track, sensed, asked), timed=timed), constants
+            replace(
+                _recorded(flight, stage, track, sensed, asked), timed=timed, multipath=multipath
+            ),
+            constants,
         ),
         constants=constants,
         attitude_known=_measured_attitudes(stage),
@@ -215,6 +224,7 @@ def build_problem(
         rejections=(*start.rejections, *track.rejections),
         notes=(
             *start.notes,
+            *lasting_notes,
             *rate_notes,
             *antenna.notes,
             *phase_notes,
@@ -230,6 +240,14 @@ def build_problem(
         array=start.phases,
         goes_on=_goes_on(flight, stage, arcs),
     )
+
+
+def _lasting(
+    stage: Aligned, asked: tuple[FlightConstant, ...]
+) -> tuple[Multipath | None, tuple[str, ...]]:
+    """Return what stays of the array's errors; where its shape is asked for it is that."""
+    shape_asked = any(one.name.startswith("antenna ") for one in asked)
+    return (None, ()) if stage.causal or shape_asked else lasting_error(stage.start)
 
 
 def _phase_before_heading(
@@ -333,11 +351,13 @@ def timed_motion(
     )
 
 
-def _start(stage: Aligned, track: Tracked, constants: Constants, turning: Turning | None) -> States:
+def _start(
+    stage: Aligned, track: Tracked, constants: Constants, turning: Turning | None, width: int
+) -> States:
     """Return where the search starts."""
     R_nb = stage.start.R_nb
     p_n_m, v_n_mps = moves_about(stage, track, R_nb)
-    aux = np.zeros((len(track.t_s), 6 if stage.gyroscope else 12))
+    aux = np.zeros((len(track.t_s), width))
     bias_b_radps = stage.start.gyroscope_bias_b_radps
     if turning is not None:
         told = is_told(turning)

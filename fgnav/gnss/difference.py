@@ -24,7 +24,6 @@ def double_differences(flight: Flight, *, causal: bool = False) -> DoubleDiffere
 
     Parameters
     ----------
-    flight : Flight
     causal : bool
         Each epoch by epochs up to it alone, numbers of arcs included. Of a flight that is cut, the
         satellites that only come later are missing.

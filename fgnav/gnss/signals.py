@@ -106,7 +106,6 @@ def select(observations: Observations, *, causal: bool = False) -> Selection:
 
     Parameters
     ----------
-    observations : Observations
     causal : bool
         Each antenna by the epochs up to the first at which it has code of that band: what it
         chooses there it keeps.

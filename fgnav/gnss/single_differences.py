@@ -78,7 +78,6 @@ def single_differences(flight: Flight, *, causal: bool = False) -> SingleDiffere
 
     Parameters
     ----------
-    flight : Flight
     causal : bool
         Each epoch by epochs up to it alone: signals, and where the reference antenna is.
 
@@ -163,7 +162,6 @@ def motion_so_far(flight: Flight, t_s: FloatArray) -> tuple[FloatArray, FloatArr
 
     Parameters
     ----------
-    flight : Flight
     t_s : ndarray, shape (n,)
     """
     solution = code_solution(flight, causal=True)

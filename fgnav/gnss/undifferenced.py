@@ -39,55 +39,30 @@ _LOWEST_RAD = 0.05  # models of the atmosphere are not asked about less
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Undifferenced:
-    """Observations of one antenna at n epochs on m channels; NaN where there is none.
+    """Observations of one antenna at n epochs on m channels; NaN where there is none."""
 
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-        Nominal epochs.
-    place_n_m : ndarray, shape (n, 3)
-        ``s``, where the antenna is about, at the nominal epochs.
-    e_n : ndarray, shape (n, m, 3)
-        Unit vectors to satellites; zero where there is none.
-    phase_m, code_m : ndarray, shape (n, m)
-    arc : ndarray of int, shape (n, m)
-        Number of the arc of each phase; -1 without phase.
-    phase_sigma_m, code_sigma_m : ndarray, shape (n, m)
-        Of the receiver's noise.
-    error_sigma_m : ndarray, shape (n, m)
-        Of what messages and models of the atmosphere leave.
-    error_rate_mps, error_walk_m_per_sqrt_s : ndarray, shape (n,)
-        How that moves.
-    satellites, signals : tuple of str, length m
-    group : ndarray of int, shape (m,)
-        Number of the carrier: phases of each have a clock of their own.
-    wavelength_m : ndarray, shape (m,)
-    integers : bool
-        Whether ambiguities of one carrier differ by integers, in cycles: against a base.
-    pole_n : ndarray, shape (3,), or None
-        The Earth's axis, where turns of the antenna wind up its phases; else None.
-    losses : tuple of Loss
-        Breaks of arcs, by cause.
-    """
-
-    t_s: FloatArray
-    place_n_m: FloatArray
-    e_n: FloatArray
-    phase_m: FloatArray
-    code_m: FloatArray
-    arc: IntArray
+    t_s: FloatArray  # (n,); nominal epochs
+    place_n_m: FloatArray  # (n, 3); ``s``, where the antenna is about, at the nominal epochs
+    e_n: FloatArray  # (n, m, 3); unit vectors to satellites; zero where there is none
+    phase_m: FloatArray  # (n, m)
+    code_m: FloatArray  # (n, m)
+    arc: IntArray  # (n, m); number of the arc of each phase; -1 without phase
+    # phase_sigma_m, code_sigma_m: (n, m); of the receiver's noise
     phase_sigma_m: FloatArray
     code_sigma_m: FloatArray
-    error_sigma_m: FloatArray
+    error_sigma_m: FloatArray  # (n, m); of what messages and models of the atmosphere leave
+    # error_rate_mps, error_walk_m_per_sqrt_s: (n,); how that moves
     error_rate_mps: FloatArray
     error_walk_m_per_sqrt_s: FloatArray
-    satellites: tuple[str, ...]
-    signals: tuple[str, ...]
-    group: IntArray
-    wavelength_m: FloatArray
+    satellites: tuple[str, ...]  # length m
+    signals: tuple[str, ...]  # length m
+    group: IntArray  # (m,); number of the carrier: phases of each have a clock of their own
+    wavelength_m: FloatArray  # (m,)
+    # whether ambiguities of one carrier differ by integers, in cycles: against a base
     integers: bool
+    # (3,); the Earth's axis, where turns of the antenna wind up its phases; else None
     pole_n: FloatArray | None
-    losses: tuple[Loss, ...]
+    losses: tuple[Loss, ...]  # breaks of arcs, by cause
 
 
 def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
@@ -95,7 +70,6 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
 
     Parameters
     ----------
-    flight : Flight
     base : bool
         Whether to take off those of the base, at the epochs that it has, too.
 

@@ -31,21 +31,26 @@ class Layout:
     ----------
     gyroscope : bool
     constants : Constants
+    lasting : int
+        Dimensions of the array's lasting error, at the end of the angular motion.
     """
 
     gyroscope: bool
     constants: Constants
+    lasting: int = 0
 
     @classmethod
     def of(cls, problem: SmoothingProblem) -> "Layout":
         """Return the variables of a problem."""
-        gyroscope = problem.motion.aux == _GYROSCOPE_AUX
-        return cls(gyroscope=gyroscope, constants=problem.constants)
+        aux = problem.motion.aux
+        gyroscope = aux == _GYROSCOPE_AUX
+        lasting = 0 if gyroscope else aux - 2 * _GYROSCOPE_AUX
+        return cls(gyroscope=gyroscope, constants=problem.constants, lasting=lasting)
 
     @property
     def width(self) -> int:
         """Dimensions of one keyframe's tangent, D."""
-        return AUX + (_GYROSCOPE_AUX if self.gyroscope else 2 * _GYROSCOPE_AUX)
+        return AUX + (_GYROSCOPE_AUX if self.gyroscope else 2 * _GYROSCOPE_AUX + self.lasting)
 
     @property
     def constant_keys(self) -> list[int]:

@@ -26,10 +26,10 @@ def imu_bias(k: int) -> int:
 
 
 def angular_motion(k: int) -> int:
-    """Return the key of keyframe k's vector, (12,), of a flight without a gyroscope.
+    """Return the key of keyframe k's vector, (12 + q,), of a flight without a gyroscope.
 
     Accelerometer bias, body rate w, then ``T0`` times its first and ``T0**2`` times its second
-    derivative, ``T0`` 0.1 s.
+    derivative, ``T0`` 0.1 s; then the array's lasting error, where it has one (q, else 0).
     """
     return _symbol("m", k)
 

@@ -16,7 +16,13 @@ from fgnav.optional_gtsam import gtsam
 Use: TypeAlias = Literal["pose", "velocity", "imu_bias", "angular_motion"]
 _Read: TypeAlias = Callable[[gtsam.Values], None]
 
-_AUX_SIZE = {"imu_bias": 6, "angular_motion": 12}
+_BIASES = 6  # dimensions of ``imu_bias``
+_SYMBOLS = {
+    "pose": symbols.pose,
+    "velocity": symbols.velocity,
+    "imu_bias": symbols.imu_bias,
+    "angular_motion": symbols.angular_motion,
+}
 _BLOCKS = {
     "pose": slice(ROTATION.start, POSITION.stop),
     "velocity": VELOCITY,
@@ -64,28 +70,34 @@ def of_measurement(
         Of its residual, m.
     """
     spans, which = _spans(measurement.constants), np.array([i])
-    at = _one_state(uses, spans)
-    reads = [_read_state(use, key, at) for use in uses]
-    reads += [_read_vector(symbols.constant(p), at.constants[spans[p]]) for p in parts]
+    variables = [(_SYMBOLS[use](key), use) for use in uses]
+    shared = [(symbols.constant(p), spans[p]) for p in parts]
     blocks, columns = [_BLOCKS[use] for use in uses], [spans[p] for p in parts]
-    linearise, first, readers = measurement.linearise, len(uses), [read for _, read in reads]
+    linearise, first = measurement.linearise, len(uses)
+    at: States | None = None
+    readers: list[_Read] = []
 
     def error(
         _: gtsam.CustomFactor, values: gtsam.Values, H: list[FloatArray] | None
     ) -> NDArray[np.float64]:
+        nonlocal at, readers
+        if at is None:  # values know how long a keyframe's vector is
+            at = _one_state(values, variables, spans)
+            readers = [_read_state(symbol, use, at) for symbol, use in variables]
+            readers += [_read_vector(symbol, at.constants[span]) for symbol, span in shared]
         for read in readers:
             read(values)
-        value, state, shared = linearise(at, which)
+        value, state, by_constants = linearise(at, which)
         if H is not None:
             for j, block in enumerate(blocks):
                 H[j] = state[0, :, block]
             for j, block in enumerate(columns):
-                H[first + j] = shared[0, :, block]
+                H[first + j] = by_constants[0, :, block]
         residual: NDArray[np.float64] = value[0]
         return residual
 
     unit = gtsam.noiseModel.Unit.Create(rows)
-    return gtsam.CustomFactor(unit, [symbol for symbol, _ in reads], error)
+    return gtsam.CustomFactor(unit, [symbol for symbol, _ in (*variables, *shared)], error)
 
 
 def _spans(constants: Constants) -> list[slice]:
@@ -97,45 +109,51 @@ def _spans(constants: Constants) -> list[slice]:
     return spans
 
 
-def _one_state(uses: tuple[Use, ...], spans: list[slice]) -> States:
+def _one_state(
+    values: gtsam.Values, variables: list[tuple[int, Use]], spans: list[slice]
+) -> States:
     """Return room for one keyframe's state; ``aux`` is empty where it is not used."""
+    aux = 0
+    for symbol, use in variables:
+        if use in ("imu_bias", "angular_motion"):
+            aux = _BIASES if use == "imu_bias" else len(values.atVector(symbol))
     return States(
         R_nb=np.zeros((1, 3, 3)),
         p_n_m=np.zeros((1, 3)),
         v_n_mps=np.zeros((1, 3)),
-        aux=np.zeros((1, max((_AUX_SIZE.get(use, 0) for use in uses), default=0))),
+        aux=np.zeros((1, aux)),
         constants=np.zeros(spans[-1].stop if spans else 0),
     )
 
 
-def _read_state(use: Use, key: int, at: States) -> tuple[int, _Read]:
-    """Return a variable's symbol, and what copies its value into the state's only row."""
+def _read_state(symbol: int, use: Use, at: States) -> _Read:
+    """Return what copies a variable's value into the state's only row."""
     if use == "velocity":
-        return _read_vector(symbols.velocity(key), at.v_n_mps[0])
+        return _read_vector(symbol, at.v_n_mps[0])
     if use == "angular_motion":
-        return _read_vector(symbols.angular_motion(key), at.aux[0])
+        return _read_vector(symbol, at.aux[0])
     if use == "imu_bias":
-        return _read_bias(symbols.imu_bias(key), at.aux[0])
-    return _read_pose(symbols.pose(key), at.R_nb[0], at.p_n_m[0])
+        return _read_bias(symbol, at.aux[0])
+    return _read_pose(symbol, at.R_nb[0], at.p_n_m[0])
 
 
-def _read_pose(symbol: int, R_nb: FloatArray, p_n_m: FloatArray) -> tuple[int, _Read]:
+def _read_pose(symbol: int, R_nb: FloatArray, p_n_m: FloatArray) -> _Read:
     def read(values: gtsam.Values) -> None:
         matrix = values.atPose3(symbol).matrix()  # a third of rotation's and translation's time
         R_nb[:], p_n_m[:] = matrix[:3, :3], matrix[:3, 3]
 
-    return symbol, read
+    return read
 
 
-def _read_bias(symbol: int, into: FloatArray) -> tuple[int, _Read]:
+def _read_bias(symbol: int, into: FloatArray) -> _Read:
     def read(values: gtsam.Values) -> None:
         into[:] = values.atConstantBias(symbol).vector()
 
-    return symbol, read
+    return read
 
 
-def _read_vector(symbol: int, into: FloatArray) -> tuple[int, _Read]:
+def _read_vector(symbol: int, into: FloatArray) -> _Read:
     def read(values: gtsam.Values) -> None:
         into[:] = values.atVector(symbol)
 
-    return symbol, read
+    return read

@@ -11,10 +11,10 @@ import numpy as np
 
 from fgnav.checks import IntArray
 from fgnav.geometry import rotation_kernel as rot
-from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised, Measurement
-from fgnav.graph.types.states import POSITION, ROTATION, States
+from fgnav.graph.types.states import AUX, POSITION, ROTATION, States
 from fgnav.optional_gtsam import gtsam
 
 ARRAY_TURN, UNIT_TURN = "array turn", "unit turn"  # of the array alone; of all but the unit
@@ -22,6 +22,7 @@ ARRAY_TURN, UNIT_TURN = "array turn", "unit turn"  # of the array alone; of all 
 # that the body hides as it leans is as much (scenario rough: 0.3 to 0.8 degree of right flights).
 MOUNTED_RAD = float(np.radians(0.2))
 _ARRAY = ("array phases",)
+_LASTING = 9  # most that a keyframe's vector ends in of phases that err lastingly: by elements
 DIRECTIONS = ("line of sight", "magnetic field", "gravity")  # of other sensors fixed to the body
 
 
@@ -70,10 +71,11 @@ class Turned:
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return measurement i as a factor of keyframe ``key``."""
-        _, _, shared = self.linearise(_anywhere(self.constants), np.array([i]))
+        _, state, shared = self.linearise(_anywhere(self.constants), np.array([i]))
         inner = np.flatnonzero(shared[0].any(axis=0)).tolist()
         parts = parts_of(self.constants, (self.column, *inner))
-        return of_measurement(self, i, key, ("pose",), parts, rows=shared.shape[1])
+        lasting: tuple[Use, ...] = ("angular_motion",) if state[0, :, AUX:].any() else ()
+        return of_measurement(self, i, key, ("pose", *lasting), parts, rows=shared.shape[1])
 
     def on(self, row: IntArray) -> "Turned":
         """Return the same measurements at other rows, (k,)."""
@@ -86,7 +88,7 @@ def _anywhere(constants: Constants) -> States:
     """Return a state at which an inner measurement shows what it depends on."""
     zeros, ones = np.zeros((1, 3)), np.ones(constants.width)
     R_nb = rot.exp(np.array([0.3, -0.2, 0.1]))[None]
-    return States(R_nb, zeros, zeros, np.zeros((1, 0)), ones)
+    return States(R_nb, zeros, zeros, np.zeros((1, _LASTING)), ones)
 
 
 def in_turned_axes(measurement: Measurement, constants: Constants) -> Measurement:

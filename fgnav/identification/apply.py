@@ -1,7 +1,8 @@
 """A smoothing problem with the noise and the times that its flight asks for."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +26,11 @@ from fgnav.identification.array.places import places_of, with_reference
 from fgnav.identification.array.turn import others_tell, request_of, sentence, tested_turn
 from fgnav.identification.identify import EXCLUDED, Identified, identify
 from fgnav.identification.likelihood.beside_phases import white_noise_factors
-from fgnav.identification.notes import constant_notes, noise_notes
+from fgnav.identification.likelihood.satellite_errors import (
+    satellite_error_factors,
+    with_errors,
+)
+from fgnav.identification.notes import constant_notes, noise_notes, satellite_error_notes
 from fgnav.identification.stated import with_factors
 from fgnav.identification.tested_constants import Times
 from fgnav.identification.track.candidates import clock_candidates, over_common_span
@@ -48,6 +53,8 @@ class Findings(NamedTuple):
     middle_s: float = 0.0  # of the record that says so: the offset holds there
     reference: int = 0  # antenna against which the array's others are
     turn: Turn | None = None
+    errors: Mapping[str, float] = MappingProxyType({})  # of satellites, as factors
+    is_as_it_was: bool = False  # all but those errors
 
 
 def with_identified_noise(
@@ -75,6 +82,8 @@ def with_identified_noise(
         return replace(prepared, notes=(*prepared.notes, note))
     if found is None:
         return prepared
+    if found.is_as_it_was:
+        return _said(prepared, found)
     return replace(with_findings(flight, settings, found, build), tests=found.tests)
 
 
@@ -87,7 +96,21 @@ def with_findings(
     better = better if found.turn is None else found.turn.back(better)
     changed = build(better, replace(settings, calibration=found.calibration))
     axes = None if found.turn is None else found.turn.axes
-    return replace(changed, notes=(*changed.notes, *found.notes), axes=axes)
+    return replace(_said(changed, found), axes=axes)
+
+
+def _said(prepared: PreparedFlight, found: Findings) -> PreparedFlight:
+    """Return a problem with the errors of satellites as found, and what is to be said of all."""
+    changed = _erring(prepared, found.errors)
+    return replace(changed, notes=(*changed.notes, *found.notes))
+
+
+def _erring(prepared: PreparedFlight, errors: Mapping[str, float]) -> PreparedFlight:
+    def changed(problem: SmoothingProblem) -> SmoothingProblem:
+        phase = problem.phase
+        return problem if phase is None else replace(problem, phase=with_errors(phase, errors))
+
+    return prepared.changed(changed) if errors else prepared
 
 
 def findings(
@@ -113,8 +136,14 @@ def findings(
         settings = replace(settings, calibration=(*stated, *places.requests))
         flight = with_reference(flight, places.reference)
         prepared = build(flight, settings)
+    errors = _satellite_errors(flight, prepared.problem)
+    prepared = _erring(prepared, errors)
+
+    def erring(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
+        return _erring(build(flight, settings), errors)
+
     problem = prepared.problem
-    if len({*np.concatenate([one.row for one in problem.measurements]).tolist()}) < _FEWEST:
+    if _measured(problem) < _FEWEST:
         return None
     told = _likeliest(flight, settings, prepared, build, clock_candidates(flight))
     if told is None:  # the motion's noise stands for accelerations of unknown direction, too
@@ -127,20 +156,35 @@ def findings(
         flight = turn.back(flight)
     requests = _requests(flight, settings.calibration, found, moved)
     if problem.phase is not None:
-        is_as_it_was = not (found.used.any() or moved.any() or requests != stated)
-        begin = problem if is_as_it_was else None
-        found = _beside_phases(flight, settings, found, (moved, requests), build, begin)
+        is_as_it_was = not (found.used.any() or moved.any()) and requests == settings.calibration
+        begin = problem if is_as_it_was and turn is None else None
+        found = _beside_phases(flight, settings, found, (moved, requests), erring, begin)
     tests = (*places.tests, *_tests(flight, found))
-    if not (found.used.any() or moved.any() or tests) and requests == stated:
+    is_as_it_was = not (found.used.any() or moved.any() or tests) and requests == stated
+    if is_as_it_was and not errors:
         return None
-    notes = (
-        *places.notes,
-        *(() if turn is None else (sentence(turn.found, turn.axes),)),
-        *noise_notes(flight, found),
-        *constant_notes(found, moved, requests),
+    said = () if turn is None else (sentence(turn.found, turn.axes),)
+    noise = (*noise_notes(flight, found), *satellite_error_notes(flight.gnss_noise, errors))
+    return Findings(
+        factors=found.factors,
+        moved=moved,
+        calibration=requests,
+        notes=(*places.notes, *said, *noise, *constant_notes(found, moved, requests)),
+        tests=tests,
+        middle_s=_middle_s(flight),
+        reference=places.reference,
+        turn=turn,
+        errors=errors,
+        is_as_it_was=is_as_it_was,
     )
-    middle_s = _middle_s(flight)
-    return Findings(found.factors, moved, requests, notes, tests, middle_s, places.reference, turn)
+
+
+def _measured(problem: SmoothingProblem) -> int:
+    """Return how many keyframes anything is measured at."""
+    measured = np.zeros(len(problem.t_s), dtype=np.bool_)
+    for one in problem.measurements:
+        measured[one.row] = True
+    return int(measured.sum())
 
 
 def _turn(
@@ -159,6 +203,13 @@ def _turn(
             return None
 
     return chosen_turn(flight, told, again, arbitrated=others_tell(problem))
+
+
+def _satellite_errors(flight: Flight, problem: SmoothingProblem) -> dict[str, float]:
+    """Return factors on errors of satellites; against a base they are other ones."""
+    if problem.phase is None or flight.base is not None:
+        return {}
+    return satellite_error_factors(problem.phase)
 
 
 def _tests(flight: Flight, found: Identified) -> tuple[Consistency, ...]:

@@ -1,5 +1,7 @@
 """What identification tells a user, in sentences."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from fgnav.frontend.calibration_request import CalibrationRequest
@@ -7,6 +9,7 @@ from fgnav.graph.types.motion import INERTIAL_NOISES
 from fgnav.identification.identify import Identified
 from fgnav.identification.likelihood.thinned import FIELDS
 from fgnav.types.flight import Flight
+from fgnav.types.instruments import GnssNoise
 
 _WHAT = {
     "accelerometer": "Accelerometer noise in motion",
@@ -18,12 +21,19 @@ _WHAT = {
     "barometric height": "Noise of barometric heights",
     "line of sight": "Noise of the seeker's lines of sight",
     "magnetic field": "Noise of the magnetometer",
+    "satellite error": "Size of satellites' errors",
+    "satellite error walk": "Random walk of satellites' errors",
+    "satellite error rate": "Rate of satellites' errors",
 }
 _UNIT = {
     "accelerometer": "m/s2/sqrt(Hz)",
     "gyroscope": "rad/s/sqrt(Hz)",
     "accelerometer bias": "m/s2/sqrt(s)",
     "gyroscope bias": "rad/s/sqrt(s)",
+}
+_OF_SATELLITES = {
+    "satellite error walk": "satellite_error_walk_m_per_sqrt_s",
+    "satellite error rate": "satellite_error_rate_mps",
 }
 _USUAL = "the usual figure"
 
@@ -59,6 +69,21 @@ def _value(flight: Flight, name: str, factor: float) -> str:
     if flight.imu is None or name not in FIELDS:
         return ""
     return f"{factor * getattr(flight.imu, FIELDS[name]):.2g} {_UNIT[name]}"
+
+
+def satellite_error_notes(noise: GnssNoise, factors: Mapping[str, float]) -> tuple[str, ...]:
+    """Return a sentence for each size of satellites' errors that the flight contradicts."""
+    return tuple(
+        f"{_WHAT[name]} is {factor:.2g} x what flight.toml states: used instead."
+        if _is_stated(noise, name)
+        else f"{_WHAT[name]}, not stated, is identified as {factor:.2g} x {_USUAL}."
+        for name, factor in factors.items()
+    )
+
+
+def _is_stated(noise: GnssNoise, name: str) -> bool:
+    field = _OF_SATELLITES.get(name)
+    return field is not None and getattr(noise, field) != getattr(GnssNoise(), field)
 
 
 def constant_notes(

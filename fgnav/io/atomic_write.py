@@ -27,7 +27,6 @@ def atomic_file(path: Path, *, tidy: bool = True) -> Iterator[Path]:
 
     Parameters
     ----------
-    path : Path
     tidy : bool
         Whether to remove what killed writers of ``path`` have left, which lists its folder. One
         who writes a million files into a folder does that once, before.

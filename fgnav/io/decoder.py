@@ -25,40 +25,21 @@ _FEW_BYTES = 5_000_000  # decoded in the time that another process takes to star
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """One file to decode.
-
-    Attributes
-    ----------
-    kind : {"observations", "navigation"}
-    source : Path
-        The user's file, for error texts.
-    path : Path
-        The plain, checked file to decode.
-    options : str
-        RTKLIB's reading options.
-    """
+    """One file to decode."""
 
     kind: Kind
-    source: Path
-    path: Path
-    options: str = ""
+    source: Path  # the user's file, for error texts
+    path: Path  # the plain, checked file to decode
+    options: str = ""  # RTKLIB's reading options
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Decoded:
-    """Arrays of the decoder, one per job, and what its numbers mean.
-
-    Attributes
-    ----------
-    jobs : tuple of Job
-    files : tuple of Path
-        The records of each job, as they lay in memory.
-    satellites, signals : ndarray of str
-        RINEX names by RTKLIB's satellite and code numbers.
-    """
+    """Arrays of the decoder, one per job, and what its numbers mean."""
 
     jobs: tuple[Job, ...]
-    files: tuple[Path, ...]
+    files: tuple[Path, ...]  # the records of each job, as they lay in memory
+    # satellites, signals: RINEX names by RTKLIB's satellite and code numbers
     satellites: NDArray[np.str_]
     signals: NDArray[np.str_]
 
@@ -135,10 +116,6 @@ class Decoder:
 
     def decode(self, jobs: Sequence[Job]) -> Decoded:
         """Decode files, shared among the processes by size; may be called once.
-
-        Parameters
-        ----------
-        jobs : sequence of Job
 
         Returns
         -------

@@ -26,7 +26,6 @@ def read_table(
 
     Parameters
     ----------
-    path : Path
     required : sequence of str
         Columns that must be there, in any order.
     optional : sequence of sequence of str
@@ -162,7 +161,6 @@ def write_table(path: Path, columns: Mapping[str, FloatArray], formats: Mapping[
 
     Parameters
     ----------
-    path : Path
     columns : mapping of str to ndarray, shape (k,)
     formats : mapping of str to str
         printf formats by the end of a column's name, ``{"_deg": "%.12f"}``; others are ``%.12g``.

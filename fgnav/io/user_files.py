@@ -46,7 +46,6 @@ def read_bytes(path: Path, most: int | None = None) -> bytes:
 
     Parameters
     ----------
-    path : Path
     most : int or None
         Bytes that are read at most; None: ``FGNAV_MAX_BYTES``.
 

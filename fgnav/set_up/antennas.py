@@ -29,15 +29,11 @@ _REACH_M, _STEP_M = 0.6, 0.04  # of the search for its place; a peak is a quarte
 _PHASES = 200  # that are tried at each place
 _ROUNDS = 3
 _WHOLE_M = 0.02  # left of a phase at the right place: random ones leave a quarter wave
-_PER_EPOCH = (
-    *("t_s", "reference", "e_n", "elevation_rad", "arc"),
-    *("code_m", "phase_m", "code_variance_m2", "phase_variance_m2"),
-)
 
 
 def antenna_findings(flight: Flight, differences: DoubleDifferences) -> list[Finding]:
     """Return which antennas are not where they are said to be, empty if all are."""
-    part = at_epochs(differences, _spread(differences, _EPOCHS))
+    part = differences[_spread(differences, _EPOCHS)]
     stated = fitting(part)
     if stated >= _WRONG or not len(part.t_s):
         return []
@@ -72,15 +68,6 @@ def fitting(differences: DoubleDifferences) -> float:
     tested = found.degrees > 0
     fits = found.costs[:, 0] <= _FITS * found.degrees
     return float(fits[tested].mean()) if tested.any() else 1.0
-
-
-def at_epochs(differences: DoubleDifferences, rows: IntArray | slice) -> DoubleDifferences:
-    """Return some epochs."""
-    per_epoch = ("t_s", "reference", "e_n", "elevation_rad", "code_m", "phase_m", "arc")
-    variances = ("code_variance_m2", "phase_variance_m2")
-    return replace(
-        differences, **{k: getattr(differences, k)[rows] for k in (*per_epoch, *variances)}
-    )
 
 
 def without(differences: DoubleDifferences, antenna: int) -> DoubleDifferences:
@@ -132,7 +119,7 @@ def _best(
 
 def _where(flight: Flight, differences: DoubleDifferences, antenna: int) -> str:
     """Say where a misplaced antenna is, seen from the others; nothing where they cannot tell."""
-    part = at_epochs(differences, _spread(differences, _EPOCHS_OF_PLACE))
+    part = differences[_spread(differences, _EPOCHS_OF_PLACE)]
     others = without(part, antenna)
     integers = Constrained(wrong_max=None)(others, flight)
     solution = maximum_likelihood(RotationQuadratic.of_double_differences(others, integers))
@@ -147,7 +134,7 @@ def _where(flight: Flight, differences: DoubleDifferences, antenna: int) -> str:
         from_b_m = flight.antennas[0].position_b_m
     stated_b_m = flight.antennas[antenna].position_b_m
     baseline_b_m = _baseline(
-        at_epochs(part, good), solution.R_nb[good], code_m, phase_m, stated_b_m - from_b_m
+        part[good], solution.R_nb[good], code_m, phase_m, stated_b_m - from_b_m
     )
     if baseline_b_m is None:
         return "; check its position_b_m"

@@ -67,16 +67,16 @@ def _solved_findings(flight: Flight) -> tuple[list[Finding], list[Finding]]:
     if late is not None:
         return [late], []
     if len(flight.antennas) < 2:
-        return [], [_unchecked("antennas", "a single antenna has no baseline")]
+        return [], [Finding(name="antennas", text="a single antenna has no baseline")]
     differences = double_differences(flight)
     if not differences.resolvable.any():
-        return [], [_unchecked("antennas", "no double differences of code and phase")]
-    from fgnav.set_up.antennas import antenna_findings, at_epochs  # noqa: PLC0415  # lazy: scipy
+        return [], [Finding(name="antennas", text="no double differences of code and phase")]
+    from fgnav.set_up.antennas import antenna_findings  # noqa: PLC0415  # lazy: scipy
 
     findings = antenna_findings(flight, differences)
     if findings:
-        return findings, [_unchecked("motion", "until the antennas are right")]
-    return _motion_findings(flight, at_epochs(differences, _stretch(flight, differences)))
+        return findings, [Finding(name="motion", text="until the antennas are right")]
+    return _motion_findings(flight, differences[_stretch(flight, differences)])
 
 
 def _motion_findings(
@@ -92,7 +92,7 @@ def _motion_findings(
     try:
         quick = quick_solve(flight, differences)
     except NoSolutionError as error:
-        return [], [_unchecked("motion", str(error))]
+        return [], [Finding(name="motion", text=str(error))]
     checks: dict[str, Callable[[], tuple[list[Finding], list[Finding]]]] = {}
     if imu is not None:
         checks["imu"] = lambda: inertial_findings(flight, imu, quick)
@@ -104,7 +104,7 @@ def _motion_findings(
         try:
             found, missing = check()
         except NoSolutionError as error:
-            found, missing = [], [_unchecked(name, str(error))]
+            found, missing = [], [Finding(name=name, text=str(error))]
         findings += found
         unchecked += missing
     return findings, unchecked
@@ -115,7 +115,7 @@ def _track_findings(flight: Flight, imu: Imu) -> tuple[list[Finding], list[Findi
     fixes = flight.fixes
     if fixes is None or len(imu.t_s) < 2:
         reason = "needs fixes, or raw GNSS data of three antennas or more"
-        return [], [_unchecked("imu axes, lever arm, clock", reason)]
+        return [], [Finding(name="imu axes, lever arm, clock", text=reason)]
     from fgnav.set_up.track.inertial import track_findings  # noqa: PLC0415  # lazy
 
     return track_findings(flight, imu, fixes)
@@ -135,10 +135,10 @@ def _sizes(flight: Flight, imu: Imu, *, quick: bool) -> list[Finding]:
     observations = flight.observations
     try:
         if quick and observations is not None:
-            rows = _tracked_rows(observations, _TRIED)
+            rows = _tracked_rows(observations)
             later = np.searchsorted(observations.t_s, observations.t_s[rows] + _APART_S)
             pairs = np.unique(np.append(rows, later.clip(max=len(observations.t_s) - 1)))
-            track = track_of(replace(flight, observations=_observations_at(observations, pairs)))
+            track = track_of(replace(flight, observations=observations[pairs]))
             share = share_of_least(imu, track, flight.origin)
             return size_findings(imu, None, expected_force(track, flight.origin), share)
         track = track_of(flight)
@@ -172,24 +172,19 @@ def _share_solved(flight: Flight) -> float:
     observations = flight.observations
     if observations is None:
         return 0.0
-    rows = _tracked_rows(observations, _TRIED)
-    some = _observations_at(observations, rows)
+    rows = _tracked_rows(observations)
     try:
-        return len(code_solution(replace(flight, observations=some)).t_s) / max(len(rows), 1)
+        return len(code_solution(replace(flight, observations=observations[rows])).t_s) / max(
+            len(rows), 1
+        )
     except NoSolutionError:
         return 0.0
 
 
-def _tracked_rows(observations: Observations, count: int) -> IntArray:
+def _tracked_rows(observations: Observations) -> IntArray:
     """Return a few epochs, evenly over those that track four satellites."""
     tracked = np.flatnonzero(observations.tracked[:, 0].sum(axis=1) > 3)
-    return tracked[np.linspace(0, len(tracked) - 1, min(count, len(tracked))).astype(np.int64)]
-
-
-def _observations_at(observations: Observations, rows: IntArray) -> Observations:
-    """Return some epochs."""
-    arrays = ("t_s", "tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
-    return replace(observations, **{name: getattr(observations, name)[rows] for name in arrays})
+    return tracked[np.linspace(0, len(tracked) - 1, min(_TRIED, len(tracked))).astype(np.int64)]
 
 
 def _stretch(flight: Flight, differences: DoubleDifferences) -> slice:
@@ -202,7 +197,3 @@ def _stretch(flight: Flight, differences: DoubleDifferences) -> slice:
         centre = int(np.searchsorted(differences.t_s, np.median(flight.seeker.t_s)))
     first = min(max(centre - _LONGEST // 2, 0), n - _LONGEST)
     return slice(first, first + _LONGEST)
-
-
-def _unchecked(name: str, reason: str) -> Finding:
-    return Finding(name=name, text=reason)

@@ -8,49 +8,25 @@ from fgnav.checks import Loss
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
-    """A sensor's samples in time.
-
-    Attributes
-    ----------
-    samples : int
-    first_s, last_s : float
-    rate_hz : float
-        From the median interval; 0 for a single sample.
-    gaps : int
-        Steps longer than one and a half intervals.
-    longest_gap_s : float
-    """
+    """A sensor's samples in time."""
 
     samples: int
     first_s: float
     last_s: float
-    rate_hz: float
-    gaps: int
+    rate_hz: float  # from the median interval; 0 for a single sample
+    gaps: int  # steps longer than one and a half intervals
     longest_gap_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """Something that will cost accuracy or an answer.
-
-    Attributes
-    ----------
-    name : str
-    text : str
-        What is wrong, and how that is known.
-    where : str
-        Table, file and column of the flight.
-    mend : str
-        What to do about it.
-    certain : bool
-        Whether no estimate of such a flight is worth having.
-    """
+    """Something that will cost accuracy or an answer."""
 
     name: str
-    text: str
-    where: str = ""
-    mend: str = ""
-    certain: bool = False
+    text: str  # what is wrong, and how that is known
+    where: str = ""  # table, file and column of the flight
+    mend: str = ""  # what to do about it
+    certain: bool = False  # whether no estimate of such a flight is worth having
 
     def __str__(self) -> str:
         """Return one line."""
@@ -65,8 +41,6 @@ class SetUp:
 
     Attributes
     ----------
-    flight : str
-    antennas : tuple of str
     channels : dict of str to int
         Signals tracked at least once, by constellation and signal: ``{"GPS 1C": 9}``.
     series : dict of str to Series
@@ -74,8 +48,6 @@ class SetUp:
         ``truth``; absent ones are not there.
     orbits : tuple of str
         ``broadcast``, ``precise``.
-    gyroscope : bool
-    findings : tuple of Finding
     unchecked : tuple of Finding
         What the data cannot tell right from wrong, with the reason.
     losses : tuple of Loss

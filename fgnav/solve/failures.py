@@ -49,7 +49,8 @@ def in_words(
 
 def open_state(column: int, width: int, t_s: float) -> NoSolutionError:
     """Return the error that a column of a keyframe's tangent, ``width`` wide, is not determined."""
-    part = (*_PARTS, *_AUX_PARTS[width - AUX])[column // 3]
+    parts = (*_PARTS, *_AUX_PARTS[min(width - AUX, 12)])
+    part = parts[column // 3] if column < 3 * len(parts) else "lasting error of phases"
     return NoSolutionError(f"{part}: the data do not determine it at {t_s:.2f} s")
 
 

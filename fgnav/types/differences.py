@@ -1,10 +1,16 @@
 """Double differences of an antenna array, with what is needed to weigh and to resolve them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, freeze, freeze_times
+
+_BY_EPOCH = (
+    *("t_s", "reference", "e_n", "elevation_rad", "code_m", "phase_m", "arc"),
+    *("code_variance_m2", "phase_variance_m2"),
+)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True, weakref_slot=True)
@@ -82,6 +88,11 @@ class DoubleDifferences:
         freeze("double differences", self, measured, gaps=True)
         numbers = {"group": (m,), "reference": (n, g), "arc": (n, b, m)}
         freeze("double differences", self, numbers, dtype=np.int64)
+
+    def __getitem__(self, epochs: slice | IntArray | BoolArray) -> "DoubleDifferences":
+        """Return some of the epochs."""
+        rows: dict[str, Any] = {name: getattr(self, name)[epochs] for name in _BY_EPOCH}
+        return replace(self, **rows)
 
     @property
     def is_reference(self) -> BoolArray:

@@ -47,11 +47,6 @@ class InitialAttitude:
     """What is known of the attitude at the first epoch before any measurement.
 
     Each angle with its standard deviation, rad, or neither.
-
-    Attributes
-    ----------
-    roll_rad, pitch_rad, heading_rad : float or None
-    roll_sigma_rad, pitch_sigma_rad, heading_sigma_rad : float or None
     """
 
     roll_rad: float | None = None

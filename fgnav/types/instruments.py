@@ -199,7 +199,6 @@ class Seeker:
         The detector in body axes.
     landmark_n_m : ndarray, shape (3,)
         The beacon.
-    detector_radius_m, focal_length_m : float
     calibration : ndarray, shape (c, 2)
         Rows of r_quad (increasing, from the logarithms of currents) and r_c, the spot's distance
         from the centre as a fraction of the detector's radius (the paper's Table 3).

@@ -9,6 +9,9 @@ from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, f
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 
+# Who says what a link's integer is.
+SOURCES = ("resolver", "arc", "array")
+
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Integers:
@@ -30,6 +33,10 @@ class Integers:
         1 where it found none.
     reasons : tuple of str, length n, or None
         Why an epoch is not fixed, or lacks some of its links; empty where nothing is missing.
+    evidence : ndarray, shape (n,), or None
+        How much an epoch's phases speak for its integers, log odds in nats, where they were tested.
+    source : ndarray of int, shape (n, b, m), or None
+        Whose integer a link has, of ``SOURCES``; None: all the resolver's.
     losses : tuple of Loss
         Links that were there and were not fixed, with the reason.
     """
@@ -41,6 +48,8 @@ class Integers:
     wrong_probability: FloatArray | None = None
     reasons: tuple[str, ...] | None = None
     losses: tuple[Loss, ...] = ()
+    evidence: FloatArray | None = None
+    source: IntArray | None = None
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
@@ -50,6 +59,10 @@ class Integers:
         freeze("integers", self, {"ratio": (n, b)}, gaps=True)
         if self.wrong_probability is not None:
             freeze("integers", self, {"wrong_probability": (n,)})
+        if self.evidence is not None:
+            freeze("integers", self, {"evidence": (n,)})
+        if self.source is not None:
+            freeze("integers", self, {"source": shape}, dtype=np.int64)
         if self.reasons is not None and len(self.reasons) != n:
             raise BadInputError(
                 f"integers reasons: expected one for each of {n} epochs, got {len(self.reasons)}"

@@ -23,7 +23,6 @@ class EarlierEpochs:
         RINEX band of the code of each constellation, by its letter.
     signals : dict
         That antennas use, by constellation's letter and band; None of those that have none yet.
-    has_atmosphere : bool
     """
 
     t_s: FloatArray

@@ -107,7 +107,6 @@ def windows(first: IntArray, rows: IntArray, k: int) -> IntArray:
         First row of the run that each row belongs to.
     rows : ndarray of int, shape (n,)
         Rows to answer; each has ``k - 1`` rows of its own run before it.
-    k : int
 
     Raises
     ------

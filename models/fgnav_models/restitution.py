@@ -52,7 +52,6 @@ class Reading:
 
     Attributes
     ----------
-    name : str
     code_m, phase_m : float
         Noise of one link.
     """
@@ -91,8 +90,6 @@ class Run:
 
     Attributes
     ----------
-    case : Case
-    method : str
     rmse_deg : tuple of float
         Roll, pitch, yaw, over the epochs that have an answer; NaN where none has.
     available : float
@@ -208,8 +205,6 @@ def restitute(
 
     Parameters
     ----------
-    todo : sequence of Case
-    processes : int
     watch : callable, optional
         Told how many cases are done.
 

@@ -1,8 +1,8 @@
 """The command ``fgnav restitution``; everything heavy is imported when it runs."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
+
+from fgnav.terminal import counting
 
 
 def restitution(*, out: Path, seeds: int = 3, processes: int = 2) -> None:
@@ -30,27 +30,7 @@ def restitution(*, out: Path, seeds: int = 3, processes: int = 2) -> None:
     todo = cases(seeds)
     folder = made_folder(out)
     check_report(folder / FIGURE)
-    with _shown(len(todo)) as watch:
-        runs = restitute(todo, processes=processes, watch=watch)
+    with counting("flights") as watch:
+        runs = restitute(todo, processes=processes, watch=lambda done: watch(done, len(todo)))
     lines = write_report(runs, folder)
     print("\n".join([*lines, f"tables and figure are in {folder}"]))  # noqa: T201
-
-
-@contextmanager
-def _shown(total: int) -> Iterator[Callable[[int], None]]:
-    """Show a bar on a terminal, nothing on a pipe."""
-    from rich.console import Console  # noqa: PLC0415
-    from rich.progress import (  # noqa: PLC0415
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    console = Console(stderr=True)
-    columns = (TextColumn("flights"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    hidden = not console.is_terminal
-    with Progress(*columns, console=console, disable=hidden, transient=True) as bar:
-        task = bar.add_task("flights", total=total)
-        yield lambda done: bar.update(task, completed=done)

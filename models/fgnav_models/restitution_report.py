@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.evaluation.scores import EULER
+from fgnav.evaluation.scores import EULER, finite_mean
 from fgnav.io.atomic_write import atomic_file, write_text
 from fgnav_models.restitution import (
     AMPLITUDES_DEG,
@@ -51,9 +51,6 @@ class Restitution:
 
     Attributes
     ----------
-    readings : tuple of Reading
-    methods : tuple of str
-    amplitudes_deg : tuple of int
     rmse_deg : ndarray, shape (readings, methods, motions, amplitudes, 3)
         Roll, pitch, yaw; NaN where a method had no answer with any seed.
     shares : ndarray, shape (readings, methods, 4)
@@ -63,7 +60,6 @@ class Restitution:
         RMSE over epochs without a wrong integer, mean of angles and of flights that have such.
     failures : dict
         Why flights had no answer at all, by reading and method.
-    seeds : int
     """
 
     readings: tuple[Reading, ...]
@@ -116,9 +112,9 @@ def summed_up(runs: Sequence[Run]) -> Restitution:
         readings=readings,
         methods=methods,
         amplitudes_deg=amplitudes,
-        rmse_deg=np.sqrt(_mean(rmse_deg**2, 4)),
-        shares=_mean(shares.reshape(*shape[:2], -1, 4), 2),
-        clean_deg=_mean(clean_deg.reshape(*shape[:2], -1), 2),
+        rmse_deg=np.sqrt(finite_mean(rmse_deg**2, 4)),
+        shares=finite_mean(shares.reshape(*shape[:2], -1, 4), 2),
+        clean_deg=finite_mean(clean_deg.reshape(*shape[:2], -1), 2),
         failures=failures,
         seeds=len(seeds),
     )
@@ -177,7 +173,6 @@ def save_figure(figures: Restitution, path: Path) -> None:
 
     Parameters
     ----------
-    figures : Restitution
     path : Path
         Ends in ``.png``; its folder exists.
     """
@@ -215,14 +210,6 @@ def _style(place: int, method: str) -> dict[str, Any]:
         "lw": 3.6 - 0.25 * place,  # equal lines over each other show both
         "label": method,
     }
-
-
-def _mean(values: FloatArray, axis: int) -> FloatArray:
-    """Return the mean of what there is; NaN of nothing."""
-    there = np.isfinite(values)
-    count = there.sum(axis=axis)
-    total = np.where(there, values, 0.0).sum(axis=axis)
-    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
 def _legend(figures: Restitution) -> list[str]:

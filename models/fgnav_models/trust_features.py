@@ -76,7 +76,6 @@ def trust_rows(differences: DoubleDifferences, found: Candidates) -> TrustRows:
 
     Parameters
     ----------
-    differences : DoubleDifferences
     found : Candidates
         Of the same differences.
     """

@@ -86,7 +86,6 @@ def disperse(
         A scenario.
     spreads : mapping
         By dotted key, nested or not, what ``Spread`` says.
-    rng : Generator
 
     Raises
     ------

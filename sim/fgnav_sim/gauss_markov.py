@@ -17,10 +17,8 @@ def gauss_markov(
 
     Parameters
     ----------
-    time_constant_s, step_s : float
     shape : tuple of int
         Samples first; one process for each place of the rest.
-    rng : numpy.random.Generator
     """
     from scipy.signal import lfilter  # noqa: PLC0415  # lazy: keeps the command line quick
 
@@ -44,10 +42,8 @@ def flicker(
     ----------
     instability : float
         B.
-    step_s : float
     shape : tuple of int
         Samples first.
-    rng : numpy.random.Generator
 
     References
     ----------

@@ -156,9 +156,9 @@ class State:
         swing_b_mps = np.cross(w, lever_b_m)
         pull_b_mps2 = np.cross(self.alpha_nb_b_radps2, lever_b_m) + np.cross(w, swing_b_mps)
         return (
-            self.p_n_m + _rotate(self.R_nb, lever_b_m),
-            self.v_n_mps + _rotate(self.R_nb, swing_b_mps),
-            self.a_n_mps2 + _rotate(self.R_nb, pull_b_mps2),
+            self.p_n_m + turned(self.R_nb, lever_b_m),
+            self.v_n_mps + turned(self.R_nb, swing_b_mps),
+            self.a_n_mps2 + turned(self.R_nb, pull_b_mps2),
         )
 
     def inertial_rate_b_radps(self, origin: Origin) -> FloatArray:
@@ -182,7 +182,7 @@ class State:
         p_n_m, v_n_mps, a_n_mps2 = self.at(lever_b_m)
         coriolis_n_mps2 = 2 * np.cross(origin.earth_rate_n_radps, v_n_mps)
         f_n_mps2 = a_n_mps2 + coriolis_n_mps2 - origin.gravity_n_mps2(p_n_m, model)
-        return _rotate(transpose(self.R_nb), f_n_mps2)
+        return turned(transpose(self.R_nb), f_n_mps2)
 
 
 class Trajectory(Protocol):
@@ -242,6 +242,6 @@ def body_rates(
     return np.stack(w, axis=1), np.stack(alpha, axis=1)
 
 
-def _rotate(R: FloatArray, v: FloatArray) -> FloatArray:
+def turned(R: FloatArray, v: FloatArray) -> FloatArray:
     """Return ``R @ v`` item by item, (n, 3)."""
     return np.asarray(np.einsum("nij,nj->ni", R, v))

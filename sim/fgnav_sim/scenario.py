@@ -78,8 +78,6 @@ class ImuTable(Table, frozen=True):
 
     Attributes
     ----------
-    rate_hz : float
-    position_b_m : vector
     accelerometer_noise_mps2_per_sqrt_hz, accelerometer_bias_mps2,
     accelerometer_bias_walk_mps2_per_sqrt_s : float
         As in the flight format: noise density, 1-sigma of the constant bias, random walk.
@@ -140,7 +138,6 @@ class OpticsTable(Table, frozen=True):
     aperture_radius_m, spot_radius_m : float
         Of the lens, and of the spot of even light it makes on the detector, whose part beyond the
         rim is lost.
-    responsivity_a_per_w : float
     noise_a : float
         Standard deviation of each current's samples.
     threshold_sigmas : float
@@ -179,11 +176,8 @@ class SeekerTable(Table, frozen=True):
     ----------
     landmark : Place
         The beacon.
-    rate_hz, range_m : float
     field_of_view_deg : float
         Half-angle of the cone about +x_b within which the beacon is seen.
-    position_b_m : vector
-    detector_radius_m, focal_length_m : float
     line_of_sight_noise_rad : float
         What the noise of the currents amounts to, per axis, with the spot at the centre; where
         optics are given, they say how large it is.
@@ -191,7 +185,6 @@ class SeekerTable(Table, frozen=True):
         1-sigma of the angles, about each body axis, by which the detector is turned.
     optics : OpticsTable or None
         None: automatic gain keeps the sum of the currents at one.
-    occlusions : tuple of OcclusionTable
     """
 
     landmark: Place
@@ -221,14 +214,11 @@ class Scenario(Table, frozen=True):
 
     Attributes
     ----------
-    name : str
     start : datetime
         GPS time of ``t_s = 0``.
     duration_s : float
         Samples lie at multiples of their interval from 0 up to, and without, the duration.
     gravity : {"wgs84-normal", "j2", "constant"}
-    truth_rate_hz : float
-    origin : Place
     motion : Motion, or another Trajectory
     flown : FlownTable or None
         A rigid body in place of the commanded motion.
@@ -238,7 +228,6 @@ class Scenario(Table, frozen=True):
         Phase centres in body axes; the first is the reference. The paper's eight by default.
     antenna_misplacement_m : float
         1-sigma, per axis, of where antennas really sit beside that, which the flight states.
-    gnss, imu, fixes, seeker, barometer, magnetometer : their tables, or None
     """
 
     name: str = ""

@@ -47,7 +47,6 @@ def simulate(
 
     Parameters
     ----------
-    scenario : Scenario
     rng : numpy.random.Generator
         The same seed gives the same flight, bit by bit.
     progress : callable

@@ -19,7 +19,7 @@ from fgnav.graph.types.states import States
 from fgnav.gravity import LowDynamics
 from fgnav.integers.resolvers.truth import Truth, attitude_at
 from fgnav.process.hyperparameters import RatePrior
-from fgnav_sim.gnss.tables import OutageTable
+from fgnav_sim.gnss.tables import MultipathTable, OutageTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.frontend.flights import GYROSCOPE
@@ -42,6 +42,16 @@ def with_outages(*outages, gyro=False, span_s=20.0):
     imu = msgspec.structs.replace(scenario.imu, **(GYROSCOPE if gyro else {}))
     scenario = msgspec.structs.replace(scenario, duration_s=span_s, gnss=gnss, imu=imu)
     return simulate(scenario, np.random.default_rng(1))
+
+
+def with_echoes(span_s=20.0, *, gyro=False):
+    """The demo's motion; of the phases' variance the half stays with antenna and satellite."""
+    scenario = load_scenario(SCENARIOS / "demo.toml")
+    echoes = MultipathTable(code_m=0.3, phase_m=0.003, time_constant_s=5.0)
+    gnss = msgspec.structs.replace(scenario.gnss, multipath=echoes)
+    imu = msgspec.structs.replace(scenario.imu, **(GYROSCOPE if gyro else {}))
+    scenario = msgspec.structs.replace(scenario, duration_s=span_s, gnss=gnss, imu=imu)
+    return simulate(scenario, np.random.default_rng(20_011))
 
 
 def measurement(prepared, name):
@@ -291,3 +301,36 @@ def test_a_flight_is_not_kept_once_its_problem_is_built():
     gc.collect()
     assert known() is None
     assert len(prepared.problem.t_s) == 50
+
+
+def test_phase_errors_that_stay_are_a_state_of_keyframes():
+    flight = with_echoes()
+    prepared = build(flight)
+    problem, error = prepared.problem, prepared.problem.motion.multipath
+    assert error.share[0] == pytest.approx(0.5, abs=0.1)
+    # Eight other seeds: 4.4 ± .3, since clocks and satellites are taken off by what lasts, too.
+    assert 1 / error.decay_per_s[0] == pytest.approx(5.0, rel=0.3)
+    assert problem.width == 21 + error.size
+    array = measurement(prepared, "array phases")
+    np.testing.assert_array_equal(array.share, error.share)
+    assert any("stay with antenna and satellite" in note for note in prepared.notes)
+    asked = build(flight, calibration=calibration_requests(["antenna:a2"]))
+    assert asked.problem.motion.multipath is None  # an antenna off its place lasts as well
+    assert build(flight, causal=True).problem.motion.multipath is None
+
+
+def test_beside_a_gyroscope_phases_that_err_alike_count_as_often_as_they_differ():
+    flight = with_echoes(gyro=True)
+    prepared = build(flight)
+    array, form = measurement(prepared, "array phases"), build(flight, causal=True)
+    white = measurement(form, "array phases")
+    assert prepared.problem.width == 15
+    # Half for 5 s at 10 Hz: 1 + 2 x .5 x 49.5.
+    ratio = (white.root**2).sum(axis=(1, 2)) / (array.root**2).sum(axis=(1, 2))
+    assert np.median(ratio) == pytest.approx(50.5, rel=0.3)
+
+
+def test_white_phase_errors_are_no_state():
+    prepared = build(with_outages())
+    assert prepared.problem.motion.multipath is None
+    assert prepared.problem.width == 21

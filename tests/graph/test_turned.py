@@ -7,7 +7,7 @@ from fgnav.geometry.rotations import exp
 from fgnav.graph.turned import ARRAY_TURN, UNIT_TURN, Turned, in_turned_axes
 from fgnav.graph.types.constants import Constants, flight_constant
 from tests.graph.factors import cases
-from tests.graph.factors.test_array_phase import K, phases
+from tests.graph.factors.test_array_phase import K, phases, with_lasting
 from tests.graph.factors.test_directions_of_instruments import field, sight
 
 
@@ -19,6 +19,7 @@ def with_turn(turn: str) -> Constants:
 def turned(kind: str, rng, shared, at):
     inner = {
         "array": lambda: phases(rng, shared, stretch=True),
+        "lasting": lambda: phases(rng, shared, stretch=True, lasting=6),
         "sight": lambda: sight(rng, shared, at, boresight=True),
         "field": lambda: field(rng, shared, at, iron=True),
     }[kind]()
@@ -40,6 +41,14 @@ def test_gtsam_says_the_same(kind):
     rng, shared = np.random.default_rng(2), with_turn(UNIT_TURN)
     at = cases.random_states(K, shared, rng)
     cases.assert_gtsam_says_the_same(turned(kind, rng, shared, at), at, shared)
+
+
+def test_phases_that_err_lastingly_keep_their_part_of_the_keyframes_vector():
+    rng, shared = np.random.default_rng(5), with_turn(ARRAY_TURN)
+    at = with_lasting(cases.random_states(K, shared, rng), rng, 6)
+    measurement = turned("lasting", rng, shared, at)
+    cases.assert_jacobians(measurement, at)
+    cases.assert_gtsam_says_the_same(measurement, at, shared)
 
 
 def test_residual_of_a_turned_array_vanishes_where_the_turn_leads_to_the_minimum():

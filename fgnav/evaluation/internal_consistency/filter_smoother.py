@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
-from fgnav.evaluation.reference import common_epochs
+from fgnav.checks import FloatArray
+from fgnav.evaluation.reference import common_epochs, minus
 from fgnav.evaluation.scores import EULER, hidden
 from fgnav.geometry import rotations
 from fgnav.types.estimate import Estimate
@@ -19,22 +19,13 @@ _COVARIANCES = {
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Separation:
-    """One vector of a filter less that of a smoother, at the epochs that both have.
+    """One vector of a filter less that of a smoother, at the epochs that both have."""
 
-    Attributes
-    ----------
-    quantity : str
-        ``"attitude"``, ``"position"`` or ``"velocity"``.
-    t_s : ndarray, shape (n,)
-    difference : ndarray, shape (n, 3)
-        Attitude in body axes of the smoother, rad; position and velocity in ``n``, m and m/s.
-    sigma : ndarray, shape (n, 3)
-        Its standard deviations; NaN where the smoother states more than the filter.
-    """
-
-    quantity: str
-    t_s: FloatArray
+    quantity: str  # ``"attitude"``, ``"position"`` or ``"velocity"``
+    t_s: FloatArray  # (n,)
+    # (n, 3); attitude in body axes of the smoother, rad; position and velocity in ``n``, m and m/s
     difference: FloatArray
+    # (n, 3); its standard deviations; NaN where the smoother states more than the filter
     sigma: FloatArray
 
     @property
@@ -64,8 +55,8 @@ def separations(forward: Estimate, smoothed: Estimate) -> list[Separation]:
     turn_rad = rotations.log(rotations.transpose(R_nb) @ forward.R_nb[rows])
     of = {
         "attitude": turn_rad,
-        "position": _minus(forward.p_n_m, smoothed.p_n_m, rows, smooth_rows),
-        "velocity": _minus(forward.v_n_mps, smoothed.v_n_mps, rows, smooth_rows),
+        "position": minus(forward.p_n_m, smoothed.p_n_m, rows, smooth_rows),
+        "velocity": minus(forward.v_n_mps, smoothed.v_n_mps, rows, smooth_rows),
     }
     out = []
     for quantity, difference in of.items():
@@ -78,9 +69,3 @@ def separations(forward: Estimate, smoothed: Estimate) -> list[Separation]:
         t_s = forward.t_s[rows]
         out.append(Separation(quantity=quantity, t_s=t_s, difference=difference, sigma=sigma))
     return out
-
-
-def _minus(
-    a: FloatArray | None, b: FloatArray | None, of_a: IntArray, of_b: IntArray
-) -> FloatArray | None:
-    return None if a is None or b is None else np.asarray(a[of_a] - b[of_b])

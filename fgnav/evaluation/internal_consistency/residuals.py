@@ -6,6 +6,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.evaluation.reference import common_epochs
+from fgnav.evaluation.scores import finite_mean
 from fgnav.geometry.earth import C_MPS
 from fgnav.gnss.undifferenced import Undifferenced
 from fgnav.types.differences import DoubleDifferences
@@ -38,8 +39,8 @@ def array_phase_residuals(differences: DoubleDifferences, estimate: Estimate) ->
     left_m -= differences.wavelength_m * np.round(left_m / differences.wavelength_m)
     for group in range(differences.reference.shape[1]):
         members = differences.group == group
-        left_m[:, :, members] -= _mean(left_m[:, :, members], axis=2)
-    squared = _mean(left_m**2, axis=1)[:, 0]
+        left_m[:, :, members] -= finite_mean(left_m[:, :, members], 2)[:, :, None]
+    squared = finite_mean(left_m**2, 1)
     return Residuals(
         t_s=differences.t_s[rows],
         channels=tuple(
@@ -56,8 +57,6 @@ def code_residuals(
 
     Parameters
     ----------
-    observed : Undifferenced
-    estimate : Estimate
     arm_b_m : ndarray, shape (3,)
         The antenna in body axes.
 
@@ -119,7 +118,7 @@ def _by_group(observed: Undifferenced) -> list[BoolArray]:
 def _take_off(value_m: FloatArray, groups: list[BoolArray]) -> None:
     """Take the mean of each group's channels off, epoch by epoch."""
     for members in groups:
-        value_m[:, members] -= _mean(value_m[:, members], axis=1)
+        value_m[:, members] -= finite_mean(value_m[:, members], 1)[:, None]
 
 
 def _take_off_arcs(value_m: FloatArray, arc: IntArray) -> None:
@@ -130,14 +129,6 @@ def _take_off_arcs(value_m: FloatArray, arc: IntArray) -> None:
     if len(label):
         mean = np.bincount(label, value_m[known]) / np.bincount(label)
         value_m[known] -= mean[label]
-
-
-def _mean(values: FloatArray, axis: int) -> FloatArray:
-    """Return the mean of what is finite along an axis, kept; NaN of nothing."""
-    known = np.isfinite(values)
-    count = known.sum(axis=axis, keepdims=True)
-    total = np.where(known, values, 0.0).sum(axis=axis, keepdims=True)
-    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
 def _carriers(observed: Undifferenced) -> tuple[str, ...]:

@@ -73,20 +73,11 @@ class Part:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """A report.
-
-    Attributes
-    ----------
-    title : str
-    methods : sequence of str
-        Each has a colour, by its place.
-    parts : sequence of Part
-        None of them empty.
-    """
+    """A report."""
 
     title: str
-    methods: Sequence[str]
-    parts: Sequence[Part]
+    methods: Sequence[str]  # each has a colour, by its place
+    parts: Sequence[Part]  # none of them empty
 
 
 def paragraph(*texts: str) -> Blocks:

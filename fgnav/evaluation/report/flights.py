@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from fgnav.checks import FloatArray
 from fgnav.evaluation.flights import BOOTSTRAP_SEED, FlightsComparison
 from fgnav.evaluation.report.blocks import Blocks, Part, Report, grid, paragraph, table
-from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, spanning
+from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, decades, log10
 from fgnav.evaluation.report.flights_table import (
     ANGLE_HEADS,
     COUNT_HEADS,
@@ -14,14 +13,15 @@ from fgnav.evaluation.report.flights_table import (
     count_rows,
     failure_lines,
     innovation_rows,
-    interval,
     number,
     paired_rows,
+    pooled_rows,
 )
 from fgnav.evaluation.report.palette import method_marks
 from fgnav.evaluation.report.sections.facts import versions
 
 _BESIDE = 0.2  # flights: methods on either side of where their flight is, so that equal ones show
+_HEADS = [f"{head} {unit}".strip() for head, unit, _ in SUMMARY]
 _CHARTS = (
     ("attitude RMS, deg", "attitude_rmse_deg"),
     ("95th percentile of attitude error, deg", "attitude_p95_deg"),
@@ -55,16 +55,11 @@ def flights_report(comparison: FlightsComparison) -> Report:
 
 
 def _pooled(comparison: FlightsComparison) -> Blocks:
-    heads = ["method", *(f"{head} {unit}".strip() for head, unit, _ in SUMMARY)]
-    rows = [
-        [method, *(interval(comparison.pooled(name, method)) for _, _, name in SUMMARY)]
-        for method in comparison.methods
-    ]
     caption = (
         "Over flights: root mean square of RMS figures, mean of others, with intervals of 95 % by "
         "bootstrap of flights."
     )
-    return table(heads, rows, caption)
+    return table(["method", *_HEADS], pooled_rows(comparison), caption)
 
 
 def _angles_and_counts(comparison: FlightsComparison) -> Blocks:
@@ -99,12 +94,7 @@ def _paired(comparison: FlightsComparison) -> Blocks:
 
 
 def _per_flight(comparison: FlightsComparison) -> Blocks:
-    heads = [
-        "flight",
-        "method",
-        *(f"{head} {unit}".strip() for head, unit, _ in SUMMARY),
-        "time, s",
-    ]
+    heads = ["flight", "method", *_HEADS, "time, s"]
     rows = [
         [
             one.flight,
@@ -130,25 +120,15 @@ def _charts(comparison: FlightsComparison) -> Blocks:
             continue
         beside = np.linspace(-_BESIDE, _BESIDE, len(known)) if len(known) > 1 else np.zeros(1)
         lines = [
-            Line(mark=marks[m], name=m, x=place + shift, y=_log10(v), dots=True)
+            Line(mark=marks[m], name=m, x=place + shift, y=log10(v), dots=True)
             for (m, v), shift in zip(known.items(), beside.tolist(), strict=True)
         ]
-        y = spanning(title, [line.y for line in lines], margin=0.15)
         charts.append(
             Chart(
                 title=title,
                 x=Axis(name="flight", low=0.5, high=len(place) + 0.5),
-                y=Axis(
-                    name=title.rpartition(", ")[2],
-                    low=np.floor(y.low),
-                    high=np.ceil(y.high),
-                    log=True,
-                ),
+                y=decades(title.rpartition(", ")[2], [line.y for line in lines], margin=0.15),
                 lines=lines,
             ).drawing()
         )
     return grid(charts)
-
-
-def _log10(values: FloatArray) -> FloatArray:
-    return np.asarray(np.log10(np.where(values > 0, values, np.nan)))

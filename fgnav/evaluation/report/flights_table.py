@@ -106,12 +106,16 @@ def _per_flight(comparison: FlightsComparison, width: int) -> list[str]:
 
 
 def _pooled(comparison: FlightsComparison, width: int) -> list[str]:
-    rows = [
+    heads = [["method", *(head for head, _, _ in SUMMARY)], ["", *(unit for _, unit, _ in SUMMARY)]]
+    return folded_table(heads, pooled_rows(comparison), width)
+
+
+def pooled_rows(comparison: FlightsComparison) -> list[list[str]]:
+    """Return a row of ``SUMMARY`` for each method, over all flights."""
+    return [
         [method, *(interval(comparison.pooled(name, method)) for _, _, name in SUMMARY)]
         for method in comparison.methods
     ]
-    heads = [["method", *(head for head, _, _ in SUMMARY)], ["", *(unit for _, unit, _ in SUMMARY)]]
-    return folded_table(heads, rows, width)
 
 
 def angle_rows(comparison: FlightsComparison) -> Iterator[list[str]]:

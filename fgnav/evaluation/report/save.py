@@ -45,7 +45,6 @@ def save_report(
 
     Parameters
     ----------
-    comparison : Comparison
     flight : Flight
         The one compared.
     path : Path or None

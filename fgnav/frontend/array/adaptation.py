@@ -42,7 +42,7 @@ from fgnav.integers.arcs.consensus import Consensus, arc_consensus
 from fgnav.integers.epochs import epochs_at
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Rejected, open_angle_variance_rad2
-from fgnav.types.integers import Integers, fixed_ranges_m
+from fgnav.types.integers import SOURCES, Integers, fixed_ranges_m
 
 _NEAR_CYCLES = 0.15  # a residual this near to a whole number says which one it is
 _MENDED_AT_MOST = 0.4  # of an epoch's links: the majority knows the attitude, not a minority
@@ -72,6 +72,10 @@ class AdaptedArray:
         By which the noise is raised.
     refused : ndarray of bool, shape (n,)
         Epochs that nothing brings to agree.
+    evidence : ndarray, shape (n,)
+        For the integers of each epoch, nats; 0 of those refused.
+    source : ndarray of int, shape (n, b, m)
+        Whose integers they are, of ``types.integers.SOURCES``.
     rejections : tuple of Rejected
     notes : tuple of str
     """
@@ -83,6 +87,8 @@ class AdaptedArray:
     excluded: BoolArray
     variance_factor: FloatArray
     refused: BoolArray
+    evidence: FloatArray
+    source: IntArray
     rejections: tuple[Rejected, ...]
     notes: tuple[str, ...]
 
@@ -117,6 +123,8 @@ def adapted(
         attitude = searched_again(attitude, form, chosen.rows, chosen.R_nb)
     excluded, form, attitude = _excluding(differences, ranges_m, attitude, false_alarm, causal)
     factor = _variance_factor(attitude, causal=causal)
+    links = chosen.integers.fixed & np.isfinite(without(ranges_m, excluded))
+    evidence = epoch_evidence(differences, links, attitude, factor, chosen_of=chosen.integers.fixed)
     if (factor != 1.0).any():
         form = form.with_variance_factor(factor)
         raised = np.flatnonzero(factor != 1.0)
@@ -136,12 +144,22 @@ def adapted(
         excluded=excluded,
         variance_factor=factor,
         refused=refused,
+        evidence=np.where(refused, 0.0, evidence),
+        source=_source(integers, believed, chosen.by_arc),
         rejections=listed(differences, antennas, change, chosen.by_arc, excluded & here),
         notes=(
             *noise_notes(float(factor[-1]) if len(factor) else 1.0),
             *_filled_note(differences, integers, believed),
         ),
     )
+
+
+def _source(resolved: Integers, believed: Integers, by_arc: BoolArray) -> IntArray:
+    """Return who says what the integers are, (n, b, m): filled ones are of their arcs."""
+    same = resolved.fixed & (resolved.cycles == believed.cycles)
+    of_arc = by_arc | ~resolved.fixed
+    named = np.where(of_arc, SOURCES.index("arc"), SOURCES.index("array"))
+    return np.where(same | ~believed.fixed, SOURCES.index("resolver"), named).astype(np.int64)
 
 
 def _filled_note(

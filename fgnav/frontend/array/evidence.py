@@ -17,11 +17,11 @@ import numpy as np
 
 from fgnav.attitude.array import AttitudeSolution
 from fgnav.checks import BoolArray, FloatArray
+from fgnav.integers.arcs.reported import APART_S
 from fgnav.types.differences import DoubleDifferences
 
 _ROTATIONS = 8 * pi**2  # volume of all rotations, by the body tangent in rad
 BELIEVED_NATS = log(0.999 / 0.001)  # odds at which an epoch alone is believed
-_APART_S = 20.0  # after which errors are new ones; a choice, the time constant of scenario rough
 
 
 def epoch_evidence(
@@ -95,5 +95,5 @@ def votes_of(
     if wrong is not None:
         chance = wrong.clip(1e-300, 1 - 1e-16)
         odds = np.where(sound, np.maximum(odds, np.log1p(-chance) - np.log(chance)), odds)
-    apart = np.where(sound, np.diff(t_s, prepend=t_s[:1]) / _APART_S, 0.0)
+    apart = np.where(sound, np.diff(t_s, prepend=t_s[:1]) / APART_S, 0.0)
     return np.asarray(np.maximum(odds / BELIEVED_NATS, apart).clip(0.0, 1.0))

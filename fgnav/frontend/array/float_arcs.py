@@ -90,7 +90,7 @@ def with_float_arcs(start: Alignment, false_alarm: float) -> tuple[Alignment, Fl
     if start.phases is None or start.form is None or start.valid.all():
         return start, none
     differences = start.phases[0]
-    epoch = _epochs(start, differences)
+    epoch = start.epochs_of(differences.t_s)
     found = _runs(start, differences, epoch)
     if not found:
         return start, none
@@ -139,15 +139,6 @@ def _notes(stretch: IntArray, count: int, arcs: int, left: int) -> tuple[str, ..
     if left:
         notes.append(f"Phases of {left} epochs without integers are not used.")
     return tuple(notes)
-
-
-def _epochs(start: Alignment, differences: DoubleDifferences) -> IntArray:
-    """Return the epoch of each keyframe, (n,); -1 of those between epochs."""
-    row = np.searchsorted(start.t_s, differences.t_s).clip(max=len(start.t_s) - 1)
-    same = np.flatnonzero(start.t_s[row] == differences.t_s)
-    epoch = np.full(len(start.t_s), -1, dtype=np.int64)
-    epoch[row[same]] = same
-    return epoch
 
 
 def _runs(start: Alignment, differences: DoubleDifferences, epoch: IntArray) -> list[IntArray]:

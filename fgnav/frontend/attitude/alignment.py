@@ -91,6 +91,14 @@ class Alignment:
         """Attitudes of axes that do not spin, (n, 3, 3)."""
         return despun(self.own, self.t_s, self.R_nb)
 
+    def epochs_of(self, t_s: FloatArray) -> IntArray:
+        """Return which of some times, (m,), each keyframe is at, (n,); -1 of none."""
+        row = np.searchsorted(self.t_s, t_s).clip(max=len(self.t_s) - 1)
+        same = np.flatnonzero(self.t_s[row] == t_s)
+        epoch = np.full(len(self.t_s), -1, dtype=np.int64)
+        epoch[row[same]] = same
+        return epoch
+
     def __getitem__(self, rows: IntArray) -> "Alignment":
         """Return the start at some of its epochs, in their order."""
         if len(rows) == len(self.t_s):
@@ -243,7 +251,7 @@ def _of_array(flight: Flight, resolver: Resolver, false_alarm: float, *, causal:
         covariance_rad2=attitude.covariance_rad2,
         valid=attitude.solved & ~clean.refused & ~attitude.open_axis_b.any(axis=1),
         form=clean.form,
-        integers=clean.integers,
+        integers=replace(clean.integers, evidence=clean.evidence, source=clean.source),
         refused=clean.refused,
         losses=(*differences.losses, *integers.losses),
         rejections=clean.rejections,

@@ -80,7 +80,7 @@ def with_integers(
     for j, (block, of) in enumerate(zip(blocks, names, strict=True)):
         information, vector = _led(information, vector, block)
         for rows in epochs[j]:
-            H, z = _without_place(rows)
+            H, z = without_place(rows)
             information, vector = information + H.T @ H, vector + H.T @ z
         P = np.linalg.inv(information)
         one, known = _searched(j, of, P @ vector, P)
@@ -115,7 +115,7 @@ def _led(
     return (after + after.T) / 2, also
 
 
-def _without_place(rows: PhaseRows) -> tuple[FloatArray, FloatArray]:
+def without_place(rows: PhaseRows) -> tuple[FloatArray, FloatArray]:
     """Return an epoch's rows on A alone, the place of the antenna eliminated."""
     across = np.linalg.qr(rows.G, mode="complete")[0][:, 3:].T
     return across @ rows.H, across @ rows.z

@@ -373,6 +373,7 @@ def _led(of: _Arcs, blocks: tuple[_Live | None, _Live], i: int, row: int) -> Arc
         before=np.vstack([F / sigma[:, None], np.zeros((len(basis), F.shape[1]))]),
         after=np.vstack([np.diag(1 / sigma), code]),
         right=right,
+        satellites=s,
     )
 
 

@@ -62,7 +62,6 @@ def phase_arcs(
 
     Parameters
     ----------
-    differences : SingleDifferences
     names : tuple of str, length a
         Of the antennas.
     causal : bool

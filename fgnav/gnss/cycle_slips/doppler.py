@@ -26,7 +26,6 @@ def slipped(
 
     Parameters
     ----------
-    observations : Observations
     columns : ndarray of int, shape (m,)
         Of the channels; -1 where there is none.
     wavelength_m : ndarray, shape (m,)

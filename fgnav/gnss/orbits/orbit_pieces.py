@@ -27,7 +27,6 @@ def orbit_at(
 
     Parameters
     ----------
-    satellite : str
     chosen : Chosen
         Messages for these times.
     t_s : ndarray, shape (n,)

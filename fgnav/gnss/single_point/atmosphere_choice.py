@@ -35,13 +35,6 @@ def atmosphere_so_far(
     """Return whether atmosphere models are to be applied at each epoch, (n,), by those up to it.
 
     Decided after 1, 2, 4, … 64 epochs with redundant code, and kept from there on; applied before.
-
-    Parameters
-    ----------
-    flight : Flight
-    observations : Observations
-    channels : CodeChannels
-    antenna : int
     """
     n = len(observations.t_s)
     if observations.earlier is not None:

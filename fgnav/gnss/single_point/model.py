@@ -29,26 +29,14 @@ _LOWEST_RAD = 0.05  # the atmosphere's models are not asked about less
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class CodeChannels:
-    """Channels of one antenna that make its position: one carrier per constellation.
+    """Channels of one antenna that make its position: one carrier per constellation."""
 
-    Attributes
-    ----------
-    column : ndarray of int, shape (m,)
-        Of the observations.
-    satellites, signals : tuple of str, length m
-    frequency_hz : ndarray, shape (m,)
-    constellations : tuple of str, length c
-        Letters.
-    clock_of : ndarray, shape (m, c)
-        1 where a channel belongs to a constellation.
-    """
-
-    column: IntArray
-    satellites: tuple[str, ...]
-    signals: tuple[str, ...]
-    frequency_hz: FloatArray
-    constellations: tuple[str, ...]
-    clock_of: FloatArray
+    column: IntArray  # (m,); of the observations
+    satellites: tuple[str, ...]  # length m
+    signals: tuple[str, ...]  # length m
+    frequency_hz: FloatArray  # (m,)
+    constellations: tuple[str, ...]  # length c; letters
+    clock_of: FloatArray  # (m, c); 1 where a channel belongs to a constellation
 
 
 def code_channels(
@@ -188,7 +176,6 @@ def atmosphere_m(
     ----------
     flight : Flight
         Its broadcast ionosphere; none without.
-    channels : CodeChannels
     p_e_m : ndarray, shape (n, 3)
     angles_rad : tuple of ndarray, shape (n, m)
         Elevations and azimuths.

@@ -50,7 +50,6 @@ def partial_velocities(
 
     Parameters
     ----------
-    flight : Flight
     solved_s : ndarray, shape (k,)
         Epochs with a position.
     causal : bool

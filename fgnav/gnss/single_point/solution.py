@@ -57,7 +57,6 @@ class CodeSolution:
     atmosphere : bool
         Whether models of ionosphere and troposphere were applied; of causal solutions, at the last
         epoch.
-    losses : tuple of Loss
     """
 
     t_s: FloatArray
@@ -116,7 +115,6 @@ def code_solution(
 
     Parameters
     ----------
-    flight : Flight
     antenna : int
         Row in ``flight.antennas``.
     atmosphere : bool or None

@@ -55,6 +55,7 @@ class ArcBlock(NamedTuple):
     before: FloatArray  # (q, d); (q, 0) of the first block
     after: FloatArray  # (q, d')
     right: FloatArray  # (q,)
+    satellites: int = 0  # whose errors d, and then rates r, are the last of A'
 
     @property
     def size(self) -> int:
@@ -111,6 +112,27 @@ class AntennaPhase:
         """Return the block of a keyframe; that before where it has no phases."""
         i = int(np.searchsorted(self.row, row))
         return int(self.block[i]) if i < len(self.row) and self.row[i] == row else before
+
+    def linearised(
+        self,
+        i: int,
+        R_nb: FloatArray,
+        p_n_m: FloatArray,
+        arcs: FloatArray,
+        lever_b_m: FloatArray | None = None,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the residual of epoch i, (m,), and how it changes with pose and lever arm.
+
+        With the pose, (m, 6), as in ``gtsam.Pose3``; with the lever arm, (m, 3); with ``arcs`` it
+        changes by ``rows[i].H``.
+        """
+        pose = np.empty((4, 4), order="F")  # as GTSAM's are: another order would be compiled anew
+        pose[:3, :3], pose[:3, 3] = R_nb, p_n_m
+        arm_b_m = self.arm_b_m[i] if lever_b_m is None else self.arm_b_m[i] + lever_b_m
+        linear: tuple[FloatArray, FloatArray, FloatArray] = _residual(
+            pose, arcs, arm_b_m, *self.rows[i]
+        )
+        return linear
 
     def factor(self, i: int, key: int) -> gtsam.CustomFactor:
         """Return the phases of epoch i as a factor of keyframe ``key``."""

@@ -3,6 +3,8 @@
 Double differences of one epoch are linear in the elements of ``R_nb``, so their negative log
 likelihood is ``|root (vec(R_nb) - vec(minimum))|^2 / 2``, without loss [1]_. In a stretch of epochs
 whose integers are not known the minimum is off by nine unknown elements that all of it shares.
+Where phases err lastingly a share s of the rows' variance is a state z of the keyframe, by a basis
+B of the elements that phases know (``graph.inertial.multipath``).
 
 References
 ----------
@@ -10,13 +12,13 @@ References
    least-squares solution, Journal of Geodesy 86, 2012: the rotation's elements as the unknowns.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph import keys
-from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised
@@ -30,17 +32,24 @@ _IN_POSE = [4 * column + row for row in range(3) for column in range(3)]
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class ArrayPhase:
-    """Quadratic forms of the rotation: ``r = root (vec(R_nb) + c - vec(minimum))``, nine rows.
+    """Quadratic forms of the rotation: nine rows.
+
+    ``r = (root (vec(R_nb) + c - vec(minimum)) + sqrt(s) B z) / sqrt(1 - s)``.
 
     Attributes
     ----------
     row : ndarray of int, shape (k,)
     root, minimum : ndarray, shape (k, 9, 9) and (k, 3, 3)
-        ``RotationQuadratic.square_root``; elements of matrices by row.
+        ``RotationQuadratic.square_root``, where s is not 0 its symmetric one; elements of matrices
+        by row.
     element_column : ndarray of int, shape (k,)
         First of the nine constants c of the stretch that an epoch without integers is in; -1 of
         epochs with integers.
     constants : Constants
+    share : ndarray, shape (k,)
+        s, 0 where errors are white.
+    basis : ndarray, shape (9, q)
+        B; z is the end of the keyframe's ``aux``.
     """
 
     row: IntArray
@@ -48,13 +57,18 @@ class ArrayPhase:
     minimum: FloatArray
     element_column: IntArray
     constants: Constants
+    share: FloatArray = field(default_factory=lambda: np.zeros(0))
+    basis: FloatArray = field(default_factory=lambda: np.zeros((9, 0)))
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
         k = len(self.row)
+        q = self.basis.shape[-1]
+        if not q:
+            object.__setattr__(self, "share", np.zeros(k))
         freeze(
             self,
-            {"root": (k, 9, 9), "minimum": (k, 3, 3)},
+            {"root": (k, 9, 9), "minimum": (k, 3, 3), "share": (k,), "basis": (9, q)},
             {"row": (k,), "element_column": (k,)},
         )
 
@@ -71,14 +85,22 @@ class ArrayPhase:
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of epochs ``which``, (j,); see ``Measurement``."""
         return Linearised._make(
-            _kernel(*contiguous(at, which), self.root, self.minimum, self.element_column)
+            _kernel(
+                *contiguous(at, which),
+                self.root,
+                self.minimum,
+                self.element_column,
+                self.share,
+                self.basis,
+            )
         )
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return epoch i as a factor of keyframe ``key``: native where integers are known."""
-        if self.element_column[i] >= 0:
+        lasting: tuple[Use, ...] = ("angular_motion",) if self.share[i] > 0 else ()
+        if lasting or self.element_column[i] >= 0:
             parts = parts_of(self.constants, (int(self.element_column[i]),))
-            return of_measurement(self, i, key, ("pose",), parts, rows=9)
+            return of_measurement(self, i, key, ("pose", *lasting), parts, rows=9)
         whitening, M = np.zeros((16, 16)), np.zeros((4, 4))
         whitening[:9, _IN_POSE] = self.root[i]
         M[:3, :3] = self.minimum[i]
@@ -92,21 +114,27 @@ class ArrayPhase:
 
 @kernel
 def _kernel(
-    at: States, which: IntArray, root: FloatArray, minimum: FloatArray, element_column: IntArray
+    at: States,
+    which: IntArray,
+    root: FloatArray,
+    minimum: FloatArray,
+    element_column: IntArray,
+    share: FloatArray,
+    basis: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
     value, state, shared = np.zeros((j, 9)), np.zeros((j, 9, D)), np.zeros((j, 9, b))
     apart = np.empty(9)
     for k in range(j):
         i, R = which[k], at.R_nb[k]
-        first = element_column[i]
+        first, white, q = element_column[i], 1 / np.sqrt(1 - share[i]), basis.shape[1]
         for e in range(9):
             apart[e] = R[e // 3, e % 3] - minimum[i, e // 3, e % 3]
             if first >= 0:
                 apart[e] += at.constants[first + e]
         for m in range(9):
             for e in range(9):
-                weight, a, c = root[i, m, e], e // 3, e % 3
+                weight, a, c = white * root[i, m, e], e // 3, e % 3
                 if weight == 0.0:
                     continue
                 value[k, m] += weight * apart[e]
@@ -115,4 +143,9 @@ def _kernel(
                 state[k, m, (c + 1) % 3] -= weight * R[a, (c + 2) % 3]
                 if first >= 0:
                     shared[k, m, first + e] = weight
+            if share[i] > 0.0:  # then the keyframe has a z
+                lasting = white * np.sqrt(share[i])
+                for e in range(q):
+                    state[k, m, D - q + e] = lasting * basis[m, e]
+                    value[k, m] += lasting * basis[m, e] * at.aux[k, at.aux.shape[1] - q + e]
     return value, state, shared

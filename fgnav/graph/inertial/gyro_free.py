@@ -12,6 +12,7 @@ process:
     velocity    v_1 - v_0 - (g - 2 w_earth x v_0) T - R_0 sum Exp(theta_i) f_i dt
     bias        b_1 - b_0
     process     x_1 - m - F (x_0 - m)
+    multipath   z_1 - F z_0, of an array whose phases err lastingly (``multipath``), q rows more
 
 ``f_i`` is the specific force less b_0 in the middle of sub-step i, and ``theta_i`` the cubic
 Hermite path from 0 with slope w_0 to theta with slope ``J_r^-1(theta) w_1``. Rotation and process
@@ -35,6 +36,7 @@ from fgnav.graph import keys
 from fgnav.graph.inertial import gyro_free_kernel as kernel
 from fgnav.graph.inertial.gyro_free_kernel import ROWS, Filled, Rows
 from fgnav.graph.inertial.increments import increments, parents
+from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.inertial.path_kernel import Intervals
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import LinearisedMotion, NoiseParts
@@ -72,6 +74,8 @@ class GyroFree:
     rate_column : int
         First column of the mean rate among the constants.
     constants : Constants
+    multipath : Multipath or None
+        Lasting error of the array's phases, at the keyframes.
     """
 
     t_s: FloatArray
@@ -84,6 +88,7 @@ class GyroFree:
     accelerometer_noise: FloatArray
     rate_column: int
     constants: Constants
+    multipath: Multipath | None = None
     _intervals: Intervals = field(init=False, repr=False)
     _buffer: "_Buffer" = field(init=False, repr=False)
 
@@ -109,12 +114,13 @@ class GyroFree:
         if not 0 <= self.rate_column <= self.constants.width - 3:
             raise BadInputError("gyro-free rate_column: the mean rate is not among the constants")
         object.__setattr__(self, "_intervals", self._prepared())
-        object.__setattr__(self, "_buffer", _Buffer.empty())
+        object.__setattr__(self, "_buffer", _Buffer.empty(self._lasting))
 
     def _prepared(self) -> Intervals:
         cut = increments(self.imu, self.t_s, self.sub_steps)
         span_s = np.diff(self.t_s)
         F, H, W = matern.intervals(span_s, self.poles_per_s)
+        lasting, white = self._lasting_transition()
         walk = self.imu.accelerometer_bias_walk_mps2_per_sqrt_s
         return Intervals(
             span_s=span_s,
@@ -129,12 +135,24 @@ class GyroFree:
             sigma_radps=np.sqrt(self.variance_rad2ps2),
             force_white=_force_white(span_s, self.accelerometer_noise),
             walk_white=1 / (walk * np.sqrt(span_s)),
+            lasting=_contiguous(lasting),
+            lasting_white=_contiguous(white),
         )
+
+    def _lasting_transition(self) -> tuple[FloatArray, FloatArray]:
+        if self.multipath is None:
+            return np.zeros((len(self.t_s) - 1, 0, 0)), np.zeros((len(self.t_s) - 1, 0, 0))
+        return self.multipath.transition()
+
+    @property
+    def _lasting(self) -> int:
+        """Dimensions of the array's lasting error, q."""
+        return 0 if self.multipath is None else self.multipath.size
 
     @property
     def aux(self) -> int:
         """Dimensions of ``States.aux``."""
-        return _VECTOR
+        return _VECTOR + self._lasting
 
     @property
     def mean_rate(self) -> slice:
@@ -143,40 +161,41 @@ class GyroFree:
 
     def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
         """Return whitened residuals of some intervals, (j,), between states, j of each."""
-        out, mean = _room(len(intervals)), before.constants[self.mean_rate].copy()
+        out, mean = _room(len(intervals), self._lasting), before.constants[self.mean_rate].copy()
         kernel.linearise(
             _indices(intervals), self._intervals, _rows(before), _rows(after), mean, out
         )
-        shared = np.zeros((len(intervals), ROWS, len(before.constants)))
+        shared = np.zeros((len(intervals), ROWS + self._lasting, len(before.constants)))
         shared[:, :, self.mean_rate] = out.by_mean
         return LinearisedMotion(out.value[:, :, 0], out.before, out.after, shared)
 
     def predict(self, before: States, intervals: IntArray) -> States:
-        """Return the states that intervals, (j,), lead to: all 21 rows are zero there."""
+        """Return the states that intervals, (j,), lead to: all rows are zero there."""
         after = Rows(*(np.empty(part.shape) for part in before[:4]))
         mean = before.constants[self.mean_rate].copy()
         kernel.predict(_indices(intervals), self._intervals, _rows(before), mean, after)
         return States(*after, constants=before.constants)
 
     def rates_b_radps(self, t_s: FloatArray, aux: FloatArray) -> FloatArray:  # noqa: ARG002
-        """Return body rates against inertial space, (m, 3), of states' ``aux``, (m, 12)."""
+        """Return body rates against inertial space, (m, 3), of states' ``aux``, (m, 12 + q)."""
         return aux[:, 3:6]
 
     def prior(self, constants: int) -> tuple[FloatArray, FloatArray]:
-        """Return mean, (12,), and whitening rows, (12, 12 + b), of the first keyframe's ``aux``.
+        """Return mean, (a,), and whitening rows, (a, a + b), of the first keyframe's ``aux``.
 
         The bias by its 1-sigma; rate less mean rate, and derivatives, by the process's stationary
         covariance. The mean rate has a prior of its own.
         """
-        rows = np.zeros((_VECTOR, _VECTOR + constants))
+        aux = self.aux
+        rows = np.eye(aux, aux + constants)
         rows[range(3), range(3)] = 1 / self.imu.accelerometer_bias_mps2
         white = np.linalg.inv(np.linalg.cholesky(matern.stationary(self.poles_per_s[0])))
         for i in range(3):
             own = [3 + i, 6 + i, 9 + i]
             weighted = white / np.sqrt(self.variance_rad2ps2[0, i])
             rows[np.ix_(own, own)] = weighted
-            rows[own, _VECTOR + self.rate_column + i] = -weighted[:, 0]
-        return np.zeros(_VECTOR), rows
+            rows[own, aux + self.rate_column + i] = -weighted[:, 0]
+        return np.zeros(aux), rows
 
     def log_white(self, intervals: IntArray) -> float:
         """Return the log determinants of the process's whitening in some intervals, summed.
@@ -196,11 +215,13 @@ class GyroFree:
         span_s, noise = np.diff(self.t_s), self.accelerometer_noise
         own = np.isclose(noise, self.imu.accelerometer_noise_mps2_per_sqrt_hz**2)
         third = self._intervals.force_white[:, 2] ** 2 * noise * span_s**3 / 12
-        share: FloatArray = np.zeros((len(span_s), 2, ROWS))
+        share: FloatArray = np.zeros((len(span_s), 2, ROWS + self._lasting))
         share[own, 0, 3:6], share[own, 0, 6:9], share[:, 1, 9:12] = third[own, None], 1.0, 1.0
-        parts = share[..., None] * np.eye(ROWS)
+        parts = share[..., None] * np.eye(ROWS + self._lasting)
         return NoiseParts(
-            ("accelerometer", "accelerometer bias"), parts, np.eye(ROWS) - parts.sum(axis=1)
+            ("accelerometer", "accelerometer bias"),
+            parts,
+            np.eye(ROWS + self._lasting) - parts.sum(axis=1),
         )
 
     def factors(
@@ -212,7 +233,7 @@ class GyroFree:
         names = [symbol(key) for key in (key_before, key_after) for symbol in symbols]
         names.append(keys.constant(self.constants.first.index(self.rate_column)))
         error = _IntervalError(self._intervals, np.array([k]), tuple(names), self._buffer)
-        return (gtsam.CustomFactor(_unit(), names, error),)
+        return (gtsam.CustomFactor(_unit(ROWS + self._lasting), names, error),)
 
     def at_times(self, t_s: FloatArray) -> "GyroFree":
         """Return the same motion between other keyframes, (m,), the present ones among them.
@@ -228,6 +249,7 @@ class GyroFree:
             poles_per_s=self.poles_per_s[part],
             variance_rad2ps2=self.variance_rad2ps2[part],
             accelerometer_noise=self.accelerometer_noise[part],
+            multipath=None if self.multipath is None else self.multipath.at_times(t_s),
         )
 
 
@@ -242,13 +264,13 @@ class _Buffer:
     blocks: tuple[FloatArray, ...]  # derivatives by each of the factor's keys
 
     @classmethod
-    def empty(cls) -> "_Buffer":
+    def empty(cls, lasting: int) -> "_Buffer":
         """Return room for one interval."""
         before, after = (
-            Rows(np.empty((1, 3, 3)), np.empty((1, 3)), np.empty((1, 3)), np.empty((1, _VECTOR)))
+            Rows(np.empty((1, 3, 3)), *(np.empty((1, m)) for m in (3, 3, _VECTOR + lasting)))
             for _ in range(2)
         )
-        out, parts = _room(1), (slice(0, 6), slice(6, AUX), slice(AUX, ROWS))
+        out, parts = _room(1, lasting), (slice(0, 6), slice(6, AUX), slice(AUX, None))
         blocks = [E[0][:, part] for E in (out.before, out.after) for part in parts]
         return cls(before, after, np.empty(3), out, (*blocks, out.by_mean[0]))
 
@@ -268,7 +290,7 @@ class _IntervalError:
         values: gtsam.Values,
         jacobians: Any | None,  # noqa: ANN401  # gtsam.JacobianVector
     ) -> NDArray[np.float64]:
-        """Return the whitened residual, (21,); fill derivatives where they are asked for."""
+        """Return the whitened residual, (D,); fill derivatives where they are asked for."""
         room, names = self.buffer, self.names
         _read(room.before, values, names[0], names[1], names[2])
         _read(room.after, values, names[3], names[4], names[5])
@@ -289,12 +311,11 @@ def _read(into: Rows, values: gtsam.Values, pose: int, velocity: int, vector: in
     into.aux[0] = values.atVector(vector)
 
 
-def _room(j: int) -> Filled:
+def _room(j: int, lasting: int) -> Filled:
     """Return room for the residuals and derivatives of j intervals."""
-    square = (j, ROWS, ROWS)
-    return Filled(
-        np.empty((j, ROWS, 1)), np.empty(square), np.empty(square), np.empty((j, ROWS, 3))
-    )
+    D = ROWS + lasting
+    square = (j, D, D)
+    return Filled(np.empty((j, D, 1)), np.empty(square), np.empty(square), np.empty((j, D, 3)))
 
 
 def _rows(states: States) -> Rows:
@@ -325,6 +346,6 @@ def _force_white(span_s: FloatArray, noise: FloatArray) -> FloatArray:
 
 
 @cache
-def _unit() -> gtsam.noiseModel.Unit:
+def _unit(rows: int) -> gtsam.noiseModel.Unit:
     """Return the noise of whitened rows, one for all intervals."""
-    return gtsam.noiseModel.Unit.Create(ROWS)
+    return gtsam.noiseModel.Unit.Create(rows)

@@ -17,6 +17,7 @@ from fgnav.graph.inertial.path_kernel import (
 from fgnav.kernels.compiled import inlined, inner, kernel
 
 ROWS = 21  # rotation, position, velocity, accelerometer bias, rate and its two derivatives
+# After them stand those of the array's lasting error, q: D is 21 + q.
 
 
 class Rows(NamedTuple):
@@ -25,16 +26,16 @@ class Rows(NamedTuple):
     R_nb: FloatArray  # (j, 3, 3)
     p_n_m: FloatArray  # (j, 3)
     v_n_mps: FloatArray  # (j, 3)
-    aux: FloatArray  # (j, 12)
+    aux: FloatArray  # (j, 12 + q)
 
 
 class Filled(NamedTuple):
     """Where whitened residuals and derivatives of j intervals go; as ``LinearisedMotion``."""
 
-    value: FloatArray  # (j, 21, 1)
-    before: FloatArray  # (j, 21, 21)
-    after: FloatArray  # (j, 21, 21)
-    by_mean: FloatArray  # (j, 21, 3)
+    value: FloatArray  # (j, D, 1)
+    before: FloatArray  # (j, D, D)
+    after: FloatArray  # (j, D, D)
+    by_mean: FloatArray  # (j, D, 3)
 
 
 @kernel
@@ -63,6 +64,7 @@ def linearise(
         _process_rows(of, k, row, before, after, mean, out)
         _force_rows(of, k, row, before, after, path, out)
         _bias_rows(of.walk_white[k], row, before, after, out)
+        _lasting_rows(of.lasting[k], of.lasting_white[k], row, before, after, out)
         _whiten(of, k, out.value[row])
         _whiten(of, k, out.before[row])
         _whiten(of, k, out.after[row])
@@ -76,6 +78,7 @@ def predict(which: IntArray, of: Intervals, before: Rows, mean: FloatArray, afte
     for row in range(len(which)):
         k = which[row]
         T, x, y = of.span_s[k], before.aux[row], after.aux[row]
+        _lead_lasting(of.lasting[k], x, y)
         for i in range(3):
             y[i] = x[i]
             for p in range(3):
@@ -219,9 +222,36 @@ def _bias_rows(white: float, row: int, before: Rows, after: Rows, out: Filled) -
         out.value[row, i, 0] = white * (after.aux[row, i - 9] - before.aux[row, i - 9])
 
 
+@inlined
+def _lead_lasting(F: FloatArray, x: FloatArray, y: FloatArray) -> None:
+    """Set the array's lasting error to ``F z_0``."""
+    for i in range(len(F)):
+        y[12 + i] = 0.0
+        for j in range(len(F)):
+            y[12 + i] += F[i, j] * x[12 + j]
+
+
+@inlined
+def _lasting_rows(
+    F: FloatArray, white: FloatArray, row: int, before: Rows, after: Rows, out: Filled
+) -> None:
+    """Fill the rows of the array's lasting error, whitened: ``z_1 - F z_0``."""
+    q = len(F)
+    for i in range(q):
+        total = 0.0
+        for j in range(q):
+            led = 0.0
+            for m in range(i + 1):  # whitening is lower triangular
+                led += white[i, m] * F[m, j]
+            out.before[row, ROWS + i, ROWS + j] = -led
+            out.after[row, ROWS + i, ROWS + j] = white[i, j]
+            total += white[i, j] * after.aux[row, 12 + j] - led * before.aux[row, 12 + j]
+        out.value[row, ROWS + i, 0] = total
+
+
 @inner
 def _whiten(of: Intervals, k: int, E: FloatArray) -> None:
-    """Whiten the rows of the process and of the specific force in place, (21, c)."""
+    """Whiten the rows of the process and of the specific force in place, (D, c)."""
     W, force = of.white[k], of.force_white[k]
     for i in range(3):
         weight = 1 / of.sigma_radps[k, i]
@@ -238,8 +268,8 @@ def _whiten(of: Intervals, k: int, E: FloatArray) -> None:
 @inlined
 def _clear(row: int, out: Filled) -> None:
     """Set derivatives to zero."""
-    for i in range(ROWS):
-        for j in range(ROWS):
+    for i in range(out.before.shape[1]):
+        for j in range(out.before.shape[1]):
             out.before[row, i, j] = out.after[row, i, j] = 0.0
         for j in range(3):
             out.by_mean[row, i, j] = 0.0

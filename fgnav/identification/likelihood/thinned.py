@@ -158,4 +158,6 @@ def _between(motion: Motion, rows: IntArray) -> Motion:
     for name in ("poles_per_s", "variance_rad2ps2", "accelerometer_noise"):
         changed[name] = getattr(motion, name)[rows[:-1]]
     changed["gravity_n_mps2"] = motion.gravity_n_mps2[rows]
+    if motion.multipath is not None:
+        changed["multipath"] = motion.multipath.on(rows)
     return replace(motion, **changed)

@@ -20,21 +20,11 @@ _FORMAT = "fgnav estimate 1"
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class RecordedEstimate:
-    """An estimate with what fixes its frame and its clock.
-
-    Attributes
-    ----------
-    flight : str
-    start_gps_s : float
-        GPS time of ``t_s = 0``, s since 1980-01-06.
-    origin : Origin
-        Of the frame ``n``.
-    estimate : Estimate
-    """
+    """An estimate with what fixes its frame and its clock."""
 
     flight: str
-    start_gps_s: float
-    origin: Origin
+    start_gps_s: float  # GPS time of ``t_s = 0``, s since 1980-01-06
+    origin: Origin  # of the frame ``n``
     estimate: Estimate
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.geometry.earth import Origin
 from fgnav.io.antennas import chosen, merge, named_alike
+from fgnav.io.atomic_write import atomic_folder
 from fgnav.io.flight import networks, series, usual_noise
 from fgnav.io.flight import toml as flight_toml
 from fgnav.io.flight import writer as flight_writer
@@ -115,7 +116,10 @@ def save_flight(flight: Flight, folder: Path | str, *, rinex: RinexVersion = "3.
     BadInputError
         If the folder holds something, or a value does not fit into its file's columns.
     """
-    flight_writer.write_folder(flight, Path(folder), rinex)
+    flight_writer.check_empty(Path(folder))
+    with atomic_folder(Path(folder)) as new:
+        table = flight_writer.write_parts(flight, new, rinex)
+        flight_toml.write_flight_toml(new / flight_writer.FILE_NAME, table)
 
 
 def _toml(path: Path) -> Path:
@@ -223,12 +227,8 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
 
 
 def _vehicle(table: VehicleTable) -> WheeledVehicle:
-    return WheeledVehicle(
-        position_b_m=np.array(table.position_b_m),
-        position_sigma_m=table.position_sigma_m,
-        slip_mps=table.slip_mps,
-        axes_sigma_rad=float(np.radians(table.axes_sigma_deg)),
-    )
+    axes_sigma_rad = float(np.radians(table.axes_sigma_deg))
+    return WheeledVehicle(**series.values_of(table, WheeledVehicle), axes_sigma_rad=axes_sigma_rad)
 
 
 def _rinex(
@@ -279,13 +279,7 @@ def _gnss_noise(gnss: GnssTable) -> GnssNoise:
         "phase_m": gnss.phase_noise_m,
         "doppler_mps": gnss.doppler_noise_mps,
     }
-    return replace(
-        usual_noise.gnss_noise(stated),
-        elevation_weights=gnss.elevation_weights,
-        wind_up=gnss.wind_up,
-        satellite_error_rate_mps=gnss.satellite_error_rate_mps,
-        satellite_error_walk_m_per_sqrt_s=gnss.satellite_error_walk_m_per_sqrt_s,
-    )
+    return replace(usual_noise.gnss_noise(stated), **series.values_of(gnss, GnssNoise))
 
 
 def _read(folder: Path, name: str, kind: str) -> dict[str, FloatArray]:

@@ -1,7 +1,9 @@
 """Columns of samples as parts of a flight, whoever has read them: files of a folder, importers."""
 
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +26,7 @@ from fgnav.io.flight.columns import (
 from fgnav.io.flight.local_frame import attitude_to_n, columns_to_vectors, place_to_n, velocity_to_n
 from fgnav.io.flight.mounting import mounting
 from fgnav.io.flight.toml import BarometerKeys, ImuKeys, MagnetometerKeys
+from fgnav.io.strict_toml import Table
 from fgnav.types.flight import Fixes, Imu, LinkIntegers, Truth, TruthSource
 from fgnav.types.surroundings import Barometer, Magnetometer
 
@@ -40,6 +43,13 @@ COLUMNS: Mapping[str, tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]] = {
     ),
 }
 LEAST_SIGMA = 1e-6  # m, m/s, deg: no receiver knows its place or velocity better
+
+
+def values_of(table: Table, record: type[Any]) -> dict[str, Any]:
+    """Return the values of a table that a record has fields of the same names for, as arrays."""
+    names = [one.name for one in fields(record) if hasattr(table, one.name)]
+    values = {name: getattr(table, name) for name in names}
+    return {n: np.array(v) if isinstance(v, tuple) else v for n, v in values.items()}
 
 
 def imu(samples: Mapping[str, FloatArray], table: ImuKeys) -> Imu:
@@ -75,7 +85,6 @@ def fixes(
     Parameters
     ----------
     samples : mapping of str to ndarray, shape (k,)
-    origin : Origin
     antenna : str
         Whose they are.
     where : Path or str
@@ -134,11 +143,7 @@ def barometer(samples: Mapping[str, FloatArray], table: BarometerKeys) -> Barome
     return Barometer(
         t_s=samples["t_s"],
         height_m=samples[HEIGHT[0]],
-        position_b_m=np.array(table.position_b_m),
-        noise_m=table.noise_m,
-        offset_m=table.offset_m,
-        wander_m=table.wander_m,
-        wander_time_s=table.wander_time_s,
+        **values_of(table, Barometer),
     )
 
 
@@ -147,9 +152,7 @@ def magnetometer(samples: Mapping[str, FloatArray], table: MagnetometerKeys) -> 
     return Magnetometer(
         t_s=samples["t_s"],
         field_b_ut=columns_to_vectors(samples, FIELD),
-        field_n_ut=np.array(table.field_n_ut),
-        noise_ut=table.noise_ut,
-        hard_iron_ut=table.hard_iron_ut,
+        **values_of(table, Magnetometer),
     )
 
 

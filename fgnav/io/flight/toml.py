@@ -193,14 +193,6 @@ class FlightTable(Table, frozen=True, kw_only=True):
 def read_flight_toml(path: Path) -> FlightTable:
     """Read and check ``flight.toml``.
 
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    FlightTable
-
     Raises
     ------
     BadInputError
@@ -249,7 +241,6 @@ def write_flight_toml(path: Path, table: Table, comments: Mapping[str, str] | No
 
     Parameters
     ----------
-    path : Path
     table : FlightTable
         Or another table of tables.
     comments : mapping of str to str

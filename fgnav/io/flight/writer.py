@@ -1,15 +1,15 @@
-"""A flight written as a folder that appears whole or not at all."""
+"""The files of a flight, written into a folder, and what its flight.toml says of them."""
 
 import re
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import msgspec
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.earth import Origin
-from fgnav.io.atomic_write import atomic_folder
 from fgnav.io.flight import columns, networks
 from fgnav.io.flight import toml as flight_toml
 from fgnav.io.flight.integers import write_integers
@@ -24,28 +24,7 @@ from fgnav.types.flight import Flight
 FILE_NAME = "flight.toml"
 _PLAIN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
 _TAKEN = ("base", "broadcast")
-
-
-def write_folder(flight: Flight, folder: Path, rinex: RinexVersion = "3.04") -> None:
-    """Write a flight.
-
-    Parameters
-    ----------
-    flight : Flight
-    folder : Path
-        Must not exist, or be empty.
-    rinex : {"3.04", "4.00"}
-        Version of observation and navigation files.
-
-    Raises
-    ------
-    BadInputError
-        If the folder holds something, cannot be made, or a value does not fit into its file.
-    """
-    check_empty(folder)
-    with atomic_folder(folder) as new:
-        table = write_parts(flight, new, rinex)
-        flight_toml.write_flight_toml(new / FILE_NAME, table)
+_T = TypeVar("_T", bound=msgspec.Struct)
 
 
 def check_empty(folder: Path) -> None:
@@ -126,6 +105,14 @@ def _vector(value: FloatArray) -> Vector:
     return x, y, z
 
 
+def _keys(table: type[_T], record: object, **others: Any) -> _T:  # noqa: ANN401  # values of keys
+    """Return a table with others' values, and those that a record has by the same names."""
+    names = (name for name in table.__struct_fields__ if name not in others)
+    own = {name: getattr(record, name) for name in names if hasattr(record, name)}
+    arrays = {n: _vector(value) for n, value in own.items() if isinstance(value, np.ndarray)}
+    return table(**(own | arrays | others))
+
+
 def _antennas(
     flight: Flight, folder: Path, rinex: RinexVersion
 ) -> tuple[flight_toml.AntennaTable, ...]:
@@ -147,12 +134,7 @@ def _antennas(
                 position_e_m=flight.origin.p_e_m,
                 version=rinex,
             )
-        position_b_m = _vector(antenna.position_b_m)
-        tables.append(
-            flight_toml.AntennaTable(
-                name=antenna.name, position_b_m=position_b_m, observations=file_name
-            )
-        )
+        tables.append(_keys(flight_toml.AntennaTable, antenna, observations=file_name))
     return tuple(tables)
 
 
@@ -167,9 +149,7 @@ def _gnss(flight: Flight, folder: Path, rinex: RinexVersion) -> flight_toml.Gnss
         write_precise(folder / "precise.sp3", flight.precise, start_gps_s=start_gps_s)
     base = None
     if flight.base is not None:
-        base = flight_toml.BaseTable(
-            observations="base.rnx", position_e_m=_vector(flight.base.position_e_m)
-        )
+        base = _keys(flight_toml.BaseTable, flight.base, observations="base.rnx")
         write_observations(
             folder / "base.rnx",
             flight.base.observations,
@@ -180,17 +160,15 @@ def _gnss(flight: Flight, folder: Path, rinex: RinexVersion) -> flight_toml.Gnss
             version=rinex,
         )
     noise = flight.gnss_noise
-    return flight_toml.GnssTable(
+    return _keys(
+        flight_toml.GnssTable,
+        noise,
         navigation=("broadcast.rnx",) if flight.broadcast is not None else (),
         orbits=("precise.sp3",) if flight.precise is not None else (),
         elevation_mask_deg=float(np.degrees(flight.elevation_mask_rad)),
         code_noise_m=None if "code_m" in noise.unstated else noise.code_m,
         phase_noise_m=None if "phase_m" in noise.unstated else noise.phase_m,
         doppler_noise_mps=None if "doppler_mps" in noise.unstated else noise.doppler_mps,
-        elevation_weights=noise.elevation_weights,
-        wind_up=noise.wind_up,
-        satellite_error_rate_mps=noise.satellite_error_rate_mps,
-        satellite_error_walk_m_per_sqrt_s=noise.satellite_error_walk_m_per_sqrt_s,
         base=base,
     )
 
@@ -215,12 +193,7 @@ def _imu(flight: Flight, folder: Path) -> flight_toml.ImuTable | None:
         (columns.RATE, imu.w_b_radps),
     )
     noise: dict[str, Any] = {n: None if n in imu.unstated else getattr(imu, n) for n in IMU}
-    return flight_toml.ImuTable(
-        samples="imu.csv",
-        position_b_m=_vector(imu.position_b_m),
-        clock_offset_sigma_s=imu.clock_offset_sigma_s,
-        **noise,
-    )
+    return _keys(flight_toml.ImuTable, imu, samples="imu.csv", **noise)
 
 
 def _fixes(flight: Flight, folder: Path) -> flight_toml.FixesTable | None:
@@ -254,12 +227,12 @@ def _seeker(flight: Flight, folder: Path) -> flight_toml.SeekerTable | None:
     _write(folder / "seeker.csv", seeker.t_s, (columns.CURRENTS, seeker.currents))
     calibration = dict(zip(columns.CALIBRATION, seeker.calibration.T, strict=True))
     write_table(folder / "quadrant.csv", calibration, columns.FORMATS)
-    return flight_toml.SeekerTable(
+    landmark = _place(place_of_n(flight.origin, seeker.landmark_n_m[None])[0])
+    return _keys(
+        flight_toml.SeekerTable,
+        seeker,
         samples="seeker.csv",
-        position_b_m=_vector(seeker.position_b_m),
-        landmark=_place(place_of_n(flight.origin, seeker.landmark_n_m[None])[0]),
-        detector_radius_m=seeker.detector_radius_m,
-        focal_length_m=seeker.focal_length_m,
+        landmark=landmark,
         calibration="quadrant.csv",
     )
 
@@ -270,14 +243,7 @@ def _barometer(flight: Flight, folder: Path) -> flight_toml.BarometerTable | Non
         return None
     heights_m = barometer.height_m[:, None]
     _write(folder / "barometer.csv", barometer.t_s, (columns.HEIGHT, heights_m))
-    return flight_toml.BarometerTable(
-        samples="barometer.csv",
-        position_b_m=_vector(barometer.position_b_m),
-        noise_m=barometer.noise_m,
-        offset_m=barometer.offset_m,
-        wander_m=barometer.wander_m,
-        wander_time_s=barometer.wander_time_s,
-    )
+    return _keys(flight_toml.BarometerTable, barometer, samples="barometer.csv")
 
 
 def _magnetometer(flight: Flight, folder: Path) -> flight_toml.MagnetometerTable | None:
@@ -285,25 +251,15 @@ def _magnetometer(flight: Flight, folder: Path) -> flight_toml.MagnetometerTable
     if sensor is None:
         return None
     _write(folder / "magnetometer.csv", sensor.t_s, (columns.FIELD, sensor.field_b_ut))
-    return flight_toml.MagnetometerTable(
-        samples="magnetometer.csv",
-        field_n_ut=_vector(sensor.field_n_ut),
-        noise_ut=sensor.noise_ut,
-        hard_iron_ut=sensor.hard_iron_ut,
-    )
+    return _keys(flight_toml.MagnetometerTable, sensor, samples="magnetometer.csv")
 
 
 def _vehicle(flight: Flight) -> flight_toml.VehicleTable | None:
     vehicle = flight.vehicle
     if vehicle is None:
         return None
-    return flight_toml.VehicleTable(
-        kind="wheeled",
-        position_b_m=_vector(vehicle.position_b_m),
-        position_sigma_m=vehicle.position_sigma_m,
-        slip_mps=vehicle.slip_mps,
-        axes_sigma_deg=float(np.degrees(vehicle.axes_sigma_rad)),
-    )
+    leaning_deg = float(np.degrees(vehicle.axes_sigma_rad))
+    return _keys(flight_toml.VehicleTable, vehicle, kind="wheeled", axes_sigma_deg=leaning_deg)
 
 
 def _initial(flight: Flight) -> flight_toml.InitialTable | None:

@@ -41,7 +41,6 @@ class Importer(Protocol):
 
         Parameters
         ----------
-        path : Path
         settings : Settings
             What the user says about the files.
         scratch : Path

@@ -27,23 +27,13 @@ _OPTIONAL = ("barometer", "magnetometer")  # whose noise no log states
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Assembled:
-    """A flight to be written.
+    """A flight to be written."""
 
-    Attributes
-    ----------
-    flight : Flight
-        Without observations: RINEX files are copied as they are.
-    observations : tuple of Path
-        One an antenna, or none.
-    navigation, orbits : tuple of Path
-    notes, missing : mapping of str to str
-        What the user should know, and what he must state, by the key of flight.toml.
-    """
-
-    flight: Flight
-    observations: tuple[Path, ...]
+    flight: Flight  # without observations: RINEX files are copied as they are
+    observations: tuple[Path, ...]  # one an antenna, or none
     navigation: tuple[Path, ...]
     orbits: tuple[Path, ...]
+    # notes, missing: what the user should know, and what he must state, by the key of flight.toml
     notes: dict[str, str]
     missing: dict[str, str]
 
@@ -224,7 +214,6 @@ def write(
 
     Parameters
     ----------
-    assembled : Assembled
     folder : Path
         Must not exist, or be empty.
     verify : bool

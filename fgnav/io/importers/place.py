@@ -31,10 +31,8 @@ def origin_of(
     ----------
     tables : mapping
         By kind, as of a ``Recording``.
-    observations : sequence of Path
     orbits : tuple of two sequences of Path
         Navigation files, and SP3 files.
-    start_gps_s : float
     """
     for kind in ("fixes", "truth"):
         if kind in tables:

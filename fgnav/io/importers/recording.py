@@ -39,7 +39,6 @@ class Recording:
         Noise that the format's unit is known for, by the names of ``[imu]`` in flight.toml.
     observations, navigation, orbits : tuple of Path
         RINEX observation files, one an antenna; navigation files; SP3 files.
-    losses : tuple of Loss
     notes, missing : mapping of str to str
         What a user should know, and what he must state, by the key of flight.toml that it is about.
     """
@@ -83,7 +82,6 @@ def cleaned(kind: str, table: Samples, source: Path) -> tuple[dict[str, FloatArr
     kind : str
         Of the table, for texts.
     table : mapping of str to ndarray, shape (k,)
-    source : Path
 
     Raises
     ------

@@ -22,38 +22,20 @@ Kind = Literal["observations", "navigation"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Header:
-    """What the head of a RINEX file says.
-
-    Attributes
-    ----------
-    path : Path
-    kind : {"observations", "navigation"}
-    version : float
-    system : str
-        Letter of the constellation, ``M`` for mixed.
-    types : dict of str to tuple of str
-        Observation types by letter of the constellation; all letters share one tuple in RINEX 2.
-    time_system : str
-        ``GPS``, ``GLO``, ``GAL``, ``QZS``, ``BDT``; of observations.
-    last_us : int or None
-        Announced last epoch, microseconds since 1980-01-06 in the file's time system.
-    interval_s : float or None
-        Announced time between epochs.
-    klobuchar : tuple of float
-        GPS ionosphere, alpha and beta; zeros where absent.
-    size, lines : int
-        Bytes and lines of the head, its last line included.
-    """
+    """What the head of a RINEX file says."""
 
     path: Path
     kind: Kind
     version: float
-    system: str
+    system: str  # letter of the constellation, ``M`` for mixed
+    # observation types by letter of the constellation; all letters share one tuple in RINEX 2
     types: dict[str, tuple[str, ...]]
-    time_system: str
+    time_system: str  # ``GPS``, ``GLO``, ``GAL``, ``QZS``, ``BDT``; of observations
+    # announced last epoch, microseconds since 1980-01-06 in the file's time system
     last_us: int | None
-    interval_s: float | None
-    klobuchar: tuple[float, ...]
+    interval_s: float | None  # announced time between epochs
+    klobuchar: tuple[float, ...]  # GPS ionosphere, alpha and beta; zeros where absent
+    # size, lines: bytes and lines of the head, its last line included
     size: int
     lines: int
 
@@ -69,10 +51,6 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
         The whole file.
     kind : {"observations", "navigation"}
         What the caller expects.
-
-    Returns
-    -------
-    Header
 
     Raises
     ------

@@ -55,7 +55,6 @@ def to_broadcast(
         Of the files, in order.
     decoded : Decoded
         Their records of RTKLIB's ``Message``.
-    start_gps_s : float
 
     Returns
     -------

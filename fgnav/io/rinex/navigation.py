@@ -23,43 +23,18 @@ _PROBLEMS = {
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class NavigationScan:
-    """The messages of a navigation file that can be decoded, and the count of the others.
+    """The messages of a navigation file that can be decoded, and the count of the others."""
 
-    Attributes
-    ----------
-    satellites : ndarray of str, shape (k,)
-        RINEX names, in the order of the file.
-    text : ndarray of uint8
-        A RINEX file of these messages alone.
-    klobuchar : ndarray, shape (8,)
-        GPS ionosphere, alpha and beta.
-    losses : tuple of Loss
-        What stands in the file and is not used.
-    """
-
-    satellites: NDArray[np.str_]
-    text: Bytes
-    klobuchar: NDArray[np.float64]
-    losses: tuple[Loss, ...]
+    satellites: NDArray[np.str_]  # (k,); RINEX names, in the order of the file
+    text: Bytes  # a RINEX file of these messages alone
+    klobuchar: NDArray[np.float64]  # (8,); GPS ionosphere, alpha and beta
+    losses: tuple[Loss, ...]  # what stands in the file and is not used
 
 
 def scan_navigation(header: Header, text: Bytes) -> NavigationScan:
     """Check the body of a navigation file and take the messages that can be decoded.
 
-    Parameters
-    ----------
-    header : Header
-    text : ndarray of uint8
-        The whole file, plain.
-
-    Returns
-    -------
-    NavigationScan
-
-    Raises
-    ------
-    BadInputError
-        Naming file, line, rule and value, at the first fault.
+    Parameters and errors are those of ``fgnav.io.rinex.scan.scan_observations``.
     """
     from fgnav.io.rinex.navigation_kernel import scan_messages  # noqa: PLC0415  # lazy: numba
 

@@ -29,14 +29,11 @@ def to_observations(
 
     Parameters
     ----------
-    header : Header
-    scan : Scan
     choice : SignalChoice
         The signal of each slot; empty for RINEX 2, where each record names its own.
     records : ndarray of RTKLIB's ``Record``, shape (k,)
     decoded : Decoded
         The names of RTKLIB's numbers.
-    start_gps_s : float
 
     Returns
     -------

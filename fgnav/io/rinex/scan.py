@@ -80,13 +80,8 @@ def scan_observations(header: Header, text: Bytes) -> Scan:
 
     Parameters
     ----------
-    header : Header
     text : ndarray of uint8
         The whole file, plain.
-
-    Returns
-    -------
-    Scan
 
     Raises
     ------

@@ -42,8 +42,6 @@ def write_observations(
 
     Parameters
     ----------
-    path : Path
-    observations : Observations
     antenna : int
         Which of its antennas.
     start_gps_s : float
@@ -185,8 +183,6 @@ def write_navigation(
 
     Parameters
     ----------
-    path : Path
-    broadcast : BroadcastOrbits
     start_gps_s : float
         GPS time of ``t_s = 0``.
     version : {"3.04", "4.00"}

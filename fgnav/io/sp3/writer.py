@@ -16,8 +16,6 @@ def write_precise(path: Path, orbits: PreciseOrbits, *, start_gps_s: float) -> N
 
     Parameters
     ----------
-    path : Path
-    orbits : PreciseOrbits
     start_gps_s : float
         GPS time of ``t_s = 0``.
     """

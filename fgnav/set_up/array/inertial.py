@@ -5,9 +5,6 @@ integrated, against the velocity by Doppler. A wrong unit, axis, lever arm or cl
 own trace, so each is tried on its own and the one that fits best is named.
 """
 
-from collections.abc import Iterator
-from itertools import permutations, product
-
 import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
@@ -23,6 +20,7 @@ from fgnav.set_up.array.inertial_motion import (
 )
 from fgnav.set_up.array.quick import Quick
 from fgnav.set_up.findings import Finding
+from fgnav.set_up.track.axes import named_axes, signed_permutations
 from fgnav.types.flight import Flight, Imu
 
 _G_MPS2 = 9.80665  # the unit g
@@ -30,7 +28,6 @@ _LEAP_S = 18  # GPS time ahead of UTC since 2017
 _REACH_S, _STEP_S = 20.0, 0.1  # of the search for the clock's error
 _BETTER = 0.5  # a hypothesis must leave at most this share of the squares of the stated set-up
 _NOSE_FIRST = 0.9  # of the speed
-_AXES = "xyz"
 
 
 def inertial_findings(
@@ -53,15 +50,6 @@ def inertial_findings(
     return [*fine, *_gyroscope_findings(motion)], unchecked
 
 
-def _axes() -> Iterator[FloatArray]:
-    """Yield all ways to exchange and reverse axes, none first."""
-    for order in permutations(range(3)):
-        for signs in product((1.0, -1.0), repeat=3):
-            M = np.zeros((3, 3))
-            M[range(3), order] = signs
-            yield M
-
-
 def _matrix_finding(motion: Motion) -> tuple[float, Finding] | None:
     """Return the unit or the axes that fit best, if it is not the stated set-up."""
     rate_hz = 1.0 / float(np.median(np.diff(motion.imu.t_s)))
@@ -71,7 +59,7 @@ def _matrix_finding(motion: Motion) -> tuple[float, Finding] | None:
     left = {
         (unit, k): regression.fit(dict(enumerate((factor * M).ravel().tolist())) | right)[1]
         for unit, factor in units.items()
-        for k, M in enumerate(_axes())
+        for k, M in enumerate(signed_permutations())
     }
     (unit, k), least = min(left.items(), key=lambda item: item[1])
     share = least / left["", 0]
@@ -85,7 +73,7 @@ def _matrix_finding(motion: Motion) -> tuple[float, Finding] | None:
             "increments": f"accelerations are increments; multiply by the rate, {rate_hz:g} Hz",
         }[unit]
         return least, Finding(name="imu unit", text=f"{what}: {evidence}")
-    return least, _axes_finding(motion, list(_axes())[k], evidence)
+    return least, _axes_finding(motion, signed_permutations()[k], evidence)
 
 
 def _axes_finding(motion: Motion, M: FloatArray, evidence: str) -> Finding:
@@ -101,13 +89,8 @@ def _axes_finding(motion: Motion, M: FloatArray, evidence: str) -> Finding:
         )
         return Finding(name="antenna axes", text=text)
     what = "exchanged" if np.abs(M - np.diag(np.diag(M))).any() else "reversed"
-    text = f"accelerometer axes are {what}: x, y, z should read {_named(M)}; so {evidence}"
+    text = f"accelerometer axes are {what}: x, y, z should read {named_axes(M)}; so {evidence}"
     return Finding(name="imu axes", text=text)
-
-
-def _named(M: FloatArray) -> str:
-    """Return in words which axes a signed permutation reads."""
-    return ", ".join(f"{'-' if row.sum() < 0 else ''}{_AXES[np.abs(row).argmax()]}" for row in M)
 
 
 def _clock_finding(motion: Motion) -> tuple[float, Finding] | None:
@@ -156,7 +139,7 @@ def _gyroscope_findings(motion: Motion) -> list[Finding]:
     left = {
         (unit, k): float(((turn - factor * told @ M.T) ** 2).sum())
         for unit, factor in units.items()
-        for k, M in enumerate(_axes())
+        for k, M in enumerate(signed_permutations())
     }
     (unit, k), least = min(left.items(), key=lambda item: item[1])
     share = least / left["", 0]
@@ -169,5 +152,6 @@ def _gyroscope_findings(motion: Motion) -> list[Finding]:
             "increments": f"rates are increments; multiply by the rate, {rate_hz:g} Hz",
         }[unit]
         return [Finding(name="gyroscope unit", text=f"{what}: {evidence}")]
-    text = f"axes are exchanged or reversed: x, y, z should read {_named(list(_axes())[k])}; "
-    return [Finding(name="gyroscope axes", text=text + evidence)]
+    named = named_axes(signed_permutations()[k])
+    text = f"axes are exchanged or reversed: x, y, z should read {named}; {evidence}"
+    return [Finding(name="gyroscope axes", text=text)]

@@ -21,58 +21,28 @@ _RATE_SPAN_S = 0.4
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Motion:
-    """What does not change between hypotheses.
+    """What does not change between hypotheses."""
 
-    Attributes
-    ----------
-    quick : Quick
-        Of n epochs.
-    imu : Imu
-    grid_s : ndarray, shape (m,)
-        Times at the accelerometer's rate.
-    R_nb : ndarray, shape (m, 3, 3)
-        On the grid.
-    gained_mps : ndarray, shape (n, 3)
-        Velocity less what gravity and Coriolis gave since the first epoch.
-    turning : ndarray, shape (n, 3, 3)
-        Derivative of the attitude, 1/s.
-    rate_covariance : ndarray, shape (n, 3, 3)
-        Of the body rates in it, (rad/s)^2.
-    window : ndarray of int, shape (n,)
-        Stretch of each epoch, over which velocities are compared.
-    arm_b_m : ndarray, shape (3,)
-        From the accelerometer to the first antenna, as stated.
-    """
-
-    quick: Quick
+    quick: Quick  # of n epochs
     imu: Imu
-    grid_s: FloatArray
-    R_nb: FloatArray
+    grid_s: FloatArray  # (m,); times at the accelerometer's rate
+    R_nb: FloatArray  # (m, 3, 3); on the grid
+    # (n, 3); velocity less what gravity and Coriolis gave since the first epoch
     gained_mps: FloatArray
-    turning: FloatArray
-    rate_covariance: FloatArray
-    window: IntArray
-    arm_b_m: FloatArray
+    turning: FloatArray  # (n, 3, 3); derivative of the attitude, 1/s
+    rate_covariance: FloatArray  # (n, 3, 3); of the body rates in it, (rad/s)^2
+    window: IntArray  # (n,); stretch of each epoch, over which velocities are compared
+    arm_b_m: FloatArray  # (3,); from the accelerometer to the first antenna, as stated
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Equations:
-    """Linear equations of velocity, each window's mean taken off: its first one is unknown.
+    """Linear equations of velocity, each window's mean taken off: its first one is unknown."""
 
-    Attributes
-    ----------
-    A : ndarray, shape (k, 3, q)
-    y_mps : ndarray, shape (k, 3)
-    ridge : ndarray, shape (q,)
-        What holds unknowns near 0.
-    epochs : ndarray of int, shape (k,)
-        Of the motion.
-    """
-
-    A: FloatArray
-    y_mps: FloatArray
-    ridge: FloatArray
-    epochs: IntArray
+    A: FloatArray  # (k, 3, q)
+    y_mps: FloatArray  # (k, 3)
+    ridge: FloatArray  # (q,); what holds unknowns near 0
+    epochs: IntArray  # (k,); of the motion
 
     def regression(self) -> Regression:
         """Return their normal equations."""

@@ -17,23 +17,15 @@ _FEWEST = 20  # epochs that say anything of motion
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Quick:
-    """What the GNSS array alone says of a flight, at epochs that have it all.
+    """What the GNSS array alone says of a flight, at epochs that have it all."""
 
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-    R_nb, covariance_rad2 : ndarray, shape (n, 3, 3)
-    p_n_m, v_n_mps : ndarray, shape (n, 3)
-        Of the first antenna.
-    gravity_n_mps2 : ndarray, shape (n, 3)
-    """
-
-    t_s: FloatArray
-    R_nb: FloatArray
-    covariance_rad2: FloatArray
+    t_s: FloatArray  # (n,)
+    R_nb: FloatArray  # (n, 3, 3)
+    covariance_rad2: FloatArray  # (n, 3, 3)
+    # p_n_m, v_n_mps: (n, 3); of the first antenna
     p_n_m: FloatArray
     v_n_mps: FloatArray
-    gravity_n_mps2: FloatArray
+    gravity_n_mps2: FloatArray  # (n, 3)
 
 
 def quick_solve(flight: Flight, differences: DoubleDifferences) -> Quick:

@@ -9,20 +9,11 @@ from fgnav.checks import FloatArray
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Regression:
-    """Normal equations of ``y = A x + noise``.
+    """Normal equations of ``y = A x + noise``."""
 
-    Attributes
-    ----------
-    information : ndarray, shape (q, q)
-    vector : ndarray, shape (q,)
-    constant : float
-        Square sum of ``y``.
-    rows : int
-    """
-
-    information: FloatArray
-    vector: FloatArray
-    constant: float
+    information: FloatArray  # (q, q)
+    vector: FloatArray  # (q,)
+    constant: float  # square sum of ``y``
     rows: int
 
     @staticmethod

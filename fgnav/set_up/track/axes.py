@@ -21,19 +21,12 @@ G_MPS2 = 9.80665  # exact, the unit g
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Reading:
-    """How samples are to be read: factors of units, and axes.
+    """How samples are to be read: factors of units, and axes."""
 
-    Attributes
-    ----------
-    force, rate : float
-        By which samples are to be multiplied; a negative rate is of the other hand.
-    axes : ndarray, shape (3, 3)
-        Signed permutation of the accelerometer's axes to the gyroscope's.
-    """
-
+    # force, rate: by which samples are to be multiplied; a negative rate is of the other hand
     force: float
     rate: float
-    axes: FloatArray
+    axes: FloatArray  # (3, 3); signed permutation of the accelerometer's axes to the gyroscope's
 
     @property
     def as_is(self) -> bool:
@@ -75,8 +68,6 @@ def best_reading(
 
     Parameters
     ----------
-    series : Series
-    imu : Imu
     late_s : tuple of float
         Clocks to try; samples as they are may have the best of them.
     arm_b_m : ndarray, shape (3,)

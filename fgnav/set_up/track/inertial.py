@@ -36,19 +36,19 @@ def track_findings(flight: Flight, imu: Imu, fixes: Fixes) -> tuple[list[Finding
     findings, age = velocity_findings(fixes)
     if imu.w_b_radps is None:
         reason = "without a gyroscope nothing turns specific force between fixes"
-        return findings, [_unchecked("imu axes, lever arm, clock", reason)]
+        return findings, [Finding(name="imu axes, lever arm, clock", text=reason)]
     usable = fixes if not findings else replace(fixes, v_n_mps=None, velocity_sigma_mps=None)
     series = series_of(flight.origin, usable)
     arm_b_m = flight.antenna(fixes.antenna).position_b_m - imu.position_b_m
     judged, integrals = _judged(series, imu, arm_b_m)
     if not judged:
         reason = "too few fixes within the unit's record"
-        return findings, [_unchecked("imu axes, lever arm, clock", reason)]
+        return findings, [Finding(name="imu axes, lever arm, clock", text=reason)]
     main = min(judged, key=lambda one: one.clock.reach_s)
     reading = best_reading(main.series, imu, _clocks(judged), arm_b_m)
     if reading is not None:
         return [*findings, _reading_finding(reading, imu)], [
-            _unchecked("imu clock, lever arm", "until its axes are right")
+            Finding(name="imu clock, lever arm", text="until its axes are right")
         ]
     delay = _delay_finding(judged, age)
     by_position = [one for one in judged if one.series.what == "position"]
@@ -62,7 +62,7 @@ def track_findings(flight: Flight, imu: Imu, fixes: Fixes) -> tuple[list[Finding
         reach_s = main.clock.reach_s
         limit = f"to {reach_s:.2g} s only" if np.isfinite(reach_s) else "not at all"
         reason = f"the motion tells it {limit}"
-        unchecked.append(_unchecked("imu clock", reason))
+        unchecked.append(Finding(name="imu clock", text=reason))
     arm, missing = _arm_findings(main.clock, arm_b_m, flight.antenna(fixes.antenna).position_b_m)
     track = Track(
         t_s=usable.t_s,
@@ -189,7 +189,7 @@ def _arm_findings(
     from scipy.stats import f as fisher  # noqa: PLC0415  # lazy: a slow import
 
     if clock.arm_freedom < 3:
-        return [], [_unchecked("imu lever arm", "too few windows with rotation")]
+        return [], [Finding(name="imu lever arm", text="too few windows with rotation")]
     off_b_m, nu = clock.arm_b_m - stated_b_m, clock.arm_freedom
     covariance = clock.arm_covariance_m2 + 1e-8 * np.eye(3)
     statistic = _squares_beyond(off_b_m, covariance) * (nu - 2) / (3 * nu)
@@ -208,7 +208,9 @@ def _arm_findings(
         )
         return [finding], []
     if sigma_m > _ARM_M:
-        return [], [_unchecked("imu lever arm", f"the motion tells it to {sigma_m:.2f} m only")]
+        return [], [
+            Finding(name="imu lever arm", text=f"the motion tells it to {sigma_m:.2f} m only")
+        ]
     return [], []
 
 
@@ -232,7 +234,3 @@ def _squares_beyond(off_m: FloatArray, covariance_m2: FloatArray) -> float:
     m = np.exp(brentq(beyond, low, high))
     left_m = off_m * m * squares_m2 / (1.0 + m * squares_m2)
     return float((left_m**2 / squares_m2).sum())
-
-
-def _unchecked(name: str, reason: str) -> Finding:
-    return Finding(name=name, text=reason)

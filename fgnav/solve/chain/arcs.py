@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.geometry.rotations import skew
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock
 from fgnav.graph.types.states import POSITION, ROTATION, States
 from fgnav.solve.chain import arcs_kernel, back_kernel, kernel
@@ -219,26 +218,20 @@ def add_phases(
     arcs : sequence of ndarray
         Where the A of each block is linearised; empty: at zero.
     """
-    D, b, lever = at.width, len(at.constants), phase.lever_column
-    place = np.searchsorted(phase.row, rows).clip(max=max(len(phase.row) - 1, 0))
+    D, b, first = at.width, len(at.constants), phase.lever_column
+    place = np.minimum(np.searchsorted(phase.row, rows), max(len(phase.row) - 1, 0))
     for j in np.flatnonzero(phase.row[place] == rows) if len(phase.row) else ():
-        G, H, z = phase.rows[place[j]]
-        arm_b_m, R_nb = phase.arm_b_m[place[j]], at.R_nb[j]
-        if lever >= 0:
-            arm_b_m = arm_b_m + at.constants[lever : lever + 3]
-        # Not as wide as the widest A of the flight: what comes later would change the rounding.
-        end = D + b + H.shape[1]
-        row = np.zeros((len(z), end + 1))
-        turned = G @ R_nb
-        row[:, ROTATION], row[:, POSITION] = -turned @ skew(arm_b_m[None])[0], turned
-        if lever >= 0:
-            row[:, D + lever : D + lever + 3] = turned
-        row[:, D + b : end] = H
-        row[:, -1] = z - G @ (at.p_n_m[j] + R_nb @ arm_b_m)
-        if arcs:
-            row[:, -1] -= H @ arcs[phase.block[place[j]]]
-        taken = np.r_[0:end, node.shape[1] - 1]
-        node[into[j]][taken[:, None], taken] += row.T @ row
+        i = int(place[j])
+        A = arcs[phase.block[i]] if arcs else np.zeros(phase.rows[i].H.shape[1])
+        lever_b_m = at.constants[first : first + 3] if first >= 0 else None
+        value, by_pose, by_lever = phase.linearised(i, at.R_nb[j], at.p_n_m[j], A, lever_b_m)
+        border = node.shape[1] - 1 - D
+        state, shared = np.zeros((1, len(value), D)), np.zeros((1, len(value), border))
+        state[0, :, ROTATION], state[0, :, POSITION] = by_pose[:, :3], by_pose[:, 3:]
+        shared[0, :, b : b + len(A)] = phase.rows[i].H
+        if lever_b_m is not None:
+            shared[0, :, first : first + 3] = by_lever
+        kernel.add_squares(node, into[j : j + 1], value[None], state, shared)
 
 
 def begin(information: FloatArray, block: ArcBlock | None, a: int) -> None:

@@ -86,12 +86,14 @@ def marginals(
     """
     n, D, width = len(covariance), covariance.shape[1], len(end)
     joint, alone, T = end, np.empty((D, D)), end[:D].copy()
+    turned = np.empty((width, D))
     for k in range(n - 1, -1, -1):
         here = covariance[k]
         if k < n - 1:
             _negative_product(gain[k], joint, T)
             _inverse_of_square(root[k], alone)
-            _less_product(alone, T, gain[k])
+            _transpose(gain[k], turned)
+            _less_product(alone, T, turned)
             for i in range(D):
                 for j in range(D):
                     cross[k, i, j] = T[i, j]
@@ -106,26 +108,41 @@ def marginals(
 
 
 @inlined
-def _less_product(out: FloatArray, T: FloatArray, G: FloatArray) -> None:
-    """Take T G' off the lower half of a matrix; G may have more columns."""
+def _transpose(G: FloatArray, out: FloatArray) -> None:
+    """Fill the transpose of G's first columns."""
     for i in range(len(out)):
-        for j in range(i + 1):
-            total = 0.0
-            for c in range(T.shape[1]):
-                total += T[i, c] * G[j, c]
-            out[i, j] -= total
+        for j in range(len(G)):
+            out[i, j] = G[j, i]
+
+
+@inlined
+def _less_product(out: FloatArray, A: FloatArray, B: FloatArray) -> None:
+    """Take A B off the lower half of a square matrix, a row at a time: sums wait for each other."""
+    for i in range(len(out)):
+        row = out[i, : i + 1]
+        for c in range(A.shape[1]):
+            scale, other = A[i, c], B[c]
+            for j in range(len(row)):
+                row[j] -= scale * other[j]
 
 
 @inlined
 def _negative_product(G: FloatArray, S: FloatArray, out: FloatArray) -> None:
-    """Set ``out`` to minus the product of G's first columns with a square S."""
+    """Set ``out`` to minus the product of G's first columns with a square S, four rows at once."""
+    n = len(S)
+    whole = n - n % 4
     for i in range(len(out)):
         row = out[i]
-        for j in range(len(S)):
+        for j in range(n):
             row[j] = 0.0
-        for k in range(len(S)):
+        for k in range(0, whole, 4):
+            a, b, c, d = G[i, k], G[i, k + 1], G[i, k + 2], G[i, k + 3]
+            w, x, y, z = S[k], S[k + 1], S[k + 2], S[k + 3]
+            for j in range(n):
+                row[j] -= a * w[j] + b * x[j] + c * y[j] + d * z[j]
+        for k in range(whole, n):
             scale, other = G[i, k], S[k]
-            for j in range(len(S)):
+            for j in range(n):
                 row[j] -= scale * other[j]
 
 

@@ -151,7 +151,7 @@ def solve_batch(
         arcs = linear.arcs
         linear = chain.solved(states, arcs=arcs)
     while iterations < most and damping < _MOST_DAMPING:
-        promised = linear.cost - linear.least
+        promised = max(linear.cost - linear.least, 0.0)  # of large costs it is rounding
         near = promised < min(previous, _NEAR) and previous < np.inf
         ratio = promised / previous if near else 1.0
         if damping == 0.0 and promised * ratio < _STEP_SIGMAS**2:

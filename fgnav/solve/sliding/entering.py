@@ -138,7 +138,8 @@ class Entering:
         self, problem: SmoothingProblem, row: int, smoother: IncrementalSmoother, k: int
     ) -> list[gtsam.NonlinearFactor]:
         """Return the phases of a keyframe, and take in the arcs that they are of."""
-        phase, factors = problem.phase, list[gtsam.NonlinearFactor]()
+        factors: list[gtsam.NonlinearFactor] = []
+        phase = problem.phase
         if phase is None:
             return factors
         i = int(np.searchsorted(phase.row, row))

@@ -73,7 +73,6 @@ class Network:
         What the search of an epoch may visit.
     model : str
         A released network, or the path of a manifest.
-    fallback : Constrained
     """
 
     wrong_max: float = 1e-3
@@ -182,7 +181,6 @@ def outside_domain(
 
     Parameters
     ----------
-    differences : DoubleDifferences
     domain : tuple of Statistic
         Of the network's manifest.
     """

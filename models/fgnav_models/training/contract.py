@@ -11,21 +11,12 @@ _MOST = 1e3  # of any channel of an input that states no range: the domain's fig
 
 
 class Release(Table, frozen=True):
-    """What a recipe says about a network to be released.
-
-    Attributes
-    ----------
-    name, purpose : str
-    notes : dict of str to str
-        Sections of the card, in Markdown.
-    domain : dict
-        Where the network may be believed.
-    """
+    """What a recipe says about a network to be released."""
 
     name: str
     purpose: str
-    notes: dict[str, str]
-    domain: dict[str, Any]
+    notes: dict[str, str]  # sections of the card, in Markdown
+    domain: dict[str, Any]  # where the network may be believed
 
 
 def factor_input(

@@ -17,13 +17,7 @@ _VALIDATIONS = 10
 
 
 class Steps(Table, frozen=True):
-    """How long and how fast a network learns.
-
-    Attributes
-    ----------
-    steps, batch : int
-    learning_rate : float
-    """
+    """How long and how fast a network learns."""
 
     steps: Count = 8000
     batch: Count = 1024
@@ -41,17 +35,10 @@ class Steps(Table, frozen=True):
 
 
 class Learning(Steps, frozen=True):
-    """How a network is made.
+    """How a network is made."""
 
-    Attributes
-    ----------
-    width : int
-        Of its hidden layers.
-    domain_percent : float
-        Of the training windows that lie beyond each bound of the declared domain.
-    """
-
-    width: Count = 128
+    width: Count = 128  # of its hidden layers
+    # of the training windows that lie beyond each bound of the declared domain
     domain_percent: Positive = 0.02
 
     def domain(

@@ -14,32 +14,16 @@ By: TypeAlias = Literal["alone", "smoother"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
-    """One call of the command.
+    """One call of the command."""
 
-    Attributes
-    ----------
-    recipe : Path
-        The recipe's file; what it names is relative to its folder.
-    content : dict
-        What the file holds, without the key ``kind``.
-    out : Path
-        Folder of checkpoints and results; exists.
-    scale, device : str
-    deadline_s : float
-        Reading of ``time.perf_counter`` at which to stop with a checkpoint.
-    through : str
-        ``"smoother"``: networks are trained on by what a smoother makes of them.
-    watch : callable
-        To be told what is trained and how it stands.
-    """
-
-    recipe: Path
-    content: dict[str, Any]
-    out: Path
+    recipe: Path  # the recipe's file; what it names is relative to its folder
+    content: dict[str, Any]  # what the file holds, without the key ``kind``
+    out: Path  # folder of checkpoints and results; exists
     scale: Scale
     device: Device
-    deadline_s: float
-    watch: Callable[[str, Progress], None]
+    deadline_s: float  # reading of ``time.perf_counter`` at which to stop with a checkpoint
+    watch: Callable[[str, Progress], None]  # to be told what is trained and how it stands
+    # ``"smoother"``: networks are trained on by what a smoother makes of them
     through: By = "alone"
 
 

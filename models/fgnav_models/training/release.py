@@ -48,7 +48,6 @@ def release(
         compared on.
     manifest : Manifest
         But for the hash.
-    words : Release
     metrics : mapping of str to float
         For the card.
     folder : Path

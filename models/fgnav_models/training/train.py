@@ -38,54 +38,31 @@ class Batches(Protocol):
 
 
 class Settings(Table, frozen=True):
-    """How to train.
-
-    Attributes
-    ----------
-    steps : int
-    learning_rate : float
-        At the start; ``cosine`` takes it to zero at the last step.
-    validate_every : int
-        Steps between validations; 0 for one at the end.
-    keep : str
-        ``"best"`` by the first figure that validation returns (the lower, the better), or
-        ``"last"``.
-    checkpoint_s : float
-        Seconds between checkpoints; 0 writes one after every step.
-    """
+    """How to train."""
 
     steps: Annotated[int, msgspec.Meta(ge=1)]
-    learning_rate: Positive = 1e-3
+    learning_rate: Positive = 1e-3  # at the start; ``cosine`` takes it to zero at the last step
     optimizer: Literal["adam", "adamw"] = "adam"
     weight_decay: NotNegative = 0.0
     schedule: Literal["constant", "cosine"] = "cosine"
     clip_norm: Positive | None = None
     seed: int = 0
+    # steps between validations; 0 for one at the end
     validate_every: Annotated[int, msgspec.Meta(ge=0)] = 0
+    # ``"best"`` by the first figure that validation returns (the lower, the better), or ``"last"``
     keep: Literal["best", "last"] = "best"
-    checkpoint_s: NotNegative = 30.0
+    checkpoint_s: NotNegative = 30.0  # seconds between checkpoints; 0 writes one after every step
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """Where a run stands.
-
-    Attributes
-    ----------
-    step, steps : int
-    loss : float
-        Mean since the last report.
-    figures : mapping
-        Of the last validation.
-    eta_s : float
-        Until the last step, at the pace of this slice.
-    """
+    """Where a run stands."""
 
     step: int
     steps: int
-    loss: float
-    figures: Mapping[str, float]
-    eta_s: float
+    loss: float  # mean since the last report
+    figures: Mapping[str, float]  # of the last validation
+    eta_s: float  # until the last step, at the pace of this slice
 
 
 @dataclass(slots=True)
@@ -100,24 +77,12 @@ class _State:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trained:
-    """A run at its end, or at the end of its slice.
+    """A run at its end, or at the end of its slice."""
 
-    Attributes
-    ----------
-    finished : bool
-        False where the time was up; call again to go on.
-    step : int
-        Steps done.
-    history : list of dict
-        One row per validation: step, loss and its figures.
-    best : float
-        Lowest first figure so far.
-    """
-
-    finished: bool
-    step: int
-    history: list[dict[str, float]]
-    best: float
+    finished: bool  # False where the time was up; call again to go on
+    step: int  # steps done
+    history: list[dict[str, float]]  # one row per validation: step, loss and its figures
+    best: float  # lowest first figure so far
 
 
 def train(
@@ -137,10 +102,8 @@ def train(
     ----------
     module : torch.nn.Module
         On the device to train on; holds the kept weights once finished.
-    batches : Batches
     loss : callable
         Of the module and a batch: a scalar.
-    settings : Settings
     checkpoint : Path
         A safetensors file, read if it is there, written whole or not at all.
     validate : callable, optional
@@ -149,10 +112,6 @@ def train(
         Reading of ``time.perf_counter`` at which to stop with a checkpoint.
     watch : callable, optional
         Told about once per second how the run stands.
-
-    Returns
-    -------
-    Trained
 
     Raises
     ------

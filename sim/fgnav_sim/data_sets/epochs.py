@@ -94,7 +94,6 @@ def array_epochs(world: World, generator: np.random.Generator, count: int) -> Ar
 
     Parameters
     ----------
-    world : World
     generator : numpy.random.Generator
         The same seed gives the same epochs, bit by bit.
     count : int

@@ -61,7 +61,6 @@ def gravity_epochs(
 
     Parameters
     ----------
-    world : GravityWorld
     generator : numpy.random.Generator
         The same seed gives the same windows, bit by bit.
     count : int

@@ -23,10 +23,8 @@ def drawn_motion(
 
     Parameters
     ----------
-    world : GravityWorld
     phase : str
         One of ``PHASES``.
-    rng : numpy.random.Generator
 
     Returns
     -------

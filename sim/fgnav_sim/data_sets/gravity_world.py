@@ -69,38 +69,22 @@ class MotionRanges(Table, frozen=True):
 
 
 class GravityWorld(Table, frozen=True, tag="gravity", tag_field="kind"):
-    """Accelerometer windows and the gravity they hide.
-
-    Attributes
-    ----------
-    name : str
-    epochs, shard_epochs : int
-        How many windows a data set holds, and one file of it.
-    origin : Place
-    phases, windows, motion : their tables
-    imu : ImuTable
-        The accelerometer; errors are drawn for each flight.
-    velocity_noise_mps : float
-        Of a receiver's velocities, per axis.
-    velocity_step_s : float
-        The derivative is the difference of two velocities so far apart, about the window's end.
-    velocity_age_s : float
-        How long before the window's end the middle of the two is.
-    lever_sigma_m : float
-        Spread of where the accelerometer sits beside ``imu.position_b_m``, per axis.
-    """
+    """Accelerometer windows and the gravity they hide."""
 
     name: str = ""
+    # epochs, shard_epochs: how many windows a data set holds, and one file of it
     epochs: Annotated[int, msgspec.Meta(ge=1)] = 10_000
     shard_epochs: Annotated[int, msgspec.Meta(ge=1)] = 10_000
     origin: Place = Place()
     phases: PhasesTable = PhasesTable()
     windows: WindowsTable = WindowsTable()
     motion: MotionRanges = MotionRanges()
-    imu: ImuTable = ImuTable()
-    velocity_noise_mps: Positive = 0.05
+    imu: ImuTable = ImuTable()  # the accelerometer; errors are drawn for each flight
+    velocity_noise_mps: Positive = 0.05  # of a receiver's velocities, per axis
+    # the derivative is the difference of two velocities so far apart, about the window's end
     velocity_step_s: Positive = 0.2
-    velocity_age_s: NotNegative = 0.0
+    velocity_age_s: NotNegative = 0.0  # how long before the window's end the middle of the two is
+    # spread of where the accelerometer sits beside ``imu.position_b_m``, per axis
     lever_sigma_m: NotNegative = 0.0
 
     def __post_init__(self) -> None:

@@ -50,13 +50,7 @@ class Manifest(Table, frozen=True):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DataSet:
-    """A data set on disk: iterate over it for the epochs of one shard after the other.
-
-    Attributes
-    ----------
-    folder : Path
-    manifest : Manifest
-    """
+    """A data set on disk: iterate over it for the epochs of one shard after the other."""
 
     folder: Path
     manifest: Manifest
@@ -136,8 +130,6 @@ def make_data_set(
 
     Parameters
     ----------
-    world : World or GravityWorld
-    seed : int
     folder : Path
         New, empty, or what an earlier call with the same world and seed has left.
     progress : callable

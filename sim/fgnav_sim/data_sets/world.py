@@ -55,7 +55,6 @@ class AnyTimes(Table, frozen=True, tag="any", tag_field="kind"):
 
     Attributes
     ----------
-    days : float
     runs_per_moment : int
         Runs that share one moment, hence the satellites' orbits: 8 runs at places anywhere see
         skies that have nothing in common, and cost a third of the time. Runs at given places never
@@ -77,7 +76,6 @@ class SatellitesTable(Table, frozen=True):
         All in view (the 16 highest, if there are more), so many, or a number drawn for each run.
     pick : {"geometry", "random"}
         The best geometry, as ``fgnav_sim.gnss.selection`` chooses for 15 min, or any.
-    mask_deg : float
     navigation, orbits : tuple of str
         Broadcast or SP3 files; none: the built-in almanac.
     """
@@ -117,20 +115,12 @@ class GivenArray(Table, frozen=True, tag="given", tag_field="kind"):
 
 
 class RandomArray(Table, frozen=True, tag="random", tag_field="kind"):
-    """A rigid array for each run: antennas uniform in a box whose size is drawn, too.
-
-    Attributes
-    ----------
-    antennas : range of int
-    box_m : vector
-        The largest box's edges; its middle and the first antenna are the body's origin.
-    scale : range of float
-        Of the box, uniform.
-    """
+    """A rigid array for each run: antennas uniform in a box whose size is drawn, too."""
 
     antennas: tuple[Annotated[int, msgspec.Meta(ge=2)], Annotated[int, msgspec.Meta(ge=2)]] = (3, 8)
+    # the largest box's edges; its middle and the first antenna are the body's origin
     box_m: Vector = (2.0, 1.0, 0.4)
-    scale: tuple[Positive, Positive] = (0.2, 1.0)
+    scale: tuple[Positive, Positive] = (0.2, 1.0)  # of the box, uniform
 
     def __post_init__(self) -> None:
         """Check ranges."""
@@ -141,17 +131,11 @@ class RandomArray(Table, frozen=True, tag="random", tag_field="kind"):
 
 
 class NoiseTable(Table, frozen=True):
-    """White noise of one link at the zenith; where a range is given, drawn for each run (log).
-
-    Attributes
-    ----------
-    code_m, phase_m : float or range
-    elevation_weights : {"uniform", "sine"}
-        ``sine`` divides the noise by the sine of the elevation.
-    """
+    """White noise of one link at the zenith; where a range is given, drawn for each run (log)."""
 
     code_m: Drawn = 0.5
     phase_m: Drawn = 0.003
+    # ``sine`` divides the noise by the sine of the elevation
     elevation_weights: Literal["uniform", "sine"] = "uniform"
 
     def __post_init__(self) -> None:
@@ -161,29 +145,16 @@ class NoiseTable(Table, frozen=True):
 
 
 class OutliersTable(Table, frozen=True):
-    """Links with noise of which nobody is told, each epoch anew.
+    """Links with noise of which nobody is told, each epoch anew."""
 
-    Attributes
-    ----------
-    share : float
-        Of links.
-    code_m, phase_m : float
-        Standard deviation of what is added.
-    """
-
-    share: Annotated[float, msgspec.Meta(gt=0, lt=1)]
+    share: Annotated[float, msgspec.Meta(gt=0, lt=1)]  # of links
+    # code_m, phase_m: standard deviation of what is added
     code_m: NotNegative = 1.5
     phase_m: NotNegative = 0.015
 
 
 class RunsTable(Table, frozen=True):
-    """Consecutive epochs of one simulation: its site, array, integers and noise level stay.
-
-    Attributes
-    ----------
-    epochs : int
-    step_s : float
-    """
+    """Consecutive epochs of one simulation: its site, array, integers and noise level stay."""
 
     epochs: Count = 1
     step_s: Positive = 15.0
@@ -194,13 +165,11 @@ class World(Table, frozen=True, tag="array", tag_field="kind"):
 
     Attributes
     ----------
-    name : str
     start : datetime
         GPS time of ``t_s = 0``.
     epochs, shard_epochs : int
         How many a data set holds, and one file of it.
     sites, times, runs, satellites, array, attitudes, noise : their tables
-    outliers, multipath : their tables, or None
     reflectors : tuple of ReflectorTable
         Parts of the body that mirror signals; they need one array for all runs.
     """

@@ -28,15 +28,12 @@ def stand(
 
     Parameters
     ----------
-    table : BaseTable
     sensor : GnssTable
         Of the vehicle's receivers; the base is of the same make, its antenna looks up and its front
         north, and nothing disturbs it but noise and echoes from anywhere.
-    scenario : Scenario
     orbits, messages : as in ``observe``
     satellite_cycles : mapping
         ``Received.satellite_cycles`` of the vehicle: the same satellites send to both.
-    rng : numpy.random.Generator
 
     Raises
     ------

@@ -106,7 +106,6 @@ def built_in_positions(
 
     Parameters
     ----------
-    constellations : tuple of str
     start_gps_s : float
         GPS time of ``t_s = 0``.
     t_s : ndarray, shape (n,)

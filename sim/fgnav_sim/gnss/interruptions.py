@@ -20,18 +20,11 @@ _HOUR_S = 3600.0
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Sky:
-    """Where the satellites of all channels stand.
+    """Where the satellites of all channels stand."""
 
-    Attributes
-    ----------
-    elevation_rad, azimuth_rad : ndarray, shape (n, m)
-    e_b : ndarray, shape (n, m, 3), or None
-        Directions in body axes, where somebody asked for them.
-    """
-
-    elevation_rad: FloatArray
-    azimuth_rad: FloatArray
-    e_b: FloatArray | None
+    elevation_rad: FloatArray  # (n, m)
+    azimuth_rad: FloatArray  # (n, m)
+    e_b: FloatArray | None  # (n, m, 3); directions in body axes, where somebody asked for them
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

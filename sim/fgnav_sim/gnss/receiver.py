@@ -47,8 +47,6 @@ def observe(
 
     Parameters
     ----------
-    sensor : GnssTable
-    scenario : Scenario
     orbits : BroadcastOrbits or PreciseOrbits
         How the satellites fly.
     messages : BroadcastOrbits or None
@@ -56,7 +54,6 @@ def observe(
     satellite_cycles : mapping, optional
         What satellites add to the phase of a channel, by satellite and signal; drawn where it is
         not given.
-    rng : numpy.random.Generator
     progress : callable
         Told the share done, up to 1.
 

@@ -23,7 +23,6 @@ class ClockTable(Table, frozen=True):
     ----------
     oscillator : {"common", "separate"}
         One oscillator for all receivers, each with its own constant offset; or one each.
-    offset_s, drift_sps, drift_walk_sps_per_sqrt_s : float
     """
 
     oscillator: Literal["common", "separate"] = "common"
@@ -64,24 +63,15 @@ class LossOfLockTable(Table, frozen=True):
 
 
 class OutageTable(Table, frozen=True):
-    """Links that are not there during a span of time, in a sector of the sky, of some antennas.
+    """Links that are not there during a span of time, in a sector of the sky, of some antennas."""
 
-    Attributes
-    ----------
-    from_s, until_s : float
-        Until the end where the second is not given.
-    azimuth_deg : tuple of float
-        The sector reaches clockwise from the first to the second; all around where they are equal.
-    elevation_deg : tuple of float
-    antennas : tuple of str
-        ``"a1"`` is the reference; all where none is named.
-    """
-
+    # from_s, until_s: until the end where the second is not given
     from_s: NotNegative = 0.0
     until_s: Positive | None = None
+    # the sector reaches clockwise from the first to the second; all around where they are equal
     azimuth_deg: tuple[_Azimuth, _Azimuth] = (0.0, 360.0)
     elevation_deg: tuple[_Elevation, _Elevation] = (-90.0, 90.0)
-    antennas: tuple[str, ...] = ()
+    antennas: tuple[str, ...] = ()  # ``"a1"`` is the reference; all where none is named
 
     def __post_init__(self) -> None:
         """Require spans that are not empty."""
@@ -92,16 +82,9 @@ class OutageTable(Table, frozen=True):
 
 
 class BodyMaskTable(Table, frozen=True):
-    """What the body leaves in view: a cone about each antenna's axis.
+    """What the body leaves in view: a cone about each antenna's axis."""
 
-    Attributes
-    ----------
-    axes_b : tuple of vectors
-        One for all antennas, or one each.
-    half_angle_deg : float
-    """
-
-    axes_b: tuple[Vector, ...] = ((0.0, 0.0, -1.0),)
+    axes_b: tuple[Vector, ...] = ((0.0, 0.0, -1.0),)  # one for all antennas, or one each
     half_angle_deg: Annotated[float, msgspec.Meta(gt=0, le=180)] = 90.0
 
     def __post_init__(self) -> None:
@@ -118,7 +101,6 @@ class MultipathTable(Table, frozen=True):
     code_m, phase_m : float
         Standard deviations, weighted by elevation as the noise is. Estimators are told of noise
         and echoes together.
-    time_constant_s : float
     """
 
     code_m: NotNegative
@@ -127,27 +109,14 @@ class MultipathTable(Table, frozen=True):
 
 
 class ReflectorTable(Table, frozen=True):
-    """A flat piece of the body that mirrors signals into antennas in front of it.
+    """A flat piece of the body that mirrors signals into antennas in front of it."""
 
-    Attributes
-    ----------
-    point_b_m : vector
-        Its middle.
-    normal_b : vector
-        Out of its front; any length.
-    radius_m : float or None
-        Of the disc that it is; None: of any size.
-    amplitude : float
-        Of the echo against the direct signal.
-    phase_deg : float
-        What the reflection adds to the echo's phase; 180 on metal.
-    """
-
-    point_b_m: Vector
-    normal_b: Vector
-    radius_m: Positive | None = None
+    point_b_m: Vector  # its middle
+    normal_b: Vector  # out of its front; any length
+    radius_m: Positive | None = None  # of the disc that it is; None: of any size
+    # of the echo against the direct signal
     amplitude: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.3
-    phase_deg: float = 180.0
+    phase_deg: float = 180.0  # what the reflection adds to the echo's phase; 180 on metal
 
     def __post_init__(self) -> None:
         """Require a direction."""
@@ -160,7 +129,6 @@ class Cn0Table(Table, frozen=True):
 
     Attributes
     ----------
-    horizon_dbhz, zenith_dbhz : float
     sets_noise : bool
         Noise follows C/N0 in place of ``elevation_weights``: 6 dB less double it.
     """
@@ -183,7 +151,6 @@ class GnssTable(Table, frozen=True):
 
     Attributes
     ----------
-    rate_hz : float
     signals : dict
         RINEX 3 signals by constellation letter: ``{ G = ["1C"], E = ["1C", "5Q"] }``.
     navigation : tuple of str
@@ -201,7 +168,6 @@ class GnssTable(Table, frozen=True):
         ``sine`` divides the noise by the sine of the elevation.
     antenna_noise : tuple of float
         A factor to the noise of each antenna; none: all alike. Estimators are not told.
-    cn0 : Cn0Table
     atmosphere : bool
         Delay the signals by the broadcast ionosphere and a standard troposphere.
     message_errors : bool
@@ -212,13 +178,10 @@ class GnssTable(Table, frozen=True):
     wind_up : bool
         Turns of the antennas, all of which look along -z_b, wind up the phase; in double
         differences of a rigid body nothing of it is left.
-    clock : ClockTable
     rinex : {"3.04", "4.00"}
         Version of the files that ``fgnav simulate`` writes.
     base : BaseTable or None
         A station on the ground that records, too.
-    slips, loss_of_lock, body_mask, multipath : their tables, or None
-    outages, reflectors : tuple of their tables
     """
 
     rate_hz: Positive = 10.0

@@ -54,7 +54,6 @@ def links(
 
     Parameters
     ----------
-    orbits : BroadcastOrbits or PreciseOrbits
     satellites : tuple of str, length s
     t_s : ndarray, shape (n, a)
         True times of reception since the flight's start.

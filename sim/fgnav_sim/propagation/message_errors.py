@@ -29,7 +29,6 @@ def with_message_errors(flight: Flight, rng: np.random.Generator) -> Flight:
     ----------
     flight : Flight
         With observations.
-    rng : numpy.random.Generator
     """
     observations = flight.observations
     if observations is None:

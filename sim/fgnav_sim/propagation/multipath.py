@@ -10,22 +10,13 @@ from fgnav_sim.gnss.tables import ReflectorTable
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Echoes:
-    """What mirrored signals do to direct ones, (n, a, m) each.
+    """What mirrored signals do to direct ones, (n, a, m) each."""
 
-    Attributes
-    ----------
-    code_m, phase_m : ndarray
-        By how much pseudorange and phase range are longer.
-    rate_mps : ndarray
-        How fast the phase range grows by it.
-    gain_db : ndarray
-        By how much C/N0 is higher.
-    """
-
+    # code_m, phase_m: by how much pseudorange and phase range are longer
     code_m: FloatArray
     phase_m: FloatArray
-    rate_mps: FloatArray
-    gain_db: FloatArray
+    rate_mps: FloatArray  # how fast the phase range grows by it
+    gain_db: FloatArray  # by how much C/N0 is higher
 
 
 def echoes(
@@ -46,7 +37,6 @@ def echoes(
 
     Parameters
     ----------
-    reflectors : tuple of ReflectorTable
     arms_b_m : ndarray, shape (a, 3)
         The antennas.
     e_b : ndarray, shape (n, m, 3)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import FloatArray, Loss
+from fgnav.io.flight.usual_noise import IMU
 from fgnav.types.flight import Imu
 from fgnav_sim.gauss_markov import flicker
 from fgnav_sim.scenario import ImuTable, Scenario
@@ -80,12 +81,7 @@ def sense(sensor: ImuTable, scenario: Scenario, *, rng: np.random.Generator) -> 
         f_b_mps2=accelerometer(sensor)(f_b_mps2, sensor.rate_hz, rng=accelerometer_rng),
         w_b_radps=gyroscope(w_b_radps, sensor.rate_hz, rng=gyroscope_rng) if gyroscope else None,
         position_b_m=lever_b_m,
-        accelerometer_noise_mps2_per_sqrt_hz=sensor.accelerometer_noise_mps2_per_sqrt_hz,
-        accelerometer_bias_mps2=sensor.accelerometer_bias_mps2,
-        accelerometer_bias_walk_mps2_per_sqrt_s=sensor.accelerometer_bias_walk_mps2_per_sqrt_s,
-        gyroscope_noise_radps_per_sqrt_hz=sensor.gyroscope_noise_radps_per_sqrt_hz,
-        gyroscope_bias_radps=sensor.gyroscope_bias_radps,
-        gyroscope_bias_walk_radps_per_sqrt_s=sensor.gyroscope_bias_walk_radps_per_sqrt_s,
+        **{name: getattr(sensor, name) for name in IMU},
     )
 
 

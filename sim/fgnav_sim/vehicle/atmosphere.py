@@ -64,7 +64,6 @@ class Air:
     gust_mps : ndarray, shape (g, 3)
         North, east, down, at equal intervals of the distance flown through the air; the last one
         then stays. See ``dryden``.
-    gust_interval_m : float
     """
 
     present: bool = True
@@ -104,7 +103,6 @@ def dryden(
 
     Parameters
     ----------
-    rng : Generator
     sigma_mps : float
         Standard deviation of each component.
     direction_n : ndarray, shape (3,)
@@ -113,7 +111,6 @@ def dryden(
         Distance to cover.
     scale_m : float
         Scale of turbulence; 1750 ft above 2000 ft.
-    interval_m : float
 
     Returns
     -------

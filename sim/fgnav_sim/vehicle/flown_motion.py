@@ -8,7 +8,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import quaternion_wxyz
-from fgnav_sim.motion import State
+from fgnav_sim.motion import State, turned
 from fgnav_sim.vehicle.forces import P, Q, V, W
 from fgnav_sim.vehicle.model import burning_curve
 from fgnav_sim.vehicle.rigid_body import Flown, rotations_of
@@ -28,16 +28,10 @@ class FlownMotion:
     Rates and accelerations are the derivatives of these very quintics, so that a state is
     consistent in itself at every time: integrating what its sensors feel returns to it. Positions
     of 6e6 m round to 1e-9 m, which makes 6e-5 m/s2 of acceleration between rows of 10 ms.
-
-    Attributes
-    ----------
-    position_n_m : scipy.interpolate.PPoly
-    quaternion_nb : scipy.interpolate.PPoly
-        wxyz, of unit length at the rows only.
     """
 
     position_n_m: "PPoly"
-    quaternion_nb: "PPoly"
+    quaternion_nb: "PPoly"  # wxyz, of unit length at the rows only
 
     def __call__(self, t_s: FloatArray) -> State:
         """Return the motion at times since the start, (n,).
@@ -81,7 +75,6 @@ def flown_motion(
         1e-9 of the attitude.
     origin : Origin
         Of the frame; the flight starts wherever it was launched.
-    flight : int
     vehicle : Vehicle or None
         The body's origin is its dry centre of mass, of which the burning motor's moves away; None:
         the centre of mass.
@@ -100,9 +93,9 @@ def flown_motion(
     p_i, v_i, a_i, w = y[:, P : P + 3], y[:, V : V + 3], dy[:, V : V + 3], y[:, W : W + 3]
     earth = planet.rate_i_radps
     pull = np.cross(earth, np.cross(earth, p_i))
-    p_n_m = _turned(R_ni, p_i) - origin.R_ne @ planet.p_e_m(origin)
-    v_n_mps = _turned(R_ni, v_i - np.cross(earth, p_i))
-    a_n_mps2 = _turned(R_ni, a_i - 2 * np.cross(earth, v_i) + pull)
+    p_n_m = turned(R_ni, p_i) - origin.R_ne @ planet.p_e_m(origin)
+    v_n_mps = turned(R_ni, v_i - np.cross(earth, p_i))
+    a_n_mps2 = turned(R_ni, a_i - 2 * np.cross(earth, v_i) + pull)
 
     q_ib = y[:, Q : Q + 4] / np.linalg.norm(y[:, Q : Q + 4], axis=1, keepdims=True)
     half = 0.5 * planet.rate_radps * t_s
@@ -110,16 +103,16 @@ def flown_motion(
     q_ei = np.column_stack([np.cos(half), zero, zero, -np.sin(half)])
     q_ne = np.broadcast_to(quaternion_wxyz(origin.R_ne[None]), q_ei.shape)
     q_nb = _product(q_ne, _product(q_ei, q_ib))
-    earth_b = _turned(rotations_of(q_ib).swapaxes(1, 2), np.broadcast_to(earth, p_i.shape))
+    earth_b = turned(rotations_of(q_ib).swapaxes(1, 2), np.broadcast_to(earth, p_i.shape))
     w_nb = w - earth_b
     alpha_nb = dy[:, W : W + 3] + np.cross(w, earth_b)
     lever, lever_rate, lever_second = _dry_centre_b_m(vehicle, t_s)
     swing = np.cross(w_nb, lever) + lever_rate
     pull_b = np.cross(alpha_nb, lever) + np.cross(w_nb, swing + lever_rate) + lever_second
     R_nb = rotations_of(q_nb)
-    p_n_m += _turned(R_nb, lever)
-    v_n_mps += _turned(R_nb, swing)
-    a_n_mps2 += _turned(R_nb, pull_b)
+    p_n_m += turned(R_nb, lever)
+    v_n_mps += turned(R_nb, swing)
+    a_n_mps2 += turned(R_nb, pull_b)
     rate = 0.5 * _product(q_nb, _pure(w_nb))
     second = 0.5 * (_product(rate, _pure(w_nb)) + _product(q_nb, _pure(alpha_nb)))
     return FlownMotion(
@@ -175,8 +168,3 @@ def _conjugate(wxyz: FloatArray) -> FloatArray:
 def _pure(v: FloatArray) -> FloatArray:
     """Return vectors as quaternions without scalar part, (n, 4)."""
     return np.column_stack([np.zeros(len(v)), v])
-
-
-def _turned(R: FloatArray, v: FloatArray) -> FloatArray:
-    """Return R v item by item, (n, 3)."""
-    return np.asarray(np.einsum("nij,nj->ni", R, v))

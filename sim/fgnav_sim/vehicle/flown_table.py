@@ -9,7 +9,7 @@ from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector
 from fgnav_sim.motion import Command, Hold
 from fgnav_sim.vehicle.atmosphere import FLOOR_M
 from fgnav_sim.vehicle.planet import FieldModel, Planet
-from fgnav_sim.vehicle.tables import Column, Vehicle
+from fgnav_sim.vehicle.tables import Column, Vehicle, check_grid, check_length
 
 
 class StartTable(Table, frozen=True):
@@ -53,7 +53,6 @@ class WindTable(Table, frozen=True):
 
     Attributes
     ----------
-    height_m : tuple of float
     north_mps, east_mps : float or tuple of float
         One value for every height, or one for each.
     """
@@ -64,38 +63,20 @@ class WindTable(Table, frozen=True):
 
     def __post_init__(self) -> None:
         """Require heights that increase, and a value for each."""
-        for row in range(1, len(self.height_m)):
-            if self.height_m[row] <= self.height_m[row - 1]:
-                raise ValueError(
-                    f"height_m: must increase, row {row} has {self.height_m[row]:g} after "
-                    f"{self.height_m[row - 1]:g}"
-                )
         if not self.height_m:
             raise ValueError("height_m: must hold one height or more")
-        for name in ("north_mps", "east_mps"):
-            value = getattr(self, name)
-            if isinstance(value, tuple) and len(value) != len(self.height_m):
-                raise ValueError(
-                    f"{name}: must hold {len(self.height_m)} values, one for each of height_m, "
-                    f"got {len(value)}"
-                )
+        check_grid("height_m", self.height_m, least=1)
+        for name, value in (("north_mps", self.north_mps), ("east_mps", self.east_mps)):
+            if isinstance(value, tuple):
+                check_length(name, value, "height_m", len(self.height_m))
 
 
 class GustsTable(Table, frozen=True):
-    """Dryden turbulence along the path: see ``atmosphere.dryden``.
+    """Dryden turbulence along the path: see ``atmosphere.dryden``."""
 
-    Attributes
-    ----------
-    sigma_mps : float
-        Of each component.
-    scale_m : float
-        Of turbulence.
-    length_m : float
-        Distance through the air that is covered; beyond it the last gust stays.
-    """
-
-    sigma_mps: Positive
-    scale_m: Positive = 533.4
+    sigma_mps: Positive  # of each component
+    scale_m: Positive = 533.4  # of turbulence
+    # distance through the air that is covered; beyond it the last gust stays
     length_m: Annotated[float, msgspec.Meta(gt=0, le=1e7)] = 20_000.0
 
 
@@ -114,52 +95,28 @@ class EarthTable(Table, frozen=True):
     @property
     def planet(self) -> Planet:
         """The body that it describes."""
-        return Planet(
-            semi_major_axis_m=self.semi_major_axis_m,
-            flattening=self.flattening,
-            rate_radps=self.rate_radps,
-            gm_m3ps2=self.gm_m3ps2,
-        )
+        return Planet(**msgspec.structs.asdict(self))
 
 
 class FlownTable(Table, frozen=True):
     """A rigid body in six degrees of freedom, in place of a commanded motion.
 
     The body's origin, from which lever arms count, is the vehicle's dry centre of mass.
-
-    Attributes
-    ----------
-    vehicle : str or Vehicle
-        A vehicle's file, relative to the scenario's, or its tables.
-    start : StartTable
-    attitude : AttitudeTable or None
-        None: canards rest.
-    ignition_s : float
-        When the motor's curve of thrust begins; below zero it has burnt for so long, or burnt out.
-    air : bool
-        Standard atmosphere, or vacuum.
-    wind : WindTable
-    gusts : GustsTable or None
-    gravity : {"wgs84-normal", "j2", "spherical", "constant"} or None
-        None: that of the scenario.
-    earth : EarthTable or None
-    ground_m : float
-        Ellipsoidal height at which the flight ends.
-    step_s : float
-        Of the integration, at most.
     """
 
-    vehicle: str | Vehicle
+    vehicle: str | Vehicle  # a vehicle's file, relative to the scenario's, or its tables
     start: StartTable = StartTable()
-    attitude: AttitudeTable | None = None
+    attitude: AttitudeTable | None = None  # none: canards rest
+    # when the motor's curve of thrust begins; below zero it has burnt for so long, or burnt out
     ignition_s: float = 0.0
-    air: bool = True
+    air: bool = True  # standard atmosphere, or vacuum
     wind: WindTable = WindTable()
     gusts: GustsTable | None = None
-    gravity: FieldModel | None = None
+    gravity: FieldModel | None = None  # none: that of the scenario
     earth: EarthTable | None = None
+    # ellipsoidal height at which the flight ends
     ground_m: Annotated[float, msgspec.Meta(ge=FLOOR_M)] = FLOOR_M
-    step_s: Positive = 1e-3
+    step_s: Positive = 1e-3  # of the integration, at most
 
     def __post_init__(self) -> None:
         """Check what one key's type cannot say."""

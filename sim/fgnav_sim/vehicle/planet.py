@@ -14,22 +14,12 @@ FieldModel: TypeAlias = Literal["wgs84-normal", "j2", "spherical", "constant"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Planet:
-    """An ellipsoid of revolution that turns; the Earth where nothing is said.
-
-    Attributes
-    ----------
-    semi_major_axis_m : float
-    flattening : float
-        0: a sphere.
-    rate_radps : float
-        About its axis of symmetry; 0: it stands still.
-    gm_m3ps2 : float
-        Gravitational parameter of the gravity models "j2" and "spherical".
-    """
+    """An ellipsoid of revolution that turns; the Earth where nothing is said."""
 
     semi_major_axis_m: float = earth.SEMI_MAJOR_AXIS_M
-    flattening: float = earth.FLATTENING
-    rate_radps: float = earth.EARTH_RATE_RADPS
+    flattening: float = earth.FLATTENING  # 0: a sphere
+    rate_radps: float = earth.EARTH_RATE_RADPS  # about its axis of symmetry; 0: it stands still
+    # gravitational parameter of the gravity models "j2" and "spherical"
     gm_m3ps2: float = earth.GM_M3PS2
 
     def __post_init__(self) -> None:

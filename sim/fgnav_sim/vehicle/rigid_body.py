@@ -18,29 +18,15 @@ from fgnav_sim.vehicle.tables import Vehicle
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Launch:
-    """How a flight starts.
+    """How a flight starts."""
 
-    Attributes
-    ----------
-    origin : Origin
-        North, east, down are those of this place.
-    position_n_m : ndarray, shape (3,)
-        Where the centre of mass is, from there.
-    v_n_mps : ndarray, shape (3,)
-        Velocity against the Earth.
-    euler_rad : ndarray, shape (3,)
-        Roll, pitch, yaw of the body, 3-2-1; of its forebody where that rolls freely.
-    w_ib_b_radps : ndarray, shape (3,)
-        Angular rate against inertial space, body axes.
-    spin_radps : float
-        Of a decoupled rear body about +x_b, against inertial space.
-    """
-
-    origin: Origin
-    v_n_mps: FloatArray
+    origin: Origin  # North, east, down are those of this place
+    v_n_mps: FloatArray  # (3,); velocity against the Earth
+    # (3,); roll, pitch, yaw of the body, 3-2-1; of its forebody where that rolls freely
     euler_rad: FloatArray
-    w_ib_b_radps: FloatArray
-    spin_radps: float = 0.0
+    w_ib_b_radps: FloatArray  # (3,); angular rate against inertial space, body axes
+    spin_radps: float = 0.0  # of a decoupled rear body about +x_b, against inertial space
+    # (3,); where the centre of mass is, from there
     position_n_m: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
@@ -69,29 +55,14 @@ class Launch:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Plan:
-    """How flights are integrated.
-
-    Attributes
-    ----------
-    duration_s : float
-    step_s : float
-        At most; it divides the interval of rows.
-    row_interval_s : float
-        Between the rows that are kept.
-    gravity : {"wgs84-normal", "j2", "spherical", "constant"}
-    ground_m : float
-        Ellipsoidal height at which a flight ends.
-    commands : three commands, or None
-        Roll, pitch, yaw for an autopilot, against north, east, down.
-    planet : Planet
-    """
+    """How flights are integrated."""
 
     duration_s: float
-    step_s: float = 1e-3
-    row_interval_s: float = 0.01
+    step_s: float = 1e-3  # at most; it divides the interval of rows
+    row_interval_s: float = 0.01  # between the rows that are kept
     gravity: FieldModel = "wgs84-normal"
-    ground_m: float = FLOOR_M
-    commands: Attitude | None = None
+    ground_m: float = FLOOR_M  # ellipsoidal height at which a flight ends
+    commands: Attitude | None = None  # roll, pitch, yaw for an autopilot, against north, east, down
     planet: Planet = WGS84
 
     def __post_init__(self) -> None:
@@ -130,7 +101,6 @@ class Flown:
         Their time derivatives.
     rows : ndarray of int, shape (n,)
         How many rows of each flight are above the ground.
-    planet : Planet
     """
 
     t_s: FloatArray
@@ -187,11 +157,6 @@ def fly_batch(
     ----------
     vehicles, launches, air : sequences of equal length
         One flight each; tables of the vehicles and of the air have equal lengths in a batch.
-    plan : Plan
-
-    Returns
-    -------
-    Flown
 
     Raises
     ------

@@ -62,7 +62,6 @@ _M = earth.EARTH_RATE_RADPS**2 * _A**3 * (1 - _F) / earth.GM_M3PS2
 # What a flight may not exceed: loss of the quaternion's length in a step, and height.
 LARGEST_LOSS, LARGEST_M = 1e-3, 1e12
 _CONSTANT_MPS2 = earth.STANDARD_GRAVITY_MPS2
-_LEAST_PRESSURE_PA = 10.0  # below this canards have nothing to hold on to, and rest
 
 
 @kernel

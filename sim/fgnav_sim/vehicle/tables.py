@@ -19,7 +19,6 @@ class BodyTable(Table, frozen=True):
 
     Attributes
     ----------
-    mass_kg : float
     inertia_kgm2 : vector
         Axial, about +y_b, about +z_b, at the centre of mass.
     products_kgm2 : vector
@@ -43,11 +42,9 @@ class MotorTable(Table, frozen=True):
 
     Attributes
     ----------
-    propellant_kg : float
     loaded_inertia_kgm2 : vector
         Of the whole vehicle before ignition, as ``body.inertia_kgm2``; in between it follows the
         propellant left.
-    loaded_centre_m : float
     nozzle_m : float
         Station of the nozzle's exit, whose jet damps pitch and yaw.
     time_s, thrust_n : tuple of float
@@ -64,8 +61,8 @@ class MotorTable(Table, frozen=True):
     def __post_init__(self) -> None:
         """Require a curve of thrust."""
         _check_inertia("loaded_inertia_kgm2", self.loaded_inertia_kgm2, (0.0, 0.0, 0.0))
-        _check_grid("time_s", self.time_s, least=2)
-        _check_length("thrust_n", self.thrust_n, "time_s", len(self.time_s))
+        check_grid("time_s", self.time_s, least=2)
+        check_length("thrust_n", self.thrust_n, "time_s", len(self.time_s))
         if not any(self.thrust_n):
             raise ValueError("thrust_n: must rise above zero")
 
@@ -79,11 +76,11 @@ class _Aerodynamics(Table, frozen=True, kw_only=True, tag_field="kind"):
 
     def __post_init__(self) -> None:
         """Require as many values as Mach numbers."""
-        _check_grid("mach", self.mach, least=1)
+        check_grid("mach", self.mach, least=1)
         for name in self.coefficients():
             value = getattr(self, name)
             if isinstance(value, tuple):
-                _check_length(name, value, "mach", len(self.mach))
+                check_length(name, value, "mach", len(self.mach))
 
     @classmethod
     def coefficients(cls) -> tuple[str, ...]:
@@ -134,7 +131,6 @@ class Airframe(_Aerodynamics, frozen=True, kw_only=True, tag="airframe"):
 
     Attributes
     ----------
-    area_m2, span_m, chord_m : float
     mach, rate_terms, reference_m
         As those of ``Axisymmetric``.
     cd0, cdk : drag, ``cd0 + cdk cl^2``
@@ -208,14 +204,7 @@ class AutopilotTable(Table, frozen=True):
 
 
 class Vehicle(Table, frozen=True):
-    """A vehicle: a body, and what of the rest it has.
-
-    Attributes
-    ----------
-    name : str
-    body : BodyTable
-    motor, aerodynamics, canards, autopilot : their tables, or None
-    """
+    """A vehicle: a body, and what of the rest it has."""
 
     body: BodyTable
     name: str = ""
@@ -234,7 +223,7 @@ class Vehicle(Table, frozen=True):
             raise ValueError("canards: need a table [aerodynamics]")
         slope = self.canards.slope
         if isinstance(slope, tuple):
-            _check_length("canards.slope", slope, "aerodynamics.mach", len(self.aerodynamics.mach))
+            check_length("canards.slope", slope, "aerodynamics.mach", len(self.aerodynamics.mach))
         axial = [self.body.inertia_kgm2[0]]
         axial += [self.motor.loaded_inertia_kgm2[0]] if self.motor else []
         if self.canards.forebody_inertia_kgm2 >= min(axial):
@@ -259,7 +248,7 @@ def load_vehicle(vehicle: Path | str) -> Vehicle:
     return table if table.name else msgspec.structs.replace(table, name=path.stem)
 
 
-def _check_grid(name: str, grid: tuple[float, ...], least: int) -> None:
+def check_grid(name: str, grid: tuple[float, ...], least: int) -> None:
     """Raise unless a grid has enough values that increase."""
     if len(grid) < least:
         raise ValueError(f"{name}: must hold {least} values or more, got {len(grid)}")
@@ -270,7 +259,7 @@ def _check_grid(name: str, grid: tuple[float, ...], least: int) -> None:
             )
 
 
-def _check_length(name: str, column: tuple[float, ...], grid: str, length: int) -> None:
+def check_length(name: str, column: tuple[float, ...], grid: str, length: int) -> None:
     """Raise unless a column has a value for each one of its grid."""
     if len(column) != length:
         raise ValueError(

@@ -314,3 +314,16 @@ def test_innovations_have_a_histogram_by_decile(flight, off, tmp_path):
     text, _ = read(tmp_path / "a.html")
     chart = text[text.index("NIS of doppler: share by decile") :]
     assert "95 % of 100 independent" in chart[: chart.index("</figure>")]
+
+
+def test_arcs_are_listed_by_the_chance_that_their_integer_is_wrong(tmp_path):
+    demo = load_scenario("demo")
+    flight = simulate(msgspec.structs.replace(demo, duration_s=1.0), np.random.default_rng(2))
+    comparison = compare(flight, [MaximumLikelihood(resolver=resolver_named("lambda"))])
+    (method,) = comparison.methods
+    listed = method.to_dict()["arcs"]
+    assert len(listed) == len(method.arcs) == method.estimate.integers.fixed.any(axis=0).sum()
+    assert {one["by"] for one in listed} <= {"resolver", "arc", "array"}
+    saved(comparison, flight, tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert f"chance that their integer is wrong, of {len(listed)}" in text

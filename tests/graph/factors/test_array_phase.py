@@ -9,7 +9,7 @@ from tests.graph.factors import cases
 K = 4
 
 
-def phases(rng, shared, *, stretch: bool = False) -> ArrayPhase:
+def phases(rng, shared, *, stretch: bool = False, lasting: int = 0) -> ArrayPhase:
     column = np.full(K, -1)
     if stretch:
         column[1:3] = shared.column("b")
@@ -19,7 +19,13 @@ def phases(rng, shared, *, stretch: bool = False) -> ArrayPhase:
         minimum=exp(rng.normal(size=(K, 3, 3))[0]).repeat(2, 0)[:K],
         element_column=column,
         constants=shared,
+        share=np.linspace(0.0, 0.9, K),
+        basis=np.linalg.qr(rng.normal(size=(9, 9)))[0][:, :lasting],
     )
+
+
+def with_lasting(at, rng, size):
+    return at._replace(aux=np.hstack([at.aux, rng.normal(size=(len(at.aux), size))]))
 
 
 @pytest.mark.parametrize("gyroscope", [False, True])
@@ -35,6 +41,26 @@ def test_gtsam_says_the_same(stretch):
     rng, shared = np.random.default_rng(2), cases.constants(2, 9)
     at = cases.random_states(K, shared, rng)
     cases.assert_gtsam_says_the_same(phases(rng, shared, stretch=stretch), at, shared)
+
+
+@pytest.mark.parametrize("stretch", [False, True])
+def test_a_lasting_error_is_a_part_of_the_keyframes_vector(stretch):
+    rng, shared = np.random.default_rng(6), cases.constants(2, 9)
+    at = with_lasting(cases.random_states(K, shared, rng), rng, 6)
+    form = phases(rng, shared, stretch=stretch, lasting=6)
+    cases.assert_jacobians(form, at)
+    cases.assert_gtsam_says_the_same(form, at, shared)
+
+
+def test_what_lasts_is_no_longer_white():
+    rng, shared = np.random.default_rng(7), cases.constants()
+    at = with_lasting(cases.random_states(K, shared, rng), rng, 3)
+    form = phases(rng, shared, lasting=3)
+    s = form.share[:, None]
+    apart = (at.R_nb - form.minimum).reshape(K, 9)
+    off = np.einsum("kij,kj->ki", form.root, apart) + np.sqrt(s) * (at.aux[:, 12:] @ form.basis.T)
+    value = form.linearise(at, np.arange(K)).value
+    np.testing.assert_allclose(value, off / np.sqrt(1 - s), rtol=1e-12, atol=1e-12)
 
 
 def test_residual_vanishes_at_the_minimum():

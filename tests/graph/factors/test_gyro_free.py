@@ -10,6 +10,7 @@ from fgnav.checks import BadInputError
 from fgnav.geometry.rotations import accumulated, exp
 from fgnav.graph import keys
 from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.states import DERIVATIVE_SCALE_S, States
 from fgnav.process import matern
@@ -47,6 +48,24 @@ def gyro_free(imu, t_s, *, length_s=1.0, variance=0.3, sub_steps=5):
         rate_column=RATE.start,
         constants=CONSTANTS,
     )
+
+
+def lasting(t_s, size, rng, *, constant_s=3.0):
+    """A lasting error of an array, whose links change at every keyframe."""
+    turned, _ = np.linalg.qr(rng.normal(size=(len(t_s) - 1, size, size)))
+    return Multipath(
+        t_s=t_s,
+        basis=np.eye(9)[:, :size],
+        share=np.full(len(t_s), 0.5),
+        decay_per_s=np.full(len(t_s) - 1, 1 / constant_s),
+        kept=rng.uniform(0.5, 1.0, (len(t_s) - 1, 1, 1)) * turned,
+    )
+
+
+def with_lasting(factors, states, rng, size=6):
+    """A motion beside which an array errs lastingly, and states at random errors."""
+    aux = np.hstack([states.aux, rng.normal(size=(len(states.aux), size))])
+    return replace(factors, multipath=lasting(factors.t_s, size, rng)), states._replace(aux=aux)
 
 
 def of_motion(motion, T, n=20, **options):
@@ -168,8 +187,52 @@ def test_gtsams_factor_is_the_kernel():
     assert 2 * factor.error(values) == pytest.approx((linear.value[3] ** 2).sum(), rel=1e-9)
 
 
-def test_predicted_states_have_no_residual():
+def test_a_lasting_error_beside_the_motion_is_gtsams_as_well():
+    rng = np.random.default_rng(12)
+    factors, states = with_lasting(*of_motion(sine(45.0), 0.1, 5), rng)
+    before, after = ends(moved_at_random(states, rng, 0.02))
+    linear = factors.linearise(before, after, every(factors))
+    for exact, numeric in zip(linear[1:], by_differences(factors, before, after), strict=True):
+        size = np.abs(linear.before).max(axis=2, keepdims=True)
+        np.testing.assert_allclose(exact / size, numeric / size, rtol=0, atol=1e-6)
+    values = gtsam.Values()
+    for at, key in ((before, 7), (after, 2)):
+        values.insert(keys.pose(key), gtsam.Pose3(gtsam.Rot3(at.R_nb[3]), at.p_n_m[3]))
+        values.insert(keys.velocity(key), at.v_n_mps[3])
+        values.insert(keys.angular_motion(key), at.aux[3])
+    values.insert(keys.constant(1), before.constants[RATE])
+    (factor,) = factors.factors(3, 7, 2, before.at(slice(3, 4)))
+    A, b = factor.linearize(values).jacobian()
+    expected = np.hstack([linear.before[3], linear.after[3], linear.shared[3, :, RATE]])
+    np.testing.assert_allclose(A, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(b, -linear.value[3], rtol=0, atol=1e-9 * np.abs(b).max())
+
+
+def test_a_lasting_error_keeps_its_covariance():
+    rng = np.random.default_rng(13)
+    error = lasting(np.arange(9) / 10, 6, rng)
+    F, white = error.transition()
+    noise = np.linalg.inv(white.swapaxes(1, 2) @ white)
+    np.testing.assert_allclose(
+        F @ F.swapaxes(1, 2) + noise, np.tile(np.eye(6), (8, 1, 1)), atol=1e-12
+    )
+
+
+def test_keyframes_between_leave_a_lasting_error_as_it_is():
+    rng = np.random.default_rng(14)
+    error = lasting(np.arange(6) / 10, 6, rng)
+    finer = error.at_times(np.sort(np.r_[error.t_s, error.t_s[:-1] + 0.03]))
+    F, _ = error.transition()
+    parts, _ = finer.transition()
+    np.testing.assert_allclose(parts[1::2] @ parts[::2], F, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(finer.on(np.arange(2, 7)).transition()[0], parts[2:6])
+
+
+@pytest.mark.parametrize("lasts", [False, True])
+def test_predicted_states_have_no_residual(lasts):
     factors, states = of_motion(sine(45.0), 0.1, 10)
+    if lasts:
+        factors, states = with_lasting(factors, states, np.random.default_rng(15))
     before, _ = ends(moved_at_random(states, np.random.default_rng(3), 0.05))
     after = factors.predict(before, every(factors))
     assert np.abs(factors.linearise(before, after, every(factors)).value).max() < 1e-6

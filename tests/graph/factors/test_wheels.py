@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from fgnav.graph.factors.wheels import NAME, RollingWheels
-from fgnav.io.flight.folder import load_flight
-from fgnav.io.flight.writer import write_folder
+from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.types.vehicle import WheeledVehicle
 from fgnav_sim.motion import Arc, Hold, Motion, Rate
@@ -100,7 +99,7 @@ def test_wheels_hold_a_car_that_loses_gnss(drive, method):
 
 def test_a_flight_folder_keeps_its_vehicle(drive, tmp_path):
     vehicle = WheeledVehicle(position_b_m=np.array([-1.0, 0.0, 0.5]), slip_mps=0.2)
-    write_folder(replace(drive, vehicle=vehicle), tmp_path / "flight")
+    save_flight(replace(drive, vehicle=vehicle), tmp_path / "flight")
     read = load_flight(tmp_path / "flight").vehicle
     np.testing.assert_array_equal(read.position_b_m, vehicle.position_b_m)
     assert read.slip_mps == vehicle.slip_mps

@@ -1,5 +1,7 @@
 """The chain may stand in for GTSAM while both agree to .01 degree and 3 % of every sigma."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from fgnav.geometry.rotations import exp, log
 from fgnav.graph.factors.array_phase import ArrayPhase
 from fgnav.graph.factors.position import Position
 from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
@@ -79,6 +82,33 @@ def test_window_agrees_with_gtsam(flight, method, keep):
     assert one.converged
     variances = (np.einsum("nii->ni", of.constant_covariance) for of in (one, two))
     np.testing.assert_allclose(*variances, rtol=2 * _AGREE_SIGMAS)
+
+
+@pytest.mark.parametrize("method", ["solve_fixed_lag", "solve_forward"])
+def test_window_agrees_beside_a_lasting_error_of_phases(flight, method):
+    lasting = with_lasting(flight, 6)
+    one, two = (getattr(of, method)(lasting, 2.0) for of in (window, fixed_lag))
+    _agree(one, two)
+
+
+def with_lasting(flight, size):
+    """The same flight, half of its phases' variance an error that lasts for two seconds."""
+    n, basis = len(flight.t_s), np.eye(9)[:, :size]
+    error = Multipath(
+        t_s=flight.t_s,
+        basis=basis,
+        share=np.full(n, 0.5),
+        decay_per_s=np.full(n - 1, 0.5),
+        kept=np.tile(np.eye(size), (n - 1, 1, 1)),
+    )
+    phase, position = flight.measurements
+    aux = np.hstack([flight.start.aux, np.zeros((n, size))])
+    return replace(
+        flight,
+        start=flight.start._replace(aux=aux),
+        motion=replace(flight.motion, multipath=error),
+        measurements=(replace(phase, share=error.share, basis=basis), position),
+    )
 
 
 def test_batch_is_where_a_window_over_all_of_it_ends(flight):

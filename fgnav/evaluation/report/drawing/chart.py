@@ -89,13 +89,8 @@ class Chart:
 
     Attributes
     ----------
-    title : str
-    x, y : Axis
-    lines : sequence of Line
-    bands : sequence of Band
     rules : dict
         Horizontal lines: where, and what they mean.
-    height : float
     """
 
     title: str
@@ -195,6 +190,17 @@ def spanning(name: str, series: Sequence[FloatArray], margin: float = 0.04) -> A
         low, high = low - 0.5, high + 0.5
     room = margin * (high - low)
     return Axis(name=name, low=low - room, high=high + room)
+
+
+def log10(values: FloatArray) -> FloatArray:
+    """Return where values stand on an axis in powers of ten; NaN of none above zero."""
+    return np.asarray(np.log10(np.where(values > 0, values, np.nan)))
+
+
+def decades(name: str, series: Sequence[FloatArray], margin: float = 0.04) -> Axis:
+    """Return an axis in whole powers of ten that holds series of ``log10``, with a margin."""
+    y = spanning(name, series, margin)
+    return Axis(name=name, low=np.floor(y.low), high=np.ceil(y.high), log=True)
 
 
 def on_one_scale(x: Axis, y: Axis, height: float) -> tuple[Axis, Axis]:

@@ -18,21 +18,13 @@ _SHOWN = 99.0  # percentile of all that a row holds
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Rows:
-    """Series of one method, (n, m): a row for each channel by its label; NaN where there is none.
-
-    Attributes
-    ----------
-    mark, name : str
-    t_s : ndarray, shape (n,)
-    labels : sequence of str, length m
-    value : ndarray, shape (n, m)
-    """
+    """Series of one method: a row for each channel by its label; NaN where there is none."""
 
     mark: str
     name: str
-    t_s: FloatArray
-    labels: Sequence[str]
-    value: FloatArray
+    t_s: FloatArray  # (n,)
+    labels: Sequence[str]  # length m
+    value: FloatArray  # (n, m)
 
 
 def rows_drawings(title: str, unit: str, of: Sequence[Rows], time: Axis) -> list[Drawing]:

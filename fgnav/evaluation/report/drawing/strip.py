@@ -33,8 +33,6 @@ def strip(
         Place in ``marks``; negative where nothing is drawn.
     t_s : ndarray, shape (c + 1,)
         Edges of the cells.
-    marks : sequence of str
-    time : Axis
     at : tuple of float
         Height of the middle, and thickness.
     """

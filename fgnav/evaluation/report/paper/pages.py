@@ -33,11 +33,6 @@ _KEY = 16.0  # length of the line before the name of a method
 class Pages:
     """The sheets of a part, filled from the top.
 
-    Parameters
-    ----------
-    report : Report
-    part : Part
-
     Attributes
     ----------
     sheets : list of Sheet

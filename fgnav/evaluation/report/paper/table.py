@@ -23,7 +23,6 @@ class Layout:
 
     Parameters
     ----------
-    table : Table
     width : float
         Points; wider tables have their widest cells broken into lines.
     """

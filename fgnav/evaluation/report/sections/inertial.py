@@ -4,7 +4,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.report.blocks import Blocks, grid, paragraph
-from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, spanning
+from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, decades, log10
 from fgnav.evaluation.report.drawing.shapes import Drawing
 from fgnav.identification.allan import (
     allan_deviation,
@@ -52,21 +52,17 @@ def _charts(
 ) -> list[Drawing]:
     """Return a diagram for each axis, all on one scale."""
     tau_s, deviation = allan_deviation(values, float(np.median(np.diff(t_s))))
-    x, expected = np.log10(tau_s), _log10(stated_deviation(tau_s, *stated))
-    y = spanning(f"Allan deviation, {unit}", [_log10(deviation).ravel(), expected])
+    x, expected = np.log10(tau_s), log10(stated_deviation(tau_s, *stated))
+    y = decades(f"Allan deviation, {unit}", [log10(deviation).ravel(), expected])
     return [
         Chart(
             title=f"{name} {axis}: Allan deviation",
             x=Axis(name="averaging time, s", low=float(x[0]), high=float(x[-1]), log=True),
-            y=Axis(name=y.name, low=np.floor(y.low), high=np.ceil(y.high), log=True),
+            y=y,
             lines=[
-                Line(mark="own", name="as recorded", x=x, y=_log10(own), as_is=True, width=1.6),
+                Line(mark="own", name="as recorded", x=x, y=log10(own), as_is=True, width=1.6),
                 Line(mark="truth", name="as stated", x=x, y=expected, as_is=True),
             ],
         ).drawing()
         for axis, own in zip("xyz", deviation.T, strict=True)
     ]
-
-
-def _log10(values: FloatArray) -> FloatArray:
-    return np.asarray(np.log10(np.where(values > 0, values, np.nan)))

@@ -23,6 +23,7 @@ _STATES = (
 _CELLS = 300
 _TOP, _ROW = 20.0, 30.0
 _MOST_REASONS = 40
+_MOST_ARCS = 20
 
 
 def integer_parts(
@@ -42,7 +43,7 @@ def integer_parts(
         _strips(of, comparison.right_integers, time),
         Chart(title="links with fixed integers", x=time, y=y, lines=lines).drawing(),
     ]
-    return grid(charts) + _counts(methods) + _reasons(of)
+    return grid(charts) + _counts(methods) + _arcs(methods) + _reasons(of)
 
 
 def _with_times(
@@ -92,6 +93,26 @@ def _counts(methods: Sequence[Method]) -> Blocks:
         right, wrong = (NONE if n is None else str(n) for n in (counts.right, counts.wrong))
         rows.append([method.name, str(counts.fixed), right, wrong, str(counts.not_fixed)])
     return table(["method", "fixed", "right", "wrong", "not fixed"], rows, "links, over all epochs")
+
+
+def _arcs(methods: Sequence[Method]) -> Blocks:
+    """Return the integers of arcs that are least sure, with their chance of being wrong."""
+    stated = [
+        (one.wrong_probability, method.name, one)
+        for method in methods
+        for one in method.arcs
+        if one.wrong_probability is not None
+    ]
+    if not stated:
+        return []
+    mean = np.mean([wrong for wrong, _, _ in stated])
+    stated.sort(key=lambda row: -row[0])
+    rows = [
+        [name, one.link, f"{one.from_s:.2f}", f"{one.until_s:.2f}", f"{wrong:.2g}", one.by]
+        for wrong, name, one in stated[:_MOST_ARCS]
+    ]
+    title = f"arcs by the chance that their integer is wrong, of {len(stated)}; mean {mean:.2g}"
+    return table(["method", "link", "from, s", "until, s", "chance", "by"], rows, title)
 
 
 def _reasons(of: list[tuple[str, FloatArray, Integers]]) -> Blocks:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.checks import NoSolutionError
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.internal_consistency.residuals import (
     Residuals,
@@ -15,7 +15,7 @@ from fgnav.evaluation.internal_consistency.residuals import (
 from fgnav.evaluation.report.blocks import Blocks, folded, grid, number, paragraph, table
 from fgnav.evaluation.report.drawing.chart import Axis
 from fgnav.evaluation.report.drawing.rows import Rows, rows_drawings
-from fgnav.evaluation.scores import EULER, hidden
+from fgnav.evaluation.scores import EULER, finite_mean, hidden
 from fgnav.gnss.undifferenced import Undifferenced, undifferenced
 from fgnav.types.flight import Flight
 
@@ -115,15 +115,9 @@ def _rows(of: _Of, marks: dict[str, str], scale: float) -> list[Rows]:
 def _table(title: str, unit: str, scale: float, of: _Of) -> Blocks:
     heads = ["channel", *(f"{method.name}, {unit}" for method, _ in of)]
     rms = [
-        dict(zip(own.channels, _rms(scale * own.value_m).tolist(), strict=True)) for _, own in of
+        dict(zip(own.channels, np.sqrt(finite_mean(squared, 0)).tolist(), strict=True))
+        for own, squared in ((own, (scale * own.value_m) ** 2) for _, own in of)
     ]
     channels = sorted({name for one in rms for name, value in one.items() if np.isfinite(value)})
     rows = [[name, *(number(one.get(name)) for one in rms)] for name in channels]
     return table(heads, rows, title)
-
-
-def _rms(values: FloatArray) -> FloatArray:
-    known = np.isfinite(values)
-    squared = np.where(known, values, 0.0) ** 2
-    count = np.where(known.any(axis=0), known.sum(axis=0), np.nan)
-    return np.asarray(np.sqrt(squared.sum(axis=0) / count))

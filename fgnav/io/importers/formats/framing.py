@@ -30,7 +30,6 @@ def bytes_outside(content: bytes, format: str) -> int:  # noqa: A002
 
     Parameters
     ----------
-    content : bytes
     format : {"ubx", "sbf", "novatel", "rtcm3"}
     """
     frame = _FRAMES[format]

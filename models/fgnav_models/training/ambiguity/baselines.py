@@ -1,6 +1,6 @@
 """What a network's figures are held against, and the figures themselves."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -38,14 +38,8 @@ class Figures:
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists; None where a figure does not exist."""
         return {
-            name: [None if np.isnan(v) else float(v) for v in np.atleast_1d(getattr(self, name))]
-            for name in (
-                "accuracy_percent",
-                "mse_failed_cycles2",
-                "mse_failed_normalised",
-                "mse_total_cycles2",
-                "mse_total_normalised",
-            )
+            one.name: [None if np.isnan(v) else float(v) for v in getattr(self, one.name)]
+            for one in fields(self)[:-1]
         } | {"all_right_percent": self.all_right_percent}
 
 

@@ -31,7 +31,6 @@ class Data(Table, frozen=True):
 
     Attributes
     ----------
-    epochs : int
     inputs : tuple of str
         As ``ambiguity_inputs`` names them.
     split : str
@@ -39,7 +38,6 @@ class Data(Table, frozen=True):
         its own; a run that lies within one block goes with it. ``"simulations"``: parts share no
         run but all of the time: what the paper seems to do, and a leak where runs share a
         trajectory.
-    block_s : float
     shares : tuple of float
         Of training, validation and test.
     """
@@ -58,34 +56,18 @@ class Data(Table, frozen=True):
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Samples:
-    """Epochs as networks see them.
+    """Epochs as networks see them."""
 
-    Attributes
-    ----------
-    features : ndarray of float32, shape (n, f)
-    cycles : ndarray of int64, shape (n, d)
-        The integer of each wrapped double difference; 0 where there is none.
-    rounded : ndarray of int64, shape (n, d)
-        What rounding the range gives.
-    there : ndarray of bool, shape (n, d)
-    t_s : ndarray, shape (n,)
-    run, first : ndarray of int, shape (n,)
-        The simulation, and the row of its first epoch.
-    satellites : int
-        Slots: what has fewer is padded.
-    losses : tuple of Loss
-        Differences outside of what the networks can answer.
-    """
-
-    features: FloatArray
-    cycles: IntArray
-    rounded: IntArray
-    there: BoolArray
-    t_s: FloatArray
+    features: FloatArray  # (n, f)
+    cycles: IntArray  # (n, d); the integer of each wrapped double difference; 0 where there is none
+    rounded: IntArray  # (n, d); what rounding the range gives
+    there: BoolArray  # (n, d)
+    t_s: FloatArray  # (n,)
+    # run, first: (n,); the simulation, and the row of its first epoch
     run: IntArray
     first: IntArray
-    satellites: int
-    losses: tuple[Loss, ...] = ()
+    satellites: int  # slots: what has fewer is padded
+    losses: tuple[Loss, ...] = ()  # differences outside of what the networks can answer
 
 
 def draw(
@@ -100,12 +82,10 @@ def draw(
 
     Parameters
     ----------
-    world : World
     inputs : tuple of str
         As ``ambiguity_inputs`` names them.
     count : int
         Epochs.
-    rng : numpy.random.Generator
     satellites : int
         Slots at least, the last of them empty where the world has fewer.
 
@@ -248,11 +228,8 @@ class Rows:
 
     Parameters
     ----------
-    samples : Samples
     columns : ndarray of int
         Double differences wanted, one per target of the network.
-    window : int
-    device : str
     """
 
     def __init__(self, samples: Samples, columns: IntArray, window: int, device: str) -> None:

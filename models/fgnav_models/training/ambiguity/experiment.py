@@ -40,8 +40,6 @@ class Experiment(Table, frozen=True):
 
     Attributes
     ----------
-    task : str
-    architecture : Architecture
     window : int
         Samples that an answer sees.
     scaling : str
@@ -52,15 +50,12 @@ class Experiment(Table, frozen=True):
         head per double difference.
     benchmark : int
         Which difference that is; 0 is the first antenna's first pair.
-    batch : int
     passes : float
         Over the training rows.
-    learning_rate : float
     keep : str
         The ``"best"`` weights by validation, or the ``"last"``.
     validations : int
         How often to validate on the way.
-    seed : int
     """
 
     task: Task = "classification"
@@ -155,10 +150,6 @@ def run_experiment(
     ----------
     name : str
         Folder under ``order.out``; what it holds already is taken, or gone on with.
-    experiment : Experiment
-    samples : Samples
-    parts : Parts
-    order : Order
     columns : ndarray of int, optional
         Double differences to answer; by default those of ``experiment.targets``.
     keep_weights : bool

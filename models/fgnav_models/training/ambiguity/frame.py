@@ -36,29 +36,17 @@ _DATA, _PARTS, _ELSEWHERE = range(3)  # streams of random numbers
 
 
 class Study(Table, frozen=True):
-    """One experiment of a frame.
-
-    Attributes
-    ----------
-    name : str
-    question : str
-        What it is to show.
-    world, data, experiment : their tables
-    elsewhere : dict of str to World
-        Where the trained network is tried, too; nothing of them was seen in training.
-    elsewhere_epochs : int
-    release : Release, optional
-        Release the network.
-    """
+    """One experiment of a frame."""
 
     name: str
     world: World
     data: Data
     experiment: Experiment
-    question: str = ""
+    question: str = ""  # what it is to show
+    # where the trained network is tried, too; nothing of them was seen in training
     elsewhere: dict[str, World] = msgspec.field(default_factory=dict)
     elsewhere_epochs: Count = 20_000
-    release: Release | None = None
+    release: Release | None = None  # release the network
     seed: int = 1
 
 

@@ -114,7 +114,6 @@ class AmbiguityNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
 
     Parameters
     ----------
-    architecture : Architecture
     task : str
         ``"classification"``: scores of the integers -16 … 16; ``"regression"``: one sigmoid, which
         ``cycles`` maps to the same range.
@@ -205,7 +204,6 @@ def loss_of(
 
     Parameters
     ----------
-    task : str
     answer : tensor
         Of ``AmbiguityNet``.
     cycles, there : tensor of int64 and bool, shape (n, t)

@@ -31,25 +31,12 @@ _DATA, _PARTS = range(2)  # streams of random numbers, apart from one another
 
 
 class Grid(Table, frozen=True):
-    """What the phases try; the defaults are the paper's.
-
-    Attributes
-    ----------
-    windows : tuple of int
-        Phase 1.
-    sizes : dict of str to tuple of int
-        Dense layers by name; phase 2, as are ``units`` and ``activations``.
-    learning_rates : tuple of float
-        Phase 3.
-    tuning_passes : float
-        Phase 3's length.
-    batches : dict of str to int
-        By the network's type.
-    """
+    """What the phases try; the defaults are the paper's."""
 
     tasks: tuple[Task, ...] = ("classification", "regression")
     types: tuple[Type, ...] = ("mlp", "rnn")
-    windows: tuple[Count, ...] = (1, 5, 10)
+    windows: tuple[Count, ...] = (1, 5, 10)  # phase 1
+    # dense layers by name; phase 2, as are ``units`` and ``activations``
     sizes: dict[str, tuple[Count, ...]] = msgspec.field(
         default_factory=lambda: {
             "BA": (800, 400, 200, 100),
@@ -59,8 +46,9 @@ class Grid(Table, frozen=True):
     )
     units: tuple[Count, ...] = (100, 125, 150, 175, 200)
     activations: tuple[Literal["tanh", "relu"], ...] = ("tanh", "relu")
-    learning_rates: tuple[Positive, ...] = (0.01, 0.005, 0.001, 0.0005, 0.0001)
-    tuning_passes: Positive = 2000.0
+    learning_rates: tuple[Positive, ...] = (0.01, 0.005, 0.001, 0.0005, 0.0001)  # phase 3
+    tuning_passes: Positive = 2000.0  # phase 3's length
+    # by the network's type
     batches: dict[Type, Count] = msgspec.field(
         default_factory=lambda: {"mlp": 200, "rnn": 16, "lstm": 16}
     )
@@ -105,56 +93,28 @@ class Campaign(Table, frozen=True):
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Ensemble:
-    """Phase 4 of one task: one network per integer.
+    """Phase 4 of one task: one network per integer."""
 
-    Attributes
-    ----------
-    accuracy_percent, mse_failed_cycles2 : ndarray, shape (d,)
-        Of each network, in its last round.
-    rounds : ndarray of int, shape (d,)
-        Trainings that it took.
-    reached : ndarray of bool, shape (d,)
-        Whether the threshold was met.
-    failed : ndarray of bool, shape (n, d)
-        Failures on the test rows.
-    """
-
+    # accuracy_percent, mse_failed_cycles2: (d,); of each network, in its last round
     accuracy_percent: FloatArray
     mse_failed_cycles2: FloatArray
-    rounds: IntArray
-    reached: BoolArray
-    failed: BoolArray
+    rounds: IntArray  # (d,); trainings that it took
+    reached: BoolArray  # (d,); whether the threshold was met
+    failed: BoolArray  # (n, d); failures on the test rows
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Findings:
-    """All of a campaign that its report needs.
-
-    Attributes
-    ----------
-    campaign : Campaign
-    results : dict
-        By the folder's name: ``"1/classification-rnn-k5"``.
-    chosen : dict
-        What phases 1 to 3 chose, by task.
-    baselines : dict of str to Figures
-        On the test rows of phases 1 to 3, and of phase 4.
-    ensembles : dict of str to Ensemble
-        By task.
-    group : ndarray of int
-        Test rows of phase 4: a change is a gap in time.
-    losses : list of str
-        Epochs and differences that were drawn and not used.
-    """
+    """All of a campaign that its report needs."""
 
     campaign: Campaign
-    results: dict[str, Result]
-    chosen: dict[str, Experiment]
-    baselines: dict[str, Figures]
+    results: dict[str, Result]  # by the folder's name: ``"1/classification-rnn-k5"``
+    chosen: dict[str, Experiment]  # what phases 1 to 3 chose, by task
+    baselines: dict[str, Figures]  # on the test rows of phases 1 to 3, and of phase 4
     final_baselines: dict[str, Figures]
-    ensembles: dict[str, Ensemble]
-    group: IntArray
-    losses: list[str]
+    ensembles: dict[str, Ensemble]  # by task
+    group: IntArray  # test rows of phase 4: a change is a gap in time
+    losses: list[str]  # epochs and differences that were drawn and not used
 
 
 def find(campaign: Campaign, order: Order) -> Findings:
@@ -185,13 +145,14 @@ def find(campaign: Campaign, order: Order) -> Findings:
         task: _ensemble(campaign, experiment, samples, parts, order)
         for task, experiment in chosen.items()
     }
-    losses = [*samples.losses, *bench.parts(window).losses]
+    of_bench = bench.parts(window)
+    losses = [*samples.losses, *of_bench.losses]
     return Findings(
         campaign=campaign,
         results=bench.results,
         chosen=chosen,
-        baselines=_baselines(samples, bench.parts(window)),
-        final_baselines=_baselines(samples, parts),
+        baselines=of_baselines(samples, of_bench.train, of_bench.test),
+        final_baselines=of_baselines(samples, parts.train, parts.test),
         ensembles=ensembles,
         group=np.cumsum(np.diff(parts.test, prepend=parts.test[0]) > 1),
         losses=[f"{loss.count} × {loss.what} not used: {loss.reason}" for loss in losses],
@@ -321,10 +282,6 @@ def _reached(final: Final, task: Task, accuracy: FloatArray, error: FloatArray) 
     if task == "classification":
         return np.asarray(accuracy >= final.accuracy_percent)
     return np.asarray(np.isnan(error) | (error < final.mse_failed_cycles2))
-
-
-def _baselines(samples: Samples, parts: Parts) -> dict[str, Figures]:
-    return of_baselines(samples, parts.train, parts.test)
 
 
 def _rng(campaign: Campaign, stream: int) -> np.random.Generator:

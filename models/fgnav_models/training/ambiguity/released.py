@@ -60,10 +60,6 @@ def release_network(
         Trained, on the CPU.
     example : ndarray, shape (n, f)
         Features to compare torch and onnxruntime on.
-    words : Release
-    recipe : dict
-    metrics : dict of str to float
-    folder : Path
     """
     # Of features another than the released ones are: whatever their number.
     known = replace(GIVEN[_SENSOR], channels=example.shape[1])

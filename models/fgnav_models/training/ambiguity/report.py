@@ -158,11 +158,7 @@ def _phase_2(findings: Findings, out: Path) -> list[str]:
     sections = ["## Phase 2: architecture (Figures 6-8)"]
     for task in findings.campaign.grid.tasks:
         figure, number = names[task]
-        results = {
-            key.removeprefix(f"2/{task}-"): result
-            for key, result in findings.results.items()
-            if key.startswith(f"2/{task}-")
-        }
+        results = _with_prefix(findings, f"2/{task}-")
         values = {name: best_test(result, figure) for name, result in results.items()}
         draw.bars(out / f"figure_{number:02d}.png", values, f"{task}: {figure}".replace("_", " "))
         spreads = {name: _spread(result, figure) for name, result in results.items()}
@@ -176,11 +172,7 @@ def _phase_2(findings: Findings, out: Path) -> list[str]:
 def _phase_3(findings: Findings, out: Path) -> list[str]:
     sections = ["## Phase 3: learning rate (Figure 9)"]
     for task in findings.campaign.grid.tasks:
-        results = {
-            key.removeprefix(f"3/{task}-"): result
-            for key, result in findings.results.items()
-            if key.startswith(f"3/{task}-")
-        }
+        results = _with_prefix(findings, f"3/{task}-")
         if task == "classification":
             draw.histories(out / "figure_09.png", {k: r.history for k, r in results.items()})
         rows = [
@@ -256,6 +248,12 @@ def _failures(findings: Findings, out: Path) -> list[str]:
         )
     draw.counts(out / "figure_14.png", joint, ("networks failing together", "epochs"), first=1)
     return sections
+
+
+def _with_prefix(findings: Findings, prefix: str) -> dict[str, Result]:
+    """Return results whose names begin so, by what follows."""
+    of = findings.results.items()
+    return {key.removeprefix(prefix): one for key, one in of if key.startswith(prefix)}
 
 
 def _longest(epochs: int) -> str:

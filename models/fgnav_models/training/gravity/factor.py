@@ -92,16 +92,12 @@ def release_gravity(
 
     Parameters
     ----------
-    net : GravityNet
     epochs : GravityEpochs
         What both run-times are compared on.
-    words : Release
     errors : (float, float)
         Their half-life, s, and the share of their variance that lasts.
-    domain : tuple of Statistic
     metrics : mapping of str to float
         For the card.
-    folder : Path
     """
     half_mps = epochs.a_n_mps2 * SPAN_S / 2
     v_n_mps = np.stack([epochs.v_n_mps - half_mps, epochs.v_n_mps, epochs.v_n_mps + half_mps], 1)

@@ -21,7 +21,6 @@ def windows(imu: Imu, t_s: FloatArray) -> tuple[FloatArray, BoolArray]:
 
     Parameters
     ----------
-    imu : Imu
     t_s : ndarray, shape (n,)
 
     Returns

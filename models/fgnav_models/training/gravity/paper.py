@@ -36,15 +36,12 @@ class PaperStudy(Table, frozen=True):
 
     Attributes
     ----------
-    samples : int
     shares : three numbers
         Train, validate, test.
     splits : tuple of str
         ``"samples"`` as in the paper, where every flight is on all sides; ``"flights"``.
-    networks : dict of str to Architecture
     batches : dict of str to int
         By the kind of architecture.
-    passes, learning_rate : float
     """
 
     samples: Count = 10_000

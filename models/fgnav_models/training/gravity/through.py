@@ -40,7 +40,6 @@ class Through(Steps, frozen=True):
     phases : tuple of str
         Kinds of motion, one after another. Spins are lost to a smoother without gyroscope and
         array, whatever the network.
-    duration_s : float
     """
 
     flights: Count = 120
@@ -78,7 +77,6 @@ class GravityFlight:
 
     Attributes
     ----------
-    flight : TrainingFlight
     row : ndarray of int, shape (w,)
     seen : tuple of tensor, (w, ...) each
         As ``GravityNet`` takes them.

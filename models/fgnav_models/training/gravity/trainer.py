@@ -39,34 +39,19 @@ _Comparison: TypeAlias = tuple[Compared, ...]
 
 
 class Learned(Table, frozen=True):
-    """A network with a covariance, to be released as a factor.
+    """A network with a covariance, to be released as a factor."""
 
-    Attributes
-    ----------
-    release : Release
-        Its name and its card's words.
-    aided : bool
-        Whether it sees a receiver's motion.
-    """
-
-    release: Release
-    aided: bool = True
+    release: Release  # its name and its card's words
+    aided: bool = True  # whether it sees a receiver's motion
 
 
 class Training(Learning, frozen=True):
-    """How the networks to be released are made.
+    """How the networks to be released are made."""
 
-    Attributes
-    ----------
-    windows, held_out : int
-        To learn from; to calibrate on, and as many to test on, of other flights.
-    followed : int
-        Flights to tell from how soon errors are new ones.
-    """
-
+    # windows, held_out: to learn from; to calibrate on, and as many to test on, of other flights
     windows: Count = 400_000
     held_out: Count = 40_000
-    followed: Count = 200
+    followed: Count = 200  # flights to tell from how soon errors are new ones
 
 
 class Recipe(Table, frozen=True):

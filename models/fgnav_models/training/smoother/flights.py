@@ -22,25 +22,14 @@ _SAME_S = 1e-6
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class TrainingFlight:
-    """A flight linearised once.
-
-    Attributes
-    ----------
-    name : str
-    t_s : ndarray, shape (n,)
-        Its keyframes.
-    states : States
-        Where it is linearised; a network's residuals and Jacobians are to be taken there.
-    linearised : LinearisedFlight
-    judged : Judged
-        The truth.
-    """
+    """A flight linearised once."""
 
     name: str
-    t_s: FloatArray
+    t_s: FloatArray  # (n,); its keyframes
+    # where it is linearised; a network's residuals and Jacobians are to be taken there
     states: States
     linearised: LinearisedFlight
-    judged: Judged
+    judged: Judged  # the truth
 
     def rows(self, t_s: FloatArray) -> IntArray:
         """Return the keyframes at times, (k,); -1 where there is none."""

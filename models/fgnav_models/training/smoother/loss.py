@@ -27,7 +27,6 @@ def negative_log_likelihood(
 
     Parameters
     ----------
-    flight : TrainingFlight
     row : ndarray of int, shape (m,)
         Keyframes of the answers.
     jacobian : ndarray, shape (m, f, D)

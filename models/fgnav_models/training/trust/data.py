@@ -79,8 +79,6 @@ def samples_of(
     ----------
     world : World
         With a given array.
-    rng : numpy.random.Generator
-    count : int
     nodes : int
         What the search of an epoch may visit.
     stated : float
@@ -150,11 +148,9 @@ def random_world(
 
     Parameters
     ----------
-    world : World
     array : RandomArray
     outliers : tuple of float
         Range of the share of links worse than stated; a quarter of worlds have none.
-    rng : numpy.random.Generator
     """
     number = int(rng.integers(*array.antennas, endpoint=True))
     box = rng.uniform(*array.scale) * np.array(array.box_m)

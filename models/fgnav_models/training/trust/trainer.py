@@ -45,41 +45,23 @@ _TOLD = {  # of a trial, and how the card calls it
 
 
 class Draw(Table, frozen=True):
-    """One kind of world.
-
-    Attributes
-    ----------
-    name : str
-    world : World
-        Its array is replaced by drawn ones.
-    arrays, epochs : int
-        How many are drawn, and epochs of each.
-    array : RandomArray
-    outliers : range of float
-        Share of links worse than stated, drawn for each array.
-    """
+    """One kind of world."""
 
     name: str
-    world: World
+    world: World  # its array is replaced by drawn ones
+    # arrays, epochs: how many are drawn, and epochs of each
     arrays: int
     epochs: int
     array: RandomArray = RandomArray()
+    # share of links worse than stated, drawn for each array
     outliers: tuple[float, float] = (0.0, 0.2)
 
 
 class Trial(Table, frozen=True):
-    """A world that the network is judged on once it is trained, noise as stated.
-
-    Attributes
-    ----------
-    name : str
-    world : World
-        With a given array.
-    epochs : int
-    """
+    """A world that the network is judged on once it is trained, noise as stated."""
 
     name: str
-    world: World
+    world: World  # with a given array
     epochs: int
 
 
@@ -88,11 +70,8 @@ class Recipe(Table, frozen=True):
 
     Attributes
     ----------
-    draws : tuple of Draw
-    trials : tuple of Trial
     never_seen : tuple of int
         Epochs of so many satellites are left out of what is drawn: not of the trials.
-    training : Settings
     width : int
         Of the hidden layers.
     batch : int

@@ -16,21 +16,11 @@ SCALE = (10.0, 1.0)  # of inputs: m/s2, rad/s
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Records:
-    """Flights, m, of n samples each.
+    """Flights, m, of n samples each."""
 
-    Attributes
-    ----------
-    kind : ndarray of int, shape (m,)
-        A place in ``KINDS``.
-    sensed : tuple of tensor, shape (m, n, 3) each
-        Specific force and rate, over ``SCALE``.
-    v_b_mps : tensor, shape (m, n, 3)
-    rate_hz : float
-    """
-
-    kind: IntArray
-    sensed: tuple[torch.Tensor, ...]
-    v_b_mps: torch.Tensor
+    kind: IntArray  # (m,); a place in ``KINDS``
+    sensed: tuple[torch.Tensor, ...]  # (m, n, 3); specific force and rate, over ``SCALE``
+    v_b_mps: torch.Tensor  # (m, n, 3)
     rate_hz: float
 
     def windows(self, flight: IntArray, last: IntArray, window: int) -> Batch:

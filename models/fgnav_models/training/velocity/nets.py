@@ -64,7 +64,6 @@ class VelocityFactor(nn.Module):  # type: ignore[misc]  # mypy skips torch
 
     Parameters
     ----------
-    net : VelocityNet
     scale : tuple of float
         Of accelerations and rates, by which windows are divided.
     """

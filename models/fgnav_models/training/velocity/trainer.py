@@ -33,7 +33,6 @@ class Training(Learning, frozen=True):
     ----------
     flights, held_out : int
         To learn from; to calibrate on, and as many to test on.
-    window_s : float
     """
 
     flights: Count = 2500

@@ -73,7 +73,6 @@ def track(
     R_nb : ndarray, shape (n, 3, 3)
     shaking : pair of ndarray, shape (n,) each
         1-sigma of the shaking's accelerations and rates; axes draw their own share of it.
-    rng : numpy.random.Generator
     """
     from scipy.interpolate import make_interp_spline  # noqa: PLC0415  # lazy, like gnss.orbits
 

@@ -29,7 +29,6 @@ class VehiclesWorld(Table, frozen=True, tag="vehicles", tag_field="kind"):
     ----------
     car, multirotor, aeroplane : float
         How likely a flight is of each kind.
-    flight_s : float
     rate_hz : float
         Of the inertial unit.
     accelerometer_noise_mps2_per_sqrt_hz, gyroscope_noise_radps_per_sqrt_hz : range

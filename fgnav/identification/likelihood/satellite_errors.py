@@ -1,0 +1,145 @@
+"""How large errors of satellites are, and how they move, beside what a flight states of them.
+
+What messages and models of the atmosphere leave in ranges to satellites is a state of each in the
+graph (``graph.factors.antenna_phase``): stated are its 1-sigma when a satellite appears, that of
+its rate, and its random walk. Their marginal likelihood is that of a filter of A alone, the place
+of the antenna free at every epoch [1]_:
+
+    ln L = -c / 2 - ln |R| - sum of n_i ln f_i
+
+c the least sum of squares of all whitened rows, R the triangular root of their information, n_i
+rows that say how large an error of one kind is, and f_i its standard deviation over the stated one.
+
+References
+----------
+.. [1] Koch, Maximum likelihood estimate of variance components, Bulletin Geodesique 60, 1986.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.optimize import minimize_scalar
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.frontend.position.base_integers import without_place
+from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock
+from fgnav.identification.track.windows import FALSE_ALARM
+from fgnav.solve.chain.arcs_kernel import eliminate_first
+
+ERRORS = ("satellite error", "satellite error walk", "satellite error rate")
+_EXCLUDED = -np.log(FALSE_ALARM)  # nats that what is stated is less likely by
+_MOST = np.log(100.0)  # of a factor's logarithm: centimetres of metres, noise of phases and codes
+_ENOUGH = 600  # blocks of a second: walks of four satellites more than a place to 1.5 %
+_SETTLED = 0.1  # of it: 10 % of a standard deviation
+
+
+def satellite_error_factors(phase: AntennaPhase) -> dict[str, float]:
+    """Return factors on the stated errors of satellites that their phases and codes contradict.
+
+    What contradicts most is believed first, as long as one flight in ten thousand does by chance.
+    """
+    errors, used = SatelliteErrors(phase), list[int]()
+    theta: FloatArray = np.zeros(len(ERRORS))
+    found = errors.log_likelihood(theta)
+    while len(used) < len(ERRORS):
+        others = [i for i in range(len(ERRORS)) if i not in used]
+        tried = [errors.climbed(theta, i) for i in others]
+        best = max(range(len(tried)), key=lambda k: tried[k][1])
+        if tried[best][1] < found + _EXCLUDED:
+            break
+        theta, found = tried[best]
+        used.append(others[best])
+    for i in used[:-1]:  # what was found before the others were
+        theta, _ = errors.climbed(theta, i)
+    return {ERRORS[i]: float(np.exp(theta[i])) for i in used}
+
+
+def with_errors(phase: AntennaPhase, factors: Mapping[str, float]) -> AntennaPhase:
+    """Return phases whose satellites' errors are as large, and move as far, as factors say."""
+    weight = 1 / np.array([*(factors.get(name, 1.0) for name in ERRORS), 1.0])
+    return replace(
+        phase, blocks=tuple(_weighted(block, weight[_kinds(block)]) for block in phase.blocks)
+    )
+
+
+class SatelliteErrors:
+    """Phases and codes of a flight by blocks, places eliminated.
+
+    Attributes
+    ----------
+    count : list of int
+        Rows that say how large an error is, of each kind.
+    """
+
+    def __init__(self, phase: AntennaPhase) -> None:
+        blocks = phase.blocks[:_ENOUGH]
+        self._kinds = [_kinds(block) for block in blocks]
+        self._rows = [np.column_stack([-one.before, one.after, one.right]) for one in blocks]
+        self.count = [sum(int((of == i).sum()) for of in self._kinds) for i in range(len(ERRORS))]
+        self._measured = [np.zeros((one.size + 1, one.size + 1)) for one in blocks]
+        for one, block in zip(phase.rows, phase.block - phase.first_block, strict=True):
+            if block < len(blocks):
+                rows = np.column_stack(without_place(one))
+                self._measured[block] += rows.T @ rows
+
+    def climbed(self, theta: FloatArray, i: int) -> tuple[FloatArray, float]:
+        """Return logarithms of factors, (3,), the i-th of them the likeliest, and ln L there."""
+
+        def at(x: float) -> FloatArray:
+            moved = theta.copy()
+            moved[i] = x
+            return moved
+
+        search = minimize_scalar(
+            lambda x: -self.log_likelihood(at(x)),
+            bounds=(-_MOST, _MOST),
+            method="bounded",
+            options={"xatol": _SETTLED},
+        )
+        return at(search.x), -float(search.fun)
+
+    def log_likelihood(self, theta: FloatArray) -> float:
+        """Return ln L of logarithms of factors, (3,), but for a constant."""
+        weight = np.append(np.exp(-2 * theta), 1.0)
+        log_root, information = 0.0, np.zeros((1, 1))
+        for rows, kinds, measured in zip(self._rows, self._kinds, self._measured, strict=True):
+            before = len(information) - 1
+            joint = rows.T @ (weight[kinds, None] * rows)
+            joint[:before, :before] += information[:before, :before]
+            joint[:before, -1] += information[:before, -1]
+            joint[-1, -1] += information[-1, -1]
+            is_known, root, _ = eliminate_first(joint, before)
+            if not is_known:
+                return -np.inf
+            log_root += float(np.log(root.diagonal()).sum())
+            left = np.triu(joint[before:, before:])
+            information = left + np.triu(left, 1).T + measured
+        try:
+            root = np.linalg.cholesky(information[:-1, :-1])
+        except np.linalg.LinAlgError:
+            return -np.inf
+        log_root += float(np.log(root.diagonal()).sum())
+        along = solve_triangular(root, information[:-1, -1], lower=True)
+        cost = float(information[-1, -1] - along @ along)
+        return -cost / 2 - log_root - float(self.count @ theta)
+
+
+def _kinds(block: ArcBlock) -> IntArray:
+    """Return which of the errors each row of a block is of, (q,); their number: of none."""
+    size, s = block.size, block.satellites
+    kinds = np.full(len(block.right), len(ERRORS))
+    error, rate = slice(size - 2 * s, size - s), slice(size - s, size)
+    goes_on = np.asarray(block.before.any(axis=1))
+    kinds[error] = np.where(goes_on[error], 1, 0)
+    kinds[rate] = np.where(goes_on[rate], len(ERRORS), 2)
+    return kinds
+
+
+def _weighted(block: ArcBlock, weight: FloatArray) -> ArcBlock:
+    return block._replace(
+        before=weight[:, None] * block.before,
+        after=weight[:, None] * block.after,
+        right=weight * block.right,
+    )

@@ -1,0 +1,93 @@
+"""Each arc's integer, the chance that it is wrong, and who says so."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.integers import SOURCES, Integers
+
+APART_S = 20.0  # after which errors are new ones; a choice, the time constant of scenario rough
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArcInteger:
+    """An integer that a link has had, from slip to slip or until another took its place.
+
+    Attributes
+    ----------
+    link : str
+        ``"a3 G05 1C"``.
+    from_s, until_s : float
+        First and last epoch that has it.
+    cycles : int
+        Of the double difference.
+    wrong_probability : float or None
+        By the evidence of its epochs, or as the resolver states it; None where neither does.
+    by : str
+        Of most of its epochs: ``resolver``, ``arc`` (what the arc's epochs agree on) or ``array``
+        (the epoch's other links).
+    """
+
+    link: str
+    from_s: float
+    until_s: float
+    cycles: int
+    wrong_probability: float | None
+    by: str
+
+
+def reported_arcs(
+    differences: DoubleDifferences, integers: Integers, antennas: tuple[str, ...]
+) -> tuple[ArcInteger, ...]:
+    """Return the integers of all arcs.
+
+    Epochs that err alike say together what one of them says: of each ``APART_S`` the median of the
+    log odds counts, and those of all these add up.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+    integers : Integers
+        In the layout of ``differences``.
+    antennas : tuple of str
+        Names, the reference first.
+    """
+    nats, source = _log_odds(integers), integers.source
+    out = []
+    for i, j in np.argwhere(integers.fixed.any(axis=0)).tolist():
+        rows = np.flatnonzero(integers.fixed[:, i, j])
+        labels = np.stack([differences.arc[rows, i, j], integers.cycles[rows, i, j]])
+        ends = np.flatnonzero((np.diff(labels, axis=1) != 0).any(axis=0)) + 1
+        for part in np.split(rows, ends):
+            by = np.zeros(1, dtype=np.int64) if source is None else source[part, i, j]
+            t_s = differences.t_s[part]
+            out.append(
+                ArcInteger(
+                    link=f"{antennas[i + 1]} {differences.satellites[j]} {differences.signals[j]}",
+                    from_s=float(t_s[0]),
+                    until_s=float(t_s[-1]),
+                    cycles=int(integers.cycles[part[0], i, j]),
+                    wrong_probability=None if nats is None else _wrong(t_s, nats[part]),
+                    by=SOURCES[int(np.bincount(by).argmax())],
+                )
+            )
+    return tuple(out)
+
+
+def _log_odds(integers: Integers) -> FloatArray | None:
+    """Return the log odds that epochs' integers are right, (n,), nats."""
+    if integers.evidence is not None:
+        return integers.evidence
+    if integers.wrong_probability is None:
+        return None
+    wrong = integers.wrong_probability.clip(1e-300, 1 - 1e-16)
+    return np.asarray(np.log1p(-wrong) - np.log(wrong))
+
+
+def _wrong(t_s: FloatArray, nats: FloatArray) -> float:
+    """Return the chance of an arc by the log odds of its epochs, (k,)."""
+    block = ((t_s - t_s[0]) // APART_S).astype(np.int64)
+    total = sum(float(np.median(nats[block == one])) for one in np.unique(block))
+    return float(1 / (1 + np.exp(np.clip(total, -700.0, 700.0))))

@@ -1,0 +1,98 @@
+"""Errors of satellites: believed as stated where they are there, and as they are where not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import chdtri
+
+from fgnav.frontend.position.live_arcs import Observed, antenna_phase
+from fgnav.gnss.undifferenced import undifferenced
+from fgnav.graph.types.constants import Constants
+from fgnav.identification.likelihood.satellite_errors import (
+    ERRORS,
+    SatelliteErrors,
+    satellite_error_factors,
+    with_errors,
+)
+from fgnav.methods.smoother import Smoother
+from tests.gnss.based import flown
+
+SIZE, WALK, RATE = ERRORS
+
+
+def phases(seed, span_s=20.0, stated=None, **gnss):
+    """Return phases of a flight, which states other sizes of errors than it has where asked."""
+    flight = flown.__wrapped__(base=None, span_s=span_s, seed=seed, **gnss)
+    flight = replace(flight, gnss_noise=replace(flight.gnss_noise, **(stated or {})))
+    of, truth = undifferenced(flight), flight.truth
+    rows = np.arange(len(of.t_s))
+    R_nb = truth.R_nb[np.searchsorted(truth.t_s, of.t_s - 1e-6)]
+    observed = Observed(of, rows, rows, np.zeros(3))
+    return antenna_phase((observed,), of.t_s, R_nb, Constants())[0]
+
+
+def dense_log_likelihood(phase):
+    """Return it of all rows at once, a place free at every epoch; but for a constant."""
+    first = np.cumsum([0, *(one.size for one in phase.blocks)])
+    width, rows, right = first[-1] + 3 * len(phase.row), [], []
+    for j, one in enumerate(phase.blocks):
+        row = np.zeros((len(one.right), width))
+        row[:, first[j] : first[j + 1]] = one.after
+        if j:
+            row[:, first[j - 1] : first[j]] = -one.before
+        rows.append(row)
+        right.append(one.right)
+    for i, (j, one) in enumerate(zip(phase.block, phase.rows, strict=True)):
+        row = np.zeros((len(one.z), width))
+        row[:, first[j] : first[j + 1]] = one.H
+        row[:, first[-1] + 3 * i : first[-1] + 3 * i + 3] = one.G
+        rows.append(row)
+        right.append(one.z)
+    A, b = np.vstack(rows), np.concatenate(right)
+    R = np.linalg.qr(np.column_stack([A, b]), mode="r")
+    return -(R[-1, -1] ** 2) / 2 - np.log(np.abs(np.diag(R)[:-1])).sum()
+
+
+def test_the_likelihood_is_that_of_all_rows_at_once():
+    phase, theta = phases(93_020, 4.0, message_errors=True), np.array([0.3, -0.5, 0.8])
+    errors = SatelliteErrors(phase)
+    factors = dict(zip(ERRORS, np.exp(theta), strict=True))
+    changed = dense_log_likelihood(with_errors(phase, factors)) - dense_log_likelihood(phase)
+    own = errors.log_likelihood(theta) - errors.log_likelihood(np.zeros(3))
+    # Squares have half the digits of rows; what is asked of it are nine nats.
+    np.testing.assert_allclose(own, changed - errors.count @ theta, rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(93_000, 93_006))
+def test_errors_as_stated_are_believed(seed):
+    assert satellite_error_factors(phases(seed, message_errors=True)) == {}
+
+
+def test_perfect_messages_are_found():
+    found = satellite_error_factors(phases(93_010))
+    assert found[SIZE] < 0.2
+    assert found[WALK] < 0.2
+
+
+def test_errors_that_move_faster_than_stated_are_found():
+    moving = {"satellite_error_rate_mps": 2e-2, "message_errors": True}
+    found = satellite_error_factors(
+        phases(93_011, stated={"satellite_error_rate_mps": 2e-4}, **moving)
+    )
+    assert set(found) == {RATE}
+    assert abs(np.log(found[RATE] / 100)) < 4 / np.sqrt(2 * 4)  # four satellites more than a place
+
+
+@pytest.mark.parametrize("seed", [93_030, 93_031])
+def test_positions_are_as_good_as_their_covariance_says(seed):
+    flight = flown.__wrapped__(base=None, span_s=20.0, seed=seed)
+    estimate = Smoother()(flight)
+    true_n_m = flight.truth.p_n_m[np.searchsorted(flight.truth.t_s, estimate.t_s - 1e-6)]
+    off_n_m = estimate.p_n_m - true_n_m
+    nees = np.einsum(
+        "ni,nij,nj->n", off_n_m, np.linalg.inv(estimate.position_covariance_m2), off_n_m
+    )
+    # One error of the whole flight, of three dimensions; as stated it was 0.05 to 0.5.
+    assert chdtri(3, 1 - 1e-3) < nees.mean() < chdtri(3, 1e-3)
+    assert np.sqrt((off_n_m**2).sum(axis=1).mean()) < 0.5
