@@ -11,6 +11,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY
+from fgnav.graph.turned import ARRAY_TURN, UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.types.flight import Flight
 
@@ -47,6 +48,8 @@ _KINDS = {
 # 0.5 % (data sheets of Murata CSTNE).
 _CLOCK_RATE_PPM = 1000.0
 _OF_TIME = ("clock", "velocity-delay")
+_TURNS = (ARRAY_TURN, UNIT_TURN)  # tested, and not to be asked for
+_TURN_RAD = np.radians(5.0)  # 1-sigma of each angle: a mounting that nobody measured
 NAMES = (*(name for name in _KINDS if name != "antenna"), "antennas", "antenna:NAME")
 
 
@@ -55,7 +58,8 @@ class CalibrationRequest:
     """One word of ``estimate``: a kind, for antennas a name or all, and a sigma, m, rad or s.
 
     Of a clock ``moved`` is by how much tags have been corrected already, s and parts per million;
-    of a delay ``start`` is where its search starts, s.
+    of a delay ``start`` is where its search starts, s; of a turn ``turned_rad`` is by how much
+    it has been corrected.
     """
 
     kind: str
@@ -63,6 +67,7 @@ class CalibrationRequest:
     sigma: float
     moved: tuple[float, float] = (0.0, 0.0)
     start: float = 0.0
+    turned_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, ...]:
@@ -152,6 +157,12 @@ def constants_of(
         if word.kind in _OF_TIME:
             found += of_time(word)
             continue
+        if word.kind in _TURNS:
+            # Begun and expected where it was found: a window that learns a turn of
+            # degrees anew marginalises what it has linearised far from it.
+            stated = -np.array(word.turned_rad)
+            found.append(replace(turn_of(word.kind, word.sigma), stated=stated))
+            continue
         if word.kind != "antenna":
             found.append(of_vehicle(word))
             continue
@@ -159,6 +170,11 @@ def constants_of(
             name = f"antenna {flight.antennas[i].name}"
             found.append(flight_constant(name, _SPACE_B, "m", word.sigma))
     return tuple(found)
+
+
+def turn_of(name: str, sigma_rad: float = _TURN_RAD) -> FlightConstant:
+    """Return the rotation vector c from the inertial unit to the array: R_n,array = R Exp(c)."""
+    return flight_constant(name, _SPACE_B, "rad", sigma_rad)
 
 
 def of_vehicle(word: CalibrationRequest) -> FlightConstant:

@@ -75,6 +75,8 @@ class PreparedFlight:
         Phases of the array, and what of them tells its attitudes, without integers.
     stretches : tuple of Stretch
         In place of all this, of a causal method whose noise is identified as the flight goes on.
+    axes : BodyAxes or None
+        Of an array that is turned against the inertial unit.
     goes_on : Earlier or None
         What keyframes to come need of these.
     """
@@ -96,6 +98,7 @@ class PreparedFlight:
     tests: tuple[Consistency, ...] = ()
     array: tuple[DoubleDifferences, FloatArray] | None = None
     stretches: "tuple[Stretch, ...]" = ()
+    axes: "BodyAxes | None" = None
     goes_on: "Earlier | None" = None
 
     def with_constants(self, parts: tuple[FlightConstant, ...]) -> "PreparedFlight":
@@ -112,6 +115,18 @@ class PreparedFlight:
             in_motion=None if in_motion is None else by(in_motion),
             opening=None if opening is None else replace(opening, problem=by(opening.problem)),
         )
+
+
+class BodyAxes(NamedTuple):
+    """Whose axes are taken for the body's where array and inertial unit are turned apart."""
+
+    of_array: bool  # else the unit's
+    share: float  # probability that it is so
+
+    @property
+    def is_even(self) -> bool:
+        """Whether nothing speaks for either by more than chance, 1 in 10,000."""
+        return self.share < 1.0 - 1e-4
 
 
 class Stretch(NamedTuple):

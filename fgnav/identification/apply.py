@@ -18,9 +18,12 @@ from fgnav.frontend.calibration_request import (
 from fgnav.frontend.problem import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.delayed import PPM
+from fgnav.graph.turned import UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.identification.array_places import places_of, with_reference
+from fgnav.identification.array.choice import Told, Turn, chosen_turn
+from fgnav.identification.array.places import places_of, with_reference
+from fgnav.identification.array.turn import others_tell, request_of, sentence, tested_turn
 from fgnav.identification.identify import EXCLUDED, Identified, identify
 from fgnav.identification.likelihood.beside_phases import white_noise_factors
 from fgnav.identification.likelihood.satellite_errors import (
@@ -49,6 +52,7 @@ class Findings(NamedTuple):
     tests: tuple[Consistency, ...] = ()
     middle_s: float = 0.0  # of the record that says so: the offset holds there
     reference: int = 0  # antenna against which the array's others are
+    turn: Turn | None = None
     errors: Mapping[str, float] = MappingProxyType({})  # of satellites, as factors
     is_as_it_was: bool = False  # all but those errors
 
@@ -89,7 +93,10 @@ def with_findings(
     """Return the problem of a flight with noise and times as found."""
     better = with_factors(_moved(flight, found.moved, found.middle_s), found.factors)
     better = with_reference(better, found.reference)
-    return _said(build(better, replace(settings, calibration=found.calibration)), found)
+    better = better if found.turn is None else found.turn.back(better)
+    changed = build(better, replace(settings, calibration=found.calibration))
+    axes = None if found.turn is None else found.turn.axes
+    return replace(_said(changed, found), axes=axes)
 
 
 def _said(prepared: PreparedFlight, found: Findings) -> PreparedFlight:
@@ -136,36 +143,66 @@ def findings(
         return _erring(build(flight, settings), errors)
 
     problem = prepared.problem
-    measured = np.zeros(len(problem.t_s), dtype=np.bool_)
-    for one in problem.measurements:
-        measured[one.row] = True
-    if measured.sum() < _FEWEST:
+    if _measured(problem) < _FEWEST:
         return None
     told = _likeliest(flight, settings, prepared, build, clock_candidates(flight))
     if told is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
-    found, moved = told
+
+    turn, (found, moved) = _turn(flight, settings, problem, told, build)
+    if turn is not None:
+        request = request_of(turn.found, turn.axes)
+        settings = replace(settings, calibration=(*settings.calibration, request))
+        flight = turn.back(flight)
     requests = _requests(flight, settings.calibration, found, moved)
     if problem.phase is not None:
         is_as_it_was = not (found.used.any() or moved.any()) and requests == settings.calibration
-        begin = problem if is_as_it_was else None
+        begin = problem if is_as_it_was and turn is None else None
         found = _beside_phases(flight, settings, found, (moved, requests), erring, begin)
     tests = (*places.tests, *_tests(flight, found))
     is_as_it_was = not (found.used.any() or moved.any() or tests) and requests == stated
     if is_as_it_was and not errors:
         return None
+    said = () if turn is None else (sentence(turn.found, turn.axes),)
     noise = (*noise_notes(flight, found), *satellite_error_notes(flight.gnss_noise, errors))
     return Findings(
         factors=found.factors,
         moved=moved,
         calibration=requests,
-        notes=(*places.notes, *noise, *constant_notes(found, moved, requests)),
+        notes=(*places.notes, *said, *noise, *constant_notes(found, moved, requests)),
         tests=tests,
         middle_s=_middle_s(flight),
         reference=places.reference,
+        turn=turn,
         errors=errors,
         is_as_it_was=is_as_it_was,
     )
+
+
+def _measured(problem: SmoothingProblem) -> int:
+    """Return how many keyframes anything is measured at."""
+    measured = np.zeros(len(problem.t_s), dtype=np.bool_)
+    for one in problem.measurements:
+        measured[one.row] = True
+    return int(measured.sum())
+
+
+def _turn(
+    flight: Flight,
+    settings: ProblemSettings,
+    problem: SmoothingProblem,
+    told: Told,
+    build: Build,
+) -> tuple[Turn | None, Told]:
+    """Return a turn of the array against the unit, and what the flight says with it taken back."""
+
+    def again(flight: Flight, moved: FloatArray, turn: str) -> Told | None:
+        try:
+            return _identified(flight, settings, None, build, moved, turn)
+        except NoSolutionError:
+            return None
+
+    return chosen_turn(flight, told, again, arbitrated=others_tell(problem))
 
 
 def _satellite_errors(flight: Flight, problem: SmoothingProblem) -> dict[str, float]:
@@ -229,7 +266,7 @@ def _likeliest(
     prepared: PreparedFlight,
     build: Build,
     late_s: tuple[float, ...],
-) -> tuple[Identified, FloatArray] | None:
+) -> Told | None:
     """Return what the flight says with the unit's times raised as fits best, and by what.
 
     Of several clocks the likeliest over the same measurements, but the stated one, the first, as
@@ -265,7 +302,8 @@ def _identified(
     prepared: PreparedFlight | None,
     build: Build,
     moved: FloatArray,
-) -> tuple[Identified, FloatArray] | None:
+    turn: str = UNIT_TURN,
+) -> Told | None:
     """Return what a flight says with the unit's tags moved, and by what they are in the end.
 
     None with a heading that nothing tells.
@@ -275,7 +313,7 @@ def _identified(
     prepared = build(moved_flight, settings) if prepared is None else prepared
     if prepared.opening is not None and prepared.opening.until_s == np.inf:
         return None
-    extra = _extra(flight, settings)
+    extra = (*_extra(flight, settings), *tested_turn(prepared.problem, turn))
     found = identify(moved_flight, prepared.problem, prepared.timed, extra)
     if not _far(flight, found.times):
         return found, moved

@@ -27,12 +27,14 @@ from fgnav.identification.likelihood.thinned import FIELDS, thinned
 from fgnav.identification.seen_noise import greatest_noise
 from fgnav.identification.stated import INSTRUMENTS, scalable, unstated
 from fgnav.identification.tested_constants import (
+    LEVER_ARM,
     SIGMAS,
-    LeverArm,
+    TURNS,
+    TestedVector,
     Times,
-    arm_of,
     depending,
     times_of,
+    vector_of,
 )
 from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.solve.chain import solve_batch
@@ -54,6 +56,7 @@ _ALIKE = 0.5  # correlation of neighbours whose errors are more of what stays th
 _NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
 
 
+_VECTORS = (LEVER_ARM, TURNS)
 # Times as loud as stated an instrument begins that is in doubt: it tells next to nothing then.
 _IN_DOUBT = 100.0
 
@@ -76,8 +79,9 @@ class Identified:
     greatest : ndarray, shape (c,)
         Factor that the unit's samples can hold; infinite of what is no white noise of the unit.
     times : Times
-    arm : LeverArm or None
-        None where it was not tested.
+    arm, turn : TestedVector or None
+        Lever arm and turn of the array; None where they were not tested. A turn is to be confirmed
+        by a search with it taken back.
     likelihood : float
         Penalised, its logarithm.
     """
@@ -89,7 +93,8 @@ class Identified:
     stated: BoolArray
     greatest: FloatArray
     times: Times
-    arm: LeverArm | None
+    arm: TestedVector | None
+    turn: TestedVector | None
     likelihood: float
 
     @property
@@ -108,6 +113,11 @@ class Identified:
         """Factors of the unit's stated white noises that would be louder than any noise."""
         rows = np.flatnonzero(self.is_no_noise).tolist()
         return {self.names[i]: float(self.factor[i]) for i in rows}
+
+    @property
+    def is_turned(self) -> bool:
+        """Whether the array and the inertial unit are turned against each other."""
+        return self.turn is not None and self.turn.significant
 
     def scaled(self, by: dict[str, float]) -> "Identified":
         """Return the same with some noises times factors, of what is found, or else stated."""
@@ -169,13 +179,16 @@ def identify(
     try:
         found = _searched(small_flight, stated, known or {})
     except NoSolutionError:
-        if as_stated is None or as_stated.is_noise_doubted:
+        if as_stated is None or (as_stated.is_noise_doubted and not as_stated.told.is_turned):
             raise
         return as_stated.told
     found = _unless_an_instrument(small_flight, stated, found)
-    if as_stated is None or found.likelihood > as_stated.told.likelihood + EXCLUDED:
+    if as_stated is None:
         return found
-    return as_stated.told
+    if found.likelihood <= as_stated.told.likelihood + EXCLUDED:
+        return as_stated.told
+    # Noise so loud that a turn no longer shows stands for it: whoever asks is to take it back.
+    return found if found.is_turned else replace(found, turn=as_stated.told.turn)
 
 
 class _AsStated(NamedTuple):
@@ -249,7 +262,7 @@ def _as_stated(flight: _Flight) -> _AsStated | None:
     theta = sigma**2 * score.gradient
     constants = states.constants + score.constant_steps
     times = times_of(flight.problem.constants, constants, score)
-    arm = arm_of(flight.problem.constants, constants, score)
+    arm, turn = (vector_of(n, flight.problem.constants, constants, score) for n in _VECTORS)
     # What is left of all measurements is chi-square: a bias beyond its sigma shows there alone.
     # One step is short of a factor far below one: whatever two sigmas speak against is searched.
     nothing = np.zeros(len(theta), dtype=np.bool_)
@@ -266,9 +279,10 @@ def _as_stated(flight: _Flight) -> _AsStated | None:
         greatest=flight.limits(chain.names),
         times=times,
         arm=arm,
+        turn=turn,
         likelihood=score.log_likelihood,
     )
-    is_off = times.significant.any() or (arm is not None and arm.significant)
+    is_off = times.significant.any() or any(v is not None and v.significant for v in (arm, turn))
     return _AsStated(told, bool(misfits or doubted.any()), bool(is_off))
 
 
@@ -335,6 +349,7 @@ def _searched_from(
     found, theta, used = _kept(chain, found, is_stated)
     theta, used = _with_correlation(chain, found.score, theta, used)
     constants = states.constants + found.score.constant_steps
+    arm, turn = (vector_of(n, flight.problem.constants, constants, found.score) for n in _VECTORS)
     return Identified(
         names=chain.names,
         factor=np.exp(theta),
@@ -343,7 +358,8 @@ def _searched_from(
         stated=is_stated,
         greatest=flight.limits(chain.names),
         times=times_of(flight.problem.constants, constants, found.score),
-        arm=arm_of(flight.problem.constants, constants, found.score),
+        arm=arm,
+        turn=turn,
         likelihood=_penalised(chain, found, is_stated),
     )
 

@@ -113,8 +113,8 @@ def constant_notes(
             "flight."
         )
     if found.arm is not None and found.arm.significant:
-        off = ", ".join(f"{x:+.3f}" for x in found.arm.off_b_m)
-        sigma_m = ", ".join(f"{x:.3f}" for x in np.sqrt(np.diag(found.arm.covariance_m2)))
+        off = ", ".join(f"{x:+.3f}" for x in found.arm.off)
+        sigma_m = ", ".join(f"{x:.3f}" for x in np.sqrt(np.diag(found.arm.covariance)))
         notes.append(
             f"The antenna is off where flight.toml has it beside the inertial unit: {off} m along "
             f"x_b, y_b, z_b (± {sigma_m} m); estimated with the flight."

@@ -1,4 +1,4 @@
-"""Constants that are tested though nobody asked: clock, delay of velocities, lever arm.
+"""Constants that are tested though nobody asked: clock, delay, lever arm, turn of the array.
 
 They stand in the chain on which noise is identified; its solution is a Newton step of their
 likelihood.
@@ -12,6 +12,7 @@ from fgnav.checks import BoolArray, FloatArray
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
 from fgnav.graph.factors.position import Position
 from fgnav.graph.factors.velocity import Velocity
+from fgnav.graph.turned import ARRAY_TURN, MOUNTED_RAD, UNIT_TURN, in_turned_axes
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.problem import SmoothingProblem
@@ -21,6 +22,7 @@ from fgnav.identification.likelihood.thinned import Some
 SIGMAS = 4.0  # of a normal variable, two-sided: 6e-5
 _SQUARES, _SQUARES_OF_TWO = 22.1, 19.3  # chi-square of three of them, of two, as rare
 _TOGETHER = [0, 2]  # offset and delay
+LEVER_ARM, TURNS = ("lever-arm",), (ARRAY_TURN, UNIT_TURN)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -58,38 +60,47 @@ class Times:
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class LeverArm:
-    """What is to be added to the way from the unit to the antenna, and its covariance.
+class TestedVector:
+    """What is to be added to a vector that the flight states, and its covariance.
 
     Attributes
     ----------
-    off_b_m : ndarray, shape (3,)
-    covariance_m2 : ndarray, shape (3, 3)
+    off : ndarray, shape (3,)
+        Of the way from the unit to the antenna, m; the array's turn against the unit, rad.
+    covariance : ndarray, shape (3, 3)
+    stated : float
+        1-sigma to which a flight may be taken to state it.
     """
 
-    off_b_m: FloatArray
-    covariance_m2: FloatArray
+    off: FloatArray
+    covariance: FloatArray
+    stated: float = 0.0
 
     @property
     def significant(self) -> bool:
         """Whether it is not zero."""
-        return bool(self.off_b_m @ np.linalg.solve(self.covariance_m2, self.off_b_m) > _SQUARES)
+        covariance = self.covariance + self.stated**2 * np.eye(len(self.off))
+        return bool(self.off @ np.linalg.solve(covariance, self.off) > _SQUARES)
 
 
 def depending(
     small: SmoothingProblem, timed: TimedMotion, extra: tuple[FlightConstant, ...]
 ) -> SmoothingProblem:
-    """Return a thinned problem whose measurements of GNSS depend on clock, delay and lever arm."""
+    """Return a thinned problem whose measurements of GNSS depend on the constants tested."""
     if not extra:
         return small
     late = {"velocity": VELOCITY_DELAY}
     gnss = ("array phases", "array shape", "position", "velocity")
     arm = small.constants.column("lever-arm") if any(o.name == "lever-arm" for o in extra) else -1
+    turns = Constants(tuple(one for one in extra if one.name in TURNS))
+    turned = small.measurements
+    if turns.parts:  # else those of the flight's own constants depend on them already
+        turned = tuple(in_turned_axes(one, small.constants) for one in turned)
     extended = tuple(
         on_clock(_with_arm(one, arm), timed, small.constants, delay=late.get(one.name, ""))
         if one.name in gnss
         else one
-        for one in small.measurements
+        for one in turned
     )
     return replace(small, measurements=extended)
 
@@ -103,13 +114,16 @@ def _with_arm(one: Measurement, column: int) -> Measurement:
     return replace(one, measurement=replace(one.measurement, lever_column=column))
 
 
-def arm_of(constants: Constants, value: FloatArray, score: Score) -> LeverArm | None:
-    """Return the lever arm, its values (b,) among all constants, m; None if it is not tested."""
-    column = constants.column("lever-arm")
-    if column < 0:
+def vector_of(
+    names: tuple[str, ...], constants: Constants, value: FloatArray, score: Score
+) -> TestedVector | None:
+    """Return a vector by its name, or one, its values (b,) among all; None of one not tested."""
+    own = max((constants.columns(name) for name in names), key=lambda one: one.stop)
+    if not own.stop:
         return None
-    own = slice(column, column + 3)
-    return LeverArm(off_b_m=value[own], covariance_m2=score.constant_covariance[own, own])
+    covariance = score.constant_covariance[own, own]
+    stated = 0.0 if names == LEVER_ARM else MOUNTED_RAD
+    return TestedVector(off=value[own], covariance=covariance, stated=stated)
 
 
 def times_of(constants: Constants, value: FloatArray, score: Score) -> Times:

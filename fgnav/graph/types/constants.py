@@ -28,6 +28,8 @@ class FlightConstant:
         Whether all residuals are linear in it.
     reported : bool
         Whether it was asked for, and is told in the result.
+    stated : ndarray, shape (d,), or None
+        Where what the flight states lies, from which a result tells how far it is; None: ``mean``.
     """
 
     name: str
@@ -38,11 +40,17 @@ class FlightConstant:
     start: FloatArray
     linear: bool = False
     reported: bool = True
+    stated: FloatArray | None = None
 
     @property
     def size(self) -> int:
         """Dimensions."""
         return len(self.mean)
+
+    @property
+    def origin(self) -> FloatArray:
+        """What the flight states."""
+        return self.mean if self.stated is None else self.stated
 
 
 def flight_constant(

@@ -20,7 +20,7 @@ def calibrated_constants(constants: Constants, solution: Solution) -> tuple[Cons
         if not one.reported:
             continue
         own = slice(first, first + one.size)
-        value: FloatArray = solution.states.constants[own] - one.mean
+        value: FloatArray = solution.states.constants[own] - one.origin
         P: FloatArray = solution.constant_covariance[-1, own, own]
         known.append(
             Constant(name=one.name, axes=one.axes, unit=one.unit, value=value, covariance=P)

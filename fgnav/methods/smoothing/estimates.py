@@ -13,6 +13,7 @@ from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ACCELEROMETER_BIAS, RATE
+from fgnav.methods.smoothing.body_axes import attitude_of_body
 from fgnav.methods.smoothing.calibration_report import calibrated_constants, sentence
 from fgnav.methods.smoothing.observability import TURN, undetermined
 from fgnav.optional_gtsam import HAS_GTSAM
@@ -118,7 +119,11 @@ def stated_at(
         )
         part = on_gnss_time(part, timed, problem.constants)
     w_b_radps = problem.motion.rates_b_radps(t_s, part.states.aux)
-    return stated(name, problem.constants, part, t_s, w_b_radps, body)
+    estimate = stated(name, problem.constants, part, t_s, w_b_radps, body)
+    if prepared.axes is None:
+        return estimate
+    R_nb, P = attitude_of_body(part, problem.constants, prepared.axes)
+    return replace(estimate, R_nb=R_nb, attitude_covariance_rad2=P)
 
 
 def stated(
