@@ -116,7 +116,7 @@ class LinearWindow:
 
     @property
     def row_of_arcs(self) -> int:
-        """Return which keyframe's arcs ``marginal`` is of: the next one's, if others begin there."""
+        """Number of the keyframe whose arcs ``marginal`` is of: the next, if others begin there."""
         return int(self._border.leads_on)
 
     def marginal(self) -> tuple[FloatArray, FloatArray]:
