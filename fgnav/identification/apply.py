@@ -17,7 +17,7 @@ from fgnav.frontend.calibration_request import (
 )
 from fgnav.frontend.problem import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.graph.delayed import PPM
+from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE
 from fgnav.graph.turned import UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
@@ -32,13 +32,18 @@ from fgnav.identification.likelihood.satellite_errors import (
 )
 from fgnav.identification.notes import constant_notes, noise_notes, satellite_error_notes
 from fgnav.identification.stated import with_factors
-from fgnav.identification.tested_constants import Times
+from fgnav.identification.tested_constants import SIGMAS
 from fgnav.identification.track.candidates import clock_candidates, over_common_span
+from fgnav.identification.track.tags import (
+    is_far,
+    middle_of_tags_s,
+    with_exact_tags,
+    with_tags_moved,
+)
 from fgnav.types.estimate import Consistency, Contradiction
 from fgnav.types.flight import Flight
 
 _FEWEST = 30  # keyframes that measured something: fewer tell no noise
-_MOVED_S = 0.01  # a clock off by more is corrected first: beyond, its carrying of states errs
 Build = Callable[[Flight, ProblemSettings], PreparedFlight]
 
 
@@ -91,7 +96,7 @@ def with_findings(
     flight: Flight, settings: ProblemSettings, found: Findings, build: Build
 ) -> PreparedFlight:
     """Return the problem of a flight with noise and times as found."""
-    better = with_factors(_moved(flight, found.moved, found.middle_s), found.factors)
+    better = with_factors(with_tags_moved(flight, found.moved, found.middle_s), found.factors)
     better = with_reference(better, found.reference)
     better = better if found.turn is None else found.turn.back(better)
     changed = build(better, replace(settings, calibration=found.calibration))
@@ -127,7 +132,7 @@ def findings(
     """
     if prepared.integers is None and prepared.imu.w_b_radps is None:
         return None
-    exact = _with_exact_tags(flight)
+    exact = with_exact_tags(flight)
     if exact is not flight:  # the clock is tested whatever its doubt
         flight, prepared = exact, build(exact, settings)
     stated = settings.calibration
@@ -171,7 +176,7 @@ def findings(
         calibration=requests,
         notes=(*places.notes, *said, *noise, *constant_notes(found, moved, requests)),
         tests=tests,
-        middle_s=_middle_s(flight),
+        middle_s=middle_of_tags_s(flight),
         reference=places.reference,
         turn=turn,
         errors=errors,
@@ -254,7 +259,7 @@ def _beside_phases(
 
     def changed(factors: dict[str, float]) -> SmoothingProblem:
         noise = found.scaled(factors).factors
-        better = with_factors(_moved(flight, moved, _middle_s(flight)), noise)
+        better = with_factors(with_tags_moved(flight, moved, middle_of_tags_s(flight)), noise)
         return build(better, settings).problem
 
     return found.scaled(white_noise_factors(changed({}) if begin is None else begin, changed))
@@ -308,22 +313,51 @@ def _identified(
 
     None with a heading that nothing tells.
     """
-    middle_s = _middle_s(flight)
-    moved_flight = _moved(flight, moved, middle_s)
+    middle_s = middle_of_tags_s(flight)
+    moved_flight = with_tags_moved(flight, moved, middle_s)
     prepared = build(moved_flight, settings) if prepared is None else prepared
     if prepared.opening is not None and prepared.opening.until_s == np.inf:
         return None
     extra = (*_extra(flight, settings), *tested_turn(prepared.problem, turn))
     found = identify(moved_flight, prepared.problem, prepared.timed, extra)
-    if not _far(flight, found.times):
+    if not is_far(flight, found.times):
         return found, moved
-    moved = moved + found.times.value[:2]
-    moved_flight = _moved(flight, moved, middle_s)
+    off = moved + found.times.value[:2]
+    if not _is_late(flight, settings, build, (moved, off), extra):
+        return found.on_time(), moved
+    moved_flight = with_tags_moved(flight, off, middle_s)
     again = build(moved_flight, settings)
     found = identify(moved_flight, again.problem, again.timed, extra, found.factors)
     if flight.observations is None:
-        return found, moved
-    return found.on_time(), moved + found.times.value[:2]  # nothing is left to estimate
+        return found, off
+    return found.on_time(), off + found.times.value[:2]  # nothing is left to estimate
+
+
+def _is_late(
+    flight: Flight,
+    settings: ProblemSettings,
+    build: Build,
+    moved: tuple[FloatArray, FloatArray],
+    extra: tuple[FlightConstant, ...],
+) -> bool:
+    """Return whether a flight is likelier with the second tags than with the first.
+
+    The step that led to them takes all else of a chain as it is, the rates' variances as well,
+    which are of the times of the first tags: a body that turns alike all along seems to tell them.
+    """
+    common = over_common_span(flight, tuple(float(by[0]) for by in moved))
+    others = tuple(one for one in extra if one.name not in (CLOCK_OFFSET, CLOCK_RATE))
+
+    def likelihood(by: FloatArray) -> float:
+        at = with_tags_moved(common, by, middle_of_tags_s(flight))
+        try:
+            prepared = build(at, settings)
+            return identify(at, prepared.problem, prepared.timed, others).likelihood
+        except NoSolutionError:
+            return -np.inf
+
+    first, second = (likelihood(by) for by in moved)
+    return second > first + SIGMAS**2 / 2
 
 
 def _extra(flight: Flight, settings: ProblemSettings) -> tuple[FlightConstant, ...]:
@@ -338,39 +372,6 @@ def _extra(flight: Flight, settings: ProblemSettings) -> tuple[FlightConstant, .
         *(constant for word in times for constant in of_time(word)),
         *(of_vehicle(word) for word in arm),
     )
-
-
-def _with_exact_tags(flight: Flight) -> Flight:
-    imu = flight.imu
-    if imu is None or not imu.clock_offset_sigma_s:
-        return flight
-    return replace(flight, imu=replace(imu, clock_offset_sigma_s=0.0))
-
-
-def _far(flight: Flight, times: Times) -> bool:
-    """Return whether the clock is off by so much that states are carried too far.
-
-    Or at all, of raw observations: phases of arcs take tags as exact.
-    """
-    if flight.imu is None or not times.significant[:2].any():
-        return False
-    if flight.observations is not None:
-        return True
-    half_s = (flight.imu.t_s[-1] - flight.imu.t_s[0]) / 2
-    return bool(abs(times.value[0]) + PPM * abs(times.value[1]) * half_s > _MOVED_S)
-
-
-def _middle_s(flight: Flight) -> float:
-    return 0.0 if flight.imu is None else float(flight.imu.t_s[[0, -1]].mean())
-
-
-def _moved(flight: Flight, by: np.ndarray, middle_s: float) -> Flight:
-    """Return a flight whose unit's tags are moved by an offset in a middle, s, and a rate, ppm."""
-    imu = flight.imu
-    if imu is None or not by.any():
-        return flight
-    moved_s = by[0] + PPM * by[1] * (imu.t_s - middle_s)
-    return replace(flight, imu=replace(imu, t_s=imu.t_s + moved_s))
 
 
 def _requests(

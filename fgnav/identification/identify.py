@@ -129,7 +129,7 @@ class Identified:
     def on_time(self) -> "Identified":
         """Return the same with the unit's clock corrected by what it is off."""
         value = np.concatenate([[0.0, 0.0], self.times.value[2:]])
-        return replace(self, times=replace(self.times, value=value))
+        return replace(self, times=replace(self.times, value=value, squares=0.0))
 
     @property
     def factors(self) -> dict[str, float]:

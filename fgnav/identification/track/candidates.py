@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from fgnav.checks import BoolArray
+from fgnav.checks import BoolArray, FloatArray
 from fgnav.identification.track.clock import NEAR_S, STEP_S, clock, searched
 from fgnav.identification.track.integrals import integrated
 from fgnav.identification.track.series import series_of, where_it_moves
 from fgnav.identification.track.windows import FEWEST
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Flight, Imu
 
 
 def clock_candidates(flight: Flight) -> tuple[float, ...]:
@@ -36,23 +36,25 @@ def clock_candidates(flight: Flight) -> tuple[float, ...]:
     candidates = (*searched(series, integrals), *([] if best is None else [best.late_s]))
     for one in sorted(candidates, key=abs):
         is_new = all(abs(one - other) > STEP_S for other in late_s)
-        if is_new and 2 * _common(flight, (*late_s, one)).sum() >= len(fixes.t_s):
+        if is_new and 2 * _common(imu, fixes.t_s, (*late_s, one)).sum() >= len(fixes.t_s):
             late_s.append(float(one))
     return tuple(late_s)
 
 
 def over_common_span(flight: Flight, late_s: tuple[float, ...]) -> Flight:
-    """Return a flight with the fixes that lie within the unit's record at and near every clock."""
-    if flight.fixes is None:
+    """Return a flight with what GNSS has within the unit's record at and near every clock."""
+    if flight.imu is None:
         return flight
-    return replace(flight, fixes=flight.fixes[_common(flight, late_s)])
+    fixes, observations = flight.fixes, flight.observations
+    if fixes is not None:
+        fixes = fixes[_common(flight.imu, fixes.t_s, late_s)]
+    if observations is not None:
+        observations = observations[_common(flight.imu, observations.t_s, late_s)]
+    return replace(flight, fixes=fixes, observations=observations)
 
 
-def _common(flight: Flight, late_s: tuple[float, ...]) -> BoolArray:
-    """Return which fixes these are, (k,)."""
-    imu, fixes = flight.imu, flight.fixes
-    if imu is None or fixes is None:
-        return np.zeros(0, dtype=np.bool_)
+def _common(imu: Imu, t_s: FloatArray, late_s: tuple[float, ...]) -> BoolArray:
+    """Return which times these are, (k,)."""
     first_s = imu.t_s[0] + max(late_s) + NEAR_S
     last_s = imu.t_s[-1] + min(late_s) - NEAR_S
-    return np.asarray((fixes.t_s >= first_s) & (fixes.t_s <= last_s))
+    return np.asarray((t_s >= first_s) & (t_s <= last_s))
