@@ -9,7 +9,7 @@ system from its Cholesky factor, in the order of substitution.
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.kernels.compiled import inlined, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 
 _NOTHING = 1e-13  # of a diagonal: less than that is rounding
 
@@ -117,33 +117,35 @@ def _transpose(G: FloatArray, out: FloatArray) -> None:
 
 @inlined
 def _less_product(out: FloatArray, A: FloatArray, B: FloatArray) -> None:
-    """Take A B off the lower half of a square matrix, a row at a time: sums wait for each other."""
+    """Take A B off the lower half of a square matrix."""
     for i in range(len(out)):
-        row = out[i, : i + 1]
-        for c in range(A.shape[1]):
-            scale, other = A[i, c], B[c]
-            for j in range(len(row)):
-                row[j] -= scale * other[j]
+        _less_rows(out[i, : i + 1], A[i], B)
 
 
 @inlined
 def _negative_product(G: FloatArray, S: FloatArray, out: FloatArray) -> None:
-    """Set ``out`` to minus the product of G's first columns with a square S, four rows at once."""
-    n = len(S)
-    whole = n - n % 4
+    """Set ``out`` to minus the product of G's first columns with a square S."""
     for i in range(len(out)):
         row = out[i]
-        for j in range(n):
+        for j in range(len(S)):
             row[j] = 0.0
-        for k in range(0, whole, 4):
-            a, b, c, d = G[i, k], G[i, k + 1], G[i, k + 2], G[i, k + 3]
-            w, x, y, z = S[k], S[k + 1], S[k + 2], S[k + 3]
-            for j in range(n):
-                row[j] -= a * w[j] + b * x[j] + c * y[j] + d * z[j]
-        for k in range(whole, n):
-            scale, other = G[i, k], S[k]
-            for j in range(n):
-                row[j] -= scale * other[j]
+        _less_rows(row, G[i], S)
+
+
+@inner
+def _less_rows(row: FloatArray, scale: FloatArray, B: FloatArray) -> None:
+    """Take the rows of B off a row, each times its scale: four at once, for sums wait for each."""
+    n = len(B)
+    whole = n - n % 4
+    for k in range(0, whole, 4):
+        a, b, c, d = scale[k], scale[k + 1], scale[k + 2], scale[k + 3]
+        w, x, y, z = B[k], B[k + 1], B[k + 2], B[k + 3]
+        for j in range(len(row)):
+            row[j] -= a * w[j] + b * x[j] + c * y[j] + d * z[j]
+    for k in range(whole, n):
+        one, other = scale[k], B[k]
+        for j in range(len(row)):
+            row[j] -= one * other[j]
 
 
 @inlined
