@@ -143,7 +143,7 @@ def cases() -> dict[str, Scenario]:
 NAMES = (
     *(f"rmse_over_sigma_{case}" for case in cases()),
     *(f"anees_{state}_{case}" for case in cases() for state in STATES),
-    *(f"rmse_{case}_{angle}" for case in cases() for angle in ANGLES),
+    *(f"rmse_{case}_{angle}" for case in cases() for angle in (*ANGLES, "turn")),
 )
 
 
@@ -319,6 +319,10 @@ def rows_of(name: str, flights: list[Flown]) -> list[dict[str, object]]:
         note = f"peer: bound of one epoch's phase; posterior bound {posterior:.4f} deg"
         peer = float(one) if np.isfinite(one) else None
         rows.append(_row(f"rmse_{name}_{angle}", float(ours), peer, "deg", note))
+    squares = [(f.errors["attitude"] ** 2).sum(axis=1).mean() for f in flights]
+    whole_deg = float(np.degrees(np.sqrt(np.mean(squares))))
+    note = "of the turn from estimate to truth: near the vertical roll and yaw err together"
+    rows.append(_row(f"rmse_{name}_turn", whole_deg, None, "deg", note))
     return rows
 
 
