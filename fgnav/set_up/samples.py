@@ -11,6 +11,7 @@ _G_MPS2 = 9.80665
 _FEWEST = 100
 _NEAR = 20  # samples on each side of a change of unit
 _AXES = "xyz"
+_ROUNDED = 1e-3  # of a step: what digits of a file leave
 
 
 def sample_findings(imu: Imu) -> list[Finding]:
@@ -35,6 +36,8 @@ def sample_findings(imu: Imu) -> list[Finding]:
                 )
             elif not findings:
                 findings += _stuck_axis(imu.t_s, x, axis, f"{sensor} axis", where)
+        if not findings:
+            findings += _coarse_steps(imu, x, sensor, f"[imu] samples, {letter}x_{unit}")
         findings += _unit_change(imu.t_s, x, sensor, f"[imu] samples, {letter}x_{unit}")
     return findings
 
@@ -61,6 +64,30 @@ def _stuck_axis(t_s: FloatArray, x: FloatArray, axis: int, name: str, where: str
     return [
         Finding(name=name, text=text, where=where, mend="cut these samples out: a gap is bridged")
     ]
+
+
+def _coarse_steps(imu: Imu, x: FloatArray, sensor: str, where: str) -> list[Finding]:
+    """Return that a sensor is recorded in steps whose rounding is louder than its noise.
+
+    A twelfth of the square of a step, and no white noise of a body that turns slowly (Widrow and
+    Kollar, Quantization Noise, 2008, chapter 4).
+    """
+    noise = imu.accelerometer_noise_mps2_per_sqrt_hz
+    if sensor == "gyroscope":
+        noise = imu.gyroscope_noise_radps_per_sqrt_hz or np.inf
+    of_sample = noise / np.sqrt(np.median(np.diff(imu.t_s)))
+    apart = [np.diff(np.unique(column)) for column in x.T]
+    step = max((float(one.min()) for one in apart if len(one)), default=0.0)
+    if step < of_sample * np.sqrt(12):
+        return []
+    if any((np.abs(one / one.min() - np.rint(one / one.min())) > _ROUNDED).any() for one in apart):
+        return []
+    text = (
+        f"it is recorded in steps of {step:.3g}, {step / of_sample:.2g} times the noise of a "
+        "sample: covariances may be too small"
+    )
+    mend = "record more digits, or state a noise as large as a step"
+    return [Finding(name=f"{sensor} steps", text=text, where=where, mend=mend)]
 
 
 def _stuck_unit(imu: Imu) -> list[Finding]:

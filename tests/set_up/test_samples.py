@@ -35,6 +35,18 @@ def test_samples_in_motion_and_coarse_ones_at_rest_raise_no_alarm(imu):
     assert sample_findings(replace(imu, w_b_radps=rates)) == []
 
 
+def test_steps_louder_than_noise_are_said_and_finer_ones_are_not(imu):
+    of_sample = imu.gyroscope_noise_radps_per_sqrt_hz * 10.0
+    fine, (coarse,) = (
+        sample_findings(replace(imu, w_b_radps=step * np.round(imu.w_b_radps / step)))
+        for step in (of_sample, 0.02)
+    )
+    assert fine == []
+    assert coarse.name == "gyroscope steps"
+    assert "steps of 0.02, 20 times" in coarse.text
+    assert not coarse.certain
+
+
 @pytest.mark.parametrize("axis", range(3))
 def test_an_axis_that_never_moves_is_certain(imu, axis):
     w_b_radps = imu.w_b_radps.copy()
