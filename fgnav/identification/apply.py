@@ -323,7 +323,8 @@ def _identified(
     if not is_far(flight, found.times):
         return found, moved
     off = moved + found.times.value[:2]
-    if not _is_late(flight, settings, build, (moved, off), extra):
+    either = found.times.are_one_or_the_other  # late velocities are as likely with these tags
+    if not either and not _is_late(flight, settings, build, (moved, off), extra):
         return found.on_time(), moved
     moved_flight = with_tags_moved(flight, off, middle_s)
     again = build(moved_flight, settings)
