@@ -26,7 +26,7 @@ from fgnav.geometry.rotations import exp, transpose
 from fgnav.graph import delayed_kernel
 from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised, Measurement
+from fgnav.graph.types.measurement import Linearised, Measurement, OfAnother
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.optional_gtsam import gtsam
@@ -92,7 +92,7 @@ class TimedMotion:
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Delayed:
+class Delayed(OfAnother):
     """Measurements of other times than their keyframes'.
 
     Attributes
@@ -112,21 +112,6 @@ class Delayed:
     rate_column: int
     delay_column: int
     constants: Constants
-
-    @property
-    def name(self) -> str:
-        """What reports call it."""
-        return self.measurement.name
-
-    @property
-    def row(self) -> IntArray:
-        """Keyframes, (k,)."""
-        return self.measurement.row
-
-    @property
-    def freedom(self) -> IntArray:
-        """Directions that are known, (k,)."""
-        return self.measurement.freedom
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Measurement``."""

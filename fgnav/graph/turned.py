@@ -13,7 +13,7 @@ from fgnav.checks import IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised, Measurement
+from fgnav.graph.types.measurement import Linearised, Measurement, OfAnother
 from fgnav.graph.types.states import AUX, POSITION, ROTATION, States
 from fgnav.optional_gtsam import gtsam
 
@@ -27,7 +27,7 @@ DIRECTIONS = ("line of sight", "magnetic field", "gravity")  # of other sensors 
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Turned:
+class Turned(OfAnother):
     """Measurements of states whose attitude is turned by a constant.
 
     Attributes
@@ -41,21 +41,6 @@ class Turned:
     measurement: Measurement
     column: int
     constants: Constants
-
-    @property
-    def name(self) -> str:
-        """What reports call it."""
-        return self.measurement.name
-
-    @property
-    def row(self) -> IntArray:
-        """Keyframes, (k,)."""
-        return self.measurement.row
-
-    @property
-    def freedom(self) -> IntArray:
-        """Directions that are known, (k,)."""
-        return self.measurement.freedom
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Measurement``."""

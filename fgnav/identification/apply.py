@@ -24,7 +24,7 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.array.choice import Told, Turn, chosen_turn
 from fgnav.identification.array.places import places_of, with_reference
 from fgnav.identification.array.turn import others_tell, request_of, sentence, tested_turn
-from fgnav.identification.identify import EXCLUDED, Identified, identify
+from fgnav.identification.identify import Identified, identify
 from fgnav.identification.likelihood.beside_phases import white_noise_factors
 from fgnav.identification.likelihood.satellite_errors import (
     satellite_error_factors,
@@ -40,6 +40,7 @@ from fgnav.identification.track.tags import (
     with_exact_tags,
     with_tags_moved,
 )
+from fgnav.identification.track.windows import EXCLUDED
 from fgnav.types.estimate import Consistency, Contradiction
 from fgnav.types.flight import Flight
 

@@ -36,7 +36,7 @@ from fgnav.identification.tested_constants import (
     times_of,
     vector_of,
 )
-from fgnav.identification.track.windows import FALSE_ALARM
+from fgnav.identification.track.windows import EXCLUDED, FALSE_ALARM
 from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
@@ -48,8 +48,6 @@ _TEST_SIGMA = np.log(30.0)
 # A standard deviation off by less leaves squared errors of 3 between 1.3 and 6.8.
 _TOLERATED = np.log(1.5)
 _DOUBTED = 2.5  # sigmas: one of eight components in ten flights
-# Nats by which what contradicts the stated is likelier: one flight in ten thousand by chance.
-EXCLUDED = -np.log(FALSE_ALARM)
 _DAMPED, _ITERATIONS = 30, 10  # steps to the minimum as stated, and of Gauss-Newton elsewhere
 _ROUNDS = 20  # of noise at states, and states at noise
 _ALIKE = 0.5  # correlation of neighbours whose errors are more of what stays than of noise

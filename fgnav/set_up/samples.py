@@ -37,7 +37,7 @@ def sample_findings(imu: Imu) -> list[Finding]:
             elif not findings:
                 findings += _stuck_axis(imu.t_s, x, axis, f"{sensor} axis", where)
         if not findings:
-            findings += _coarse_steps(imu, x, sensor, f"[imu] samples, {letter}x_{unit}")
+            findings += _coarse_steps(imu, x, sensor, f"[imu] samples, {letter}*_{unit}")
         findings += _unit_change(imu.t_s, x, sensor, f"[imu] samples, {letter}x_{unit}")
     return findings
 
@@ -77,14 +77,17 @@ def _coarse_steps(imu: Imu, x: FloatArray, sensor: str, where: str) -> list[Find
         noise = imu.gyroscope_noise_radps_per_sqrt_hz or np.inf
     of_sample = noise / np.sqrt(np.median(np.diff(imu.t_s)))
     apart = [np.diff(np.unique(column)) for column in x.T]
-    step = max((float(one.min()) for one in apart if len(one)), default=0.0)
+    steps = [float(one.min()) if len(one) else 0.0 for one in apart]
+    axis = int(np.argmax(steps))
+    step = steps[axis]
     if step < of_sample * np.sqrt(12):
         return []
-    if any((np.abs(one / one.min() - np.rint(one / one.min())) > _ROUNDED).any() for one in apart):
+    multiple = apart[axis] / step
+    if (np.abs(multiple - np.rint(multiple)) > _ROUNDED).any():
         return []
     text = (
-        f"it is recorded in steps of {step:.3g}, {step / of_sample:.2g} times the noise of a "
-        "sample: covariances may be too small"
+        f"axis {_AXES[axis]} is recorded in steps of {step:.3g}, {step / of_sample:.2g} times the "
+        "noise of a sample: covariances may be too small"
     )
     mend = "record more digits, or state a noise as large as a step"
     return [Finding(name=f"{sensor} steps", text=text, where=where, mend=mend)]

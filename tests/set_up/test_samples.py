@@ -44,6 +44,9 @@ def test_steps_louder_than_noise_are_said_and_finer_ones_are_not(imu):
     assert fine == []
     assert coarse.name == "gyroscope steps"
     assert "steps of 0.02, 20 times" in coarse.text
+    one = imu.w_b_radps.copy()
+    one[:, 1] = 0.02 * np.round(one[:, 1] / 0.02)
+    assert "axis y" in sample_findings(replace(imu, w_b_radps=one))[0].text
     assert not coarse.certain
 
 

@@ -61,3 +61,25 @@ class Measurement(Protocol):
     def on(self: _Self, row: IntArray) -> _Self:
         """Return the same measurements at other rows, (k,): of a timeline with more keyframes."""
         ...
+
+
+class OfAnother:
+    """What measurements that carry others elsewhere, in time or axes, have of these."""
+
+    __slots__ = ()
+    measurement: Measurement
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        return self.measurement.name
+
+    @property
+    def row(self) -> IntArray:
+        """Keyframes, (k,)."""
+        return self.measurement.row
+
+    @property
+    def freedom(self) -> IntArray:
+        """Directions that are known, (k,)."""
+        return self.measurement.freedom

@@ -25,11 +25,10 @@ from scipy.optimize import minimize_scalar
 from fgnav.checks import FloatArray, IntArray
 from fgnav.frontend.position.base_integers import without_place
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock
-from fgnav.identification.track.windows import FALSE_ALARM
+from fgnav.identification.track.windows import EXCLUDED
 from fgnav.solve.chain.arcs_kernel import eliminate_first
 
 ERRORS = ("satellite error", "satellite error walk", "satellite error rate")
-_EXCLUDED = -np.log(FALSE_ALARM)  # nats that what is stated is less likely by
 _MOST = np.log(100.0)  # of a factor's logarithm: centimetres of metres, noise of phases and codes
 _ENOUGH = 600  # blocks of a second: walks of four satellites more than a place to 1.5 %
 _SETTLED = 0.1  # of it: 10 % of a standard deviation
@@ -47,7 +46,7 @@ def satellite_error_factors(phase: AntennaPhase) -> dict[str, float]:
         others = [i for i in range(len(ERRORS)) if i not in used]
         tried = [errors.climbed(theta, i) for i in others]
         best = max(range(len(tried)), key=lambda k: tried[k][1])
-        if tried[best][1] < found + _EXCLUDED:
+        if tried[best][1] < found + EXCLUDED:
             break
         theta, found = tried[best]
         used.append(others[best])

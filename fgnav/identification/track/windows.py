@@ -22,6 +22,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray
 
 FALSE_ALARM = 1e-4  # of a test on a right flight: one finding in ten thousand tests
+EXCLUDED = float(-np.log(FALSE_ALARM))  # nats by which what contradicts the stated is likelier
 _SPAN_S = 4.0  # a bias that leans by a degree meanwhile adds a decimetre
 _EPOCHS = 16  # rows of three: three times as many as a window's own unknowns
 FEWEST = 4  # windows below which nothing is said
