@@ -113,8 +113,7 @@ class SatelliteErrors:
             if not is_known:
                 return -np.inf
             log_root += float(np.log(root.diagonal()).sum())
-            left = np.triu(joint[before:, before:])
-            information = left + np.triu(left, 1).T + measured
+            information = joint[before:, before:] + measured
         try:
             root = np.linalg.cholesky(information[:-1, :-1])
         except np.linalg.LinAlgError:

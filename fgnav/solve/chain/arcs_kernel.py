@@ -7,7 +7,7 @@ them, and rounds by its number of columns.
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.kernels.compiled import kernel
+from fgnav.kernels.compiled import inlined, kernel
 from fgnav.solve.chain.back_kernel import backward_solve, cholesky, forward_solve
 
 
@@ -18,7 +18,7 @@ def eliminate_first(joint: FloatArray, size: int) -> tuple[bool, FloatArray, Flo
     Parameters
     ----------
     joint : ndarray, shape (n, n)
-        Its last rows and columns, upper half, become the information of the others.
+        Its last rows and columns become the information of the others.
     size : int
         Of what is eliminated.
 
@@ -48,8 +48,17 @@ def eliminate_first(joint: FloatArray, size: int) -> tuple[bool, FloatArray, Flo
             if scale != 0.0:
                 for j in range(len(out)):
                     out[j] -= scale * row[i + j]
+    _mirror(joint, size)
     backward_solve(root, gain)
     return True, root, gain
+
+
+@inlined
+def _mirror(A: FloatArray, first: int) -> None:
+    """Fill the lower half of a matrix with its upper one, from a row and column on."""
+    for i in range(first, len(A)):
+        for j in range(first, i):
+            A[i, j] = A[j, i]
 
 
 @kernel
