@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.frontend.recording import SENSORS, between_fresh, is_repeated
 from fgnav.types.flight import Imu
 
 _NORMAL = 1.4826  # sigma of normal noise over its median size
@@ -37,34 +38,20 @@ def without_faulty(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
 def without_repeated(imu: Imu, *, causal: bool = False) -> tuple[Imu, tuple[Loss, ...]]:
     """Return a record without samples of a sensor that repeats all axes at even intervals.
 
-    Such a sensor is slower than its record and no later than what it repeats. Where most samples
-    repeat the one before, and most runs are as long as the run before: of samples that repeat by
-    chance or by coarse steps at most a third are. Causal: by samples up to each.
+    Cubics through what is not repeated stand in. Causal: nothing does, by samples up to each.
     """
     losses, kept = [], imu
-    for name, field in (("accelerometer", "f_b_mps2"), ("gyroscope", "w_b_radps")):
+    for name, field, _ in SENSORS:
         x = getattr(kept, field)
-        if x is None or len(x) < _FEWEST:
+        if x is None:
             continue
-        held = _is_repeated(x, causal=causal)
+        held = is_repeated(x, causal=causal)
         if held.any():
-            reason = f"the {name} repeats the sample before at even intervals: left out"
+            what = "left out" if causal else "a cubic through the others stands in"
+            reason = f"the {name} repeats the sample before at even intervals: {what}"
             losses.append(Loss(what="inertial sample", reason=reason, count=int(held.sum())))
-            kept = kept[~held]
+            kept = kept[~held] if causal else between_fresh(kept, field, held)
     return kept, tuple(losses)
-
-
-def _is_repeated(x: FloatArray, *, causal: bool) -> BoolArray:
-    """Return which samples, (k,), repeat at even intervals."""
-    same = np.append(False, (np.diff(x, axis=0) == 0).all(axis=1))
-    fresh = np.flatnonzero(~same)
-    runs = np.diff(fresh)  # each ends where the next is fresh
-    even, many = np.zeros(len(x)), np.zeros(len(x))
-    many[fresh[1:]], even[fresh[2:]] = 1.0, runs[1:] == runs[:-1]
-    repeats, even, many = np.cumsum(same), np.cumsum(even), np.cumsum(many)
-    k = np.arange(1, len(x) + 1)
-    is_held = (repeats > k / 2) & (even > many / 2) & (k >= _FEWEST)
-    return np.asarray(same & (is_held if causal else is_held[-1]))
 
 
 def stuck_unit(imu: Imu) -> tuple[int, int] | None:

@@ -12,6 +12,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, positive
 from fgnav.frontend.calibration_request import calibration_requests
 from fgnav.frontend.problem import PreparedFlight, build_problem
+from fgnav.frontend.recording import with_noise_of_record
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.between import regular_times, with_times
 from fgnav.graph.innovations import consistency
@@ -205,6 +206,10 @@ class Smoother:
         ``since_s``: when estimates of a causal method begin that has judged its record up to then.
         """
         settings = self.preparation
+        notes: tuple[str, ...] = ()
+        if settings.noise == "identified" and not self.causal and flight.imu is not None:
+            imu, notes = with_noise_of_record(flight.imu)
+            flight = replace(flight, imu=imu) if notes else flight
         prepared = build_problem(flight, settings)
         if settings.noise == "identified" and self.causal:
             from fgnav.identification.from_past import stretches  # noqa: PLC0415  # lazy: the chain
@@ -224,7 +229,7 @@ class Smoother:
             )
 
             prepared = identified_by_evidence(prepared)
-        return prepared
+        return replace(prepared, notes=(*prepared.notes, *notes))
 
     def estimate_prepared(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
         """Estimate a flight whose problem is built."""

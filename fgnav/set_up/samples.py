@@ -4,6 +4,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.frontend.faulty_samples import is_unlikely, longest_run, stuck_unit
+from fgnav.frontend.recording import loud_step
 from fgnav.set_up.findings import Finding
 from fgnav.types.flight import Imu
 
@@ -11,7 +12,6 @@ _G_MPS2 = 9.80665
 _FEWEST = 100
 _NEAR = 20  # samples on each side of a change of unit
 _AXES = "xyz"
-_ROUNDED = 1e-3  # of a step: what digits of a file leave
 
 
 def sample_findings(imu: Imu) -> list[Finding]:
@@ -76,18 +76,13 @@ def _coarse_steps(imu: Imu, x: FloatArray, sensor: str, where: str) -> list[Find
     if sensor == "gyroscope":
         noise = imu.gyroscope_noise_radps_per_sqrt_hz or np.inf
     of_sample = noise / np.sqrt(np.median(np.diff(imu.t_s)))
-    apart = [np.diff(np.unique(column)) for column in x.T]
-    steps = [float(one.min()) if len(one) else 0.0 for one in apart]
-    axis = int(np.argmax(steps))
-    step = steps[axis]
-    if step < of_sample * np.sqrt(12):
+    step = loud_step(x, of_sample)
+    if step is None:
         return []
-    multiple = apart[axis] / step
-    if (np.abs(multiple - np.rint(multiple)) > _ROUNDED).any():
-        return []
+    times = step.size / of_sample
     text = (
-        f"axis {_AXES[axis]} is recorded in steps of {step:.3g}, {step / of_sample:.2g} times the "
-        "noise of a sample: covariances may be too small"
+        f"axis {_AXES[step.axis]} is recorded in steps of {step.size:.3g}, {times:.2g} times the "
+        "noise of a sample: methods that do not look ahead state covariances that are too small"
     )
     mend = "record more digits, or state a noise as large as a step"
     return [Finding(name=f"{sensor} steps", text=text, where=where, mend=mend)]
