@@ -34,6 +34,7 @@ from fgnav.identification.notes import constant_notes, noise_notes, satellite_er
 from fgnav.identification.stated import with_factors
 from fgnav.identification.tested_constants import SIGMAS
 from fgnav.identification.track.candidates import clock_candidates, over_common_span
+from fgnav.identification.track.forces import force_consistency
 from fgnav.identification.track.tags import (
     is_far,
     middle_of_tags_s,
@@ -85,7 +86,8 @@ def with_identified_noise(
         found = findings(flight, settings, prepared, build)
     except NoSolutionError as error:
         note = f"Noise is as stated or, where it is not, usual: it could not be tested ({error})."
-        return replace(prepared, notes=(*prepared.notes, note))
+        tests = () if prepared.opening is None else force_consistency(flight)
+        return replace(prepared, notes=(*prepared.notes, note), tests=tests)
     if found is None:
         return prepared
     if found.is_as_it_was:
