@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
+from fgnav.graph import keys
+from fgnav.optional_gtsam import gtsam
 
 _SINGULAR = 1e-12  # of two variances' ratio: of smaller ones rounding leaves no three digits
 
@@ -77,3 +79,16 @@ def across(e: FloatArray) -> FloatArray:
     first = np.cross(e, least)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     return np.stack([first, np.cross(e, first)], axis=1)
+
+
+def native(key: int, across_b: FloatArray, known_n: FloatArray) -> gtsam.NonlinearFactor:
+    """Return the sight of a unit vector known in ``n``, (3,), from keyframe ``key``, by GTSAM.
+
+    ``AttitudeFactorPose3`` errs in two axes of ``n``, about which a long axis in the body would
+    turn with the estimate. A magnetic field of size one errs in body axes; against a measured
+    field of zero its whitened residual is ours, as the measured direction's own is zero.
+    """
+    whitening = np.vstack([across_b, np.zeros(3)])
+    noise = gtsam.noiseModel.Gaussian.SqrtInformation(whitening, False)
+    none = np.zeros(3)
+    return gtsam.MagPoseFactorPose3(keys.pose(key), none, 1.0, known_n, none, noise)

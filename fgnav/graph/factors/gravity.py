@@ -16,7 +16,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
-from fgnav.graph import keys
+from fgnav.graph.factors.directions import native
 from fgnav.graph.factors.tilt_kernel import ABOUT_X, fill, tilt
 from fgnav.graph.measurement_factor import of_measurement, parts_of
 from fgnav.graph.types.arrays import contiguous, freeze
@@ -71,19 +71,11 @@ class Gravity:
         )
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
-        """Return direction i as a factor of keyframe ``key``: native without tilt.
-
-        ``AttitudeFactorPose3`` errs in two axes of ``n``, about which a long axis in the body would
-        turn with the estimate. A magnetic field of size one errs in body axes; against a measured
-        field of zero its whitened residual is ours, as the measured direction's own is zero.
-        """
+        """Return direction i as a factor of keyframe ``key``: native without tilt."""
         if self.tilt_column >= 0:
             parts = parts_of(self.constants, (self.tilt_column,))
             return of_measurement(self, i, key, ("pose",), parts, rows=2)
-        whitening = np.vstack([self.across_b[i], np.zeros(3)])
-        noise = gtsam.noiseModel.Gaussian.SqrtInformation(whitening, False)
-        none = np.zeros(3)
-        return gtsam.MagPoseFactorPose3(keys.pose(key), none, 1.0, self.known_n[i], none, noise)
+        return native(key, self.across_b[i], self.known_n[i])
 
     def on(self, row: IntArray) -> "Gravity":
         """Return the same measurements at other rows, (k,)."""

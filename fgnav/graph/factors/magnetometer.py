@@ -16,7 +16,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
-from fgnav.graph import keys
+from fgnav.graph.factors.directions import native
 from fgnav.graph.measurement_factor import of_measurement, parts_of
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
@@ -70,18 +70,12 @@ class MagneticField:
         )
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
-        """Return direction i as a factor of keyframe ``key``: native without hard iron.
-
-        Against a measured field of zero, ``MagPoseFactor``'s whitened residual is ours: the
-        measured direction's own is zero.
-        """
+        """Return direction i as a factor of keyframe ``key``: native without hard iron."""
         if self.iron_column >= 0:
             parts = parts_of(self.constants, (self.iron_column,))
             return of_measurement(self, i, key, ("pose",), parts, rows=2)
-        whitening = np.vstack([self.across_b[i], np.zeros(3)])
-        noise = gtsam.noiseModel.Gaussian.SqrtInformation(whitening, False)
-        none, field_n = np.zeros(3), self.field_n_ut / np.linalg.norm(self.field_n_ut)
-        return gtsam.MagPoseFactorPose3(keys.pose(key), none, 1.0, field_n, none, noise)
+        field_n = self.field_n_ut / np.linalg.norm(self.field_n_ut)
+        return native(key, self.across_b[i], field_n)
 
     def on(self, row: IntArray) -> "MagneticField":
         """Return the same measurements at other rows, (k,)."""
