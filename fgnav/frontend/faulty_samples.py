@@ -15,6 +15,7 @@ _NORMAL = 1.4826  # sigma of normal noise over its median size
 _SIGMAS = 20.0
 _NEIGHBOURS = 6.0  # sigmas by which neighbours of a spike may differ
 _FEWEST = 100
+_AXES = "xyz"
 _FALSE_ALARM = 1e-4  # of each test on a right record
 _STUCK = "all axes repeat the sample before, more often than by chance: left out"
 
@@ -29,7 +30,9 @@ def without_faulty(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
         rates = None if stuck.w_b_radps is None else stuck.w_b_radps[keep]
         stuck = replace(stuck, t_s=stuck.t_s[keep], f_b_mps2=stuck.f_b_mps2[keep], w_b_radps=rates)
         count, run = count + run[1], stuck_unit(stuck)
-    mended, losses = without_spikes(stuck)
+    moving, of_axes = without_stuck_axes(stuck)
+    mended, of_spikes = without_spikes(moving)
+    losses = (*of_axes, *of_spikes)
     if count:
         losses = (Loss(what="inertial sample", reason=_STUCK, count=count), *losses)
     return mended, (*held, *losses)
@@ -52,6 +55,59 @@ def without_repeated(imu: Imu, *, causal: bool = False) -> tuple[Imu, tuple[Loss
             losses.append(Loss(what="inertial sample", reason=reason, count=int(held.sum())))
             kept = kept[~held] if causal else between_fresh(kept, field, held)
     return kept, tuple(losses)
+
+
+def without_stuck_axes(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
+    """Return a record without samples in which one axis stands still while the others move.
+
+    At the end of its range, or broken: what it measures nobody knows whenever it has that value.
+    A record of which hardly anything would be left is kept: all else contradicts it.
+    """
+    if len(imu.t_s) < _FEWEST:
+        return imu, ()
+    stuck, losses = np.zeros(len(imu.t_s), dtype=np.bool_), []
+    for name, field, _ in SENSORS:
+        x = getattr(imu, field)
+        for axis in range(0 if x is None else 3):
+            own = np.zeros(len(x), dtype=np.bool_)
+            run = stuck_axis(x, axis, own)
+            while run is not None:
+                own |= x[:, axis] == x[run[0], axis]
+                run = stuck_axis(x, axis, own)
+            if own.any():
+                reason = f"axis {_AXES[axis]} of the {name} stands still, the others do not"
+                losses.append(
+                    Loss(what="inertial sample", reason=f"{reason}: left out", count=int(own.sum()))
+                )
+            stuck |= own
+    if not losses or np.count_nonzero(~stuck) < _FEWEST:
+        return imu, ()
+    return imu[~stuck], tuple(losses)
+
+
+def stuck_axis(x: FloatArray, axis: int, known: BoolArray) -> tuple[int, int] | None:
+    """Return first sample and number of the longest run of equal ones of one axis, or None.
+
+    Rounding at rest repeats samples of all axes, so that the others say how often it does there.
+
+    Parameters
+    ----------
+    x : ndarray, shape (k, 3)
+    axis : int
+    known : ndarray of bool, shape (k,)
+        Samples known to be of such runs.
+    """
+    same = np.diff(x, axis=0) == 0
+    if same[:, axis].all():
+        return None
+    known = known[1:]
+    first, length = longest_run(same[:, axis] & ~known)
+    within = slice(first, first + length)
+    rest, others = same[:, axis][~known], np.delete(same[within], axis, axis=1)
+    # One more repetition than was seen: a share of none is not known to be none.
+    own_share = (rest.sum() - length + 1) / (len(rest) - length + 2)
+    share = max(own_share, (others.sum(axis=0).max() + 1) / (length + 2))
+    return (first, length) if is_unlikely(length, float(share), len(x)) else None
 
 
 def stuck_unit(imu: Imu) -> tuple[int, int] | None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.frontend.faulty_samples import is_unlikely, longest_run, stuck_unit
+from fgnav.frontend.faulty_samples import stuck_axis, stuck_unit
 from fgnav.frontend.recording import loud_step
 from fgnav.set_up.findings import Finding
 from fgnav.types.flight import Imu
@@ -43,20 +43,11 @@ def sample_findings(imu: Imu) -> list[Finding]:
 
 
 def _stuck_axis(t_s: FloatArray, x: FloatArray, axis: int, name: str, where: str) -> list[Finding]:
-    """Return a run of equal samples of one axis that rounding does not explain.
-
-    Rounding at rest repeats samples of all axes, so that the others say how often it does there.
-    """
-    same = np.diff(x, axis=0) == 0
-    first, length = longest_run(same[:, axis])
-    if length < 2:
+    """Return a run of equal samples of one axis that rounding does not explain."""
+    run = stuck_axis(x, axis, np.zeros(len(x), dtype=np.bool_))
+    if run is None:
         return []
-    rest = np.delete(same[:, axis], slice(first, first + length))
-    others = np.delete(same, axis, axis=1)[first : first + length]
-    # One more repetition than was seen: a share of none is not known to be none.
-    share = max((rest.sum() + 1) / (len(rest) + 2), (others.sum(axis=0).max() + 1) / (length + 2))
-    if not is_unlikely(length, float(share), len(x)):
-        return []
+    first, length = run
     text = (
         f"axis {_AXES[axis]} stands at {x[first, axis]:.6g} for {length + 1} samples from "
         f"{t_s[first]:.3f} to {t_s[first + length]:.3f} s while the others move"

@@ -7,6 +7,7 @@ from fgnav.frontend.faulty_samples import (
     without_faulty,
     without_repeated,
     without_spikes,
+    without_stuck_axes,
     without_stuck_so_far,
 )
 from fgnav.types.flight import Imu
@@ -84,6 +85,29 @@ def test_a_stuck_unit_leaves_a_gap_and_is_counted(imu):
     assert loss.count == 99 + 19
     assert "repeat the sample before" in loss.reason
     assert sorted(np.round(np.diff(left.t_s), 6))[-2:] == [0.2, 1.0]
+
+
+def test_an_axis_that_stands_while_others_move_leaves_a_gap_and_is_counted(imu):
+    rate = imu.w_b_radps.copy()
+    rate[300:400, 1] = rate[300, 1]
+    left, (loss,) = without_faulty(replace(imu, w_b_radps=rate))
+    assert loss.count == 100
+    assert "axis y of the gyroscope stands still" in loss.reason
+    np.testing.assert_array_equal(left.t_s, np.delete(T_S, slice(300, 400)))
+
+
+def test_samples_at_the_end_of_a_range_are_left_out_the_first_of_a_run_too(imu):
+    limit = 2.0  # of a sine of 3
+    clipped = replace(imu, f_b_mps2=np.clip(imu.f_b_mps2, [-limit, -9, -20], [limit, 9, 9]))
+    at_end = np.abs(imu.f_b_mps2[:, 0]) >= limit
+    left, (loss,) = without_stuck_axes(clipped)
+    assert loss.count == at_end.sum()
+    np.testing.assert_array_equal(left.t_s, T_S[~at_end])
+
+
+def test_a_record_that_is_all_at_the_end_of_its_range_is_kept(imu):
+    clipped = replace(imu, f_b_mps2=np.clip(imu.f_b_mps2, [-0.02, -9, -20], [0.02, 9, 9]))
+    assert without_stuck_axes(clipped)[0] is clipped
 
 
 def test_a_right_record_and_one_at_rest_without_noise_are_kept(imu):

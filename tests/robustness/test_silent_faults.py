@@ -9,7 +9,7 @@ from fgnav.evaluation.report.table import remarks
 from fgnav.methods.smoother import Smoother
 from fgnav.set_up import describe
 from tests.robustness.drawn.dirty import dirty
-from tests.robustness.drawn.flights import right_flight
+from tests.robustness.drawn.flights import KINDS, right_flight
 from tests.robustness.faults import FAULTS, right_flights
 
 # Of 3, mean over 20 s of errors that are all but one: chance leaves 1e-2 above it.
@@ -59,3 +59,13 @@ def test_a_sensor_slower_or_coarser_than_its_record_is_as_much_noisier(number, s
     lines, nees = outcome(flight)
     assert any("stands for the stated" in line for line in lines), fault
     assert nees < 4.0  # measured 3.1, 3.2, 1.1
+
+
+# An axis of the accelerometer cut at its range for half of the flight, one of the gyroscope broken
+# for three seconds: NEES 24, and refused, where those samples were believed.
+@pytest.mark.parametrize(("number", "seed"), [(7337, 88052), (7336, 88039)])
+def test_samples_of_an_axis_that_stands_still_are_left_out(number, seed):
+    flight, fault = dirty(right_flight(KINDS[number % len(KINDS)], number), seed)
+    lines, nees = outcome(flight)
+    assert any("stands still" in line for line in lines), fault
+    assert nees < 4.0  # measured 1.7, 2.3
