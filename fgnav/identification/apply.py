@@ -46,6 +46,7 @@ from fgnav.types.estimate import Consistency, Contradiction
 from fgnav.types.flight import Flight
 
 _FEWEST = 30  # keyframes that measured something: fewer tell no noise
+_CLOCK_STEPS = 5  # at most: each leaves half or less of what is left
 Build = Callable[[Flight, ProblemSettings], PreparedFlight]
 
 
@@ -325,16 +326,39 @@ def _identified(
     found = identify(moved_flight, prepared.problem, prepared.timed, extra)
     if not is_far(flight, found.times):
         return found, moved
-    off = moved + found.times.value[:2]
+    try:
+        off, at_off = _tags_off(flight, settings, build, (found, moved), extra)
+    except NoSolutionError:
+        return found.on_time(), moved
     either = found.times.are_one_or_the_other  # late velocities are as likely with these tags
     if not either and not _is_late(flight, settings, build, (moved, off), extra):
         return found.on_time(), moved
-    moved_flight = with_tags_moved(flight, off, middle_s)
-    again = build(moved_flight, settings)
-    found = identify(moved_flight, again.problem, again.timed, extra, found.factors)
     if flight.observations is None:
-        return found, off
-    return found.on_time(), off + found.times.value[:2]  # nothing is left to estimate
+        return at_off, off
+    return at_off.on_time(), off + at_off.times.value[:2]  # nothing is left to estimate
+
+
+def _tags_off(
+    flight: Flight,
+    settings: ProblemSettings,
+    build: Build,
+    told: Told,
+    extra: tuple[FlightConstant, ...],
+) -> tuple[FloatArray, Identified]:
+    """Return by what tags are moved, by steps until one is within its sigma, and what is so told.
+
+    A step takes variances of the rate at the times of the tags before, and falls short.
+    """
+    found, off = told
+    factors = found.factors
+    for _ in range(_CLOCK_STEPS):
+        off = off + found.times.value[:2]
+        moved_flight = with_tags_moved(flight, off, middle_of_tags_s(flight))
+        again = build(moved_flight, settings)
+        found = identify(moved_flight, again.problem, again.timed, extra, factors)
+        if (np.abs(found.times.value[:2]) <= found.times.sigma[:2]).all():
+            break
+    return off, found
 
 
 def _is_late(

@@ -20,6 +20,7 @@ from fgnav.identification.likelihood.linear_chain import Score
 from fgnav.identification.likelihood.thinned import Some
 
 SIGMAS = 4.0  # of a normal variable, two-sided: 6e-5
+_ASKED_SIGMAS = 3.0  # 3e-3: so many right flights are asked in vain
 _SQUARES, _SQUARES_OF_TWO = 22.1, 19.3  # chi-square of three of them, of two, as rare
 _TOGETHER = [0, 2]  # offset and delay
 LEVER_ARM, TURNS = ("lever-arm",), (ARRAY_TURN, UNIT_TURN)
@@ -51,6 +52,14 @@ class Times:
         if self.are_one_or_the_other:
             alone[_TOGETHER] = True
         return alone
+
+    @property
+    def is_clock_in_doubt(self) -> bool:
+        """Whether the flight is to be asked at other tags, though these may not exclude its own.
+
+        A step takes the rates' variances at the first tags and falls short by about half.
+        """
+        return bool((np.abs(self.value[:2]) > _ASKED_SIGMAS * self.sigma[:2]).any())
 
     @property
     def are_one_or_the_other(self) -> bool:

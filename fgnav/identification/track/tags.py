@@ -19,11 +19,11 @@ def with_exact_tags(flight: Flight) -> Flight:
 
 
 def is_far(flight: Flight, times: Times) -> bool:
-    """Return whether the clock is off by so much that states are carried too far.
+    """Return whether the clock is or may be off by so much that states are carried too far.
 
     Or at all, of raw observations: phases of arcs take tags as exact.
     """
-    if flight.imu is None or not times.significant[:2].any():
+    if flight.imu is None or not (times.significant[:2].any() or times.is_clock_in_doubt):
         return False
     if flight.observations is not None:
         return True
