@@ -135,12 +135,14 @@ def test_rates_that_do_not_swing_are_not_said_to(seed):
     assert rate_prior(T_S[:300], *with_noise(R, 0.3 * DEG, rng)).swing_per_s is None
 
 
+@pytest.mark.parametrize("seed", range(20_002, 20_006))
 @pytest.mark.parametrize("rate", [[0, 0, 0], [0, 0, 0.2], [4 * np.pi, 0, 0], [0, 8 * np.pi, 0]])
-def test_constant_rate_has_next_to_no_motion_about_it(rate):
-    rng = np.random.default_rng(20_002)
+def test_constant_rate_has_next_to_no_motion_about_it(rate, seed):
+    # only the variance is asked for: of no motion every length is as likely, within half a nat, and
+    # which one is answered hangs on the last bits of the linear algebra
+    rng = np.random.default_rng(seed)
     R = exp(T_S[:, None] * np.array([rate], dtype=float))
     prior = rate_prior(T_S, *with_noise(R, 0.3 * DEG, rng))
-    assert prior.length_s > 3
     # across a spin the rate turns with the body, and its slow changes are hard to tell: a nat of
     # evidence between .01 and .1 rad/s over 60 s
     spins = np.abs(rate) == np.abs(rate).max() if np.abs(rate).max() > 1 else np.ones(3, dtype=bool)
