@@ -74,7 +74,9 @@ def _training() -> dict:
     flight, given, judged = _given(KEYFRAMES)
     row, jacobian, residual, covariance = given
     root = np.linalg.cholesky(covariance)
-    whitened = np.linalg.solve(root, np.concatenate([residual[:, :, None], jacobian], axis=2))
+    shared = np.zeros((*residual.shape, flight.problem.constants.width))
+    whitened = np.concatenate([residual[:, :, None], jacobian, shared], axis=2)
+    whitened = np.linalg.solve(root, whitened)
     works = [
         lambda: flight._solved(row, whitened),  # what is measured
         lambda: flight.likelihood(*given, judged),

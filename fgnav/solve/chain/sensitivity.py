@@ -1,16 +1,17 @@
 """How likely a chain holds the truth, and how that answers to what given measurements say.
 
-A problem is linearised once; measurements with residuals r, Jacobians J of one keyframe each and
-covariances C enter it. Posterior marginals of the judged coordinates of keyframe t, mean error e_t
+A problem is linearised once; measurements with residuals r, Jacobians J = [J_x, J_c] of one keyframe
+each and the constants, and covariances C enter it. Posterior marginals of the judged coordinates of keyframe t, mean error e_t
 and covariance P_t, state
 
     NLL = mean over t of (e_t' P_t^-1 e_t + log det P_t + d log 2 pi) / 2.
 
 With ``a_t = P_t^-1 e_t``, ``B_t = (P_t^-1 - a_t a_t') / 2`` (each over the number of keyframes),
-``l = P a`` and ``M = P B P`` by ``sensitivity_kernel.adjoint``, ``W = C^-1`` and ``r^`` the
-residual at the posterior mean, docs/model.md derives
+``l = P a`` and ``M = P B P`` by ``sensitivity_kernel.adjoint``, ``W = C^-1``, x the posterior mean
+and ``r^`` the residual there, docs/model.md derives
 
-    dNLL/dr = -W J l        dNLL/dW = -sym(J l r^') - J M J'        dNLL/dC = -W dNLL/dW W.
+    dNLL/dr = -W J l        dNLL/dW = -sym(J l r^') - J M J'        dNLL/dC = -W dNLL/dW W
+    dNLL/dJ = -W (2 J M + J l x' + r^ l').
 """
 
 from dataclasses import dataclass
@@ -40,6 +41,7 @@ class Likelihood(NamedTuple):
     nll: float
     by_residual: FloatArray  # (m, f)
     by_covariance: FloatArray  # (m, f, f), symmetric
+    by_shared: FloatArray  # (m, f, b)
     error: FloatArray  # (t, d), posterior mean less truth
     covariance: FloatArray  # (t, d, d), what the posterior states of it
 
@@ -52,6 +54,7 @@ class _Open(NamedTuple):
 class _Solved(NamedTuple):
     gain: FloatArray
     steps: FloatArray  # (n, D)
+    constants: FloatArray  # (b,)
     covariance: FloatArray  # (n, D, D)
     shared: FloatArray  # (n, D, b)
     constant: FloatArray  # (b, b)
@@ -90,6 +93,7 @@ class LinearisedFlight:
         residual: FloatArray,
         covariance: FloatArray,
         judged: Judged,
+        shared: FloatArray | None = None,
     ) -> Likelihood:
         """Return how likely the truth is beside given measurements.
 
@@ -103,14 +107,19 @@ class LinearisedFlight:
             Estimate less measurement where the chain is linearised.
         covariance : ndarray, shape (m, f, f)
         judged : Judged
+        shared : ndarray, shape (m, f, b), optional
+            By the constants; none by default.
 
         Raises
         ------
         NoSolutionError
             Naming the state that is left open, and when.
         """
+        if shared is None:
+            shared = np.zeros((*residual.shape, self.problem.constants.width))
+        J = np.concatenate([jacobian, shared], axis=2)
         root = np.linalg.cholesky(covariance)
-        whitened = np.linalg.solve(root, np.concatenate([residual[:, :, None], jacobian], axis=2))
+        whitened = np.linalg.solve(root, np.concatenate([residual[:, :, None], J], axis=2))
         solved = self._solved(row, whitened)
         which = judged.which
         P = solved.covariance[judged.row[:, None, None], which[:, None], which]
@@ -134,23 +143,26 @@ class LinearisedFlight:
             np.zeros((n, V)),
             np.zeros((n, V, V)),
         )
-        W = np.linalg.inv(covariance)
-        by_mean = np.einsum("mfd,md->mf", jacobian, led[row])
-        left = residual + np.einsum("mfd,md->mf", jacobian, solved.steps[row])
-        by_W = (
-            -(by_mean[:, :, None] * left[:, None, :] + left[:, :, None] * by_mean[:, None, :]) / 2
-        )
-        by_W -= jacobian @ blocks[row] @ jacobian.swapaxes(1, 2)
+        W, led, blocks = np.linalg.inv(covariance), led[row], blocks[row]
+        mean = np.broadcast_to(solved.constants, (len(row), len(solved.constants)))
+        mean = np.concatenate([solved.steps[row], mean], axis=1)
+        by_mean = np.einsum("mfv,mv->mf", J, led)
+        at_mean = residual + np.einsum("mfv,mv->mf", J, mean)
+        both = by_mean[:, :, None] * at_mean[:, None, :]
+        by_W = -(both + both.swapaxes(1, 2)) / 2 - J @ blocks @ J.swapaxes(1, 2)
+        by_J = 2 * J @ blocks + by_mean[:, :, None] * mean[:, None, :]
+        by_J += at_mean[:, :, None] * led[:, None, :]
         return Likelihood(
             nll=float(nll / t + d * np.log(2 * np.pi)) / 2,
             by_residual=-np.einsum("mij,mj->mi", W, by_mean),
             by_covariance=-W @ by_W @ W,
+            by_shared=-W @ by_J[:, :, jacobian.shape[2] :],
             error=error,
             covariance=P,
         )
 
     def _solved(self, row: IntArray, whitened: FloatArray) -> _Solved:
-        """Return the chain solved with whitened residuals and Jacobians, (m, f, 1 + D)."""
+        """Return the chain solved with whitened residuals and Jacobians, (m, f, 1 + D + b)."""
         found = self._eliminated(row, whitened, by_rows=False)
         if isinstance(found, _Open):  # perhaps squares have not digits enough
             found = self._eliminated(row, whitened, by_rows=True)
@@ -162,8 +174,8 @@ class LinearisedFlight:
     def _eliminated(self, row: IntArray, whitened: FloatArray, *, by_rows: bool) -> _Solved | _Open:
         motion, node = self.links.motion, self.links.node.copy()
         n, D, b = len(node), motion.shape[1], self.problem.constants.width
-        value, state = np.ascontiguousarray(whitened[:, :, 0]), whitened[:, :, 1:].copy()
-        kernel.add_squares(node, row, value, state, np.zeros((*value.shape, b)))
+        value, state = np.ascontiguousarray(whitened[:, :, 0]), whitened[:, :, 1 : D + 1].copy()
+        kernel.add_squares(node, row, value, state, whitened[:, :, D + 1 :].copy())
         forward, roots = np.empty_like(node), np.zeros((n, D, D))
         gain = np.empty((n - 1, D, D + b + 1))
         forward[0] = node[0]
@@ -177,4 +189,4 @@ class LinearisedFlight:
         back_kernel.substitute(gain, end, steps)
         constant = P[D:, D:].copy()
         back_kernel.marginals(gain, roots, P, roots, cross, shared)
-        return _Solved(gain, steps, roots, shared, constant)
+        return _Solved(gain, steps, end[D:].copy(), roots, shared, constant)

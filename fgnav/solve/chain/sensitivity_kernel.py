@@ -9,7 +9,7 @@ and an information B of keyframes alone, independent of each other,
 
     f_k+1 = E_k' f_k + a_k+1                      l_k = E_k (S_k+1 a_k+1 + l_k+1)
     F_k+1 = E_k' F_k E_k + B_k+1                  R_k = E_k (S_k+1 B_k+1 S_k+1 + R_k+1) E_k'
-    (P a)_k = S_k f_k + l_k                       (P B P)_kk = S_k F_k S_k + R_k
+    (P a)_k,c = S_k f_k + l_k                     (P B P)_kc,kc = S_k F_k S_k + R_k
 
 f carries what enters up to k to (x_k, c), l and R bring back what enters later: a covariance B of
 right-hand sides makes the covariance P B P of solutions, which is linear in B, positive or not.
@@ -32,7 +32,7 @@ def adjoint(
     f: FloatArray,
     F: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return P a, (n, D), and the diagonal blocks of P B P, (n, D, D).
+    """Return P a and the blocks of P B P of each keyframe and the constants, (n, V), (n, V, V).
 
     Parameters
     ----------
@@ -49,22 +49,22 @@ def adjoint(
     n, D, b = shared.shape
     V = D + b
     _carry(gain, a, B, f, F)
-    half = np.empty((D, V))
+    half = np.empty((V, V))
     S, R, later = np.empty((V, V)), np.zeros((V, V)), np.zeros(V)
-    solved, blocks = np.empty((n, D)), np.empty((n, D, D))
+    solved, blocks = np.empty((n, V)), np.empty((n, V, V))
     for k in range(n - 1, -1, -1):
         _fill(covariance[k], shared[k], constant, S)
-        _product(S[:D], F[k], half)
-        for i in range(D):
+        _product(S, F[k], half)
+        for i in range(V):
             total = later[i]
             for j in range(V):
                 total += S[i, j] * f[k, j]
             solved[k, i] = total
-            for j in range(D):
+            for j in range(i + 1):
                 total = R[i, j]
                 for m in range(V):
                     total += half[i, m] * S[j, m]
-                blocks[k, i, j] = total
+                blocks[k, i, j] = blocks[k, j, i] = total
         if k:
             _brought_back(gain[k - 1], S, a[k], B[k], later, R)
     return solved, blocks

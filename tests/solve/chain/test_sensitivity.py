@@ -28,48 +28,49 @@ def drawn(seed):
     which = np.array([[0, 1, 2], [0, 1, 2, 6, 7, 8], [2]][seed % 3])
     judged = Judged(judged_row, which, 0.3 * rng.normal(size=(7, len(which))))
     given = (row, rng.normal(size=(m, f, D)), rng.normal(size=(m, f)), covariance)
-    return problem, given, judged
+    return problem, given, judged, rng.normal(size=(m, f, problem.constants.width))
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_gradient_is_that_of_differences(seed):
-    problem, (row, jacobian, residual, covariance), judged = drawn(seed)
+    problem, (row, jacobian, *start), judged, shared = drawn(seed)
     flight = LinearisedFlight.at(problem, problem.start)
+    start.append(shared)
 
-    def slope(dr, dC):
-        ends = (
-            flight.likelihood(row, jacobian, residual + h * dr, covariance + h * dC, judged).nll
+    def likelihood(residual, covariance, shared):
+        return flight.likelihood(row, jacobian, residual, covariance, judged, shared)
+
+    def slope(which, step):
+        ends = [
+            likelihood(*(x + h * step if k == which else x for k, x in enumerate(start))).nll
             for h in (STEP, -STEP)
-        )
+        ]
         return np.subtract(*ends) / (2 * STEP)
 
-    found = flight.likelihood(row, jacobian, residual, covariance, judged)
-    by_residual, by_covariance = np.zeros_like(residual), np.zeros_like(covariance)
-    for at in np.ndindex(*residual.shape):
-        one = np.zeros_like(residual)
-        one[at] = 1.0
-        by_residual[at] = slope(one, 0.0)
-    for k, i, j in np.ndindex(*covariance.shape):
-        one = np.zeros_like(covariance)
-        one[k, i, j] += 0.5
-        one[k, j, i] += 0.5
-        by_covariance[k, i, j] = slope(0.0, one)
-    for exact, differences in (
-        (found.by_residual, by_residual),
-        (found.by_covariance, by_covariance),
-    ):
-        assert np.linalg.norm(exact - differences) < 1e-6 * np.linalg.norm(differences)
+    found = likelihood(*start)
+    exact = (found.by_residual, found.by_covariance, found.by_shared)
+    for which, (x, gradient) in enumerate(zip(start, exact, strict=True)):
+        differences = np.zeros_like(x)
+        for at in np.ndindex(*x.shape):
+            step = np.zeros_like(x)
+            step[at] = 1.0
+            if which == 1:  # covariances stay symmetric
+                step = (step + step.swapaxes(1, 2)) / 2
+            differences[at] = slope(which, step)
+        bound = 1e-6 * np.linalg.norm(differences)
+        assert np.linalg.norm(gradient - differences) <= bound
 
 
 @pytest.mark.parametrize("seed", [3, 4, 5])
 def test_the_likelihood_is_that_of_the_dense_posterior(seed):
-    problem, (row, jacobian, residual, covariance), judged = drawn(seed)
+    problem, (row, jacobian, residual, covariance), judged, shared = drawn(seed)
     H, g, _ = dense(problem, problem.start)
     D = problem.width
-    for k, J, r, W in zip(row, jacobian, residual, np.linalg.inv(covariance), strict=True):
-        own = slice(k * D, k * D + D)
-        H[own, own] += J.T @ W @ J
-        g[own] += J.T @ W @ r
+    full = np.concatenate([jacobian, shared], axis=2)
+    for k, J, r, W in zip(row, full, residual, np.linalg.inv(covariance), strict=True):
+        of = np.concatenate([np.arange(k * D, k * D + D), np.arange(N * D, len(H))])
+        H[np.ix_(of, of)] += J.T @ W @ J
+        g[of] += J.T @ W @ r
     P, mean = np.linalg.inv(H), -np.linalg.solve(H, g)
     expected = []
     for k, step in zip(judged.row, judged.step, strict=True):
@@ -78,7 +79,7 @@ def test_the_likelihood_is_that_of_the_dense_posterior(seed):
         chi2 = e @ np.linalg.solve(C, e)
         expected.append((chi2 + np.linalg.slogdet(2 * np.pi * C)[1]) / 2)
     flight = LinearisedFlight.at(problem, problem.start)
-    found = flight.likelihood(row, jacobian, residual, covariance, judged)
+    found = flight.likelihood(row, jacobian, residual, covariance, judged, shared)
     assert found.nll == pytest.approx(np.mean(expected), rel=1e-9)
     own = judged.row[0] * D + judged.which
     np.testing.assert_allclose(found.covariance[0], P[np.ix_(own, own)], rtol=1e-7, atol=1e-12)
@@ -100,7 +101,7 @@ def test_memory_grows_with_the_number_of_keyframes_and_no_faster():
 
 
 def test_a_state_that_is_left_open_is_named():
-    problem, (row, jacobian, residual, covariance), judged = drawn(2)
+    problem, (row, jacobian, residual, covariance), judged, _ = drawn(2)
     flight = LinearisedFlight.at(problem, problem.start)
     flight.links.node[:] = 0.0
     flight.links.motion[:] = 0.0

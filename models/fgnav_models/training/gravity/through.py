@@ -1,10 +1,13 @@
-"""A gravity network trained through the smoother, by answers that may be taken as independent.
+"""A gravity network trained through the smoother, its errors counted as its factor counts them.
 
-One in the time after which errors are new ones, what lasts of them included; training draws where
-the first one stands, so that a flight's windows are all seen.
+Answers are two half-lives apart, what lasts of their errors a constant of the flight
+(``fgnav.neural.correlation``); training draws where the first one stands, so that a flight's windows
+are all seen.
 """
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -14,6 +17,8 @@ from fgnav.geometry.rotations import skew
 from fgnav.graph.factors.directions import across
 from fgnav.io.strict_toml import Positive
 from fgnav.methods.smoother import Batch
+from fgnav.neural import NeuralFactor
+from fgnav.neural.correlation import inflation
 from fgnav.types.flight import Flight
 from fgnav_models.training.gravity.features import course_motion, differenced, windows
 from fgnav_models.training.gravity.nets import GravityNet
@@ -28,6 +33,7 @@ from fgnav_sim.simulate import simulate
 
 _FIX_HZ = 10.0
 _LEAST_SINE = 1e-9
+_SAME = 1e-6  # of a window: times are rounded
 
 
 class Through(Steps, frozen=True):
@@ -71,6 +77,22 @@ def flown(
     return out
 
 
+class Errors(NamedTuple):
+    """How the factor counts the errors of its answers."""
+
+    interval_s: float
+    inflation: float
+    lasting: float  # share of their variance
+    constant: str  # of the flight, that lasts
+
+    @classmethod
+    def of(cls, factor: NeuralFactor, half_life_s: float, lasting: float) -> "Errors":
+        """Return those that a factor's manifest states."""
+        constant = factor.constants[0].name if factor.constants else ""
+        apart_s = factor.between_s
+        return cls(apart_s, inflation(half_life_s, apart_s), lasting, constant)
+
+
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class GravityFlight:
     """A flight to train on, and what a network may see of it at w keyframes.
@@ -94,11 +116,12 @@ class GravityFlight:
     across_b: FloatArray
     jacobian: FloatArray
 
-    def loss(self, net: GravityNet, which: IntArray) -> torch.Tensor:
+    def loss(self, net: GravityNet, which: IntArray, errors: Errors) -> torch.Tensor:
         """Return the negative log-likelihood of the truth beside some answers, (k,).
 
         The answer's logarithm at the linearised direction u, in two axes A across it:
-        ``r = -A log_u(g)``, by a turn delta of the body ``A [u]x delta``.
+        ``r = -A log_u(g) + sqrt(s) P^(1/2) A c``, by a turn delta of the body ``A [u]x delta``; P is
+        the answer's covariance in these axes, s the share of it that lasts, c in 1-sigmas.
         """
         g_b, covariance = net(*(tensor[which] for tensor in self.seen))
         A = torch.from_numpy(self.across_b[which])
@@ -106,13 +129,27 @@ class GravityFlight:
         sine = beside.norm(dim=1, keepdim=True).clamp_min(_LEAST_SINE)
         along = (torch.from_numpy(self.down_b[which]) * g_b.double()).sum(dim=1, keepdim=True)
         residual = -beside * torch.atan2(sine, along) / sine
+        P = A @ covariance.double() @ A.transpose(1, 2)
+        constants = torch.from_numpy(self.flight.states.constants)
+        shared = torch.zeros(len(A), 2, len(constants), dtype=A.dtype)
+        if errors.lasting:
+            columns = self.flight.linearised.problem.constants.columns(errors.constant)
+            shared[:, :, columns] = np.sqrt(errors.lasting) * _root(P) @ A
         return negative_log_likelihood(
             self.flight,
             self.row[which],
             self.jacobian[which],
-            residual,
-            A @ covariance.double() @ A.transpose(1, 2),
+            residual + shared @ constants,
+            errors.inflation * (1 - errors.lasting) * P,
+            shared,
         )
+
+
+def _root(P: torch.Tensor) -> torch.Tensor:
+    """Return the symmetric roots of covariances, (k, 2, 2), by Cayley and Hamilton's theorem."""
+    root_det = torch.linalg.det(P).sqrt()[:, None, None]
+    trace = torch.einsum("kii->k", P)[:, None, None]
+    return (P + root_det * torch.eye(2, dtype=P.dtype)) / (trace + 2 * root_det).sqrt()
 
 
 def gravity_flights(flights: list[Flight], method: Batch, *, aided: bool) -> list[GravityFlight]:
@@ -163,19 +200,24 @@ def _gravity_flight(flight: Flight, linearised: TrainingFlight, *, aided: bool) 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawnFlights:
-    """Batches of flights and of answers, ``every`` windows apart from a first one, by step."""
+    """Batches of flights and of answers, an interval apart from a first one, by step."""
 
     flights: list[GravityFlight]
     batch: int
-    every: int
+    errors: Errors
     seed: int
+
+    @property
+    def _every(self) -> int:
+        """Windows from answer to answer."""
+        return max(1, math.ceil(_FIX_HZ * self.errors.interval_s - _SAME))
 
     def __call__(self, step: int) -> Tensors:
         """Return flights and first windows of a step, (batch, 2), int64."""
         rng = np.random.default_rng([self.seed, step])
         count = min(self.batch, len(self.flights))
         chosen = rng.choice(len(self.flights), count, replace=False)
-        first = rng.integers(0, self.every, count)
+        first = rng.integers(0, self._every, count)
         return (torch.from_numpy(np.stack([chosen, first], axis=1)),)
 
     def loss(self, module: torch.nn.Module, batch: Tensors) -> torch.Tensor:
@@ -185,9 +227,9 @@ class DrawnFlights:
     def of_all(self, module: torch.nn.Module) -> float:
         """Return the mean over all flights, their first window in the middle of what is drawn."""
         with torch.no_grad():
-            losses = [self._one(module, k, self.every // 2) for k in range(len(self.flights))]
+            losses = [self._one(module, k, self._every // 2) for k in range(len(self.flights))]
         return float(torch.stack(losses).mean())
 
     def _one(self, module: torch.nn.Module, flight: int, first: int) -> torch.Tensor:
         one = self.flights[flight]
-        return one.loss(module, np.arange(first, len(one.row), self.every))
+        return one.loss(module, np.arange(first, len(one.row), self._every), self.errors)

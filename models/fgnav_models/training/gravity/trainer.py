@@ -13,6 +13,7 @@ from fgnav.io.strict_toml import Table
 from fgnav.methods.smoother import Batch
 from fgnav.neural.calibration import calibration
 from fgnav.neural.factor import NeuralFactor
+from fgnav.neural.manifest import read_manifest
 from fgnav_models.training.ambiguity.experiment import SliceOver
 from fgnav_models.training.contract import Release
 from fgnav_models.training.gravity.data import Drawn, Rows, draw
@@ -20,7 +21,13 @@ from fgnav_models.training.gravity.factor import CALM, UNITS, figures_of_windows
 from fgnav_models.training.gravity.figures import figures_of, independent_after_s
 from fgnav_models.training.gravity.nets import GravityNet, deviation, negative_log_likelihood
 from fgnav_models.training.gravity.paper import PaperStudy, run_paper
-from fgnav_models.training.gravity.through import DrawnFlights, Through, flown, gravity_flights
+from fgnav_models.training.gravity.through import (
+    DrawnFlights,
+    Errors,
+    Through,
+    flown,
+    gravity_flights,
+)
 from fgnav_models.training.learning import Count, Learning, validated
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import scaled
@@ -148,16 +155,16 @@ def _through(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) 
     if done.exists():
         return report_rows(name, msgspec.json.decode(done.read_bytes(), type=_Comparison))
     net = _trained(learned, recipe, flights, order)
-    alone = Batch(factors=(NeuralFactor(order.out / f"{name}.json"),))
-    metrics = order.out / name / "metrics.json"
-    wait_s = msgspec.json.decode(metrics.read_bytes(), type=dict[str, float])[_WAIT]
+    factor = NeuralFactor(order.out / f"{name}.json")
+    alone, stated = Batch(factors=(factor,)), read_manifest(factor.manifest).output
+    errors = Errors.of(factor, stated.half_life_s, stated.lasting)
 
     def drawn(stream: int, count: int) -> DrawnFlights:
         flights = flown(world, how.phases, count, how.duration_s, [seed, stream])
         return DrawnFlights(
             flights=gravity_flights(flights, alone, aided=learned.aided),
             batch=how.batch,
-            every=max(1, round(10 * wait_s)),
+            errors=errors,
             seed=seed,
         )
 

@@ -4,7 +4,7 @@
     loss = negative_log_likelihood(flight, row, jacobian, residual, covariance)
     loss.backward()
 
-The derivatives by residuals and covariances are exact for the linearised flight
+The derivatives by residuals, covariances and Jacobians by constants are exact for the linearised flight
 (``fgnav.solve.chain.sensitivity``), one adjoint pass each time; torch takes them from there on.
 """
 
@@ -22,6 +22,7 @@ def negative_log_likelihood(
     jacobian: FloatArray,
     residual: torch.Tensor,
     covariance: torch.Tensor,
+    shared: torch.Tensor | None = None,
 ) -> torch.Tensor:
     """Return the mean over keyframes of minus the log density of the truth, a scalar.
 
@@ -34,13 +35,18 @@ def negative_log_likelihood(
     residual : tensor, shape (m, f)
         Estimate less answer there.
     covariance : tensor, shape (m, f, f)
+    shared : tensor, shape (m, f, b), optional
+        Jacobian by the flight's constants; none by default.
 
     Raises
     ------
     NoSolutionError
         If the flight leaves a state open.
     """
-    loss: torch.Tensor = _Likelihood.apply(flight, row, jacobian, residual, covariance)
+    if shared is None:
+        width = flight.linearised.problem.constants.width
+        shared = residual.new_zeros(*residual.shape, width)
+    loss: torch.Tensor = _Likelihood.apply(flight, row, jacobian, residual, covariance, shared)
     return loss
 
 
@@ -53,25 +59,22 @@ class _Likelihood(torch.autograd.Function):  # type: ignore[misc]  # mypy skips 
         jacobian: FloatArray,
         residual: torch.Tensor,
         covariance: torch.Tensor,
+        shared: torch.Tensor,
     ) -> torch.Tensor:
-        found = flight.linearised.likelihood(
-            row,
-            jacobian,
-            residual.detach().double().cpu().numpy(),
-            covariance.detach().double().cpu().numpy(),
-            flight.judged,
-        )
+        r, C, J = (x.detach().double().cpu().numpy() for x in (residual, covariance, shared))
+        likelihood = flight.linearised.likelihood(row, jacobian, r, C, flight.judged, J)
         ctx.save_for_backward(
-            torch.from_numpy(found.by_residual).to(residual),
-            torch.from_numpy(found.by_covariance).to(covariance),
+            torch.from_numpy(likelihood.by_residual).to(residual),
+            torch.from_numpy(likelihood.by_covariance).to(covariance),
+            torch.from_numpy(likelihood.by_shared).to(shared),
         )
-        return residual.new_tensor(found.nll)
+        return residual.new_tensor(likelihood.nll)
 
     @staticmethod
     @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]  # as above
     def backward(
         ctx: Any,  # noqa: ANN401  # as above
         by_loss: torch.Tensor,
-    ) -> tuple[None, None, None, torch.Tensor, torch.Tensor]:
-        by_residual, by_covariance = ctx.saved_tensors
-        return None, None, None, by_loss * by_residual, by_loss * by_covariance
+    ) -> tuple[None, None, None, torch.Tensor, torch.Tensor, torch.Tensor]:
+        by_residual, by_covariance, by_shared = (by_loss * x for x in ctx.saved_tensors)
+        return None, None, None, by_residual, by_covariance, by_shared
