@@ -22,26 +22,15 @@ _KINDS = 5  # of failures that are named
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What became of a campaign.
+    """What became of a campaign."""
 
-    Attributes
-    ----------
-    asked, kept, flown : int
-        Runs of the order, those with a file now, those flown by this call.
-    losses : tuple of Loss
-        Runs that came to nothing, with the reason.
-    text : str
-        The report as text.
-    report : Report
-        The same as parts, for other formats.
-    """
-
+    # asked, kept, flown: runs of the order, those with a file now, those flown by this call
     asked: int
     kept: int
     flown: int
-    losses: tuple[Loss, ...]
-    text: str
-    report: Report
+    losses: tuple[Loss, ...]  # runs that came to nothing, with the reason
+    text: str  # the report as text
+    report: Report  # the same as parts, for other formats
     files: tuple[Path, ...] = field(default=())
 
 

@@ -15,22 +15,14 @@ _Flights = Annotated[int, msgspec.Meta(ge=1, le=10_000_000)]
 
 
 class MethodTable(Table, frozen=True):
-    """A method with its settings, by the names of the command line.
-
-    Attributes
-    ----------
-    name : str
-        What tables call it; the method's own name where none is given.
-    integers : str
-        Who resolves integers.
-    estimate, factors, without : tuple of str
-        ``without`` names what is left out of the flight first, see ``evaluation.ablation``.
-    """
+    """A method with its settings, by the names of the command line."""
 
     method: str
-    name: _Name | None = None
-    integers: str = "constrained"
+    name: _Name | None = None  # what tables call it; the method's own name where none is given
+    integers: str = "constrained"  # who resolves integers
     gravity: str | None = None
+    # estimate, factors, without: ``without`` names what is left out of the flight first, see
+    # ``evaluation.ablation``
     estimate: tuple[str, ...] = ()
     factors: tuple[str, ...] = ()
     without: tuple[str, ...] = ()
@@ -67,22 +59,14 @@ class SweepTable(Table, frozen=True):
 
 
 class CaseTable(Table, frozen=True):
-    """A kind of flight.
-
-    Attributes
-    ----------
-    scenario : str
-        Of the simulator: a name it knows, or a file beside the campaign's.
-    changes : dict
-        By dotted key, what the scenario says instead.
-    any_hour : bool
-        Whether each flight starts at a time of the day of its own, so under a sky of its own.
-    """
+    """A kind of flight."""
 
     name: _Name
-    scenario: str
+    scenario: str  # of the simulator: a name it knows, or a file beside the campaign's
+    # by dotted key, what the scenario says instead
     changes: dict[str, Any] = msgspec.field(default_factory=dict)
     sweep: SweepTable | None = None
+    # whether each flight starts at a time of the day of its own, so under a sky of its own
     any_hour: bool = False
 
     @property

@@ -13,14 +13,9 @@ _DAY_S = 86_400
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)
 class Run:
-    """One flight of a campaign.
+    """One flight of a campaign."""
 
-    Attributes
-    ----------
-    case, column, flight : int
-        Places in the order; flights are numbered from 0 within case and column.
-    """
-
+    # case, column, flight: places in the order; flights are numbered from 0 within case and column
     case: int
     column: int
     flight: int

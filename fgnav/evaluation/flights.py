@@ -59,14 +59,9 @@ class FlightOutcome:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class FlightsComparison:
-    """The outcome of several methods on several flights.
+    """The outcome of several methods on several flights."""
 
-    Attributes
-    ----------
-    methods : tuple of str
-        In the order asked; the first is the one that others are held against.
-    """
-
+    # in the order asked; the first is the one that others are held against
     methods: tuple[str, ...]
     flights: tuple[FlightOutcome, ...]
 

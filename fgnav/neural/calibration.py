@@ -58,36 +58,24 @@ class Bin:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Calibration:
-    """The figures of a network's card, in SI and radians.
-
-    Attributes
-    ----------
-    name : str
-    unit : str
-    count, outside : int
-        Answers judged, and windows without an answer, outside of the domain or with gaps.
-    network, constant : Scores
-        By the network's covariance, and by the constant one of these answers.
-    constant_sigma : tuple of float
-        Of each axis of the tangent.
-    half_life_s, lasting : float
-        Of normalised errors, measured on these flights: the share of their variance that lasts, and
-        the half-life of the rest.
-    together : tuple of float
-        NEES of 1 of the mean of each flight's answers: as the manifest has them counted, and as if
-        all were independent.
-    bins : tuple of Bin
-    """
+    """The figures of a network's card, in SI and radians."""
 
     name: str
     unit: str
+    # count, outside: answers judged, and windows without an answer, outside of the domain or with
+    # gaps
     count: int
     outside: int
+    # network, constant: by the network's covariance, and by the constant one of these answers
     network: Scores
     constant: Scores
-    constant_sigma: tuple[float, ...]
+    constant_sigma: tuple[float, ...]  # of each axis of the tangent
+    # half_life_s, lasting: of normalised errors, measured on these flights: the share of their
+    # variance that lasts, and the half-life of the rest
     half_life_s: float
     lasting: float
+    # NEES of 1 of the mean of each flight's answers: as the manifest has them counted, and as if
+    # all were independent
     together: tuple[float, float]
     bins: tuple[Bin, ...]
 

@@ -13,25 +13,15 @@ _WHOLE = 1e-6  # integers come as they are; this is of floats that hold them
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class IntegerAnswers:
-    """Of k epochs, or candidates.
+    """Of k epochs, or candidates."""
 
-    Attributes
-    ----------
-    value : ndarray, shape (k, t)
-        Integers; of the form ``posterior`` exponents of candidates, t = 1.
-    sure : ndarray, shape (k, t), or None
-        Probabilities of integers to be right; exponents of no candidate to be. None of the form
-        ``none``.
-    outlier : ndarray, shape (k, l), or None
-        Logits of rows of the first input to be worse than stated.
-    within : ndarray of bool, shape (k,)
-        Whether all inputs are as in training.
-    """
-
-    value: FloatArray
+    value: FloatArray  # (k, t); integers; of the form ``posterior`` exponents of candidates, t = 1
+    # (k, t), or None; probabilities of integers to be right; exponents of no candidate to be. None
+    # of the form ``none``.
     sure: FloatArray | None
+    # (k, l), or None; logits of rows of the first input to be worse than stated
     outlier: FloatArray | None
-    within: BoolArray
+    within: BoolArray  # (k,); whether all inputs are as in training
 
 
 def integer_answers(network: Network, inputs: Sequence[FloatArray]) -> IntegerAnswers:

@@ -23,21 +23,11 @@ _SLOWEST_MPS = 1e-6  # below, a speed has no direction: its Jacobian is that of 
 
 
 class Counted(NamedTuple):
-    """How errors of one output are counted beside those of others (``correlation``).
+    """How errors of one output are counted beside those of others (``correlation``)."""
 
-    Attributes
-    ----------
-    inflation : float
-        Of the covariance of what does not last.
-    lasting : float
-        Share of the variance that lasts.
-    key : int
-        Of the constant that lasts, (f,), in 1-sigmas; -1 where nothing does.
-    """
-
-    inflation: float = 1.0
-    lasting: float = 0.0
-    key: int = -1
+    inflation: float = 1.0  # of the covariance of what does not last
+    lasting: float = 0.0  # share of the variance that lasts
+    key: int = -1  # of the constant that lasts, (f,), in 1-sigmas; -1 where nothing does
 
 
 _ALONE = Counted()
@@ -45,24 +35,14 @@ _ALONE = Counted()
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class _Model:
-    """A quantity's residual, (m,), of the variables of ``keys``.
-
-    Attributes
-    ----------
-    keys : list of int
-    residual : callable
-    jacobian : callable or None
-        None: differences.
-    across : ndarray, shape (m, f), or None
-        Rows that the residual has of a tangent of which one direction does not count.
-    native : callable or None
-        GTSAM's own factor of the same residual and a covariance, (m, m).
-    """
+    """A quantity's residual, (m,), of the variables of ``keys``."""
 
     keys: list[int]
     residual: Residual
-    jacobian: Jacobian | None
+    jacobian: Jacobian | None  # None: differences
+    # (m, f), or None; rows that the residual has of a tangent of which one direction does not count
     across: FloatArray | None = None
+    # GTSAM's own factor of the same residual and a covariance, (m, m)
     native: Callable[[FloatArray], gtsam.NonlinearFactor] | None = None
 
 

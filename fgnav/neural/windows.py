@@ -15,19 +15,13 @@ _SAME_S = 1e-6  # times of files are written to the microsecond
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Windows:
-    """What a network is to see at k times.
+    """What a network is to see at k times."""
 
-    Attributes
-    ----------
-    inputs : tuple of ndarray, shape (k, window, channels) each
-        In the manifest's units, not yet normalised; of rows that are not usable anything.
-    usable : ndarray, shape (k,)
-    lost : dict of str to ndarray, shape (k,)
-        Why others are not: each row under the first reason that holds.
-    """
-
+    # (k, window, channels) each; in the manifest's units, not yet normalised; of rows that are not
+    # usable anything
     inputs: tuple[FloatArray, ...]
-    usable: BoolArray
+    usable: BoolArray  # (k,)
+    # (k,); why others are not: each row under the first reason that holds
     lost: dict[str, BoolArray]
 
 

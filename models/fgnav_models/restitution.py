@@ -48,15 +48,10 @@ _DECIMALS = 6  # of seconds, by which epochs are the same
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """What is taken for the range that the paper's networks are given.
-
-    Attributes
-    ----------
-    code_m, phase_m : float
-        Noise of one link.
-    """
+    """What is taken for the range that the paper's networks are given."""
 
     name: str
+    # code_m, phase_m: noise of one link
     code_m: float
     phase_m: float
 
@@ -86,34 +81,21 @@ class Case:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """What one method made of one flight.
-
-    Attributes
-    ----------
-    rmse_deg : tuple of float
-        Roll, pitch, yaw, over the epochs that have an answer; NaN where none has.
-    available : float
-        Share of the epochs with an answer.
-    fixed, wrong : float
-        Share of the integers that were accepted, and share of these that are wrong; NaN where
-        there is no answer.
-    spoilt : float
-        Share of the epochs with an answer that hold a wrong integer; likewise.
-    clean_deg : float
-        RMSE over the other epochs, mean of roll, pitch and yaw; NaN where there is none.
-    failure : str
-        Why there is no answer; empty where there is.
-    """
+    """What one method made of one flight."""
 
     case: Case
     method: str
+    # roll, pitch, yaw, over the epochs that have an answer; NaN where none has
     rmse_deg: tuple[float, float, float] = (nan, nan, nan)
-    available: float = 0.0
+    available: float = 0.0  # share of the epochs with an answer
+    # fixed, wrong: share of the integers that were accepted, and share of these that are wrong; NaN
+    # where there is no answer
     fixed: float = nan
     wrong: float = nan
-    spoilt: float = nan
+    spoilt: float = nan  # share of the epochs with an answer that hold a wrong integer; likewise
+    # RMSE over the other epochs, mean of roll, pitch and yaw; NaN where there is none
     clean_deg: float = nan
-    failure: str = ""
+    failure: str = ""  # why there is no answer; empty where there is
 
 
 def cases(seeds: int) -> list[Case]:

@@ -47,27 +47,21 @@ _COLOURS = ("#E69F00", "#D55E00", "#CC79A7", "#56B4E9", "#009E73", "#000000", "#
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Restitution:
-    """Root mean squares over seeds, and what they rest on.
-
-    Attributes
-    ----------
-    rmse_deg : ndarray, shape (readings, methods, motions, amplitudes, 3)
-        Roll, pitch, yaw; NaN where a method had no answer with any seed.
-    shares : ndarray, shape (readings, methods, 4)
-        Means over flights: of epochs with an answer, of integers fixed, of wrong ones among these,
-        of epochs with an answer that hold a wrong one.
-    clean_deg : ndarray, shape (readings, methods)
-        RMSE over epochs without a wrong integer, mean of angles and of flights that have such.
-    failures : dict
-        Why flights had no answer at all, by reading and method.
-    """
+    """Root mean squares over seeds, and what they rest on."""
 
     readings: tuple[Reading, ...]
     methods: tuple[str, ...]
     amplitudes_deg: tuple[int, ...]
+    # (readings, methods, motions, amplitudes, 3); roll, pitch, yaw; NaN where a method had no
+    # answer with any seed
     rmse_deg: FloatArray
+    # (readings, methods, 4); means over flights: of epochs with an answer, of integers fixed, of
+    # wrong ones among these, of epochs with an answer that hold a wrong one
     shares: FloatArray
+    # (readings, methods); RMSE over epochs without a wrong integer, mean of angles and of flights
+    # that have such
     clean_deg: FloatArray
+    # why flights had no answer at all, by reading and method
     failures: dict[tuple[str, str], list[str]]
     seeds: int
 

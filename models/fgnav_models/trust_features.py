@@ -43,25 +43,16 @@ SATELLITES = CANDIDATE_FEATURES + 1  # among the whole: an epoch's satellites, b
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class TrustRows:
-    """One row per candidate.
+    """One row per candidate."""
 
-    Attributes
-    ----------
-    epoch : ndarray of int64, shape (c,)
-    links : ndarray of float32, shape (c, l, LINK_FEATURES)
-        Links that are there, antenna by antenna; 0 beyond the last.
-    there : ndarray of float32, shape (c, l)
-        1 where a row of ``links`` counts.
-    whole : ndarray of float32, shape (c, WHOLE_FEATURES)
-        The first is the logarithm of the candidate's posterior, were links as ``trust_fit`` has it.
-    slot : ndarray of int64, shape (n, l)
-        Antenna and channel of a link, ``antenna m + channel``; -1 beyond the last.
-    """
-
-    epoch: IntArray
+    epoch: IntArray  # (c,)
+    # (c, l, LINK_FEATURES); links that are there, antenna by antenna; 0 beyond the last
     links: FloatArray
-    there: FloatArray
+    there: FloatArray  # (c, l); 1 where a row of ``links`` counts
+    # (c, WHOLE_FEATURES); the first is the logarithm of the candidate's posterior, were links as
+    # ``trust_fit`` has it
     whole: FloatArray
+    # (n, l); antenna and channel of a link, ``antenna m + channel``; -1 beyond the last
     slot: IntArray
 
 

@@ -22,19 +22,12 @@ class Spread(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     One figure moves a whole list by one draw, as thrust or a coefficient errs for all times or
     Mach numbers together; a list of figures moves each element by a draw of its own.
-
-    Attributes
-    ----------
-    sigma : float or tuple of float, or None
-        Standard deviation in the key's unit.
-    relative : float or tuple of float, or None
-        Standard deviation as a share of the value, in place of ``sigma``.
-    law : {"normal", "uniform"}
-        With "uniform" the figure is the greatest deviation.
     """
 
-    sigma: Numbers | None = None
+    sigma: Numbers | None = None  # standard deviation in the key's unit
+    # standard deviation as a share of the value, in place of ``sigma``
     relative: Numbers | None = None
+    # with "uniform" the figure is the greatest deviation
     law: Literal["normal", "uniform"] = "normal"
 
     def __post_init__(self) -> None:

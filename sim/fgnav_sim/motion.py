@@ -125,21 +125,16 @@ Track: TypeAlias = Straight | Arc
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class State:
-    """True motion of the body at given times.
+    """True motion of the body at given times."""
 
-    Attributes
-    ----------
-    p_n_m, v_n_mps, a_n_mps2 : ndarray, shape (n, 3)
-        Of the body's origin; derivatives as seen in the frame ``n``, which turns with the Earth.
-    R_nb : ndarray, shape (n, 3, 3)
-    w_nb_b_radps, alpha_nb_b_radps2 : ndarray, shape (n, 3)
-        Angular rate and acceleration of the body against ``n``, in body axes.
-    """
-
+    # p_n_m, v_n_mps, a_n_mps2: (n, 3); of the body's origin; derivatives as seen in the frame
+    # ``n``, which turns with the Earth
     p_n_m: FloatArray
     v_n_mps: FloatArray
     a_n_mps2: FloatArray
-    R_nb: FloatArray
+    R_nb: FloatArray  # (n, 3, 3)
+    # w_nb_b_radps, alpha_nb_b_radps2: (n, 3); angular rate and acceleration of the body against
+    # ``n``, in body axes
     w_nb_b_radps: FloatArray
     alpha_nb_b_radps2: FloatArray
 
@@ -193,19 +188,11 @@ class Trajectory(Protocol):
 
 
 class Motion(Table, frozen=True):
-    """Where the body flies and how it is turned: a path, and one command per Euler angle.
+    """Where the body flies and how it is turned: a path, and one command per Euler angle."""
 
-    Attributes
-    ----------
-    position_n_m : tuple of float
-        Where the path starts.
-    path : Straight or Arc
-    roll, pitch, yaw : Hold, Ramp, Sine or Rate
-        3-2-1 angles against the frame ``n``; they do not follow the path.
-    """
-
-    position_n_m: Vector = (0.0, 0.0, 0.0)
+    position_n_m: Vector = (0.0, 0.0, 0.0)  # where the path starts
     path: Track = Straight()
+    # roll, pitch, yaw: 3-2-1 angles against the frame ``n``; they do not follow the path
     roll: Command = Hold()
     pitch: Command = Hold()
     yaw: Command = Hold()

@@ -74,32 +74,19 @@ class Place(Table, frozen=True):
 
 
 class ImuTable(Table, frozen=True):
-    """Accelerometer triad, and a gyroscope where its three figures are given.
-
-    Attributes
-    ----------
-    accelerometer_noise_mps2_per_sqrt_hz, accelerometer_bias_mps2,
-    accelerometer_bias_walk_mps2_per_sqrt_s : float
-        As in the flight format: noise density, 1-sigma of the constant bias, random walk.
-    accelerometer_bias_instability_mps2 : float
-        B of flicker noise: an Allan deviation of ``0.664 B`` at any averaging time.
-    accelerometer_scale, accelerometer_misalignment_rad : float
-        1-sigma of scale factors against 1, and of the angles by which axes lean to each other.
-    accelerometer_range_mps2 : float or None
-        Samples are cut there.
-    gyroscope_... :
-        The same of the gyroscope, in rad/s.
-    """
+    """Accelerometer triad, and a gyroscope where its three figures are given."""
 
     rate_hz: Positive = 100.0
     position_b_m: Vector = (0.0, 0.0, 0.0)
+    # as in the flight format: noise density, 1-sigma of the constant bias, its random walk
     accelerometer_noise_mps2_per_sqrt_hz: Positive = 1e-3
     accelerometer_bias_mps2: Positive = 3e-2
     accelerometer_bias_walk_mps2_per_sqrt_s: Positive = 1e-4
+    # B of flicker noise: an Allan deviation of ``0.664 B`` at any averaging time
     accelerometer_bias_instability_mps2: NotNegative = 0.0
-    accelerometer_scale: NotNegative = 0.0
-    accelerometer_misalignment_rad: NotNegative = 0.0
-    accelerometer_range_mps2: Positive | None = None
+    accelerometer_scale: NotNegative = 0.0  # 1-sigma of scale factors against 1
+    accelerometer_misalignment_rad: NotNegative = 0.0  # 1-sigma of the angles between axes
+    accelerometer_range_mps2: Positive | None = None  # samples are cut there
     gyroscope_noise_radps_per_sqrt_hz: Positive | None = None
     gyroscope_bias_radps: Positive | None = None
     gyroscope_bias_walk_radps_per_sqrt_s: Positive | None = None
@@ -127,33 +114,18 @@ class FixesTable(Table, frozen=True):
 
 
 class OpticsTable(Table, frozen=True):
-    """From a beacon's light to photocurrents.
+    """From a beacon's light to photocurrents."""
 
-    Attributes
-    ----------
-    beacon_w_per_sr : float
-        Radiant intensity toward the detector.
-    attenuation_per_m : float
-        Of the air; 0 in vacuum.
-    aperture_radius_m, spot_radius_m : float
-        Of the lens, and of the spot of even light it makes on the detector, whose part beyond the
-        rim is lost.
-    noise_a : float
-        Standard deviation of each current's samples.
-    threshold_sigmas : float
-        A current below so many of them reads zero.
-    saturation_a : float or None
-        No current is larger.
-    """
-
-    beacon_w_per_sr: Positive = 1000.0
-    attenuation_per_m: NotNegative = 0.0
+    beacon_w_per_sr: Positive = 1000.0  # radiant intensity toward the detector
+    attenuation_per_m: NotNegative = 0.0  # of the air; 0 in vacuum
+    # aperture_radius_m, spot_radius_m: of the lens, and of the spot of even light it makes on the
+    # detector, whose part beyond the rim is lost
     aperture_radius_m: Positive = 1e-2
     spot_radius_m: Positive = 1e-3
     responsivity_a_per_w: Positive = 0.5
-    noise_a: Positive = 2e-11
-    threshold_sigmas: NotNegative = 3.0
-    saturation_a: Positive | None = None
+    noise_a: Positive = 2e-11  # standard deviation of each current's samples
+    threshold_sigmas: NotNegative = 3.0  # a current below so many of them reads zero
+    saturation_a: Positive | None = None  # no current is larger
 
 
 class OcclusionTable(Table, frozen=True):
@@ -170,33 +142,22 @@ class OcclusionTable(Table, frozen=True):
 
 
 class SeekerTable(Table, frozen=True):
-    """Quadrant photodetector that sees a beacon within its range and field of view.
+    """Quadrant photodetector that sees a beacon within its range and field of view."""
 
-    Attributes
-    ----------
-    landmark : Place
-        The beacon.
-    field_of_view_deg : float
-        Half-angle of the cone about +x_b within which the beacon is seen.
-    line_of_sight_noise_rad : float
-        What the noise of the currents amounts to, per axis, with the spot at the centre; where
-        optics are given, they say how large it is.
-    misalignment_rad : float
-        1-sigma of the angles, about each body axis, by which the detector is turned.
-    optics : OpticsTable or None
-        None: automatic gain keeps the sum of the currents at one.
-    """
-
-    landmark: Place
+    landmark: Place  # the beacon
     rate_hz: Positive = 10.0
     range_m: Positive = 3000.0
+    # half-angle of the cone about +x_b within which the beacon is seen
     field_of_view_deg: Annotated[float, msgspec.Meta(gt=0, lt=90)] = 10.0
     position_b_m: Vector = (1.0, 0.0, 0.0)
     detector_radius_m: Positive = 5e-3
     focal_length_m: Positive = 2e-2
+    # what the noise of the currents amounts to, per axis, with the spot at the centre; where optics
+    # are given, they say how large it is
     line_of_sight_noise_rad: Positive = 1e-3
+    # 1-sigma of the angles, about each body axis, by which the detector is turned
     misalignment_rad: NotNegative = 0.0
-    optics: OpticsTable | None = None
+    optics: OpticsTable | None = None  # None: automatic gain keeps the sum of the currents at one
     occlusions: tuple[OcclusionTable, ...] = ()
 
     def __post_init__(self) -> None:
@@ -210,36 +171,23 @@ class SeekerTable(Table, frozen=True):
 
 
 class Scenario(Table, frozen=True):
-    """A flight to be made: a sensor is on board where its table is in the file.
-
-    Attributes
-    ----------
-    start : datetime
-        GPS time of ``t_s = 0``.
-    duration_s : float
-        Samples lie at multiples of their interval from 0 up to, and without, the duration.
-    gravity : {"wgs84-normal", "j2", "constant"}
-    motion : Motion, or another Trajectory
-    flown : FlownTable or None
-        A rigid body in place of the commanded motion.
-    dispersions : dict
-        By which spread keys of this scenario are drawn anew for every flight: see ``dispersions``.
-    antennas_b_m : tuple of vectors
-        Phase centres in body axes; the first is the reference. The paper's eight by default.
-    antenna_misplacement_m : float
-        1-sigma, per axis, of where antennas really sit beside that, which the flight states.
-    """
+    """A flight to be made: a sensor is on board where its table is in the file."""
 
     name: str = ""
+    # GPS time of ``t_s = 0``
     start: Annotated[datetime, msgspec.Meta(tz=False)] = datetime(2020, 6, 25)
+    # samples lie at multiples of their interval from 0 up to, and without, the duration
     duration_s: Annotated[float, msgspec.Meta(gt=0, le=_LONGEST_S)] = 60.0
     gravity: GravityModel = "wgs84-normal"
     truth_rate_hz: Positive = 10.0
     origin: Place = Place()
     motion: AnyMotion = Motion()
-    flown: FlownTable | None = None
+    flown: FlownTable | None = None  # a rigid body in place of the commanded motion
+    # by which spread keys of this scenario are drawn anew for every flight: see ``dispersions``
     dispersions: dict[str, Any] = msgspec.field(default_factory=dict)
+    # phase centres in body axes; the first is the reference. The paper's eight by default.
     antennas_b_m: tuple[Vector, ...] = PAPER_ANTENNAS_B_M
+    # 1-sigma, per axis, of where antennas really sit beside that, which the flight states
     antenna_misplacement_m: NotNegative = 0.0
     gnss: GnssTable | None = None
     imu: ImuTable | None = None

@@ -45,16 +45,11 @@ class AmbiguityNetwork:
     have more than millimetres of noise, its integers would be wrong, and are not fixed. Where a
     double difference is near half a cycle, phase and range may round to different sides, and then
     the integer is wrong however well the network answers.
-
-    Attributes
-    ----------
-    network : str
-        A released network, ``"ambiguity-classification"`` or ``"ambiguity-regression"``.
-    probability_min : float
-        Integers that the network itself holds less likely are not fixed; 0 takes all.
     """
 
+    # a released network, ``"ambiguity-classification"`` or ``"ambiguity-regression"``
     network: str = "ambiguity-classification"
+    # integers that the network itself holds less likely are not fixed; 0 takes all
     probability_min: float = 0.0
 
     def __post_init__(self) -> None:

@@ -62,23 +62,13 @@ class Network:
     """Integers of the constrained search, accepted by a network's calibrated probability.
 
     Epochs outside what the network was trained on go to ``fallback``, and a loss says how many.
-
-    Attributes
-    ----------
-    wrong_max : float
-        Largest probability that an accepted epoch's integers are not all right.
-    outlier_max : float
-        A link more likely than this to be worse than stated is not fixed.
-    nodes : int
-        What the search of an epoch may visit.
-    model : str
-        A released network, or the path of a manifest.
     """
 
+    # largest probability that an accepted epoch's integers are not all right
     wrong_max: float = 1e-3
-    outlier_max: float = 0.95
-    nodes: int = 10**6
-    model: str = "trust"
+    outlier_max: float = 0.95  # a link more likely than this to be worse than stated is not fixed
+    nodes: int = 10**6  # what the search of an epoch may visit
+    model: str = "trust"  # a released network, or the path of a manifest
     fallback: Constrained = field(default_factory=Constrained)
 
     def __post_init__(self) -> None:

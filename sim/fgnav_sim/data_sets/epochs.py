@@ -26,51 +26,27 @@ class ArrayEpochs:
     ``range_m = -e_n . R_nb (antennas_b_m - antennas_b_m[0])``: the range to antenna 1 is removed,
     clocks and hardware delays, which double differences remove, are zero. A slot is a channel:
     what satellite stands in it may change from epoch to epoch.
-
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-        GPS time since the world's start.
-    run : ndarray of int, shape (n,)
-        Simulation an epoch belongs to, from 0; its epochs follow each other.
-    R_nb : ndarray, shape (n, 3, 3)
-        ``n`` is North-East-Down at the epoch's own place.
-    antennas_b_m : ndarray, shape (n, a, 3)
-        NaN beyond the last antenna of an array.
-    satellites : ndarray of str, shape (n, m)
-        RINEX names; ``""`` in an empty slot.
-    signals : tuple of str, length m
-    group : ndarray of int, shape (m,)
-        Constellation and signal of a slot, numbered from 0: differences stay within.
-    wavelength_m : ndarray, shape (m,)
-    e_n : ndarray, shape (n, m, 3)
-        Unit vectors to satellites; 0 in an empty slot.
-    elevation_rad : ndarray, shape (n, m)
-        NaN in an empty slot.
-    code_m, phase_m : ndarray, shape (n, a, m)
-        NaN where antenna or satellite is none.
-    integers : ndarray of int64, shape (n, a, m)
-        Constant in a run for each antenna and satellite; 0 where there is no link.
-    outlier : ndarray of bool, shape (n, a, m)
-        Links with noise of which nobody is told.
-    code_sigma_m, phase_sigma_m : ndarray, shape (n, m)
-        Noise of a link as stated, echoes from anywhere included; 1 in an empty slot.
     """
 
-    t_s: FloatArray
-    run: IntArray
-    R_nb: FloatArray
-    antennas_b_m: FloatArray
-    satellites: NDArray[np.str_]
-    signals: tuple[str, ...]
+    t_s: FloatArray  # (n,); GPS time since the world's start
+    run: IntArray  # (n,); simulation an epoch belongs to, from 0; its epochs follow each other
+    R_nb: FloatArray  # (n, 3, 3); ``n`` is North-East-Down at the epoch's own place
+    antennas_b_m: FloatArray  # (n, a, 3); NaN beyond the last antenna of an array
+    satellites: NDArray[np.str_]  # (n, m); RINEX names; ``""`` in an empty slot
+    signals: tuple[str, ...]  # length m
+    # (m,); constellation and signal of a slot, numbered from 0: differences stay within
     group: IntArray
-    wavelength_m: FloatArray
-    e_n: FloatArray
-    elevation_rad: FloatArray
+    wavelength_m: FloatArray  # (m,)
+    e_n: FloatArray  # (n, m, 3); unit vectors to satellites; 0 in an empty slot
+    elevation_rad: FloatArray  # (n, m); NaN in an empty slot
+    # code_m, phase_m: (n, a, m); NaN where antenna or satellite is none
     code_m: FloatArray
     phase_m: FloatArray
+    # (n, a, m); constant in a run for each antenna and satellite; 0 where there is no link
     integers: IntArray
-    outlier: BoolArray
+    outlier: BoolArray  # (n, a, m); links with noise of which nobody is told
+    # code_sigma_m, phase_sigma_m: (n, m); noise of a link as stated, echoes from anywhere included;
+    # 1 in an empty slot
     code_sigma_m: FloatArray
     phase_sigma_m: FloatArray
 

@@ -13,37 +13,19 @@ from fgnav_sim.sensors.inertial import accelerometer
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class GravityEpochs:
-    """Windows of an accelerometer, what a receiver says meanwhile, and the truth.
+    """Windows of an accelerometer, what a receiver says meanwhile, and the truth."""
 
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-        Last sample of each window, since its flight's start.
-    flight : ndarray of int, shape (n,)
-        From 0; split by it, for windows of one flight share motion and biases.
-    phase : ndarray of int, shape (n,)
-        Kind of motion, a place in ``PHASES``.
-    f_b_mps2 : ndarray, shape (n, k, 3)
-        Specific force, oldest sample first.
-    v_n_mps, a_n_mps2 : ndarray, shape (n, 3)
-        A receiver's velocity of the body's origin, and the difference of two over their time.
-    g_b : ndarray, shape (n, 3)
-        Direction of gravity in body axes at ``t_s``, true.
-    gravity_mps2 : ndarray, shape (n,)
-        Its size.
-    R_nb : ndarray, shape (n, 3, 3)
-        At ``t_s``.
-    """
-
-    t_s: FloatArray
-    flight: IntArray
-    phase: IntArray
-    f_b_mps2: FloatArray
+    t_s: FloatArray  # (n,); last sample of each window, since its flight's start
+    flight: IntArray  # (n,); from 0; split by it, for windows of one flight share motion and biases
+    phase: IntArray  # (n,); kind of motion, a place in ``PHASES``
+    f_b_mps2: FloatArray  # (n, k, 3); specific force, oldest sample first
+    # v_n_mps, a_n_mps2: (n, 3); a receiver's velocity of the body's origin, and the difference of
+    # two over their time
     v_n_mps: FloatArray
     a_n_mps2: FloatArray
-    g_b: FloatArray
-    gravity_mps2: FloatArray
-    R_nb: FloatArray
+    g_b: FloatArray  # (n, 3); direction of gravity in body axes at ``t_s``, true
+    gravity_mps2: FloatArray  # (n,); its size
+    R_nb: FloatArray  # (n, 3, 3); at ``t_s``
 
     def __len__(self) -> int:
         """Return the number of windows."""

@@ -37,24 +37,18 @@ class WindowsTable(Table, frozen=True):
 
 
 class MotionRanges(Table, frozen=True):
-    """What motions are drawn from, uniform within each range.
+    """What motions are drawn from, uniform within each range."""
 
-    Attributes
-    ----------
-    speed_mps, climb_deg, turn_mps2, spin_degps : range
-        Climb is the slope of climbs, and of descents downward; turns have a horizontal
-        acceleration; the spin is about the long axis, either way.
-    surge_mps2 : range
-        Amplitude of an acceleration that swings along the first course, at a rate of the wobbles.
-    wobble_deg, wobble_radps : range
-        Amplitude and rate of the sine that each Euler angle swings by beside its command.
-    """
-
+    # speed_mps, climb_deg, turn_mps2, spin_degps: climb is the slope of climbs, and of descents
+    # downward; turns have a horizontal acceleration; the spin is about the long axis, either way
     speed_mps: Range = (30.0, 250.0)
     climb_deg: Range = (5.0, 60.0)
     turn_mps2: Range = (1.0, 20.0)
+    # amplitude of an acceleration that swings along the first course, at a rate of the wobbles
     surge_mps2: Range = (0.0, 4.0)
     spin_degps: Range = (90.0, 1800.0)
+    # wobble_deg, wobble_radps: amplitude and rate of the sine that each Euler angle swings by
+    # beside its command
     wobble_deg: Range = (0.0, 8.0)
     wobble_radps: Range = (0.2, 3.0)
 

@@ -22,30 +22,17 @@ _ALL = 16  # of one constellation; more are never above 10 degrees
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Sky:
-    """Satellites of every epoch, in slots: those of a constellation and signal side by side.
+    """Satellites of every epoch, in slots: those of a constellation and signal side by side."""
 
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-    satellites : ndarray of str, shape (n, m)
-        ``""`` in slots without one.
-    signals : tuple of str, length m
-    constellations : tuple of str, length m
-    e_n : ndarray, shape (n, m, 3)
-        Unit vectors to satellites in the place's own North-East-Down axes; 0 in empty slots.
-    elevation_rad : ndarray, shape (n, m)
-        NaN in empty slots.
-    number : ndarray of int, shape (n, m)
-        Of the satellite among all; 0 in empty slots.
-    """
-
-    t_s: FloatArray
-    satellites: NDArray[np.str_]
-    signals: tuple[str, ...]
-    constellations: tuple[str, ...]
+    t_s: FloatArray  # (n,)
+    satellites: NDArray[np.str_]  # (n, m); ``""`` in slots without one
+    signals: tuple[str, ...]  # length m
+    constellations: tuple[str, ...]  # length m
+    # (n, m, 3); unit vectors to satellites in the place's own North-East-Down axes; 0 in empty
+    # slots
     e_n: FloatArray
-    elevation_rad: FloatArray
-    number: IntArray
+    elevation_rad: FloatArray  # (n, m); NaN in empty slots
+    number: IntArray  # (n, m); of the satellite among all; 0 in empty slots
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

@@ -51,39 +51,25 @@ class DayTimes(Table, frozen=True, tag="day", tag_field="kind"):
 
 
 class AnyTimes(Table, frozen=True, tag="any", tag_field="kind"):
-    """Runs that begin at moments uniform over a span of days.
-
-    Attributes
-    ----------
-    runs_per_moment : int
-        Runs that share one moment, hence the satellites' orbits: 8 runs at places anywhere see
-        skies that have nothing in common, and cost a third of the time. Runs at given places never
-        share.
-    """
+    """Runs that begin at moments uniform over a span of days."""
 
     days: Positive = 365.0
+    # runs that share one moment, hence the satellites' orbits: 8 runs at places anywhere see skies
+    # that have nothing in common, and cost a third of the time. Runs at given places never share.
     runs_per_moment: Count = 8
 
 
 class SatellitesTable(Table, frozen=True):
-    """Which satellites an epoch has; rules hold for each constellation by itself.
+    """Which satellites an epoch has; rules hold for each constellation by itself."""
 
-    Attributes
-    ----------
-    signals : dict
-        RINEX 3 signals by constellation letter; each is a group of channels of its own.
-    choose : "all", int, or a range
-        All in view (the 16 highest, if there are more), so many, or a number drawn for each run.
-    pick : {"geometry", "random"}
-        The best geometry, as ``fgnav_sim.gnss.selection`` chooses for 15 min, or any.
-    navigation, orbits : tuple of str
-        Broadcast or SP3 files; none: the built-in almanac.
-    """
-
+    # RINEX 3 signals by constellation letter; each is a group of channels of its own
     signals: dict[str, tuple[str, ...]] = field(default_factory=lambda: {"G": ("1C",)})
+    # all in view (the 16 highest, if there are more), so many, or a number drawn for each run
     choose: Literal["all"] | int | tuple[int, ...] = 6
+    # the best geometry, as ``fgnav_sim.gnss.selection`` chooses for 15 min, or any
     pick: Literal["geometry", "random"] = "geometry"
     mask_deg: Angle = 10.0
+    # navigation, orbits: broadcast or SP3 files; none: the built-in almanac
     navigation: tuple[str, ...] = ()
     orbits: tuple[str, ...] = ()
 
@@ -161,21 +147,12 @@ class RunsTable(Table, frozen=True):
 
 
 class World(Table, frozen=True, tag="array", tag_field="kind"):
-    """Epochs of antenna arrays to be drawn.
-
-    Attributes
-    ----------
-    start : datetime
-        GPS time of ``t_s = 0``.
-    epochs, shard_epochs : int
-        How many a data set holds, and one file of it.
-    sites, times, runs, satellites, array, attitudes, noise : their tables
-    reflectors : tuple of ReflectorTable
-        Parts of the body that mirror signals; they need one array for all runs.
-    """
+    """Epochs of antenna arrays to be drawn."""
 
     name: str = ""
+    # GPS time of ``t_s = 0``
     start: Annotated[datetime, msgspec.Meta(tz=False)] = datetime(2020, 6, 25)
+    # epochs, shard_epochs: how many a data set holds, and one file of it
     epochs: Count = 576_000
     shard_epochs: Count = 57_600
     sites: FixedSites | AnySites = FixedSites()
@@ -187,6 +164,7 @@ class World(Table, frozen=True, tag="array", tag_field="kind"):
     noise: NoiseTable = NoiseTable()
     outliers: OutliersTable | None = None
     multipath: MultipathTable | None = None
+    # parts of the body that mirror signals; they need one array for all runs
     reflectors: tuple[ReflectorTable, ...] = ()
 
     def __post_init__(self) -> None:

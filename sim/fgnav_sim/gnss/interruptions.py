@@ -29,19 +29,12 @@ class Sky:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Tracking:
-    """What is tracked, and where its integers change.
+    """What is tracked, and where its integers change."""
 
-    Attributes
-    ----------
-    there : ndarray of bool, shape (n, a, m)
-    flagged : ndarray of bool, shape (n, a, m)
-        Where receivers announce that phase does not continue.
-    half_cycles : ndarray of int, shape (n, a, m)
-        By how much phase differs from what it is with the integer of the satellite's whole pass.
-    """
-
-    there: BoolArray
-    flagged: BoolArray
+    there: BoolArray  # (n, a, m)
+    flagged: BoolArray  # (n, a, m); where receivers announce that phase does not continue
+    # (n, a, m); by how much phase differs from what it is with the integer of the satellite's whole
+    # pass
     half_cycles: IntArray
 
 

@@ -17,14 +17,9 @@ Choice: TypeAlias = Literal["all"] | Annotated[int, msgspec.Meta(ge=4)]
 
 
 class ClockTable(Table, frozen=True):
-    """Receiver clocks: standard deviations of offset and drift at the start, and the drift's walk.
+    """Receiver clocks: 1-sigma of offset and drift at the start, and the drift's random walk."""
 
-    Attributes
-    ----------
-    oscillator : {"common", "separate"}
-        One oscillator for all receivers, each with its own constant offset; or one each.
-    """
-
+    # one oscillator for all receivers, each with its own constant offset; or one each
     oscillator: Literal["common", "separate"] = "common"
     offset_s: Annotated[float, msgspec.Meta(ge=0, le=1e-3)] = 1e-7
     drift_sps: NotNegative = 1e-10
@@ -32,23 +27,14 @@ class ClockTable(Table, frozen=True):
 
 
 class SlipsTable(Table, frozen=True):
-    """Cycle slips, at random times, of every link (antenna and channel) for itself.
+    """Cycle slips, at random times, of every link (antenna and channel) for itself."""
 
-    Attributes
-    ----------
-    rate_per_hour : float
-        Of one link.
-    largest_cycles : int
-        A slip is of 1 up to so many cycles, either way, all alike likely.
-    flagged_share : float
-        Share of slips that the receiver announces.
-    half_cycle_share : float
-        Share of slips that are half a cycle larger, as those of Costas loops may be.
-    """
-
-    rate_per_hour: Positive
+    rate_per_hour: Positive  # of one link
+    # a slip is of 1 up to so many cycles, either way, all alike likely
     largest_cycles: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)] = 10
+    # share of slips that the receiver announces
     flagged_share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.5
+    # share of slips that are half a cycle larger, as those of Costas loops may be
     half_cycle_share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
 
 
@@ -94,15 +80,10 @@ class BodyMaskTable(Table, frozen=True):
 
 
 class MultipathTable(Table, frozen=True):
-    """Echoes from anywhere: a first-order Gauss-Markov process of every link for itself.
+    """Echoes from anywhere: a first-order Gauss-Markov process of every link for itself."""
 
-    Attributes
-    ----------
-    code_m, phase_m : float
-        Standard deviations, weighted by elevation as the noise is. Estimators are told of noise
-        and echoes together.
-    """
-
+    # code_m, phase_m: standard deviations, weighted by elevation as the noise is. Estimators are
+    # told of noise and echoes together.
     code_m: NotNegative
     phase_m: NotNegative
     time_constant_s: Positive
@@ -125,16 +106,11 @@ class ReflectorTable(Table, frozen=True):
 
 
 class Cn0Table(Table, frozen=True):
-    """Carrier-to-noise density: from the horizon's to the zenith's with the elevation's sine.
-
-    Attributes
-    ----------
-    sets_noise : bool
-        Noise follows C/N0 in place of ``elevation_weights``: 6 dB less double it.
-    """
+    """Carrier-to-noise density: from the horizon's to the zenith's with the elevation's sine."""
 
     horizon_dbhz: Annotated[float, msgspec.Meta(ge=0, le=80)] = 35.0
     zenith_dbhz: Annotated[float, msgspec.Meta(ge=0, le=80)] = 50.0
+    # noise follows C/N0 in place of ``elevation_weights``: 6 dB less double it
     sets_noise: bool = False
 
 
@@ -147,64 +123,46 @@ class BaseTable(Table, frozen=True):
 
 
 class GnssTable(Table, frozen=True):
-    """Receivers, one per antenna, and satellites.
-
-    Attributes
-    ----------
-    signals : dict
-        RINEX 3 signals by constellation letter: ``{ G = ["1C"], E = ["1C", "5Q"] }``.
-    navigation : tuple of str
-        Broadcast files, relative to the scenario; none: the built-in almanac.
-    orbits : tuple of str
-        SP3 files, relative to the scenario: how satellites truly fly. Messages are then what
-        navigation says, if anything, and wrong as they are.
-    choose : "all" or int
-        All in view, or so many, those of best geometry (see ``fgnav_sim.gnss.selection``).
-    receiver_mask_deg, elevation_mask_deg : float
-        Below the first nothing is tracked; the second is written to the flight for estimators.
-    code_noise_m, phase_noise_m, doppler_noise_mps : float
-        White noise of one link at the zenith.
-    elevation_weights : {"sine", "uniform"}
-        ``sine`` divides the noise by the sine of the elevation.
-    antenna_noise : tuple of float
-        A factor to the noise of each antenna; none: all alike. Estimators are not told.
-    atmosphere : bool
-        Delay the signals by the broadcast ionosphere and a standard troposphere.
-    message_errors : bool
-        Give every satellite an error in its ranges as large as estimators expect of messages and
-        of models of the atmosphere; else both are perfect.
-    satellite_error_rate_mps, satellite_error_walk_m_per_sqrt_s : float
-        How those errors move, see ``fgnav.types.flight.GnssNoise``; written to the flight.
-    wind_up : bool
-        Turns of the antennas, all of which look along -z_b, wind up the phase; in double
-        differences of a rigid body nothing of it is left.
-    rinex : {"3.04", "4.00"}
-        Version of the files that ``fgnav simulate`` writes.
-    base : BaseTable or None
-        A station on the ground that records, too.
-    """
+    """Receivers, one per antenna, and satellites."""
 
     rate_hz: Positive = 10.0
+    # RINEX 3 signals by constellation letter: ``{ G = ["1C"], E = ["1C", "5Q"] }``
     signals: dict[str, tuple[str, ...]] = field(default_factory=lambda: {"G": ("1C",)})
+    # broadcast files, relative to the scenario; none: the built-in almanac
     navigation: tuple[str, ...] = ()
+    # SP3 files, relative to the scenario: how satellites truly fly. Messages are then what
+    # navigation says, if anything, and wrong as they are.
     orbits: tuple[str, ...] = ()
+    # all in view, or so many, those of best geometry (see ``fgnav_sim.gnss.selection``)
     choose: Choice = "all"
+    # receiver_mask_deg, elevation_mask_deg: below the first nothing is tracked; the second is
+    # written to the flight for estimators
     receiver_mask_deg: Angle = 5.0
     elevation_mask_deg: Angle = 10.0
+    # code_noise_m, phase_noise_m, doppler_noise_mps: white noise of one link at the zenith
     code_noise_m: Positive = 0.5
     phase_noise_m: Positive = 0.003
     doppler_noise_mps: Positive = 0.05
+    # ``sine`` divides the noise by the sine of the elevation
     elevation_weights: Literal["sine", "uniform"] = "sine"
+    # a factor to the noise of each antenna; none: all alike. Estimators are not told.
     antenna_noise: tuple[Positive, ...] = ()
     cn0: Cn0Table = Cn0Table()
+    # delay the signals by the broadcast ionosphere and a standard troposphere
     atmosphere: bool = True
+    # give every satellite an error in its ranges as large as estimators expect of messages and of
+    # models of the atmosphere; else both are perfect
     message_errors: bool = False
+    # satellite_error_rate_mps, satellite_error_walk_m_per_sqrt_s: how those errors move, see
+    # ``fgnav.types.flight.GnssNoise``; written to the flight
     satellite_error_rate_mps: Positive = GnssNoise().satellite_error_rate_mps
     satellite_error_walk_m_per_sqrt_s: Positive = GnssNoise().satellite_error_walk_m_per_sqrt_s
+    # turns of the antennas, all of which look along -z_b, wind up the phase; in double differences
+    # of a rigid body nothing of it is left
     wind_up: bool = False
     clock: ClockTable = ClockTable()
-    rinex: RinexVersion = "3.04"
-    base: BaseTable | None = None
+    rinex: RinexVersion = "3.04"  # version of the files that ``fgnav simulate`` writes
+    base: BaseTable | None = None  # a station on the ground that records, too
     slips: SlipsTable | None = None
     loss_of_lock: LossOfLockTable | None = None
     outages: tuple[OutageTable, ...] = ()

@@ -14,22 +14,17 @@ _TYPICAL_S = 0.078  # 23,400 km: between the shortest and the longest way to a m
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Links:
-    """Every antenna's view of every satellite at its own times of reception.
+    """Every antenna's view of every satellite at its own times of reception."""
 
-    Attributes
-    ----------
-    range_m, range_rate_mps : ndarray, shape (n, a, s)
-        Distance travelled, and its derivative by the time of reception.
-    clock_s, clock_drift_sps : ndarray, shape (n, a, s)
-        Satellite clock minus GPS time when the signal left.
-    elevation_rad, azimuth_rad : ndarray, shape (n, s)
-        As the reference antenna sees them. NaN, as all the rest, where no message holds.
-    """
-
+    # range_m, range_rate_mps: (n, a, s); distance travelled, and its derivative by the time of
+    # reception
     range_m: FloatArray
     range_rate_mps: FloatArray
+    # clock_s, clock_drift_sps: (n, a, s); satellite clock minus GPS time when the signal left
     clock_s: FloatArray
     clock_drift_sps: FloatArray
+    # elevation_rad, azimuth_rad: (n, s); as the reference antenna sees them. NaN, as all the rest,
+    # where no message holds.
     elevation_rad: FloatArray
     azimuth_rad: FloatArray
 

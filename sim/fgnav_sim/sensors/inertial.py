@@ -15,31 +15,17 @@ _BLOCK = 50_000  # samples whose motion is held in memory at a time
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Triad:
-    """What is wrong with three sensors that ought to be alike and at right angles.
+    """What is wrong with three sensors that ought to be alike and at right angles."""
 
-    Attributes
-    ----------
-    density : float
-        Of white noise, unit per square root of Hz.
-    bias : float
-        1-sigma of the constant bias.
-    walk : float
-        Of the bias, unit per square root of s.
-    instability : float
-        B of flicker noise, whose Allan deviation is ``0.664 B``.
-    scale, misalignment_rad : float
-        1-sigma of each scale factor's error, and of each angle by which an axis leans to another.
-    limit : float or None
-        No sample is larger.
-    """
-
-    density: float
-    bias: float
-    walk: float
-    instability: float
+    density: float  # of white noise, unit per square root of Hz
+    bias: float  # 1-sigma of the constant bias
+    walk: float  # of the bias, unit per square root of s
+    instability: float  # B of flicker noise, whose Allan deviation is ``0.664 B``
+    # scale, misalignment_rad: 1-sigma of each scale factor's error, and of each angle by which an
+    # axis leans to another
     scale: float
     misalignment_rad: float
-    limit: float | None
+    limit: float | None  # no sample is larger
 
     def __call__(self, true: FloatArray, rate_hz: float, *, rng: np.random.Generator) -> FloatArray:
         """Return what the triad measures of true values, (k, 3)."""

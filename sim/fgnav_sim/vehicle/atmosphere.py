@@ -51,24 +51,15 @@ def vacuum() -> FloatArray:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Air:
-    """What a flight moves through; wind is where the air goes to, north and east.
+    """What a flight moves through; wind is where the air goes to, north and east."""
 
-    Attributes
-    ----------
-    present : bool
-        Standard atmosphere, or vacuum.
-    wind_height_m : ndarray, shape (w,)
-        Ellipsoidal heights, increasing; the wind is linear between them and constant outside.
-    wind_mps : ndarray, shape (w, 2)
-        North and east components.
-    gust_mps : ndarray, shape (g, 3)
-        North, east, down, at equal intervals of the distance flown through the air; the last one
-        then stays. See ``dryden``.
-    """
-
-    present: bool = True
+    present: bool = True  # standard atmosphere, or vacuum
+    # (w,); ellipsoidal heights, increasing; the wind is linear between them and constant outside
     wind_height_m: FloatArray = field(default_factory=lambda: np.zeros(1))
+    # (w, 2); north and east components
     wind_mps: FloatArray = field(default_factory=lambda: np.zeros((1, 2)))
+    # (g, 3); north, east, down, at equal intervals of the distance flown through the air; the last
+    # one then stays. See ``dryden``.
     gust_mps: FloatArray = field(default_factory=lambda: np.zeros((1, 3)))
     gust_interval_m: float = 1.0
 

@@ -13,31 +13,17 @@ from fgnav_sim.vehicle.tables import Column, Vehicle, check_grid, check_length
 
 
 class StartTable(Table, frozen=True):
-    """How the flight starts.
+    """How the flight starts."""
 
-    Attributes
-    ----------
-    position_n_m : vector
-        Of the centre of mass, from the scenario's origin.
-    v_n_mps, v_b_mps : vector
-        Velocity against the Earth: the sum of a part in the frame ``n`` and one in body axes.
-    euler_deg : vector
-        Roll, pitch, yaw against the frame ``n``.
-    rate_b_degps : vector
-        Angular rate in body axes.
-    rate_against : {"earth", "inertial"}
-        What the rate is counted from.
-    rear_spin_degps : float
-        Of a decoupled rear body about +x_b, counted as the rate is.
-    """
-
-    position_n_m: Vector = (0.0, 0.0, 0.0)
+    position_n_m: Vector = (0.0, 0.0, 0.0)  # of the centre of mass, from the scenario's origin
+    # v_n_mps, v_b_mps: velocity against the Earth: the sum of a part in the frame ``n`` and one in
+    # body axes
     v_n_mps: Vector = (0.0, 0.0, 0.0)
     v_b_mps: Vector = (0.0, 0.0, 0.0)
-    euler_deg: Vector = (0.0, 0.0, 0.0)
-    rate_b_degps: Vector = (0.0, 0.0, 0.0)
-    rate_against: Literal["earth", "inertial"] = "earth"
-    rear_spin_degps: float = 0.0
+    euler_deg: Vector = (0.0, 0.0, 0.0)  # roll, pitch, yaw against the frame ``n``
+    rate_b_degps: Vector = (0.0, 0.0, 0.0)  # angular rate in body axes
+    rate_against: Literal["earth", "inertial"] = "earth"  # what the rate is counted from
+    rear_spin_degps: float = 0.0  # of a decoupled rear body about +x_b, counted as the rate is
 
 
 class AttitudeTable(Table, frozen=True):
@@ -49,15 +35,10 @@ class AttitudeTable(Table, frozen=True):
 
 
 class WindTable(Table, frozen=True):
-    """Where the air goes to, by ellipsoidal height: linear in between, constant outside.
-
-    Attributes
-    ----------
-    north_mps, east_mps : float or tuple of float
-        One value for every height, or one for each.
-    """
+    """Where the air goes to, by ellipsoidal height: linear in between, constant outside."""
 
     height_m: tuple[float, ...] = (0.0,)
+    # north_mps, east_mps: one value for every height, or one for each
     north_mps: Column = 0.0
     east_mps: Column = 0.0
 

@@ -90,20 +90,11 @@ _NOT_NEGATIVE = (
 
 
 class Model(NamedTuple):
-    """A batch of flights.
-
-    Attributes
-    ----------
-    bodies : records of BODY, (n,)
-    tables : ndarray, (n, t)
-        Whose parts start where the body says.
-    air : ndarray, (cells, 8)
-        See ``atmosphere.us_1976``.
-    """
+    """A batch of flights."""
 
     bodies: Any
-    tables: Any
-    air: Any
+    tables: Any  # whose parts start where the body says
+    air: Any  # see ``atmosphere.us_1976``
 
 
 @kernel

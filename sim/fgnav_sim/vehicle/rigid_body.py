@@ -90,23 +90,14 @@ class Plan:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Flown:
-    """Flights of equal times, in the inertial frame ``i``: the Earth's axes at ``t_s = 0``.
+    """Flights of equal times, in the inertial frame ``i``: the Earth's axes at ``t_s = 0``."""
 
-    Attributes
-    ----------
-    t_s : ndarray, shape (m,)
-    y : ndarray, shape (n, m, 19)
-        States of the compiled code, by flight and time; NaN after a flight has met the ground.
-    dy : ndarray, shape (n, m, 19)
-        Their time derivatives.
-    rows : ndarray of int, shape (n,)
-        How many rows of each flight are above the ground.
-    """
-
-    t_s: FloatArray
+    t_s: FloatArray  # (m,)
+    # (n, m, 19); states of the compiled code, by flight and time; NaN after a flight has met the
+    # ground
     y: FloatArray
-    dy: FloatArray
-    rows: IntArray
+    dy: FloatArray  # (n, m, 19); their time derivatives
+    rows: IntArray  # (n,); how many rows of each flight are above the ground
     planet: Planet = WGS84
 
     def position_e_m(self, flight: int = 0) -> FloatArray:

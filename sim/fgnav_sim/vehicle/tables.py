@@ -15,22 +15,14 @@ _Angle: TypeAlias = Annotated[float, msgspec.Meta(gt=0, lt=90)]
 
 
 class BodyTable(Table, frozen=True):
-    """The vehicle without propellant; stations count from the tail towards the nose.
-
-    Attributes
-    ----------
-    inertia_kgm2 : vector
-        Axial, about +y_b, about +z_b, at the centre of mass.
-    products_kgm2 : vector
-        Elements xy, xz, yz of the inertia matrix, the sign included.
-    centre_m : float
-        Station of the centre of mass.
-    """
+    """The vehicle without propellant; stations count from the tail towards the nose."""
 
     mass_kg: Positive
+    # axial, about +y_b, about +z_b, at the centre of mass
     inertia_kgm2: tuple[Positive, Positive, Positive]
+    # elements xy, xz, yz of the inertia matrix, the sign included
     products_kgm2: Vector = (0.0, 0.0, 0.0)
-    centre_m: float = 0.0
+    centre_m: float = 0.0  # station of the centre of mass
 
     def __post_init__(self) -> None:
         """Require the inertia of a body that can exist."""
@@ -38,25 +30,17 @@ class BodyTable(Table, frozen=True):
 
 
 class MotorTable(Table, frozen=True):
-    """Propellant, and the thrust along +x_b that burns it at constant exhaust speed.
-
-    Attributes
-    ----------
-    loaded_inertia_kgm2 : vector
-        Of the whole vehicle before ignition, as ``body.inertia_kgm2``; in between it follows the
-        propellant left.
-    nozzle_m : float
-        Station of the nozzle's exit, whose jet damps pitch and yaw.
-    time_s, thrust_n : tuple of float
-        Thrust, a monotone cubic between its points; none outside.
-    """
+    """Propellant, and the thrust along +x_b that burns it at constant exhaust speed."""
 
     propellant_kg: Positive
+    # of the whole vehicle before ignition, as ``body.inertia_kgm2``; in between it follows the
+    # propellant left
     loaded_inertia_kgm2: tuple[Positive, Positive, Positive]
     loaded_centre_m: float
+    # time_s, thrust_n: thrust, a monotone cubic between its points; none outside
     time_s: tuple[NotNegative, ...]
     thrust_n: tuple[NotNegative, ...]
-    nozzle_m: float = 0.0
+    nozzle_m: float = 0.0  # station of the nozzle's exit, whose jet damps pitch and yaw
 
     def __post_init__(self) -> None:
         """Require a curve of thrust."""
@@ -70,8 +54,9 @@ class MotorTable(Table, frozen=True):
 class _Aerodynamics(Table, frozen=True, kw_only=True, tag_field="kind"):
     """What both sets of coefficients share."""
 
-    mach: tuple[NotNegative, ...] = (0.0,)
-    rate_terms: RateTerms = "d/2v"
+    mach: tuple[NotNegative, ...] = (0.0,)  # of the columns; the ends hold outside
+    rate_terms: RateTerms = "d/2v"  # by what the coefficients expect rates to be multiplied
+    # station about which moments are given; the dry centre of mass where it is left out
     reference_m: float | None = None
 
     def __post_init__(self) -> None:
@@ -93,59 +78,39 @@ class _Aerodynamics(Table, frozen=True, kw_only=True, tag_field="kind"):
 
 
 class Axisymmetric(_Aerodynamics, frozen=True, kw_only=True, tag="axisymmetric"):
-    """Coefficients of a body of revolution, cubic splines of Mach (the paper's Eqs. 3-13).
+    """Coefficients of a body of revolution, cubic splines of Mach (the paper's Eqs. 3-13)."""
 
-    Attributes
-    ----------
-    diameter_m : float
-        Reference length; the reference area is its circle.
-    mach : tuple of float
-        Of the columns; the ends hold outside.
-    rate_terms : {"d/v", "d/2v"}
-        By what cnq, cmf, cmq, cmm and cspin expect the rates to be multiplied.
-    reference_m : float
-        Station about which moments are given; the dry centre of mass where it is left out.
-    cd0, cd2 : drag, ``cd0 + cd2 a^2`` of the total angle of attack
-    cl1, cl3 : lift, ``cl1 + cl3 a^2`` per sine of the angle
-    cnq, cmf : pitch-damping and Magnus force
-    cm1, cm3 : overturning moment, stable below zero
-    cmq, cmm, cspin : pitch-damping, Magnus and spin-damping moment
-    """
-
-    diameter_m: Positive
+    diameter_m: Positive  # reference length; the reference area is its circle
+    # drag: cd0 + cd2 a^2 of the total angle of attack
     cd0: Column = 0.0
     cd2: Column = 0.0
+    # lift: cl1 + cl3 a^2 per sine of the angle
     cl1: Column = 0.0
     cl3: Column = 0.0
-    cnq: Column = 0.0
-    cmf: Column = 0.0
+    cnq: Column = 0.0  # pitch-damping force
+    cmf: Column = 0.0  # Magnus force
+    # overturning moment, stable below zero
     cm1: Column = 0.0
     cm3: Column = 0.0
-    cmq: Column = 0.0
-    cmm: Column = 0.0
-    cspin: Column = 0.0
+    cmq: Column = 0.0  # pitch-damping moment
+    cmm: Column = 0.0  # Magnus moment
+    cspin: Column = 0.0  # spin-damping moment
 
 
 class Airframe(_Aerodynamics, frozen=True, kw_only=True, tag="airframe"):
-    """Derivatives of a fixed-wing-like body, cubic splines of Mach, linear in both flow angles.
-
-    Attributes
-    ----------
-    mach, rate_terms, reference_m
-        As those of ``Axisymmetric``.
-    cd0, cdk : drag, ``cd0 + cdk cl^2``
-    cl0, cla, cyb : lift and its slope, side force by sideslip
-    clb, clp, clr, cm0, cma, cmq, cnb, cnp, cnr : rolling, pitching, yawing moment
-    """
+    """Derivatives of a fixed-wing-like body, cubic splines of Mach, linear in both flow angles."""
 
     area_m2: Positive
     span_m: Positive
     chord_m: Positive
+    # drag: cd0 + cdk cl^2
     cd0: Column = 0.0
     cdk: Column = 0.0
+    # lift and its slope, side force by sideslip
     cl0: Column = 0.0
     cla: Column = 0.0
     cyb: Column = 0.0
+    # rolling, pitching, yawing moment
     clb: Column = 0.0
     clp: Column = 0.0
     clr: Column = 0.0
@@ -158,47 +123,28 @@ class Airframe(_Aerodynamics, frozen=True, kw_only=True, tag="airframe"):
 
 
 class CanardsTable(Table, frozen=True):
-    """Four canards, a quarter turn apart, on a forebody that rolls freely (Eqs. 14-15).
+    """Four canards, a quarter turn apart, on a forebody that rolls freely (Eqs. 14-15)."""
 
-    Attributes
-    ----------
-    forebody_inertia_kgm2 : float
-        Axial inertia of the forebody, whose axes are then those of the body; 0: no bearing.
-    bearing_nms : float
-        Moment of the bearing per rate between both.
-    area_m2 : float
-        Of one canard.
-    slope : float or tuple of float
-        Normal force per radian, by the Mach numbers of the aerodynamics.
-    station_m, arm_m : float
-        Of the centre of pressure: from the tail, and off the axis.
-    first_deg : float
-        Where the first one is, from +y_b towards +z_b.
-    deflection_deg, rate_degps, lag_s : float
-        Limits of deflection and rate, time constant of the actuator.
-    """
-
-    area_m2: Positive
+    area_m2: Positive  # Of one canard
+    # station_m, arm_m: of the centre of pressure: from the tail, and off the axis
     station_m: float
     arm_m: Positive
+    # axial inertia of the forebody, whose axes are then those of the body; 0: no bearing
     forebody_inertia_kgm2: NotNegative = 0.0
-    bearing_nms: NotNegative = 0.0
-    slope: Column = 3.0
-    first_deg: float = 0.0
+    bearing_nms: NotNegative = 0.0  # moment of the bearing per rate between both
+    slope: Column = 3.0  # normal force per radian, by the Mach numbers of the aerodynamics
+    first_deg: float = 0.0  # where the first one is, from +y_b towards +z_b
+    # deflection_deg, rate_degps, lag_s: limits of deflection and rate, time constant of the
+    # actuator
     deflection_deg: _Angle = 15.0
     rate_degps: Positive = 300.0
     lag_s: Positive = 0.01
 
 
 class AutopilotTable(Table, frozen=True):
-    """How quickly canards bring the attitude to the commanded one.
+    """How quickly canards bring the attitude to the commanded one."""
 
-    Attributes
-    ----------
-    frequency_radps, damping : float
-        Natural frequency and damping ratio of the attitude's error.
-    """
-
+    # frequency_radps, damping: natural frequency and damping ratio of the attitude's error
     frequency_radps: Positive = 6.0
     damping: Positive = 0.8
 

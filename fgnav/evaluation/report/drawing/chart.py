@@ -85,19 +85,14 @@ class Axis:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Chart:
-    """A diagram.
-
-    Attributes
-    ----------
-    rules : dict
-        Horizontal lines: where, and what they mean.
-    """
+    """A diagram."""
 
     title: str
     x: Axis
     y: Axis
     lines: Sequence[Line] = ()
     bands: Sequence[Band] = ()
+    # horizontal lines: where, and what they mean
     rules: dict[float, str] = field(default_factory=dict)
     height: float = HEIGHT
 

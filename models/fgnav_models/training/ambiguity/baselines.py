@@ -11,29 +11,19 @@ from fgnav_models.training.ambiguity.data import Samples
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Figures:
-    """How good integers are, for each double difference, (d,).
+    """How good integers are, for each double difference, (d,)."""
 
-    Attributes
-    ----------
-    accuracy_percent : ndarray
-        Share of right ones. NaN where nothing was to be judged, as below.
-    mse_failed_cycles2 : ndarray
-        Mean squared error of the wrong ones; 1 is a miss by one cycle, the least possible. This is
-        what the paper's threshold of 1.1 can mean; NaN where none is wrong.
-    mse_failed_normalised : ndarray
-        The same over the square of the range of the true integers: the paper's definition.
-    mse_total_cycles2, mse_total_normalised : ndarray
-        Over right and wrong ones.
-    all_right_percent : float
-        Epochs with no wrong one.
-    """
-
+    # share of right ones. NaN where nothing was to be judged, as below.
     accuracy_percent: FloatArray
+    # mean squared error of the wrong ones; 1 is a miss by one cycle, the least possible. This is
+    # what the paper's threshold of 1.1 can mean; NaN where none is wrong.
     mse_failed_cycles2: FloatArray
+    # the same over the square of the range of the true integers: the paper's definition
     mse_failed_normalised: FloatArray
+    # mse_total_cycles2, mse_total_normalised: over right and wrong ones
     mse_total_cycles2: FloatArray
     mse_total_normalised: FloatArray
-    all_right_percent: float
+    all_right_percent: float  # epochs with no wrong one
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists; None where a figure does not exist."""

@@ -27,26 +27,16 @@ _CHUNK = 57_600  # epochs drawn at a time: links, which are dropped, need 20 tim
 
 
 class Data(Table, frozen=True):
-    """How much of a world is drawn, what is seen of it, and what is kept for the test.
-
-    Attributes
-    ----------
-    inputs : tuple of str
-        As ``ambiguity_inputs`` names them.
-    split : str
-        ``"blocks"``: parts share no block of time and no run, hence no attitude where each run has
-        its own; a run that lies within one block goes with it. ``"simulations"``: parts share no
-        run but all of the time: what the paper seems to do, and a leak where runs share a
-        trajectory.
-    shares : tuple of float
-        Of training, validation and test.
-    """
+    """How much of a world is drawn, what is seen of it, and what is kept for the test."""
 
     epochs: Annotated[int, msgspec.Meta(ge=1)]
-    inputs: tuple[Input, ...] = ("range", "constellation")
+    inputs: tuple[Input, ...] = ("range", "constellation")  # as ``ambiguity_inputs`` names them
+    # ``"blocks"``: parts share no block of time and no run, hence no attitude where each run has
+    # its own; a run that lies within one block goes with it. ``"simulations"``: parts share no run
+    # but all of the time: what the paper seems to do, and a leak where runs share a trajectory.
     split: Literal["blocks", "simulations"] = "blocks"
     block_s: Positive = 3600.0
-    shares: tuple[Share, Share, Share] = (0.7, 0.15, 0.15)
+    shares: tuple[Share, Share, Share] = (0.7, 0.15, 0.15)  # of training, validation and test
 
     def __post_init__(self) -> None:
         """Check the shares."""

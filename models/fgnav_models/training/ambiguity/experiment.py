@@ -36,68 +36,42 @@ _CHUNK = 4096  # rows answered at a time
 
 
 class Experiment(Table, frozen=True):
-    """A network and how it is trained.
-
-    Attributes
-    ----------
-    window : int
-        Samples that an answer sees.
-    scaling : str
-        Of the inputs: the paper's min-max, or ``whitened``.
-    targets : str
-        ``"benchmark"``: one double difference, ``repeats`` networks that differ by their first
-        weights; ``"each"``: one network per double difference; ``"shared"``: one backbone with a
-        head per double difference.
-    benchmark : int
-        Which difference that is; 0 is the first antenna's first pair.
-    passes : float
-        Over the training rows.
-    keep : str
-        The ``"best"`` weights by validation, or the ``"last"``.
-    validations : int
-        How often to validate on the way.
-    """
+    """A network and how it is trained."""
 
     task: Task = "classification"
     architecture: Architecture = Architecture()
-    window: Count = 1
+    window: Count = 1  # samples that an answer sees
+    # of the inputs: the paper's min-max, or ``whitened``
     scaling: Literal["min-max", "whitened"] = "min-max"
+    # ``"benchmark"``: one double difference, ``repeats`` networks that differ by their first
+    # weights; ``"each"``: one network per double difference; ``"shared"``: one backbone with a head
+    # per double difference
     targets: Targets = "shared"
+    # which difference that is; 0 is the first antenna's first pair
     benchmark: Annotated[int, msgspec.Meta(ge=0)] = 0
     repeats: Count = 1
     batch: Count = 1024
-    passes: Positive = 10.0
+    passes: Positive = 10.0  # over the training rows
     learning_rate: Positive = 1e-3
+    # the ``"best"`` weights by validation, or the ``"last"``
     keep: Literal["best", "last"] = "best"
-    validations: Count = 10
+    validations: Count = 10  # how often to validate on the way
     validation_rows: Annotated[int, msgspec.Meta(ge=1)] = 20_000
     seed: int = 1
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Result:
-    """What came of an experiment.
+    """What came of an experiment."""
 
-    Attributes
-    ----------
-    columns : list of int
-        Double difference of each target.
-    history : list of dict
-        Validation on the way.
-    validation, test : dict
-        ``Figures`` as lists, one entry per target; nothing where there were no validation rows.
-    rows : dict of str to int
-        Of each part.
-    seconds : float
-        Of this slice's training.
-    """
-
-    columns: list[int]
-    history: list[dict[str, float]]
+    columns: list[int]  # double difference of each target
+    history: list[dict[str, float]]  # validation on the way
+    # validation, test: ``Figures`` as lists, one entry per target; nothing where there were no
+    # validation rows
     validation: dict[str, Any]
     test: dict[str, Any]
-    rows: dict[str, int]
-    seconds: float
+    rows: dict[str, int]  # of each part
+    seconds: float  # of this slice's training
 
 
 class SliceOver(Exception):  # noqa: N818  # no error: the next slice goes on

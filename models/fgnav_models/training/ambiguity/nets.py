@@ -25,31 +25,19 @@ Count: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
 
 
 class Architecture(Table, frozen=True):
-    """What one network looks like.
+    """What one network looks like."""
 
-    Attributes
-    ----------
-    kind : str
-        ``"mlp"``, ``"rnn"`` (the paper's SimpleRNN) or ``"lstm"``.
-    dense : tuple of int
-        Widths of the hidden dense layers; the paper's BA is 800, 400, 200, 100.
-    recurrent : int
-        Units of the recurrent layer.
-    activation : str
-        Of the recurrent layer; dense layers are ReLU.
-    head : str
-        ``"dense"``: scores, or the sigmoid, straight from the last layer, as in the paper.
-        ``"residual"``: the last layer corrects the target's own range, and the scores fall with the
-        squared distance from it; untrained, it rounds. The first inputs must be the ranges.
-    dropout : float
-        Before each dense layer but the first of an MLP, whose inputs it would falsify.
-    """
-
+    # ``"mlp"``, ``"rnn"`` (the paper's SimpleRNN) or ``"lstm"``
     kind: Literal["mlp", "rnn", "lstm"] = "mlp"
+    # widths of the hidden dense layers; the paper's BA is 800, 400, 200, 100
     dense: tuple[Count, ...] = (800, 400, 200, 100)
-    recurrent: Count = 100
-    activation: Literal["tanh", "relu"] = "tanh"
+    recurrent: Count = 100  # units of the recurrent layer
+    activation: Literal["tanh", "relu"] = "tanh"  # of the recurrent layer; dense layers are ReLU
+    # ``"dense"``: scores, or the sigmoid, straight from the last layer, as in the paper.
+    # ``"residual"``: the last layer corrects the target's own range, and the scores fall with the
+    # squared distance from it; untrained, it rounds. The first inputs must be the ranges.
     head: Literal["dense", "residual"] = "dense"
+    # before each dense layer but the first of an MLP, whose inputs it would falsify
     dropout: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.0
 
 

@@ -32,22 +32,14 @@ _DATA = 4  # stream of random numbers
 
 
 class PaperStudy(Table, frozen=True):
-    """The paper's data, split and networks.
-
-    Attributes
-    ----------
-    shares : three numbers
-        Train, validate, test.
-    splits : tuple of str
-        ``"samples"`` as in the paper, where every flight is on all sides; ``"flights"``.
-    batches : dict of str to int
-        By the kind of architecture.
-    """
+    """The paper's data, split and networks."""
 
     samples: Count = 10_000
-    shares: tuple[float, float, float] = (0.7, 0.15, 0.15)
+    shares: tuple[float, float, float] = (0.7, 0.15, 0.15)  # train, validate, test
+    # ``"samples"`` as in the paper, where every flight is on all sides; ``"flights"``
     splits: tuple[By, ...] = ("samples", "flights")
     networks: dict[str, Architecture] = msgspec.field(default_factory=dict)
+    # by the kind of architecture
     batches: dict[str, Count] = msgspec.field(default_factory=lambda: {"mlp": 200, "rnn": 16})
     passes: Positive = 200.0
     learning_rate: Positive = 1e-3

@@ -1,8 +1,8 @@
 """A gravity network trained through the smoother, its errors counted as its factor counts them.
 
-Answers are two half-lives apart, what lasts of their errors a constant of the flight
-(``fgnav.neural.correlation``); training draws where the first one stands, so that a flight's windows
-are all seen.
+Answers are two half-lives apart, what lasts of their errors is a constant of the flight
+(``fgnav.neural.correlation``); training draws where the first one stands, so that all windows of a
+flight are seen.
 """
 
 import math
@@ -37,20 +37,15 @@ _SAME = 1e-6  # of a window: times are rounded
 
 
 class Through(Steps, frozen=True):
-    """How a network is trained through the smoother once it is trained alone, by flights.
+    """How a network is trained through the smoother once it is trained alone, by flights."""
 
-    Attributes
-    ----------
-    flights, validated, held_out : int
-        To learn from; to choose the best weights on; to compare both networks on.
-    phases : tuple of str
-        Kinds of motion, one after another. Spins are lost to a smoother without gyroscope and
-        array, whatever the network.
-    """
-
+    # flights, validated, held_out: to learn from; to choose the best weights on; to compare both
+    # networks on
     flights: Count = 120
     validated: Count = 40
     held_out: Count = 100
+    # kinds of motion, one after another. Spins are lost to a smoother without gyroscope and array,
+    # whatever the network.
     phases: tuple[str, ...] = ("climb", "cruise", "descent", "turn")
     duration_s: Positive = 30.0
     steps: Count = 400
@@ -95,33 +90,21 @@ class Errors(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class GravityFlight:
-    """A flight to train on, and what a network may see of it at w keyframes.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (w,)
-    seen : tuple of tensor, (w, ...) each
-        As ``GravityNet`` takes them.
-    down_b : ndarray, shape (w, 3)
-        Direction of gravity where the flight is linearised.
-    across_b : ndarray, shape (w, 2, 3)
-        Two axes across it, in which residuals are.
-    jacobian : ndarray, shape (w, 2, D)
-    """
+    """A flight to train on, and what a network may see of it at w keyframes."""
 
     flight: TrainingFlight
-    row: IntArray
-    seen: tuple[torch.Tensor, ...]
-    down_b: FloatArray
-    across_b: FloatArray
-    jacobian: FloatArray
+    row: IntArray  # (w,)
+    seen: tuple[torch.Tensor, ...]  # as ``GravityNet`` takes them
+    down_b: FloatArray  # (w, 3); direction of gravity where the flight is linearised
+    across_b: FloatArray  # (w, 2, 3); two axes across it, in which residuals are
+    jacobian: FloatArray  # (w, 2, D)
 
     def loss(self, net: GravityNet, which: IntArray, errors: Errors) -> torch.Tensor:
         """Return the negative log-likelihood of the truth beside some answers, (k,).
 
         The answer's logarithm at the linearised direction u, in two axes A across it:
-        ``r = -A log_u(g) + sqrt(s) P^(1/2) A c``, by a turn delta of the body ``A [u]x delta``; P is
-        the answer's covariance in these axes, s the share of it that lasts, c in 1-sigmas.
+        ``r = -A log_u(g) + sqrt(s) P^(1/2) A c``, by a turn delta of the body ``A [u]x delta``; P
+        is the answer's covariance in these axes, s the share of it that lasts, c in 1-sigmas.
         """
         g_b, covariance = net(*(tensor[which] for tensor in self.seen))
         A = torch.from_numpy(self.across_b[which])

@@ -4,8 +4,8 @@
     loss = negative_log_likelihood(flight, row, jacobian, residual, covariance)
     loss.backward()
 
-The derivatives by residuals, covariances and Jacobians by constants are exact for the linearised flight
-(``fgnav.solve.chain.sensitivity``), one adjoint pass each time; torch takes them from there on.
+The derivatives by residuals, covariances and Jacobians by constants are exact for the linearised
+flight (``fgnav.solve.chain.sensitivity``), one adjoint pass each time; torch goes on from there.
 """
 
 from typing import Any

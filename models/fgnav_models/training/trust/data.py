@@ -17,28 +17,17 @@ NONE = -1  # truth of an epoch whose true integers were not found
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class TrustSamples:
-    """Rows of the network for epochs whose truth is known.
+    """Rows of the network for epochs whose truth is known."""
 
-    Attributes
-    ----------
-    start : ndarray of int64, shape (n + 1,)
-        First row of each epoch, and the number of all.
-    truth : ndarray of int64, shape (n,)
-        The true candidate, counted within its epoch; ``NONE`` where it is not among them.
-    links, there, whole : ndarray
-        As in ``TrustRows``.
-    outlier : ndarray of float32, shape (c, l)
-        Links worse than stated.
-    cost, degrees : ndarray, shape (n,)
-        Least cost of an epoch, and its degrees of freedom.
-    """
-
-    start: IntArray
+    start: IntArray  # (n + 1,); first row of each epoch, and the number of all
+    # (n,); the true candidate, counted within its epoch; ``NONE`` where it is not among them
     truth: IntArray
+    # links, there, whole: as in ``TrustRows``
     links: FloatArray
     there: FloatArray
     whole: FloatArray
-    outlier: FloatArray
+    outlier: FloatArray  # (c, l); links worse than stated
+    # cost, degrees: (n,); least cost of an epoch, and its degrees of freedom
     cost: FloatArray
     degrees: IntArray
 

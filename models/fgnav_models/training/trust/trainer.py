@@ -66,24 +66,9 @@ class Trial(Table, frozen=True):
 
 
 class Recipe(Table, frozen=True):
-    """What the trust network is made of.
+    """What the trust network is made of."""
 
-    Attributes
-    ----------
-    never_seen : tuple of int
-        Epochs of so many satellites are left out of what is drawn: not of the trials.
-    width : int
-        Of the hidden layers.
-    batch : int
-        Epochs per step.
-    nodes : int
-        What the search of an epoch may visit.
-    stated : range of float
-        Stated over true standard deviation of noise, drawn for each array.
-    name, purpose, notes, domain
-        Of the release.
-    """
-
+    # name, purpose, notes, domain: of the release
     name: str
     purpose: str
     notes: dict[str, str]
@@ -91,10 +76,12 @@ class Recipe(Table, frozen=True):
     draws: tuple[Draw, ...]
     trials: tuple[Trial, ...]
     training: Settings
+    # epochs of so many satellites are left out of what is drawn: not of the trials
     never_seen: tuple[int, ...] = ()
-    width: int = 32
-    batch: int = 512
-    nodes: int = 100_000
+    width: int = 32  # of the hidden layers
+    batch: int = 512  # epochs per step
+    nodes: int = 100_000  # what the search of an epoch may visit
+    # stated over true standard deviation of noise, drawn for each array
     stated: tuple[float, float] = (0.8, 1.25)
     seed: int = 1
 

@@ -27,14 +27,9 @@ _SENSORS = (("f_b_mps2", "accelerometer"), ("w_b_radps", "gyroscope"))
 
 
 class Training(Learning, frozen=True):
-    """How the network is made.
+    """How the network is made."""
 
-    Attributes
-    ----------
-    flights, held_out : int
-        To learn from; to calibrate on, and as many to test on.
-    """
-
+    # flights, held_out: to learn from; to calibrate on, and as many to test on
     flights: Count = 2500
     held_out: Count = 200
     window_s: Positive = 4.0

@@ -23,26 +23,18 @@ KINDS = tuple(_MAKERS)
 
 
 class VehiclesWorld(Table, frozen=True, tag="vehicles", tag_field="kind"):
-    """What vehicles there are.
+    """What vehicles there are."""
 
-    Attributes
-    ----------
-    car, multirotor, aeroplane : float
-        How likely a flight is of each kind.
-    rate_hz : float
-        Of the inertial unit.
-    accelerometer_noise_mps2_per_sqrt_hz, gyroscope_noise_radps_per_sqrt_hz : range
-        Their logarithms are uniform; of consumer and tactical units.
-    accelerometer_bias_mps2, gyroscope_bias_radps : float
-        1-sigma.
-    """
-
+    # car, multirotor, aeroplane: how likely a flight is of each kind
     car: NotNegative = 1.0
     multirotor: NotNegative = 1.0
     aeroplane: NotNegative = 1.0
     flight_s: Annotated[float, msgspec.Meta(ge=10)] = 60.0
-    rate_hz: Positive = 100.0
+    rate_hz: Positive = 100.0  # of the inertial unit
+    # accelerometer_noise_mps2_per_sqrt_hz, gyroscope_noise_radps_per_sqrt_hz: their logarithms are
+    # uniform; of consumer and tactical units
     accelerometer_noise_mps2_per_sqrt_hz: tuple[float, float] = (5e-4, 1e-2)
+    # accelerometer_bias_mps2, gyroscope_bias_radps: 1-sigma
     accelerometer_bias_mps2: Positive = 0.1
     gyroscope_noise_radps_per_sqrt_hz: tuple[float, float] = (5e-5, 2e-3)
     gyroscope_bias_radps: Positive = 5e-3
