@@ -223,7 +223,7 @@ class Scenario(Table, frozen=True):
                 f"flown.earth: table {aboard[0]} knows the WGS-84 Earth only; remove one of both"
             )
         gravity = flown.gravity or self.gravity
-        if gravity == "wgs84-normal" and flown.earth is not None and flown.earth.planet != WGS84:
+        if gravity == "wgs84-normal" and flown.earth not in (None, WGS84):
             raise ValueError(
                 "flown.gravity: wgs84-normal is the WGS-84 Earth's; take j2, spherical or constant"
             )
@@ -263,8 +263,8 @@ def load_scenario(scenario: Path | str) -> Scenario:
     if table.gnss is not None:
         changes["gnss"] = msgspec.structs.replace(
             table.gnss,
-            navigation=_resolved(path, "gnss.navigation", table.gnss.navigation),
-            orbits=_resolved(path, "gnss.orbits", table.gnss.orbits),
+            navigation=resolved(path, "gnss.navigation", table.gnss.navigation),
+            orbits=resolved(path, "gnss.orbits", table.gnss.orbits),
         )
     table = msgspec.structs.replace(table, **changes)
     try:
@@ -281,14 +281,14 @@ def _with_vehicle(path: Path, flown: FlownTable) -> FlownTable:
     if len(Path(flown.vehicle).parts) == 1 and not Path(flown.vehicle).suffix:
         vehicle = load_vehicle(flown.vehicle)
     else:
-        vehicle = load_vehicle(Path(_resolved(path, "flown.vehicle", (flown.vehicle,))[0]))
+        vehicle = load_vehicle(Path(resolved(path, "flown.vehicle", (flown.vehicle,))[0]))
     try:
         return msgspec.structs.replace(flown, vehicle=vehicle)
     except ValueError as error:
         raise BadInputError(f"{path}: key flown.{error}") from None
 
 
-def _resolved(path: Path, key: str, names: tuple[str, ...]) -> tuple[str, ...]:
+def resolved(path: Path, key: str, names: tuple[str, ...]) -> tuple[str, ...]:
     """Return files that a scenario at ``path`` names, against its folder."""
     files = [path.parent / name for name in names]
     for file in files:

@@ -1,8 +1,8 @@
 """How likely a chain holds the truth, and how that answers to what given measurements say.
 
-A problem is linearised once; measurements with residuals r, Jacobians J = [J_x, J_c] of one keyframe
-each and the constants, and covariances C enter it. Posterior marginals of the judged coordinates of keyframe t, mean error e_t
-and covariance P_t, state
+A problem is linearised once; measurements with residuals r, Jacobians J = [J_x, J_c] by one
+keyframe each and by the constants, and covariances C enter it. Posterior marginals of the judged
+coordinates of keyframe t, mean error e_t and covariance P_t, state
 
     NLL = mean over t of (e_t' P_t^-1 e_t + log det P_t + d log 2 pi) / 2.
 

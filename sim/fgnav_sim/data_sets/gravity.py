@@ -8,7 +8,7 @@ import numpy as np
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav_sim.data_sets.gravity_motions import PHASES, drawn_motion
 from fgnav_sim.data_sets.gravity_world import GravityWorld
-from fgnav_sim.sensors.inertial import accelerometer
+from fgnav_sim.sensors.inertial import triad
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -82,7 +82,7 @@ def _flown(
     lever_b_m = np.array(world.imu.position_b_m) + world.lever_sigma_m * rng.standard_normal(3)
     sensed = motion(t_s.ravel())
     true_b_mps2 = sensed.specific_force_b_mps2(origin, lever_b_m, "wgs84-normal")
-    f_b_mps2 = accelerometer(world.imu)(true_b_mps2, world.imu.rate_hz, rng=rng)
+    f_b_mps2 = triad(world.imu, "accelerometer", "mps2")(true_b_mps2, world.imu.rate_hz, rng=rng)
     half_s = 0.5 * world.velocity_step_s
     middle_s = t_s[:, -1] - world.velocity_age_s
     v_n_mps = np.stack([motion(middle_s + h).v_n_mps for h in (-half_s, half_s)])

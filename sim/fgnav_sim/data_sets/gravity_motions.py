@@ -79,18 +79,6 @@ def _straight(world: GravityWorld, draw: _Draw, slope_deg: float) -> Motion:
     )
 
 
-def _climb(world: GravityWorld, draw: _Draw) -> Motion:
-    return _straight(world, draw, draw(world.motion.climb_deg))
-
-
-def _cruise(world: GravityWorld, draw: _Draw) -> Motion:
-    return _straight(world, draw, 0.0)
-
-
-def _descent(world: GravityWorld, draw: _Draw) -> Motion:
-    return _straight(world, draw, -draw(world.motion.climb_deg))
-
-
 def _turn(world: GravityWorld, draw: _Draw) -> Motion:
     """Return a level turn with the bank that keeps the lift in the body's plane of symmetry."""
     speed, pull_mps2 = draw(world.motion.speed_mps), draw(world.motion.turn_mps2)
@@ -128,9 +116,9 @@ def _wobble(world: GravityWorld, draw: _Draw, middle_deg: float) -> Command:
 
 
 _MOTIONS: dict[str, Callable[[GravityWorld, _Draw], Motion]] = {
-    "climb": _climb,
-    "cruise": _cruise,
-    "descent": _descent,
+    "climb": lambda world, draw: _straight(world, draw, draw(world.motion.climb_deg)),
+    "cruise": lambda world, draw: _straight(world, draw, 0.0),
+    "descent": lambda world, draw: _straight(world, draw, -draw(world.motion.climb_deg)),
     "turn": _turn,
     "spin": _spin,
 }

@@ -8,13 +8,12 @@ import msgspec
 from msgspec import field
 
 from fgnav.checks import BadInputError
-from fgnav.gnss.signals import CONSTELLATIONS, known
 from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector, as_table, read_toml
 from fgnav.shipped import file_or_shipped
 from fgnav_sim.data_sets.attitudes import Attitudes, UniformAttitudes
 from fgnav_sim.data_sets.gravity_world import GravityWorld
-from fgnav_sim.gnss.tables import Angle, MultipathTable, ReflectorTable
-from fgnav_sim.scenario import PAPER_ANTENNAS_B_M, Place
+from fgnav_sim.gnss.tables import Angle, MultipathTable, ReflectorTable, check_signals
+from fgnav_sim.scenario import PAPER_ANTENNAS_B_M, Place, resolved
 
 Count: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
 # A figure, or the range it is drawn from. Neither constraints nor fixed lengths: msgspec 0.22 takes
@@ -75,14 +74,7 @@ class SatellitesTable(Table, frozen=True):
 
     def __post_init__(self) -> None:
         """Check signals, range and files."""
-        if not self.signals:
-            raise ValueError("signals: must name one constellation or more")
-        for letter, signals in self.signals.items():
-            if letter not in CONSTELLATIONS or not signals:
-                raise ValueError(f"signals.{letter}: must be signals of G, E, C or J")
-            for signal in signals:
-                if not (len(signal) == 2 and known(letter, signal)):
-                    raise ValueError(f"signals.{letter}: {signal!r} is not a RINEX 3 signal of it")
+        check_signals(self.signals)
         if self.choose != "all":
             _check_drawn("choose", self.choose)
         if self.navigation and self.orbits:
@@ -207,17 +199,8 @@ def load_world(world: Path | str) -> World | GravityWorld:
     changes: dict[str, object] = {} if table.name else {"name": path.stem}
     if isinstance(table, World):
         files = {
-            key: _resolved(path, key, getattr(table.satellites, key))
+            key: resolved(path, f"satellites.{key}", getattr(table.satellites, key))
             for key in ("navigation", "orbits")
         }
         changes["satellites"] = msgspec.structs.replace(table.satellites, **files)
     return msgspec.structs.replace(table, **changes)
-
-
-def _resolved(path: Path, key: str, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return files that a world at ``path`` names, against its folder."""
-    files = [path.parent / name for name in names]
-    for file in files:
-        if not file.is_file():
-            raise BadInputError(f"{path}: satellites.{key}: no such file, got '{file}'")
-    return tuple(str(file) for file in files)

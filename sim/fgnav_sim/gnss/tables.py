@@ -172,17 +172,7 @@ class GnssTable(Table, frozen=True):
 
     def __post_init__(self) -> None:
         """Check what one key's type cannot say."""
-        for letter, signals in self.signals.items():
-            if letter not in CONSTELLATIONS:
-                choice = ", ".join(f"{key} ({name})" for key, name in CONSTELLATIONS.items())
-                raise ValueError(f"signals.{letter}: the constellation must be one of {choice}")
-            if len(set(signals)) != len(signals) or not signals:
-                raise ValueError(f"signals.{letter}: must name one signal or more, each once")
-            for signal in signals:
-                if not (len(signal) == 2 and known(letter, signal)):
-                    raise ValueError(f"signals.{letter}: {signal!r} is not a RINEX 3 signal of it")
-        if not self.signals:
-            raise ValueError("signals: must name one constellation or more")
+        check_signals(self.signals)
 
     def check_antennas(self, antennas: int) -> None:
         """Raise unless what is said of antennas fits their number."""
@@ -209,3 +199,18 @@ class GnssTable(Table, frozen=True):
 def antenna_names(antennas: int) -> tuple[str, ...]:
     """Return the names of the antennas of a simulated flight: ``a1`` is the reference."""
     return tuple(f"a{k}" for k in range(1, antennas + 1))
+
+
+def check_signals(of: dict[str, tuple[str, ...]]) -> None:
+    """Raise unless RINEX 3 signals are named by constellation, each once."""
+    for letter, signals in of.items():
+        if letter not in CONSTELLATIONS:
+            choice = ", ".join(f"{key} ({name})" for key, name in CONSTELLATIONS.items())
+            raise ValueError(f"signals.{letter}: the constellation must be one of {choice}")
+        if len(set(signals)) != len(signals) or not signals:
+            raise ValueError(f"signals.{letter}: must name one signal or more, each once")
+        for signal in signals:
+            if not (len(signal) == 2 and known(letter, signal)):
+                raise ValueError(f"signals.{letter}: {signal!r} is not a RINEX 3 signal of it")
+    if not of:
+        raise ValueError("signals: must name one constellation or more")

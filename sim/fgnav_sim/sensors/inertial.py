@@ -1,6 +1,7 @@
 """Accelerometer and gyroscope: the true point values, and the errors of real triads."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -61,11 +62,15 @@ def sense(sensor: ImuTable, scenario: Scenario, *, rng: np.random.Generator) -> 
         state = scenario.motion(t_s[block])
         f_b_mps2[block] = state.specific_force_b_mps2(origin, lever_b_m, scenario.gravity)
         w_b_radps[block] = state.inertial_rate_b_radps(origin)
-    gyroscope = _gyroscope(sensor)
+    measured_b_radps = None
+    if sensor.gyroscope_noise_radps_per_sqrt_hz is not None:
+        gyroscope = triad(sensor, "gyroscope", "radps")
+        measured_b_radps = gyroscope(w_b_radps, sensor.rate_hz, rng=gyroscope_rng)
+    accelerometer = triad(sensor, "accelerometer", "mps2")
     return Imu(
         t_s=t_s,
-        f_b_mps2=accelerometer(sensor)(f_b_mps2, sensor.rate_hz, rng=accelerometer_rng),
-        w_b_radps=gyroscope(w_b_radps, sensor.rate_hz, rng=gyroscope_rng) if gyroscope else None,
+        f_b_mps2=accelerometer(f_b_mps2, sensor.rate_hz, rng=accelerometer_rng),
+        w_b_radps=measured_b_radps,
         position_b_m=lever_b_m,
         **{name: getattr(sensor, name) for name in IMU},
     )
@@ -86,31 +91,18 @@ def saturated(sensor: ImuTable, imu: Imu) -> tuple[Loss, ...]:
     return tuple(loss for loss in losses if loss.count)
 
 
-def accelerometer(sensor: ImuTable) -> Triad:
-    """Return what is wrong with the accelerometer of a table."""
-    return Triad(
-        density=sensor.accelerometer_noise_mps2_per_sqrt_hz,
-        bias=sensor.accelerometer_bias_mps2,
-        walk=sensor.accelerometer_bias_walk_mps2_per_sqrt_s,
-        instability=sensor.accelerometer_bias_instability_mps2,
-        scale=sensor.accelerometer_scale,
-        misalignment_rad=sensor.accelerometer_misalignment_rad,
-        limit=sensor.accelerometer_range_mps2,
-    )
+def triad(sensor: ImuTable, name: str, unit: str) -> Triad:
+    """Return what is wrong with an accelerometer (mps2) or a gyroscope (radps) of a table."""
 
+    def figure(key: str) -> Any:  # noqa: ANN401  # by name
+        return getattr(sensor, f"{name}_{key}")
 
-def _gyroscope(sensor: ImuTable) -> Triad | None:
-    bias = sensor.gyroscope_bias_radps
-    walk = sensor.gyroscope_bias_walk_radps_per_sqrt_s
-    density = sensor.gyroscope_noise_radps_per_sqrt_hz
-    if bias is None or walk is None or density is None:
-        return None
     return Triad(
-        density=density,
-        bias=bias,
-        walk=walk,
-        instability=sensor.gyroscope_bias_instability_radps,
-        scale=sensor.gyroscope_scale,
-        misalignment_rad=sensor.gyroscope_misalignment_rad,
-        limit=sensor.gyroscope_range_radps,
+        density=figure(f"noise_{unit}_per_sqrt_hz"),
+        bias=figure(f"bias_{unit}"),
+        walk=figure(f"bias_walk_{unit}_per_sqrt_s"),
+        instability=figure(f"bias_instability_{unit}"),
+        scale=figure("scale"),
+        misalignment_rad=figure("misalignment_rad"),
+        limit=figure(f"range_{unit}"),
     )

@@ -4,8 +4,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from fgnav.geometry import earth
-from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector
+from fgnav.io.strict_toml import Positive, Table, Vector
 from fgnav_sim.motion import Command, Hold
 from fgnav_sim.vehicle.atmosphere import FLOOR_M
 from fgnav_sim.vehicle.planet import FieldModel, Planet
@@ -61,24 +60,6 @@ class GustsTable(Table, frozen=True):
     length_m: Annotated[float, msgspec.Meta(gt=0, le=1e7)] = 20_000.0
 
 
-class EarthTable(Table, frozen=True):
-    """Another Earth than WGS-84's, for check cases: rounder, or at rest."""
-
-    semi_major_axis_m: Positive = earth.SEMI_MAJOR_AXIS_M
-    flattening: NotNegative = earth.FLATTENING
-    rate_radps: float = earth.EARTH_RATE_RADPS
-    gm_m3ps2: Positive = earth.GM_M3PS2
-
-    def __post_init__(self) -> None:
-        """Require an ellipsoid near a sphere."""
-        _ = self.planet
-
-    @property
-    def planet(self) -> Planet:
-        """The body that it describes."""
-        return Planet(**msgspec.structs.asdict(self))
-
-
 class FlownTable(Table, frozen=True):
     """A rigid body in six degrees of freedom, in place of a commanded motion.
 
@@ -94,7 +75,7 @@ class FlownTable(Table, frozen=True):
     wind: WindTable = WindTable()
     gusts: GustsTable | None = None
     gravity: FieldModel | None = None  # none: that of the scenario
-    earth: EarthTable | None = None
+    earth: Planet | None = None  # for check cases: rounder, or at rest
     # ellipsoidal height at which the flight ends
     ground_m: Annotated[float, msgspec.Meta(ge=FLOOR_M)] = FLOOR_M
     step_s: Positive = 1e-3  # of the integration, at most

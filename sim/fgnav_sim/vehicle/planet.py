@@ -1,6 +1,5 @@
 """The Earth that rigid bodies fly over: WGS-84, or a rounder or stiller one for check cases."""
 
-from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -8,19 +7,19 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, positive
 from fgnav.geometry import earth
 from fgnav.geometry.earth import Origin
+from fgnav.io.strict_toml import NotNegative, Positive, Table
 
 FieldModel: TypeAlias = Literal["wgs84-normal", "j2", "spherical", "constant"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Planet:
+class Planet(Table, frozen=True):
     """An ellipsoid of revolution that turns; the Earth where nothing is said."""
 
-    semi_major_axis_m: float = earth.SEMI_MAJOR_AXIS_M
-    flattening: float = earth.FLATTENING  # 0: a sphere
+    semi_major_axis_m: Positive = earth.SEMI_MAJOR_AXIS_M
+    flattening: NotNegative = earth.FLATTENING  # 0: a sphere
     rate_radps: float = earth.EARTH_RATE_RADPS  # about its axis of symmetry; 0: it stands still
     # gravitational parameter of the gravity models "j2" and "spherical"
-    gm_m3ps2: float = earth.GM_M3PS2
+    gm_m3ps2: Positive = earth.GM_M3PS2
 
     def __post_init__(self) -> None:
         """Require a body that can exist."""

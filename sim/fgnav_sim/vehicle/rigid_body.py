@@ -5,14 +5,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, IntArray, NoSolutionError, frozen, positive
+from fgnav.checks import BadInputError, FloatArray, IntArray, frozen, positive
 from fgnav.geometry.earth import Origin, ned_axes
 from fgnav.geometry.rotations import from_euler, quaternion_wxyz, skew, to_euler
 from fgnav_sim.vehicle.atmosphere import FLOOR_M, Air
-from fgnav_sim.vehicle.forces import COEFFICIENTS, FINS, PATH, SIZE, SPIN, Model, P, Q, V, W
+from fgnav_sim.vehicle.forces import SIZE, SPIN, Model, P, Q, V, W
 from fgnav_sim.vehicle.model import Attitude, pack
 from fgnav_sim.vehicle.planet import WGS84, FieldModel, Planet
-from fgnav_sim.vehicle.rigid_body_kernel import derivative, fly, rates
+from fgnav_sim.vehicle.rigid_body_kernel import fly, rates
 from fgnav_sim.vehicle.tables import Vehicle
 
 
@@ -102,13 +102,8 @@ class Flown:
 
     def position_e_m(self, flight: int = 0) -> FloatArray:
         """Return ECEF positions of the centre of mass, (m, 3)."""
-        return self._to_e(self.y[flight, :, P : P + 3])
-
-    def velocity_e_mps(self, flight: int = 0) -> FloatArray:
-        """Return velocities against the Earth in ECEF axes, (m, 3)."""
-        y = self.y[flight]
-        through = y[:, V : V + 3] - np.cross(self.planet.rate_i_radps, y[:, P : P + 3])
-        return self._to_e(through)
+        p_i_m = self.y[flight, :, P : P + 3]
+        return np.asarray(np.einsum("mij,mj->mi", self.planet.turn(self.t_s), p_i_m))
 
     def place(self, flight: int = 0) -> FloatArray:
         """Return latitude rad, longitude rad, ellipsoidal height m, (m, 3)."""
@@ -122,18 +117,6 @@ class Flown:
         """Return roll, pitch, yaw against north, east, down where the body is, (m, 3)."""
         place = self.place(flight)
         return to_euler(ned_axes(place[:, 0], place[:, 1]) @ self.rotation_eb(flight))
-
-    def rate_ib_b_radps(self, flight: int = 0) -> FloatArray:
-        """Return angular rates against inertial space, body axes, (m, 3)."""
-        return self.y[flight, :, W : W + 3]
-
-    def deflections_rad(self, flight: int = 0) -> FloatArray:
-        """Return the deflections of the four canards, (m, 4)."""
-        return self.y[flight, :, FINS : FINS + 4]
-
-    def _to_e(self, v_i: FloatArray) -> FloatArray:
-        """Return vectors of the inertial frame in ECEF axes, (m, 3)."""
-        return np.asarray(np.einsum("mij,mj->mi", self.planet.turn(self.t_s), v_i))
 
 
 def fly_batch(
@@ -166,43 +149,6 @@ def fly_batch(
             f"t_s = {plan.t_s[-rows[flight]]:g}; take a shorter step"
         )
     dy = np.full_like(y, np.nan)
-    rates(model, plan.t_s, y, rows, dy)
-    return Flown(t_s=plan.t_s, y=y, dy=dy, rows=rows, planet=plan.planet)
-
-
-def fly_reference(vehicle: Vehicle, launch: Launch, air: Air, plan: Plan) -> Flown:
-    """Integrate one flight with scipy's DOP853 on the same right-hand side, as an oracle.
-
-    The ground is not looked for. Parameters, result and errors are those of ``fly_batch``.
-
-    Raises
-    ------
-    NoSolutionError
-        If the integrator gives up.
-    """
-    from scipy.integrate import solve_ivp  # noqa: PLC0415  # lazy: keeps the command line quick
-
-    model, start = _prepared([vehicle], [launch], [air], plan)
-    body, tables, scratch = model.bodies[0], model.tables[0], np.zeros(COEFFICIENTS)
-
-    def right_hand_side(t_s: float, y: FloatArray) -> FloatArray:
-        dy = np.empty(SIZE)
-        derivative(t_s, body, tables, model.air, y, dy, scratch)
-        if not np.isfinite(dy).all():  # scipy would shorten its step for ever
-            raise NoSolutionError(f"reference integration: not finite at t_s = {t_s:g}")
-        return dy
-
-    absolute = np.full(SIZE, 1e-13)
-    absolute[P : P + 3] = absolute[PATH] = 1e-8
-    absolute[V : V + 3] = 1e-11
-    found = solve_ivp(
-        right_hand_side, (0.0, plan.t_s[-1]), start[0], method="DOP853", t_eval=plan.t_s,
-        rtol=1e-13, atol=absolute, max_step=0.1,
-    )  # fmt: skip
-    if not found.success:
-        raise NoSolutionError(f"reference integration: {found.message}")
-    y, rows = np.ascontiguousarray(found.y.T[None]), np.array([len(plan.t_s)])
-    dy = np.empty_like(y)
     rates(model, plan.t_s, y, rows, dy)
     return Flown(t_s=plan.t_s, y=y, dy=dy, rows=rows, planet=plan.planet)
 

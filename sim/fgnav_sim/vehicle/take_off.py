@@ -65,7 +65,7 @@ def _fly(scenarios: Sequence[Scenario], rngs: Sequence[np.random.Generator]) -> 
     """Fly scenarios that share a plan."""
     tables = [scenario.flown for scenario in scenarios if scenario.flown is not None]
     vehicles = [_vehicle(table) for table in tables]
-    planet = tables[0].earth.planet if tables[0].earth else WGS84
+    planet = tables[0].earth or WGS84
     launches = [_launch(s, t, planet) for s, t in zip(scenarios, tables, strict=True)]
     air = [_air(t, la, rng) for t, la, rng in zip(tables, launches, rngs, strict=True)]
     try:

@@ -12,6 +12,7 @@ from fgnav.geometry.earth import Origin
 from fgnav_sim.vehicle.atmosphere import Air
 from fgnav_sim.vehicle.rigid_body import Flown, Launch, Plan, fly_batch
 from fgnav_sim.vehicle.tables import Airframe, BodyTable, Vehicle
+from tests.sim.vehicle.reference import velocity_e_mps
 
 FT, SLUG, DEG = 0.3048, 14.59390294, np.pi / 180
 SLUG_FT2 = SLUG * FT**2
@@ -71,7 +72,7 @@ def altitude_error_ft(flight: Flown, reference: np.ndarray) -> float:
 
 def velocity_error_fps(flight: Flown, reference: np.ndarray) -> float:
     place = flight.place()
-    v_ned = np.einsum("mij,mj->mi", _ned(place), flight.velocity_e_mps())
+    v_ned = np.einsum("mij,mj->mi", _ned(place), velocity_e_mps(flight))
     return float(np.abs(v_ned / FT - reference[2:5].T).max())
 
 

@@ -10,6 +10,7 @@ from fgnav_sim.vehicle.atmosphere import Air
 from fgnav_sim.vehicle.planet import WGS84, Planet
 from fgnav_sim.vehicle.rigid_body import Flown, Launch, Plan, fly_batch
 from fgnav_sim.vehicle.tables import Airframe, BodyTable, Vehicle
+from tests.sim.vehicle.reference import velocity_e_mps
 
 RADIUS_M, RATE = 6_371_007.0, 7.2921151467e-5
 STILL = Planet(semi_major_axis_m=RADIUS_M, flattening=0.0, rate_radps=0.0)
@@ -110,7 +111,7 @@ def test_in_a_steady_wind_a_light_body_ends_up_at_the_winds_speed() -> None:
     )
     wind = Air(wind_mps=np.array([[3.0, 6.0]]))
     flight = dropped(STILL, vehicle=feather, air=wind)
-    v_n = flight.velocity_e_mps()[-1]  # at the equator north is z, east is y
+    v_n = velocity_e_mps(flight)[-1]  # at the equator north is z, east is y
     assert v_n[[2, 1]] == pytest.approx([3.0, 6.0], abs=0.01)
     density = 1.225 * (1 - 2.25577e-5 * flight.place()[-1, 2]) ** 4.2559  # US-1976, troposphere
     fall = np.sqrt(2 * 0.1 * 9.8 / (density * 0.1))

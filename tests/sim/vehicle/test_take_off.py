@@ -14,12 +14,12 @@ from fgnav_sim.simulate import simulate, simulate_many
 from fgnav_sim.vehicle.atmosphere import Air
 from fgnav_sim.vehicle.flown_table import (
     AttitudeTable,
-    EarthTable,
     FlownTable,
     GustsTable,
     StartTable,
     WindTable,
 )
+from fgnav_sim.vehicle.planet import Planet
 from fgnav_sim.vehicle.rigid_body import Launch, Plan, fly_batch
 from fgnav_sim.vehicle.tables import Airframe, BodyTable, Vehicle, load_vehicle
 from fgnav_sim.vehicle.take_off import take_off
@@ -109,7 +109,7 @@ def test_a_scenario_flies_what_the_library_flies() -> None:
 
 
 def test_a_scenario_may_fly_over_a_round_earth_at_rest() -> None:
-    round_earth = EarthTable(semi_major_axis_m=6.371e6, flattening=0.0, rate_radps=0.0)
+    round_earth = Planet(semi_major_axis_m=6.371e6, flattening=0.0, rate_radps=0.0)
     start = StartTable(rate_b_degps=(10.0, 20.0, 30.0), rate_against="inertial")
     one = scenario(FREE, start, air=False, gravity="j2", earth=round_earth)
     one = msgspec.structs.replace(

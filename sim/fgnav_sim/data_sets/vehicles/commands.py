@@ -1,6 +1,7 @@
 """What drivers and pilots do: targets that hold for a while, reached at a limited pace."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,20 +9,48 @@ from fgnav.checks import FloatArray
 from fgnav_sim.data_sets.vehicles.track import STEP_S
 
 
-def targets(
-    count: int,
-    lasting_s: tuple[float, float],
-    draw: Callable[[np.random.Generator], float],
-    rng: np.random.Generator,
-) -> FloatArray:
-    """Return targets at knots, (count,), each for a time that is uniform within a range."""
-    out = np.empty(count)
-    first = 0
-    while first < count:
-        last = first + max(1, round(float(rng.uniform(*lasting_s)) / STEP_S))
-        out[first:last] = draw(rng)
-        first = last
-    return out
+@dataclass(frozen=True, slots=True)
+class Draws:
+    """Random commands at n knots."""
+
+    n: int
+    rng: np.random.Generator
+
+    def uniform(self, low: float, high: float) -> float:
+        """Return a number within a range."""
+        return float(self.rng.uniform(low, high))
+
+    def log_uniform(self, low: float, high: float) -> float:
+        """Return a number whose logarithm is uniform."""
+        return log_uniform(low, high, self.rng)
+
+    def targets(self, lasting_s: tuple[float, float], draw: Callable[[], float]) -> FloatArray:
+        """Return targets, (n,), each for a time that is uniform within a range."""
+        out, first = np.empty(self.n), 0
+        while first < self.n:
+            last = first + max(1, round(self.uniform(*lasting_s) / STEP_S))
+            out[first:last] = draw()
+            first = last
+        return out
+
+    def wander(self, sigma: float, time_s: float) -> FloatArray:
+        """Return a stationary Gaussian process, (n,), smooth over about half of its time."""
+        from scipy.signal import lfilter  # noqa: PLC0415  # lazy, like gnss.orbits
+
+        keep = np.exp(-STEP_S / time_s)
+        white = np.sqrt(1 - keep**2) * self.rng.standard_normal(self.n)
+        white[0] = self.rng.standard_normal()
+        rough = lfilter([1.0], [1.0, -keep], white)
+        return np.asarray(sigma * smooth(np.asarray(rough), time_s / 4))
+
+    def gusts(self, largest: float, time_s: float) -> FloatArray:
+        """Return three such processes, (n, 3), each of a size of its own."""
+        return np.stack([self.wander(self.uniform(0.0, largest), time_s) for _ in range(3)], axis=1)
+
+    def wind(self, largest: float) -> FloatArray:
+        """Return a level wind, (3,), of a size of its own."""
+        size = self.uniform(0.0, largest)
+        return np.concatenate([size * self.rng.standard_normal(2), [0.0]])
 
 
 def followed(target: FloatArray, up: float, down: float) -> FloatArray:
@@ -39,18 +68,6 @@ def smooth(values: FloatArray, sigma_s: float) -> FloatArray:
     from scipy.ndimage import gaussian_filter1d  # noqa: PLC0415  # lazy, like gnss.orbits
 
     return np.asarray(gaussian_filter1d(values, sigma_s / STEP_S, axis=0, mode="nearest"))
-
-
-def wander(count: int, sigma: float, time_s: float, rng: np.random.Generator) -> FloatArray:
-    """Return a stationary Gaussian process, (count,), smooth over about half of its time."""
-    from scipy.signal import lfilter  # noqa: PLC0415  # lazy, like gnss.orbits
-
-    keep = np.exp(-STEP_S / time_s)
-    white = np.sqrt(1 - keep**2) * rng.standard_normal(count)
-    white[0] = rng.standard_normal()
-    rough = lfilter([1.0], [1.0, -keep], white)
-    found = smooth(np.asarray(rough), time_s / 4)
-    return np.asarray(sigma * found)
 
 
 def integral(rate: FloatArray) -> FloatArray:

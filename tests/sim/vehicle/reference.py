@@ -1,0 +1,54 @@
+"""Flown flights seen otherwise, and integrated by scipy on the same right-hand side."""
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from fgnav.checks import NoSolutionError
+from fgnav_sim.vehicle.forces import COEFFICIENTS, FINS, PATH, SIZE, P, V, W
+from fgnav_sim.vehicle.model import pack
+from fgnav_sim.vehicle.rigid_body import Flown
+from fgnav_sim.vehicle.rigid_body_kernel import derivative, rates
+
+
+def velocity_e_mps(flown, flight=0):
+    """Return velocities against the Earth in ECEF axes, (m, 3)."""
+    p_i_m, v_i_mps = flown.y[flight, :, P : P + 3], flown.y[flight, :, V : V + 3]
+    v_i_mps = v_i_mps - np.cross(flown.planet.rate_i_radps, p_i_m)
+    return np.einsum("mij,mj->mi", flown.planet.turn(flown.t_s), v_i_mps)
+
+
+def rate_ib_b_radps(flown):
+    """Return angular rates against inertial space, body axes, (m, 3)."""
+    return flown.y[0, :, W : W + 3]
+
+
+def deflections_rad(flown):
+    """Return the deflections of the four canards, (m, 4)."""
+    return flown.y[0, :, FINS : FINS + 4]
+
+
+def fly_reference(vehicle, launch, air, plan):
+    """Integrate one flight with DOP853; the ground is not looked for."""
+    model = pack([vehicle], [air], (plan.gravity, plan.planet), plan.commands, plan.t_s[-1])
+    body, tables, scratch = model.bodies[0], model.tables[0], np.zeros(COEFFICIENTS)
+
+    def right_hand_side(t_s, y):
+        dy = np.empty(SIZE)
+        derivative(t_s, body, tables, model.air, y, dy, scratch)
+        if not np.isfinite(dy).all():  # scipy would shorten its step for ever
+            raise NoSolutionError(f"reference integration: not finite at t_s = {t_s:g}")
+        return dy
+
+    absolute = np.full(SIZE, 1e-13)
+    absolute[P : P + 3] = absolute[PATH] = 1e-8
+    absolute[V : V + 3] = 1e-11
+    solved = solve_ivp(
+        right_hand_side, (0.0, plan.t_s[-1]), launch.state(plan.planet), method="DOP853",
+        t_eval=plan.t_s, rtol=1e-13, atol=absolute, max_step=0.1,
+    )  # fmt: skip
+    if not solved.success:
+        raise NoSolutionError(f"reference integration: {solved.message}")
+    y, rows = np.ascontiguousarray(solved.y.T[None]), np.array([len(plan.t_s)])
+    dy = np.empty_like(y)
+    rates(model, plan.t_s, y, rows, dy)
+    return Flown(t_s=plan.t_s, y=y, dy=dy, rows=rows, planet=plan.planet)
