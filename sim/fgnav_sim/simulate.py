@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -13,7 +12,7 @@ from fgnav.types.flight import Antenna, Flight, GnssNoise, LinkIntegers, Truth
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
 from fgnav_sim.dispersions import Draw, disperse
 from fgnav_sim.gnss.base import stand
-from fgnav_sim.gnss.constellation import KLOBUCHAR, built_in_orbits
+from fgnav_sim.gnss.constellation import KLOBUCHAR, built_in_orbits, orbits_of_files
 from fgnav_sim.gnss.fixes import fix
 from fgnav_sim.gnss.receiver import observe
 from fgnav_sim.gnss.tables import antenna_names
@@ -181,17 +180,9 @@ def _orbits(
         klobuchar = KLOBUCHAR if gnss.atmosphere else np.zeros(8)
         letters = tuple(gnss.signals)
         return built_in_orbits(letters, scenario.start_gps_s, scenario.duration_s, klobuchar), None
-    broadcast = precise = None
-    if gnss.navigation:
-        from fgnav.io.rinex.reader import read_navigation  # noqa: PLC0415  # lazy: it loads RTKLIB
-
-        broadcast = read_navigation([Path(name) for name in gnss.navigation], scenario.start_gps_s)
-        if not gnss.atmosphere:
-            broadcast = replace(broadcast, klobuchar=np.zeros(8))
-    if gnss.orbits:
-        from fgnav.io.sp3.reader import read_precise  # noqa: PLC0415  # lazy: only few scenarios need it
-
-        precise = read_precise([Path(name) for name in gnss.orbits], scenario.start_gps_s)
+    broadcast, precise = orbits_of_files(gnss.navigation, gnss.orbits, scenario.start_gps_s)
+    if broadcast and not gnss.atmosphere:
+        broadcast = replace(broadcast, klobuchar=np.zeros(8))
     return broadcast, precise
 
 

@@ -22,8 +22,8 @@ from fgnav.neural.records import Record
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
 from fgnav_models.runtime.factors import manifest
-from fgnav_sim.data_sets.vehicles.track import Track
-from fgnav_sim.data_sets.vehicles.world import KINDS, VehiclesWorld, vehicle_scenario
+from fgnav_models.training.velocity.vehicles.track import Track
+from fgnav_models.training.velocity.vehicles.world import KINDS, VehiclesWorld, vehicle_scenario
 from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
 from tests.recordings import drive, quadrotor

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from datetime import datetime
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +9,9 @@ from numpy.typing import NDArray
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.geometry.earth import ecef, ned_axes
 from fgnav.gnss.orbits.satellites import satellite_states
-from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
+from fgnav.types.orbits import PreciseOrbits
 from fgnav_sim.data_sets.world import AnySites, AnyTimes, DayTimes, SatellitesTable, World
-from fgnav_sim.gnss.constellation import built_in_positions
+from fgnav_sim.gnss.constellation import built_in_positions, orbits_of_files
 from fgnav_sim.gnss.selection import best_geometry, lasting, period
 
 _GPS_EPOCH = datetime(1980, 1, 6)  # GPS time has no time zone
@@ -153,7 +152,9 @@ def _positions(world: World, t_s: FloatArray) -> tuple[tuple[str, ...], IntArray
     """Return all satellites, each sky's moment (k,), and positions at the moments (t, s, 3)."""
     distinct_s, moment = np.unique(t_s, return_inverse=True)
     start_gps_s = (world.start - _GPS_EPOCH).total_seconds()
-    orbits = _orbits(world.satellites, start_gps_s)
+    files = world.satellites
+    broadcast, precise = orbits_of_files(files.navigation, files.orbits, start_gps_s)
+    orbits = precise or broadcast
     if orbits is None:
         letters = tuple(world.satellites.signals)
         names, p_e_m = built_in_positions(letters, start_gps_s, distinct_s)
@@ -168,19 +169,6 @@ def _positions(world: World, t_s: FloatArray) -> tuple[tuple[str, ...], IntArray
             f"{world.start.isoformat()}; name files of that date"
         )
     return names, moment.ravel(), p_e_m
-
-
-def _orbits(table: SatellitesTable, start_gps_s: float) -> BroadcastOrbits | PreciseOrbits | None:
-    """Return the orbits that files tell of; None where none is named."""
-    if table.navigation:
-        from fgnav.io.rinex.reader import read_navigation  # noqa: PLC0415  # lazy: it loads RTKLIB
-
-        return read_navigation([Path(name) for name in table.navigation], start_gps_s)
-    if table.orbits:
-        from fgnav.io.sp3.reader import read_precise  # noqa: PLC0415  # lazy: only few worlds need it
-
-        return read_precise([Path(name) for name in table.orbits], start_gps_s)
-    return None
 
 
 def _constellation(

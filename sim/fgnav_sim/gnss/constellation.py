@@ -1,12 +1,13 @@
 """Satellites without a file: nominal constellations, as the messages they would broadcast."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.gnss.orbits.broadcast import kepler_orbit
-from fgnav.types.orbits import EPHEMERIS_DTYPE, BroadcastOrbits
+from fgnav.types.orbits import EPHEMERIS_DTYPE, BroadcastOrbits, PreciseOrbits
 
 # GPS ionosphere coefficients of a quiet summer day, the size of those broadcast in June 2020.
 KLOBUCHAR = np.array(
@@ -95,6 +96,22 @@ def built_in_orbits(
         toe_own_s = np.arange(first, last + 1) * walker.step_s
         records.append(_messages(walker, toe_own_s, start_gps_s).ravel())
     return BroadcastOrbits(records=np.concatenate(records), klobuchar=klobuchar)
+
+
+def orbits_of_files(
+    navigation: tuple[str, ...], orbits: tuple[str, ...], start_gps_s: float
+) -> tuple[BroadcastOrbits | None, PreciseOrbits | None]:
+    """Return the messages and the tables of files, each None where no file is named."""
+    broadcast = precise = None
+    if navigation:
+        from fgnav.io.rinex.reader import read_navigation  # noqa: PLC0415  # lazy: it loads RTKLIB
+
+        broadcast = read_navigation([Path(name) for name in navigation], start_gps_s)
+    if orbits:
+        from fgnav.io.sp3.reader import read_precise  # noqa: PLC0415  # lazy: few have such files
+
+        precise = read_precise([Path(name) for name in orbits], start_gps_s)
+    return broadcast, precise
 
 
 def built_in_positions(

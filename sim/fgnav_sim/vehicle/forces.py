@@ -26,54 +26,28 @@ Body: TypeAlias = Any  # a record of BODY
 P, V, Q, W, SPIN, PATH, FINS, SIZE = 0, 3, 6, 10, 13, 14, 15, 19
 
 # Scalars of one flight. Inertias are xx, yy, zz, xy, xz, yz; stations count from the tail.
+#   axis_m, polar_m, e2, bulge_m: the planet's semi-axes a and b, e^2, e'^2 b; oblateness_m2 is
+#     3/2 J2 a^2
+#   reference_m: where the coefficients' moments act; length_m: diameter or chord; rate_factor: 1
+#     for p d / V, 1/2 for p d / 2V
+#   fore_kgm2: axial inertia of a roll-decoupled forebody; 0: one rigid body
+#   canard_m2: of one canard; 0: no canards; canard_clock_rad: of the first, from +y_b towards +z_b,
+#     the others follow by 90 degrees
+#   frequency_radps: of the autopilot; 0: none
+_SCALARS = """axis_m polar_m e2 bulge_m earth_radps gm_m3ps2 oblateness_m2 dry_kg propellant_kg
+    dry_centre_m loaded_centre_m nozzle_m reference_m area_m2 length_m span_m rate_factor
+    gust_interval_m fore_kgm2 bearing_nms canard_m2 canard_station_m canard_arm_m canard_clock_rad
+    deflection_rad rate_radps lag_s frequency_radps damping command_interval_s"""
+# Where tables start in the flat array of all, and their numbers of rows. mach: grid, then cubics
+# (row, power, COEFFICIENTS), highest power first; burn: times, then quartics (row, power, (thrust,
+# fraction burnt)); wind: heights, then (row, (north, east)); gust: (row, (north, east, down));
+# command: (row, (roll, pitch, yaw, and their rates)).
+_TABLES = "mach machs burn burns wind winds gust gusts command commands"
 BODY = np.dtype(
-    [
-        ("gravity", "i8"),  # index into GRAVITY
-        ("axis_m", "f8"),  # the planet: semi-axes a and b, e^2, e'^2 b
-        ("polar_m", "f8"),
-        ("e2", "f8"),
-        ("bulge_m", "f8"),
-        ("earth_radps", "f8"),
-        ("gm_m3ps2", "f8"),
-        ("oblateness_m2", "f8"),  # 3/2 J2 a^2
-        ("aerodynamics", "i8"),  # index into AERODYNAMICS
-        ("dry_kg", "f8"),
-        ("propellant_kg", "f8"),
-        ("dry_kgm2", "f8", (6,)),
-        ("loaded_kgm2", "f8", (6,)),
-        ("dry_centre_m", "f8"),
-        ("loaded_centre_m", "f8"),
-        ("nozzle_m", "f8"),
-        ("reference_m", "f8"),  # where the coefficients' moments act
-        ("area_m2", "f8"),
-        ("length_m", "f8"),  # diameter or chord
-        ("span_m", "f8"),
-        ("rate_factor", "f8"),  # 1 for p d / V, 1/2 for p d / 2V
-        ("gust_interval_m", "f8"),
-        ("fore_kgm2", "f8"),  # axial inertia of a roll-decoupled forebody; 0: one rigid body
-        ("bearing_nms", "f8"),
-        ("canard_m2", "f8"),  # of one canard; 0: no canards
-        ("canard_station_m", "f8"),
-        ("canard_arm_m", "f8"),
-        ("canard_clock_rad", "f8"),  # of the first, from +y_b towards +z_b; the others follow by 90
-        ("deflection_rad", "f8"),
-        ("rate_radps", "f8"),
-        ("lag_s", "f8"),
-        ("frequency_radps", "f8"),  # of the autopilot; 0: none
-        ("damping", "f8"),
-        ("command_interval_s", "f8"),
-        # Where tables start in the flat array of all, and their numbers of rows.
-        ("mach", "i8"),  # grid, then cubics (row, power, COEFFICIENTS), highest power first
-        ("machs", "i8"),
-        ("burn", "i8"),  # times, then quartics (row, power, (thrust, fraction burnt))
-        ("burns", "i8"),
-        ("wind", "i8"),  # heights, then (row, (north, east))
-        ("winds", "i8"),
-        ("gust", "i8"),  # (row, (north, east, down))
-        ("gusts", "i8"),
-        ("command", "i8"),  # (row, (roll, pitch, yaw, and their rates))
-        ("commands", "i8"),
-    ]
+    [("gravity", "i8"), ("aerodynamics", "i8")]  # indices into GRAVITY, AERODYNAMICS
+    + [(name, "f8") for name in _SCALARS.split()]
+    + [("dry_kgm2", "f8", (6,)), ("loaded_kgm2", "f8", (6,))]
+    + [(name, "i8") for name in _TABLES.split()]
 )
 GRAVITY = ("j2", "spherical", "wgs84-normal", "constant")
 AERODYNAMICS = ("none", "axisymmetric", "airframe")
@@ -84,9 +58,7 @@ AIRFRAME = (
     "cd0", "cdk", "cl0", "cla", "cyb", "clb", "clp", "clr", "cm0", "cma", "cmq", "cnb", "cnp", "cnr"
 )  # fmt: skip
 CANARD, COEFFICIENTS = 14, 16  # the canards' slope comes after either set; a multiple of four
-_NOT_NEGATIVE = (
-    2**48 - 1
-)  # a mask that tells the compiler so: indices need no check, loops vectorise
+_NOT_NEGATIVE = 2**48 - 1  # a mask that says so: indices need no check, loops vectorise
 
 
 class Model(NamedTuple):

@@ -7,7 +7,12 @@ import torch
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav_models.training.train import Batch
-from fgnav_sim.data_sets.vehicles.world import KINDS, VehiclesWorld, drawn_kind, vehicle_scenario
+from fgnav_models.training.velocity.vehicles.world import (
+    KINDS,
+    VehiclesWorld,
+    drawn_kind,
+    vehicle_scenario,
+)
 from fgnav_sim.scenario import ImuTable
 from fgnav_sim.sensors.inertial import sense
 

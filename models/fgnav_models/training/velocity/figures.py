@@ -9,7 +9,7 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.neural.correlation import half_life_s
 from fgnav_models.training.velocity.data import Records
 from fgnav_models.training.velocity.nets import VelocityNet
-from fgnav_sim.data_sets.vehicles.world import KINDS
+from fgnav_models.training.velocity.vehicles.world import KINDS
 
 _EVERY_S = 0.1  # between windows that are judged
 _AT_ONCE = 2000  # windows: 10 MB of six channels over four seconds

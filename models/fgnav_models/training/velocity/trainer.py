@@ -20,7 +20,7 @@ from fgnav_models.training.velocity.nets import (
     VelocityNet,
     negative_log_likelihood,
 )
-from fgnav_sim.data_sets.vehicles.world import VehiclesWorld
+from fgnav_models.training.velocity.vehicles.world import VehiclesWorld
 
 _TRAIN, _CALIBRATE, _TEST = range(3)  # streams of random numbers: flights apart
 _SENSORS = (("f_b_mps2", "accelerometer"), ("w_b_radps", "gyroscope"))

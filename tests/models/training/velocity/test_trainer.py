@@ -17,7 +17,7 @@ from fgnav_models.training.release import AGREEMENT, disagreement
 from fgnav_models.training.velocity.data import SCALE, records
 from fgnav_models.training.velocity.nets import VelocityFactor, VelocityNet, negative_log_likelihood
 from fgnav_models.training.velocity.trainer import calibrate
-from fgnav_sim.data_sets.vehicles.world import VehiclesWorld, vehicle_scenario
+from fgnav_models.training.velocity.vehicles.world import VehiclesWorld, vehicle_scenario
 from fgnav_sim.simulate import simulate
 
 RECIPE = (

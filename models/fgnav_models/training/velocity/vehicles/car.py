@@ -4,8 +4,14 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import from_euler
-from fgnav_sim.data_sets.vehicles.commands import Draws, followed, integral, leaning, smooth
-from fgnav_sim.data_sets.vehicles.track import Track, knots_s, track
+from fgnav_models.training.velocity.vehicles.commands import (
+    Draws,
+    followed,
+    integral,
+    leaning,
+    smooth,
+)
+from fgnav_models.training.velocity.vehicles.track import Track, knots_s, track
 
 _TIGHTEST_M = 6.0  # radius of a passenger car's turning circle
 _CREEPS_MPS = 2.0

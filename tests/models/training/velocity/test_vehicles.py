@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fgnav.geometry.rotations import log, transpose
-from fgnav_sim.data_sets.vehicles.world import (
+from fgnav_models.training.velocity.vehicles.world import (
     KINDS,
     VehiclesWorld,
     drawn_kind,

@@ -7,11 +7,11 @@ import msgspec
 import numpy as np
 
 from fgnav.io.strict_toml import NotNegative, Positive, Table
-from fgnav_sim.data_sets.vehicles.aeroplane import aeroplane
-from fgnav_sim.data_sets.vehicles.car import car
-from fgnav_sim.data_sets.vehicles.commands import log_uniform
-from fgnav_sim.data_sets.vehicles.multirotor import multirotor
-from fgnav_sim.data_sets.vehicles.track import Track
+from fgnav_models.training.velocity.vehicles.aeroplane import aeroplane
+from fgnav_models.training.velocity.vehicles.car import car
+from fgnav_models.training.velocity.vehicles.commands import log_uniform
+from fgnav_models.training.velocity.vehicles.multirotor import multirotor
+from fgnav_models.training.velocity.vehicles.track import Track
 from fgnav_sim.scenario import FixesTable, ImuTable, Scenario
 
 _MAKERS: dict[str, Callable[[float, np.random.Generator], Track]] = {

@@ -3,8 +3,14 @@
 import numpy as np
 
 from fgnav.geometry.rotations import exp
-from fgnav_sim.data_sets.vehicles.commands import Draws, followed, integral, leaning, smooth
-from fgnav_sim.data_sets.vehicles.track import STEP_S, Track, knots_s, track
+from fgnav_models.training.velocity.vehicles.commands import (
+    Draws,
+    followed,
+    integral,
+    leaning,
+    smooth,
+)
+from fgnav_models.training.velocity.vehicles.track import STEP_S, Track, knots_s, track
 
 _GRAVITY_MPS2 = 9.81  # of the thrust alone
 

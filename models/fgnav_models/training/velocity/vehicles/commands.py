@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav_sim.data_sets.vehicles.track import STEP_S
+from fgnav_models.training.velocity.vehicles.track import STEP_S
 
 
 @dataclass(frozen=True, slots=True)
