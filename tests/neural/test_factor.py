@@ -84,12 +84,12 @@ def test_onnxruntime_says_what_torch_says(tmp_path):
     """Of a trained network, on windows that it has not seen, through its manifest."""
     import torch
 
-    trained = sun_compass.trained()
-    seen, _ = sun_compass.examples(500, seed=77)
+    notebook = sun_compass.made()
+    seen, _ = notebook["windows"](500, np.random.default_rng(77))
     answers = load_network(sun_compass.written(tmp_path))([seen])
-    x = torch.tensor((seen - trained.mean) / trained.scale, dtype=torch.float32)
+    x = torch.tensor((seen - notebook["mean"]) / notebook["scale"], dtype=torch.float32)
     with torch.no_grad():
-        direction, log_sigma = (part.double().numpy() for part in trained.net(x))
+        direction, log_sigma = (part.double().numpy() for part in notebook["net"](x))
     heading_rad = np.arctan2(direction[:, 1], direction[:, 0])
     np.testing.assert_allclose(rotations.wrap(answers.value[:, 0] - heading_rad), 0.0, atol=1e-5)
     sigma_rad = np.sqrt(answers.covariance[:, 0, 0])

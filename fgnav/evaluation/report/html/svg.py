@@ -5,20 +5,10 @@ from html import escape
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.evaluation.report.drawing.shapes import (
-    GRID,
-    RULE,
-    Area,
-    Dots,
-    Drawing,
-    Frame,
-    Shape,
-    Stroke,
-    Text,
-)
+from fgnav.evaluation.report.drawing import shapes
 
 
-def figure(drawing: Drawing) -> str:
+def figure(drawing: shapes.Drawing) -> str:
     """Return a drawing with its title, also for those who do not see it."""
     title = escape(drawing.title)
     content = "".join(map(_shape, drawing.shapes))
@@ -29,26 +19,26 @@ def figure(drawing: Drawing) -> str:
     )
 
 
-def _shape(shape: Shape) -> str:
+def _shape(shape: shapes.Shape) -> str:
     match shape:
-        case Stroke(mark=mark) if mark in (GRID, RULE):
+        case shapes.Stroke(mark=mark) if mark in (shapes.GRID, shapes.RULE):
             return f'<path class="{mark}" d="{_path(shape.x, shape.y)}"/>'
-        case Stroke():
+        case shapes.Stroke():
             kind = "l cell" if shape.butt else "l"
             width = f'stroke-width="{shape.width:.3g}"'
             path = _path(shape.x, shape.y)
             return _named(f'<path class="{kind} {shape.mark}" {width} d="{path}"', shape.name)
-        case Dots():
+        case shapes.Dots():
             width = f'stroke-width="{shape.size:.3g}"'
             path = _dots(shape.x, shape.y)
             return _named(f'<path class="l {shape.mark}" {width} d="{path}"', shape.name)
-        case Area():
+        case shapes.Area():
             path = "".join(f"{_path(x, y)}Z" for x, y in shape.outlines)
             kind = "fill" if shape.solid else "b"
             return _named(f'<path class="{kind} {shape.mark}" d="{path}"', shape.name)
-        case Text():
+        case shapes.Text():
             return _text(shape)
-        case Frame():
+        case shapes.Frame():
             # An inner drawing cuts off what leaves it.
             return (
                 f'<svg x="{shape.left:g}" y="{shape.top:g}" width="{shape.width:g}" '
@@ -60,7 +50,7 @@ def _named(opening: str, name: str) -> str:
     return f"{opening}><title>{escape(name)}</title></path>" if name else f"{opening}/>"
 
 
-def _text(text: Text) -> str:
+def _text(text: shapes.Text) -> str:
     x, y = f"{text.x:.5g}", f"{text.y:.5g}"
     place = f'transform="translate({x} {y}) rotate(-90)"' if text.upright else f'x="{x}" y="{y}"'
     anchor = "" if text.anchor == "start" else f' text-anchor="{text.anchor}"'

@@ -11,16 +11,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.text import Text as Label
 from matplotlib.transforms import Affine2D, Bbox, Transform, TransformedBbox
 
-from fgnav.evaluation.report.drawing.shapes import (
-    LETTER,
-    Area,
-    Dots,
-    Drawing,
-    Frame,
-    Shape,
-    Stroke,
-    Text,
-)
+from fgnav.evaluation.report.drawing import shapes
 from fgnav.evaluation.report.palette import CARD, DIM, GROUND, LIGHT, dashes
 
 _POINTS = 72.0  # of an inch
@@ -59,10 +50,10 @@ class Sheet:
 
     def line(self, x: float, y: float, length: float, mark: str, width: float) -> None:
         """Draw a horizontal line in the colour and the dashes of a mark."""
-        stroke = Stroke(mark=mark, x=np.array([0.0, length]), y=np.zeros(2), width=width)
+        stroke = shapes.Stroke(mark=mark, x=np.array([0.0, length]), y=np.zeros(2), width=width)
         self._stroke(stroke, 1.0, self._places(x, y, 1.0), None)
 
-    def draw(self, drawing: Drawing, left: float, top: float, scale: float) -> None:
+    def draw(self, drawing: shapes.Drawing, left: float, top: float, scale: float) -> None:
         """Draw with the upper left corner at a place, a unit so many points long."""
         for shape in drawing.shapes:
             self._shape(shape, (left, top), scale, None)
@@ -79,13 +70,17 @@ class Sheet:
             artist.set_clip_box(clip)
 
     def _shape(
-        self, shape: Shape, at: tuple[float, float], scale: float, clip: TransformedBbox | None
+        self,
+        shape: shapes.Shape,
+        at: tuple[float, float],
+        scale: float,
+        clip: TransformedBbox | None,
     ) -> None:
         places = self._places(*at, scale)
         match shape:
-            case Stroke():
+            case shapes.Stroke():
                 self._stroke(shape, scale, places, clip)
-            case Dots():
+            case shapes.Dots():
                 line = Line2D(
                     shape.x,
                     shape.y,
@@ -97,16 +92,16 @@ class Sheet:
                     transform=places,
                 )
                 self._add(line, clip)
-            case Area():
+            case shapes.Area():
                 self._area(shape, scale, places, clip)
-            case Text():
+            case shapes.Text():
                 halo = withStroke(linewidth=_HALO * scale, foreground=LIGHT[CARD])
                 align = {"start": "left", "middle": "center", "end": "right"}[shape.anchor]
                 label = Label(
                     shape.x,
                     shape.y,
                     shape.text,
-                    fontsize=_NARROW * LETTER * scale,
+                    fontsize=_NARROW * shapes.LETTER * scale,
                     color=LIGHT[DIM],
                     ha=align,
                     rotation=90 * shape.upright,
@@ -116,7 +111,7 @@ class Sheet:
                     transform=places,
                 )
                 self._add(label, clip)
-            case Frame():
+            case shapes.Frame():
                 left, top = at[0] + scale * shape.left, at[1] + scale * shape.top
                 inside = self._clip(left, top, scale * shape.width, scale * shape.height)
                 for one in shape.shapes:
@@ -128,7 +123,7 @@ class Sheet:
         return TransformedBbox(Bbox.from_extents(*box.tolist()), places)
 
     def _stroke(
-        self, shape: Stroke, scale: float, places: Transform, clip: TransformedBbox | None
+        self, shape: shapes.Stroke, scale: float, places: Transform, clip: TransformedBbox | None
     ) -> None:
         width, lengths = shape.width * scale, dashes(shape.mark)
         pattern = None if lengths is None else tuple(scale * v / width for v in lengths)
@@ -145,7 +140,7 @@ class Sheet:
         self._add(line, clip)
 
     def _area(
-        self, shape: Area, scale: float, places: Transform, clip: TransformedBbox | None
+        self, shape: shapes.Area, scale: float, places: Transform, clip: TransformedBbox | None
     ) -> None:
         if not shape.outlines:
             return
