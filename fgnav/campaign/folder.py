@@ -55,8 +55,8 @@ class Folder:
 
     def missing(self) -> list[Run]:
         """Return the runs of the order that have no file."""
-        there = {path.stem for path in self._runs.glob("*.json")}
-        return [run for run in runs_of(self._order) if run.stem not in there]
+        present = {path.stem for path in self._runs.glob("*.json")}
+        return [run for run in runs_of(self._order) if run.stem not in present]
 
     def keep(self, run: Run, record: dict[str, Any]) -> None:
         """Write a run's file.

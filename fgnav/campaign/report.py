@@ -123,8 +123,8 @@ def _is_figure(column: tuple[str, ...]) -> bool:
 
 
 def _head(order: Order, count: int) -> Iterator[str]:
-    asked = order.flights * sum(case.columns for case in order.case)
-    yield f"Campaign {order.name}: {count} of {asked} flights, root seed {order.seed}."
+    ordered = order.flights * sum(case.columns for case in order.case)
+    yield f"Campaign {order.name}: {count} of {ordered} flights, root seed {order.seed}."
     yield (
         "Figures over flights with intervals of 95 % by bootstrap of flights; ratios of RMSE to "
         f"{order.reference!r}"

@@ -62,12 +62,14 @@ def count_integers(
         )
     fixed = integers.fixed
     left = phase_links(differences) & ~fixed
-    whole = fixed.any(axis=(1, 2)) & ~left.any(axis=(1, 2))
-    told = integers.wrong_probability
+    complete = fixed.any(axis=(1, 2)) & ~left.any(axis=(1, 2))
+    probability = integers.wrong_probability
     counts = IntegerCounts(
         fixed=int(fixed.sum()),
         not_fixed=int(left.sum()),
-        chance=None if told is None or not whole.any() else float(told[whole].mean()),
+        chance=None
+        if probability is None or not complete.any()
+        else float(probability[complete].mean()),
     )
     if true_cycles is None:
         return counts

@@ -96,5 +96,5 @@ def minus(
 
 def _before(times_s: FloatArray, t_s: FloatArray) -> IntArray:
     """Return the index of the last sample at or before each epoch, kept off the last sample."""
-    found = np.searchsorted(times_s, t_s, side="right") - 1
-    return np.asarray(found.clip(0, len(times_s) - 2))
+    row = np.searchsorted(times_s, t_s, side="right") - 1
+    return np.asarray(row.clip(0, len(times_s) - 2))

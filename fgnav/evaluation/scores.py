@@ -164,17 +164,17 @@ def score(
     if errors is None:
         return figures
     lost = hidden(estimate)
-    whole = not lost & set(EULER)
+    full_attitude = not lost & set(EULER)
     return replace(
         figures,
         rmse_deg=angles(errors.euler_rad),
-        attitude_rmse_deg=degrees(rms(errors.tangent_b_rad)) if whole else None,
+        attitude_rmse_deg=degrees(rms(errors.tangent_b_rad)) if full_attitude else None,
         position_rmse_m=None if "position" in lost else rms(errors.position_n_m),
         velocity_rmse_mps=None if "velocity" in lost else rms(errors.velocity_n_mps),
-        attitude_nees_mean=_mean(errors.nees) if whole else None,
+        attitude_nees_mean=_mean(errors.nees) if full_attitude else None,
         position_nees_mean=None if "position" in lost else _mean(errors.position_nees),
         velocity_nees_mean=None if "velocity" in lost else _mean(errors.velocity_nees),
-        line_nees_mean=None if whole else _mean(errors.line_nees),
+        line_nees_mean=None if full_attitude else _mean(errors.line_nees),
     )
 
 
@@ -252,8 +252,8 @@ def _nees(
     if error is None or covariance is None:
         return None
     covariance = covariance[inside] if of_reference is None else covariance[inside] + of_reference
-    told = np.isfinite(np.concatenate([covariance, error[:, :, None]], axis=2)).all(axis=(1, 2))
-    variance, axes = np.linalg.eigh(np.where(np.reshape(told, (-1, 1, 1)), covariance, 0.0))
+    finite = np.isfinite(np.concatenate([covariance, error[:, :, None]], axis=2)).all(axis=(1, 2))
+    variance, axes = np.linalg.eigh(np.where(np.reshape(finite, (-1, 1, 1)), covariance, 0.0))
     sound = variance[:, 0] > 0
     along = np.einsum("nij,ni->nj", axes, error)
     safe = np.where(sound[:, None], variance, 1.0)

@@ -247,9 +247,9 @@ def _in_tangent(e: FloatArray, P: FloatArray) -> FloatArray:
     Along that there is no error; the others are scaled so that all together have a NEES of 1.
     """
     values, axes = np.linalg.eigh(P)
-    there = values > _NOTHING * values[:, -1:]
-    by_axis = np.einsum("kji,kj->ki", axes, e) / np.sqrt(np.where(there, values, 1.0)) * there
-    scale = np.sqrt(e.shape[1] / there.sum(axis=1))[:, None]
+    present = values > _NOTHING * values[:, -1:]
+    by_axis = np.einsum("kji,kj->ki", axes, e) / np.sqrt(np.where(present, values, 1.0)) * present
+    scale = np.sqrt(e.shape[1] / present.sum(axis=1))[:, None]
     return np.asarray(scale * np.einsum("kij,kj->ki", axes, by_axis))
 
 

@@ -187,12 +187,12 @@ def _half_life_together_s(flights: Sequence[Errors], lasting: float) -> float:
 def _half_life_swinging_s(flights: Sequence[Errors], lasting: float, axes: int | None) -> float:
     """Return the half-life with which no frequency is surer than it is right; 0 of even flights."""
     step_s = _step_s(flights)
-    whole = [error for t_s, error in flights if np.ptp(np.diff(t_s)) < _UNEVEN * step_s]
-    longest = max((len(error) for error in whole), default=0) // _LEAST_ANSWERS
+    even = [error for t_s, error in flights if np.ptp(np.diff(t_s)) < _UNEVEN * step_s]
+    longest = max((len(error) for error in even), default=0) // _LEAST_ANSWERS
     counted = (1 - lasting) * inflation(1.0, HALF_LIVES)
     before, above = 0.0, np.inf
     for every in np.unique(np.geomspace(1, max(longest, 1), _TRIED).astype(np.int64)).tolist():
-        seen = [one for one in whole if len(one) >= every * _LEAST_ANSWERS]
+        seen = [one for one in even if len(one) >= every * _LEAST_ANSWERS]
         largest = [_largest(one, every, axes or one.shape[1]) for one in seen]
         ratio = float(np.mean(largest)) / counted if seen else 0.0
         if ratio <= 1:

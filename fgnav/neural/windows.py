@@ -39,13 +39,13 @@ def windows(inputs: Sequence[Input], records: Sequence[Record], t_s: FloatArray)
     for one, record in zip(inputs, records, strict=True):
         last = np.searchsorted(record.t_s, t_s + _SAME_S, side="right") - 1
         rows = last[:, None] + np.arange(1 - one.window, 1)
-        whole = rows[:, 0] >= 0
+        complete = rows[:, 0] >= 0
         rows = rows.clip(0)
         values = record.values[rows] if len(record.t_s) else _none(len(t_s), one, record)
         seen.append(values)
-        whole &= _covered(one, record, t_s, rows)
+        complete &= _covered(one, record, t_s, rows)
         reasons = {
-            f"{one.sensor} has no window of {one.window} samples at {one.rate_hz:g} Hz": whole
+            f"{one.sensor} has no window of {one.window} samples at {one.rate_hz:g} Hz": complete
         }
         inside = one.inside(values)
         for c in np.flatnonzero(~inside.all(axis=0)):

@@ -104,17 +104,17 @@ def _links_of(
     antenna, channel = np.empty(len(places), np.int64), np.empty(len(places), np.int64)
     arm = np.zeros((len(places), 3))
     antennas, channels = 0, 0
-    anew = np.full(m, -1)
+    renumbered = np.full(m, -1)
     of_antenna = np.full((found.cycles.shape[1] + 1, groups), -1)
     for s in range(len(places)):
         i, j = places[s] // m, places[s] % m
-        if anew[j] < 0:
-            anew[j] = channels
+        if renumbered[j] < 0:
+            renumbered[j] = channels
             channels += 1
         if of_antenna[i, group[j]] < 0:
             of_antenna[i, group[j]] = antennas
             antennas += 1
-        antenna[s], channel[s] = of_antenna[i, group[j]], anew[j]
+        antenna[s], channel[s] = of_antenna[i, group[j]], renumbered[j]
         if i > 0:
             e, b = epochs.e_n[k, j], found.baselines_n_m[r, i - 1]
             for c in range(3):
@@ -123,10 +123,10 @@ def _links_of(
     used = np.empty(channels, np.int64)
     variance_m2 = np.empty((2, channels))
     for j in range(m):
-        if anew[j] >= 0:
-            used[anew[j]] = j
-            variance_m2[0, anew[j]] = epochs.phase_variance_m2[k, j]
-            variance_m2[1, anew[j]] = epochs.code_variance_m2[k, j]
+        if renumbered[j] >= 0:
+            used[renumbered[j]] = j
+            variance_m2[0, renumbered[j]] = epochs.phase_variance_m2[k, j]
+            variance_m2[1, renumbered[j]] = epochs.code_variance_m2[k, j]
     return Links(antenna, channel, arm, variance_m2, log_odds(variance_m2), antennas), used
 
 

@@ -121,7 +121,7 @@ def _summary_of_batch(summaries: list[Summary], out: Path) -> Summary:
     """Return what was made in a batch: what the first flight holds, all the others do too."""
     first, last = summaries[0], summaries[-1]
     seeds = f"{first['seed']} to {last['seed']}"
-    whole: Summary = {
+    batch: Summary = {
         "folder": str(out),
         "name": first["name"],
         "flights": len(summaries),
@@ -130,7 +130,7 @@ def _summary_of_batch(summaries: list[Summary], out: Path) -> Summary:
     alike = {
         key: value for key, value in first.items() if all(s.get(key) == value for s in summaries)
     }
-    return whole | {key: value for key, value in alike.items() if key not in whole}
+    return batch | {key: value for key, value in alike.items() if key not in batch}
 
 
 def _print_summary(summary: Summary) -> None:

@@ -65,8 +65,8 @@ def flights_lines(comparison: FlightsComparison, width: int) -> list[str]:
         )
         heads = [["figure, method", "flights", "difference", "ratio", "p", ""]]
         lines += ["", *_folded(text, width), *folded_table(heads, rows, width)]
-    said = [*reference_lines(comparison), *failure_lines(comparison)]
-    return lines + [part for line in said for part in _folded(line, width)]
+    remarks = [*reference_lines(comparison), *failure_lines(comparison)]
+    return lines + [part for line in remarks for part in _folded(line, width)]
 
 
 def _folded(text: str, width: int) -> list[str]:

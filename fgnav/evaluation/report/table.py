@@ -96,13 +96,13 @@ def remarks(comparison: Comparison) -> list[str]:
             lines.append(f"{method.name}: no solution: {score.failure}")
         elif not score.converged:
             lines.append(f"{method.name}: did not converge; its figures are not to be trusted")
-    lines += _said_by(
+    lines += _by_method(
         (m.name, tuple(f"{state} is unobservable" for state in m.score.unobservable))
         for m in comparison.methods
     )
-    lines += _said_by((m.name, _doubt(m.score.integers)) for m in comparison.methods)
-    lines += _said_by((m.name, m.score.notes) for m in comparison.methods)
-    lines += _said_by((m.name, rejection_lines(m.rejections)) for m in comparison.methods)
+    lines += _by_method((m.name, _doubt(m.score.integers)) for m in comparison.methods)
+    lines += _by_method((m.name, m.score.notes) for m in comparison.methods)
+    lines += _by_method((m.name, rejection_lines(m.rejections)) for m in comparison.methods)
     per_method = {m.name: m.score.losses for m in comparison.solved}
     return lines + loss_lines(per_method)
 
@@ -173,7 +173,7 @@ def loss_lines(per_owner: dict[str, tuple[Loss, ...]]) -> list[str]:
     return lines
 
 
-def _said_by(sayings: Iterable[tuple[str, tuple[str, ...]]]) -> list[str]:
+def _by_method(sayings: Iterable[tuple[str, tuple[str, ...]]]) -> list[str]:
     """Return each saying once, with all who said it."""
     speakers: dict[str, list[str]] = {}
     for name, texts in sayings:

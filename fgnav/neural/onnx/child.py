@@ -36,20 +36,20 @@ def main() -> None:
     with suppress(EOFError, BrokenPipeError):
         while True:
             words, arrays = receive(sys.stdin.buffer)
-            said: dict[str, Any] = {}
-            found: list[NDArray[Any]] = []
+            header: dict[str, Any] = {}
+            results: list[NDArray[Any]] = []
             try:
                 with _ended_after(words["cpu_s"]):
                     if session is None:
                         _bound_memory()
                         session = _opened(arrays[0].tobytes(), words["threads"])
-                        said = {side: _ports(session, side) for side in ("inputs", "outputs")}
+                        header = {side: _ports(session, side) for side in ("inputs", "outputs")}
                     else:
                         feed = dict(zip(words["inputs"], arrays, strict=True))
-                        found = _run(session, words["outputs"], feed)
+                        results = _run(session, words["outputs"], feed)
             except Exception as error:  # noqa: BLE001  # whatever it is, the parent raises it
-                said = {"error": " ".join(str(error).split()) or type(error).__name__}
-            send(answers, said, found)
+                header = {"error": " ".join(str(error).split()) or type(error).__name__}
+            send(answers, header, results)
 
 
 def _bound_memory() -> None:
@@ -92,13 +92,13 @@ def _ports(session: "InferenceSession", side: str) -> list[Any]:
 def _run(
     session: "InferenceSession", outputs: list[str], feed: dict[str, NDArray[Any]]
 ) -> list[NDArray[Any]]:
-    found = [np.asarray(one) for one in session.run(outputs, feed)]
-    for name, one in zip(outputs, found, strict=True):
+    results = [np.asarray(one) for one in session.run(outputs, feed)]
+    for name, one in zip(outputs, results, strict=True):
         if one.dtype.kind not in "biuf":
             raise ValueError(f"output {name!r} is no array of numbers")
-    if sum(one.nbytes for one in found) > _ANSWER_BYTES:
+    if sum(one.nbytes for one in results) > _ANSWER_BYTES:
         raise ValueError(f"more than {_ANSWER_BYTES} bytes of outputs")
-    return found
+    return results
 
 
 @contextmanager

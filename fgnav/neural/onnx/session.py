@@ -108,15 +108,15 @@ class Session:
     ) -> tuple[dict[str, Any], list[NDArray[Any]]]:
         try:
             send(_pipe(self._child.stdin), {**words, "cpu_s": CPU_S}, arrays)
-            said, found = receive(_pipe(self._child.stdout))
-            reason = said.get("error")
+            header, results = receive(_pipe(self._child.stdout))
+            reason = header.get("error")
         except (EOFError, OSError):
             reason = _ending(self._child)
-            said, found = {}, []
+            header, results = {}, []
             self._owner = 0  # whoever asks again asks another process
         if reason is not None:
             raise BadInputError(f"{self._path}: onnxruntime {what}: {reason:.{_LONGEST_REASON}}")
-        return said, found
+        return header, results
 
 
 def _ports(graph: list[Any]) -> tuple[Port, ...]:

@@ -117,9 +117,9 @@ class Network:
         doubt = f"probability of wrong integers above {self.wrong_max:g} by the network"
         worse = "part of a link that the network takes for worse than stated"
         fixed = links & sure[:, None, None] & ~bad
-        told = np.where(there, "", "no link with code and phase").astype(object)
-        told[sure & bad.any(axis=(1, 2))] = worse
-        told[there & ~sure] = doubt
+        reasons = np.where(there, "", "no link with code and phase").astype(object)
+        reasons[sure & bad.any(axis=(1, 2))] = worse
+        reasons[there & ~sure] = doubt
         missing = {
             WITHOUT_CODE: phase_links(differences) & ~links,
             doubt: links & ~sure[:, None, None],
@@ -131,7 +131,7 @@ class Network:
             fixed=fixed,
             ratio=np.where(links.any(axis=2), trust.ratio[:, None], np.nan),
             wrong_probability=trust.wrong_probability,
-            reasons=tuple(told.tolist()),
+            reasons=tuple(reasons.tolist()),
             losses=not_fixed(missing),
         )
 
@@ -145,7 +145,7 @@ class Network:
         """Return what the fallback makes of epochs outside the domain, and say so."""
         found = self.fallback(differences, flight)
         texts, counts = np.unique([outside[k] for k in at], return_counts=True)
-        told = [
+        losses = [
             Loss(
                 what="epoch's trust",
                 reason=f"{text}, the network's training domain: left to {self.fallback.name}",
@@ -160,7 +160,7 @@ class Network:
             ratio=found.ratio,
             wrong_probability=found.wrong_probability,
             reasons=found.reasons,
-            losses=(*told, *found.losses),
+            losses=(*losses, *found.losses),
         )
 
 

@@ -32,8 +32,8 @@ def double_differences_of(epochs: ArrayEpochs) -> DoubleDifferences:
     ):
         raise BadInputError("array epochs: arrays differ from run to run; take epochs of one run")
     reference = _references(epochs)
-    there = epochs.satellites != ""
-    usable = there & (reference[:, epochs.group] >= 0)
+    occupied = epochs.satellites != ""
+    usable = occupied & (reference[:, epochs.group] >= 0)
     return DoubleDifferences(
         t_s=_times_s(epochs),
         baselines_b_m=array_b_m[1:] - array_b_m[0],

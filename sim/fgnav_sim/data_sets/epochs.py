@@ -132,8 +132,8 @@ def _antennas(
     scale = rng.uniform(*array.scale, (runs, 1, 1))
     antennas_b_m = scale * np.array(array.box_m) * rng.uniform(-0.5, 0.5, (runs, most, 3))
     antennas_b_m[:, 0] = 0.0
-    there = rng.integers(*array.antennas, runs, endpoint=True)[:, None] > np.arange(most)
-    antennas_b_m[~there] = np.nan
+    present = rng.integers(*array.antennas, runs, endpoint=True)[:, None] > np.arange(most)
+    antennas_b_m[~present] = np.nan
     return np.asarray(antennas_b_m[run])
 
 

@@ -154,7 +154,7 @@ def make_data_set(
     ]
     for k, size in enumerate(sizes):
         name = f"{k + 1:04d}.npz"
-        if not (k < len(done) and _whole(folder / done[k].name, done[k])):
+        if not (k < len(done) and _is_intact(folder / done[k].name, done[k])):
             columns = _drawn(world, seed, k, size)
             if not (folder / MANIFEST).exists():  # before any shard: a folder always says whose
                 made_folder(folder)
@@ -216,7 +216,7 @@ def _portable(world: World | GravityWorld) -> World | GravityWorld:
     return msgspec.structs.replace(world, satellites=msgspec.structs.replace(table, **files))
 
 
-def _whole(path: Path, shard: Shard) -> bool:
+def _is_intact(path: Path, shard: Shard) -> bool:
     return path.is_file() and _digest(path) == shard.sha256
 
 

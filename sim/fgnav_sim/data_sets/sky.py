@@ -52,7 +52,7 @@ class _Slots:
     """Who is where: satellites by number (k, m), whether there is one, and their directions."""
 
     number: IntArray
-    there: BoolArray
+    filled: BoolArray
     e_n: FloatArray
 
 
@@ -77,13 +77,13 @@ def skies(world: World, runs: int, *, rng: np.random.Generator) -> Sky:
         parts += [part] * len(signals)
     width = [part.number.shape[1] for part in parts]
     kinds = [(letter, s) for letter, signals in table.signals.items() for s in signals]
-    there = np.concatenate([part.there for part in parts], axis=1)[series.row]
+    filled = np.concatenate([part.filled for part in parts], axis=1)[series.row]
     e_n = np.concatenate([part.e_n for part in parts], axis=1)[series.row]
     number = np.concatenate([part.number for part in parts], axis=1)[series.row]
-    elevation_rad = np.where(there, np.arcsin(np.clip(-e_n[..., 2], -1, 1)), np.nan)
+    elevation_rad = np.where(filled, np.arcsin(np.clip(-e_n[..., 2], -1, 1)), np.nan)
     return Sky(
         t_s=series.t_s.ravel()[series.row],
-        satellites=np.where(there, np.array(satellites)[number], ""),
+        satellites=np.where(filled, np.array(satellites)[number], ""),
         signals=tuple(s for (_, s), w in zip(kinds, width, strict=True) for _ in range(w)),
         constellations=tuple(c for (c, _), w in zip(kinds, width, strict=True) for _ in range(w)),
         e_n=e_n,
@@ -198,15 +198,15 @@ def _constellation(
     most = min(most, len(numbers))
     # The highest first where there are too many for the slots; else in the order of their names.
     rank = np.argsort(np.where(kept, towards[..., 2], np.inf), axis=1, kind="stable")[:, :most]
-    there = np.take_along_axis(kept, rank, axis=1)
-    column = np.sort(np.where(there, rank, len(numbers)), axis=1)
-    there = column < len(numbers)
-    column = np.where(there, column, 0)
+    filled = np.take_along_axis(kept, rank, axis=1)
+    column = np.sort(np.where(filled, rank, len(numbers)), axis=1)
+    filled = column < len(numbers)
+    column = np.where(filled, column, 0)
     e_n = np.take_along_axis(towards, column[..., None], axis=1)
     return _Slots(
-        number=np.where(there, numbers[column], 0),
-        there=there,
-        e_n=np.where(there[..., None], e_n, 0.0),
+        number=np.where(filled, numbers[column], 0),
+        filled=filled,
+        e_n=np.where(filled[..., None], e_n, 0.0),
     )
 
 

@@ -31,7 +31,7 @@ class Sky:
 class Tracking:
     """What is tracked, and where its integers change."""
 
-    there: BoolArray  # (n, a, m)
+    tracked: BoolArray  # (n, a, m)
     flagged: BoolArray  # (n, a, m); where receivers announce that phase does not continue
     # (n, a, m); by how much phase differs from what it is with the integer of the satellite's whole
     # pass
@@ -55,18 +55,18 @@ def track(
     """
     lock_rng, slips_rng, integer_rng = rng.spawn(3)
     shape = (len(above), antennas, above.shape[1])
-    there = np.repeat(above[:, None], antennas, axis=1)
-    there &= ~_blocked(sensor.outages, sky, t_s, antennas)
+    tracked = np.repeat(above[:, None], antennas, axis=1)
+    tracked &= ~_blocked(sensor.outages, sky, t_s, antennas)
     if sensor.body_mask is not None and sky.e_b is not None:
-        there &= _uncovered(sensor.body_mask, sky.e_b, antennas)
+        tracked &= _uncovered(sensor.body_mask, sky.e_b, antennas)
     relocked = np.zeros(shape, dtype=bool)
     if sensor.loss_of_lock is not None:
         lost, relocked = _losses(sensor.loss_of_lock, shape, t_s, sensor.rate_hz, rng=lock_rng)
-        there &= ~lost
-    before = np.zeros_like(there)
-    before[1:] = there[:-1]
-    relocked &= there
-    relocked[1:] |= there[1:] & ~before[1:]
+        tracked &= ~lost
+    before = np.zeros_like(tracked)
+    before[1:] = tracked[:-1]
+    relocked &= tracked
+    relocked[1:] |= tracked[1:] & ~before[1:]
     relocked[0] = False
     changes = np.zeros(shape, dtype=np.int32)
     changes[relocked] = integer_rng.integers(
@@ -79,9 +79,9 @@ def track(
     changes *= 2
     flagged = relocked
     if sensor.slips is not None:
-        flagged = flagged | _slip(sensor.slips, changes, there & before, t_s, rng=slips_rng)
+        flagged = flagged | _slip(sensor.slips, changes, tracked & before, t_s, rng=slips_rng)
     half_cycles = np.cumsum(changes, axis=0, dtype=np.int32)
-    return Tracking(there=there, flagged=flagged, half_cycles=half_cycles)
+    return Tracking(tracked=tracked, flagged=flagged, half_cycles=half_cycles)
 
 
 def _blocked(

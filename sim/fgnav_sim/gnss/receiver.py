@@ -71,8 +71,8 @@ def observe(
     for first in range(0, len(t_s), _BLOCK):
         block = slice(first, first + _BLOCK)
         seen = _links(scenario, orbits, channels, t_s[block, None] - offset_s[block])
-        held_up_m = delays_m(sensor, scenario, messages or orbits, channels, t_s[block], seen)
-        measured.fill(block, seen, offset_s, drift_sps, held_up_m)
+        late_m = delays_m(sensor, scenario, messages or orbits, channels, t_s[block], seen)
+        measured.fill(block, seen, offset_s, drift_sps, late_m)
         if measured.e_b is not None:
             true_s = t_s[block] - offset_s[block, 0]
             measured.e_b[block] = e_b = _directions_b(scenario, true_s, seen)
@@ -144,12 +144,12 @@ class _Measured:
         seen: Links,
         offset_s: FloatArray,
         drift_sps: FloatArray,
-        held_up_m: tuple[FloatArray, FloatArray],
+        late_m: tuple[FloatArray, FloatArray],
     ) -> None:
         """Set what perfect receivers with these clocks would measure at a block of epochs."""
         biased_m = seen.range_m + C_MPS * (offset_s[block, :, None] - seen.clock_s)
-        self.code_m[block] = biased_m + held_up_m[0][:, None]
-        self.phase_m[block] = biased_m + held_up_m[1][:, None]
+        self.code_m[block] = biased_m + late_m[0][:, None]
+        self.phase_m[block] = biased_m + late_m[1][:, None]
         drift = drift_sps[block, :, None] - seen.clock_drift_sps
         self.rate_mps[block] = seen.range_rate_mps + C_MPS * drift
         self.elevation_rad[block] = seen.elevation_rad
@@ -239,7 +239,7 @@ def _received(
 ) -> Received:
     """Return observations of what is tracked; channels that never are have no place."""
     antennas = measured.code_m.shape[1]
-    kept = np.flatnonzero(tracking.there.any(axis=(0, 1)))
+    kept = np.flatnonzero(tracking.tracked.any(axis=(0, 1)))
     if not above.any():
         raise empty_sky(sensor)
     if not kept.size:
@@ -248,7 +248,7 @@ def _received(
     rises = np.vstack([np.zeros_like(above[:1]), above[1:] & ~above[:-1]])
 
     def dense(value: FloatArray) -> FloatArray:
-        return np.where(tracking.there, value, np.nan)[..., kept]
+        return np.where(tracking.tracked, value, np.nan)[..., kept]
 
     of_satellite, of_receiver, integers = _cycles(channels, rises, antennas, rng=rng)
     pairs = tuple(zip(channels.satellites, channels.signals, strict=True))
@@ -273,7 +273,7 @@ def _received(
     names = antenna_names(antennas)
     return Received(
         observations=observations,
-        integers=link_integers(names, named, t_s, tracking.there[..., kept], cycles[..., kept]),
+        integers=link_integers(names, named, t_s, tracking.tracked[..., kept], cycles[..., kept]),
         satellite_cycles=sent,
     )
 

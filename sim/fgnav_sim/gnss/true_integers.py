@@ -10,7 +10,7 @@ def link_integers(
     antennas: tuple[str, ...],
     channels: tuple[tuple[str, str], ...],
     t_s: FloatArray,
-    there: BoolArray,
+    tracked: BoolArray,
     cycles: FloatArray,
 ) -> LinkIntegers:
     """Return one row wherever a link begins to be tracked or its integer changes.
@@ -24,8 +24,8 @@ def link_integers(
         What is tracked.
     cycles : ndarray, shape (n, a, m)
     """
-    begins = there.copy()
-    begins[1:] &= ~there[:-1] | (cycles[1:] != cycles[:-1])
+    begins = tracked.copy()
+    begins[1:] &= ~tracked[:-1] | (cycles[1:] != cycles[:-1])
     antenna, channel, epoch = np.nonzero(begins.transpose(1, 2, 0))  # link by link, in time
     return LinkIntegers(
         antennas=tuple(antennas[i] for i in antenna),

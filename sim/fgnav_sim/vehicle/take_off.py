@@ -94,7 +94,7 @@ def _vehicle(table: FlownTable) -> Vehicle:
 
 def _plan(scenario: Scenario, table: FlownTable, planet: Planet) -> Plan:
     """Return a plan that lasts two rows longer than the scenario: receivers' clocks err."""
-    held = table.attitude
+    commanded = table.attitude
     interval_s = max(ROW_INTERVAL_S, table.step_s)
     rows = np.ceil(scenario.duration_s / interval_s - 1e-9) + 2
     return Plan(
@@ -103,7 +103,7 @@ def _plan(scenario: Scenario, table: FlownTable, planet: Planet) -> Plan:
         row_interval_s=interval_s,
         gravity=table.gravity or scenario.gravity,
         ground_m=table.ground_m,
-        commands=(held.roll, held.pitch, held.yaw) if held else None,
+        commands=(commanded.roll, commanded.pitch, commanded.yaw) if commanded else None,
         planet=planet,
     )
 

@@ -39,7 +39,7 @@ def rows_drawings(title: str, unit: str, of: Sequence[Rows], time: Axis) -> list
     edges_s = np.linspace(time.low, time.high, _CELLS + 1)
     rms = [_rms(one, edges_s) for one in of]
     full = float(np.median([np.nanpercentile(values, _SHOWN) for values in rms])) or 1.0
-    said = f"row height: {full:.3g} {unit}"
+    legend = f"row height: {full:.3g} {unit}"
     x = across((edges_s[:-1] + edges_s[1:]) / 2, time)
     drawings = []
     for first in range(0, len(labels), _MOST):
@@ -48,7 +48,7 @@ def rows_drawings(title: str, unit: str, of: Sequence[Rows], time: Axis) -> list
             shape for k, label in enumerate(some) for shape in _row(k, label, of, rms, (x, full))
         ]
         bottom = _TOP + _ROW * len(some)
-        scale = Text(x=WIDE - 8, y=11.0, text=said, anchor="end")
+        scale = Text(x=WIDE - 8, y=11.0, text=legend, anchor="end")
         drawings.append(
             Drawing(
                 title=title if first == 0 else f"{title}, from {some[0]}",

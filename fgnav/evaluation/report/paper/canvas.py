@@ -144,7 +144,7 @@ class Sheet:
     ) -> None:
         if not shape.outlines:
             return
-        whole = Outline.make_compound_path(
+        outline = Outline.make_compound_path(
             *(
                 Outline(np.stack([np.append(x, x[0]), np.append(y, y[0])], axis=1), closed=True)
                 for x, y in shape.outlines
@@ -153,7 +153,7 @@ class Sheet:
         colour = LIGHT[shape.mark]
         self._add(
             PathPatch(
-                whole,
+                outline,
                 facecolor=(colour, 1.0 if shape.solid else _SHADE),
                 edgecolor="none" if shape.solid else colour,
                 lw=_EDGE * scale,

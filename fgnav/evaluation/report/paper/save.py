@@ -16,7 +16,7 @@ from fgnav.io.atomic_write import atomic_file
 _DOTS = 200  # of an inch of a PNG
 _BELOW = 8.0  # points of ground below what a PNG shows
 _OURS, _HEAD = "a report of fgnav", 400  # said within the first bytes of each picture
-_SAYS = {"Software": _OURS}
+_METADATA = {"Software": _OURS}
 _STYLE: Any = {"font.family": "sans-serif", "pdf.fonttype": 42}  # letters stay letters
 
 
@@ -60,4 +60,4 @@ def _save_png(sheet: Sheet, foot: float, path: Path) -> None:
     FigureCanvasAgg(sheet.figure)
     sheet.cut(foot + _BELOW)
     with atomic_file(path) as part:
-        sheet.figure.savefig(part, format="png", dpi=_DOTS, metadata=_SAYS)
+        sheet.figure.savefig(part, format="png", dpi=_DOTS, metadata=_METADATA)

@@ -92,11 +92,11 @@ def _innovation_histograms(methods: Sequence[Method], marks: dict[str, str]) -> 
                 rules={low: "", high: f"95 % of {count} independent"},
             ).drawing()
         )
-    said = paragraph(
+    explanation = paragraph(
         "Ten per cent in each decile where the noise is what it is stated to be: more at the "
         "right, noise is larger; at the left, smaller; at both ends, outliers or a mixture."
     )
-    return folded("histograms of NIS", said + grid(charts)) if charts else []
+    return folded("histograms of NIS", explanation + grid(charts)) if charts else []
 
 
 def _normalised_errors(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> Blocks:

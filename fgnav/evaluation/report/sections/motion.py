@@ -179,10 +179,10 @@ def _angle(states: list[_States], k: int, name: str, time: Axis) -> Chart:
     of = [(one, one.euler_deg[:, k]) for one in states]
     shown = [(one, y) for one, y in of if np.isfinite(y).any()]
     for one, angle_deg, width in _behind(shown):
-        whole = unjumped_deg(angle_deg)
-        jumps = int((np.isnan(whole) & np.isfinite(angle_deg)).sum())
+        continuous_deg = unjumped_deg(angle_deg)
+        jumps = int((np.isnan(continuous_deg) & np.isfinite(angle_deg)).sum())
         dots = jumps > _WRAPS * min(BINS, len(angle_deg))
-        y = angle_deg if dots else whole
+        y = angle_deg if dots else continuous_deg
         lines.append(Line(mark=one.mark, name=one.name, x=one.t_s, y=y, dots=dots, width=width))
     return Chart(
         title=name, x=time, y=spanning(f"{name}, deg", [line.y for line in lines]), lines=lines

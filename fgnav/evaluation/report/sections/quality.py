@@ -16,7 +16,7 @@ from fgnav.types.flight import Flight
 
 # From the worst: a cell of several epochs shows the first that occurs.
 _FLAGS = ("absent", "predicted", "refused", "fixed")
-_SAID = ("no answer", "no GNSS", "no integers", "integers fixed")
+_LABELS = ("no answer", "no GNSS", "no integers", "integers fixed")
 _CELLS = 300
 _NEAR = 0.75  # usual intervals: epochs that follow each other have none further away than a half
 _TOP, _ROW = 20.0, 30.0
@@ -26,7 +26,7 @@ def quality_strips(flight: Flight, methods: Sequence[Method], time: Axis) -> Blo
     """Return a row for each method: integers, none, no GNSS at all, or no answer."""
     edges_s = np.linspace(time.low, time.high, _CELLS + 1)
     measured_s = _measured(flight)
-    shapes = key(list(zip(_FLAGS[::-1], _SAID[::-1], strict=True)), 2.0, 104.0)
+    shapes = key(list(zip(_FLAGS[::-1], _LABELS[::-1], strict=True)), 2.0, 104.0)
     of = [(m.name, m.estimate) for m in methods if m.estimate is not None and len(m.estimate.t_s)]
     for row, (name, estimate) in enumerate(of):
         top = _TOP + _ROW * row

@@ -65,7 +65,7 @@ def release_network(
     known = replace(GIVEN[_SENSOR], channels=example.shape[1])
     classifies = net.task == "classification"
     form = Covariance(form="probability", name="probability") if classifies else _NOTHING
-    said, figures = words_and_figures(words.domain)
+    card_words, figures = words_and_figures(words.domain)
     manifest = manifest_of(
         words,
         (epoch_input("features", _SENSOR, known, net.window),),
@@ -73,6 +73,6 @@ def release_network(
         figures,
         made_with(int(recipe["seed"]), recipe, metrics),
     )
-    words = msgspec.structs.replace(words, domain=said)
+    words = msgspec.structs.replace(words, domain=card_words)
     windows = example[:, None].repeat(net.window, axis=1)
     return release(Answer(net), [windows], manifest, words, metrics, folder, half=True)

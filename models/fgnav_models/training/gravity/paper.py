@@ -113,8 +113,8 @@ def _error_deg(
     if not trained.finished:
         raise SliceOver
     with torch.no_grad():
-        told = net.cpu().gravity_b_mps2(Rows.of(apart).f_b_mps2).numpy().astype(float)
-    error = rms(angles_deg(told, apart.g_b))
+        estimated = net.cpu().gravity_b_mps2(Rows.of(apart).f_b_mps2).numpy().astype(float)
+    error = rms(angles_deg(estimated, apart.g_b))
     write_text(done, f"{error!r}\n")
     return error
 

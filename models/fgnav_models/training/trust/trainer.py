@@ -33,7 +33,7 @@ from fgnav_sim.data_sets.world import RandomArray, World
 _CHUNK = 4096  # rows at a time through the network
 _VALIDATION = 6  # every so many arrays, one is for validation and temperature
 _TRIAL_NODES = 10**6  # as the resolver
-_TOLD = {  # of a trial, and how the card calls it
+_FIGURES = {  # of a trial, and how the card calls it
     "epochs": "epochs",
     "success_percent": "right, %",
     "coverage_percent": "P > 0.999, %",
@@ -143,8 +143,8 @@ def _tried(net: TrustNet, recipe: Recipe, order: Order) -> str | None:
         if part is None:
             return None
         found = judged(*scores(net, part), part)
-        rows.append((trial.name, *(f"{found[name]:.4g}" for name in _TOLD)))
-    return markdown_table(("world", *_TOLD.values()), rows)
+        rows.append((trial.name, *(f"{found[name]:.4g}" for name in _FIGURES)))
+    return markdown_table(("world", *_FIGURES.values()), rows)
 
 
 def _kept(order: Order, name: str, draw: Callable[[], TrustSamples]) -> TrustSamples | None:
