@@ -117,7 +117,7 @@ class GravityFlight:
         shared = torch.zeros(len(A), 2, len(constants), dtype=A.dtype)
         if errors.lasting:
             columns = self.flight.linearised.problem.constants.columns(errors.constant)
-            shared[:, :, columns] = np.sqrt(errors.lasting) * _root(P) @ A
+            shared[:, :, columns] = np.sqrt(errors.lasting) * symmetric_root(P) @ A
         return negative_log_likelihood(
             self.flight,
             self.row[which],
@@ -128,7 +128,7 @@ class GravityFlight:
         )
 
 
-def _root(P: torch.Tensor) -> torch.Tensor:
+def symmetric_root(P: torch.Tensor) -> torch.Tensor:
     """Return the symmetric roots of covariances, (k, 2, 2), by Cayley and Hamilton's theorem."""
     root_det = torch.linalg.det(P).sqrt()[:, None, None]
     trace = torch.einsum("kii->k", P)[:, None, None]

@@ -44,12 +44,12 @@ def drawn(seed, count=6):
 def test_torch_has_its_derivative():
     flight, row, jacobian, true = drawn(1)
 
-    def loss(residual, root):
+    def loss(residual, root, shared):
         covariance = root @ root.transpose(1, 2) + 0.1 * torch.eye(2, dtype=root.dtype)
-        return negative_log_likelihood(flight, row, jacobian, residual, covariance)
+        return negative_log_likelihood(flight, row, jacobian, residual, covariance, shared)
 
     rng = np.random.default_rng(2)
-    inputs = (-true, rng.normal(size=(len(row), 2, 2)))
+    inputs = (-true, rng.normal(size=(len(row), 2, 2)), rng.normal(size=(len(row), 2, 2)))
     tensors = tuple(torch.from_numpy(x).requires_grad_() for x in inputs)
     assert torch.autograd.gradcheck(loss, tensors, eps=1e-6, atol=1e-6)
 
