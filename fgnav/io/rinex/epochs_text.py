@@ -42,7 +42,8 @@ def epochs_text(
     heads = _heads(dates, measured.sum(axis=1))
     text = np.concatenate([heads, lines.reshape(n, -1)], axis=1)
     kept = np.concatenate([np.ones(heads.shape, np.bool_), kept.reshape(n, -1)], axis=1)
-    return text[kept].tobytes()
+    out: bytes = text[kept].tobytes()
+    return out
 
 
 def _heads(dates: IntArray, satellites: IntArray) -> Bytes:
