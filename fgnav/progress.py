@@ -11,10 +11,10 @@ _WATCHER: ContextVar[Callable[[float], None] | None] = ContextVar("watcher", def
 
 
 def report(share: float) -> None:
-    """Tell the watcher, if any, which share of the work in hand is done, 0 to 1."""
-    hearing = _WATCHER.get()
-    if hearing is not None:
-        hearing(share)
+    """Report to the watcher, if any, which share of the work in hand is done, 0 to 1."""
+    callback = _WATCHER.get()
+    if callback is not None:
+        callback(share)
 
 
 def steps(count: int) -> Iterator[int]:
@@ -25,14 +25,14 @@ def steps(count: int) -> Iterator[int]:
 
 
 def watcher() -> Callable[[float], None] | None:
-    """Return who hears what is reported; None: nobody."""
+    """Return the callback of what is reported; None: nobody watches."""
     return _WATCHER.get()
 
 
 @contextmanager
-def watched_by(hearing: Callable[[float], None]) -> Iterator[None]:
-    """Let ``hearing`` have every ``report`` while this lasts."""
-    token = _WATCHER.set(hearing)
+def watched_by(callback: Callable[[float], None]) -> Iterator[None]:
+    """Pass every ``report`` to a callback while this lasts."""
+    token = _WATCHER.set(callback)
     try:
         yield
     finally:

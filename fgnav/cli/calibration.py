@@ -36,7 +36,7 @@ def calibration(
     with progress(1 + len(flights)) as step:
         loaded = [load(folder, step) for folder in flights]
         with step("judging"):
-            found = judged(manifest, [(flight, {}) for flight in loaded])
-    write_json(json, asdict(found))
+            judgement = judged(manifest, [(flight, {}) for flight in loaded])
+    write_json(json, asdict(judgement))
     if json != "-":
-        show_lines(str(found).splitlines())
+        show_lines(str(judgement).splitlines())

@@ -27,8 +27,9 @@ def demo(folder: Path | None = None, /) -> None:
     flight = str(place / "flight")
     figures = ["--json", str(place / "compare.json"), "--report", str(place / "report.html")]
     place.mkdir(parents=True, exist_ok=True)
-    # The flight states its own noise right: identifying it would only compile for longer.
-    simple = ["--noise", "stated"]
+    # The flight states its own noise right, and LAMBDA finds the integers that the default resolver
+    # finds: identifying noise and searching under the array's shape would only compile for longer.
+    simple = ["--noise", "stated", "--integers", "lambda"]
     for words in (
         ["simulate", "demo", "--seed", "1", "--out", flight],
         ["compare", flight, *simple, *figures],

@@ -47,7 +47,7 @@ def import_(
 
     if not recordings:
         raise BadInputError("recordings: name a file to import, or several")
-    said = read_settings(settings)
+    stated = read_settings(settings)
     importers = {one: importer_named(format or recognised(one)) for one in recordings}
     check_empty(out)
     check_places(json)
@@ -58,11 +58,11 @@ def import_(
         found = []
         for one, importer in importers.items():
             with step(f"reading {one}"):
-                found.append(importer(one, said, Path(scratch)))
+                found.append(importer(one, stated, Path(scratch)))
         with step(f"writing {out}"):
-            whole = assemble(found, said)
-            write(whole, out, verify=bool(whole.observations and whole.navigation))
-    flight = whole.flight
+            assembled = assemble(found, stated)
+            write(assembled, out, verify=bool(assembled.observations and assembled.navigation))
+    flight = assembled.flight
     losses = [asdict(loss) for loss in flight.losses]
     write_json(
         json,
@@ -70,11 +70,11 @@ def import_(
             "flight": flight.name,
             "folder": str(out),
             "losses": losses,
-            "notes": dict(whole.notes),
-            "missing": dict(whole.missing),
+            "notes": dict(assembled.notes),
+            "missing": dict(assembled.missing),
         },
     )
     if json != "-":
         lines = loss_lines({"recording": flight.losses})
-        notes = [f"{key}: {text}" for key, text in (whole.notes | whole.missing).items()]
+        notes = [f"{key}: {text}" for key, text in (assembled.notes | assembled.missing).items()]
         show_lines([f"{flight.name}: written to {out}", *lines, *notes])

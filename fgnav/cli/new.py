@@ -56,16 +56,18 @@ def new(*recordings: Path, out: Path, json: JsonFile = None) -> None:
             with step(f"reading {one}"):
                 found.append(importer_named(name)(one, settings, Path(scratch)))
         with step(f"writing {out}"):
-            whole = assemble(found, settings)
-            said = comments(whole)
-            write(whole, out, verify=False, comments=said, settings=settings if tables else None)
-    edits = {key: text.partition("EDIT")[2] for key, text in said.items() if "EDIT" in text}
+            assembled = assemble(found, settings)
+            texts = comments(assembled)
+            write(
+                assembled, out, verify=False, comments=texts, settings=settings if tables else None
+            )
+    edits = {key: text.partition("EDIT")[2] for key, text in texts.items() if "EDIT" in text}
     names = {str(one): name for one, name in formats.items()}
     write_json(json, {"folder": str(out), "formats": names, "edit": list(edits)})
     if json != "-":
         lines = [f"{one}: {name}" for one, name in names.items()]
         lines += [f"passed over: {str(error).partition(';')[0]}" for error in passed_over]
         lines += [f"{one.file}: columns guessed, see {out / SETTINGS_NAME}" for one in tables]
-        lines += loss_lines({"recording": whole.flight.losses})
+        lines += loss_lines({"recording": assembled.flight.losses})
         lines += [f"edit {key}" for key in edits]
         show_lines([*lines, f"written to {out}; edit flight.toml there, then: fgnav check {out}"])

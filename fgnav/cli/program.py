@@ -110,13 +110,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def commands() -> dict[str, tuple[str, str]]:
     """Return the target and the line of help of each command, installed ones too, by name."""
-    known = dict(_COMMANDS)
+    available = dict(_COMMANDS)
     for entry in entry_points(group="fgnav.commands"):
-        if entry.name not in known:
+        if entry.name not in available:
             brought_by = entry.dist.name if entry.dist is not None else "an installed package"
             text = _INSTALLED_HELP.get(entry.name, f"From {brought_by}.")
-            known[entry.name] = (entry.value, text)
-    return known
+            available[entry.name] = (entry.value, text)
+    return available
 
 
 def program(command: str = "") -> "App":
@@ -135,9 +135,9 @@ def program(command: str = "") -> "App":
         suppress_keyboard_interrupt=False,
     )
     app.register_install_completion_command()
-    known = commands()
-    for name in [command] if command in known else known:
-        target, text = known[name]
+    available = commands()
+    for name in [command] if command in available else available:
+        target, text = available[name]
         app.command(target, name=name, help=text)
     return app
 
@@ -154,9 +154,9 @@ def run(words: list[str]) -> None:
 
     from fgnav.checks import BadInputError  # noqa: PLC0415
 
-    known = commands()
-    if words[0] not in known and not words[0].startswith("-"):
-        meant = get_close_matches(words[0], known, n=1)
+    available = commands()
+    if words[0] not in available and not words[0].startswith("-"):
+        meant = get_close_matches(words[0], available, n=1)
         hint = f"did you mean {meant[0]}?" if meant else "fgnav --help lists them"
         raise BadInputError(f"{words[0]}: no such command; {hint}")
     try:

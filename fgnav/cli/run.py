@@ -72,6 +72,6 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     write_json(json, comparison.to_dict())
     if json != "-":
         n = len(outcome.estimate.t_s)
-        said = f"{outcome.name}: {n} of {comparison.epochs} epochs in {folder / ESTIMATE}"
-        show_lines([said, *remarks(comparison)])
+        summary = f"{outcome.name}: {n} of {comparison.epochs} epochs in {folder / ESTIMATE}"
+        show_lines([summary, *remarks(comparison)])
         show_report(files)

@@ -132,9 +132,9 @@ def chosen(observations: Observations, signals: Mapping[str, Sequence[str]]) -> 
     wanted = {(letter, same_signal(letter, s)) for letter, names in signals.items() for s in names}
     alike = [(letter, same_signal(letter, signal)) for letter, signal in have]
     for letter, signal in sorted(wanted - set(alike)):
-        there = ", ".join(sorted({f"{a} {b}" for a, b in have}))
+        observed = ", ".join(sorted({f"{a} {b}" for a, b in have}))
         raise BadInputError(
-            f"key gnss.signals: no {letter} signal {signal[:2]} was observed; there are {there}"
+            f"key gnss.signals: no {letter} signal {signal[:2]} was observed; there are {observed}"
         )
     keep = np.array([pair in wanted for pair in alike], dtype=bool)
     dropped = int(np.isfinite(observations.code_m[..., ~keep]).sum())

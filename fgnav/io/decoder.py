@@ -174,14 +174,14 @@ class Decoder:
     ) -> None:
         """Wait for a process and turn whatever went wrong into an error that names the file."""
         try:
-            _, told = child.communicate(timeout=limit_s)
+            _, errors = child.communicate(timeout=limit_s)
         except subprocess.TimeoutExpired as error:
             raise BadInputError(
                 f"{self._unfinished(share, jobs)}: RTKLIB's reader did not end within "
                 f"{limit_s:.0f} s; the file is damaged in a way that the checks do not see"
             ) from error
-        if child.returncode > 0 and told:
-            raise BadInputError(f"RTKLIB's reader cannot run: {told.strip().splitlines()[-1]}")
+        if child.returncode > 0 and errors:
+            raise BadInputError(f"RTKLIB's reader cannot run: {errors.strip().splitlines()[-1]}")
         if child.returncode:
             raise BadInputError(
                 f"{self._unfinished(share, jobs)}: RTKLIB's reader crashed (status "
@@ -190,8 +190,8 @@ class Decoder:
 
     def _unfinished(self, share: Sequence[int], jobs: Sequence[Job]) -> Path:
         """Return the file that a process was at: the first without a result."""
-        left = [k for k in share if not self._out(k).exists()]
-        return jobs[left[0] if left else share[-1]].source
+        unfinished = [k for k in share if not self._out(k).exists()]
+        return jobs[unfinished[0] if unfinished else share[-1]].source
 
 
 def _processes(files: Sequence[Path]) -> int:

@@ -24,8 +24,8 @@ LEAPS = np.array(
 
 def to_ticks(gps_s: float) -> int:
     """Return seconds since 1980-01-06 in ticks; a product in double precision would lose one."""
-    whole = math.floor(gps_s)
-    return whole * TICKS_PER_S + round((gps_s - whole) * TICKS_PER_S)
+    seconds = math.floor(gps_s)
+    return seconds * TICKS_PER_S + round((gps_s - seconds) * TICKS_PER_S)
 
 
 def gps_of_utc(unix_s: FloatArray) -> FloatArray:

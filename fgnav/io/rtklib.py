@@ -164,9 +164,9 @@ def differing_fields(binding: ModuleType, library: ctypes.CDLL, folder: str) -> 
         seen = read(library, kind, str(path), "")
         if len(seen) != count or not count:
             return [f"{kind}: number of records"]
-        last, known = seen[count - 1], bound[count - 1]
+        last, expected = seen[count - 1], bound[count - 1]
         for name, *_ in STRUCTURES[kind]._fields_:
-            mine, theirs = getattr(last, name), getattr(known, name)
+            mine, theirs = getattr(last, name), getattr(expected, name)
             if isinstance(mine, Moment):
                 same = (mine.time, mine.sec) == (theirs.time, theirs.sec)
             elif isinstance(mine, ctypes.Array):

@@ -138,13 +138,13 @@ def _check_keys(where: str, value: object, info: inspect.Type) -> None:
             _check_keys(f"{where}[{row}]", inner, item)
     if not isinstance(value, Mapping):
         return
-    known = _known(where, value, info)
+    allowed = _known(where, value, info)
     for key, inner in value.items():
         here = f"{where}.{key}".lstrip(".")
-        if known and key not in known:
-            near = f"{where}.{get_close_matches(key, known, n=1, cutoff=0.0)[0]}".lstrip(".")
+        if allowed and key not in allowed:
+            near = f"{where}.{get_close_matches(key, allowed, n=1, cutoff=0.0)[0]}".lstrip(".")
             raise BadInputError(f"{here}: unknown; the nearest known key is {near}")
-        _check_keys(here, inner, known.get(key, inspect.AnyType()))
+        _check_keys(here, inner, allowed.get(key, inspect.AnyType()))
 
 
 def _words(info: inspect.Type) -> tuple[str, ...]:
@@ -169,21 +169,21 @@ def _known(where: str, value: Mapping[str, object], info: inspect.Type) -> dict[
             got = quoted(value[tag]) if tag in value else "nothing"
             raise BadInputError(f"{where}.{tag}: must be one of {', '.join(by_tag)}, got {got}")
         structs = [by_tag[str(value[tag])]]
-    known = {field.encode_name: field.type for field in structs[0].fields}
-    return known if tag is None else {tag: inspect.AnyType(), **known}
+    allowed = {field.encode_name: field.type for field in structs[0].fields}
+    return allowed if tag is None else {tag: inspect.AnyType(), **allowed}
 
 
 def _explained(text: str, content: object) -> str:
     """Return msgspec's sentence with the key first and the offending value last."""
-    found = _AT.search(text)
-    key, rule = (found["key"], text[: found.start()]) if found else ("", text)
+    match = _AT.search(text)
+    key, rule = (match["key"], text[: match.start()]) if match else ("", text)
     rule = rule.replace("`", "")
     missing = _MISSING.fullmatch(rule)
     if missing:
         return f"{key or 'top level'}: {missing[1]!r} is missing; add it"
-    own = _OWN_RULE.fullmatch(rule)
-    if own:  # a table's own check of its keys together
-        return f"{key}.{own[1]}: {own[2]}".lstrip(".")
+    rule_match = _OWN_RULE.fullmatch(rule)
+    if rule_match:  # a table's own check of its keys together
+        return f"{key}.{rule_match[1]}: {rule_match[2]}".lstrip(".")
     value: Any = content
     for index, name in _STEP.findall(key):
         value = value[int(index)] if index else value[name]

@@ -42,12 +42,12 @@ def write_outcome(
     place = folder / SUMMARY
     with atomic_file(place) as summary, atomic_file(folder / ESTIMATE) as table:
         write_table(table, _table(estimate, origin), FORMATS)
-        told = {
+        written = {
             "file": ESTIMATE,
             "rows": len(estimate.t_s),
             "sha256": hashlib.sha256(table.read_bytes()).hexdigest(),
         }
-        content = json.dumps({**figures, "estimate": told}, indent=2, allow_nan=False)
+        content = json.dumps({**figures, "estimate": written}, indent=2, allow_nan=False)
         summary.write_text(content + "\n", encoding="utf-8")
         place.unlink(missing_ok=True)
 

@@ -77,12 +77,12 @@ def _turned(R: FloatArray, covariance: FloatArray | None, rows: BoolArray) -> Fl
 
 def _six(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return (n, 36) of two blocks; where one is not known, its first element says so."""
-    whole = np.zeros((len(first), 6, 6))
+    covariances = np.zeros((len(first), 6, 6))
     for at, block in ((0, first), (3, second)):
         known = np.isfinite(block).all(axis=(1, 2))
-        whole[known, at : at + 3, at : at + 3] = block[known]
-        whole[~known, at, at] = _UNKNOWN_VARIANCE
-    return whole.reshape(-1, 36)
+        covariances[known, at : at + 3, at : at + 3] = block[known]
+        covariances[~known, at, at] = _UNKNOWN_VARIANCE
+    return covariances.reshape(-1, 36)
 
 
 def _odometry(

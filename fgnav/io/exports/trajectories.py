@@ -85,8 +85,8 @@ def positions(recorded: RecordedEstimate) -> tuple[BoolArray, FloatArray]:
 
 def gps_times(recorded: RecordedEstimate) -> np.ndarray:
     """Return (n,) calendar times, GPS time, to the microsecond."""
-    whole = np.rint((recorded.start_gps_s + recorded.estimate.t_s) * 1e6).astype("timedelta64[us]")
-    return np.asarray(GPS_EPOCH + whole)
+    microseconds = np.rint((recorded.start_gps_s + recorded.estimate.t_s) * 1e6)
+    return np.asarray(GPS_EPOCH + microseconds.astype("timedelta64[us]"))
 
 
 def _roots(covariance: FloatArray) -> FloatArray:

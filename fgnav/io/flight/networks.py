@@ -22,7 +22,7 @@ def manifests(folder: Path, tables: Iterable[NetworkTable]) -> tuple[Path, ...]:
     BadInputError
         If one is not there, is no TOML or JSON by its name, or is named twice.
     """
-    found: list[Path] = []
+    paths: list[Path] = []
     for row, table in enumerate(tables):
         path = folder / table.manifest
         where = f"key network[{row}].manifest"
@@ -32,10 +32,10 @@ def manifests(folder: Path, tables: Iterable[NetworkTable]) -> tuple[Path, ...]:
             )
         if not path.is_file():
             raise BadInputError(f"{where}: {path}: no such file; put it there, or leave it out")
-        if any(path.samefile(other) for other in found):
+        if any(path.samefile(other) for other in paths):
             raise BadInputError(f"{where}: {table.manifest!r} is named twice; it counts once")
-        found.append(path)
-    return tuple(found)
+        paths.append(path)
+    return tuple(paths)
 
 
 def files(manifest: Path) -> tuple[Path, ...]:
@@ -50,12 +50,12 @@ def write(networks: Iterable[Path], folder: Path) -> tuple[NetworkTable, ...]:
     """Copy networks into a flight's folder, a folder for each; return their tables."""
     tables = []
     for number, manifest in enumerate(networks, start=1):
-        own = folder / f"network-{number}"
-        own.mkdir()
+        target = folder / f"network-{number}"
+        target.mkdir()
         for file in files(manifest):
             try:
-                copyfile(file, own / file.name)
+                copyfile(file, target / file.name)
             except OSError as error:
                 raise BadInputError(f"{file}: {error.strerror}") from error
-        tables.append(NetworkTable(manifest=f"{own.name}/{manifest.name}"))
+        tables.append(NetworkTable(manifest=f"{target.name}/{manifest.name}"))
     return tuple(tables)

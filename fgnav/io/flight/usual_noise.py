@@ -51,7 +51,7 @@ def gnss_noise(stated: dict[str, float | None]) -> GnssNoise:
     stated : dict
         By the names of ``GnssNoise``.
     """
-    known = {name: value for name, value in stated.items() if value is not None}
-    unstated = tuple(name for name in stated if name not in known)
-    usual: dict[str, Any] = {**known, "unstated": unstated}
+    given = {name: value for name, value in stated.items() if value is not None}
+    unstated = tuple(name for name in stated if name not in given)
+    usual: dict[str, Any] = {**given, "unstated": unstated}
     return replace(GnssNoise(), **usual)

@@ -92,17 +92,17 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
 
 def _stated(one: Recording, settings: Settings, losses: list[Loss]) -> Recording:
     """Return a recording without instruments whose noise the settings do not state; count them."""
-    left = [kind for kind in _OPTIONAL if kind in one.tables and not getattr(settings, kind)]
-    if left and set(one.tables) == set(left):
+    unused = [kind for kind in _OPTIONAL if kind in one.tables and not getattr(settings, kind)]
+    if unused and set(one.tables) == set(unused):
         raise BadInputError(
-            f"{one.source}: holds {' and '.join(left)} alone; state noise in [{left[0]}] of "
+            f"{one.source}: holds {' and '.join(unused)} alone; state noise in [{unused[0]}] of "
             "--settings"
         )
-    for kind in left:
+    for kind in unused:
         reason = f"[{kind}] of --settings does not state its noise ({one.source.name})"
         count = len(one.tables[kind]["t_s"])
         losses.append(Loss(what=f"{kind} row", reason=reason, count=count))
-    return replace(one, tables={k: rows for k, rows in one.tables.items() if k not in left})
+    return replace(one, tables={k: rows for k, rows in one.tables.items() if k not in unused})
 
 
 def _clean(one: Recording, losses: list[Loss]) -> Recording:

@@ -89,12 +89,12 @@ def guessed(path: Path) -> CsvTable:
 def _by_name(head: list[str]) -> dict[str, int]:
     """Return places of columns by the names in a header."""
     plain = [_UNIT.sub("", cell.strip().lower()).strip() for cell in head]
-    found = {}
+    places_by_name = {}
     for name, pattern in _NAMES.items():
         places = [k for k, cell in enumerate(plain) if re.fullmatch(pattern, cell)]
         if places:
-            found[name] = places[0]
-    return found
+            places_by_name[name] = places[0]
+    return places_by_name
 
 
 def _by_numbers(x: FloatArray) -> dict[str, int]:
@@ -103,28 +103,28 @@ def _by_numbers(x: FloatArray) -> dict[str, int]:
     runs = [k for k in range(x.shape[1]) if (steps[:, k] <= 0).mean() < _MOST_SHARE_ODD]
     if not runs:
         return {}
-    found = {"t_s": runs[0]}
+    columns = {"t_s": runs[0]}
     triples = [k for k in range(x.shape[1] - 2) if not {k, k + 1, k + 2} & set(runs)]
     lengths = {k: float(np.nanmedian(np.linalg.norm(x[:, k : k + 3], axis=1))) for k in triples}
     near = {k: min(abs(length / size - 1) for size in _GRAVITY) for k, length in lengths.items()}
     force = min(near, key=near.__getitem__, default=None)
     if force is None or near[force] > _NEAR:
-        return found
-    found |= {name: force + k for k, name in enumerate(FORCE)}
+        return columns
+    columns |= {name: force + k for k, name in enumerate(FORCE)}
     rate = next(
         (k for k in triples if k >= force + 3), next((k for k in triples if k + 3 <= force), None)
     )
     if rate is not None:
-        found |= {name: rate + k for k, name in enumerate(RATE)}
-    return found
+        columns |= {name: rate + k for k, name in enumerate(RATE)}
+    return columns
 
 
 def _units(kind: str, places: dict[str, int], x: FloatArray, head: list[str]) -> dict[str, str]:
     """Return units by what the header says in brackets, else by the size of the numbers."""
     units: dict[str, str] = {}
     for name, place in places.items():
-        said = _UNIT.search(head[place].lower()) if head else None
-        unit = _SPELLINGS.get(said[1].strip(), said[1].strip()) if said else ""
+        bracketed = _UNIT.search(head[place].lower()) if head else None
+        unit = _SPELLINGS.get(bracketed[1].strip(), bracketed[1].strip()) if bracketed else ""
         suffix = name.rsplit("_", 1)[1]
         if unit in UNITS.get(suffix, {}):
             units[suffix] = unit

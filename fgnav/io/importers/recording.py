@@ -63,13 +63,13 @@ class Recording:
             raise BadInputError(f"{self.source}: holds nothing that a flight could use")
         for kind, table in self.tables.items():
             required, groups = COLUMNS[kind]
-            left = set(table) - set(required)
+            surplus = set(table) - set(required)
             for group in groups:
-                left -= set(group) if set(group) <= left else set()
+                surplus -= set(group) if set(group) <= surplus else set()
             missing = sorted(set(required) - set(table))
-            if left or missing:
+            if surplus or missing:
                 raise BadInputError(
-                    f"{self.source}: {kind}: columns {', '.join(missing or sorted(left))} "
+                    f"{self.source}: {kind}: columns {', '.join(missing or sorted(surplus))} "
                     f"{'are missing' if missing else 'make no full group of known ones'}"
                 )
 

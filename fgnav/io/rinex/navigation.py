@@ -7,18 +7,11 @@ from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, IntArray, Loss, quoted
 from fgnav.io.rinex.header import Header
+from fgnav.io.rinex.navigation_lines import BrokenLineError, messages
 from fgnav.io.rinex.scan import CONSTELLATIONS, KNOWN_SATELLITES, line_fault
 from fgnav.io.rinex.text import Bytes
 
 _DECODED = ("LNAV", "INAV", "FNAV", "D1", "D2")  # RINEX 4 messages laid out as in RINEX 3
-_PROBLEMS = {
-    1: "a message must start here with its satellite and time",
-    2: "the message ends before its last line",
-    3: "column {column}: must be a number such as -1.234567890123E-04",
-    4: "the last line is cut, it has no line end",
-    5: "column {column}: must not be blank",
-    6: "a RINEX 4 record must start here with '> '",
-}
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -36,25 +29,25 @@ def scan_navigation(header: Header, text: Bytes) -> NavigationScan:
 
     Parameters and errors are those of ``fgnav.io.rinex.scan.scan_observations``.
     """
-    from fgnav.io.rinex.navigation_kernel import scan_messages  # noqa: PLC0415  # lazy: numba
-
-    rows = int(np.count_nonzero(text == ord("\n"))) + 1
-    messages, problem = np.zeros((rows, 5), np.int64), np.zeros(3, np.int64)
-    start = np.array([header.size, header.lines + 1])
-    default = ord(header.system) if header.version < 3 else 0
-    count = scan_messages(text, start, int(header.version), default, messages, problem)
-    if problem[0]:
-        raise BadInputError(_problem(header, text, problem))
-    messages = messages[:count]
-    names = np.array([f"{chr(c)}{k:02d}" for c, k in messages[:, 3:5].tolist()], "U3")
-    decodable, losses = _sorted_out(names, _types(text, messages, header))
+    default = header.system if header.version < 3 else ""
+    try:
+        found = list(
+            messages(text.tobytes(), header.size, header.lines + 1, int(header.version), default)
+        )
+    except BrokenLineError as error:
+        raise BadInputError(
+            line_fault(header, text, error.line, error.rule, "fetch the file again")
+        ) from None
+    names = np.array([one.satellite for one in found], "U3")
+    places = np.array([one[:2] for one in found], np.int64).reshape(-1, 2)
+    decodable, losses = _sorted_out(names, _types(text, places, header))
     if not decodable.any():
         raise BadInputError(
             f"{header.path}: must hold a GPS, Galileo, BeiDou or QZSS message, has none"
         )
     keep = np.zeros(len(text) + 1, np.int8)
-    np.add.at(keep, messages[decodable, 0], 1)
-    np.add.at(keep, messages[decodable, 1], -1)
+    np.add.at(keep, places[decodable, 0], 1)
+    np.add.at(keep, places[decodable, 1], -1)
     body = text[np.cumsum(keep[:-1]).astype(bool)]
     return NavigationScan(
         satellites=names[decodable],
@@ -64,12 +57,12 @@ def scan_navigation(header: Header, text: Bytes) -> NavigationScan:
     )
 
 
-def _types(text: Bytes, messages: IntArray, header: Header) -> NDArray[np.str_]:
+def _types(text: Bytes, places: IntArray, header: Header) -> NDArray[np.str_]:
     """Return the record and message type of each record; RINEX 2 and 3 leave it out."""
     if header.version < 4:
-        return np.full(len(messages), "EPH", "U8")
+        return np.full(len(places), "EPH", "U8")
     heads = [
-        text[start : start + 15].tobytes().decode("latin-1") for start in messages[:, 0].tolist()
+        text[start : start + 15].tobytes().decode("latin-1") for start in places[:, 0].tolist()
     ]
     return np.array(
         [f"{head[2:5]} {head[10:15].split(chr(10))[0].strip()}" for head in heads], "U8"
@@ -87,7 +80,9 @@ def _sorted_out(
         if record[0] != "EPH":
             reasons.append((f"{record[0]} record", "not an ephemeris"))
         elif limit is None:
-            reasons.append((f"{CONSTELLATIONS[name[0]]} message", "constellation not used"))
+            reasons.append(
+                (f"{CONSTELLATIONS.get(name[0], name[0])} message", "constellation not used")
+            )
         elif record[1:] and record[1] not in _DECODED:
             reasons.append((f"{name[0]} {record[1]} message", "type unknown to RTKLIB's reader"))
         elif int(name[1:]) > limit:
@@ -129,10 +124,3 @@ def _klobuchar(header: Header, text: Bytes) -> NDArray[np.float64]:
                 f"got {quoted(' '.join(lines)[:60])}"
             ) from error
     return model
-
-
-def _problem(header: Header, text: Bytes, problem: IntArray) -> str:
-    """Return the sentence that tells what is wrong in which line."""
-    code, line, column = (int(k) for k in problem)
-    rule = _PROBLEMS[code].format(column=column)
-    return line_fault(header, text, line, rule, "fetch the file again")

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.io.gps_time import BDT_BEHIND_GPS_S, GPS_EPOCH, TICKS_PER_S, to_ticks
+from fgnav.io.rinex.epochs_text import epochs_text
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
 
@@ -57,8 +58,6 @@ def write_observations(
     BadInputError
         If a value does not fit its columns, or a constellation has no place in the file.
     """
-    from fgnav.io.rinex.writer_kernel import format_epochs  # noqa: PLC0415  # lazy: numba
-
     _check_version(version)
     for satellite in observations.satellites:
         if satellite[0] not in _SYSTEMS:
@@ -78,15 +77,12 @@ def write_observations(
             raise BadInputError(
                 f"{path}: values must be within {_LARGEST}, RINEX has no more columns"
             )
-    width = 4 + 64 * channels.shape[1]
-    out = np.empty(min(len(ticks), _EPOCHS_AT_ONCE) * (36 + len(names) * width), np.uint8)
     with path.open("wb") as file:
         file.write(_head(version, marker, position_e_m, signals, ticks).encode("ascii"))
         for k in range(0, len(ticks), _EPOCHS_AT_ONCE):
             part = slice(k, k + _EPOCHS_AT_ONCE)
-            values = np.stack([value[part].astype(np.float64) for value in arrays])
-            size = format_epochs(out, dates[part], names, channels, values, flags[part])
-            file.write(out[:size].tobytes())
+            values = np.stack([value[part] for value in arrays], axis=-1)
+            file.write(epochs_text(dates[part], names, channels, values, flags[part]))
 
 
 def _ticks(tag_s: FloatArray) -> IntArray:

@@ -53,8 +53,8 @@ def write_precise(path: Path, orbits: PreciseOrbits, *, start_gps_s: float) -> N
 def _date(gps_s: float) -> str:
     """Return year, month, day, hour, minute, second in SP3's columns."""
     ticks = round(gps_s * 1e6)
-    whole, microseconds = divmod(ticks, 1_000_000)
-    date = (GPS_EPOCH + np.timedelta64(whole, "s")).item()
+    seconds, microseconds = divmod(ticks, 1_000_000)
+    date = (GPS_EPOCH + np.timedelta64(seconds, "s")).item()
     second = date.second + microseconds / 1e6
     day = f"{date.year:4d} {date.month:2d} {date.day:2d}"
     return f"{day} {date.hour:2d} {date.minute:2d} {second:11.8f}"

@@ -89,8 +89,8 @@ def _remainders() -> IntArray:
 def _rtcm3_is_whole(message: bytes) -> bool:
     """Compare the CRC; none is left where its own bytes are taken in."""
     behind = np.arange(len(message) - 1, -1, -1)
-    left = _remainders()[behind, np.frombuffer(message, np.uint8)]
-    return not np.bitwise_xor.reduce(left)
+    remainders = _remainders()[behind, np.frombuffer(message, np.uint8)]
+    return not np.bitwise_xor.reduce(remainders)
 
 
 _FRAMES = {

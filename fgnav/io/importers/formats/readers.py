@@ -38,10 +38,10 @@ def foreign(path: Path, format: str) -> Iterator[StringIO]:  # noqa: A002
     """
     if not path.exists():
         raise BadInputError(f"{path}: no such file; check the name")
-    said = StringIO()
+    output = StringIO()
     try:
-        with redirect_stdout(said), redirect_stderr(said):
-            yield said
+        with redirect_stdout(output), redirect_stderr(output):
+            yield output
     except (FgnavError, MemoryError):
         raise
     except Exception as error:  # whatever a reader's parsing trips over

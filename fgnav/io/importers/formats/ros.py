@@ -44,7 +44,7 @@ def read_bag(path: Path, settings: Settings, _: Path) -> Recording:
     highlevel = reader("rosbags.highlevel", "rosbag")
     typesys = reader("rosbags.typesys", "rosbag")
     types = typesys.get_typestore(typesys.Stores.LATEST)
-    found: dict[str, list[Any]] = {kind: [] for kind in _TYPES}
+    rows_by_kind: dict[str, list[Any]] = {kind: [] for kind in _TYPES}
     with (
         foreign(path, "a bag"),
         highlevel.AnyReader([path], default_typestore=types) as bag,
@@ -65,12 +65,12 @@ def read_bag(path: Path, settings: Settings, _: Path) -> Recording:
         ]
         chosen = [one for some in wanted.values() for one in some]
         kinds = {one.topic: kind for kind, some in wanted.items() for one in some}
-        whole = sum(one.msgcount for one in chosen)
+        total = sum(one.msgcount for one in chosen)
         for k, (where, at_ns, data) in enumerate(bag.messages(chosen) if chosen else ()):
-            report(k / max(whole, 1))
+            report(k / max(total, 1))
             kind = kinds[where.topic]
-            found[kind].append(_row(kind, at_ns, bag.deserialize(data, where.msgtype)))
-    rows = {kind: np.array(some) for kind, some in found.items() if some}
+            rows_by_kind[kind].append(_row(kind, at_ns, bag.deserialize(data, where.msgtype)))
+    rows = {kind: np.array(some) for kind, some in rows_by_kind.items() if some}
     if "fixes" in rows:
         no_fix = rows["fixes"][:, 1] <= _NO_FIX
         rows["fixes"] = rows["fixes"][~no_fix]

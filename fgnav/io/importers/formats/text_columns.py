@@ -121,9 +121,9 @@ def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], int]:
             places = _places(path, table, head, width)
             while block:
                 report(raw.tell() / max(size, 1))
-                whole = [[row[k] for k in places] for row in block if len(row) == width]
+                complete = [[row[k] for k in places] for row in block if len(row) == width]
                 cut += sum(0 < len(row) != width for row in block)
-                blocks.append(np.array(whole, dtype=np.str_).reshape(-1, len(places)))
+                blocks.append(np.array(complete, dtype=np.str_).reshape(-1, len(places)))
                 block = list(islice(rows, _ROWS_AT_ONCE))
         except csv.Error as error:
             raise BadInputError(f"{path}: line {rows.line_num}: {error}") from None

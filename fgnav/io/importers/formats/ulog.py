@@ -34,10 +34,10 @@ _FILTER = ("vehicle_attitude", "vehicle_global_position", "vehicle_local_positio
 def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     """Read a log's first inertial unit and first receiver."""
     pyulog = reader("pyulog", "ulog")
-    with foreign(path, "ULog") as said, path.open("rb") as file:
+    with foreign(path, "ULog") as output, path.open("rb") as file:
         log = pyulog.ULog(file, ["sensor_combined", *_AROUND, *_GPS, *_FILTER])
         topics = {one.name: one.data for one in reversed(log.data_list)}  # instance 0 stays
-        damaged = int(log.file_corruption or "corruption" in said.getvalue())
+        damaged = int(log.file_corruption or "corruption" in output.getvalue())
         lost = [("logger dropout", "the logger could not keep up", len(log.dropouts))]
         lost += [("message", "the log is damaged there", damaged)]
         tables: dict[str, Samples] = {}
