@@ -17,9 +17,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from fgnav.checks import BoolArray, IntArray, Loss
-from fgnav.integers.array.prior import AttitudePrior
 from fgnav.integers.array.search import PROVEN, ConstrainedSearch, search_constrained
-from fgnav.integers.epochs import epochs_at
 from fgnav.integers.suspects import suspects
 from fgnav.types.differences import DoubleDifferences
 
@@ -68,7 +66,6 @@ def snooped(
     links_max: int,
     tail: float,
     nodes: int,
-    prior: AttitudePrior | None = None,
 ) -> Snooped:
     """Try refused epochs again without the links that spoil them.
 
@@ -87,7 +84,6 @@ def snooped(
         Residuals that noise exceeds in a smaller share of epochs are not accepted.
     nodes : int
         What a search may visit.
-    prior : AttitudePrior or None
     """
     n, b, m = differences.phase_m.shape
     left_out = np.zeros((n, b + 1, m), dtype=np.bool_)
@@ -98,7 +94,7 @@ def snooped(
     for _ in range(links_max):
         if len(now.at) == 0:
             break
-        now, passed, agreed = _one_more(differences, now, tail, nodes, prior)
+        now, passed, agreed = _one_more(differences, now, tail, nodes)
         saved = now.some(passed & agreed)
         left_out[saved.at] = saved.out
         found = found.with_rows(saved.at, saved.found)
@@ -148,23 +144,18 @@ def left_out_losses(
 
 
 def _one_more(
-    differences: DoubleDifferences,
-    now: _Attempt,
-    tail: float,
-    nodes: int,
-    prior: AttitudePrior | None,
+    differences: DoubleDifferences, now: _Attempt, tail: float, nodes: int
 ) -> tuple[_Attempt, BoolArray, BoolArray]:
     """Leave one more link out; return whether that passes, and whether all that do agree."""
-    prior = None if prior is None else prior.at(now.at)
-    without = touched(differences, now.at, now.out)
-    less = epochs_at(differences, now.at, without)
-    which, explained = suspects(less, now.found.cycles, _SUSPECTS, prior)
+    rows = differences.resampled(now.at)
+    less = rows.without_code(touched(differences, now.at, now.out))
+    which, explained = suspects(less, now.found.cycles, _SUSPECTS)
     trials, links, likelihood = [], [], np.zeros((which.shape[1], len(now.at)))
     for s in range(which.shape[1]):
         out = now.out.copy()
         np.put_along_axis(out.reshape(len(out), -1), which[:, s : s + 1], values=True, axis=1)
-        less = epochs_at(differences, now.at, touched(differences, now.at, out))
-        found = search_constrained(less, nodes, prior)
+        less = rows.without_code(touched(differences, now.at, out))
+        found = search_constrained(less, nodes)
         sound = (found.status == PROVEN) & (found.degrees > 0)
         cost = np.where(sound, found.costs[:, 0], np.inf)
         likelihood[s] = np.where(sound, chdtrc(np.maximum(found.degrees, 1), cost), -1.0)

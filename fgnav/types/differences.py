@@ -94,6 +94,15 @@ class DoubleDifferences:
         rows: dict[str, Any] = {name: getattr(self, name)[epochs] for name in _BY_EPOCH}
         return replace(self, **rows)
 
+    def resampled(self, epochs: IntArray) -> "DoubleDifferences":
+        """Return any of the epochs, repeated or not; times then count from 0 in steps of 1 s."""
+        rows: dict[str, Any] = {name: getattr(self, name)[epochs] for name in _BY_EPOCH}
+        return replace(self, **{**rows, "t_s": np.arange(float(len(epochs)))})
+
+    def without_code(self, links: BoolArray) -> "DoubleDifferences":
+        """Return the same without the code of some links, (n, b, m), which nobody then resolves."""
+        return replace(self, code_m=np.where(links, np.nan, self.code_m))
+
     @property
     def is_reference(self) -> BoolArray:
         """Whether a channel is the reference of its group, (n, m)."""

@@ -11,11 +11,8 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.integers.array.kernel import nothing_found, search_epochs
-from fgnav.integers.array.prior import prior_columns
-from fgnav.integers.array.relaxation import Spans, spans
 from fgnav.integers.array.search import cost_degrees, first_bound
-from fgnav.integers.epochs import epochs_at
-from fgnav.integers.ils.affine import epochs_of
+from fgnav.integers.ils.array_model import Spans, link_arrays, spans
 from fgnav.types.differences import DoubleDifferences
 
 _BLOCK = 256  # epochs whose lists are held at full length
@@ -75,11 +72,11 @@ def candidates(
         if not value > 0:
             raise BadInputError(f"{name}: must be above 0, got {value}")
     n = len(differences.t_s)
-    arrays = spans(differences.baselines_b_m, differences.resolvable)
+    arrays = spans(differences.baselines_b_m, differences.resolvable.any(axis=2))
     parts = []
     for start in range(0, max(n, 1), _BLOCK):
         at = np.arange(start, min(start + _BLOCK, n))
-        some = differences if n <= _BLOCK else epochs_at(differences, at)
+        some = differences if n <= _BLOCK else differences.resampled(at)
         of_block = arrays._replace(pattern=arrays.pattern[at])
         parts.append(_searched(some, of_block, start, most, reach, nodes))
     if len(parts) == 1:
@@ -97,11 +94,10 @@ def _searched(
     nodes: int,
 ) -> Candidates:
     """Search a block of epochs, of which ``start`` is the first."""
-    epochs = epochs_of(differences)
-    known = prior_columns(None, arrays)
-    bound = first_bound(cost_degrees(epochs, arrays, known))
+    epochs = link_arrays(differences)
+    bound = first_bound(cost_degrees(epochs, arrays))
     found = nothing_found(epochs.phase_m.shape, held=most, written=most)
-    search_epochs(epochs, arrays, known, bound, found, reach, nodes, True)
+    search_epochs(epochs, arrays, bound, found, reach, nodes, True)
     there = np.isfinite(found.costs)
     of_epoch, cost = np.nonzero(there)[0], found.costs[there]
     coordinates_m = arrays.coordinates_m[arrays.pattern[of_epoch]]

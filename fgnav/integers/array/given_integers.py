@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.integers.array.prior import AttitudePrior, prior_columns
-from fgnav.integers.array.relaxation import spans
+from fgnav.integers.ils.array_model import spans
 from fgnav.types.differences import DoubleDifferences
 
 
@@ -35,14 +34,11 @@ class GivenIntegers:
     Attributes
     ----------
     groups : sequence of _Group
-    known : ndarray, shape (n, 4, 4)
-        The prior's normal equations of turns and residual.
     open_axis : ndarray, shape (n, 3, 3)
         Information added to the turn about the only direction of an array in a line.
     """
 
     groups: Sequence[_Group]
-    known: FloatArray
     open_axis: FloatArray
 
     def log_likelihoods(
@@ -54,7 +50,7 @@ class GivenIntegers:
         ----------
         code_variance_m2, phase_variance_m2 : ndarray, shape (n, m)
         """
-        N, rest = self.known.copy(), np.zeros(len(self.known))
+        N, rest = np.zeros((len(self.open_axis), 4, 4)), np.zeros(len(self.open_axis))
         for group in self.groups:
             for kind, variance in enumerate((code_variance_m2, phase_variance_m2)):
                 normal, log_determinant = _normal(group, kind, variance[:, group.channels])
@@ -67,10 +63,7 @@ class GivenIntegers:
 
 
 def given_integers(
-    differences: DoubleDifferences,
-    cycles: IntArray,
-    columns: FloatArray,
-    prior: AttitudePrior | None,
+    differences: DoubleDifferences, cycles: IntArray, columns: FloatArray
 ) -> GivenIntegers:
     """Return epochs with the integers that a search found.
 
@@ -80,9 +73,8 @@ def given_integers(
     cycles : ndarray of int64, shape (n, b, m)
     columns : ndarray, shape (n, 9)
         Of the attitudes that these lead to, as in ``ConstrainedSearch``.
-    prior : AttitudePrior or None
     """
-    arrays = spans(differences.baselines_b_m, differences.resolvable)
+    arrays = spans(differences.baselines_b_m, differences.resolvable.any(axis=2))
     M = columns.reshape(-1, 3, 3)  # a column in each row
     baselines_n_m = arrays.coordinates_m[arrays.pattern] @ M
     e_n = np.nan_to_num(differences.e_n)
@@ -96,10 +88,8 @@ def given_integers(
     values = np.stack(parts)
     groups = [_group(differences, values, g) for g in range(differences.reference.shape[1])]
     line = (arrays.rank[arrays.pattern] == 1)[:, None, None]
-    known = prior_columns(prior, arrays)
     return GivenIntegers(
         groups=groups,
-        known=_of_prior(M, known.columns, known.information),
         open_axis=np.where(line, M[:, 0, :, None] * M[:, 0, None, :], 0.0),
     )
 
@@ -150,13 +140,3 @@ def _normal(group: _Group, kind: int, variance: FloatArray) -> tuple[FloatArray,
     spare = np.maximum(group.there.sum(axis=1) - 1, 0)  # each satellite's clock takes one
     log_determinant = np.sum(spare * np.log(variance), axis=1, where=used)
     return squares, log_determinant + np.linalg.slogdet(K)[1]
-
-
-def _of_prior(M: FloatArray, columns: FloatArray, information: FloatArray) -> FloatArray:
-    """Return the prior's normal equations of turns and residual, (n, 4, 4)."""
-    if len(columns) == 0:
-        return np.zeros((len(M), 4, 4))
-    turned = np.cross(np.eye(3)[:, None], M[:, None])  # (n, 3, column, component)
-    missing = columns.reshape(M.shape) - M
-    J = np.concatenate([turned, missing[:, None]], axis=1).reshape(len(M), 4, 9)
-    return np.asarray(J @ information @ J.swapaxes(1, 2))

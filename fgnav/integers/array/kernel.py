@@ -11,8 +11,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.integers.array.nearest import log_volume, nearest, weak_axis
-from fgnav.integers.array.prior import PriorColumns
-from fgnav.integers.array.relaxation import Relaxation, Spans, relaxation
+from fgnav.integers.array.relaxation import Relaxation, relaxation
 from fgnav.integers.array.volume import log_likelihood
 from fgnav.integers.array.walk import (
     AT_LIMIT,
@@ -24,7 +23,7 @@ from fgnav.integers.array.walk import (
     next_vector,
     walk_of,
 )
-from fgnav.integers.ils.affine import Epochs
+from fgnav.integers.ils.array_model import LinkArrays, Spans
 from fgnav.integers.ils.decorrelation import decorrelate
 from fgnav.integers.ils.link_weights import solved
 from fgnav.kernels.compiled import inlined, inner, kernel
@@ -96,9 +95,8 @@ def nothing_found(shape: tuple[int, ...], *, held: int, written: int) -> Found:
 
 @kernel
 def search_epochs(
-    epochs: Epochs,
+    epochs: LinkArrays,
     arrays: Spans,
-    prior: PriorColumns,
     first_bound: FloatArray,
     found: Found,
     reach: float,
@@ -109,7 +107,7 @@ def search_epochs(
 
     Parameters
     ----------
-    epochs, arrays, prior
+    epochs, arrays
     first_bound : ndarray, shape (n,)
     found : Found
         Written.
@@ -123,7 +121,7 @@ def search_epochs(
         the first bound by ``log_likelihood``.
     """
     for k in range(len(first_bound)):
-        relaxed = relaxation(epochs, arrays, k, prior.columns, prior.information)
+        relaxed = relaxation(epochs, arrays, k)
         if len(relaxed.links) > 0:
             _search_epoch(relaxed, k, first_bound[k], found, reach, limit, listed)
 

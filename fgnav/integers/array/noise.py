@@ -20,9 +20,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.array.likelihood import Likelihood, likelihood_of
-from fgnav.integers.array.prior import AttitudePrior
-from fgnav.integers.array.relaxation import spans
-from fgnav.integers.epochs import epochs_at
+from fgnav.integers.ils.array_model import spans
 from fgnav.types.differences import DoubleDifferences
 
 _ENOUGH = 30  # epochs
@@ -42,14 +40,12 @@ _SETTLED = 0.1  # of log scale and power: what 200 epochs of two antennas tell t
 
 class _Sample(NamedTuple):
     differences: DoubleDifferences
-    prior: AttitudePrior | None
     code: FloatArray  # (n, m): stated variance by its median, whose logarithm is raised
     phase: FloatArray
 
     def at(self, epochs: IntArray) -> "_Sample":
-        prior = None if self.prior is None else self.prior.at(epochs)
-        there = epochs_at(self.differences, epochs)
-        return _Sample(there, prior, self.code[epochs], self.phase[epochs])
+        there = self.differences.resampled(epochs)
+        return _Sample(there, self.code[epochs], self.phase[epochs])
 
     def variances_m2(self, law: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return those of code and phase, (n, m) each, under a law of noise."""
@@ -63,9 +59,7 @@ class _Sample(NamedTuple):
         return replace(self.differences, code_variance_m2=code_m2, phase_variance_m2=phase_m2)
 
 
-def with_estimated_noise(
-    differences: DoubleDifferences, nodes: int, prior: AttitudePrior | None = None
-) -> DoubleDifferences:
+def with_estimated_noise(differences: DoubleDifferences, nodes: int) -> DoubleDifferences:
     """Return the same differences with code and phase variances as large as the data show.
 
     As they are, where fewer than 30 epochs have links of antennas apart, or so many integers that
@@ -76,27 +70,18 @@ def with_estimated_noise(
     differences : DoubleDifferences
     nodes : int
         What the search of an epoch may visit.
-    prior : AttitudePrior or None
     """
     there = _of_array(differences)
     if len(there) < _ENOUGH:
         return differences
-    whole = _sample(differences, prior, there)
+    whole = _sample(differences, there)
     return whole.with_law(_fitted(whole.at(_picked(differences, there)), min(nodes, _NODES)))
 
 
-def with_noise_so_far(
-    differences: DoubleDifferences, nodes: int, prior: AttitudePrior | None = None
-) -> DoubleDifferences:
+def with_noise_so_far(differences: DoubleDifferences, nodes: int) -> DoubleDifferences:
     """Return the same, each epoch's variances by epochs up to it alone.
 
     As stated until 30 epochs have links; renewed when there are four times as many, and again.
-
-    Parameters
-    ----------
-    differences : DoubleDifferences
-    nodes : int
-    prior : AttitudePrior or None
     """
     there = _of_array(differences)
     code_m2 = differences.code_variance_m2.copy()
@@ -104,7 +89,7 @@ def with_noise_so_far(
     count, start = _ENOUGH, np.array(_CALM)
     while count <= len(there):
         past = there[:count]
-        whole = _sample(differences, prior, past)
+        whole = _sample(differences, past)
         sample = whole.at(_picked(differences, past))
         law, enough = _typical(sample, min(nodes, _NODES), start)
         later, variances = slice(int(past[-1]), None), whole.variances_m2(_of_mean(law, enough))
@@ -115,19 +100,17 @@ def with_noise_so_far(
 
 def _of_array(differences: DoubleDifferences) -> IntArray:
     """Return the epochs whose links are of antennas apart from each other, (k,)."""
-    arrays = spans(differences.baselines_b_m, differences.resolvable)
+    arrays = spans(differences.baselines_b_m, differences.resolvable.any(axis=2))
     linked = differences.resolvable.any(axis=(1, 2))
     return np.flatnonzero(linked & (arrays.rank[arrays.pattern] > 0))
 
 
-def _sample(
-    differences: DoubleDifferences, prior: AttitudePrior | None, there: IntArray
-) -> _Sample:
+def _sample(differences: DoubleDifferences, there: IntArray) -> _Sample:
     """Return all epochs, variances by their medians over some, (k,)."""
     used = differences.resolvable[there].any(axis=1)
     stated = (differences.code_variance_m2, differences.phase_variance_m2)
     code, phase = (variance / np.median(variance[there][used]) for variance in stated)
-    return _Sample(differences, prior, code, phase)
+    return _Sample(differences, code, phase)
 
 
 def _picked(differences: DoubleDifferences, there: IntArray) -> IntArray:
@@ -149,7 +132,7 @@ def _typical(sample: _Sample, nodes: int, start: FloatArray) -> tuple[FloatArray
     """Return the law of a typical epoch, (4,), and whether there are epochs enough to tell it."""
     law = start
     for _ in range(_ROUNDS):
-        likelihood = likelihood_of(sample.with_law(law), nodes, sample.prior)
+        likelihood = likelihood_of(sample.with_law(law), nodes)
         if likelihood.epochs < _ENOUGH:
             return law, False
         last, law = law, _most_likely(sample, likelihood, law)
