@@ -6,7 +6,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, freeze
-from fgnav.geometry.rotations import nearest, skew
+from fgnav.geometry.rotations import exp, nearest, skew
 
 WahbaSolver: TypeAlias = Literal["svd", "davenport"]
 
@@ -118,8 +118,8 @@ def paper_matrix(pairs: VectorPairs) -> FloatArray:
 def paper_rotation(pairs: VectorPairs) -> FloatArray:
     """Return the (n, 3, 3) rotations nearest to the paper's matrices; NaN where there is none."""
     T = paper_matrix(pairs)
-    known = np.isfinite(T[:, 0, 0])
-    T[known] = nearest(T[known])
+    finite = np.isfinite(T[:, 0, 0])
+    T[finite] = nearest(T[finite])
     return T
 
 
@@ -243,9 +243,8 @@ def _turn(
     along = np.einsum("i,nij,njk,k->n", towards_n, R_nb, K @ K, body)
     across = np.einsum("i,nij,njk,k->n", towards_n, R_nb, K, body)
     # Rodrigues: the cosine is constant - along cos(angle) + across sin(angle).
-    angle = np.arctan2(across, -along)[:, None, None]
-    turn = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
-    return R_nb @ turn, np.hypot(along, across)
+    angle = np.arctan2(across, -along)[:, None]
+    return R_nb @ exp(angle * axis_b), np.hypot(along, across)
 
 
 def _length(v: FloatArray) -> FloatArray:
