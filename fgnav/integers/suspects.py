@@ -24,7 +24,6 @@ def suspects(
 
     Parameters
     ----------
-    differences : DoubleDifferences
     cycles : ndarray of int64, shape (n, b, m)
         Best integers of every epoch.
     count : int

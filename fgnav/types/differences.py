@@ -76,14 +76,14 @@ class DoubleDifferences:
         n = freeze_times("double differences", self)
         m, b = len(self.satellites), len(self.baselines_b_m)
         g = 1 + int(self.group.max()) if m else 0
-        whole: dict[str, tuple[int, ...]] = {
+        finite: dict[str, tuple[int, ...]] = {
             "baselines_b_m": (b, 3),
             "wavelength_m": (m,),
             "e_n": (n, m, 3),
             "code_variance_m2": (n, m),
             "phase_variance_m2": (n, m),
         }
-        freeze("double differences", self, whole)
+        freeze("double differences", self, finite)
         measured = {"elevation_rad": (n, m), "code_m": (n, b, m), "phase_m": (n, b, m)}
         freeze("double differences", self, measured, gaps=True)
         numbers = {"group": (m,), "reference": (n, g), "arc": (n, b, m)}

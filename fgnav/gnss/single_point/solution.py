@@ -129,11 +129,11 @@ def code_solution(
     NoSolutionError
         If the flight lacks observations or orbits, or no epoch has a solution.
     """
-    known = _CACHE.setdefault(flight, {})
+    cached = _CACHE.setdefault(flight, {})
     key = (antenna, atmosphere, causal)
-    if key not in known:
-        known[key] = _solve(flight, antenna, atmosphere, causal=causal)
-    return known[key]
+    if key not in cached:
+        cached[key] = _solve(flight, antenna, atmosphere, causal=causal)
+    return cached[key]
 
 
 def _solve(flight: Flight, antenna: int, atmosphere: bool | None, *, causal: bool) -> CodeSolution:

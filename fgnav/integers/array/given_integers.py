@@ -21,7 +21,7 @@ class _Group:
     """Links of a group of signals, a antennas and c channels, with the clocks of satellites out."""
 
     channels: BoolArray  # (m,)
-    there: BoolArray  # (n, a, c)
+    tracked: BoolArray  # (n, a, c)
     of_receivers: FloatArray  # (n, c, a - 1, a - 1): by a weight of 1
     values: FloatArray  # (2, n, a - 1, c, 4): code, phase; derivative by three turns, and residual
     squares: FloatArray  # (2, n, c, 4, 4)
@@ -69,7 +69,6 @@ def given_integers(
 
     Parameters
     ----------
-    differences : DoubleDifferences
     cycles : ndarray of int64, shape (n, b, m)
     columns : ndarray, shape (n, 9)
         Of the attitudes that these lead to, as in ``ConstrainedSearch``.
@@ -112,31 +111,31 @@ def _group(differences: DoubleDifferences, values: FloatArray, g: int) -> _Group
     channels = differences.group == g
     resolvable = differences.resolvable[:, :, channels]
     reference = np.flatnonzero(channels) == differences.reference[:, g, None]
-    there = resolvable | (reference[:, None] & resolvable.any(axis=2, keepdims=True))
-    there = np.concatenate([there.any(axis=1, keepdims=True), there], axis=1)
-    on = there[:, :, :, None].astype(np.float64)
+    tracked = resolvable | (reference[:, None] & resolvable.any(axis=2, keepdims=True))
+    tracked = np.concatenate([tracked.any(axis=1, keepdims=True), tracked], axis=1)
+    on = tracked[:, :, :, None].astype(np.float64)
     of_reference_antenna = np.zeros_like(values[:, :, :1, channels])
     values = np.concatenate([of_reference_antenna, values[:, :, :, channels]], axis=2) * on
-    many = np.maximum(there.sum(axis=1), 1)
+    many = np.maximum(tracked.sum(axis=1), 1)
     values = (values - values.sum(axis=2, keepdims=True) / many[:, None, :, None]) * on
     rows = on[:, 1:, :, 0].swapaxes(1, 2)  # (n, c, a - 1)
     of_receivers = np.eye(rows.shape[2]) * rows[..., None]
     of_receivers -= rows[..., :, None] * rows[..., None, :] / many[:, :, None, None]
     squares = np.einsum("knajp,knajq->knjpq", values, values)
-    return _Group(channels, there, of_receivers, values[:, :, 1:], squares)
+    return _Group(channels, tracked, of_receivers, values[:, :, 1:], squares)
 
 
 def _normal(group: _Group, kind: int, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return normal equations, (n, 4, 4), and the log determinant of links, (n,), of one kind."""
-    used = group.there.any(axis=1)
+    used = group.tracked.any(axis=1)
     weight = np.where(used, 1.0 / variance, 0.0)
     n, c, a, _ = group.of_receivers.shape
     K = (weight[:, None] @ group.of_receivers.reshape(n, c, a * a)).reshape(n, a, a)
-    absent = ~group.there[:, 1:].any(axis=2)
+    absent = ~group.tracked[:, 1:].any(axis=2)
     K[:, np.arange(a), np.arange(a)] += absent
     of_receivers = np.einsum("nj,najp->nap", weight, group.values[kind])
     squares = (weight[:, None] @ group.squares[kind].reshape(n, c, 16)).reshape(n, 4, 4)
     squares -= of_receivers.swapaxes(1, 2) @ np.linalg.solve(K, of_receivers)
-    spare = np.maximum(group.there.sum(axis=1) - 1, 0)  # each satellite's clock takes one
+    spare = np.maximum(group.tracked.sum(axis=1) - 1, 0)  # each satellite's clock takes one
     log_determinant = np.sum(spare * np.log(variance), axis=1, where=used)
     return squares, log_determinant + np.linalg.slogdet(K)[1]

@@ -98,7 +98,7 @@ def search_epochs(
     epochs: LinkArrays,
     arrays: Spans,
     first_bound: FloatArray,
-    found: Found,
+    result: Found,
     reach: float,
     limit: int,
     listed: bool,
@@ -107,9 +107,8 @@ def search_epochs(
 
     Parameters
     ----------
-    epochs, arrays
     first_bound : ndarray, shape (n,)
-    found : Found
+    result : Found
         Written.
     reach : float
         Above the least cost.
@@ -123,7 +122,7 @@ def search_epochs(
     for k in range(len(first_bound)):
         relaxed = relaxation(epochs, arrays, k)
         if len(relaxed.links) > 0:
-            _search_epoch(relaxed, k, first_bound[k], found, reach, limit, listed)
+            _search_epoch(relaxed, k, first_bound[k], result, reach, limit, listed)
 
 
 @inlined
@@ -131,19 +130,19 @@ def _search_epoch(
     relaxed: Relaxation,
     k: int,
     bound: float,
-    found: Found,
+    result: Found,
     reach: float,
     limit: int,
     listed: bool,
 ) -> None:
-    q, u, held = len(relaxed.cycles), len(relaxed.columns), found.costs.shape[1]
-    whole, z_float = np.empty(q), np.empty((q, 1))
+    q, u, held = len(relaxed.cycles), len(relaxed.columns), result.costs.shape[1]
+    rounded, z_float = np.empty(q), np.empty((q, 1))
     for i in range(q):
-        whole[i] = np.floor(relaxed.cycles[i] + 0.5)
-        z_float[i, 0] = relaxed.cycles[i] - whole[i]
+        rounded[i] = np.floor(relaxed.cycles[i] + 0.5)
+        z_float[i, 0] = relaxed.cycles[i] - rounded[i]
     positive, L, d, T = decorrelate(relaxed.covariance, z_float)
     if not positive:
-        found.status[k] = ILL
+        result.status[k] = ILL
         return
     model, gain = _model(relaxed, T)
     walk = walk_of(L, d, z_float.reshape(q), relaxed.columns, gain, model.covariance)
@@ -169,11 +168,11 @@ def _search_epoch(
         else:
             break
         begin(walk)
-    found.nodes[k] = walk.place[1]
-    found.status[k] = UNPROVEN if end == AT_LIMIT else PROVEN
+    result.nodes[k] = walk.place[1]
+    result.status[k] = UNPROVEN if end == AT_LIMIT else PROVEN
     if not np.isfinite(best.costs[0]):
-        found.status[k] = UNFINISHED
-    _write(best, whole, T, relaxed.links, found, k)
+        result.status[k] = UNFINISHED
+    _write(best, rounded, T, relaxed.links, result, k)
 
 
 @inlined
@@ -234,24 +233,24 @@ def _insert(best: _Best, z: FloatArray, M: FloatArray, cost: float, weight: floa
 
 @inlined
 def _write(
-    best: _Best, whole: FloatArray, T: FloatArray, links: IntArray, found: Found, k: int
+    best: _Best, rounded: FloatArray, T: FloatArray, links: IntArray, result: Found, k: int
 ) -> None:
     """Turn decorrelated integers back into those of the links; sum up what speaks for them."""
     others = best.log_weights[len(best.costs)]
     for c in range(len(best.costs)):
         if not np.isfinite(best.costs[c]):
             break
-        found.costs[k, c], found.log_weights[k, c] = best.costs[c], best.log_weights[c]
+        result.costs[k, c], result.log_weights[k, c] = best.costs[c], best.log_weights[c]
         if c > 0:
             others = np.logaddexp(others, best.log_weights[c])
         for i in range(best.columns.shape[1]):
-            found.columns[k, c, i] = best.columns[c, i]
-        if c < found.cycles.shape[1]:
-            for j in range(len(whole)):
-                total = whole[j]
-                for i in range(len(whole)):
+            result.columns[k, c, i] = best.columns[c, i]
+        if c < result.cycles.shape[1]:
+            for j in range(len(rounded)):
+                total = rounded[j]
+                for i in range(len(rounded)):
                     total += best.integers[c, i] * T[i, j]
-                found.cycles[k, c, links[j, 0], links[j, 1]] = np.int64(total)
+                result.cycles[k, c, links[j, 0], links[j, 1]] = np.int64(total)
     if np.isfinite(best.costs[0]):
-        found.wrong_probability[k] = 1.0 / (1.0 + np.exp(best.log_weights[0] - others))
-        found.log_evidence[k] = np.logaddexp(best.log_weights[0], others)
+        result.wrong_probability[k] = 1.0 / (1.0 + np.exp(best.log_weights[0] - others))
+        result.log_evidence[k] = np.logaddexp(best.log_weights[0], others)

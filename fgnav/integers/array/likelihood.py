@@ -13,9 +13,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.integers.array.given_integers import GivenIntegers, given_integers
-from fgnav.integers.array.kernel import PROVEN, nothing_found, search_epochs
-from fgnav.integers.array.search import cost_degrees, first_bound
-from fgnav.integers.ils.array_model import link_arrays, spans
+from fgnav.integers.array.kernel import PROVEN
+from fgnav.integers.array.search import searched
 from fgnav.types.differences import DoubleDifferences
 
 # Three antennas, four satellites, code 1 m: 120 integer vectors of an epoch are that near to the
@@ -76,21 +75,13 @@ def likelihood_of(differences: DoubleDifferences, nodes: int) -> Likelihood:
 
     Parameters
     ----------
-    differences : DoubleDifferences
     nodes : int
         What the search of an epoch may visit.
     """
-    epochs = link_arrays(differences)
-    arrays = spans(differences.baselines_b_m, epochs.resolvable.any(axis=2))
-    degrees = cost_degrees(epochs, arrays)
-    found = nothing_found(epochs.phase_m.shape, held=_MOST, written=_MOST)
-    search_epochs(epochs, arrays, first_bound(degrees), found, _REACH, nodes, True)
-    there = np.isfinite(found.costs)
-    whole = (found.status == PROVEN) & ~there[:, -1]
-    epoch, which = np.nonzero(there & whole[:, None])
-    given = given_integers(
-        differences.resampled(epoch),
-        found.cycles[epoch, which],
-        found.columns[epoch, which],
-    )
+    result, _, degrees = searched(differences, _MOST, _MOST, _REACH, nodes, listed=True)
+    finite = np.isfinite(result.costs)
+    complete = (result.status == PROVEN) & ~finite[:, -1]
+    epoch, which = np.nonzero(finite & complete[:, None])
+    vectors = result.cycles[epoch, which], result.columns[epoch, which]
+    given = given_integers(differences.resampled(epoch), *vectors)
     return Likelihood(epoch, given, degrees[epoch])

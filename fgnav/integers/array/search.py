@@ -19,6 +19,7 @@ from fgnav.integers.array.kernel import (
     PROVEN,
     UNFINISHED,
     UNPROVEN,
+    Found,
     nothing_found,
     search_epochs,
 )
@@ -32,9 +33,8 @@ __all__ = [
     "UNFINISHED",
     "UNPROVEN",
     "ConstrainedSearch",
-    "cost_degrees",
-    "first_bound",
     "search_constrained",
+    "searched",
 ]
 
 # Chance that the true integers cost more. They are then missed, whatever is found instead: of two
@@ -106,38 +106,51 @@ def search_constrained(differences: DoubleDifferences, nodes: int) -> Constraine
 
     Parameters
     ----------
-    differences : DoubleDifferences
     nodes : int
         What a search may visit before it is given up, 10 to 100 ns each; the attitude of
         a complete integer vector counts as 100.
-
-    Returns
-    -------
-    ConstrainedSearch
     """
-    epochs = link_arrays(differences)
-    arrays = spans(differences.baselines_b_m, epochs.resolvable.any(axis=2))
-    degrees = cost_degrees(epochs, arrays)
-    found = nothing_found(epochs.phase_m.shape, held=2, written=1)
-    search_epochs(epochs, arrays, first_bound(degrees), found, _REACH, nodes, False)
+    result, _, degrees = searched(differences, 2, 1, _REACH, nodes, listed=False)
     return ConstrainedSearch(
-        cycles=found.cycles[:, 0],
-        costs=found.costs,
-        columns=found.columns[:, 0],
+        cycles=result.cycles[:, 0],
+        costs=result.costs,
+        columns=result.columns[:, 0],
         degrees=degrees,
-        wrong_probability=found.wrong_probability,
-        log_evidence=found.log_evidence,
-        status=found.status,
-        nodes=found.nodes,
+        wrong_probability=result.wrong_probability,
+        log_evidence=result.log_evidence,
+        status=result.status,
+        nodes=result.nodes,
     )
 
 
-def cost_degrees(epochs: LinkArrays, arrays: Spans) -> IntArray:
+def searched(
+    differences: DoubleDifferences,
+    held: int,
+    written: int,
+    reach: float,
+    nodes: int,
+    *,
+    listed: bool,
+) -> tuple[Found, Spans, IntArray]:
+    """Search every epoch as ``search_epochs`` does, into room as ``nothing_found`` makes it.
+
+    Returns
+    -------
+    Found
+    Spans
+    ndarray of int64, shape (n,)
+        Degrees of freedom of true integers' cost.
+    """
+    epochs = link_arrays(differences)
+    arrays = spans(differences.baselines_b_m, epochs.resolvable.any(axis=2))
+    degrees = _cost_degrees(epochs, arrays)
+    bound = np.asarray(chdtri(np.maximum(degrees, 1), _FIRST_BOUND))  # of the cost, (n,)
+    result = nothing_found(epochs.phase_m.shape, held=held, written=written)
+    search_epochs(epochs, arrays, bound, result, reach, nodes, listed)
+    return result, arrays, degrees
+
+
+def _cost_degrees(epochs: LinkArrays, arrays: Spans) -> IntArray:
     """Return the degrees of freedom of true integers' cost, (n,)."""
     open_angles = np.where(arrays.rank[arrays.pattern] == 1, 2, 3)
     return np.asarray(np.maximum(2 * epochs.resolvable.sum(axis=(1, 2)) - open_angles, 0))
-
-
-def first_bound(degrees: IntArray) -> FloatArray:
-    """Return the cost up to which all integers are looked at, (n,)."""
-    return np.asarray(chdtri(np.maximum(degrees, 1), _FIRST_BOUND))

@@ -78,23 +78,18 @@ def search_array(
 
     Parameters
     ----------
-    differences : DoubleDifferences
     joint : bool
         All baselines of an epoch in one search; otherwise every baseline on its own.
     success_min : float
         Least success rate of a search: as many decorrelated integers are searched as reach it, and
         the links they determine are fixed. 0 searches all.
-
-    Returns
-    -------
-    ArraySearch
     """
     n, b, m = differences.phase_m.shape
     blocks = np.ones((min(b, 1), b), dtype=np.bool_) if joint else np.eye(b, dtype=np.bool_)
     epochs = link_arrays(differences)
     present = epochs.resolvable.any(axis=2)[:, None] & blocks  # (n, s, b)
     arrays = spans(differences.baselines_b_m, present.reshape(-1, b))
-    found = _Found(
+    result = _Found(
         np.zeros((n, b, m), dtype=np.int64),
         np.zeros((n, b, m), dtype=np.bool_),
         np.full((n, b), np.nan),
@@ -103,18 +98,14 @@ def search_array(
     )
 
     def search_block(block: slice) -> None:
-        _search_epochs(epochs, arrays, blocks, found, block.start, block.stop, success_min)
+        _search_epochs(epochs, arrays, blocks, result, block.start, block.stop, success_min)
 
     in_blocks(search_block, n, least=_BLOCK)
-    return ArraySearch(**found._asdict())
+    return ArraySearch(**result._asdict())
 
 
 def code_residuals(differences: DoubleDifferences) -> tuple[float, int]:
     """Return the normalised squared residuals of all code under the affine array model.
-
-    Parameters
-    ----------
-    differences : DoubleDifferences
 
     Returns
     -------
@@ -134,7 +125,7 @@ def _search_epochs(
     epochs: LinkArrays,
     arrays: Spans,
     blocks: BoolArray,
-    found: _Found,
+    result: _Found,
     first: int,
     last: int,
     success_min: float,
@@ -154,12 +145,12 @@ def _search_epochs(
                 for q in range(len(links)):
                     if end == OK:
                         i, j = links[q, 0], links[q, 1]
-                        found.cycles[k, i, j], found.fixed[k, i, j] = integers[0, q], fixed[q]
-                        found.success[k, i] = success
+                        result.cycles[k, i, j], result.fixed[k, i, j] = integers[0, q], fixed[q]
+                        result.success[k, i] = success
                         for c in range(len(norms)):
-                            found.squared_norms[k, i, c] = norms[c]
+                            result.squared_norms[k, i, c] = norms[c]
             for q in range(len(links)):
-                found.status[k, links[q, 0]] = end
+                result.status[k, links[q, 0]] = end
 
 
 @kernel

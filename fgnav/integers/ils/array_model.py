@@ -71,8 +71,8 @@ def spans(baselines_b_m: FloatArray, present: BoolArray) -> Spans:
         patterns, pattern = present[:1], np.zeros(len(present), dtype=np.int64)  # the usual case
     else:
         patterns, pattern = np.unique(present, axis=0, return_inverse=True)
-    known = _spans(baselines_b_m.tobytes(), patterns.tobytes())
-    return known._replace(pattern=pattern.reshape(-1))
+    cached = _spans(baselines_b_m.tobytes(), patterns.tobytes())
+    return cached._replace(pattern=pattern.reshape(-1))
 
 
 @lru_cache(maxsize=1000)  # single epochs of one flight ask for the same few again and again
@@ -81,11 +81,11 @@ def _spans(baselines: bytes, patterns: bytes) -> Spans:
     baselines_b_m = np.frombuffer(baselines).reshape(-1, 3)
     present = np.frombuffer(patterns, dtype=np.bool_).reshape(-1, len(baselines_b_m))
     coordinates, rank = np.zeros((*present.shape, 3)), np.zeros(len(present), dtype=np.int64)
-    for p, there in enumerate(present):
-        size, V_T = np.linalg.svd(baselines_b_m[there])[1:]
+    for p, antennas in enumerate(present):
+        size, V_T = np.linalg.svd(baselines_b_m[antennas])[1:]
         rank[p] = (size > _FLAT_M).sum()
         basis_b = V_T.T * [1.0, 1.0, np.linalg.det(V_T)]
-        coordinates[p, there] = baselines_b_m[there] @ basis_b
+        coordinates[p, antennas] = baselines_b_m[antennas] @ basis_b
     for array in (coordinates, rank):
         array.flags.writeable = False
     return Spans(np.zeros(0, dtype=np.int64), coordinates, rank)

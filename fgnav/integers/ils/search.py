@@ -165,10 +165,10 @@ def solve_subset(
         Bootstrapped success rate of the fixed ones: a lower bound of that of the search.
     """
     n = len(a)
-    whole, carried = np.empty(n), np.empty((n, 1))
+    rounded, carried = np.empty(n), np.empty((n, 1))
     for i in range(n):
-        whole[i] = np.floor(a[i] + 0.5)
-        carried[i, 0] = a[i] - whole[i]
+        rounded[i] = np.floor(a[i] + 0.5)
+        carried[i, 0] = a[i] - rounded[i]
     integers = np.zeros((candidates, n), dtype=np.int64)
     determined = np.zeros(n, dtype=np.bool_)
     status = fault(a, Q)
@@ -182,12 +182,12 @@ def solve_subset(
         return OK, integers, np.zeros(candidates), determined, 1.0
     if first > 0:
         L, d, carried = L[first:, first:].copy(), d[first:].copy(), carried[first:].copy()
-    finished, found, squared_norms = search(L, d, carried[:, 0], candidates, limit)
+    finished, vectors, squared_norms = search(L, d, carried[:, 0], candidates, limit)
     for j in range(n):
         determined[j] = True
         for i in range(first):
             determined[j] &= T[i, j] == 0.0
-    _return_to_cycles(found, T[first:], whole, determined, integers)
+    _return_to_cycles(vectors, T[first:], rounded, determined, integers)
     return OK if finished else UNFINISHED, integers, squared_norms, determined, success
 
 
@@ -228,7 +228,7 @@ def search(
 ) -> tuple[bool, FloatArray, FloatArray]:
     """Return whether it finished, the best integers, (candidates, n), and their squared norms."""
     n = len(d)
-    found, squared_norms = np.zeros((candidates, n)), np.full(candidates, np.inf)
+    vectors, squared_norms = np.zeros((candidates, n)), np.full(candidates, np.inf)
     room = np.zeros((n + 5, n))
     above = room[5:]  # row k: what the levels above k add to the conditional estimates
     norm_above, centre, z, step, weight = room[0], room[1], room[2], room[3], room[4]
@@ -251,37 +251,37 @@ def search(
                 z[k] = np.floor(centre[k] + 0.5)
                 step[k] = 1.0 if centre[k] >= z[k] else -1.0
                 continue
-            _insert(found, squared_norms, z, norm)
+            _insert(vectors, squared_norms, z, norm)
         elif k == n - 1:
-            return True, found, squared_norms
+            return True, vectors, squared_norms
         else:
             k += 1
         z[k] += step[k]
         step[k] = -step[k] - (1.0 if step[k] > 0 else -1.0)
-    return False, found, squared_norms
+    return False, vectors, squared_norms
 
 
 @inlined
-def _insert(found: FloatArray, squared_norms: FloatArray, z: FloatArray, norm: float) -> None:
+def _insert(vectors: FloatArray, squared_norms: FloatArray, z: FloatArray, norm: float) -> None:
     i = len(squared_norms) - 1
     while i > 0 and squared_norms[i - 1] > norm:
         squared_norms[i] = squared_norms[i - 1]
         for j in range(len(z)):
-            found[i, j] = found[i - 1, j]
+            vectors[i, j] = vectors[i - 1, j]
         i -= 1
     squared_norms[i] = norm
     for j in range(len(z)):
-        found[i, j] = z[j]
+        vectors[i, j] = z[j]
 
 
 @inner
 def _return_to_cycles(
-    found: FloatArray, T: FloatArray, whole: FloatArray, wanted: BoolArray, integers: IntArray
+    vectors: FloatArray, T: FloatArray, rounded: FloatArray, wanted: BoolArray, integers: IntArray
 ) -> None:
-    for i in range(len(found)):
-        for j in range(len(whole)):
+    for i in range(len(vectors)):
+        for j in range(len(rounded)):
             if wanted[j]:
                 total = 0.0  # exact: whole numbers far below 2^53
                 for k in range(len(T)):
-                    total += found[i, k] * T[k, j]
-                integers[i, j] = np.int64(total) + np.int64(whole[j])
+                    total += vectors[i, k] * T[k, j]
+                integers[i, j] = np.int64(total) + np.int64(rounded[j])

@@ -73,10 +73,6 @@ def causal_form(resolver: Resolver) -> Resolver:
     without smoothed code, and carry the integers of the surest epoch so far.
 
     Any other that may look ahead is asked epoch by epoch.
-
-    Parameters
-    ----------
-    resolver : Resolver
     """
     from fgnav.integers.arcs.resolver import Arcs  # noqa: PLC0415  # each brings its own kernels
     from fgnav.integers.resolvers.constrained import Constrained  # noqa: PLC0415

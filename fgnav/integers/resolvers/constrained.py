@@ -113,24 +113,24 @@ class Constrained:
             estimated = with_noise_so_far if self.causal else with_estimated_noise
             differences = estimated(differences, self.nodes)
         result = self._snooped(differences)
-        found = result.found
-        accepted, refused = self._validated(found)
-        refused = {reason: there for reason, there in refused.items() if there.any()}
+        searched = result.searched
+        accepted, refused = self._validated(searched)
+        refused = {reason: affected for reason, affected in refused.items() if affected.any()}
         links = differences.resolvable
         fixed = links & accepted[:, None, None]
         left_out = fixed & result.unresolved
         fixed &= ~left_out
-        reasons = {reason: links & there[:, None, None] for reason, there in refused.items()}
+        reasons = {reason: links & affected[:, None, None] for reason, affected in refused.items()}
         antennas = tuple(antenna.name for antenna in flight.antennas)
         out = result.left_out & accepted[:, None, None]
-        costs = np.where(np.isfinite(found.costs), found.costs, np.nan)
+        costs = np.where(np.isfinite(searched.costs), searched.costs, np.nan)
         return Integers(
             resolver=self.name,
-            cycles=np.where(fixed, found.cycles, 0),
+            cycles=np.where(fixed, searched.cycles, 0),
             fixed=fixed,
             ratio=np.where(links.any(axis=2), ratio(costs)[:, None], np.nan),
-            wrong_probability=found.wrong_probability,
-            reasons=_told(refused, left_out, links),
+            wrong_probability=searched.wrong_probability,
+            reasons=_reasons(refused, left_out, links),
             losses=(
                 *not_fixed({WITHOUT_CODE: phase_links(differences) & ~links, **reasons}),
                 *left_out_losses(differences, antennas, out),
@@ -138,33 +138,33 @@ class Constrained:
         )
 
     def _snooped(self, differences: DoubleDifferences) -> Snooped:
-        found = search_constrained(differences, self.nodes)
+        searched = search_constrained(differences, self.nodes)
         return snooped(
             differences,
-            found,
-            self._spoilt(found),
+            searched,
+            self._spoilt(searched),
             links_max=self.links_out,
             tail=self.tail or 0.0,
             nodes=self.nodes,
         )
 
-    def _spoilt(self, found: ConstrainedSearch) -> BoolArray:
+    def _spoilt(self, searched: ConstrainedSearch) -> BoolArray:
         """Return the epochs, (n,), whose residuals are no noise."""
         if self.tail is None:
-            return np.zeros(len(found.status), dtype=np.bool_)
-        proven = found.status == PROVEN
-        cost = np.where(proven, found.costs[:, 0], 0.0)
-        return np.asarray(proven & (chdtrc(np.maximum(found.degrees, 1), cost) < self.tail))
+            return np.zeros(len(searched.status), dtype=np.bool_)
+        proven = searched.status == PROVEN
+        cost = np.where(proven, searched.costs[:, 0], 0.0)
+        return np.asarray(proven & (chdtrc(np.maximum(searched.degrees, 1), cost) < self.tail))
 
-    def _validated(self, found: ConstrainedSearch) -> tuple[BoolArray, dict[str, BoolArray]]:
+    def _validated(self, searched: ConstrainedSearch) -> tuple[BoolArray, dict[str, BoolArray]]:
         """Return the epochs accepted, (n,), and the others by reason."""
-        refused = {reason: found.status == end for reason, end in _GIVEN_UP.items()}
-        spoilt = self._spoilt(found)
-        accepted = (found.status == PROVEN) & ~spoilt
+        refused = {reason: searched.status == end for reason, end in _GIVEN_UP.items()}
+        spoilt = self._spoilt(searched)
+        accepted = (searched.status == PROVEN) & ~spoilt
         if self.tail is not None:
             refused[f"residuals of the array above chi-square at {self.tail:g}"] = spoilt
         if self.wrong_max is not None:
-            reason, sure = self._sure(found.wrong_probability, accepted, self.wrong_max)
+            reason, sure = self._sure(searched.wrong_probability, accepted, self.wrong_max)
             refused[reason] = accepted & ~sure
             accepted = accepted & sure
         return accepted, refused
@@ -179,14 +179,16 @@ class Constrained:
         return reason, wrong <= -share_threshold(-wrong[sound], wrong[sound], wrong_max)
 
 
-def _told(refused: dict[str, BoolArray], left_out: BoolArray, links: BoolArray) -> tuple[str, ...]:
+def _reasons(
+    refused: dict[str, BoolArray], left_out: BoolArray, links: BoolArray
+) -> tuple[str, ...]:
     """Return the reason of each epoch, length n."""
-    told = [""] * len(links)
+    texts = [""] * len(links)
     without = {
         "no link with code and phase": ~links.any(axis=(1, 2)),
         f"a link {LEFT_OUT}": left_out.any(axis=(1, 2)),
     }
-    for reason, there in (without | refused).items():
-        for k in np.flatnonzero(there):
-            told[k] = reason
-    return tuple(told)
+    for reason, affected in (without | refused).items():
+        for k in np.flatnonzero(affected):
+            texts[k] = reason
+    return tuple(texts)
