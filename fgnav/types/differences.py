@@ -28,7 +28,7 @@ class DoubleDifferences:
     with ``l_i`` in ``baselines_b_m``, ``e_j`` in ``e_n`` and ``r`` the reference channel of j's
     group. The link of the reference channel itself is exactly 0 wherever the antenna tracks it;
     every other value is NaN where a link is missing. Noise of undifferenced links is independent,
-    with variance per channel and epoch; that of the differences follows (``covariance``).
+    with variance per channel and epoch.
 
     Attributes
     ----------
@@ -120,31 +120,3 @@ class DoubleDifferences:
         ranges_m = -np.einsum("nbi,nmi->nbm", baselines_n_m, self.e_n)
         of_reference = self.reference[:, self.group].clip(0)
         return np.asarray(ranges_m - np.take_along_axis(ranges_m, of_reference[:, None, :], axis=2))
-
-    def covariance(self, k: int, links: BoolArray, variance_m2: FloatArray) -> FloatArray:
-        """Return the full covariance, m2, of the chosen double differences of one epoch.
-
-        Parameters
-        ----------
-        k : int
-            Epoch.
-        links : ndarray of bool, shape (b, m)
-            The differences wanted, reference channels excluded; the order is that of
-            ``np.nonzero(links)``.
-        variance_m2 : ndarray, shape (n, m)
-            ``code_variance_m2`` or ``phase_variance_m2``.
-
-        Returns
-        -------
-        ndarray, shape (links.sum(), links.sum())
-        """
-        baseline, channel = np.nonzero(links)
-        variance = variance_m2[k]
-        of_reference = self.reference[k, self.group[channel]]
-        same_group = self.group[channel][:, None] == self.group[channel][None, :]
-        satellites = (
-            same_group * variance[of_reference][:, None]
-            + (channel[:, None] == channel[None, :]) * variance[channel]
-        )
-        antennas = 1.0 + (baseline[:, None] == baseline[None, :])
-        return np.asarray(antennas * satellites)

@@ -146,3 +146,20 @@ def float_solution(differences: DoubleDifferences, k: int) -> tuple[FloatArray, 
     links = epoch_links(epochs.resolvable[k], epochs.of_reference[k], everywhere)
     _, cycles, covariance, _ = float_epoch(epochs, arrays, k, arrays.pattern[k], links)
     return cycles, covariance
+
+
+def link_covariance(
+    differences: DoubleDifferences, k: int, links: BoolArray, variance_m2: FloatArray
+) -> FloatArray:
+    """Return the covariance, m2, of chosen double differences, (b, m), of one epoch.
+
+    From the variances of undifferenced links, (n, m), reference channels excluded; in the order of
+    ``np.nonzero(links)``.
+    """
+    baseline, channel = np.nonzero(links)
+    variance, group = variance_m2[k], differences.group[channel]
+    of_reference = differences.reference[k, group]
+    same_channel = channel[:, None] == channel
+    satellites = (group[:, None] == group) * variance[of_reference][:, None]
+    satellites = satellites + same_channel * variance[channel]
+    return np.asarray((1.0 + (baseline[:, None] == baseline)) * satellites)

@@ -106,7 +106,7 @@ def epoch_links(resolvable: BoolArray, of_reference: IntArray, block: BoolArray)
 
 @kernel
 def link_covariance(links: IntArray, variance: FloatArray) -> FloatArray:
-    """Return that of double differences, as ``DoubleDifferences.covariance`` does."""
+    """Return the covariance of double differences, (q, q)."""
     q = len(links)
     C = np.zeros((q, q))
     for i in range(q):

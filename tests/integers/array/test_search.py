@@ -14,7 +14,7 @@ from fgnav.integers.array.search import PROVEN, UNFINISHED, search_constrained
 from fgnav.integers.array.walk import least_distance
 from fgnav.integers.ils.array_model import link_arrays, spans
 from fgnav.integers.ils.decorrelation import decorrelate
-from tests.integers.arrays import PAPER_ANTENNAS_B_M, float_solution, make
+from tests.integers.arrays import PAPER_ANTENNAS_B_M, float_solution, link_covariance, make
 
 NODES = 10**6
 PAIR_B_M = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]])
@@ -29,7 +29,8 @@ def cost_of(differences, k, cycles, starts=12):
     links = differences.resolvable[k]
     there = [differences.code_variance_m2, differences.phase_variance_m2]
     roots = [
-        np.linalg.cholesky(np.linalg.inv(differences.covariance(k, links, v))).T for v in there
+        np.linalg.cholesky(np.linalg.inv(link_covariance(differences, k, links, v))).T
+        for v in there
     ]
     phase_m = differences.phase_m[k] - differences.wavelength_m * cycles
     code_m = differences.code_m[k]
@@ -125,8 +126,10 @@ def test_relaxed_cost_is_the_constrained_one_at_any_attitude():
         model_m = d.array_m(made.R_nb)[k]
         code = (d.code_m[k] - model_m)[there]
         phase = (d.phase_m[k] - model_m - d.wavelength_m * made.cycles[k])[there]
-        expected = code @ np.linalg.solve(d.covariance(k, there, d.code_variance_m2), code)
-        expected += phase @ np.linalg.solve(d.covariance(k, there, d.phase_variance_m2), phase)
+        expected = code @ np.linalg.solve(link_covariance(d, k, there, d.code_variance_m2), code)
+        expected += phase @ np.linalg.solve(
+            link_covariance(d, k, there, d.phase_variance_m2), phase
+        )
         assert cost == pytest.approx(expected, rel=1e-6)
 
 

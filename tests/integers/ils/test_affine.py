@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from fgnav.integers import integer_least_squares
 from fgnav.integers.ils.affine import NOTHING, WEAK, search_array
 from fgnav.integers.ils.search import OK
-from tests.integers.arrays import PAPER_ANTENNAS_B_M, float_solution, make
+from tests.integers.arrays import PAPER_ANTENNAS_B_M, float_solution, link_covariance, make
 
 LINE_B_M = np.array([[0.0, 0, 0], [0, 0.5, 0], [0, 1.0, 0]])
 PLANE_B_M = np.array([[0.0, 0, 0], [0, 0.5, 0], [1.0, 0, 0], [1.0, 0.5, 0]])
@@ -20,8 +20,8 @@ def by_numpy(differences, k, rank):
     across = differences.e_n[k, reference] - differences.e_n[k, channel]
     A = np.einsum("qx,qr->qrx", across, (differences.baselines_b_m @ V)[baseline])
     A = A.reshape(len(baseline), -1)
-    code = differences.covariance(k, links, differences.code_variance_m2)
-    phase = differences.covariance(k, links, differences.phase_variance_m2)
+    code = link_covariance(differences, k, links, differences.code_variance_m2)
+    phase = link_covariance(differences, k, links, differences.phase_variance_m2)
     P = np.linalg.inv(A.T @ np.linalg.solve(code, A))
     M = P @ A.T @ np.linalg.solve(code, differences.code_m[k][links])
     wavelength = differences.wavelength_m[channel]
