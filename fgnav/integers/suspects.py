@@ -43,7 +43,7 @@ def suspects(
        Commission 2 (5), 1968.
     """
     epochs = link_arrays(differences)
-    arrays = spans(differences.baselines_b_m, epochs.resolvable.any(axis=2))
+    arrays = spans(differences.baselines_b_m, np.any(epochs.resolvable, axis=2))
     explained = _explained(epochs, arrays, cycles)
     flat = explained.reshape(len(explained), -1)
     which = np.argsort(-flat, axis=1, kind="stable")[:, :count]

@@ -73,7 +73,7 @@ def given_integers(
     columns : ndarray, shape (n, 9)
         Of the attitudes that these lead to, as in ``ConstrainedSearch``.
     """
-    arrays = spans(differences.baselines_b_m, differences.resolvable.any(axis=2))
+    arrays = spans(differences.baselines_b_m, np.any(differences.resolvable, axis=2))
     M = columns.reshape(-1, 3, 3)  # a column in each row
     baselines_n_m = arrays.coordinates_m[arrays.pattern] @ M
     e_n = np.nan_to_num(differences.e_n)

@@ -103,7 +103,7 @@ def with_noise_so_far(differences: DoubleDifferences, nodes: int) -> DoubleDiffe
 
 def _of_array(differences: DoubleDifferences) -> IntArray:
     """Return the epochs whose links are of antennas apart from each other, (k,)."""
-    arrays = spans(differences.baselines_b_m, differences.resolvable.any(axis=2))
+    arrays = spans(differences.baselines_b_m, np.any(differences.resolvable, axis=2))
     linked = differences.resolvable.any(axis=(1, 2))
     return np.flatnonzero(linked & (arrays.rank[arrays.pattern] > 0))
 

@@ -142,7 +142,7 @@ def searched(
         Degrees of freedom of true integers' cost.
     """
     epochs = link_arrays(differences)
-    arrays = spans(differences.baselines_b_m, epochs.resolvable.any(axis=2))
+    arrays = spans(differences.baselines_b_m, np.any(epochs.resolvable, axis=2))
     degrees = _cost_degrees(epochs, arrays)
     bound = np.asarray(chdtri(np.maximum(degrees, 1), _FIRST_BOUND))  # of the cost, (n,)
     result = nothing_found(epochs.phase_m.shape, held=held, written=written)

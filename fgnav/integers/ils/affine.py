@@ -87,7 +87,7 @@ def search_array(
     n, b, m = differences.phase_m.shape
     blocks = np.ones((min(b, 1), b), dtype=np.bool_) if joint else np.eye(b, dtype=np.bool_)
     epochs = link_arrays(differences)
-    present = epochs.resolvable.any(axis=2)[:, None] & blocks  # (n, s, b)
+    present = np.any(epochs.resolvable, axis=2)[:, None] & blocks  # (n, s, b)
     arrays = spans(differences.baselines_b_m, present.reshape(-1, b))
     result = _Found(
         np.zeros((n, b, m), dtype=np.int64),
@@ -115,7 +115,7 @@ def code_residuals(differences: DoubleDifferences) -> tuple[float, int]:
         Of freedom.
     """
     epochs = link_arrays(differences)
-    arrays = spans(differences.baselines_b_m, epochs.resolvable.any(axis=2))
+    arrays = spans(differences.baselines_b_m, np.any(epochs.resolvable, axis=2))
     squares, degrees = _code_squares(epochs, arrays)
     return float(squares), int(degrees)
 

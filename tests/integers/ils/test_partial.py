@@ -55,7 +55,7 @@ def test_no_neighbour_of_the_fixed_integers_is_nearer(seed, success_min):
     fix = partial_integer_least_squares(a, Q, success_min)
     assert fix.success >= success_min
     p = len(fix.integers)
-    around = fix.integers + np.array(list(product((-1, 0, 1), repeat=p))).reshape(-1, p)
+    around = fix.integers + np.array(list(product((-1, 0, 1), repeat=p))).reshape(3**p, p)
     off = around - fix.combinations @ a
     metric = fix.combinations @ Q @ fix.combinations.T
     norms = np.einsum("ki,ki->k", off, np.linalg.solve(metric, off.T).T)
