@@ -201,8 +201,6 @@ def specific_force_pair(
 
     Parameters
     ----------
-    imu : Imu
-    origin : Origin
     t_s : ndarray, shape (n,)
         Epochs of positions and velocities, strictly increasing.
     p_n_m, v_n_mps : ndarray, shape (n, 3)
@@ -246,5 +244,5 @@ def _integral_so_far(imu: Imu, integral: FloatArray, t_s: FloatArray) -> FloatAr
     at = last.clip(1)
     held_s = (t_s - imu.t_s[at])[:, None]
     usual_s = (imu.t_s[at] - imu.t_s[at - 1])[:, None]
-    there = (last >= 1)[:, None] & (held_s <= _HELD_INTERVALS * usual_s)
-    return np.where(there, integral[at] + imu.f_b_mps2[at] * held_s, np.nan)
+    recent = (last >= 1)[:, None] & (held_s <= _HELD_INTERVALS * usual_s)
+    return np.where(recent, integral[at] + imu.f_b_mps2[at] * held_s, np.nan)

@@ -54,7 +54,6 @@ def line_of_sight(
 
     Parameters
     ----------
-    seeker : Seeker
     sigma_rad : float or None
         Standard deviation of the direction; None: the detector's own.
     causal : bool

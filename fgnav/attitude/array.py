@@ -174,10 +174,10 @@ def searched_again(
     """
     if not len(rows):
         return solution
-    found = maximum_likelihood(quadratic[rows], R_nb_start)
+    result = maximum_likelihood(quadratic[rows], R_nb_start)
     parts = {one.name: getattr(solution, one.name).copy() for one in fields(solution)}
     for name, values in parts.items():
-        values[rows] = getattr(found, name)
+        values[rows] = getattr(result, name)
     return AttitudeSolution(**parts)
 
 
@@ -225,9 +225,9 @@ def _descend(quadratic: RotationQuadratic, start: FloatArray) -> tuple[FloatArra
         gradient = part.gradient_at(here)
         step = -np.einsum("nij,nj->ni", inverse, gradient)
         settled[active] = -np.einsum("ni,ni->n", step, gradient) < _STEP_SIGMAS**2
-        there = here @ rotations.exp(share[active, None] * step)
-        better = part.chi_square(there) <= part.chi_square(here) + _STEP_SIGMAS**2
-        R_nb[active] = np.where(better[:, None, None], there, here)
+        trial_R_nb = here @ rotations.exp(share[active, None] * step)
+        better = part.chi_square(trial_R_nb) <= part.chi_square(here) + _STEP_SIGMAS**2
+        R_nb[active] = np.where(better[:, None, None], trial_R_nb, here)
         share[active] = np.where(better, np.minimum(2 * share[active], 1), share[active] / 4)
     return R_nb, settled
 

@@ -57,8 +57,8 @@ class FixedBaselines:
         satellites everywhere, baselines count by their length alone.
         """
         mean_variance = np.trace(self.covariance_m2, axis1=2, axis2=3) / 3.0
-        known = np.isfinite(mean_variance)
-        weight = np.where(known, 1.0 / np.where(known, mean_variance, 1.0), 0.0)
+        valid = np.isfinite(mean_variance)
+        weight = np.where(valid, 1.0 / np.where(valid, mean_variance, 1.0), 0.0)
         v_b = np.broadcast_to(baselines_b_m, self.b_n_m.shape)
         sources = tuple(f"baseline {name}" for name in names)
         return VectorPairs(v_n=self.b_n_m, v_b=v_b, weight=weight, sources=sources)
@@ -170,9 +170,9 @@ def body_motion(flight: Flight, t_s: FloatArray, R_nb: FloatArray) -> BodyMotion
     arm_b_m = flight.antennas[0].position_b_m
     rates = None
     if code.v_n_mps is not None and code.velocity_covariance_m2ps2 is not None:
-        known = np.isfinite(code.v_n_mps[:, 0])
-        v_n_mps, covariance = code.v_n_mps[known], code.velocity_covariance_m2ps2[known]
-        rates = _bridged(t_s, code.t_s[known], v_n_mps, covariance, power=1)
+        valid = np.isfinite(code.v_n_mps[:, 0])
+        v_n_mps, covariance = code.v_n_mps[valid], code.velocity_covariance_m2ps2[valid]
+        rates = _bridged(t_s, code.t_s[valid], v_n_mps, covariance, power=1)
     if rates is None:
         notes += ["No velocity: some epochs lie outside those with Doppler."]
     elif arm_b_m.any():

@@ -68,17 +68,17 @@ def own_rotation(imu: Imu, R_ub: FloatArray | None = None) -> OwnRotation | None
         return None
     w_b_radps = imu.w_b_radps
     if w_b_radps is None:
-        told_b_radps, sure = _told(imu.t_s, imu.f_b_mps2)
-        spins = sure & (np.linalg.norm(told_b_radps, axis=1) > _FAST_RADPS)
+        spin_b_radps, sure = _spin_rates(imu.t_s, imu.f_b_mps2)
+        spins = sure & (np.linalg.norm(spin_b_radps, axis=1) > _FAST_RADPS)
         if not spins.any():
             return None
-        w_b_radps = np.where(spins[:, None], told_b_radps, 0.0)
+        w_b_radps = np.where(spins[:, None], spin_b_radps, 0.0)
     turns = exp((w_b_radps[1:] + w_b_radps[:-1]) / 2 * np.diff(imu.t_s)[:, None])
     led = accumulated(turns) if R_ub is None else R_ub @ accumulated(turns)
     return OwnRotation(t_s=imu.t_s, R_ub=led, w_b_radps=w_b_radps)
 
 
-def _told(t_s: FloatArray, f_b_mps2: FloatArray) -> tuple[FloatArray, BoolArray]:
+def _spin_rates(t_s: FloatArray, f_b_mps2: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return rates by ``df/dt = (f - c) x w`` over a span about each sample, and which are told.
 
     The constant ``c`` is bias, and what a rotation adds off its axis: 3 m/s2 at 2 cm and two turns

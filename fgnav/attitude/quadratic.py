@@ -76,16 +76,16 @@ class RotationQuadratic:
         covariance_b : ndarray, shape (n, 3, 3)
             Of ``v_b``.
         """
-        there = np.asarray(np.isfinite(v_b).all(axis=1))
-        weight = np.linalg.inv(covariance_b) * there[:, None, None]
-        v_b = np.where(there[:, None], v_b, 0.0)
+        measured = np.asarray(np.isfinite(v_b).all(axis=1))
+        weight = np.linalg.inv(covariance_b) * measured[:, None, None]
+        v_b = np.where(measured[:, None], v_b, 0.0)
         weighted = np.einsum("nij,nj->ni", weight, v_b)
         n = len(v_n)
         return cls(
             np.einsum("ni,nj,nkl->nikjl", v_n, v_n, weight).reshape(n, 9, 9),
             np.einsum("ni,nk->nik", v_n, weighted).reshape(n, 9),
             np.einsum("ni,ni->n", v_b, weighted),
-            np.where(there, 3, 0),
+            np.where(measured, 3, 0),
         )
 
     def __add__(self, other: "RotationQuadratic") -> "RotationQuadratic":
@@ -153,9 +153,9 @@ class RotationQuadratic:
                 "antennas and noise"
             )
         values, vectors = np.linalg.eigh(self.information)
-        known = values > _NOTHING * values[:, -1:]
-        root = np.sqrt(np.where(known, values, 0.0))
-        inverse = np.where(known, 1.0 / np.where(known, values, 1.0), 0.0)
+        observable = values > _NOTHING * values[:, -1:]
+        root = np.sqrt(np.where(observable, values, 0.0))
+        inverse = np.where(observable, 1.0 / np.where(observable, values, 1.0), 0.0)
         across = vectors.swapaxes(1, 2)
         minimum = vectors @ (inverse[:, :, None] * (across @ self.vector[:, :, None]))
         return root[:, :, None] * across, minimum.reshape(-1, 3, 3)

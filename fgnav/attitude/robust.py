@@ -3,6 +3,7 @@
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
+from fgnav.geometry.rotation_kernel import exp, inverse, product, put, scaled, times
 from fgnav.kernels.compiled import inner, kernel
 from fgnav.types.differences import DoubleDifferences
 
@@ -10,6 +11,7 @@ from fgnav.types.differences import DoubleDifferences
 # one wrong link in five, which is ten degrees off, the narrow weights alone find a wrong minimum.
 _SCALES = np.array([2.0, 1.0, 0.5, 0.25, 0.125])
 _STEPS = 4  # at each scale
+_LONGEST_RAD = 0.5  # of a step
 _RIDGE = 1e-9  # of the largest information: an open direction is not searched
 
 
@@ -143,23 +145,6 @@ def _turn(R: FloatArray, A: FloatArray, g: FloatArray) -> None:
         return
     for c in range(3):
         A[c, c] += ridge
-    columns = np.zeros((3, 3))  # of the adjugate: A is symmetric
-    for c in range(3):
-        _cross(A[(c + 1) % 3], A[(c + 2) % 3], columns[c])
-    determinant = A[0, 0] * columns[0, 0] + A[0, 1] * columns[0, 1] + A[0, 2] * columns[0, 2]
-    step = np.zeros(3)
-    for c in range(3):
-        for e in range(3):
-            step[c] += columns[e, c] * g[e] / determinant
+    step = times(inverse(A)[0], g)
     angle = np.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
-    if angle < 1e-15:
-        return
-    axis, angle = step / angle, min(angle, 0.5)
-    s, v = np.sin(angle), 1.0 - np.cos(angle)
-    for row in range(3):
-        x = R[row].copy()
-        along = v * (x[0] * axis[0] + x[1] * axis[1] + x[2] * axis[2])
-        turned = np.zeros(3)
-        _cross(x, axis, turned)
-        for c in range(3):
-            R[row, c] = (1.0 - v) * x[c] + s * turned[c] + along * axis[c]
+    put(product(R, exp(scaled(step, _LONGEST_RAD / max(angle, _LONGEST_RAD)))), R)

@@ -1,14 +1,11 @@
 """Attitude from vectors known in two frames: the paper's least squares, Wahba's problem."""
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
 
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, freeze
-from fgnav.geometry.rotations import nearest, skew
-
-WahbaSolver: TypeAlias = Literal["svd", "davenport"]
+from fgnav.geometry.rotations import exp, nearest, skew
 
 _COLLINEAR = 1e-6  # second over first singular value; rounding leaves 1e-15, any real array > 1e-3
 _INDIFFERENT = 1e-2  # sine below which a common direction cannot set the body upright
@@ -118,47 +115,29 @@ def paper_matrix(pairs: VectorPairs) -> FloatArray:
 def paper_rotation(pairs: VectorPairs) -> FloatArray:
     """Return the (n, 3, 3) rotations nearest to the paper's matrices; NaN where there is none."""
     T = paper_matrix(pairs)
-    known = np.isfinite(T[:, 0, 0])
-    T[known] = nearest(T[known])
+    finite = np.isfinite(T[:, 0, 0])
+    T[finite] = nearest(T[finite])
     return T
 
 
-def wahba(pairs: VectorPairs, solver: WahbaSolver = "svd") -> VectorAttitude:
+def wahba(pairs: VectorPairs) -> VectorAttitude:
     """Return the rotations that minimise ``sum weight |v_n - R_nb v_b|^2``: Wahba's problem.
 
-    Collinear vectors leave the rotation about them open; it is then set by ``upright``.
-
-    Parameters
-    ----------
-    solver : {"svd", "davenport"}
-        Singular value decomposition [1]_, or the largest eigenvector of Davenport's 4 x 4 matrix
-        [2]_. Both give the same rotation.
-
-    Raises
-    ------
-    BadInputError
-        If the solver is not one of the two.
+    By singular value decomposition [1]_. Collinear vectors leave the rotation about them open; it
+    is then set by ``upright``.
 
     References
     ----------
     .. [1] F. L. Markley, Attitude determination using vector observations and the singular value
        decomposition, Journal of the Astronautical Sciences 36(3), 1988.
-    .. [2] P. Davenport, A vector approach to the algebra of rotations with applications, NASA TN
-       D-4696, 1968.
     """
-    if solver not in ("svd", "davenport"):
-        raise BadInputError(f"wahba solver: must be svd or davenport, got {solver!r}")
     B = attitude_profile(pairs)
     U, s, Vt = np.linalg.svd(B)
     handed = np.linalg.det(U) * np.linalg.det(Vt)
     # Markley: the optimum is unique when the second singular value outweighs a flipped third.
     determined = s[:, 1] + handed * s[:, 2] > _COLLINEAR * s[:, 0]
     rank = np.where(s[:, 0] > 0, 1 + determined, 0)
-    if solver == "svd":
-        U = np.concatenate([U[:, :, :2], U[:, :, 2:] * handed[:, None, None]], axis=2)
-        R_nb = U @ Vt
-    else:
-        R_nb = _davenport(B)
+    R_nb = np.concatenate([U[:, :, :2], U[:, :, 2:] * handed[:, None, None]], axis=2) @ Vt
     open_axis_b = np.full((len(B), 3), np.nan)
     one = rank == 1
     # The sign of a singular vector is arbitrary, that of the axis does not matter.
@@ -218,20 +197,6 @@ def upright(R_nb: FloatArray, axis_b: FloatArray) -> FloatArray:
     return np.asarray(np.where((reach > _INDIFFERENT)[:, None, None], to_down, to_north))
 
 
-def _davenport(B: FloatArray) -> FloatArray:
-    """Return rotations of the largest eigenvector of Davenport's matrix, (n, 3, 3)."""
-    trace = np.trace(B, axis1=1, axis2=2)
-    K = np.empty((len(B), 4, 4))
-    K[:, 0, 0] = trace
-    K[:, 1:, 1:] = B + B.swapaxes(1, 2) - trace[:, None, None] * np.eye(3)
-    for i, (j, k) in enumerate([(2, 1), (0, 2), (1, 0)]):
-        K[:, 0, i + 1] = K[:, i + 1, 0] = B[:, j, k] - B[:, k, j]
-    q = np.linalg.eigh(K)[1][:, :, 3]
-    w, v = q[:, 0], q[:, 1:]
-    scalar = (w**2 - np.einsum("ni,ni->n", v, v))[:, None, None] * np.eye(3)
-    return np.asarray(scalar + 2 * v[:, :, None] * v[:, None, :] + 2 * w[:, None, None] * skew(v))
-
-
 def _turn(
     R_nb: FloatArray, axis_b: FloatArray, body: FloatArray, towards_n: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -243,9 +208,8 @@ def _turn(
     along = np.einsum("i,nij,njk,k->n", towards_n, R_nb, K @ K, body)
     across = np.einsum("i,nij,njk,k->n", towards_n, R_nb, K, body)
     # Rodrigues: the cosine is constant - along cos(angle) + across sin(angle).
-    angle = np.arctan2(across, -along)[:, None, None]
-    turn = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
-    return R_nb @ turn, np.hypot(along, across)
+    angle = np.arctan2(across, -along)[:, None]
+    return R_nb @ exp(angle * axis_b), np.hypot(along, across)
 
 
 def _length(v: FloatArray) -> FloatArray:

@@ -29,8 +29,8 @@ def cubic_spline(t: FloatArray, values: FloatArray, at: FloatArray) -> FloatArra
     chord = (y[k + 1] - y[k]) / span
     bend = (slope[k] + slope[k + 1] - 2 * chord) / span
     square = (chord - slope[k]) / span - bend
-    found = y[k] + slope[k] * x + square * x**2 + bend / span * (x**2 * x)
-    return np.asarray(found.reshape(len(at), *values.shape[1:]))
+    interpolated = y[k] + slope[k] * x + square * x**2 + bend / span * (x**2 * x)
+    return np.asarray(interpolated.reshape(len(at), *values.shape[1:]))
 
 
 def _slopes(t: FloatArray, y: FloatArray) -> FloatArray:

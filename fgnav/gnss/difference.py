@@ -33,12 +33,12 @@ def double_differences(flight: Flight, *, causal: bool = False) -> DoubleDiffere
     NoSolutionError
         If the flight has no observations of two antennas, or no position can be computed.
     """
-    known = _CACHE.setdefault(flight, {})
-    if causal not in known:
+    cached = _CACHE.setdefault(flight, {})
+    if causal not in cached:
         single = single_differences(flight, causal=causal)
         names = tuple(antenna.name for antenna in flight.antennas)
-        known[causal] = differenced(single, names, causal=causal)
-    return known[causal]
+        cached[causal] = differenced(single, names, causal=causal)
+    return cached[causal]
 
 
 def differenced(
@@ -102,17 +102,23 @@ def _against(values: FloatArray, of_reference: IntArray) -> FloatArray:
     return np.asarray(np.where(of_reference[:, None] >= 0, values - reference, np.nan))
 
 
-def _double_arcs(arc: IntArray, of_reference: IntArray, there: BoolArray) -> IntArray:
+def _double_arcs(arc: IntArray, of_reference: IntArray, has_phase: BoolArray) -> IntArray:
     """Return arcs of double differences, (n, b, m), from those of links, (n, a, m).
 
     A new one begins when any of the four links does, or the reference channel changes: within one
     arc the integer is constant.
     """
-    own = np.take_along_axis(arc, of_reference.clip(0)[:, None], axis=2)
-    out = np.full(there.shape, -1, dtype=np.int64)
-    for i, j in np.ndindex(there.shape[1:]):
-        at = there[:, i, j]
-        links = (arc[:, 0, j], arc[:, i + 1, j], own[:, 0, j], own[:, i + 1, j], of_reference[:, j])
+    of_reference_channel = np.take_along_axis(arc, of_reference.clip(0)[:, None], axis=2)
+    out = np.full(has_phase.shape, -1, dtype=np.int64)
+    for i, j in np.ndindex(has_phase.shape[1:]):
+        at = has_phase[:, i, j]
+        links = (
+            arc[:, 0, j],
+            arc[:, i + 1, j],
+            of_reference_channel[:, 0, j],
+            of_reference_channel[:, i + 1, j],
+            of_reference[:, j],
+        )
         key = np.stack([link[at] for link in links])
         out[at, i, j] = np.cumsum((np.diff(key, axis=1, prepend=key[:, :1]) != 0).any(axis=0))
     return out

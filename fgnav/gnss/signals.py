@@ -165,9 +165,9 @@ def _unused(observations: Observations, counts: IntArray, channel: IntArray) -> 
     taken = np.zeros(counts.shape, dtype=bool)
     antenna, at = np.nonzero(channel >= 0)
     taken[antenna, channel[antenna, at]] = True
-    left = np.where(taken, 0, counts).sum(axis=0)
+    unused = np.where(taken, 0, counts).sum(axis=0)
     lost: dict[tuple[str, str], int] = {}
-    for column in np.nonzero(left)[0]:
+    for column in np.nonzero(unused)[0]:
         satellite, signal = observations.satellites[column], observations.signals[column]
         reason = (
             "another signal of the same carrier is used"
@@ -175,5 +175,5 @@ def _unused(observations: Observations, counts: IntArray, channel: IntArray) -> 
             else "constellation or carrier is not supported"
         )
         key = (f"{satellite[0]} {signal} observation", reason)
-        lost[key] = lost.get(key, 0) + int(left[column])
+        lost[key] = lost.get(key, 0) + int(unused[column])
     return tuple(Loss(what=what, reason=why, count=count) for (what, why), count in lost.items())

@@ -22,49 +22,28 @@ _RATE_BASE_S = 0.5  # positions this far to both sides make a velocity where the
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class SingleDifferences:
-    """Antennas 2, 3, … minus antenna 1, channel by channel.
+    """Antennas 2, 3, … minus antenna 1, channel by channel."""
 
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-    baselines_b_m : ndarray, shape (b, 3)
-    satellites, signals : tuple of str, length m
-    wavelength_m : ndarray, shape (m,)
-    group : ndarray of int, shape (m,)
-        Constellation and carrier.
-    e_n : ndarray, shape (n, m, 3)
-        From the reference antenna to the satellites; NaN where a channel is not usable.
-    elevation_rad : ndarray, shape (n, m)
-        The same.
-    code_m, phase_m : ndarray, shape (n, b, m)
-    code_there, phase_there : ndarray of bool, shape (n, a, m)
-        Usable observations of every antenna; phases without half-cycle doubt.
-    lock_flags : ndarray of uint8, shape (n, a, m)
-    code_variance_m2, phase_variance_m2 : ndarray, shape (n, m)
-        Of one undifferenced link; 1 where a channel is not usable.
-    unused : tuple of Loss
-        Observations of signals that no channel takes.
-    lost : Counter
-        Links by antenna and reason.
-    """
-
-    t_s: FloatArray
-    baselines_b_m: FloatArray
-    satellites: tuple[str, ...]
-    signals: tuple[str, ...]
-    wavelength_m: FloatArray
-    group: IntArray
-    e_n: FloatArray
-    elevation_rad: FloatArray
-    code_m: FloatArray
-    phase_m: FloatArray
+    t_s: FloatArray  # (n,)
+    baselines_b_m: FloatArray  # (b, 3)
+    satellites: tuple[str, ...]  # length m
+    signals: tuple[str, ...]  # length m
+    wavelength_m: FloatArray  # (m,)
+    group: IntArray  # (m,); constellation and carrier
+    e_n: FloatArray  # (n, m, 3); from the reference antenna; NaN where a channel is not usable
+    elevation_rad: FloatArray  # (n, m); the same
+    code_m: FloatArray  # (n, b, m)
+    phase_m: FloatArray  # (n, b, m)
+    # code_there, phase_there: (n, a, m); usable observations of every antenna, phases without
+    # half-cycle doubt
     code_there: BoolArray
     phase_there: BoolArray
-    lock_flags: IntArray
+    lock_flags: IntArray  # (n, a, m) of uint8
+    # of one undifferenced link, (n, m); 1 where a channel is not usable
     code_variance_m2: FloatArray
     phase_variance_m2: FloatArray
-    unused: tuple[Loss, ...]
-    lost: Counter[tuple[str, str]]
+    unused: tuple[Loss, ...]  # observations of signals that no channel takes
+    lost: Counter[tuple[str, str]]  # links by antenna and reason
 
 
 def single_differences(flight: Flight, *, causal: bool = False) -> SingleDifferences:
@@ -148,8 +127,8 @@ def reference_motion(flight: Flight, t_s: FloatArray) -> tuple[FloatArray, Float
         _bend(p, when_s, solution)
     v_n_mps = (ends[1] - ends[0]) / span_s
     if solution.v_n_mps is not None:
-        known = np.isfinite(solution.v_n_mps).all(axis=1)
-        v_n_mps[solution.epoch[known]] = solution.v_n_mps[known]
+        valid = np.isfinite(solution.v_n_mps).all(axis=1)
+        v_n_mps[solution.epoch[valid]] = solution.v_n_mps[valid]
     return flight.origin.to_e(p_n_m), v_n_mps @ flight.origin.R_ne
 
 
@@ -168,10 +147,10 @@ def motion_so_far(flight: Flight, t_s: FloatArray) -> tuple[FloatArray, FloatArr
     v_n_mps = _velocities_so_far(solution)
     last = np.searchsorted(solution.t_s, t_s, side="right") - 1
     age_s = t_s - solution.t_s[last.clip(0)]
-    known = (last >= 0) & (age_s <= _LONGEST_BRIDGE_S)
+    valid = (last >= 0) & (age_s <= _LONGEST_BRIDGE_S)
     p_n_m = solution.p_n_m[last.clip(0)] + v_n_mps[last.clip(0)] * age_s[:, None]
-    p_n_m = np.where(known[:, None], p_n_m, np.nan)
-    v_n_mps = np.where(known[:, None], v_n_mps[last.clip(0)], np.nan)
+    p_n_m = np.where(valid[:, None], p_n_m, np.nan)
+    v_n_mps = np.where(valid[:, None], v_n_mps[last.clip(0)], np.nan)
     return flight.origin.to_e(p_n_m), v_n_mps @ flight.origin.R_ne
 
 

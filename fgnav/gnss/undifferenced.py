@@ -12,29 +12,30 @@ References
 
 from collections import Counter
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
-from fgnav.geometry.earth import C_MPS, geodetic
-from fgnav.gnss.atmosphere import saastamoinen_m
+from fgnav.geometry.earth import C_MPS
 from fgnav.gnss.cycle_slips.detection import phase_arcs
 from fgnav.gnss.cycle_slips.doppler import slipped
-from fgnav.gnss.orbits.satellites import angles, signal_paths
-from fgnav.gnss.signals import band, frequency_hz, select, wavelengths_m
+from fgnav.gnss.signals import band, select, wavelengths_m
 from fgnav.gnss.single_differences import SingleDifferences, motion_so_far
 from fgnav.gnss.single_point.adjustment import growing
 from fgnav.gnss.single_point.atmosphere_choice import atmosphere_so_far
-from fgnav.gnss.single_point.model import CodeChannels, atmosphere_m, code_channels, code_ranges
-from fgnav.gnss.single_point.solution import BLOCK, code_solution
+from fgnav.gnss.single_point.model import CodeChannels, code_channels
+from fgnav.gnss.single_point.solution import code_solution
+from fgnav.gnss.undifferenced_residuals import (
+    Residuals,
+    named_channels,
+    residuals,
+    residuals_of_base,
+)
 from fgnav.types.flight import Flight
-from fgnav.types.observations import HALF_CYCLE, LOST_LOCK, Observations
+from fgnav.types.observations import LOST_LOCK, Observations
 
-_SAME_S = 1e-3  # epochs of vehicle and base this close are one
 _SPATIAL = 1e-6  # a choice for quiet days: 1 mm per km that the zenith's ionosphere differs
 _LEAST_ERROR_M = 1e-3  # of phase centres and echoes that stay, however near a base is
-_LOWEST_RAD = 0.05  # models of the atmosphere are not asked about less
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -86,25 +87,20 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
     chosen = select(observations, causal=True)
     has = np.flatnonzero(chosen.channel[0] >= 0)
     names = [(chosen.satellites[j], chosen.signals[j]) for j in has]
-    channels = _channels(names, chosen.channel[0, has])
+    channels = named_channels(names, chosen.channel[0, has])
     p_e_m, v_e_mps = motion_so_far(flight, observations.t_s)
     late_s = _late_s(flight, observations)
     received_e_m = p_e_m + v_e_mps * late_s[:, None]
     modelled = atmosphere_so_far(
         flight, observations, code_channels(observations, 0, causal=True), 0
     )
-    blocks = [
-        _block(flight, observations, channels, rows, received_e_m[rows], modelled[rows])
-        for rows in np.array_split(
-            np.arange(len(observations.t_s)), -(-len(observations.t_s) // BLOCK)
-        )
-    ]
-    ours = _Left._make(map(np.concatenate, zip(*blocks, strict=True)))
+    rows = np.arange(len(observations.t_s))
+    ours = residuals(flight, observations, channels, rows, received_e_m, modelled)
     noise = flight.gnss_noise
     share = np.ones(len(observations.t_s))
     flags = observations.lock_flags[:, 0][:, channels.column]
     if base and flight.base is not None:
-        theirs, flags_of_base = _of_base(flight, observations.t_s, names, modelled)
+        theirs, flags_of_base = residuals_of_base(flight, observations.t_s, names, modelled)
         away_m = np.linalg.norm(p_e_m - flight.base.position_e_m, axis=1)[:, None]
         apart_m = _SPATIAL * away_m / np.sin(ours.elevation_rad).clip(0.1)
         of_links = np.fmin.reduce(_SPATIAL * away_m / ours.error_m, axis=1, initial=1.0)
@@ -148,43 +144,6 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
     )
 
 
-class _Left(NamedTuple):
-    """What one receiver's observations leave, (n, m); NaN where there is nothing."""
-
-    code_m: FloatArray
-    phase_m: FloatArray
-    e_n: FloatArray
-    elevation_rad: FloatArray
-    error_m: FloatArray
-
-
-def _of_base(
-    flight: Flight, t_s: FloatArray, names: list[tuple[str, str]], modelled: BoolArray
-) -> tuple[_Left, IntArray]:
-    """Return what the base's observations leave at epochs, (n,), and its flags."""
-    base = flight.base
-    if base is None:
-        raise NoSolutionError(f"flight {flight.name}: has no base station")
-    chosen = select(base.observations, causal=True)
-    pairs = zip(chosen.satellites, chosen.signals, strict=True)
-    place = {(s, band(s, g)): int(c) for (s, g), c in zip(pairs, chosen.channel[0], strict=True)}
-    columns = np.array([place.get((s, band(s, g)), -1) for s, g in names], dtype=np.int64)
-    row = np.searchsorted(base.observations.t_s, t_s - _SAME_S)
-    row = row.clip(max=len(base.observations.t_s) - 1)
-    same = np.abs(base.observations.t_s[row] - t_s) < _SAME_S
-    place_e_m = np.where(same[:, None], base.position_e_m, np.nan)
-    left = [
-        _block(
-            flight, base.observations, _channels(names, columns), row[k], place_e_m[k], modelled[k]
-        )
-        for k in np.array_split(np.arange(len(t_s)), -(-len(t_s) // BLOCK))
-    ]
-    return (
-        _Left._make(map(np.concatenate, zip(*left, strict=True))),
-        base.observations.lock_flags[row, 0][:, columns],
-    )
-
-
 def _refused(flight: Flight, observations: Observations, satellites: tuple[str, ...]) -> BoolArray:
     """Return which codes contradict the others of their epoch, (n, m)."""
     solution = code_solution(flight, causal=True)
@@ -193,17 +152,6 @@ def _refused(flight: Flight, observations: Observations, satellites: tuple[str, 
     out = np.zeros((len(observations.t_s), len(satellites)), dtype=np.bool_)
     out[solution.epoch] = (column >= 0) & ~solution.used[:, column]
     return out
-
-
-def _channels(names: list[tuple[str, str]], columns: IntArray) -> CodeChannels:
-    return CodeChannels(
-        column=columns,
-        satellites=tuple(satellite for satellite, _ in names),
-        signals=tuple(signal for _, signal in names),
-        frequency_hz=np.array([frequency_hz(*pair) for pair in names]),
-        constellations=(),
-        clock_of=np.zeros((len(names), 0)),
-    )
 
 
 def _late_s(flight: Flight, observations: Observations) -> FloatArray:
@@ -219,51 +167,17 @@ def _late_s(flight: Flight, observations: Observations) -> FloatArray:
     return np.asarray(late_s[last.clip(0)])
 
 
-def _block(
-    flight: Flight,
-    observations: Observations,
-    channels: CodeChannels,
-    rows: IntArray,
-    p_e_m: FloatArray,
-    modelled: BoolArray,
-) -> _Left:
-    """Return what a receiver's first antenna leaves at places, (k, 3)."""
-    ranges = code_ranges(flight, observations, channels, 0, rows, rates=False)
-    here = np.asarray(np.isfinite(p_e_m).all(axis=1))
-    p_e_m = np.where(here[:, None], p_e_m, flight.origin.p_e_m)
-    paths = signal_paths(ranges.states, p_e_m, np.zeros_like(p_e_m))
-    seen = angles(p_e_m, paths.e_e)
-    delay_m, left_m2 = atmosphere_m(flight, channels, p_e_m, seen, ranges.gps_s)
-    air_m = saastamoinen_m(geodetic(p_e_m), seen[0].clip(_LOWEST_RAD))
-    on = modelled[:, None]
-    air_m, ions_m = on * air_m, on * (delay_m - air_m)
-    usable = here[:, None] & (seen[0] >= flight.elevation_mask_rad) & (channels.column >= 0)
-    flags = observations.lock_flags[rows, 0][:, channels.column]
-    whole = usable & ((flags & HALF_CYCLE) == 0)
-    wavelength_m = C_MPS / channels.frequency_hz
-    phase_m = observations.phase_cycles[rows, 0][:, channels.column] * wavelength_m
-    phase_m = phase_m + C_MPS * ranges.states.clock_s - paths.range_m - air_m + ions_m
-    code_m = ranges.range_m - paths.range_m - air_m - ions_m
-    return _Left(
-        np.where(usable, code_m, np.nan),
-        np.where(whole, phase_m, np.nan),
-        np.where(usable[:, :, None], paths.e_e @ flight.origin.R_ne.T, np.nan),
-        np.where(usable, seen[0], np.nan),
-        np.sqrt(ranges.message_variance_m2 + on * left_m2),
-    )
-
-
 def _arcs(
     flight: Flight,
     observations: Observations,
     channels: CodeChannels,
-    left: _Left,
+    residual: Residuals,
     flags: IntArray,
     of: tuple[FloatArray, IntArray],
 ) -> tuple[IntArray, tuple[Loss, ...]]:
     """Return arcs, (n, m), and their breaks."""
     phase_sigma_m, group = of
-    phase_m, e_n, elevation_rad = left.phase_m, left.e_n, left.elevation_rad
+    phase_m, e_n, elevation_rad = residual.phase_m, residual.e_n, residual.elevation_rad
     steps = slipped(
         observations,
         channels.column,
@@ -272,7 +186,7 @@ def _arcs(
         growing(flight, flight.gnss_noise.doppler_mps, elevation_rad),
     )
     flags = np.where(steps, flags | LOST_LOCK, flags)
-    there, n = np.isfinite(phase_m), len(phase_m)
+    has_phase, n = np.isfinite(phase_m), len(phase_m)
     # Against a perfect antenna: its variance halved, since two count.
     single = SingleDifferences(
         t_s=observations.t_s,
@@ -285,11 +199,11 @@ def _arcs(
         elevation_rad=elevation_rad,
         code_m=np.full((n, 1, phase_m.shape[1]), np.nan),
         phase_m=phase_m[:, None],
-        code_there=np.stack([there, there], axis=1),
-        phase_there=np.stack([there, there], axis=1),
+        code_there=np.stack([has_phase, has_phase], axis=1),
+        phase_there=np.stack([has_phase, has_phase], axis=1),
         lock_flags=np.stack([0 * flags, flags], axis=1),
         code_variance_m2=np.ones_like(phase_m),
-        phase_variance_m2=np.where(there, phase_sigma_m**2 / 2, 1.0),
+        phase_variance_m2=np.where(has_phase, phase_sigma_m**2 / 2, 1.0),
         unused=(),
         lost=Counter(),
     )

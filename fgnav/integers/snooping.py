@@ -17,9 +17,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from fgnav.checks import BoolArray, IntArray, Loss
-from fgnav.integers.array.prior import AttitudePrior
 from fgnav.integers.array.search import PROVEN, ConstrainedSearch, search_constrained
-from fgnav.integers.epochs import epochs_at
 from fgnav.integers.suspects import suspects
 from fgnav.types.differences import DoubleDifferences
 
@@ -35,7 +33,7 @@ class Snooped:
 
     Attributes
     ----------
-    found : ConstrainedSearch
+    searched : ConstrainedSearch
         Of all epochs; of those saved, what their remaining links give.
     left_out : ndarray of bool, shape (n, b + 1, m)
         Links, those of the reference antenna first, that were left out to save an epoch.
@@ -43,7 +41,7 @@ class Snooped:
         Double differences that the links left out take part in.
     """
 
-    found: ConstrainedSearch
+    searched: ConstrainedSearch
     left_out: BoolArray
     unresolved: BoolArray
 
@@ -54,21 +52,20 @@ class _Attempt:
 
     at: IntArray  # (k,)
     out: BoolArray  # (k, b + 1, m)
-    found: ConstrainedSearch
+    searched: ConstrainedSearch
 
     def some(self, which: BoolArray) -> "_Attempt":
-        return _Attempt(self.at[which], self.out[which], self.found.rows(np.flatnonzero(which)))
+        return _Attempt(self.at[which], self.out[which], self.searched.rows(np.flatnonzero(which)))
 
 
 def snooped(
     differences: DoubleDifferences,
-    found: ConstrainedSearch,
+    searched: ConstrainedSearch,
     refused: BoolArray,
     *,
     links_max: int,
     tail: float,
     nodes: int,
-    prior: AttitudePrior | None = None,
 ) -> Snooped:
     """Try refused epochs again without the links that spoil them.
 
@@ -77,34 +74,33 @@ def snooped(
 
     Parameters
     ----------
-    differences : DoubleDifferences
-    found : ConstrainedSearch
+    searched : ConstrainedSearch
         Of the same differences.
     refused : ndarray of bool, shape (n,)
         Epochs to try.
-    links_max : int
     tail : float
         Residuals that noise exceeds in a smaller share of epochs are not accepted.
     nodes : int
         What a search may visit.
-    prior : AttitudePrior or None
     """
     n, b, m = differences.phase_m.shape
     left_out = np.zeros((n, b + 1, m), dtype=np.bool_)
     if links_max == 0 or not refused.any():
-        return Snooped(found=found, left_out=left_out, unresolved=np.zeros((n, b, m), np.bool_))
-    at = np.flatnonzero(refused & np.isfinite(found.costs[:, 0]))
-    now = _Attempt(at, left_out[at], found.rows(at))
+        return Snooped(
+            searched=searched, left_out=left_out, unresolved=np.zeros((n, b, m), np.bool_)
+        )
+    at = np.flatnonzero(refused & np.isfinite(searched.costs[:, 0]))
+    now = _Attempt(at, left_out[at], searched.rows(at))
     for _ in range(links_max):
         if len(now.at) == 0:
             break
-        now, passed, agreed = _one_more(differences, now, tail, nodes, prior)
+        now, passed, agreed = _one_more(differences, now, tail, nodes)
         saved = now.some(passed & agreed)
         left_out[saved.at] = saved.out
-        found = found.with_rows(saved.at, saved.found)
-        now = now.some(~passed & np.isfinite(now.found.costs[:, 0]))
+        searched = searched.with_rows(saved.at, saved.searched)
+        now = now.some(~passed & np.isfinite(now.searched.costs[:, 0]))
     unresolved = touched(differences, np.arange(n), left_out)
-    return Snooped(found=found, left_out=left_out, unresolved=unresolved)
+    return Snooped(searched=searched, left_out=left_out, unresolved=unresolved)
 
 
 def touched(differences: DoubleDifferences, epochs: IntArray, links: BoolArray) -> BoolArray:
@@ -127,8 +123,6 @@ def left_out_losses(
 
     Parameters
     ----------
-    differences : DoubleDifferences
-    antennas : tuple of str, length b + 1
     left_out : ndarray of bool, shape (n, b + 1, m)
     """
     if not left_out.any():
@@ -148,27 +142,22 @@ def left_out_losses(
 
 
 def _one_more(
-    differences: DoubleDifferences,
-    now: _Attempt,
-    tail: float,
-    nodes: int,
-    prior: AttitudePrior | None,
+    differences: DoubleDifferences, now: _Attempt, tail: float, nodes: int
 ) -> tuple[_Attempt, BoolArray, BoolArray]:
     """Leave one more link out; return whether that passes, and whether all that do agree."""
-    prior = None if prior is None else prior.at(now.at)
-    without = touched(differences, now.at, now.out)
-    less = epochs_at(differences, now.at, without)
-    which, explained = suspects(less, now.found.cycles, _SUSPECTS, prior)
+    rows = differences.resampled(now.at)
+    less = rows.without_code(touched(differences, now.at, now.out))
+    which, explained = suspects(less, now.searched.cycles, _SUSPECTS)
     trials, links, likelihood = [], [], np.zeros((which.shape[1], len(now.at)))
     for s in range(which.shape[1]):
         out = now.out.copy()
         np.put_along_axis(out.reshape(len(out), -1), which[:, s : s + 1], values=True, axis=1)
-        less = epochs_at(differences, now.at, touched(differences, now.at, out))
-        found = search_constrained(less, nodes, prior)
-        sound = (found.status == PROVEN) & (found.degrees > 0)
-        cost = np.where(sound, found.costs[:, 0], np.inf)
-        likelihood[s] = np.where(sound, chdtrc(np.maximum(found.degrees, 1), cost), -1.0)
-        trials.append(_Attempt(now.at, out, found))
+        less = rows.without_code(touched(differences, now.at, out))
+        searched = search_constrained(less, nodes)
+        sound = (searched.status == PROVEN) & (searched.degrees > 0)
+        cost = np.where(sound, searched.costs[:, 0], np.inf)
+        likelihood[s] = np.where(sound, chdtrc(np.maximum(searched.degrees, 1), cost), -1.0)
+        trials.append(_Attempt(now.at, out, searched))
         links.append(less.resolvable)
     passes: BoolArray = np.asarray(likelihood >= tail)
     best = np.where(passes.any(axis=0), passes.argmax(axis=0), likelihood.argmax(axis=0))
@@ -177,7 +166,7 @@ def _one_more(
     near = np.take_along_axis(explained.T, best[None], axis=0) - explained.T < _DOUBT
     agreed = np.full(now.at.shape, fill_value=True)
     for s, trial in enumerate(trials):
-        same = (trial.found.cycles == now.found.cycles) | ~(links[s] & of_best)
+        same = (trial.searched.cycles == now.searched.cycles) | ~(links[s] & of_best)
         agreed = agreed & (~passes[s] | same.all(axis=(1, 2)))
         # who explains the residuals as well stays out as well
         now.out[passes[s] & near[s]] |= trial.out[passes[s] & near[s]]
@@ -186,9 +175,9 @@ def _one_more(
 
 def _picked(trials: list[_Attempt], best: IntArray) -> _Attempt:
     """Return for each epoch the trial of that number."""
-    found = trials[0].found
+    searched = trials[0].searched
     for s, trial in enumerate(trials):
         at = np.flatnonzero(best == s)
-        found = found.with_rows(at, trial.found.rows(at))
+        searched = searched.with_rows(at, trial.searched.rows(at))
     out = np.choose(best[:, None, None], [trial.out for trial in trials])
-    return _Attempt(trials[0].at, out, found)
+    return _Attempt(trials[0].at, out, searched)

@@ -5,9 +5,8 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotation_kernel import product, transposed
 from fgnav.integers.array.nearest import nearest, tangent, weak_axis
-from fgnav.integers.array.prior import AttitudePrior, PriorColumns, prior_columns
-from fgnav.integers.array.relaxation import Relaxation, Spans, relaxation, spans
-from fgnav.integers.ils.affine import Epochs, epochs_of, link_design
+from fgnav.integers.array.relaxation import Relaxation, relaxation
+from fgnav.integers.ils.array_model import LinkArrays, Spans, link_arrays, link_design, spans
 from fgnav.integers.ils.link_weights import solved, weighed
 from fgnav.kernels.compiled import inner, kernel
 from fgnav.types.differences import DoubleDifferences
@@ -16,7 +15,7 @@ _UNTESTABLE = 1e-9  # of a residual's variance: nothing else checks the link
 
 
 def suspects(
-    differences: DoubleDifferences, cycles: IntArray, count: int, prior: AttitudePrior | None
+    differences: DoubleDifferences, cycles: IntArray, count: int
 ) -> tuple[IntArray, FloatArray]:
     """Return the links whose errors would explain the residuals best, the worst first.
 
@@ -25,12 +24,10 @@ def suspects(
 
     Parameters
     ----------
-    differences : DoubleDifferences
     cycles : ndarray of int64, shape (n, b, m)
         Best integers of every epoch.
     count : int
         How many to return.
-    prior : AttitudePrior or None
 
     Returns
     -------
@@ -45,21 +42,21 @@ def suspects(
     .. [1] W. Baarda, "A testing procedure for use in geodetic networks", Netherlands Geodetic
        Commission 2 (5), 1968.
     """
-    epochs = epochs_of(differences)
-    arrays = spans(differences.baselines_b_m, epochs.resolvable)
-    explained = _explained(epochs, arrays, prior_columns(prior, arrays), cycles)
+    epochs = link_arrays(differences)
+    arrays = spans(differences.baselines_b_m, np.any(epochs.resolvable, axis=2))
+    explained = _explained(epochs, arrays, cycles)
     flat = explained.reshape(len(explained), -1)
     which = np.argsort(-flat, axis=1, kind="stable")[:, :count]
     return which, np.take_along_axis(flat, which, axis=1)
 
 
 @kernel
-def _explained(epochs: Epochs, arrays: Spans, prior: PriorColumns, cycles: IntArray) -> FloatArray:
+def _explained(epochs: LinkArrays, arrays: Spans, cycles: IntArray) -> FloatArray:
     """Return by how much the cost falls with each link's errors unknown, (n, b + 1, m)."""
     n, b, m = epochs.phase_m.shape
     out = np.zeros((n, b + 1, m))
     for k in range(n):
-        relaxed = relaxation(epochs, arrays, k, prior.columns, prior.information)
+        relaxed = relaxation(epochs, arrays, k)
         links = relaxed.links
         q = len(links)
         if q == 0:

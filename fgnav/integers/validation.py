@@ -75,9 +75,9 @@ def share_so_far(wrong_probability: FloatArray, wrong_max: float) -> BoolArray:
 def not_fixed(links: Mapping[str, BoolArray]) -> tuple[Loss, ...]:
     """Return one loss for each reason that holds of any link, (n, b, m)."""
     return tuple(
-        Loss(what="double difference", reason=reason, count=int(there.sum()))
-        for reason, there in links.items()
-        if there.any()
+        Loss(what="double difference", reason=reason, count=int(affected.sum()))
+        for reason, affected in links.items()
+        if affected.any()
     )
 
 

@@ -28,7 +28,7 @@ class DoubleDifferences:
     with ``l_i`` in ``baselines_b_m``, ``e_j`` in ``e_n`` and ``r`` the reference channel of j's
     group. The link of the reference channel itself is exactly 0 wherever the antenna tracks it;
     every other value is NaN where a link is missing. Noise of undifferenced links is independent,
-    with variance per channel and epoch; that of the differences follows (``covariance``).
+    with variance per channel and epoch.
 
     Attributes
     ----------
@@ -76,14 +76,14 @@ class DoubleDifferences:
         n = freeze_times("double differences", self)
         m, b = len(self.satellites), len(self.baselines_b_m)
         g = 1 + int(self.group.max()) if m else 0
-        whole: dict[str, tuple[int, ...]] = {
+        finite: dict[str, tuple[int, ...]] = {
             "baselines_b_m": (b, 3),
             "wavelength_m": (m,),
             "e_n": (n, m, 3),
             "code_variance_m2": (n, m),
             "phase_variance_m2": (n, m),
         }
-        freeze("double differences", self, whole)
+        freeze("double differences", self, finite)
         measured = {"elevation_rad": (n, m), "code_m": (n, b, m), "phase_m": (n, b, m)}
         freeze("double differences", self, measured, gaps=True)
         numbers = {"group": (m,), "reference": (n, g), "arc": (n, b, m)}
@@ -93,6 +93,15 @@ class DoubleDifferences:
         """Return some of the epochs."""
         rows: dict[str, Any] = {name: getattr(self, name)[epochs] for name in _BY_EPOCH}
         return replace(self, **rows)
+
+    def resampled(self, epochs: IntArray) -> "DoubleDifferences":
+        """Return any of the epochs, repeated or not; times then count from 0 in steps of 1 s."""
+        rows: dict[str, Any] = {name: getattr(self, name)[epochs] for name in _BY_EPOCH}
+        return replace(self, **{**rows, "t_s": np.arange(float(len(epochs)))})
+
+    def without_code(self, links: BoolArray) -> "DoubleDifferences":
+        """Return the same without the code of some links, (n, b, m), which nobody then resolves."""
+        return replace(self, code_m=np.where(links, np.nan, self.code_m))
 
     @property
     def is_reference(self) -> BoolArray:
@@ -111,31 +120,3 @@ class DoubleDifferences:
         ranges_m = -np.einsum("nbi,nmi->nbm", baselines_n_m, self.e_n)
         of_reference = self.reference[:, self.group].clip(0)
         return np.asarray(ranges_m - np.take_along_axis(ranges_m, of_reference[:, None, :], axis=2))
-
-    def covariance(self, k: int, links: BoolArray, variance_m2: FloatArray) -> FloatArray:
-        """Return the full covariance, m2, of the chosen double differences of one epoch.
-
-        Parameters
-        ----------
-        k : int
-            Epoch.
-        links : ndarray of bool, shape (b, m)
-            The differences wanted, reference channels excluded; the order is that of
-            ``np.nonzero(links)``.
-        variance_m2 : ndarray, shape (n, m)
-            ``code_variance_m2`` or ``phase_variance_m2``.
-
-        Returns
-        -------
-        ndarray, shape (links.sum(), links.sum())
-        """
-        baseline, channel = np.nonzero(links)
-        variance = variance_m2[k]
-        of_reference = self.reference[k, self.group[channel]]
-        same_group = self.group[channel][:, None] == self.group[channel][None, :]
-        satellites = (
-            same_group * variance[of_reference][:, None]
-            + (channel[:, None] == channel[None, :]) * variance[channel]
-        )
-        antennas = 1.0 + (baseline[:, None] == baseline[None, :])
-        return np.asarray(antennas * satellites)

@@ -100,6 +100,6 @@ class Resolver(Protocol):
 
 def fixed_ranges_m(differences: DoubleDifferences, integers: Integers) -> FloatArray:
     """Return phase minus its integers, m, (n, b, m): NaN where not fixed, 0 at references."""
-    known = integers.fixed | (differences.is_reference[:, None, :] & (differences.phase_m == 0))
+    resolved = integers.fixed | (differences.is_reference[:, None, :] & (differences.phase_m == 0))
     ranges_m = differences.phase_m - differences.wavelength_m * integers.cycles
-    return np.asarray(np.where(known, ranges_m, np.nan))
+    return np.asarray(np.where(resolved, ranges_m, np.nan))

@@ -13,7 +13,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.array.candidates import Candidates
 from fgnav.integers.array.search import PROVEN
-from fgnav.integers.ils.affine import epochs_of
+from fgnav.integers.ils.array_model import link_arrays
 from fgnav.types.differences import DoubleDifferences
 from fgnav_models.trust_kernel import (
     CANDIDATE_FEATURES,
@@ -70,7 +70,7 @@ def trust_rows(differences: DoubleDifferences, found: Candidates) -> TrustRows:
     found : Candidates
         Of the same differences.
     """
-    epochs, epoch, group = epochs_of(differences), found.epoch, differences.group
+    epochs, epoch, group = link_arrays(differences), found.epoch, differences.group
     links = links_of_epochs(epochs.resolvable, epochs.of_reference)
     slot = slots(links)
     proposed = Proposed(epoch, found.cycles, found.baselines_n_m, found.cost, found.log_volume)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.integers.ils.affine import Epochs
+from fgnav.integers.ils.array_model import LinkArrays
 from fgnav.kernels.compiled import inner, kernel
 from fgnav_models.trust_fit import Fit, Links, least_squares, log_odds, mixture
 
@@ -59,7 +59,7 @@ def slots(links: BoolArray) -> IntArray:
 
 @kernel
 def candidate_rows(
-    epochs: Epochs,
+    epochs: LinkArrays,
     sine: FloatArray,
     group: IntArray,
     found: Proposed,
@@ -97,7 +97,7 @@ def candidate_rows(
 
 @inner
 def _links_of(
-    epochs: Epochs, group: IntArray, found: Proposed, r: int, places: IntArray
+    epochs: LinkArrays, group: IntArray, found: Proposed, r: int, places: IntArray
 ) -> tuple[Links, IntArray]:
     """Return the links of a candidate, and the channels behind those counted anew."""
     k, m, groups = found.epoch[r], len(group), group.max() + 1
@@ -131,7 +131,7 @@ def _links_of(
 
 
 @inner
-def _values_m(epochs: Epochs, found: Proposed, r: int, places: IntArray) -> FloatArray:
+def _values_m(epochs: LinkArrays, found: Proposed, r: int, places: IntArray) -> FloatArray:
     """Return phase and code less the candidate's ranges, (2, l); 0 at references."""
     k, m = found.epoch[r], epochs.e_n.shape[1]
     out = np.zeros((2, len(places)))
@@ -235,7 +235,11 @@ def _beside_others(found: Proposed, log_mixture: FloatArray, own: FloatArray) ->
 
 @kernel
 def epoch_features(
-    epochs: Epochs, baselines_b_m: FloatArray, proven: BoolArray, groups: IntArray, links: BoolArray
+    epochs: LinkArrays,
+    baselines_b_m: FloatArray,
+    proven: BoolArray,
+    groups: IntArray,
+    links: BoolArray,
 ) -> FloatArray:
     """Return figures of epochs, (n, f)."""
     n, a, m = links.shape

@@ -12,6 +12,7 @@ from fgnav.types.integers import Integers
 from fgnav_sim.motion import Arc, Motion
 from fgnav_sim.scenario import GnssTable, Scenario
 from fgnav_sim.simulate import simulate
+from tests.integers.arrays import link_covariance
 
 ARRAY_B_M = np.array([[0, 0.5, 0], [1.0, 0, 0], [-0.8, 0.1, 0.3]])
 L1_M = 0.190293672798
@@ -114,7 +115,7 @@ def test_weighted_baselines_are_generalised_least_squares_of_the_differences(rng
         for i in range(len(ARRAY_B_M)):
             only = np.zeros(integers.fixed.shape[1:], dtype=bool)
             only[i] = integers.fixed[k, i]
-            C = differences.covariance(k, only, differences.phase_variance_m2)
+            C = link_covariance(differences, k, only, differences.phase_variance_m2)
             links = np.flatnonzero(only[i])
             e_r = differences.e_n[k, differences.reference[k, differences.group[links]]]
             H = e_r - differences.e_n[k, links]
@@ -130,7 +131,7 @@ def test_paper_covariance_is_that_of_the_pseudo_inverse(rng):
     answer = paper_baselines(differences, integers)
     only = np.zeros(integers.fixed.shape[1:], dtype=bool)
     only[1] = integers.fixed[0, 1]
-    C = differences.covariance(0, only, differences.phase_variance_m2)
+    C = link_covariance(differences, 0, only, differences.phase_variance_m2)
     links = np.flatnonzero(only[1])
     e_r = differences.e_n[0, differences.reference[0, differences.group[links]]]
     X = np.linalg.pinv(e_r - differences.e_n[0, links])

@@ -5,6 +5,7 @@ from numpy.testing import assert_allclose
 from fgnav.attitude.quadratic import RotationQuadratic, tangent_jacobian
 from fgnav.geometry import rotations
 from fgnav.types.integers import fixed_ranges_m
+from tests.integers.arrays import link_covariance
 
 from .arrays import sky, synthetic
 
@@ -23,7 +24,9 @@ def test_form_equals_double_differences_with_their_full_covariance(group, missin
     ranges_m = fixed_ranges_m(differences, true)
     for k in range(4):
         links = true.fixed[k]
-        weight = np.linalg.inv(differences.covariance(k, links, differences.phase_variance_m2))
+        weight = np.linalg.inv(
+            link_covariance(differences, k, links, differences.phase_variance_m2)
+        )
         baseline, channel = np.nonzero(links)
         e_n = differences.e_n[k]
         lines = e_n[channel] - e_n[differences.reference[k, differences.group[channel]]]

@@ -2,7 +2,7 @@
 
 Both are called from one compiled loop, so neither pays for Python; the notes say what a call from
 Python takes. RTKLIB stops after 10,000 nodes, and the notes say how often it did; the row of weak
-problems counts nothing else. A batch is one call from Python for all problems, in all threads.
+problems counts nothing else.
 """
 
 import ctypes
@@ -14,26 +14,23 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numba import config, njit
+from numba import njit
 
 from fgnav.checks import FloatArray
 from fgnav.integers.ils import search as ils
-from fgnav.integers.ils.affine import float_solution, search_array
-from tests.integers.arrays import L1_M, make, sky
+from fgnav.integers.ils.affine import search_array
+from tests.integers.arrays import L1_M, float_solution, make, sky
 
 SIZES = {"lambda_n5": 1, "lambda_n10": 2, "lambda_n20": 4}
 PROTOTYPE = {0.1: 99.7, 0.3: 88.5, 1.0: 20.0}  # %, means of the ranges a prototype reached
 NAMES = (
     *SIZES,
-    *(f"{name}_batch" for name in SIZES),
     "lambda_n35",
-    "lambda_n35_batch",
     "lambda_n35_weak",
-    "lambda_n35_shared",
     "lambda_array_epoch",
     *(f"affine_success_{code_m}m" for code_m in PROTOTYPE),
 )
-PROBLEMS, REPEATS, BATCH, WEAK = 300, 40, 9000, 100
+PROBLEMS, REPEATS, WEAK = 300, 40, 100
 
 
 def run() -> list[dict[str, object]]:
@@ -44,26 +41,17 @@ def run() -> list[dict[str, object]]:
     for name, b in SIZES.items():
         problems = [baselines_problem(rng, b) for _ in range(PROBLEMS)]
         rows.append(_against(rtklib, name, problems, "free"))
-        rows.append(_batch(rtklib, f"{name}_batch", problems))
-    of_array, affine = array_search(rng)
-    rows += [
-        of_array,
-        _batch(rtklib, "lambda_n35_batch", affine),
-        _shared(of_array, affine),
-        _epoch(of_array),
-    ]
+    of_array = array_search(rng)
+    rows += [of_array, _epoch(of_array)]
     rows.append(_weak(rtklib, rng))
     return rows + [_success(rng, code_m) for code_m in PROTOTYPE]
 
 
-def array_search(
-    rng: np.random.Generator,
-) -> tuple[dict[str, object], list[tuple[FloatArray, FloatArray]]]:
-    """Return the row of 35 integers under the affine array model, and its problems."""
+def array_search(rng: np.random.Generator) -> dict[str, object]:
+    """Return the row of 35 integers under the affine array model."""
     differences = make(rng, epochs=PROBLEMS, code_m=0.3, sine=True).differences
-    solutions = [float_solution(differences, k) for k in range(PROBLEMS)]
-    affine = [(s.cycles, s.covariance_cycles2) for s in solutions]
-    return _against(_rtklib(), "lambda_n35", affine, "affine array model"), affine
+    problems = [float_solution(differences, k) for k in range(PROBLEMS)]
+    return _against(_rtklib(), "lambda_n35", problems, "affine array model")
 
 
 def baselines_problem(rng: np.random.Generator, b: int) -> tuple[FloatArray, FloatArray]:
@@ -148,26 +136,6 @@ def _interleaved_us(*work: Callable[[], object]) -> list[float]:
     return best
 
 
-def _batch(
-    rtklib: Any, name: str, problems: list[tuple[FloatArray, FloatArray]]
-) -> dict[str, object]:
-    """Time one call for many problems, a covariance each, in all threads."""
-    many = BATCH // len(problems)
-    a, Q = (np.array(list(part) * many) for part in zip(*problems, strict=True))
-    theirs = np.zeros((len(a), 2, a.shape[1])), np.zeros((len(a), 2))
-    _, peer = _loops(rtklib)
-    solve, call = partial(ils.integer_least_squares_batch, a, Q), partial(peer, a, Q, *theirs)
-    solve()
-    call()
-    ours_us, peer_us = (us * PROBLEMS / len(a) for us in _interleaved_us(solve, call))
-    row: dict[str, object] = {"name": name, "ours": ours_us, "peer": peer_us}
-    note = (
-        f"{len(a)} problems in one call, {config.NUMBA_NUM_THREADS} threads; peer: RTKLIB's C, as "
-        "many, in one compiled loop"
-    )
-    return {**row, "ratio": peer_us / ours_us, "unit": "us", "note": note}
-
-
 def _weak(rtklib: Any, rng: np.random.Generator) -> dict[str, object]:
     """Count the searches given up of seven baselines whose code says little of 35 integers."""
     problems = [baselines_problem(rng, 7) for _ in range(WEAK)]
@@ -182,21 +150,6 @@ def _weak(rtklib: Any, rng: np.random.Generator) -> dict[str, object]:
     row: dict[str, object] = {"name": "lambda_n35_weak", "ours": unsolved, "peer": gave_up}
     note = f"searches given up of {len(a)}, seven free baselines; ours takes {each_us:.0f} us each"
     return {**row, "ratio": None, "unit": "count", "note": note}
-
-
-def _shared(
-    alone: dict[str, object], problems: list[tuple[FloatArray, FloatArray]]
-) -> dict[str, object]:
-    """Time one geometry's decorrelation shared by many epochs."""
-    Q = problems[0][1]
-    noise = np.random.default_rng(1).normal(size=(PROBLEMS, len(Q)))
-    floats = noise @ np.linalg.cholesky(Q).T
-    shared = partial(ils.integer_least_squares_batch, floats, Q)
-    shared()
-    (ours_us,) = _interleaved_us(shared)
-    row: dict[str, object] = {"name": "lambda_n35_shared", "ours": ours_us, "peer": alone["peer"]}
-    note = "as lambda_n35, one geometry's decorrelation shared by all epochs; peer: RTKLIB's C"
-    return {**row, "ratio": float(str(alone["peer"])) / ours_us, "unit": "us", "note": note}
 
 
 def _epoch(peer: dict[str, object]) -> dict[str, object]:

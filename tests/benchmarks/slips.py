@@ -14,7 +14,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.geometry.earth import C_MPS
-from fgnav.gnss.cycle_slips.detection import Arcs, phase_arcs
+from fgnav.gnss.cycle_slips.detection import PhaseArcs, phase_arcs
 from fgnav.gnss.single_differences import SingleDifferences, single_differences
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
@@ -134,18 +134,18 @@ def _jumps(label: str, calm: Flight) -> dict[str, object]:
     return _row(f"{label}_jump", float(more), 0.0, note, less=True)
 
 
-def _arcs(flight: Flight) -> tuple[SingleDifferences, Arcs]:
+def _arcs(flight: Flight) -> tuple[SingleDifferences, PhaseArcs]:
     single = single_differences(flight)
     return single, phase_arcs(single, tuple(antenna.name for antenna in flight.antennas))
 
 
-def _breaks(arcs: Arcs) -> BoolArray:
+def _breaks(arcs: PhaseArcs) -> BoolArray:
     there = (arcs.arc[1:] >= 0) & (arcs.arc[:-1] >= 0)
     return np.asarray(there & (arcs.arc[1:] != arcs.arc[:-1]))
 
 
 def _steps(
-    flight: Flight, single: SingleDifferences, arcs: Arcs
+    flight: Flight, single: SingleDifferences, arcs: PhaseArcs
 ) -> tuple[BoolArray, BoolArray, BoolArray]:
     """Return the steps, (n - 1, a, m), that count, that break, and that are announced."""
     usable = np.isfinite(single.elevation_rad)

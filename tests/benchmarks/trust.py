@@ -22,7 +22,6 @@ from scipy.special import chdtrc
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.integers.array.candidates import candidates
 from fgnav.integers.array.search import PROVEN, search_constrained
-from fgnav.integers.epochs import epochs_at
 from fgnav_models.runtime.load import load
 from fgnav_models.runtime.resolver import trusted
 from fgnav_models.training.trust.score import Posteriors, summary
@@ -160,7 +159,7 @@ def judged_epochs(world: World, rng: np.random.Generator, count: int) -> Judged:
 def _times() -> list[dict[str, object]]:
     rng = np.random.default_rng(5)
     many = double_differences_of(array_epochs(hard_world(6), rng, 1000))
-    one = epochs_at(many, np.arange(1))
+    one = many.resampled(np.arange(1))
     network = load("trust")
     peers = [_paper_network(rng) for _ in range(35)]
     features = rng.normal(size=(1000, 36)).astype(np.float32)

@@ -8,10 +8,10 @@ taken as it is, stands beside.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from fgnav.integers.thresholds import simulated
 
 from fgnav.checks import FloatArray
 from fgnav.integers.resolvers.constrained import Constrained
-from fgnav.integers.thresholds import simulated
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from tests.benchmarks.wrong_fix import lower_bound

@@ -21,14 +21,12 @@ from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.array.search import PROVEN, ConstrainedSearch, search_constrained
-from fgnav.integers.epochs import epochs_at
 from fgnav.integers.ils.affine import search_array
 from fgnav.integers.resolvers.constrained import Constrained
-from fgnav.integers.thresholds import simulated
 from fgnav.integers.validation import share_threshold
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
-from tests.integers.arrays import PAPER_ANTENNAS_B_M, make
+from tests.integers.arrays import PAPER_ANTENNAS_B_M, make, simulated
 
 SETS, NODES = 100_000, 10**5
 WRONG_MAX, TAIL = 1e-3, 1e-4
@@ -217,7 +215,7 @@ def _costs_of_truth(d: DoubleDifferences, at: IntArray) -> FloatArray:
     if len(at) == 0:
         return np.zeros(0)
     # waves so long that no other integers come near
-    one_wave = replace(epochs_at(d, at), wavelength_m=np.full(len(d.satellites), 1e4))
+    one_wave = replace(d.resampled(at), wavelength_m=np.full(len(d.satellites), 1e4))
     return search_constrained(one_wave, NODES).costs[:, 0]
 
 

@@ -4,6 +4,7 @@ import pytest
 from fgnav.evaluation.bound import attitude_bound, euler_sigma_rad, flight_bound
 from fgnav.evaluation.integer_counts import integers_at, true_attitudes
 from fgnav.geometry import rotations
+from tests.integers.arrays import link_covariance
 
 ARRAY_B_M = np.array([[0, 0.1, 0], [1, 0, 0], [-0.8, 0.1, 0.1]])
 
@@ -26,7 +27,7 @@ def test_bound_is_that_of_weighted_least_squares_with_the_full_covariance(array_
     for i, axis in enumerate(np.eye(3)):
         up, down = (R_nb @ rotations.exp(s * step * axis[None]) for s in (1, -1))
         J[:, i] = (differences.array_m(up) - differences.array_m(down))[0][links] / (2 * step)
-    C = differences.covariance(0, links, differences.phase_variance_m2)
+    C = link_covariance(differences, 0, links, differences.phase_variance_m2)
     E = rotations.euler_jacobian(R_nb)[0]
     want = np.sqrt(np.diag(E @ np.linalg.inv(J.T @ np.linalg.inv(C) @ J) @ E.T))
     bound = attitude_bound(differences, everywhere(differences, R_nb), R_nb)

@@ -306,7 +306,7 @@ def test_resolvers_of_single_epochs_are_their_own_causal_form(resolver):
 def test_constrained_looks_ahead_unless_it_need_not():
     assert Constrained().looks_ahead
     assert not Constrained(causal=True).looks_ahead
-    assert not Constrained(estimate_noise=False, validation="posterior").looks_ahead
+    assert not Constrained(estimate_noise=False, wrong_max=None).looks_ahead
     assert causal_form(Constrained(wrong_max=1e-3)) == Constrained(wrong_max=1e-3, causal=True)
 
 
@@ -355,12 +355,6 @@ def test_arcs_prepared_by_who_knows_what_have_no_causal_form():
     resolver = replace(resolver_named("lambda-arcs"), prepare=lambda differences: differences)
     with pytest.raises(BadInputError, match=r"'prepare' .* take 'constrained' or 'lambda'"):
         causal_form(resolver)
-
-
-@pytest.mark.parametrize("validation", ["ratio", "difference"])
-def test_simulated_thresholds_have_no_causal_form(validation):
-    with pytest.raises(BadInputError, match=f"{validation}.*take 'share' or 'posterior'"):
-        causal_form(Constrained(validation=validation))
 
 
 def test_gravity_that_states_nothing_is_taken_to_look_ahead():

@@ -10,6 +10,7 @@ from fgnav.types.flight import Flight
 from fgnav.types.observations import HALF_CYCLE
 from tests.gnss import recordings
 from tests.gnss.flights import Made, walker_orbits
+from tests.integers.arrays import link_covariance
 
 MM = 1e-3
 ARMS = np.array([[0.0, 0, 0], [1.0, 0, 0], [0, 0.8, 0.1], [-0.3, 0, 1.0]])
@@ -94,7 +95,7 @@ def test_noise_is_that_of_the_stated_covariance():
     links = found.resolvable.all(axis=0)
     residual = off_integer_m(found, found.array_m(made.attitude(t_s)))[:, links]
     assert (found.reference == found.reference[0]).all()
-    covariance = found.covariance(0, links, found.phase_variance_m2)
+    covariance = link_covariance(found, 0, links, found.phase_variance_m2)
     nees = np.einsum("ni,ij,nj->n", residual, np.linalg.inv(covariance), residual)
     # 400 epochs of links.sum() degrees of freedom: five sigmas of the mean.
     assert abs(nees.mean() / links.sum() - 1) < 5 * np.sqrt(2 / (400 * links.sum()))

@@ -1,12 +1,14 @@
 """Double differences of a made-up array: true attitude, real noise, arbitrary integers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry import rotations
 from fgnav.geometry.earth import Origin
+from fgnav.integers.ils.affine import float_epoch
+from fgnav.integers.ils.array_model import epoch_links, link_arrays, spans
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Antenna, Flight, Truth
 
@@ -103,3 +105,61 @@ def make(
     origin = Origin(latitude_rad=0.7, longitude_rad=0.0, height_m=0.0)
     flight = Flight(name="made", start_gps_s=0.0, origin=origin, antennas=tuple(names), truth=truth)
     return Made(differences=differences, R_nb=R_nb, cycles=cycles, flight=flight)
+
+
+def simulated(
+    differences: DoubleDifferences, epochs: IntArray, rng: np.random.Generator
+) -> DoubleDifferences:
+    """Return observations as the stated noise would make them, all integers zero.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+        Whose satellites, links and variances are used.
+    epochs : ndarray of int, shape (k,)
+        Each gives one set, at a random attitude.
+    rng : numpy.random.Generator
+    """
+    d = differences.resampled(epochs)
+    n, b, m = d.phase_m.shape
+    R_nb = rotations.nearest(rng.normal(size=(n, 3, 3)))
+    of_reference = d.reference[:, d.group].clip(0)[:, None, :]
+
+    def observed(measured: FloatArray, variance: FloatArray) -> FloatArray:
+        links = np.sqrt(variance)[:, None, :] * rng.normal(size=(n, b + 1, m))
+        single = links[:, 1:] - links[:, :1]
+        noise = single - np.take_along_axis(single, of_reference, axis=2)
+        return np.asarray(np.where(np.isfinite(measured), d.array_m(R_nb) + noise, np.nan))
+
+    return replace(
+        d,
+        code_m=observed(d.code_m, d.code_variance_m2),
+        phase_m=observed(d.phase_m, d.phase_variance_m2),
+    )
+
+
+def float_solution(differences: DoubleDifferences, k: int) -> tuple[FloatArray, FloatArray]:
+    """Return the float cycles of an epoch's links, (q,), and their covariance, (q, q)."""
+    epochs = link_arrays(differences)
+    arrays = spans(differences.baselines_b_m, epochs.resolvable.any(axis=2))
+    everywhere = np.ones(len(differences.baselines_b_m), dtype=np.bool_)
+    links = epoch_links(epochs.resolvable[k], epochs.of_reference[k], everywhere)
+    _, cycles, covariance, _ = float_epoch(epochs, arrays, k, arrays.pattern[k], links)
+    return cycles, covariance
+
+
+def link_covariance(
+    differences: DoubleDifferences, k: int, links: BoolArray, variance_m2: FloatArray
+) -> FloatArray:
+    """Return the covariance, m2, of chosen double differences, (b, m), of one epoch.
+
+    From the variances of undifferenced links, (n, m), reference channels excluded; in the order of
+    ``np.nonzero(links)``.
+    """
+    baseline, channel = np.nonzero(links)
+    variance, group = variance_m2[k], differences.group[channel]
+    of_reference = differences.reference[k, group]
+    same_channel = channel[:, None] == channel
+    satellites = (group[:, None] == group) * variance[of_reference][:, None]
+    satellites = satellites + same_channel * variance[channel]
+    return np.asarray((1.0 + (baseline[:, None] == baseline)) * satellites)

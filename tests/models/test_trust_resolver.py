@@ -107,9 +107,8 @@ def test_one_epoch_is_judged_as_in_company():
     network = load("trust")
     assert outside_domain(made.differences, network.manifest.domain) == ("",) * 20
     together = resolver.trusted(made.differences, network, nodes=10**6)
-    from fgnav.integers.epochs import epochs_at
 
-    alone = resolver.trusted(epochs_at(made.differences, np.array([13])), network, nodes=10**6)
+    alone = resolver.trusted(made.differences.resampled(np.array([13])), network, nodes=10**6)
     assert alone.wrong_probability[0] == pytest.approx(together.wrong_probability[13], abs=1e-4)
 
 

@@ -39,7 +39,6 @@ from fgnav.frontend.array.links import link_sigmas, listed, without
 from fgnav.frontend.attitude.filling import zero_order_hold
 from fgnav.geometry.rotations import skew
 from fgnav.integers.arcs.consensus import Consensus, arc_consensus
-from fgnav.integers.epochs import epochs_at
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Rejected, open_angle_variance_rad2
 from fgnav.types.integers import SOURCES, Integers, fixed_ranges_m
@@ -390,7 +389,7 @@ def _sigmas_off(
     Robust weights tell which are the worst; the rest with its full covariance is three times as
     accurate, and an attitude that is off makes links look off.
     """
-    part, ranges_m, R_nb = epochs_at(differences, rows), ranges_m[rows], R_nb[rows]
+    part, ranges_m, R_nb = differences.resampled(rows), ranges_m[rows], R_nb[rows]
     sigmas = link_sigmas(part, ranges_m, R_nb)
     suspects = sigmas > sigmas.max(axis=(1, 2), keepdims=True) / 2
     rest = RotationQuadratic.of_ranges(part, without(ranges_m, suspects))

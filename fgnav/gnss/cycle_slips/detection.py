@@ -15,7 +15,7 @@ LONGEST_GAP = 5.0  # median intervals without any epoch, after which nothing is 
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Arcs:
+class PhaseArcs:
     """Continuous carrier phase.
 
     Attributes
@@ -41,7 +41,7 @@ def phase_arcs(
     *,
     causal: bool = False,
     earlier_s: FloatArray | None = None,
-) -> Arcs:
+) -> PhaseArcs:
     """Find the arcs of every antenna and channel.
 
     An arc ends at a loss-of-lock flag, at an epoch without phase and at a gap in time longer than
@@ -74,15 +74,15 @@ def phase_arcs(
     ----------
     .. [1] Baarda, A testing procedure for use in geodetic networks, 1968.
     """
-    t_s, there = differences.t_s, differences.phase_there
-    before = np.zeros_like(there)
-    before[1:] = there[:-1]
+    t_s, has_phase = differences.t_s, differences.phase_there
+    before = np.zeros_like(has_phase)
+    before[1:] = has_phase[:-1]
     step_s = np.diff(t_s, prepend=t_s[:1])
     if len(t_s) > 1:
         usual_s = _usual_s(t_s, earlier_s) if causal else np.median(step_s[1:])
         before[step_s > LONGEST_GAP * usual_s] = False
-    flagged = there & before & ((differences.lock_flags & LOST_LOCK) != 0)
-    unbroken = there & before & ~flagged
+    flagged = has_phase & before & ((differences.lock_flags & LOST_LOCK) != 0)
+    unbroken = has_phase & before & ~flagged
     verdict = np.full(differences.phase_m.shape, NOT_TESTED, dtype=np.int8)
     from fgnav.gnss.cycle_slips.kernel import judge  # noqa: PLC0415  # lazy: brings numba
 
@@ -96,17 +96,17 @@ def phase_arcs(
         verdict,
     )
     slipped = _blame(verdict) & unbroken
-    broken = there & (~before | flagged | slipped)
-    arc = np.where(there, np.cumsum(broken, axis=0, dtype=np.int32) - 1, -1)
+    broken = has_phase & (~before | flagged | slipped)
+    arc = np.where(has_phase, np.cumsum(broken, axis=0, dtype=np.int32) - 1, -1)
     lost: Counter[tuple[str, str]] = Counter()
-    gap = there & ~before & (arc > 0)
+    gap = has_phase & ~before & (arc > 0)
     for i, name in enumerate(names):
         what = f"{name} phase continuity"
         lost[what, "loss of lock flagged by the receiver"] += int(flagged[:, i].sum())
         lost[what, "gap"] += int(gap[:, i].sum())
         lost[what, "cycle slip found by the time-differenced test"] += int(slipped[:, i].sum())
     both = unbroken[:, 1:] & unbroken[:, :1] & np.isfinite(differences.phase_m)
-    return Arcs(
+    return PhaseArcs(
         arc=arc,
         steps=int(both.sum()),
         untested=int((both & (verdict == NOT_TESTED)).sum()),
@@ -131,5 +131,5 @@ def _blame(verdict: IntArray) -> BoolArray:
         2 * slips.sum(axis=1) > (verdict != NOT_TESTED).sum(axis=1)
     )
     settled = (tied & of_reference[:, None]).sum(axis=2) >= 2
-    own = slips & ~of_reference[:, None] & ~(tied & settled[:, :, None])
-    return np.concatenate([of_reference[:, None], own], axis=1)
+    of_antenna = slips & ~of_reference[:, None] & ~(tied & settled[:, :, None])
+    return np.concatenate([of_reference[:, None], of_antenna], axis=1)

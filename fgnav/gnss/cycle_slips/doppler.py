@@ -31,12 +31,12 @@ def slipped(
     wavelength_m : ndarray, shape (m,)
     phase_sigma_m, doppler_sigma_mps : ndarray, shape (m,) or (n, m)
     """
-    there = columns >= 0
-    phase_m = np.where(there, observations.phase_cycles[:, 0, columns] * wavelength_m, np.nan)
-    rate_mps = np.where(there, -observations.doppler_hz[:, 0, columns] * wavelength_m, np.nan)
+    observed = columns >= 0
+    phase_m = np.where(observed, observations.phase_cycles[:, 0, columns] * wavelength_m, np.nan)
+    rate_mps = np.where(observed, -observations.doppler_hz[:, 0, columns] * wavelength_m, np.nan)
     out = np.zeros(phase_m.shape, dtype=np.bool_)
-    known = np.isfinite(phase_m) & np.isfinite(rate_mps)
-    both = known[1:] & known[:-1]
+    valid = np.isfinite(phase_m) & np.isfinite(rate_mps)
+    both = valid[1:] & valid[:-1]
     few = both.any(axis=1) & (both.sum(axis=1) < _JUDGED)
     if not few.any():
         return out

@@ -111,12 +111,16 @@ def signal_delay_s(
     first, second = message["group_delay_s"].T
     gamma = (_L1_HZ / carrier_hz) ** 2
     if satellite[0] == "C":  # BDS-SIS-ICD-B1I-3.0, 5.2.4.10: the clock is that of B3I
-        own = np.asarray({_B1I_HZ: first, _B2I_HZ: second}.get(carrier_hz, np.zeros_like(first)))
+        of_carrier = np.asarray(
+            {_B1I_HZ: first, _B2I_HZ: second}.get(carrier_hz, np.zeros_like(first))
+        )
         pair = first * _B1I_HZ**2 / (_B1I_HZ**2 - _B3I_HZ**2)
-        return own - pair if precise_clocks else own
+        return of_carrier - pair if precise_clocks else of_carrier
     if satellite[0] == "E":  # OS SIS ICD 2.1, 5.1.5: each clock is that of its pair with E1
         fnav = (message["data_source"] & _FNAV_CLOCK) != 0
         e1 = np.where(fnav | precise_clocks, first, second)
-        own = np.asarray({_L5_HZ: first, _B2I_HZ: second}.get(carrier_hz, np.zeros_like(first)))
-        return np.asarray(e1 + (gamma - 1) * own)
+        of_carrier = np.asarray(
+            {_L5_HZ: first, _B2I_HZ: second}.get(carrier_hz, np.zeros_like(first))
+        )
+        return np.asarray(e1 + (gamma - 1) * of_carrier)
     return np.asarray(gamma * first)  # IS-GPS-200N, 20.3.3.3.3.2

@@ -113,7 +113,6 @@ def group_delay_s(
 
     Parameters
     ----------
-    satellites, signals : tuple of str, length m
     t_s : ndarray, shape (n, m)
         Times of transmission.
     precise_clocks : bool

@@ -74,11 +74,16 @@ def adjust(
     *,
     model: bool | BoolArray,
     start_e_m: FloatArray | None = None,
+    each: bool = False,
 ) -> Adjusted:
     """Solve for position and clocks by Gauss-Newton, all epochs at once.
 
     From the origin, which may be far away, or from places (n, 3) less than 10 km off. Atmosphere
     models are applied at all epochs, at none, or at those given, (n,).
+
+    With ``each`` no epoch depends on which others there are: it stops where it converges, however
+    long others take, and positions are multiples of a micrometre, so that sums taken in another
+    order end at the same place.
     """
     n, steps = len(wanted), 0
     p_e_m = np.repeat(flight.origin.p_e_m[None], n, axis=0) if start_e_m is None else start_e_m
@@ -92,41 +97,13 @@ def adjust(
         if (converged | ~fits.solved).all() or steps == _MAX_STEPS:
             return Adjusted(p_e_m, equations, fits, use, converged)
         steps += 1
-        step = np.where(fits.solved[:, None], fits.x[:, :3], 0.0)
-        step_m = np.where(fits.solved, np.linalg.norm(step, axis=1), np.inf)
-        p_e_m = p_e_m + step
-
-
-def adjust_each(
-    flight: Flight,
-    channels: CodeChannels,
-    ranges: CodeRanges,
-    wanted: BoolArray,
-    *,
-    model: bool | BoolArray,
-) -> Adjusted:
-    """Solve as ``adjust``, from the origin, so that no epoch depends on which others there are.
-
-    An epoch stops where it converges, however long others take. Positions are multiples of a
-    micrometre, so that sums taken in another order end at the same place.
-    """
-    n, steps = len(wanted), 0
-    p_e_m = np.repeat(flight.origin.p_e_m[None], n, axis=0)
-    step_m = np.full(n, np.inf)
-    while True:
-        equations = _equations(flight, channels, ranges, p_e_m, model=model)
-        far = (step_m > _NEAR_M)[:, None]
-        use = wanted & (far | (equations.elevation_rad >= flight.elevation_mask_rad))
-        fits = fit(equations.A, equations.y, equations.variance_m2, use)
-        converged = fits.solved & (step_m < _CONVERGED_M)
-        moves = fits.solved & ~converged
-        if not moves.any() or steps == _MAX_STEPS:
-            return Adjusted(p_e_m, equations, fits, use, converged)
-        steps += 1
+        moves = fits.solved & ~converged if each else fits.solved
         step = np.where(moves[:, None], fits.x[:, :3], 0.0)
-        step_m = np.where(moves, np.linalg.norm(step, axis=1), step_m)
-        rounded_m = np.rint((p_e_m + step) / _GRID_M) * _GRID_M
-        p_e_m = np.where(moves[:, None], rounded_m, p_e_m)
+        step_m = np.where(moves, np.linalg.norm(step, axis=1), step_m if each else np.inf)
+        p_e_m = p_e_m + step
+        if each:
+            rounded_m = np.rint(p_e_m / _GRID_M) * _GRID_M
+            p_e_m = np.where(moves[:, None], rounded_m, p_e_m)
 
 
 def misfits(flight: Flight, at: Adjusted) -> FloatArray:

@@ -8,7 +8,7 @@ there is none.
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.gnss.single_point.adjustment import adjust_each, misfits
+from fgnav.gnss.single_point.adjustment import adjust, misfits
 from fgnav.gnss.single_point.model import CodeChannels, code_ranges
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
@@ -68,7 +68,7 @@ def _deciding(
         ranges = code_ranges(flight, observations, channels, antenna, epoch, rates=False)
         wanted = np.isfinite(ranges.range_m)
         of_epochs: list[FloatArray] = [
-            misfits(flight, adjust_each(flight, channels, ranges, wanted, model=model))
+            misfits(flight, adjust(flight, channels, ranges, wanted, model=model, each=True))
             for model in (True, False)
         ]
         redundant = np.isfinite(of_epochs).all(axis=0)

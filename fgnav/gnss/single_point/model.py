@@ -186,6 +186,6 @@ def atmosphere_m(
     elevation = angles_rad[0].clip(_LOWEST_RAD)
     ionosphere = klobuchar_m(coefficients, place, elevation, angles_rad[1], gps_s)
     ionosphere = ionosphere * (_L1_HZ / channels.frequency_hz) ** 2
-    left = _TROPOSPHERE_M / (np.sin(elevation) + 0.1)
-    variance = (_IONOSPHERE_SHARE * ionosphere) ** 2 + left**2
+    unmodelled_m = _TROPOSPHERE_M / (np.sin(elevation) + 0.1)
+    variance = (_IONOSPHERE_SHARE * ionosphere) ** 2 + unmodelled_m**2
     return ionosphere + saastamoinen_m(place, elevation), variance

@@ -76,11 +76,11 @@ def partial_velocities(
     sigma_mps = growing(flight, flight.gnss_noise.doppler_mps, elevation_rad)
     A = -(paths.e_e @ flight.origin.R_ne.T) * (1 - paths.range_rate_mps / C_MPS)[:, :, None]
     v_n_mps, root, sound = _without_drift(A, y, sigma_mps, use)
-    known = sound & root.any(axis=(1, 2))
+    valid = sound & root.any(axis=(1, 2))
     return PartialVelocity(
-        t_s=observations.t_s[row][known],
-        v_n_mps=v_n_mps[known],
-        root=root[known],
+        t_s=observations.t_s[row][valid],
+        v_n_mps=v_n_mps[valid],
+        root=root[valid],
         refused=int((~sound).sum()),
     )
 

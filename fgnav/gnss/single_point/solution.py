@@ -1,24 +1,22 @@
 """Position, velocity and clock of one antenna from its code and Doppler, epoch by epoch."""
 
 from collections import Counter
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
+from functools import partial
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError, freeze
-from fgnav.geometry.earth import C_MPS
-from fgnav.gnss.least_squares import fit, fit_consistent
-from fgnav.gnss.orbits.satellites import signal_paths
-from fgnav.gnss.single_point.adjustment import Adjusted, adjust, adjust_each, growing
+from fgnav.gnss.single_point.adjustment import adjust
 from fgnav.gnss.single_point.atmosphere_choice import atmosphere_so_far
-from fgnav.gnss.single_point.model import CodeChannels, CodeRanges, code_channels, code_ranges
+from fgnav.gnss.single_point.model import CodeChannels, code_channels, code_ranges
+from fgnav.gnss.single_point.solved_block import SolvedBlock, solved_block
 from fgnav.gnss.single_point.trial import trial
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
 
 BLOCK = 2000  # epochs worked on at once: temporaries stay within some 10 MB
-_MAX_DOP = 100.0
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -131,11 +129,11 @@ def code_solution(
     NoSolutionError
         If the flight lacks observations or orbits, or no epoch has a solution.
     """
-    known = _CACHE.setdefault(flight, {})
+    cached = _CACHE.setdefault(flight, {})
     key = (antenna, atmosphere, causal)
-    if key not in known:
-        known[key] = _solve(flight, antenna, atmosphere, causal=causal)
-    return known[key]
+    if key not in cached:
+        cached[key] = _solve(flight, antenna, atmosphere, causal=causal)
+    return cached[key]
 
 
 def _solve(flight: Flight, antenna: int, atmosphere: bool | None, *, causal: bool) -> CodeSolution:
@@ -158,10 +156,11 @@ def _solve(flight: Flight, antenna: int, atmosphere: bool | None, *, causal: boo
     for first in range(0, n, BLOCK):
         epoch = np.arange(first, min(first + BLOCK, n))
         ranges = code_ranges(flight, observations, channels, antenna, epoch)
-        solve = _Solver(flight, channels, ranges, model[epoch], causal=causal)
-        blocks.append(_block(solve, epoch, lost, None if starts is None else starts.at(epoch)))
-    columns = ([getattr(block, one.name) for block in blocks] for one in fields(_Solved))
-    solved = _Solved(*(np.concatenate(column) for column in columns))
+        solve = partial(adjust, flight, channels, ranges, model=model[epoch], each=causal)
+        start_e_m = None if starts is None else starts.at(epoch)
+        blocks.append(solved_block(flight, ranges, solve, epoch, start_e_m, lost))
+    columns = ([getattr(block, one.name) for block in blocks] for one in fields(SolvedBlock))
+    solved = SolvedBlock(*(np.concatenate(column) for column in columns))
     losses = tuple(
         Loss(what=f"{name} {what}", reason=reason, count=count)
         for (what, reason), count in lost.items()
@@ -172,130 +171,12 @@ def _solve(flight: Flight, antenna: int, atmosphere: bool | None, *, causal: boo
     )
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Solver:
-    """How positions of a block of epochs are found."""
-
-    flight: Flight
-    channels: CodeChannels
-    ranges: CodeRanges
-    model: BoolArray  # (n,)
-    causal: bool = field(kw_only=True)
-
-    def __call__(self, wanted: BoolArray, start_e_m: FloatArray | None) -> Adjusted:
-        problem = (self.flight, self.channels, self.ranges, wanted)
-        if self.causal:
-            return adjust_each(*problem, model=self.model)
-        return adjust(*problem, model=self.model, start_e_m=start_e_m)
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Solved:
-    """Epochs of one block that have an answer."""
-
-    epoch: IntArray
-    p_e_m: FloatArray
-    covariance_m2: FloatArray
-    noise_m2: FloatArray
-    drift_per_s: FloatArray
-    clock_s: FloatArray
-    v_e_mps: FloatArray
-    velocity_covariance_m2ps2: FloatArray
-    drift_sps: FloatArray
-    used: BoolArray
-    geometry: FloatArray  # (n, 3 + c, 3 + c) covariance for unit variances
-
-
-def _block(
-    solve: _Solver,
-    epoch: IntArray,
-    lost: Counter[tuple[str, str]],
-    start_e_m: FloatArray | None,
-) -> _Solved:
-    """Solve some epochs, and count what is lost."""
-    flight, ranges = solve.flight, solve.ranges
-    wanted = np.isfinite(ranges.range_m)
-    at = solve(wanted, start_e_m)
-    eq, kept = at.equations, at.use
-    if not at.fits.consistent[at.fits.solved].all():
-        _, kept = fit_consistent(eq.A, eq.y, eq.variance_m2, at.use)
-    dropped = at.use & ~kept
-    if dropped.any():
-        at = solve(wanted & ~dropped, at.p_e_m)
-        eq = at.equations
-    geometry = fit(eq.A, eq.y, np.ones_like(eq.y), at.use).covariance
-    flat = np.trace(geometry, axis1=1, axis2=2) > _MAX_DOP**2
-    good = at.converged & at.fits.consistent & ~flat
-    turning = _turning(ranges, at)
-    v, velocity_covariance, drift = _velocities(flight, ranges, at, good, lost)
-    code = "code observation"
-    lost[code, "satellite not healthy"] += int((ranges.coded & ranges.states.unhealthy).sum())
-    blind = ranges.coded & ~wanted & ~ranges.states.unhealthy
-    lost[code, "no usable ephemeris"] += int(blind.sum())
-    lost[code, "contradicts the other satellites"] += int(dropped.sum())
-    lost[code, "below the elevation mask"] += int((wanted & ~at.use & ~dropped).sum())
-    lost["epoch", "fewer satellites than unknowns"] += int((~at.fits.solved).sum())
-    lost["epoch", "position did not converge"] += int((at.fits.solved & ~at.converged).sum())
-    lost["epoch", "satellites contradict each other"] += int(
-        (at.converged & ~at.fits.consistent).sum()
-    )
-    lost["epoch", "geometry is too weak"] += int((at.converged & at.fits.consistent & flat).sum())
-    sigma_m = growing(flight, flight.gnss_noise.code_m, eq.elevation_rad)
-    gain = at.fits.gain[good, :3]
-    noise_m2 = np.where(at.use, sigma_m, 0.0)[good] ** 2
-    return _Solved(
-        epoch[good],
-        at.p_e_m[good],
-        at.fits.covariance[good, :3, :3],
-        np.einsum("nim,nm,njm->nij", gain, noise_m2, gain),
-        gain @ turning[good],
-        at.fits.x[good, 3:] / C_MPS,
-        v[good],
-        velocity_covariance[good],
-        drift[good],
-        at.use[good],
-        geometry[good],
-    )
-
-
-def _turning(ranges: CodeRanges, at: Adjusted) -> FloatArray:
-    """Return how fast directions to satellites turn, (n, m, 3), 1/s, Earth-fixed axes; 0 unused.
-
-    Of an antenna at rest: a hundred metres a second add 3 %.
-    """
-    paths = signal_paths(ranges.states, at.p_e_m, np.zeros_like(at.p_e_m))
-    across = ranges.states.v_e_mps - paths.range_rate_mps[:, :, None] * paths.e_e
-    return np.where(at.use[:, :, None], across / paths.range_m[:, :, None], 0.0)
-
-
-def _velocities(
-    flight: Flight,
-    ranges: CodeRanges,
-    at: Adjusted,
-    good: BoolArray,
-    lost: Counter[tuple[str, str]],
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return velocities (n, 3), covariances and clock drifts from Doppler; NaN where too few."""
-    paths = signal_paths(ranges.states, at.p_e_m, np.zeros_like(at.p_e_m))
-    y = ranges.rate_mps - paths.range_rate_mps
-    sigma_mps = growing(flight, flight.gnss_noise.doppler_mps, at.equations.elevation_rad)
-    lag = 1 - paths.range_rate_mps / C_MPS  # as transmission lags behind while the range grows
-    A = np.concatenate([-paths.e_e * lag[:, :, None], np.ones((*y.shape, 1))], axis=2)
-    use = at.use & np.isfinite(y) & good[:, None]
-    fits, kept = fit_consistent(A, y, sigma_mps**2, use)
-    lost["Doppler observation", "contradicts the other satellites"] += int((use & ~kept).sum())
-    fine = fits.consistent & np.isfinite(fits.x).all(axis=1)
-    v = np.where(fine[:, None], fits.x[:, :3], np.nan)
-    covariance = np.where(fine[:, None, None], fits.covariance[:, :3, :3], np.nan)
-    return v, covariance, np.where(fine, fits.x[:, 3], np.nan) / C_MPS
-
-
 def _finish(
     flight: Flight,
     observations: Observations,
     antenna: int,
     channels: CodeChannels,
-    solved: _Solved,
+    solved: SolvedBlock,
     losses: tuple[Loss, ...],
     *,
     model: BoolArray,

@@ -34,7 +34,6 @@ def arc_consensus(arc: IntArray, cycles: IntArray, votes: FloatArray, *, causal:
     cycles : ndarray of int, shape (n, b, m)
     votes : ndarray, shape (n, b, m)
         What say an epoch has, from 0 to 1.
-    causal : bool
     """
     before = _so_far(arc, cycles, votes)
     if causal:

@@ -14,7 +14,7 @@ class Answers(NamedTuple):
     """What single epochs say of the integers, each by its own references."""
 
     cycles: IntArray  # (n, b, m)
-    known: BoolArray  # (n, b, m): resolved, or a reference, whose integer is 0
+    resolved: BoolArray  # (n, b, m): resolved, or a reference, whose integer is 0
     wrong: FloatArray  # (n,): chance that an epoch's answer is not right
     arc: IntArray  # (n, b, m): of single differences; -1 without phase
     of_reference: IntArray  # (n, m): reference of each channel; -1 without
@@ -45,7 +45,6 @@ def carry(answers: Answers, *, causal: bool = False) -> Carried:
 
     Parameters
     ----------
-    answers : Answers
     causal : bool
         Each epoch by epochs up to it alone: the surest so far.
 
@@ -75,7 +74,7 @@ def _carry_pairs(answers: Answers, pairs: IntArray, carried: Carried, causal: bo
     for i in range(b):
         for p in range(len(pairs)):
             j, r = pairs[p, 0], pairs[p, 1]
-            so_far, first = _nothing_said(), 0
+            so_far, first = _no_answer(), 0
             arc_j, arc_r = -1, -1
             for k in range(n):
                 if answers.arc[k, i, j] < 0 or answers.arc[k, i, r] < 0:
@@ -84,10 +83,10 @@ def _carry_pairs(answers: Answers, pairs: IntArray, carried: Carried, causal: bo
                     if not causal:
                         _give(so_far, answers, (i, j, r), (first, k), carried)
                     arc_j, arc_r = answers.arc[k, i, j], answers.arc[k, i, r]
-                    so_far, first = _nothing_said(), k
-                if answers.known[k, i, j] and answers.known[k, i, r]:
-                    said = answers.cycles[k, i, j] - answers.cycles[k, i, r]
-                    so_far = _hear(so_far, k, said, answers.wrong[k])
+                    so_far, first = _no_answer(), k
+                if answers.resolved[k, i, j] and answers.resolved[k, i, r]:
+                    integer = answers.cycles[k, i, j] - answers.cycles[k, i, r]
+                    so_far = _with_answer(so_far, k, integer, answers.wrong[k])
                 if causal:
                     _give(so_far, answers, (i, j, r), (k, k + 1), carried)
             if not causal:
@@ -108,26 +107,26 @@ def _give(
     i, j, r = link
     chance = _chance(so_far)
     for k in range(epochs[0], epochs[1]):
-        there = answers.arc[k, i, j] >= 0 and answers.arc[k, i, r] >= 0
-        if there and answers.of_reference[k, j] == r:
+        continues = answers.arc[k, i, j] >= 0 and answers.arc[k, i, r] >= 0
+        if continues and answers.of_reference[k, j] == r:
             carried.cycles[k, i, j] = so_far.cycles
             carried.source[k, i, j] = so_far.source
             carried.chance[k, i, j] = chance
 
 
 @inner
-def _nothing_said() -> _SoFar:
+def _no_answer() -> _SoFar:
     return _SoFar(-1, 0, 0, np.inf, np.inf, 0.0, 0.0)
 
 
 @inner
-def _hear(so_far: _SoFar, k: int, said: int, wrong: float) -> _SoFar:
+def _with_answer(so_far: _SoFar, k: int, integer: int, wrong: float) -> _SoFar:
     """Add what epoch k says, and its chance to be wrong."""
     source, cycles, voices, least, against, for_it, other = so_far
-    if source >= 0 and said != cycles:
+    if source >= 0 and integer != cycles:
         against = min(against, max(wrong, least))
     if wrong < least:
-        source, cycles, least = k, said, wrong
+        source, cycles, least = k, integer, wrong
     for_it += np.log(max(1.0 - wrong, _TINY))
     other += np.log(max(wrong, _TINY))
     return _SoFar(source, cycles, voices + 1, least, against, for_it, other)
@@ -145,7 +144,7 @@ def _chance(so_far: _SoFar) -> float:
 
 
 @kernel
-def chance_of_epochs(carried: Carried, there: BoolArray) -> tuple[FloatArray, IntArray]:
+def chance_of_epochs(carried: Carried, continues: BoolArray) -> tuple[FloatArray, IntArray]:
     """Return the chance that an epoch is wrong anywhere, (n,), and how many epochs it rests on."""
     n, b, m = carried.cycles.shape
     chance, sources = np.zeros(n), np.zeros(n, dtype=np.int64)
@@ -154,7 +153,7 @@ def chance_of_epochs(carried: Carried, there: BoolArray) -> tuple[FloatArray, In
         count = 0
         for i in range(b):
             for j in range(m):
-                if not there[k, i, j]:
+                if not continues[k, i, j]:
                     continue
                 at = 0
                 while at < count and seen[at] != carried.source[k, i, j]:

@@ -48,7 +48,6 @@ def reported_arcs(
 
     Parameters
     ----------
-    differences : DoubleDifferences
     integers : Integers
         In the layout of ``differences``.
     antennas : tuple of str

@@ -100,31 +100,31 @@ class Arcs:
         smooth = self.prepare(differences) if self.prepare else differences
         if not self.causal:
             smooth = smoothed(smooth, arc, self.correlation_s).differences
-        found = self.inner(smooth, flight)
-        if found.wrong_probability is None:
+        answer = self.inner(smooth, flight)
+        if answer.wrong_probability is None:
             raise BadInputError(
-                f"integers '{self.name}': '{found.resolver}' does not say how likely its "
+                f"integers '{self.name}': '{answer.resolver}' does not say how likely its "
                 "integers are wrong; take one that does, such as 'lambda' or 'constrained'"
             )
         of_reference = np.ascontiguousarray(differences.reference[:, differences.group])
-        known = found.fixed | (differences.is_reference[:, None] & (differences.phase_m == 0))
-        answers = Answers(found.cycles, known, found.wrong_probability, arc, of_reference)
+        resolved = answer.fixed | (differences.is_reference[:, None] & (differences.phase_m == 0))
+        answers = Answers(answer.cycles, resolved, answer.wrong_probability, arc, of_reference)
         carried = carry(answers, causal=self.causal)
         links = phase_links(differences) & (of_reference >= 0)[:, None]
-        there = links & (carried.source >= 0)
-        chance, sources = chance_of_epochs(carried, there)
-        sure = there & (carried.chance * sources[:, None, None] <= self.wrong_max)
+        answered = links & (carried.source >= 0)
+        chance, sources = chance_of_epochs(carried, answered)
+        sure = answered & (carried.chance * sources[:, None, None] <= self.wrong_max)
         reasons = {
             WITHOUT_CODE: phase_links(differences) & ~np.isfinite(smooth.code_m),
-            "no epoch of the arc could be resolved": links & np.isfinite(smooth.code_m) & ~there,
-            f"probability of wrong integers above {self.wrong_max:g}": there & ~sure,
+            "no epoch of the arc could be resolved": links & np.isfinite(smooth.code_m) & ~answered,
+            f"probability of wrong integers above {self.wrong_max:g}": answered & ~sure,
         }
         return Integers(
             resolver=self.name,
             cycles=np.where(sure, carried.cycles, 0),
             fixed=sure,
-            ratio=found.ratio,
-            wrong_probability=np.where(there.any(axis=(1, 2)), chance, 1.0),
+            ratio=answer.ratio,
+            wrong_probability=np.where(answered.any(axis=(1, 2)), chance, 1.0),
             losses=not_fixed(reasons),
         )
 
@@ -175,5 +175,5 @@ def link_arcs(differences: DoubleDifferences, flight: Flight, *, causal: bool = 
     names = tuple(antenna.name for antenna in flight.antennas)
     arc = phase_arcs(single, names, causal=causal).arc.astype(int)
     both = arc[:, :1] * (arc.max(initial=0) + 1) + arc[:, 1:]
-    there = (arc[:, :1] >= 0) & (arc[:, 1:] >= 0) & np.isfinite(single.phase_m)
-    return np.asarray(np.where(there, both, -1))
+    answered = (arc[:, :1] >= 0) & (arc[:, 1:] >= 0) & np.isfinite(single.phase_m)
+    return np.asarray(np.where(answered, both, -1))

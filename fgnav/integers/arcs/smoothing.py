@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.ils.affine import code_residuals
-from fgnav.kernels.compiled import inlined, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 from fgnav.types.differences import DoubleDifferences
 
 _ROUNDS = 100
@@ -45,17 +45,12 @@ def smoothed(
 
     Parameters
     ----------
-    differences : DoubleDifferences
     arc : ndarray of int, shape (n, b, m)
         Numbers of the arcs of single differences, references included; -1 without phase.
     correlation_s : float or None
         Time after which the correlation of code noise has fallen to 1 / e, exponentially; None
         measures the correlation, whatever its shape. What does not vary within arcs counts as
         correlated without end: it shows in the residuals of the epochs all the same.
-
-    Returns
-    -------
-    Smoothed
     """
     gap_m = np.where(arc >= 0, differences.phase_m - differences.code_m, np.nan)
     weight = np.where(np.isfinite(gap_m), 1.0 / differences.code_variance_m2[:, None], 0.0)
@@ -76,14 +71,14 @@ def smoothed(
     mean_variance = 1.0 / effective(correlation)  # by the number of epochs
     of_reference = differences.reference[:, differences.group].clip(0)[:, None]
     grouped = (differences.reference[:, differences.group] >= 0)[:, None]
-    known = (count > 0) & np.isfinite(differences.phase_m) & grouped
-    known &= np.take_along_axis(known, of_reference, axis=2)
+    valid = (count > 0) & np.isfinite(differences.phase_m) & grouped
+    valid &= np.take_along_axis(valid, of_reference, axis=2)
     of_link = constant_m - np.take_along_axis(constant_m, of_reference, axis=2)
-    code_m = np.where(known, differences.phase_m - of_link, np.nan)
+    code_m = np.where(valid, differences.phase_m - of_link, np.nan)
     # a channel's variance is that of its youngest arc
-    longest = np.where(known, mean_variance[count.clip(1) - 1], 0.0).max(axis=1)
+    longest = np.where(valid, mean_variance[count.clip(1) - 1], 0.0).max(axis=1)
     variance = differences.code_variance_m2 * factor * longest + differences.phase_variance_m2
-    channels = known.any(axis=1)
+    channels = valid.any(axis=1)
     smooth = replace(
         differences,
         code_m=code_m,
@@ -105,9 +100,9 @@ def _share(weight: FloatArray, group: IntArray) -> float:
     """Return the share of the variance that is left after the epochs' constants are fitted."""
     fitted = total = 0.0
     for g in range(group.max(initial=-1) + 1):
-        there = (weight[:, :, group == g] > 0).sum(axis=2)
-        fitted += float((there > 0).sum())
-        total += float(there.sum())
+        weighted = (weight[:, :, group == g] > 0).sum(axis=2)
+        fitted += float((weighted > 0).sum())
+        total += float(weighted.sum())
     return 1.0 - fitted / max(total, 1.0)
 
 
@@ -126,8 +121,8 @@ def _measured(normalised: FloatArray, arc: IntArray, sill: float) -> FloatArray:
             lags.append(int(lag))
             values.append(1.0 - 0.5 * float(squares.mean()) / sill)
     falling = np.minimum.accumulate(np.clip(values, 0.0, 1.0))
-    known = np.interp(np.arange(n), lags, falling)
-    return known if len(lags) > 1 else np.ones(n)  # nothing to tell by: nothing is averaged
+    valid = np.interp(np.arange(n), lags, falling)
+    return valid if len(lags) > 1 else np.ones(n)  # nothing to tell by: nothing is averaged
 
 
 @kernel
@@ -143,7 +138,7 @@ def _fit(
         common = _chained(gap_m[:, i], weight[:, i], first, group, constant[:, i])
         for _ in range(_ROUNDS):
             moved = _arc_constants(gap_m[:, i], weight[:, i], first, group, common, constant[:, i])
-            _epoch_constants(gap_m[:, i], weight[:, i], first, group, common, constant[:, i])
+            _fit_epochs(gap_m[:, i], weight[:, i], first, group, constant[:, i], common)
             if moved < _SETTLED_M:
                 break
         for k in range(n):
@@ -181,18 +176,12 @@ def _chained(
     """Return constants of the epochs, (n, g), by those arcs that go on, as a start."""
     n, m = gap_m.shape
     common = np.zeros((n, np.max(group) + 1))
-    known = np.zeros((n, m), dtype=np.bool_)
+    fitted = np.zeros((n, m), dtype=np.bool_)
     for k in range(n):
-        pull, total = np.zeros(common.shape[1]), np.zeros(common.shape[1])
+        _fit_epoch(k, gap_m, weight, first, group, fitted, constant, common)
         for j in range(m):
-            if weight[k, j] > 0.0 and known[first[k, j], j]:
-                pull[group[j]] += weight[k, j] * (gap_m[k, j] - constant[first[k, j], j])
-                total[group[j]] += weight[k, j]
-        for g in range(common.shape[1]):
-            common[k, g] = pull[g] / total[g] if total[g] > 0.0 else 0.0
-        for j in range(m):
-            if weight[k, j] > 0.0 and not known[first[k, j], j]:
-                known[first[k, j], j] = True
+            if weight[k, j] > 0.0 and not fitted[first[k, j], j]:
+                fitted[first[k, j], j] = True
                 constant[first[k, j], j] = gap_m[k, j] - common[k, group[j]]
     return common
 
@@ -223,21 +212,36 @@ def _arc_constants(
 
 
 @inlined
-def _epoch_constants(
+def _fit_epochs(
     gap_m: FloatArray,
     weight: FloatArray,
     first: IntArray,
     group: IntArray,
-    common: FloatArray,
     constant: FloatArray,
+    common: FloatArray,
 ) -> None:
-    n, m = gap_m.shape
-    for k in range(n):
-        pull, total = np.zeros(common.shape[1]), np.zeros(common.shape[1])
-        for j in range(m):
-            if weight[k, j] > 0.0:
-                pull[group[j]] += weight[k, j] * (gap_m[k, j] - constant[first[k, j], j])
-                total[group[j]] += weight[k, j]
-        for g in range(common.shape[1]):
-            if total[g] > 0.0:
-                common[k, g] = pull[g] / total[g]
+    fitted = np.ones(gap_m.shape, dtype=np.bool_)
+    for k in range(len(gap_m)):
+        _fit_epoch(k, gap_m, weight, first, group, fitted, constant, common)
+
+
+@inner
+def _fit_epoch(
+    k: int,
+    gap_m: FloatArray,
+    weight: FloatArray,
+    first: IntArray,
+    group: IntArray,
+    fitted: BoolArray,
+    constant: FloatArray,
+    common: FloatArray,
+) -> None:
+    """Set an epoch's constants, (g,), by the arcs that are fitted, where there is any."""
+    pull, total = np.zeros(common.shape[1]), np.zeros(common.shape[1])
+    for j in range(len(group)):
+        if weight[k, j] > 0.0 and fitted[first[k, j], j]:
+            pull[group[j]] += weight[k, j] * (gap_m[k, j] - constant[first[k, j], j])
+            total[group[j]] += weight[k, j]
+    for g in range(common.shape[1]):
+        if total[g] > 0.0:
+            common[k, g] = pull[g] / total[g]

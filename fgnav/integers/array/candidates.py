@@ -10,12 +10,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
-from fgnav.integers.array.kernel import nothing_found, search_epochs
-from fgnav.integers.array.prior import prior_columns
-from fgnav.integers.array.relaxation import Spans, spans
-from fgnav.integers.array.search import cost_degrees, first_bound
-from fgnav.integers.epochs import epochs_at
-from fgnav.integers.ils.affine import epochs_of
+from fgnav.integers.array.search import searched
 from fgnav.types.differences import DoubleDifferences
 
 _BLOCK = 256  # epochs whose lists are held at full length
@@ -57,7 +52,6 @@ def candidates(
 
     Parameters
     ----------
-    differences : DoubleDifferences
     most : int
         Of an epoch.
     reach : float
@@ -75,41 +69,30 @@ def candidates(
         if not value > 0:
             raise BadInputError(f"{name}: must be above 0, got {value}")
     n = len(differences.t_s)
-    arrays = spans(differences.baselines_b_m, differences.resolvable)
     parts = []
     for start in range(0, max(n, 1), _BLOCK):
         at = np.arange(start, min(start + _BLOCK, n))
-        some = differences if n <= _BLOCK else epochs_at(differences, at)
-        of_block = arrays._replace(pattern=arrays.pattern[at])
-        parts.append(_searched(some, of_block, start, most, reach, nodes))
+        some = differences if n <= _BLOCK else differences.resampled(at)
+        parts.append(_of_block(some, start, most, reach, nodes))
     if len(parts) == 1:
         return parts[0]
     joined = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(parts[0])}
     return Candidates(**joined)
 
 
-def _searched(
-    differences: DoubleDifferences,
-    arrays: Spans,
-    start: int,
-    most: int,
-    reach: float,
-    nodes: int,
+def _of_block(
+    differences: DoubleDifferences, start: int, most: int, reach: float, nodes: int
 ) -> Candidates:
     """Search a block of epochs, of which ``start`` is the first."""
-    epochs = epochs_of(differences)
-    known = prior_columns(None, arrays)
-    bound = first_bound(cost_degrees(epochs, arrays, known))
-    found = nothing_found(epochs.phase_m.shape, held=most, written=most)
-    search_epochs(epochs, arrays, known, bound, found, reach, nodes, True)
-    there = np.isfinite(found.costs)
-    of_epoch, cost = np.nonzero(there)[0], found.costs[there]
+    result, arrays, _ = searched(differences, most, most, reach, nodes, listed=True)
+    finite = np.isfinite(result.costs)
+    of_epoch, cost = np.nonzero(finite)[0], result.costs[finite]
     coordinates_m = arrays.coordinates_m[arrays.pattern[of_epoch]]
     return Candidates(
         epoch=of_epoch + start,
-        cycles=found.cycles[there],
-        baselines_n_m=coordinates_m @ found.columns[there].reshape(-1, 3, 3),
+        cycles=result.cycles[finite],
+        baselines_n_m=coordinates_m @ result.columns[finite].reshape(-1, 3, 3),
         cost=cost,
-        log_volume=found.log_weights[there] + 0.5 * cost,
-        status=found.status,
+        log_volume=result.log_weights[finite] + 0.5 * cost,
+        status=result.status,
     )

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.integers.array.prior import AttitudePrior, prior_columns
-from fgnav.integers.array.relaxation import spans
+from fgnav.integers.ils.array_model import spans
 from fgnav.types.differences import DoubleDifferences
 
 
@@ -22,7 +21,7 @@ class _Group:
     """Links of a group of signals, a antennas and c channels, with the clocks of satellites out."""
 
     channels: BoolArray  # (m,)
-    there: BoolArray  # (n, a, c)
+    tracked: BoolArray  # (n, a, c)
     of_receivers: FloatArray  # (n, c, a - 1, a - 1): by a weight of 1
     values: FloatArray  # (2, n, a - 1, c, 4): code, phase; derivative by three turns, and residual
     squares: FloatArray  # (2, n, c, 4, 4)
@@ -35,14 +34,11 @@ class GivenIntegers:
     Attributes
     ----------
     groups : sequence of _Group
-    known : ndarray, shape (n, 4, 4)
-        The prior's normal equations of turns and residual.
     open_axis : ndarray, shape (n, 3, 3)
         Information added to the turn about the only direction of an array in a line.
     """
 
     groups: Sequence[_Group]
-    known: FloatArray
     open_axis: FloatArray
 
     def log_likelihoods(
@@ -54,7 +50,7 @@ class GivenIntegers:
         ----------
         code_variance_m2, phase_variance_m2 : ndarray, shape (n, m)
         """
-        N, rest = self.known.copy(), np.zeros(len(self.known))
+        N, rest = np.zeros((len(self.open_axis), 4, 4)), np.zeros(len(self.open_axis))
         for group in self.groups:
             for kind, variance in enumerate((code_variance_m2, phase_variance_m2)):
                 normal, log_determinant = _normal(group, kind, variance[:, group.channels])
@@ -67,22 +63,17 @@ class GivenIntegers:
 
 
 def given_integers(
-    differences: DoubleDifferences,
-    cycles: IntArray,
-    columns: FloatArray,
-    prior: AttitudePrior | None,
+    differences: DoubleDifferences, cycles: IntArray, columns: FloatArray
 ) -> GivenIntegers:
     """Return epochs with the integers that a search found.
 
     Parameters
     ----------
-    differences : DoubleDifferences
     cycles : ndarray of int64, shape (n, b, m)
     columns : ndarray, shape (n, 9)
         Of the attitudes that these lead to, as in ``ConstrainedSearch``.
-    prior : AttitudePrior or None
     """
-    arrays = spans(differences.baselines_b_m, differences.resolvable)
+    arrays = spans(differences.baselines_b_m, np.any(differences.resolvable, axis=2))
     M = columns.reshape(-1, 3, 3)  # a column in each row
     baselines_n_m = arrays.coordinates_m[arrays.pattern] @ M
     e_n = np.nan_to_num(differences.e_n)
@@ -96,10 +87,8 @@ def given_integers(
     values = np.stack(parts)
     groups = [_group(differences, values, g) for g in range(differences.reference.shape[1])]
     line = (arrays.rank[arrays.pattern] == 1)[:, None, None]
-    known = prior_columns(prior, arrays)
     return GivenIntegers(
         groups=groups,
-        known=_of_prior(M, known.columns, known.information),
         open_axis=np.where(line, M[:, 0, :, None] * M[:, 0, None, :], 0.0),
     )
 
@@ -122,41 +111,31 @@ def _group(differences: DoubleDifferences, values: FloatArray, g: int) -> _Group
     channels = differences.group == g
     resolvable = differences.resolvable[:, :, channels]
     reference = np.flatnonzero(channels) == differences.reference[:, g, None]
-    there = resolvable | (reference[:, None] & resolvable.any(axis=2, keepdims=True))
-    there = np.concatenate([there.any(axis=1, keepdims=True), there], axis=1)
-    on = there[:, :, :, None].astype(np.float64)
+    tracked = resolvable | (reference[:, None] & resolvable.any(axis=2, keepdims=True))
+    tracked = np.concatenate([tracked.any(axis=1, keepdims=True), tracked], axis=1)
+    on = tracked[:, :, :, None].astype(np.float64)
     of_reference_antenna = np.zeros_like(values[:, :, :1, channels])
     values = np.concatenate([of_reference_antenna, values[:, :, :, channels]], axis=2) * on
-    many = np.maximum(there.sum(axis=1), 1)
+    many = np.maximum(tracked.sum(axis=1), 1)
     values = (values - values.sum(axis=2, keepdims=True) / many[:, None, :, None]) * on
     rows = on[:, 1:, :, 0].swapaxes(1, 2)  # (n, c, a - 1)
     of_receivers = np.eye(rows.shape[2]) * rows[..., None]
     of_receivers -= rows[..., :, None] * rows[..., None, :] / many[:, :, None, None]
     squares = np.einsum("knajp,knajq->knjpq", values, values)
-    return _Group(channels, there, of_receivers, values[:, :, 1:], squares)
+    return _Group(channels, tracked, of_receivers, values[:, :, 1:], squares)
 
 
 def _normal(group: _Group, kind: int, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return normal equations, (n, 4, 4), and the log determinant of links, (n,), of one kind."""
-    used = group.there.any(axis=1)
+    used = group.tracked.any(axis=1)
     weight = np.where(used, 1.0 / variance, 0.0)
     n, c, a, _ = group.of_receivers.shape
     K = (weight[:, None] @ group.of_receivers.reshape(n, c, a * a)).reshape(n, a, a)
-    absent = ~group.there[:, 1:].any(axis=2)
+    absent = ~group.tracked[:, 1:].any(axis=2)
     K[:, np.arange(a), np.arange(a)] += absent
     of_receivers = np.einsum("nj,najp->nap", weight, group.values[kind])
     squares = (weight[:, None] @ group.squares[kind].reshape(n, c, 16)).reshape(n, 4, 4)
     squares -= of_receivers.swapaxes(1, 2) @ np.linalg.solve(K, of_receivers)
-    spare = np.maximum(group.there.sum(axis=1) - 1, 0)  # each satellite's clock takes one
+    spare = np.maximum(group.tracked.sum(axis=1) - 1, 0)  # each satellite's clock takes one
     log_determinant = np.sum(spare * np.log(variance), axis=1, where=used)
     return squares, log_determinant + np.linalg.slogdet(K)[1]
-
-
-def _of_prior(M: FloatArray, columns: FloatArray, information: FloatArray) -> FloatArray:
-    """Return the prior's normal equations of turns and residual, (n, 4, 4)."""
-    if len(columns) == 0:
-        return np.zeros((len(M), 4, 4))
-    turned = np.cross(np.eye(3)[:, None], M[:, None])  # (n, 3, column, component)
-    missing = columns.reshape(M.shape) - M
-    J = np.concatenate([turned, missing[:, None]], axis=1).reshape(len(M), 4, 9)
-    return np.asarray(J @ information @ J.swapaxes(1, 2))

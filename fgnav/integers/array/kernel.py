@@ -11,8 +11,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.integers.array.nearest import log_volume, nearest, weak_axis
-from fgnav.integers.array.prior import PriorColumns
-from fgnav.integers.array.relaxation import Relaxation, Spans, relaxation
+from fgnav.integers.array.relaxation import Relaxation, relaxation
 from fgnav.integers.array.volume import log_likelihood
 from fgnav.integers.array.walk import (
     AT_LIMIT,
@@ -24,7 +23,7 @@ from fgnav.integers.array.walk import (
     next_vector,
     walk_of,
 )
-from fgnav.integers.ils.affine import Epochs
+from fgnav.integers.ils.array_model import LinkArrays, Spans
 from fgnav.integers.ils.decorrelation import decorrelate
 from fgnav.integers.ils.link_weights import solved
 from fgnav.kernels.compiled import inlined, inner, kernel
@@ -96,11 +95,10 @@ def nothing_found(shape: tuple[int, ...], *, held: int, written: int) -> Found:
 
 @kernel
 def search_epochs(
-    epochs: Epochs,
+    epochs: LinkArrays,
     arrays: Spans,
-    prior: PriorColumns,
     first_bound: FloatArray,
-    found: Found,
+    result: Found,
     reach: float,
     limit: int,
     listed: bool,
@@ -109,9 +107,8 @@ def search_epochs(
 
     Parameters
     ----------
-    epochs, arrays, prior
     first_bound : ndarray, shape (n,)
-    found : Found
+    result : Found
         Written.
     reach : float
         Above the least cost.
@@ -123,9 +120,9 @@ def search_epochs(
         the first bound by ``log_likelihood``.
     """
     for k in range(len(first_bound)):
-        relaxed = relaxation(epochs, arrays, k, prior.columns, prior.information)
+        relaxed = relaxation(epochs, arrays, k)
         if len(relaxed.links) > 0:
-            _search_epoch(relaxed, k, first_bound[k], found, reach, limit, listed)
+            _search_epoch(relaxed, k, first_bound[k], result, reach, limit, listed)
 
 
 @inlined
@@ -133,19 +130,19 @@ def _search_epoch(
     relaxed: Relaxation,
     k: int,
     bound: float,
-    found: Found,
+    result: Found,
     reach: float,
     limit: int,
     listed: bool,
 ) -> None:
-    q, u, held = len(relaxed.cycles), len(relaxed.columns), found.costs.shape[1]
-    whole, z_float = np.empty(q), np.empty((q, 1))
+    q, u, held = len(relaxed.cycles), len(relaxed.columns), result.costs.shape[1]
+    rounded, z_float = np.empty(q), np.empty((q, 1))
     for i in range(q):
-        whole[i] = np.floor(relaxed.cycles[i] + 0.5)
-        z_float[i, 0] = relaxed.cycles[i] - whole[i]
+        rounded[i] = np.floor(relaxed.cycles[i] + 0.5)
+        z_float[i, 0] = relaxed.cycles[i] - rounded[i]
     positive, L, d, T = decorrelate(relaxed.covariance, z_float)
     if not positive:
-        found.status[k] = ILL
+        result.status[k] = ILL
         return
     model, gain = _model(relaxed, T)
     walk = walk_of(L, d, z_float.reshape(q), relaxed.columns, gain, model.covariance)
@@ -171,11 +168,11 @@ def _search_epoch(
         else:
             break
         begin(walk)
-    found.nodes[k] = walk.place[1]
-    found.status[k] = UNPROVEN if end == AT_LIMIT else PROVEN
+    result.nodes[k] = walk.place[1]
+    result.status[k] = UNPROVEN if end == AT_LIMIT else PROVEN
     if not np.isfinite(best.costs[0]):
-        found.status[k] = UNFINISHED
-    _write(best, whole, T, relaxed.links, found, k)
+        result.status[k] = UNFINISHED
+    _write(best, rounded, T, relaxed.links, result, k)
 
 
 @inlined
@@ -236,24 +233,24 @@ def _insert(best: _Best, z: FloatArray, M: FloatArray, cost: float, weight: floa
 
 @inlined
 def _write(
-    best: _Best, whole: FloatArray, T: FloatArray, links: IntArray, found: Found, k: int
+    best: _Best, rounded: FloatArray, T: FloatArray, links: IntArray, result: Found, k: int
 ) -> None:
     """Turn decorrelated integers back into those of the links; sum up what speaks for them."""
     others = best.log_weights[len(best.costs)]
     for c in range(len(best.costs)):
         if not np.isfinite(best.costs[c]):
             break
-        found.costs[k, c], found.log_weights[k, c] = best.costs[c], best.log_weights[c]
+        result.costs[k, c], result.log_weights[k, c] = best.costs[c], best.log_weights[c]
         if c > 0:
             others = np.logaddexp(others, best.log_weights[c])
         for i in range(best.columns.shape[1]):
-            found.columns[k, c, i] = best.columns[c, i]
-        if c < found.cycles.shape[1]:
-            for j in range(len(whole)):
-                total = whole[j]
-                for i in range(len(whole)):
+            result.columns[k, c, i] = best.columns[c, i]
+        if c < result.cycles.shape[1]:
+            for j in range(len(rounded)):
+                total = rounded[j]
+                for i in range(len(rounded)):
                     total += best.integers[c, i] * T[i, j]
-                found.cycles[k, c, links[j, 0], links[j, 1]] = np.int64(total)
+                result.cycles[k, c, links[j, 0], links[j, 1]] = np.int64(total)
     if np.isfinite(best.costs[0]):
-        found.wrong_probability[k] = 1.0 / (1.0 + np.exp(best.log_weights[0] - others))
-        found.log_evidence[k] = np.logaddexp(best.log_weights[0], others)
+        result.wrong_probability[k] = 1.0 / (1.0 + np.exp(best.log_weights[0] - others))
+        result.log_evidence[k] = np.logaddexp(best.log_weights[0], others)

@@ -13,12 +13,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.integers.array.given_integers import GivenIntegers, given_integers
-from fgnav.integers.array.kernel import PROVEN, nothing_found, search_epochs
-from fgnav.integers.array.prior import AttitudePrior, prior_columns
-from fgnav.integers.array.relaxation import spans
-from fgnav.integers.array.search import cost_degrees, first_bound
-from fgnav.integers.epochs import epochs_at
-from fgnav.integers.ils.affine import epochs_of
+from fgnav.integers.array.kernel import PROVEN
+from fgnav.integers.array.search import searched
 from fgnav.types.differences import DoubleDifferences
 
 # Three antennas, four satellites, code 1 m: 120 integer vectors of an epoch are that near to the
@@ -71,9 +67,7 @@ class Likelihood:
         return float(np.logaddexp.reduceat(each, self._first).sum()) if len(each) else 0.0
 
 
-def likelihood_of(
-    differences: DoubleDifferences, nodes: int, prior: AttitudePrior | None = None
-) -> Likelihood:
+def likelihood_of(differences: DoubleDifferences, nodes: int) -> Likelihood:
     """Return how likely epochs are, for noise not far from the stated.
 
     Epochs whose integers are too many to be listed are left out, whatever the noise: one that
@@ -81,24 +75,13 @@ def likelihood_of(
 
     Parameters
     ----------
-    differences : DoubleDifferences
     nodes : int
         What the search of an epoch may visit.
-    prior : AttitudePrior or None
     """
-    epochs = epochs_of(differences)
-    arrays = spans(differences.baselines_b_m, epochs.resolvable)
-    known = prior_columns(prior, arrays)
-    degrees = cost_degrees(epochs, arrays, known)
-    found = nothing_found(epochs.phase_m.shape, held=_MOST, written=_MOST)
-    search_epochs(epochs, arrays, known, first_bound(degrees), found, _REACH, nodes, True)
-    there = np.isfinite(found.costs)
-    whole = (found.status == PROVEN) & ~there[:, -1]
-    epoch, which = np.nonzero(there & whole[:, None])
-    given = given_integers(
-        epochs_at(differences, epoch),
-        found.cycles[epoch, which],
-        found.columns[epoch, which],
-        None if prior is None else prior.at(epoch),
-    )
+    result, _, degrees = searched(differences, _MOST, _MOST, _REACH, nodes, listed=True)
+    finite = np.isfinite(result.costs)
+    complete = (result.status == PROVEN) & ~finite[:, -1]
+    epoch, which = np.nonzero(finite & complete[:, None])
+    vectors = result.cycles[epoch, which], result.columns[epoch, which]
+    given = given_integers(differences.resampled(epoch), *vectors)
     return Likelihood(epoch, given, degrees[epoch])

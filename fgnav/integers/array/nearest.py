@@ -1,25 +1,21 @@
 """The orthonormal columns nearest to given ones, in the metric of an information matrix.
 
-One column lies on the unit sphere, and the minimum is found through its secular equation [1]_: it
-is the global one. Two or three columns are the first columns of a rotation: Gauss-Newton from the
-orthonormalised columns.
-
-References
-----------
-.. [1] L. Eldén, "Solving quadratically constrained least squares problems using a
-   differential-geometric approach", BIT 42, 2002.
+One column is ``nearest_direction``. Two or three columns are the first columns of a rotation:
+Gauss-Newton from the orthonormalised columns.
 """
 
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.geometry.rotation_kernel import exp, product, transposed
+from fgnav.integers.array.nearest_direction import nearest_direction
 from fgnav.integers.array.principal_axes import principal_axes
+from fgnav.integers.ils.link_weights import solved
 from fgnav.kernels.compiled import inlined, inner, kernel
 
 _STEPS = 20
 _HALVINGS = 6
 _EXACT = 1e-7  # of the squared distance, whose unit is one variance
-_BISECTIONS = 60
 _STARTS, _DESCENTS = 6, 2
 _WEAK = 0.01  # one sigma of a tenth of their length
 
@@ -45,7 +41,7 @@ def nearest(
     ndarray, shape (3 r,)
     """
     if len(columns) == 3:
-        M = _nearest_direction(columns, information)
+        M = nearest_direction(columns, information)
         return _distance(M, columns, information), M
     weak = weak_axis[0] != 0.0 or weak_axis[1] != 0.0 or weak_axis[2] != 0.0
     distance = np.empty(_STARTS if weak else 1)
@@ -62,9 +58,9 @@ def nearest(
             if distance[i] < distance[nearest_start]:
                 nearest_start = i
         distance[nearest_start] = np.inf
-        there, turned = _descend(starts[nearest_start], columns, information)
-        if there < best:
-            best, M = there, turned
+        trial_cost, turned = _descend(starts[nearest_start], columns, information)
+        if trial_cost < best:
+            best, M = trial_cost, turned
     return best, M
 
 
@@ -170,10 +166,10 @@ def _add(a: FloatArray, factor: float, b: FloatArray) -> None:
 def _normalised(v: FloatArray) -> bool:
     """Scale to length 1, or to 0 where there is no direction."""
     length = np.sqrt(_dot(v, v))
-    known = length > 1e-9
+    has_direction = length > 1e-9
     for i in range(len(v)):
-        v[i] = v[i] / length if known else 0.0
-    return bool(known)
+        v[i] = v[i] / length if has_direction else 0.0
+    return bool(has_direction)
 
 
 @inner
@@ -249,10 +245,10 @@ def _descend(
         gained = False
         for _ in range(_HALVINGS):
             turned = _turned(M, step)
-            there = _distance(turned, columns, information)
-            if there <= cost:
-                gained = cost - there > _EXACT
-                cost, M = there, turned
+            trial_cost = _distance(turned, columns, information)
+            if trial_cost <= cost:
+                gained = cost - trial_cost > _EXACT
+                cost, M = trial_cost, turned
                 break
             _add(step, -0.6, step)
         if not gained:
@@ -268,63 +264,10 @@ def _newton_step(J: FloatArray, information: FloatArray, residual: FloatArray) -
         row = _dot(information[i], residual)
         for c in range(3):
             g[c] -= J[i, c] * row
-    for i in range(3):
-        for j in range(i + 1, 3):
-            factor = H[i, j] / H[i, i]
-            g[j] -= factor * g[i]
-            for c in range(j, 3):
-                H[j, c] -= factor * H[i, c]
-    for i in range(2, -1, -1):
-        for j in range(i + 1, 3):
-            g[i] -= H[i, j] * g[j]
-        g[i] /= H[i, i]
-    return g
+    return solved(H, g.reshape(3, 1)).reshape(3)
 
 
 @inner
 def _turned(M: FloatArray, turn_rad: FloatArray) -> FloatArray:
-    """Turn every column about the axes of ``n`` (Rodrigues' formula)."""
-    angle, axis = np.sqrt(_dot(turn_rad, turn_rad)), turn_rad.copy()
-    out, across = np.zeros(len(M)), np.zeros(3)
-    _normalised(axis)
-    sine, cosine = np.sin(angle), np.cos(angle)
-    for u in range(0, len(M), 3):
-        column, turned = M[u : u + 3], out[u : u + 3]
-        _cross(axis, column, across)
-        _add(turned, cosine, column)
-        _add(turned, sine, across)
-        _add(turned, _dot(axis, column) * (1.0 - cosine), axis)
-    return out
-
-
-@inlined
-def _nearest_direction(column: FloatArray, information: FloatArray) -> FloatArray:
-    """Return the unit vector; ``(information - mu) x = information column`` at the least mu."""
-    values, vectors = principal_axes(information)
-    weighted, x, out = np.zeros(3), np.zeros(3), np.zeros(3)
-    for i in range(3):
-        for j in range(3):
-            weighted[i] += values[i] * vectors[j, i] * column[j]
-    # |x| grows with mu from below 1 at `low` and passes 1 before the least eigenvalue, unless
-    # the column has no share in that eigenvector: then the share is what is missing to length 1.
-    low = values[0] - np.sqrt(_dot(weighted, weighted)) - 1e-12 * values[0]
-    high = values[0]
-    for _ in range(_BISECTIONS):
-        mu = 0.5 * (low + high)
-        size = 0.0
-        for i in range(3):
-            size += (weighted[i] / (values[i] - mu)) ** 2
-        if size > 1.0:
-            high = mu
-        else:
-            low = mu
-    for i in range(3):
-        x[i] = weighted[i] / (values[i] - low)
-    short = 1.0 - _dot(x, x)
-    if short > 1e-9:
-        x[0] += np.copysign(np.sqrt(short + x[0] * x[0]) - abs(x[0]), x[0])
-    for i in range(3):
-        for j in range(3):
-            out[j] += vectors[j, i] * x[i]
-    _normalised(out)
-    return out
+    """Turn every column about the axes of ``n``."""
+    return product(M.reshape(len(M) // 3, 3), transposed(exp(turn_rad))).reshape(len(M))

@@ -20,9 +20,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.array.likelihood import Likelihood, likelihood_of
-from fgnav.integers.array.prior import AttitudePrior
-from fgnav.integers.array.relaxation import spans
-from fgnav.integers.epochs import epochs_at
+from fgnav.integers.ils.array_model import spans
 from fgnav.types.differences import DoubleDifferences
 
 _ENOUGH = 30  # epochs
@@ -42,14 +40,12 @@ _SETTLED = 0.1  # of log scale and power: what 200 epochs of two antennas tell t
 
 class _Sample(NamedTuple):
     differences: DoubleDifferences
-    prior: AttitudePrior | None
     code: FloatArray  # (n, m): stated variance by its median, whose logarithm is raised
     phase: FloatArray
 
     def at(self, epochs: IntArray) -> "_Sample":
-        prior = None if self.prior is None else self.prior.at(epochs)
-        there = epochs_at(self.differences, epochs)
-        return _Sample(there, prior, self.code[epochs], self.phase[epochs])
+        rows = self.differences.resampled(epochs)
+        return _Sample(rows, self.code[epochs], self.phase[epochs])
 
     def variances_m2(self, law: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return those of code and phase, (n, m) each, under a law of noise."""
@@ -63,9 +59,7 @@ class _Sample(NamedTuple):
         return replace(self.differences, code_variance_m2=code_m2, phase_variance_m2=phase_m2)
 
 
-def with_estimated_noise(
-    differences: DoubleDifferences, nodes: int, prior: AttitudePrior | None = None
-) -> DoubleDifferences:
+def with_estimated_noise(differences: DoubleDifferences, nodes: int) -> DoubleDifferences:
     """Return the same differences with code and phase variances as large as the data show.
 
     As they are, where fewer than 30 epochs have links of antennas apart, or so many integers that
@@ -73,41 +67,35 @@ def with_estimated_noise(
 
     Parameters
     ----------
-    differences : DoubleDifferences
     nodes : int
         What the search of an epoch may visit.
-    prior : AttitudePrior or None
     """
-    there = _of_array(differences)
-    if len(there) < _ENOUGH:
+    rows = _of_array(differences)
+    if len(rows) < _ENOUGH:
         return differences
-    whole = _sample(differences, prior, there)
-    return whole.with_law(_fitted(whole.at(_picked(differences, there)), min(nodes, _NODES)))
+    all_epochs = _sample(differences, rows)
+    sample = all_epochs.at(_picked(differences, rows))
+    return all_epochs.with_law(_of_mean(*_typical(sample, min(nodes, _NODES), np.array(_CALM))))
 
 
-def with_noise_so_far(
-    differences: DoubleDifferences, nodes: int, prior: AttitudePrior | None = None
-) -> DoubleDifferences:
+def with_noise_so_far(differences: DoubleDifferences, nodes: int) -> DoubleDifferences:
     """Return the same, each epoch's variances by epochs up to it alone.
 
     As stated until 30 epochs have links; renewed when there are four times as many, and again.
-
-    Parameters
-    ----------
-    differences : DoubleDifferences
-    nodes : int
-    prior : AttitudePrior or None
     """
-    there = _of_array(differences)
+    rows = _of_array(differences)
     code_m2 = differences.code_variance_m2.copy()
     phase_m2 = differences.phase_variance_m2.copy()
     count, start = _ENOUGH, np.array(_CALM)
-    while count <= len(there):
-        past = there[:count]
-        whole = _sample(differences, prior, past)
-        sample = whole.at(_picked(differences, past))
+    while count <= len(rows):
+        past = rows[:count]
+        all_epochs = _sample(differences, past)
+        sample = all_epochs.at(_picked(differences, past))
         law, enough = _typical(sample, min(nodes, _NODES), start)
-        later, variances = slice(int(past[-1]), None), whole.variances_m2(_of_mean(law, enough))
+        later, variances = (
+            slice(int(past[-1]), None),
+            all_epochs.variances_m2(_of_mean(law, enough)),
+        )
         code_m2[later], phase_m2[later] = (part[later] for part in variances)
         count, start = _RENEWED * count, law if enough else np.array(_CALM)
     return replace(differences, code_variance_m2=code_m2, phase_variance_m2=phase_m2)
@@ -115,41 +103,34 @@ def with_noise_so_far(
 
 def _of_array(differences: DoubleDifferences) -> IntArray:
     """Return the epochs whose links are of antennas apart from each other, (k,)."""
-    arrays = spans(differences.baselines_b_m, differences.resolvable)
+    arrays = spans(differences.baselines_b_m, np.any(differences.resolvable, axis=2))
     linked = differences.resolvable.any(axis=(1, 2))
     return np.flatnonzero(linked & (arrays.rank[arrays.pattern] > 0))
 
 
-def _sample(
-    differences: DoubleDifferences, prior: AttitudePrior | None, there: IntArray
-) -> _Sample:
+def _sample(differences: DoubleDifferences, rows: IntArray) -> _Sample:
     """Return all epochs, variances by their medians over some, (k,)."""
-    used = differences.resolvable[there].any(axis=1)
+    used = differences.resolvable[rows].any(axis=1)
     stated = (differences.code_variance_m2, differences.phase_variance_m2)
-    code, phase = (variance / np.median(variance[there][used]) for variance in stated)
-    return _Sample(differences, prior, code, phase)
+    code, phase = (variance / np.median(variance[rows][used]) for variance in stated)
+    return _Sample(differences, code, phase)
 
 
-def _picked(differences: DoubleDifferences, there: IntArray) -> IntArray:
+def _picked(differences: DoubleDifferences, rows: IntArray) -> IntArray:
     """Return as many of some epochs, (k,), as suffice, spread evenly."""
-    links = differences.resolvable[there].sum(axis=(1, 2)).mean()
+    links = differences.resolvable[rows].sum(axis=(1, 2)).mean()
     many = int(np.clip(_LINKS / links, _ENOUGH, _SAMPLE))
-    return there[np.linspace(0, len(there) - 1, min(many, len(there))).astype(np.int64)]
-
-
-def _fitted(sample: _Sample, nodes: int) -> FloatArray:
-    """Return log scale and power minus 1, of code and of phase, (4,), that are most likely.
-
-    None is below the stated where too few epochs can tell.
-    """
-    return _of_mean(*_typical(sample, nodes, np.array(_CALM)))
+    return rows[np.linspace(0, len(rows) - 1, min(many, len(rows))).astype(np.int64)]
 
 
 def _typical(sample: _Sample, nodes: int, start: FloatArray) -> tuple[FloatArray, bool]:
-    """Return the law of a typical epoch, (4,), and whether there are epochs enough to tell it."""
+    """Return log scale and power minus 1, of code and of phase, (4,), of a typical epoch.
+
+    And whether epochs are enough to determine them.
+    """
     law = start
     for _ in range(_ROUNDS):
-        likelihood = likelihood_of(sample.with_law(law), nodes, sample.prior)
+        likelihood = likelihood_of(sample.with_law(law), nodes)
         if likelihood.epochs < _ENOUGH:
             return law, False
         last, law = law, _most_likely(sample, likelihood, law)

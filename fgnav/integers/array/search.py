@@ -19,12 +19,11 @@ from fgnav.integers.array.kernel import (
     PROVEN,
     UNFINISHED,
     UNPROVEN,
+    Found,
     nothing_found,
     search_epochs,
 )
-from fgnav.integers.array.prior import AttitudePrior, PriorColumns, prior_columns
-from fgnav.integers.array.relaxation import Spans, spans
-from fgnav.integers.ils.affine import Epochs, epochs_of
+from fgnav.integers.ils.array_model import LinkArrays, Spans, link_arrays, spans
 from fgnav.types.differences import DoubleDifferences
 
 __all__ = [
@@ -34,9 +33,8 @@ __all__ = [
     "UNFINISHED",
     "UNPROVEN",
     "ConstrainedSearch",
-    "cost_degrees",
-    "first_bound",
     "search_constrained",
+    "searched",
 ]
 
 # Chance that the true integers cost more. They are then missed, whatever is found instead: of two
@@ -97,61 +95,62 @@ class ConstrainedSearch:
         return ConstrainedSearch(**parts)
 
 
-def search_constrained(
-    differences: DoubleDifferences, nodes: int, prior: AttitudePrior | None = None
-) -> ConstrainedSearch:
+def search_constrained(differences: DoubleDifferences, nodes: int) -> ConstrainedSearch:
     """Find the integers of least constrained cost in every epoch.
 
     ``wrong_probability`` is one minus the share of the best integers in the posterior of all
-    integers: Gaussian noise of the stated covariance, every integer vector and, without a prior,
-    every attitude as likely before as any other, and integrated out as in
-    ``volume``. Of two antennas 1 m apart under 7 satellites, 480,000 simulated sets,
-    101 of the 103,572 accepted for a share of 1e-3 were wrong, with 103.5 expected.
+    integers: Gaussian noise of the stated covariance, every integer vector and every attitude as
+    likely before as any other, and integrated out as in ``volume``. Of two antennas 1 m apart under
+    7 satellites, 480,000 simulated sets, 101 of the 103,572 accepted for a share of 1e-3 were
+    wrong, with 103.5 expected.
 
     Parameters
     ----------
-    differences : DoubleDifferences
     nodes : int
         What a search may visit before it is given up, 10 to 100 ns each; the attitude of
         a complete integer vector counts as 100.
-    prior : AttitudePrior or None
-        Its cost is part of every cost and of the posterior.
-
-    Returns
-    -------
-    ConstrainedSearch
-
-    Raises
-    ------
-    BadInputError
-        If the prior has not as many epochs as the differences.
     """
-    epochs = epochs_of(differences)
-    arrays = spans(differences.baselines_b_m, epochs.resolvable)
-    known = prior_columns(prior, arrays)
-    degrees = cost_degrees(epochs, arrays, known)
-    found = nothing_found(epochs.phase_m.shape, held=2, written=1)
-    search_epochs(epochs, arrays, known, first_bound(degrees), found, _REACH, nodes, False)
+    result, _, degrees = searched(differences, 2, 1, _REACH, nodes, listed=False)
     return ConstrainedSearch(
-        cycles=found.cycles[:, 0],
-        costs=found.costs,
-        columns=found.columns[:, 0],
+        cycles=result.cycles[:, 0],
+        costs=result.costs,
+        columns=result.columns[:, 0],
         degrees=degrees,
-        wrong_probability=found.wrong_probability,
-        log_evidence=found.log_evidence,
-        status=found.status,
-        nodes=found.nodes,
+        wrong_probability=result.wrong_probability,
+        log_evidence=result.log_evidence,
+        status=result.status,
+        nodes=result.nodes,
     )
 
 
-def cost_degrees(epochs: Epochs, arrays: Spans, known: PriorColumns) -> IntArray:
+def searched(
+    differences: DoubleDifferences,
+    held: int,
+    written: int,
+    reach: float,
+    nodes: int,
+    *,
+    listed: bool,
+) -> tuple[Found, Spans, IntArray]:
+    """Search every epoch as ``search_epochs`` does, into room as ``nothing_found`` makes it.
+
+    Returns
+    -------
+    Found
+    Spans
+    ndarray of int64, shape (n,)
+        Degrees of freedom of true integers' cost.
+    """
+    epochs = link_arrays(differences)
+    arrays = spans(differences.baselines_b_m, np.any(epochs.resolvable, axis=2))
+    degrees = _cost_degrees(epochs, arrays)
+    bound = np.asarray(chdtri(np.maximum(degrees, 1), _FIRST_BOUND))  # of the cost, (n,)
+    result = nothing_found(epochs.phase_m.shape, held=held, written=written)
+    search_epochs(epochs, arrays, bound, result, reach, nodes, listed)
+    return result, arrays, degrees
+
+
+def _cost_degrees(epochs: LinkArrays, arrays: Spans) -> IntArray:
     """Return the degrees of freedom of true integers' cost, (n,)."""
     open_angles = np.where(arrays.rank[arrays.pattern] == 1, 2, 3)
-    if len(known.information):
-        open_angles[known.information.any(axis=(1, 2))] = 0
     return np.asarray(np.maximum(2 * epochs.resolvable.sum(axis=(1, 2)) - open_angles, 0))
-
-
-def first_bound(degrees: IntArray) -> FloatArray:
-    """Return the cost up to which all integers are looked at, (n,)."""
-    return np.asarray(chdtri(np.maximum(degrees, 1), _FIRST_BOUND))

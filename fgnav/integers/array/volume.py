@@ -97,12 +97,12 @@ def _cumulants(
     """Return the first four derivatives of K."""
     K1, K2, K3, K4 = 0.0, 0.0, 0.0, 0.0
     for i in range(3):
-        left = 1.0 / (values[i] - 2.0 * t)
-        a = share[i] * (values[i] * left) ** 2
-        K1 += left + a
-        K2 += (2.0 * left + 4.0 * a) * left
-        K3 += (8.0 * left + 24.0 * a) * left * left
-        K4 += (48.0 * left + 192.0 * a) * left * left * left
+        inverse = 1.0 / (values[i] - 2.0 * t)
+        a = share[i] * (values[i] * inverse) ** 2
+        K1 += inverse + a
+        K2 += (2.0 * inverse + 4.0 * a) * inverse
+        K3 += (8.0 * inverse + 24.0 * a) * inverse * inverse
+        K4 += (48.0 * inverse + 192.0 * a) * inverse * inverse * inverse
     return K1, K2, K3, K4
 
 

@@ -44,17 +44,17 @@ def weighed(
         for j in range(m):
             grouped |= reference[j] == r + 1
         if grouped:
-            there = _there(r, reference, place)
+            present = _there(r, reference, place)
             for kind in range(2):
                 variance = code_variance if kind == 0 else phase_variance
-                _weigh_group(r, there, place, variance, X, out[kind])
+                _weigh_group(r, present, place, variance, X, out[kind])
     return out
 
 
 @inlined
 def _weigh_group(
     r: int,
-    there: FloatArray,
+    present: FloatArray,
     place: IntArray,
     variance: FloatArray,
     X: FloatArray,
@@ -63,50 +63,50 @@ def _weigh_group(
     """Weigh the links of the group whose reference is channel r."""
     b, m = place.shape
     width = X.shape[1]
-    left = np.zeros((b + 1, m, width))  # 0 at the reference, and at the reference antenna
+    residual = np.zeros((b + 1, m, width))  # 0 at the reference, and at the reference antenna
     for i in range(b):
         for j in range(m):
-            if there[i + 1, j] != 0.0 and j != r:
+            if present[i + 1, j] != 0.0 and j != r:
                 for v in range(width):
-                    left[i + 1, j, v] = X[place[i, j] - 1, v]
-    _take_satellites_clocks(left, there)
-    _take_receivers_clocks(left, there, variance)
-    _take_satellites_clocks(left, there)
+                    residual[i + 1, j, v] = X[place[i, j] - 1, v]
+    _take_satellites_clocks(residual, present)
+    _take_receivers_clocks(residual, present, variance)
+    _take_satellites_clocks(residual, present)
     for i in range(b):
         for j in range(m):
-            if there[i + 1, j] != 0.0 and j != r:
+            if present[i + 1, j] != 0.0 and j != r:
                 for v in range(width):
-                    out[place[i, j] - 1, v] = left[i + 1, j, v] / variance[j]
+                    out[place[i, j] - 1, v] = residual[i + 1, j, v] / variance[j]
 
 
 @inner
-def _take_satellites_clocks(left: FloatArray, there: FloatArray) -> None:
+def _take_satellites_clocks(residual: FloatArray, present: FloatArray) -> None:
     """Take off the means over antennas."""
-    a, m, width = left.shape
+    a, m, width = residual.shape
     for j in range(m):
-        antennas = _antennas(there, j)
+        antennas = _antennas(present, j)
         for v in range(width):
             total = 0.0
             for i in range(a):
-                total += left[i, j, v]
+                total += residual[i, j, v]
             for i in range(a):
-                left[i, j, v] -= there[i, j] * total / antennas
+                residual[i, j, v] -= present[i, j] * total / antennas
 
 
 @inlined
-def _take_receivers_clocks(left: FloatArray, there: FloatArray, variance: FloatArray) -> None:
+def _take_receivers_clocks(residual: FloatArray, present: FloatArray, variance: FloatArray) -> None:
     """Take off what receivers' clocks explain of links that are free of satellites' clocks."""
-    a, m, width = left.shape
+    a, m, width = residual.shape
     K, clock = np.zeros((a, a)), np.zeros((a, width))
     for j in range(m):
-        antennas = _antennas(there, j)
+        antennas = _antennas(present, j)
         for i in range(a):
-            weight = there[i, j] / variance[j]
+            weight = present[i, j] / variance[j]
             K[i, i] += weight
             for c in range(a):
-                K[i, c] -= weight * there[c, j] / antennas
+                K[i, c] -= weight * present[c, j] / antennas
             for v in range(width):
-                clock[i, v] += weight * left[i, j, v]
+                clock[i, v] += weight * residual[i, j, v]
     for i in range(a):
         if i == 0 or K[i, i] == 0.0:  # one clock is the other's; no link of the group, no clock
             K[i, i] += 1.0 + K[i, i]
@@ -114,15 +114,15 @@ def _take_receivers_clocks(left: FloatArray, there: FloatArray, variance: FloatA
     for i in range(a):
         for j in range(m):
             for v in range(width):
-                left[i, j, v] -= there[i, j] * of_receivers[i, v]
+                residual[i, j, v] -= present[i, j] * of_receivers[i, v]
 
 
 @inner
-def _antennas(there: FloatArray, j: int) -> float:
+def _antennas(present: FloatArray, j: int) -> float:
     """Return how many have a channel, 1 where none has."""
     total = 0.0
-    for i in range(len(there)):
-        total += there[i, j]
+    for i in range(len(present)):
+        total += present[i, j]
     return max(total, 1.0)
 
 
@@ -133,12 +133,12 @@ def _there(r: int, reference: IntArray, place: IntArray) -> FloatArray:
     Shape (b + 1, m), the reference antenna first.
     """
     b, m = place.shape
-    there = np.zeros((b + 1, m))
+    present = np.zeros((b + 1, m))
     for i in range(b):
         for j in range(m):
             if reference[j] == r + 1 and place[i, j] > 0:
-                there[0, j] = there[0, r] = there[i + 1, j] = there[i + 1, r] = 1.0
-    return there
+                present[0, j] = present[0, r] = present[i + 1, j] = present[i + 1, r] = 1.0
+    return present
 
 
 @kernel

@@ -1,11 +1,11 @@
-"""Partial fixing: the integers that can be trusted, and what they do to the others."""
+"""Partial fixing: the integers that can be trusted."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, freeze
+from fgnav.checks import BadInputError, BoolArray, IntArray, freeze
 from fgnav.integers.ils.decorrelation import decorrelate
 from fgnav.integers.ils.search import (
     NOT_POSITIVE,
@@ -31,10 +31,6 @@ class PartialFix:
         Their values.
     success : float
         Bootstrapped success rate of these: they are right at least as often.
-    cycles : ndarray, shape (n,)
-        Ambiguities given the fixed combinations.
-    covariance_cycles2 : ndarray, shape (n, n)
-        Theirs if the integers are right: singular, where any is fixed.
     fixed : ndarray of bool, shape (n,)
         Ambiguities that are integers now.
     """
@@ -42,16 +38,12 @@ class PartialFix:
     combinations: IntArray
     integers: IntArray
     success: float
-    cycles: FloatArray
-    covariance_cycles2: FloatArray
     fixed: BoolArray
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
         p, n = self.combinations.shape
-        whole = {"combinations": (p, n), "integers": (p,)}
-        freeze("partial fix", self, whole, dtype=np.int64)
-        freeze("partial fix", self, {"covariance_cycles2": (n, n), "cycles": (n,)})
+        freeze("partial fix", self, {"combinations": (p, n), "integers": (p,)}, dtype=np.int64)
         freeze("partial fix", self, {"fixed": (n,)}, dtype=np.bool_)
 
 
@@ -68,10 +60,6 @@ def partial_integer_least_squares(
     success_min : float
         Least bootstrapped success rate, between 0 and 1.
 
-    Returns
-    -------
-    PartialFix
-
     Raises
     ------
     BadInputError
@@ -86,23 +74,16 @@ def partial_integer_least_squares(
     if status != OK or not positive:
         raise refused(status or NOT_POSITIVE)
     first, success = fixable(d, success_min)
-    whole, Z_T = np.rint(a), Z_T[first:]
-    z_float = Z_T @ (a - whole)
+    rounded, Z_T = np.rint(a), Z_T[first:]
+    z_float = Z_T @ (a - rounded)
     z = np.zeros(n - first)
     if first < n:
         L, d = L[first:, first:].copy(), d[first:].copy()
         z = search(L, d, z_float, 1, WITHOUT_LIMIT)[1][0]
-    across = Q @ Z_T.T
-    gain = np.linalg.solve(L.T @ (d[:, None] * L), across.T).T if first < n else across
-    conditional = Q - gain @ across.T
     combined = Z_T.astype(np.int64)
-    fixed = (T[:first] == 0.0).all(axis=0)
-    cycles = whole + (a - whole - gain @ (z_float - z))
     return PartialFix(
         combinations=combined,
-        integers=z.astype(np.int64) + combined @ whole.astype(np.int64),
+        integers=z.astype(np.int64) + combined @ rounded.astype(np.int64),
         success=success,
-        cycles=np.where(fixed, np.rint(cycles), cycles),
-        covariance_cycles2=0.5 * (conditional + conditional.T),
-        fixed=fixed,
+        fixed=(T[:first] == 0.0).all(axis=0),
     )

@@ -20,7 +20,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.integers.ils.decorrelation import decorrelate
-from fgnav.integers.ils.threads import in_blocks
 from fgnav.kernels.compiled import inlined, inner, kernel
 
 __all__ = [
@@ -35,7 +34,6 @@ __all__ = [
     "fault",
     "fixable",
     "integer_least_squares",
-    "integer_least_squares_batch",
     "kernel",
     "refused",
     "search",
@@ -50,7 +48,6 @@ _LARGEST_CYCLES = 2.0**53  # above, a double holds no fraction
 _ASYMMETRY = 1e-6  # of the geometric mean of two variances: printed tables pass, mistakes do not
 
 _CERTAIN = 3e-3  # cycles^2: rounding is wrong in less than 1e-18 of all cases
-_BLOCK = 512  # epochs a thread takes at once: 50 times what a decorrelation costs
 
 _WRONG = {
     NOT_FINITE: "float_cycles and covariance: must be finite, and float_cycles below 2^53",
@@ -93,49 +90,8 @@ def integer_least_squares(
     return integers, squared_norms
 
 
-def integer_least_squares_batch(
-    float_cycles: ArrayLike, covariance: ArrayLike, candidates: int = 2
-) -> tuple[IntArray, FloatArray]:
-    """Solve many float solutions, in as many threads as ``NUMBA_NUM_THREADS`` allows.
-
-    Parameters
-    ----------
-    float_cycles : array_like, shape (k, n)
-    covariance : array_like, shape (n, n) or (k, n, n)
-        Of all, whose decorrelation they then share, or of each.
-    candidates : int
-
-    Returns
-    -------
-    integers : ndarray of int64, shape (k, candidates, n)
-    squared_norms : ndarray, shape (k, candidates)
-
-    Raises
-    ------
-    BadInputError
-        As ``integer_least_squares``.
-    """
-    values, metric = checked_problem(float_cycles, covariance, candidates, axes=2)
-    k, n = values.shape
-    integers = np.zeros((k, candidates, n), dtype=np.int64)
-    squared_norms = np.zeros((k, candidates))
-    status = np.zeros(k, dtype=np.int64)
-
-    def solve_block(block: slice) -> None:
-        out = integers[block], squared_norms[block], status[block]
-        if metric.ndim == 3:
-            _solve_each(values[block], metric[block], *out)
-        else:
-            _solve_shared(values[block], metric, *out)
-
-    in_blocks(solve_block, k, least=_BLOCK)
-    if status.any():
-        raise refused(int(status[status != OK][0]))
-    return integers, squared_norms
-
-
 def checked_problem(
-    float_cycles: ArrayLike, covariance: ArrayLike, candidates: int, *, axes: int = 1
+    float_cycles: ArrayLike, covariance: ArrayLike, candidates: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return float cycles and covariance as kernels take them; copies only where they must be.
 
@@ -146,12 +102,11 @@ def checked_problem(
     """
     values, metric = _writable(float_cycles), _writable(covariance)
     n = values.shape[-1] if values.ndim else 0
-    if values.ndim != axes or n < 1:
-        want = "(n,)" if axes == 1 else "(k, n)"
+    if values.ndim != 1 or n < 1:
         raise BadInputError(
-            f"float_cycles: expected shape {want} with n of 1 or more, got {values.shape}"
+            f"float_cycles: expected shape (n,) with n of 1 or more, got {values.shape}"
         )
-    if metric.shape != (n, n) and (axes == 1 or metric.shape != (len(values), n, n)):
+    if metric.shape != (n, n):
         raise BadInputError(f"covariance: expected shape {(n, n)}, got {metric.shape}")
     if candidates < 1:
         raise BadInputError(f"candidates: must be 1 or more, got {candidates}")
@@ -210,10 +165,10 @@ def solve_subset(
         Bootstrapped success rate of the fixed ones: a lower bound of that of the search.
     """
     n = len(a)
-    whole, carried = np.empty(n), np.empty((n, 1))
+    rounded, carried = np.empty(n), np.empty((n, 1))
     for i in range(n):
-        whole[i] = np.floor(a[i] + 0.5)
-        carried[i, 0] = a[i] - whole[i]
+        rounded[i] = np.floor(a[i] + 0.5)
+        carried[i, 0] = a[i] - rounded[i]
     integers = np.zeros((candidates, n), dtype=np.int64)
     determined = np.zeros(n, dtype=np.bool_)
     status = fault(a, Q)
@@ -227,12 +182,12 @@ def solve_subset(
         return OK, integers, np.zeros(candidates), determined, 1.0
     if first > 0:
         L, d, carried = L[first:, first:].copy(), d[first:].copy(), carried[first:].copy()
-    finished, found, squared_norms = search(L, d, carried[:, 0], candidates, limit)
+    finished, vectors, squared_norms = search(L, d, carried[:, 0], candidates, limit)
     for j in range(n):
         determined[j] = True
         for i in range(first):
             determined[j] &= T[i, j] == 0.0
-    _return_to_cycles(found, T[first:], whole, determined, integers)
+    _return_to_cycles(vectors, T[first:], rounded, determined, integers)
     return OK if finished else UNFINISHED, integers, squared_norms, determined, success
 
 
@@ -250,37 +205,6 @@ def fixable(d: FloatArray, success_min: float) -> tuple[int, float]:
             return k + 1, success
         success = more
     return 0, success
-
-
-@kernel
-def _solve_each(
-    a: FloatArray, Q: FloatArray, integers: IntArray, squared_norms: FloatArray, status: IntArray
-) -> None:
-    """Solve epochs a, (k, n), of covariances Q, (k, n, n)."""
-    for k in range(len(a)):
-        candidates = len(squared_norms[k])
-        status[k], integers[k], squared_norms[k] = solve(a[k], Q[k], candidates, WITHOUT_LIMIT)
-
-
-@kernel
-def _solve_shared(
-    a: FloatArray, Q: FloatArray, integers: IntArray, squared_norms: FloatArray, status: IntArray
-) -> None:
-    """Solve epochs a, (k, n), of one covariance Q, (n, n)."""
-    n = a.shape[1]
-    everything, Z_T = np.ones(n, dtype=np.bool_), np.eye(n)
-    of_metric = fault(a[0, :0], Q)
-    positive, L, d, T = decorrelate(Q, Z_T) if of_metric == OK else (False, Z_T, Z_T[0], Z_T)
-    if of_metric == OK and not positive:
-        of_metric = NOT_POSITIVE
-    for k in range(len(a)):
-        status[k] = max(of_metric, fault(a[k], Q[:0]))
-        if status[k] == OK:
-            whole = np.floor(a[k] + 0.5)
-            z_float = np.dot(Z_T, a[k] - whole)
-            candidates = len(squared_norms[k])
-            _, found, squared_norms[k] = search(L, d, z_float, candidates, WITHOUT_LIMIT)
-            _return_to_cycles(found, T, whole, everything, integers[k])
 
 
 @kernel
@@ -304,7 +228,7 @@ def search(
 ) -> tuple[bool, FloatArray, FloatArray]:
     """Return whether it finished, the best integers, (candidates, n), and their squared norms."""
     n = len(d)
-    found, squared_norms = np.zeros((candidates, n)), np.full(candidates, np.inf)
+    vectors, squared_norms = np.zeros((candidates, n)), np.full(candidates, np.inf)
     room = np.zeros((n + 5, n))
     above = room[5:]  # row k: what the levels above k add to the conditional estimates
     norm_above, centre, z, step, weight = room[0], room[1], room[2], room[3], room[4]
@@ -327,37 +251,37 @@ def search(
                 z[k] = np.floor(centre[k] + 0.5)
                 step[k] = 1.0 if centre[k] >= z[k] else -1.0
                 continue
-            _insert(found, squared_norms, z, norm)
+            _insert(vectors, squared_norms, z, norm)
         elif k == n - 1:
-            return True, found, squared_norms
+            return True, vectors, squared_norms
         else:
             k += 1
         z[k] += step[k]
         step[k] = -step[k] - (1.0 if step[k] > 0 else -1.0)
-    return False, found, squared_norms
+    return False, vectors, squared_norms
 
 
 @inlined
-def _insert(found: FloatArray, squared_norms: FloatArray, z: FloatArray, norm: float) -> None:
+def _insert(vectors: FloatArray, squared_norms: FloatArray, z: FloatArray, norm: float) -> None:
     i = len(squared_norms) - 1
     while i > 0 and squared_norms[i - 1] > norm:
         squared_norms[i] = squared_norms[i - 1]
         for j in range(len(z)):
-            found[i, j] = found[i - 1, j]
+            vectors[i, j] = vectors[i - 1, j]
         i -= 1
     squared_norms[i] = norm
     for j in range(len(z)):
-        found[i, j] = z[j]
+        vectors[i, j] = z[j]
 
 
 @inner
 def _return_to_cycles(
-    found: FloatArray, T: FloatArray, whole: FloatArray, wanted: BoolArray, integers: IntArray
+    vectors: FloatArray, T: FloatArray, rounded: FloatArray, wanted: BoolArray, integers: IntArray
 ) -> None:
-    for i in range(len(found)):
-        for j in range(len(whole)):
+    for i in range(len(vectors)):
+        for j in range(len(rounded)):
             if wanted[j]:
                 total = 0.0  # exact: whole numbers far below 2^53
                 for k in range(len(T)):
-                    total += found[i, k] * T[k, j]
-                integers[i, j] = np.int64(total) + np.int64(whole[j])
+                    total += vectors[i, k] * T[k, j]
+                integers[i, j] = np.int64(total) + np.int64(rounded[j])

@@ -15,7 +15,6 @@ def in_blocks(work: Callable[[slice], None], n: int, *, least: int) -> None:
     ----------
     work : callable
         Writes what it finds of its slice, and nothing else.
-    n : int
     least : int
         Of a slice; fewer than twice as many are done here and now.
     """

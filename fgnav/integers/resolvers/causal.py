@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import Loss
-from fgnav.integers.epochs import epochs_at
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers, Resolver
@@ -33,7 +32,7 @@ class EpochByEpoch:
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
         """Resolve each epoch alone."""
         n = len(differences.t_s)
-        parts = [self.resolver(epochs_at(differences, np.array([k])), flight) for k in range(n)]
+        parts = [self.resolver(differences.resampled(np.array([k])), flight) for k in range(n)]
         if not parts:
             return self.resolver(differences, flight)
         wrong = [one.wrong_probability for one in parts]
@@ -74,10 +73,6 @@ def causal_form(resolver: Resolver) -> Resolver:
     without smoothed code, and carry the integers of the surest epoch so far.
 
     Any other that may look ahead is asked epoch by epoch.
-
-    Parameters
-    ----------
-    resolver : Resolver
     """
     from fgnav.integers.arcs.resolver import Arcs  # noqa: PLC0415  # each brings its own kernels
     from fgnav.integers.resolvers.constrained import Constrained  # noqa: PLC0415

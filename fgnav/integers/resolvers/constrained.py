@@ -1,14 +1,12 @@
 """Integers of a rigid array, of least constrained cost, accepted by their chance to be wrong."""
 
 from dataclasses import dataclass
-from typing import Literal, get_args
 
 import numpy as np
 from scipy.special import chdtrc
 
-from fgnav.checks import BadInputError, BoolArray
+from fgnav.checks import BadInputError, BoolArray, FloatArray
 from fgnav.integers.array.noise import with_estimated_noise, with_noise_so_far
-from fgnav.integers.array.prior import AttitudePrior
 from fgnav.integers.array.search import (
     ILL,
     PROVEN,
@@ -18,19 +16,17 @@ from fgnav.integers.array.search import (
     search_constrained,
 )
 from fgnav.integers.snooping import LEFT_OUT, Snooped, left_out_losses, snooped
-from fgnav.integers.thresholds import statistic, thresholds
 from fgnav.integers.validation import (
     WITHOUT_CODE,
     not_fixed,
     phase_links,
+    ratio,
     share_so_far,
     share_threshold,
 )
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers
-
-Validation = Literal["share", "posterior", "ratio", "difference"]
 
 _APART_M = 1e-3  # an array smaller than the noise of phase constrains nothing
 _GIVEN_UP = {
@@ -50,15 +46,10 @@ class Constrained:
     Attributes
     ----------
     wrong_max : float or None
-        How much may be wrong of what is accepted, in the sense of ``validation``; None accepts all.
-        At 1e-3, of two antennas 1 m apart under 7 satellites, none of 4000 simulated sets whose
-        best integers turn the array by more than a degree was accepted, with noise as stated or
-        1.5 times that, 5 % bad links, or multipath; chi-square alone catches a tenth at most.
-    validation : str
-        ``"share"``: the expected share of wrong epochs among the accepted stays below, whatever the
-        single ones are; ``"posterior"``: each accepted epoch's own probability does;
-        ``"ratio"`` and ``"difference"``: the share, by tests whose thresholds are simulated for the
-        geometry at hand.
+        Share of wrong epochs to be expected among the accepted; None accepts all. At 1e-3, of two
+        antennas 1 m apart under 7 satellites, none of 4000 simulated sets whose best integers turn
+        the array by more than a degree was accepted, with noise as stated or 1.5 times that, 5 %
+        bad links, or multipath; chi-square alone catches a tenth at most.
     tail : float or None
         Epochs whose residuals after fixing are larger than noise makes them in this share of epochs
         are refused; None accepts all.
@@ -71,26 +62,17 @@ class Constrained:
         2000 simulated epochs of three antennas under four satellites 149 were accepted, none of
         them wrong, and 137 where the noise was known. Fewer than 30 epochs, or epochs that too
         many integers fit, are taken as stated.
-    prior : AttitudePrior or None
-        What is known of each epoch's attitude beforehand.
-    sets, seed : int
-        Simulated for each pattern of links by ``"ratio"`` and ``"difference"``.
     nodes : int
         What the search of an epoch may visit before it is given up: a tenth of a second.
     causal : bool
         Each epoch by epochs up to it alone: noise by the first 30, 120, 480, … epochs, as stated
-        until then; the share as if the flight ended with the epoch. Not with ``"ratio"`` and
-        ``"difference"``, whose thresholds are those of all epochs with the same links.
+        until then; the share as if the flight ended with the epoch.
     """
 
     wrong_max: float | None = 1e-2
-    validation: Validation = "share"
     tail: float | None = 1e-4
     links_out: int = 3
     estimate_noise: bool = True
-    prior: AttitudePrior | None = None
-    sets: int = 1000
-    seed: int = 0
     nodes: int = 10**6
     causal: bool = False
 
@@ -99,20 +81,10 @@ class Constrained:
         for name, value in {"wrong_max": self.wrong_max, "tail": self.tail}.items():
             if value is not None and not 0.0 < value < 1.0:
                 raise BadInputError(f"{name}: must be between 0 and 1, or None, got {value}")
-        for name, count in {"nodes": self.nodes, "sets": self.sets}.items():
-            if count < 1:
-                raise BadInputError(f"{name}: must be 1 or more, got {count}")
-        for name, count in {"links_out": self.links_out, "seed": self.seed}.items():
-            if count < 0:
-                raise BadInputError(f"{name}: must be 0 or more, got {count}")
-        if self.validation not in get_args(Validation):
-            known = ", ".join(get_args(Validation))
-            raise BadInputError(f"validation: must be one of {known}, got {self.validation!r}")
-        if self.causal and self._simulates:
-            raise BadInputError(
-                f"integers 'constrained': thresholds of validation {self.validation!r} are those "
-                "of all epochs with the same links; for causal integers take 'share' or 'posterior'"
-            )
+        for name, least in {"nodes": 1, "links_out": 0}.items():
+            count = getattr(self, name)
+            if count < least:
+                raise BadInputError(f"{name}: must be {least} or more, got {count}")
 
     @property
     def name(self) -> str:
@@ -121,13 +93,8 @@ class Constrained:
 
     @property
     def looks_ahead(self) -> bool:
-        """Return whether noise, shares or thresholds are those of the whole flight."""
-        pooled = self.wrong_max is not None and self.validation != "posterior"
-        return not self.causal and (self.estimate_noise or pooled)
-
-    @property
-    def _simulates(self) -> bool:
-        return self.wrong_max is not None and self.validation in ("ratio", "difference")
+        """Return whether noise or share are those of the whole flight."""
+        return not self.causal and (self.estimate_noise or self.wrong_max is not None)
 
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
         """Resolve every epoch that has code and phase.
@@ -135,7 +102,7 @@ class Constrained:
         Raises
         ------
         BadInputError
-            If there is a prior of another number of epochs, or all antennas are at one place.
+            If all antennas are at one place.
         """
         if np.linalg.norm(differences.baselines_b_m, axis=-1).max(initial=0.0) < _APART_M:
             raise BadInputError(
@@ -144,27 +111,26 @@ class Constrained:
             )
         if self.estimate_noise:
             estimated = with_noise_so_far if self.causal else with_estimated_noise
-            differences = estimated(differences, self.nodes, self.prior)
+            differences = estimated(differences, self.nodes)
         result = self._snooped(differences)
-        found = result.found
-        accepted, refused = self._validated(differences, found)
-        refused = {reason: there for reason, there in refused.items() if there.any()}
+        searched = result.searched
+        accepted, refused = self._validated(searched)
+        refused = {reason: affected for reason, affected in refused.items() if affected.any()}
         links = differences.resolvable
         fixed = links & accepted[:, None, None]
         left_out = fixed & result.unresolved
         fixed &= ~left_out
-        reasons = {reason: links & there[:, None, None] for reason, there in refused.items()}
+        reasons = {reason: links & affected[:, None, None] for reason, affected in refused.items()}
         antennas = tuple(antenna.name for antenna in flight.antennas)
         out = result.left_out & accepted[:, None, None]
-        second = np.where(np.isfinite(found.costs[:, 1]), found.costs[:, 1], np.nan)
-        ratio = (second / np.maximum(found.costs[:, 0], 1e-30))[:, None]
+        costs = np.where(np.isfinite(searched.costs), searched.costs, np.nan)
         return Integers(
             resolver=self.name,
-            cycles=np.where(fixed, found.cycles, 0),
+            cycles=np.where(fixed, searched.cycles, 0),
             fixed=fixed,
-            ratio=np.where(links.any(axis=2), ratio, np.nan),
-            wrong_probability=found.wrong_probability,
-            reasons=_told(refused, left_out, links),
+            ratio=np.where(links.any(axis=2), ratio(costs)[:, None], np.nan),
+            wrong_probability=searched.wrong_probability,
+            reasons=_reasons(refused, left_out, links),
             losses=(
                 *not_fixed({WITHOUT_CODE: phase_links(differences) & ~links, **reasons}),
                 *left_out_losses(differences, antennas, out),
@@ -172,77 +138,57 @@ class Constrained:
         )
 
     def _snooped(self, differences: DoubleDifferences) -> Snooped:
-        found = search_constrained(differences, self.nodes, self.prior)
+        searched = search_constrained(differences, self.nodes)
         return snooped(
             differences,
-            found,
-            self._spoilt(found),
+            searched,
+            self._spoilt(searched),
             links_max=self.links_out,
             tail=self.tail or 0.0,
             nodes=self.nodes,
-            prior=self.prior,
         )
 
-    def _spoilt(self, found: ConstrainedSearch) -> BoolArray:
+    def _spoilt(self, searched: ConstrainedSearch) -> BoolArray:
         """Return the epochs, (n,), whose residuals are no noise."""
         if self.tail is None:
-            return np.zeros(len(found.status), dtype=np.bool_)
-        proven = found.status == PROVEN
-        cost = np.where(proven, found.costs[:, 0], 0.0)
-        return np.asarray(proven & (chdtrc(np.maximum(found.degrees, 1), cost) < self.tail))
+            return np.zeros(len(searched.status), dtype=np.bool_)
+        proven = searched.status == PROVEN
+        cost = np.where(proven, searched.costs[:, 0], 0.0)
+        return np.asarray(proven & (chdtrc(np.maximum(searched.degrees, 1), cost) < self.tail))
 
-    def _validated(
-        self, differences: DoubleDifferences, found: ConstrainedSearch
-    ) -> tuple[BoolArray, dict[str, BoolArray]]:
+    def _validated(self, searched: ConstrainedSearch) -> tuple[BoolArray, dict[str, BoolArray]]:
         """Return the epochs accepted, (n,), and the others by reason."""
-        refused = {reason: found.status == end for reason, end in _GIVEN_UP.items()}
-        spoilt = self._spoilt(found)
-        accepted = (found.status == PROVEN) & ~spoilt
+        refused = {reason: searched.status == end for reason, end in _GIVEN_UP.items()}
+        spoilt = self._spoilt(searched)
+        accepted = (searched.status == PROVEN) & ~spoilt
         if self.tail is not None:
             refused[f"residuals of the array above chi-square at {self.tail:g}"] = spoilt
         if self.wrong_max is not None:
-            reason, sure = self._sure(differences, found, accepted, self.wrong_max)
+            reason, sure = self._sure(searched.wrong_probability, accepted, self.wrong_max)
             refused[reason] = accepted & ~sure
             accepted = accepted & sure
         return accepted, refused
 
-    def _sure(
-        self,
-        differences: DoubleDifferences,
-        found: ConstrainedSearch,
-        sound: BoolArray,
-        wrong_max: float,
-    ) -> tuple[str, BoolArray]:
-        wrong = found.wrong_probability
-        if self.validation == "posterior":
-            return f"probability of wrong integers above {wrong_max:g}", wrong <= wrong_max
-        if self.validation == "share" and self.causal:
+    def _sure(self, wrong: FloatArray, sound: BoolArray, wrong_max: float) -> tuple[str, BoolArray]:
+        """Return why epochs are refused, and which, (n,), are sure enough."""
+        reason = f"integers too doubtful for a share of {wrong_max:g} wrong"
+        if self.causal:
             sure = np.zeros(len(wrong), dtype=np.bool_)
             sure[sound] = share_so_far(wrong[sound], wrong_max)
-            return f"integers too doubtful for a share of {wrong_max:g} wrong so far", sure
-        if self.validation == "share":
-            limit = -share_threshold(-wrong[sound], wrong[sound], wrong_max)
-            return f"integers too doubtful for a share of {wrong_max:g} wrong", wrong <= limit
-        least = thresholds(
-            differences,
-            self.validation,
-            wrong_max=wrong_max,
-            sets=self.sets,
-            nodes=self.nodes,
-            rng=np.random.default_rng(self.seed),
-        )
-        reason = f"{self.validation} of the costs too small for a share of {wrong_max:g} wrong"
-        return reason, statistic(found, self.validation) >= least
+            return f"{reason} so far", sure
+        return reason, wrong <= -share_threshold(-wrong[sound], wrong[sound], wrong_max)
 
 
-def _told(refused: dict[str, BoolArray], left_out: BoolArray, links: BoolArray) -> tuple[str, ...]:
+def _reasons(
+    refused: dict[str, BoolArray], left_out: BoolArray, links: BoolArray
+) -> tuple[str, ...]:
     """Return the reason of each epoch, length n."""
-    told = [""] * len(links)
+    texts = [""] * len(links)
     without = {
         "no link with code and phase": ~links.any(axis=(1, 2)),
         f"a link {LEFT_OUT}": left_out.any(axis=(1, 2)),
     }
-    for reason, there in (without | refused).items():
-        for k in np.flatnonzero(there):
-            told[k] = reason
-    return tuple(told)
+    for reason, affected in (without | refused).items():
+        for k in np.flatnonzero(affected):
+            texts[k] = reason
+    return tuple(texts)

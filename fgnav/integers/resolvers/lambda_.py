@@ -57,10 +57,10 @@ class Lambda:
 
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:  # noqa: ARG002
         """Resolve every link with code and phase, where the epoch's code determines the array."""
-        found = search_array(differences, joint=self.joint, success_min=self.success_min or 0.0)
-        ratios = ratio(found.squared_norms)
-        accepted = found.status == OK
-        links, status = differences.resolvable, found.status[:, :, None]
+        result = search_array(differences, joint=self.joint, success_min=self.success_min or 0.0)
+        ratios = ratio(result.squared_norms)
+        accepted = result.status == OK
+        links, status = differences.resolvable, result.status[:, :, None]
         reasons = {
             WITHOUT_CODE: phase_links(differences) & ~links,
             "too few satellites, or badly placed ones, for a float solution": links
@@ -70,18 +70,18 @@ class Lambda:
         }
         if self.success_min is not None:
             vague = f"too vague for a success rate of {self.success_min:g}"
-            reasons[vague] = links & accepted[:, :, None] & ~found.fixed
+            reasons[vague] = links & accepted[:, :, None] & ~result.fixed
         if self.ratio_min is not None:
             failed = accepted & ~(ratios >= self.ratio_min)
-            reasons[f"ratio below {self.ratio_min:g}"] = found.fixed & failed[:, :, None]
+            reasons[f"ratio below {self.ratio_min:g}"] = result.fixed & failed[:, :, None]
             accepted = accepted & ~failed
-        fixed = found.fixed & accepted[:, :, None]
+        fixed = result.fixed & accepted[:, :, None]
         return Integers(
             resolver=self.name,
-            cycles=np.where(fixed, found.cycles, 0),
+            cycles=np.where(fixed, result.cycles, 0),
             fixed=fixed,
-            ratio=np.where(found.fixed.any(axis=2), ratios, np.nan),
-            wrong_probability=self._wrong(found.success),
+            ratio=np.where(result.fixed.any(axis=2), ratios, np.nan),
+            wrong_probability=self._wrong(result.success),
             losses=not_fixed(reasons),
         )
 

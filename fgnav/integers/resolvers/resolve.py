@@ -45,8 +45,8 @@ def resolve(
         hash(resolver)
     except TypeError:
         return differences, resolver(differences, flight)
-    known = _RESOLVED.setdefault(flight, {})
+    cached = _RESOLVED.setdefault(flight, {})
     key = (resolver, causal)
-    if key not in known:
-        known[key] = resolver(differences, flight)
-    return differences, known[key]
+    if key not in cached:
+        cached[key] = resolver(differences, flight)
+    return differences, cached[key]

@@ -86,7 +86,6 @@ def kept_integers(differences: DoubleDifferences, flight: Flight) -> tuple[Float
     ----------
     differences : DoubleDifferences
         Of the flight.
-    flight : Flight
 
     Returns
     -------
@@ -96,20 +95,20 @@ def kept_integers(differences: DoubleDifferences, flight: Flight) -> tuple[Float
         Where all four links have one.
     """
     shape = (len(differences.t_s), len(flight.antennas), len(differences.satellites))
-    cycles, known = np.zeros(shape), np.zeros(shape, dtype=bool)
+    cycles, valid = np.zeros(shape), np.zeros(shape, dtype=bool)
     rows: dict[tuple[str, str, str], list[int]] = {}
     kept = flight.truth.integers if flight.truth is not None else None
     for row, link in enumerate(kept.links if kept is not None else ()):
         rows.setdefault(link, []).append(row)
     channels = list(zip(differences.satellites, differences.signals, strict=True))
     for i, j in np.ndindex(shape[1:]):
-        own = rows.get((flight.antennas[i].name, *channels[j]))
-        if own is None or kept is None:
+        of_link = rows.get((flight.antennas[i].name, *channels[j]))
+        if of_link is None or kept is None:
             continue
-        at = np.searchsorted(kept.from_s[own], differences.t_s + _SAME_S, side="right") - 1
-        known[:, i, j] = at >= 0
-        cycles[:, i, j] = kept.cycles[own][at.clip(0)]
-    single, both = cycles[:, 1:] - cycles[:, :1], known[:, 1:] & known[:, :1]
+        at = np.searchsorted(kept.from_s[of_link], differences.t_s + _SAME_S, side="right") - 1
+        valid[:, i, j] = at >= 0
+        cycles[:, i, j] = kept.cycles[of_link][at.clip(0)]
+    single, both = cycles[:, 1:] - cycles[:, :1], valid[:, 1:] & valid[:, :1]
     reference = differences.reference[:, differences.group]
     of_reference = reference.clip(0)[:, None]
     double = single - np.take_along_axis(single, of_reference, axis=2)
@@ -122,7 +121,6 @@ def true_integers(differences: DoubleDifferences, R_nb: FloatArray) -> IntArray:
 
     Parameters
     ----------
-    differences : DoubleDifferences
     R_nb : ndarray, shape (n, 3, 3)
         Attitude at its epochs.
 

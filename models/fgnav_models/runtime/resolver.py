@@ -8,7 +8,6 @@ import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
 from fgnav.integers.array.candidates import Candidates, candidates
-from fgnav.integers.epochs import epochs_at
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.snooping import touched
 from fgnav.integers.validation import WITHOUT_CODE, not_fixed, phase_links
@@ -96,7 +95,7 @@ class Network:
         if out.all():
             return self._beyond(differences, flight, np.arange(len(out)), outside)
         inside, at = np.flatnonzero(~out), np.flatnonzero(out)
-        some = epochs_at(differences, inside) if len(at) else differences
+        some = differences.resampled(inside) if len(at) else differences
         trust = trusted(some, network, nodes=self.nodes)
         misfit = next(one for one in network.manifest.domain if one.name == "misfit")
         median = np.asarray(np.median(trust.misfit))
@@ -106,7 +105,7 @@ class Network:
         own = self._accepted(some, trust)
         if not len(at):
             return own
-        other = self._beyond(epochs_at(differences, at), flight, at, outside)
+        other = self._beyond(differences.resampled(at), flight, at, outside)
         return _merged(len(out), (inside, own), (at, other), self.name)
 
     def _accepted(self, differences: DoubleDifferences, trust: Trust) -> Integers:

@@ -8,7 +8,6 @@ import pytest
 from fgnav.attitude import RotationQuadratic
 from fgnav.frontend.array.adaptation import adapted
 from fgnav.geometry import rotations
-from fgnav.integers.epochs import epochs_at
 from tests.attitude.arrays import sky, synthetic
 from tests.integers.arrays import L1_M, PAPER_ANTENNAS_B_M
 
@@ -242,7 +241,7 @@ def test_causal_nothing_before_a_cut_comes_from_after_it():
         first = dataclasses.replace(
             integers, cycles=integers.cycles[:n], fixed=integers.fixed[:n], ratio=integers.ratio[:n]
         )
-        part = cleaned(epochs_at(differences, rows), first, NAMES[:4], causal=True)
+        part = cleaned(differences.resampled(rows), first, NAMES[:4], causal=True)
         np.testing.assert_array_equal(part.integers.cycles, whole.integers.cycles[:n])
         np.testing.assert_array_equal(part.excluded, whole.excluded[:n])
         np.testing.assert_allclose(part.attitude.R_nb, whole.attitude.R_nb[:n], atol=1e-9)

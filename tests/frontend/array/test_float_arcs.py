@@ -23,6 +23,7 @@ from fgnav_sim.gnss.tables import OutageTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.attitude.arrays import sky, synthetic
+from tests.integers.arrays import link_covariance
 from tests.methods.simulated import SCENARIOS
 
 ANTENNAS_B_M = np.array([[0.0, 0, 0], [1.0, 0, 0], [0, 0.5, 0], [0.1, 0.1, -0.4]])
@@ -94,7 +95,7 @@ def test_nine_elements_are_worth_all_ambiguities():
             )
             E[:, 3 * k + axis] = (ahead - back)[k][wanted] / 2e-6
         E[:, n:] = np.eye(ambiguities)
-        covariance = differences.covariance(k, wanted, differences.phase_variance_m2)
+        covariance = link_covariance(differences, k, wanted, differences.phase_variance_m2)
         by_ambiguities += E.T @ np.linalg.solve(covariance, E)
 
     def of_attitudes(N):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import FloatArray
-from fgnav.gnss.cycle_slips.detection import Arcs, phase_arcs
+from fgnav.gnss.cycle_slips.detection import PhaseArcs, phase_arcs
 from fgnav.gnss.single_differences import single_differences
 from fgnav.types.flight import Flight
 from fgnav.types.observations import HALF_CYCLE, LOST_LOCK
@@ -34,7 +34,7 @@ def spinning(interval_s: float = 0.1) -> Flight:
     return replace(SPINNING, t_s=t_s, rng=np.random.default_rng(1)).flight()
 
 
-def arcs(flight: Flight) -> Arcs:
+def arcs(flight: Flight) -> PhaseArcs:
     return phase_arcs(single_differences(flight), tuple(a.name for a in flight.antennas))
 
 
@@ -49,7 +49,7 @@ def high(flight: Flight, count: int = 1) -> list[int]:
     return [int(j) for j in np.argsort(-np.nan_to_num(elevation))[:count]]
 
 
-def lost(found: Arcs) -> dict[tuple[str, str], int]:
+def lost(found: PhaseArcs) -> dict[tuple[str, str], int]:
     return {(loss.what, loss.reason): loss.count for loss in found.losses}
 
 

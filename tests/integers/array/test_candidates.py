@@ -8,7 +8,7 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.integers.array.candidates import candidates
 from fgnav.integers.array.search import NOTHING, PROVEN, search_constrained
-from tests.integers.arrays import PAPER_ANTENNAS_B_M, make
+from tests.integers.arrays import PAPER_ANTENNAS_B_M, link_covariance, make
 
 THREE_B_M = PAPER_ANTENNAS_B_M[[0, 1, 3]]
 
@@ -56,8 +56,8 @@ def test_a_cost_is_that_of_the_residuals_in_their_full_covariance(made):
         model = -found.baselines_n_m[c] @ (d.e_n[k] - d.e_n[k, d.reference[k, 0]]).T
         phase = (d.phase_m[k] - d.wavelength_m * found.cycles[c] - model)[links]
         code = (d.code_m[k] - model)[links]
-        cost = phase @ np.linalg.solve(d.covariance(k, links, d.phase_variance_m2), phase)
-        cost += code @ np.linalg.solve(d.covariance(k, links, d.code_variance_m2), code)
+        cost = phase @ np.linalg.solve(link_covariance(d, k, links, d.phase_variance_m2), phase)
+        cost += code @ np.linalg.solve(link_covariance(d, k, links, d.code_variance_m2), code)
         assert found.cost[c] == pytest.approx(cost, rel=1e-6)
 
 

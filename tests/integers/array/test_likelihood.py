@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from fgnav.integers.array.likelihood import likelihood_of
-from fgnav.integers.array.prior import AttitudePrior
 from fgnav.integers.array.search import PROVEN, search_constrained
 from tests.integers.arrays import PAPER_ANTENNAS_B_M, make
 
@@ -34,9 +33,9 @@ def log_determinants(d, variance):
     return out
 
 
-def searched(d, attitude):
+def searched(d):
     """The log likelihood of Gaussian noise as stated, but for a constant."""
-    found = search_constrained(d, NODES, attitude)
+    found = search_constrained(d, NODES)
     assert (found.status == PROVEN).all()
     determinants = log_determinants(d, d.code_variance_m2)
     determinants += log_determinants(d, d.phase_variance_m2)
@@ -44,20 +43,18 @@ def searched(d, attitude):
 
 
 @pytest.mark.parametrize(
-    ("antennas", "satellites", "code_m", "prior"),
+    ("antennas", "satellites", "code_m"),
     [
-        (slice(None), (7,), 0.1, False),
-        (slice(None), (5, 4), 0.1, False),
-        ([0, 1, 3], (9,), 0.1, False),
-        ([0, 3], (9,), 0.1, False),
-        ([0, 1, 3, 7], (8,), 0.1, True),
-        ([0, 3], (6,), 0.3, False),  # from here on integers are doubtful
-        ([0, 3, 5], (5,), 0.3, False),
+        (slice(None), (7,), 0.1),
+        (slice(None), (5, 4), 0.1),
+        ([0, 1, 3], (9,), 0.1),
+        ([0, 3], (9,), 0.1),
+        ([0, 1, 3, 7], (8,), 0.1),
+        ([0, 3], (6,), 0.3),  # from here on integers are doubtful
+        ([0, 3, 5], (5,), 0.3),
     ],
 )
-def test_likelihood_of_noise_is_that_of_the_search_but_for_a_constant(
-    antennas, satellites, code_m, prior
-):
+def test_likelihood_of_noise_is_that_of_the_search_but_for_a_constant(antennas, satellites, code_m):
     rng = np.random.default_rng(1)
     references = np.cumsum((0, *satellites[:-1]))
     antennas_b_m = PAPER_ANTENNAS_B_M[antennas]
@@ -72,17 +69,13 @@ def test_likelihood_of_noise_is_that_of_the_search_but_for_a_constant(
         missing=missing if code_m < 0.3 else None,
     )
     d = made.differences
-    attitude = None
-    if prior:
-        covariance = np.tile(1e-4 * np.eye(3), (20, 1, 1))
-        attitude = AttitudePrior(R_nb=made.R_nb, attitude_covariance_rad2=covariance)
-    likelihood = likelihood_of(d, NODES, attitude)
+    likelihood = likelihood_of(d, NODES)
     assert likelihood.epochs == 20
     apart = []
     for code, phase in LAWS:
         variances = code**2 * d.code_variance_m2, phase**2 * d.phase_variance_m2
         of_law = replace(d, code_variance_m2=variances[0], phase_variance_m2=variances[1])
-        apart.append(likelihood.logarithm(*variances, ALIKE) - searched(of_law, attitude))
+        apart.append(likelihood.logarithm(*variances, ALIKE) - searched(of_law))
     # what is not linear in the attitude of an epoch, and what dearer integers weigh
     np.testing.assert_allclose(apart, apart[0], rtol=0, atol=0.01 * 20)
 

@@ -5,8 +5,7 @@ import pytest
 
 from fgnav.integers.array.noise import with_estimated_noise
 from fgnav.integers.array.search import search_constrained
-from fgnav.integers.thresholds import simulated
-from tests.integers.arrays import make
+from tests.integers.arrays import make, simulated
 
 PAIR_B_M = np.array([[0.0, 0.0, 0.0], [1.6, 0.0, 0.0]])
 LOW, AROUND = np.radians(15.0), 2 * np.pi / 3 * np.arange(3)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fgnav.integers.ils.affine import epoch_links, epochs_of, link_covariance
+from fgnav.integers.ils.array_model import epoch_links, link_arrays, link_covariance
 from fgnav.integers.ils.link_weights import solved, weighed
 from tests.integers.arrays import make
 
@@ -15,7 +15,7 @@ def test_weights_are_those_of_the_full_covariance_whatever_is_missing(satellites
     rng = np.random.default_rng(1)
     missing = rng.random((5, 8, sum(satellites))) < share_missing
     made = make(rng, epochs=5, satellites=satellites, sine=True, missing=missing)
-    epochs = epochs_of(made.differences)
+    epochs = link_arrays(made.differences)
     for k in range(5):
         everywhere = np.ones(7, dtype=bool)
         links = epoch_links(epochs.resolvable[k], epochs.of_reference[k], everywhere)

@@ -12,7 +12,6 @@ from fgnav.integers import integer_least_squares
 from fgnav.integers.ils.search import (
     OK,
     UNFINISHED,
-    integer_least_squares_batch,
     solve,
     solve_subset,
 )
@@ -143,35 +142,6 @@ def test_diagonal_covariance_rounds():
     assert_allclose(norms, [0.2**2 + 0.4**2 / 2 + 0.4**2 / 3 + 0.25**2 / 4], rtol=1e-9)
 
 
-def test_batch_of_one_geometry_gives_what_single_calls_give():
-    _, Q = problem(5, 9, 3.0)
-    floats = np.random.default_rng(6).uniform(-1e6, 1e6, (20, 9))
-    integers, norms = integer_least_squares_batch(floats, Q, 3)
-    for k, one in enumerate(floats):
-        expected, expected_norms = integer_least_squares(one, Q, 3)
-        assert_array_equal(integers[k], expected)
-        assert_allclose(norms[k], expected_norms, rtol=1e-9)
-
-
-def test_batch_of_a_covariance_each_gives_what_single_calls_give(monkeypatch):
-    from numba import config
-
-    problems = [problem(seed, 6, 2.0) for seed in range(1100)]
-    floats, metrics = (np.array(part) for part in zip(*problems, strict=True))
-    alone = [integer_least_squares(a, Q, 3) for a, Q in problems]
-    for threads in (1, 3):
-        monkeypatch.setattr(config, "NUMBA_NUM_THREADS", threads)
-        integers, norms = integer_least_squares_batch(floats, metrics, 3)
-        assert_array_equal(integers, [one[0] for one in alone])
-        assert_allclose(norms, [one[1] for one in alone], rtol=1e-9)
-
-
-def test_batch_of_nothing_is_nothing():
-    integers, norms = integer_least_squares_batch(np.zeros((0, 2)), np.eye(2), 3)
-    assert integers.shape == (0, 3, 2)
-    assert norms.shape == (0, 3)
-
-
 @settings(max_examples=60, deadline=None)
 @given(
     seed=seeds,
@@ -266,18 +236,3 @@ def test_input_is_left_as_it_was():
 def test_bad_input_is_refused_by_name(a, Q, candidates, text):
     with pytest.raises(BadInputError, match=text):
         integer_least_squares(a, Q, candidates)
-
-
-def test_batch_refuses_what_the_single_call_refuses():
-    with pytest.raises(BadInputError, match=r"float_cycles: expected shape \(k, n\)"):
-        integer_least_squares_batch([0.5], np.eye(1))
-    with pytest.raises(BadInputError, match="must be finite"):
-        integer_least_squares_batch([[0.5], [np.nan]], np.eye(1))
-    with pytest.raises(BadInputError, match="must be symmetric"):
-        integer_least_squares_batch(np.zeros((1, 2)), [[[1.0, 0.5], [0.1, 1.0]]])
-    with pytest.raises(
-        BadInputError, match=r"covariance: expected shape \(1, 1\), got \(3, 1, 1\)"
-    ):
-        integer_least_squares_batch([[0.5], [0.1]], np.ones((3, 1, 1)))
-    with pytest.raises(BadInputError, match="positive definite"):
-        integer_least_squares_batch([[0.5]], -np.eye(1))

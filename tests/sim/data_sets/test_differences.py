@@ -18,6 +18,7 @@ from fgnav_sim.data_sets.world import (
     SatellitesTable,
     World,
 )
+from tests.integers.arrays import link_covariance
 
 WORLD = World(
     sites=AnySites(),
@@ -61,7 +62,7 @@ def test_residuals_of_the_true_integers_fill_the_stated_covariance():
     for k in range(len(epochs)):
         if not links[k].any():
             continue
-        P = differences.covariance(k, links[k], differences.phase_variance_m2)
+        P = link_covariance(differences, k, links[k], differences.phase_variance_m2)
         e = residual_m[k][links[k]]
         square += e @ np.linalg.solve(P, e)
         freedom += len(e)

@@ -1,0 +1,116 @@
+"""Code and phase of one receiver less what orbits, clocks and models of the atmosphere explain."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
+from fgnav.geometry.earth import C_MPS, geodetic
+from fgnav.gnss.atmosphere import saastamoinen_m
+from fgnav.gnss.orbits.satellites import angles, signal_paths
+from fgnav.gnss.signals import band, frequency_hz, select
+from fgnav.gnss.single_point.model import CodeChannels, atmosphere_m, code_ranges
+from fgnav.gnss.single_point.solution import BLOCK
+from fgnav.types.flight import Flight
+from fgnav.types.observations import HALF_CYCLE, Observations
+
+_SAME_S = 1e-3  # epochs of vehicle and base this close are one
+_LOWEST_RAD = 0.05  # models of the atmosphere are not asked about less
+
+
+class Residuals(NamedTuple):
+    """What one receiver's observations leave, (n, m); NaN where there is nothing."""
+
+    code_m: FloatArray
+    phase_m: FloatArray
+    e_n: FloatArray
+    elevation_rad: FloatArray
+    error_m: FloatArray
+
+
+def residuals_of_base(
+    flight: Flight, t_s: FloatArray, names: list[tuple[str, str]], modelled: BoolArray
+) -> tuple[Residuals, IntArray]:
+    """Return what the base's observations leave at epochs, (n,), and its flags."""
+    base = flight.base
+    if base is None:
+        raise NoSolutionError(f"flight {flight.name}: has no base station")
+    chosen = select(base.observations, causal=True)
+    pairs = zip(chosen.satellites, chosen.signals, strict=True)
+    place = {(s, band(s, g)): int(c) for (s, g), c in zip(pairs, chosen.channel[0], strict=True)}
+    columns = np.array([place.get((s, band(s, g)), -1) for s, g in names], dtype=np.int64)
+    row = np.searchsorted(base.observations.t_s, t_s - _SAME_S)
+    row = row.clip(max=len(base.observations.t_s) - 1)
+    same = np.abs(base.observations.t_s[row] - t_s) < _SAME_S
+    place_e_m = np.where(same[:, None], base.position_e_m, np.nan)
+    channels = named_channels(names, columns)
+    residual = residuals(flight, base.observations, channels, row, place_e_m, modelled)
+    return residual, base.observations.lock_flags[row, 0][:, columns]
+
+
+def named_channels(names: list[tuple[str, str]], columns: IntArray) -> CodeChannels:
+    """Return satellites and signals, (m,), and their columns of the observations."""
+    return CodeChannels(
+        column=columns,
+        satellites=tuple(satellite for satellite, _ in names),
+        signals=tuple(signal for _, signal in names),
+        frequency_hz=np.array([frequency_hz(*pair) for pair in names]),
+        constellations=(),
+        clock_of=np.zeros((len(names), 0)),
+    )
+
+
+def residuals(
+    flight: Flight,
+    observations: Observations,
+    channels: CodeChannels,
+    rows: IntArray,
+    p_e_m: FloatArray,
+    modelled: BoolArray,
+) -> Residuals:
+    """Return what observations of a receiver's first antenna leave at rows, (n,), and places there.
+
+    Parameters
+    ----------
+    p_e_m : ndarray, shape (n, 3)
+    modelled : ndarray of bool, shape (n,)
+        Whether models of the atmosphere are applied.
+    """
+    blocks = [
+        _block(flight, observations, channels, rows[k], p_e_m[k], modelled[k])
+        for k in np.array_split(np.arange(len(rows)), -(-len(rows) // BLOCK))
+    ]
+    return Residuals._make(map(np.concatenate, zip(*blocks, strict=True)))
+
+
+def _block(
+    flight: Flight,
+    observations: Observations,
+    channels: CodeChannels,
+    rows: IntArray,
+    p_e_m: FloatArray,
+    modelled: BoolArray,
+) -> Residuals:
+    ranges = code_ranges(flight, observations, channels, 0, rows, rates=False)
+    here = np.asarray(np.isfinite(p_e_m).all(axis=1))
+    p_e_m = np.where(here[:, None], p_e_m, flight.origin.p_e_m)
+    paths = signal_paths(ranges.states, p_e_m, np.zeros_like(p_e_m))
+    seen = angles(p_e_m, paths.e_e)
+    delay_m, left_m2 = atmosphere_m(flight, channels, p_e_m, seen, ranges.gps_s)
+    air_m = saastamoinen_m(geodetic(p_e_m), seen[0].clip(_LOWEST_RAD))
+    on = modelled[:, None]
+    air_m, ions_m = on * air_m, on * (delay_m - air_m)
+    usable = here[:, None] & (seen[0] >= flight.elevation_mask_rad) & (channels.column >= 0)
+    flags = observations.lock_flags[rows, 0][:, channels.column]
+    resolved = usable & ((flags & HALF_CYCLE) == 0)
+    wavelength_m = C_MPS / channels.frequency_hz
+    phase_m = observations.phase_cycles[rows, 0][:, channels.column] * wavelength_m
+    phase_m = phase_m + C_MPS * ranges.states.clock_s - paths.range_m - air_m + ions_m
+    code_m = ranges.range_m - paths.range_m - air_m - ions_m
+    return Residuals(
+        np.where(usable, code_m, np.nan),
+        np.where(resolved, phase_m, np.nan),
+        np.where(usable[:, :, None], paths.e_e @ flight.origin.R_ne.T, np.nan),
+        np.where(usable, seen[0], np.nan),
+        np.sqrt(ranges.message_variance_m2 + on * left_m2),
+    )
