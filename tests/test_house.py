@@ -77,6 +77,13 @@ def test_an_old_name_is_the_new_module_and_says_so(old, new, monkeypatch):
         assert import_module(old) is import_module(new)
 
 
+@pytest.mark.parametrize("name", ["Stream", "ObservationStream"])
+def test_streams_have_left_the_smoother_and_are_found_there_for_one_version(name):
+    with pytest.warns(DeprecationWarning, match=f"fgnav.methods.smoother.{name} is now"):
+        old = getattr(import_module("fgnav.methods.smoother"), name)
+    assert old.__name__ == name
+
+
 def compiled(tree):
     """Yield a file's compiled functions, each with the names in its decorator."""
     for node in tree.body:

@@ -12,6 +12,7 @@ from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.frontend.problem import PreparedFlight, build_problem
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.methods.smoother import Forward
 from fgnav.methods.smoothing.estimates import stated_at
 from fgnav.methods.smoothing.joined import joined_estimates
 from fgnav.methods.streaming.going_on import GoingOn, going_on
@@ -22,7 +23,6 @@ from fgnav.types.flight import Flight
 
 if TYPE_CHECKING:
     from fgnav.identification.from_past import Look
-    from fgnav.methods.smoother import Forward
     from fgnav.solve.fixed_lag import Departed, FixedLag
 
 _ROUNDING_S = 1e-6
@@ -73,7 +73,7 @@ class ObservationStream:
         With GTSAM, and without factors of one's own.
     """
 
-    def __init__(self, method: "Forward") -> None:
+    def __init__(self, method: Forward) -> None:
         if method.solver != "gtsam":
             raise BadInputError(f"stream solver: must be gtsam, got {method.solver!r}")
         if method.factors:
@@ -90,10 +90,8 @@ class ObservationStream:
         self._looked_s = -np.inf  # when noise was identified last
 
     @classmethod
-    def replay(cls, flight: Flight, method: "Forward | None" = None) -> Iterator[Estimate]:
+    def replay(cls, flight: Flight, method: Forward | None = None) -> Iterator[Estimate]:
         """Yield what a stream would have returned epoch by epoch; see ``update``."""
-        from fgnav.methods.smoother import Forward  # noqa: PLC0415  # it imports this module
-
         stream = cls(Forward() if method is None else method)
         for piece in pieces(flight):
             yield stream.update(piece)

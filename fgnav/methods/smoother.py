@@ -5,7 +5,9 @@ it by block elimination in compiled code.
 """
 
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Literal
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal
+from warnings import warn
 
 import numpy as np
 
@@ -20,7 +22,6 @@ from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
 from fgnav.identification.contradictions import without_contradictions
 from fgnav.integers.resolvers.registry import default_resolver
-from fgnav.methods.observation_stream import ObservationStream
 from fgnav.methods.smoothing.estimates import estimate_of
 from fgnav.methods.smoothing.joined import joined_estimates
 from fgnav.methods.smoothing.own_sources import FactorSource, own_factors
@@ -32,7 +33,6 @@ from fgnav.methods.smoothing.solving import (
     by_window,
     without_attitudes,
 )
-from fgnav.methods.stream import Direction, Measured, Measurements, Stream, StreamSetUp
 from fgnav.optional_gtsam import ABSENT, HAS_GTSAM
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.solve.sliding.relinearisation import BLOCK_S
@@ -43,18 +43,21 @@ from fgnav.types.integers import Resolver
 if TYPE_CHECKING:
     from fgnav.graph.custom import OwnFactor
 
-__all__ = [
-    "Batch",
-    "Direction",
-    "Forward",
-    "GtsamBatch",
-    "Measured",
-    "Measurements",
-    "ObservationStream",
-    "Smoother",
-    "Stream",
-    "StreamSetUp",
-]
+__all__ = ["Batch", "Forward", "GtsamBatch", "Smoother"]
+
+_MOVED = {
+    "ObservationStream": "observation_stream",
+    **dict.fromkeys(("Direction", "Measured", "Measurements", "Stream", "StreamSetUp"), "stream"),
+}
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401
+    """Return what has moved to the modules of streams, for one version."""
+    if name not in _MOVED:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    place = f"fgnav.methods.{_MOVED[name]}"
+    warn(f"{__name__}.{name} is now {place}.{name}", DeprecationWarning, stacklevel=2)
+    return getattr(import_module(place), name)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

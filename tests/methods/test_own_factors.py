@@ -15,8 +15,8 @@ from fgnav.geometry.rotations import log, transpose
 from fgnav.graph import angular_motion, constant, imu_bias, pose, velocity
 from fgnav.graph.custom import jacobian_misfit, residual_factor
 from fgnav.io.flight.folder import save_flight
-from fgnav.methods.smoother import Batch, Forward, Measured, Measurements, Smoother, Stream
-from fgnav.methods.stream import StreamSetUp
+from fgnav.methods.smoother import Batch, Forward, Smoother
+from fgnav.methods.stream import Measured, Measurements, Stream, StreamSetUp
 from tests.frontend import flights
 from tests.methods.simulated import errors_rad, flown
 from tests.methods.star_tracker import EVERY, NAME, SIGMA_RAD, StarTracker, drawn, own
