@@ -40,8 +40,8 @@ def until_motion(
     if not stage.gyroscope or start.heading_from_s <= problem.t_s[0]:
         return problem
     R_nb, sigma_rad = start.R_nb[0], min(_carried_back_rad(stage), ROTATION_PRIOR_RAD)
-    loud = _loud(problem, track, problem.t_s[1:] <= start.heading_from_s)
-    return replace(loud, attitude_prior=attitude_prior(initial, R_nb, sigma_rad))
+    noisy = _with_force_noise(problem, track, problem.t_s[1:] <= start.heading_from_s)
+    return replace(noisy, attitude_prior=attitude_prior(initial, R_nb, sigma_rad))
 
 
 def open_heading(
@@ -63,7 +63,7 @@ def open_heading(
     parts = tuple(part for part in problem.measurements if part.name != WHEELS)
     without_wheels = replace(problem, measurements=parts)
     opening = replace(
-        _loud(without_wheels, track, np.ones(len(t_s) - 1, dtype=np.bool_)),
+        _with_force_noise(without_wheels, track, np.ones(len(t_s) - 1, dtype=np.bool_)),
         start=start._replace(R_nb=R_nb, p_n_m=p_n_m, v_n_mps=v_n_mps),
         attitude_prior=attitude_prior(initial, R_nb[0], _FIXED_RAD),
     )
@@ -85,7 +85,9 @@ def _carried_back_rad(stage: Aligned) -> float:
     return float(bias_radps * (start.heading_from_s - start.t_s[0]) + _FIXED_RAD)
 
 
-def _loud(problem: SmoothingProblem, track: Tracked, intervals: BoolArray) -> SmoothingProblem:
+def _with_force_noise(
+    problem: SmoothingProblem, track: Tracked, intervals: BoolArray
+) -> SmoothingProblem:
     """Return a problem whose accelerometer is taken for noise along the horizontal acceleration."""
     motion = problem.motion
     if not isinstance(motion, Inertial) or not intervals.any():

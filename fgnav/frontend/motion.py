@@ -57,8 +57,8 @@ def motion_of(
         )
         return motion, None, ()
     poles, variance, notes = _rate_priors(stage, settings)
-    known = _by_attitudes(stage.start, (poles, variance), causal=stage.causal)
-    lost = holed | _is_direction_unknown(stage, known)
+    predictions = _by_attitudes(stage.start, (poles, variance), causal=stage.causal)
+    lost = holed | _is_direction_unknown(stage, predictions)
     motion = GyroFree(
         t_s=track.t_s,
         imu=imu,
@@ -72,7 +72,7 @@ def motion_of(
         constants=constants,
         multipath=multipath,
     )
-    turning = known[0] if stage.causal else smoothed(*known)
+    turning = predictions[0] if stage.causal else smoothed(*predictions)
     return motion, _in_body(turning, stage.start), notes
 
 
@@ -152,12 +152,12 @@ def _causal_priors(start: Alignment, sure: BoolArray) -> tuple[FloatArray, Float
     return poles[latest], variance[latest]
 
 
-def is_told(turning: Turning) -> BoolArray:
+def is_predicted(turning: Turning) -> BoolArray:
     """Return at which times, (n,), attitudes tell rotations well enough to linearise there."""
     return np.asarray(np.trace(turning.covariance[:, :3, :3], axis1=1, axis2=2) < _UNKNOWN_RAD**2)
 
 
-def _is_direction_unknown(stage: Aligned, known: tuple[Turning, ...]) -> BoolArray:
+def _is_direction_unknown(stage: Aligned, predictions: tuple[Turning, ...]) -> BoolArray:
     """Return the intervals, (n - 1,), over which nobody knows where the specific force points.
 
     Where the rotation across it, as the prior leads on from the attitudes before, or back from
@@ -168,16 +168,16 @@ def _is_direction_unknown(stage: Aligned, known: tuple[Turning, ...]) -> BoolArr
     f_b = np.stack([np.interp(start.t_s, imu.t_s, column) for column in imu.f_b_mps2.T], axis=1)
     e_b = f_b / np.linalg.norm(f_b, axis=1, keepdims=True).clip(1e-9)
     across = np.eye(3) - e_b[:, :, None] * e_b[:, None, :]
-    sigma = np.min([_largest_sigma(across, P.covariance[:, :3, :3]) for P in known], axis=0)
+    sigma = np.min([_largest_sigma(across, P.covariance[:, :3, :3]) for P in predictions], axis=0)
     return np.asarray(np.minimum(sigma[1:], sigma[:-1]) > _UNKNOWN_RAD)
 
 
 def _largest_sigma(across: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the largest 1-sigma, (n,), of what is left of vectors after a projection."""
-    known = np.isfinite(covariance).all(axis=(1, 2))
+    finite = np.isfinite(covariance).all(axis=(1, 2))
     out = np.full(len(covariance), np.inf)
-    part = across[known] @ covariance[known] @ across[known]
-    out[known] = np.sqrt(np.linalg.eigvalsh(part)[:, 2].clip(0))
+    part = across[finite] @ covariance[finite] @ across[finite]
+    out[finite] = np.sqrt(np.linalg.eigvalsh(part)[:, 2].clip(0))
     return out
 
 

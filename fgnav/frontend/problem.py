@@ -23,7 +23,7 @@ from fgnav.frontend.causal.stages import causal_aligned
 from fgnav.frontend.gaps import gap_notes, spans
 from fgnav.frontend.heading_open import open_heading, until_motion
 from fgnav.frontend.measurements import Recorded, measurements_of
-from fgnav.frontend.motion import is_told, motion_of
+from fgnav.frontend.motion import is_predicted, motion_of
 from fgnav.frontend.position.live_arcs import EarlierArcs, antenna_phase
 from fgnav.frontend.sensors.sensed import Sensed, sense
 from fgnav.frontend.sensors.standstill import standing
@@ -167,13 +167,13 @@ def build_problem(
     NoSolutionError
         Naming the part of the flight that is missing.
     """
-    asked = constants_of(settings.calibration, flight, gravity=settings.gravity is not None)
+    requested = constants_of(settings.calibration, flight, gravity=settings.gravity is not None)
     inertial_record(flight)
     if settings.causal:
         stage = causal_aligned(flight, settings, None if earlier is None else earlier.motion)
     else:
-        flight, asked = initial_shape(flight, asked, settings.resolver)
-        stage = aligned(flight, settings, asked)
+        flight, requested = initial_shape(flight, requested, settings.resolver)
+        stage = aligned(flight, settings, requested)
     track = tracked(flight, stage)
     imu, causal = stage.record.imu, settings.causal
     sensed = sense(flight, imu, stage.down, track.t_s, track.places_n_m, causal=causal)
@@ -181,8 +181,8 @@ def build_problem(
         stands = standing(stage.record, track.t_s, track.antenna, causal=causal)
         sensed = replace(sensed, standing=stands)
     tags = of_tags(settings.calibration, flight)
-    constants = _constants(flight, (*asked, *tags), sensed, stage)
-    multipath, lasting_notes = _lasting(stage, asked)
+    constants = _constants(flight, (*requested, *tags), sensed, stage)
+    multipath, lasting_notes = _lasting(stage, requested)
     motion, turning, rate_notes = motion_of(flight, settings, (stage, track), constants, multipath)
     earth = flight.origin.earth_rate_n_radps
     timed = timed_motion(imu, track.t_s, track.gravity_n_mps2, earth, causal=causal)
@@ -200,7 +200,7 @@ def build_problem(
         motion=motion,
         measurements=measurements_of(
             replace(
-                _recorded(flight, stage, track, sensed, asked), timed=timed, multipath=multipath
+                _recorded(flight, stage, track, sensed, requested), timed=timed, multipath=multipath
             ),
             constants,
         ),
@@ -247,11 +247,11 @@ def build_problem(
 
 
 def _lasting(
-    stage: Aligned, asked: tuple[FlightConstant, ...]
+    stage: Aligned, requested: tuple[FlightConstant, ...]
 ) -> tuple[Multipath | None, tuple[str, ...]]:
     """Return what stays of the array's errors; where its shape is asked for it is that."""
-    shape_asked = any(one.name.startswith("antenna ") for one in asked)
-    return (None, ()) if stage.causal or shape_asked else lasting_error(stage.start)
+    shape_requested = any(one.name.startswith("antenna ") for one in requested)
+    return (None, ()) if stage.causal or shape_requested else lasting_error(stage.start)
 
 
 def _phase_before_heading(
@@ -293,12 +293,12 @@ def _measured_attitudes(stage: Aligned) -> BoolArray:
 
 def _constants(
     flight: Flight,
-    asked: tuple[FlightConstant, ...],
+    requested: tuple[FlightConstant, ...],
     sensed: Sensed,
     stage: Aligned,
 ) -> Constants:
     """Return what is estimated with the flight: asked for, of instruments, of phases, the rate."""
-    parts = with_evidence(asked, sight=sensed.sight is not None)
+    parts = with_evidence(requested, sight=sensed.sight is not None)
     if sensed.sight is not None and flight.seeker is not None:
         parts = with_landmark(parts, flight.seeker.landmark_n_m)
     parts = (*parts, *sensed.constants)
@@ -312,7 +312,7 @@ def _recorded(
     stage: Aligned,
     track: Tracked,
     sensed: Sensed,
-    asked: tuple[FlightConstant, ...],
+    requested: tuple[FlightConstant, ...],
 ) -> Recorded:
     start = stage.start
     names = tuple(antenna.name for antenna in flight.antennas)
@@ -320,7 +320,7 @@ def _recorded(
         array=start.form,
         array_valid=start.valid,
         float_stretch=stage.float_arcs.stretch,
-        shape=shape_at(start.phases, start.form, track.t_s, start.valid, asked, names),
+        shape=shape_at(start.phases, start.form, track.t_s, start.valid, requested, names),
         antennas=names,
         position=None if track.antenna.phases else track.antenna.position,
         velocities=tuple(series for _, series in track.antenna.velocities),
@@ -364,9 +364,9 @@ def _start(
     aux = np.zeros((len(track.t_s), width))
     bias_b_radps = stage.start.gyroscope_bias_b_radps
     if turning is not None:
-        told = is_told(turning)
-        aux[:, 3:6] = np.where(told[:, None], turning.rate_b_radps, stage.rates)
-        R_nb = np.where(told[:, None, None], turning.R_nb, R_nb)
+        predicted = is_predicted(turning)
+        aux[:, 3:6] = np.where(predicted[:, None], turning.rate_b_radps, stage.rates)
+        R_nb = np.where(predicted[:, None, None], turning.R_nb, R_nb)
     elif bias_b_radps is not None:
         aux[:, 3:6] = bias_b_radps
     return States(R_nb=R_nb, p_n_m=p_n_m, v_n_mps=v_n_mps, aux=aux, constants=constants.start)

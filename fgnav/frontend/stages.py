@@ -89,7 +89,7 @@ def inertial_record(flight: Flight) -> Imu:
 
 
 def aligned(
-    flight: Flight, settings: ProblemSettings, asked: tuple[FlightConstant, ...]
+    flight: Flight, settings: ProblemSettings, requested: tuple[FlightConstant, ...]
 ) -> Aligned:
     """Return attitudes at keyframes, each from its own epoch; integers may hold along arcs.
 
@@ -104,7 +104,7 @@ def aligned(
     epochs = align(flight, settings.resolver, settings.false_alarm, down)
     start, count, losses = _keyframes(record.imu, epochs)
     losses = (*faulty, *losses)
-    start, float_arcs = _float_arcs(start, settings, asked)
+    start, float_arcs = _float_arcs(start, settings, requested)
     rates = rough_rates(record.imu, start.t_s, start.R_nb, start.own)
     return Aligned(record, down, start, float_arcs, rates, count, losses)
 
@@ -139,10 +139,10 @@ def _keyframes(imu: Imu, epochs: Alignment) -> tuple[Alignment, int, tuple[Loss,
 
 
 def _float_arcs(
-    start: Alignment, settings: ProblemSettings, asked: tuple[FlightConstant, ...]
+    start: Alignment, settings: ProblemSettings, requested: tuple[FlightConstant, ...]
 ) -> tuple[Alignment, FloatArcs]:
     """Let epochs without integers tell attitudes, where the array's shape is no question."""
-    if any(one.name.startswith("antenna ") for one in asked):
+    if any(one.name.startswith("antenna ") for one in requested):
         return start, FloatArcs(stretch=np.full(len(start.t_s), -1, dtype=np.int64), count=0)
     start, float_arcs = with_float_arcs(start, settings.false_alarm)
     if not float_arcs.count:
@@ -168,9 +168,9 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
     # Gravity minds no jumps of 100 m.
     places_n_m = interpolated(t_s, position.value, causal=causal)
     gravity_n_mps2 = flight.origin.gravity_n_mps2(places_n_m)
-    blind = (stage.away_s > LONGEST_GAP_S) | record.overlaps(t_s)
+    untested = (stage.away_s > LONGEST_GAP_S) | record.overlaps(t_s)
     if causal:
-        blind |= ~np.logical_or.accumulate(start.valid)
+        untested |= ~np.logical_or.accumulate(start.valid)
     inertial = InertialTrack(
         t_s=t_s,
         R_nb=start.R_nb,
@@ -178,7 +178,7 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
         w_b_radps=stage.rates,
         imu=record.imu if causal or own is None else own.forces(record.imu),
         gravity_n_mps2=gravity_n_mps2,
-        blind=blind,
+        untested=untested,
         attitude_sigma_rad=stage.carried_sigma_rad,
         causal=causal,
     )
@@ -220,11 +220,11 @@ def moves_about(stage: Aligned, track: Tracked, R_nb: FloatArray) -> tuple[Float
 
 def interpolated(t_s: FloatArray, values: FloatArray, *, causal: bool = False) -> FloatArray:
     """Return values, (n, d), where rows are NaN from their neighbours; causal: the last one's."""
-    known = np.isfinite(values).all(axis=1)
+    valid = np.isfinite(values).all(axis=1)
     if causal:
-        last = np.maximum.accumulate(np.where(known, np.arange(len(t_s)), int(known.argmax())))
+        last = np.maximum.accumulate(np.where(valid, np.arange(len(t_s)), int(valid.argmax())))
         return np.asarray(values[last])
-    columns = [np.interp(t_s, t_s[known], column[known]) for column in values.T]
+    columns = [np.interp(t_s, t_s[valid], column[valid]) for column in values.T]
     return np.stack(columns, axis=1)
 
 

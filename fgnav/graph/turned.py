@@ -44,12 +44,12 @@ class Turned(OfAnother):
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Measurement``."""
-        own = slice(self.column, self.column + 3)
-        angle = np.ascontiguousarray(at.constants[own])
+        columns = slice(self.column, self.column + 3)
+        angle = np.ascontiguousarray(at.constants[columns])
         R = rot.exp(angle)
         value, state, shared = self.measurement.linearise(at._replace(R_nb=at.R_nb @ R), which)
         state, shared = state.copy(), shared.copy()
-        shared[:, :, own] += state[:, :, ROTATION] @ rot.right_jacobian(angle)
+        shared[:, :, columns] += state[:, :, ROTATION] @ rot.right_jacobian(angle)
         for tangent in (ROTATION, POSITION):  # both in the state's own axes
             state[:, :, tangent] = state[:, :, tangent] @ R.T
         return Linearised(value, state, shared)

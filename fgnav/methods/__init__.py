@@ -118,12 +118,12 @@ def method_named(
         If there is none; the text lists what there is.
     """
     factory = plugins.named(GROUP, METHODS, name, kind="method")
-    asked = options or Options()
-    asked = replace(
-        asked,
-        gravity=gravity or asked.gravity,
-        estimate=estimate or asked.estimate,
-        lag_s=asked.lag_s if lag_s is None else lag_s,
+    chosen = options or Options()
+    chosen = replace(
+        chosen,
+        gravity=gravity or chosen.gravity,
+        estimate=estimate or chosen.estimate,
+        lag_s=chosen.lag_s if lag_s is None else lag_s,
     )
-    estimator: Estimator = factory(resolver=resolver, **asked.of(name))
+    estimator: Estimator = factory(resolver=resolver, **chosen.of(name))
     return estimator

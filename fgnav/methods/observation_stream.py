@@ -193,16 +193,16 @@ class ObservationStream:
         for at_s in looks_s(plain, until_s + _ROUNDING_S):
             if self._looked_s < at_s <= until_s:
                 self._looked_s = at_s
-                whole = self._whole()
-                told = look(whole, settings, at_s, build_problem)
-                if len(self._spans) > 1 or before_s > -np.inf or told != Look(None):
-                    self._spans.append(_Span(at_s, told, GoingOn(whole)))
+                flight = self._whole()
+                identified = look(flight, settings, at_s, build_problem)
+                if len(self._spans) > 1 or before_s > -np.inf or identified != Look(None):
+                    self._spans.append(_Span(at_s, identified, GoingOn(flight)))
 
     def _whole(self) -> Flight:
         """Return all that has come."""
-        whole = joined(*self._pieces)
-        self._pieces = [whole]
-        return whole
+        flight = joined(*self._pieces)
+        self._pieces = [flight]
+        return flight
 
     def _keyframe(self, prepared: PreparedFlight, look_s: float, at_s: float) -> _Keyframe:
         """Let a keyframe enter the window, which begins anew where its problem is another one."""
@@ -217,7 +217,7 @@ class ObservationStream:
         for row in np.flatnonzero((problem.t_s > self._taken_s) & (problem.t_s <= at_s)).tolist():
             self._window.advance(problem, row)
             self._newest = self._window.newest()  # of each: what is asked for decides what leaves
-        self._taken_s, known = at_s, self._newest
+        self._taken_s, departed = at_s, self._newest
         if opening is not None and is_open:
-            known = with_open_heading(known, opening)
-        return _Keyframe(prepared, problem, row, known)
+            departed = with_open_heading(departed, opening)
+        return _Keyframe(prepared, problem, row, departed)

@@ -25,7 +25,7 @@ from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.methods.smoothing.estimates import estimate_of
 from fgnav.methods.smoothing.joined import joined_estimates
 from fgnav.methods.smoothing.own_sources import FactorSource, own_factors
-from fgnav.methods.smoothing.so_far import Asked, consistent_so_far
+from fgnav.methods.smoothing.so_far import CausalMethod, consistent_so_far
 from fgnav.methods.smoothing.solving import (
     Solver,
     at_once,
@@ -218,8 +218,8 @@ class Smoother:
             from fgnav.identification.from_past import stretches  # noqa: PLC0415  # lazy: the chain
 
             ahead_s = self.lag_s + 2 * BLOCK_S
-            found = stretches(flight, settings, prepared, ahead_s, build_problem, since_s)
-            return replace(prepared, stretches=found)
+            spans = stretches(flight, settings, prepared, ahead_s, build_problem, since_s)
+            return replace(prepared, stretches=spans)
         if settings.noise == "identified":
             from fgnav.identification.apply import (  # noqa: PLC0415  # lazy: the chain
                 with_identified_noise,
@@ -240,9 +240,9 @@ class Smoother:
         own = self.factors or flight.networks
         is_tried = self.noise == "identified" and not own
         if self.causal:
-            whole = self._of_whole_flights._once if is_tried else None
-            asked = Asked(self.prepare, self._estimated, whole, self._waits_s)
-            return consistent_so_far(flight, prepared, asked)
+            once = self._of_whole_flights._once if is_tried else None
+            method = CausalMethod(self.prepare, self._estimated, once, self._waits_s)
+            return consistent_so_far(flight, prepared, method)
         again = self._once if is_tried else None
         return without_contradictions(flight, self._estimated(flight, prepared), again)
 
@@ -254,8 +254,8 @@ class Smoother:
     @property
     def _of_whole_flights(self) -> "Batch":
         """The method without openings, whose innovations are those of a bad linearisation, too."""
-        own = {one.name: getattr(self, one.name) for one in fields(Smoother)}
-        return Batch(**own | {"causal": False, "lag_s": Batch().lag_s, "name": self.name})
+        settings = {one.name: getattr(self, one.name) for one in fields(Smoother)}
+        return Batch(**settings | {"causal": False, "lag_s": Batch().lag_s, "name": self.name})
 
     def _once(self, flight: Flight) -> Estimate:
         return self._estimated(flight, self.prepare(flight))

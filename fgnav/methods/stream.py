@@ -96,8 +96,8 @@ class Stream:
                 f"measurements t_s: must come after {self._last_s}, got {measurements.t_s}"
             )
         for name, needed in _NEEDED.items():
-            there = getattr(measurements, name) is not None
-            if there and getattr(self._set_up, needed) is None:
+            given = getattr(measurements, name) is not None
+            if given and getattr(self._set_up, needed) is None:
                 raise BadInputError(f"measurements {name}: the set-up has no {needed}")
         before = None
         if self._count:

@@ -205,8 +205,8 @@ def _filled(
         return integers, attitude
     wrong = integers.wrong_probability
     if wrong is not None:  # as likely as those of the last epoch that voted for them
-        held = zero_order_hold(differences.t_s, wrong, votes > 0.0)
-        wrong = np.where(new.any(axis=(1, 2)), held, wrong)
+        last_wrong = zero_order_hold(differences.t_s, wrong, votes > 0.0)
+        wrong = np.where(new.any(axis=(1, 2)), last_wrong, wrong)
     integers = replace(
         integers,
         cycles=np.where(new, arcs.cycles, integers.cycles),
@@ -253,27 +253,31 @@ def _chosen(
     R_nb = zero_order_hold(differences.t_s, attitude.R_nb, attitude.solved)
     since = np.logical_or.accumulate(attitude.solved)  # the first holds from there on only
     R_nb = np.where(since[:, None, None], R_nb, attitude.R_nb)
-    R_own = robust_attitudes(differences, ranges_m, R_nb, doubtful, causal=causal)
-    off = _off_cycles(differences, integers, R_own)
-    whole = np.rint(off).astype(np.int64)
-    right = fixed & (whole == 0)
+    R_links = robust_attitudes(differences, ranges_m, R_nb, doubtful, causal=causal)
+    off = _off_cycles(differences, integers, R_links)
+    cycles_off = np.rint(off).astype(np.int64)
+    right = fixed & (cycles_off == 0)
     right &= (right.sum(axis=2) >= (1 - _MENDED_AT_MOST) * fixed.sum(axis=2))[:, :, None]
-    trusted = _share(whole != 0, fixed) <= _MENDED_AT_MOST
-    trusted &= _placed(differences, ranges_m, R_own, right)
-    own = replace(integers, cycles=cycles + np.where((doubtful & trusted)[:, None, None], whole, 0))
-    near, mended = _about(differences, own, R_own, rows, attitude)
+    trusted = _share(cycles_off != 0, fixed) <= _MENDED_AT_MOST
+    trusted &= _placed(differences, ranges_m, R_links, right)
+    rounded = replace(
+        integers, cycles=cycles + np.where((doubtful & trusted)[:, None, None], cycles_off, 0)
+    )
+    near, mended = _about(differences, rounded, R_links, rows, attitude)
     factor = _variance_factor(mended, causal=causal)
     by_epoch = epoch_evidence(differences, near, mended, factor, chosen_of=fixed)
-    arcs, _ = _agreed(differences, own, by_epoch, sound, sound | trusted, causal=causal)
-    by_arc = replace(integers, cycles=np.where(fixed & (arcs.margin > 0), arcs.cycles, own.cycles))
-    R_arc = robust_attitudes(
-        differences, fixed_ranges_m(differences, by_arc), R_own, doubtful, causal=causal
+    arcs, _ = _agreed(differences, rounded, by_epoch, sound, sound | trusted, causal=causal)
+    by_arc = replace(
+        integers, cycles=np.where(fixed & (arcs.margin > 0), arcs.cycles, rounded.cycles)
     )
-    near, held = _about(differences, by_arc, R_arc, rows, mended)
-    of_arc = epoch_evidence(differences, near, held, factor, chosen_of=fixed)
-    differs = (own.cycles != by_arc.cycles).any(axis=(1, 2))
+    R_arc = robust_attitudes(
+        differences, fixed_ranges_m(differences, by_arc), R_links, doubtful, causal=causal
+    )
+    near, by_arc_solution = _about(differences, by_arc, R_arc, rows, mended)
+    of_arc = epoch_evidence(differences, near, by_arc_solution, factor, chosen_of=fixed)
+    differs = (rounded.cycles != by_arc.cycles).any(axis=(1, 2))
     alone = ~doubtful | ((trusted | sound) & differs & (by_epoch > of_arc))
-    believed = np.where(alone[:, None, None], own.cycles, by_arc.cycles)
+    believed = np.where(alone[:, None, None], rounded.cycles, by_arc.cycles)
     borne = _share((believed == arcs.cycles) & (arcs.margin >= 1.0), fixed)
     odds = np.where(alone, by_epoch, of_arc)
     unsure = doubtful & (odds < BELIEVED_NATS) & (borne < 1 - _MENDED_AT_MOST)
@@ -281,7 +285,7 @@ def _chosen(
         replace(integers, cycles=np.where(fixed, believed, 0)),
         (arcs.margin > 0) & ~alone[:, None, None],
         rows,
-        np.where(alone[:, None, None], R_own, R_arc)[rows],
+        np.where(alone[:, None, None], R_links, R_arc)[rows],
         unsure,
     )
 
@@ -296,10 +300,10 @@ def _agreed(
     causal: bool,
 ) -> tuple[Consensus, FloatArray]:
     """Return what arcs agree on, and the votes of epochs, (n,), by their evidence."""
-    say = votes_of(differences.t_s, evidence, sound, integers.wrong_probability)
-    say = np.where(voting, say, 0.0)
-    votes = np.where(integers.fixed, say[:, None, None], 0.0)
-    return arc_consensus(differences.arc, integers.cycles, votes, causal=causal), say
+    weight = votes_of(differences.t_s, evidence, sound, integers.wrong_probability)
+    weight = np.where(voting, weight, 0.0)
+    votes = np.where(integers.fixed, weight[:, None, None], 0.0)
+    return arc_consensus(differences.arc, integers.cycles, votes, causal=causal), weight
 
 
 def _about(
@@ -314,8 +318,8 @@ def _about(
     links = integers.fixed.copy()
     links[rows] &= near[rows]
     ranges_m = fixed_ranges_m(differences, integers)
-    known_m = np.where(links | ~integers.fixed, ranges_m, np.nan)
-    form = RotationQuadratic.of_ranges(differences, known_m)
+    used_m = np.where(links | ~integers.fixed, ranges_m, np.nan)
+    form = RotationQuadratic.of_ranges(differences, used_m)
     return links, searched_again(attitude, form, rows, R_nb[rows])
 
 
@@ -332,10 +336,10 @@ def _placed(
 
     Else an antenna would be free to turn about what the others tell, its integers along with it.
     """
-    known_m = np.where(
+    used_m = np.where(
         links | (differences.is_reference[:, None] & (ranges_m == 0)), ranges_m, np.nan
     )
-    information = RotationQuadratic.of_ranges(differences, known_m).information_at(R_nb)
+    information = RotationQuadratic.of_ranges(differences, used_m).information_at(R_nb)
     covariance = np.linalg.inv(information + np.eye(3) / open_angle_variance_rad2())
     arms = skew(differences.baselines_b_m)
     place_m2 = np.einsum("bij,njk,bik->nb", arms, covariance, arms)

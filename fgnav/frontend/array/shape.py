@@ -39,21 +39,21 @@ class BaselineForm:
         As the flight states them.
     """
 
-    there: BoolArray
+    valid: BoolArray
     root: FloatArray
     minimum: FloatArray
     baselines_b_m: FloatArray
 
     def at(self, rows: IntArray, n: int, mine: IntArray | None = None) -> "BaselineForm":
         """Return the form, or (k,) epochs of it, at some, (k,), of n keyframes."""
-        mine = np.arange(len(self.there)) if mine is None else mine
-        there, root = np.zeros(n, dtype=np.bool_), np.zeros((n, *self.root.shape[1:]))
+        mine = np.arange(len(self.valid)) if mine is None else mine
+        valid, root = np.zeros(n, dtype=np.bool_), np.zeros((n, *self.root.shape[1:]))
         minimum = np.zeros((n, *self.minimum.shape[1:]))
-        there[rows] = self.there[mine]
+        valid[rows] = self.valid[mine]
         root[rows], minimum[rows] = self.root[mine], self.minimum[mine]
-        return replace(self, there=there, root=root, minimum=minimum)
+        return replace(self, valid=valid, root=root, minimum=minimum)
 
-    def as_loud_as(self, form: RotationQuadratic, mine: IntArray) -> "BaselineForm":
+    def with_variance_of(self, form: RotationQuadratic, mine: IntArray) -> "BaselineForm":
         """Return the form, the noise of some epochs, (k,), raised to that of forms of the rotation.
 
         The same ranges make them, as the places stand by which this one's baselines are known.
@@ -62,21 +62,21 @@ class BaselineForm:
         by_rotation = np.einsum("ia,bc->bica", np.eye(3), arms_b_m)
         root = self.root[mine] @ by_rotation.reshape(-1, 9)
         share = np.einsum("nii->n", form.information) / np.einsum("nki,nki->n", root, root)
-        louder = self.root.copy()
-        louder[mine] *= np.sqrt(share)[:, None, None]
-        return replace(self, root=louder)
+        scaled = self.root.copy()
+        scaled[mine] *= np.sqrt(share)[:, None, None]
+        return replace(self, root=scaled)
 
     @classmethod
     def of_ranges(cls, differences: DoubleDifferences, ranges_m: FloatArray) -> "BaselineForm":
         """Collect double differences without integers; see ``RotationQuadratic.of_ranges``."""
         information, vector = baseline_information(differences, ranges_m)
         values, vectors = np.linalg.eigh(information)
-        known = values > _NOTHING * values[:, -1:].clip(1e-30)
-        root = np.sqrt(np.where(known, values, 0.0))
-        inverse = np.where(known, 1.0 / np.where(known, values, 1.0), 0.0)
+        observable = values > _NOTHING * values[:, -1:].clip(1e-30)
+        root = np.sqrt(np.where(observable, values, 0.0))
+        inverse = np.where(observable, 1.0 / np.where(observable, values, 1.0), 0.0)
         minimum = np.einsum("nij,nj,nkj,nk->ni", vectors, inverse, vectors, vector)
         return cls(
-            there=values[:, -1] > 0,
+            valid=values[:, -1] > 0,
             root=root[:, :, None] * vectors.swapaxes(1, 2),
             minimum=minimum.reshape(len(minimum), -1, 3),
             baselines_b_m=differences.baselines_b_m,
@@ -159,11 +159,11 @@ def shape_at(
     differences, ranges_m = phases
     row = np.searchsorted(t_s, differences.t_s).clip(max=len(t_s) - 1)
     mine = np.flatnonzero((t_s[row] == differences.t_s) & valid[row])
-    found = BaselineForm.of_ranges(differences, ranges_m).as_loud_as(form[row[mine]], mine)
-    stated_b_m = found.baselines_b_m.copy()
+    form_b = BaselineForm.of_ranges(differences, ranges_m).with_variance_of(form[row[mine]], mine)
+    stated_b_m = form_b.baselines_b_m.copy()
     for place, off_b_m in offs.items():
         stated_b_m[place] -= off_b_m
-    return replace(found.at(row[mine], len(t_s), mine), baselines_b_m=stated_b_m)
+    return replace(form_b.at(row[mine], len(t_s), mine), baselines_b_m=stated_b_m)
 
 
 def initial_shape(
@@ -240,8 +240,8 @@ def _shape(
             normal - coupled @ of_turn,
             right - np.einsum("nij,nj->ni", coupled, turn),
         )
-        known = off_m.ravel()[columns]
-        step = np.linalg.solve(normal[fits].sum(0) + prior, right[fits].sum(0) - prior @ known)
+        current_m = off_m.ravel()[columns]
+        step = np.linalg.solve(normal[fits].sum(0) + prior, right[fits].sum(0) - prior @ current_m)
         R_nb = R_nb @ exp(turn - np.einsum("nij,j->ni", of_turn, step))
         off_m.ravel()[columns] += step
         if np.abs(step).max() < _STEP_M:

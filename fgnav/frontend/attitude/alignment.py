@@ -190,8 +190,8 @@ def of_arrays(
     NoSolutionError
         If the array has no attitudes by the first reference.
     """
-    whole, *others = pivot_views(flight, causal=causal)
-    start = _of_array(whole.flight, resolver, false_alarm, causal=causal)
+    first, *others = pivot_views(flight, causal=causal)
+    start = _of_array(first.flight, resolver, false_alarm, causal=causal)
     for view in others:
         try:
             other = _of_array(view.flight, resolver, false_alarm, causal=causal)
@@ -200,8 +200,8 @@ def of_arrays(
         start = _completed_by(start, other, view.rows)
     return replace(
         start,
-        losses=pivot_losses((whole, *others), start.losses),
-        notes=tuple(dict.fromkeys((*start.notes, *pivot_notes((whole, *others))))),
+        losses=pivot_losses((first, *others), start.losses),
+        notes=tuple(dict.fromkeys((*start.notes, *pivot_notes((first, *others))))),
     )
 
 
@@ -272,12 +272,12 @@ def _with_vectors(
     pairs, _ = measured_vectors(flight, track, causal=causal)
     row, same = nearest(track.t_s, t_s)
     for v_n, v_b in zip(np.moveaxis(pairs.v_n, 1, 0), np.moveaxis(pairs.v_b, 1, 0), strict=True):
-        there = same & wanted & np.isfinite(v_n[row]).all(axis=1)
-        there &= np.isfinite(v_b[row]).all(axis=1)
-        size = np.where(there, np.linalg.norm(v_b[row], axis=1), 1.0)
+        valid = same & wanted & np.isfinite(v_n[row]).all(axis=1)
+        valid &= np.isfinite(v_b[row]).all(axis=1)
+        size = np.where(valid, np.linalg.norm(v_b[row], axis=1), 1.0)
         form = form + RotationQuadratic.of_vector_pairs(
-            np.where(there[:, None], v_n[row], 0.0),
-            np.where(there[:, None], v_b[row], np.nan),
+            np.where(valid[:, None], v_n[row], 0.0),
+            np.where(valid[:, None], v_b[row], np.nan),
             (VECTOR_SIGMA_RAD * size)[:, None, None] ** 2 * np.eye(3),
         )
     return form
@@ -291,23 +291,23 @@ def of_motion(
     Epochs are valid whose heading is known by then: by any time of the flight or, causal, by the
     past. The others have the heading that the search starts with.
     """
-    carried = carried_attitudes(flight, imu, causal=causal, earlier=earlier)
+    propagated = carried_attitudes(flight, imu, causal=causal, earlier=earlier)
     return Alignment(
-        t_s=carried.t_s,
-        R_nb=carried.R_nb,
-        covariance_rad2=carried.sigma_rad[:, None, None] ** 2 * np.eye(3),
-        valid=carried.valid,
+        t_s=propagated.t_s,
+        R_nb=propagated.R_nb,
+        covariance_rad2=propagated.sigma_rad[:, None, None] ** 2 * np.eye(3),
+        valid=propagated.valid,
         form=None,
         integers=None,
-        refused=np.zeros(len(carried.t_s), dtype=np.bool_),
+        refused=np.zeros(len(propagated.t_s), dtype=np.bool_),
         losses=(),
         rejections=(),
-        notes=carried.notes,
-        own=carried.own,
-        gyroscope_bias_b_radps=carried.bias_b_radps,
-        heading_from_s=carried.heading_from_s,
-        heading_known_s=carried.heading_known_s,
-        motion=carried.motion,
+        notes=propagated.notes,
+        own=propagated.own,
+        gyroscope_bias_b_radps=propagated.bias_b_radps,
+        heading_from_s=propagated.heading_from_s,
+        heading_known_s=propagated.heading_known_s,
+        motion=propagated.motion,
     )
 
 
@@ -330,8 +330,8 @@ def _of_vectors(attitudes: VectorAttitudes) -> Alignment:
 
 def _antenna_gaps(names: tuple[str, ...], differences: DoubleDifferences) -> tuple[str, ...]:
     """Tell where one antenna has no phase while another has."""
-    there = np.isfinite(differences.phase_m).any(axis=2)
-    missing = ~there & np.any(there, axis=1)[:, None]
+    tracked = np.isfinite(differences.phase_m).any(axis=2)
+    missing = ~tracked & np.any(tracked, axis=1)[:, None]
     return tuple(
         sentence
         for name, column in zip(names[1:], missing.T, strict=True)

@@ -8,7 +8,7 @@ from fgnav.attitude.flight_vectors import track_of
 from fgnav.attitude.own_rotation import OwnRotation, spun
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.frontend.attitude.in_motion import EarlierMotion, in_motion, in_motion_smoothed
-from fgnav.frontend.attitude.initial import LEVEL_S, heading_told_s, level_start
+from fgnav.frontend.attitude.initial import LEVEL_S, heading_without_motion_s, level_start
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD
 from fgnav.types.flight import Flight, Imu
 
@@ -74,31 +74,31 @@ def carried_attitudes(
         raise NoSolutionError(f"attitude: {len(imu.t_s)} inertial samples are too few")
     first_s = float(t_s[np.searchsorted(t_s, imu.t_s[0]).clip(0, len(t_s) - 1)])
     first_s = first_s if earlier is None else earlier.first_s
-    told_s = heading_told_s(flight, first_s)
+    without_motion_s = heading_without_motion_s(flight, first_s)
     R_level = np.eye(3) if earlier is None else earlier.R_level
-    if len(motion.until_s) and not (causal and told_s < np.inf):
+    if len(motion.until_s) and not (causal and without_motion_s < np.inf):
         window = motion.latest(t_s) if causal else motion.nearest(t_s)
-        known_s = float(motion.until_s[0]) if causal else -np.inf
+        determined_s = float(motion.until_s[0]) if causal else -np.inf
         R_nu, sigma_rad = motion.R_nu[window], motion.sigma_at(t_s, window)
     else:
         level_s = first_s if causal else max(first_s, float(imu.t_s[0]) + LEVEL_S)
-        level_s = level_s if told_s == np.inf else max(level_s, told_s)
+        level_s = level_s if without_motion_s == np.inf else max(level_s, without_motion_s)
         if earlier is None:
             R_level = level_start(flight, imu, motion.own, level_s)
         R_nu = np.tile(R_level, (len(t_s), 1, 1))
         sigma_rad = np.full(len(t_s), ROTATION_PRIOR_RAD)
-        known_s = told_s if causal or told_s == np.inf else -np.inf
-    told_s = told_s if causal or told_s == np.inf else -np.inf
+        determined_s = without_motion_s if causal or without_motion_s == np.inf else -np.inf
+    without_motion_s = without_motion_s if causal or without_motion_s == np.inf else -np.inf
     return Carried(
         t_s=t_s,
         R_nb=spun(motion.own, t_s, R_nu),
         sigma_rad=sigma_rad,
-        valid=t_s >= known_s,
+        valid=t_s >= determined_s,
         own=motion.own,
         bias_b_radps=motion.bias_b_radps,
-        heading_from_s=min(told_s, _first(motion.begun_s, known_s)),
-        heading_known_s=min(told_s, _first(motion.until_s, known_s)),
-        notes=(OPEN_HEADING,) if known_s == np.inf else (),
+        heading_from_s=min(without_motion_s, _first(motion.begun_s, determined_s)),
+        heading_known_s=min(without_motion_s, _first(motion.until_s, determined_s)),
+        notes=(OPEN_HEADING,) if determined_s == np.inf else (),
         motion=EarlierMotion(
             first_s=float(t_s[0]) if earlier is None else earlier.first_s,
             step_s=float(np.diff(t_s[:2]).sum()) if earlier is None else earlier.step_s,
@@ -111,6 +111,6 @@ def carried_attitudes(
     )
 
 
-def _first(of_windows_s: FloatArray, known_s: float) -> float:
+def _first(of_windows_s: FloatArray, determined_s: float) -> float:
     """Return the first window's time; where there is none, the heading is told or never known."""
-    return float(of_windows_s[0]) if len(of_windows_s) else known_s
+    return float(of_windows_s[0]) if len(of_windows_s) else determined_s

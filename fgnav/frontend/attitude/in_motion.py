@@ -140,15 +140,15 @@ def in_motion(
     first_s, until_s = None, -np.inf
     if earlier is not None:
         first_s, until_s = earlier.first_s, earlier.until_s
-    found = [
+    windows = [
         _windows(pairs, until_s)
         for span_s in _SPANS_S
         for pairs in specific_forces(integrated, track, span_s, gravity_n_mps2, first_s)
     ]
-    best = _best(found)
+    best = _best(windows)
     if earlier is not None:
-        told = earlier.windows.at(np.flatnonzero(earlier.windows.until_s <= until_s))
-        best = _joined([_Windows(*(getattr(told, name) for name in _Windows._fields)), best])
+        before = earlier.windows.at(np.flatnonzero(earlier.windows.until_s <= until_s))
+        best = _joined([_Windows(*(getattr(before, name) for name in _Windows._fields)), best])
     return InMotion(
         **best._asdict(),
         own=own,
@@ -157,9 +157,9 @@ def in_motion(
     )
 
 
-def _best(found: "list[_Windows]") -> "_Windows":
+def _best(windows: "list[_Windows]") -> "_Windows":
     """Return windows in order of their ends, the surest of those that end together."""
-    every = _joined(found)
+    every = _joined(windows)
     every = every.at(np.lexsort((every.sigma_rad, every.until_s)))
     return every.at(np.flatnonzero(np.diff(every.until_s, prepend=-np.inf) > 0))
 
@@ -225,17 +225,17 @@ def _windows(pairs: Pairs, after_s: float) -> _Windows:
     t_s = (pairs.from_s + pairs.until_s)[row] / 2
     f_n, f_u = (f[row] * within[..., None] for f in (pairs.f_n_mps2, pairs.f_u_mps2))
     R_nu, sigma_rad, size = _headings(t_s, f_n, f_u, within)
-    known = np.flatnonzero(sigma_rad < KNOWN_RAD)
-    row, t_s, size = row[known], t_s[known], size[known]
+    determined = np.flatnonzero(sigma_rad < KNOWN_RAD)
+    row, t_s, size = row[determined], t_s[determined], size[determined]
     share = np.cumsum(size, axis=1) / size.sum(axis=1, keepdims=True)
     begun, middle = (np.argmax(share >= least, axis=1) for least in (_BEGUN, 0.5))
-    k = np.arange(len(known))
+    k = np.arange(len(determined))
     return _Windows(
-        pairs.until_s[which[known]],
+        pairs.until_s[which[determined]],
         pairs.from_s[row[k, begun]],
         t_s[k, middle],
-        R_nu[known],
-        sigma_rad[known],
+        R_nu[determined],
+        sigma_rad[determined],
     )
 
 
@@ -267,15 +267,15 @@ def _headings(
     beta = _horizontal(line, f_u, R_nu)
     size, scale = (np.sum(np.abs(value) ** 2, axis=1) for value in (beta, alpha))
     product = np.abs(np.sum(beta.conj() * alpha, axis=1))
-    tells = felt & (size * scale > 0.0)
-    coherence = np.divide(product**2, size * scale, out=np.zeros(len(size)), where=tells)
+    observable = felt & (size * scale > 0.0)
+    coherence = np.divide(product**2, size * scale, out=np.zeros(len(size)), where=observable)
     coherence = np.minimum(coherence, 1.0 - 1e-9)
-    gain = np.divide(product, size, out=np.zeros(len(size)), where=tells)
+    gain = np.divide(product, size, out=np.zeros(len(size)), where=observable)
     count = pairs - line.shape[1]
-    tells &= (1 - coherence) ** (count - 1) < _CHANCE
-    tells &= (gain > _GAIN[0]) & (gain < _GAIN[1])
+    observable &= (1 - coherence) ** (count - 1) < _CHANCE
+    observable &= (gain > _GAIN[0]) & (gain < _GAIN[1])
     variance_rad2 = np.full(len(size), np.inf)
-    np.divide(1 - coherence, 2 * coherence * count, out=variance_rad2, where=tells)
+    np.divide(1 - coherence, 2 * coherence * count, out=variance_rad2, where=observable)
     return R_nu, np.sqrt(variance_rad2), np.abs(beta) ** 2
 
 

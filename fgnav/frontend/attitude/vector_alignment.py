@@ -80,19 +80,19 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Vector
             return replace(few, losses=losses, own=own)
     assumed = with_velocity(pairs, track)
     attitude = wahba(assumed.directions())
-    known, n = attitude.rank == 2, len(track.t_s)
-    R_nb = np.where(known[:, None, None], attitude.R_nb, np.eye(3))
+    determined, n = attitude.rank == 2, len(track.t_s)
+    R_nb = np.where(determined[:, None, None], attitude.R_nb, np.eye(3))
     if few is not None:
         f_n = assumed.directions().v_n[:, pairs.sources.index("specific force")]
-        R_nb = _turned_as(R_nb, known & np.isfinite(f_n[:, 0]), np.nan_to_num(f_n), few)
+        R_nb = _turned_as(R_nb, determined & np.isfinite(f_n[:, 0]), np.nan_to_num(f_n), few)
     return VectorAttitudes(
         t_s=track.t_s,
         R_nb=R_nb,
         covariance_rad2=np.tile(VECTOR_SIGMA_RAD**2 * np.eye(3), (n, 1, 1)),
-        valid=known,
+        valid=determined,
         rough=True,
         losses=losses,
-        notes=_told(flight, assumed),
+        notes=_assumption_note(flight, assumed),
         own=own,
     )
 
@@ -105,22 +105,22 @@ def _dense(attitudes: VectorAttitudes) -> bool:
 
 
 def _turned_as(
-    R_nb: FloatArray, known: BoolArray, f_n: FloatArray, few: VectorAttitudes
+    R_nb: FloatArray, determined: BoolArray, f_n: FloatArray, few: VectorAttitudes
 ) -> FloatArray:
     """Return attitudes turned about the specific force, (n, 3), by what a few epochs ask for.
 
     A body that is not nose first is off by the turn about it alone, and that goes along slowly.
     """
-    rows = np.flatnonzero(known & few.valid)
+    rows = np.flatnonzero(determined & few.valid)
     if not len(rows):
         return R_nb
     apart = log(few.R_nb[rows] @ transpose(R_nb[rows]))
     turn = np.unwrap(np.einsum("ni,ni->n", apart, f_n[rows]))
     between = np.interp(few.t_s, few.t_s[rows], turn)
-    return np.asarray(np.where(known[:, None, None], exp(between[:, None] * f_n) @ R_nb, R_nb))
+    return np.asarray(np.where(determined[:, None, None], exp(between[:, None] * f_n) @ R_nb, R_nb))
 
 
-def _told(flight: Flight, pairs: VectorPairs) -> tuple[str, ...]:
+def _assumption_note(flight: Flight, pairs: VectorPairs) -> tuple[str, ...]:
     """Say what the attitudes lean on, where no gyroscope carries what some epochs know to others.
 
     Between minima of the smoother's cost a turn apart the data hardly tell: on flights of a body
@@ -135,8 +135,8 @@ def _by_gravity(
     flight: Flight, track: Track, pairs: VectorPairs, gravity: GravityDirection
 ) -> VectorAttitudes | None:
     """Return attitudes by gravity and specific force; None where few epochs have any."""
-    row, there = nearest(gravity.t_s, track.t_s) if len(gravity.t_s) else (None, None)
-    if row is None or there is None:
+    row, at_epoch = nearest(gravity.t_s, track.t_s) if len(gravity.t_s) else (None, None)
+    if row is None or at_epoch is None:
         return None
     down_n = flight.origin.gravity_n_mps2(track.p_n_m)
     force = pairs.sources.index("specific force")
@@ -147,7 +147,7 @@ def _by_gravity(
         sources=("specific force", "gravity"),
     ).directions()
     across = np.linalg.norm(np.cross(both.v_n[:, 0], both.v_n[:, 1]), axis=1)
-    valid = there & both.valid.all(axis=1) & (across > _APART)
+    valid = at_epoch & both.valid.all(axis=1) & (across > _APART)
     if not valid.any():
         return None
     variance = np.stack(

@@ -79,12 +79,12 @@ def _of_vectors(flight: Flight) -> Alignment:
     track = track_of(flight, causal=True)
     pairs, losses = measured_vectors(flight, track, causal=True)
     attitude = wahba(with_velocity(pairs, track).directions())
-    known, n = attitude.rank == 2, len(track.t_s)
+    determined, n = attitude.rank == 2, len(track.t_s)
     return Alignment(
         t_s=track.t_s,
-        R_nb=np.where(known[:, None, None], attitude.R_nb, np.eye(3)),
+        R_nb=np.where(determined[:, None, None], attitude.R_nb, np.eye(3)),
         covariance_rad2=np.tile(VECTOR_SIGMA_RAD**2 * np.eye(3), (n, 1, 1)),
-        valid=known,
+        valid=determined,
         form=None,
         integers=None,
         refused=np.zeros(n, dtype=np.bool_),

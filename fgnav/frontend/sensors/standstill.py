@@ -115,11 +115,11 @@ def _moments(record: Bridged, until_s: FloatArray) -> tuple[FloatArray, FloatArr
     variance = (square - mean**2) * (count / np.maximum(count - 1, 1))[:, None]
     changes = sums[2][last] - sums[2][np.minimum(first + 1, last)]
     ended = np.searchsorted(gaps_s[:, 1], until_s - _WINDOW_S, side="right")
-    whole = np.searchsorted(gaps_s[:, 0], until_s) <= ended
-    resolved = whole[:, None] & (changes > 0) & (variance > 0)
+    gapless = np.searchsorted(gaps_s[:, 0], until_s) <= ended
+    resolved = gapless[:, None] & (changes > 0) & (variance > 0)
     variance = np.where(resolved, variance, np.nan)
-    known = np.where(np.isfinite(variance), mean, np.nan)
-    step = np.diff(known, axis=0, prepend=np.full((1, x.shape[1]), np.nan)) ** 2
+    mean_valid = np.where(np.isfinite(variance), mean, np.nan)
+    step = np.diff(mean_valid, axis=0, prepend=np.full((1, x.shape[1]), np.nan)) ** 2
     return variance, step, count
 
 
@@ -146,10 +146,10 @@ def _velocities(
     """
     velocity = next((one for _, one in antenna.velocities if one.valid.any()), None)
     if velocity is not None:
-        whole = velocity.valid
+        complete = velocity.valid
         if velocity.partial is not None:
-            whole = whole & ~velocity.partial.any(axis=(1, 2))
-        at = np.flatnonzero(whole)
+            complete = complete & ~velocity.partial.any(axis=(1, 2))
+        at = np.flatnonzero(complete)
         return at, velocity.value[at], velocity.covariance[at]
     if antenna.position is None:
         return np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3, 3))
@@ -171,15 +171,15 @@ def _is_quiet(
     """
     m, d = moment.shape
     at_rest = at_rest & np.isfinite(moment).all(axis=1)
-    known = np.where(at_rest[:, None], moment, 0.0)
+    at_rest_moment = np.where(at_rest[:, None], moment, 0.0)
     # Whether a window is at rest is known when the window after it is over.
     last = np.maximum(np.arange(m) - 1, 0) if causal else np.full(m, m - 1)
     number = np.maximum(at_rest.cumsum()[last], 1)
-    usual = known.cumsum(axis=0)[last] / number[:, None]
+    usual = at_rest_moment.cumsum(axis=0)[last] / number[:, None]
     has_rested = (usual > 0).all(axis=1)
     usual[~has_rested] = 1.0
     T = (np.where(np.isfinite(moment), moment, np.inf) / usual).mean(axis=1)
-    products = np.einsum("ma,mb->mab", known, known).cumsum(axis=0)[last]
+    products = np.einsum("ma,mb->mab", at_rest_moment, at_rest_moment).cumsum(axis=0)[last]
     square = np.einsum("mab,ma,mb->m", products, 1 / usual, 1 / usual) / d**2 / number
     freedom = 2.0 / np.maximum(square - 1.0, 2.0 / (d * white))
     return np.asarray(has_rested & (f_ratio.isf(_MISSED / 2, freedom, freedom * number) > T))

@@ -89,8 +89,8 @@ def heights(
     if causal and barometer.wander_m:
         noise_m = float(np.hypot(barometer.noise_m, _as_noise_m(barometer)))
         barometer = replace(barometer, wander_m=0.0, noise_m=noise_m)
-    found = heights_of(barometer, imu.position_b_m, flight.origin, t_s, p_n_m, value[:, 0])
-    return found, losses
+    measured = heights_of(barometer, imu.position_b_m, flight.origin, t_s, p_n_m, value[:, 0])
+    return measured, losses
 
 
 def heights_of(
@@ -177,12 +177,12 @@ def _sampled(
         before = have_s[following - 1]
         same = np.minimum(np.abs(t_s - before), np.abs(have_s[following] - t_s)) < SAME_S
         valid &= same | (have_s[following] - before <= _LONGEST_S)
-    found = np.full((len(t_s), values.shape[1]), np.nan)
+    interpolated = np.full((len(t_s), values.shape[1]), np.nan)
     for k, column in enumerate(values.T):
-        found[valid, k] = np.interp(t_s[valid], have_s, column)
-    left = len(have_s) - int(valid.sum())
+        interpolated[valid, k] = np.interp(t_s[valid], have_s, column)
+    unmatched = len(have_s) - int(valid.sum())
     reason = "not at a keyframe, or not alone there"
-    return found, (Loss(what=what, reason=reason, count=left),) if left > 0 else ()
+    return interpolated, (Loss(what=what, reason=reason, count=unmatched),) if unmatched > 0 else ()
 
 
 def _latest(
@@ -192,10 +192,10 @@ def _latest(
     sample = np.searchsorted(have_s, t_s + SAME_S) - 1
     fresh = (sample >= 0) & (np.diff(sample, prepend=-1) > 0)
     fresh &= t_s - have_s[sample.clip(0)] <= LONGEST_STEP_S
-    found = np.full((len(t_s), values.shape[1]), np.nan)
-    found[fresh] = values[sample[fresh]]
-    left, reason = len(have_s) - int(fresh.sum()), "not the newest at a keyframe"
-    return found, (Loss(what=what, reason=reason, count=left),) if left > 0 else ()
+    newest = np.full((len(t_s), values.shape[1]), np.nan)
+    newest[fresh] = values[sample[fresh]]
+    unmatched, reason = len(have_s) - int(fresh.sum()), "not the newest at a keyframe"
+    return newest, (Loss(what=what, reason=reason, count=unmatched),) if unmatched > 0 else ()
 
 
 def _as_noise_m(barometer: Barometer) -> float:

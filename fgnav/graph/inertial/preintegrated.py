@@ -210,30 +210,30 @@ class Inertial:
                 (imu.gyroscope_bias_walk_radps_per_sqrt_s or 0.0) ** 2,
             ]
         )
-        own = np.isclose(self.accelerometer_noise, variances[0])
-        own &= np.isclose(self.gyroscope_noise, variances[1])
+        of_unit = np.isclose(self.accelerometer_noise, variances[0])
+        of_unit &= np.isclose(self.gyroscope_noise, variances[1])
         steps = [*np.diag(variances), np.zeros(len(variances))]
         parameters = [
             _one_noise(self, variance, 0.0 if k < len(variances) else INTEGRATION_M2)
             for k, variance in enumerate(steps)
         ]
         parts = np.zeros((n, len(parameters), _WIDTH, _WIDTH))
-        for k in np.flatnonzero(own).tolist():
-            known = self._store.intervals.get(k) or self._preintegrated(k, np.zeros(_BIASES))
-            R = _whitening(known.factor)
+        for k in np.flatnonzero(of_unit).tolist():
+            stored = self._store.intervals.get(k) or self._preintegrated(k, np.zeros(_BIASES))
+            R = _whitening(stored.factor)
             for c, one in enumerate(parameters):
-                C = self._integrated(k, known.bias, one, _COARSE_STEPS).preintMeasCov()
+                C = self._integrated(k, stored.bias, one, _COARSE_STEPS).preintMeasCov()
                 parts[k, c] = R @ C @ R.T
-        parts[~own, -1] = np.eye(_WIDTH)
+        parts[~of_unit, -1] = np.eye(_WIDTH)
         return NoiseParts(INERTIAL_NOISES, parts[:, :-1], parts[:, -1])
 
     def _preintegrated(self, k: int, bias: FloatArray) -> _Preintegrated:
         """Return interval k about biases near enough to those given for a linear correction."""
-        known = self._store.intervals.get(k)
+        stored = self._store.intervals.get(k)
         span_s = self.t_s[k + 1] - self.t_s[k]
         # The correction for the accelerometer's bias alone is exact.
-        if known is not None and np.abs(bias[3:] - known.bias[3:]).max() * span_s < TURNED_RAD:
-            return known
+        if stored is not None and np.abs(bias[3:] - stored.bias[3:]).max() * span_s < TURNED_RAD:
+            return stored
         bias = np.array(bias)
         made = self._integrated(k, bias)
         factor = gtsam.GalileanCombinedImuFactor(

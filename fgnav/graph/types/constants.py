@@ -117,8 +117,8 @@ class Constants:
         """Return the covariance before the flight, (b, b)."""
         P = np.zeros((self.width, self.width))
         for part, first in zip(self.parts, self.first, strict=True):
-            own = slice(first, first + part.size)
-            P[own, own] = part.covariance
+            columns = slice(first, first + part.size)
+            P[columns, columns] = part.covariance
         return P
 
     def started_at(self, values: FloatArray) -> "Constants":

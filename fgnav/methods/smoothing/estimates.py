@@ -222,10 +222,12 @@ def origin_motion(
     """
     R_nb, P, n = solution.states.R_nb, solution.covariance, len(w_b_radps)
     lever, width = constants.columns("lever-arm"), P.shape[1]
-    found = solution.states.constants if solution.constants is None else solution.constants
+    constant_values = (
+        solution.states.constants if solution.constants is None else solution.constants
+    )
     arm_b_m: FloatArray = np.tile(-body.position_b_m, (n, 1))
     if lever.stop:
-        arm_b_m += found[..., lever]
+        arm_b_m += constant_values[..., lever]
     arm = skew(arm_b_m)
     earth_b_radps = np.einsum("nji,j->ni", R_nb, body.earth_rate_n_radps)
     relative_radps = w_b_radps - earth_b_radps if body.gyroscope else w_b_radps
@@ -240,8 +242,8 @@ def origin_motion(
     B[:, :, RATE] = R_nb @ arm if body.gyroscope else -R_nb @ arm
     if lever.stop:
         cross = solution.constant_cross[:, :, lever]
-        own = solution.constant_covariance[:, lever, lever]
-        P = np.asarray(np.block([[P, cross], [cross.swapaxes(1, 2), own]]))
+        lever_covariance = solution.constant_covariance[:, lever, lever]
+        P = np.asarray(np.block([[P, cross], [cross.swapaxes(1, 2), lever_covariance]]))
         spin = skew(relative_radps)
         A = np.concatenate([A, R_nb], axis=2)
         B = np.concatenate([B, R_nb @ spin], axis=2)

@@ -78,12 +78,12 @@ def _turned(prepared: PreparedFlight, turn_rad: float, from_s: float) -> Prepare
         covariance_rad2=across @ level @ across + ROTATION_PRIOR_RAD**2 * np.outer(down_b, down_b),
     )
     base = prepared.windowed if prepared.in_motion is None else prepared.in_motion
-    known = replace(base, start=start, attitude_prior=prior)
+    aligned = replace(base, start=start, attitude_prior=prior)
     at_rest = opening.until_s == np.inf
     return replace(
         prepared,
-        problem=known if at_rest else prepared.problem,
-        windowed=known,
+        problem=aligned if at_rest else prepared.problem,
+        windowed=aligned,
         opening=None if from_s <= prepared.problem.t_s[0] else replace(opening, until_s=from_s),
     )
 

@@ -40,18 +40,18 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
     if not isinstance(motion, GyroFree) or len(prepared.problem.t_s) > _MOST:
         return prepared
     stated = (_score(prepared.problem), prepared.problem)
-    known = {_BEGIN: _candidate(prepared.problem, motion, _BEGIN)}
+    candidates = {_BEGIN: _candidate(prepared.problem, motion, _BEGIN)}
     here = _BEGIN
     while True:
         around = [(here[0] + a, here[1] + b) for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))]
         for place in around:
-            if place not in known and min(place) >= _LEAST and place[0] <= _LONGEST:
-                known[place] = _candidate(prepared.problem, motion, place)
-        best = max((here, *(p for p in around if p in known)), key=lambda p: known[p][0])
+            if place not in candidates and min(place) >= _LEAST and place[0] <= _LONGEST:
+                candidates[place] = _candidate(prepared.problem, motion, place)
+        best = max((here, *(p for p in around if p in candidates)), key=lambda p: candidates[p][0])
         if best == here:
             break
         here = best
-    score, problem = max(stated, known[here], key=lambda pair: pair[0])
+    score, problem = max(stated, candidates[here], key=lambda pair: pair[0])
     if problem is prepared.problem or not np.isfinite(score):
         return prepared
     note = prior_note(_prior(here))
@@ -86,7 +86,7 @@ def _candidate(
 def _score(problem: SmoothingProblem) -> float:
     """Return the log evidence where a search ends; nothing where it has no solution."""
     try:
-        found = solve_batch(problem, most=_ITERATIONS)
-        return log_evidence(problem, found.states)
+        solution = solve_batch(problem, most=_ITERATIONS)
+        return log_evidence(problem, solution.states)
     except NoSolutionError:
         return -np.inf

@@ -101,16 +101,16 @@ def _open_throughout(prepared: PreparedFlight) -> Opening | None:
 
 def _at_batch(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> SmoothingProblem:
     """Return the problem, its search started where the batch has the flight."""
-    found = at_once(prepared, own, "chain" if not own else "gtsam")
-    if prepared.rough and not found.converged:
+    batch = at_once(prepared, own, "chain" if not own else "gtsam")
+    if prepared.rough and not batch.converged:
         raise NoSolutionError(
             f"attitude: the {TURN} is left open: the batch, where windows are linearised, ends in "
             "no minimum that explains the measurements; gravity directions would determine it"
         )
     return replace(
         prepared.problem,
-        start=found.states,
-        constants=prepared.problem.constants.started_at(found.states.constants),
+        start=batch.states,
+        constants=prepared.problem.constants.started_at(batch.states.constants),
         attitude_known=np.ones_like(prepared.problem.attitude_known),
     )
 
@@ -140,21 +140,21 @@ def _about_headings(
     from fgnav.solve.headings import over_headings  # noqa: PLC0415  # lazy: the chain
     from fgnav.solve.minima import Minimum  # noqa: PLC0415
 
-    def searched(held: SmoothingProblem) -> "Minimum":
+    def searched(conditioned: SmoothingProblem) -> "Minimum":
         if own:  # the chain knows none
             from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
 
-            return minimum(held, own)
-        solution = chain.solve_batch(held, most=_ROUGHLY)
-        return Minimum(solution, chain.log_evidence(held, solution.states))
+            return minimum(conditioned, own)
+        solution = chain.solve_batch(conditioned, most=_ROUGHLY)
+        return Minimum(solution, chain.log_evidence(conditioned, solution.states))
 
     headings = over_headings(problem, opening, searched)
-    begin, is_told = headings.ends[0].solution, headings.is_told
-    likeliest = problem if is_told else headings.problems[0]
+    begin, is_observable = headings.ends[0].solution, headings.is_told
+    likeliest = problem if is_observable else headings.problems[0]
     if solver == "chain":
         solution = chain.solve_batch(likeliest, begin=begin.states)
     else:
         from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
 
         solution = minimum(likeliest, own, begin.states).solution
-    return solution if is_told else headings.mixed(solution)
+    return solution if is_observable else headings.mixed(solution)

@@ -46,10 +46,10 @@ def keyframe_problem(
         If the first has nothing to start from, or a body without a gyroscope no rate prior.
     """
     if before is None:
-        R_nb, p_n_m, known = *_first(now, set_up), True
+        R_nb, p_n_m, has_attitude = *_first(now, set_up), True
     else:
         attitude, p_n_m = _attitude(now), before.p_n_m
-        R_nb, known = np.eye(3) if attitude is None else attitude, attitude is not None
+        R_nb, has_attitude = np.eye(3) if attitude is None else attitude, attitude is not None
     t_s = np.array([now.t_s - _BEFORE_S if before is None else before.t_s, now.t_s])
     n, has_gyroscope = len(t_s), now.imu.w_b_radps is not None
     gravity_n_mps2 = np.tile(set_up.origin.gravity_n_mps2(p_n_m[None]), (n, 1))
@@ -68,7 +68,7 @@ def keyframe_problem(
         motion=_motion(now, set_up, t_s, gravity_n_mps2, constants),
         measurements=measurements_of(_recorded(now, set_up, sensed, gravity_n_mps2), constants),
         constants=constants,
-        attitude_known=np.full(n, known),
+        attitude_known=np.full(n, has_attitude),
     )
 
 
