@@ -134,7 +134,7 @@ def constants_of(
     words : tuple of CalibrationRequest
     flight : Flight
     gravity : bool
-        Whether something tells the direction of gravity.
+        Whether directions of gravity are measured.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def constants_of(
     lacking = {
         "landmark": flight.seeker is None and "the flight has no [seeker]",
         "boresight": flight.seeker is None and "the flight has no [seeker]",
-        "gravity": not gravity and "nothing tells the direction of gravity; see --gravity",
+        "gravity": not gravity and "no source of the direction of gravity; see --gravity",
         "lever-arm": flight.imu is None and "the flight has no [imu]",
         "clock": flight.imu is None and "the flight has no [imu]",
         "velocity-delay": (flight.fixes is None or flight.fixes.v_n_mps is None)
@@ -159,7 +159,7 @@ def constants_of(
             continue
         if word.kind in _TURNS:
             # Begun and expected where it was found: a window that learns a turn of
-            # degrees anew marginalises what it has linearised far from it.
+            # degrees by itself marginalises factors linearised far from it.
             stated = -np.array(word.turned_rad)
             constants.append(replace(turn_of(word.kind, word.sigma), stated=stated))
             continue
@@ -178,7 +178,7 @@ def turn_of(name: str, sigma_rad: float = _TURN_RAD) -> FlightConstant:
 
 
 def of_vehicle(word: CalibrationRequest) -> FlightConstant:
-    """Return the constant that a word asks for, of all but antennas."""
+    """Return the constant that a word requests, of all but antennas."""
     kind = _KINDS[word.kind]
     return flight_constant(word.kind, kind.axes, "rad" if kind.degrees else "m", word.sigma)
 
@@ -222,7 +222,7 @@ def with_evidence(
     Raises
     ------
     NoSolutionError
-        Naming one of which nothing tells.
+        Naming one that is not observable.
     """
     for one in constants:
         if one.name in ("landmark", "boresight") and not sight:
@@ -252,7 +252,7 @@ def mean_rate() -> FlightConstant:
 
 
 def _antennas(word: CalibrationRequest, flight: Flight) -> tuple[int, ...]:
-    """Return which antennas a word means; the reference is where its own lever arm says."""
+    """Return which antennas a word means; the reference has the lever arm."""
     count = len(flight.antennas)
     if count < 2 or flight.observations is None:
         raise BadInputError("estimate antennas: the flight has no array of antennas")

@@ -92,7 +92,7 @@ def without_stuck_axes(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
 def stuck_axis(x: FloatArray, axis: int, in_runs: BoolArray) -> tuple[int, int] | None:
     """Return first sample and number of the longest run of equal ones of one axis, or None.
 
-    Rounding at rest repeats samples of all axes, so that the others say how often it does there.
+    Rounding at rest repeats samples of all axes, so that the others show how often it does there.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where a recording has holes: keyframes within them, straight lines across, and what to say."""
+"""Where a recording has holes: keyframes within them, straight lines across, and notes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

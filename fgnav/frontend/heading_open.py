@@ -1,10 +1,10 @@
 """A filter before its heading is known: level alone, and a specific force that points anywhere.
 
-Until something tells the heading, each horizontal acceleration, whose direction in body axes nobody
-knows, is noise of the accelerometer: its power spectral density is that of a process of this size
+Until the heading is observable, each horizontal acceleration, of unknown direction in body axes,
+is noise of the accelerometer: its power spectral density is that of a process of this size
 held for half an alignment's window. Else a window at rest takes the accelerometer's noise for
-motion, which tells a heading that is none. A filter runs about an arbitrary heading meanwhile; once
-it is known it begins anew at the first keyframe, linearised where the gyroscope carries that
+motion, and so finds a spurious heading. A filter runs about an arbitrary heading meanwhile; once
+it is known it begins again at the first keyframe, linearised where the gyroscope carries that
 heading back to: nothing that was marginalised is wrong by a turn.
 """
 
@@ -32,7 +32,7 @@ _SURE_MPS2 = 0.3  # of their noise: a third of what cars, boats and walkers acce
 def until_motion(
     problem: SmoothingProblem, stage: Aligned, track: Tracked, initial: InitialAttitude | None
 ) -> SmoothingProblem:
-    """Return a problem whose specific force tells no heading before motion does.
+    """Return a problem without information about heading by specific force before motion.
 
     Its first heading is known as well as the gyroscope carries it back from there.
     """

@@ -21,7 +21,7 @@ from fgnav.process.prediction import Turning, filtered, filtered_back, smoothed
 from fgnav.process.volatility import varying_rate_prior
 from fgnav.types.flight import Flight
 
-_FEWEST = 5  # attitudes that tell how a body turns
+_FEWEST = 5  # attitudes for hyperparameters
 _FIRST = 2  # attitudes that a causal prediction begins with
 _UNKNOWN_RAD = 0.5  # of a direction: its cosine errs by a tenth, what is linear about it holds
 # Integration steps per inertial sample. Without a gyroscope the quadrature of one step errs by .02
@@ -39,7 +39,7 @@ def motion_of(
 ) -> tuple[Motion, Turning | None, tuple[str, ...]]:
     """Return what leads from keyframe to keyframe, gaps included, and what to note.
 
-    Without a gyroscope also how attitudes alone say that the body turns.
+    Without a gyroscope also the rotation predicted by attitudes alone.
     """
     stage, track = stages
     imu, inflated = stage.record.imu, stage.record.inflated
@@ -109,8 +109,8 @@ def _rate_priors(
     n = len(start.t_s) - 1
     if settings.rate_prior is None and sure.sum() < _FEWEST:
         raise NoSolutionError(
-            f"rate: {int(sure.sum())} epochs with an attitude are too few to tell how the body "
-            f"turns without a gyroscope, needs {_FEWEST}; or state rate_prior"
+            f"rate: {int(sure.sum())} epochs with an attitude are too few to identify the "
+            f"rate's process without a gyroscope, needs {_FEWEST}; or state rate_prior"
         )
     if settings.causal and settings.rate_prior is None:
         poles, variance = _causal_priors(start, sure)
@@ -153,7 +153,7 @@ def _causal_priors(start: Alignment, sure: BoolArray) -> tuple[FloatArray, Float
 
 
 def is_predicted(turning: Turning) -> BoolArray:
-    """Return at which times, (n,), attitudes tell rotations well enough to linearise there."""
+    """Return at which times, (n,), predicted rotations are good enough to linearise there."""
     return np.asarray(np.trace(turning.covariance[:, :3, :3], axis1=1, axis2=2) < _UNKNOWN_RAD**2)
 
 
@@ -161,7 +161,7 @@ def _is_direction_unknown(stage: Aligned, predictions: tuple[Turning, ...]) -> B
     """Return the intervals, (n - 1,), over which nobody knows where the specific force points.
 
     Where the rotation across it, as the prior leads on from the attitudes before, or back from
-    those after, is unknown by more than half a radian, the force would tell attitude by a
+    those after, is unknown by more than half a radian, the force would determine attitude by a
     linearisation that holds no longer.
     """
     start, imu = stage.start, stage.record.imu

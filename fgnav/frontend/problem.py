@@ -44,7 +44,7 @@ from fgnav.types.integers import Integers
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class PreparedFlight:
-    """A smoothing problem, and what is to be said of it.
+    """A smoothing problem, and what is reported of it.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class PreparedFlight:
     causal : bool
         Whether each keyframe is to be known by what came before it alone.
     windowed : SmoothingProblem
-        The same for windows: its specific force tells no heading before motion does.
+        The same for windows: without information about heading by specific force before motion.
     in_motion : SmoothingProblem or None
         As it were if the heading was known: horizontal accelerations are no noise anywhere.
     opening : Opening or None
@@ -72,7 +72,7 @@ class PreparedFlight:
     tests : tuple of Consistency
         Of the inertial unit, where its noise was identified as more than any noise.
     array : tuple of DoubleDifferences and ndarray, or None
-        Phases of the array, and what of them tells its attitudes, without integers.
+        Phases of the array, and the ranges of its attitudes, without integers.
     stretches : tuple of Stretch
         In place of all this, of a causal method whose noise is identified as the flight goes on.
     axes : BodyAxes or None
@@ -159,7 +159,7 @@ def build_problem(
 ) -> PreparedFlight:
     """Return the smoothing problem of a flight: its GNSS epochs within the inertial record.
 
-    Of a flight that goes on (``earlier``) keyframes of its last half minute are there to lend what
+    Of a flight that goes on (``earlier``) keyframes of its last half minute provide what
     later ones need of them.
 
     Raises

@@ -99,7 +99,7 @@ def is_repeated(x: FloatArray, *, causal: bool = False) -> BoolArray:
 
 
 def coarse_step(x: FloatArray, noise: float) -> Step | None:
-    """Return the coarsest step in which an axis is recorded, if its rounding is louder than noise.
+    """Return the coarsest step in which an axis is recorded, if its rounding exceeds the noise.
 
     ``noise``: 1-sigma of a sample.
     """
@@ -115,6 +115,6 @@ def coarse_step(x: FloatArray, noise: float) -> Step | None:
 
 
 def _between(t_s: FloatArray, x: FloatArray) -> float:
-    """Return the variance of what a cubic errs by between samples, of the loudest axis."""
+    """Return the variance of what a cubic errs by between samples, of the noisiest axis."""
     off = x[1:-1:2] - CubicSpline(t_s[::2], x[::2])(t_s[1:-1:2])
     return float((off**2).mean(axis=0).max() / 4**_ORDER)

@@ -49,7 +49,7 @@ class Aligned(NamedTuple):
 
     @property
     def heading_known_s(self) -> float:
-        """The first keyframe whose past tells the heading, beside a gyroscope; or infinite."""
+        """The first keyframe whose past determines the heading, beside a gyroscope; or infinite."""
         if not self.start.valid.any():
             return np.inf
         first_s = float(self.start.t_s[self.start.valid.argmax()])
@@ -80,7 +80,7 @@ class Tracked(NamedTuple):
 
 
 def inertial_record(flight: Flight) -> Imu:
-    """Return the accelerometer's record, if it says anything of motion."""
+    """Return the accelerometer's record, of two samples at least."""
     if flight.imu is None:
         raise NoSolutionError("motion: between epochs it needs an [imu], the flight has none")
     if len(flight.imu.t_s) < 2:
@@ -141,7 +141,7 @@ def _keyframes(imu: Imu, epochs: Alignment) -> tuple[Alignment, int, tuple[Loss,
 def _float_arcs(
     start: Alignment, settings: ProblemSettings, requested: tuple[FlightConstant, ...]
 ) -> tuple[Alignment, FloatArcs]:
-    """Let epochs without integers tell attitudes, where the array's shape is no question."""
+    """Add attitudes of epochs without integers, unless the array's shape is estimated."""
     if any(one.name.startswith("antenna ") for one in requested):
         return start, FloatArcs(stretch=np.full(len(start.t_s), -1, dtype=np.int64), count=0)
     start, float_arcs = with_float_arcs(start, settings.false_alarm)
@@ -157,7 +157,7 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
     Raises
     ------
     NoSolutionError
-        If nothing tells a position.
+        If there is no position.
     """
     record, start, causal = stage.record, stage.start, stage.causal
     t_s, own = start.t_s, start.own
@@ -256,9 +256,9 @@ def reason_without_attitude(imu: Imu, start: Alignment, covered: BoolArray) -> s
         return f"array phases contradict each other at {int(start.refused.sum())} epochs"
     if start.unobservable:
         angles = " and ".join(start.unobservable)
-        return f"the array leaves {angles} open; a baseline out of line, or Doppler, would tell"
+        return f"the array leaves {angles} open; a baseline out of line or Doppler determines them"
     if start.form is not None and not start.valid.any():
         return "the integers of the array's phases are not fixed, or too few"
     if start.form is None and not start.valid.any():
-        return "with one antenna it takes Doppler or velocities, or a line of sight, to tell roll"
+        return "with one antenna roll needs Doppler or velocities, or a line of sight"
     return f"{int((covered & start.valid).sum())} within the accelerometer's record"

@@ -1,4 +1,4 @@
-"""Whether measurements and solution agree as well as both say they do: innovations, normalised.
+"""Whether measurements and solution agree as well as both state: normalised innovations.
 
 Each measurement is held against what the solution would be without it: of a filter's states that
 is the innovation, of smoothed ones the deletion residual [1]_. A whitened residual r of Jacobian J
@@ -41,7 +41,7 @@ class Innovations(NamedTuple):
 
     squared: FloatArray  # (k,)
     freedom: IntArray  # (k,)
-    tested: BoolArray  # (k,): whether anything but the measurement itself tells its residual
+    tested: BoolArray  # (k,): whether anything but the measurement itself determines its residual
 
 
 def consistency(problem: SmoothingProblem, solution: Solution) -> tuple[Consistency, ...]:

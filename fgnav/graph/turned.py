@@ -19,7 +19,7 @@ from fgnav.optional_gtsam import gtsam
 
 ARRAY_TURN, UNIT_TURN = "array turn", "unit turn"  # of the array alone; of all but the unit
 # 1-sigma to which either is put into a body: 4 mm on a metre. What stays of velocities under a sky
-# that the body hides as it leans is as much (scenario rough: 0.3 to 0.8 degree of right flights).
+# that the body hides as it rolls is as much (scenario rough: 0.3 to 0.8 degree of right flights).
 MOUNTED_RAD = float(np.radians(0.2))
 _ARRAY = ("array phases",)
 _LASTING = 9  # most that a keyframe's vector ends in of phases that err lastingly: by elements

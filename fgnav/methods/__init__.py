@@ -76,9 +76,9 @@ class Options:
 def gravity_source(
     name: str | None, factors: tuple[str, ...]
 ) -> tuple[GravityEstimator | None, tuple[str, ...]]:
-    """Return who tells gravity by a name, and factors with what that is another name of.
+    """Return the gravity estimator of a name, and factors, to which former names belong.
 
-    Networks that tell it are factors; their names as estimators hold for one version.
+    Networks for it are factors; their names as estimators hold for one version.
     """
     if name is None:
         return None, factors
@@ -109,7 +109,7 @@ def method_named(
     name : str
     resolver : Resolver
     gravity, estimate, lag_s
-        As in ``Options``, over what those say.
+        As in ``Options``, which they override.
     options : Options, optional
 
     Raises

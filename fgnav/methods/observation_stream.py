@@ -39,7 +39,7 @@ class _Keyframe(NamedTuple):
 
 @dataclass(slots=True)
 class _Span:
-    """Keyframes from a time on, with noise and times as they were told by then."""
+    """Keyframes from a time on, with noise and times as identified by then."""
 
     from_s: float
     told: "Look"
@@ -62,7 +62,7 @@ class ObservationStream:
 
     Of one antenna, or fixes, beside a gyroscope it keeps half a minute of records once the heading
     is known, and an epoch costs the same however long it runs. Where noise is identified it keeps
-    all of them (20 MB an hour, of 2 and 100 samples a second) and runs anew whenever that has
+    all of them (20 MB an hour, of 2 and 100 samples a second) and runs again whenever that has
     doubled. Of arrays, bodies without a gyroscope, and beside a base, a detector, a gravity
     estimator or wheels it keeps and reads all of them at every epoch: for short flights
     (docs/model.md).
@@ -138,7 +138,7 @@ class ObservationStream:
         Raises
         ------
         NoSolutionError
-            If all that has come tells no state.
+            If all that has come determines no state.
         """
         return self._estimate(np.inf)
 
@@ -205,7 +205,7 @@ class ObservationStream:
         return flight
 
     def _keyframe(self, prepared: PreparedFlight, look_s: float, at_s: float) -> _Keyframe:
-        """Let a keyframe enter the window, which begins anew where its problem is another one."""
+        """Let a keyframe enter the window, which begins again where its problem is another one."""
         from fgnav.solve.fixed_lag import FixedLag  # noqa: PLC0415  # lazy: gtsam
 
         opening = prepared.opening

@@ -236,7 +236,7 @@ class Smoother:
 
     def estimate_prepared(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
         """Estimate a flight whose problem is built."""
-        # Factors of one's own cannot be left out of a flight: what they contradict is said.
+        # Factors of one's own cannot be left out of a flight: what they contradict is noted.
         own = self.factors or flight.networks
         is_tried = self.noise == "identified" and not own
         if self.causal:
@@ -295,7 +295,7 @@ class Smoother:
 class Forward(Smoother):
     """The window's newest state: what a filter knows as the flight goes on, and no more.
 
-    Attributes are those of ``Smoother``; states ``lag_s`` back are still linearised anew.
+    Attributes are those of ``Smoother``; states ``lag_s`` back are still relinearised.
     """
 
     causal: bool = True

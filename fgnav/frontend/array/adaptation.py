@@ -1,12 +1,12 @@
 """Phases of an array that contradict it: detected, identified and adapted in one place [1]_.
 
-A resolver proposes integers, epoch by epoch or arc by arc; who uses the array's phases asks here.
+A resolver proposes integers, epoch by epoch or arc by arc; users of the array's phases call this.
 
 - Detection: the phases of an epoch contradict each other where their residuals fail the chi-square
   test, and an epoch contradicts its arcs where it has other integers than their epochs agree on.
 - Identification: residuals about the attitude that most links of the epoch share (a robust cost)
-  are whole cycles where integers are wrong, or an unseen slip was; other ones tell bad links. What
-  an epoch then says of its arcs counts by its evidence: few links fit some attitude by chance.
+  are whole cycles where integers are wrong, or an unseen slip was; other ones are bad links. An
+  epoch then votes on its arcs by its evidence: few links fit some attitude by chance.
 - Adaptation: an integer becomes that of its arc, or, where the evidence is greater, of the epoch
   itself. Bad links are excluded. An epoch that fails the test again is refused whole, as is one
   that failed it once and neither its arcs nor its own evidence vouches for.
@@ -44,11 +44,11 @@ from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Rejected, open_angle_variance_rad2
 from fgnav.types.integers import SOURCES, Integers, fixed_ranges_m
 
-_NEAR_CYCLES = 0.15  # a residual this near to a whole number says which one it is
+_NEAR_CYCLES = 0.15  # a residual this near to a whole number identifies it
 _MENDED_AT_MOST = 0.4  # of an epoch's links: the majority knows the attitude, not a minority
 _PLACED_CYCLES = 0.1  # 1-sigma of where an antenna is, before its integers are rounded
 _LINK_SIGMAS = 4.5  # beyond, a link contradicts its array
-_EXCLUDED_AT_MOST = 0.25  # of an epoch's links; an epoch with more to say against is refused
+_EXCLUDED_AT_MOST = 0.25  # of an epoch's links; an epoch with more of them is refused
 _ROUNDS = 3  # of excluding links
 
 
@@ -155,7 +155,7 @@ def adapted(
 
 
 def _source(resolved: Integers, believed: Integers, by_arc: BoolArray) -> IntArray:
-    """Return who says what the integers are, (n, b, m): filled ones are of their arcs."""
+    """Return the source of each integer, (n, b, m): filled ones are of their arcs."""
     same = resolved.fixed & (resolved.cycles == believed.cycles)
     of_arc = by_arc | ~resolved.fixed
     named = np.where(of_arc, SOURCES.index("arc"), SOURCES.index("array"))
@@ -224,7 +224,7 @@ class _Chosen(NamedTuple):
     by_arc: BoolArray  # (n, b, m): the arc's, not the epoch's own
     rows: IntArray  # (k,), those in doubt
     R_nb: FloatArray  # (k, 3, 3), what most of their links agree on
-    unsure: BoolArray  # (n,): neither the epoch nor its arcs say enough for them
+    unsure: BoolArray  # (n,): evidence of neither the epoch nor its arcs suffices
 
 
 def _chosen(
@@ -332,9 +332,9 @@ def _off_cycles(differences: DoubleDifferences, integers: Integers, R_nb: FloatA
 def _placed(
     differences: DoubleDifferences, ranges_m: FloatArray, R_nb: FloatArray, links: BoolArray
 ) -> BoolArray:
-    """Return the epochs, (n,), whose attitude some links tell well enough to round the others.
+    """Return the epochs, (n,), whose attitude by some links suffices to round the others.
 
-    Else an antenna would be free to turn about what the others tell, its integers along with it.
+    Else an antenna could turn about the others' solution, its integers along with it.
     """
     used_m = np.where(
         links | (differences.is_reference[:, None] & (ranges_m == 0)), ranges_m, np.nan
@@ -391,7 +391,7 @@ def _sigmas_off(
 ) -> FloatArray:
     """Return by how many sigmas links of some epochs, (k, a, m), are off the others.
 
-    Robust weights tell which are the worst; the rest with its full covariance is three times as
+    Robust weights rank them; the rest with its full covariance is three times as
     accurate, and an attitude that is off makes links look off.
     """
     part, ranges_m, R_nb = epochs_at(differences, rows), ranges_m[rows], R_nb[rows]

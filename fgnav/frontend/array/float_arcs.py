@@ -1,9 +1,9 @@
-"""Phases without integers: what they say of how the attitude changes while their arcs last.
+"""Phases without integers: how the attitude changes while their arcs last.
 
 Double differences y = A x + c of an array are linear in the elements x of R_nb, and as long as the
 arcs last and the satellites hardly move, both A and the unknown c are constant. All that c does to
-x is then a constant u = (A'WA)^-1 A'W c of nine elements, however many links there are: the form
-of the phases, centred by any c, tells x + u. So a stretch of epochs without integers is worth as
+x is then a constant u = (A'WA)^-1 A'W c of nine elements, however many links there are: the form of
+the phases, centred by any c, determines x + u. So a stretch of epochs without integers is worth as
 much as one with them, but for nine dimensions that it shares: real-valued ambiguities, without
 loss. Over a minute the satellites' motion leaves a millimetre of a c that is off by decimetres.
 """
@@ -25,8 +25,8 @@ NAME = "float ambiguities"
 _MOST = 6  # stretches: nine dimensions of each travel through the flight's whole chain
 _LONGEST_S = 60.0
 _FEWEST = 3  # epochs of a stretch
-_NEAR_S = 1.5  # from an attitude that tells about where a stretch begins
-_RATE_EPOCHS = 3  # that tell how fast the body turns there
+_NEAR_S = 1.5  # from an attitude about which a stretch begins
+_RATE_EPOCHS = 3  # for the rate of the body there
 _ROUNDS = 2  # of constants, and of attitudes with what they share
 _ITERATIONS, _SETTLED = 20, 1e-6
 _UNKNOWN = 1.0  # 1-sigma of an element of u: more than attitudes are off
@@ -133,8 +133,8 @@ def _notes(stretch: IntArray, count: int, arcs: int, omitted: int) -> tuple[str,
     notes = []
     if count:
         notes.append(
-            f"Float ambiguities: {arcs} arcs without integers in {count} stretches tell how the "
-            f"attitude changes over {int((stretch >= 0).sum())} epochs."
+            f"Float ambiguities: {arcs} arcs without integers in {count} stretches determine "
+            f"how the attitude changes over {int((stretch >= 0).sum())} epochs."
         )
     if omitted:
         notes.append(f"Phases of {omitted} epochs without integers are not used.")

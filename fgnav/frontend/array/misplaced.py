@@ -1,9 +1,9 @@
 """Antennas that are not where the flight states, by the fixed phases of the array alone.
 
-Of each epoch's baselines u in ``n`` phases say ``|u - minimum|^2`` by J (``shape``); the attitude
-that fits best takes part of a misplacement c of some antennas, the same in body axes all along.
-What is left of it are a score g = dL/dc and its information N, summed over epochs: g' N^-1 g is
-chi-square where all antennas are where they are said to be.
+Each epoch's phases have the cost ``|u - minimum|^2`` by J of baselines u in ``n`` (``shape``); the
+attitude that fits best takes part of a misplacement c of some antennas, the same in body axes all
+along. What is left of it are a score g = dL/dc and its information N, summed over epochs: g' N^-1 g
+is chi-square where all antennas are at their stated places.
 """
 
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Arrays whose antennas are not quite where the flight states: phases that tell the shape, too.
+"""Arrays whose antennas are not quite where the flight states: phases determine the shape, too.
 
 The quadratic form of the rotation takes baselines in body axes as known. Here the unknowns of an
 epoch are the baselines in the frame ``n`` themselves, so that a place in body axes can be estimated
@@ -28,7 +28,7 @@ _MISFIT = 4.0  # times the median: an epoch with wrong integers
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class BaselineForm:
-    """What phases say of the baselines u, (b, 3), in ``n``: ``|root (u - minimum).ravel()|^2 / 2``.
+    """Cost of the baselines u, (b, 3), in ``n``, by phases: ``|root (u - minimum).ravel()|^2 / 2``.
 
     Attributes
     ----------
@@ -138,18 +138,18 @@ def shape_at(
     constants: tuple[FlightConstant, ...],
     names: tuple[str, ...],
 ) -> BaselineForm | None:
-    """Return what phases say, at keyframes, of an array whose shape is estimated.
+    """Return the form of the baselines at keyframes of an array whose shape is estimated.
 
     Parameters
     ----------
     phases : tuple of DoubleDifferences and ndarray, or None
-        Of the array where its phases say it is, and their ranges without integers.
+        Of the array where its phases place it, and their ranges without integers.
     form : RotationQuadratic or None
         Of the rotation, by the same ranges, at keyframes.
     t_s, valid : ndarray, shape (n,)
         Keyframes, and which of them have an attitude by it.
     constants : tuple of FlightConstant
-        They start where the phases say; the baselines returned are those that the flight states.
+        They start where phases place antennas; the baselines returned are those of the flight.
     names : tuple of str
         Of the antennas, the reference first.
     """
@@ -171,10 +171,10 @@ def initial_shape(
 ) -> tuple[Flight, tuple[FlightConstant, ...]]:
     """Return a flight whose array fits its phases, and constants that start there.
 
-    Residuals of an antenna that is some centimetres off would pass for loud noise, or for bad
+    Residuals of an antenna that is some centimetres off would pass for large noise, or for bad
     links. So places are found first from fixed phases alone, attitudes of single epochs beside
     them, by Gauss-Newton; epochs that fit badly have wrong integers and take no part. That only
-    says what to hold phases against, and where the search begins: what is known before stays about
+    decides what phases are tested against, and where the search begins: the prior stays about
     the places that the flight states.
 
     Parameters

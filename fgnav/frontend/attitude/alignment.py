@@ -43,7 +43,7 @@ class Alignment:
     valid : ndarray of bool, shape (n,)
         Whether the epoch has an attitude that its own residuals do not contradict.
     form : RotationQuadratic or None
-        What the array's phases say; None without an array.
+        Of the array's phases; None without an array.
     integers : Integers or None
     phases : tuple of DoubleDifferences and ndarray, or None
         The array's own, and what of them its form is of, without integers, whatever the epochs.
@@ -54,7 +54,7 @@ class Alignment:
     notes : tuple of str
         Among them the gaps.
     unobservable : tuple of str
-        Angles that the array leaves open and no other vector tells.
+        Angles that neither the array nor another vector determines.
     rough : bool
         Whether the covariance is a guess.
     own : OwnRotation or None
@@ -62,7 +62,7 @@ class Alignment:
     gyroscope_bias_b_radps : ndarray, shape (3,), or None
         Where the search for it starts.
     heading_from_s, heading_known_s : float
-        When something begins to tell the heading, and when that is enough.
+        When information about heading begins, and when it is enough.
     motion : EarlierMotion or None
         Of attitudes that a gyroscope carries, for those to come.
     """
@@ -206,7 +206,7 @@ def of_arrays(
 
 
 def _completed_by(start: Alignment, other: Alignment, rows: IntArray) -> Alignment:
-    """Put what another reference antenna tells of some epochs, (k,), in the place of nothing."""
+    """Fill some epochs, (k,), that have none with the attitudes by another reference antenna."""
 
     def put(
         values: FloatArray | BoolArray | IntArray, of: FloatArray | BoolArray | IntArray
@@ -264,9 +264,9 @@ def _of_array(flight: Flight, resolver: Resolver, false_alarm: float, *, causal:
 def _with_vectors(
     flight: Flight, form: RotationQuadratic, t_s: FloatArray, wanted: BoolArray, *, causal: bool
 ) -> RotationQuadratic:
-    """Return forms with what other vectors say of epochs of which an angle is open.
+    """Return forms with other vectors added at epochs of which an angle is open.
 
-    They only say where to start: the smoother's own factors know them better.
+    For where to start alone: the smoother has these vectors as factors of their own.
     """
     track = track_of(flight, causal=causal)
     pairs, _ = measured_vectors(flight, track, causal=causal)
@@ -286,7 +286,7 @@ def _with_vectors(
 def of_motion(
     flight: Flight, imu: Imu, *, causal: bool = False, earlier: EarlierMotion | None = None
 ) -> Alignment:
-    """Return attitudes that a gyroscope carries, from where gravity and motion tell them.
+    """Return attitudes propagated by a gyroscope from where gravity and motion determine them.
 
     Epochs are valid whose heading is known by then: by any time of the flight or, causal, by the
     past. The others have the heading that the search starts with.

@@ -13,7 +13,7 @@ from fgnav.graph.types.problem import ROTATION_PRIOR_RAD
 from fgnav.types.flight import Flight, Imu
 
 OPEN_HEADING = (
-    "Nothing tells the heading but the motion model: it is left open where its sigma is large."
+    "The heading is known by the motion model alone: it is open where its sigma is large."
 )
 
 
@@ -30,7 +30,7 @@ class Carried(NamedTuple):
     own : OwnRotation
     bias_b_radps : ndarray, shape (3,)
     heading_from_s, heading_known_s : float
-        When motion begins to tell the heading, and when it has; infinite where it never does.
+        When motion begins to determine the heading, and when it has; infinite where it never does.
     notes : tuple of str
     motion : EarlierMotion
         Of a flight that goes on.
@@ -53,9 +53,9 @@ def carried_attitudes(
 ) -> Carried:
     """Return attitudes at the epochs of a flight's track.
 
-    Each from the nearest window whose motion tells the heading; causal, from the last such window
-    by then, and valid from the end of the first. Where none does, level, with the heading stated,
-    that of the magnetic field, or zero.
+    Each from the nearest window whose motion determines the heading; causal, from the last such
+    window by then, and valid from the end of the first. Where none does, level, with the heading
+    stated, that of the magnetic field, or zero.
 
     Raises
     ------
@@ -112,5 +112,5 @@ def carried_attitudes(
 
 
 def _first(of_windows_s: FloatArray, determined_s: float) -> float:
-    """Return the first window's time; where there is none, the heading is told or never known."""
+    """Return the first window's time; where there is none, ``determined_s``."""
     return float(of_windows_s[0]) if len(of_windows_s) else determined_s

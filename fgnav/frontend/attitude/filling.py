@@ -17,7 +17,7 @@ def zero_order_hold(t_s: FloatArray, values: FloatArray, valid: BoolArray) -> Fl
 def interpolated_attitudes(t_s: FloatArray, R_nb: FloatArray, valid: BoolArray) -> FloatArray:
     """Turn where an epoch is not valid, (n,), by the cubic between its neighbours; hold the last.
 
-    Of attitudes, (n, 3, 3). Evenly in gaps so long that the rates at their ends say nothing of
+    Of attitudes, (n, 3, 3). Evenly in gaps so long that the rates at their ends do not determine
     their middle.
     """
     good = np.flatnonzero(valid)

@@ -1,6 +1,6 @@
 """In-motion alignment: attitude of a flight with a gyroscope, before any smoothing.
 
-Specific forces of two frames (``force_pairs``), ``alpha = R_nu beta``, tell how one is turned.
+Specific forces of two frames (``force_pairs``), ``alpha = R_nu beta``, determine R_nu.
 Level comes from the mean over a window. Heading is the phase of the complex regression of alpha's
 horizontal part on beta's, each less a straight line in time, which takes out tilt, bias of the
 accelerometer and drift of the gyroscope. Neither needs a noise: with N pairs and a squared
@@ -27,7 +27,7 @@ from fgnav.geometry.rotations import exp
 from fgnav.types.flight import Imu
 
 # T: vehicles speed up and turn within seconds; of positions good to metres only the longer ones
-# tell anything.
+# have any information.
 _SPANS_S = (1.0, 2.0, 4.0)
 WINDOW_S = (
     30.0  # a bias of 0.02 rad/s, a straight line in tilt, turns heading by 0.3 rad to its middle
@@ -36,8 +36,8 @@ _MOST = int(WINDOW_S / _SPANS_S[0]) + 2  # pairs: all windows alike add up in th
 _FEWEST = 4  # pairs beside the two of a straight line
 _CHANCE = 1e-7  # of a heading where there is none: six spans a second are one in half a month
 KNOWN_RAD = 0.25  # 1-sigma of a heading that counts: half a radian is two
-_BEGUN = 0.05  # of what tells the heading lies before motion began: noise, at rest
-_GAIN = (0.5, 2.0)  # of alpha over beta: beyond, fixes and accelerometer tell of different motions
+_BEGUN = 0.05  # of the information about heading lies before motion began: noise, at rest
+_GAIN = (0.5, 2.0)  # of alpha over beta: beyond, fixes and accelerometer have different motions
 _UP_U = np.array([0.0, 0.0, -1.0])  # specific force at rest, frame n, in units of gravity
 
 ComplexArray: TypeAlias = NDArray[np.complexfloating[Any]]
@@ -52,7 +52,7 @@ class InMotion:
     until_s : ndarray, shape (k,)
         Ends of the windows, increasing: nothing later takes part.
     begun_s, middle_s : ndarray, shape (k,)
-        When motion began to tell the heading, and when half of what tells it lies behind.
+        When information about heading begins, and when half of it has come.
     R_nu : ndarray, shape (k, 3, 3)
         Of the axes that do not turn.
     sigma_rad : ndarray, shape (k,)
@@ -109,7 +109,7 @@ class EarlierMotion(NamedTuple):
     def after(self, from_s: float, R_ub: FloatArray) -> "EarlierMotion":
         """Return what is needed of it by samples after a time, the first of which is at R_ub.
 
-        Of windows the first, which says when the heading was known, and those that they may follow.
+        Of windows the first, for when the heading was known, and those that they may follow.
         """
         count = len(self.windows.until_s)
         last = int(np.searchsorted(self.windows.until_s, from_s, side="right")) - 1
@@ -242,9 +242,9 @@ def _windows(pairs: Pairs, after_s: float) -> _Windows:
 def _headings(
     t_s: FloatArray, f_n: FloatArray, f_u: FloatArray, within: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return R_nu, (k, 3, 3), the sigma of its heading, (k,), and what each pair says of it.
+    """Return R_nu, (k, 3, 3), the sigma of its heading, (k,), and each pair's information.
 
-    Infinite where the forces do not tell it. The last, (k, m), is in proportion.
+    Sigma is infinite where it is not observable; information, (k, m), is up to a factor.
 
     Parameters
     ----------

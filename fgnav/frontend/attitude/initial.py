@@ -34,7 +34,7 @@ def level_start(flight: Flight, imu: Imu, own: OwnRotation, at_s: float) -> Floa
 
 
 def heading_without_motion_s(flight: Flight, first_s: float) -> float:
-    """Return from when on a heading is told without motion; infinite where it is not.
+    """Return since when a heading is known without motion; infinite where it is not.
 
     That it was before the first epoch is minus infinity.
     """

@@ -14,19 +14,19 @@ from fgnav.geometry.rotations import exp, log, skew, transpose
 from fgnav.gravity import GravityDirection
 from fgnav.types.flight import Flight
 
-# Attitudes that lean on a velocity along x_b, and hold for two epochs: this is what they are good
-# for when rates are told from them.
+# Of attitudes that assume a velocity along x_b, and hold for two epochs, where rates are derived
+# from them.
 VECTOR_SIGMA_RAD = 0.1
-# Of the specific force that velocities tell: 0.2 to 0.35 m/s2 of 15.
+# Of the specific force by velocities: 0.2 to 0.35 m/s2 of 15.
 _FORCE_SIGMA_RAD = 0.02
-_APART = np.sin(np.radians(15.0))  # of gravity and specific force, to tell the turn about either
+_APART = np.sin(np.radians(15.0))  # of gravity and specific force: the turn about either
 _NOSE_FIRST = (
-    "Nothing but smoothness tells the turn about the specific force: the search for attitudes "
-    "starts with the velocity along x_b, and the estimate holds for a body that flies so."
+    "Only smoothness determines the turn about the specific force: the search for attitudes starts "
+    "with the velocity along x_b, and the estimate is valid for a body that flies so."
 )
-_FEWEST = 5  # attitudes that tell how briskly a body turns
-# And how close: of six turns with gravity told every 5.8 s, three ended at a wrong minimum when
-# these attitudes alone started the search, none when all epochs leant on velocity.
+_FEWEST = 5  # attitudes for a rate
+# And how close: of six turns with gravity every 5.8 s, three ended at a wrong minimum when
+# these attitudes alone started the search, none when all epochs assumed velocity.
 _NEAR_S = 0.5
 
 
@@ -61,9 +61,9 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Vector
     """Return attitudes by specific force and gravity or, failing that, what else there is.
 
     Specific force and gravity are two vectors wherever the body accelerates across gravity; they
-    tell the attitude without any assumption. Where few epochs are near one with both, line of sight
-    closes the angle that specific force leaves open, or else the velocity as x_b, turned as those
-    few have it.
+    determine the attitude without any assumption. Where few epochs are near one with both, line of
+    sight closes the angle that specific force leaves open, or else the velocity as x_b, turned as
+    those few have it.
 
     Raises
     ------
@@ -121,9 +121,9 @@ def _turned_as(
 
 
 def _assumption_note(flight: Flight, pairs: VectorPairs) -> tuple[str, ...]:
-    """Say what the attitudes lean on, where no gyroscope carries what some epochs know to others.
+    """Return a note on what is assumed, where no gyroscope carries attitudes from epoch to epoch.
 
-    Between minima of the smoother's cost a turn apart the data hardly tell: on flights of a body
+    Between minima of the smoother's cost a turn apart the data hardly decide: on flights of a body
     that swings by 20 degrees about all axes, their costs were within one percent.
     """
     gyroscope = flight.imu is not None and flight.imu.w_b_radps is not None

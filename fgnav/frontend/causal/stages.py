@@ -36,7 +36,7 @@ def causal_aligned(
 ) -> Aligned:
     """Return attitudes at keyframes, each from its own epoch, integers and all.
 
-    Of a flight that goes on, ``earlier`` is what its beginning told.
+    Of a flight that goes on, ``earlier`` sums up its beginning.
 
     Raises
     ------

@@ -42,7 +42,7 @@ class AntennaMotion:
 def antenna_motion(
     flight: Flight, imu: Imu, start: Alignment, *, causal: bool = False
 ) -> AntennaMotion:
-    """Return what phase, code and Doppler, or else the receiver's own fixes, say at keyframes.
+    """Return motion by phase, code and Doppler, or else by the receiver's fixes, at keyframes.
 
     Where the first antenna tracks fewer than four satellites another one that does takes its place.
 
@@ -111,7 +111,7 @@ def _with_partial(
 
 
 def _of_fixes(flight: Flight, imu: Imu, t_s: FloatArray) -> AntennaMotion:
-    """Return what the receiver's own fixes say at keyframes."""
+    """Return motion by the receiver's fixes at keyframes."""
     fixes = flight.fixes
     if fixes is None:
         return AntennaMotion(position=None, velocities=())

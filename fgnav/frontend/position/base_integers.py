@@ -46,7 +46,7 @@ class Constraint(NamedTuple):
 
 
 class BaseIntegers(NamedTuple):
-    """Blocks with integers, and what is to be said of them."""
+    """Blocks with integers, and what is reported of them."""
 
     blocks: tuple[ArcBlock, ...]
     fixed: BoolArray  # (b,), whether enough arcs of each block are known for a position
@@ -122,7 +122,7 @@ def without_place(rows: PhaseRows) -> tuple[FloatArray, FloatArray]:
 
 
 def _searched(j: int, of: ArcNames, A: FloatArray, P: FloatArray) -> tuple[Constraint | None, bool]:
-    """Return integers that a block tells anew, and whether enough are known by then."""
+    """Return integers that a block newly fixes, and whether enough are fixed by then."""
     D = _differences(of)
     c = len(of.arc)
     if not len(D):

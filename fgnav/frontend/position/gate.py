@@ -33,7 +33,7 @@ class Gated:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class InertialTrack:
-    """What specific force and approximate attitudes say of the motion.
+    """Motion by specific force and approximate attitudes.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class InertialTrack:
         Approximate rates.
     imu : Imu
     gravity_n_mps2 : ndarray, shape (n, 3)
-    blind : ndarray of bool, shape (n,)
+    untested : ndarray of bool, shape (n,)
         Keyframes without specific force or attitude.
     attitude_sigma_rad : ndarray, shape (n,)
         Of the attitudes, beyond a third of a degree: what gravity is turned by.
@@ -73,12 +73,12 @@ def gated(
 ) -> Gated:
     """Take out fixes that are off their neighbours by more than noise can be.
 
-    Specific force turned by approximate attitudes tells how velocity changes, and velocity how
+    Specific force turned by approximate attitudes determines how velocity changes, and velocity how
     position does, far better over seconds than fixes do. What is left of a fix is nearly constant;
     its distance from the median of its neighbours, a second and a half before and after, is tested
     at six sigmas, of the stated noise and of the flight's own spread together; causal, from the
     median of those before it, and of the stated noise alone. Nothing is tested where the track
-    itself is blind.
+    itself has none.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def _integral(t_s: FloatArray, values: FloatArray) -> FloatArray:
 def _drift(
     t_s: FloatArray, position: VectorSeries, gained_n_mps: FloatArray, *, causal: bool
 ) -> FloatArray:
-    """Return what positions say that the gained velocity lacks, (n, 3), smoothed by medians."""
+    """Return the error of the gained velocity by positions, (n, 3), smoothed by medians."""
     valid = np.flatnonzero(np.isfinite(position.value[:, 0]))
     residual = (position.value - _integral(t_s, gained_n_mps))[valid]
     if len(valid) < 2:

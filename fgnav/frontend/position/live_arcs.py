@@ -14,13 +14,14 @@ from fgnav.gnss.wind_up import wind_up_cycles
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock, PhaseRows
 from fgnav.graph.types.constants import Constants
 
-# Code tells ambiguities once in so long: receivers smooth it over about a second (Kaplan, Hegarty,
-# Understanding GPS, 2nd edition, section 5.6: loop bandwidths of code), and echoes last longer.
+# Code determines ambiguities once in so long: receivers smooth it over about a second (Kaplan,
+# Hegarty, Understanding GPS, 2nd edition, section 5.6: loop bandwidths of code), and echoes last
+# longer.
 _BLOCK_S = 1.0
 _ROUNDING_S = 1e-6
 _STILL_M_PER_SQRT_S = 1e-4  # of ambiguities, which do not move: whitening needs some noise
 _STILL_MPS_PER_SQRT_S = 1e-6
-_UNKNOWN_M = 1e2  # ambiguities, once phase less code is taken off, and before code says more
+_UNKNOWN_M = 1e2  # ambiguities, once phase less code is taken off, and before code
 _REMEMBERED_S = 60.0  # errors of satellites without phase: they walk by centimetres meanwhile
 
 
@@ -201,7 +202,7 @@ def _with_integers(
     *,
     causal: bool,
 ) -> tuple[list[ArcBlock], tuple[str, ...]]:
-    """Return blocks with their integers against a base, and what is to be said of these."""
+    """Return blocks with their integers against a base, and notes on these."""
     epochs: list[list[PhaseRows]] = [[] for _ in blocks]
     for j, one in zip(block.tolist(), rows, strict=True):
         epochs[j].append(one)
@@ -344,10 +345,10 @@ def _places(of: _Arcs, live: _Live, channel: IntArray) -> IntArray:
 
 
 def _led(of: _Arcs, blocks: tuple[_Live | None, _Live], i: int, row: int) -> ArcBlock:
-    """Return a block: what leads to it from the one before, and what its first epoch's code says.
+    """Return a block: the transition from the one before, and its first epoch's code.
 
-    Phase less code is free of geometry and of what stays with satellites: it tells ambiguities but
-    for a clock, common to all, that turns of the antenna wind up.
+    Phase less code is free of geometry and of what stays with satellites: it determines ambiguities
+    but for a clock, common to all, that turns of the antenna wind up.
     """
     before, after = blocks
     c, s = len(after.channel), len(after.satellite)

@@ -1,13 +1,13 @@
 """When a body stands still: seconds as quiet as those in which GNSS measured no velocity.
 
 Of a window of a second there are two statistics. That of stance detectors [1]_ about the window's
-own means, which gravity, biases and a lean leave open,
+own means, which gravity, biases and inclination leave unknown,
 
     T = mean over axes of var / var_0,
 
 and the same of the squares of what means have changed by since the second before: a car that
 gathers way may shake no more than one that stands. var_0 is what the unit has at rest. A data
-sheet has none that holds: an engine that idles shakes a unit tens of times louder. So var_0 is the
+sheet has none that holds: an engine that idles shakes a unit tens of times as much. So var_0 is the
 mean over the windows in which GNSS contradicts no velocity of zero (chi-square test), nor in the
 windows about. Vibration is not white either: T has ``2 / var(T)`` degrees of freedom
 (Satterthwaite), of the same windows, at most those of white noise. A window stands where neither T
@@ -16,7 +16,7 @@ is above what 97.5 % of such F ratios are below and GNSS, if it measured, does n
 The sigma of a velocity of zero is the root mean square of what GNSS measured, or what it states of
 its own errors if that is more, in the quiet windows that it does not contradict. Where GNSS itself
 is silent, it is that of the quiet windows that it contradicts, if there are any: where samples
-cannot tell rest from motion, in a hover or in smooth flight, the speed of that.
+cannot distinguish rest from motion, in a hover or in smooth flight, the speed of that.
 
 References
 ----------

@@ -101,7 +101,7 @@ def heights_of(
     p_n_m: FloatArray,
     height_m: FloatArray,
 ) -> Heights:
-    """Return what a barometer's heights at keyframes, (n,), NaN of none, say of their places.
+    """Return what a barometer's heights at keyframes, (n,), NaN of none, as down coordinates.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def magnetic_field(
 
 
 def field_of(sensor: Magnetometer, field_b_ut: FloatArray) -> MagneticField:
-    """Return what a magnetometer's samples at keyframes, (n, 3), NaN rows of none, say.
+    """Return directions by a magnetometer's samples at keyframes, (n, 3), NaN rows of none.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def _latest(
 
 
 def _as_noise_m(barometer: Barometer) -> float:
-    """Return white noise of samples, 1-sigma, m, as loud at low frequencies as the drift.
+    """Return white noise of samples, 1-sigma, m, of the drift's density at low frequencies.
 
     A Gauss-Markov process of variance s^2 and time constant T has the density ``2 s^2 T`` there.
     """
@@ -218,7 +218,7 @@ def _times(barometer: Barometer, t_s: FloatArray) -> FloatArray:
 
 
 def _between(barometer: Barometer, times_s: FloatArray, t_s: FloatArray) -> float:
-    """Return white noise, m2 at each keyframe, as loud at low frequencies as what lines miss.
+    """Return white noise, m2 at each keyframe, as dense at low frequencies as what lines miss.
 
     A Gauss-Markov process with its values D apart known is Brownian between them, ``2 s^2 / T`` the
     variance it gains in a second: of mean variance ``s^2 D / (3 T)``, its mean over D as

@@ -1,4 +1,4 @@
-"""What a solution says of the constants that were estimated with the flight."""
+"""Estimates of the constants of a flight, for its results and notes."""
 
 import numpy as np
 

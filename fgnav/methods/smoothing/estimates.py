@@ -49,7 +49,7 @@ def estimate_of(
     tests: tuple[Consistency, ...],
     rows: IntArray | None = None,
 ) -> Estimate:
-    """Return the estimate at keyframes, or at some of them, with all that is to be said of it.
+    """Return the estimate at keyframes, or at some of them, with all that is reported of it.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def stated_at(
     part: Solution,
     rows: IntArray,
 ) -> Estimate:
-    """Return what a solution of some rows of a problem says of the body's origin, at GNSS time."""
+    """Return the estimate of the body's origin by some rows of a problem, at GNSS time."""
     t_s = problem.t_s[rows]
     body = Body(
         position_b_m=prepared.imu.position_b_m,
@@ -134,7 +134,7 @@ def stated(
     w_b_radps: FloatArray,
     body: Body,
 ) -> Estimate:
-    """Return what a solution says of the body's origin, and nothing of how it came about.
+    """Return the estimate of the body's origin by a solution, without its circumstances.
 
     Parameters
     ----------

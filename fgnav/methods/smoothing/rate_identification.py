@@ -1,4 +1,4 @@
-"""The prior of rates by the evidence of the whole chain, where attitudes alone cannot tell it.
+"""The prior of rates by the evidence of the whole chain, where attitudes alone do not determine it.
 
 A flight with neither an array nor a gyroscope has attitudes from vectors whose errors last for
 seconds and are not known. What explains positions, velocities and specific forces best is the
@@ -21,7 +21,7 @@ _BEGIN = (-1, 2)  # exponents of where the search begins: 0.3 s, 10 deg/s
 _STEP = 10**0.5  # between neighbours: log-likelihoods a nat apart are a third of that apart
 _LEAST, _LONGEST = -2, 2  # exponents: of lengths 0.1 to 10 s, of rates 0.1 deg/s and up
 _ITERATIONS = 40  # of one candidate; those near the likeliest need ten
-_MOST = 2000  # keyframes: a minute for all candidates; longer flights keep what attitudes say
+_MOST = 2000  # keyframes: a minute for all candidates; longer flights keep that of attitudes
 
 
 def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
@@ -29,7 +29,7 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
 
     Length and variance, the same about all axes, climb from neighbour to neighbour on a grid of
     factors of root ten; where a search starts matters as much, so each candidate is solved. What
-    attitudes had said is a candidate, too.
+    attitudes is a candidate, too.
 
     Parameters
     ----------

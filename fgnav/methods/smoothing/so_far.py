@@ -4,7 +4,7 @@ The innovations of each sensor up to the end of each second are held against the
 (``graph.innovation.band.beyond_s``). When they leave it, the record up to then is treated as a
 whole flight is: its noise is identified, and sensors are left out of it in turn
 (``identification.contradictions``). What is found holds from then on; what was estimated before
-stays as it is. The method then runs anew over all that came before, without what is left out.
+stays as it is. The method then runs again over all epochs before, without what is left out.
 
 Where that mends nothing, it is tried again after 1, 2, 4, ... seconds. Until then there are no
 estimates, if no covariance would hold. Where the record as a whole contradicts nothing, it is
@@ -40,7 +40,7 @@ _REFUSED = "measurements so far contradict each other"
 class CausalMethod(NamedTuple):
     """A causal method, and how its record so far is estimated as a whole flight.
 
-    ``whole`` is None where contradictions are said only; ``waits_s`` is how much of what comes
+    ``whole`` is None where contradictions are only noted; ``waits_s`` is how much of what comes
     later an estimate takes part of.
     """
 
@@ -133,7 +133,7 @@ def _adapt(so_far: _SoFar, method: CausalMethod, known_s: float, *, is_last: boo
 
 
 def _rest(flight: Flight, method: CausalMethod, known_s: float) -> Rest | None:
-    """Return what is consistent of the record up to a time; None if it tells nothing."""
+    """Return what is consistent of the record up to a time; None if it has no solution."""
     if method.whole is None:
         return None
     until_s, whole = known_s + method.waits_s, method.whole

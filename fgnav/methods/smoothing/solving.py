@@ -72,16 +72,17 @@ def at_once(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]", solver: Solv
 
 
 def without_attitudes(prepared: PreparedFlight) -> bool:
-    """Return whether neither an array nor a gyroscope tells how the body turns.
+    """Return whether neither an array nor a gyroscope measures how the body turns.
 
-    Only later motion tells a window where to linearise: of 30 such flights of 30 s, its attitudes
-    erred by 267 sigmas squared (median; 3 is right) where it did so itself, by 1.6 at the batch.
+    Only later motion determines where to linearise a window: of 30 such flights of 30 s, its
+    attitudes erred by 267 sigmas squared (median; 3 is right) where it did so itself, by 1.6 at the
+    batch.
     """
     return prepared.integers is None and prepared.imu.w_b_radps is None
 
 
 def is_known_late(prepared: PreparedFlight) -> bool:
-    """Return whether only later motion tells where to linearise a body without a gyroscope.
+    """Return whether only later motion determines where to linearise, without a gyroscope.
 
     Without attitudes none does before; between two of them it may have turned over: a window goes
     on as the body last turned, and a turn too many is a minimum of its own.
@@ -94,7 +95,7 @@ def is_known_late(prepared: PreparedFlight) -> bool:
 
 
 def _open_throughout(prepared: PreparedFlight) -> Opening | None:
-    """Return what holds a heading that nothing tells; None if something does."""
+    """Return the opening of a heading that is never observable; None if it is."""
     opening = prepared.opening
     return opening if opening is not None and opening.until_s == np.inf else None
 
@@ -135,7 +136,7 @@ def _at_once(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]", solver: Sol
 def _about_headings(
     problem: SmoothingProblem, opening: Opening, own: "tuple[OwnFactor, ...]", solver: Solver
 ) -> Solution:
-    """Return a flight whose heading may be any, or from the likeliest if it tells one after all."""
+    """Return a flight over all headings, or from the likeliest if it is observable after all."""
     from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
     from fgnav.solve.headings import over_headings  # noqa: PLC0415  # lazy: the chain
     from fgnav.solve.minima import Minimum  # noqa: PLC0415

@@ -68,7 +68,7 @@ def going_on(flight: Flight, prepared: PreparedFlight) -> GoingOn | None:
 def _surroundings(flight: Flight, from_s: float) -> dict[str, Any]:
     """Return records of barometer and magnetometer after a time, and how they began.
 
-    Their first samples say since when there are any, and how often.
+    Their first samples are kept for their start and interval.
     """
     kept: dict[str, Any] = {}
     for name in ("barometer", "magnetometer"):

@@ -1,4 +1,4 @@
-"""A keyframe of a stream as a smoothing problem of two rows: the first only lends its time."""
+"""A keyframe of a stream as a smoothing problem of two rows: the first is there for its time."""
 
 from typing import NamedTuple
 
@@ -81,7 +81,7 @@ def _constants(set_up: StreamSetUp, sensed: Sensed, *, gyroscope: bool) -> Const
 
 
 def _sensed(now: Measurements, set_up: StreamSetUp, t_s: FloatArray, p_n_m: FloatArray) -> Sensed:
-    """Return what instruments say, in the last of the rows."""
+    """Return what instruments measured, in the last of the rows."""
     n = len(t_s)
     heights, field = _surroundings(now, set_up, t_s, p_n_m)
     return Sensed(
@@ -95,7 +95,7 @@ def _sensed(now: Measurements, set_up: StreamSetUp, t_s: FloatArray, p_n_m: Floa
 def _surroundings(
     now: Measurements, set_up: StreamSetUp, t_s: FloatArray, p_n_m: FloatArray
 ) -> tuple[Heights | None, MagneticField | None]:
-    """Return what barometer and magnetometer say, in the last of the rows."""
+    """Return samples of barometer and magnetometer, in the last of the rows."""
     barometer, magnetometer, n = set_up.barometer, set_up.magnetometer, len(t_s)
     heights, field = None, None
     if barometer is not None:
@@ -184,7 +184,7 @@ def _first(now: Measurements, set_up: StreamSetUp) -> tuple[FloatArray, FloatArr
     """Return where the first keyframe's search starts."""
     R_nb = now.R_nb if now.R_nb is not None else _attitude(now)
     if R_nb is None:
-        raise BadInputError("first measurements R_nb: needed where no array tells an attitude")
+        raise BadInputError("first measurements R_nb: needed where no array has an attitude")
     if now.position is None:
         raise BadInputError("first measurements position: needed to start from")
     return R_nb, now.position.value - R_nb @ _arm_b_m(now, set_up)
