@@ -4,7 +4,7 @@ import numpy as np
 
 from fgnav.attitude.own_rotation import spun
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
-from fgnav.frontend.attitude.alignment import Alignment
+from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.frontend.calibration_request import MEAN_RATE
 from fgnav.frontend.gaps import Bridged
 from fgnav.frontend.settings import ProblemSettings

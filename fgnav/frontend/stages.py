@@ -8,8 +8,10 @@ import numpy as np
 from fgnav.attitude.own_rotation import own_rotation, spun
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
 from fgnav.frontend.array.float_arcs import FloatArcs, with_float_arcs
-from fgnav.frontend.attitude.alignment import Alignment, align, at_keyframes
-from fgnav.frontend.attitude.filling import interpolated_attitudes
+from fgnav.frontend.attitude.alignment import align
+from fgnav.frontend.attitude.epochs import Alignment, at_keyframes
+from fgnav.frontend.attitude.filling import interpolated_attitudes, zero_order_hold
+from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.attitude.rates import rough_rates, swing_n_mps
 from fgnav.frontend.faulty_samples import without_faulty
 from fgnav.frontend.gaps import (
@@ -102,15 +104,20 @@ def aligned(
     record = bridged(imu)
     down = None if settings.gravity is None else settings.gravity(flight)
     epochs = align(flight, settings.resolver, settings.false_alarm, down)
-    start, count, losses = _keyframes(record.imu, epochs)
+    start, count, losses = chosen_keyframes(record.imu, epochs)
     losses = (*faulty, *losses)
     start, float_arcs = _float_arcs(start, settings, requested)
     rates = rough_rates(record.imu, start.t_s, start.R_nb, start.own)
     return Aligned(record, down, start, float_arcs, rates, count, losses)
 
 
-def _keyframes(imu: Imu, epochs: Alignment) -> tuple[Alignment, int, tuple[Loss, ...]]:
-    """Choose epochs, and times between them, as keyframes; count the rest with their reasons."""
+def chosen_keyframes(
+    imu: Imu, epochs: Alignment, *, causal: bool = False, earlier: EarlierMotion | None = None
+) -> tuple[Alignment, int, tuple[Loss, ...]]:
+    """Choose epochs, and times between them, as keyframes; count the rest with their reasons.
+
+    Causal: times between them do not depend on the next, and go on after the last.
+    """
     turn_rad = None
     if imu.w_b_radps is None and len(epochs.t_s) > 1:
         R_nu = epochs.R_nu  # a spin may be half a turn from one epoch to the next
@@ -119,22 +126,33 @@ def _keyframes(imu: Imu, epochs: Alignment) -> tuple[Alignment, int, tuple[Loss,
         if epochs.own is not None:
             spin_radps = np.linalg.norm(epochs.own.rates(epochs.t_s), axis=1)
             turn_rad = np.nan_to_num(turn_rad) + spin_radps[1:] * np.diff(epochs.t_s)
-    start = at_keyframes(epochs, keyframe_times(epochs.t_s, float(imu.t_s[-1]), turn_rad))
+    usual_s = None if earlier is None else earlier.step_s
+    times_s = keyframe_times(
+        epochs.t_s, float(imu.t_s[-1]), turn_rad, causal=causal, usual_s=usual_s
+    )
+    start = at_keyframes(epochs, times_s)
     t_s = start.t_s
     covered = (t_s >= imu.t_s[0]) & (t_s <= imu.t_s[-1])
     good = np.flatnonzero(covered & start.valid)
     carries = imu.w_b_radps is not None  # attitudes to epochs without one
-    if len(good) < 2 and not (carries and start.form is None and covered.sum() > 1):
+    fewest = 1 if causal else 2
+    is_carried = carries and start.form is None and covered.sum() >= fewest
+    if len(good) < fewest and not is_carried:
         raise NoSolutionError(
             f"attitude: {len(good)} epochs have consistent array phases, or other vectors out of "
-            f"line, to start from; needs 2 or more: {reason_without_attitude(imu, start, covered)}"
+            f"line, to start from; needs {fewest} or more: "
+            f"{reason_without_attitude(imu, start, covered)}"
         )
     early = covered & (np.arange(len(t_s)) < (0 if carries else good[0]))
     start, losses = kept(start, covered, early)
+    if len(start.t_s) < 2:
+        why = reason_without_attitude(imu, start, covered[covered & ~early])
+        raise NoSolutionError(f"attitude: one keyframe, needs 2 or more: {why}")
     if carries and start.own is None:
         first_s = float(start.t_s[start.valid.argmax()])
         start = replace(start, own=own_rotation(imu), heading_from_s=first_s)
-    R_nu = interpolated_attitudes(start.t_s, start.R_nu, start.valid)
+    fill = zero_order_hold if causal else interpolated_attitudes
+    R_nu = fill(start.t_s, start.R_nu, start.valid)
     return replace(start, R_nb=spun(start.own, start.t_s, R_nu)), len(t_s), losses
 
 

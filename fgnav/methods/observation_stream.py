@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fgnav.checks import BadInputError, NoSolutionError
-from fgnav.frontend.problem import PreparedFlight, build_problem
+from fgnav.frontend.prepared import PreparedFlight
+from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.methods.smoother import Forward

@@ -13,7 +13,8 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, positive
 from fgnav.frontend.calibration_request import calibration_requests
-from fgnav.frontend.problem import PreparedFlight, build_problem
+from fgnav.frontend.prepared import PreparedFlight
+from fgnav.frontend.problem import build_problem
 from fgnav.frontend.recording import with_noise_of_record
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.between import regular_times, with_times

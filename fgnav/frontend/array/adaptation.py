@@ -35,11 +35,11 @@ from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.attitude.robust import robust_attitudes
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.array.evidence import BELIEVED_NATS, epoch_evidence, votes_of
-from fgnav.frontend.array.links import link_sigmas, listed, without
+from fgnav.frontend.array.exclusion import excluding, variance_factor
+from fgnav.frontend.array.links import listed, without
 from fgnav.frontend.attitude.filling import zero_order_hold
 from fgnav.geometry.rotations import skew
 from fgnav.integers.arcs.consensus import Consensus, arc_consensus
-from fgnav.integers.epochs import epochs_at
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Rejected, open_angle_variance_rad2
 from fgnav.types.integers import SOURCES, Integers, fixed_ranges_m
@@ -47,9 +47,6 @@ from fgnav.types.integers import SOURCES, Integers, fixed_ranges_m
 _NEAR_CYCLES = 0.15  # a residual this near to a whole number identifies it
 _MENDED_AT_MOST = 0.4  # of an epoch's links: the majority knows the attitude, not a minority
 _PLACED_CYCLES = 0.1  # 1-sigma of where an antenna is, before its integers are rounded
-_LINK_SIGMAS = 4.5  # beyond, a link contradicts its array
-_EXCLUDED_AT_MOST = 0.25  # of an epoch's links; an epoch with more of them is refused
-_ROUNDS = 3  # of excluding links
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -121,8 +118,8 @@ def adapted(
     if len(chosen.rows):
         form = RotationQuadratic.of_ranges(differences, ranges_m)
         attitude = searched_again(attitude, form, chosen.rows, chosen.R_nb)
-    excluded, form, attitude = _excluding(differences, ranges_m, attitude, false_alarm, causal)
-    factor = _variance_factor(attitude, causal=causal)
+    excluded, form, attitude = excluding(differences, ranges_m, attitude, false_alarm, causal)
+    factor = variance_factor(attitude, causal=causal)
     links = chosen.integers.fixed & np.isfinite(without(ranges_m, excluded))
     evidence = epoch_evidence(differences, links, attitude, factor, chosen_of=chosen.integers.fixed)
     if (factor != 1.0).any():
@@ -176,13 +173,6 @@ def _filled_note(
     )
 
 
-def _variance_factor(attitude: AttitudeSolution, *, causal: bool) -> FloatArray:
-    """Return by what the noise's variance is raised, (n,)."""
-    if causal:
-        return attitude.variance_factor_so_far()
-    return np.full(len(attitude.solved), attitude.variance_factor())
-
-
 def _filled(
     differences: DoubleDifferences, integers: Integers, false_alarm: float, *, causal: bool
 ) -> tuple[Integers, AttitudeSolution]:
@@ -196,7 +186,7 @@ def _filled(
     if not (new.any() and integers.fixed.any()):
         return integers, attitude
     sound = attitude.solved & attitude.consistent(false_alarm)
-    factor = _variance_factor(attitude, causal=causal)
+    factor = variance_factor(attitude, causal=causal)
     evidence = epoch_evidence(differences, integers.fixed, attitude, factor)
     arcs, votes = _agreed(differences, integers, evidence, sound, sound, causal=causal)
     new &= arcs.agreed
@@ -241,7 +231,7 @@ def _chosen(
     """
     fixed, cycles = integers.fixed, integers.cycles
     sound = attitude.solved & attitude.consistent(false_alarm)
-    factor = _variance_factor(attitude, causal=causal)
+    factor = variance_factor(attitude, causal=causal)
     evidence = epoch_evidence(differences, fixed, attitude, factor)
     arcs, _ = _agreed(differences, integers, evidence, sound, sound, causal=causal)
     differs = (fixed & arcs.agreed & (cycles != arcs.cycles)).any(axis=(1, 2))
@@ -264,7 +254,7 @@ def _chosen(
         integers, cycles=cycles + np.where((doubtful & trusted)[:, None, None], cycles_off, 0)
     )
     near, mended = _about(differences, rounded, R_links, rows, attitude)
-    factor = _variance_factor(mended, causal=causal)
+    factor = variance_factor(mended, causal=causal)
     by_epoch = epoch_evidence(differences, near, mended, factor, chosen_of=fixed)
     arcs, _ = _agreed(differences, rounded, by_epoch, sound, sound | trusted, causal=causal)
     by_arc = replace(
@@ -350,52 +340,3 @@ def _placed(
 def _share(of_links: BoolArray, links: BoolArray) -> FloatArray:
     """Return the share of an epoch's links, (n, b, m), that a property holds of, (n,)."""
     return np.asarray((of_links & links).sum(axis=(1, 2)) / np.maximum(links.sum(axis=(1, 2)), 1))
-
-
-def _excluding(
-    differences: DoubleDifferences,
-    ranges_m: FloatArray,
-    attitude: AttitudeSolution,
-    false_alarm: float,
-    causal: bool,
-) -> tuple[BoolArray, RotationQuadratic, AttitudeSolution]:
-    """Return the links, (n, a, m), without which others of their epoch agree; form and attitudes.
-
-    Nothing is excluded where that would take too many.
-    """
-    n, b, m = ranges_m.shape
-    excluded, hopeless = np.zeros((n, b + 1, m), dtype=np.bool_), np.zeros(n, dtype=np.bool_)
-    most = _EXCLUDED_AT_MOST * np.isfinite(ranges_m).sum(axis=(1, 2))
-    form = RotationQuadratic.of_ranges(differences, ranges_m)
-    for _ in range(_ROUNDS):
-        factor = _variance_factor(attitude, causal=causal)
-        fails = attitude.solved & ~attitude.consistent(false_alarm, factor) & ~hopeless
-        rows = np.flatnonzero(fails)
-        if not len(rows):
-            break
-        rest_m = without(ranges_m, excluded)
-        R_nb = robust_attitudes(differences, rest_m, attitude.R_nb, fails, causal=causal)
-        sigmas = _sigmas_off(differences, rest_m, R_nb, rows) / np.sqrt(factor[rows, None, None])
-        worst = sigmas.max(axis=(1, 2), keepdims=True)
-        excluded[rows] |= sigmas >= np.minimum(worst, _LINK_SIGMAS)
-        taken = np.isfinite(ranges_m) & np.isnan(without(ranges_m, excluded))
-        hopeless |= taken.sum(axis=(1, 2)) > most
-        excluded[hopeless] = False
-        form = RotationQuadratic.of_ranges(differences, without(ranges_m, excluded))
-        attitude = searched_again(attitude, form, rows, attitude.R_nb[rows])
-    return excluded, form, attitude
-
-
-def _sigmas_off(
-    differences: DoubleDifferences, ranges_m: FloatArray, R_nb: FloatArray, rows: IntArray
-) -> FloatArray:
-    """Return by how many sigmas links of some epochs, (k, a, m), are off the others.
-
-    Robust weights rank them; the rest with its full covariance is three times as
-    accurate, and an attitude that is off makes links look off.
-    """
-    part, ranges_m, R_nb = epochs_at(differences, rows), ranges_m[rows], R_nb[rows]
-    sigmas = link_sigmas(part, ranges_m, R_nb)
-    suspects = sigmas > sigmas.max(axis=(1, 2), keepdims=True) / 2
-    rest = RotationQuadratic.of_ranges(part, without(ranges_m, suspects))
-    return link_sigmas(part, ranges_m, maximum_likelihood(rest, R_nb).R_nb)

@@ -15,7 +15,7 @@ import numpy as np
 from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic, tangent_jacobian
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.frontend.attitude.alignment import Alignment
+from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.geometry.rotations import exp, log
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.types.differences import DoubleDifferences

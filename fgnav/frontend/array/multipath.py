@@ -11,7 +11,7 @@ import numpy as np
 
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.frontend.attitude.alignment import Alignment
+from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.kernels.compiled import kernel
 from fgnav.process.hyperparameters import VERY_STRONG_NATS, likeliest

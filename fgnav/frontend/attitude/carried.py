@@ -1,12 +1,11 @@
 """Attitudes from the first epoch on that a gyroscope carries, of a flight without an array."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from fgnav.attitude.flight_vectors import track_of
-from fgnav.attitude.own_rotation import OwnRotation, spun
-from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.attitude.own_rotation import spun
+from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.frontend.attitude.in_motion import EarlierMotion, in_motion, in_motion_smoothed
 from fgnav.frontend.attitude.initial import LEVEL_S, heading_without_motion_s, level_start
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD
@@ -17,45 +16,14 @@ OPEN_HEADING = (
 )
 
 
-class Carried(NamedTuple):
-    """Attitudes at epochs.
-
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-    R_nb : ndarray, shape (n, 3, 3)
-    sigma_rad : ndarray, shape (n,)
-    valid : ndarray of bool, shape (n,)
-        Whether the heading is known by then.
-    own : OwnRotation
-    bias_b_radps : ndarray, shape (3,)
-    heading_from_s, heading_known_s : float
-        When motion begins to determine the heading, and when it has; infinite where it never does.
-    notes : tuple of str
-    motion : EarlierMotion
-        Of a flight that goes on.
-    """
-
-    t_s: FloatArray
-    R_nb: FloatArray
-    sigma_rad: FloatArray
-    valid: BoolArray
-    own: OwnRotation
-    bias_b_radps: FloatArray
-    heading_from_s: float
-    heading_known_s: float
-    notes: tuple[str, ...]
-    motion: EarlierMotion
-
-
 def carried_attitudes(
     flight: Flight, imu: Imu, *, causal: bool = False, earlier: EarlierMotion | None = None
-) -> Carried:
+) -> Alignment:
     """Return attitudes at the epochs of a flight's track.
 
-    Each from the nearest window whose motion determines the heading; causal, from the last such
-    window by then, and valid from the end of the first. Where none does, level, with the heading
-    stated, that of the magnetic field, or zero.
+    Those are valid whose heading is known by then. Each is from the nearest window whose motion
+    determines the heading; causal, from the last such window by then, and valid from the end of the
+    first. Where none does, level, with the heading stated, that of the magnetic field, or zero.
 
     Raises
     ------
@@ -89,13 +57,14 @@ def carried_attitudes(
         sigma_rad = np.full(len(t_s), ROTATION_PRIOR_RAD)
         determined_s = without_motion_s if causal or without_motion_s == np.inf else -np.inf
     without_motion_s = without_motion_s if causal or without_motion_s == np.inf else -np.inf
-    return Carried(
+    return Alignment(
         t_s=t_s,
         R_nb=spun(motion.own, t_s, R_nu),
-        sigma_rad=sigma_rad,
+        covariance_rad2=sigma_rad[:, None, None] ** 2 * np.eye(3),
         valid=t_s >= determined_s,
+        refused=np.zeros(len(t_s), dtype=np.bool_),
         own=motion.own,
-        bias_b_radps=motion.bias_b_radps,
+        gyroscope_bias_b_radps=motion.bias_b_radps,
         heading_from_s=min(without_motion_s, _first(motion.begun_s, determined_s)),
         heading_known_s=min(without_motion_s, _first(motion.until_s, determined_s)),
         notes=(OPEN_HEADING,) if determined_s == np.inf else (),

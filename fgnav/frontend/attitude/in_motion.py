@@ -178,14 +178,9 @@ def in_motion_smoothed(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> In
         return first
     unbiased = replace(imu, w_b_radps=imu.w_b_radps - bias.bias_b_radps)
     again = in_motion(unbiased, track, gravity_n_mps2)
-    if again is None or not _surer(again, first):
-        return first
+    if again is None or not np.sum(again.sigma_rad**-2) > np.sum(first.sigma_rad**-2):
+        return first  # headings are no surer, all together
     return replace(again, bias_b_radps=bias.bias_b_radps, bias_sigma_radps=bias.sigma_radps)
-
-
-def _surer(motion: InMotion, other: InMotion) -> bool:
-    """Return whether headings are known better than others, all together."""
-    return float(np.sum(motion.sigma_rad**-2)) > float(np.sum(other.sigma_rad**-2))
 
 
 def levelled(f_u: FloatArray) -> FloatArray:

@@ -1,13 +1,14 @@
 """Attitudes of single epochs of a flight without an array: vectors known in two frames."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fgnav.attitude.flight_vectors import Track, measured_vectors, track_of, with_velocity
-from fgnav.attitude.own_rotation import OwnRotation, own_rotation
+from fgnav.attitude.own_rotation import own_rotation
 from fgnav.attitude.vector_pairs import VectorPairs, wahba
 from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.frontend.gaps import time_from_attitude_s
 from fgnav.frontend.matching import nearest
 from fgnav.geometry.rotations import exp, log, skew, transpose
@@ -30,34 +31,7 @@ _FEWEST = 5  # attitudes for a rate
 _NEAR_S = 0.5
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class VectorAttitudes:
-    """Attitudes of epochs, each from that epoch's vectors.
-
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-    R_nb, covariance_rad2 : ndarray, shape (n, 3, 3)
-    valid : ndarray of bool, shape (n,)
-    rough : bool
-        Whether the covariance is a guess.
-    losses : tuple of Loss
-    notes : tuple of str
-    own : OwnRotation or None
-        How the body spins.
-    """
-
-    t_s: FloatArray
-    R_nb: FloatArray
-    covariance_rad2: FloatArray
-    valid: BoolArray
-    rough: bool
-    losses: tuple[Loss, ...]
-    notes: tuple[str, ...] = ()
-    own: OwnRotation | None = None
-
-
-def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> VectorAttitudes:
+def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Alignment:
     """Return attitudes by specific force and gravity or, failing that, what else there is.
 
     Specific force and gravity are two vectors wherever the body accelerates across gravity; they
@@ -79,25 +53,30 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Vector
         if few is not None and _dense(few):
             return replace(few, losses=losses, own=own)
     assumed = with_velocity(pairs, track)
-    attitude = wahba(assumed.directions())
-    determined, n = attitude.rank == 2, len(track.t_s)
-    R_nb = np.where(determined[:, None, None], attitude.R_nb, np.eye(3))
+    start = of_vectors(track.t_s, assumed, losses)
     if few is not None:
         f_n = assumed.directions().v_n[:, pairs.sources.index("specific force")]
-        R_nb = _turned_as(R_nb, determined & np.isfinite(f_n[:, 0]), np.nan_to_num(f_n), few)
-    return VectorAttitudes(
-        t_s=track.t_s,
-        R_nb=R_nb,
-        covariance_rad2=np.tile(VECTOR_SIGMA_RAD**2 * np.eye(3), (n, 1, 1)),
+        determined = start.valid & np.isfinite(f_n[:, 0])
+        start = replace(start, R_nb=_turned_as(start.R_nb, determined, np.nan_to_num(f_n), few))
+    return replace(start, notes=_assumption_note(flight, assumed), own=own)
+
+
+def of_vectors(t_s: FloatArray, pairs: VectorPairs, losses: tuple[Loss, ...]) -> Alignment:
+    """Return attitudes of epochs, (n,), from their vector pairs, of a nominal covariance."""
+    attitude = wahba(pairs.directions())
+    determined = attitude.rank == 2
+    return Alignment(
+        t_s=t_s,
+        R_nb=np.where(determined[:, None, None], attitude.R_nb, np.eye(3)),
+        covariance_rad2=np.tile(VECTOR_SIGMA_RAD**2 * np.eye(3), (len(t_s), 1, 1)),
         valid=determined,
-        rough=True,
+        refused=np.zeros(len(t_s), dtype=np.bool_),
         losses=losses,
-        notes=_assumption_note(flight, assumed),
-        own=own,
+        rough=True,
     )
 
 
-def _dense(attitudes: VectorAttitudes) -> bool:
+def _dense(attitudes: Alignment) -> bool:
     """Return whether most epochs are close to one with an attitude."""
     valid = attitudes.valid
     away_s = time_from_attitude_s(attitudes.t_s, valid)
@@ -105,7 +84,7 @@ def _dense(attitudes: VectorAttitudes) -> bool:
 
 
 def _turned_as(
-    R_nb: FloatArray, determined: BoolArray, f_n: FloatArray, few: VectorAttitudes
+    R_nb: FloatArray, determined: BoolArray, f_n: FloatArray, few: Alignment
 ) -> FloatArray:
     """Return attitudes turned about the specific force, (n, 3), by what a few epochs ask for.
 
@@ -133,7 +112,7 @@ def _assumption_note(flight: Flight, pairs: VectorPairs) -> tuple[str, ...]:
 
 def _by_gravity(
     flight: Flight, track: Track, pairs: VectorPairs, gravity: GravityDirection
-) -> VectorAttitudes | None:
+) -> Alignment | None:
     """Return attitudes by gravity and specific force; None where few epochs have any."""
     row, at_epoch = nearest(gravity.t_s, track.t_s) if len(gravity.t_s) else (None, None)
     if row is None or at_epoch is None:
@@ -160,11 +139,10 @@ def _by_gravity(
     across_b = skew(v_b.reshape(-1, 3)).reshape(*v_b.shape, 3)
     information = np.einsum("nkji,nkjl,nk->nil", across_b, across_b, both.weight)
     information[~valid] = np.eye(3)
-    return VectorAttitudes(
+    return Alignment(
         t_s=track.t_s,
         R_nb=np.where(valid[:, None, None], R_nb, np.eye(3)),
         covariance_rad2=np.linalg.inv(information),
         valid=valid,
-        rough=False,
-        losses=(),
+        refused=np.zeros(len(valid), dtype=np.bool_),
     )

@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
 from fgnav.frontend.array.pivot import pivot_views
-from fgnav.frontend.attitude.alignment import Alignment
+from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.frontend.matching import nearest, unused
 from fgnav.frontend.position.live_arcs import Observed
 from fgnav.frontend.position.series import VectorSeries

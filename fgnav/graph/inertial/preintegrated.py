@@ -19,6 +19,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.graph import keys
+from fgnav.graph.build import as_bias
 from fgnav.graph.inertial.increments import Increments, at_latest, increments, parents
 from fgnav.graph.types.motion import INERTIAL_NOISES, LinearisedMotion, NoiseParts
 from fgnav.graph.types.states import AUX, States
@@ -141,7 +142,7 @@ class Inertial:
             state = gtsam.NavState(
                 gtsam.Rot3(before.R_nb[row]), before.p_n_m[row], before.v_n_mps[row]
             )
-            led = self._preintegrated(k, bias).measured.predict(state, _as_bias(bias))
+            led = self._preintegrated(k, bias).measured.predict(state, as_bias(bias))
             after.R_nb[row] = led.attitude().matrix()
             after.p_n_m[row], after.v_n_mps[row] = led.position(), led.velocity()
         return after
@@ -253,7 +254,7 @@ class Inertial:
         steps = self._increments
         part, step_s = slice(steps.first[k], steps.first[k + 1]), float(steps.step_s[k])
         made = gtsam.PreintegratedCombinedMeasurementsG(
-            parameters or self._parameters(k), _as_bias(bias)
+            parameters or self._parameters(k), as_bias(bias)
         )
         if steps.w_b_radps is None:
             return made
@@ -301,10 +302,6 @@ def _one_noise(
 def _whitening(factor: gtsam.GalileanCombinedImuFactor) -> FloatArray:
     model: Any = factor.noiseModel()
     return np.asarray(model.R())
-
-
-def _as_bias(bias: FloatArray) -> gtsam.imuBias.ConstantBias:
-    return gtsam.imuBias.ConstantBias(bias[:3], bias[3:])
 
 
 def _values(zero: gtsam.Values, before: States, after: States, row: int) -> gtsam.Values:

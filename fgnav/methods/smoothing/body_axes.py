@@ -10,7 +10,7 @@ other: by no more than it is tested to.
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.frontend.problem import BodyAxes
+from fgnav.frontend.prepared import BodyAxes
 from fgnav.geometry.rotations import exp
 from fgnav.graph.turned import ARRAY_TURN, MOUNTED_RAD, UNIT_TURN
 from fgnav.graph.types.constants import Constants

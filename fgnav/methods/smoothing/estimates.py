@@ -6,7 +6,8 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.frontend.gaps import gap_notes, spans
-from fgnav.frontend.problem import PreparedFlight, timed_motion
+from fgnav.frontend.prepared import PreparedFlight
+from fgnav.frontend.problem import timed_motion
 from fgnav.geometry.rotations import skew
 from fgnav.graph.delayed import CLOCK_OFFSET, on_gnss_time
 from fgnav.graph.types.constants import Constants

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.frontend.problem import PreparedFlight
+from fgnav.frontend.prepared import PreparedFlight
 from fgnav.geometry.rotations import exp
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_constants, insert_keyframe

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from fgnav import plugins
 from fgnav.checks import BadInputError, Loss
-from fgnav.frontend.problem import PreparedFlight
+from fgnav.frontend.prepared import PreparedFlight
 from fgnav.graph import keys
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced

@@ -11,7 +11,7 @@ import numpy as np
 
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.motion import prior_note
-from fgnav.frontend.problem import PreparedFlight
+from fgnav.frontend.prepared import PreparedFlight
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.process.hyperparameters import RatePrior

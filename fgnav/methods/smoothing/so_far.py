@@ -19,7 +19,7 @@ import numpy as np
 
 from fgnav.checks import Loss, NoSolutionError
 from fgnav.frontend.causal.truncation import truncated
-from fgnav.frontend.problem import PreparedFlight, Stretch
+from fgnav.frontend.prepared import PreparedFlight, Stretch
 from fgnav.identification.contradictions import (
     Rest,
     consistent_rest,

@@ -7,7 +7,7 @@ import numpy as np
 
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.gaps import LOST_S, time_from_attitude_s
-from fgnav.frontend.problem import PreparedFlight
+from fgnav.frontend.prepared import PreparedFlight
 from fgnav.graph.types.problem import Opening, SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.methods.smoothing.observability import TURN

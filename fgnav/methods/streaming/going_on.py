@@ -12,7 +12,7 @@ import numpy as np
 
 from fgnav.frontend.attitude.in_motion import WINDOW_S
 from fgnav.frontend.causal.truncation import SAMPLED, truncated
-from fgnav.frontend.problem import Earlier, PreparedFlight
+from fgnav.frontend.prepared import Earlier, PreparedFlight
 from fgnav.gnss.signals import band, select
 from fgnav.gnss.single_point.atmosphere_choice import is_decided
 from fgnav.gnss.single_point.model import code_channels
