@@ -20,6 +20,7 @@ from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.solve.sliding.relinearisation import UNKNOWN_RAD
 from fgnav_sim.simulate import simulate
 from tests.frontend.array.test_float_arcs import Cut, flown_without_integers
+from tests.methods.simulated import shared
 from tests.methods.test_truncation import OUTAGE, scenario
 from tests.methods.true_gravity import TrueGravity
 
@@ -73,14 +74,7 @@ def solved(which, name):
     both = [replace(METHODS[name], solver=solver, **case.options) for solver in ("gtsam", "chain")]
     if case.rate_hz is not None:
         return [one.at(flight, rate_hz=case.rate_hz) for one in both]
-    problem = prepared(which, "forward" if name == "forward" else "batch")
-    return [one.estimate_prepared(flight, problem) for one in both]
-
-
-@lru_cache(maxsize=4)
-def prepared(which, name):
-    """Return the problem of a case, which smoother and batch share."""
-    return replace(METHODS[name], **CASES[which].options).prepare(flight_of(which))
+    return [shared(one, flight) for one in both]
 
 
 @lru_cache(maxsize=4)
