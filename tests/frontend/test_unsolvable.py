@@ -60,7 +60,7 @@ CASES = {
     ),
     "one antenna": (
         lambda f: lacking(f, antennas=[0], without=("doppler_hz",)),
-        "attitude: .* with one antenna it takes Doppler or velocities, or a line of sight",
+        "attitude: .* with one antenna roll needs Doppler or velocities, or a line of sight",
     ),
     "no position": (
         lambda f: lacking(f, without=("code_m",)),
@@ -112,7 +112,7 @@ def blind():
 
 
 def test_a_detector_that_never_sees_beside_one_antenna_is_named():
-    with pytest.raises(NoSolutionError, match=r"it takes Doppler .* line of sight"):
+    with pytest.raises(NoSolutionError, match=r"roll needs Doppler .* line of sight"):
         build(blind())
 
 

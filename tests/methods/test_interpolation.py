@@ -54,9 +54,7 @@ def test_at_keyframes_the_search_starts_where_it_did(flight):
         assert_array_equal(getattr(dense.start, name)[row], getattr(problem.start, name))
 
 
-@pytest.mark.parametrize(
-    "method", [Smoother(resolver=RIGHT, noise="stated"), Forward(resolver=RIGHT, noise="stated")]
-)
+@pytest.mark.parametrize("method", [Smoother, Forward])
 def test_the_window_and_the_filter_tell_any_time_too(flight, method):
     one = method(resolver=RIGHT, noise="stated")
     estimate = one.at(flight, np.array([5.03, 5.07, 12.345]))
