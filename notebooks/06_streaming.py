@@ -31,7 +31,8 @@ from fgnav.frontend.causal.truncation import truncated
 from fgnav.geometry import rotations
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.integers.resolvers.truth import attitude_at
-from fgnav.methods.smoother import Forward, Measured, Measurements, Stream, StreamSetUp
+from fgnav.methods.smoother import Forward
+from fgnav.methods.stream import Measured, Measurements, Stream, StreamSetUp
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 

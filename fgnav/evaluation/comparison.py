@@ -307,7 +307,7 @@ def _posterior_bound(flight: Flight, known: Mapping[Hashable, _Prepared]) -> Ang
     """Return the bound of the first smoothing problem, one that knows the whole flight if any."""
     if flight.truth is None:
         return Angles()
-    from fgnav.frontend.problem import PreparedFlight  # noqa: PLC0415  # lazy: brings numba
+    from fgnav.frontend.prepared import PreparedFlight  # noqa: PLC0415  # lazy: brings numba
 
     keys = sorted(known, key=lambda key: bool(getattr(key, "causal", False)))
     for one in (known[key] for key in keys):

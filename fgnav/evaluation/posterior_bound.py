@@ -7,7 +7,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError
 from fgnav.evaluation.scores import EULER, Angles
 from fgnav.frontend.attitude.rates import swing_n_mps
-from fgnav.frontend.problem import PreparedFlight
+from fgnav.frontend.prepared import PreparedFlight
 from fgnav.geometry.cubic_spline import cubic_spline
 from fgnav.geometry.rotations import euler_jacobian, log, transpose
 from fgnav.graph.inertial.gyro_free import GyroFree

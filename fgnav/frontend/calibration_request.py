@@ -89,29 +89,29 @@ def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, .
     BadInputError
         Naming the word and what is known.
     """
-    found = []
+    requests = []
     for word in estimate:
-        name, said, sigma = word.partition("=")
+        name, equals, sigma = word.partition("=")
         kind, of_one, antenna = name.partition(":")
         kind = "antenna" if kind == "antennas" and not of_one else kind
-        known = _KINDS.get(kind)
-        if known is None or bool(of_one) != bool(antenna) or (antenna and kind != "antenna"):
+        of_kind = _KINDS.get(kind)
+        if of_kind is None or bool(of_one) != bool(antenna) or (antenna and kind != "antenna"):
             raise BadInputError(f"estimate: {word!r} is none of {', '.join(NAMES)}")
         if kind == name == "antenna":
             raise BadInputError("estimate: 'antenna' must name one, antenna:a4, or be antennas")
-        value = _sigma(word, sigma) if said else known.sigma
-        found.append(
+        value = _sigma(word, sigma) if equals else of_kind.sigma
+        requests.append(
             CalibrationRequest(
                 kind=kind,
                 antenna=antenna or None,
-                sigma=float(np.radians(value)) if known.degrees else value,
+                sigma=float(np.radians(value)) if of_kind.degrees else value,
             )
         )
-    said_of = [(one.kind, one.antenna) for one in found]
-    for word, of in zip(estimate, said_of, strict=True):
-        if said_of.count(of) > 1 or (of[1] and ("antenna", None) in said_of):
+    named = [(one.kind, one.antenna) for one in requests]
+    for word, of in zip(estimate, named, strict=True):
+        if named.count(of) > 1 or (of[1] and ("antenna", None) in named):
             raise BadInputError(f"estimate: {word!r} is asked for twice")
-    return tuple(found)
+    return tuple(requests)
 
 
 def _sigma(word: str, text: str) -> float:
@@ -134,7 +134,7 @@ def constants_of(
     words : tuple of CalibrationRequest
     flight : Flight
     gravity : bool
-        Whether something tells the direction of gravity.
+        Whether directions of gravity are measured.
 
     Raises
     ------
@@ -144,32 +144,32 @@ def constants_of(
     lacking = {
         "landmark": flight.seeker is None and "the flight has no [seeker]",
         "boresight": flight.seeker is None and "the flight has no [seeker]",
-        "gravity": not gravity and "nothing tells the direction of gravity; see --gravity",
+        "gravity": not gravity and "no source of the direction of gravity; see --gravity",
         "lever-arm": flight.imu is None and "the flight has no [imu]",
         "clock": flight.imu is None and "the flight has no [imu]",
         "velocity-delay": (flight.fixes is None or flight.fixes.v_n_mps is None)
         and "the flight has no [fixes] with velocities",
     }
-    found: list[FlightConstant] = []
+    constants: list[FlightConstant] = []
     for word in words:
         if lacking.get(word.kind):
             raise BadInputError(f"estimate {word.kind}: {lacking[word.kind]}")
         if word.kind in _OF_TIME:
-            found += of_time(word)
+            constants += of_time(word)
             continue
         if word.kind in _TURNS:
             # Begun and expected where it was found: a window that learns a turn of
-            # degrees anew marginalises what it has linearised far from it.
+            # degrees by itself marginalises factors linearised far from it.
             stated = -np.array(word.turned_rad)
-            found.append(replace(turn_of(word.kind, word.sigma), stated=stated))
+            constants.append(replace(turn_of(word.kind, word.sigma), stated=stated))
             continue
         if word.kind != "antenna":
-            found.append(of_vehicle(word))
+            constants.append(of_vehicle(word))
             continue
         for i in _antennas(word, flight):
             name = f"antenna {flight.antennas[i].name}"
-            found.append(flight_constant(name, _SPACE_B, "m", word.sigma))
-    return tuple(found)
+            constants.append(flight_constant(name, _SPACE_B, "m", word.sigma))
+    return tuple(constants)
 
 
 def turn_of(name: str, sigma_rad: float = _TURN_RAD) -> FlightConstant:
@@ -178,7 +178,7 @@ def turn_of(name: str, sigma_rad: float = _TURN_RAD) -> FlightConstant:
 
 
 def of_vehicle(word: CalibrationRequest) -> FlightConstant:
-    """Return the constant that a word asks for, of all but antennas."""
+    """Return the constant that a word requests, of all but antennas."""
     kind = _KINDS[word.kind]
     return flight_constant(word.kind, kind.axes, "rad" if kind.degrees else "m", word.sigma)
 
@@ -191,8 +191,8 @@ def of_tags(words: tuple[CalibrationRequest, ...], flight: Flight) -> tuple[Flig
     them tags are taken as exact.
     """
     imu = flight.imu
-    is_asked = any(one.kind == "clock" for one in words)
-    if imu is None or imu.w_b_radps is None or not imu.clock_offset_sigma_s or is_asked:
+    is_requested = any(one.kind == "clock" for one in words)
+    if imu is None or imu.w_b_radps is None or not imu.clock_offset_sigma_s or is_requested:
         return ()
     if flight.observations is not None:
         return ()
@@ -222,7 +222,7 @@ def with_evidence(
     Raises
     ------
     NoSolutionError
-        Naming one of which nothing tells.
+        Naming one that is not observable.
     """
     for one in constants:
         if one.name in ("landmark", "boresight") and not sight:
@@ -252,7 +252,7 @@ def mean_rate() -> FlightConstant:
 
 
 def _antennas(word: CalibrationRequest, flight: Flight) -> tuple[int, ...]:
-    """Return which antennas a word means; the reference is where its own lever arm says."""
+    """Return which antennas a word means; the reference has the lever arm."""
     count = len(flight.antennas)
     if count < 2 or flight.observations is None:
         raise BadInputError("estimate antennas: the flight has no array of antennas")

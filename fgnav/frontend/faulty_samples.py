@@ -22,7 +22,7 @@ _STUCK = "all axes repeat the sample before, more often than by chance: left out
 
 def without_faulty(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     """Return a record without samples of a stuck unit, and without spikes, and their numbers."""
-    imu, held = without_repeated(imu)
+    imu, repeated = without_repeated(imu)
     stuck, count, run = imu, 0, stuck_unit(imu)
     while run is not None:
         keep = np.ones(len(stuck.t_s), dtype=np.bool_)
@@ -35,7 +35,7 @@ def without_faulty(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     losses = (*of_axes, *of_spikes)
     if count:
         losses = (Loss(what="inertial sample", reason=_STUCK, count=count), *losses)
-    return mended, (*held, *losses)
+    return mended, (*repeated, *losses)
 
 
 def without_repeated(imu: Imu, *, causal: bool = False) -> tuple[Imu, tuple[Loss, ...]]:
@@ -48,12 +48,12 @@ def without_repeated(imu: Imu, *, causal: bool = False) -> tuple[Imu, tuple[Loss
         x = getattr(kept, field)
         if x is None:
             continue
-        held = is_repeated(x, causal=causal)
-        if held.any():
+        repeated = is_repeated(x, causal=causal)
+        if repeated.any():
             what = "left out" if causal else "a cubic through the others stands in"
             reason = f"the {name} repeats the sample before at even intervals: {what}"
-            losses.append(Loss(what="inertial sample", reason=reason, count=int(held.sum())))
-            kept = kept[~held] if causal else between_fresh(kept, field, held)
+            losses.append(Loss(what="inertial sample", reason=reason, count=int(repeated.sum())))
+            kept = kept[~repeated] if causal else between_fresh(kept, field, repeated)
     return kept, tuple(losses)
 
 
@@ -69,26 +69,30 @@ def without_stuck_axes(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     for name, field, _ in SENSORS:
         x = getattr(imu, field)
         for axis in range(0 if x is None else 3):
-            own = np.zeros(len(x), dtype=np.bool_)
-            run = stuck_axis(x, axis, own)
+            in_run = np.zeros(len(x), dtype=np.bool_)
+            run = stuck_axis(x, axis, in_run)
             while run is not None:
-                own |= x[:, axis] == x[run[0], axis]
-                run = stuck_axis(x, axis, own)
-            if own.any():
+                in_run |= x[:, axis] == x[run[0], axis]
+                run = stuck_axis(x, axis, in_run)
+            if in_run.any():
                 reason = f"axis {_AXES[axis]} of the {name} stands still, the others do not"
                 losses.append(
-                    Loss(what="inertial sample", reason=f"{reason}: left out", count=int(own.sum()))
+                    Loss(
+                        what="inertial sample",
+                        reason=f"{reason}: left out",
+                        count=int(in_run.sum()),
+                    )
                 )
-            stuck |= own
+            stuck |= in_run
     if not losses or np.count_nonzero(~stuck) < _FEWEST:
         return imu, ()
     return imu[~stuck], tuple(losses)
 
 
-def stuck_axis(x: FloatArray, axis: int, known: BoolArray) -> tuple[int, int] | None:
+def stuck_axis(x: FloatArray, axis: int, in_runs: BoolArray) -> tuple[int, int] | None:
     """Return first sample and number of the longest run of equal ones of one axis, or None.
 
-    Rounding at rest repeats samples of all axes, so that the others say how often it does there.
+    Rounding at rest repeats samples of all axes, so that the others show how often it does there.
 
     Parameters
     ----------
@@ -100,13 +104,13 @@ def stuck_axis(x: FloatArray, axis: int, known: BoolArray) -> tuple[int, int] | 
     same = np.diff(x, axis=0) == 0
     if same[:, axis].all():
         return None
-    known = known[1:]
-    first, length = longest_run(same[:, axis] & ~known)
+    in_runs = in_runs[1:]
+    first, length = longest_run(same[:, axis] & ~in_runs)
     within = slice(first, first + length)
-    rest, others = same[:, axis][~known], np.delete(same[within], axis, axis=1)
+    rest, others = same[:, axis][~in_runs], np.delete(same[within], axis, axis=1)
     # One more repetition than was seen: a share of none is not known to be none.
-    own_share = (rest.sum() - length + 1) / (len(rest) - length + 2)
-    share = max(own_share, (others.sum(axis=0).max() + 1) / (length + 2))
+    usual_share = (rest.sum() - length + 1) / (len(rest) - length + 2)
+    share = max(usual_share, (others.sum(axis=0).max() + 1) / (length + 2))
     return (first, length) if is_unlikely(length, float(share), len(x)) else None
 
 
@@ -144,7 +148,7 @@ def is_unlikely(length: int, share: float, n: int) -> bool:
 
 def without_stuck_so_far(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     """Return a record without samples that, by those up to each, are of a stuck unit."""
-    imu, held = without_repeated(imu, causal=True)
+    imu, losses = without_repeated(imu, causal=True)
     x = imu.f_b_mps2 if imu.w_b_radps is None else np.hstack([imu.f_b_mps2, imu.w_b_radps])
     same = np.append(False, (np.diff(x, axis=0) == 0).all(axis=1))
     k = np.arange(len(x))
@@ -152,9 +156,9 @@ def without_stuck_so_far(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     share = (np.cumsum(same) - run + 1) / (k - run + 2)  # of those before the row
     stuck = (run > 1) & (run < k) & (k >= _FEWEST) & (k * share**run < _FALSE_ALARM)
     if not stuck.any():
-        return imu, held
+        return imu, losses
     stuck_loss = Loss(what="inertial sample", reason=_STUCK, count=int(stuck.sum()))
-    return imu[~stuck], (*held, stuck_loss)
+    return imu[~stuck], (*losses, stuck_loss)
 
 
 def without_spikes(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:

@@ -1,4 +1,4 @@
-"""Where a recording has holes: keyframes within them, straight lines across, and what to say."""
+"""Where a recording has holes: keyframes within them, straight lines across, and notes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -59,21 +59,21 @@ def bridged(imu: Imu, *, causal: bool = False) -> Bridged:
     step_s = np.diff(imu.t_s)
     gap = np.flatnonzero(step_s > LONGEST_GAP_S)
     gaps_s = np.stack([imu.t_s[gap], imu.t_s[gap + 1]], axis=1)
-    whole = imu
+    filled = imu
     if len(gap):
         regular_s = min(float(np.median(step_s)), LONGEST_GAP_S)
         inside = [np.arange(a + regular_s, b - regular_s / 2, regular_s) for a, b in gaps_s]
         t_s = np.union1d(imu.t_s, np.concatenate(inside))
         rates = None if imu.w_b_radps is None else _lines(imu, t_s, imu.w_b_radps)
-        whole = replace(imu, t_s=t_s, f_b_mps2=_lines(imu, t_s, imu.f_b_mps2), w_b_radps=rates)
+        filled = replace(imu, t_s=t_s, f_b_mps2=_lines(imu, t_s, imu.f_b_mps2), w_b_radps=rates)
     size = max((imu.f_b_mps2**2).sum(axis=1).mean(), _GRAVITY_MPS2**2)
     spread = imu.f_b_mps2.var(axis=0).max() + size / 4
-    inflated = replace(whole, accelerometer_noise_mps2_per_sqrt_hz=_as_white(spread))
+    inflated = replace(filled, accelerometer_noise_mps2_per_sqrt_hz=_as_white(spread))
     if imu.w_b_radps is not None:
         noise = _as_white(imu.w_b_radps.var(axis=0).max())
         noise = max(noise, imu.gyroscope_noise_radps_per_sqrt_hz or 0.0)
         inflated = replace(inflated, gyroscope_noise_radps_per_sqrt_hz=noise)
-    return Bridged(imu=whole, inflated=inflated, gaps_s=gaps_s)
+    return Bridged(imu=filled, inflated=inflated, gaps_s=gaps_s)
 
 
 def _unfilled(imu: Imu) -> Bridged:
@@ -136,12 +136,14 @@ def spans(t_s: FloatArray, missing: BoolArray) -> FloatArray:
 
     From the last time that has it, or else the first, to the next that does, or else the last.
     """
-    there_s = t_s[~missing]
-    usual_s = float(np.median(np.diff(there_s))) if len(there_s) > 1 else 0.0
+    present_s = t_s[~missing]
+    usual_s = float(np.median(np.diff(present_s))) if len(present_s) > 1 else 0.0
     edges = np.diff(np.concatenate([[False], missing, [False]]).astype(np.int8))
     first, after = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    found = np.stack([t_s[(first - 1).clip(0)], t_s[after.clip(max=len(t_s) - 1)]], axis=1)
-    return np.asarray(found[found[:, 1] - found[:, 0] > max(LONGEST_GAP_S, _SEVERAL * usual_s)])
+    edges_s = np.stack([t_s[(first - 1).clip(0)], t_s[after.clip(max=len(t_s) - 1)]], axis=1)
+    return np.asarray(
+        edges_s[edges_s[:, 1] - edges_s[:, 0] > max(LONGEST_GAP_S, _SEVERAL * usual_s)]
+    )
 
 
 def gap_notes(what: str, gaps_s: FloatArray) -> Iterator[str]:
@@ -163,15 +165,15 @@ def _as_white(variance: float) -> float:
     return float(np.sqrt(2 * _CORRELATION_S * variance))
 
 
-def time_from_attitude_s(t_s: FloatArray, there: BoolArray, *, causal: bool = False) -> FloatArray:
+def time_from_attitude_s(t_s: FloatArray, valid: BoolArray, *, causal: bool = False) -> FloatArray:
     """Return how far each keyframe is from one with an attitude, s, (n,); causal: from the last."""
     if causal:
-        return np.asarray(t_s - t_s[np.maximum.accumulate(np.where(there, np.arange(len(t_s)), 0))])
-    known_s = t_s[there]
-    if len(known_s) < 2:
-        return np.abs(t_s - (known_s[0] if len(known_s) else np.inf))
-    after = np.searchsorted(known_s, t_s).clip(1, len(known_s) - 1)
-    before_s, after_s = np.abs(t_s - known_s[after - 1]), np.abs(known_s[after] - t_s)
+        return np.asarray(t_s - t_s[np.maximum.accumulate(np.where(valid, np.arange(len(t_s)), 0))])
+    valid_s = t_s[valid]
+    if len(valid_s) < 2:
+        return np.abs(t_s - (valid_s[0] if len(valid_s) else np.inf))
+    after = np.searchsorted(valid_s, t_s).clip(1, len(valid_s) - 1)
+    before_s, after_s = np.abs(t_s - valid_s[after - 1]), np.abs(valid_s[after] - t_s)
     return np.asarray(np.minimum(before_s, after_s))
 
 

@@ -1,10 +1,10 @@
 """A filter before its heading is known: level alone, and a specific force that points anywhere.
 
-Until something tells the heading, each horizontal acceleration, whose direction in body axes nobody
-knows, is noise of the accelerometer: its power spectral density is that of a process of this size
+Until the heading is observable, each horizontal acceleration, of unknown direction in body axes,
+is noise of the accelerometer: its power spectral density is that of a process of this size
 held for half an alignment's window. Else a window at rest takes the accelerometer's noise for
-motion, which tells a heading that is none. A filter runs about an arbitrary heading meanwhile; once
-it is known it begins anew at the first keyframe, linearised where the gyroscope carries that
+motion, and so finds a spurious heading. A filter runs about an arbitrary heading meanwhile; once
+it is known it begins again at the first keyframe, linearised where the gyroscope carries that
 heading back to: nothing that was marginalised is wrong by a turn.
 """
 
@@ -32,7 +32,7 @@ _SURE_MPS2 = 0.3  # of their noise: a third of what cars, boats and walkers acce
 def until_motion(
     problem: SmoothingProblem, stage: Aligned, track: Tracked, initial: InitialAttitude | None
 ) -> SmoothingProblem:
-    """Return a problem whose specific force tells no heading before motion does.
+    """Return a problem without information about heading by specific force before motion.
 
     Its first heading is known as well as the gyroscope carries it back from there.
     """
@@ -40,8 +40,8 @@ def until_motion(
     if not stage.gyroscope or start.heading_from_s <= problem.t_s[0]:
         return problem
     R_nb, sigma_rad = start.R_nb[0], min(_carried_back_rad(stage), ROTATION_PRIOR_RAD)
-    loud = _loud(problem, track, problem.t_s[1:] <= start.heading_from_s)
-    return replace(loud, attitude_prior=attitude_prior(initial, R_nb, sigma_rad))
+    noisy = _with_force_noise(problem, track, problem.t_s[1:] <= start.heading_from_s)
+    return replace(noisy, attitude_prior=attitude_prior(initial, R_nb, sigma_rad))
 
 
 def open_heading(
@@ -63,7 +63,7 @@ def open_heading(
     parts = tuple(part for part in problem.measurements if part.name != WHEELS)
     without_wheels = replace(problem, measurements=parts)
     opening = replace(
-        _loud(without_wheels, track, np.ones(len(t_s) - 1, dtype=np.bool_)),
+        _with_force_noise(without_wheels, track, np.ones(len(t_s) - 1, dtype=np.bool_)),
         start=start._replace(R_nb=R_nb, p_n_m=p_n_m, v_n_mps=v_n_mps),
         attitude_prior=attitude_prior(initial, R_nb[0], _FIXED_RAD),
     )
@@ -85,7 +85,9 @@ def _carried_back_rad(stage: Aligned) -> float:
     return float(bias_radps * (start.heading_from_s - start.t_s[0]) + _FIXED_RAD)
 
 
-def _loud(problem: SmoothingProblem, track: Tracked, intervals: BoolArray) -> SmoothingProblem:
+def _with_force_noise(
+    problem: SmoothingProblem, track: Tracked, intervals: BoolArray
+) -> SmoothingProblem:
     """Return a problem whose accelerometer is taken for noise along the horizontal acceleration."""
     motion = problem.motion
     if not isinstance(motion, Inertial) or not intervals.any():

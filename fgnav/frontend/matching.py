@@ -16,7 +16,7 @@ def nearest(have_s: FloatArray, want_s: FloatArray) -> tuple[IntArray, BoolArray
     return row, np.abs(have_s[row] - want_s) < SAME_S
 
 
-def unused(what: str, count: int, found: BoolArray) -> tuple[Loss, ...]:
+def unused(what: str, count: int, matched: BoolArray) -> tuple[Loss, ...]:
     """Return the loss of measurements, ``count`` of them, that are at no keyframe."""
-    left = count - int(found.sum())
-    return (Loss(what=what, reason="not at a keyframe", count=left),) if left else ()
+    unmatched = count - int(matched.sum())
+    return (Loss(what=what, reason="not at a keyframe", count=unmatched),) if unmatched else ()

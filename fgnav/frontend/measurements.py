@@ -97,7 +97,7 @@ def _array(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
     if form is None:
         return
     if shape is not None:
-        row = np.flatnonzero(shape.there)
+        row = np.flatnonzero(shape.valid)
         parts = antenna_parts(constants.parts, recorded.antennas)
         yield ArrayShape(
             row=row,
@@ -107,7 +107,7 @@ def _array(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
             column=np.array([constants.first[k] if k >= 0 else -1 for k in parts]),
             constants=constants,
         )
-        valid = valid & ~shape.there
+        valid = valid & ~shape.valid
     row = np.flatnonzero(valid & (form.count > 0))
     form, lasting = form[row], recorded.multipath
     if lasting is not None and recorded.measured_b_radps is not None:

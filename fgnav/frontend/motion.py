@@ -4,7 +4,7 @@ import numpy as np
 
 from fgnav.attitude.own_rotation import spun
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
-from fgnav.frontend.attitude.alignment import Alignment
+from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.frontend.calibration_request import MEAN_RATE
 from fgnav.frontend.gaps import Bridged
 from fgnav.frontend.settings import ProblemSettings
@@ -21,7 +21,7 @@ from fgnav.process.prediction import Turning, filtered, filtered_back, smoothed
 from fgnav.process.volatility import varying_rate_prior
 from fgnav.types.flight import Flight
 
-_FEWEST = 5  # attitudes that tell how a body turns
+_FEWEST = 5  # attitudes for hyperparameters
 _FIRST = 2  # attitudes that a causal prediction begins with
 _UNKNOWN_RAD = 0.5  # of a direction: its cosine errs by a tenth, what is linear about it holds
 # Integration steps per inertial sample. Without a gyroscope the quadrature of one step errs by .02
@@ -39,7 +39,7 @@ def motion_of(
 ) -> tuple[Motion, Turning | None, tuple[str, ...]]:
     """Return what leads from keyframe to keyframe, gaps included, and what to note.
 
-    Without a gyroscope also how attitudes alone say that the body turns.
+    Without a gyroscope also the rotation predicted by attitudes alone.
     """
     stage, track = stages
     imu, inflated = stage.record.imu, stage.record.inflated
@@ -57,8 +57,8 @@ def motion_of(
         )
         return motion, None, ()
     poles, variance, notes = _rate_priors(stage, settings)
-    known = _by_attitudes(stage.start, (poles, variance), causal=stage.causal)
-    lost = holed | _is_direction_unknown(stage, known)
+    predictions = _by_attitudes(stage.start, (poles, variance), causal=stage.causal)
+    lost = holed | _is_direction_unknown(stage, predictions)
     motion = GyroFree(
         t_s=track.t_s,
         imu=imu,
@@ -72,7 +72,7 @@ def motion_of(
         constants=constants,
         multipath=multipath,
     )
-    turning = known[0] if stage.causal else smoothed(*known)
+    turning = predictions[0] if stage.causal else smoothed(*predictions)
     return motion, _in_body(turning, stage.start), notes
 
 
@@ -109,8 +109,8 @@ def _rate_priors(
     n = len(start.t_s) - 1
     if settings.rate_prior is None and sure.sum() < _FEWEST:
         raise NoSolutionError(
-            f"rate: {int(sure.sum())} epochs with an attitude are too few to tell how the body "
-            f"turns without a gyroscope, needs {_FEWEST}; or state rate_prior"
+            f"rate: {int(sure.sum())} epochs with an attitude are too few to identify the "
+            f"rate's process without a gyroscope, needs {_FEWEST}; or state rate_prior"
         )
     if settings.causal and settings.rate_prior is None:
         poles, variance = _causal_priors(start, sure)
@@ -152,32 +152,32 @@ def _causal_priors(start: Alignment, sure: BoolArray) -> tuple[FloatArray, Float
     return poles[latest], variance[latest]
 
 
-def is_told(turning: Turning) -> BoolArray:
-    """Return at which times, (n,), attitudes tell rotations well enough to linearise there."""
+def is_predicted(turning: Turning) -> BoolArray:
+    """Return at which times, (n,), predicted rotations are good enough to linearise there."""
     return np.asarray(np.trace(turning.covariance[:, :3, :3], axis1=1, axis2=2) < _UNKNOWN_RAD**2)
 
 
-def _is_direction_unknown(stage: Aligned, known: tuple[Turning, ...]) -> BoolArray:
+def _is_direction_unknown(stage: Aligned, predictions: tuple[Turning, ...]) -> BoolArray:
     """Return the intervals, (n - 1,), over which nobody knows where the specific force points.
 
     Where the rotation across it, as the prior leads on from the attitudes before, or back from
-    those after, is unknown by more than half a radian, the force would tell attitude by a
+    those after, is unknown by more than half a radian, the force would determine attitude by a
     linearisation that holds no longer.
     """
     start, imu = stage.start, stage.record.imu
     f_b = np.stack([np.interp(start.t_s, imu.t_s, column) for column in imu.f_b_mps2.T], axis=1)
     e_b = f_b / np.linalg.norm(f_b, axis=1, keepdims=True).clip(1e-9)
     across = np.eye(3) - e_b[:, :, None] * e_b[:, None, :]
-    sigma = np.min([_largest_sigma(across, P.covariance[:, :3, :3]) for P in known], axis=0)
+    sigma = np.min([_largest_sigma(across, P.covariance[:, :3, :3]) for P in predictions], axis=0)
     return np.asarray(np.minimum(sigma[1:], sigma[:-1]) > _UNKNOWN_RAD)
 
 
 def _largest_sigma(across: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the largest 1-sigma, (n,), of what is left of vectors after a projection."""
-    known = np.isfinite(covariance).all(axis=(1, 2))
+    finite = np.isfinite(covariance).all(axis=(1, 2))
     out = np.full(len(covariance), np.inf)
-    part = across[known] @ covariance[known] @ across[known]
-    out[known] = np.sqrt(np.linalg.eigvalsh(part)[:, 2].clip(0))
+    part = across[finite] @ covariance[finite] @ across[finite]
+    out[finite] = np.sqrt(np.linalg.eigvalsh(part)[:, 2].clip(0))
     return out
 
 

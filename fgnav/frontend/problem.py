@@ -1,15 +1,12 @@
 """From a flight to a smoothing problem: keyframes, measurements, motion, and where to start."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.checks import BoolArray, FloatArray
 from fgnav.frontend.array.multipath import lasting_error
 from fgnav.frontend.array.shape import initial_shape, shape_at
-from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.attitude.initial import attitude_prior
 from fgnav.frontend.attitude.rates import mean_force_b_mps2, rates_at, slopes_at
 from fgnav.frontend.calibration_request import (
@@ -23,8 +20,9 @@ from fgnav.frontend.causal.stages import causal_aligned
 from fgnav.frontend.gaps import gap_notes, spans
 from fgnav.frontend.heading_open import open_heading, until_motion
 from fgnav.frontend.measurements import Recorded, measurements_of
-from fgnav.frontend.motion import is_told, motion_of
+from fgnav.frontend.motion import is_predicted, motion_of
 from fgnav.frontend.position.live_arcs import EarlierArcs, antenna_phase
+from fgnav.frontend.prepared import Earlier, PreparedFlight
 from fgnav.frontend.sensors.sensed import Sensed, sense
 from fgnav.frontend.sensors.standstill import standing
 from fgnav.frontend.settings import ProblemSettings
@@ -33,125 +31,10 @@ from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.factors.antenna_phase import AntennaPhase
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.types.constants import Constants, FlightConstant
-from fgnav.graph.types.problem import Opening, SmoothingProblem
+from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.process.prediction import Turning
-from fgnav.types.differences import DoubleDifferences
-from fgnav.types.estimate import Consistency, Rejected
 from fgnav.types.flight import Flight, Imu
-from fgnav.types.integers import Integers
-
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class PreparedFlight:
-    """A smoothing problem, and what is to be said of it.
-
-    Attributes
-    ----------
-    problem : SmoothingProblem
-    imu : Imu
-    earth_rate_n_radps : ndarray, shape (3,)
-    epochs : int
-        GNSS epochs of the flight, and times between them that are far apart.
-    integers : Integers or None
-    losses : tuple of Loss
-    rejections : tuple of Rejected
-    notes : tuple of str
-    timed : TimedMotion
-        How keyframes move, by which clocks and delays show.
-    rough : bool
-        Whether the attitudes that the search starts from assume something.
-    causal : bool
-        Whether each keyframe is to be known by what came before it alone.
-    windowed : SmoothingProblem
-        The same for windows: its specific force tells no heading before motion does.
-    in_motion : SmoothingProblem or None
-        As it were if the heading was known: horizontal accelerations are no noise anywhere.
-    opening : Opening or None
-        What a filter is given in its place until the heading is known.
-    tests : tuple of Consistency
-        Of the inertial unit, where its noise was identified as more than any noise.
-    array : tuple of DoubleDifferences and ndarray, or None
-        Phases of the array, and what of them tells its attitudes, without integers.
-    stretches : tuple of Stretch
-        In place of all this, of a causal method whose noise is identified as the flight goes on.
-    axes : BodyAxes or None
-        Of an array that is turned against the inertial unit.
-    goes_on : Earlier or None
-        What keyframes to come need of these.
-    """
-
-    problem: SmoothingProblem
-    imu: Imu
-    earth_rate_n_radps: FloatArray
-    epochs: int
-    integers: Integers | None
-    losses: tuple[Loss, ...]
-    rejections: tuple[Rejected, ...]
-    notes: tuple[str, ...]
-    timed: TimedMotion
-    windowed: SmoothingProblem
-    rough: bool = False
-    causal: bool = False
-    opening: Opening | None = None
-    in_motion: SmoothingProblem | None = None
-    tests: tuple[Consistency, ...] = ()
-    array: tuple[DoubleDifferences, FloatArray] | None = None
-    stretches: "tuple[Stretch, ...]" = ()
-    axes: "BodyAxes | None" = None
-    goes_on: "Earlier | None" = None
-
-    def with_constants(self, parts: tuple[FlightConstant, ...]) -> "PreparedFlight":
-        """Return the same with more constants, after those its problems have."""
-        return self.changed(lambda problem: problem.with_constants(parts))
-
-    def changed(self, by: Callable[[SmoothingProblem], SmoothingProblem]) -> "PreparedFlight":
-        """Return the same with all its problems changed."""
-        opening, in_motion = self.opening, self.in_motion
-        return replace(
-            self,
-            problem=by(self.problem),
-            windowed=by(self.windowed),
-            in_motion=None if in_motion is None else by(in_motion),
-            opening=None if opening is None else replace(opening, problem=by(opening.problem)),
-        )
-
-
-class BodyAxes(NamedTuple):
-    """Whose axes are taken for the body's where array and inertial unit are turned apart."""
-
-    of_array: bool  # else the unit's
-    share: float  # probability that it is so
-
-    @property
-    def is_even(self) -> bool:
-        """Whether nothing speaks for either by more than chance, 1 in 10,000."""
-        return self.share < 1.0 - 1e-4
-
-
-class Stretch(NamedTuple):
-    """A flight up to a time, as it is prepared for estimates from another time on."""
-
-    from_s: float
-    until_s: float  # estimates before it
-    flight: Flight
-    prepared: PreparedFlight
-
-    def answers(self, t_s: FloatArray) -> BoolArray:
-        """Return which times, (k,), it estimates: a clock put right moves what is covered."""
-        covered_s = self.prepared.problem.t_s
-        within = (t_s >= max(self.from_s, covered_s[0])) & (t_s < self.until_s)
-        return np.asarray(within & (t_s <= covered_s[-1]))
-
-
-class Earlier(NamedTuple):
-    """What the problem of a flight that goes on needs of its beginning, which is not kept.
-
-    Of a flight with a gyroscope and one antenna, or fixes, whose heading is known.
-    """
-
-    motion: EarlierMotion
-    arcs: EarlierArcs | None
 
 
 def build_problem(
@@ -159,7 +42,7 @@ def build_problem(
 ) -> PreparedFlight:
     """Return the smoothing problem of a flight: its GNSS epochs within the inertial record.
 
-    Of a flight that goes on (``earlier``) keyframes of its last half minute are there to lend what
+    Of a flight that goes on (``earlier``) keyframes of its last half minute provide what
     later ones need of them.
 
     Raises
@@ -167,13 +50,13 @@ def build_problem(
     NoSolutionError
         Naming the part of the flight that is missing.
     """
-    asked = constants_of(settings.calibration, flight, gravity=settings.gravity is not None)
+    requested = constants_of(settings.calibration, flight, gravity=settings.gravity is not None)
     inertial_record(flight)
     if settings.causal:
         stage = causal_aligned(flight, settings, None if earlier is None else earlier.motion)
     else:
-        flight, asked = initial_shape(flight, asked, settings.resolver)
-        stage = aligned(flight, settings, asked)
+        flight, requested = initial_shape(flight, requested, settings.resolver)
+        stage = aligned(flight, settings, requested)
     track = tracked(flight, stage)
     imu, causal = stage.record.imu, settings.causal
     sensed = sense(flight, imu, stage.down, track.t_s, track.places_n_m, causal=causal)
@@ -181,8 +64,8 @@ def build_problem(
         stands = standing(stage.record, track.t_s, track.antenna, causal=causal)
         sensed = replace(sensed, standing=stands)
     tags = of_tags(settings.calibration, flight)
-    constants = _constants(flight, (*asked, *tags), sensed, stage)
-    multipath, lasting_notes = _lasting(stage, asked)
+    constants = _constants(flight, (*requested, *tags), sensed, stage)
+    multipath, lasting_notes = _lasting(stage, requested)
     motion, turning, rate_notes = motion_of(flight, settings, (stage, track), constants, multipath)
     earth = flight.origin.earth_rate_n_radps
     timed = timed_motion(imu, track.t_s, track.gravity_n_mps2, earth, causal=causal)
@@ -200,7 +83,7 @@ def build_problem(
         motion=motion,
         measurements=measurements_of(
             replace(
-                _recorded(flight, stage, track, sensed, asked), timed=timed, multipath=multipath
+                _recorded(flight, stage, track, sensed, requested), timed=timed, multipath=multipath
             ),
             constants,
         ),
@@ -247,11 +130,11 @@ def build_problem(
 
 
 def _lasting(
-    stage: Aligned, asked: tuple[FlightConstant, ...]
+    stage: Aligned, requested: tuple[FlightConstant, ...]
 ) -> tuple[Multipath | None, tuple[str, ...]]:
     """Return what stays of the array's errors; where its shape is asked for it is that."""
-    shape_asked = any(one.name.startswith("antenna ") for one in asked)
-    return (None, ()) if stage.causal or shape_asked else lasting_error(stage.start)
+    shape_requested = any(one.name.startswith("antenna ") for one in requested)
+    return (None, ()) if stage.causal or shape_requested else lasting_error(stage.start)
 
 
 def _phase_before_heading(
@@ -293,12 +176,12 @@ def _measured_attitudes(stage: Aligned) -> BoolArray:
 
 def _constants(
     flight: Flight,
-    asked: tuple[FlightConstant, ...],
+    requested: tuple[FlightConstant, ...],
     sensed: Sensed,
     stage: Aligned,
 ) -> Constants:
     """Return what is estimated with the flight: asked for, of instruments, of phases, the rate."""
-    parts = with_evidence(asked, sight=sensed.sight is not None)
+    parts = with_evidence(requested, sight=sensed.sight is not None)
     if sensed.sight is not None and flight.seeker is not None:
         parts = with_landmark(parts, flight.seeker.landmark_n_m)
     parts = (*parts, *sensed.constants)
@@ -312,7 +195,7 @@ def _recorded(
     stage: Aligned,
     track: Tracked,
     sensed: Sensed,
-    asked: tuple[FlightConstant, ...],
+    requested: tuple[FlightConstant, ...],
 ) -> Recorded:
     start = stage.start
     names = tuple(antenna.name for antenna in flight.antennas)
@@ -320,7 +203,7 @@ def _recorded(
         array=start.form,
         array_valid=start.valid,
         float_stretch=stage.float_arcs.stretch,
-        shape=shape_at(start.phases, start.form, track.t_s, start.valid, asked, names),
+        shape=shape_at(start.phases, start.form, track.t_s, start.valid, requested, names),
         antennas=names,
         position=None if track.antenna.phases else track.antenna.position,
         velocities=tuple(series for _, series in track.antenna.velocities),
@@ -364,9 +247,9 @@ def _start(
     aux = np.zeros((len(track.t_s), width))
     bias_b_radps = stage.start.gyroscope_bias_b_radps
     if turning is not None:
-        told = is_told(turning)
-        aux[:, 3:6] = np.where(told[:, None], turning.rate_b_radps, stage.rates)
-        R_nb = np.where(told[:, None, None], turning.R_nb, R_nb)
+        predicted = is_predicted(turning)
+        aux[:, 3:6] = np.where(predicted[:, None], turning.rate_b_radps, stage.rates)
+        R_nb = np.where(predicted[:, None, None], turning.R_nb, R_nb)
     elif bias_b_radps is not None:
         aux[:, 3:6] = bias_b_radps
     return States(R_nb=R_nb, p_n_m=p_n_m, v_n_mps=v_n_mps, aux=aux, constants=constants.start)

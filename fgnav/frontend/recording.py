@@ -45,21 +45,21 @@ def with_noise_of_record(imu: Imu) -> tuple[Imu, tuple[str, ...]]:
         stated = getattr(imu, key)
         if x is None or stated is None:
             continue
-        variance, causes, held = stated**2, [], is_repeated(x)
-        if held.any():
-            t_s, fresh = imu.t_s[~held], x[~held]
+        variance, causes, repeated = stated**2, [], is_repeated(x)
+        if repeated.any():
+            t_s, fresh = imu.t_s[~repeated], x[~repeated]
             hold_s = float(np.median(np.diff(t_s)))
             of_sample = stated**2 / interval_s + _between(t_s, fresh)
             variance = hold_s * of_sample
             causes.append(f"samples are held for {hold_s:.2g} s")
-        step = loud_step(x, stated / np.sqrt(interval_s))
+        step = coarse_step(x, stated / np.sqrt(interval_s))
         if step is not None:
             changes = np.count_nonzero(np.diff(x, axis=0), axis=0)[step.axis]
             variance += step.size**2 / 12 * (imu.t_s[-1] - imu.t_s[0]) / max(changes, 1)
             causes.append(f"values are recorded in steps of {step.size:.2g}")
         if causes:
-            louder: dict[str, Any] = {key: float(np.sqrt(variance))}
-            noisier = replace(noisier, **louder)
+            raised: dict[str, Any] = {key: float(np.sqrt(variance))}
+            noisier = replace(noisier, **raised)
             notes.append(
                 f"{name.capitalize()} noise: {np.sqrt(variance):.2g} stands for the stated "
                 f"{stated:.2g}, since {' and '.join(causes)}."
@@ -67,12 +67,12 @@ def with_noise_of_record(imu: Imu) -> tuple[Imu, tuple[str, ...]]:
     return noisier, tuple(notes)
 
 
-def between_fresh(imu: Imu, field: str, held: BoolArray) -> Imu:
+def between_fresh(imu: Imu, field: str, repeated: BoolArray) -> Imu:
     """Return a record whose held samples of a sensor are on cubics through the fresh ones.
 
     What is held after the last fresh one is left out.
     """
-    fresh, x = np.flatnonzero(~held), getattr(imu, field)
+    fresh, x = np.flatnonzero(~repeated), getattr(imu, field)
     values = CubicSpline(imu.t_s[fresh], x[fresh])(imu.t_s)
     values[fresh] = x[fresh]
     return replace(imu, **{field: values})[: fresh[-1] + 1]
@@ -98,8 +98,8 @@ def is_repeated(x: FloatArray, *, causal: bool = False) -> BoolArray:
     return np.asarray(same & (is_held if causal else is_held[-1]))
 
 
-def loud_step(x: FloatArray, noise: float) -> Step | None:
-    """Return the coarsest step in which an axis is recorded, if its rounding is louder than noise.
+def coarse_step(x: FloatArray, noise: float) -> Step | None:
+    """Return the coarsest step in which an axis is recorded, if its rounding exceeds the noise.
 
     ``noise``: 1-sigma of a sample.
     """
@@ -115,6 +115,6 @@ def loud_step(x: FloatArray, noise: float) -> Step | None:
 
 
 def _between(t_s: FloatArray, x: FloatArray) -> float:
-    """Return the variance of what a cubic errs by between samples, of the loudest axis."""
+    """Return the variance of what a cubic errs by between samples, of the noisiest axis."""
     off = x[1:-1:2] - CubicSpline(t_s[::2], x[::2])(t_s[1:-1:2])
     return float((off**2).mean(axis=0).max() / 4**_ORDER)

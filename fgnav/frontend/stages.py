@@ -8,8 +8,10 @@ import numpy as np
 from fgnav.attitude.own_rotation import own_rotation, spun
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
 from fgnav.frontend.array.float_arcs import FloatArcs, with_float_arcs
-from fgnav.frontend.attitude.alignment import Alignment, align, at_keyframes
-from fgnav.frontend.attitude.filling import interpolated_attitudes
+from fgnav.frontend.attitude.alignment import align
+from fgnav.frontend.attitude.epochs import Alignment, at_keyframes
+from fgnav.frontend.attitude.filling import interpolated_attitudes, zero_order_hold
+from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.attitude.rates import rough_rates, swing_n_mps
 from fgnav.frontend.faulty_samples import without_faulty
 from fgnav.frontend.gaps import (
@@ -49,7 +51,7 @@ class Aligned(NamedTuple):
 
     @property
     def heading_known_s(self) -> float:
-        """The first keyframe whose past tells the heading, beside a gyroscope; or infinite."""
+        """The first keyframe whose past determines the heading, beside a gyroscope; or infinite."""
         if not self.start.valid.any():
             return np.inf
         first_s = float(self.start.t_s[self.start.valid.argmax()])
@@ -80,7 +82,7 @@ class Tracked(NamedTuple):
 
 
 def inertial_record(flight: Flight) -> Imu:
-    """Return the accelerometer's record, if it says anything of motion."""
+    """Return the accelerometer's record, of two samples at least."""
     if flight.imu is None:
         raise NoSolutionError("motion: between epochs it needs an [imu], the flight has none")
     if len(flight.imu.t_s) < 2:
@@ -89,7 +91,7 @@ def inertial_record(flight: Flight) -> Imu:
 
 
 def aligned(
-    flight: Flight, settings: ProblemSettings, asked: tuple[FlightConstant, ...]
+    flight: Flight, settings: ProblemSettings, requested: tuple[FlightConstant, ...]
 ) -> Aligned:
     """Return attitudes at keyframes, each from its own epoch; integers may hold along arcs.
 
@@ -102,15 +104,20 @@ def aligned(
     record = bridged(imu)
     down = None if settings.gravity is None else settings.gravity(flight)
     epochs = align(flight, settings.resolver, settings.false_alarm, down)
-    start, count, losses = _keyframes(record.imu, epochs)
+    start, count, losses = chosen_keyframes(record.imu, epochs)
     losses = (*faulty, *losses)
-    start, float_arcs = _float_arcs(start, settings, asked)
+    start, float_arcs = _float_arcs(start, settings, requested)
     rates = rough_rates(record.imu, start.t_s, start.R_nb, start.own)
     return Aligned(record, down, start, float_arcs, rates, count, losses)
 
 
-def _keyframes(imu: Imu, epochs: Alignment) -> tuple[Alignment, int, tuple[Loss, ...]]:
-    """Choose epochs, and times between them, as keyframes; count the rest with their reasons."""
+def chosen_keyframes(
+    imu: Imu, epochs: Alignment, *, causal: bool = False, earlier: EarlierMotion | None = None
+) -> tuple[Alignment, int, tuple[Loss, ...]]:
+    """Choose epochs, and times between them, as keyframes; count the rest with their reasons.
+
+    Causal: times between them do not depend on the next, and go on after the last.
+    """
     turn_rad = None
     if imu.w_b_radps is None and len(epochs.t_s) > 1:
         R_nu = epochs.R_nu  # a spin may be half a turn from one epoch to the next
@@ -119,30 +126,41 @@ def _keyframes(imu: Imu, epochs: Alignment) -> tuple[Alignment, int, tuple[Loss,
         if epochs.own is not None:
             spin_radps = np.linalg.norm(epochs.own.rates(epochs.t_s), axis=1)
             turn_rad = np.nan_to_num(turn_rad) + spin_radps[1:] * np.diff(epochs.t_s)
-    start = at_keyframes(epochs, keyframe_times(epochs.t_s, float(imu.t_s[-1]), turn_rad))
+    usual_s = None if earlier is None else earlier.step_s
+    times_s = keyframe_times(
+        epochs.t_s, float(imu.t_s[-1]), turn_rad, causal=causal, usual_s=usual_s
+    )
+    start = at_keyframes(epochs, times_s)
     t_s = start.t_s
     covered = (t_s >= imu.t_s[0]) & (t_s <= imu.t_s[-1])
     good = np.flatnonzero(covered & start.valid)
     carries = imu.w_b_radps is not None  # attitudes to epochs without one
-    if len(good) < 2 and not (carries and start.form is None and covered.sum() > 1):
+    fewest = 1 if causal else 2
+    is_carried = carries and start.form is None and covered.sum() >= fewest
+    if len(good) < fewest and not is_carried:
         raise NoSolutionError(
             f"attitude: {len(good)} epochs have consistent array phases, or other vectors out of "
-            f"line, to start from; needs 2 or more: {reason_without_attitude(imu, start, covered)}"
+            f"line, to start from; needs {fewest} or more: "
+            f"{reason_without_attitude(imu, start, covered)}"
         )
     early = covered & (np.arange(len(t_s)) < (0 if carries else good[0]))
     start, losses = kept(start, covered, early)
+    if len(start.t_s) < 2:
+        why = reason_without_attitude(imu, start, covered[covered & ~early])
+        raise NoSolutionError(f"attitude: one keyframe, needs 2 or more: {why}")
     if carries and start.own is None:
         first_s = float(start.t_s[start.valid.argmax()])
         start = replace(start, own=own_rotation(imu), heading_from_s=first_s)
-    R_nu = interpolated_attitudes(start.t_s, start.R_nu, start.valid)
+    fill = zero_order_hold if causal else interpolated_attitudes
+    R_nu = fill(start.t_s, start.R_nu, start.valid)
     return replace(start, R_nb=spun(start.own, start.t_s, R_nu)), len(t_s), losses
 
 
 def _float_arcs(
-    start: Alignment, settings: ProblemSettings, asked: tuple[FlightConstant, ...]
+    start: Alignment, settings: ProblemSettings, requested: tuple[FlightConstant, ...]
 ) -> tuple[Alignment, FloatArcs]:
-    """Let epochs without integers tell attitudes, where the array's shape is no question."""
-    if any(one.name.startswith("antenna ") for one in asked):
+    """Add attitudes of epochs without integers, unless the array's shape is estimated."""
+    if any(one.name.startswith("antenna ") for one in requested):
         return start, FloatArcs(stretch=np.full(len(start.t_s), -1, dtype=np.int64), count=0)
     start, float_arcs = with_float_arcs(start, settings.false_alarm)
     if not float_arcs.count:
@@ -157,7 +175,7 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
     Raises
     ------
     NoSolutionError
-        If nothing tells a position.
+        If there is no position.
     """
     record, start, causal = stage.record, stage.start, stage.causal
     t_s, own = start.t_s, start.own
@@ -168,9 +186,9 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
     # Gravity minds no jumps of 100 m.
     places_n_m = interpolated(t_s, position.value, causal=causal)
     gravity_n_mps2 = flight.origin.gravity_n_mps2(places_n_m)
-    blind = (stage.away_s > LONGEST_GAP_S) | record.overlaps(t_s)
+    untested = (stage.away_s > LONGEST_GAP_S) | record.overlaps(t_s)
     if causal:
-        blind |= ~np.logical_or.accumulate(start.valid)
+        untested |= ~np.logical_or.accumulate(start.valid)
     inertial = InertialTrack(
         t_s=t_s,
         R_nb=start.R_nb,
@@ -178,7 +196,7 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
         w_b_radps=stage.rates,
         imu=record.imu if causal or own is None else own.forces(record.imu),
         gravity_n_mps2=gravity_n_mps2,
-        blind=blind,
+        untested=untested,
         attitude_sigma_rad=stage.carried_sigma_rad,
         causal=causal,
     )
@@ -220,11 +238,11 @@ def moves_about(stage: Aligned, track: Tracked, R_nb: FloatArray) -> tuple[Float
 
 def interpolated(t_s: FloatArray, values: FloatArray, *, causal: bool = False) -> FloatArray:
     """Return values, (n, d), where rows are NaN from their neighbours; causal: the last one's."""
-    known = np.isfinite(values).all(axis=1)
+    valid = np.isfinite(values).all(axis=1)
     if causal:
-        last = np.maximum.accumulate(np.where(known, np.arange(len(t_s)), int(known.argmax())))
+        last = np.maximum.accumulate(np.where(valid, np.arange(len(t_s)), int(valid.argmax())))
         return np.asarray(values[last])
-    columns = [np.interp(t_s, t_s[known], column[known]) for column in values.T]
+    columns = [np.interp(t_s, t_s[valid], column[valid]) for column in values.T]
     return np.stack(columns, axis=1)
 
 
@@ -256,9 +274,9 @@ def reason_without_attitude(imu: Imu, start: Alignment, covered: BoolArray) -> s
         return f"array phases contradict each other at {int(start.refused.sum())} epochs"
     if start.unobservable:
         angles = " and ".join(start.unobservable)
-        return f"the array leaves {angles} open; a baseline out of line, or Doppler, would tell"
+        return f"the array leaves {angles} open; a baseline out of line or Doppler determines them"
     if start.form is not None and not start.valid.any():
         return "the integers of the array's phases are not fixed, or too few"
     if start.form is None and not start.valid.any():
-        return "with one antenna it takes Doppler or velocities, or a line of sight, to tell roll"
+        return "with one antenna roll needs Doppler or velocities, or a line of sight"
     return f"{int((covered & start.valid).sum())} within the accelerometer's record"

@@ -6,7 +6,7 @@ from fgnav.checks import FloatArray
 
 _SIGMAS = 4.0  # of a correlation of white noise, 1 / sqrt(k): 3e-5
 SHOWN_BY = _SIGMAS**2  # samples: of fewer not even a correlation of 1 is significant
-_LAGS = 0.25  # of a series: of longer ones too few pairs tell [1], section 2.1.5
+_LAGS = 0.25  # of a series: of longer ones there are too few pairs [1], section 2.1.5
 
 
 def correlated(r: FloatArray) -> float:

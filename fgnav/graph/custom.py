@@ -75,15 +75,17 @@ def residual_factor(
     BadInputError
         If name, keys, noise or dimension are none.
     """
-    own = tuple(int(key) for key in keys)
-    if not name or not own or len(set(own)) < len(own):
-        raise BadInputError(f"factor {name!r}: needs a name and keys, each once, got {own}")
+    keys_of = tuple(int(key) for key in keys)
+    if not name or not keys_of or len(set(keys_of)) < len(keys_of):
+        raise BadInputError(f"factor {name!r}: needs a name and keys, each once, got {keys_of}")
     model = _noise_model(name, noise, dimension)
     rows = int(model.dim())
     if dimension is not None and dimension != rows:
         raise BadInputError(f"factor {name!r}: dimension is {dimension}, its noise has {rows}")
-    checked = ResidualModel(name=name, keys=own, residual=residual, jacobian=jacobian, rows=rows)
-    return OwnFactor(name, gtsam.CustomFactor(model, list(own), checked.error), checked)
+    checked = ResidualModel(
+        name=name, keys=keys_of, residual=residual, jacobian=jacobian, rows=rows
+    )
+    return OwnFactor(name, gtsam.CustomFactor(model, list(keys_of), checked.error), checked)
 
 
 def named(factor: OwnFactor | gtsam.NonlinearFactor) -> OwnFactor:
@@ -107,14 +109,14 @@ def named(factor: OwnFactor | gtsam.NonlinearFactor) -> OwnFactor:
 
 def newest_keyframe(factor: OwnFactor | gtsam.NonlinearFactor) -> int:
     """Return the number of the newest keyframe that a factor touches; -1 of none."""
-    own = named(factor).factor.keys()
-    return max((symbols.index(key) for key in own if symbols.letter(key) in "xvbm"), default=-1)
+    keys_of = named(factor).factor.keys()
+    return max((symbols.index(key) for key in keys_of if symbols.letter(key) in "xvbm"), default=-1)
 
 
 def oldest_keyframe(factor: OwnFactor | gtsam.NonlinearFactor) -> int:
     """Return the number of the oldest keyframe that a factor touches; -1 of none."""
-    own = named(factor).factor.keys()
-    return min((symbols.index(key) for key in own if symbols.letter(key) in "xvbm"), default=-1)
+    keys_of = named(factor).factor.keys()
+    return min((symbols.index(key) for key in keys_of if symbols.letter(key) in "xvbm"), default=-1)
 
 
 def check_factor(factor: OwnFactor, values: gtsam.Values) -> None:

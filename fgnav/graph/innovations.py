@@ -1,4 +1,4 @@
-"""Whether measurements and solution agree as well as both say they do: innovations, normalised.
+"""Whether measurements and solution agree as well as both state: normalised innovations.
 
 Each measurement is held against what the solution would be without it: of a filter's states that
 is the innovation, of smoothed ones the deletion residual [1]_. A whitened residual r of Jacobian J
@@ -41,7 +41,7 @@ class Innovations(NamedTuple):
 
     squared: FloatArray  # (k,)
     freedom: IntArray  # (k,)
-    tested: BoolArray  # (k,): whether anything but the measurement itself tells its residual
+    tested: BoolArray  # (k,): whether anything but the measurement itself determines its residual
 
 
 def consistency(problem: SmoothingProblem, solution: Solution) -> tuple[Consistency, ...]:
@@ -66,10 +66,10 @@ def consistency(problem: SmoothingProblem, solution: Solution) -> tuple[Consiste
     if phase is None:
         return by_name
     squared, freedom = phase_innovations(phase)
-    own = Innovations(squared, freedom, freedom > 0)
+    single = Innovations(squared, freedom, freedom > 0)
     return (
         *by_name,
-        _judged(phase.name, own, problem.t_s[phase.row]),
+        _judged(phase.name, single, problem.t_s[phase.row]),
         *place_consistency(phase, problem.t_s, solution),
     )
 
@@ -121,17 +121,17 @@ def own_consistency(
     first : int
         Number of the solution's first keyframe, as in the factors' keys.
     """
-    own = [_of_own(one.factor, layout, solution, first) for one in factors]
-    squared = np.array([one.r @ one.r for one in own])
-    tested = np.ones(len(own), dtype=np.bool_)
-    for which in _alike(own, solution):  # at once, not one by one
-        rows, seen = np.array([own[i].rows for i in which]), own[which[0]].seen
+    evaluated = [_of_own(one.factor, layout, solution, first) for one in factors]
+    squared = np.array([one.r @ one.r for one in evaluated])
+    tested = np.ones(len(evaluated), dtype=np.bool_)
+    for which in _alike(evaluated, solution):  # at once, not one by one
+        rows, seen = np.array([evaluated[i].rows for i in which]), evaluated[which[0]].seen
         P = _covariance(solution, rows)[:, seen[:, None], seen]
-        r, J = (np.stack([own[i][part] for i in which]) for part in (0, 1))
+        r, J = (np.stack([evaluated[i][part] for i in which]) for part in (0, 1))
         squared[which], tested[which] = _squared(r, J, P)
-    freedom = np.array([int(one.J.any(axis=1).sum()) for one in own])
+    freedom = np.array([int(one.J.any(axis=1).sum()) for one in evaluated])
     last = len(solution.covariance) - 1
-    at = np.array([one.rows[-1] if one.rows else last for one in own], dtype=np.int64)
+    at = np.array([one.rows[-1] if one.rows else last for one in evaluated], dtype=np.int64)
     names: dict[str, list[int]] = {}
     for i, factor in enumerate(factors):
         names.setdefault(factor.name, []).append(i)
@@ -175,10 +175,10 @@ def _columns(layout: Layout, key: int, place: Mapping[int, int]) -> IntArray:
     return place[k] + np.arange(begin, end)
 
 
-def _alike(own: Sequence[_Own], solution: Solution) -> list[list[int]]:
+def _alike(evaluated: Sequence[_Own], solution: Solution) -> list[list[int]]:
     """Return factors of the same dimensions whose variables' joint covariance is known."""
     alike: dict[tuple[object, ...], list[int]] = {}
-    for i, one in enumerate(own):
+    for i, one in enumerate(evaluated):
         apart = one.rows[-1] - one.rows[0] if one.rows else 0
         if len(one.rows) < 2 or (apart == 1 and solution.cross is not None):
             kind = (len(one.rows), one.J.shape, *one.seen.tolist())
@@ -191,15 +191,15 @@ def _covariance(solution: Solution, rows: IntArray) -> FloatArray:
     if not rows.shape[1]:
         return np.repeat(solution.constant_covariance[-1:], len(rows), axis=0)
     shared = solution.constant_covariance[rows[:, -1]]
-    own = [solution.covariance[row] for row in rows.T]
+    keyframes = [solution.covariance[row] for row in rows.T]
     cross = [solution.constant_cross[row] for row in rows.T]
-    if len(own) == 1 or solution.cross is None:
-        return np.block([[own[0], cross[0]], [cross[0].swapaxes(1, 2), shared]])
+    if len(keyframes) == 1 or solution.cross is None:
+        return np.block([[keyframes[0], cross[0]], [cross[0].swapaxes(1, 2), shared]])
     between = solution.cross[rows[:, 0]]
     return np.block(
         [
-            [own[0], between, cross[0]],
-            [between.swapaxes(1, 2), own[1], cross[1]],
+            [keyframes[0], between, cross[0]],
+            [between.swapaxes(1, 2), keyframes[1], cross[1]],
             [cross[0].swapaxes(1, 2), cross[1].swapaxes(1, 2), shared],
         ]
     )
@@ -207,10 +207,10 @@ def _covariance(solution: Solution, rows: IntArray) -> FloatArray:
 
 def _joint(solution: Solution, rows: IntArray, seen: BoolArray, also: BoolArray) -> FloatArray:
     """Return the covariance of some dimensions of states and constants at rows, (k, d, d)."""
-    own = solution.covariance[rows][:, seen][:, :, seen]
+    P = solution.covariance[rows][:, seen][:, :, seen]
     cross = solution.constant_cross[rows][:, seen][:, :, also]
     shared = solution.constant_covariance[rows][:, also][:, :, also]
-    return np.block([[own, cross], [cross.swapaxes(1, 2), shared]])
+    return np.block([[P, cross], [cross.swapaxes(1, 2), shared]])
 
 
 def _any(J: FloatArray) -> BoolArray:
@@ -251,10 +251,10 @@ def _by_name(
     return tuple(
         _judged(
             name,
-            Innovations._make(map(np.concatenate, zip(*(part for part, _ in own), strict=True))),
-            np.concatenate([t_s for _, t_s in own]),
+            Innovations._make(map(np.concatenate, zip(*(part for part, _ in parts), strict=True))),
+            np.concatenate([t_s for _, t_s in parts]),
         )
-        for name, own in collected.items()
+        for name, parts in collected.items()
     )
 
 

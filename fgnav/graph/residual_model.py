@@ -81,13 +81,13 @@ class ResidualModel:
             If it raises, or is of another shape, or not finite.
         """
         try:
-            found = np.array(self.residual(*variables), dtype=np.float64)
+            value = np.array(self.residual(*variables), dtype=np.float64)
         except BadInputError:
             raise
         except Exception as error:
             raise self._failed("residual", error) from error
-        self._check("residual", found, (self.rows,))
-        return found
+        self._check("residual", value, (self.rows,))
+        return value
 
     def jacobians(self, variables: Sequence[Variable]) -> list[NDArray[np.float64]]:
         """Return the derivatives by each variable's tangent, (m, d_i).
@@ -100,21 +100,21 @@ class ResidualModel:
         if self.jacobian is None:
             return self.differences(variables)
         try:
-            found = [np.array(block, dtype=np.float64) for block in self.jacobian(*variables)]
+            blocks = [np.array(block, dtype=np.float64) for block in self.jacobian(*variables)]
         except BadInputError:
             raise
         except Exception as error:
             raise self._failed("jacobian", error) from error
-        if len(found) != len(self.keys):
+        if len(blocks) != len(self.keys):
             raise BadInputError(
-                f"factor {self.name!r}: jacobian returned {len(found)} blocks, expected "
+                f"factor {self.name!r}: jacobian returned {len(blocks)} blocks, expected "
                 f"{len(self.keys)}, one for each of {', '.join(map(spelt, self.keys))}"
             )
-        for j, (variable, block) in enumerate(zip(variables, found, strict=True)):
+        for j, (variable, block) in enumerate(zip(variables, blocks, strict=True)):
             if len(self.sizes) == j:
                 self.sizes.append(_size(variable))
             self._check("jacobian", block, (self.rows, self.sizes[j]), self.keys[j])
-        return found
+        return blocks
 
     def differences(self, variables: Sequence[Variable]) -> list[NDArray[np.float64]]:
         """Return the derivatives by central differences, (m, d_i)."""
@@ -136,7 +136,7 @@ class ResidualModel:
         """Return the residual and set its Jacobians: GTSAM's error function."""
         try:
             variables = self.variables(values)
-            found = self.value(variables)
+            value = self.value(variables)
             blocks = None if H is None else self.jacobians(variables)
         except BadInputError as error:
             if not self.failures:
@@ -145,13 +145,13 @@ class ResidualModel:
         if H is not None and blocks is not None:
             for j, block in enumerate(blocks):
                 H[j] = block
-        return found
+        return value
 
     def _variable(self, values: gtsam.Values, key: int) -> Variable:
-        known = self.readers.get(key)
-        if known is not None:
+        reader = self.readers.get(key)
+        if reader is not None:
             try:
-                return getattr(values, known)(key)
+                return getattr(values, reader)(key)
             except RuntimeError:  # of another type by now, or gone
                 pass
         if not values.exists(key):
@@ -172,18 +172,18 @@ class ResidualModel:
     def _check(
         self,
         what: str,
-        found: NDArray[np.float64],
+        array: NDArray[np.float64],
         shape: tuple[int, ...],
         by: int | None = None,
     ) -> None:
         # The sum of squares of what is not finite is not: a quarter of the time of asking each.
-        if found.shape == shape and isfinite(np.vdot(found, found)):
+        if array.shape == shape and isfinite(np.vdot(array, array)):
             return
         keys = ", ".join(map(spelt, self.keys))
         what = what if by is None else f"{what} by {spelt(by)}"
-        if found.shape != shape:
+        if array.shape != shape:
             raise BadInputError(
-                f"factor {self.name!r} on {keys}: {what} has shape {found.shape}, expected {shape}"
+                f"factor {self.name!r} on {keys}: {what} has shape {array.shape}, expected {shape}"
             )
         raise BadInputError(f"factor {self.name!r} on {keys}: {what} is not finite")
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Sourced:
-    """Factors, and what the estimate is to say of those that are not there.
+    """Factors, and what the estimate reports of those that are left out.
 
     Attributes
     ----------

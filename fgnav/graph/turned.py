@@ -19,7 +19,7 @@ from fgnav.optional_gtsam import gtsam
 
 ARRAY_TURN, UNIT_TURN = "array turn", "unit turn"  # of the array alone; of all but the unit
 # 1-sigma to which either is put into a body: 4 mm on a metre. What stays of velocities under a sky
-# that the body hides as it leans is as much (scenario rough: 0.3 to 0.8 degree of right flights).
+# that the body hides as it rolls is as much (scenario rough: 0.3 to 0.8 degree of right flights).
 MOUNTED_RAD = float(np.radians(0.2))
 _ARRAY = ("array phases",)
 _LASTING = 9  # most that a keyframe's vector ends in of phases that err lastingly: by elements
@@ -44,12 +44,12 @@ class Turned(OfAnother):
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Measurement``."""
-        own = slice(self.column, self.column + 3)
-        angle = np.ascontiguousarray(at.constants[own])
+        columns = slice(self.column, self.column + 3)
+        angle = np.ascontiguousarray(at.constants[columns])
         R = rot.exp(angle)
         value, state, shared = self.measurement.linearise(at._replace(R_nb=at.R_nb @ R), which)
         state, shared = state.copy(), shared.copy()
-        shared[:, :, own] += state[:, :, ROTATION] @ rot.right_jacobian(angle)
+        shared[:, :, columns] += state[:, :, ROTATION] @ rot.right_jacobian(angle)
         for tangent in (ROTATION, POSITION):  # both in the state's own axes
             state[:, :, tangent] = state[:, :, tangent] @ R.T
         return Linearised(value, state, shared)

@@ -15,7 +15,7 @@ from fgnav.frontend.calibration_request import (
     of_time,
     of_vehicle,
 )
-from fgnav.frontend.problem import PreparedFlight
+from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE
 from fgnav.graph.turned import UNIT_TURN

@@ -17,7 +17,7 @@ import numpy as np
 
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.causal.truncation import truncated
-from fgnav.frontend.problem import PreparedFlight, Stretch
+from fgnav.frontend.prepared import PreparedFlight, Stretch
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.identification.apply import Build, Findings, findings, with_findings
 from fgnav.types.flight import Flight

@@ -76,9 +76,9 @@ class Options:
 def gravity_source(
     name: str | None, factors: tuple[str, ...]
 ) -> tuple[GravityEstimator | None, tuple[str, ...]]:
-    """Return who tells gravity by a name, and factors with what that is another name of.
+    """Return the gravity estimator of a name, and factors, to which former names belong.
 
-    Networks that tell it are factors; their names as estimators hold for one version.
+    Networks for it are factors; their names as estimators hold for one version.
     """
     if name is None:
         return None, factors
@@ -109,7 +109,7 @@ def method_named(
     name : str
     resolver : Resolver
     gravity, estimate, lag_s
-        As in ``Options``, over what those say.
+        As in ``Options``, which they override.
     options : Options, optional
 
     Raises
@@ -118,12 +118,12 @@ def method_named(
         If there is none; the text lists what there is.
     """
     factory = plugins.named(GROUP, METHODS, name, kind="method")
-    asked = options or Options()
-    asked = replace(
-        asked,
-        gravity=gravity or asked.gravity,
-        estimate=estimate or asked.estimate,
-        lag_s=asked.lag_s if lag_s is None else lag_s,
+    chosen = options or Options()
+    chosen = replace(
+        chosen,
+        gravity=gravity or chosen.gravity,
+        estimate=estimate or chosen.estimate,
+        lag_s=chosen.lag_s if lag_s is None else lag_s,
     )
-    estimator: Estimator = factory(resolver=resolver, **asked.of(name))
+    estimator: Estimator = factory(resolver=resolver, **chosen.of(name))
     return estimator

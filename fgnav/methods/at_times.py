@@ -63,14 +63,14 @@ def at_times(method: Estimator, times: Path | None, rate_hz: float | None) -> Es
         raise BadInputError("--at and --rate: name one of them")
     if not hasattr(method, "at"):
         raise BadInputError(f"--at, --rate: {method.name} knows its own epochs alone")
-    known = cast("AnyTime", method)
+    any_time = cast("AnyTime", method)
     if times is not None:
         t_s = read_table(times, ["t_s"])["t_s"]
         if len(t_s) > MOST_TIMES:
             raise BadInputError(
                 f"{times}: has {len(t_s)} times, at most {MOST_TIMES} are estimated at once"
             )
-        return AtTimes(name=method.name, method=known, t_s=t_s)
+        return AtTimes(name=method.name, method=any_time, t_s=t_s)
     rate = float(rate_hz or 0.0)
     positive("--rate", rate)
-    return AtTimes(name=method.name, method=known, rate_hz=rate)
+    return AtTimes(name=method.name, method=any_time, rate_hz=rate)

@@ -46,7 +46,7 @@ class MaximumLikelihood:
         """
         differences, integers = resolve(flight, self.resolver)
         stated = RotationQuadratic.of_double_differences(differences, integers)
-        _, solution, louder = agreeing(stated)
+        _, solution, noise_notes = agreeing(stated)
         consistent = solution.consistent(self.false_alarm)
         keep = solution.solved & consistent
         losses = [
@@ -76,5 +76,5 @@ class MaximumLikelihood:
             unobservable=solution.unobservable(),
             integers=integers,
             losses=(*differences.losses, *integers.losses, *losses),
-            notes=(*louder, *motion.notes),
+            notes=(*noise_notes, *motion.notes),
         )

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fgnav.checks import BadInputError, NoSolutionError
-from fgnav.frontend.problem import PreparedFlight, build_problem
+from fgnav.frontend.prepared import PreparedFlight
+from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.methods.smoother import Forward
 from fgnav.methods.smoothing.estimates import stated_at
 from fgnav.methods.smoothing.joined import joined_estimates
 from fgnav.methods.streaming.going_on import GoingOn, going_on
@@ -22,7 +24,6 @@ from fgnav.types.flight import Flight
 
 if TYPE_CHECKING:
     from fgnav.identification.from_past import Look
-    from fgnav.methods.smoother import Forward
     from fgnav.solve.fixed_lag import Departed, FixedLag
 
 _ROUNDING_S = 1e-6
@@ -39,7 +40,7 @@ class _Keyframe(NamedTuple):
 
 @dataclass(slots=True)
 class _Span:
-    """Keyframes from a time on, with noise and times as they were told by then."""
+    """Keyframes from a time on, with noise and times as identified by then."""
 
     from_s: float
     told: "Look"
@@ -62,7 +63,7 @@ class ObservationStream:
 
     Of one antenna, or fixes, beside a gyroscope it keeps half a minute of records once the heading
     is known, and an epoch costs the same however long it runs. Where noise is identified it keeps
-    all of them (20 MB an hour, of 2 and 100 samples a second) and runs anew whenever that has
+    all of them (20 MB an hour, of 2 and 100 samples a second) and runs again whenever that has
     doubled. Of arrays, bodies without a gyroscope, and beside a base, a detector, a gravity
     estimator or wheels it keeps and reads all of them at every epoch: for short flights
     (docs/model.md).
@@ -73,7 +74,7 @@ class ObservationStream:
         With GTSAM, and without factors of one's own.
     """
 
-    def __init__(self, method: "Forward") -> None:
+    def __init__(self, method: Forward) -> None:
         if method.solver != "gtsam":
             raise BadInputError(f"stream solver: must be gtsam, got {method.solver!r}")
         if method.factors:
@@ -90,10 +91,8 @@ class ObservationStream:
         self._looked_s = -np.inf  # when noise was identified last
 
     @classmethod
-    def replay(cls, flight: Flight, method: "Forward | None" = None) -> Iterator[Estimate]:
+    def replay(cls, flight: Flight, method: Forward | None = None) -> Iterator[Estimate]:
         """Yield what a stream would have returned epoch by epoch; see ``update``."""
-        from fgnav.methods.smoother import Forward  # noqa: PLC0415  # it imports this module
-
         stream = cls(Forward() if method is None else method)
         for piece in pieces(flight):
             yield stream.update(piece)
@@ -140,7 +139,7 @@ class ObservationStream:
         Raises
         ------
         NoSolutionError
-            If all that has come tells no state.
+            If all that has come determines no state.
         """
         return self._estimate(np.inf)
 
@@ -195,19 +194,19 @@ class ObservationStream:
         for at_s in looks_s(plain, until_s + _ROUNDING_S):
             if self._looked_s < at_s <= until_s:
                 self._looked_s = at_s
-                whole = self._whole()
-                told = look(whole, settings, at_s, build_problem)
-                if len(self._spans) > 1 or before_s > -np.inf or told != Look(None):
-                    self._spans.append(_Span(at_s, told, GoingOn(whole)))
+                flight = self._whole()
+                identified = look(flight, settings, at_s, build_problem)
+                if len(self._spans) > 1 or before_s > -np.inf or identified != Look(None):
+                    self._spans.append(_Span(at_s, identified, GoingOn(flight)))
 
     def _whole(self) -> Flight:
         """Return all that has come."""
-        whole = joined(*self._pieces)
-        self._pieces = [whole]
-        return whole
+        flight = joined(*self._pieces)
+        self._pieces = [flight]
+        return flight
 
     def _keyframe(self, prepared: PreparedFlight, look_s: float, at_s: float) -> _Keyframe:
-        """Let a keyframe enter the window, which begins anew where its problem is another one."""
+        """Let a keyframe enter the window, which begins again where its problem is another one."""
         from fgnav.solve.fixed_lag import FixedLag  # noqa: PLC0415  # lazy: gtsam
 
         opening = prepared.opening
@@ -219,7 +218,7 @@ class ObservationStream:
         for row in np.flatnonzero((problem.t_s > self._taken_s) & (problem.t_s <= at_s)).tolist():
             self._window.advance(problem, row)
             self._newest = self._window.newest()  # of each: what is asked for decides what leaves
-        self._taken_s, known = at_s, self._newest
+        self._taken_s, departed = at_s, self._newest
         if opening is not None and is_open:
-            known = with_open_heading(known, opening)
-        return _Keyframe(prepared, problem, row, known)
+            departed = with_open_heading(departed, opening)
+        return _Keyframe(prepared, problem, row, departed)

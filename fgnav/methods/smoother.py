@@ -5,13 +5,16 @@ it by block elimination in compiled code.
 """
 
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Literal
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal
+from warnings import warn
 
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, positive
 from fgnav.frontend.calibration_request import calibration_requests
-from fgnav.frontend.problem import PreparedFlight, build_problem
+from fgnav.frontend.prepared import PreparedFlight
+from fgnav.frontend.problem import build_problem
 from fgnav.frontend.recording import with_noise_of_record
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.between import regular_times, with_times
@@ -20,11 +23,10 @@ from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
 from fgnav.identification.contradictions import without_contradictions
 from fgnav.integers.resolvers.registry import default_resolver
-from fgnav.methods.observation_stream import ObservationStream
 from fgnav.methods.smoothing.estimates import estimate_of
 from fgnav.methods.smoothing.joined import joined_estimates
 from fgnav.methods.smoothing.own_sources import FactorSource, own_factors
-from fgnav.methods.smoothing.so_far import Asked, consistent_so_far
+from fgnav.methods.smoothing.so_far import CausalMethod, consistent_so_far
 from fgnav.methods.smoothing.solving import (
     Solver,
     at_once,
@@ -32,7 +34,6 @@ from fgnav.methods.smoothing.solving import (
     by_window,
     without_attitudes,
 )
-from fgnav.methods.stream import Direction, Measured, Measurements, Stream, StreamSetUp
 from fgnav.optional_gtsam import ABSENT, HAS_GTSAM
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.solve.sliding.relinearisation import BLOCK_S
@@ -43,18 +44,21 @@ from fgnav.types.integers import Resolver
 if TYPE_CHECKING:
     from fgnav.graph.custom import OwnFactor
 
-__all__ = [
-    "Batch",
-    "Direction",
-    "Forward",
-    "GtsamBatch",
-    "Measured",
-    "Measurements",
-    "ObservationStream",
-    "Smoother",
-    "Stream",
-    "StreamSetUp",
-]
+__all__ = ["Batch", "Forward", "GtsamBatch", "Smoother"]
+
+_MOVED = {
+    "ObservationStream": "observation_stream",
+    **dict.fromkeys(("Direction", "Measured", "Measurements", "Stream", "StreamSetUp"), "stream"),
+}
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401
+    """Return what has moved to the modules of streams, for one version."""
+    if name not in _MOVED:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    place = f"fgnav.methods.{_MOVED[name]}"
+    warn(f"{__name__}.{name} is now {place}.{name}", DeprecationWarning, stacklevel=2)
+    return getattr(import_module(place), name)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -215,8 +219,8 @@ class Smoother:
             from fgnav.identification.from_past import stretches  # noqa: PLC0415  # lazy: the chain
 
             ahead_s = self.lag_s + 2 * BLOCK_S
-            found = stretches(flight, settings, prepared, ahead_s, build_problem, since_s)
-            return replace(prepared, stretches=found)
+            spans = stretches(flight, settings, prepared, ahead_s, build_problem, since_s)
+            return replace(prepared, stretches=spans)
         if settings.noise == "identified":
             from fgnav.identification.apply import (  # noqa: PLC0415  # lazy: the chain
                 with_identified_noise,
@@ -233,13 +237,13 @@ class Smoother:
 
     def estimate_prepared(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
         """Estimate a flight whose problem is built."""
-        # Factors of one's own cannot be left out of a flight: what they contradict is said.
+        # Factors of one's own cannot be left out of a flight: what they contradict is noted.
         own = self.factors or flight.networks
         is_tried = self.noise == "identified" and not own
         if self.causal:
-            whole = self._of_whole_flights._once if is_tried else None
-            asked = Asked(self.prepare, self._estimated, whole, self._waits_s)
-            return consistent_so_far(flight, prepared, asked)
+            once = self._of_whole_flights._once if is_tried else None
+            method = CausalMethod(self.prepare, self._estimated, once, self._waits_s)
+            return consistent_so_far(flight, prepared, method)
         again = self._once if is_tried else None
         return without_contradictions(flight, self._estimated(flight, prepared), again)
 
@@ -251,8 +255,8 @@ class Smoother:
     @property
     def _of_whole_flights(self) -> "Batch":
         """The method without openings, whose innovations are those of a bad linearisation, too."""
-        own = {one.name: getattr(self, one.name) for one in fields(Smoother)}
-        return Batch(**own | {"causal": False, "lag_s": Batch().lag_s, "name": self.name})
+        settings = {one.name: getattr(self, one.name) for one in fields(Smoother)}
+        return Batch(**settings | {"causal": False, "lag_s": Batch().lag_s, "name": self.name})
 
     def _once(self, flight: Flight) -> Estimate:
         return self._estimated(flight, self.prepare(flight))
@@ -292,7 +296,7 @@ class Smoother:
 class Forward(Smoother):
     """The window's newest state: what a filter knows as the flight goes on, and no more.
 
-    Attributes are those of ``Smoother``; states ``lag_s`` back are still linearised anew.
+    Attributes are those of ``Smoother``; states ``lag_s`` back are still relinearised.
     """
 
     causal: bool = True

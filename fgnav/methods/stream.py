@@ -11,6 +11,8 @@ from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.methods.observation_stream import ObservationStream
+from fgnav.methods.smoother import Forward
 from fgnav.methods.smoothing.calibration_report import calibrated_constants
 from fgnav.methods.smoothing.estimates import Body, stated
 from fgnav.methods.smoothing.own_sources import own_constants, with_networks, with_timelines
@@ -23,7 +25,6 @@ if TYPE_CHECKING:
     import gtsam
 
     from fgnav.graph.custom import OwnFactor
-    from fgnav.methods.smoother import Forward
     from fgnav.solve.fixed_lag import Departed
 
 __all__ = ["Direction", "Measured", "Measurements", "Stream", "StreamSetUp", "StreamSource"]
@@ -67,13 +68,11 @@ class Stream:
         self._judged: deque[OwnFactor] = deque()  # factors of one's own of keyframes kept
 
     @staticmethod
-    def replay(flight: Flight, method: "Forward | None" = None) -> Iterator[Estimate]:
+    def replay(flight: Flight, method: Forward | None = None) -> Iterator[Estimate]:
         """Yield what ``ObservationStream`` returns of a flight, fed to it epoch by epoch.
 
         Joined it is what ``method(flight)`` returns, ``Forward()`` by default.
         """
-        from fgnav.methods.observation_stream import ObservationStream  # noqa: PLC0415  # above this
-
         return ObservationStream.replay(flight, method)
 
     @property
@@ -97,8 +96,8 @@ class Stream:
                 f"measurements t_s: must come after {self._last_s}, got {measurements.t_s}"
             )
         for name, needed in _NEEDED.items():
-            there = getattr(measurements, name) is not None
-            if there and getattr(self._set_up, needed) is None:
+            given = getattr(measurements, name) is not None
+            if given and getattr(self._set_up, needed) is None:
                 raise BadInputError(f"measurements {name}: the set-up has no {needed}")
         before = None
         if self._count:

@@ -4,7 +4,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.frontend.faulty_samples import stuck_axis, stuck_unit
-from fgnav.frontend.recording import loud_step
+from fgnav.frontend.recording import coarse_step
 from fgnav.set_up.findings import Finding
 from fgnav.types.flight import Imu
 
@@ -67,7 +67,7 @@ def _coarse_steps(imu: Imu, x: FloatArray, sensor: str, where: str) -> list[Find
     if sensor == "gyroscope":
         noise = imu.gyroscope_noise_radps_per_sqrt_hz or np.inf
     of_sample = noise / np.sqrt(np.median(np.diff(imu.t_s)))
-    step = loud_step(x, of_sample)
+    step = coarse_step(x, of_sample)
     if step is None:
         return []
     times = step.size / of_sample

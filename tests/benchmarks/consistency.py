@@ -24,7 +24,7 @@ from scipy.special import chdtri, erf
 from fgnav.checks import FloatArray
 from fgnav.evaluation.bound import attitude_bound
 from fgnav.evaluation.posterior_bound import posterior_bound, true_rate_prior
-from fgnav.frontend.problem import PreparedFlight
+from fgnav.frontend.prepared import PreparedFlight
 from fgnav.geometry import rotations
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.integers.resolvers.truth import Truth, attitude_at

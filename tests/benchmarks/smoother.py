@@ -19,7 +19,8 @@ from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.integers.resolvers.registry import resolver_named
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.methods import method_named
-from fgnav.methods.smoother import Batch, Smoother, Stream
+from fgnav.methods.smoother import Batch, Smoother
+from fgnav.methods.stream import Stream
 from fgnav.solve import chain
 from fgnav.solve.batch import solve_batch
 from fgnav.solve.fixed_lag import FixedLag, solve_fixed_lag

@@ -17,7 +17,7 @@ import numpy as np
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import from_euler
-from fgnav.methods.smoother import Measured, Measurements, Stream, StreamSetUp
+from fgnav.methods.stream import Measured, Measurements, Stream, StreamSetUp
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.types.flight import Imu
 

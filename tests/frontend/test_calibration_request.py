@@ -56,7 +56,7 @@ def test_words_that_mean_nothing_are_named(words, text):
     [
         ("landmark", r"estimate landmark: the flight has no \[seeker\]"),
         ("boresight", r"estimate boresight: the flight has no \[seeker\]"),
-        ("gravity", "estimate gravity: nothing tells the direction of gravity"),
+        ("gravity", "estimate gravity: no source of the direction of gravity"),
         ("antenna:b7", "estimate antenna:b7: not one of a1, a2"),
         ("antenna:a1", "estimate antenna:a1: is the reference of the array; ask for lever-arm"),
     ],

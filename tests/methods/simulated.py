@@ -11,6 +11,7 @@ from fgnav.integers.resolvers.truth import attitude_at
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 
+MOST = 8  # problems that are kept
 SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios"
 
 
@@ -30,6 +31,19 @@ def flown_with(name, span_s, *, seed=1, **gnss):
     changed = msgspec.structs.replace(scenario.gnss, **gnss)
     scenario = msgspec.structs.replace(scenario, duration_s=span_s, gnss=changed)
     return simulate(scenario, np.random.default_rng(seed))
+
+
+_problems = {}  # by what decides them; the last few
+
+
+def shared(method, flight):
+    """Return a method's estimate, its problem shared with methods that agree in it."""
+    decides = method.preparation, method.causal and method.lag_s, flight
+    if decides not in _problems:
+        if len(_problems) == MOST:
+            del _problems[next(iter(_problems))]
+        _problems[decides] = method.prepare(flight)
+    return method.estimate_prepared(flight, _problems[decides])
 
 
 def errors_rad(flight, estimate):

@@ -1,6 +1,7 @@
 """What a gyroscope knows better than fixes can see: headings that motion begins to tell, tags."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from fgnav.evaluation.scores import errors_against
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from tests.methods.driven import STEP_S, driven
+from tests.methods.simulated import shared
 
 
 def nees(flight, estimate, from_s=0.0, until_s=np.inf):
@@ -15,13 +17,23 @@ def nees(flight, estimate, from_s=0.0, until_s=np.inf):
     return float(errors.nees[(errors.t_s >= from_s) & (errors.t_s < until_s)].mean())
 
 
+@cache
+def flown(seed, *, biased=False, **tags):
+    """Return a driven flight, the same object for the same arguments."""
+    flight = driven(seed, **tags)
+    if not biased:
+        return flight
+    f_b_mps2 = flight.imu.f_b_mps2 + np.array([0.0, 0.75, 0.0])
+    return replace(flight, imu=replace(flight.imu, f_b_mps2=f_b_mps2))
+
+
 @pytest.mark.parametrize("solver", ["gtsam", "chain"])
 def test_a_filter_waits_until_motion_has_told_the_heading(solver):
     """Marginalised while its heading is open, level seemed told from the accelerometer's bias."""
     figures = []
     for seed in (31_001, 31_002):
-        flight = driven(seed)
-        estimate = Forward(noise="stated", solver=solver)(flight)
+        flight = flown(seed)
+        estimate = shared(Forward(noise="stated", solver=solver), flight)
         figures.append(nees(flight, estimate, 15.0, 35.0))
     assert np.mean(figures) < 6.0
 
@@ -31,10 +43,9 @@ def test_what_leaves_a_window_knows_biases_by_what_they_did(solver):
     """Level is three degrees off at first, the accelerometer's bias 2.5 of its sigmas."""
     figures = []
     for seed in (1, 2):
-        flight = driven(seed)
-        biased = flight.imu.f_b_mps2 + np.array([0.0, 0.75, 0.0])
-        flight = replace(flight, imu=replace(flight.imu, f_b_mps2=biased))
-        figures.append(nees(flight, Smoother(noise="stated", solver=solver)(flight)))
+        flight = flown(seed, biased=True)
+        estimate = shared(Smoother(noise="stated", solver=solver), flight)
+        figures.append(nees(flight, estimate))
     assert np.mean(figures) < 6.25  # that of the bias by its prior; 27 in body axes
 
 
@@ -43,12 +54,13 @@ def test_what_leaves_a_window_knows_biases_by_what_they_did(solver):
 )
 def test_tags_within_half_a_sample_are_estimated_with_the_flight(method, times):
     """A window knows the clock by then alone, and states more doubt of attitudes anyway."""
-    late = {seed: driven(seed, late_s=STEP_S / 2) for seed in (31_003, 31_004)}
-    doubted = {
-        seed: driven(seed, late_s=STEP_S / 2, late_sigma_s=STEP_S / np.sqrt(12)) for seed in late
-    }
-    taken_as_exact = np.mean([nees(one, method(one), 20.0) for one in late.values()])
-    in_doubt = np.mean([nees(one, method(one), 20.0) for one in doubted.values()])
+    half = STEP_S / 2
+    exact, doubted = (
+        [flown(seed, late_s=half, late_sigma_s=sigma_s) for seed in (31_003, 31_004)]
+        for sigma_s in (0.0, STEP_S / np.sqrt(12))
+    )
+    taken_as_exact = np.mean([nees(one, shared(method, one), 20.0) for one in exact])
+    in_doubt = np.mean([nees(one, shared(method, one), 20.0) for one in doubted])
     assert in_doubt < 6.0
     assert taken_as_exact > times * in_doubt
 

@@ -11,6 +11,7 @@ from fgnav.methods.smoother import Batch, Forward, Smoother
 from tests.methods.simulated import errors_rad, flown, nees
 
 RIGHT = Truth()
+BATCH = Batch(resolver=RIGHT, noise="stated")
 
 
 @pytest.fixture(scope="module")
@@ -20,12 +21,12 @@ def flight():
 
 @pytest.fixture(scope="module")
 def batch(flight):
-    return Batch(resolver=RIGHT)(flight)
+    return BATCH(flight)
 
 
 def test_between_keyframes_the_motion_model_is_as_good_as_at_them(flight, batch):
     t_s = np.arange(1.013, 18.9, 0.25)
-    between = Batch(resolver=RIGHT).at(flight, t_s)
+    between = BATCH.at(flight, t_s)
     assert_allclose(between.t_s, t_s)
     assert between.converged
     error = errors_rad(flight, between)
@@ -38,7 +39,7 @@ def test_between_keyframes_the_motion_model_is_as_good_as_at_them(flight, batch)
 
 
 def test_a_time_at_a_keyframe_is_that_keyframe(flight, batch):
-    estimate = Batch(resolver=RIGHT).at(flight, batch.t_s[[3, 50]])
+    estimate = BATCH.at(flight, batch.t_s[[3, 50]])
     assert_allclose(estimate.p_n_m, batch.p_n_m[[3, 50]], atol=1e-9)
     assert_allclose(estimate.R_nb, batch.R_nb[[3, 50]], atol=1e-12)
     assert estimate.epochs == 2
@@ -53,16 +54,17 @@ def test_at_keyframes_the_search_starts_where_it_did(flight):
         assert_array_equal(getattr(dense.start, name)[row], getattr(problem.start, name))
 
 
-@pytest.mark.parametrize("method", [Smoother(resolver=RIGHT), Forward(resolver=RIGHT)])
+@pytest.mark.parametrize("method", [Smoother, Forward])
 def test_the_window_and_the_filter_tell_any_time_too(flight, method):
-    estimate = method.at(flight, np.array([5.03, 5.07, 12.345]))
+    one = method(resolver=RIGHT, noise="stated")
+    estimate = one.at(flight, np.array([5.03, 5.07, 12.345]))
     assert np.abs(errors_rad(flight, estimate)).max() < 0.1
-    assert estimate.method == method.name
+    assert estimate.method == one.name
 
 
 def test_more_times_leave_the_others_as_they_were(flight, batch):
     t_s = np.union1d(batch.t_s, [5.05, 5.051])
-    dense = Batch(resolver=RIGHT).at(flight, t_s)
+    dense = BATCH.at(flight, t_s)
     row = np.searchsorted(t_s, batch.t_s)
     sigma = np.sqrt(np.einsum("nii->ni", batch.position_covariance_m2))
     # Other sub-steps in two intervals, and no more.
@@ -80,4 +82,4 @@ def test_more_times_leave_the_others_as_they_were(flight, batch):
 )
 def test_times_that_mean_nothing_are_refused(flight, t_s, text):
     with pytest.raises(BadInputError, match=text):
-        Batch(resolver=RIGHT).at(flight, np.array(t_s))
+        BATCH.at(flight, np.array(t_s))

@@ -1,6 +1,7 @@
 """Recordings with holes: bridged within what is stated."""
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from fgnav_sim.gnss.tables import OutageTable
 from fgnav_sim.simulate import simulate
 from tests.frontend.test_gaps import with_hole
 from tests.frontend.test_problem import PER_EPOCH, with_outages
-from tests.methods.simulated import errors_rad, nees
+from tests.methods.simulated import errors_rad, nees, shared
 from tests.methods.test_truncation import scenario
 
 RIGHT = Truth()
@@ -104,6 +105,14 @@ def test_an_antenna_alone_still_gives_position():
     assert within_three_sigma(flight, estimate).mean() >= 0.99
 
 
+GAP = OutageTable(from_s=30.0, until_s=45.0)
+
+
+@cache
+def without_satellites(seed):
+    return simulate(scenario("beacon", 50.0, outages=(GAP,)), np.random.default_rng(seed))
+
+
 @pytest.mark.parametrize(
     ("method", "seed"),
     [(Batch(), 20_001), (Smoother(), 20_001), (Forward(), 20_001), (Batch(), 20_104)],
@@ -114,9 +123,8 @@ def test_fifteen_seconds_without_satellites_are_solved_by_every_method(method, s
 
     Along the valley of the second flight the cost bends before a whole Newton step ends.
     """
-    gap = OutageTable(from_s=30.0, until_s=45.0)
-    flight = simulate(scenario("beacon", 50.0, outages=(gap,)), np.random.default_rng(seed))
-    estimate = method(flight)
+    gap, flight = GAP, without_satellites(seed)
+    estimate = shared(method, flight)
     assert estimate.converged
     error, P = errors_rad(flight, estimate), estimate.attitude_covariance_rad2
     turned, sigma = np.linalg.norm(error, axis=1), np.sqrt(np.einsum("nii->n", P))

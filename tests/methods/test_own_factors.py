@@ -15,10 +15,10 @@ from fgnav.geometry.rotations import log, transpose
 from fgnav.graph import angular_motion, constant, imu_bias, pose, velocity
 from fgnav.graph.custom import jacobian_misfit, residual_factor
 from fgnav.io.flight.folder import save_flight
-from fgnav.methods.smoother import Batch, Forward, Measured, Measurements, Smoother, Stream
-from fgnav.methods.stream import StreamSetUp
+from fgnav.methods.smoother import Batch, Forward, Smoother
+from fgnav.methods.stream import Measured, Measurements, Stream, StreamSetUp
 from tests.frontend import flights
-from tests.methods.simulated import errors_rad, flown
+from tests.methods.simulated import errors_rad, flown, shared
 from tests.methods.star_tracker import EVERY, NAME, SIGMA_RAD, StarTracker, drawn, own
 
 METHODS = [Smoother(lag_s=2.0), Forward(), Batch()]
@@ -32,7 +32,7 @@ def estimated(method, seed, native=None):
     """Return what a method makes of a flight, with a star tracker unless native is None."""
     flight = flown("demo", SPAN_S, seed)
     factors = () if native is None else (StarTracker(seed=seed, native=native),)
-    return dataclasses.replace(method, factors=factors)(flight)
+    return shared(dataclasses.replace(method, factors=factors), flight)
 
 
 def rms(error):

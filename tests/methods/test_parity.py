@@ -7,6 +7,7 @@ where the last digits decide.
 """
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,6 +20,7 @@ from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.solve.sliding.relinearisation import UNKNOWN_RAD
 from fgnav_sim.simulate import simulate
 from tests.frontend.array.test_float_arcs import Cut, flown_without_integers
+from tests.methods.simulated import shared
 from tests.methods.test_truncation import OUTAGE, scenario
 from tests.methods.true_gravity import TrueGravity
 
@@ -66,21 +68,20 @@ CASES = {
 METHODS = {"smoother": Smoother(lag_s=2.0), "forward": Forward(), "batch": Batch()}
 
 
-def solved(case, method):
-    """Return what GTSAM and the chain make of a case."""
-    flight = flight_of(case)
-    method = replace(method, **case.options)
-    both = []
-    for solver in ("gtsam", "chain"):
-        one = replace(method, solver=solver)
-        both.append(one(flight) if case.rate_hz is None else one.at(flight, rate_hz=case.rate_hz))
-    return both
+def solved(which, name):
+    """Return what GTSAM and the chain make of a case, of one problem where there is one."""
+    case, flight = CASES[which], flight_of(which)
+    both = [replace(METHODS[name], solver=solver, **case.options) for solver in ("gtsam", "chain")]
+    if case.rate_hz is not None:
+        return [one.at(flight, rate_hz=case.rate_hz) for one in both]
+    return [shared(one, flight) for one in both]
 
 
-def flight_of(case):
-    if case.scenario is None:
+@lru_cache(maxsize=4)
+def flight_of(which):
+    if CASES[which].scenario is None:
         return flown_without_integers()
-    return simulate(case.scenario, np.random.default_rng(20_001))
+    return simulate(CASES[which].scenario, np.random.default_rng(20_001))
 
 
 def rms(values):
@@ -102,8 +103,7 @@ PAIRS = [
 
 @pytest.mark.parametrize(("which", "name"), PAIRS)
 def test_gtsam_and_the_chain_agree(which, name):
-    case = CASES[which]
-    gtsam, chain = solved(case, METHODS[name])
+    gtsam, chain = solved(which, name)
     assert gtsam.converged == chain.converged
     for what, figures in apart(gtsam, chain).items():
         for figure, limit in zip(figures, (AGREE_SIGMAS, SIGMAS_AGREE), strict=True):

@@ -1,6 +1,7 @@
 """The smoother on simulated and real flights: errors, and what it states of them."""
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from fgnav.methods.maximum_likelihood import MaximumLikelihood
 from fgnav.methods.smoother import Batch, Smoother
 from tests.benchmarks import consistency
 from tests.benchmarks.gravity import flights
-from tests.methods.simulated import errors_rad, euler_rmse_deg, flown, nees
+from tests.methods.simulated import errors_rad, euler_rmse_deg, flown, nees, shared
 from tests.methods.test_maximum_likelihood import Off
 from tests.recordings import uav, uav_field
 
@@ -24,7 +25,7 @@ RIGHT = Truth()
 @pytest.mark.parametrize("method", [Smoother(resolver=RIGHT), Batch(resolver=RIGHT)])
 def test_every_motion_is_smoothed_with_a_believable_covariance(scenario, method):
     flight = flown(scenario, 30.0)
-    estimate = method(flight)
+    estimate = shared(method, flight)
     assert estimate.converged
     assert estimate.available == 1
     single = euler_rmse_deg(flight, MaximumLikelihood(resolver=RIGHT)(flight))
@@ -126,6 +127,7 @@ def test_same_flight_same_bytes():
     assert first.position_covariance_m2.tobytes() == second.position_covariance_m2.tobytes()
 
 
+@cache
 def of_two_antennas(flight):
     """The same flight with its first antenna and the one a metre ahead of it."""
     keep = [0, 3]
@@ -153,7 +155,7 @@ def test_one_baseline_and_an_accelerometer_give_all_three_angles():
 def test_a_spin_is_followed_with_one_baseline(method):
     """Other vectors say where to start: a body at rest would be a turn away after a second."""
     flight = of_two_antennas(flown("spin", 20.0))
-    estimate = method(flight)
+    estimate = shared(method, flight)
     assert estimate.converged
     assert (euler_rmse_deg(flight, estimate) < [0.1, 0.1, 0.1]).all()
     assert nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 5

@@ -10,7 +10,7 @@ import pytest
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.causal.truncation import truncated
 from fgnav.methods.smoother import Forward
-from fgnav.methods.smoothing.so_far import Asked, consistent_so_far
+from fgnav.methods.smoothing.so_far import CausalMethod, consistent_so_far
 from fgnav.types.estimate import Consistency, Contradiction, Estimate
 from tests.robustness.faults import FAULTS, right_flights
 
@@ -82,13 +82,13 @@ def of_field(flight, *, since_s=5.0, throughout=False):
 
 def so_far(flight, whole, estimated=of_field):
     prepared = SimpleNamespace(stretches=(), problem=SimpleNamespace(t_s=T_S))
-    asked = Asked(
+    method = CausalMethod(
         prepare=lambda _, __: prepared,
         estimated=lambda one, _: estimated(one),
         whole=whole,
         waits_s=0.0,
     )
-    return consistent_so_far(flight, prepared, asked)
+    return consistent_so_far(flight, prepared, method)
 
 
 def test_what_is_left_out_is_decided_by_the_record_up_to_then():

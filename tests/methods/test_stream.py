@@ -19,7 +19,7 @@ from fgnav.geometry.earth import geodetic
 from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.types.constants import Constants
-from fgnav.methods.smoother import Direction, Measured, Measurements, Stream, StreamSetUp
+from fgnav.methods.stream import Direction, Measured, Measurements, Stream, StreamSetUp
 from fgnav.solve.fixed_lag import solve_fixed_lag
 from fgnav.types.surroundings import Barometer, Magnetometer
 from tests.frontend.flights import ORIGIN, attitude_errors_rad, turning

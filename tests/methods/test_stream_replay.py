@@ -11,8 +11,9 @@ from fgnav.geometry.rotations import to_euler
 from fgnav.gnss.single_point import atmosphere_choice
 from fgnav.identification import from_past
 from fgnav.methods.observation_stream import ObservationStream
-from fgnav.methods.smoother import Forward, Stream
+from fgnav.methods.smoother import Forward
 from fgnav.methods.smoothing.joined import joined_estimates
+from fgnav.methods.stream import Stream
 from fgnav.methods.streaming import going_on
 from fgnav.methods.streaming.recording import epochs_s, joined, pieces
 from fgnav.types.flight import InitialAttitude

@@ -19,15 +19,16 @@ FORWARD, WINDOW = Forward(), Smoother(causal=True, lag_s=2.0)
 # What a method may wait for: nothing, or its lag and the block that the window is updated with,
 # which ends at the latest epoch a second after it began.
 WAITS_S = {"forward": 0.0, "smoother": 3.2}
-SHARES = (0.3, 0.6, 0.9)
+SHARES = (0.45, 0.65, 0.9)
 GYROSCOPE = {
     "gyroscope_noise_radps_per_sqrt_hz": 1e-4,
     "gyroscope_bias_radps": 2e-3,
     "gyroscope_bias_walk_radps_per_sqrt_s": 1e-6,
 }
-SPAN_S = 12.0
+SPAN_S = 9.0
+LOOKED_AT_S = 12.0  # of flights whose noise is looked at after 5 and 10 s
 OUTAGE = OutageTable(from_s=5.0, until_s=7.0)
-RISING = OutageTable(until_s=9.0, azimuth_deg=(0.0, 150.0))
+RISING = OutageTable(until_s=7.0, azimuth_deg=(0.0, 150.0))
 
 
 def scenario(name, span_s, *, gyroscope=False, fixes=False, range_m=None, **gnss):
@@ -49,13 +50,13 @@ FLIGHTS = {
     "rough": (scenario("rough", SPAN_S), ()),
     "terminal": (scenario("terminal", SPAN_S, range_m=9000.0), ()),
     "spin": (scenario("spin", SPAN_S), ()),
-    "surroundings": (scenario("surroundings", SPAN_S), ()),
+    "surroundings": (scenario("surroundings", LOOKED_AT_S), ()),
     "gyroscope": (scenario("demo", SPAN_S, gyroscope=True), ()),
     "one epoch a second": (scenario("demo", SPAN_S, rate_hz=1.0), ()),
     "outage": (scenario("demo", SPAN_S, outages=(OUTAGE,)), ()),
     "satellites that rise later": (scenario("demo", SPAN_S, outages=(RISING,)), ()),
-    "fixes": (scenario("six", SPAN_S, fixes=True), ()),
-    "fixes and gyroscope": (scenario("six", SPAN_S, fixes=True, gyroscope=True), ()),
+    "fixes": (scenario("six", LOOKED_AT_S, fixes=True), ()),
+    "fixes and gyroscope": (scenario("six", LOOKED_AT_S, fixes=True, gyroscope=True), ()),
     "landmark": (scenario("terminal", SPAN_S, range_m=9000.0), ("landmark",)),
     "lever-arm": (scenario("demo", SPAN_S), ("lever-arm",)),
     "antennas": (scenario("demo", SPAN_S), ("antennas",)),

@@ -1,6 +1,7 @@
 """Flights without carrier phase: the smoother started from vectors."""
 
 import dataclasses
+from functools import cache
 
 import msgspec
 import numpy as np
@@ -16,7 +17,7 @@ from fgnav_sim.simulate import simulate
 from tests.benchmarks import consistency
 from tests.benchmarks.gravity import Pair, flights
 from tests.frontend.test_vector_alignment import swinging
-from tests.methods.simulated import errors_rad, euler_rmse_deg, nees
+from tests.methods.simulated import errors_rad, euler_rmse_deg, nees, shared
 from tests.methods.true_gravity import TrueGravity
 
 # What docs/model.md names as not solved: the turn about the specific force of a body that nothing
@@ -34,7 +35,7 @@ def flight():
 
 @pytest.mark.parametrize("method", [Batch, Smoother])
 def test_a_flight_without_phases_is_solved_with_gravity_and_an_honest_covariance(flight, method):
-    estimate = method(gravity=TrueGravity())(flight)
+    estimate = shared(method(gravity=TrueGravity()), flight)
     assert estimate.converged
     assert (euler_rmse_deg(flight, estimate) < 1.5).all()
     assert 1 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
@@ -93,16 +94,20 @@ def test_gravity_now_and_then_tells_how_far_from_nose_first_a_body_flies(flight,
     assert 0.5 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 6
 
 
+@cache
+def beside_a_gyroscope():
+    scenario = msgspec.structs.replace(
+        consistency.cases()["gyro"], duration_s=20.0, gnss=None, fixes=FixesTable(rate_hz=10.0)
+    )
+    return simulate(scenario, np.random.default_rng(1))
+
+
 @pytest.mark.parametrize("gravity", [None, TrueGravity(every=100)], ids=["none", "too little"])
 @pytest.mark.parametrize("method", [Batch, Smoother])
 def test_a_gyroscope_tells_the_attitude_of_a_body_that_is_never_nose_first(method, gravity):
     """Specific forces of different times are vectors enough: no direction of travel is assumed."""
-    gyroscope = consistency.cases()["gyro"]
-    scenario = msgspec.structs.replace(
-        gyroscope, duration_s=20.0, gnss=None, fixes=FixesTable(rate_hz=10.0)
-    )
-    flight = simulate(scenario, np.random.default_rng(1))
-    estimate = method(gravity=gravity)(flight)
+    flight = beside_a_gyroscope()
+    estimate = shared(method(gravity=gravity), flight)
     assert estimate.converged
     # The window's first states are known from no more than its lag.
     assert (euler_rmse_deg(flight, estimate) < (0.1 if method is Batch else 1.0)).all()

@@ -10,8 +10,8 @@ from fgnav import cli
 from fgnav.checks import BadInputError
 from fgnav.geometry.rotations import to_euler
 from fgnav.io.flight.folder import save_flight
-from fgnav.methods.smoother import Batch, Forward, Smoother, Stream
-from fgnav.methods.stream import StreamSetUp
+from fgnav.methods.smoother import Batch, Forward, Smoother
+from fgnav.methods.stream import Stream, StreamSetUp
 from fgnav.neural import NeuralFactor
 from tests.frontend import flights
 from tests.methods.simulated import flown

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from fgnav.geometry import rotations
-from fgnav.methods.smoother import Batch, Forward, Measured, Measurements, Smoother, Stream
-from fgnav.methods.stream import StreamSetUp
+from fgnav.methods.smoother import Batch, Forward, Smoother
+from fgnav.methods.stream import Measured, Measurements, Stream, StreamSetUp
 from fgnav.neural import NeuralFactor
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate

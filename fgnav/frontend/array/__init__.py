@@ -1,1 +1,1 @@
-"""The antenna array's phases: which integers and links agree, and what they say."""
+"""The antenna array's phases: which integers and links agree, and the attitude by them."""

@@ -1,12 +1,12 @@
 """Phases of an array that contradict it: detected, identified and adapted in one place [1]_.
 
-A resolver proposes integers, epoch by epoch or arc by arc; who uses the array's phases asks here.
+A resolver proposes integers, epoch by epoch or arc by arc; users of the array's phases call this.
 
 - Detection: the phases of an epoch contradict each other where their residuals fail the chi-square
   test, and an epoch contradicts its arcs where it has other integers than their epochs agree on.
 - Identification: residuals about the attitude that most links of the epoch share (a robust cost)
-  are whole cycles where integers are wrong, or an unseen slip was; other ones tell bad links. What
-  an epoch then says of its arcs counts by its evidence: few links fit some attitude by chance.
+  are whole cycles where integers are wrong, or an unseen slip was; other ones are bad links. An
+  epoch then votes on its arcs by its evidence: few links fit some attitude by chance.
 - Adaptation: an integer becomes that of its arc, or, where the evidence is greater, of the epoch
   itself. Bad links are excluded. An epoch that fails the test again is refused whole, as is one
   that failed it once and neither its arcs nor its own evidence vouches for.
@@ -35,7 +35,8 @@ from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.attitude.robust import robust_attitudes
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.array.evidence import BELIEVED_NATS, epoch_evidence, votes_of
-from fgnav.frontend.array.links import link_sigmas, listed, without
+from fgnav.frontend.array.exclusion import excluding, variance_factor
+from fgnav.frontend.array.links import listed, without
 from fgnav.frontend.attitude.filling import zero_order_hold
 from fgnav.geometry.rotations import skew
 from fgnav.integers.arcs.consensus import Consensus, arc_consensus
@@ -43,12 +44,9 @@ from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Rejected, open_angle_variance_rad2
 from fgnav.types.integers import SOURCES, Integers, fixed_ranges_m
 
-_NEAR_CYCLES = 0.15  # a residual this near to a whole number says which one it is
+_NEAR_CYCLES = 0.15  # a residual this near to a whole number identifies it
 _MENDED_AT_MOST = 0.4  # of an epoch's links: the majority knows the attitude, not a minority
 _PLACED_CYCLES = 0.1  # 1-sigma of where an antenna is, before its integers are rounded
-_LINK_SIGMAS = 4.5  # beyond, a link contradicts its array
-_EXCLUDED_AT_MOST = 0.25  # of an epoch's links; an epoch with more to say against is refused
-_ROUNDS = 3  # of excluding links
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -120,8 +118,8 @@ def adapted(
     if len(chosen.rows):
         form = RotationQuadratic.of_ranges(differences, ranges_m)
         attitude = searched_again(attitude, form, chosen.rows, chosen.R_nb)
-    excluded, form, attitude = _excluding(differences, ranges_m, attitude, false_alarm, causal)
-    factor = _variance_factor(attitude, causal=causal)
+    excluded, form, attitude = excluding(differences, ranges_m, attitude, false_alarm, causal)
+    factor = variance_factor(attitude, causal=causal)
     links = chosen.integers.fixed & np.isfinite(without(ranges_m, excluded))
     evidence = epoch_evidence(differences, links, attitude, factor, chosen_of=chosen.integers.fixed)
     if (factor != 1.0).any():
@@ -154,7 +152,7 @@ def adapted(
 
 
 def _source(resolved: Integers, believed: Integers, by_arc: BoolArray) -> IntArray:
-    """Return who says what the integers are, (n, b, m): filled ones are of their arcs."""
+    """Return the source of each integer, (n, b, m): filled ones are of their arcs."""
     same = resolved.fixed & (resolved.cycles == believed.cycles)
     of_arc = by_arc | ~resolved.fixed
     named = np.where(of_arc, SOURCES.index("arc"), SOURCES.index("array"))
@@ -175,13 +173,6 @@ def _filled_note(
     )
 
 
-def _variance_factor(attitude: AttitudeSolution, *, causal: bool) -> FloatArray:
-    """Return by what the noise's variance is raised, (n,)."""
-    if causal:
-        return attitude.variance_factor_so_far()
-    return np.full(len(attitude.solved), attitude.variance_factor())
-
-
 def _filled(
     differences: DoubleDifferences, integers: Integers, false_alarm: float, *, causal: bool
 ) -> tuple[Integers, AttitudeSolution]:
@@ -195,7 +186,7 @@ def _filled(
     if not (new.any() and integers.fixed.any()):
         return integers, attitude
     sound = attitude.solved & attitude.consistent(false_alarm)
-    factor = _variance_factor(attitude, causal=causal)
+    factor = variance_factor(attitude, causal=causal)
     evidence = epoch_evidence(differences, integers.fixed, attitude, factor)
     arcs, votes = _agreed(differences, integers, evidence, sound, sound, causal=causal)
     new &= arcs.agreed
@@ -204,8 +195,8 @@ def _filled(
         return integers, attitude
     wrong = integers.wrong_probability
     if wrong is not None:  # as likely as those of the last epoch that voted for them
-        held = zero_order_hold(differences.t_s, wrong, votes > 0.0)
-        wrong = np.where(new.any(axis=(1, 2)), held, wrong)
+        last_wrong = zero_order_hold(differences.t_s, wrong, votes > 0.0)
+        wrong = np.where(new.any(axis=(1, 2)), last_wrong, wrong)
     integers = replace(
         integers,
         cycles=np.where(new, arcs.cycles, integers.cycles),
@@ -223,7 +214,7 @@ class _Chosen(NamedTuple):
     by_arc: BoolArray  # (n, b, m): the arc's, not the epoch's own
     rows: IntArray  # (k,), those in doubt
     R_nb: FloatArray  # (k, 3, 3), what most of their links agree on
-    unsure: BoolArray  # (n,): neither the epoch nor its arcs say enough for them
+    unsure: BoolArray  # (n,): evidence of neither the epoch nor its arcs suffices
 
 
 def _chosen(
@@ -240,7 +231,7 @@ def _chosen(
     """
     fixed, cycles = integers.fixed, integers.cycles
     sound = attitude.solved & attitude.consistent(false_alarm)
-    factor = _variance_factor(attitude, causal=causal)
+    factor = variance_factor(attitude, causal=causal)
     evidence = epoch_evidence(differences, fixed, attitude, factor)
     arcs, _ = _agreed(differences, integers, evidence, sound, sound, causal=causal)
     differs = (fixed & arcs.agreed & (cycles != arcs.cycles)).any(axis=(1, 2))
@@ -252,27 +243,31 @@ def _chosen(
     R_nb = zero_order_hold(differences.t_s, attitude.R_nb, attitude.solved)
     since = np.logical_or.accumulate(attitude.solved)  # the first holds from there on only
     R_nb = np.where(since[:, None, None], R_nb, attitude.R_nb)
-    R_own = robust_attitudes(differences, ranges_m, R_nb, doubtful, causal=causal)
-    off = _off_cycles(differences, integers, R_own)
-    whole = np.rint(off).astype(np.int64)
-    right = fixed & (whole == 0)
+    R_links = robust_attitudes(differences, ranges_m, R_nb, doubtful, causal=causal)
+    off = _off_cycles(differences, integers, R_links)
+    cycles_off = np.rint(off).astype(np.int64)
+    right = fixed & (cycles_off == 0)
     right &= (right.sum(axis=2) >= (1 - _MENDED_AT_MOST) * fixed.sum(axis=2))[:, :, None]
-    trusted = _share(whole != 0, fixed) <= _MENDED_AT_MOST
-    trusted &= _placed(differences, ranges_m, R_own, right)
-    own = replace(integers, cycles=cycles + np.where((doubtful & trusted)[:, None, None], whole, 0))
-    near, mended = _about(differences, own, R_own, rows, attitude)
-    factor = _variance_factor(mended, causal=causal)
-    by_epoch = epoch_evidence(differences, near, mended, factor, chosen_of=fixed)
-    arcs, _ = _agreed(differences, own, by_epoch, sound, sound | trusted, causal=causal)
-    by_arc = replace(integers, cycles=np.where(fixed & (arcs.margin > 0), arcs.cycles, own.cycles))
-    R_arc = robust_attitudes(
-        differences, fixed_ranges_m(differences, by_arc), R_own, doubtful, causal=causal
+    trusted = _share(cycles_off != 0, fixed) <= _MENDED_AT_MOST
+    trusted &= _placed(differences, ranges_m, R_links, right)
+    rounded = replace(
+        integers, cycles=cycles + np.where((doubtful & trusted)[:, None, None], cycles_off, 0)
     )
-    near, held = _about(differences, by_arc, R_arc, rows, mended)
-    of_arc = epoch_evidence(differences, near, held, factor, chosen_of=fixed)
-    differs = (own.cycles != by_arc.cycles).any(axis=(1, 2))
+    near, mended = _about(differences, rounded, R_links, rows, attitude)
+    factor = variance_factor(mended, causal=causal)
+    by_epoch = epoch_evidence(differences, near, mended, factor, chosen_of=fixed)
+    arcs, _ = _agreed(differences, rounded, by_epoch, sound, sound | trusted, causal=causal)
+    by_arc = replace(
+        integers, cycles=np.where(fixed & (arcs.margin > 0), arcs.cycles, rounded.cycles)
+    )
+    R_arc = robust_attitudes(
+        differences, fixed_ranges_m(differences, by_arc), R_links, doubtful, causal=causal
+    )
+    near, by_arc_solution = _about(differences, by_arc, R_arc, rows, mended)
+    of_arc = epoch_evidence(differences, near, by_arc_solution, factor, chosen_of=fixed)
+    differs = (rounded.cycles != by_arc.cycles).any(axis=(1, 2))
     alone = ~doubtful | ((trusted | sound) & differs & (by_epoch > of_arc))
-    believed = np.where(alone[:, None, None], own.cycles, by_arc.cycles)
+    believed = np.where(alone[:, None, None], rounded.cycles, by_arc.cycles)
     borne = _share((believed == arcs.cycles) & (arcs.margin >= 1.0), fixed)
     odds = np.where(alone, by_epoch, of_arc)
     unsure = doubtful & (odds < BELIEVED_NATS) & (borne < 1 - _MENDED_AT_MOST)
@@ -280,7 +275,7 @@ def _chosen(
         replace(integers, cycles=np.where(fixed, believed, 0)),
         (arcs.margin > 0) & ~alone[:, None, None],
         rows,
-        np.where(alone[:, None, None], R_own, R_arc)[rows],
+        np.where(alone[:, None, None], R_links, R_arc)[rows],
         unsure,
     )
 
@@ -295,10 +290,10 @@ def _agreed(
     causal: bool,
 ) -> tuple[Consensus, FloatArray]:
     """Return what arcs agree on, and the votes of epochs, (n,), by their evidence."""
-    say = votes_of(differences.t_s, evidence, sound, integers.wrong_probability)
-    say = np.where(voting, say, 0.0)
-    votes = np.where(integers.fixed, say[:, None, None], 0.0)
-    return arc_consensus(differences.arc, integers.cycles, votes, causal=causal), say
+    weight = votes_of(differences.t_s, evidence, sound, integers.wrong_probability)
+    weight = np.where(voting, weight, 0.0)
+    votes = np.where(integers.fixed, weight[:, None, None], 0.0)
+    return arc_consensus(differences.arc, integers.cycles, votes, causal=causal), weight
 
 
 def _about(
@@ -313,8 +308,8 @@ def _about(
     links = integers.fixed.copy()
     links[rows] &= near[rows]
     ranges_m = fixed_ranges_m(differences, integers)
-    known_m = np.where(links | ~integers.fixed, ranges_m, np.nan)
-    form = RotationQuadratic.of_ranges(differences, known_m)
+    used_m = np.where(links | ~integers.fixed, ranges_m, np.nan)
+    form = RotationQuadratic.of_ranges(differences, used_m)
     return links, searched_again(attitude, form, rows, R_nb[rows])
 
 
@@ -327,14 +322,14 @@ def _off_cycles(differences: DoubleDifferences, integers: Integers, R_nb: FloatA
 def _placed(
     differences: DoubleDifferences, ranges_m: FloatArray, R_nb: FloatArray, links: BoolArray
 ) -> BoolArray:
-    """Return the epochs, (n,), whose attitude some links tell well enough to round the others.
+    """Return the epochs, (n,), whose attitude by some links suffices to round the others.
 
-    Else an antenna would be free to turn about what the others tell, its integers along with it.
+    Else an antenna could turn about the others' solution, its integers along with it.
     """
-    known_m = np.where(
+    used_m = np.where(
         links | (differences.is_reference[:, None] & (ranges_m == 0)), ranges_m, np.nan
     )
-    information = RotationQuadratic.of_ranges(differences, known_m).information_at(R_nb)
+    information = RotationQuadratic.of_ranges(differences, used_m).information_at(R_nb)
     covariance = np.linalg.inv(information + np.eye(3) / open_angle_variance_rad2())
     arms = skew(differences.baselines_b_m)
     place_m2 = np.einsum("bij,njk,bik->nb", arms, covariance, arms)
@@ -345,52 +340,3 @@ def _placed(
 def _share(of_links: BoolArray, links: BoolArray) -> FloatArray:
     """Return the share of an epoch's links, (n, b, m), that a property holds of, (n,)."""
     return np.asarray((of_links & links).sum(axis=(1, 2)) / np.maximum(links.sum(axis=(1, 2)), 1))
-
-
-def _excluding(
-    differences: DoubleDifferences,
-    ranges_m: FloatArray,
-    attitude: AttitudeSolution,
-    false_alarm: float,
-    causal: bool,
-) -> tuple[BoolArray, RotationQuadratic, AttitudeSolution]:
-    """Return the links, (n, a, m), without which others of their epoch agree; form and attitudes.
-
-    Nothing is excluded where that would take too many.
-    """
-    n, b, m = ranges_m.shape
-    excluded, hopeless = np.zeros((n, b + 1, m), dtype=np.bool_), np.zeros(n, dtype=np.bool_)
-    most = _EXCLUDED_AT_MOST * np.isfinite(ranges_m).sum(axis=(1, 2))
-    form = RotationQuadratic.of_ranges(differences, ranges_m)
-    for _ in range(_ROUNDS):
-        factor = _variance_factor(attitude, causal=causal)
-        fails = attitude.solved & ~attitude.consistent(false_alarm, factor) & ~hopeless
-        rows = np.flatnonzero(fails)
-        if not len(rows):
-            break
-        rest_m = without(ranges_m, excluded)
-        R_nb = robust_attitudes(differences, rest_m, attitude.R_nb, fails, causal=causal)
-        sigmas = _sigmas_off(differences, rest_m, R_nb, rows) / np.sqrt(factor[rows, None, None])
-        worst = sigmas.max(axis=(1, 2), keepdims=True)
-        excluded[rows] |= sigmas >= np.minimum(worst, _LINK_SIGMAS)
-        taken = np.isfinite(ranges_m) & np.isnan(without(ranges_m, excluded))
-        hopeless |= taken.sum(axis=(1, 2)) > most
-        excluded[hopeless] = False
-        form = RotationQuadratic.of_ranges(differences, without(ranges_m, excluded))
-        attitude = searched_again(attitude, form, rows, attitude.R_nb[rows])
-    return excluded, form, attitude
-
-
-def _sigmas_off(
-    differences: DoubleDifferences, ranges_m: FloatArray, R_nb: FloatArray, rows: IntArray
-) -> FloatArray:
-    """Return by how many sigmas links of some epochs, (k, a, m), are off the others.
-
-    Robust weights tell which are the worst; the rest with its full covariance is three times as
-    accurate, and an attitude that is off makes links look off.
-    """
-    part, ranges_m, R_nb = differences.resampled(rows), ranges_m[rows], R_nb[rows]
-    sigmas = link_sigmas(part, ranges_m, R_nb)
-    suspects = sigmas > sigmas.max(axis=(1, 2), keepdims=True) / 2
-    rest = RotationQuadratic.of_ranges(part, without(ranges_m, suspects))
-    return link_sigmas(part, ranges_m, maximum_likelihood(rest, R_nb).R_nb)

@@ -3,7 +3,7 @@
 Wrong integers leave residuals anywhere within half a wavelength, right ones leave noise about one
 attitude. The logarithm of the ratio of both densities, the attitude drawn from all there are, is
 the evidence of an epoch [1]_: the integers that fit some attitude by chance are counted in it, so
-an epoch of few links says little however well it fits.
+an epoch of few links has little evidence however well it fits.
 
 References
 ----------
@@ -75,7 +75,7 @@ def epoch_evidence(
 def votes_of(
     t_s: FloatArray, evidence: FloatArray, sound: BoolArray, wrong: FloatArray | None
 ) -> FloatArray:
-    """Return the say of epochs on integers of their arcs, (n,), from 0 to 1.
+    """Return the weights of epochs in votes on integers of their arcs, (n,), from 0 to 1.
 
     Full where the epoch alone leaves a chance of 1e-3 that its integers are wrong, by its evidence
     or by what the resolver states; in between as the logarithm of the odds. Epochs so far apart

@@ -1,9 +1,9 @@
-"""Phases without integers: what they say of how the attitude changes while their arcs last.
+"""Phases without integers: how the attitude changes while their arcs last.
 
 Double differences y = A x + c of an array are linear in the elements x of R_nb, and as long as the
 arcs last and the satellites hardly move, both A and the unknown c are constant. All that c does to
-x is then a constant u = (A'WA)^-1 A'W c of nine elements, however many links there are: the form
-of the phases, centred by any c, tells x + u. So a stretch of epochs without integers is worth as
+x is then a constant u = (A'WA)^-1 A'W c of nine elements, however many links there are: the form of
+the phases, centred by any c, determines x + u. So a stretch of epochs without integers is worth as
 much as one with them, but for nine dimensions that it shares: real-valued ambiguities, without
 loss. Over a minute the satellites' motion leaves a millimetre of a c that is off by decimetres.
 """
@@ -15,7 +15,7 @@ import numpy as np
 from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic, tangent_jacobian
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.frontend.attitude.alignment import Alignment
+from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.geometry.rotations import exp, log
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.types.differences import DoubleDifferences
@@ -25,8 +25,8 @@ NAME = "float ambiguities"
 _MOST = 6  # stretches: nine dimensions of each travel through the flight's whole chain
 _LONGEST_S = 60.0
 _FEWEST = 3  # epochs of a stretch
-_NEAR_S = 1.5  # from an attitude that tells about where a stretch begins
-_RATE_EPOCHS = 3  # that tell how fast the body turns there
+_NEAR_S = 1.5  # from an attitude about which a stretch begins
+_RATE_EPOCHS = 3  # for the rate of the body there
 _ROUNDS = 2  # of constants, and of attitudes with what they share
 _ITERATIONS, _SETTLED = 20, 1e-6
 _UNKNOWN = 1.0  # 1-sigma of an element of u: more than attitudes are off
@@ -91,11 +91,11 @@ def with_float_arcs(start: Alignment, false_alarm: float) -> tuple[Alignment, Fl
         return start, none
     differences = start.phases[0]
     epoch = start.epochs_of(differences.t_s)
-    found = _runs(start, differences, epoch)
-    if not found:
+    every_run = _runs(start, differences, epoch)
+    if not every_run:
         return start, none
-    by_length = np.argsort([-len(rows) for rows in found], kind="stable")
-    runs = [found[i] for i in np.sort(by_length[:_MOST])]
+    by_length = np.argsort([-len(rows) for rows in every_run], kind="stable")
+    runs = [every_run[i] for i in np.sort(by_length[:_MOST])]
     valid, R_nb, P = start.valid.copy(), start.R_nb.copy(), start.covariance_rad2.copy()
     form = RotationQuadratic(
         start.form.information.copy(),
@@ -104,17 +104,17 @@ def with_float_arcs(start: Alignment, false_alarm: float) -> tuple[Alignment, Fl
         start.form.count.copy(),
     )
     arcs = count = 0
-    left = sum(len(rows) for rows in found) - sum(len(rows) for rows in runs)
+    omitted = sum(len(rows) for rows in every_run) - sum(len(rows) for rows in runs)
     for rows in runs:
         R_0, anchor = _beside(start.t_s, R_nb, valid, rows)
         if R_0 is None:
-            left += len(rows)
+            omitted += len(rows)
             continue
         part = _taken(differences, epoch[rows])
         of_run, attitude, good = _solved(part, anchor, R_0, false_alarm)
-        left += int((~good).sum())
+        omitted += int((~good).sum())
         if good.mean() < _DROPPED_AT_MOST or good.sum() < _FEWEST:
-            left += int(good.sum())
+            omitted += int(good.sum())
             continue
         at = rows[good]
         valid[at], R_nb[at], stretch[at] = True, attitude.R_nb[good], count
@@ -125,19 +125,19 @@ def with_float_arcs(start: Alignment, false_alarm: float) -> tuple[Alignment, Fl
         count += 1
     return (
         replace(start, valid=valid, R_nb=R_nb, covariance_rad2=P, form=form),
-        FloatArcs(stretch=stretch, count=count, notes=_notes(stretch, count, arcs, left)),
+        FloatArcs(stretch=stretch, count=count, notes=_notes(stretch, count, arcs, omitted)),
     )
 
 
-def _notes(stretch: IntArray, count: int, arcs: int, left: int) -> tuple[str, ...]:
+def _notes(stretch: IntArray, count: int, arcs: int, omitted: int) -> tuple[str, ...]:
     notes = []
     if count:
         notes.append(
-            f"Float ambiguities: {arcs} arcs without integers in {count} stretches tell how the "
-            f"attitude changes over {int((stretch >= 0).sum())} epochs."
+            f"Float ambiguities: {arcs} arcs without integers in {count} stretches determine "
+            f"how the attitude changes over {int((stretch >= 0).sum())} epochs."
         )
-    if left:
-        notes.append(f"Phases of {left} epochs without integers are not used.")
+    if omitted:
+        notes.append(f"Phases of {omitted} epochs without integers are not used.")
     return tuple(notes)
 
 
@@ -167,13 +167,13 @@ def _beside(
 
     It turns on as it did over the last attitudes on that side.
     """
-    known = np.flatnonzero(valid)
-    place = int(np.searchsorted(known, rows[0]))  # of the first known after the run
+    good = np.flatnonzero(valid)
+    place = int(np.searchsorted(good, rows[0]))  # of the first known after the run
     ends = [(rows[0], place - 1, -1, 0), (rows[-1], place, 1, -1)]
     for row, at, side, anchor in ends:
-        if not (0 <= at < len(known) and abs(t_s[row] - t_s[known[at]]) <= _NEAR_S):
+        if not (0 <= at < len(good) and abs(t_s[row] - t_s[good[at]]) <= _NEAR_S):
             continue
-        near = known[at]
+        near = good[at]
         away = near + side * _RATE_EPOCHS
         if not (0 <= away < len(t_s) and valid[away]):
             return R_nb[near], anchor

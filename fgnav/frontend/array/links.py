@@ -47,12 +47,14 @@ def listed(
     excluded: BoolArray,
 ) -> tuple[Rejected, ...]:
     """Return each integer changed, (n, b, m), and each link excluded, (n, a, m), with its span."""
-    found = []
+    contradictions = []
     for i, j, first, last, cycles in _runs(change):
         who = "its arc" if by_arc[first : last + 1, i, j].all() else "the rest of the array"
-        found.append((i + 1, j, first, last, f"integer off by {-cycles:+d}: mended by {who}"))
+        contradictions.append(
+            (i + 1, j, first, last, f"integer off by {-cycles:+d}: mended by {who}")
+        )
     for i, j, first, last, _ in _runs(excluded.astype(np.int64)):
-        found.append((i, j, first, last, "contradicts the rest of the array: left out"))
+        contradictions.append((i, j, first, last, "contradicts the rest of the array: left out"))
     return tuple(
         Rejected(
             what="phase",
@@ -61,7 +63,7 @@ def listed(
             until_s=float(differences.t_s[last]),
             reason=reason,
         )
-        for i, j, first, last, reason in found
+        for i, j, first, last, reason in contradictions
     )
 
 

@@ -1,9 +1,9 @@
 """Antennas that are not where the flight states, by the fixed phases of the array alone.
 
-Of each epoch's baselines u in ``n`` phases say ``|u - minimum|^2`` by J (``shape``); the attitude
-that fits best takes part of a misplacement c of some antennas, the same in body axes all along.
-What is left of it are a score g = dL/dc and its information N, summed over epochs: g' N^-1 g is
-chi-square where all antennas are where they are said to be.
+Each epoch's phases have the cost ``|u - minimum|^2`` by J of baselines u in ``n`` (``shape``); the
+attitude that fits best takes part of a misplacement c of some antennas, the same in body axes all
+along. What is left of it are a score g = dL/dc and its information N, summed over epochs: g' N^-1 g
+is chi-square where all antennas are at their stated places.
 """
 
 from typing import NamedTuple
@@ -48,13 +48,13 @@ def misplaced(
     if scores is None:
         return ()
     antennas, fit = len(differences.baselines_b_m) + 1, None
-    found: list[int] = []
-    while len(found) < antennas - 1:
-        fits = [_fit(scores, [*found, a]) for a in range(antennas) if a not in found]
+    antennas_off: list[int] = []
+    while len(antennas_off) < antennas - 1:
+        fits = [_fit(scores, [*antennas_off, a]) for a in range(antennas) if a not in antennas_off]
         best = max(fits, key=lambda one: one.squares)
         if best.squares - (0.0 if fit is None else fit.squares) <= _SQUARES * best.noise:
             break
-        found, fit = list(best.antennas), best
+        antennas_off, fit = list(best.antennas), best
     if fit is None or fit.noise > TOLERATED:  # something else is wrong, too
         return ()
     return tuple(
@@ -96,29 +96,29 @@ def _scores(
     by_turn = -(R_nb[:, None] @ skew(arms_b_m)).reshape(n, -1, 3)
     by_place = np.zeros((n, 3 * b, 3 * b + 3))
     for k in range(b):
-        own = slice(3 * k, 3 * k + 3)
-        by_place[:, own, :3], by_place[:, own, 3 * k + 3 : 3 * k + 6] = -R_nb, R_nb
+        columns = slice(3 * k, 3 * k + 3)
+        by_place[:, columns, :3], by_place[:, columns, 3 * k + 3 : 3 * k + 6] = -R_nb, R_nb
     turned = by_turn.swapaxes(1, 2) @ J
     taken = np.linalg.pinv(turned @ by_turn, hermitian=True) @ (turned @ by_place)
-    left = by_place - by_turn @ taken
+    remainder = by_place - by_turn @ taken
     return _Scores(
-        g=np.einsum("nji,nj->ni", left, slope),
-        N=left.swapaxes(1, 2) @ J @ left,
+        g=np.einsum("nji,nj->ni", remainder, slope),
+        N=remainder.swapaxes(1, 2) @ J @ remainder,
         squares=float(attitude.chi_square[rows].sum()),
         freedom=int(attitude.degrees_of_freedom[rows].sum()),
     )
 
 
 def _fit(scores: _Scores, antennas: list[int]) -> _Fit:
-    own = np.concatenate([3 * a + np.arange(3) for a in antennas])
-    g, N = scores.g[:, own], scores.N[:, own[:, None], own]
+    columns = np.concatenate([3 * a + np.arange(3) for a in antennas])
+    g, N = scores.g[:, columns], scores.N[:, columns[:, None], columns]
     covariance = np.linalg.pinv(N.sum(axis=0), rcond=_OPEN, hermitian=True)
     off_m = covariance @ g.sum(axis=0)
     squares = float(g.sum(axis=0) @ off_m)
-    left = g - N @ off_m
-    freedom = max(scores.freedom - len(own), 1)
+    remainder = g - N @ off_m
+    freedom = max(scores.freedom - len(columns), 1)
     noise = (scores.squares - squares) / freedom
-    noise *= correlated(left / np.sqrt(np.einsum("nii->ni", N).mean(axis=0).clip(1e-30)))
+    noise *= correlated(remainder / np.sqrt(np.einsum("nii->ni", N).mean(axis=0).clip(1e-30)))
     return _Fit(
         tuple(antennas), off_m, np.sqrt(noise * np.diag(covariance).clip(0)), squares, noise
     )

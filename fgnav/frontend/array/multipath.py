@@ -11,7 +11,7 @@ import numpy as np
 
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.frontend.attitude.alignment import Alignment
+from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.kernels.compiled import kernel
 from fgnav.process.hyperparameters import VERY_STRONG_NATS, likeliest
@@ -90,10 +90,10 @@ def link_residuals(
     weight = here / differences.phase_variance_m2[rows][:, None]
     for _ in range(_SWEEPS):
         for g in range(differences.reference.shape[1]):
-            own = differences.group == g
-            total = weight[:, :, own].sum(axis=2, keepdims=True)
-            mean_m = (weight * off_m)[:, :, own].sum(axis=2, keepdims=True)
-            off_m[:, :, own] -= mean_m / np.where(total > 0, total, 1.0)
+            in_group = differences.group == g
+            total = weight[:, :, in_group].sum(axis=2, keepdims=True)
+            mean_m = (weight * off_m)[:, :, in_group].sum(axis=2, keepdims=True)
+            off_m[:, :, in_group] -= mean_m / np.where(total > 0, total, 1.0)
         off_m -= off_m.sum(axis=1, keepdims=True, where=here) / here.sum(
             axis=1, keepdims=True
         ).clip(1)
@@ -163,9 +163,9 @@ def _basis(baselines_b_m: FloatArray) -> FloatArray:
 def symmetric_root(information: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the symmetric roots of information, (n, 9, 9), and their pseudoinverses."""
     values, vectors = np.linalg.eigh(information)
-    known = values > _KNOWN * values[:, -1:].clip(1e-300)
-    root = np.sqrt(np.where(known, values, 0.0))
-    inverse = np.where(known, 1 / np.where(known, root, 1.0), 0.0)
+    observable = values > _KNOWN * values[:, -1:].clip(1e-300)
+    root = np.sqrt(np.where(observable, values, 0.0))
+    inverse = np.where(observable, 1 / np.where(observable, root, 1.0), 0.0)
     across = vectors.swapaxes(1, 2)
     return (vectors * root[:, None]) @ across, (vectors * inverse[:, None]) @ across
 

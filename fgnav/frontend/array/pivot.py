@@ -45,31 +45,31 @@ def pivot_views(flight: Flight, *, causal: bool = False) -> tuple[View, ...]:
     return tuple(_views(flight, causal=causal))
 
 
-def pivot_losses(whole: tuple[View, ...], losses: tuple[Loss, ...]) -> tuple[Loss, ...]:
+def pivot_losses(views: tuple[View, ...], losses: tuple[Loss, ...]) -> tuple[Loss, ...]:
     """Return the losses of all views, added up, less what one loses and another makes up for."""
-    flight, seen = whole[0].flight, whole[0].flight.observations
+    flight, seen = views[0].flight, views[0].flight.observations
     counts: Counter[tuple[str, str]] = Counter()
     for loss in losses:
         counts[loss.what, loss.reason] += loss.count
-    for view in whole[1:]:
+    for view in views[1:]:
         if seen is None:
             break
-        there = np.isfinite(seen.code_m[view.rows])
-        used = (there & ~there[:, :1]).sum(axis=(0, 2))
+        tracked = np.isfinite(seen.code_m[view.rows])
+        used = (tracked & ~tracked[:, :1]).sum(axis=(0, 2))
         for antenna, count in zip(flight.antennas, used, strict=True):
             counts[f"{antenna.name} link", _AGAINST] -= int(count)
     return tuple(Loss(what=w, reason=r, count=c) for (w, r), c in counts.items() if c > 0)
 
 
-def pivot_notes(whole: tuple[View, ...]) -> Iterator[str]:
+def pivot_notes(views: tuple[View, ...]) -> Iterator[str]:
     """Yield a sentence on each span in which the reference antenna is gone."""
-    flight = whole[0].flight
-    if flight.observations is None or len(whole) == 1:
+    flight = views[0].flight
+    if flight.observations is None or len(views) == 1:
         return
     gone = np.zeros(len(flight.observations.t_s), dtype=np.bool_)
-    for view in whole[1:]:
+    for view in views[1:]:
         gone[view.rows] = True
-    names = " and ".join(view.flight.antennas[0].name for view in whole[1:])
+    names = " and ".join(view.flight.antennas[0].name for view in views[1:])
     what = f"observations of the reference antenna {flight.antennas[0].name}"
     for sentence in gap_notes(what, spans(flight.observations.t_s, gone)):
         yield sentence[:-1] + f": {names} stands in."
@@ -84,12 +84,12 @@ def _views(flight: Flight, *, causal: bool) -> Iterator[View]:
     everything = np.arange(len(observations.t_s))
     tracked = enough.any(axis=0) if causal else enough.sum(axis=0)
     first = 0 if enough[:, :1].any() or not enough.any() else int(tracked.argmax())
-    whole = flight if first == 0 else _by(flight, first, everything)
-    yield View(flight=whole, rows=everything)
+    by_first = flight if first == 0 else _by(flight, first, everything)
+    yield View(flight=by_first, rows=everything)
     missing = ~enough[:, first] if enough.size else np.zeros(0, dtype=np.bool_)
     while (enough & missing[:, None]).any():
-        left = (enough & missing[:, None]).sum(axis=0)
-        best = int((left > 0).argmax() if causal else left.argmax())
+        remaining = (enough & missing[:, None]).sum(axis=0)
+        best = int((remaining > 0).argmax() if causal else remaining.argmax())
         rows = np.flatnonzero(missing & enough[:, best])
         yield View(flight=_by(flight, best, rows), rows=rows)
         missing[rows] = False

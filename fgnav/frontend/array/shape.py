@@ -1,4 +1,4 @@
-"""Arrays whose antennas are not quite where the flight states: phases that tell the shape, too.
+"""Arrays whose antennas are not quite where the flight states: phases determine the shape, too.
 
 The quadratic form of the rotation takes baselines in body axes as known. Here the unknowns of an
 epoch are the baselines in the frame ``n`` themselves, so that a place in body axes can be estimated
@@ -28,7 +28,7 @@ _MISFIT = 4.0  # times the median: an epoch with wrong integers
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class BaselineForm:
-    """What phases say of the baselines u, (b, 3), in ``n``: ``|root (u - minimum).ravel()|^2 / 2``.
+    """Cost of the baselines u, (b, 3), in ``n``, by phases: ``|root (u - minimum).ravel()|^2 / 2``.
 
     Attributes
     ----------
@@ -39,21 +39,21 @@ class BaselineForm:
         As the flight states them.
     """
 
-    there: BoolArray
+    valid: BoolArray
     root: FloatArray
     minimum: FloatArray
     baselines_b_m: FloatArray
 
     def at(self, rows: IntArray, n: int, mine: IntArray | None = None) -> "BaselineForm":
         """Return the form, or (k,) epochs of it, at some, (k,), of n keyframes."""
-        mine = np.arange(len(self.there)) if mine is None else mine
-        there, root = np.zeros(n, dtype=np.bool_), np.zeros((n, *self.root.shape[1:]))
+        mine = np.arange(len(self.valid)) if mine is None else mine
+        valid, root = np.zeros(n, dtype=np.bool_), np.zeros((n, *self.root.shape[1:]))
         minimum = np.zeros((n, *self.minimum.shape[1:]))
-        there[rows] = self.there[mine]
+        valid[rows] = self.valid[mine]
         root[rows], minimum[rows] = self.root[mine], self.minimum[mine]
-        return replace(self, there=there, root=root, minimum=minimum)
+        return replace(self, valid=valid, root=root, minimum=minimum)
 
-    def as_loud_as(self, form: RotationQuadratic, mine: IntArray) -> "BaselineForm":
+    def with_variance_of(self, form: RotationQuadratic, mine: IntArray) -> "BaselineForm":
         """Return the form, the noise of some epochs, (k,), raised to that of forms of the rotation.
 
         The same ranges make them, as the places stand by which this one's baselines are known.
@@ -62,21 +62,21 @@ class BaselineForm:
         by_rotation = np.einsum("ia,bc->bica", np.eye(3), arms_b_m)
         root = self.root[mine] @ by_rotation.reshape(-1, 9)
         share = np.einsum("nii->n", form.information) / np.einsum("nki,nki->n", root, root)
-        louder = self.root.copy()
-        louder[mine] *= np.sqrt(share)[:, None, None]
-        return replace(self, root=louder)
+        scaled = self.root.copy()
+        scaled[mine] *= np.sqrt(share)[:, None, None]
+        return replace(self, root=scaled)
 
     @classmethod
     def of_ranges(cls, differences: DoubleDifferences, ranges_m: FloatArray) -> "BaselineForm":
         """Collect double differences without integers; see ``RotationQuadratic.of_ranges``."""
         information, vector = baseline_information(differences, ranges_m)
         values, vectors = np.linalg.eigh(information)
-        known = values > _NOTHING * values[:, -1:].clip(1e-30)
-        root = np.sqrt(np.where(known, values, 0.0))
-        inverse = np.where(known, 1.0 / np.where(known, values, 1.0), 0.0)
+        observable = values > _NOTHING * values[:, -1:].clip(1e-30)
+        root = np.sqrt(np.where(observable, values, 0.0))
+        inverse = np.where(observable, 1.0 / np.where(observable, values, 1.0), 0.0)
         minimum = np.einsum("nij,nj,nkj,nk->ni", vectors, inverse, vectors, vector)
         return cls(
-            there=values[:, -1] > 0,
+            valid=values[:, -1] > 0,
             root=root[:, :, None] * vectors.swapaxes(1, 2),
             minimum=minimum.reshape(len(minimum), -1, 3),
             baselines_b_m=differences.baselines_b_m,
@@ -138,18 +138,18 @@ def shape_at(
     constants: tuple[FlightConstant, ...],
     names: tuple[str, ...],
 ) -> BaselineForm | None:
-    """Return what phases say, at keyframes, of an array whose shape is estimated.
+    """Return the form of the baselines at keyframes of an array whose shape is estimated.
 
     Parameters
     ----------
     phases : tuple of DoubleDifferences and ndarray, or None
-        Of the array where its phases say it is, and their ranges without integers.
+        Of the array where its phases place it, and their ranges without integers.
     form : RotationQuadratic or None
         Of the rotation, by the same ranges, at keyframes.
     t_s, valid : ndarray, shape (n,)
         Keyframes, and which of them have an attitude by it.
     constants : tuple of FlightConstant
-        They start where the phases say; the baselines returned are those that the flight states.
+        They start where phases place antennas; the baselines returned are those of the flight.
     names : tuple of str
         Of the antennas, the reference first.
     """
@@ -159,11 +159,11 @@ def shape_at(
     differences, ranges_m = phases
     row = np.searchsorted(t_s, differences.t_s).clip(max=len(t_s) - 1)
     mine = np.flatnonzero((t_s[row] == differences.t_s) & valid[row])
-    found = BaselineForm.of_ranges(differences, ranges_m).as_loud_as(form[row[mine]], mine)
-    stated_b_m = found.baselines_b_m.copy()
+    form_b = BaselineForm.of_ranges(differences, ranges_m).with_variance_of(form[row[mine]], mine)
+    stated_b_m = form_b.baselines_b_m.copy()
     for place, off_b_m in offs.items():
         stated_b_m[place] -= off_b_m
-    return replace(found.at(row[mine], len(t_s), mine), baselines_b_m=stated_b_m)
+    return replace(form_b.at(row[mine], len(t_s), mine), baselines_b_m=stated_b_m)
 
 
 def initial_shape(
@@ -171,10 +171,10 @@ def initial_shape(
 ) -> tuple[Flight, tuple[FlightConstant, ...]]:
     """Return a flight whose array fits its phases, and constants that start there.
 
-    Residuals of an antenna that is some centimetres off would pass for loud noise, or for bad
+    Residuals of an antenna that is some centimetres off would pass for large noise, or for bad
     links. So places are found first from fixed phases alone, attitudes of single epochs beside
     them, by Gauss-Newton; epochs that fit badly have wrong integers and take no part. That only
-    says what to hold phases against, and where the search begins: what is known before stays about
+    decides what phases are tested against, and where the search begins: the prior stays about
     the places that the flight states.
 
     Parameters
@@ -240,8 +240,8 @@ def _shape(
             normal - coupled @ of_turn,
             right - np.einsum("nij,nj->ni", coupled, turn),
         )
-        known = off_m.ravel()[columns]
-        step = np.linalg.solve(normal[fits].sum(0) + prior, right[fits].sum(0) - prior @ known)
+        current_m = off_m.ravel()[columns]
+        step = np.linalg.solve(normal[fits].sum(0) + prior, right[fits].sum(0) - prior @ current_m)
         R_nb = R_nb @ exp(turn - np.einsum("nij,j->ni", of_turn, step))
         off_m.ravel()[columns] += step
         if np.abs(step).max() < _STEP_M:

@@ -1,61 +1,29 @@
 """Attitudes from the first epoch on that a gyroscope carries, of a flight without an array."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from fgnav.attitude.flight_vectors import track_of
-from fgnav.attitude.own_rotation import OwnRotation, spun
-from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.attitude.own_rotation import spun
+from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.frontend.attitude.in_motion import EarlierMotion, in_motion, in_motion_smoothed
-from fgnav.frontend.attitude.initial import LEVEL_S, heading_told_s, level_start
+from fgnav.frontend.attitude.initial import LEVEL_S, heading_without_motion_s, level_start
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD
 from fgnav.types.flight import Flight, Imu
 
 OPEN_HEADING = (
-    "Nothing tells the heading but the motion model: it is left open where its sigma is large."
+    "The heading is known by the motion model alone: it is open where its sigma is large."
 )
-
-
-class Carried(NamedTuple):
-    """Attitudes at epochs.
-
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-    R_nb : ndarray, shape (n, 3, 3)
-    sigma_rad : ndarray, shape (n,)
-    valid : ndarray of bool, shape (n,)
-        Whether the heading is known by then.
-    own : OwnRotation
-    bias_b_radps : ndarray, shape (3,)
-    heading_from_s, heading_known_s : float
-        When motion begins to tell the heading, and when it has; infinite where it never does.
-    notes : tuple of str
-    motion : EarlierMotion
-        Of a flight that goes on.
-    """
-
-    t_s: FloatArray
-    R_nb: FloatArray
-    sigma_rad: FloatArray
-    valid: BoolArray
-    own: OwnRotation
-    bias_b_radps: FloatArray
-    heading_from_s: float
-    heading_known_s: float
-    notes: tuple[str, ...]
-    motion: EarlierMotion
 
 
 def carried_attitudes(
     flight: Flight, imu: Imu, *, causal: bool = False, earlier: EarlierMotion | None = None
-) -> Carried:
+) -> Alignment:
     """Return attitudes at the epochs of a flight's track.
 
-    Each from the nearest window whose motion tells the heading; causal, from the last such window
-    by then, and valid from the end of the first. Where none does, level, with the heading stated,
-    that of the magnetic field, or zero.
+    Those are valid whose heading is known by then. Each is from the nearest window whose motion
+    determines the heading; causal, from the last such window by then, and valid from the end of the
+    first. Where none does, level, with the heading stated, that of the magnetic field, or zero.
 
     Raises
     ------
@@ -74,31 +42,32 @@ def carried_attitudes(
         raise NoSolutionError(f"attitude: {len(imu.t_s)} inertial samples are too few")
     first_s = float(t_s[np.searchsorted(t_s, imu.t_s[0]).clip(0, len(t_s) - 1)])
     first_s = first_s if earlier is None else earlier.first_s
-    told_s = heading_told_s(flight, first_s)
+    without_motion_s = heading_without_motion_s(flight, first_s)
     R_level = np.eye(3) if earlier is None else earlier.R_level
-    if len(motion.until_s) and not (causal and told_s < np.inf):
+    if len(motion.until_s) and not (causal and without_motion_s < np.inf):
         window = motion.latest(t_s) if causal else motion.nearest(t_s)
-        known_s = float(motion.until_s[0]) if causal else -np.inf
+        determined_s = float(motion.until_s[0]) if causal else -np.inf
         R_nu, sigma_rad = motion.R_nu[window], motion.sigma_at(t_s, window)
     else:
         level_s = first_s if causal else max(first_s, float(imu.t_s[0]) + LEVEL_S)
-        level_s = level_s if told_s == np.inf else max(level_s, told_s)
+        level_s = level_s if without_motion_s == np.inf else max(level_s, without_motion_s)
         if earlier is None:
             R_level = level_start(flight, imu, motion.own, level_s)
         R_nu = np.tile(R_level, (len(t_s), 1, 1))
         sigma_rad = np.full(len(t_s), ROTATION_PRIOR_RAD)
-        known_s = told_s if causal or told_s == np.inf else -np.inf
-    told_s = told_s if causal or told_s == np.inf else -np.inf
-    return Carried(
+        determined_s = without_motion_s if causal or without_motion_s == np.inf else -np.inf
+    without_motion_s = without_motion_s if causal or without_motion_s == np.inf else -np.inf
+    return Alignment(
         t_s=t_s,
         R_nb=spun(motion.own, t_s, R_nu),
-        sigma_rad=sigma_rad,
-        valid=t_s >= known_s,
+        covariance_rad2=sigma_rad[:, None, None] ** 2 * np.eye(3),
+        valid=t_s >= determined_s,
+        refused=np.zeros(len(t_s), dtype=np.bool_),
         own=motion.own,
-        bias_b_radps=motion.bias_b_radps,
-        heading_from_s=min(told_s, _first(motion.begun_s, known_s)),
-        heading_known_s=min(told_s, _first(motion.until_s, known_s)),
-        notes=(OPEN_HEADING,) if known_s == np.inf else (),
+        gyroscope_bias_b_radps=motion.bias_b_radps,
+        heading_from_s=min(without_motion_s, _first(motion.begun_s, determined_s)),
+        heading_known_s=min(without_motion_s, _first(motion.until_s, determined_s)),
+        notes=(OPEN_HEADING,) if determined_s == np.inf else (),
         motion=EarlierMotion(
             first_s=float(t_s[0]) if earlier is None else earlier.first_s,
             step_s=float(np.diff(t_s[:2]).sum()) if earlier is None else earlier.step_s,
@@ -111,6 +80,6 @@ def carried_attitudes(
     )
 
 
-def _first(of_windows_s: FloatArray, known_s: float) -> float:
-    """Return the first window's time; where there is none, the heading is told or never known."""
-    return float(of_windows_s[0]) if len(of_windows_s) else known_s
+def _first(of_windows_s: FloatArray, determined_s: float) -> float:
+    """Return the first window's time; where there is none, ``determined_s``."""
+    return float(of_windows_s[0]) if len(of_windows_s) else determined_s

@@ -17,18 +17,22 @@ def zero_order_hold(t_s: FloatArray, values: FloatArray, valid: BoolArray) -> Fl
 def interpolated_attitudes(t_s: FloatArray, R_nb: FloatArray, valid: BoolArray) -> FloatArray:
     """Turn where an epoch is not valid, (n,), by the cubic between its neighbours; hold the last.
 
-    Of attitudes, (n, 3, 3). Evenly in gaps so long that the rates at their ends say nothing of
+    Of attitudes, (n, 3, 3). Evenly in gaps so long that the rates at their ends do not determine
     their middle.
     """
-    known = np.flatnonzero(valid)
-    if len(known) in (0, len(t_s)):
+    good = np.flatnonzero(valid)
+    if len(good) in (0, len(t_s)):
         return R_nb
-    rates = angular_rates(t_s[known], R_nb[known])
-    place = np.interp(t_s, t_s[known], np.arange(len(known)))
+    rates = angular_rates(t_s[good], R_nb[good])
+    place = np.interp(t_s, t_s[good], np.arange(len(good)))
     before = np.floor(place).astype(np.int64)
-    after = np.minimum(before + 1, len(known) - 1)
-    first, last, share = R_nb[known[before]], R_nb[known[after]], (place - before)[:, None]
-    span_s = (t_s[known[after]] - t_s[known[before]])[:, None]
+    after = np.minimum(before + 1, len(good) - 1)
+    first, last, share = (
+        R_nb[good[before]],
+        R_nb[good[after]],
+        (place - before)[:, None],
+    )
+    span_s = (t_s[good[after]] - t_s[good[before]])[:, None]
     cubic = carried(first, last, rates[before], rates[after], span_s, share)
     even = first @ exp(share * log(transpose(first) @ last))
     return np.asarray(np.where(span_s[:, None] <= 2 * LOST_S, cubic, even))

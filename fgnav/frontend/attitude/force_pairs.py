@@ -1,4 +1,4 @@
-"""Specific force in two frames, over the same spans: as a track tells it, and as the unit feels it.
+"""Specific force in two frames, over the same spans: by a track, and as the unit measures it.
 
 The gyroscope turns what is felt into axes ``u`` that do not turn, the body's at first [1]_. Over
 spans T between fixes it is the same vector in two frames, ``alpha = R_nu beta``:

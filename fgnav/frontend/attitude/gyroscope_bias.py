@@ -1,7 +1,7 @@
 """The gyroscope's bias by one attitude of axes that do not turn, over minutes.
 
 An uncalibrated unit's bias of 3 deg/s turns the axes ``u`` of a window of 30 s by a right angle. So
-it is found where a short stretch tells some of it, and a longer one more: Gauss-Newton of
+it is estimated coarsely by a short stretch, and better by longer ones: Gauss-Newton of
 
     alpha_i = R_nb(m) R_bu(m; b) beta_i(b, a)
 
@@ -51,7 +51,7 @@ def gyroscope_bias(
     R_nb: FloatArray,
     within_s: tuple[float, float],
 ) -> GyroscopeBias | None:
-    """Return the bias that stretches tell which grow about a span whose attitude is known.
+    """Return the bias by stretches that grow about a span whose attitude is known.
 
     Each is twice as long as the one before, so that no turn is taken for another.
 
@@ -69,10 +69,10 @@ def gyroscope_bias(
     Returns
     -------
     GyroscopeBias or None
-        None where no stretch tells any.
+        None where no stretch determines it.
     """
     middle_s, length_s = sum(within_s) / 2, within_s[1] - within_s[0]
-    fit, found = _Fit(R_nb, np.zeros(6), np.inf), None
+    fit, bias = _Fit(R_nb, np.zeros(6), np.inf), None
     while True:
         length_s = min(length_s, LONGEST_S)
         near = np.abs(imu.t_s - middle_s) <= length_s / 2
@@ -82,9 +82,9 @@ def gyroscope_bias(
             fitted = _fitted(imu[near], track[inside], gravity_n_mps2, middle_s, fit)
         if fitted is not None:
             fit = fitted
-            found = GyroscopeBias(fit.biases[:3], fit.sigma_radps)
+            bias = GyroscopeBias(fit.biases[:3], fit.sigma_radps)
         if length_s >= LONGEST_S or near.all():
-            return found
+            return bias
         length_s *= 2
 
 
@@ -124,8 +124,8 @@ def _fitted(
 def _stated(imu: Imu) -> FloatArray:
     """Return what is stated of attitude and biases as information, (9, 9)."""
     sigmas = (imu.gyroscope_bias_radps, imu.accelerometer_bias_mps2)
-    known = [1 / sigma**2 if sigma else 0.0 for sigma in sigmas]
-    return np.diag(np.repeat([0.0, *known], 3))
+    information = [1 / sigma**2 if sigma else 0.0 for sigma in sigmas]
+    return np.diag(np.repeat([0.0, *information], 3))
 
 
 def _forces(

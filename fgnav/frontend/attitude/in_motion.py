@@ -1,6 +1,6 @@
 """In-motion alignment: attitude of a flight with a gyroscope, before any smoothing.
 
-Specific forces of two frames (``force_pairs``), ``alpha = R_nu beta``, tell how one is turned.
+Specific forces of two frames (``force_pairs``), ``alpha = R_nu beta``, determine R_nu.
 Level comes from the mean over a window. Heading is the phase of the complex regression of alpha's
 horizontal part on beta's, each less a straight line in time, which takes out tilt, bias of the
 accelerometer and drift of the gyroscope. Neither needs a noise: with N pairs and a squared
@@ -27,7 +27,7 @@ from fgnav.geometry.rotations import exp
 from fgnav.types.flight import Imu
 
 # T: vehicles speed up and turn within seconds; of positions good to metres only the longer ones
-# tell anything.
+# have any information.
 _SPANS_S = (1.0, 2.0, 4.0)
 WINDOW_S = (
     30.0  # a bias of 0.02 rad/s, a straight line in tilt, turns heading by 0.3 rad to its middle
@@ -36,8 +36,8 @@ _MOST = int(WINDOW_S / _SPANS_S[0]) + 2  # pairs: all windows alike add up in th
 _FEWEST = 4  # pairs beside the two of a straight line
 _CHANCE = 1e-7  # of a heading where there is none: six spans a second are one in half a month
 KNOWN_RAD = 0.25  # 1-sigma of a heading that counts: half a radian is two
-_BEGUN = 0.05  # of what tells the heading lies before motion began: noise, at rest
-_GAIN = (0.5, 2.0)  # of alpha over beta: beyond, fixes and accelerometer tell of different motions
+_BEGUN = 0.05  # of the information about heading lies before motion began: noise, at rest
+_GAIN = (0.5, 2.0)  # of alpha over beta: beyond, fixes and accelerometer have different motions
 _UP_U = np.array([0.0, 0.0, -1.0])  # specific force at rest, frame n, in units of gravity
 
 ComplexArray: TypeAlias = NDArray[np.complexfloating[Any]]
@@ -52,7 +52,7 @@ class InMotion:
     until_s : ndarray, shape (k,)
         Ends of the windows, increasing: nothing later takes part.
     begun_s, middle_s : ndarray, shape (k,)
-        When motion began to tell the heading, and when half of what tells it lies behind.
+        When information about heading begins, and when half of it has come.
     R_nu : ndarray, shape (k, 3, 3)
         Of the axes that do not turn.
     sigma_rad : ndarray, shape (k,)
@@ -109,7 +109,7 @@ class EarlierMotion(NamedTuple):
     def after(self, from_s: float, R_ub: FloatArray) -> "EarlierMotion":
         """Return what is needed of it by samples after a time, the first of which is at R_ub.
 
-        Of windows the first, which says when the heading was known, and those that they may follow.
+        Of windows the first, for when the heading was known, and those that they may follow.
         """
         count = len(self.windows.until_s)
         last = int(np.searchsorted(self.windows.until_s, from_s, side="right")) - 1
@@ -140,15 +140,15 @@ def in_motion(
     first_s, until_s = None, -np.inf
     if earlier is not None:
         first_s, until_s = earlier.first_s, earlier.until_s
-    found = [
+    windows = [
         _windows(pairs, until_s)
         for span_s in _SPANS_S
         for pairs in specific_forces(integrated, track, span_s, gravity_n_mps2, first_s)
     ]
-    best = _best(found)
+    best = _best(windows)
     if earlier is not None:
-        told = earlier.windows.at(np.flatnonzero(earlier.windows.until_s <= until_s))
-        best = _joined([_Windows(*(getattr(told, name) for name in _Windows._fields)), best])
+        before = earlier.windows.at(np.flatnonzero(earlier.windows.until_s <= until_s))
+        best = _joined([_Windows(*(getattr(before, name) for name in _Windows._fields)), best])
     return InMotion(
         **best._asdict(),
         own=own,
@@ -157,9 +157,9 @@ def in_motion(
     )
 
 
-def _best(found: "list[_Windows]") -> "_Windows":
+def _best(windows: "list[_Windows]") -> "_Windows":
     """Return windows in order of their ends, the surest of those that end together."""
-    every = _joined(found)
+    every = _joined(windows)
     every = every.at(np.lexsort((every.sigma_rad, every.until_s)))
     return every.at(np.flatnonzero(np.diff(every.until_s, prepend=-np.inf) > 0))
 
@@ -178,14 +178,9 @@ def in_motion_smoothed(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> In
         return first
     unbiased = replace(imu, w_b_radps=imu.w_b_radps - bias.bias_b_radps)
     again = in_motion(unbiased, track, gravity_n_mps2)
-    if again is None or not _surer(again, first):
-        return first
+    if again is None or not np.sum(again.sigma_rad**-2) > np.sum(first.sigma_rad**-2):
+        return first  # headings are no surer, all together
     return replace(again, bias_b_radps=bias.bias_b_radps, bias_sigma_radps=bias.sigma_radps)
-
-
-def _surer(motion: InMotion, other: InMotion) -> bool:
-    """Return whether headings are known better than others, all together."""
-    return float(np.sum(motion.sigma_rad**-2)) > float(np.sum(other.sigma_rad**-2))
 
 
 def levelled(f_u: FloatArray) -> FloatArray:
@@ -225,26 +220,26 @@ def _windows(pairs: Pairs, after_s: float) -> _Windows:
     t_s = (pairs.from_s + pairs.until_s)[row] / 2
     f_n, f_u = (f[row] * within[..., None] for f in (pairs.f_n_mps2, pairs.f_u_mps2))
     R_nu, sigma_rad, size = _headings(t_s, f_n, f_u, within)
-    known = np.flatnonzero(sigma_rad < KNOWN_RAD)
-    row, t_s, size = row[known], t_s[known], size[known]
+    determined = np.flatnonzero(sigma_rad < KNOWN_RAD)
+    row, t_s, size = row[determined], t_s[determined], size[determined]
     share = np.cumsum(size, axis=1) / size.sum(axis=1, keepdims=True)
     begun, middle = (np.argmax(share >= least, axis=1) for least in (_BEGUN, 0.5))
-    k = np.arange(len(known))
+    k = np.arange(len(determined))
     return _Windows(
-        pairs.until_s[which[known]],
+        pairs.until_s[which[determined]],
         pairs.from_s[row[k, begun]],
         t_s[k, middle],
-        R_nu[known],
-        sigma_rad[known],
+        R_nu[determined],
+        sigma_rad[determined],
     )
 
 
 def _headings(
     t_s: FloatArray, f_n: FloatArray, f_u: FloatArray, within: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return R_nu, (k, 3, 3), the sigma of its heading, (k,), and what each pair says of it.
+    """Return R_nu, (k, 3, 3), the sigma of its heading, (k,), and each pair's information.
 
-    Infinite where the forces do not tell it. The last, (k, m), is in proportion.
+    Sigma is infinite where it is not observable; information, (k, m), is up to a factor.
 
     Parameters
     ----------
@@ -267,15 +262,15 @@ def _headings(
     beta = _horizontal(line, f_u, R_nu)
     size, scale = (np.sum(np.abs(value) ** 2, axis=1) for value in (beta, alpha))
     product = np.abs(np.sum(beta.conj() * alpha, axis=1))
-    tells = felt & (size * scale > 0.0)
-    coherence = np.divide(product**2, size * scale, out=np.zeros(len(size)), where=tells)
+    observable = felt & (size * scale > 0.0)
+    coherence = np.divide(product**2, size * scale, out=np.zeros(len(size)), where=observable)
     coherence = np.minimum(coherence, 1.0 - 1e-9)
-    gain = np.divide(product, size, out=np.zeros(len(size)), where=tells)
+    gain = np.divide(product, size, out=np.zeros(len(size)), where=observable)
     count = pairs - line.shape[1]
-    tells &= (1 - coherence) ** (count - 1) < _CHANCE
-    tells &= (gain > _GAIN[0]) & (gain < _GAIN[1])
+    observable &= (1 - coherence) ** (count - 1) < _CHANCE
+    observable &= (gain > _GAIN[0]) & (gain < _GAIN[1])
     variance_rad2 = np.full(len(size), np.inf)
-    np.divide(1 - coherence, 2 * coherence * count, out=variance_rad2, where=tells)
+    np.divide(1 - coherence, 2 * coherence * count, out=variance_rad2, where=observable)
     return R_nu, np.sqrt(variance_rad2), np.abs(beta) ** 2
 
 

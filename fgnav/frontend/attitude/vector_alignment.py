@@ -1,69 +1,43 @@
 """Attitudes of single epochs of a flight without an array: vectors known in two frames."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fgnav.attitude.flight_vectors import Track, measured_vectors, track_of, with_velocity
-from fgnav.attitude.own_rotation import OwnRotation, own_rotation
+from fgnav.attitude.own_rotation import own_rotation
 from fgnav.attitude.vector_pairs import VectorPairs, wahba
 from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.frontend.gaps import time_from_attitude_s
 from fgnav.frontend.matching import nearest
 from fgnav.geometry.rotations import exp, log, skew, transpose
 from fgnav.gravity import GravityDirection
 from fgnav.types.flight import Flight
 
-# Attitudes that lean on a velocity along x_b, and hold for two epochs: this is what they are good
-# for when rates are told from them.
+# Of attitudes that assume a velocity along x_b, and hold for two epochs, where rates are derived
+# from them.
 VECTOR_SIGMA_RAD = 0.1
-# Of the specific force that velocities tell: 0.2 to 0.35 m/s2 of 15.
+# Of the specific force by velocities: 0.2 to 0.35 m/s2 of 15.
 _FORCE_SIGMA_RAD = 0.02
-_APART = np.sin(np.radians(15.0))  # of gravity and specific force, to tell the turn about either
+_APART = np.sin(np.radians(15.0))  # of gravity and specific force: the turn about either
 _NOSE_FIRST = (
-    "Nothing but smoothness tells the turn about the specific force: the search for attitudes "
-    "starts with the velocity along x_b, and the estimate holds for a body that flies so."
+    "Only smoothness determines the turn about the specific force: the search for attitudes starts "
+    "with the velocity along x_b, and the estimate is valid for a body that flies so."
 )
-_FEWEST = 5  # attitudes that tell how briskly a body turns
-# And how close: of six turns with gravity told every 5.8 s, three ended at a wrong minimum when
-# these attitudes alone started the search, none when all epochs leant on velocity.
+_FEWEST = 5  # attitudes for a rate
+# And how close: of six turns with gravity every 5.8 s, three ended at a wrong minimum when
+# these attitudes alone started the search, none when all epochs assumed velocity.
 _NEAR_S = 0.5
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class VectorAttitudes:
-    """Attitudes of epochs, each from that epoch's vectors.
-
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-    R_nb, covariance_rad2 : ndarray, shape (n, 3, 3)
-    valid : ndarray of bool, shape (n,)
-    rough : bool
-        Whether the covariance is a guess.
-    losses : tuple of Loss
-    notes : tuple of str
-    own : OwnRotation or None
-        How the body spins.
-    """
-
-    t_s: FloatArray
-    R_nb: FloatArray
-    covariance_rad2: FloatArray
-    valid: BoolArray
-    rough: bool
-    losses: tuple[Loss, ...]
-    notes: tuple[str, ...] = ()
-    own: OwnRotation | None = None
-
-
-def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> VectorAttitudes:
+def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Alignment:
     """Return attitudes by specific force and gravity or, failing that, what else there is.
 
     Specific force and gravity are two vectors wherever the body accelerates across gravity; they
-    tell the attitude without any assumption. Where few epochs are near one with both, line of sight
-    closes the angle that specific force leaves open, or else the velocity as x_b, turned as those
-    few have it.
+    determine the attitude without any assumption. Where few epochs are near one with both, line of
+    sight closes the angle that specific force leaves open, or else the velocity as x_b, turned as
+    those few have it.
 
     Raises
     ------
@@ -79,25 +53,30 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Vector
         if few is not None and _dense(few):
             return replace(few, losses=losses, own=own)
     assumed = with_velocity(pairs, track)
-    attitude = wahba(assumed.directions())
-    known, n = attitude.rank == 2, len(track.t_s)
-    R_nb = np.where(known[:, None, None], attitude.R_nb, np.eye(3))
+    start = of_vectors(track.t_s, assumed, losses)
     if few is not None:
         f_n = assumed.directions().v_n[:, pairs.sources.index("specific force")]
-        R_nb = _turned_as(R_nb, known & np.isfinite(f_n[:, 0]), np.nan_to_num(f_n), few)
-    return VectorAttitudes(
-        t_s=track.t_s,
-        R_nb=R_nb,
-        covariance_rad2=np.tile(VECTOR_SIGMA_RAD**2 * np.eye(3), (n, 1, 1)),
-        valid=known,
-        rough=True,
+        determined = start.valid & np.isfinite(f_n[:, 0])
+        start = replace(start, R_nb=_turned_as(start.R_nb, determined, np.nan_to_num(f_n), few))
+    return replace(start, notes=_assumption_note(flight, assumed), own=own)
+
+
+def of_vectors(t_s: FloatArray, pairs: VectorPairs, losses: tuple[Loss, ...]) -> Alignment:
+    """Return attitudes of epochs, (n,), from their vector pairs, of a nominal covariance."""
+    attitude = wahba(pairs.directions())
+    determined = attitude.rank == 2
+    return Alignment(
+        t_s=t_s,
+        R_nb=np.where(determined[:, None, None], attitude.R_nb, np.eye(3)),
+        covariance_rad2=np.tile(VECTOR_SIGMA_RAD**2 * np.eye(3), (len(t_s), 1, 1)),
+        valid=determined,
+        refused=np.zeros(len(t_s), dtype=np.bool_),
         losses=losses,
-        notes=_told(flight, assumed),
-        own=own,
+        rough=True,
     )
 
 
-def _dense(attitudes: VectorAttitudes) -> bool:
+def _dense(attitudes: Alignment) -> bool:
     """Return whether most epochs are close to one with an attitude."""
     valid = attitudes.valid
     away_s = time_from_attitude_s(attitudes.t_s, valid)
@@ -105,25 +84,25 @@ def _dense(attitudes: VectorAttitudes) -> bool:
 
 
 def _turned_as(
-    R_nb: FloatArray, known: BoolArray, f_n: FloatArray, few: VectorAttitudes
+    R_nb: FloatArray, determined: BoolArray, f_n: FloatArray, few: Alignment
 ) -> FloatArray:
     """Return attitudes turned about the specific force, (n, 3), by what a few epochs ask for.
 
     A body that is not nose first is off by the turn about it alone, and that goes along slowly.
     """
-    rows = np.flatnonzero(known & few.valid)
+    rows = np.flatnonzero(determined & few.valid)
     if not len(rows):
         return R_nb
     apart = log(few.R_nb[rows] @ transpose(R_nb[rows]))
     turn = np.unwrap(np.einsum("ni,ni->n", apart, f_n[rows]))
     between = np.interp(few.t_s, few.t_s[rows], turn)
-    return np.asarray(np.where(known[:, None, None], exp(between[:, None] * f_n) @ R_nb, R_nb))
+    return np.asarray(np.where(determined[:, None, None], exp(between[:, None] * f_n) @ R_nb, R_nb))
 
 
-def _told(flight: Flight, pairs: VectorPairs) -> tuple[str, ...]:
-    """Say what the attitudes lean on, where no gyroscope carries what some epochs know to others.
+def _assumption_note(flight: Flight, pairs: VectorPairs) -> tuple[str, ...]:
+    """Return a note on what is assumed, where no gyroscope carries attitudes from epoch to epoch.
 
-    Between minima of the smoother's cost a turn apart the data hardly tell: on flights of a body
+    Between minima of the smoother's cost a turn apart the data hardly decide: on flights of a body
     that swings by 20 degrees about all axes, their costs were within one percent.
     """
     gyroscope = flight.imu is not None and flight.imu.w_b_radps is not None
@@ -133,10 +112,10 @@ def _told(flight: Flight, pairs: VectorPairs) -> tuple[str, ...]:
 
 def _by_gravity(
     flight: Flight, track: Track, pairs: VectorPairs, gravity: GravityDirection
-) -> VectorAttitudes | None:
+) -> Alignment | None:
     """Return attitudes by gravity and specific force; None where few epochs have any."""
-    row, there = nearest(gravity.t_s, track.t_s) if len(gravity.t_s) else (None, None)
-    if row is None or there is None:
+    row, at_epoch = nearest(gravity.t_s, track.t_s) if len(gravity.t_s) else (None, None)
+    if row is None or at_epoch is None:
         return None
     down_n = flight.origin.gravity_n_mps2(track.p_n_m)
     force = pairs.sources.index("specific force")
@@ -147,7 +126,7 @@ def _by_gravity(
         sources=("specific force", "gravity"),
     ).directions()
     across = np.linalg.norm(np.cross(both.v_n[:, 0], both.v_n[:, 1]), axis=1)
-    valid = there & both.valid.all(axis=1) & (across > _APART)
+    valid = at_epoch & both.valid.all(axis=1) & (across > _APART)
     if not valid.any():
         return None
     variance = np.stack(
@@ -160,11 +139,10 @@ def _by_gravity(
     across_b = skew(v_b.reshape(-1, 3)).reshape(*v_b.shape, 3)
     information = np.einsum("nkji,nkjl,nk->nil", across_b, across_b, both.weight)
     information[~valid] = np.eye(3)
-    return VectorAttitudes(
+    return Alignment(
         t_s=track.t_s,
         R_nb=np.where(valid[:, None, None], R_nb, np.eye(3)),
         covariance_rad2=np.linalg.inv(information),
         valid=valid,
-        rough=False,
-        losses=(),
+        refused=np.zeros(len(valid), dtype=np.bool_),
     )

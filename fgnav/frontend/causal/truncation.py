@@ -1,6 +1,6 @@
 """A flight cut at a time: what a filter has by then, and the test of whether it looks ahead.
 
-Whatever a causal method says of a time does not change when the flight is cut there: that is the
+A causal estimate of a time does not change when the flight is cut there: that is the
 definition.
 """
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
 from fgnav.frontend.array.pivot import pivot_views
-from fgnav.frontend.attitude.alignment import Alignment
+from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.frontend.matching import nearest, unused
 from fgnav.frontend.position.live_arcs import Observed
 from fgnav.frontend.position.series import VectorSeries
@@ -42,7 +42,7 @@ class AntennaMotion:
 def antenna_motion(
     flight: Flight, imu: Imu, start: Alignment, *, causal: bool = False
 ) -> AntennaMotion:
-    """Return what phase, code and Doppler, or else the receiver's own fixes, say at keyframes.
+    """Return motion by phase, code and Doppler, or else by the receiver's fixes, at keyframes.
 
     Where the first antenna tracks fewer than four satellites another one that does takes its place.
 
@@ -62,7 +62,7 @@ def antenna_motion(
     """
     if flight.observations is None:
         return _of_fixes(flight, imu, start.t_s)
-    whole: AntennaMotion | None = None
+    motion: AntennaMotion | None = None
     failure = None
     for view in pivot_views(flight, causal=causal):
         try:
@@ -70,29 +70,29 @@ def antenna_motion(
         except NoSolutionError as error:
             failure = failure or error
             continue
-        whole = one if whole is None else _completed_by(whole, one, start)
-    if whole is None:
+        motion = one if motion is None else _completed_by(motion, one, start)
+    if motion is None:
         raise failure or NoSolutionError("position: no antenna has observations")
-    return whole
+    return motion
 
 
 def _of_observations(flight: Flight, imu: Imu, start: Alignment, *, causal: bool) -> AntennaMotion:
     code, antenna = code_solution(flight, causal=causal), flight.antennas[0]
     arm_b_m = antenna.position_b_m - imu.position_b_m
-    row, found = nearest(code.t_s, start.t_s)
+    row, matched = nearest(code.t_s, start.t_s)
     of = undifferenced(flight, base=flight.base is not None)
     at, same = nearest(of.t_s, start.t_s)
     phases = Observed(of, np.flatnonzero(same), at[same], arm_b_m)
     velocities: tuple[tuple[str, VectorSeries], ...] = ()
     if code.v_n_mps is not None and code.velocity_covariance_m2ps2 is not None:
-        velocity = _timed(code.v_n_mps, code.velocity_covariance_m2ps2, row, found, arm_b_m)
+        velocity = _timed(code.v_n_mps, code.velocity_covariance_m2ps2, row, matched, arm_b_m)
         velocity = _with_partial(velocity, flight, code.t_s, start.t_s, causal=causal)
         velocities = ((antenna.name, velocity),)
     return AntennaMotion(
-        position=_timed(code.p_n_m, code.position_noise_m2, row, found, arm_b_m),
+        position=_timed(code.p_n_m, code.position_noise_m2, row, matched, arm_b_m),
         velocities=velocities,
         phases=(phases,),
-        losses=(*code.losses, *of.losses, *unused("code solution", len(code.t_s), found)),
+        losses=(*code.losses, *of.losses, *unused("code solution", len(code.t_s), matched)),
     )
 
 
@@ -111,52 +111,56 @@ def _with_partial(
 
 
 def _of_fixes(flight: Flight, imu: Imu, t_s: FloatArray) -> AntennaMotion:
-    """Return what the receiver's own fixes say at keyframes."""
+    """Return motion by the receiver's fixes at keyframes."""
     fixes = flight.fixes
     if fixes is None:
         return AntennaMotion(position=None, velocities=())
     arm_b_m = flight.antenna(fixes.antenna).position_b_m - imu.position_b_m
-    row, found = nearest(fixes.t_s, t_s)
+    row, matched = nearest(fixes.t_s, t_s)
     covariance = _velocity_covariance(fixes)
     velocities: tuple[tuple[str, VectorSeries], ...] = ()
     if fixes.v_n_mps is not None and covariance is not None:
-        velocities = ((fixes.antenna, _timed(fixes.v_n_mps, covariance, row, found, arm_b_m)),)
+        velocities = ((fixes.antenna, _timed(fixes.v_n_mps, covariance, row, matched, arm_b_m)),)
     return AntennaMotion(
-        position=_timed(fixes.p_n_m, _diagonal(fixes.position_sigma_m), row, found, arm_b_m),
+        position=_timed(fixes.p_n_m, _diagonal(fixes.position_sigma_m), row, matched, arm_b_m),
         velocities=velocities,
-        losses=unused("fix", len(fixes.t_s), found),
+        losses=unused("fix", len(fixes.t_s), matched),
     )
 
 
-def _completed_by(whole: AntennaMotion, other: AntennaMotion, start: Alignment) -> AntennaMotion:
+def _completed_by(first: AntennaMotion, other: AntennaMotion, start: Alignment) -> AntennaMotion:
     """Take what is missing from another antenna's motion."""
-    position, theirs = whole.position, other.position
+    position, theirs = first.position, other.position
     if position is not None and theirs is not None:
         lever_n_m = start.R_nb @ (position.arm_b_m - theirs.arm_b_m)
         missing = ~position.valid[:, None]
         value = np.where(missing, theirs.value + lever_n_m, position.value)
         position = replace(position, value=value)
-    known = np.any(
-        [series.valid for _, series in whole.velocities] or [np.zeros(len(start.t_s), bool)], axis=0
+    has_velocity = np.any(
+        [series.valid for _, series in first.velocities] or [np.zeros(len(start.t_s), bool)], axis=0
     )
     velocities = [
-        (name, replace(series, value=np.where(known[:, None], np.nan, series.value)))
+        (name, replace(series, value=np.where(has_velocity[:, None], np.nan, series.value)))
         for name, series in other.velocities
     ]
     return replace(
-        whole,
+        first,
         position=position,
-        velocities=(*whole.velocities, *velocities),
-        phases=(*whole.phases, *other.phases),
-        losses=(*whole.losses, *other.losses),
-        notes=tuple(dict.fromkeys((*whole.notes, *other.notes))),
+        velocities=(*first.velocities, *velocities),
+        phases=(*first.phases, *other.phases),
+        losses=(*first.losses, *other.losses),
+        notes=tuple(dict.fromkeys((*first.notes, *other.notes))),
     )
 
 
 def _timed(
-    value: FloatArray, covariance: FloatArray, row: IntArray, found: BoolArray, arm_b_m: FloatArray
+    value: FloatArray,
+    covariance: FloatArray,
+    row: IntArray,
+    matched: BoolArray,
+    arm_b_m: FloatArray,
 ) -> VectorSeries:
-    value = np.where(found[:, None], value[row], np.nan)
+    value = np.where(matched[:, None], value[row], np.nan)
     return VectorSeries(value=value, covariance=covariance[row], arm_b_m=arm_b_m)
 
 

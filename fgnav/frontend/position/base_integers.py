@@ -46,7 +46,7 @@ class Constraint(NamedTuple):
 
 
 class BaseIntegers(NamedTuple):
-    """Blocks with integers, and what is to be said of them."""
+    """Blocks with integers, and what is reported of them."""
 
     blocks: tuple[ArcBlock, ...]
     fixed: BoolArray  # (b,), whether enough arcs of each block are known for a position
@@ -73,7 +73,7 @@ def with_integers(
         Whether integers enter with the block after that in which they are found; else with the
         first that has all of their arcs.
     """
-    found: list[Constraint] = []
+    constraints: list[Constraint] = []
     fixed = np.zeros(len(blocks), dtype=np.bool_)
     information: FloatArray = np.empty((0, 0))
     vector: FloatArray = np.empty(0)
@@ -83,22 +83,22 @@ def with_integers(
             H, z = without_place(rows)
             information, vector = information + H.T @ H, vector + H.T @ z
         P = np.linalg.inv(information)
-        one, known = _searched(j, of, P @ vector, P)
+        one, fixed_now = _searched(j, of, P @ vector, P)
         if one is not None:
-            found.append(one)
+            constraints.append(one)
             c = len(of.arc)
             information[:c, :c] += one.rows.T @ one.rows
             vector[:c] += one.rows.T @ one.right
-        fixed[j] = known
+        fixed[j] = fixed_now
     out = list(blocks)
-    for one in found:
+    for one in constraints:
         at = one.block + 1 if causal else _first_with(names, one)
         if at < len(out):
             out[at] = _constrained(out[at], names[at], one, causal=causal)
     if not causal:
-        for one in found:
+        for one in constraints:
             fixed[_first_with(names, one) : one.block + 1] = True
-    success = float(np.prod([one.success for one in found]))
+    success = float(np.prod([one.success for one in constraints]))
     return BaseIntegers(tuple(out), fixed, 1 - success)
 
 
@@ -122,19 +122,19 @@ def without_place(rows: PhaseRows) -> tuple[FloatArray, FloatArray]:
 
 
 def _searched(j: int, of: ArcNames, A: FloatArray, P: FloatArray) -> tuple[Constraint | None, bool]:
-    """Return integers that a block tells anew, and whether enough are known by then."""
+    """Return integers that a block newly fixes, and whether enough are fixed by then."""
     D = _differences(of)
     c = len(of.arc)
     if not len(D):
         return None, False
     cycles = D / of.wavelength_m
     covariance = cycles @ P[:c, :c] @ cycles.T
-    is_known = np.diag(covariance) < _KNOWN_CYCLES**2
-    enough = int(is_known.sum()) >= _LEAST_FIXED - 1
-    if is_known.all():
+    is_determined = np.diag(covariance) < _KNOWN_CYCLES**2
+    enough = int(is_determined.sum()) >= _LEAST_FIXED - 1
+    if is_determined.all():
         return None, enough
-    D, cycles = D[~is_known], cycles[~is_known]
-    covariance = covariance[np.ix_(~is_known, ~is_known)]
+    D, cycles = D[~is_determined], cycles[~is_determined]
+    covariance = covariance[np.ix_(~is_determined, ~is_determined)]
     offset = cycles @ of.offset_m
     floats = cycles @ A[:c] + (offset - np.rint(offset))
     best = partial_integer_least_squares(floats, (covariance + covariance.T) / 2, 1 - _WRONG_MAX)
@@ -147,7 +147,7 @@ def _searched(j: int, of: ArcNames, A: FloatArray, P: FloatArray) -> tuple[Const
         return None, enough
     scale = of.wavelength_m.max() / _SIGMA_M
     right = best.integers - Z @ (offset - np.rint(offset))
-    enough = int(is_known.sum() + best.fixed.sum()) >= _LEAST_FIXED - 1
+    enough = int(is_determined.sum() + best.fixed.sum()) >= _LEAST_FIXED - 1
     return Constraint(j, of.arc, scale * Z @ cycles, scale * right, best.success), enough
 
 

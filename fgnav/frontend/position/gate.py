@@ -33,7 +33,7 @@ class Gated:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class InertialTrack:
-    """What specific force and approximate attitudes say of the motion.
+    """Motion by specific force and approximate attitudes.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class InertialTrack:
         Approximate rates.
     imu : Imu
     gravity_n_mps2 : ndarray, shape (n, 3)
-    blind : ndarray of bool, shape (n,)
+    untested : ndarray of bool, shape (n,)
         Keyframes without specific force or attitude.
     attitude_sigma_rad : ndarray, shape (n,)
         Of the attitudes, beyond a third of a degree: what gravity is turned by.
@@ -61,7 +61,7 @@ class InertialTrack:
     w_b_radps: FloatArray
     imu: Imu
     gravity_n_mps2: FloatArray
-    blind: BoolArray
+    untested: BoolArray
     attitude_sigma_rad: FloatArray
     causal: bool = False
 
@@ -73,12 +73,12 @@ def gated(
 ) -> Gated:
     """Take out fixes that are off their neighbours by more than noise can be.
 
-    Specific force turned by approximate attitudes tells how velocity changes, and velocity how
+    Specific force turned by approximate attitudes determines how velocity changes, and velocity how
     position does, far better over seconds than fixes do. What is left of a fix is nearly constant;
     its distance from the median of its neighbours, a second and a half before and after, is tested
     at six sigmas, of the stated noise and of the flight's own spread together; causal, from the
     median of those before it, and of the stated noise alone. Nothing is tested where the track
-    itself is blind.
+    itself has none.
 
     Parameters
     ----------
@@ -91,37 +91,39 @@ def gated(
     position, velocity = measured
     t_s, R_nb = track.t_s, track.R_nb
     gained_n_mps = _inertial(track)
-    tested, causal = ~_about(t_s, track.blind, causal=track.causal), track.causal
-    found: list[tuple[str, str, FloatArray]] = []
+    tested, causal = ~_about(t_s, track.untested, causal=track.causal), track.causal
+    tests: list[tuple[str, str, FloatArray]] = []
     gravity_mps2 = np.linalg.norm(track.gravity_n_mps2, axis=1)
     track_mps2 = np.hypot(_TRACK_MPS2, gravity_mps2 * track.attitude_sigma_rad)
     v_n_mps = gained_n_mps
     if velocity is not None:
-        left = velocity.value - gained_n_mps
-        left -= swing_n_mps(R_nb, track.w_b_radps, velocity.arm_b_m)
+        residual = velocity.value - gained_n_mps
+        residual -= swing_n_mps(R_nb, track.w_b_radps, velocity.arm_b_m)
         track_mps = track_mps2 * _AROUND_S
-        off, middle = _against_neighbours(t_s, left, velocity.covariance, track_mps, causal=causal)
+        off, middle = _against_neighbours(
+            t_s, residual, velocity.covariance, track_mps, causal=causal
+        )
         off *= tested
         velocity = _without(velocity, off > 0)
         v_n_mps = gained_n_mps + middle
-        found.append(("velocity", "m/s", off))
+        tests.append(("velocity", "m/s", off))
     elif position is not None:
         v_n_mps = gained_n_mps + _drift(t_s, position, gained_n_mps, causal=causal)
     if position is not None:
         moved_n_m = _integral(t_s, v_n_mps) + R_nb @ position.arm_b_m
-        left, track_m = position.value - moved_n_m, track_mps2 * _AROUND_S**2 / 2
-        off, _ = _against_neighbours(t_s, left, position.covariance, track_m, causal=causal)
+        residual, track_m = position.value - moved_n_m, track_mps2 * _AROUND_S**2 / 2
+        off, _ = _against_neighbours(t_s, residual, position.covariance, track_m, causal=causal)
         off *= tested
         position = _without(position, off > 0)
-        found.append(("position", "m", off))
-    lists = [_listed(what, unit, antenna, t_s, off) for what, unit, off in found]
+        tests.append(("position", "m", off))
+    lists = [_listed(what, unit, antenna, t_s, off) for what, unit, off in tests]
     return Gated(
         position=position,
         velocity=velocity,
         rejections=tuple(one for part in lists for one in part),
         losses=tuple(
             Loss(what=what, reason="off its neighbours", count=int((off > 0).sum()))
-            for what, _, off in found
+            for what, _, off in tests
             if off.any()
         ),
     )
@@ -160,14 +162,14 @@ def _integral(t_s: FloatArray, values: FloatArray) -> FloatArray:
 def _drift(
     t_s: FloatArray, position: VectorSeries, gained_n_mps: FloatArray, *, causal: bool
 ) -> FloatArray:
-    """Return what positions say that the gained velocity lacks, (n, 3), smoothed by medians."""
-    known = np.flatnonzero(np.isfinite(position.value[:, 0]))
-    left = (position.value - _integral(t_s, gained_n_mps))[known]
-    if len(known) < 2:
+    """Return the error of the gained velocity by positions, (n, 3), smoothed by medians."""
+    valid = np.flatnonzero(np.isfinite(position.value[:, 0]))
+    residual = (position.value - _integral(t_s, gained_n_mps))[valid]
+    if len(valid) < 2:
         return np.zeros_like(gained_n_mps)
-    slopes = np.diff(left, axis=0) / np.diff(t_s[known])[:, None]
-    middle = _medians(t_s[known][1:], slopes, causal=causal)
-    return _between(t_s, t_s[known][1:], middle, causal=causal)
+    slopes = np.diff(residual, axis=0) / np.diff(t_s[valid])[:, None]
+    middle = _medians(t_s[valid][1:], slopes, causal=causal)
+    return _between(t_s, t_s[valid][1:], middle, causal=causal)
 
 
 def _between(
@@ -181,7 +183,7 @@ def _between(
 
 def _against_neighbours(
     t_s: FloatArray,
-    left: FloatArray,
+    residual: FloatArray,
     covariance: FloatArray,
     track: FloatArray,
     *,
@@ -192,18 +194,18 @@ def _against_neighbours(
     ``track``, (n,), is the sigma of the inertial track; values of different pieces are not
     neighbours.
     """
-    known = np.isfinite(left[:, 0])
-    middle = np.zeros_like(left)
+    valid = np.isfinite(residual[:, 0])
+    middle = np.zeros_like(residual)
     off = np.zeros(len(t_s))
-    if not known.any():
+    if not valid.any():
         return off, middle
-    medians = _medians(t_s[known], left[known], causal=causal)
-    middle = _between(t_s, t_s[known], medians, causal=causal)
-    apart = left[known] - medians
+    medians = _medians(t_s[valid], residual[valid], causal=causal)
+    middle = _between(t_s, t_s[valid], medians, causal=causal)
+    apart = residual[valid] - medians
     spread = np.zeros(3) if causal else _NORMAL * np.median(np.abs(apart), axis=0)
-    sigma = np.sqrt(np.einsum("nii->ni", covariance[known]) + spread**2 + track[known, None] ** 2)
+    sigma = np.sqrt(np.einsum("nii->ni", covariance[valid]) + spread**2 + track[valid, None] ** 2)
     out = (np.abs(apart) > _SIGMAS * sigma).any(axis=1)
-    off[known] = np.where(out, np.linalg.norm(apart, axis=1), 0.0)
+    off[valid] = np.where(out, np.linalg.norm(apart, axis=1), 0.0)
     return off, middle
 
 

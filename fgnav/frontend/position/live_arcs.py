@@ -14,13 +14,14 @@ from fgnav.gnss.wind_up import wind_up_cycles
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock, PhaseRows
 from fgnav.graph.types.constants import Constants
 
-# Code tells ambiguities once in so long: receivers smooth it over about a second (Kaplan, Hegarty,
-# Understanding GPS, 2nd edition, section 5.6: loop bandwidths of code), and echoes last longer.
+# Code determines ambiguities once in so long: receivers smooth it over about a second (Kaplan,
+# Hegarty, Understanding GPS, 2nd edition, section 5.6: loop bandwidths of code), and echoes last
+# longer.
 _BLOCK_S = 1.0
 _ROUNDING_S = 1e-6
 _STILL_M_PER_SQRT_S = 1e-4  # of ambiguities, which do not move: whitening needs some noise
 _STILL_MPS_PER_SQRT_S = 1e-6
-_UNKNOWN_M = 1e2  # ambiguities, once phase less code is taken off, and before code says more
+_UNKNOWN_M = 1e2  # ambiguities, once phase less code is taken off, and before code
 _REMEMBERED_S = 60.0  # errors of satellites without phase: they walk by centimetres meanwhile
 
 
@@ -201,16 +202,16 @@ def _with_integers(
     *,
     causal: bool,
 ) -> tuple[list[ArcBlock], tuple[str, ...]]:
-    """Return blocks with their integers against a base, and what is to be said of these."""
+    """Return blocks with their integers against a base, and notes on these."""
     epochs: list[list[PhaseRows]] = [[] for _ in blocks]
     for j, one in zip(block.tolist(), rows, strict=True):
         epochs[j].append(one)
-    found = with_integers(blocks, names, epochs, causal=causal)
-    share = 100 * found.fixed[block].mean()
+    resolved = with_integers(blocks, names, epochs, causal=causal)
+    share = 100 * resolved.fixed[block].mean()
     note = f"Positions against the base: integers known at {share:.1f} % of epochs"
     if share:
-        note += f", all right but for a chance of {found.wrong_probability:.1g}"
-    return list(found.blocks), (f"{note}.",)
+        note += f", all right but for a chance of {resolved.wrong_probability:.1g}"
+    return list(resolved.blocks), (f"{note}.",)
 
 
 def _names(of: _Arcs, live: _Live, i: int) -> ArcNames:
@@ -234,7 +235,7 @@ def _numbered(
     Phase less code of each arc's first epoch is taken off, so that numbers are small.
     """
     of, phase_m = one.of, one.of.phase_m.copy()
-    known, now = _known_links(of, earlier)
+    continuing, now = _known_links(of, earlier)
     total = np.zeros(phase_m.shape)
     if of.pole_n is not None and len(one.row):
         wound = wind_up_cycles(of.e_n[one.epoch], R_nb[one.row], of.pole_n)
@@ -242,7 +243,7 @@ def _numbered(
             still = np.broadcast_to(np.eye(3), (len(one.row), 3, 3))
             wound -= wind_up_cycles(of.e_n[one.epoch], still, of.pole_n)
         total[one.epoch] = wound
-        for j, (_, _, cycles) in known.items():  # counted on from an earlier epoch
+        for j, (_, _, cycles) in continuing.items():  # counted on from an earlier epoch
             total[:, j] += np.rint(cycles - total[now, j])
         phase_m[one.epoch] -= of.wavelength_m * total[one.epoch]
     epoch, channel = np.nonzero(of.arc >= 0)
@@ -251,7 +252,7 @@ def _numbered(
     offset_m = np.zeros(1 + arc.max(initial=-1))
     offset_m[arc[::-1]] = apart_m[::-1]  # as of the first epoch of each arc
     ids = np.arange(len(offset_m)) + (first if earlier is None else earlier.arcs)
-    for j, (link, off_m, _) in known.items():
+    for j, (link, off_m, _) in continuing.items():
         ids[of.arc[now, j]], offset_m[of.arc[now, j]] = link, off_m
     phase_m -= np.where(of.arc >= 0, offset_m[of.arc.clip(0)] if len(offset_m) else 0.0, 0.0)
     return _Arcs(
@@ -273,12 +274,12 @@ def _known_links(
     if earlier is None:
         return {}, 0
     now = int(np.searchsorted(of.t_s, earlier.t_s - _ROUNDING_S))
-    known = {
+    continuing = {
         j: earlier.links[channel]
         for j, channel in enumerate(zip(of.satellites, of.signals, strict=True))
         if channel in earlier.links and of.arc[now, j] >= 0
     }
-    return known, now
+    return continuing, now
 
 
 def _channels(of: _Arcs, i: int) -> tuple[IntArray, IntArray]:
@@ -330,9 +331,9 @@ def _rows(
         A[m, c + satellite], A[m, c + s + satellite] = 1.0, age_s
         if not parts:
             A[:, :c] = np.eye(c)
-        left_m = measured_m[i, channel] - e_n @ of.of.place_n_m[i]
+        reduced_m = measured_m[i, channel] - e_n @ of.of.place_n_m[i]
         if len(basis):
-            parts.append((-basis @ e_n, basis @ A, basis @ left_m))
+            parts.append((-basis @ e_n, basis @ A, basis @ reduced_m))
         elif not parts:
             parts.append((np.empty((0, 3)), np.empty((0, live.size)), np.empty(0)))
     return PhaseRows._make(np.concatenate(part) for part in zip(*parts, strict=True))
@@ -344,10 +345,10 @@ def _places(of: _Arcs, live: _Live, channel: IntArray) -> IntArray:
 
 
 def _led(of: _Arcs, blocks: tuple[_Live | None, _Live], i: int, row: int) -> ArcBlock:
-    """Return a block: what leads to it from the one before, and what its first epoch's code says.
+    """Return a block: the transition from the one before, and its first epoch's code.
 
-    Phase less code is free of geometry and of what stays with satellites: it tells ambiguities but
-    for a clock, common to all, that turns of the antenna wind up.
+    Phase less code is free of geometry and of what stays with satellites: it determines ambiguities
+    but for a clock, common to all, that turns of the antenna wind up.
     """
     before, after = blocks
     c, s = len(after.channel), len(after.satellite)

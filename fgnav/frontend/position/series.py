@@ -34,15 +34,15 @@ class VectorSeries:
 
     def white(self, rows: IntArray) -> FloatArray:
         """Return what whitens the values of some keyframes, (k, 3, 3); 0 where there is none."""
-        there, white = np.isfinite(self.value[rows, 0]), np.zeros((len(rows), 3, 3))
+        valid, white = np.isfinite(self.value[rows, 0]), np.zeros((len(rows), 3, 3))
         if self.partial is not None:
             white += self.partial[rows]
-            there = there & ~white.any(axis=(1, 2))
-        L = np.linalg.cholesky(self.covariance[rows[there]])
+            valid = valid & ~white.any(axis=(1, 2))
+        L = np.linalg.cholesky(self.covariance[rows[valid]])
         inverse = np.tile(np.eye(3), (len(L), 1, 1))
         for i in range(3):  # a tenth of LAPACK's time for matrices this small
             for j in range(i):
                 inverse[:, i] -= L[:, i, j, None] * inverse[:, j]
             inverse[:, i] /= L[:, i, i, None]
-        white[there] = inverse
+        white[valid] = inverse
         return white

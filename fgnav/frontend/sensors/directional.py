@@ -25,12 +25,12 @@ def sight(
     seen = line_of_sight(seeker, causal=causal)
     if not len(seen.t_s):
         return None, seen.losses
-    row, found = nearest(seen.t_s, t_s)
+    row, matched = nearest(seen.t_s, t_s)
     distance_m = np.linalg.norm(seeker.landmark_n_m - p_n_m, axis=1)
     to_landmark = to_landmark_b_m(seeker, seen.e_b[row], imu.position_b_m, distance_m)
-    to_landmark[~found] = np.nan
+    to_landmark[~matched] = np.nan
     e_b = to_landmark / np.linalg.norm(to_landmark, axis=1, keepdims=True)
-    losses = (*seen.losses, *unused("line of sight", len(seen.t_s), found))
+    losses = (*seen.losses, *unused("line of sight", len(seen.t_s), matched))
     return Directions.isotropic(e_b, seen.sigma_rad), losses
 
 

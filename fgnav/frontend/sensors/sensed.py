@@ -55,7 +55,7 @@ def sense(
     *,
     causal: bool = False,
 ) -> Sensed:
-    """Return what the instruments of a flight say at keyframes, (n,).
+    """Return what the instruments of a flight measure at keyframes, (n,).
 
     Parameters
     ----------

@@ -1,13 +1,13 @@
 """When a body stands still: seconds as quiet as those in which GNSS measured no velocity.
 
 Of a window of a second there are two statistics. That of stance detectors [1]_ about the window's
-own means, which gravity, biases and a lean leave open,
+own means, which gravity, biases and inclination leave unknown,
 
     T = mean over axes of var / var_0,
 
 and the same of the squares of what means have changed by since the second before: a car that
 gathers way may shake no more than one that stands. var_0 is what the unit has at rest. A data
-sheet has none that holds: an engine that idles shakes a unit tens of times louder. So var_0 is the
+sheet has none that holds: an engine that idles shakes a unit tens of times as much. So var_0 is the
 mean over the windows in which GNSS contradicts no velocity of zero (chi-square test), nor in the
 windows about. Vibration is not white either: T has ``2 / var(T)`` degrees of freedom
 (Satterthwaite), of the same windows, at most those of white noise. A window stands where neither T
@@ -16,7 +16,7 @@ is above what 97.5 % of such F ratios are below and GNSS, if it measured, does n
 The sigma of a velocity of zero is the root mean square of what GNSS measured, or what it states of
 its own errors if that is more, in the quiet windows that it does not contradict. Where GNSS itself
 is silent, it is that of the quiet windows that it contradicts, if there are any: where samples
-cannot tell rest from motion, in a hover or in smooth flight, the speed of that.
+cannot distinguish rest from motion, in a hover or in smooth flight, the speed of that.
 
 References
 ----------
@@ -115,11 +115,11 @@ def _moments(record: Bridged, until_s: FloatArray) -> tuple[FloatArray, FloatArr
     variance = (square - mean**2) * (count / np.maximum(count - 1, 1))[:, None]
     changes = sums[2][last] - sums[2][np.minimum(first + 1, last)]
     ended = np.searchsorted(gaps_s[:, 1], until_s - _WINDOW_S, side="right")
-    whole = np.searchsorted(gaps_s[:, 0], until_s) <= ended
-    resolved = whole[:, None] & (changes > 0) & (variance > 0)
+    gapless = np.searchsorted(gaps_s[:, 0], until_s) <= ended
+    resolved = gapless[:, None] & (changes > 0) & (variance > 0)
     variance = np.where(resolved, variance, np.nan)
-    known = np.where(np.isfinite(variance), mean, np.nan)
-    step = np.diff(known, axis=0, prepend=np.full((1, x.shape[1]), np.nan)) ** 2
+    mean_valid = np.where(np.isfinite(variance), mean, np.nan)
+    step = np.diff(mean_valid, axis=0, prepend=np.full((1, x.shape[1]), np.nan)) ** 2
     return variance, step, count
 
 
@@ -146,10 +146,10 @@ def _velocities(
     """
     velocity = next((one for _, one in antenna.velocities if one.valid.any()), None)
     if velocity is not None:
-        whole = velocity.valid
+        complete = velocity.valid
         if velocity.partial is not None:
-            whole = whole & ~velocity.partial.any(axis=(1, 2))
-        at = np.flatnonzero(whole)
+            complete = complete & ~velocity.partial.any(axis=(1, 2))
+        at = np.flatnonzero(complete)
         return at, velocity.value[at], velocity.covariance[at]
     if antenna.position is None:
         return np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3, 3))
@@ -171,15 +171,15 @@ def _is_quiet(
     """
     m, d = moment.shape
     at_rest = at_rest & np.isfinite(moment).all(axis=1)
-    known = np.where(at_rest[:, None], moment, 0.0)
+    at_rest_moment = np.where(at_rest[:, None], moment, 0.0)
     # Whether a window is at rest is known when the window after it is over.
     last = np.maximum(np.arange(m) - 1, 0) if causal else np.full(m, m - 1)
     number = np.maximum(at_rest.cumsum()[last], 1)
-    usual = known.cumsum(axis=0)[last] / number[:, None]
+    usual = at_rest_moment.cumsum(axis=0)[last] / number[:, None]
     has_rested = (usual > 0).all(axis=1)
     usual[~has_rested] = 1.0
     T = (np.where(np.isfinite(moment), moment, np.inf) / usual).mean(axis=1)
-    products = np.einsum("ma,mb->mab", known, known).cumsum(axis=0)[last]
+    products = np.einsum("ma,mb->mab", at_rest_moment, at_rest_moment).cumsum(axis=0)[last]
     square = np.einsum("mab,ma,mb->m", products, 1 / usual, 1 / usual) / d**2 / number
     freedom = 2.0 / np.maximum(square - 1.0, 2.0 / (d * white))
     return np.asarray(has_rested & (f_ratio.isf(_MISSED / 2, freedom, freedom * number) > T))

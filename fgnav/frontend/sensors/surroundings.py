@@ -89,8 +89,8 @@ def heights(
     if causal and barometer.wander_m:
         noise_m = float(np.hypot(barometer.noise_m, _as_noise_m(barometer)))
         barometer = replace(barometer, wander_m=0.0, noise_m=noise_m)
-    found = heights_of(barometer, imu.position_b_m, flight.origin, t_s, p_n_m, value[:, 0])
-    return found, losses
+    measured = heights_of(barometer, imu.position_b_m, flight.origin, t_s, p_n_m, value[:, 0])
+    return measured, losses
 
 
 def heights_of(
@@ -101,7 +101,7 @@ def heights_of(
     p_n_m: FloatArray,
     height_m: FloatArray,
 ) -> Heights:
-    """Return what a barometer's heights at keyframes, (n,), NaN of none, say of their places.
+    """Return what a barometer's heights at keyframes, (n,), NaN of none, as down coordinates.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def magnetic_field(
 
 
 def field_of(sensor: Magnetometer, field_b_ut: FloatArray) -> MagneticField:
-    """Return what a magnetometer's samples at keyframes, (n, 3), NaN rows of none, say.
+    """Return directions by a magnetometer's samples at keyframes, (n, 3), NaN rows of none.
 
     Parameters
     ----------
@@ -177,12 +177,12 @@ def _sampled(
         before = have_s[following - 1]
         same = np.minimum(np.abs(t_s - before), np.abs(have_s[following] - t_s)) < SAME_S
         valid &= same | (have_s[following] - before <= _LONGEST_S)
-    found = np.full((len(t_s), values.shape[1]), np.nan)
+    interpolated = np.full((len(t_s), values.shape[1]), np.nan)
     for k, column in enumerate(values.T):
-        found[valid, k] = np.interp(t_s[valid], have_s, column)
-    left = len(have_s) - int(valid.sum())
+        interpolated[valid, k] = np.interp(t_s[valid], have_s, column)
+    unmatched = len(have_s) - int(valid.sum())
     reason = "not at a keyframe, or not alone there"
-    return found, (Loss(what=what, reason=reason, count=left),) if left > 0 else ()
+    return interpolated, (Loss(what=what, reason=reason, count=unmatched),) if unmatched > 0 else ()
 
 
 def _latest(
@@ -192,14 +192,14 @@ def _latest(
     sample = np.searchsorted(have_s, t_s + SAME_S) - 1
     fresh = (sample >= 0) & (np.diff(sample, prepend=-1) > 0)
     fresh &= t_s - have_s[sample.clip(0)] <= LONGEST_STEP_S
-    found = np.full((len(t_s), values.shape[1]), np.nan)
-    found[fresh] = values[sample[fresh]]
-    left, reason = len(have_s) - int(fresh.sum()), "not the newest at a keyframe"
-    return found, (Loss(what=what, reason=reason, count=left),) if left > 0 else ()
+    newest = np.full((len(t_s), values.shape[1]), np.nan)
+    newest[fresh] = values[sample[fresh]]
+    unmatched, reason = len(have_s) - int(fresh.sum()), "not the newest at a keyframe"
+    return newest, (Loss(what=what, reason=reason, count=unmatched),) if unmatched > 0 else ()
 
 
 def _as_noise_m(barometer: Barometer) -> float:
-    """Return white noise of samples, 1-sigma, m, as loud at low frequencies as the drift.
+    """Return white noise of samples, 1-sigma, m, of the drift's density at low frequencies.
 
     A Gauss-Markov process of variance s^2 and time constant T has the density ``2 s^2 T`` there.
     """
@@ -218,7 +218,7 @@ def _times(barometer: Barometer, t_s: FloatArray) -> FloatArray:
 
 
 def _between(barometer: Barometer, times_s: FloatArray, t_s: FloatArray) -> float:
-    """Return white noise, m2 at each keyframe, as loud at low frequencies as what lines miss.
+    """Return white noise, m2 at each keyframe, as dense at low frequencies as what lines miss.
 
     A Gauss-Markov process with its values D apart known is Brownian between them, ``2 s^2 / T`` the
     variance it gains in a second: of mean variance ``s^2 D / (3 T)``, its mean over D as

@@ -1,4 +1,4 @@
-"""When wheels say that a vehicle does not move to the side: once a second while it is on them.
+"""When wheels constrain a vehicle not to move to the side: once a second while it is on them.
 
 Tyres slip for a second or so at a time; more often the same slip would be counted again and again.
 """

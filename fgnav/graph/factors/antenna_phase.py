@@ -24,7 +24,7 @@ References
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +84,7 @@ class AntennaPhase:
         Number of the first of the blocks: of phases that go on.
     """
 
+    name: ClassVar[str] = "phase"  # in reports
     row: IntArray
     rows: tuple[PhaseRows, ...]
     block: IntArray
@@ -92,11 +93,6 @@ class AntennaPhase:
     lever_column: int
     constants: Constants
     first_block: int = 0
-
-    @property
-    def name(self) -> str:
-        """What reports call it."""
-        return "phase"
 
     @property
     def freedom(self) -> IntArray:

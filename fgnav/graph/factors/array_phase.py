@@ -13,6 +13,7 @@ References
 """
 
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -52,6 +53,7 @@ class ArrayPhase:
         B; z is the end of the keyframe's ``aux``.
     """
 
+    name: ClassVar[str] = "array phases"  # in reports
     row: IntArray
     root: FloatArray
     minimum: FloatArray
@@ -71,11 +73,6 @@ class ArrayPhase:
             {"root": (k, 9, 9), "minimum": (k, 3, 3), "share": (k,), "basis": (9, q)},
             {"row": (k,), "element_column": (k,)},
         )
-
-    @property
-    def name(self) -> str:
-        """What reports call it."""
-        return "array phases"
 
     @property
     def freedom(self) -> IntArray:

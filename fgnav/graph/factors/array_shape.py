@@ -12,6 +12,7 @@ References
 """
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -43,6 +44,7 @@ class ArrayShape:
     constants : Constants
     """
 
+    name: ClassVar[str] = "array phases"  # in reports
     row: IntArray
     root: FloatArray
     minimum_n_m: FloatArray
@@ -62,11 +64,6 @@ class ArrayShape:
             },
             {"row": (k,), "column": (a,)},
         )
-
-    @property
-    def name(self) -> str:
-        """What reports call it: the same phases as those of an array of known shape."""
-        return "array phases"
 
     @property
     def freedom(self) -> IntArray:

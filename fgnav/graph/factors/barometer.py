@@ -12,6 +12,7 @@ References
 """
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -47,6 +48,7 @@ class BarometricHeight:
     constants : Constants
     """
 
+    name: ClassVar[str] = "barometric height"  # in reports
     row: IntArray
     down_n_m: FloatArray
     sigma_m: float
@@ -65,11 +67,6 @@ class BarometricHeight:
             {"row": (k,), "node": (k,)},
         )
         positive("barometric height sigma_m", self.sigma_m)
-
-    @property
-    def name(self) -> str:
-        """What reports call it."""
-        return "barometric height"
 
     @property
     def freedom(self) -> IntArray:

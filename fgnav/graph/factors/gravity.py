@@ -11,6 +11,7 @@ References
 """
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -43,6 +44,7 @@ class Gravity:
     constants : Constants
     """
 
+    name: ClassVar[str] = "gravity"  # in reports
     row: IntArray
     known_n: FloatArray
     across_b: FloatArray
@@ -53,11 +55,6 @@ class Gravity:
         """Check and freeze the arrays."""
         k = len(self.row)
         freeze(self, {"known_n": (k, 3), "across_b": (k, 2, 3)}, {"row": (k,)})
-
-    @property
-    def name(self) -> str:
-        """What reports call it."""
-        return "gravity"
 
     @property
     def freedom(self) -> IntArray:

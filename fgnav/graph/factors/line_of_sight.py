@@ -6,6 +6,7 @@ GTSAM's ``BearingFactor3D``.
 """
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -37,6 +38,7 @@ class LineOfSight:
     constants : Constants
     """
 
+    name: ClassVar[str] = "line of sight"  # in reports
     row: IntArray
     across_b: FloatArray
     landmark_column: int
@@ -47,11 +49,6 @@ class LineOfSight:
         """Check and freeze the arrays."""
         k = len(self.row)
         freeze(self, {"across_b": (k, 2, 3)}, {"row": (k,)})
-
-    @property
-    def name(self) -> str:
-        """What reports call it."""
-        return "line of sight"
 
     @property
     def freedom(self) -> IntArray:

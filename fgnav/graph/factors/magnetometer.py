@@ -11,6 +11,7 @@ References
 """
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -42,6 +43,7 @@ class MagneticField:
     constants : Constants
     """
 
+    name: ClassVar[str] = "magnetic field"  # in reports
     row: IntArray
     across_b: FloatArray
     field_n_ut: FloatArray
@@ -52,11 +54,6 @@ class MagneticField:
         """Check and freeze the arrays."""
         k = len(self.row)
         freeze(self, {"across_b": (k, 2, 3), "field_n_ut": (3,)}, {"row": (k,)})
-
-    @property
-    def name(self) -> str:
-        """What reports call it."""
-        return "magnetic field"
 
     @property
     def freedom(self) -> IntArray:

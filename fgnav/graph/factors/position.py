@@ -10,6 +10,7 @@ References
 """
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -42,6 +43,7 @@ class Position:
     constants : Constants
     """
 
+    name: ClassVar[str] = "position"  # in reports
     row: IntArray
     value_n_m: FloatArray
     white: FloatArray
@@ -57,11 +59,6 @@ class Position:
             {"value_n_m": (k, 3), "white": (k, 3, 3), "arm_b_m": (3,)},
             {"row": (k,)},
         )
-
-    @property
-    def name(self) -> str:
-        """What reports call it."""
-        return "position"
 
     @property
     def freedom(self) -> IntArray:

@@ -11,13 +11,14 @@ References
 """
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, frozen
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
-from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised
@@ -49,6 +50,7 @@ class Velocity:
     constants : Constants
     """
 
+    name: ClassVar[str] = "velocity"  # in reports
     row: IntArray
     value_n_mps: FloatArray
     white: FloatArray
@@ -76,11 +78,6 @@ class Velocity:
             object.__setattr__(self, "measured_b_radps", rate)
 
     @property
-    def name(self) -> str:
-        """What reports call it."""
-        return "velocity"
-
-    @property
     def freedom(self) -> IntArray:
         """Directions that are known, (k,)."""
         return np.asarray(self.white.any(axis=2).sum(axis=1))
@@ -106,11 +103,8 @@ class Velocity:
             noise = gtsam.noiseModel.Gaussian.SqrtInformation(self.white[i], False)
             return gtsam.PriorFactorVector(keys.velocity(key), self.value_n_mps[i], noise)
         parts = parts_of(self.constants, (self.lever_column,))
-        if self.measured_b_radps is None:
-            return of_measurement(
-                self, i, key, ("pose", "velocity", "angular_motion"), parts, rows=3
-            )
-        return of_measurement(self, i, key, ("pose", "velocity", "imu_bias"), parts, rows=3)
+        aux: Use = "angular_motion" if self.measured_b_radps is None else "imu_bias"
+        return of_measurement(self, i, key, ("pose", "velocity", aux), parts, rows=3)
 
     def on(self, row: IntArray) -> "Velocity":
         """Return the same measurements at other rows, (k,)."""

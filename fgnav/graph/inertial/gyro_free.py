@@ -191,10 +191,10 @@ class GyroFree:
         rows[range(3), range(3)] = 1 / self.imu.accelerometer_bias_mps2
         white = np.linalg.inv(np.linalg.cholesky(matern.stationary(self.poles_per_s[0])))
         for i in range(3):
-            own = [3 + i, 6 + i, 9 + i]
+            columns = [3 + i, 6 + i, 9 + i]
             weighted = white / np.sqrt(self.variance_rad2ps2[0, i])
-            rows[np.ix_(own, own)] = weighted
-            rows[own, aux + self.rate_column + i] = -weighted[:, 0]
+            rows[np.ix_(columns, columns)] = weighted
+            rows[columns, aux + self.rate_column + i] = -weighted[:, 0]
         return np.zeros(aux), rows
 
     def log_white(self, intervals: IntArray) -> float:
@@ -203,8 +203,8 @@ class GyroFree:
         Those of the specific force do not depend on what is identified.
         """
         of = self._intervals
-        own = np.log(np.einsum("nii->ni", of.white[intervals])).sum() * 3
-        return float(own - 4 * np.log(of.sigma_radps[intervals]).sum())
+        log_det = np.log(np.einsum("nii->ni", of.white[intervals])).sum() * 3
+        return float(log_det - 4 * np.log(of.sigma_radps[intervals]).sum())
 
     def noise_parts(self) -> NoiseParts:
         """Return what the accelerometer's noise and its bias's walk are of the whitened rows.
@@ -213,10 +213,14 @@ class GyroFree:
         the accelerometer's, gaps, are not divided.
         """
         span_s, noise = np.diff(self.t_s), self.accelerometer_noise
-        own = np.isclose(noise, self.imu.accelerometer_noise_mps2_per_sqrt_hz**2)
+        of_unit = np.isclose(noise, self.imu.accelerometer_noise_mps2_per_sqrt_hz**2)
         third = self._intervals.force_white[:, 2] ** 2 * noise * span_s**3 / 12
         share: FloatArray = np.zeros((len(span_s), 2, ROWS + self._lasting))
-        share[own, 0, 3:6], share[own, 0, 6:9], share[:, 1, 9:12] = third[own, None], 1.0, 1.0
+        share[of_unit, 0, 3:6], share[of_unit, 0, 6:9], share[:, 1, 9:12] = (
+            third[of_unit, None],
+            1.0,
+            1.0,
+        )
         parts = share[..., None] * np.eye(ROWS + self._lasting)
         return NoiseParts(
             ("accelerometer", "accelerometer bias"),

@@ -142,15 +142,15 @@ def _process_rows(
     """Fill the rows of the rate and its derivatives: ``x_1 - F x_0 - (I - F) (m, 0, 0)``."""
     F, x, y = of.transition[k], before.aux[row], after.aux[row]
     for p in range(3):
-        own = -1.0 if p == 0 else 0.0
+        rate_sign = -1.0 if p == 0 else 0.0
         for i in range(3):
             at = 12 + 3 * p + i
-            value = y[3 + 3 * p + i] + (own + F[p, 0]) * mean[i]
+            value = y[3 + 3 * p + i] + (rate_sign + F[p, 0]) * mean[i]
             for q in range(3):
                 value -= F[p, q] * x[3 + 3 * q + i]
                 out.before[row, at, 12 + 3 * q + i] = -F[p, q]
             out.after[row, at, at] = 1.0
-            out.by_mean[row, at, i] = own + F[p, 0]
+            out.by_mean[row, at, i] = rate_sign + F[p, 0]
             out.value[row, at, 0] = value
 
 

@@ -130,8 +130,8 @@ def _interpolation(
     nodes[line], weights[line] = before[:, None], 0.0
     nodes[line, 1] = after
     length_s = np.where(after > before, t_s[after] - t_s[before], 1.0)
-    held_s = at_s[line].clip(t_s[before] - period_s[line], t_s[after] + period_s[line])
-    weights[line, 1] = np.where(after > before, (held_s - t_s[before]) / length_s, 0.0)
+    clipped_s = at_s[line].clip(t_s[before] - period_s[line], t_s[after] + period_s[line])
+    weights[line, 1] = np.where(after > before, (clipped_s - t_s[before]) / length_s, 0.0)
     weights[line, 0] = 1 - weights[line, 1]
     return nodes, weights
 

@@ -141,11 +141,11 @@ def _rotation_and_jacobian(v: FloatArray, R: FloatArray, L: FloatArray) -> None:
         sine, versine = np.sin(angle) / angle, (1 - np.cos(angle)) / square
         rest = (1 - sine) / square
     for once, twice, out in ((sine, versine, R), (versine, rest, L)):
-        left = 1 - twice * square
+        diagonal = 1 - twice * square
         out[0, 0], out[1, 1], out[2, 2] = (
-            left + twice * x * x,
-            left + twice * y * y,
-            left + twice * z * z,
+            diagonal + twice * x * x,
+            diagonal + twice * y * y,
+            diagonal + twice * z * z,
         )
         out[0, 1], out[1, 0] = twice * x * y - once * z, twice * x * y + once * z
         out[0, 2], out[2, 0] = twice * x * z + once * y, twice * x * z - once * y

@@ -19,6 +19,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.graph import keys
+from fgnav.graph.build import as_bias
 from fgnav.graph.inertial.increments import Increments, at_latest, increments, parents
 from fgnav.graph.types.motion import INERTIAL_NOISES, LinearisedMotion, NoiseParts
 from fgnav.graph.types.states import AUX, States
@@ -141,7 +142,7 @@ class Inertial:
             state = gtsam.NavState(
                 gtsam.Rot3(before.R_nb[row]), before.p_n_m[row], before.v_n_mps[row]
             )
-            led = self._preintegrated(k, bias).measured.predict(state, _as_bias(bias))
+            led = self._preintegrated(k, bias).measured.predict(state, as_bias(bias))
             after.R_nb[row] = led.attitude().matrix()
             after.p_n_m[row], after.v_n_mps[row] = led.position(), led.velocity()
         return after
@@ -210,30 +211,30 @@ class Inertial:
                 (imu.gyroscope_bias_walk_radps_per_sqrt_s or 0.0) ** 2,
             ]
         )
-        own = np.isclose(self.accelerometer_noise, variances[0])
-        own &= np.isclose(self.gyroscope_noise, variances[1])
+        of_unit = np.isclose(self.accelerometer_noise, variances[0])
+        of_unit &= np.isclose(self.gyroscope_noise, variances[1])
         steps = [*np.diag(variances), np.zeros(len(variances))]
         parameters = [
             _one_noise(self, variance, 0.0 if k < len(variances) else INTEGRATION_M2)
             for k, variance in enumerate(steps)
         ]
         parts = np.zeros((n, len(parameters), _WIDTH, _WIDTH))
-        for k in np.flatnonzero(own).tolist():
-            known = self._store.intervals.get(k) or self._preintegrated(k, np.zeros(_BIASES))
-            R = _whitening(known.factor)
+        for k in np.flatnonzero(of_unit).tolist():
+            stored = self._store.intervals.get(k) or self._preintegrated(k, np.zeros(_BIASES))
+            R = _whitening(stored.factor)
             for c, one in enumerate(parameters):
-                C = self._integrated(k, known.bias, one, _COARSE_STEPS).preintMeasCov()
+                C = self._integrated(k, stored.bias, one, _COARSE_STEPS).preintMeasCov()
                 parts[k, c] = R @ C @ R.T
-        parts[~own, -1] = np.eye(_WIDTH)
+        parts[~of_unit, -1] = np.eye(_WIDTH)
         return NoiseParts(INERTIAL_NOISES, parts[:, :-1], parts[:, -1])
 
     def _preintegrated(self, k: int, bias: FloatArray) -> _Preintegrated:
         """Return interval k about biases near enough to those given for a linear correction."""
-        known = self._store.intervals.get(k)
+        stored = self._store.intervals.get(k)
         span_s = self.t_s[k + 1] - self.t_s[k]
         # The correction for the accelerometer's bias alone is exact.
-        if known is not None and np.abs(bias[3:] - known.bias[3:]).max() * span_s < TURNED_RAD:
-            return known
+        if stored is not None and np.abs(bias[3:] - stored.bias[3:]).max() * span_s < TURNED_RAD:
+            return stored
         bias = np.array(bias)
         made = self._integrated(k, bias)
         factor = gtsam.GalileanCombinedImuFactor(
@@ -253,7 +254,7 @@ class Inertial:
         steps = self._increments
         part, step_s = slice(steps.first[k], steps.first[k + 1]), float(steps.step_s[k])
         made = gtsam.PreintegratedCombinedMeasurementsG(
-            parameters or self._parameters(k), _as_bias(bias)
+            parameters or self._parameters(k), as_bias(bias)
         )
         if steps.w_b_radps is None:
             return made
@@ -301,10 +302,6 @@ def _one_noise(
 def _whitening(factor: gtsam.GalileanCombinedImuFactor) -> FloatArray:
     model: Any = factor.noiseModel()
     return np.asarray(model.R())
-
-
-def _as_bias(bias: FloatArray) -> gtsam.imuBias.ConstantBias:
-    return gtsam.imuBias.ConstantBias(bias[:3], bias[3:])
 
 
 def _values(zero: gtsam.Values, before: States, after: States, row: int) -> gtsam.Values:

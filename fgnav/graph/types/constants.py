@@ -27,9 +27,9 @@ class FlightConstant:
     linear : bool
         Whether all residuals are linear in it.
     reported : bool
-        Whether it was asked for, and is told in the result.
+        Whether it was requested, and is reported in the result.
     stated : ndarray, shape (d,), or None
-        Where what the flight states lies, from which a result tells how far it is; None: ``mean``.
+        The stated value, from which a result is counted; None: ``mean``.
     """
 
     name: str
@@ -117,8 +117,8 @@ class Constants:
         """Return the covariance before the flight, (b, b)."""
         P = np.zeros((self.width, self.width))
         for part, first in zip(self.parts, self.first, strict=True):
-            own = slice(first, first + part.size)
-            P[own, own] = part.covariance
+            columns = slice(first, first + part.size)
+            P[columns, columns] = part.covariance
         return P
 
     def started_at(self, values: FloatArray) -> "Constants":

@@ -39,7 +39,7 @@ class Measurement(Protocol):
 
     @property
     def freedom(self) -> IntArray:
-        """How many of the residual's dimensions each one tells, (k,)."""
+        """How many dimensions of the residual each one measures, (k,)."""
         ...
 
     def linearise(self, at: States, which: IntArray) -> Linearised:

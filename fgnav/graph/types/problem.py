@@ -52,7 +52,7 @@ class SmoothingProblem:
         Keyframes whose ``start`` holds an attitude measured there; a window starts the others where
         the motion leads.
     rate_known : bool
-        Whether there ``start`` holds the body's rate, too, told by attitudes up to there.
+        Whether there ``start`` has the body's rate, too, by attitudes up to there.
     attitude_prior : AttitudePrior or None
         None: next to nothing, about where the search starts.
     phase : AntennaPhase or None

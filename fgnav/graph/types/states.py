@@ -82,5 +82,5 @@ class States(NamedTuple):
 
 def joined(parts: list[States]) -> States:
     """Return states one after another, with the constants of the last part."""
-    own = (np.concatenate([part[i] for part in parts]) for i in range(4))
-    return States._make((*own, parts[-1].constants))
+    arrays = (np.concatenate([part[i] for part in parts]) for i in range(4))
+    return States._make((*arrays, parts[-1].constants))

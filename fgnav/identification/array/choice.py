@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeAlias
 from scipy.special import expit
 
 from fgnav.checks import FloatArray
-from fgnav.frontend.problem import BodyAxes
+from fgnav.frontend.prepared import BodyAxes
 from fgnav.graph.turned import ARRAY_TURN, UNIT_TURN
 from fgnav.identification.array.turn import after, turned_back
 from fgnav.identification.identify import Identified

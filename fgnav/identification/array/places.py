@@ -10,7 +10,7 @@ from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import FloatArray
 from fgnav.frontend.array.misplaced import misplaced
 from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests
-from fgnav.frontend.problem import PreparedFlight
+from fgnav.frontend.prepared import PreparedFlight
 from fgnav.types.estimate import Consistency, Contradiction
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations

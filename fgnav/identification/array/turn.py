@@ -12,7 +12,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.frontend.calibration_request import CalibrationRequest, turn_of
-from fgnav.frontend.problem import BodyAxes
+from fgnav.frontend.prepared import BodyAxes
 from fgnav.geometry.rotations import exp, log
 from fgnav.graph.turned import ARRAY_TURN, DIRECTIONS, UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant

@@ -10,7 +10,7 @@ other: by no more than it is tested to.
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.frontend.problem import BodyAxes
+from fgnav.frontend.prepared import BodyAxes
 from fgnav.geometry.rotations import exp
 from fgnav.graph.turned import ARRAY_TURN, MOUNTED_RAD, UNIT_TURN
 from fgnav.graph.types.constants import Constants
@@ -31,17 +31,17 @@ def attitude_of_body(
     axes : BodyAxes
     """
     name = UNIT_TURN if axes.of_array else ARRAY_TURN
-    own = constants.columns(name)
+    columns = constants.columns(name)
     (stated,) = (part.origin for part in constants.parts if part.name == name)
     R_nu, P_u = solution.states.R_nb, solution.covariance[:, ROTATION, ROTATION]
     values = solution.states.constants if solution.constants is None else solution.constants
-    left = np.broadcast_to(values[..., own], (len(R_nu), 3))
-    whole = left - stated
-    cross = solution.constant_cross[:, ROTATION, own]
+    turn = np.broadcast_to(values[..., columns], (len(R_nu), 3))
+    from_stated = turn - stated
+    cross = solution.constant_cross[:, ROTATION, columns]
     # What is left of the turn is small: its axes are the unit's and the array's.
-    P_a = P_u + cross + cross.swapaxes(1, 2) + solution.constant_covariance[:, own, own]
-    apart = whole[:, :, None] * whole[:, None, :]
+    P_a = P_u + cross + cross.swapaxes(1, 2) + solution.constant_covariance[:, columns, columns]
+    apart = from_stated[:, :, None] * from_stated[:, None, :]
     chosen, other = (P_a, P_u) if axes.of_array else (P_u, P_a)
     other = other + apart + MOUNTED_RAD**2 * np.eye(3)
     P = axes.share * chosen + (1.0 - axes.share) * other
-    return (R_nu @ exp(left) if axes.of_array else R_nu), P
+    return (R_nu @ exp(turn) if axes.of_array else R_nu), P

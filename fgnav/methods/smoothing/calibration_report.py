@@ -1,4 +1,4 @@
-"""What a solution says of the constants that were estimated with the flight."""
+"""Estimates of the constants of a flight, for its results and notes."""
 
 import numpy as np
 
@@ -15,17 +15,17 @@ def calibrated_constants(constants: Constants, solution: Solution) -> tuple[Cons
 
     Of a window they are what was known at its end.
     """
-    known = []
+    reported = []
     for one, first in zip(constants.parts, constants.first, strict=True):
         if not one.reported:
             continue
-        own = slice(first, first + one.size)
-        value: FloatArray = solution.states.constants[own] - one.origin
-        P: FloatArray = solution.constant_covariance[-1, own, own]
-        known.append(
+        columns = slice(first, first + one.size)
+        value: FloatArray = solution.states.constants[columns] - one.origin
+        P: FloatArray = solution.constant_covariance[-1, columns, columns]
+        reported.append(
             Constant(name=one.name, axes=one.axes, unit=one.unit, value=value, covariance=P)
         )
-    return tuple(known)
+    return tuple(reported)
 
 
 def sentence(constant: Constant) -> str:

@@ -6,7 +6,8 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.frontend.gaps import gap_notes, spans
-from fgnav.frontend.problem import PreparedFlight, timed_motion
+from fgnav.frontend.prepared import PreparedFlight
+from fgnav.frontend.problem import timed_motion
 from fgnav.geometry.rotations import skew
 from fgnav.graph.delayed import CLOCK_OFFSET, on_gnss_time
 from fgnav.graph.types.constants import Constants
@@ -49,7 +50,7 @@ def estimate_of(
     tests: tuple[Consistency, ...],
     rows: IntArray | None = None,
 ) -> Estimate:
-    """Return the estimate at keyframes, or at some of them, with all that is to be said of it.
+    """Return the estimate at keyframes, or at some of them, with all that is reported of it.
 
     Parameters
     ----------
@@ -102,7 +103,7 @@ def stated_at(
     part: Solution,
     rows: IntArray,
 ) -> Estimate:
-    """Return what a solution of some rows of a problem says of the body's origin, at GNSS time."""
+    """Return the estimate of the body's origin by some rows of a problem, at GNSS time."""
     t_s = problem.t_s[rows]
     body = Body(
         position_b_m=prepared.imu.position_b_m,
@@ -134,7 +135,7 @@ def stated(
     w_b_radps: FloatArray,
     body: Body,
 ) -> Estimate:
-    """Return what a solution says of the body's origin, and nothing of how it came about.
+    """Return the estimate of the body's origin by a solution, without its circumstances.
 
     Parameters
     ----------
@@ -222,10 +223,12 @@ def origin_motion(
     """
     R_nb, P, n = solution.states.R_nb, solution.covariance, len(w_b_radps)
     lever, width = constants.columns("lever-arm"), P.shape[1]
-    found = solution.states.constants if solution.constants is None else solution.constants
+    constant_values = (
+        solution.states.constants if solution.constants is None else solution.constants
+    )
     arm_b_m: FloatArray = np.tile(-body.position_b_m, (n, 1))
     if lever.stop:
-        arm_b_m += found[..., lever]
+        arm_b_m += constant_values[..., lever]
     arm = skew(arm_b_m)
     earth_b_radps = np.einsum("nji,j->ni", R_nb, body.earth_rate_n_radps)
     relative_radps = w_b_radps - earth_b_radps if body.gyroscope else w_b_radps
@@ -240,8 +243,8 @@ def origin_motion(
     B[:, :, RATE] = R_nb @ arm if body.gyroscope else -R_nb @ arm
     if lever.stop:
         cross = solution.constant_cross[:, :, lever]
-        own = solution.constant_covariance[:, lever, lever]
-        P = np.asarray(np.block([[P, cross], [cross.swapaxes(1, 2), own]]))
+        lever_covariance = solution.constant_covariance[:, lever, lever]
+        P = np.asarray(np.block([[P, cross], [cross.swapaxes(1, 2), lever_covariance]]))
         spin = skew(relative_radps)
         A = np.concatenate([A, R_nb], axis=2)
         B = np.concatenate([B, R_nb @ spin], axis=2)

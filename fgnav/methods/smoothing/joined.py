@@ -21,7 +21,7 @@ def joined_estimates(parts: list[Estimate], epochs: int, asked: int) -> Estimate
     """Return estimates of times that follow each other as one, of so many epochs and keyframes.
 
     What is not of epochs is the last one's, who saw all of the flight with the noise known last,
-    NIS included; it has converged if all have. Keyframes left out are counted anew.
+    NIS included; it has converged if all have. Keyframes left out are counted again.
     """
     last = parts[-1]
     names = [n for n in _by_epoch(last) if all(getattr(e, n) is not None for e in parts)]

@@ -42,8 +42,8 @@ def undetermined(problem: SmoothingProblem, solution: Solution) -> tuple[tuple[s
         names.append("velocity")
     gyroscope = problem.motion.aux == 6
     width = 6 if gyroscope else 3  # without one, derivatives of the rate have a prior, not a bias
-    own = problem.motion.prior(problem.constants.width)[1]
-    before = np.sqrt(np.diag(np.linalg.inv(own[:, : len(own)].T @ own[:, : len(own)])))[:width]
+    rows = problem.motion.prior(problem.constants.width)[1]
+    before = np.sqrt(np.diag(np.linalg.inv(rows[:, : len(rows)].T @ rows[:, : len(rows)])))[:width]
     now = np.median(np.sqrt(np.einsum("nii->ni", P[:, 9 : 9 + width, 9 : 9 + width])), axis=0)
     kept = now / before
     kinds = ("accelerometer bias", "gyroscope bias")[: width // 3]

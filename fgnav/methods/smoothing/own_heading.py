@@ -1,7 +1,7 @@
-"""Factors of one's own that tell a heading which nothing else does: where the search starts.
+"""Factors of one's own that alone determine the heading: where the search starts.
 
 Turned about down by an angle psi, a body at keyframe k has the tangent ``R_nb' e3 psi``. A factor
-of Jacobian J, whitened, tells that angle with the 1-sigma ``1 / |J R_nb' e3|``.
+of Jacobian J, whitened, determines that angle with the 1-sigma ``1 / |J R_nb' e3|``.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.frontend.problem import PreparedFlight
+from fgnav.frontend.prepared import PreparedFlight
 from fgnav.geometry.rotations import exp
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_constants, insert_keyframe
@@ -18,16 +18,16 @@ from fgnav.graph.custom import OwnFactor
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, AttitudePrior, SmoothingProblem
 from fgnav.optional_gtsam import gtsam
 
-_TOLD_RAD = np.radians(15.0)  # 1-sigma of one that tells: sin x = x within 1.2 %
+_DETERMINED_RAD = np.radians(15.0)  # 1-sigma at most: sin x = x within 1.2 %
 _HEADINGS = 36  # tried: one is within 5 degrees of the best
 
 
 def with_own_heading(prepared: PreparedFlight, own: Sequence[OwnFactor]) -> PreparedFlight:
-    """Return a flight whose heading is known from where factors of one's own tell it.
+    """Return a flight whose heading is known from where factors of one's own determine it.
 
     The search starts where those so far have the heading, carried back to the first keyframe as
     the opening has the body turn; the first attitude is as unknown as before. A flight whose
-    heading is known earlier, or is not told well enough, is returned as it is.
+    heading is known earlier, or is not determined well enough, is returned as it is.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def with_own_heading(prepared: PreparedFlight, own: Sequence[OwnFactor]) -> Prep
             turned + correction[1] * np.exp(1j * correction[0]),
             information + correction[1],
         )
-        if information * _TOLD_RAD**2 > 1:
+        if information * _DETERMINED_RAD**2 > 1:
             return _turned(prepared, float(np.angle(turned)), float(prepared.problem.t_s[k]))
     return prepared
 
@@ -78,12 +78,12 @@ def _turned(prepared: PreparedFlight, turn_rad: float, from_s: float) -> Prepare
         covariance_rad2=across @ level @ across + ROTATION_PRIOR_RAD**2 * np.outer(down_b, down_b),
     )
     base = prepared.windowed if prepared.in_motion is None else prepared.in_motion
-    known = replace(base, start=start, attitude_prior=prior)
+    aligned = replace(base, start=start, attitude_prior=prior)
     at_rest = opening.until_s == np.inf
     return replace(
         prepared,
-        problem=known if at_rest else prepared.problem,
-        windowed=known,
+        problem=aligned if at_rest else prepared.problem,
+        windowed=aligned,
         opening=None if from_s <= prepared.problem.t_s[0] else replace(opening, until_s=from_s),
     )
 
@@ -93,7 +93,7 @@ def _heading_correction(
 ) -> tuple[float, float] | None:
     """Return by how much a factor wants keyframe k turned about down, and its information.
 
-    None if it does not tell.
+    None if it has too little.
     """
     tried = np.linspace(0, 2 * np.pi, _HEADINGS, endpoint=False)
     errors = [one.factor.error(_at(problem, k, turn_rad)) for turn_rad in tried]
@@ -101,7 +101,7 @@ def _heading_correction(
     J, minus_r = one.factor.linearize(_at(problem, k, best)).jacobian()
     by_turn = J[:, :3] @ problem.start.R_nb[k, 2]
     information = float(by_turn @ by_turn)
-    if information * _TOLD_RAD**2 < 1:
+    if information * _DETERMINED_RAD**2 < 1:
         return None
     return best + float(by_turn @ minus_r) / information, information
 

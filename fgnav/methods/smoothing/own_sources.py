@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from fgnav import plugins
 from fgnav.checks import BadInputError, Loss
-from fgnav.frontend.problem import PreparedFlight
+from fgnav.frontend.prepared import PreparedFlight
 from fgnav.graph import keys
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
@@ -49,8 +49,8 @@ def own_factors(
     made: list[OwnFactor] = []
     losses: list[Loss] = []
     notes: list[str] = []
-    for source, own in with_timelines(asking, timeline, len(problem.constants.parts)):
-        factors = source(flight, own)
+    for source, of_source in with_timelines(asking, timeline, len(problem.constants.parts)):
+        factors = source(flight, of_source)
         if not isinstance(factors, Iterable):
             what = getattr(source, "__name__", type(source).__name__)
             raise BadInputError(f"source of factors {what}: must yield factors, got {factors!r}")

@@ -1,4 +1,4 @@
-"""The prior of rates by the evidence of the whole chain, where attitudes alone cannot tell it.
+"""The prior of rates by the evidence of the whole chain, where attitudes alone do not determine it.
 
 A flight with neither an array nor a gyroscope has attitudes from vectors whose errors last for
 seconds and are not known. What explains positions, velocities and specific forces best is the
@@ -11,7 +11,7 @@ import numpy as np
 
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.motion import prior_note
-from fgnav.frontend.problem import PreparedFlight
+from fgnav.frontend.prepared import PreparedFlight
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.process.hyperparameters import RatePrior
@@ -21,7 +21,7 @@ _BEGIN = (-1, 2)  # exponents of where the search begins: 0.3 s, 10 deg/s
 _STEP = 10**0.5  # between neighbours: log-likelihoods a nat apart are a third of that apart
 _LEAST, _LONGEST = -2, 2  # exponents: of lengths 0.1 to 10 s, of rates 0.1 deg/s and up
 _ITERATIONS = 40  # of one candidate; those near the likeliest need ten
-_MOST = 2000  # keyframes: a minute for all candidates; longer flights keep what attitudes say
+_MOST = 2000  # keyframes: a minute for all candidates; longer flights keep that of attitudes
 
 
 def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
@@ -29,7 +29,7 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
 
     Length and variance, the same about all axes, climb from neighbour to neighbour on a grid of
     factors of root ten; where a search starts matters as much, so each candidate is solved. What
-    attitudes had said is a candidate, too.
+    attitudes is a candidate, too.
 
     Parameters
     ----------
@@ -40,18 +40,18 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
     if not isinstance(motion, GyroFree) or len(prepared.problem.t_s) > _MOST:
         return prepared
     stated = (_score(prepared.problem), prepared.problem)
-    known = {_BEGIN: _candidate(prepared.problem, motion, _BEGIN)}
+    candidates = {_BEGIN: _candidate(prepared.problem, motion, _BEGIN)}
     here = _BEGIN
     while True:
         around = [(here[0] + a, here[1] + b) for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))]
         for place in around:
-            if place not in known and min(place) >= _LEAST and place[0] <= _LONGEST:
-                known[place] = _candidate(prepared.problem, motion, place)
-        best = max((here, *(p for p in around if p in known)), key=lambda p: known[p][0])
+            if place not in candidates and min(place) >= _LEAST and place[0] <= _LONGEST:
+                candidates[place] = _candidate(prepared.problem, motion, place)
+        best = max((here, *(p for p in around if p in candidates)), key=lambda p: candidates[p][0])
         if best == here:
             break
         here = best
-    score, problem = max(stated, known[here], key=lambda pair: pair[0])
+    score, problem = max(stated, candidates[here], key=lambda pair: pair[0])
     if problem is prepared.problem or not np.isfinite(score):
         return prepared
     note = prior_note(_prior(here))
@@ -86,7 +86,7 @@ def _candidate(
 def _score(problem: SmoothingProblem) -> float:
     """Return the log evidence where a search ends; nothing where it has no solution."""
     try:
-        found = solve_batch(problem, most=_ITERATIONS)
-        return log_evidence(problem, found.states)
+        solution = solve_batch(problem, most=_ITERATIONS)
+        return log_evidence(problem, solution.states)
     except NoSolutionError:
         return -np.inf

@@ -4,7 +4,7 @@ The innovations of each sensor up to the end of each second are held against the
 (``graph.innovation.band.beyond_s``). When they leave it, the record up to then is treated as a
 whole flight is: its noise is identified, and sensors are left out of it in turn
 (``identification.contradictions``). What is found holds from then on; what was estimated before
-stays as it is. The method then runs anew over all that came before, without what is left out.
+stays as it is. The method then runs again over all epochs before, without what is left out.
 
 Where that mends nothing, it is tried again after 1, 2, 4, ... seconds. Until then there are no
 estimates, if no covariance would hold. Where the record as a whole contradicts nothing, it is
@@ -19,7 +19,7 @@ import numpy as np
 
 from fgnav.checks import Loss, NoSolutionError
 from fgnav.frontend.causal.truncation import truncated
-from fgnav.frontend.problem import PreparedFlight, Stretch
+from fgnav.frontend.prepared import PreparedFlight, Stretch
 from fgnav.identification.contradictions import (
     Rest,
     consistent_rest,
@@ -37,10 +37,10 @@ _BEFORE_S = 1.5  # tests are a second apart: in as long there is one
 _REFUSED = "measurements so far contradict each other"
 
 
-class Asked(NamedTuple):
+class CausalMethod(NamedTuple):
     """A causal method, and how its record so far is estimated as a whole flight.
 
-    ``whole`` is None where contradictions are said only; ``waits_s`` is how much of what comes
+    ``whole`` is None where contradictions are only noted; ``waits_s`` is how much of what comes
     later an estimate takes part of.
     """
 
@@ -60,12 +60,12 @@ class _SoFar:
     judged_s: float = -np.inf  # the next time that contradictions count
     wait_s: float = 1.0  # until then, where nothing is mended; doubled each time
     parts: list[Estimate] = field(default_factory=list)
-    asked: int = 0  # keyframes
+    due: int = 0  # keyframes
     refused: list[tuple[float, float]] = field(default_factory=list)
     out: tuple[Rejected, ...] = ()
 
 
-def consistent_so_far(flight: Flight, prepared: PreparedFlight, asked: Asked) -> Estimate:
+def consistent_so_far(flight: Flight, prepared: PreparedFlight, method: CausalMethod) -> Estimate:
     """Return a causal estimate, each part of it by what was consistent of the record up to then.
 
     Raises
@@ -74,30 +74,30 @@ def consistent_so_far(flight: Flight, prepared: PreparedFlight, asked: Asked) ->
         If there is no part of it.
     """
     so_far = _SoFar(flight, prepared)
-    if asked.whole is None:
+    if method.whole is None:
         so_far.judged_s = np.inf
-    for left in range(_MOST, -1, -1):
-        known_s = _until_contradicted(so_far, asked)
+    for remaining in range(_MOST, -1, -1):
+        known_s = _until_contradicted(so_far, method)
         if known_s == np.inf:
             break
-        _adapt(so_far, asked, known_s, is_last=left == 1)
+        _adapt(so_far, method, known_s, is_last=remaining == 1)
     return _joined(so_far)
 
 
-def _until_contradicted(so_far: _SoFar, asked: Asked) -> float:
+def _until_contradicted(so_far: _SoFar, method: CausalMethod) -> float:
     """Estimate until the record contradicts itself; return when, infinity for never."""
     stretches = so_far.prepared.stretches
     for one in stretches or (Stretch(-np.inf, np.inf, so_far.flight, so_far.prepared),):
         from_s = max(one.from_s, so_far.from_s)
         if from_s >= min(one.until_s, one.prepared.problem.t_s[-1]) and so_far.parts:
             continue
-        estimate = asked.estimated(one.flight, one.prepared)
+        estimate = method.estimated(one.flight, one.prepared)
         beyond_s = {s for test in estimate.consistency for s in test.beyond_s}
         judged_s = max(so_far.judged_s, from_s - _BEFORE_S)
         known_s = min((s for s in beyond_s if judged_s <= s < one.until_s), default=np.inf)
         until_s = min(one.until_s, np.nextafter(known_s, np.inf))
         t_s = one.prepared.problem.t_s
-        so_far.asked += int(((t_s >= from_s) & (t_s < until_s)).sum())
+        so_far.due += int(((t_s >= from_s) & (t_s < until_s)).sum())
         so_far.parts.append(among(estimate, from_s, until_s))
         so_far.from_s = max(until_s, from_s)
         if known_s < one.until_s:
@@ -105,10 +105,10 @@ def _until_contradicted(so_far: _SoFar, asked: Asked) -> float:
     return np.inf
 
 
-def _adapt(so_far: _SoFar, asked: Asked, known_s: float, *, is_last: bool) -> None:
+def _adapt(so_far: _SoFar, method: CausalMethod, known_s: float, *, is_last: bool) -> None:
     """Judge the record up to a time, and go on without what contradicts there."""
     later_s = np.inf if is_last else known_s + so_far.wait_s
-    rest = _rest(so_far.flight, asked, known_s)
+    rest = _rest(so_far.flight, method, known_s)
     so_far.judged_s = np.inf if is_last else float(np.nextafter(known_s, np.inf))
     if rest is None or not rest.out:
         so_far.judged_s, so_far.wait_s = later_s, 2 * so_far.wait_s
@@ -129,14 +129,14 @@ def _adapt(so_far: _SoFar, asked: Asked, known_s: float, *, is_last: bool) -> No
             if so_far.refused and so_far.refused[-1][1] >= known_s:
                 begin_s, _ = so_far.refused.pop()
             so_far.refused.append((begin_s, later_s))
-    so_far.prepared = asked.prepare(so_far.flight, known_s)
+    so_far.prepared = method.prepare(so_far.flight, known_s)
 
 
-def _rest(flight: Flight, asked: Asked, known_s: float) -> Rest | None:
-    """Return what is consistent of the record up to a time; None if it tells nothing."""
-    if asked.whole is None:
+def _rest(flight: Flight, method: CausalMethod, known_s: float) -> Rest | None:
+    """Return what is consistent of the record up to a time; None if it has no solution."""
+    if method.whole is None:
         return None
-    until_s, whole = known_s + asked.waits_s, asked.whole
+    until_s, whole = known_s + method.waits_s, method.whole
     past = truncated(flight, until_s)
     try:
         return consistent_rest(past, whole(past), whole, known_s)
@@ -147,18 +147,18 @@ def _rest(flight: Flight, asked: Asked, known_s: float) -> Rest | None:
 def _joined(so_far: _SoFar) -> Estimate:
     """Return all parts as one, with what they are without and where there are none."""
     parts = so_far.parts
-    found = joined_estimates(parts, max(one.epochs for one in parts), so_far.asked)
-    if not len(found.t_s):
-        raise refusal(found)
+    estimate = joined_estimates(parts, max(one.epochs for one in parts), so_far.due)
+    if not len(estimate.t_s):
+        raise refusal(estimate)
     t_s = so_far.prepared.problem.t_s
     out = (replace(one, until_s=min(one.until_s, float(t_s[-1]))) for one in so_far.out)
-    found = with_words(found, tuple(out))
+    estimate = with_words(estimate, tuple(out))
     if not so_far.refused:
-        return found
+        return estimate
     spans = ", ".join(f"{a:.1f} to {min(b, t_s[-1]):.1f} s" for a, b in so_far.refused)
-    lost = max(len(t_s) - so_far.asked, 0)
+    lost = max(len(t_s) - so_far.due, 0)
     return replace(
-        found,
-        notes=(f"No estimate from {spans}: {_REFUSED}.", *found.notes),
-        losses=(*found.losses, Loss(what="keyframe", reason=_REFUSED, count=lost)),
+        estimate,
+        notes=(f"No estimate from {spans}: {_REFUSED}.", *estimate.notes),
+        losses=(*estimate.losses, Loss(what="keyframe", reason=_REFUSED, count=lost)),
     )

@@ -7,7 +7,7 @@ import numpy as np
 
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.gaps import LOST_S, time_from_attitude_s
-from fgnav.frontend.problem import PreparedFlight
+from fgnav.frontend.prepared import PreparedFlight
 from fgnav.graph.types.problem import Opening, SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.methods.smoothing.observability import TURN
@@ -72,16 +72,17 @@ def at_once(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]", solver: Solv
 
 
 def without_attitudes(prepared: PreparedFlight) -> bool:
-    """Return whether neither an array nor a gyroscope tells how the body turns.
+    """Return whether neither an array nor a gyroscope measures how the body turns.
 
-    Only later motion tells a window where to linearise: of 30 such flights of 30 s, its attitudes
-    erred by 267 sigmas squared (median; 3 is right) where it did so itself, by 1.6 at the batch.
+    Only later motion determines where to linearise a window: of 30 such flights of 30 s, its
+    attitudes erred by 267 sigmas squared (median; 3 is right) where it did so itself, by 1.6 at the
+    batch.
     """
     return prepared.integers is None and prepared.imu.w_b_radps is None
 
 
 def is_known_late(prepared: PreparedFlight) -> bool:
-    """Return whether only later motion tells where to linearise a body without a gyroscope.
+    """Return whether only later motion determines where to linearise, without a gyroscope.
 
     Without attitudes none does before; between two of them it may have turned over: a window goes
     on as the body last turned, and a turn too many is a minimum of its own.
@@ -94,23 +95,23 @@ def is_known_late(prepared: PreparedFlight) -> bool:
 
 
 def _open_throughout(prepared: PreparedFlight) -> Opening | None:
-    """Return what holds a heading that nothing tells; None if something does."""
+    """Return the opening of a heading that is never observable; None if it is."""
     opening = prepared.opening
     return opening if opening is not None and opening.until_s == np.inf else None
 
 
 def _at_batch(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> SmoothingProblem:
     """Return the problem, its search started where the batch has the flight."""
-    found = at_once(prepared, own, "chain" if not own else "gtsam")
-    if prepared.rough and not found.converged:
+    batch = at_once(prepared, own, "chain" if not own else "gtsam")
+    if prepared.rough and not batch.converged:
         raise NoSolutionError(
             f"attitude: the {TURN} is left open: the batch, where windows are linearised, ends in "
             "no minimum that explains the measurements; gravity directions would determine it"
         )
     return replace(
         prepared.problem,
-        start=found.states,
-        constants=prepared.problem.constants.started_at(found.states.constants),
+        start=batch.states,
+        constants=prepared.problem.constants.started_at(batch.states.constants),
         attitude_known=np.ones_like(prepared.problem.attitude_known),
     )
 
@@ -135,26 +136,26 @@ def _at_once(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]", solver: Sol
 def _about_headings(
     problem: SmoothingProblem, opening: Opening, own: "tuple[OwnFactor, ...]", solver: Solver
 ) -> Solution:
-    """Return a flight whose heading may be any, or from the likeliest if it tells one after all."""
+    """Return a flight over all headings, or from the likeliest if it is observable after all."""
     from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
     from fgnav.solve.headings import over_headings  # noqa: PLC0415  # lazy: the chain
     from fgnav.solve.minima import Minimum  # noqa: PLC0415
 
-    def searched(held: SmoothingProblem) -> "Minimum":
+    def searched(conditioned: SmoothingProblem) -> "Minimum":
         if own:  # the chain knows none
             from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
 
-            return minimum(held, own)
-        solution = chain.solve_batch(held, most=_ROUGHLY)
-        return Minimum(solution, chain.log_evidence(held, solution.states))
+            return minimum(conditioned, own)
+        solution = chain.solve_batch(conditioned, most=_ROUGHLY)
+        return Minimum(solution, chain.log_evidence(conditioned, solution.states))
 
     headings = over_headings(problem, opening, searched)
-    begin, is_told = headings.ends[0].solution, headings.is_told
-    likeliest = problem if is_told else headings.problems[0]
+    begin, is_observable = headings.ends[0].solution, headings.is_told
+    likeliest = problem if is_observable else headings.problems[0]
     if solver == "chain":
         solution = chain.solve_batch(likeliest, begin=begin.states)
     else:
         from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
 
         solution = minimum(likeliest, own, begin.states).solution
-    return solution if is_told else headings.mixed(solution)
+    return solution if is_observable else headings.mixed(solution)

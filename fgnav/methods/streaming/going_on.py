@@ -12,7 +12,7 @@ import numpy as np
 
 from fgnav.frontend.attitude.in_motion import WINDOW_S
 from fgnav.frontend.causal.truncation import SAMPLED, truncated
-from fgnav.frontend.problem import Earlier, PreparedFlight
+from fgnav.frontend.prepared import Earlier, PreparedFlight
 from fgnav.gnss.signals import band, select
 from fgnav.gnss.single_point.atmosphere_choice import is_decided
 from fgnav.gnss.single_point.model import code_channels
@@ -68,7 +68,7 @@ def going_on(flight: Flight, prepared: PreparedFlight) -> GoingOn | None:
 def _surroundings(flight: Flight, from_s: float) -> dict[str, Any]:
     """Return records of barometer and magnetometer after a time, and how they began.
 
-    Their first samples say since when there are any, and how often.
+    Their first samples are kept for their start and interval.
     """
     kept: dict[str, Any] = {}
     for name in ("barometer", "magnetometer"):

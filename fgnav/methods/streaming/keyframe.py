@@ -1,4 +1,4 @@
-"""A keyframe of a stream as a smoothing problem of two rows: the first only lends its time."""
+"""A keyframe of a stream as a smoothing problem of two rows: the first is there for its time."""
 
 from typing import NamedTuple
 
@@ -46,10 +46,10 @@ def keyframe_problem(
         If the first has nothing to start from, or a body without a gyroscope no rate prior.
     """
     if before is None:
-        R_nb, p_n_m, known = *_first(now, set_up), True
+        R_nb, p_n_m, has_attitude = *_first(now, set_up), True
     else:
         attitude, p_n_m = _attitude(now), before.p_n_m
-        R_nb, known = np.eye(3) if attitude is None else attitude, attitude is not None
+        R_nb, has_attitude = np.eye(3) if attitude is None else attitude, attitude is not None
     t_s = np.array([now.t_s - _BEFORE_S if before is None else before.t_s, now.t_s])
     n, has_gyroscope = len(t_s), now.imu.w_b_radps is not None
     gravity_n_mps2 = np.tile(set_up.origin.gravity_n_mps2(p_n_m[None]), (n, 1))
@@ -68,7 +68,7 @@ def keyframe_problem(
         motion=_motion(now, set_up, t_s, gravity_n_mps2, constants),
         measurements=measurements_of(_recorded(now, set_up, sensed, gravity_n_mps2), constants),
         constants=constants,
-        attitude_known=np.full(n, known),
+        attitude_known=np.full(n, has_attitude),
     )
 
 
@@ -81,7 +81,7 @@ def _constants(set_up: StreamSetUp, sensed: Sensed, *, gyroscope: bool) -> Const
 
 
 def _sensed(now: Measurements, set_up: StreamSetUp, t_s: FloatArray, p_n_m: FloatArray) -> Sensed:
-    """Return what instruments say, in the last of the rows."""
+    """Return what instruments measured, in the last of the rows."""
     n = len(t_s)
     heights, field = _surroundings(now, set_up, t_s, p_n_m)
     return Sensed(
@@ -95,7 +95,7 @@ def _sensed(now: Measurements, set_up: StreamSetUp, t_s: FloatArray, p_n_m: Floa
 def _surroundings(
     now: Measurements, set_up: StreamSetUp, t_s: FloatArray, p_n_m: FloatArray
 ) -> tuple[Heights | None, MagneticField | None]:
-    """Return what barometer and magnetometer say, in the last of the rows."""
+    """Return samples of barometer and magnetometer, in the last of the rows."""
     barometer, magnetometer, n = set_up.barometer, set_up.magnetometer, len(t_s)
     heights, field = None, None
     if barometer is not None:
@@ -184,7 +184,7 @@ def _first(now: Measurements, set_up: StreamSetUp) -> tuple[FloatArray, FloatArr
     """Return where the first keyframe's search starts."""
     R_nb = now.R_nb if now.R_nb is not None else _attitude(now)
     if R_nb is None:
-        raise BadInputError("first measurements R_nb: needed where no array tells an attitude")
+        raise BadInputError("first measurements R_nb: needed where no array has an attitude")
     if now.position is None:
         raise BadInputError("first measurements position: needed to start from")
     return R_nb, now.position.value - R_nb @ _arm_b_m(now, set_up)

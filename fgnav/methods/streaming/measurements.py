@@ -1,4 +1,4 @@
-"""What a stream is told of a vehicle beforehand, and what comes up to each of its keyframes."""
+"""What is stated of a stream's vehicle beforehand, and what comes up to each keyframe."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +26,7 @@ class StreamSetUp:
     ----------
     origin : Origin
     antenna_b_m : ndarray, shape (3,)
-        The antenna that positions speak of.
+        The antenna of positions.
     rate_prior : RatePrior or None
         How the body turns, needed without a gyroscope; ``process.rate_prior`` identifies it from
         attitudes recorded before.
@@ -111,7 +111,7 @@ class Measurements:
         earlier, to this one, or later. A few more on either side, and the curve through them is
         that of the whole record. Tags are taken as exact.
     array : RotationQuadratic or None
-        What the array's phases say, one epoch.
+        Of the array's phases, one epoch.
     R_nb : ndarray, shape (3, 3), or None
         Where the search for the first attitude starts; needed only without an array.
     position, velocity : Measured or None

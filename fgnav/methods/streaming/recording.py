@@ -35,7 +35,7 @@ def pieces(flight: Flight) -> Iterator[Flight]:
 def joined(*parts: Flight) -> Flight:
     """Return pieces of a flight, in their order, as one.
 
-    The first says what is no record; orbits are those of the last that has any.
+    All but records is of the first; orbits are those of the last that has any.
 
     Raises
     ------

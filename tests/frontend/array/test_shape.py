@@ -51,19 +51,19 @@ def test_places_that_are_known_leave_the_form_of_the_rotation(ranges):
     assert_allclose(vector @ T, form.vector, rtol=1e-9, atol=1e-9 * np.abs(form.vector).max())
 
 
-def test_the_form_is_as_loud_as_that_of_the_rotation(ranges):
+def test_the_form_has_the_variance_of_that_of_the_rotation(ranges):
     """Epoch by epoch: a filter's noise is what residuals until then ask for."""
     differences, ranges_m = ranges
     rows, later = np.arange(10, 40), np.arange(40, 60)
     rotation = RotationQuadratic.of_ranges(differences, ranges_m)
     form = BaselineForm.of_ranges(differences, ranges_m)
-    quiet = form.as_loud_as(rotation[rows].with_variance_factor(4.0), rows)
-    quiet = quiet.as_loud_as(rotation[later].with_variance_factor(9.0), later)
+    quiet = form.with_variance_of(rotation[rows].with_variance_factor(4.0), rows)
+    quiet = quiet.with_variance_of(rotation[later].with_variance_factor(9.0), later)
     assert_allclose(quiet.root[:10], form.root[:10], rtol=0, atol=0)
     assert_allclose(quiet.root[rows], form.root[rows] / 2, rtol=1e-9)
     assert_allclose(quiet.root[later], form.root[later] / 3, rtol=1e-9)
     moved = quiet.at(np.arange(60) + 5, 70)
-    assert moved.there.sum() == 60
+    assert moved.valid.sum() == 60
     assert not moved.root[:5].any()
     assert_allclose(moved.root[5:65], quiet.root, rtol=0, atol=0)
 
@@ -111,7 +111,7 @@ def test_keyframes_with_an_attitude_get_the_form_about_the_stated_places(ranges)
     place = flight_constant("antenna a3", ("x_b", "y_b", "z_b"), "m", 0.05)
     place = dataclasses.replace(place, start=OFF_B_M)
     shape = shape_at((differences, ranges_m), at_keyframes, t_s, valid, (place,), names)
-    np.testing.assert_array_equal(shape.there, valid)
+    np.testing.assert_array_equal(shape.valid, valid)
     off_b_m = differences.baselines_b_m - shape.baselines_b_m
     assert_allclose(off_b_m[1], OFF_B_M, rtol=0, atol=1e-12)
     assert not np.delete(off_b_m, 1, axis=0).any()

@@ -9,6 +9,7 @@ References
 """
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -33,6 +34,7 @@ class Standstill:
         Of each axis.
     """
 
+    name: ClassVar[str] = NAME  # in reports
     row: IntArray
     sigma_mps: FloatArray
 
@@ -40,11 +42,6 @@ class Standstill:
         """Check and freeze the arrays."""
         k = len(self.row)
         freeze(self, {"sigma_mps": (k,)}, {"row": (k,)})
-
-    @property
-    def name(self) -> str:
-        """What reports call it."""
-        return NAME
 
     @property
     def freedom(self) -> IntArray:

@@ -12,6 +12,7 @@ References
 """
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -51,6 +52,7 @@ class RollingWheels:
     constants : Constants
     """
 
+    name: ClassVar[str] = NAME  # in reports
     row: IntArray
     slip_mps: float
     arm_b_m: FloatArray
@@ -68,11 +70,6 @@ class RollingWheels:
         if self.measured_b_radps is not None:
             rate = frozen("wheels measured_b_radps", self.measured_b_radps, (k, 3))
             object.__setattr__(self, "measured_b_radps", rate)
-
-    @property
-    def name(self) -> str:
-        """What reports call it."""
-        return NAME
 
     @property
     def freedom(self) -> IntArray:

@@ -1,0 +1,130 @@
+"""A flight as a smoothing problem, with what is reported of it and needed to go on."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.frontend.attitude.in_motion import EarlierMotion
+from fgnav.frontend.position.live_arcs import EarlierArcs
+from fgnav.graph.delayed import TimedMotion
+from fgnav.graph.types.constants import FlightConstant
+from fgnav.graph.types.problem import Opening, SmoothingProblem
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.estimate import Consistency, Rejected
+from fgnav.types.flight import Flight, Imu
+from fgnav.types.integers import Integers
+
+
+class BodyAxes(NamedTuple):
+    """Whose axes are taken for the body's where array and inertial unit are turned apart."""
+
+    of_array: bool  # else the unit's
+    share: float  # probability that it is so
+
+    @property
+    def is_even(self) -> bool:
+        """Whether nothing speaks for either by more than chance, 1 in 10,000."""
+        return self.share < 1.0 - 1e-4
+
+
+class Earlier(NamedTuple):
+    """What the problem of a flight that goes on needs of its beginning, which is not kept.
+
+    Of a flight with a gyroscope and one antenna, or fixes, whose heading is known.
+    """
+
+    motion: EarlierMotion
+    arcs: EarlierArcs | None
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class PreparedFlight:
+    """A smoothing problem, and what is reported of it.
+
+    Attributes
+    ----------
+    problem : SmoothingProblem
+    imu : Imu
+    earth_rate_n_radps : ndarray, shape (3,)
+    epochs : int
+        GNSS epochs of the flight, and times between them that are far apart.
+    integers : Integers or None
+    losses : tuple of Loss
+    rejections : tuple of Rejected
+    notes : tuple of str
+    timed : TimedMotion
+        How keyframes move, by which clocks and delays show.
+    rough : bool
+        Whether the attitudes that the search starts from assume something.
+    causal : bool
+        Whether each keyframe is to be known by what came before it alone.
+    windowed : SmoothingProblem
+        The same for windows: without information about heading by specific force before motion.
+    in_motion : SmoothingProblem or None
+        As it were if the heading was known: horizontal accelerations are no noise anywhere.
+    opening : Opening or None
+        What a filter is given in its place until the heading is known.
+    tests : tuple of Consistency
+        Of the inertial unit, where its noise was identified as more than any noise.
+    array : tuple of DoubleDifferences and ndarray, or None
+        Phases of the array, and the ranges of its attitudes, without integers.
+    stretches : tuple of Stretch
+        In place of all this, of a causal method whose noise is identified as the flight goes on.
+    axes : BodyAxes or None
+        Of an array that is turned against the inertial unit.
+    goes_on : Earlier or None
+        What keyframes to come need of these.
+    """
+
+    problem: SmoothingProblem
+    imu: Imu
+    earth_rate_n_radps: FloatArray
+    epochs: int
+    integers: Integers | None
+    losses: tuple[Loss, ...]
+    rejections: tuple[Rejected, ...]
+    notes: tuple[str, ...]
+    timed: TimedMotion
+    windowed: SmoothingProblem
+    rough: bool = False
+    causal: bool = False
+    opening: Opening | None = None
+    in_motion: SmoothingProblem | None = None
+    tests: tuple[Consistency, ...] = ()
+    array: tuple[DoubleDifferences, FloatArray] | None = None
+    stretches: "tuple[Stretch, ...]" = ()
+    axes: BodyAxes | None = None
+    goes_on: Earlier | None = None
+
+    def with_constants(self, parts: tuple[FlightConstant, ...]) -> "PreparedFlight":
+        """Return the same with more constants, after those its problems have."""
+        return self.changed(lambda problem: problem.with_constants(parts))
+
+    def changed(self, by: Callable[[SmoothingProblem], SmoothingProblem]) -> "PreparedFlight":
+        """Return the same with all its problems changed."""
+        opening, in_motion = self.opening, self.in_motion
+        return replace(
+            self,
+            problem=by(self.problem),
+            windowed=by(self.windowed),
+            in_motion=None if in_motion is None else by(in_motion),
+            opening=None if opening is None else replace(opening, problem=by(opening.problem)),
+        )
+
+
+class Stretch(NamedTuple):
+    """A flight up to a time, as it is prepared for estimates from another time on."""
+
+    from_s: float
+    until_s: float  # estimates before it
+    flight: Flight
+    prepared: PreparedFlight
+
+    def answers(self, t_s: FloatArray) -> BoolArray:
+        """Return which times, (k,), it estimates: a clock put right moves what is covered."""
+        covered_s = self.prepared.problem.t_s
+        within = (t_s >= max(self.from_s, covered_s[0])) & (t_s < self.until_s)
+        return np.asarray(within & (t_s <= covered_s[-1]))
