@@ -19,7 +19,9 @@ from fgnav.checks import NoSolutionError
 from fgnav.frontend.causal.truncation import truncated
 from fgnav.frontend.prepared import PreparedFlight, Stretch
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.identification.apply import Build, Findings, findings, with_findings
+from fgnav.identification.apply import with_findings
+from fgnav.identification.findings import Findings, findings
+from fgnav.identification.time_tags import Build
 from fgnav.types.flight import Flight
 
 FEWEST = 30  # keyframes; ``findings`` wants as many that measured, which tell noise to 13 %

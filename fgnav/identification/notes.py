@@ -6,8 +6,8 @@ import numpy as np
 
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.graph.types.motion import INERTIAL_NOISES
-from fgnav.identification.identify import Identified
 from fgnav.identification.likelihood.thinned import FIELDS
+from fgnav.identification.noise.identified import Identified
 from fgnav.types.flight import Flight
 from fgnav.types.instruments import GnssNoise
 
@@ -38,16 +38,16 @@ _OF_SATELLITES = {
 _USUAL = "the usual figure"
 
 
-def noise_notes(flight: Flight, found: Identified) -> tuple[str, ...]:
+def noise_notes(flight: Flight, identified: Identified) -> tuple[str, ...]:
     """Return a sentence for each noise that replaces what the flight has."""
     notes = []
-    for i in np.flatnonzero(found.used).tolist():
-        name, factor = found.names[i], float(found.factor[i])
+    for i in np.flatnonzero(identified.used).tolist():
+        name, factor = identified.names[i], float(identified.factor[i])
         value = _value(flight, name, factor)
-        if found.stated[i]:
+        if identified.stated[i]:
             stated = _USUAL if name == "line of sight" else "what flight.toml states"
             times = f"{factor:.2g} x {stated}"
-            cause = _cause(found) if found.is_no_noise[i] else ""
+            cause = _cause(identified) if identified.exceeds_noise[i] else ""
             notes.append(f"{_WHAT[name]} is {times}{value and f', {value}'}: used instead{cause}.")
         else:
             usual = value or f"{factor:.2g} x {_USUAL}"
@@ -55,9 +55,9 @@ def noise_notes(flight: Flight, found: Identified) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _cause(found: Identified) -> str:
+def _cause(identified: Identified) -> str:
     """Return what may be wrong where the unit's noise is none."""
-    others = dict.fromkeys(name for name in found.names if name not in INERTIAL_NOISES)
+    others = dict.fromkeys(name for name in identified.names if name not in INERTIAL_NOISES)
     against = f", or of {', '.join(others)}" if others else ""
     return (
         "; so much is no noise: an axis, a sign, a scale, a unit or a time of the inertial unit"
@@ -87,13 +87,13 @@ def _is_stated(noise: GnssNoise, name: str) -> bool:
 
 
 def constant_notes(
-    found: Identified, moved: np.ndarray, requests: tuple[CalibrationRequest, ...]
+    identified: Identified, moved: np.ndarray, requests: tuple[CalibrationRequest, ...]
 ) -> tuple[str, ...]:
     """Return sentences on the clock, late velocities and the lever arm, where they matter."""
     notes, kinds = [], [one.kind for one in requests]
-    value, sigma = found.times.value.copy(), found.times.sigma
+    value, sigma = identified.times.value.copy(), identified.times.sigma
     value[:2] += moved
-    if found.times.are_one_or_the_other:
+    if identified.times.are_one_or_the_other:
         notes.append(
             "The inertial unit's clock or the velocities of fixes are late, the flight does not "
             f"tell which: clock {value[0]:+.3f} s, velocities {value[2]:.3f} s (± {sigma[0]:.3f} s "
@@ -112,9 +112,9 @@ def constant_notes(
             f"Velocities of fixes are {value[2]:.3f} ± {sigma[2]:.3f} s old: estimated with the "
             "flight."
         )
-    if found.arm is not None and found.arm.significant:
-        off = ", ".join(f"{x:+.3f}" for x in found.arm.off)
-        sigma_m = ", ".join(f"{x:.3f}" for x in np.sqrt(np.diag(found.arm.covariance)))
+    if identified.arm is not None and identified.arm.significant:
+        off = ", ".join(f"{x:+.3f}" for x in identified.arm.off)
+        sigma_m = ", ".join(f"{x:.3f}" for x in np.sqrt(np.diag(identified.arm.covariance)))
         notes.append(
             f"The antenna is off where flight.toml has it beside the inertial unit: {off} m along "
             f"x_b, y_b, z_b (± {sigma_m} m); estimated with the flight."

@@ -8,7 +8,8 @@ import pytest
 
 from fgnav.frontend.causal.truncation import truncated
 from fgnav.frontend.problem import build_problem
-from fgnav.identification.apply import Findings, with_findings
+from fgnav.identification.apply import with_findings
+from fgnav.identification.findings import Findings
 from fgnav.identification.from_past import looks_s
 from fgnav.methods.smoother import Forward
 from tests.frontend.standing import standing

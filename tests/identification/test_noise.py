@@ -9,11 +9,11 @@ import pytest
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.identification import identify as module
 from fgnav.identification.apply import with_identified_noise
-from fgnav.identification.identify import identify
 from fgnav.identification.likelihood.linear_chain import LinearChain
 from fgnav.identification.likelihood.thinned import FIELDS, thinned
+from fgnav.identification.noise import noise_search
+from fgnav.identification.noise.identify import identify
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.io.flight import usual_noise
 from fgnav.methods.smoother import Batch
@@ -190,13 +190,13 @@ def test_a_clock_off_by_more_than_a_swing_is_found_before_anything_is_aligned():
 
 def test_noises_that_undo_each_other_end_the_search(flight, monkeypatch):
     """Of a likelihood that asks for more where there is less, and for less where there is more."""
-    found_by = module._free
+    found_by = noise_search._free
 
     def contrary(chain, begin, is_stated):
         return found_by(chain, begin, is_stated)._replace(theta=np.where(begin > 0, -2.0, 2.0))
 
-    monkeypatch.setattr(module, "_free", contrary)
-    monkeypatch.setattr(module, "_ROUNDS", 3)
+    monkeypatch.setattr(noise_search, "_free", contrary)
+    monkeypatch.setattr(noise_search, "_ROUNDS", 3)
     with pytest.raises(NoSolutionError, match="another at every linearisation"):
         found_in(unstated(flight))
 

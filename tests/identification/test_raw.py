@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fgnav.frontend.problem import build_problem
-from fgnav.identification.apply import findings
+from fgnav.identification.findings import findings
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Smoother
 from tests.gnss.based import flown

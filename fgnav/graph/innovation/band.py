@@ -52,10 +52,7 @@ def contradictions(
     flagged = sums > limits * own.clip(1)
     others = ~np.repeat(flagged, np.diff(np.append(begins, k)))
     if out and (flagged.mean() >= _THROUGHOUT or _out_of_band(squared[others], freedom[others])):
-        begin_s, end_s = float(t_s[0]), float(t_s[-1])
-        return (
-            Contradiction(from_s=begin_s, until_s=end_s, freedom=total, nis=nis, throughout=True),
-        )
+        return (throughout(t_s, total, nis),)
     return tuple(_spans(t_s, (sums, own), begins, flagged))
 
 
@@ -112,10 +109,13 @@ def contradiction_of_one(
     nis = squared / freedom
     if nis <= max(TOLERATED, limit_of_one(freedom)):
         return ()
+    return (throughout(t_s, freedom, nis),)
+
+
+def throughout(t_s: FloatArray, freedom: int, nis: float) -> Contradiction:
+    """Return a contradiction of all of a record, of times (n,)."""
     begin_s, end_s = float(t_s[0]), float(t_s[-1])
-    return (
-        Contradiction(from_s=begin_s, until_s=end_s, freedom=freedom, nis=nis, throughout=True),
-    )
+    return Contradiction(from_s=begin_s, until_s=end_s, freedom=freedom, nis=nis, throughout=True)
 
 
 def _limit(freedom: FloatArray | float, false_alarm: float, tolerated: float) -> FloatArray:

@@ -11,7 +11,8 @@ from fgnav.checks import FloatArray
 from fgnav.frontend.array.misplaced import misplaced
 from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests
 from fgnav.frontend.prepared import PreparedFlight
-from fgnav.types.estimate import Consistency, Contradiction
+from fgnav.graph.innovation.band import throughout
+from fgnav.types.estimate import Consistency
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
 
@@ -69,8 +70,6 @@ def _tests(t_s: FloatArray, attitude: AttitudeSolution) -> tuple[Consistency, ..
     nis, freedom = attitude.misfit(), int(attitude.degrees_of_freedom[attitude.solved].sum())
     if nis == 1.0:
         return ()
-    begin_s, end_s = float(t_s[0]), float(t_s[-1])
-    span = Contradiction(from_s=begin_s, until_s=end_s, freedom=freedom, nis=nis, throughout=True)
     return (
         Consistency(
             what="array",
@@ -78,7 +77,7 @@ def _tests(t_s: FloatArray, attitude: AttitudeSolution) -> tuple[Consistency, ..
             freedom=freedom,
             nis=nis,
             beyond_99=1.0,
-            contradictions=(span,),
+            contradictions=(throughout(t_s, freedom, nis),),
         ),
     )
 

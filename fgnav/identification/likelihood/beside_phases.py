@@ -23,8 +23,8 @@ from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.graph.innovation.band import TOLERATED
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
-from fgnav.identification.begin import ABOVE, WHITE
 from fgnav.identification.likelihood.linear_chain import LinearChain
+from fgnav.identification.noise.begin import ABOVE, WHITE
 from fgnav.identification.tested_constants import SIGMAS
 from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.solve.chain import solve_batch

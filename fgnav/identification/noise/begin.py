@@ -7,7 +7,7 @@ import numpy as np
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.likelihood.thinned import Some
-from fgnav.identification.stated import INSTRUMENTS
+from fgnav.identification.noise.stated import INSTRUMENTS
 
 WHITE = ("accelerometer", "gyroscope")
 ABOVE = 10.0  # times the stated, where the first linearisation of what is contradicted is

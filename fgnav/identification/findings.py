@@ -1,0 +1,213 @@
+"""What a flight says of its noise, its times and its set-up that is to replace what it has."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtrc, chdtri
+
+from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests
+from fgnav.frontend.prepared import PreparedFlight
+from fgnav.frontend.settings import ProblemSettings
+from fgnav.graph.innovation.band import throughout
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.identification.array.choice import Turn, chosen_turn
+from fgnav.identification.array.places import places_of, with_reference
+from fgnav.identification.array.turn import others_tell, request_of, sentence
+from fgnav.identification.likelihood.beside_phases import white_noise_factors
+from fgnav.identification.likelihood.satellite_errors import satellite_error_factors, with_errors
+from fgnav.identification.noise.identified import Identified
+from fgnav.identification.noise.stated import with_factors
+from fgnav.identification.notes import constant_notes, noise_notes, satellite_error_notes
+from fgnav.identification.time_tags import AtTags, Build, TagSearch
+from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags, with_tags_moved
+from fgnav.types.estimate import Consistency
+from fgnav.types.flight import Flight
+
+_FEWEST = 30  # keyframes that measured something: fewer tell no noise
+
+
+class Findings(NamedTuple):
+    """What a flight says of its noise and times that is to replace what it has."""
+
+    factors: dict[str, float]
+    moved: FloatArray  # (2,), of the unit's tags: s, ppm
+    calibration: tuple[CalibrationRequest, ...]
+    notes: tuple[str, ...]
+    tests: tuple[Consistency, ...] = ()
+    middle_s: float = 0.0  # of the record that says so: the offset holds there
+    reference: int = 0  # antenna against which the array's others are
+    turn: Turn | None = None
+    errors: Mapping[str, float] = MappingProxyType({})  # of satellites, as factors
+    is_as_stated: bool = False  # all but those errors
+
+
+def findings(
+    flight: Flight, settings: ProblemSettings, prepared: PreparedFlight, build: Build
+) -> Findings | None:
+    """Return what a flight says of its noise and times; None where that is what it has.
+
+    Parameters as in ``with_identified_noise``.
+
+    Raises
+    ------
+    NoSolutionError
+        If the chain about which it is to be identified has no solution.
+    """
+    if prepared.integers is None and prepared.imu.w_b_radps is None:
+        return None
+    exact = with_exact_tags(flight)
+    if exact is not flight:  # the clock is tested whatever its doubt
+        flight, prepared = exact, build(exact, settings)
+    stated = settings.calibration
+    places = places_of(flight, stated, prepared)
+    if places.requests:
+        settings = replace(settings, calibration=(*stated, *places.requests))
+        flight = with_reference(flight, places.reference)
+        prepared = build(flight, settings)
+    errors = _satellite_errors(flight, prepared.problem)
+    prepared = with_satellite_errors(prepared, errors)
+    problem = prepared.problem
+    if _measured(problem) < _FEWEST:
+        return None
+    search = TagSearch(flight, settings, build)
+    at_tags = search.likeliest(prepared)
+    if at_tags is None:  # the motion's noise stands for accelerations of unknown direction, too
+        raise NoSolutionError("nothing tells the heading")
+    turn, at_tags = chosen_turn(search, at_tags, arbitrated=others_tell(problem))
+    search = search if turn is None else _turned_back(search, turn)
+    requests = _requests(search, at_tags)
+    identified = at_tags.identified
+    if problem.phase is not None:
+        is_same = turn is None and _is_as_stated(at_tags, requests, search.settings.calibration)
+        begin = problem if is_same else None
+        identified = _beside_phases(search, at_tags, requests, errors, begin)
+    at_tags = AtTags(identified, at_tags.moved)
+    tests = (*places.tests, *_tests(flight, identified))
+    is_as_stated = not tests and _is_as_stated(at_tags, requests, stated)
+    if is_as_stated and not errors:
+        return None
+    turned = () if turn is None else (sentence(turn.vector, turn.axes),)
+    noise = (*noise_notes(flight, identified), *satellite_error_notes(flight.gnss_noise, errors))
+    constants = constant_notes(identified, at_tags.moved, requests)
+    return Findings(
+        factors=identified.factors,
+        moved=at_tags.moved,
+        calibration=requests,
+        notes=(*places.notes, *turned, *noise, *constants),
+        tests=tests,
+        middle_s=middle_of_tags_s(flight),
+        reference=places.reference,
+        turn=turn,
+        errors=errors,
+        is_as_stated=is_as_stated,
+    )
+
+
+def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]) -> PreparedFlight:
+    """Return the problem with factors on errors of satellites."""
+
+    def changed(problem: SmoothingProblem) -> SmoothingProblem:
+        phase = problem.phase
+        return problem if phase is None else replace(problem, phase=with_errors(phase, factors))
+
+    return prepared.changed(changed) if factors else prepared
+
+
+def _satellite_errors(flight: Flight, problem: SmoothingProblem) -> dict[str, float]:
+    """Return factors on errors of satellites; against a base they are other ones."""
+    if problem.phase is None or flight.base is not None:
+        return {}
+    return satellite_error_factors(problem.phase)
+
+
+def _measured(problem: SmoothingProblem) -> int:
+    """Return how many keyframes anything is measured at."""
+    measured = np.zeros(len(problem.t_s), dtype=np.bool_)
+    for one in problem.measurements:
+        measured[one.row] = True
+    return int(measured.sum())
+
+
+def _turned_back(search: TagSearch, turn: Turn) -> TagSearch:
+    """Return a flight with a turn taken back, what remains of it estimated."""
+    request, settings = request_of(turn.vector, turn.axes), search.settings
+    settings = replace(settings, calibration=(*settings.calibration, request))
+    return search._replace(flight=turn.back(search.flight), settings=settings)
+
+
+def _is_as_stated(
+    at_tags: AtTags,
+    requests: tuple[CalibrationRequest, ...],
+    stated: tuple[CalibrationRequest, ...],
+) -> bool:
+    is_changed = at_tags.identified.used.any() or at_tags.moved.any()
+    return requests == stated and not is_changed
+
+
+def _requests(search: TagSearch, at_tags: AtTags) -> tuple[CalibrationRequest, ...]:
+    """Return what is to be estimated: as requested, and whatever proved not to be zero."""
+    requested, (identified, moved) = search.settings.calibration, at_tags
+    kinds = {one.kind: one for one in requested}
+    times, is_raw = identified.times, search.flight.observations is not None
+    significant = times.significant
+    wanted = {
+        "lever-arm": identified.arm is not None and identified.arm.significant,
+        "clock": not is_raw and bool(moved.any() or significant[:2].any()),
+        "velocity-delay": bool(significant[2]),
+    }
+    for kind, needed in wanted.items():
+        if needed and kind not in kinds:
+            kinds[kind] = calibration_requests([kind])[0]
+    if "clock" in kinds and moved.any():
+        kinds["clock"] = replace(kinds["clock"], moved=(float(moved[0]), float(moved[1])))
+    if "velocity-delay" in kinds and significant[2]:
+        kinds["velocity-delay"] = replace(kinds["velocity-delay"], start=float(times.value[2]))
+    others = [one for one in requested if one.kind not in wanted]
+    return (*others, *(kinds[kind] for kind in wanted if kind in kinds))
+
+
+def _beside_phases(
+    search: TagSearch,
+    at_tags: AtTags,
+    requests: tuple[CalibrationRequest, ...],
+    errors: Mapping[str, float],
+    begin: SmoothingProblem | None,
+) -> Identified:
+    """Return what is identified, with the unit as loud as the phases of arcs show it."""
+    identified, moved = at_tags
+    flight, settings = search.flight, replace(search.settings, calibration=requests)
+    at_moved = with_tags_moved(flight, moved, middle_of_tags_s(flight))
+
+    def changed(factors: dict[str, float]) -> SmoothingProblem:
+        louder = with_factors(at_moved, identified.scaled(factors).factors)
+        return with_satellite_errors(search.build(louder, settings), errors).problem
+
+    begin = changed({}) if begin is None else begin
+    return identified.scaled(white_noise_factors(begin, changed))
+
+
+def _tests(flight: Flight, identified: Identified) -> tuple[Consistency, ...]:
+    """Return how far the inertial unit is from what it states, where that is no noise any more.
+
+    Its innovations are those of all other sensors, which such a noise explains away: NIS is by the
+    stated one, the square of the factor between both.
+    """
+    if flight.imu is None:
+        return ()
+    t_s = flight.imu.t_s
+    freedom = 3 * len(t_s)
+    return tuple(
+        Consistency(
+            what=name,
+            count=len(t_s),
+            freedom=freedom,
+            nis=factor**2,
+            beyond_99=float(chdtrc(3, chdtri(3, 0.01) / factor**2)),
+            contradictions=(throughout(t_s, freedom, factor**2),),
+        )
+        for name, factor in identified.beyond_noise.items()
+    )

@@ -1,0 +1,132 @@
+"""Noise, delays and clocks of a flight from the flight itself, and what contradicts the stated.
+
+What a flight does not state is found by the marginal likelihood of its linearised chain with a
+log-normal prior about usual figures. What it states is believed until the likelihood excludes it,
+and half as much again or two thirds of it, too; then the identified noise takes its place, and a
+note says so. The offset and the rate of the inertial unit's clock, and the delay of fix velocities,
+are constants of the same chain: its solution is a Newton step of their likelihood.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtri
+
+from fgnav.checks import NoSolutionError
+from fgnav.graph.delayed import TimedMotion
+from fgnav.graph.types.constants import FlightConstant
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.identification.noise.identified import Identified
+from fgnav.identification.noise.noise_search import TEST_SIGMA, louder_by_correlation, searched
+from fgnav.identification.noise.stated import INSTRUMENTS
+from fgnav.identification.noise.thinned_flight import ThinnedFlight
+from fgnav.identification.track.windows import EXCLUDED, FALSE_ALARM
+from fgnav.solve.chain import solve_batch
+from fgnav.types.flight import Flight
+
+_DOUBTED = 2.5  # sigmas: one of eight components in ten flights
+_DAMPED = 30  # steps to the minimum as stated
+# Times as loud as stated an instrument begins that is in doubt: it tells next to nothing then.
+_IN_DOUBT = 100.0
+
+
+def identify(
+    flight: Flight,
+    problem: SmoothingProblem,
+    timed: TimedMotion,
+    extra: tuple[FlightConstant, ...],
+    factors: dict[str, float] | None = None,
+) -> Identified:
+    """Return what the flight says of its noise and times, linearised where its problem begins.
+
+    Parameters
+    ----------
+    flight : Flight
+    problem : SmoothingProblem
+        Of the whole flight, with the noise as the flight has it.
+    timed : TimedMotion
+        At its keyframes.
+    extra : tuple of FlightConstant
+        Clock, delay and lever arm, those that the problem has not among its constants.
+    factors : dict of str to float, optional
+        Of an earlier search, to begin with.
+
+    Raises
+    ------
+    NoSolutionError
+        If the chain has no solution, or ends at none.
+    """
+    small = ThinnedFlight.of(flight, problem, timed, extra)
+    stated = None if small.unstated or factors else _as_stated(small)
+    if stated is not None and not (stated.is_noise_doubted or stated.is_off):
+        return stated.identified
+    try:
+        free = searched(small, factors or {})
+    except NoSolutionError:
+        if stated is None or (stated.is_noise_doubted and not stated.identified.is_turned):
+            raise
+        return stated.identified
+    free = _unless_an_instrument(small, free)
+    if stated is None:
+        return free
+    if free.likelihood <= stated.identified.likelihood + EXCLUDED:
+        return stated.identified
+    # Noise so loud that a turn no longer shows stands for it: the caller is to take it back.
+    return free if free.is_turned else replace(free, turn=stated.identified.turn)
+
+
+class _AsStated(NamedTuple):
+    """What a flight says with noise as stated, and whether that may be wrong, or times and arm."""
+
+    identified: Identified
+    is_noise_doubted: bool
+    is_off: bool
+
+
+def _as_stated(flight: ThinnedFlight) -> _AsStated | None:
+    """Return what a flight says with noise as stated; None where that has no solution."""
+    zero = np.zeros(len(flight.names))
+    try:  # damped: without a gyroscope full steps may turn too far
+        start = solve_batch(flight.problem, most=_DAMPED).states
+        chain, states, _ = flight.descended(start, zero, 2)
+    except NoSolutionError:
+        return None
+    score = chain.score(zero)
+    if score is None:
+        return None
+    sigma = 1 / np.sqrt(np.diag(score.information) + TEST_SIGMA**-2)
+    theta = sigma**2 * score.gradient
+    is_used = np.zeros(len(theta), dtype=np.bool_)
+    # What remains of all measurements is chi-square: a bias beyond its sigma shows there alone.
+    # One step is short of a factor far below one: whatever two sigmas speak against is searched.
+    is_quiet = (theta < 0) & np.isin(chain.names, INSTRUMENTS)  # instruments count if louder
+    is_doubted = (np.abs(theta) > _DOUBTED * sigma) & ~is_quiet
+    is_doubted |= louder_by_correlation(chain, score, theta, is_used)[1]
+    rows = sum(int(one.freedom.sum()) for one in flight.problem.measurements)
+    misfits = score.cost - score.promised > chdtri(rows, FALSE_ALARM)
+    identified = flight.identified(
+        states, score, (np.ones(len(theta)), sigma, is_used), score.log_likelihood
+    )
+    vectors = (identified.arm, identified.turn)
+    is_off = identified.times.significant.any() or any(v and v.significant for v in vectors)
+    return _AsStated(identified, bool(misfits or is_doubted.any()), bool(is_off))
+
+
+def _unless_an_instrument(flight: ThinnedFlight, identified: Identified) -> Identified:
+    """Return what is identified, or where the unit's noise is beyond any, with a louder instrument.
+
+    One instrument that contradicts the rest draws the search to a minimum where all rest is loud:
+    a search that begins with that instrument loud ends at another.
+    """
+    if not identified.exceeds_noise.any():
+        return identified
+    for one in flight.problem.measurements:
+        if one.name in INSTRUMENTS:
+            try:
+                other = searched(flight, {one.name: _IN_DOUBT})
+            except NoSolutionError:
+                continue
+            if not other.exceeds_noise.any():
+                return other
+    return identified

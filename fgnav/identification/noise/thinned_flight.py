@@ -1,0 +1,121 @@
+"""A thinned flight whose chain is linearised near its minimum at noises, and what that says."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.graph.delayed import TimedMotion
+from fgnav.graph.types.constants import FlightConstant
+from fgnav.graph.types.motion import NoiseParts
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import States
+from fgnav.identification.likelihood.linear_chain import LinearChain, Score
+from fgnav.identification.likelihood.thinned import FIELDS, thinned
+from fgnav.identification.noise.identified import Identified
+from fgnav.identification.noise.seen_noise import greatest_noise
+from fgnav.identification.noise.stated import scalable, unstated
+from fgnav.identification.tested_constants import LEVER_ARM, TURNS, depending, times_of, vector_of
+from fgnav.types.flight import Flight
+
+_NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
+
+
+class ThinnedFlight(NamedTuple):
+    """A thinned flight, and what of its noise is a component."""
+
+    problem: SmoothingProblem
+    parts: NoiseParts
+    scalable: tuple[str, ...]
+    unstated: tuple[str, ...]
+    greatest: dict[str, float]  # factors of the unit's white noise that its samples can hold
+
+    @classmethod
+    def of(
+        cls,
+        flight: Flight,
+        problem: SmoothingProblem,
+        timed: TimedMotion,
+        extra: tuple[FlightConstant, ...],
+    ) -> "ThinnedFlight":
+        """Return a flight by its problem; parameters as in ``identify``."""
+        small = thinned(problem, extra)
+        at_keyframes = timed.at(np.searchsorted(problem.t_s, small.t_s))
+        small = depending(small, at_keyframes, extra)
+        parts, limits = small.motion.noise_parts(), _greatest(flight, small)
+        return cls(small, parts, scalable(flight), unstated(flight), limits)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Components of its chain: of the motion, then of measurements."""
+        measured = (one.name for one in self.problem.measurements if one.name in self.scalable)
+        return (*self.parts.names, *measured)
+
+    @property
+    def is_stated(self) -> BoolArray:
+        """Which of them the flight states, (c,)."""
+        return ~np.isin(self.names, self.unstated)
+
+    def descended(
+        self, states: States, theta: FloatArray, most: int
+    ) -> tuple[LinearChain, States, Score]:
+        """Return the chain linearised near its minimum at noises theta, by Gauss-Newton.
+
+        Where the cost rises the step is halved.
+        """
+        best: Score | None = None
+        at, share = states, 1.0
+        for _ in range(most):
+            chain = LinearChain.of(self.problem, at, self.parts, self.scalable)
+            score = chain.score(theta, whole=False)
+            if score is not None and score.promised < _NEAR * score.cost:
+                return chain, at, score
+            if score is not None and (best is None or score.cost < best.cost):
+                best, states, share = score, at, 1.0
+            else:
+                share /= 3
+            if best is None:
+                break
+            at = states.moved(share * best.steps, share * best.constant_steps)
+        raise NoSolutionError("noise: the chain has no minimum about which to identify it")
+
+    def identified(
+        self,
+        states: States,
+        score: Score,
+        noise: tuple[FloatArray, FloatArray, BoolArray],
+        likelihood: float,
+    ) -> Identified:
+        """Return what the flight says where its chain is linearised.
+
+        Parameters
+        ----------
+        states : States
+        score : Score
+        noise : tuple of ndarray, shapes (c,), (c,), (c,)
+            Factors, sigmas of their logarithms, and which factors are used.
+        likelihood : float
+            Penalised, its logarithm.
+        """
+        constants, value = self.problem.constants, states.constants + score.constant_steps
+        factor, sigma, used = noise
+        return Identified(
+            names=self.names,
+            factor=factor,
+            sigma=sigma,
+            used=used,
+            stated=self.is_stated,
+            greatest=np.array([self.greatest.get(name, np.inf) for name in self.names]),
+            times=times_of(constants, value, score),
+            arm=vector_of(LEVER_ARM, constants, value, score),
+            turn=vector_of(TURNS, constants, value, score),
+            likelihood=likelihood,
+        )
+
+
+def _greatest(flight: Flight, problem: SmoothingProblem) -> dict[str, float]:
+    """Return the factors on white noise that the unit's samples can hold between measurements."""
+    if flight.imu is None or len(problem.t_s) < 2:
+        return {}
+    greatest = greatest_noise(flight.imu, float(np.median(np.diff(problem.t_s))))
+    return {name: density / getattr(flight.imu, FIELDS[name]) for name, density in greatest.items()}

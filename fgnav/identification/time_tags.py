@@ -1,0 +1,166 @@
+"""What a flight says of its noise, with the inertial unit's tags moved as it is likeliest."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.frontend.calibration_request import calibration_requests, of_time, of_vehicle
+from fgnav.frontend.prepared import PreparedFlight
+from fgnav.frontend.settings import ProblemSettings
+from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE
+from fgnav.graph.turned import UNIT_TURN
+from fgnav.graph.types.constants import FlightConstant
+from fgnav.identification.array.turn import tested_turn
+from fgnav.identification.noise.identified import Identified
+from fgnav.identification.noise.identify import identify
+from fgnav.identification.tested_constants import SIGMAS
+from fgnav.identification.track.candidates import clock_candidates, over_common_span
+from fgnav.identification.track.tags import is_far, middle_of_tags_s, with_tags_moved
+from fgnav.identification.track.windows import EXCLUDED
+from fgnav.types.flight import Flight
+
+_CLOCK_STEPS = 5  # at most: each leaves half or less of what is left
+Build = Callable[[Flight, ProblemSettings], PreparedFlight]
+
+
+class AtTags(NamedTuple):
+    """What a flight says, and by what its unit's tags are moved: offset in s, rate in ppm, (2,)."""
+
+    identified: Identified
+    moved: FloatArray
+
+
+class TagSearch(NamedTuple):
+    """A flight, and how its problem is built."""
+
+    flight: Flight
+    settings: ProblemSettings
+    build: Build
+
+    def likeliest(self, prepared: PreparedFlight) -> AtTags | None:
+        """Return what the flight says with the unit's tags moved as fits best.
+
+        Of several clocks the likeliest over the same measurements, but the stated one, the first,
+        as long as no other excludes it. None with a heading that nothing tells.
+
+        Parameters
+        ----------
+        prepared : PreparedFlight
+            With tags as they are.
+        """
+        late_s = clock_candidates(self.flight)
+        chosen_s = late_s[0]
+        if len(late_s) > 1:
+            common = self._replace(flight=over_common_span(self.flight, late_s))
+            likely = {one: common._likelihood_at(one) for one in late_s}
+            best_s = max(likely, key=lambda one: likely[one])
+            if likely[best_s] == -np.inf:
+                return None
+            if likely[best_s] > likely[chosen_s] + EXCLUDED:
+                chosen_s = best_s
+        return self.identified(np.array([chosen_s, 0.0]), begin=None if chosen_s else prepared)
+
+    def identified(
+        self, moved: FloatArray, turn: str = UNIT_TURN, begin: PreparedFlight | None = None
+    ) -> AtTags | None:
+        """Return what the flight says with its unit's tags moved at first, and further if likelier.
+
+        None with a heading that nothing tells.
+
+        Parameters
+        ----------
+        moved : ndarray, shape (2,)
+        turn : str
+            Which turn of the array is tested.
+        begin : PreparedFlight, optional
+            With these tags.
+        """
+        at_first = self._with_tags(moved)
+        prepared = self.build(at_first, self.settings) if begin is None else begin
+        if prepared.opening is not None and prepared.opening.until_s == np.inf:
+            return None
+        extra = (*self._tested_constants(), *tested_turn(prepared.problem, turn))
+        identified = identify(at_first, prepared.problem, prepared.timed, extra)
+        if not is_far(self.flight, identified.times):
+            return AtTags(identified, moved)
+        unmoved = AtTags(identified.on_time(), moved)
+        try:
+            stepped = self._stepped(AtTags(identified, moved), extra)
+        except NoSolutionError:
+            return unmoved
+        either = identified.times.are_one_or_the_other  # late velocities are as likely with these
+        if not either and not self._is_likelier(stepped.moved, moved, extra):
+            return unmoved
+        if self.flight.observations is None:
+            return stepped
+        rest = stepped.identified.times.value[:2]
+        return AtTags(stepped.identified.on_time(), stepped.moved + rest)  # to the end
+
+    def _with_tags(self, moved: FloatArray) -> Flight:
+        return with_tags_moved(self.flight, moved, middle_of_tags_s(self.flight))
+
+    def _likelihood_at(self, late_s: float) -> float:
+        """Return the likelihood of a clock; minus infinity without a solution or a heading."""
+        try:
+            at_tags = self.identified(np.array([late_s, 0.0]))
+        except NoSolutionError:
+            return -np.inf
+        return -np.inf if at_tags is None else at_tags.identified.likelihood
+
+    def _stepped(self, first: AtTags, extra: tuple[FlightConstant, ...]) -> AtTags:
+        """Return what the flight says at tags moved by steps until one is within its sigma.
+
+        A step takes variances of the rate at the times of the tags before, and falls short.
+        """
+        identified, moved = first
+        factors = identified.factors
+        for _ in range(_CLOCK_STEPS):
+            moved = moved + identified.times.value[:2]
+            flight = self._with_tags(moved)
+            prepared = self.build(flight, self.settings)
+            identified = identify(flight, prepared.problem, prepared.timed, extra, factors)
+            times = identified.times
+            if (np.abs(times.value[:2]) <= times.sigma[:2]).all():
+                break
+        return AtTags(identified, moved)
+
+    def _is_likelier(
+        self, moved: FloatArray, before: FloatArray, extra: tuple[FlightConstant, ...]
+    ) -> bool:
+        """Return whether a flight is likelier with tags so moved than with those before.
+
+        The steps that led to them take all else of a chain as it is, the rates' variances as well,
+        which are of the times of the tags before: a body that turns alike all along seems to tell
+        them.
+        """
+        span = (float(before[0]), float(moved[0]))
+        common = self._replace(flight=over_common_span(self.flight, span))
+        others = tuple(one for one in extra if one.name not in (CLOCK_OFFSET, CLOCK_RATE))
+
+        def likelihood(by: FloatArray) -> float:
+            at = common._with_tags(by)
+            try:
+                prepared = self.build(at, self.settings)
+                return identify(at, prepared.problem, prepared.timed, others).likelihood
+            except NoSolutionError:
+                return -np.inf
+
+        return likelihood(moved) > likelihood(before) + SIGMAS**2 / 2
+
+    def _tested_constants(self) -> tuple[FlightConstant, ...]:
+        """Return constants that are tested without a request: clock, delay and lever arm."""
+        flight, requested = self.flight, [one.kind for one in self.settings.calibration]
+        has_velocities = (
+            flight.observations is None
+            and flight.fixes is not None
+            and flight.fixes.v_n_mps is not None
+        )
+        words = ("clock", *(("velocity-delay",) if has_velocities else ()))
+        times = calibration_requests([word for word in words if word not in requested])
+        arm = [] if "lever-arm" in requested else calibration_requests(["lever-arm"])
+        return (
+            *(constant for word in times for constant in of_time(word)),
+            *(of_vehicle(word) for word in arm),
+        )
