@@ -31,13 +31,14 @@ $(DEV): $(RUN)
 	@touch $@
 
 # A first run compiles for a minute and more: two processes side by side share that work through its
-# cache. The flight states its own noise, so nothing is identified. Else as `fgnav demo`, and pictures.
+# cache. The flight states its own noise, so nothing is identified, and LAMBDA finds its integers. Else as
+# `fgnav demo`, and pictures.
 demo: $(RUN)
 	rm -rf demo
 	mkdir -p demo
 	$(BIN)/fgnav simulate demo --seed 1 --out demo/flight
-	$(BIN)/fgnav run demo/flight --noise stated --out demo/smoother >/dev/null & \
-	$(BIN)/fgnav compare demo/flight --noise stated \
+	$(BIN)/fgnav run demo/flight --noise stated --integers lambda --out demo/smoother >/dev/null & \
+	$(BIN)/fgnav compare demo/flight --noise stated --integers lambda \
 	  --method closed-form,maximum-likelihood,smoother,batch,rtk \
 	  --json demo/compare.json --report demo/report.png; status=$$?; wait; exit $$status
 
