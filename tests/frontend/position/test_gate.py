@@ -14,7 +14,7 @@ def case(seed=0, velocity=True):
     return flight, flight.position, flight.velocity if velocity else None
 
 
-def gate(flight, position, velocity, blind=None):
+def gate(flight, position, velocity, untested=None):
     problem = flight.problem
     n, R_nb = len(problem.t_s), problem.start.R_nb
     track = InertialTrack(
@@ -24,7 +24,7 @@ def gate(flight, position, velocity, blind=None):
         w_b_radps=problem.start.aux[:, 3:6],
         imu=flight.imu,
         gravity_n_mps2=problem.motion.gravity_n_mps2,
-        blind=np.zeros(n, dtype=bool) if blind is None else blind,
+        untested=np.zeros(n, dtype=bool) if untested is None else untested,
         attitude_sigma_rad=np.zeros(n),
     )
     return gated(track, (position, velocity), "a1")
@@ -86,11 +86,11 @@ def test_a_velocity_that_jumps_goes_and_does_not_take_positions_along():
     assert [(loss.what, loss.count) for loss in result.losses] == [("velocity", 3)]
 
 
-def test_nothing_is_tested_near_a_blind_keyframe():
+def test_nothing_is_tested_near_an_untested_keyframe():
     flight, position, speeds = case(3)
-    blind = np.zeros(len(flight.problem.t_s), dtype=bool)
-    blind[95] = True
-    result = gate(flight, moved(position, [100, 200], [50.0, 0, 0]), speeds, blind)
+    untested = np.zeros(len(flight.problem.t_s), dtype=bool)
+    untested[95] = True
+    result = gate(flight, moved(position, [100, 200], [50.0, 0, 0]), speeds, untested)
     assert np.flatnonzero(np.isnan(result.position.value[:, 0])).tolist() == [200]
 
 
