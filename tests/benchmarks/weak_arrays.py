@@ -8,14 +8,13 @@ taken as it is, stands beside.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from fgnav.integers.thresholds import simulated
 
 from fgnav.checks import FloatArray
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from tests.benchmarks.wrong_fix import lower_bound
-from tests.integers.arrays import make
+from tests.integers.arrays import make, simulated
 
 SPREADS = {"as_stated": 1.0, "louder_1.5": 1.5, "louder_2": 2.0}  # true by stated deviations
 NAMES = tuple(f"weak_arrays_{name}" for name in SPREADS)
