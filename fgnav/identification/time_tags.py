@@ -13,6 +13,7 @@ from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE
 from fgnav.graph.turned import UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.identification.array.turn import tested_turn
+from fgnav.identification.likelihood.beside_phases import profile_likelihood
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.identify import identify
 from fgnav.identification.tested_constants import SIGMAS
@@ -90,13 +91,12 @@ class TagSearch(NamedTuple):
             stepped = self._stepped(AtTags(identified, moved), extra)
         except NoSolutionError:
             return unmoved
+        if self.flight.observations is not None:  # nothing is left to estimate
+            rest = stepped.identified.times.value[:2]
+            stepped = AtTags(stepped.identified.on_time(), stepped.moved + rest)
         either = identified.times.are_one_or_the_other  # late velocities are as likely with these
-        if not either and not self._is_likelier(stepped.moved, moved, extra):
-            return unmoved
-        if self.flight.observations is None:
-            return stepped
-        rest = stepped.identified.times.value[:2]
-        return AtTags(stepped.identified.on_time(), stepped.moved + rest)  # to the end
+        is_moved = either or self._is_likelier(stepped.moved, moved, extra)
+        return stepped if is_moved else unmoved
 
     def _with_tags(self, moved: FloatArray) -> Flight:
         return with_tags_moved(self.flight, moved, middle_of_tags_s(self.flight))
@@ -133,7 +133,8 @@ class TagSearch(NamedTuple):
 
         The steps that led to them take all else of a chain as it is, the rates' variances as well,
         which are of the times of the tags before: a body that turns alike all along seems to tell
-        them.
+        them. Where there are phases of arcs, all of the problem is asked: they tell forces far
+        better than the thinned chain's Doppler.
         """
         span = (float(before[0]), float(moved[0]))
         common = self._replace(flight=over_common_span(self.flight, span))
@@ -143,6 +144,8 @@ class TagSearch(NamedTuple):
             at = common._with_tags(by)
             try:
                 prepared = self.build(at, self.settings)
+                if prepared.problem.phase is not None:
+                    return profile_likelihood(prepared.problem)
                 return identify(at, prepared.problem, prepared.timed, others).likelihood
             except NoSolutionError:
                 return -np.inf

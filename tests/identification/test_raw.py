@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from fgnav.frontend.problem import build_problem
+from fgnav.identification import tested_constants, time_tags
 from fgnav.identification.findings import findings
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Smoother
 from tests.gnss.based import flown
+from tests.methods.simulated import errors_rad, nees
 from tests.robustness.drawn.flights import right_flight
 
 SETTINGS = Smoother().preparation
@@ -40,6 +42,32 @@ def test_a_clock_that_is_off_is_corrected_to_the_end():
     assert abs(found.moved[0] + 0.352) < 4 * 0.0013  # its sigma
     assert all(one.kind != "clock" for one in found.calibration)
     assert any("corrected." in note for note in found.notes)
+
+
+def test_a_clock_that_runs_fast_is_moved_where_phases_say_so():
+    """The chain, which has no phases, finds such tags 6.5 nats likelier, and eight are asked."""
+    right = right_flight("array", 7_335)
+    t_s = right.imu.t_s
+    fast = replace(right, imu=replace(right.imu, t_s=t_s[0] + (1 + 2.3e-3) * (t_s - t_s[0])))
+    estimate = Smoother()(fast)
+    assert any("clock disagrees with GNSS" in note for note in estimate.notes)
+    # Of 3; measured 3.3.
+    assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 5.0
+
+
+def test_a_right_flight_that_is_asked_for_its_clock_keeps_its_tags(monkeypatch):
+    asked = []
+    likelihood = time_tags.profile_likelihood
+
+    def seen(problem):
+        asked.append(likelihood(problem))
+        return asked[-1]
+
+    monkeypatch.setattr(time_tags, "profile_likelihood", seen)
+    monkeypatch.setattr(tested_constants, "_ASKED_SIGMAS", 0.0)
+    found = found_in(right_flight("array", 7_335))
+    assert len(asked) == 2  # at both tags
+    assert not found.moved.any()
 
 
 @pytest.mark.parametrize("seed", [94_003, 94_012])

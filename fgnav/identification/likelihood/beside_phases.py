@@ -63,6 +63,27 @@ def white_noise_factors(
     return {n: f for n, f in _factors(found.names, theta).items() if used[found.names.index(n)]}
 
 
+def profile_likelihood(problem: SmoothingProblem) -> float:
+    """Return the log likelihood at the minimum of a whole problem; minus infinity without one.
+
+    One factor on all variances, 1 or more, is free: whatever else is louder than stated does not
+    make one of two problems surer. Determinants are left out: of problems that differ by the
+    unit's tags alone they are the same.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+        With phases.
+    """
+    try:
+        cost = solve_batch(problem).cost
+    except NoSolutionError:
+        return -np.inf
+    rows = _rows(problem)
+    factor = max(cost / rows, 1.0)
+    return -(cost / factor + rows * float(np.log(factor))) / 2
+
+
 def _factors(names: tuple[str, ...], theta: FloatArray) -> dict[str, float]:
     return dict(zip(names, np.exp(theta).tolist(), strict=True))
 
