@@ -26,7 +26,7 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.frontend.position.base_integers import without_place
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock
 from fgnav.identification.track.windows import EXCLUDED
-from fgnav.solve.chain.arcs_kernel import eliminate_first
+from fgnav.solve.chain.arcs_kernel import lead_on
 
 ERRORS = ("satellite error", "satellite error walk", "satellite error rate")
 _MOST = np.log(100.0)  # of a factor's logarithm: centimetres of metres, noise of phases and codes
@@ -75,7 +75,7 @@ class SatelliteErrors:
     def __init__(self, phase: AntennaPhase) -> None:
         blocks = phase.blocks[:_ENOUGH]
         self._kinds = [_kinds(block) for block in blocks]
-        self._rows = [np.column_stack([-one.before, one.after, one.right]) for one in blocks]
+        self._rows = [(one.before, one.after, one.right) for one in blocks]
         self.count = [sum(int((of == i).sum()) for of in self._kinds) for i in range(len(ERRORS))]
         self._measured = [np.zeros((one.size + 1, one.size + 1)) for one in blocks]
         for one, block in zip(phase.rows, phase.block - phase.first_block, strict=True):
@@ -104,16 +104,13 @@ class SatelliteErrors:
         weight = np.append(np.exp(-2 * theta), 1.0)
         log_root, information = 0.0, np.zeros((1, 1))
         for rows, kinds, measured in zip(self._rows, self._kinds, self._measured, strict=True):
-            before = len(information) - 1
-            joint = rows.T @ (weight[kinds, None] * rows)
-            joint[:before, :before] += information[:before, :before]
-            joint[:before, -1] += information[:before, -1]
-            joint[-1, -1] += information[-1, -1]
-            is_known, root, _ = eliminate_first(joint, before)
+            size = len(information) - 1
+            order = np.arange(size + 1)
+            is_known, root, _, left = lead_on(information, order, size, rows, weight[kinds])
             if not is_known:
                 return -np.inf
             log_root += float(np.log(root.diagonal()).sum())
-            information = joint[before:, before:] + measured
+            information = left + measured
         try:
             root = np.linalg.cholesky(information[:-1, :-1])
         except np.linalg.LinAlgError:

@@ -264,30 +264,21 @@ def eliminate_arcs(forward: FloatArray, block: ArcBlock, size: int, a: int) -> E
     """
     W = len(forward)
     first = W - 1 - a  # of A
-    kept = np.r_[0:first, W - 1]
-    # A, state and constants, A', right-hand side; not as wide as the widest A of the flight, or
-    # what comes later would change the rounding of what was before.
-    end = size + first + block.size
-    joint = np.zeros((end + 1, end + 1))
-    place = np.r_[size : size + first, end]
-    full = np.triu(forward) + np.triu(forward, 1).T
-    old, new = slice(first, first + size), slice(size + first, end)
-    joint[:size, :size] = full[old, old]
-    joint[:size, place] = full[old][:, kept]
-    joint[place[:, None], place] = full[kept[:, None], kept]
-    if block.before.shape[1]:
-        joint[:size, :size] += block.before.T @ block.before
-        joint[:size, new] -= block.before.T @ block.after
-        joint[:size, -1] -= block.before.T @ block.right
-    joint[new, new] += block.after.T @ block.after
-    joint[new, -1] += block.after.T @ block.right
-    joint[-1, -1] += block.right @ block.right
-    known, root, gain = arcs_kernel.eliminate_first(joint, size)
+    # Not as wide as the widest A of the flight, or what comes later would change the rounding of
+    # what was before.
+    known, root, gain, left = arcs_kernel.lead_on(
+        forward,
+        np.r_[first : first + size, 0:first, W - 1],
+        size,
+        (block.before, block.after, block.right),
+        np.ones(len(block.right)),
+    )
     if not known:
         raise np.linalg.LinAlgError("arcs: the data leave an ambiguity open")
-    taken, unused = np.r_[0 : end - size, W - 1], np.arange(end - size, W - 1)
-    forward[:], forward[unused, unused] = 0.0, 1.0
-    forward[taken[:, None], taken] = np.triu(joint[size:, size:])
+    end = first + block.size
+    forward[:] = np.diag(np.arange(W) >= end)
+    forward[:end, :end], forward[:end, -1] = np.triu(left[:-1, :-1]), left[:-1, -1]
+    forward[-1, -1] = left[-1, -1]
     return EliminatedArcs(root, gain)
 
 

@@ -6,9 +6,63 @@ them, and rounds by its number of columns.
 
 import numpy as np
 
-from fgnav.checks import FloatArray
-from fgnav.kernels.compiled import inlined, kernel
+from fgnav.checks import FloatArray, IntArray
+from fgnav.kernels.compiled import inner, kernel
 from fgnav.solve.chain.back_kernel import backward_solve, cholesky, forward_solve
+
+
+@kernel
+def lead_on(
+    known: FloatArray,
+    order: IntArray,
+    size: int,
+    rows: tuple[FloatArray, FloatArray, FloatArray],
+    weight: FloatArray,
+) -> tuple[bool, FloatArray, FloatArray, FloatArray]:
+    """Lead information of a block's A on to the A' of the next block, and eliminate A.
+
+    Parameters
+    ----------
+    known : ndarray
+        Augmented information, upper half, of A, of others and the right-hand side.
+    order : ndarray of int, shape (size + m + 1,)
+        Where A, others and the right-hand side stand in it.
+    size : int
+        Of A; may be less than what ``rows`` has no column for.
+    rows : tuple of ndarray, shapes (q, size or 0), (q, size'), (q,)
+        Before, after and right of the next block: ``-before A + after A' = right``.
+    weight : ndarray, shape (q,)
+        Of their squares.
+
+    Returns
+    -------
+    is_known, root, gain
+        As of ``eliminate_first``.
+    left : ndarray, shape (m + size' + 1, m + size' + 1)
+        Information of others, A' and the right-hand side.
+    """
+    before, after, right = rows
+    m, new = len(order) - 1, after.shape[1]
+    n = m + new + 1
+    joint, row = np.zeros((n, n)), np.zeros(n)
+    for i in range(m + 1):
+        for j in range(i, m + 1):
+            a, b = min(order[i], order[j]), max(order[i], order[j])
+            joint[i if i < m else n - 1, j if j < m else n - 1] = known[a, b]
+    for k in range(len(right)):
+        for i in range(before.shape[1]):
+            row[i] = -before[k, i]
+        for i in range(new):
+            row[m + i] = after[k, i]
+        row[n - 1] = right[k]
+        for i in range(n):
+            scale, out = weight[k] * row[i], joint[i]
+            if scale != 0.0:
+                for j in range(i, n):
+                    out[j] += scale * row[j]
+    _mirror(joint, 0)
+    is_known, root, gain = eliminate_first(joint, size)
+    return is_known, root, gain, joint[size:, size:]
 
 
 @kernel
@@ -53,7 +107,7 @@ def eliminate_first(joint: FloatArray, size: int) -> tuple[bool, FloatArray, Flo
     return True, root, gain
 
 
-@inlined
+@inner
 def _mirror(A: FloatArray, first: int) -> None:
     """Fill the lower half of a matrix with its upper one, from a row and column on."""
     for i in range(first, len(A)):
