@@ -1,6 +1,7 @@
 """What raw observations tell of the inertial unit: phases of arcs, and places of an array."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -42,6 +43,23 @@ def test_a_clock_that_is_off_is_corrected_to_the_end():
     assert abs(found.moved[0] + 0.352) < 4 * 0.0013  # its sigma
     assert all(one.kind != "clock" for one in found.calibration)
     assert any("corrected." in note for note in found.notes)
+
+
+def test_tags_are_moved_by_steps_until_one_is_within_its_sigma(monkeypatch):
+    """A step that goes half the way, as steps do, is not the last one."""
+    flight = right_flight("fixes", 75_836)
+    late_s = 0.4
+
+    def half_the_way(at, *_):
+        rest_s = late_s - (flight.imu.t_s - at.imu.t_s).mean()
+        value, sigma = np.array([-rest_s / 2, 0.0, 0.0]), np.full(3, 0.02)
+        return SimpleNamespace(times=SimpleNamespace(value=value, sigma=sigma), factors={})
+
+    monkeypatch.setattr(time_tags, "identify", half_the_way)
+    search = time_tags.TagSearch(flight, SETTINGS, lambda *_: SimpleNamespace(problem=0, timed=0))
+    at_tags = search._stepped(time_tags.AtTags(half_the_way(flight), np.zeros(2)), ())
+    assert abs(at_tags.moved[0] + late_s) < 0.04
+    assert at_tags.moved[1] == 0.0
 
 
 def test_a_clock_that_runs_fast_is_moved_where_phases_say_so():
