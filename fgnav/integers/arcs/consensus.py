@@ -38,7 +38,7 @@ def arc_consensus(arc: IntArray, cycles: IntArray, votes: FloatArray, *, causal:
     before = _so_far(arc, cycles, votes)
     if causal:
         return before
-    after = _so_far(arc[::-1], cycles[::-1], votes[::-1])
+    after = _so_far(*(np.ascontiguousarray(one[::-1]) for one in (arc, cycles, votes)))
     after = Consensus(after.cycles[::-1], after.margin[::-1], after.agreed[::-1])
     same = (before.cycles == after.cycles) | (before.margin == 0) | (after.margin == 0)
     return Consensus(
