@@ -54,12 +54,17 @@ class Times:
         return alone
 
     @property
+    def clock_sigmas(self) -> float:
+        """By how many sigmas the clock's offset or rate is off, whichever is by more."""
+        return float(np.fmax(*np.abs(self.value[:2] / self.sigma[:2])))
+
+    @property
     def is_clock_in_doubt(self) -> bool:
         """Whether the flight is to be asked at other tags, though these may not exclude its own.
 
         A step takes the rates' variances at the first tags and falls short by about half.
         """
-        return bool((np.abs(self.value[:2]) > _ASKED_SIGMAS * self.sigma[:2]).any())
+        return self.clock_sigmas > _ASKED_SIGMAS
 
     @property
     def are_one_or_the_other(self) -> bool:

@@ -15,7 +15,7 @@ from fgnav.graph.types.constants import FlightConstant
 from fgnav.identification.array.turn import tested_turn
 from fgnav.identification.likelihood.beside_phases import profile_likelihood
 from fgnav.identification.noise.identified import Identified
-from fgnav.identification.noise.identify import identify
+from fgnav.identification.noise.identify import as_stated, identify
 from fgnav.identification.tested_constants import SIGMAS
 from fgnav.identification.track.candidates import clock_candidates, over_common_span
 from fgnav.identification.track.tags import is_far, middle_of_tags_s, with_tags_moved
@@ -113,18 +113,31 @@ class TagSearch(NamedTuple):
         """Return what the flight says at tags moved by steps until one is within its sigma.
 
         A step takes variances of the rate at the times of the tags before, and falls short.
+
+        Where noise had no minimum it is sought again at the last tags alone.
+
+        Raises
+        ------
+        NoSolutionError
+            If a step leaves no less than the one before: of other faults than the clock's they lead
+            to and fro, and each identifies all noise.
         """
         identified, moved = first
-        factors = identified.factors
+        factors, before = identified.factors, identified.times.clock_sigmas
+        is_stated = identified.has_no_minimum
         for _ in range(_CLOCK_STEPS):
             moved = moved + identified.times.value[:2]
             flight = self._with_tags(moved)
             prepared = self.build(flight, self.settings)
-            identified = identify(flight, prepared.problem, prepared.timed, extra, factors)
-            times = identified.times
-            if (np.abs(times.value[:2]) <= times.sigma[:2]).all():
+            at_tags = flight, prepared.problem, prepared.timed, extra
+            identified = as_stated(*at_tags) if is_stated else identify(*at_tags, factors)
+            remaining = identified.times.clock_sigmas
+            if remaining <= 1.0:
                 break
-        return AtTags(identified, moved)
+            if remaining >= before:
+                raise NoSolutionError("clock: its steps do not end")
+            before = remaining
+        return AtTags(identify(*at_tags) if is_stated else identified, moved)
 
     def _is_likelier(
         self, moved: FloatArray, before: FloatArray, extra: tuple[FlightConstant, ...]

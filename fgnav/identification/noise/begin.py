@@ -31,7 +31,8 @@ def begins(
     """
     seem = at_start(small) | known
     noisy = seem | dict.fromkeys(("position", "velocity"), ABOVE)
-    return ((known, 1.0), *((seem, louder) for louder in _LOUDER), (noisy, 1.0))
+    louder = tuple((seem, times) for times in _LOUDER if times > 1.0 or seem != known)
+    return ((known, 1.0), *louder, (noisy, 1.0))
 
 
 def at_start(small: SmoothingProblem) -> dict[str, float]:

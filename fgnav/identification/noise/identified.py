@@ -39,6 +39,8 @@ class Identified:
         by a search with it taken back.
     likelihood : float
         Penalised, its logarithm.
+    has_no_minimum : bool
+        Whether noise is as stated for want of a chain about which to identify it.
     """
 
     names: tuple[str, ...]
@@ -51,6 +53,7 @@ class Identified:
     arm: TestedVector | None
     turn: TestedVector | None
     likelihood: float
+    has_no_minimum: bool = False
 
     @property
     def exceeds_noise(self) -> BoolArray:

@@ -66,7 +66,7 @@ def identify(
     except NoSolutionError:
         if stated is None or (stated.is_noise_doubted and not stated.identified.is_turned):
             raise
-        return stated.identified
+        return replace(stated.identified, has_no_minimum=True)
     free = _unless_an_instrument(small, free)
     if stated is None:
         return free
@@ -74,6 +74,22 @@ def identify(
         return stated.identified
     # Noise so loud that a turn no longer shows stands for it: the caller is to take it back.
     return free if free.is_turned else replace(free, turn=stated.identified.turn)
+
+
+def as_stated(
+    flight: Flight,
+    problem: SmoothingProblem,
+    timed: TimedMotion,
+    extra: tuple[FlightConstant, ...],
+) -> Identified:
+    """Return what a flight says where noise is as stated, which has no other minimum.
+
+    Parameters and errors are those of ``identify``.
+    """
+    stated = _as_stated(ThinnedFlight.of(flight, problem, timed, extra))
+    if stated is None or (stated.is_noise_doubted and not stated.identified.is_turned):
+        raise NoSolutionError("noise: the chain has no minimum about which to identify it")
+    return stated.identified
 
 
 class _AsStated(NamedTuple):
