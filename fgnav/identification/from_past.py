@@ -60,7 +60,8 @@ def stretches(
     ]
     if all(one == Look(None) for one in by_then):
         return ()
-    parts = []
+    parts: list[Stretch] = []
+    before = None
     for begin_s, until_s, told in zip(from_s[:-1], from_s[1:], by_then, strict=True):
         part = flight if until_s == np.inf else truncated(flight, float(until_s + ahead_s))
         try:
@@ -68,9 +69,13 @@ def stretches(
         except NoSolutionError:
             if until_s == np.inf:
                 raise
-            continue  # nothing is known by then, whatever comes later
-        parts.append(Stretch(float(begin_s), float(until_s), part, problem))
-    changed_s = ", ".join(f"{s:.0f}" for s in from_s[:-1] if s > -np.inf)
+            before = None  # nothing is known by then, whatever comes later
+            continue
+        # Causal: of a longer record the same is estimated, once for both.
+        first_s = parts.pop().from_s if told.goes_on(before) else float(begin_s)
+        parts.append(Stretch(first_s, float(until_s), part, problem))
+        before = told
+    changed_s = ", ".join(f"{one.from_s:.0f}" for one in parts if one.from_s > -np.inf)
     note = f"Noise is identified anew from the past, from {changed_s} s on."
     last = parts[-1]
     said = replace(last.prepared, notes=(*last.prepared.notes, note))
@@ -101,6 +106,10 @@ class Look(NamedTuple):
 
     found: Findings | None
     is_told: bool = True
+
+    def goes_on(self, before: "Look | None") -> bool:
+        """Return whether noise is as stated, as by the look before."""
+        return before is not None and self.found is before.found is None and self == before
 
     def prepared(self, flight: Flight, settings: ProblemSettings, build: Build) -> PreparedFlight:
         """Return the problem of a flight that goes on, with noise and times as found."""

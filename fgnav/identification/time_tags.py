@@ -1,6 +1,7 @@
 """What a flight says of its noise, with the inertial unit's tags moved as it is likeliest."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -113,7 +114,6 @@ class TagSearch(NamedTuple):
         """Return what the flight says at tags moved by steps until one is within its sigma.
 
         A step takes variances of the rate at the times of the tags before, and falls short.
-
         Where noise had no minimum it is sought again at the last tags alone.
 
         Raises
@@ -123,21 +123,29 @@ class TagSearch(NamedTuple):
             to and fro, and each identifies all noise.
         """
         identified, moved = first
-        factors, before = identified.factors, identified.times.clock_sigmas
-        is_stated = identified.has_no_minimum
+        before, is_stated = identified.times.clock_sigmas, identified.has_no_minimum
         for _ in range(_CLOCK_STEPS):
             moved = moved + identified.times.value[:2]
-            flight = self._with_tags(moved)
-            prepared = self.build(flight, self.settings)
-            at_tags = flight, prepared.problem, prepared.timed, extra
-            identified = as_stated(*at_tags) if is_stated else identify(*at_tags, factors)
+            judge = as_stated if is_stated else partial(identify, factors=first.identified.factors)
+            identified = self._judged(moved, extra, judge)
             remaining = identified.times.clock_sigmas
             if remaining <= 1.0:
                 break
             if remaining >= before:
                 raise NoSolutionError("clock: its steps do not end")
             before = remaining
-        return AtTags(identify(*at_tags) if is_stated else identified, moved)
+        return AtTags(self._judged(moved, extra, identify) if is_stated else identified, moved)
+
+    def _judged(
+        self,
+        moved: FloatArray,
+        extra: tuple[FlightConstant, ...],
+        judge: Callable[..., Identified],
+    ) -> Identified:
+        """Return what the flight says with tags moved, by ``identify`` or ``as_stated``."""
+        flight = self._with_tags(moved)
+        prepared = self.build(flight, self.settings)
+        return judge(flight, prepared.problem, prepared.timed, extra)
 
     def _is_likelier(
         self, moved: FloatArray, before: FloatArray, extra: tuple[FlightConstant, ...]

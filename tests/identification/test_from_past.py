@@ -27,8 +27,17 @@ def loud():
 
 
 @pytest.fixture(scope="module")
-def filtered(loud):
-    return Forward()(loud)
+def prepared(loud):
+    return Forward().prepare(loud)
+
+
+@pytest.fixture(scope="module")
+def filtered(loud, prepared):
+    return Forward().estimate_prepared(loud, prepared)
+
+
+def test_stretches_that_believe_the_same_are_one(prepared):
+    assert [one.from_s for one in prepared.stretches] == [-np.inf, 60.0]
 
 
 def test_a_filter_is_as_sure_as_the_noise_that_its_past_shows(loud, filtered):

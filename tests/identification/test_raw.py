@@ -6,9 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fgnav.checks import NoSolutionError
 from fgnav.frontend.problem import build_problem
 from fgnav.identification import tested_constants, time_tags
 from fgnav.identification.findings import findings
+from fgnav.identification.tested_constants import Times
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Smoother
 from tests.gnss.based import flown
@@ -50,16 +52,31 @@ def test_tags_are_moved_by_steps_until_one_is_within_its_sigma(monkeypatch):
     flight = right_flight("fixes", 75_836)
     late_s = 0.4
 
-    def half_the_way(at, *_):
+    def half_the_way(at, *_, **__):
         rest_s = late_s - (flight.imu.t_s - at.imu.t_s).mean()
-        value, sigma = np.array([-rest_s / 2, 0.0, 0.0]), np.full(3, 0.02)
-        return SimpleNamespace(times=SimpleNamespace(value=value, sigma=sigma), factors={})
+        times = Times(value=np.array([-rest_s / 2, 0.0, 0.0]), sigma=np.full(3, 0.02))
+        return SimpleNamespace(times=times, factors={}, has_no_minimum=False)
 
     monkeypatch.setattr(time_tags, "identify", half_the_way)
     search = time_tags.TagSearch(flight, SETTINGS, lambda *_: SimpleNamespace(problem=0, timed=0))
     at_tags = search._stepped(time_tags.AtTags(half_the_way(flight), np.zeros(2)), ())
     assert abs(at_tags.moved[0] + late_s) < 0.04
     assert at_tags.moved[1] == 0.0
+
+
+def test_steps_to_and_fro_end_at_once(monkeypatch):
+    """Of other faults: each would identify all noise again."""
+    flight, offsets_s = right_flight("fixes", 75_836), iter([0.3, -0.2, 0.25, -0.25])
+
+    def to_and_fro(*_, **__):
+        times = Times(value=np.array([next(offsets_s), 0.0, 0.0]), sigma=np.full(3, 0.02))
+        return SimpleNamespace(times=times, factors={}, has_no_minimum=False)
+
+    monkeypatch.setattr(time_tags, "identify", to_and_fro)
+    search = time_tags.TagSearch(flight, SETTINGS, lambda *_: SimpleNamespace(problem=0, timed=0))
+    with pytest.raises(NoSolutionError, match="clock: its steps do not end"):
+        search._stepped(time_tags.AtTags(to_and_fro(), np.zeros(2)), ())
+    assert next(offsets_s) == -0.25
 
 
 def test_a_clock_that_runs_fast_is_moved_where_phases_say_so():
