@@ -41,7 +41,7 @@ def exclusions(flight: Flight, contradictory: tuple[Consistency, ...]) -> Iterat
     is wrong with the inertial unit. That, whose errors all others show, is left out where any of
     them contradicts. An instrument that contradicts throughout is left out whole, and so are phases
     that contradict each other; other GNSS is not: whatever pulls a solution away from it is tried
-    in its place.
+    in its place, each instrument once.
 
     Parameters
     ----------
@@ -55,6 +55,7 @@ def exclusions(flight: Flight, contradictory: tuple[Consistency, ...]) -> Iterat
     inertial = _without_inertial(flight, contradictory)
     if inertial is not None and len(contradictory) > 1:
         yield inertial
+    tried = {one.what for one in contradictory}
     for one in contradictory:
         if one in instruments:
             continue
@@ -62,7 +63,8 @@ def exclusions(flight: Flight, contradictory: tuple[Consistency, ...]) -> Iterat
         if changed is not flight:
             yield Exclusion(changed, _rejected(one), partial(_without, one=one))
         else:
-            yield from _without_instruments(flight, one, {c.what for c in contradictory})
+            yield from _without_instruments(flight, one, tried)
+            tried |= _INSTRUMENTS.keys()
     if inertial is not None and len(contradictory) == 1:
         yield inertial
 
@@ -82,10 +84,10 @@ def going_on(contradictory: tuple[Consistency, ...], present_s: float) -> tuple[
     return tuple(longer)
 
 
-def _without_instruments(flight: Flight, one: Consistency, named: set[str]) -> Iterator[Exclusion]:
+def _without_instruments(flight: Flight, one: Consistency, tried: set[str]) -> Iterator[Exclusion]:
     """Yield flights without one instrument that agrees with a solution which GNSS contradicts."""
     for what, field in _INSTRUMENTS.items():
-        if what in named or getattr(flight, field) is None:
+        if what in tried or getattr(flight, field) is None:
             continue
         without = partial(_without_instrument, field=field)
         rejected = tuple(

@@ -44,6 +44,8 @@ def chosen_turn(
         Whether other sensors see directions in the body's axes.
     """
     identified = at_tags.identified
+    if identified.turn is None:  # not tested: there is no array, or its places are estimated
+        return None, at_tags
     unit = _confirmed(search, at_tags, UNIT_TURN)
     if not arbitrated or not (identified.used.any() or identified.is_turned):
         return (None, at_tags) if unit is None else unit.chosen(_EITHER)

@@ -15,7 +15,7 @@ _LOUDER = (1.0, 10.0, 100.0)  # times that: an axis without a signal is 1,000 ti
 
 
 def begins(
-    small: SmoothingProblem, known: dict[str, float]
+    small: SmoothingProblem, factors: dict[str, float]
 ) -> tuple[tuple[dict[str, float], float], ...]:
     """Return factors on measurements' noise, and one on the inertial unit's, in turn.
 
@@ -26,13 +26,13 @@ def begins(
     ----------
     small : SmoothingProblem
         Thinned.
-    known : dict of str to float
-        Factors of a search before.
+    factors : dict of str to float
+        Of a search before.
     """
-    seem = at_start(small) | known
+    seem = at_start(small) | factors
     noisy = seem | dict.fromkeys(("position", "velocity"), ABOVE)
-    louder = tuple((seem, times) for times in _LOUDER if times > 1.0 or seem != known)
-    return ((known, 1.0), *louder, (noisy, 1.0))
+    louder = tuple((seem, times) for times in _LOUDER if times > 1.0 or seem != factors)
+    return ((factors, 1.0), *louder, (noisy, 1.0))
 
 
 def at_start(small: SmoothingProblem) -> dict[str, float]:
