@@ -106,11 +106,11 @@ class SatelliteErrors:
         for rows, kinds, measured in zip(self._rows, self._kinds, self._measured, strict=True):
             size = len(information) - 1
             order = np.arange(size + 1)
-            is_known, root, _, left = lead_on(information, order, size, rows, weight[kinds])
+            is_known, root, _, remaining = lead_on(information, order, size, rows, weight[kinds])
             if not is_known:
                 return -np.inf
             log_root += float(np.log(root.diagonal()).sum())
-            information = left + measured
+            information = remaining + measured
         try:
             root = np.linalg.cholesky(information[:-1, :-1])
         except np.linalg.LinAlgError:

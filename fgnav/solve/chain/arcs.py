@@ -266,19 +266,19 @@ def eliminate_arcs(forward: FloatArray, block: ArcBlock, size: int, a: int) -> E
     first = W - 1 - a  # of A
     # Not as wide as the widest A of the flight, or what comes later would change the rounding of
     # what was before.
-    known, root, gain, left = arcs_kernel.lead_on(
+    is_positive, root, gain, remaining = arcs_kernel.lead_on(
         forward,
         np.r_[first : first + size, 0:first, W - 1],
         size,
         (block.before, block.after, block.right),
         np.ones(len(block.right)),
     )
-    if not known:
+    if not is_positive:
         raise np.linalg.LinAlgError("arcs: the data leave an ambiguity open")
     end = first + block.size
     forward[:] = np.diag(np.arange(W) >= end)
-    forward[:end, :end], forward[:end, -1] = np.triu(left[:-1, :-1]), left[:-1, -1]
-    forward[-1, -1] = left[-1, -1]
+    forward[:end, :end], forward[:end, -1] = np.triu(remaining[:-1, :-1]), remaining[:-1, -1]
+    forward[-1, -1] = remaining[-1, -1]
     return EliminatedArcs(root, gain)
 
 

@@ -13,7 +13,7 @@ from fgnav.solve.chain.back_kernel import backward_solve, cholesky, forward_solv
 
 @kernel
 def lead_on(
-    known: FloatArray,
+    information: FloatArray,
     order: IntArray,
     size: int,
     rows: tuple[FloatArray, FloatArray, FloatArray],
@@ -23,8 +23,8 @@ def lead_on(
 
     Parameters
     ----------
-    known : ndarray
-        Augmented information, upper half, of A, of others and the right-hand side.
+    information : ndarray
+        Augmented, upper half, of A, of others and the right-hand side.
     order : ndarray of int, shape (size + m + 1,)
         Where A, others and the right-hand side stand in it.
     size : int
@@ -38,7 +38,7 @@ def lead_on(
     -------
     is_known, root, gain
         As of ``eliminate_first``.
-    left : ndarray, shape (m + size' + 1, m + size' + 1)
+    remaining : ndarray, shape (m + size' + 1, m + size' + 1)
         Information of others, A' and the right-hand side.
     """
     before, after, right = rows
@@ -48,7 +48,7 @@ def lead_on(
     for i in range(m + 1):
         for j in range(i, m + 1):
             a, b = min(order[i], order[j]), max(order[i], order[j])
-            joint[i if i < m else n - 1, j if j < m else n - 1] = known[a, b]
+            joint[i if i < m else n - 1, j if j < m else n - 1] = information[a, b]
     for k in range(len(right)):
         for i in range(before.shape[1]):
             row[i] = -before[k, i]
