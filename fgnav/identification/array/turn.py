@@ -72,8 +72,8 @@ def turned_back(flight: Flight, turn_rad: FloatArray, *, of_array: bool) -> Flig
 def after(before_rad: FloatArray, turn: TestedVector, *, of_array: bool) -> TestedVector:
     """Return a turn that was found once another had been taken back, both together."""
     first, second = exp(before_rad[None])[0], exp(turn.off[None])[0]
-    whole = first @ second if of_array else second @ first
-    return replace(turn, off=log(whole[None])[0])
+    turned = first @ second if of_array else second @ first
+    return replace(turn, off=log(turned[None])[0])
 
 
 def others_tell(problem: SmoothingProblem) -> bool:
@@ -83,17 +83,17 @@ def others_tell(problem: SmoothingProblem) -> bool:
 
 def sentence(turn: TestedVector, axes: BodyAxes) -> str:
     """Return what is to be said of a turn."""
-    sigma = np.degrees(np.sqrt(np.diag(turn.covariance)))
+    sigma_deg = np.degrees(np.sqrt(np.diag(turn.covariance)))
     along = ", ".join(f"{x:+.2f}" for x in np.degrees(turn.off))
-    known = ", ".join(f"{x:.2f}" for x in sigma)
+    sigmas = ", ".join(f"{x:.2f}" for x in sigma_deg)
     angle = np.degrees(np.linalg.norm(turn.off))
     which = "the antennas'" if axes.of_array else "the inertial unit's"
     other = "inertial unit" if axes.of_array else "antennas"
     if axes.is_even:
-        told = f"nothing tells which of them: attitudes are of {which} axes, and sigmas hold both"
+        end = f"nothing tells which of them: attitudes are of {which} axes, and sigmas hold both"
     else:
-        told = f"other sensors say that it is the {other}: attitudes are of {which} axes"
+        end = f"other sensors say that it is the {other}: attitudes are of {which} axes"
     return (
         f"The array and the inertial unit are turned against each other by {angle:.1f} deg: "
-        f"{along} deg about x_b, y_b, z_b (± {known} deg), from the unit to the array; {told}."
+        f"{along} deg about x_b, y_b, z_b (± {sigmas} deg), from the unit to the array; {end}."
     )

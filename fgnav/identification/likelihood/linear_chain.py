@@ -215,11 +215,11 @@ class LinearChain:
             )
             for i, one in enumerate(self._sensors):
                 scaled = [part * np.exp(-theta[own + i]) for part in one.linear]
-                told = chain_kernel.measurement_score(
+                score = chain_kernel.measurement_score(
                     scaled[0], scaled[1], scaled[2], one.rows, step, (P, shared, constant)
                 )
-                squares[own + i], redundancy[own + i] = told[:2]
-                information[own + i, own + i] = told[2]
+                squares[own + i], redundancy[own + i] = score[:2]
+                information[own + i, own + i] = score[2]
         return Score(
             likelihood,
             squares,

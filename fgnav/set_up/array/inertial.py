@@ -132,12 +132,12 @@ def _gyroscope_findings(motion: Motion) -> list[Finding]:
     total = np.vstack([np.zeros(3), np.cumsum(middles, axis=0)])
     angle = np.stack([np.interp(t_s, imu.t_s, x) for x in total.T], axis=1)
     covered = (t_s[:-1] >= imu.t_s[0]) & (t_s[1:] <= imu.t_s[-1])
-    told = np.diff(angle, axis=0)[covered]
+    turns_rad = np.diff(angle, axis=0)[covered]
     turn = log(transpose(motion.quick.R_nb[:-1]) @ motion.quick.R_nb[1:])[covered]
     rate_hz = 1.0 / float(np.median(np.diff(imu.t_s)))
     units = {"": 1.0, "degrees": np.pi / 180, "increments": rate_hz}
     left = {
-        (unit, k): float(((turn - factor * told @ M.T) ** 2).sum())
+        (unit, k): float(((turn - factor * turns_rad @ M.T) ** 2).sum())
         for unit, factor in units.items()
         for k, M in enumerate(signed_permutations())
     }

@@ -37,7 +37,7 @@ _OF_ARM = slice(ARM.start - _FREE, ARM.stop - _FREE)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class _Told:
+class _Fitted:
     """Clock and lever arm by the velocities, with covariances that hold."""
 
     late_s: float
@@ -48,27 +48,27 @@ class _Told:
 
 def fine_findings(motion: Motion) -> tuple[list[Finding], list[Finding]]:
     """Return small clock errors and wrong lever arms; and what the motion is too weak to tell."""
-    told = _told(motion)
+    fitted = _fitted(motion)
     findings: list[Finding] = []
     unchecked: list[Finding] = []
-    if abs(told.late_s) > max(_CLOCK_S, _SIGMAS * told.late_sigma_s):
+    if abs(fitted.late_s) > max(_CLOCK_S, _SIGMAS * fitted.late_sigma_s):
         text = (
-            f"add {-told.late_s * 1e3:+.0f} ms to its t_s (known to "
-            f"{told.late_sigma_s * 1e3:.1f} ms from the velocities)"
+            f"add {-fitted.late_s * 1e3:+.0f} ms to its t_s (known to "
+            f"{fitted.late_sigma_s * 1e3:.1f} ms from the velocities)"
         )
         findings.append(Finding(name="imu clock", text=text))
-    elif _SIGMAS * told.late_sigma_s > 2 * _CLOCK_S:
-        text = f"the motion tells it to {told.late_sigma_s * 1e3:.0f} ms only"
+    elif _SIGMAS * fitted.late_sigma_s > 2 * _CLOCK_S:
+        text = f"the motion tells it to {fitted.late_sigma_s * 1e3:.0f} ms only"
         unchecked.append(Finding(name="imu clock", text=text))
-    findings += _arm_findings(motion, told)
-    arm_sigma_m = float(np.sqrt(np.linalg.eigvalsh(told.arm_covariance_m2)[-1]))
+    findings += _arm_findings(motion, fitted)
+    arm_sigma_m = float(np.sqrt(np.linalg.eigvalsh(fitted.arm_covariance_m2)[-1]))
     if _SIGMAS * arm_sigma_m > 2 * _ARM_M:
         text = f"the motion tells it to {arm_sigma_m:.2f} m only"
         unchecked.append(Finding(name="imu lever arm", text=text))
     return findings, unchecked
 
 
-def _told(motion: Motion) -> _Told:
+def _fitted(motion: Motion) -> _Fitted:
     of = equations(motion)
     A = of.A[:, :, _FREE:]
     y_mps = of.y_mps - of.A[:, :, :_FREE] @ np.eye(3).ravel()
@@ -83,7 +83,7 @@ def _told(motion: Motion) -> _Told:
     scatter = _scatter(motion, of, A, left_mps) + VELOCITY_MPS**2 * ridge
     covariance = inverse @ scatter @ inverse.T
     place = CLOCK - _FREE
-    return _Told(
+    return _Fitted(
         late_s=float(x[place]),
         late_sigma_s=float(np.sqrt(covariance[place, place])),
         arm_b_m=x[_OF_ARM],
@@ -129,13 +129,13 @@ def _neighbours(window: IntArray) -> FloatArray:
     return np.asarray(np.bincount(window)[window], dtype=np.float64)
 
 
-def _arm_findings(motion: Motion, told: _Told) -> list[Finding]:
+def _arm_findings(motion: Motion, fitted: _Fitted) -> list[Finding]:
     """Compare the lever arm that the motion tells with the stated, and with the stated reversed."""
     imu_b_m, antenna_b_m = motion.imu.position_b_m, motion.arm_b_m + motion.imu.position_b_m
-    information = np.linalg.inv(told.arm_covariance_m2)
+    information = np.linalg.inv(fitted.arm_covariance_m2)
 
     def misfit(position_b_m: FloatArray) -> float:
-        off = told.arm_b_m - (antenna_b_m - position_b_m)
+        off = fitted.arm_b_m - (antenna_b_m - position_b_m)
         return float(off @ information @ off)
 
     stated, reversed_ = misfit(imu_b_m), misfit(-imu_b_m)
@@ -146,9 +146,9 @@ def _arm_findings(motion: Motion, told: _Told) -> list[Finding]:
             f"{np.sqrt(stated):.1f}"
         )
         return [Finding(name="imu lever arm", text=text)]
-    off_b_m = told.arm_b_m - motion.arm_b_m
+    off_b_m = fitted.arm_b_m - motion.arm_b_m
     if stated > (2 * _SIGMAS) ** 2 and np.linalg.norm(off_b_m) > _ARM_M:
-        shown = ", ".join(f"{v:.2f}" for v in antenna_b_m - told.arm_b_m + 0.0)
+        shown = ", ".join(f"{v:.2f}" for v in antenna_b_m - fitted.arm_b_m + 0.0)
         text = f"velocities put it at position_b_m = [{shown}], {np.sqrt(stated):.0f} sigma away"
         return [Finding(name="imu lever arm", text=text)]
     return []

@@ -77,14 +77,14 @@ def _equations(
     arm_b_m = seeker.position_b_m - flight.antennas[0].position_b_m
     to_n_m = seeker.landmark_n_m - p_n_m - R_nb @ arm_b_m
     range_m = np.linalg.norm(to_n_m, axis=1)
-    told_b = np.einsum("nji,nj->ni", R_nb, to_n_m / range_m[:, None])
-    across = np.linalg.svd(told_b[:, None, :])[2][:, 1:, :]  # two unit vectors across the sight
-    turn = -across @ skew(told_b)
+    expected_b = np.einsum("nji,nj->ni", R_nb, to_n_m / range_m[:, None])
+    across = np.linalg.svd(expected_b[:, None, :])[2][:, 1:, :]  # two unit vectors across the sight
+    turn = -across @ skew(expected_b)
     shift = across @ R_nb.swapaxes(1, 2) / range_m[:, None, None]
     attitude_rad2 = np.einsum("nij,njk,nik->ni", turn, quick.covariance_rad2[after], turn)
     variance = attitude_rad2 + sight.sigma_rad**2 + (_POSITION_M / range_m[:, None]) ** 2
     sigma = np.sqrt(variance)[:, :, None]
-    residual = np.einsum("nij,nj->ni", across, e_b - told_b) / sigma[:, :, 0]
+    residual = np.einsum("nij,nj->ni", across, e_b - expected_b) / sigma[:, :, 0]
     return residual.ravel(), (turn / sigma).reshape(-1, 3), (shift / sigma).reshape(-1, 3)
 
 
