@@ -38,7 +38,7 @@ def arc_consensus(arc: IntArray, cycles: IntArray, votes: FloatArray, *, causal:
     before = _so_far(arc, cycles, votes)
     if causal:
         return before
-    after = _so_far(*(np.ascontiguousarray(one[::-1]) for one in (arc, cycles, votes)))
+    after = _so_far(arc[::-1], cycles[::-1], votes[::-1])
     after = Consensus(after.cycles[::-1], after.margin[::-1], after.agreed[::-1])
     same = (before.cycles == after.cycles) | (before.margin == 0) | (after.margin == 0)
     return Consensus(
@@ -54,7 +54,8 @@ def _so_far(arc: IntArray, cycles: IntArray, votes: FloatArray) -> Consensus:
         np.zeros(arc.shape),
         np.zeros(arc.shape, dtype=np.bool_),
     )
-    _count(arc, cycles, votes, out)
+    contiguous = np.ascontiguousarray  # the kernel is compiled for one layout
+    _count(contiguous(arc), contiguous(cycles), contiguous(votes), out)
     return out
 
 
