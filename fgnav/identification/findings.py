@@ -14,7 +14,7 @@ from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.innovation.band import throughout
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.identification.array.choice import Turn, chosen_turn
+from fgnav.identification.array.choice import Turn, chosen_turn, with_boresight
 from fgnav.identification.array.places import places_of, with_reference
 from fgnav.identification.array.turn import others_tell, request_of, sentence
 from fgnav.identification.likelihood.beside_phases import white_noise_factors
@@ -77,12 +77,11 @@ def findings(
     at_tags = search.likeliest(prepared)
     if at_tags is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
-    turn, at_tags = chosen_turn(search, at_tags, arbitrated=others_tell(problem))
-    search = search if turn is None else _turned_back(search, turn)
+    search, turn, at_tags = _in_body_axes(search, at_tags, problem)
     requests = _requests(search, at_tags)
     identified = at_tags.identified
     if problem.phase is not None:
-        is_same = turn is None and _is_as_stated(at_tags, requests, search.settings.calibration)
+        is_same = _is_as_stated(at_tags, requests, settings.calibration)
         begin = problem if is_same else None
         identified = _beside_phases(search, at_tags, requests, errors, begin)
     at_tags = AtTags(identified, at_tags.moved)
@@ -130,6 +129,19 @@ def _measured(problem: SmoothingProblem) -> int:
     for one in problem.measurements:
         measured[one.row] = True
     return int(measured.sum())
+
+
+def _in_body_axes(
+    search: TagSearch, at_tags: AtTags, problem: SmoothingProblem
+) -> tuple[TagSearch, Turn | None, AtTags]:
+    """Return a flight whose array, unit and detector stand in one set of axes, or are estimated."""
+    turn, after = chosen_turn(search, at_tags, arbitrated=others_tell(problem))
+    if turn is None:
+        return search, None, after
+    detector = with_boresight(search, at_tags, after)
+    if detector is None:
+        return _turned_back(search, turn), turn, after
+    return detector[0], None, detector[1]
 
 
 def _turned_back(search: TagSearch, turn: Turn) -> TagSearch:

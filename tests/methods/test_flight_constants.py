@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import NoSolutionError
+from fgnav.evaluation.span import within
 from fgnav.geometry.rotations import exp
 from fgnav.methods.smoother import Batch, Smoother
 from fgnav.process.hyperparameters import RatePrior
@@ -105,6 +106,17 @@ def test_a_detector_turned_by_a_degree_is_found(terminal, usual_rad):
         rms_rad(terminal, Batch()(wrong)) < 1.15 * usual_rad
     )  # what contradicts is hardly believed
     assert rms_rad(terminal, estimate) < 1.15 * usual_rad
+
+
+def test_a_detector_is_not_taken_for_the_body_that_is_turned(terminal):
+    """Of the last third, over which it sees the landmark; as the array's turn it erred by 1 deg."""
+    turn_b_rad = np.radians([0.0, 0.6, -0.8])
+    right = within(terminal, 40.0, None)
+    estimate = Batch()(turned(right, turn_b_rad))
+    assert [one.name for one in estimate.constants] == ["boresight"]
+    _, squared = normalised(named(estimate, "boresight"), turn_b_rad[1:])
+    assert squared < 19.3  # chi-square of two, 6e-5
+    assert rms_rad(right, estimate) < 1.15 * rms_rad(right, Batch()(right))
 
 
 def test_constants_that_nothing_tells_of_are_no_solution(terminal):

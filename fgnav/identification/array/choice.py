@@ -1,10 +1,16 @@
-"""Which of array and inertial unit is turned: each is tried, and confirmed with it taken back."""
+"""Which of array, inertial unit and photodetector is turned.
 
+Array and unit are tried, and confirmed with the turn taken back. What sets the detector's axes
+against both of them may seem a turn of either, so it is tried where one of these has been found.
+"""
+
+from dataclasses import replace
 from typing import NamedTuple
 
 from scipy.special import expit
 
 from fgnav.checks import NoSolutionError
+from fgnav.frontend.calibration_request import calibration_requests
 from fgnav.frontend.prepared import BodyAxes
 from fgnav.graph.turned import ARRAY_TURN, UNIT_TURN
 from fgnav.identification.array.turn import after, turned_back
@@ -13,6 +19,7 @@ from fgnav.identification.tested_constants import TestedVector
 from fgnav.identification.time_tags import AtTags, TagSearch
 from fgnav.types.flight import Flight
 
+BORESIGHT = "boresight"
 _EITHER = 0.5  # where nothing tells which is turned: unit and array are both set up by hand
 
 
@@ -58,6 +65,31 @@ def chosen_turn(
     if one is None or one.ahead_of(identified) < 0.0:
         return None, at_tags
     return one.chosen(max(_EITHER, float(expit(one.ahead_of(identified)))))
+
+
+def with_boresight(
+    search: TagSearch, at_tags: AtTags, turn: AtTags
+) -> tuple[TagSearch, AtTags] | None:
+    """Return a flight whose boresight is estimated, and what it says; None if a turn is likelier.
+
+    Parameters
+    ----------
+    search : TagSearch
+    at_tags : AtTags
+        With no turn taken back.
+    turn : AtTags
+        With the chosen one taken back.
+    """
+    settings = search.settings
+    if search.flight.seeker is None or any(one.kind == BORESIGHT for one in settings.calibration):
+        return None
+    calibration = (*settings.calibration, *calibration_requests([BORESIGHT]))
+    estimated = search._replace(settings=replace(settings, calibration=calibration))
+    other = _identified(estimated, at_tags, UNIT_TURN)
+    if other is None or other.identified.likelihood <= turn.identified.likelihood:
+        return None
+    vector = other.identified.turn
+    return None if vector is not None and vector.significant else (estimated, other)
 
 
 class _Confirmed(NamedTuple):
