@@ -32,10 +32,10 @@ PRIVATE = {
     "anew": 0,
     "blind": 0,
     "asked": 8,
-    "there": 31,
-    "found": 68,
-    "whole": 49,
-    "known": 107,
+    "there": 7,
+    "found": 65,
+    "whole": 47,
+    "known": 67,
     "own": 161,
 }
 MOVED = {

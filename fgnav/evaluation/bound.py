@@ -24,8 +24,8 @@ def flight_bound(
 ) -> Angles:
     """Return the bound at the truth, or at the most certain estimate where there is no truth."""
     if truth is not None:
-        R_nb, known = true_attitudes(truth, differences.t_s)
-        return attitude_bound(differences, integers_at(differences, R_nb, known), R_nb)
+        R_nb, is_covered = true_attitudes(truth, differences.t_s)
+        return attitude_bound(differences, integers_at(differences, R_nb, is_covered), R_nb)
     candidates = [
         (float(np.trace(e.attitude_covariance_rad2, axis1=1, axis2=2).mean()), e, e.integers)
         for e in estimates

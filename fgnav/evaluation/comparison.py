@@ -183,11 +183,11 @@ def compare(
         if names.count(name) > 1:
             raise BadInputError(f"compare: two estimators are named {name!r}; give each its own")
     own = replace(flight)
-    known: dict[Hashable, _Prepared] = {}
+    prepared_by_key: dict[Hashable, _Prepared] = {}
     outcomes = []
     for k, estimator in enumerate(estimators):
         with watch(estimator.name):
-            outcomes.append(_run(replace(flight) if k else own, estimator, known))
+            outcomes.append(_run(replace(flight) if k else own, estimator, prepared_by_key))
     estimates = [estimate for estimate, _, _ in outcomes if estimate is not None]
     differences = _differences_of(own)  # the first method's, as a rule: what it made is kept there
     right = _right_integers(flight, differences)
@@ -201,7 +201,7 @@ def compare(
         epochs=max((estimate.epochs for estimate in estimates), default=gnss_epochs),
         methods=methods,
         bound=flight_bound(differences, flight.truth, estimates) if differences else Angles(),
-        posterior_bound=_posterior_bound(flight, known),
+        posterior_bound=_posterior_bound(flight, prepared_by_key),
         differences=() if flight.truth else pairwise(estimates),
         double_differences=differences,
         right_integers=right,
@@ -233,7 +233,9 @@ class _Prepared(NamedTuple):
 _Outcome = tuple[Estimate | None, float, str | None]
 
 
-def _run(flight: Flight, estimator: Estimator, known: dict[Hashable, _Prepared]) -> _Outcome:
+def _run(
+    flight: Flight, estimator: Estimator, prepared_by_key: dict[Hashable, _Prepared]
+) -> _Outcome:
     """Return a method's estimate or why there is none, and its wall time, on a flight of its own.
 
     Each method gets a flight object of its own, and what it shares with others counts in full, so
@@ -247,9 +249,9 @@ def _run(flight: Flight, estimator: Estimator, known: dict[Hashable, _Prepared])
         hash(key)
     except TypeError:  # settings that do not hash are nobody else's
         key = object()
-    if key not in known:
-        known[key] = _prepared(flight, estimator)
-    shared = known[key]
+    if key not in prepared_by_key:
+        prepared_by_key[key] = _prepared(flight, estimator)
+    shared = prepared_by_key[key]
     if shared.failure is not None:
         return None, shared.seconds, shared.failure
     estimate, seconds, failure = _timed(lambda: estimator.estimate_prepared(flight, shared.value))
@@ -303,14 +305,14 @@ def _judge(
     )
 
 
-def _posterior_bound(flight: Flight, known: Mapping[Hashable, _Prepared]) -> Angles:
+def _posterior_bound(flight: Flight, prepared_by_key: Mapping[Hashable, _Prepared]) -> Angles:
     """Return the bound of the first smoothing problem, one that knows the whole flight if any."""
     if flight.truth is None:
         return Angles()
     from fgnav.frontend.prepared import PreparedFlight  # noqa: PLC0415  # lazy: brings numba
 
-    keys = sorted(known, key=lambda key: bool(getattr(key, "causal", False)))
-    for one in (known[key] for key in keys):
+    keys = sorted(prepared_by_key, key=lambda key: bool(getattr(key, "causal", False)))
+    for one in (prepared_by_key[key] for key in keys):
         if isinstance(one.value, PreparedFlight) and not one.value.stretches:
             from fgnav.evaluation.posterior_bound import posterior_angles  # noqa: PLC0415  # as above
 

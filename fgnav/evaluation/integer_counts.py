@@ -80,13 +80,15 @@ def count_integers(
 
 def true_attitudes(truth: Truth, t_s: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return (n, 3, 3) true attitudes and (n,) whether they are known; else they are identity."""
-    known = covered(truth, t_s)
+    is_covered = covered(truth, t_s)
     R_nb = np.tile(np.eye(3), (len(t_s), 1, 1))
-    R_nb[known] = truth_at(truth, t_s[known]).R_nb
-    return R_nb, known
+    R_nb[is_covered] = truth_at(truth, t_s[is_covered]).R_nb
+    return R_nb, is_covered
 
 
-def integers_at(differences: DoubleDifferences, R_nb: FloatArray, known: BoolArray) -> Integers:
+def integers_at(
+    differences: DoubleDifferences, R_nb: FloatArray, is_covered: BoolArray
+) -> Integers:
     """Return the integers that attitudes imply, fixed at the epochs where the attitude is known.
 
     Parameters
@@ -94,7 +96,7 @@ def integers_at(differences: DoubleDifferences, R_nb: FloatArray, known: BoolArr
     R_nb : ndarray, shape (n, 3, 3)
     known : ndarray of bool, shape (n,)
     """
-    fixed = phase_links(differences) & known[:, None, None]
+    fixed = phase_links(differences) & is_covered[:, None, None]
     return Integers(
         resolver="truth",
         cycles=np.where(fixed, true_integers(differences, R_nb), 0),

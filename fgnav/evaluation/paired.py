@@ -90,8 +90,8 @@ def pooled(figure: FloatArray, rng: np.random.Generator, *, squared: bool) -> In
     squared : bool
         Whether it is itself a root mean square, whose squares are averaged.
     """
-    known = figure[np.isfinite(figure)][None]
-    return _interval(known, _log_rms, rng, np.exp) if squared else _interval(known, _mean, rng)
+    finite = figure[np.isfinite(figure)][None]
+    return _interval(finite, _log_rms, rng, np.exp) if squared else _interval(finite, _mean, rng)
 
 
 def _mean(samples: FloatArray) -> _Statistic:

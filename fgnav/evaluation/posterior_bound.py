@@ -69,8 +69,8 @@ def posterior_angles(flight: Flight, prepared: PreparedFlight) -> Angles:
     """
     if flight.truth is None:
         return Angles()
-    R_nb, known = attitude_at(flight.truth, prepared.problem.t_s)
-    if not known.all():
+    R_nb, is_covered = attitude_at(flight.truth, prepared.problem.t_s)
+    if not is_covered.all():
         return Angles()
     J = euler_jacobian(R_nb)
     variance = np.einsum("nij,njk,nik->ni", J, posterior_bound(flight, prepared), J).mean(axis=0)

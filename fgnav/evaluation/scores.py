@@ -209,9 +209,9 @@ def angles(euler_rad: FloatArray) -> Angles:
 
 def finite_mean(values: FloatArray, axis: int) -> FloatArray:
     """Return the mean of what is finite over an axis; NaN of nothing."""
-    known = np.isfinite(values)
-    count = known.sum(axis=axis)
-    total = np.where(known, values, 0.0).sum(axis=axis)
+    is_finite = np.isfinite(values)
+    count = is_finite.sum(axis=axis)
+    total = np.where(is_finite, values, 0.0).sum(axis=axis)
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
@@ -275,10 +275,12 @@ def _line_nees(
     if covariance is None:
         return None
     covariance = covariance[inside] if of_reference is None else covariance[inside] + of_reference
-    known = np.isfinite(covariance).all(axis=(1, 2))
-    variance, axes = np.linalg.eigh(np.where(np.reshape(known, (-1, 1, 1)), covariance, np.eye(3)))
+    is_finite = np.isfinite(covariance).all(axis=(1, 2))
+    variance, axes = np.linalg.eigh(
+        np.where(np.reshape(is_finite, (-1, 1, 1)), covariance, np.eye(3))
+    )
     is_open = variance > _OPEN * open_angle_variance_rad2()
-    line = known & is_open[:, 2] & ~is_open[:, 1] & (variance[:, 0] > 0)
+    line = is_finite & is_open[:, 2] & ~is_open[:, 1] & (variance[:, 0] > 0)
     axis_b = axes[:, :, 2]
     true_b = np.einsum("nij,nj->ni", turn_b, axis_b)
     across = np.cross(axis_b, true_b)

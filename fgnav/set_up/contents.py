@@ -172,15 +172,15 @@ def _satellite_findings(
 
 def _known(flight: Flight, t_s: FloatArray) -> set[str]:
     """Return the satellites with an orbit somewhere near the flight's time."""
-    known: set[str] = set()
+    with_orbits: set[str] = set()
     if flight.precise is not None:
         near = _near(flight.precise.t_s, t_s)
         _, placed = np.nonzero(np.isfinite(flight.precise.p_e_m[near]).all(axis=2))
-        known |= {flight.precise.satellites[s] for s in set(placed.tolist())}
+        with_orbits |= {flight.precise.satellites[s] for s in set(placed.tolist())}
     if flight.broadcast is not None:
         records = flight.broadcast.records
-        known |= set(records["satellite"][_near(records["toe_s"], t_s)].tolist())
-    return known
+        with_orbits |= set(records["satellite"][_near(records["toe_s"], t_s)].tolist())
+    return with_orbits
 
 
 def _near(orbit_s: FloatArray, t_s: FloatArray) -> BoolArray:

@@ -133,29 +133,29 @@ def _newton(problem: SmoothingProblem, graph: gtsam.NonlinearFactorGraph, begin:
     while True:
         linear = _linear(problem, factors, values)
         steps, constant_steps, arc_steps = linear.step()
-        known = linear.marginals()
-        is_least = linear.promised < _LEVEL and _is_small(steps, known.covariance)
+        marginals = linear.marginals()
+        is_least = linear.promised < _LEVEL and _is_small(steps, marginals.covariance)
         if is_least or count == _NEWTON_STEPS:
             break
         share = min(2 * share, 1.0)
         while True:
             moved = states.moved(share * steps, share * constant_steps)
             arcs = {key: values.atVector(key) + share * step for key, step in arc_steps.items()}
-            there = flight_values(problem, moved, arcs)
-            lower = 2.0 * graph.error(there)
+            moved_values = flight_values(problem, moved, arcs)
+            lower = 2.0 * graph.error(moved_values)
             if lower <= cost or share < _LEAST_SHARE:
                 break
             share /= 2
         if lower > cost:
             break
-        states, values, cost, count = moved, there, lower, count + 1
+        states, values, cost, count = moved, moved_values, lower, count + 1
     cost -= linear.promised if is_least else 0.0
     solution = Solution(
         states=states.moved(steps, constant_steps) if is_least else states,
-        covariance=known.covariance,
-        cross=known.cross[:-1],
-        constant_covariance=np.broadcast_to(known.constant, (n, b, b)),
-        constant_cross=known.constant_cross,
+        covariance=marginals.covariance,
+        cross=marginals.cross[:-1],
+        constant_covariance=np.broadcast_to(marginals.constant, (n, b, b)),
+        constant_cross=marginals.constant_cross,
         converged=is_least,
         cost=cost,
         updates=count,

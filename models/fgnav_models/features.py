@@ -90,8 +90,8 @@ def ambiguity_inputs(
         elif name == "constellation":
             columns.append(_position_dilution(e_n)[:, None])
         elif name == "geometry":
-            there = (e_n != 0).any(axis=2, keepdims=True)
-            columns.append(np.where(there, e_n - e_n[:, :1], 0.0)[:, 1:].reshape(len(e_n), -1))
+            is_present = (e_n != 0).any(axis=2, keepdims=True)
+            columns.append(np.where(is_present, e_n - e_n[:, :1], 0.0)[:, 1:].reshape(len(e_n), -1))
         else:
             angle = 2 * np.pi / _DAY_S * t_s[:, None] * np.arange(1, HARMONICS + 1)
             columns += [np.sin(angle), np.cos(angle)]
@@ -121,14 +121,16 @@ def windows(first: IntArray, rows: IntArray, k: int) -> IntArray:
 
 
 def _turned(phase_cycles: FloatArray, of: np.ufunc) -> FloatArray:
-    there = np.isfinite(phase_cycles)
-    return np.asarray(np.where(there, of(2 * np.pi * np.where(there, phase_cycles, 0.0)), 0.0))
+    is_present = np.isfinite(phase_cycles)
+    return np.asarray(
+        np.where(is_present, of(2 * np.pi * np.where(is_present, phase_cycles, 0.0)), 0.0)
+    )
 
 
 def _position_dilution(e_n: FloatArray) -> FloatArray:
     """Return the position dilution of precision of unit vectors, (n,), at most 99."""
-    there = (e_n != 0).any(axis=2, keepdims=True).astype(float)
-    design = np.concatenate([e_n, there], axis=2)
+    is_present = (e_n != 0).any(axis=2, keepdims=True).astype(float)
+    design = np.concatenate([e_n, is_present], axis=2)
     normal = design.swapaxes(1, 2) @ design + 1e-9 * np.eye(4)
     variances = np.linalg.inv(normal)[:, range(3), range(3)]
     return np.asarray(np.sqrt(variances.sum(axis=1)).clip(max=99.0))

@@ -48,7 +48,7 @@ class TrustRows:
     epoch: IntArray  # (c,)
     # (c, l, LINK_FEATURES); links that are there, antenna by antenna; 0 beyond the last
     links: FloatArray
-    there: FloatArray  # (c, l); 1 where a row of ``links`` counts
+    is_present: FloatArray  # (c, l); 1 where a row of ``links`` counts
     # (c, WHOLE_FEATURES); the first is the logarithm of the candidate's posterior, were links as
     # ``trust_fit`` has it
     whole: FloatArray
@@ -81,7 +81,7 @@ def trust_rows(differences: DoubleDifferences, found: Candidates) -> TrustRows:
         epochs, differences.baselines_b_m, found.status == PROVEN, groups, links
     )
     whole = np.concatenate([figures, of_epoch[epoch]], axis=1)
-    return TrustRows(epoch=epoch, links=own, there=mask, whole=whole, slot=slot)
+    return TrustRows(epoch=epoch, links=own, is_present=mask, whole=whole, slot=slot)
 
 
 def probabilities(

@@ -68,14 +68,14 @@ def candidate_rows(
     """Return features of links, (c, l, f), which count, (c, l), and of candidates, (c, f)."""
     count, length = len(found.epoch), slot.shape[1]
     out = np.zeros((count, length, LINK_FEATURES), dtype=np.float32)
-    there = np.zeros((count, length), dtype=np.float32)
+    is_present = np.zeros((count, length), dtype=np.float32)
     own = np.zeros((count, CANDIDATE_FEATURES), dtype=np.float32)
     log_mixture = np.zeros(count)
     for r in range(count):
         k = found.epoch[r]
         number = 0
         while number < length and slot[k, number] >= 0:
-            there[r, number] = 1.0
+            is_present[r, number] = 1.0
             number += 1
         places = slot[k, :number]
         links, used = _links_of(epochs, group, found, r, places)
@@ -92,7 +92,7 @@ def candidate_rows(
         _fit_features(white, fit, robust, density, worse, degrees, own[r])
         _cost_features(found.cost[r], found.log_volume[r], degrees, own[r])
     _beside_others(found, log_mixture, own)
-    return out, there, own
+    return out, is_present, own
 
 
 @inner

@@ -29,7 +29,7 @@ def test_missing_links_leave_the_square_sum_what_it_is():
     missing[:, :, 0] = missing[:, 0] = False  # the references
     made = make(rng, epochs=20, sine=True, missing=missing)
     found, rows = rows_of(made.differences)
-    assert (rows.there.sum(axis=1) == (~missing).sum(axis=(1, 2))[rows.epoch]).all()
+    assert (rows.is_present.sum(axis=1) == (~missing).sum(axis=(1, 2))[rows.epoch]).all()
     total = (rows.links[..., 0] ** 2 + rows.links[..., 2] ** 2).sum(axis=1)
     np.testing.assert_allclose(total, found.cost, rtol=1e-4)
 

@@ -19,9 +19,9 @@ PHASE_M, CODE_M = 0.003, 0.5
 def made(rng, *, antennas=5, satellites=6, groups=1, missing=0.0):
     """Return links of noise, antennas counted once for each group, and their values."""
     m = satellites * groups
-    there = rng.random((antennas, m)) >= missing
-    there[0] = True
-    place, channel = np.nonzero(there)
+    is_present = rng.random((antennas, m)) >= missing
+    is_present[0] = True
+    place, channel = np.nonzero(is_present)
     _, antenna = np.unique(place * groups + channel // satellites, return_inverse=True)
     sigma_m = np.array([[PHASE_M], [CODE_M]]) * rng.uniform(1.0, 3.0, m)
     arm = rng.normal(size=(antennas, 1, 3)) + 0.3 * rng.normal(size=(1, m, 3))

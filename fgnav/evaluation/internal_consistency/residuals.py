@@ -65,10 +65,10 @@ def code_residuals(
     Residuals or None
         None without positions.
     """
-    found = _off_place(observed, estimate, arm_b_m)
-    if found is None:
+    off_place = _off_place(observed, estimate, arm_b_m)
+    if off_place is None:
         return None
-    rows, way_m = found
+    rows, way_m = off_place
     value_m = observed.code_m[rows] + way_m
     _take_off(value_m, _by_group(observed))
     return Residuals(t_s=observed.t_s[rows], channels=_carriers(observed), value_m=value_m)
@@ -82,10 +82,10 @@ def phase_residuals(
     As ``code_residuals``, less a constant for each arc. What drifts within an arc is in it: errors
     of messages, of the atmosphere's models, of the position.
     """
-    found = _off_place(observed, estimate, arm_b_m)
-    if found is None:
+    off_place = _off_place(observed, estimate, arm_b_m)
+    if off_place is None:
         return None
-    rows, way_m = found
+    rows, way_m = off_place
     value_m = observed.phase_m[rows] + way_m
     arc = observed.arc[rows]
     groups = _by_group(observed)
@@ -123,12 +123,12 @@ def _take_off(value_m: FloatArray, groups: list[BoolArray]) -> None:
 
 def _take_off_arcs(value_m: FloatArray, arc: IntArray) -> None:
     """Take the mean of each arc off."""
-    known = np.isfinite(value_m) & (arc >= 0)
-    label = (arc + (1 + arc.max(initial=0)) * np.arange(arc.shape[1]))[known]
+    is_valid = np.isfinite(value_m) & (arc >= 0)
+    label = (arc + (1 + arc.max(initial=0)) * np.arange(arc.shape[1]))[is_valid]
     _, label = np.unique(label, return_inverse=True)
     if len(label):
-        mean = np.bincount(label, value_m[known]) / np.bincount(label)
-        value_m[known] -= mean[label]
+        mean = np.bincount(label, value_m[is_valid]) / np.bincount(label)
+        value_m[is_valid] -= mean[label]
 
 
 def _carriers(observed: Undifferenced) -> tuple[str, ...]:

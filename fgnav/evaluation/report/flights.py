@@ -115,13 +115,13 @@ def _charts(comparison: FlightsComparison) -> Blocks:
     charts = []
     for title, name in _CHARTS:
         values = {method: comparison.figure(name, method) for method in comparison.methods}
-        known = {method: v for method, v in values.items() if (v > 0).any()}
-        if not known:
+        positive = {method: v for method, v in values.items() if (v > 0).any()}
+        if not positive:
             continue
-        beside = np.linspace(-_BESIDE, _BESIDE, len(known)) if len(known) > 1 else np.zeros(1)
+        beside = np.linspace(-_BESIDE, _BESIDE, len(positive)) if len(positive) > 1 else np.zeros(1)
         lines = [
             Line(mark=marks[m], name=m, x=place + shift, y=log10(v), dots=True)
-            for (m, v), shift in zip(known.items(), beside.tolist(), strict=True)
+            for (m, v), shift in zip(positive.items(), beside.tolist(), strict=True)
         ]
         charts.append(
             Chart(

@@ -125,9 +125,9 @@ def angle_rows(comparison: FlightsComparison) -> Iterator[list[str]]:
         yield [method, *map(interval, own)]
     for kind, name in BOUNDS.items():
         values = [comparison.bound_deg(kind, angle) for angle in EULER]
-        known = [own[np.isfinite(own)] for own in values]
-        if any(map(len, known)):
-            pooled = map(rms, known)
+        finite = [own[np.isfinite(own)] for own in values]
+        if any(map(len, finite)):
+            pooled = map(rms, finite)
             yield [name, *(_NONE if value is None else number(value) for value in pooled)]
 
 

@@ -42,11 +42,11 @@ def unjumped_deg(angle_deg: FloatArray) -> FloatArray:
 
 def is_rough(deviation: FloatArray) -> bool:
     """Return whether (n, 3) angles change from epoch to epoch by about as much as white noise."""
-    known = deviation[:, np.isfinite(deviation).all(axis=0)]
-    if len(known) < 3 or not known.any():
+    finite = deviation[:, np.isfinite(deviation).all(axis=0)]
+    if len(finite) < 3 or not finite.any():
         return False
-    size = np.maximum(known.std(axis=0), np.finfo(float).tiny)
-    return bool(np.median(np.diff(known, axis=0).std(axis=0) / size) > _ROUGH)
+    size = np.maximum(finite.std(axis=0), np.finfo(float).tiny)
+    return bool(np.median(np.diff(finite, axis=0).std(axis=0) / size) > _ROUGH)
 
 
 def limit(series: list[FloatArray]) -> float:

@@ -73,14 +73,14 @@ def beyond_s(t_s: FloatArray, squared: FloatArray, freedom: IntArray) -> tuple[f
     ends = np.flatnonzero(np.diff(np.floor(t_s / _BLOCK_S + _ROUNDING)) > 0)
     ends = ends[ends >= _BLOCK - 1]
     suspicious = np.cumsum(squared)[ends] > TOLERATED * np.cumsum(freedom)[ends]
-    found = []
+    begins_s = []
     for j in np.flatnonzero(suspicious):
         so_far = slice(0, ends[j] + 1)
         false_alarm = _FALSE_ALARM / ((j + 1) * (j + 2))
         total = int(freedom[so_far].sum())
         if squared[so_far].sum() > total * limit_of(squared[so_far], freedom[so_far], false_alarm):
-            found.append(float(t_s[ends[j]]))
-    return tuple(found)
+            begins_s.append(float(t_s[ends[j]]))
+    return tuple(begins_s)
 
 
 def limit_of(squared: FloatArray, freedom: IntArray, false_alarm: float = _FALSE_ALARM) -> float:

@@ -79,9 +79,9 @@ def _six(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return (n, 36) of two blocks; where one is not known, its first element says so."""
     covariances = np.zeros((len(first), 6, 6))
     for at, block in ((0, first), (3, second)):
-        known = np.isfinite(block).all(axis=(1, 2))
-        covariances[known, at : at + 3, at : at + 3] = block[known]
-        covariances[~known, at, at] = _UNKNOWN_VARIANCE
+        is_finite = np.isfinite(block).all(axis=(1, 2))
+        covariances[is_finite, at : at + 3, at : at + 3] = block[is_finite]
+        covariances[~is_finite, at, at] = _UNKNOWN_VARIANCE
     return covariances.reshape(-1, 36)
 
 
@@ -140,13 +140,13 @@ def _fixes(
     place = place_of_n(recorded.origin, p_n_m)
     status = make["sensor_msgs/msg/NavSatStatus"](status=0, service=1)
     for at_ns, (latitude, longitude, height), nine in zip(stamps_ns, place, spread, strict=True):
-        known = np.isfinite(nine).all()
+        is_finite = np.isfinite(nine).all()
         yield make["sensor_msgs/msg/NavSatFix"](
             header=_header(make, at_ns, "base_link"),
             status=status,
             latitude=latitude,
             longitude=longitude,
             altitude=height,
-            position_covariance=nine if known else np.zeros(9),
-            position_covariance_type=_KNOWN if known else 0,
+            position_covariance=nine if is_finite else np.zeros(9),
+            position_covariance_type=_KNOWN if is_finite else 0,
         )

@@ -187,8 +187,8 @@ def covariance_at(problem: SmoothingProblem, states: States) -> Solution:
     """
     chain = _Chain(problem)
     linear = chain.solved(states)
-    known = _solution(chain, states, linear, 1, converged=False)
-    return replace(known, states=states, cost=linear.cost)
+    solution = _solution(chain, states, linear, 1, converged=False)
+    return replace(solution, states=states, cost=linear.cost)
 
 
 def _solution(

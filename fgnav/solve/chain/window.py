@@ -196,14 +196,17 @@ class ChainWindow:
 
     def _estimates(self, begin: int, end: int) -> Departed:
         first, stop = begin - self._linear.oldest, end - self._linear.oldest
-        rows, known = self._linear.rows.between(first, stop), self._linear.marginals(first, stop)
-        last = np.trace(known.covariance[-1, ROTATION, ROTATION])
+        rows, marginals = (
+            self._linear.rows.between(first, stop),
+            self._linear.marginals(first, stop),
+        )
+        last = np.trace(marginals.covariance[-1, ROTATION, ROTATION])
         self._turn_sigma_rad[end - 1] = float(np.sqrt(last))
         return departed(
             rows.t_s,
             self._estimated(begin, end),
             rows.steps,
-            known,
+            marginals,
             keep_linearisation=self._keep,
             updates=self._updates,
         )

@@ -37,30 +37,30 @@ def departed(
     t_s: FloatArray,
     states: States,
     steps: FloatArray,
-    known: Marginals,
+    marginals: Marginals,
     *,
     keep_linearisation: bool,
     updates: int,
 ) -> Departed:
     """Return m keyframes with their covariances; ``steps``, (m, D), lead to their states."""
     if keep_linearisation:
-        known = _at_estimates(known, steps)
-    rough = is_rough(steps, known.covariance) & (not keep_linearisation)
+        marginals = _at_estimates(marginals, steps)
+    rough = is_rough(steps, marginals.covariance) & (not keep_linearisation)
     solution = Solution(
         states=states,
-        covariance=known.covariance,
-        cross=known.cross[:-1],
-        constant_covariance=np.tile(known.constant, (len(t_s), 1, 1)),
-        constant_cross=known.constant_cross,
+        covariance=marginals.covariance,
+        cross=marginals.cross[:-1],
+        constant_covariance=np.tile(marginals.constant, (len(t_s), 1, 1)),
+        constant_cross=marginals.constant_cross,
         converged=not rough.any(),
         refused=rough,
         constants=np.tile(states.constants, (len(t_s), 1)),
         updates=updates,
     )
-    return Departed(t_s=t_s.copy(), solution=solution, cross_next=known.cross[-1])
+    return Departed(t_s=t_s.copy(), solution=solution, cross_next=marginals.cross[-1])
 
 
-def _at_estimates(known: Marginals, steps: FloatArray) -> Marginals:
+def _at_estimates(marginals: Marginals, steps: FloatArray) -> Marginals:
     """Return covariances along the tangents of the estimates, not of where these are linearised.
 
     ``Exp(s + e) = Exp(s) Exp(J_r(s) e)``: a step of a radian turns the axes by as much. That of the
@@ -71,10 +71,10 @@ def _at_estimates(known: Marginals, steps: FloatArray) -> Marginals:
     T[:, POSITION, POSITION] = transpose(exp(steps[:, ROTATION]))
     after = transpose(np.concatenate([T[1:], T[-1:]]))
     return Marginals(
-        T @ known.covariance @ transpose(T),
-        T @ known.cross @ after,
-        known.constant,
-        T @ known.constant_cross,
+        T @ marginals.covariance @ transpose(T),
+        T @ marginals.cross @ after,
+        marginals.constant,
+        T @ marginals.constant_cross,
     )
 
 

@@ -153,16 +153,16 @@ class IncrementalSmoother:
         ``R dp``, whatever the rotation.
         """
         n, aux = self.end - self.oldest, self._layout.width - AUX
-        whole, b = self._isam.getDelta().vector(), self._layout.constants.width
+        delta, b = self._isam.getDelta().vector(), self._layout.constants.width
         # In the order of letters: a before b and c, then m, v and x.
-        whole = whole[sum(size for size, _ in self._arcs.values()) :]
+        delta = delta[sum(size for size, _ in self._arcs.values()) :]
         first = n * aux if self._layout.gyroscope else 0
         v, x = b + n * aux, b + n * (aux + 3)
         steps = np.empty((n, AUX + aux))
-        steps[:, :6], steps[:, 6:AUX] = whole[x:].reshape(n, 6), whole[v:x].reshape(n, 3)
-        own = whole[:first] if first else whole[b:v]
+        steps[:, :6], steps[:, 6:AUX] = delta[x:].reshape(n, 6), delta[v:x].reshape(n, 3)
+        own = delta[:first] if first else delta[b:v]
         steps[:, AUX:] = own.reshape(n, aux)
-        return steps, whole[first : first + b]
+        return steps, delta[first : first + b]
 
     def marginals(self, numbers: range, t_s: Callable[[int], float]) -> Marginals:
         """Return covariances of keyframes, and of each with the next.
@@ -174,7 +174,7 @@ class IncrementalSmoother:
         """
         layout, m = self._layout, len(numbers)
         D, b = layout.width, layout.constants.width
-        known = Marginals(
+        marginals = Marginals(
             np.empty((m, D, D)), np.zeros((m, D, D)), np.empty((b, b)), np.empty((m, D, b))
         )
         for i, k in enumerate(numbers):
@@ -184,11 +184,11 @@ class IncrementalSmoother:
             is_open = ~(np.isfinite(variances) & (variances < _OPEN))
             if is_open.any():
                 raise open_state(int(is_open.argmax()), D, t_s(k))
-            known.covariance[i], known.constant_cross[i] = P[:D, :D], P[:D, len(P) - b :]
-            known.constant[:] = P[len(P) - b :, len(P) - b :]
+            marginals.covariance[i], marginals.constant_cross[i] = P[:D, :D], P[:D, len(P) - b :]
+            marginals.constant[:] = P[len(P) - b :, len(P) - b :]
             if after:
-                known.cross[i] = P[:D, D : 2 * D]
-        return known
+                marginals.cross[i] = P[:D, D : 2 * D]
+        return marginals
 
     def turn_sigma_rad(self, k: int) -> float:
         """Return the 1-sigma of a keyframe's rotation, all axes."""

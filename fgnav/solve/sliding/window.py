@@ -325,17 +325,17 @@ class FixedLag:
         first, end = numbers.start - self._alive.oldest, numbers.stop - self._alive.oldest
         self._solve_linear()
         if self._follows:
-            known = self._linear.marginals(first, end)
+            marginals = self._linear.marginals(first, end)
         else:
             with self._failing():
-                known = self._alive.marginals(numbers, self._t_s.__getitem__)
-        last = np.trace(known.covariance[-1, ROTATION, ROTATION])
+                marginals = self._alive.marginals(numbers, self._t_s.__getitem__)
+        last = np.trace(marginals.covariance[-1, ROTATION, ROTATION])
         self._turn_sigma_rad[numbers[-1]] = float(np.sqrt(last))
         return departed(
             np.array(self._t_s[numbers.start : numbers.stop]),
             self._estimated(numbers),
             self._steps[first:end],
-            known,
+            marginals,
             keep_linearisation=self._keep,
             updates=self._updates,
         )

@@ -110,15 +110,15 @@ class Network:
 
     def _accepted(self, differences: DoubleDifferences, trust: Trust) -> Integers:
         links = differences.resolvable
-        there = links.any(axis=(1, 2))
-        sure = there & (trust.wrong_probability <= self.wrong_max)
+        is_present = links.any(axis=(1, 2))
+        sure = is_present & (trust.wrong_probability <= self.wrong_max)
         bad = touched(differences, np.arange(len(sure)), trust.outlier > self.outlier_max) & links
         doubt = f"probability of wrong integers above {self.wrong_max:g} by the network"
         worse = "part of a link that the network takes for worse than stated"
         fixed = links & sure[:, None, None] & ~bad
-        reasons = np.where(there, "", "no link with code and phase").astype(object)
+        reasons = np.where(is_present, "", "no link with code and phase").astype(object)
         reasons[sure & bad.any(axis=(1, 2))] = worse
-        reasons[there & ~sure] = doubt
+        reasons[is_present & ~sure] = doubt
         missing = {
             WITHOUT_CODE: phase_links(differences) & ~links,
             doubt: links & ~sure[:, None, None],
@@ -177,7 +177,7 @@ def outside_domain(
     antennas, used = np.asarray(links.any(axis=2)), np.asarray(links.any(axis=1))
     groups = differences.group == np.arange(differences.reference.shape[1])[:, None]
     length_m = np.linalg.norm(differences.baselines_b_m, axis=1)
-    there = links.any(axis=(1, 2))
+    is_present = links.any(axis=(1, 2))
     phase_m = _range(np.sqrt(differences.phase_variance_m2), used)
     code_m = _range(np.sqrt(differences.code_variance_m2), used)
     texts = np.full(len(links), "", dtype=object)
@@ -193,7 +193,7 @@ def outside_domain(
     for one in domain:
         if one.name in counted:
             least, most = counted[one.name]
-            texts[there & ~(one.holds(least) & one.holds(most)) & (texts == "")] = one.beyond
+            texts[is_present & ~(one.holds(least) & one.holds(most)) & (texts == "")] = one.beyond
     return tuple(texts.tolist())
 
 
@@ -216,7 +216,9 @@ def trusted(differences: DoubleDifferences, network: Contracted, *, nodes: int) 
     ratio, misfit = _costs(differences, found)
     if not len(found.epoch):
         return Trust(cycles, wrong, ratio, outlier.reshape(n, b + 1, m), misfit)
-    answers = integer_answers(network, [rows.links, rows.there[:, :, None], rows.whole[:, None]])
+    answers = integer_answers(
+        network, [rows.links, rows.is_present[:, :, None], rows.whole[:, None]]
+    )
     if answers.sure is None or answers.outlier is None:
         raise BadInputError(
             f"{network.path}: key output.outlier: is missing; name the graph's output that says "
@@ -246,11 +248,11 @@ def _costs(differences: DoubleDifferences, found: Candidates) -> tuple[FloatArra
     return ratio, misfit
 
 
-def _range(value: FloatArray, there: BoolArray) -> tuple[FloatArray, FloatArray]:
+def _range(value: FloatArray, is_present: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Return least and largest value of each epoch, (n,): 1 where there is none."""
-    least = np.where(there, value, np.inf).min(axis=1, initial=np.inf)
-    most = np.where(there, value, -np.inf).max(axis=1, initial=-np.inf)
-    some = there.any(axis=1)
+    least = np.where(is_present, value, np.inf).min(axis=1, initial=np.inf)
+    most = np.where(is_present, value, -np.inf).max(axis=1, initial=-np.inf)
+    some = is_present.any(axis=1)
     return np.where(some, least, 1.0), np.where(some, most, 1.0)
 
 

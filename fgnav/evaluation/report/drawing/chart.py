@@ -160,10 +160,10 @@ class Chart:
         top = within_reach(high - _scaled(band.high[rows], self.y, high))
         steps = np.diff(x)
         gap = steps > 3 * np.median(steps) if len(steps) else np.zeros(0, dtype=np.bool_)
-        known = np.isfinite(low) & np.isfinite(top)
+        finite = np.isfinite(low) & np.isfinite(top)
         outlines = []
         for run in np.split(np.arange(len(x)), np.flatnonzero(gap) + 1):
-            own = run[known[run]]
+            own = run[finite[run]]
             if len(own) > 1:
                 around = np.concatenate([x[own], x[own][::-1]])
                 outlines.append((around, np.concatenate([top[own], low[own][::-1]])))
@@ -177,10 +177,10 @@ def nested(count: int, thickest: float = 3.6, thinnest: float = 1.3) -> FloatArr
 
 def spanning(name: str, series: Sequence[FloatArray], margin: float = 0.04) -> Axis:
     """Return an axis that holds all finite values of series, with a margin."""
-    known = [values[np.isfinite(values)] for values in series]
-    known = [values for values in known if len(values)]
-    low = min((float(values.min()) for values in known), default=0.0)
-    high = max((float(values.max()) for values in known), default=1.0)
+    finite = [values[np.isfinite(values)] for values in series]
+    finite = [values for values in finite if len(values)]
+    low = min((float(values.min()) for values in finite), default=0.0)
+    high = max((float(values.max()) for values in finite), default=1.0)
     if high - low <= 1e-9 * max(abs(low), abs(high), 1e-3):
         low, high = low - 0.5, high + 0.5
     room = margin * (high - low)

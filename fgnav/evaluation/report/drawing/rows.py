@@ -96,8 +96,8 @@ def _rms(one: Rows, edges_s: FloatArray) -> FloatArray:
     """Return root mean squares in cells of time, (c, m); NaN in a cell without a value."""
     cells = len(edges_s) - 1
     cell = (np.searchsorted(edges_s, one.t_s, side="right") - 1).clip(0, cells - 1)
-    known = np.isfinite(one.value)
+    is_finite = np.isfinite(one.value)
     total, count = np.zeros((2, cells, one.value.shape[1]))
-    np.add.at(total, cell, np.where(known, one.value, 0.0) ** 2)
-    np.add.at(count, cell, known)
+    np.add.at(total, cell, np.where(is_finite, one.value, 0.0) ** 2)
+    np.add.at(count, cell, is_finite)
     return np.asarray(np.sqrt(total / np.where(count > 0, count, np.nan)))

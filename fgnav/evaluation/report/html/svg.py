@@ -59,10 +59,10 @@ def _text(text: shapes.Text) -> str:
 
 def _path(x: FloatArray, y: FloatArray) -> str:
     """Return the path through points, with a new start after each NaN."""
-    known = np.isfinite(x) & np.isfinite(y)
-    is_start = known & ~np.concatenate([[False], known[:-1]])
-    letters = np.where(is_start, "M", "L")[known].tolist()
-    places = np.stack([x, y], axis=1)[known].tolist()
+    is_finite = np.isfinite(x) & np.isfinite(y)
+    is_start = is_finite & ~np.concatenate([[False], is_finite[:-1]])
+    letters = np.where(is_start, "M", "L")[is_finite].tolist()
+    places = np.stack([x, y], axis=1)[is_finite].tolist()
     return "".join(
         f"{letter}{a:.1f} {b:.1f}" for letter, (a, b) in zip(letters, places, strict=True)
     )
@@ -70,6 +70,6 @@ def _path(x: FloatArray, y: FloatArray) -> str:
 
 def _dots(x: FloatArray, y: FloatArray) -> str:
     """Return the path of round dots at points."""
-    known = np.isfinite(x) & np.isfinite(y)
-    places = np.stack([x, y], axis=1)[known].tolist()
+    is_finite = np.isfinite(x) & np.isfinite(y)
+    places = np.stack([x, y], axis=1)[is_finite].tolist()
     return "".join(f"M{a:.1f} {b:.1f}h0" for a, b in places)

@@ -115,14 +115,14 @@ def _normalised_errors(methods: Sequence[Method], marks: dict[str, str], time: A
         charts.append(_in_time(quantity, of, marks, time, (low, high)).drawing())
         histograms.append(_histogram(quantity, of, marks).drawing())
         for name, (_, values) in of.items():
-            known = values[np.isfinite(values)]
-            inside = float(((known >= low) & (known <= high)).mean())
+            finite = values[np.isfinite(values)]
+            inside = float(((finite >= low) & (finite <= high)).mean())
             rows.append(
                 [
                     name,
                     quantity,
-                    str(len(known)),
-                    number(float(known.mean()), 2),
+                    str(len(finite)),
+                    number(float(finite.mean()), 2),
                     f"{100 * inside:.1f} %",
                 ]
             )
@@ -176,8 +176,8 @@ def _histogram(
     middle = (edges[:-1] + edges[1:]) / 2
     lines = []
     for name, (_, values) in of.items():
-        known = _log10(values[np.isfinite(values)]).clip(edges[0], edges[-1])
-        density = np.histogram(known, edges)[0] / len(known) / np.diff(edges)
+        finite = _log10(values[np.isfinite(values)]).clip(edges[0], edges[-1])
+        density = np.histogram(finite, edges)[0] / len(finite) / np.diff(edges)
         lines.append(Line(mark=marks[name], name=name, x=middle, y=density, as_is=True))
     nees = 10**middle
     density = np.sqrt(nees / (2 * np.pi)) * np.exp(-nees / 2)  # of chi-square, three degrees

@@ -170,8 +170,8 @@ def _behind(of: list[tuple[_States, FloatArray]]) -> list[tuple[_States, FloatAr
 def _roughness(y: FloatArray) -> float:
     """Return the median size of steps."""
     steps = np.abs(np.diff(y))
-    known = steps[np.isfinite(steps)]
-    return float(np.median(known)) if len(known) else 0.0
+    finite = steps[np.isfinite(steps)]
+    return float(np.median(finite)) if len(finite) else 0.0
 
 
 def _angle(states: list[_States], k: int, name: str, time: Axis) -> Chart:

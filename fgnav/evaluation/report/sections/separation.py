@@ -85,15 +85,15 @@ def _chart(title: str, lines: list[Line], time: Axis) -> Chart:
 def _row(method: Method, apart: Separation, k: int, of: tuple[str, float, str]) -> list[str]:
     unit, scale, axis = of
     ratio = apart.ratio[:, k]
-    known = ratio[np.isfinite(ratio)]
+    finite = ratio[np.isfinite(ratio)]
     difference = scale * apart.difference[:, k]
-    inside = f"{100 * float((np.abs(known) < _SIGMAS).mean()):.1f} %" if len(known) else "–"
+    inside = f"{100 * float((np.abs(finite) < _SIGMAS).mean()):.1f} %" if len(finite) else "–"
     return [
         method.name,
         apart.quantity,
         axis,
         f"{number(float(np.sqrt(np.nanmean(difference**2))))} {unit}",
-        number(float(np.sqrt((known**2).mean())) if len(known) else None),
+        number(float(np.sqrt((finite**2).mean())) if len(finite) else None),
         inside,
-        str(len(ratio) - len(known)),
+        str(len(ratio) - len(finite)),
     ]

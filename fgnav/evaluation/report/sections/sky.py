@@ -123,8 +123,8 @@ def _strengths(observations: Observations, time: Axis) -> list[Drawing]:
     t_s = np.append(observations.t_s[starts], observations.t_s[-1])
     shown = np.flatnonzero(is_tracked.any(axis=0)).tolist()
     names = [f"{a} {b}" for a, b in zip(observations.satellites, observations.signals, strict=True)]
-    known = bool(np.isfinite(observations.cn0_dbhz).any())
-    title = "C/N0, dBHz, mean over antennas" if known else "tracked channels: no C/N0 recorded"
+    is_finite = bool(np.isfinite(observations.cn0_dbhz).any())
+    title = "C/N0, dBHz, mean over antennas" if is_finite else "tracked channels: no C/N0 recorded"
     drawings = []
     for first in range(0, len(shown), _MOST):
         shapes: list[Shape] = []
@@ -134,7 +134,7 @@ def _strengths(observations: Observations, time: Axis) -> list[Drawing]:
             shapes.append(Text(x=LEFT - 4, y=y + 4, text=names[k], anchor="end"))
             shapes += strip(level[:, k], t_s, _COLOURS, time, (y, _ROW - 2))
         bottom = _TOP + _ROW * len(some)
-        shapes += [*time_ticks(time, bottom + 14), *(_scale(bottom + 36) if known else [])]
+        shapes += [*time_ticks(time, bottom + 14), *(_scale(bottom + 36) if is_finite else [])]
         own = title if first == 0 else f"{title}, from {names[some[0]]}"
         drawings.append(Drawing(title=own, width=WIDE, height=bottom + 58, shapes=shapes))
     return drawings
@@ -148,9 +148,9 @@ def _tracked(observations: Observations) -> BoolArray:
 def _levels(observations: Observations, is_tracked: BoolArray, starts: IntArray) -> IntArray:
     """Return the colour of each cell, (cells, m): -1 where nothing was received."""
     cn0_dbhz = observations.cn0_dbhz
-    known = np.isfinite(cn0_dbhz)
-    total = np.add.reduceat(np.where(known, cn0_dbhz, 0.0).sum(axis=1), starts, axis=0)
-    number = np.add.reduceat(known.sum(axis=1), starts, axis=0)
+    is_finite = np.isfinite(cn0_dbhz)
+    total = np.add.reduceat(np.where(is_finite, cn0_dbhz, 0.0).sum(axis=1), starts, axis=0)
+    number = np.add.reduceat(is_finite.sum(axis=1), starts, axis=0)
     mean = total / np.maximum(number, 1)
     received = np.logical_or.reduceat(is_tracked, starts, axis=0)
     level = np.where(number > 0, np.digitize(mean, _LEVELS_DBHZ), 2)

@@ -33,14 +33,14 @@ class Figures:
         } | {"all_right_percent": self.all_right_percent}
 
 
-def figures(answer: IntArray, cycles: IntArray, there: BoolArray) -> Figures:
+def figures(answer: IntArray, cycles: IntArray, is_present: BoolArray) -> Figures:
     """Judge integers, (n, d), against the true ones where there are any."""
-    square = np.where(there, (answer - cycles).astype(float) ** 2, 0.0)
+    square = np.where(is_present, (answer - cycles).astype(float) ** 2, 0.0)
     wrong = square > 0
-    top = np.where(there, cycles, -(2**31)).max(axis=0)
-    bottom = np.where(there, cycles, 2**31).min(axis=0)
+    top = np.where(is_present, cycles, -(2**31)).max(axis=0)
+    bottom = np.where(is_present, cycles, 2**31).min(axis=0)
     spread2 = np.where(top > bottom, top - bottom, np.nan).astype(float) ** 2
-    judged = there.sum(axis=0).astype(float)
+    judged = is_present.sum(axis=0).astype(float)
     failed = _ratio(square.sum(axis=0), wrong.sum(axis=0))
     total = _ratio(square.sum(axis=0), judged)
     return Figures(
@@ -53,9 +53,9 @@ def figures(answer: IntArray, cycles: IntArray, there: BoolArray) -> Figures:
     )
 
 
-def majority(cycles: IntArray, there: BoolArray) -> IntArray:
+def majority(cycles: IntArray, is_present: BoolArray) -> IntArray:
     """Return each double difference's most frequent integer, (d,): the answer without a look."""
-    shifted = np.where(there, cycles - cycles.min(), -1)
+    shifted = np.where(is_present, cycles - cycles.min(), -1)
     counts = [np.bincount(column[column >= 0], minlength=1) for column in shifted.T]
     return np.asarray(np.array([int(count.argmax()) for count in counts]) + cycles.min())
 
@@ -75,14 +75,14 @@ def same_time(samples: Samples, train: IntArray, test: IntArray) -> IntArray:
 
 def of_baselines(samples: Samples, train: IntArray, test: IntArray) -> dict[str, Figures]:
     """Return the figures of the three answers that need no network, on the test rows."""
-    cycles, there = samples.cycles[test], samples.there[test]
-    most = majority(samples.cycles[train], samples.there[train])
+    cycles, is_present = samples.cycles[test], samples.is_present[test]
+    most = majority(samples.cycles[train], samples.is_present[train])
     answers = {
         "majority": np.broadcast_to(most, cycles.shape),
         "rounding": samples.rounded[test],
         "same time": same_time(samples, train, test),
     }
-    return {name: figures(answer, cycles, there) for name, answer in answers.items()}
+    return {name: figures(answer, cycles, is_present) for name, answer in answers.items()}
 
 
 def _ratio(part: FloatArray | IntArray, whole: FloatArray | IntArray) -> FloatArray:

@@ -51,7 +51,7 @@ class Samples:
     features: FloatArray  # (n, f)
     cycles: IntArray  # (n, d); the integer of each wrapped double difference; 0 where there is none
     rounded: IntArray  # (n, d); what rounding the range gives
-    there: BoolArray  # (n, d)
+    is_present: BoolArray  # (n, d)
     t_s: FloatArray  # (n,)
     # run, first: (n,); the simulation, and the row of its first epoch
     run: IntArray
@@ -95,16 +95,16 @@ def draw(
     row = np.arange(count)
     run = row // length
     outside = np.abs(joined["cycles"]) > N_MAX
-    there = joined["there"] & ~outside
+    is_present = joined["is_present"] & ~outside
     losses: tuple[Loss, ...] = ()
     if outside.any():
         reason = f"the integer is beyond {N_MAX}, which no network can answer"
         losses = (Loss(what="double difference", reason=reason, count=int(outside.sum())),)
     return Samples(
         features=joined["features"],
-        cycles=np.where(there, joined["cycles"], 0),
-        rounded=np.where(there, joined["rounded"], 0),
-        there=there,
+        cycles=np.where(is_present, joined["cycles"], 0),
+        rounded=np.where(is_present, joined["rounded"], 0),
+        is_present=is_present,
         t_s=joined["t_s"],
         run=run,
         first=run * length,
@@ -133,15 +133,15 @@ def _drawn(
     e_n = _ordered(epochs.e_n.swapaxes(1, 2), order[:, None], empty, 0.0).swapaxes(1, 2)
     range_cycles = code_m / wavelength_m
     phase_cycles, cycles = wrapped(phase_m / wavelength_m - arbitrary)
-    there = np.isfinite(range_cycles) & np.isfinite(phase_cycles)
+    is_present = np.isfinite(range_cycles) & np.isfinite(phase_cycles)
     features = ambiguity_inputs(
         inputs, range_cycles=range_cycles, phase_cycles=phase_cycles, e_n=e_n, t_s=epochs.t_s
     )
     return {
         "features": features,
         "cycles": cycles,
-        "rounded": np.round(np.where(there, range_cycles, 0.0)).astype(np.int64),
-        "there": there,
+        "rounded": np.round(np.where(is_present, range_cycles, 0.0)).astype(np.int64),
+        "is_present": is_present,
         "e_n": e_n,
         "t_s": epochs.t_s,
     }
@@ -226,13 +226,13 @@ class Rows:
         self.samples, self.window, self.device = samples, window, device
         self._features = torch.from_numpy(samples.features).to(device)
         self._cycles = torch.from_numpy(samples.cycles[:, columns]).to(device)
-        self._there = torch.from_numpy(samples.there[:, columns]).to(device)
+        self._is_present = torch.from_numpy(samples.is_present[:, columns]).to(device)
 
     def __call__(self, rows: IntArray) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Return windows (n, k, f), integers (n, t) and whether they are there (n, t)."""
         seen = torch.from_numpy(windows(self.samples.first, rows, self.window)).to(self.device)
         own = seen[:, -1]
-        return self._features[seen], self._cycles[own], self._there[own]
+        return self._features[seen], self._cycles[own], self._is_present[own]
 
 
 @dataclass(slots=True)

@@ -180,12 +180,12 @@ def run_experiment(
 
 
 def _judged(samples: Samples, rows: IntArray, columns: IntArray, answers: IntArray) -> Figures:
-    return figures(answers, samples.cycles[rows][:, columns], samples.there[rows][:, columns])
+    return figures(answers, samples.cycles[rows][:, columns], samples.is_present[rows][:, columns])
 
 
 def _wrong(samples: Samples, rows: IntArray, columns: IntArray, answers: IntArray) -> BoolArray:
     wrong = answers != samples.cycles[rows][:, columns]
-    return np.asarray(wrong & samples.there[rows][:, columns])
+    return np.asarray(wrong & samples.is_present[rows][:, columns])
 
 
 def read_failures(folder: Path) -> BoolArray:
@@ -214,8 +214,8 @@ def _chunks(rows: IntArray) -> Iterator[IntArray]:
 
 
 def _loss(task: Task, module: torch.nn.Module, batch: Batch) -> torch.Tensor:
-    features, cycles, there = batch
-    return loss_of(task, module(features), cycles, there)
+    features, cycles, is_present = batch
+    return loss_of(task, module(features), cycles, is_present)
 
 
 def _settings(experiment: Experiment, rows: int) -> Settings:
@@ -238,11 +238,11 @@ def _validation(
     loss = wrong = judged = 0.0
     some = of[:: ceil(len(of) / experiment.validation_rows)]
     for chunk in _chunks(some):
-        features, cycles, there = rows(chunk)
+        features, cycles, is_present = rows(chunk)
         answer = module(features)
-        loss += float(loss_of(experiment.task, answer, cycles, there)) * len(chunk)
-        wrong += float(((cycles_of(experiment.task, answer) != cycles) & there).sum())
-        judged += float(there.sum())
+        loss += float(loss_of(experiment.task, answer, cycles, is_present)) * len(chunk)
+        wrong += float(((cycles_of(experiment.task, answer) != cycles) & is_present).sum())
+        judged += float(is_present.sum())
     return {"validation_loss": loss / len(some), "wrong_percent": 100.0 * wrong / max(judged, 1.0)}
 
 

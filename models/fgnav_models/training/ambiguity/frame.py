@@ -98,12 +98,16 @@ def _run(study: Study, order: Order) -> list[list[str]]:
     tried = {where: _judged(net, samples, parts.test, columns)}
     baselines = of_baselines(samples, parts.train, parts.test)
     tried[where] |= {name: _of(columns, f) for name, f in baselines.items()}
-    most = majority(samples.cycles[parts.train], samples.there[parts.train])
+    most = majority(samples.cycles[parts.train], samples.is_present[parts.train])
     for k, (name, world) in enumerate(study.elsewhere.items()):
-        there = _drawn(study, world, study.elsewhere_epochs, _ELSEWHERE + k, samples.satellites)
-        usable = np.flatnonzero(np.arange(len(there.t_s)) - there.first >= experiment.window - 1)
-        tried[name] = _judged(net, there, usable, columns)
-        always = figures(np.broadcast_to(most, there.cycles.shape), there.cycles, there.there)
+        elsewhere = _drawn(study, world, study.elsewhere_epochs, _ELSEWHERE + k, samples.satellites)
+        usable = np.flatnonzero(
+            np.arange(len(elsewhere.t_s)) - elsewhere.first >= experiment.window - 1
+        )
+        tried[name] = _judged(net, elsewhere, usable, columns)
+        always = figures(
+            np.broadcast_to(most, elsewhere.cycles.shape), elsewhere.cycles, elsewhere.is_present
+        )
         tried[name]["majority"] = _of(columns, always)
     if study.release is not None:
         measured = {
@@ -121,11 +125,11 @@ def _judged(
 ) -> dict[str, tuple[float, float]]:
     """Return mean accuracy and epochs with all right, percent, of network and rounding."""
     answers = answers_of(net, Rows(samples, columns, net.window, "cpu"), rows)
-    truth, there = samples.cycles[rows], samples.there[rows]
-    of_network = figures(answers, truth[:, columns], there[:, columns])
+    truth, is_present = samples.cycles[rows], samples.is_present[rows]
+    of_network = figures(answers, truth[:, columns], is_present[:, columns])
     return {
         "network": (float(np.nanmean(of_network.accuracy_percent)), of_network.all_right_percent),
-        "rounding": _of(columns, figures(samples.rounded[rows], truth, there)),
+        "rounding": _of(columns, figures(samples.rounded[rows], truth, is_present)),
     }
 
 

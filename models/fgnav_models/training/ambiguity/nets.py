@@ -183,7 +183,7 @@ class AmbiguityNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
 
 
 def loss_of(
-    task: Task, answer: torch.Tensor, cycles: torch.Tensor, there: torch.Tensor
+    task: Task, answer: torch.Tensor, cycles: torch.Tensor, is_present: torch.Tensor
 ) -> torch.Tensor:
     """Return cross-entropy or the mean squared error of the scaled integer, summed over targets.
 
@@ -194,7 +194,7 @@ def loss_of(
     ----------
     answer : tensor
         Of ``AmbiguityNet``.
-    cycles, there : tensor of int64 and bool, shape (n, t)
+    cycles, is_present : tensor of int64 and bool, shape (n, t)
         The integers, and which of them exist.
     """
     if task == "classification":
@@ -203,7 +203,7 @@ def loss_of(
     else:
         wanted = (cycles.to(answer.dtype) + N_MAX) / (2 * N_MAX)
         each = (answer - wanted).square().reshape(-1)
-    return (each * there.reshape(-1)).sum() / len(cycles)
+    return (each * is_present.reshape(-1)).sum() / len(cycles)
 
 
 def cycles_of(task: Task, answer: torch.Tensor) -> torch.Tensor:

@@ -22,9 +22,9 @@ class TrustSamples:
     start: IntArray  # (n + 1,); first row of each epoch, and the number of all
     # (n,); the true candidate, counted within its epoch; ``NONE`` where it is not among them
     truth: IntArray
-    # links, there, whole: as in ``TrustRows``
+    # links, is_present, whole: as in ``TrustRows``
     links: FloatArray
-    there: FloatArray
+    is_present: FloatArray
     whole: FloatArray
     outlier: FloatArray  # (c, l); links worse than stated
     # cost, degrees: (n,); least cost of an epoch, and its degrees of freedom
@@ -51,7 +51,7 @@ class TrustSamples:
             start=np.append(0, np.cumsum(number[epochs])),
             truth=self.truth[epochs],
             links=self.links[rows],
-            there=self.there[rows],
+            is_present=self.is_present[rows],
             whole=self.whole[rows],
             outlier=self.outlier[rows],
             cost=self.cost[epochs],
@@ -94,7 +94,7 @@ def samples_of(
         start=start,
         truth=truth,
         links=rows.links,
-        there=rows.there,
+        is_present=rows.is_present,
         whole=rows.whole,
         outlier=_outliers(drawn.outlier & links_of(differences), rows),
         cost=least,
@@ -110,7 +110,7 @@ def _outliers(outlier: BoolArray, rows: TrustRows) -> FloatArray:
 
 def joined(parts: list[TrustSamples]) -> TrustSamples:
     """Return several sets as one, links padded to the longest."""
-    length = max(part.there.shape[1] for part in parts)
+    length = max(part.is_present.shape[1] for part in parts)
     rows = np.cumsum([0, *(part.start[-1] for part in parts)])
     starts = [part.start[:-1] + first for part, first in zip(parts, rows[:-1], strict=True)]
     out = {"start": np.append(np.concatenate(starts), rows[-1])}
@@ -119,7 +119,7 @@ def joined(parts: list[TrustSamples]) -> TrustSamples:
         if name == "start":
             continue
         values = [getattr(part, name) for part in parts]
-        if name in ("links", "there", "outlier"):
+        if name in ("links", "is_present", "outlier"):
             values = [_padded(value, length) for value in values]
         out[name] = np.concatenate(values)
     return TrustSamples(**out)

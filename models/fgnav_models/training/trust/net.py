@@ -42,19 +42,19 @@ class TrustNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
         self.register_buffer("whole_scale", torch.ones(WHOLE_FEATURES))
         self.register_buffer("cold", torch.ones(()))
 
-    def scale(self, links: torch.Tensor, there: torch.Tensor, whole: torch.Tensor) -> None:
+    def scale(self, links: torch.Tensor, is_present: torch.Tensor, whole: torch.Tensor) -> None:
         """Take means and standard deviations of the inputs from a sample."""
-        own = links[there > 0]
+        own = links[is_present > 0]
         for name, value in (("link", own), ("whole", whole)):
             getattr(self, f"{name}_mean").copy_(value.mean(dim=0))
             getattr(self, f"{name}_scale").copy_(1.0 / value.std(dim=0).clamp(min=0.1))
 
     def forward(
-        self, links: torch.Tensor, there: torch.Tensor, whole: torch.Tensor
+        self, links: torch.Tensor, is_present: torch.Tensor, whole: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Return score and score of none, (c,), and logits of outliers, (c, l)."""
         x = self.embed((links - self.link_mean) * self.link_scale)
-        kept = x * there[:, :, None]
+        kept = x * is_present[:, :, None]
         pooled = [kept.sum(dim=1) * _POOL, kept.amax(dim=1)]
         figures = (whole - self.whole_mean) * self.whole_scale
         h = self.judge(torch.cat([*pooled, figures], dim=1))
@@ -80,13 +80,13 @@ def log_probabilities(
 
 def loss_of(module: nn.Module, batch: tuple[torch.Tensor, ...]) -> torch.Tensor:
     """Return the cross-entropy of epochs, with that of the true candidates' links."""
-    links, there, whole, outlier, epoch, first, true_row = batch
-    score, none, bad = module(links, there, whole)
+    links, is_present, whole, outlier, epoch, first, true_row = batch
+    score, none, bad = module(links, is_present, whole)
     rows, nones = log_probabilities(score, none, epoch, first)
     known = true_row >= 0
     chosen = true_row.clamp(min=0)
     entropy = -torch.where(known, rows[chosen], nones).mean()
     at = true_row[known]
     own = nn.functional.binary_cross_entropy_with_logits(bad[at], outlier[at], reduction="none")
-    of_links: torch.Tensor = (own * there[at]).sum() / there[at].sum().clamp(min=1.0)
+    of_links: torch.Tensor = (own * is_present[at]).sum() / is_present[at].sum().clamp(min=1.0)
     return entropy + _OUTLIER_SHARE * of_links

@@ -97,7 +97,9 @@ def run(order: Order) -> list[str] | None:
     kept = joined([part for part, out in zip(parts, held_out, strict=True) if out])
     net = TrustNet(recipe.width, seed=recipe.seed)
     sample = slice(20_000)
-    net.scale(*(torch.from_numpy(x[sample]) for x in (learned.links, learned.there, learned.whole)))
+    net.scale(
+        *(torch.from_numpy(x[sample]) for x in (learned.links, learned.is_present, learned.whole))
+    )
     trained = train(
         net,
         _Batches(learned, recipe),
@@ -189,7 +191,7 @@ def batch_of(samples: TrustSamples, epochs: IntArray) -> Batch:
     truth = samples.truth[epochs]
     arrays = (
         samples.links[rows],
-        samples.there[rows],
+        samples.is_present[rows],
         samples.whole[rows],
         samples.outlier[rows],
         np.repeat(np.arange(len(epochs)), number),
@@ -205,7 +207,7 @@ def scores(net: torch.nn.Module, samples: TrustSamples) -> tuple[FloatArray, Flo
     with torch.no_grad():
         for start in range(0, len(samples.whole), _CHUNK):
             rows = slice(start, start + _CHUNK)
-            inputs = (samples.links, samples.there, samples.whole)
+            inputs = (samples.links, samples.is_present, samples.whole)
             answer = net(*(torch.from_numpy(x[rows]) for x in inputs))
             for part, value in zip(out, answer[:2], strict=True):
                 part.append(value.numpy().astype(np.float64))
@@ -255,5 +257,5 @@ def _release(
         domain,
         made_with(recipe.seed, content, figures),
     )
-    examples = [x[:256] for x in (samples.links, samples.there, samples.whole)]
+    examples = [x[:256] for x in (samples.links, samples.is_present, samples.whole)]
     release(net, examples, manifest, words, figures, folder)

@@ -22,7 +22,7 @@ def samples(cycles, t_s):
         features=np.zeros((n, 1), dtype=np.float32),
         cycles=cycles,
         rounded=cycles + (np.arange(n) == 0)[:, None],
-        there=np.ones(cycles.shape, dtype=bool),
+        is_present=np.ones(cycles.shape, dtype=bool),
         t_s=np.array(t_s, dtype=float),
         run=np.arange(n),
         first=np.arange(n),
@@ -33,8 +33,8 @@ def samples(cycles, t_s):
 def test_figures_are_those_counted_by_hand():
     cycles = np.array([[0, 5], [2, 5], [-2, 5], [0, 5]])
     answer = np.array([[0, 5], [1, 5], [1, 5], [0, 7]])
-    there = np.array([[True, True], [True, True], [True, True], [True, False]])
-    got = figures(answer, cycles, there)
+    is_present = np.array([[True, True], [True, True], [True, True], [True, False]])
+    got = figures(answer, cycles, is_present)
     np.testing.assert_allclose(got.accuracy_percent, [50.0, 100.0], rtol=0, atol=1e-12)
     np.testing.assert_allclose(got.mse_failed_cycles2, [5.0, np.nan], rtol=0, atol=1e-12)
     np.testing.assert_allclose(got.mse_failed_normalised, [5 / 16, np.nan], rtol=0, atol=1e-12)
@@ -47,9 +47,9 @@ def test_figures_are_those_counted_by_hand():
 
 def test_the_majority_counts_only_what_is_there():
     cycles = np.array([[1, -3], [1, -3], [2, 0], [2, 0], [2, 0]])
-    there = np.ones((5, 2), dtype=bool)
-    there[2:, 1] = False
-    np.testing.assert_array_equal(majority(cycles, there), [2, -3])
+    is_present = np.ones((5, 2), dtype=bool)
+    is_present[2:, 1] = False
+    np.testing.assert_array_equal(majority(cycles, is_present), [2, -3])
 
 
 def test_the_leak_takes_the_nearest_time_of_training():

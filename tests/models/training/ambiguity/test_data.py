@@ -24,7 +24,7 @@ def days(runs=20, length=96):
         features=np.arange(n, dtype=np.float32)[:, None],
         cycles=zeros,
         rounded=zeros,
-        there=np.ones((n, 1), dtype=bool),
+        is_present=np.ones((n, 1), dtype=bool),
         t_s=np.tile(np.arange(length) * 900.0, runs),
         run=run,
         first=run * length,
@@ -50,12 +50,12 @@ def test_fewer_satellites_leave_gaps_that_are_marked():
     table = SatellitesTable(choose=(4, 6), pick="random")
     world = World(satellites=table, noise=QUIET.noise, runs=RunsTable(epochs=2))
     samples = drawn(world)
-    per_epoch = samples.there.reshape(48, 7, 5).sum(axis=2)
+    per_epoch = samples.is_present.reshape(48, 7, 5).sum(axis=2)
     assert set(np.unique(per_epoch)) == {3, 4, 5}
     # The lowest slots are the empty ones: a gap is followed by gaps alone.
-    assert (np.diff(samples.there.reshape(48, 7, 5).astype(int), axis=2) <= 0).all()
+    assert (np.diff(samples.is_present.reshape(48, 7, 5).astype(int), axis=2) <= 0).all()
     assert np.isfinite(samples.features).all()
-    assert not samples.features[:, :35][~samples.there].any()
+    assert not samples.features[:, :35][~samples.is_present].any()
 
 
 def test_fewer_slots_than_wanted_are_padded_with_gaps():
@@ -64,17 +64,19 @@ def test_fewer_slots_than_wanted_are_padded_with_gaps():
     samples = draw(world, INPUTS, 8, rng=np.random.default_rng(1), satellites=6)
     plain = drawn(world, count=8)
     assert (samples.satellites, plain.satellites) == (6, 4)
-    there = samples.there.reshape(8, 7, 5)
-    assert there[:, :, :3].all()
-    assert not there[:, :, 3:].any()
-    np.testing.assert_array_equal(samples.cycles[samples.there], plain.cycles[plain.there])
+    is_present = samples.is_present.reshape(8, 7, 5)
+    assert is_present[:, :, :3].all()
+    assert not is_present[:, :, 3:].any()
+    np.testing.assert_array_equal(
+        samples.cycles[samples.is_present], plain.cycles[plain.is_present]
+    )
 
 
 def test_integers_no_network_can_answer_are_counted():
     long = GivenArray(antennas_b_m=((0.0, 0.0, 0.0), (5.0, 0.0, 0.0)))
     world = World(array=long, noise=QUIET.noise)
     samples = drawn(world)
-    assert samples.losses[0].count == (~samples.there).sum() > 0
+    assert samples.losses[0].count == (~samples.is_present).sum() > 0
     assert "beyond 16" in samples.losses[0].reason
 
 

@@ -72,11 +72,11 @@ def test_recurrent_layers_are_those_of_torch(kind, activation):
 def test_members_trained_together_get_the_gradient_they_would_get_alone():
     net = network()
     x, cycles = samples(), torch.tensor([[1, -2, 0]]).expand(11, 3)
-    there = torch.ones(11, 3, dtype=torch.bool)
-    loss_of("classification", net(x), cycles, there).backward()
+    is_present = torch.ones(11, 3, dtype=torch.bool)
+    loss_of("classification", net(x), cycles, is_present).backward()
     together = net.dense[0].weight.grad[1].clone()
     net.zero_grad()
-    only = there.clone()
+    only = is_present.clone()
     only[:, [0, 2]] = False
     loss_of("classification", net(x), cycles, only).backward()
     torch.testing.assert_close(net.dense[0].weight.grad[1], together, rtol=1e-6, atol=1e-9)
@@ -101,12 +101,12 @@ def test_a_residual_network_rounds_before_it_has_learnt(task):
 
 def test_losses_are_those_of_the_textbook():
     cycles = torch.tensor([[2, 0]])
-    there = torch.tensor([[True, False]])
+    is_present = torch.tensor([[True, False]])
     scores = torch.zeros(1, 2, CLASSES)
-    loss = loss_of("classification", scores, cycles, there)
+    loss = loss_of("classification", scores, cycles, is_present)
     assert float(loss) == pytest.approx(np.log(CLASSES), rel=1e-6, abs=0)
     value = (torch.tensor([[2.0, 9.0]]) + N_MAX + 1.6) / (2 * N_MAX)
-    loss = loss_of("regression", value, cycles, there)
+    loss = loss_of("regression", value, cycles, is_present)
     assert float(loss) == pytest.approx((1.6 / 32) ** 2, rel=1e-5, abs=0)
     assert cycles_of("regression", value)[0, 0] == 4
 

@@ -64,7 +64,7 @@ def samples_with(truth, rows):
         start=np.arange(n + 1) * rows,
         truth=np.array(truth),
         links=np.zeros((n * rows, 1, LINK_FEATURES)),
-        there=np.ones((n * rows, 1)),
+        is_present=np.ones((n * rows, 1)),
         whole=np.zeros((n * rows, WHOLE_FEATURES)),
         outlier=np.zeros((n * rows, 1)),
         cost=np.ones(n),
@@ -126,15 +126,15 @@ def test_links_may_come_in_any_order_and_absent_ones_do_not_count():
     net = TrustNet(8, seed=1)
     torch.nn.init.normal_(net.answer.weight)
     links = torch.from_numpy(rng.normal(size=(3, 6, LINK_FEATURES)).astype(np.float32))
-    there = torch.tensor([[1.0] * 4 + [0.0] * 2]).repeat(3, 1)
+    is_present = torch.tensor([[1.0] * 4 + [0.0] * 2]).repeat(3, 1)
     whole = torch.from_numpy(rng.normal(size=(3, WHOLE_FEATURES)).astype(np.float32))
     order = torch.tensor([2, 0, 5, 3, 1, 4])
     changed = links.clone()
     changed[:, 4:] = 7.0
     with torch.no_grad():
-        expected = net(links, there, whole)
-        shuffled = net(links[:, order], there[:, order], whole)
-        other = net(changed, there, whole)
+        expected = net(links, is_present, whole)
+        shuffled = net(links[:, order], is_present[:, order], whole)
+        other = net(changed, is_present, whole)
     for k in range(2):
         torch.testing.assert_close(shuffled[k], expected[k], rtol=1e-5, atol=1e-5)
         torch.testing.assert_close(other[k], expected[k], rtol=0, atol=0)
