@@ -109,7 +109,7 @@ class Look(NamedTuple):
 
     def goes_on(self, before: "Look | None") -> bool:
         """Return whether noise is as stated, as by the look before."""
-        return before is not None and self.found is before.found is None and self == before
+        return self.found is None and self == before
 
     def prepared(self, flight: Flight, settings: ProblemSettings, build: Build) -> PreparedFlight:
         """Return the problem of a flight that goes on, with noise and times as found."""

@@ -64,7 +64,7 @@ def identify(
     try:
         free = searched(small, factors or {})
     except NoSolutionError:
-        if stated is None or (stated.is_noise_doubted and not stated.identified.is_turned):
+        if stated is None or not stated.stands_alone:
             raise
         return replace(stated.identified, has_no_minimum=True)
     free = _unless_an_instrument(small, free)
@@ -87,7 +87,7 @@ def as_stated(
     Parameters and errors are those of ``identify``.
     """
     stated = _as_stated(ThinnedFlight.of(flight, problem, timed, extra))
-    if stated is None or (stated.is_noise_doubted and not stated.identified.is_turned):
+    if stated is None or not stated.stands_alone:
         raise NoSolutionError("noise: the chain has no minimum about which to identify it")
     return stated.identified
 
@@ -98,6 +98,11 @@ class _AsStated(NamedTuple):
     identified: Identified
     is_noise_doubted: bool
     is_off: bool
+
+    @property
+    def stands_alone(self) -> bool:
+        """Whether it counts where no other noise has a minimum."""
+        return not self.is_noise_doubted or self.identified.is_turned
 
 
 def _as_stated(flight: ThinnedFlight) -> _AsStated | None:

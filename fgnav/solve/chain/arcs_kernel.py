@@ -28,11 +28,11 @@ def lead_on(
     order : ndarray of int, shape (size + m + 1,)
         Where A, others and the right-hand side stand in it.
     size : int
-        Of A; may be less than what ``rows`` has no column for.
+        Dimensions of A; ``before`` may have no column at all: then nothing leads on from A.
     rows : tuple of ndarray, shapes (q, size or 0), (q, size'), (q,)
-        Before, after and right of the next block: ``-before A + after A' = right``.
+        ``before``, ``after`` and ``right`` of the next ``ArcBlock``.
     weight : ndarray, shape (q,)
-        Of their squares.
+        Of the squares of ``after A' - before A - right``.
 
     Returns
     -------

@@ -5,6 +5,7 @@ Answers are two half-lives apart, what lasts of their errors is a constant of th
 flight are seen.
 """
 
+import logging
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -31,6 +32,7 @@ from fgnav_sim.data_sets.gravity_world import GravityWorld
 from fgnav_sim.scenario import FixesTable, Scenario
 from fgnav_sim.simulate import simulate
 
+_LOG = logging.getLogger("fgnav")
 _FIX_HZ = 10.0
 _LEAST_SINE = 1e-9
 _SAME = 1e-6  # of a window: times are rounded
@@ -136,7 +138,7 @@ def symmetric_root(P: torch.Tensor) -> torch.Tensor:
 
 
 def gravity_flights(flights: list[Flight], method: Batch, *, aided: bool) -> list[GravityFlight]:
-    """Return flights linearised with a network's answers; those it does not solve are left out.
+    """Return flights linearised with a network's answers; those it does not solve are counted.
 
     Raises
     ------
@@ -152,6 +154,12 @@ def gravity_flights(flights: list[Flight], method: Batch, *, aided: bool) -> lis
         out.append(_gravity_flight(flight, linearised, aided=aided))
     if not out:
         raise BadInputError("through the smoother: it solves none of the flights; take more")
+    if len(out) < len(flights):
+        _LOG.warning(
+            "%d of %d flights teach nothing: the smoother does not solve them",
+            len(flights) - len(out),
+            len(flights),
+        )
     return out
 
 
