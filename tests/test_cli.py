@@ -15,6 +15,7 @@ import pytest
 from fgnav import cli
 from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.cli import program
+from fgnav.io.exports.recorded import load_estimate
 from fgnav.io.flight.folder import save_flight
 from fgnav.types.estimate import Estimate
 from fgnav_sim.scenario import load_scenario
@@ -152,6 +153,27 @@ def test_compare_goes_on_when_one_method_fails(folder, methods, capsys):
     assert "lost: no solution: yaw: unobservable" in capsys.readouterr().out
 
 
+def test_compare_keeps_the_estimate_of_each_method_that_has_one(folder, methods, tmp_path, capsys):
+    methods(Level(), Level(name="lost", error=NoSolutionError("yaw: unobservable")))
+    assert cli.main(["compare", str(folder), "--out", str(tmp_path / "all")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert f"level: 20 of 20 epochs in {tmp_path / 'all' / 'level' / 'estimate.csv'}" in lines
+    assert "lost: yaw: unobservable" in lines
+    assert [path.name for path in (tmp_path / "all").iterdir()] == ["level"]
+    summary = json.loads((tmp_path / "all" / "level" / "summary.json").read_text())
+    assert list(summary["methods"]) == ["level"]
+    assert load_estimate(tmp_path / "all" / "level").estimate.converged
+
+
+def test_compare_keeps_estimates_of_one_flight_only(folder, methods, tmp_path, capsys):
+    methods(Level())
+    other = tmp_path / "other"
+    shutil.copytree(folder, other)
+    assert cli.main(["compare", str(folder), str(other), "--out", str(tmp_path / "all")]) == 2
+    assert "keeps estimates of one flight, not of 2" in capsys.readouterr().err
+    assert not (tmp_path / "all").exists()
+
+
 def test_compare_where_every_method_fails_exits_with_one(folder, methods, capsys):
     methods(Level(name="lost", error=NoSolutionError("yaw: unobservable")))
     assert cli.main(["compare", str(folder)]) == 1
@@ -192,6 +214,21 @@ def test_figures_never_replace_a_file_of_the_flight(folder, methods, tmp_path, c
             assert cli.main([command, str(folder), "--json", str(place)]) == 2
             assert "is a file of the flight itself; name another" in capsys.readouterr().err
     assert (folder / name).read_bytes() == before
+
+
+def test_estimates_of_a_comparison_never_replace_a_file_of_the_flight(
+    folder, methods, tmp_path, capsys
+):
+    own = tmp_path / "level"  # as the method is named
+    shutil.copytree(folder, own)
+    samples = (own / "imu.csv").rename(own / "estimate.csv")
+    text = (own / "flight.toml").read_text()
+    (own / "flight.toml").write_text(text.replace("imu.csv", samples.name))
+    before = samples.read_bytes()
+    methods(Level())
+    assert cli.main(["compare", str(own), "--out", str(tmp_path)]) == 2
+    assert "estimate.csv" in capsys.readouterr().err
+    assert samples.read_bytes() == before
 
 
 def test_an_estimate_never_replaces_a_file_of_the_flight(folder, methods, tmp_path, capsys):

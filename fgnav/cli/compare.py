@@ -20,17 +20,20 @@ from fgnav.cli.arguments.options import (
     UntilSeconds,
     WithoutKinds,
 )
+from fgnav.cli.arguments.written import write_method
 from fgnav.integers.resolvers.registry import DEFAULT
 from fgnav.json_file import JsonFile, write_json
-from fgnav.terminal import check_outputs, show_comparison, show_report, width
+from fgnav.terminal import check_outputs, show_comparison, show_lines, show_report, width
 
 if TYPE_CHECKING:
+    from fgnav.evaluation.comparison import Comparison
     from fgnav.types.estimate import Estimator
+    from fgnav.types.flight import Flight
 
 _DEFAULT_METHODS = "closed-form,maximum-likelihood,smoother,batch,rtk"
 
 
-def compare(
+def compare(  # noqa: PLR0913  # a command has as many options as it takes
     *flights: Path,
     method: str = _DEFAULT_METHODS,
     integers: IntegersName = DEFAULT,
@@ -38,6 +41,7 @@ def compare(
     from_: FromSeconds = None,
     until: UntilSeconds = None,
     without: WithoutKinds = "",
+    out: Path | None = None,
     json: JsonFile = None,
     report: ReportFile = None,
 ) -> None:
@@ -54,6 +58,9 @@ def compare(
         Folders with a flight.toml, or folders of such folders.
     method
         Names, separated by commas.
+    out
+        Folder for the estimates of one flight, in one of its own by each method's name, as run
+        writes them.
     """
     from fgnav.checks import BadInputError  # noqa: PLC0415
     from fgnav.evaluation.report.save import check_report  # noqa: PLC0415
@@ -62,19 +69,28 @@ def compare(
         raise BadInputError("compare: requires an argument: a flight, or several")
     folders = flights_in(flights)
     span = (from_, until)
-    for folder in folders:
-        check_outputs(folder, json, report)
-    check_report(report)
+    if out is not None and len(folders) > 1:
+        raise BadInputError(f"--out {out}: keeps estimates of one flight, not of {len(folders)}")
     estimators = estimators_named(method, integers, smoother)
     estimators += ablated(method, integers, smoother, without) if without else []
+    for folder in folders:
+        check_outputs(folder, json, report)
+        for place in (out / one.name for one in estimators) if out is not None else ():
+            check_outputs(folder, folder=place)
+    check_report(report)
     if len(folders) > 1:
         _several(folders, estimators, span, json, report)
     else:
-        _one(folders[0], estimators, span, json, report)
+        _one(folders[0], estimators, span, out, json, report)
 
 
 def _one(
-    flight: Path, estimators: "list[Estimator]", span: Span, json: str | None, report: Path | None
+    flight: Path,
+    estimators: "list[Estimator]",
+    span: Span,
+    out: Path | None,
+    json: str | None,
+    report: Path | None,
 ) -> None:
     from fgnav.checks import NoSolutionError  # noqa: PLC0415
     from fgnav.evaluation.report.save import save_report  # noqa: PLC0415
@@ -86,9 +102,24 @@ def _one(
     if not comparison.solved:
         failures = "; ".join(f"{m.name}: {m.score.failure}" for m in comparison.methods)
         raise NoSolutionError(f"no method has a solution: {failures}")
+    written = [] if out is None else _written(comparison, data, out)
     files = save_report(comparison, data, report, flight)
     if json != "-":
+        show_lines(written)
         show_report(files)
+
+
+def _written(comparison: "Comparison", data: "Flight", out: Path) -> list[str]:
+    """Write each method's estimate; return a line of each, of those that are none as well."""
+    from fgnav.checks import NoSolutionError  # noqa: PLC0415
+
+    lines = []
+    for method in comparison.methods:
+        try:
+            lines.append(write_method(comparison, method.name, data, out / method.name))
+        except NoSolutionError as error:
+            lines.append(str(error))
+    return lines
 
 
 def _several(

@@ -11,6 +11,7 @@ from fgnav.cli.arguments.options import (
     SmootherOptions,
     TimesFile,
 )
+from fgnav.cli.arguments.written import write_method
 from fgnav.integers.resolvers.registry import DEFAULT
 from fgnav.json_file import JsonFile, write_json
 from fgnav.terminal import check_outputs, show_lines, show_report
@@ -42,12 +43,9 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     method
         closed-form, maximum-likelihood, smoother, forward, batch, gtsam, rtk, or an installed one.
     """
-    from fgnav.checks import BadInputError, NoSolutionError  # noqa: PLC0415
+    from fgnav.checks import BadInputError  # noqa: PLC0415
     from fgnav.evaluation.report.save import check_report, save_report  # noqa: PLC0415
     from fgnav.evaluation.report.table import remarks  # noqa: PLC0415
-    from fgnav.io.atomic_write import made_folder  # noqa: PLC0415
-    from fgnav.io.exports.estimate_csv import ESTIMATE, write_outcome  # noqa: PLC0415
-    from fgnav.io.exports.recorded import save_estimate  # noqa: PLC0415
     from fgnav.methods.at_times import at_times  # noqa: PLC0415
 
     check_outputs(flight, json, report, folder=out)
@@ -56,22 +54,9 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     if len(estimators) > 1:
         raise BadInputError(f"--method {method}: run takes one method; compare takes several")
     data, comparison = compare_flight(flight, estimators)
-    outcome = comparison.methods[0]
-    if outcome.estimate is None:
-        raise NoSolutionError(f"{outcome.name}: {outcome.score.failure}")
-    if not outcome.estimate.converged:  # a file of it would look like a success
-        open_ = " and ".join(outcome.estimate.unobservable)
-        raise NoSolutionError(
-            f"{outcome.name}: did not end at a minimum, nothing is written"
-            + (f"; the data leave open: {open_}" if open_ else "")
-        )
-    folder = made_folder(out)
-    save_estimate(outcome.estimate, data, folder / "estimate.npz")
-    write_outcome(folder, outcome.estimate, data.origin, comparison.to_dict())
+    written = write_method(comparison, comparison.methods[0].name, data, out)
     files = save_report(comparison, data, report, flight)
     write_json(json, comparison.to_dict())
     if json != "-":
-        n = len(outcome.estimate.t_s)
-        summary = f"{outcome.name}: {n} of {comparison.epochs} epochs in {folder / ESTIMATE}"
-        show_lines([summary, *remarks(comparison)])
+        show_lines([written, *remarks(comparison)])
         show_report(files)

@@ -1,0 +1,39 @@
+"""An outcome of a comparison as files of a folder."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from fgnav.evaluation.comparison import Comparison
+    from fgnav.types.flight import Flight
+
+
+def write_method(comparison: "Comparison", name: str, flight: "Flight", folder: Path) -> str:
+    """Write estimate.csv, estimate.npz and summary.json of one method; return a line that says so.
+
+    Raises
+    ------
+    NoSolutionError
+        If the method has no estimate, or one that is no minimum: a file of it would look right.
+    """
+    from fgnav.checks import NoSolutionError  # noqa: PLC0415  # lazy, like all below
+    from fgnav.io.atomic_write import made_folder  # noqa: PLC0415
+    from fgnav.io.exports.estimate_csv import ESTIMATE, write_outcome  # noqa: PLC0415
+    from fgnav.io.exports.recorded import save_estimate  # noqa: PLC0415
+
+    method = comparison[name]
+    estimate = method.estimate
+    if estimate is None:
+        raise NoSolutionError(f"{name}: {method.score.failure}")
+    if not estimate.converged:
+        open_ = " and ".join(estimate.unobservable)
+        raise NoSolutionError(
+            f"{name}: did not end at a minimum, nothing is written"
+            + (f"; the data leave open: {open_}" if open_ else "")
+        )
+    alone = replace(comparison, methods=(method,), differences=())
+    place = made_folder(folder)
+    save_estimate(estimate, flight, place / "estimate.npz")
+    write_outcome(place, estimate, flight.origin, alone.to_dict())
+    return f"{name}: {len(estimate.t_s)} of {comparison.epochs} epochs in {place / ESTIMATE}"
