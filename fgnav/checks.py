@@ -15,15 +15,44 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 
 
 class FgnavError(Exception):
-    """Base of every error raised on purpose by this project."""
+    """Base of every error raised on purpose by this project.
+
+    Examples
+    --------
+    >>> import fgnav
+    >>> issubclass(fgnav.BadInputError, fgnav.FgnavError)
+    True
+    """
 
 
 class BadInputError(FgnavError, ValueError):
-    """The caller passed data that breaks a stated rule; the text names what, where and the mend."""
+    """The caller passed data that breaks a stated rule; the text names what, where and the mend.
+
+    Examples
+    --------
+    >>> import fgnav
+    >>> try:
+    ...     fgnav.load_flight("nowhere")
+    ... except fgnav.BadInputError as error:
+    ...     print(error)
+    nowhere/flight.toml: no such file; a flight is a folder with a flight.toml
+    """
 
 
 class NoSolutionError(FgnavError):
-    """The data are valid, but there is no answer; the text names the state that is missing."""
+    """The data are valid, but there is no answer; the text names the state that is missing.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> import fgnav
+    >>> flight = fgnav.load_flight("demo/flight")
+    >>> try:
+    ...     fgnav.Smoother()(replace(flight, observations=None))
+    ... except fgnav.NoSolutionError as error:
+    ...     print(error)
+    attitude: flight demo has no antenna array, no raw data, no fixes
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,18 +1,27 @@
 """What the documents show is run, in the order of its document: Python, and shell commands.
 
-A block of TOML whose first line is a comment with a file's name is that file.
+A block of TOML whose first line is a comment with a file's name is that file. Examples in the
+docstrings of the library's face are run, too.
 """
 
+import doctest
+import inspect
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 
+import fgnav
+from fgnav.attitude import AttitudeSolution, RotationQuadratic, maximum_likelihood
 from fgnav.cli import main
+from fgnav.graph import residual_factor
+from fgnav.integers import integer_least_squares
 from fgnav.io.flight.folder import save_flight
+from fgnav.methods import method_named
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 
@@ -20,14 +29,26 @@ ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```(python|sh|toml)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 DOCUMENTS = [path for path in sorted(ROOT.glob("docs/*.md")) if BLOCK.search(path.read_text())]
 
+FACE = [getattr(fgnav, name) for name in fgnav.__all__]
+PUBLIC = [one for one in FACE if inspect.isclass(one) or inspect.isfunction(one)]
+PUBLIC += [fgnav.Stream.replay, AttitudeSolution, RotationQuadratic, maximum_likelihood]
+PUBLIC += [integer_least_squares, method_named, residual_factor]
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """Work in a folder with the demo's first seconds in demo/flight."""
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """Return the folder of the demo's first seconds."""
     demo = load_scenario(ROOT / "sim" / "fgnav_sim" / "scenarios" / "demo.toml")
     flight = simulate(msgspec.structs.replace(demo, duration_s=6.0), np.random.default_rng(1))
-    (tmp_path / "demo").mkdir()
-    save_flight(flight, tmp_path / "demo" / "flight")
+    place = tmp_path_factory.mktemp("flown") / "flight"
+    save_flight(flight, place)
+    return place
+
+
+@pytest.fixture
+def folder(flown, tmp_path, monkeypatch):
+    """Work in a folder with the demo's first seconds in demo/flight."""
+    shutil.copytree(flown, tmp_path / "demo" / "flight")
     monkeypatch.chdir(tmp_path)
 
 
@@ -53,3 +74,27 @@ def test_code_of_a_document_runs(document, capsys):
 
 def test_there_are_documents_with_code():
     assert {"factors.md", "own_log.md"} <= {path.name for path in DOCUMENTS}
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("public", PUBLIC, ids=lambda one: one.__qualname__)
+def test_a_public_docstring_has_an_example_and_it_runs(public):
+    module = inspect.getmodule(public)
+    (example,) = doctest.DocTestFinder(recurse=False).find(public, module=module, globs={})
+    assert example.examples
+    outcome = []
+    doctest.DocTestRunner().run(example, out=outcome.append)
+    assert not outcome, "".join(outcome)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [one for one in PUBLIC if inspect.isfunction(one)],
+    ids=lambda one: one.__qualname__,
+)
+def test_a_public_function_names_its_parameters_and_what_it_returns(function):
+    text = inspect.getdoc(function)
+    assert "Parameters\n" in text
+    signature = inspect.signature(function)
+    returns = signature.return_annotation not in (None, "None")
+    assert ("Returns\n" if returns else "Raises\n") in text

@@ -22,7 +22,22 @@ _ALONG_AXIS = 1e-3  # rad: an open direction this close to a body axis is that a
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class AttitudeSolution:
-    """Attitudes of epochs, each from that epoch's measurements alone."""
+    """Attitudes of epochs, each from that epoch's measurements alone.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fgnav.attitude import RotationQuadratic, maximum_likelihood
+    >>> v_n = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # down and north
+    >>> R_nb = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # heading east
+    >>> pairs = [
+    ...     RotationQuadratic.of_vector_pairs(v[None], (R_nb.T @ v)[None], 1e-4 * np.eye(3)[None])
+    ...     for v in v_n
+    ... ]
+    >>> solution = maximum_likelihood(pairs[0] + pairs[1])
+    >>> bool(solution.solved[0]), np.degrees(np.sqrt(np.diag(solution.covariance_rad2[0]))).round(2)
+    (True, array([0.41, 0.57, 0.57]))
+    """
 
     R_nb: FloatArray  # (n, 3, 3); identity where there is no information at all
     # (n, 3, 3); of the body-axes tangent; directions left open have the variance of a uniform angle
@@ -142,6 +157,21 @@ def maximum_likelihood(
     ----------
     The covariance is the inverse Fisher information, which the estimate reaches to first order: the
     Cramer-Rao bound of the model ``paper Eq. 28`` with its full covariance.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fgnav.attitude import RotationQuadratic, maximum_likelihood
+    >>> v_n = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # down and north
+    >>> R_nb = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # heading east
+    >>> pairs = [
+    ...     RotationQuadratic.of_vector_pairs(v[None], (R_nb.T @ v)[None], 1e-4 * np.eye(3)[None])
+    ...     for v in v_n
+    ... ]
+    >>> maximum_likelihood(pairs[0] + pairs[1]).R_nb[0].round(6) + 0.0
+    array([[ 0., -1.,  0.],
+           [ 1.,  0.,  0.],
+           [ 0.,  0.,  1.]])
     """
     if R_nb_start is None:
         R_nb_start = rotations.nearest(quadratic.unconstrained())

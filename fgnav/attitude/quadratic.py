@@ -21,7 +21,17 @@ _NOTHING = 1e-10  # relative eigenvalue: rounding of an array that does not span
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RotationQuadratic:
-    """``-log p = (x' information x - 2 vector' x + constant) / 2``, x = R_nb.ravel(), per epoch."""
+    """``-log p = (x' information x - 2 vector' x + constant) / 2``, x = R_nb.ravel(), per epoch.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fgnav.attitude import RotationQuadratic
+    >>> down = np.array([[0.0, 0.0, 1.0]])
+    >>> level = RotationQuadratic.of_vector_pairs(down, down, 1e-4 * np.eye(3)[None])
+    >>> level.information.shape, level.count
+    ((1, 9, 9), array([3]))
+    """
 
     information: FloatArray  # (n, 9, 9)
     vector: FloatArray  # (n, 9)

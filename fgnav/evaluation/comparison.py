@@ -72,6 +72,16 @@ class Comparison:
     counted_sigmas : tuple of str
         What the truth states 1-sigmas of, ``"attitude"``, ``"position"``, ``"velocity"``: NEES
         counts them.
+
+    Examples
+    --------
+    >>> import fgnav
+    >>> flight = fgnav.load_flight("demo/flight")
+    >>> comparison = fgnav.compare(flight, [fgnav.Smoother(noise="stated")])
+    >>> comparison.judged_by, [method.name for method in comparison.solved]
+    ('truth', ['smoother'])
+    >>> comparison["smoother"].score.attitude_rmse_deg < 0.3
+    True
     """
 
     flight: str
@@ -175,6 +185,15 @@ def compare(
     ------
     BadInputError
         If there is no estimator, two share a name, or one finds the flight unfit for it.
+
+    Examples
+    --------
+    >>> import fgnav
+    >>> flight = fgnav.load_flight("demo/flight")
+    >>> methods = [fgnav.Smoother(noise="stated"), fgnav.Forward(noise="stated")]
+    >>> smoother, forward = fgnav.compare(flight, methods).methods
+    >>> smoother.score.attitude_rmse_deg < forward.score.attitude_rmse_deg
+    True
     """
     names = [estimator.name for estimator in estimators]
     if not names:

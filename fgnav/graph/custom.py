@@ -70,10 +70,23 @@ def residual_factor(
     dimension : int, optional
         m; needed where the noise is one number, else that of the noise.
 
+    Returns
+    -------
+    OwnFactor
+
     Raises
     ------
     BadInputError
         If name, keys, noise or dimension are none.
+
+    Examples
+    --------
+    A height that something says of the third keyframe:
+
+    >>> from fgnav.graph import pose, residual_factor
+    >>> factor = residual_factor("height", [pose(2)], lambda x: [-x.z() - 120.0], 0.5, dimension=1)
+    >>> factor.name
+    'height'
     """
     keys_of = tuple(int(key) for key in keys)
     if not name or not keys_of or len(set(keys_of)) < len(keys_of):

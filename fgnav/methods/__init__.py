@@ -112,10 +112,21 @@ def method_named(
         As in ``Options``, which they override.
     options : Options, optional
 
+    Returns
+    -------
+    Estimator
+
     Raises
     ------
     BadInputError
         If there is none; the text lists what there is.
+
+    Examples
+    --------
+    >>> from fgnav.integers.resolvers.registry import resolver_named
+    >>> from fgnav.methods import method_named
+    >>> method_named("smoother", resolver_named("lambda"), lag_s=2.0).lag_s
+    2.0
     """
     factory = plugins.named(GROUP, METHODS, name, kind="method")
     chosen = options or Options()

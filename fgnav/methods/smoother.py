@@ -99,6 +99,14 @@ class Smoother:
     lag_s : float
         Length of the window.
     name : str
+
+    Examples
+    --------
+    >>> import fgnav
+    >>> flight = fgnav.load_flight("demo/flight")
+    >>> estimate = fgnav.Smoother(lag_s=2.0, noise="stated")(flight)
+    >>> estimate.method, len(estimate.t_s) == len(flight.observations.t_s)
+    ('smoother', True)
     """
 
     resolver: Resolver = field(default_factory=default_resolver)
@@ -297,6 +305,14 @@ class Forward(Smoother):
     """The window's newest state: what a filter knows as the flight goes on, and no more.
 
     Attributes are those of ``Smoother``; states ``lag_s`` back are still relinearised.
+
+    Examples
+    --------
+    >>> import fgnav
+    >>> flight = fgnav.load_flight("demo/flight")
+    >>> estimate = fgnav.Forward(noise="stated")(flight)
+    >>> estimate.method, estimate.converged
+    ('forward', True)
     """
 
     causal: bool = True
@@ -316,6 +332,14 @@ class Batch(Smoother):
     """The whole flight at once: the accuracy that the sliding window is held against.
 
     Attributes are those of ``Smoother``; ``lag_s`` is that of the window in which it begins.
+
+    Examples
+    --------
+    >>> import fgnav
+    >>> flight = fgnav.load_flight("demo/flight")
+    >>> estimate = fgnav.Batch(noise="stated")(flight)
+    >>> estimate.method, estimate.converged
+    ('batch', True)
     """
 
     lag_s: float = 2.0

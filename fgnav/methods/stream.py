@@ -47,6 +47,31 @@ class Stream:
     factors : tuple of callable
         Sources of factors of one's own, asked at every update with the measurements and the
         timeline of all keyframes so far; what touches the newest keyframe enters.
+
+    Examples
+    --------
+    Positions and an accelerometer, as they come:
+
+    >>> import numpy as np
+    >>> import fgnav
+    >>> from fgnav.methods.streaming.measurements import Measured, Measurements, StreamSetUp
+    >>> from fgnav.process.hyperparameters import RatePrior
+    >>> flight = fgnav.load_flight("demo/flight")
+    >>> truth, antenna_b_m = flight.truth, flight.antennas[0].position_b_m
+    >>> prior = RatePrior(length_s=0.5, variance_rad2ps2=np.full(3, 0.1), evidence=np.nan)
+    >>> set_up = StreamSetUp(origin=flight.origin, antenna_b_m=antenna_b_m, rate_prior=prior)
+    >>> stream = fgnav.Stream(set_up, lag_s=0.2)
+    >>> for k in range(5):
+    ...     fix = Measured(value=truth.p_n_m[k] + truth.R_nb[k] @ antenna_b_m, covariance=np.eye(3))
+    ...     came = Measurements(t_s=truth.t_s[k], imu=flight.imu, position=fix, R_nb=truth.R_nb[k])
+    ...     print(stream.update(came).t_s)
+    []
+    []
+    [0.]
+    [0.1]
+    [0.2]
+    >>> print(stream.newest().t_s)
+    [0.4]
     """
 
     def __init__(
@@ -71,7 +96,26 @@ class Stream:
     def replay(flight: Flight, method: Forward | None = None) -> Iterator[Estimate]:
         """Yield what ``ObservationStream`` returns of a flight, fed to it epoch by epoch.
 
-        Joined it is what ``method(flight)`` returns, ``Forward()`` by default.
+        Parameters
+        ----------
+        flight : Flight
+            With raw observations.
+        method : Forward, optional
+            Joined, the estimates are what ``method(flight)`` returns.
+
+        Returns
+        -------
+        iterator of Estimate
+            Each of the keyframes that have become due.
+
+        Examples
+        --------
+        >>> import fgnav
+        >>> flight = fgnav.load_flight("demo/flight")
+        >>> estimates = fgnav.Stream.replay(flight, fgnav.Forward(noise="stated"))
+        >>> known = (estimate for estimate in estimates if len(estimate.t_s))
+        >>> len(next(known).t_s), len(next(known).t_s)  # the first wait for a rate prior
+        (5, 1)
         """
         return ObservationStream.replay(flight, method)
 
@@ -82,6 +126,16 @@ class Stream:
 
     def update(self, measurements: Measurements) -> Estimate:
         """Take a keyframe in; return the keyframes that leave by that, smoothed; often none.
+
+        Parameters
+        ----------
+        measurements : Measurements
+            Of one keyframe, and the inertial samples up to it.
+
+        Returns
+        -------
+        Estimate
+            Of those keyframes.
 
         Raises
         ------

@@ -45,6 +45,15 @@ class NeuralFactor:
     ------
     BadInputError
         If manifest or network break the contract, in one line.
+
+    Examples
+    --------
+    >>> import fgnav
+    >>> try:
+    ...     fgnav.NeuralFactor("heading.toml")
+    ... except fgnav.BadInputError as error:
+    ...     print(error)
+    heading.toml: no such file; check the name
     """
 
     def __init__(

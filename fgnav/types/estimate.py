@@ -193,6 +193,15 @@ class Estimate:
         What was estimated with the flight and holds for all of it.
     notes : tuple of str
         What a reader of the result should know, one sentence each.
+
+    Examples
+    --------
+    >>> import fgnav
+    >>> estimate = fgnav.Smoother(noise="stated")(fgnav.load_flight("demo/flight"))
+    >>> estimate.R_nb.shape == (len(estimate.t_s), 3, 3), estimate.converged
+    (True, True)
+    >>> bool((estimate.sigma_deg < 1.0).all())  # of roll, pitch and yaw
+    True
     """
 
     method: str

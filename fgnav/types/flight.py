@@ -207,6 +207,13 @@ class Flight:
         Manifests of the networks whose factors it brings (``fgnav.neural``).
     losses : tuple of Loss
         What was in the files and is not here.
+
+    Examples
+    --------
+    >>> import fgnav
+    >>> flight = fgnav.load_flight("demo/flight")
+    >>> flight.name, flight.imu.f_b_mps2.shape[1], flight.fixes is None
+    ('demo', 3, True)
     """
 
     name: str

@@ -82,6 +82,19 @@ def integer_least_squares(
     BadInputError
         If a value is not finite, the shapes differ, ``candidates`` is below 1, or the covariance is
         not symmetric and positive definite.
+
+    Examples
+    --------
+    Joosten and Tiberius' example, whose nearest vector is not the rounded one:
+
+    >>> from fgnav.integers import integer_least_squares
+    >>> covariance = [[6.290, 5.978, 0.544], [5.978, 6.292, 2.340], [0.544, 2.340, 6.288]]
+    >>> integers, squared_norms = integer_least_squares([5.45, 3.10, 2.97], covariance)
+    >>> integers
+    array([[5, 3, 4],
+           [6, 4, 4]])
+    >>> squared_norms.round(4)
+    array([0.2183, 0.3073])
     """
     values, metric = checked_problem(float_cycles, covariance, candidates)
     status, integers, squared_norms = solve(values, metric, candidates, WITHOUT_LIMIT)

@@ -31,10 +31,27 @@ class RecordedEstimate:
 def save_estimate(estimate: Estimate, flight: Flight, path: Path | str) -> None:
     """Write an estimate's arrays, frame and clock; integers, losses and notes are in summary.json.
 
+    Parameters
+    ----------
+    estimate : Estimate
+    flight : Flight
+        What was estimated: its name, clock and origin go with the arrays.
+    path : Path or str
+        Of a file that ends in ``.npz``.
+
     Raises
     ------
     BadInputError
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> import fgnav
+    >>> flight = fgnav.load_flight("demo/flight")
+    >>> estimate = fgnav.Smoother(noise="stated")(flight)
+    >>> fgnav.save_estimate(estimate, flight, "saved.npz")
+    >>> bool((fgnav.load_estimate("saved.npz").estimate.R_nb == estimate.R_nb).all())
+    True
     """
     head = {
         "format": _FORMAT,
@@ -57,10 +74,28 @@ def save_estimate(estimate: Estimate, flight: Flight, path: Path | str) -> None:
 def load_estimate(path: Path | str) -> RecordedEstimate:
     """Read the estimate that ``save_estimate`` or ``fgnav run`` has left in a file or a folder.
 
+    Parameters
+    ----------
+    path : Path or str
+
+    Returns
+    -------
+    RecordedEstimate
+        ``estimate``, and the flight's name, clock and origin.
+
     Raises
     ------
     BadInputError
         If there is none, or the file is something else.
+
+    Examples
+    --------
+    >>> import fgnav
+    >>> flight = fgnav.load_flight("demo/flight")
+    >>> fgnav.save_estimate(fgnav.Smoother(noise="stated")(flight), flight, "kept.npz")
+    >>> recorded = fgnav.load_estimate("kept.npz")
+    >>> recorded.flight, recorded.estimate.method
+    ('demo', 'smoother')
     """
     file = Path(path)
     file = file / FILE if file.is_dir() else file

@@ -62,6 +62,13 @@ def load_flight(path: Path | str) -> Flight:
     ------
     BadInputError
         One line that names file, line or key, rule and value.
+
+    Examples
+    --------
+    >>> import fgnav
+    >>> flight = fgnav.load_flight("demo/flight")
+    >>> len(flight.antennas), flight.imu.w_b_radps is None
+    (8, True)
     """
     toml = _toml(Path(path))
     table = flight_toml.read_flight_toml(toml)
@@ -115,6 +122,14 @@ def save_flight(flight: Flight, folder: Path | str, *, rinex: RinexVersion = "3.
     ------
     BadInputError
         If the folder holds something, or a value does not fit into its file's columns.
+
+    Examples
+    --------
+    >>> import fgnav
+    >>> flight = fgnav.load_flight("demo/flight")
+    >>> fgnav.save_flight(flight, "copied", rinex="4.00")
+    >>> fgnav.load_flight("copied").name
+    'demo'
     """
     flight_writer.check_empty(Path(folder))
     with atomic_folder(Path(folder)) as new:
