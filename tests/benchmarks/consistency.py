@@ -121,10 +121,17 @@ def cases() -> dict[str, Scenario]:
         gyroscope_bias_radps=2e-3,
         gyroscope_bias_walk_radps_per_sqrt_s=1e-6,
     )
+    unlike = change(
+        six.motion,
+        roll=Sine(amplitude_deg=20.0),
+        pitch=Sine(amplitude_deg=20.0, rate_radps=1.7, phase_deg=60.0),
+        yaw=Ramp(amplitude_deg=45.0),
+    )
     return {
         "a5": sine[5.0],
         "a20": sine[20.0],
         "a45": sine[45.0],
+        "unlike": change(six, motion=unlike),
         "ramp45": turned(six, Ramp(amplitude_deg=45.0)),
         "spin2hz": change(spin, motion=change(spin.motion, roll=Rate(rate_degps=720.0))),
         "gnss1hz": change(sine[20.0], gnss=change(six.gnss, rate_hz=1.0)),
