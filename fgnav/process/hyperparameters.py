@@ -7,6 +7,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from fgnav.checks import BadInputError, FloatArray, freeze, positive
+from fgnav.kernels.one_thread import one_thread
 from fgnav.process import matern
 
 # Before anything is identified. Standard deviations of measured rates about their means, rad/s: two
@@ -87,17 +88,18 @@ def likeliest(
         ahead = np.array([-score(x + _STEP * axis) for axis in np.eye(len(x))])
         return value, (ahead - value) / _STEP
 
-    search = minimize(
-        descent,
-        start,
-        method="L-BFGS-B",
-        jac=True,
-        bounds=np.stack([lower, upper], axis=1),
-        options={
-            "ftol": _TOLERANCE_NATS / _USUAL_NATS,
-            "gtol": 0.0,
-            "maxfun": _MOST_GRADIENTS,
-            "maxls": _LINE_SEARCH,
-        },
-    )
+    with one_thread():
+        search = minimize(
+            descent,
+            start,
+            method="L-BFGS-B",
+            jac=True,
+            bounds=np.stack([lower, upper], axis=1),
+            options={
+                "ftol": _TOLERANCE_NATS / _USUAL_NATS,
+                "gtol": 0.0,
+                "maxfun": _MOST_GRADIENTS,
+                "maxls": _LINE_SEARCH,
+            },
+        )
     return np.asarray(np.clip(search.x, lower, upper))

@@ -21,6 +21,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.array.likelihood import Likelihood, likelihood_of
 from fgnav.integers.ils.array_model import spans
+from fgnav.kernels.one_thread import one_thread
 from fgnav.types.differences import DoubleDifferences
 
 _ENOUGH = 30  # epochs
@@ -160,7 +161,9 @@ def _most_likely(sample: _Sample, likelihood: Likelihood, start: FloatArray) -> 
         return 0.5 * float(np.sum((x / sigma) ** 2)) - likely
 
     options = {"maxfun": _TRIALS, "ftol": _EXACT}
-    return _whole(minimize(misfit, start[free], method="L-BFGS-B", options=options).x, free)
+    with one_thread():
+        search = minimize(misfit, start[free], method="L-BFGS-B", options=options)
+    return _whole(search.x, free)
 
 
 def _whole(x: FloatArray, free: BoolArray) -> FloatArray:
