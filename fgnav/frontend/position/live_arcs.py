@@ -120,6 +120,7 @@ def antenna_phase(
     transitions: list[Transition] = []
     of_blocks: list[ArcNames] = []
     epochs: list[Epoch] = []
+    measured: _Measured | None = None
     taken: list[tuple[int, int]] = []
     arms_b_m: list[FloatArray] = []
     for k in sorted(at):
@@ -141,7 +142,8 @@ def antenna_phase(
             of_blocks.append(_names(of, after, i))
             live = after
         live = live._replace(channel=channel)
-        epochs.append(_epoch(of, live, i, coded, now_s - live.t_s))
+        measured = _measured(of, live, coded, measured)
+        epochs.append(_epoch(of, live, i, measured, now_s - live.t_s))
         taken.append((k, begun + len(transitions) - 1))
         arms_b_m.append(of.arm_b_m)
     goes_on = _goes_on(arcs[0], at, t_s, number, (live, begun + len(transitions))) if arcs else None
@@ -310,21 +312,34 @@ def _next(
     )
 
 
-def _epoch(of: _Arcs, live: _Live, i: int, coded: IntArray, age_s: float) -> Epoch:
-    """Return what an epoch measures: phases, then codes without phase."""
+class _Measured(NamedTuple):
+    """Channels of epochs of one block, clock after clock."""
+
+    t_s: float  # of the block
+    coded: IntArray  # with code alone
+    order: IntArray  # of those with phase, then these
+    channels: Channels
+
+
+def _measured(of: _Arcs, live: _Live, coded: IntArray, before: _Measured | None) -> _Measured:
+    """Return the channels of an epoch: those before where they are the same."""
+    if before is not None and before.t_s == live.t_s and np.array_equal(coded, before.coded):
+        return before
     phased = live.channel
     order, clock = by_clock(of.of.group[phased], of.of.group[coded])
-    ambiguity = np.append(np.arange(len(phased)), np.full(len(coded), -1))
-    channel = np.append(phased, coded)[order]
+    ambiguity = np.append(np.arange(len(phased)), np.full(len(coded), -1))[order]
+    satellite = _places(of, live, np.append(phased, coded)[order])
+    return _Measured(live.t_s, coded, order, Channels(clock, ambiguity, satellite, *live.sizes))
+
+
+def _epoch(of: _Arcs, live: _Live, i: int, measured: _Measured, age_s: float) -> Epoch:
+    """Return what an epoch measures: phases, then codes without phase."""
+    phased, (_, coded, order, channels) = live.channel, measured
     measured_m = np.append(of.phase_m[i, phased], of.of.code_m[i, coded])[order]
     sigma_m = np.append(of.of.phase_sigma_m[i, phased], of.of.code_sigma_m[i, coded])[order]
-    e_n = of.of.e_n[i, channel]
-    return Epoch(
-        Channels(clock, ambiguity[order], _places(of, live, channel), *live.sizes),
-        np.column_stack([-e_n, measured_m - e_n @ of.of.place_n_m[i]]),
-        sigma_m,
-        age_s,
-    )
+    e_n = of.of.e_n[i, np.append(phased, coded)[order]]
+    seen = np.column_stack([-e_n, measured_m - e_n @ of.of.place_n_m[i]])
+    return Epoch(channels, seen, sigma_m, age_s)
 
 
 def _places(of: _Arcs, live: _Live, channel: IntArray) -> IntArray:
