@@ -11,12 +11,14 @@ References
    fixing, ION NTM 1999.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph.factors.antenna_phase import ArcBlock, PhaseRows
+from fgnav.graph.types.on_demand import OnDemand
 from fgnav.integers.ils.partial import partial_integer_least_squares
 
 _WRONG_MAX = 1e-3  # chance that integers fixed together are not all right
@@ -48,15 +50,16 @@ class Constraint(NamedTuple):
 class BaseIntegers(NamedTuple):
     """Blocks with integers, and what is reported of them."""
 
-    blocks: tuple[ArcBlock, ...]
+    blocks: Sequence[ArcBlock]
     fixed: BoolArray  # (b,), whether enough arcs of each block are known for a position
     wrong_probability: float
 
 
 def with_integers(
-    blocks: list[ArcBlock],
+    blocks: Sequence[ArcBlock],
     names: list[ArcNames],
-    epochs: list[list[PhaseRows]],
+    rows: Sequence[PhaseRows],
+    block: IntArray,
     *,
     causal: bool,
 ) -> BaseIntegers:
@@ -64,11 +67,12 @@ def with_integers(
 
     Parameters
     ----------
-    blocks : list of ArcBlock
+    blocks : sequence of ArcBlock
     names : list of ArcNames
         Of each block.
-    epochs : list of list of PhaseRows
-        Epochs of each block.
+    rows : sequence of PhaseRows, length k
+    block : ndarray of int, shape (k,)
+        Of each epoch, in order.
     causal : bool
         Whether integers enter with the block after that in which they are found; else with the
         first that has all of their arcs.
@@ -77,10 +81,11 @@ def with_integers(
     fixed = np.zeros(len(blocks), dtype=np.bool_)
     information: FloatArray = np.empty((0, 0))
     vector: FloatArray = np.empty(0)
-    for j, (block, of) in enumerate(zip(blocks, names, strict=True)):
-        information, vector = _led(information, vector, block)
-        for rows in epochs[j]:
-            H, z = without_place(rows)
+    ends = np.searchsorted(block, np.arange(len(blocks) + 1))
+    for j, (led, of) in enumerate(zip(blocks, names, strict=True)):
+        information, vector = _led(information, vector, led)
+        for i in range(ends[j], ends[j + 1]):
+            H, z = rows[i].without_place()
             information, vector = information + H.T @ H, vector + H.T @ z
         P = np.linalg.inv(information)
         one, fixed_now = _searched(j, of, P @ vector, P)
@@ -90,16 +95,17 @@ def with_integers(
             information[:c, :c] += one.rows.T @ one.rows
             vector[:c] += one.rows.T @ one.right
         fixed[j] = fixed_now
-    out = list(blocks)
+    changed: dict[int, ArcBlock] = {}
     for one in constraints:
         at = one.block + 1 if causal else _first_with(names, one)
-        if at < len(out):
-            out[at] = _constrained(out[at], names[at], one, causal=causal)
+        if at < len(blocks):
+            changed[at] = _constrained(changed.get(at, blocks[at]), names[at], one, causal=causal)
     if not causal:
         for one in constraints:
             fixed[_first_with(names, one) : one.block + 1] = True
     success = float(np.prod([one.success for one in constraints]))
-    return BaseIntegers(tuple(out), fixed, 1 - success)
+    out = OnDemand(len(blocks), lambda j: changed[j] if j in changed else blocks[j])
+    return BaseIntegers(out, fixed, 1 - success)
 
 
 def _led(
@@ -113,12 +119,6 @@ def _led(
         gain = np.linalg.solve(information + B.T @ B, np.c_[cross, vector - B.T @ right])
         after, also = after - cross.T @ gain[:, :-1], also - cross.T @ gain[:, -1]
     return (after + after.T) / 2, also
-
-
-def without_place(rows: PhaseRows) -> tuple[FloatArray, FloatArray]:
-    """Return an epoch's rows on A alone, the place of the antenna eliminated."""
-    across = np.linalg.qr(rows.G, mode="complete")[0][:, 3:].T
-    return across @ rows.H, across @ rows.z
 
 
 def _searched(j: int, of: ArcNames, A: FloatArray, P: FloatArray) -> tuple[Constraint | None, bool]:

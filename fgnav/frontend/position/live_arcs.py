@@ -3,16 +3,19 @@
 Causal throughout: an epoch's rows, and the block that it is in, come from what was there by then.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.checks import FloatArray, IntArray
 from fgnav.frontend.position.base_integers import ArcNames, with_integers
+from fgnav.frontend.position.whitening import Channels, Epoch, Transition, by_clock
 from fgnav.gnss.undifferenced import Undifferenced
 from fgnav.gnss.wind_up import wind_up_cycles
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock, PhaseRows
 from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.on_demand import OnDemand
 
 # Code determines ambiguities once in so long: receivers smooth it over about a second (Kaplan,
 # Hegarty, Understanding GPS, 2nd edition, section 5.6: loop bandwidths of code), and echoes last
@@ -68,6 +71,10 @@ class _Live(NamedTuple):
     seen_s: FloatArray  # (s,), when they last had phase
 
     @property
+    def sizes(self) -> tuple[int, int]:
+        return len(self.channel), len(self.satellite)
+
+    @property
     def size(self) -> int:
         return len(self.channel) + 2 * len(self.satellite)
 
@@ -110,9 +117,10 @@ def antenna_phase(
         for k, i in zip(one.row.tolist(), one.epoch.tolist(), strict=True):
             at[k] = arcs[-1], i
     live, begun = _resumed(earlier, number)
-    blocks: list[ArcBlock] = []
+    transitions: list[Transition] = []
     of_blocks: list[ArcNames] = []
-    rows: list[PhaseRows] = []
+    epochs: list[Epoch] = []
+    measured: _Measured | None = None
     taken: list[tuple[int, int]] = []
     arms_b_m: list[FloatArray] = []
     for k in sorted(at):
@@ -120,11 +128,7 @@ def antenna_phase(
             continue
         of, i = at[k]
         channel, coded = _channels(of, i)
-        bases = (
-            _without_clocks(of.of.group[channel], of.of.phase_sigma_m[i, channel]),
-            _without_clocks(of.of.group[coded], of.of.code_sigma_m[i, coded]),
-        )
-        if not any(map(len, bases)):
+        if not _freedom(of, channel) + _freedom(of, coded):
             continue
         arc, now_s = of.arc[i, channel], float(t_s[k])
         if (
@@ -134,25 +138,28 @@ def antenna_phase(
             or not np.isin(of.satellite[coded], live.satellite).all()
         ):
             after = _next(of, i, live, now_s, (channel, coded))
-            blocks.append(_led(of, (live, after), i, k))
+            transitions.append(_transition(of, (live, after), i, k))
             of_blocks.append(_names(of, after, i))
             live = after
         live = live._replace(channel=channel)
-        rows.append(_rows(of, live, i, bases, coded, now_s - live.t_s))
-        taken.append((k, begun + len(blocks) - 1))
+        measured = _measured(of, live, coded, measured)
+        epochs.append(_epoch(of, live, i, measured, now_s - live.t_s))
+        taken.append((k, begun + len(transitions) - 1))
         arms_b_m.append(of.arm_b_m)
-    goes_on = _goes_on(arcs[0], at, t_s, number, (live, begun + len(blocks))) if arcs else None
+    goes_on = _goes_on(arcs[0], at, t_s, number, (live, begun + len(transitions))) if arcs else None
     if not taken:
         return None, (), goes_on
     row, block = np.array(taken, dtype=np.int64).T.copy()
+    rows = OnDemand(len(epochs), lambda i: epochs[i].whitened())
+    blocks: Sequence[ArcBlock] = OnDemand(len(transitions), lambda j: transitions[j].whitened())
     notes: tuple[str, ...] = ()
     if any(one.of.integers for one in observed):
         blocks, notes = _with_integers(blocks, of_blocks, rows, block, causal=causal)
     phase = AntennaPhase(
         row=row,
-        rows=tuple(rows),
+        rows=rows,
         block=block,
-        blocks=tuple(blocks),
+        blocks=blocks,
         first_block=begun,
         arm_b_m=np.array(arms_b_m),
         lever_column=constants.column("lever-arm"),
@@ -195,23 +202,20 @@ def _goes_on(
 
 
 def _with_integers(
-    blocks: list[ArcBlock],
+    blocks: Sequence[ArcBlock],
     names: list[ArcNames],
-    rows: list[PhaseRows],
+    rows: Sequence[PhaseRows],
     block: IntArray,
     *,
     causal: bool,
-) -> tuple[list[ArcBlock], tuple[str, ...]]:
+) -> tuple[Sequence[ArcBlock], tuple[str, ...]]:
     """Return blocks with their integers against a base, and notes on these."""
-    epochs: list[list[PhaseRows]] = [[] for _ in blocks]
-    for j, one in zip(block.tolist(), rows, strict=True):
-        epochs[j].append(one)
-    resolved = with_integers(blocks, names, epochs, causal=causal)
+    resolved = with_integers(blocks, names, rows, block, causal=causal)
     share = 100 * resolved.fixed[block].mean()
     note = f"Positions against the base: integers known at {share:.1f} % of epochs"
     if share:
         note += f", all right but for a chance of {resolved.wrong_probability:.1g}"
-    return list(resolved.blocks), (f"{note}.",)
+    return resolved.blocks, (f"{note}.",)
 
 
 def _names(of: _Arcs, live: _Live, i: int) -> ArcNames:
@@ -288,14 +292,9 @@ def _channels(of: _Arcs, i: int) -> tuple[IntArray, IntArray]:
     return np.flatnonzero(phased), np.flatnonzero(~phased & np.isfinite(of.of.code_m[i]))
 
 
-def _without_clocks(group: IntArray, sigma_m: FloatArray) -> FloatArray:
-    """Return whitened combinations, (m - g, m), of m measurements without clocks of g groups."""
-    if not len(group):
-        return np.empty((0, 0))
-    of = np.unique(group, return_inverse=True)[1]
-    clocks = np.eye(of.max() + 1)[of] / sigma_m[:, None]
-    basis = np.linalg.qr(clocks, mode="complete")[0][:, of.max() + 1 :]
-    return np.asarray(basis.T / sigma_m)
+def _freedom(of: _Arcs, channel: IntArray) -> int:
+    """Return how many combinations of channels have no clock."""
+    return len(channel) - len(set(of.of.group[channel].tolist()))
 
 
 def _next(
@@ -313,30 +312,34 @@ def _next(
     )
 
 
-def _rows(
-    of: _Arcs,
-    live: _Live,
-    i: int,
-    bases: tuple[FloatArray, FloatArray],
-    coded: IntArray,
-    age_s: float,
-) -> PhaseRows:
-    """Return an epoch's rows: of phases, then of codes without phase."""
-    c, s = len(live.channel), len(live.satellite)
-    parts: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-    both = zip(bases, (live.channel, coded), (of.phase_m, of.of.code_m), strict=True)
-    for basis, channel, measured_m in both:
-        e_n, m = of.of.e_n[i, channel], np.arange(len(channel))
-        A, satellite = np.zeros((len(channel), live.size)), _places(of, live, channel)
-        A[m, c + satellite], A[m, c + s + satellite] = 1.0, age_s
-        if not parts:
-            A[:, :c] = np.eye(c)
-        reduced_m = measured_m[i, channel] - e_n @ of.of.place_n_m[i]
-        if len(basis):
-            parts.append((-basis @ e_n, basis @ A, basis @ reduced_m))
-        elif not parts:
-            parts.append((np.empty((0, 3)), np.empty((0, live.size)), np.empty(0)))
-    return PhaseRows._make(np.concatenate(part) for part in zip(*parts, strict=True))
+class _Measured(NamedTuple):
+    """Channels of epochs of one block, clock after clock."""
+
+    t_s: float  # of the block
+    coded: IntArray  # with code alone
+    order: IntArray  # of those with phase, then these
+    channels: Channels
+
+
+def _measured(of: _Arcs, live: _Live, coded: IntArray, before: _Measured | None) -> _Measured:
+    """Return the channels of an epoch: those before where they are the same."""
+    if before is not None and before.t_s == live.t_s and np.array_equal(coded, before.coded):
+        return before
+    phased = live.channel
+    order, clock = by_clock(of.of.group[phased], of.of.group[coded])
+    ambiguity = np.append(np.arange(len(phased)), np.full(len(coded), -1))[order]
+    satellite = _places(of, live, np.append(phased, coded)[order])
+    return _Measured(live.t_s, coded, order, Channels(clock, ambiguity, satellite, *live.sizes))
+
+
+def _epoch(of: _Arcs, live: _Live, i: int, measured: _Measured, age_s: float) -> Epoch:
+    """Return what an epoch measures: phases, then codes without phase."""
+    phased, (_, coded, order, channels) = live.channel, measured
+    measured_m = np.append(of.phase_m[i, phased], of.of.code_m[i, coded])[order]
+    sigma_m = np.append(of.of.phase_sigma_m[i, phased], of.of.code_sigma_m[i, coded])[order]
+    e_n = of.of.e_n[i, np.append(phased, coded)[order]]
+    seen = np.column_stack([-e_n, measured_m - e_n @ of.of.place_n_m[i]])
+    return Epoch(channels, seen, sigma_m, age_s)
 
 
 def _places(of: _Arcs, live: _Live, channel: IntArray) -> IntArray:
@@ -344,48 +347,52 @@ def _places(of: _Arcs, live: _Live, channel: IntArray) -> IntArray:
     return np.searchsorted(live.satellite, of.satellite[channel])
 
 
-def _led(of: _Arcs, blocks: tuple[_Live | None, _Live], i: int, row: int) -> ArcBlock:
-    """Return a block: the transition from the one before, and its first epoch's code.
+def _transition(of: _Arcs, blocks: tuple[_Live | None, _Live], i: int, row: int) -> Transition:
+    """Return what leads to a block from the one before, and its first epoch's code.
 
     Phase less code is free of geometry and of what stays with satellites: it determines ambiguities
     but for a clock, common to all, that turns of the antenna wind up.
     """
     before, after = blocks
-    c, s = len(after.channel), len(after.satellite)
+    c, s = after.sizes
     error_m = np.zeros(s)
     for channel in _channels(of, i):
         error_m[_places(of, after, channel)] = of.of.error_sigma_m[i, channel]
     sigma = np.concatenate([np.full(c, _UNKNOWN_M), error_m, np.full(s, of.of.error_rate_mps[i])])
-    F: FloatArray = np.zeros((after.size, 0))
+    source, dt_s = np.full(after.size, -1), 0.0
     if before is not None:
-        goes_on, F = _transition(before, after)
+        source, dt_s = _sources(before, after), after.t_s - before.t_s
         walks = (_STILL_M_PER_SQRT_S, of.of.error_walk_m_per_sqrt_s[i], _STILL_MPS_PER_SQRT_S)
-        still = np.repeat(walks, (c, s, s)) * np.sqrt(after.t_s - before.t_s)
-        sigma = np.where(goes_on, still, sigma)
-    coded = np.isfinite(of.code_apart_m[i, after.channel])
-    channel = after.channel[coded]
-    basis = _without_clocks(of.of.group[channel], of.of.code_sigma_m[i, channel])
-    code, right = np.zeros((len(basis), after.size)), np.zeros(after.size + len(basis))
-    if len(basis):
-        code[:, np.flatnonzero(coded)] = basis
-        right[after.size :] = basis @ of.code_apart_m[i, channel]
-    return ArcBlock(
+        still = np.repeat(walks, (c, s, s)) * np.sqrt(dt_s)
+        sigma = np.where(source >= 0, still, sigma)
+    return Transition(
         begin_row=row,
-        before=np.vstack([F / sigma[:, None], np.zeros((len(basis), F.shape[1]))]),
-        after=np.vstack([np.diag(1 / sigma), code]),
-        right=right,
-        satellites=s,
+        sigma=sigma,
+        source=source,
+        dt_s=dt_s,
+        size=(0, 0) if before is None else before.sizes,
+        codes=_codes(of, after, i),
     )
 
 
-def _transition(before: _Live, after: _Live) -> tuple[BoolArray, FloatArray]:
-    """Return which of A' go on from the block before, (d',), and how, (d', d)."""
-    F, dt_s = np.zeros((after.size, before.size)), after.t_s - before.t_s
-    (b, p), (c, s) = ((len(one.channel), len(one.satellite)) for one in (before, after))
+def _codes(of: _Arcs, live: _Live, i: int) -> Epoch:
+    """Return phase less code of the channels that have both, about no place."""
+    coded = np.flatnonzero(np.isfinite(of.code_apart_m[i, live.channel]))
+    order, clock = by_clock(of.of.group[live.channel[coded]])
+    ambiguity = coded[order]
+    channel, seen = live.channel[ambiguity], np.zeros((len(order), 4))
+    seen[:, 3] = of.code_apart_m[i, channel]
+    nowhere = np.full(len(order), -1)
+    channels = Channels(clock, ambiguity, nowhere, *live.sizes)
+    return Epoch(channels, seen, of.of.code_sigma_m[i, channel], 0.0)
+
+
+def _sources(before: _Live, after: _Live) -> IntArray:
+    """Return which of A each of A' goes on from, (d',); -1: from none."""
+    source = np.full(after.size, -1)
+    (b, p), (c, s) = before.sizes, after.sizes
     _, new, old = np.intersect1d(after.arc, before.arc, return_indices=True)
-    F[new, old] = 1.0
+    source[new] = old
     _, new, old = np.intersect1d(after.satellite, before.satellite, return_indices=True)
-    F[c + new, b + old] = F[c + s + new, b + p + old] = 1.0
-    goes_on = np.asarray(F.any(axis=1))
-    F[c + new, b + p + old] = dt_s
-    return goes_on, F
+    source[c + new], source[c + s + new] = b + old, b + p + old
+    return source

@@ -23,6 +23,7 @@ References
    elimination, Manuscripta Geodaetica 11, 1986.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
@@ -33,6 +34,7 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
 from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.on_demand import OnDemand
 from fgnav.kernels.compiled import kernel
 from fgnav.optional_gtsam import gtsam
 
@@ -43,6 +45,17 @@ class PhaseRows(NamedTuple):
     G: FloatArray  # (m, 3)
     H: FloatArray  # (m, d)
     z: FloatArray  # (m,)
+
+    def without_place(self) -> tuple[FloatArray, FloatArray]:
+        """Return rows of A alone, the place of the antenna eliminated, and their right-hand side.
+
+        Of fewer than three rows none is left.
+        """
+        m, d = self.H.shape
+        rows = np.empty((m, d + 4))
+        rows[:, :3], rows[:, 3:-1], rows[:, -1] = self
+        _eliminate_place(rows)
+        return rows[3:, 3:-1], rows[3:, -1]
 
 
 class ArcBlock(NamedTuple):
@@ -71,10 +84,12 @@ class AntennaPhase:
     ----------
     row : ndarray of int, shape (k,)
         Keyframes, increasing.
-    rows : tuple of PhaseRows, length k
+    rows : sequence of PhaseRows, length k
+        Made on demand, as a rule: take each but once.
     block : ndarray of int, shape (k,)
         Which block's A each has.
-    blocks : tuple of ArcBlock
+    blocks : sequence of ArcBlock
+        As the rows.
     arm_b_m : ndarray, shape (k, 3)
         From the accelerometer to the antenna.
     lever_column : int
@@ -86,9 +101,9 @@ class AntennaPhase:
 
     name: ClassVar[str] = "phase"  # in reports
     row: IntArray
-    rows: tuple[PhaseRows, ...]
+    rows: Sequence[PhaseRows]
     block: IntArray
-    blocks: tuple[ArcBlock, ...]
+    blocks: Sequence[ArcBlock]
     arm_b_m: FloatArray
     lever_column: int
     constants: Constants
@@ -99,11 +114,6 @@ class AntennaPhase:
         """Rows of each epoch, (k,)."""
         return np.array([len(one.z) for one in self.rows], dtype=np.int64)
 
-    @property
-    def numbered(self) -> dict[int, ArcBlock]:
-        """Blocks by number."""
-        return dict(enumerate(self.blocks, self.first_block))
-
     def block_at(self, row: int, before: int) -> int:
         """Return the block of a keyframe; that before where it has no phases."""
         i = int(np.searchsorted(self.row, row))
@@ -112,6 +122,7 @@ class AntennaPhase:
     def linearised(
         self,
         i: int,
+        one: PhaseRows,
         R_nb: FloatArray,
         p_n_m: FloatArray,
         arcs: FloatArray,
@@ -120,14 +131,12 @@ class AntennaPhase:
         """Return the residual of epoch i, (m,), and how it changes with pose and lever arm.
 
         With the pose, (m, 6), as in ``gtsam.Pose3``; with the lever arm, (m, 3); with ``arcs`` it
-        changes by ``rows[i].H``.
+        changes by H of the epoch's rows, ``one``.
         """
         pose = np.empty((4, 4), order="F")  # as GTSAM's are: another order would be compiled anew
         pose[:3, :3], pose[:3, 3] = R_nb, p_n_m
         arm_b_m = self.arm_b_m[i] if lever_b_m is None else self.arm_b_m[i] + lever_b_m
-        linear: tuple[FloatArray, FloatArray, FloatArray] = _residual(
-            pose, arcs, arm_b_m, *self.rows[i]
-        )
+        linear: tuple[FloatArray, FloatArray, FloatArray] = _residual(pose, arcs, arm_b_m, *one)
         return linear
 
     def factor(self, i: int, key: int) -> gtsam.CustomFactor:
@@ -178,8 +187,12 @@ class AntennaPhase:
     def on(self, row: IntArray) -> "AntennaPhase":
         """Return the same at other rows, (k,): of a timeline with more keyframes."""
         of = dict(zip(self.row.tolist(), row.tolist(), strict=True))
-        blocks = tuple(one._replace(begin_row=of[one.begin_row]) for one in self.blocks)
-        return replace(self, row=row, blocks=blocks)
+        blocks = self.blocks
+
+        def moved(j: int) -> ArcBlock:
+            return blocks[j]._replace(begin_row=of[blocks[j].begin_row])
+
+        return replace(self, row=row, blocks=OnDemand(len(blocks), moved))
 
 
 @kernel
@@ -205,3 +218,28 @@ def _residual(
             total += H[i, j] * arcs[j]
         residual[i] = total
     return residual, by_pose, turned
+
+
+@kernel
+def _eliminate_place(rows: FloatArray) -> None:
+    """Turn rows, (m, d + 4), by reflections, in place: but three lose their first three columns."""
+    m, width = rows.shape
+    common = np.empty(width)
+    for k in range(min(3, m)):
+        squared = 0.0
+        for i in range(k, m):
+            squared += rows[i, k] ** 2
+        if squared == 0.0:
+            continue
+        norm = np.sqrt(squared) if rows[k, k] > 0 else -np.sqrt(squared)
+        scale = 1 / (norm * (rows[k, k] + norm))
+        rows[k, k] += norm
+        common[:] = 0.0
+        for i in range(k, m):
+            for j in range(k + 1, width):
+                common[j] += rows[i, k] * rows[i, j]
+        for i in range(k, m):
+            share = scale * rows[i, k]
+            for j in range(k + 1, width):
+                rows[i, j] -= share * common[j]
+        rows[k, k] = -norm

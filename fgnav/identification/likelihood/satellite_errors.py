@@ -23,8 +23,8 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import minimize_scalar
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.frontend.position.base_integers import without_place
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock
+from fgnav.graph.types.on_demand import OnDemand
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.solve.chain.arcs_kernel import lead_on
 
@@ -58,9 +58,13 @@ def satellite_error_factors(phase: AntennaPhase) -> dict[str, float]:
 def with_errors(phase: AntennaPhase, factors: Mapping[str, float]) -> AntennaPhase:
     """Return phases whose satellites' errors are as large, and move as far, as factors say."""
     weight = 1 / np.array([*(factors.get(name, 1.0) for name in ERRORS), 1.0])
-    return replace(
-        phase, blocks=tuple(_weighted(block, weight[_kinds(block)]) for block in phase.blocks)
-    )
+    blocks = phase.blocks
+
+    def weighted(j: int) -> ArcBlock:
+        block = blocks[j]
+        return _weighted(block, weight[_kinds(block)])
+
+    return replace(phase, blocks=OnDemand(len(blocks), weighted))
 
 
 class SatelliteErrors:
@@ -73,14 +77,13 @@ class SatelliteErrors:
     """
 
     def __init__(self, phase: AntennaPhase) -> None:
-        blocks = phase.blocks[:_ENOUGH]
+        self._blocks = blocks = phase.blocks[:_ENOUGH]
         self._kinds = [_kinds(block) for block in blocks]
-        self._rows = [(one.before, one.after, one.right) for one in blocks]
         self.count = [sum(int((of == i).sum()) for of in self._kinds) for i in range(len(ERRORS))]
         self._measured = [np.zeros((one.size + 1, one.size + 1)) for one in blocks]
-        for one, block in zip(phase.rows, phase.block - phase.first_block, strict=True):
+        for i, block in enumerate(phase.block - phase.first_block):
             if block < len(blocks):
-                rows = np.column_stack(without_place(one))
+                rows = np.column_stack(phase.rows[i].without_place())
                 self._measured[block] += rows.T @ rows
 
     def climbed(self, theta: FloatArray, i: int) -> tuple[FloatArray, float]:
@@ -103,8 +106,8 @@ class SatelliteErrors:
         """Return ln L of logarithms of factors, (3,), but for a constant."""
         weight = np.append(np.exp(-2 * theta), 1.0)
         log_root, information = 0.0, np.zeros((1, 1))
-        for rows, kinds, measured in zip(self._rows, self._kinds, self._measured, strict=True):
-            size = len(information) - 1
+        for block, kinds, measured in zip(self._blocks, self._kinds, self._measured, strict=True):
+            rows, size = (block.before, block.after, block.right), len(information) - 1
             order = np.arange(size + 1)
             is_known, root, _, remaining = lead_on(information, order, size, rows, weight[kinds])
             if not is_known:

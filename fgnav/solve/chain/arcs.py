@@ -37,7 +37,7 @@ class Border:
     def __init__(self, phase: AntennaPhase | None) -> None:
         self.width = 0  # of A
         self._phase: AntennaPhase | None = None
-        self._blocks: dict[int, ArcBlock] = {}  # by number
+        self._blocks: dict[int, ArcBlock] = {}  # of the keyframes, by number
         self._block: list[int] = []  # of each keyframe; -1 before the first
         self._eliminated: dict[int, EliminatedArcs] = {}  # by number of the keyframe before
         self._oldest = 0
@@ -69,14 +69,16 @@ class Border:
     def read(self, phase: AntennaPhase | None) -> None:
         """Let keyframes come from other phases: of the same flight, which has gone on since."""
         if phase is not self._phase and phase is not None:
-            self._blocks |= phase.numbered
             self.width = max(self.width, *(one.size for one in phase.blocks), 0)
         self._phase = phase
 
     def append(self, row: int) -> None:
         """Take in a keyframe of the phases read last."""
-        before = self._block[-1] if self._block else -1
-        self._block.append(before if self._phase is None else self._phase.block_at(row, before))
+        before, phase = self._block[-1] if self._block else -1, self._phase
+        number = before if phase is None else phase.block_at(row, before)
+        if phase is not None and number >= 0 and number not in self._blocks:
+            self._blocks[number] = phase.blocks[number - phase.first_block]
+        self._block.append(number)
 
     def forget(self, count: int) -> None:
         """Take the oldest keyframes out."""
@@ -227,13 +229,14 @@ def add_phases(
     place = np.minimum(np.searchsorted(phase.row, rows), max(len(phase.row) - 1, 0))
     for j in np.flatnonzero(phase.row[place] == rows) if len(phase.row) else ():
         i = int(place[j])
-        A = arcs[phase.block[i]] if arcs else np.zeros(phase.rows[i].H.shape[1])
+        one = phase.rows[i]
+        A = arcs[phase.block[i]] if arcs else np.zeros(one.H.shape[1])
         lever_b_m = at.constants[first : first + 3] if first >= 0 else None
-        value, by_pose, by_lever = phase.linearised(i, at.R_nb[j], at.p_n_m[j], A, lever_b_m)
+        value, by_pose, by_lever = phase.linearised(i, one, at.R_nb[j], at.p_n_m[j], A, lever_b_m)
         border = node.shape[1] - 1 - D
         state, shared = np.zeros((1, len(value), D)), np.zeros((1, len(value), border))
         state[0, :, ROTATION], state[0, :, POSITION] = by_pose[:, :3], by_pose[:, 3:]
-        shared[0, :, b : b + len(A)] = phase.rows[i].H
+        shared[0, :, b : b + len(A)] = one.H
         if lever_b_m is not None:
             shared[0, :, first : first + 3] = by_lever
         kernel.add_squares(node, into[j : j + 1], value[None], state, shared)

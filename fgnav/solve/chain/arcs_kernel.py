@@ -8,7 +8,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.kernels.compiled import inner, kernel
-from fgnav.solve.chain.back_kernel import backward_solve, cholesky, forward_solve
+from fgnav.solve.chain.back_kernel import backward_solve, cholesky, forward_solve, less_rows
 
 
 @kernel
@@ -123,18 +123,22 @@ def covariance_of_first(root: FloatArray, gain: FloatArray, others: FloatArray) 
     """
     size, m = len(root), len(others)
     out, inverse = np.zeros((size, m + size)), np.zeros((size, size))
+    turned, column = np.empty((m, size)), np.empty(size)
     for i in range(size):
-        inverse[i, i] = 1.0
+        less_rows(out[i, :m], gain[i], others)
         for k in range(m):
-            for j in range(m):
-                out[i, j] -= gain[i, k] * others[k, j]
-    forward_solve(root, inverse)
-    for i in range(size):
+            turned[k, i] = gain[i, k]
+        less_rows(inverse[i, :i], root[i], inverse[:i])
+        inverse[i, i] = 1.0
         for j in range(i + 1):
-            total = 0.0
-            for k in range(i, size):
-                total += inverse[k, i] * inverse[k, j]
-            for k in range(m):
-                total -= out[i, k] * gain[j, k]
-            out[i, m + j] = out[j, m + i] = total
+            inverse[i, j] /= root[i, i]
+    for i in range(size):
+        for k in range(i, size):
+            column[k] = -inverse[k, i]
+        row = out[i, m : m + i + 1]
+        less_rows(row, column[i:], inverse[i:])
+        less_rows(row, out[i, :m], turned)
+    for i in range(size):
+        for j in range(i):
+            out[j, m + i] = out[i, m + j]
     return out

@@ -9,7 +9,7 @@ system from its Cholesky factor, in the order of substitution.
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.kernels.compiled import inlined, inner, kernel
+from fgnav.kernels.compiled import inlined, kernel
 
 _NOTHING = 1e-13  # of a diagonal: less than that is rounding
 
@@ -119,7 +119,7 @@ def _transpose(G: FloatArray, out: FloatArray) -> None:
 def _less_product(out: FloatArray, A: FloatArray, B: FloatArray) -> None:
     """Take A B off the lower half of a square matrix."""
     for i in range(len(out)):
-        _less_rows(out[i, : i + 1], A[i], B)
+        less_rows(out[i, : i + 1], A[i], B)
 
 
 @inlined
@@ -129,11 +129,11 @@ def _negative_product(G: FloatArray, S: FloatArray, out: FloatArray) -> None:
         row = out[i]
         for j in range(len(S)):
             row[j] = 0.0
-        _less_rows(row, G[i], S)
+        less_rows(row, G[i], S)
 
 
-@inner
-def _less_rows(row: FloatArray, scale: FloatArray, B: FloatArray) -> None:
+@kernel
+def less_rows(row: FloatArray, scale: FloatArray, B: FloatArray) -> None:
     """Take the rows of B off a row, each times its scale: four at once, for sums wait for each."""
     n = len(B)
     whole = n - n % 4

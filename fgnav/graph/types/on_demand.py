@@ -1,0 +1,36 @@
+"""Sequences whose elements are made whenever they are taken, of less than they are."""
+
+from collections.abc import Callable, Sequence
+from typing import Generic, TypeVar, overload
+
+Item = TypeVar("Item")
+
+
+class OnDemand(Sequence[Item], Generic[Item]):
+    """Elements by their number.
+
+    Parameters
+    ----------
+    count : int
+    make : callable
+        Returns an element by its number, 0 to ``count - 1``.
+    """
+
+    def __init__(self, count: int, make: Callable[[int], Item]) -> None:
+        self._count, self._make = count, make
+
+    def __len__(self) -> int:
+        """Return how many elements there are."""
+        return self._count
+
+    @overload
+    def __getitem__(self, place: int) -> Item: ...
+    @overload
+    def __getitem__(self, place: slice) -> "OnDemand[Item]": ...
+    def __getitem__(self, place: int | slice) -> "Item | OnDemand[Item]":
+        """Make an element; several are as little made as they all are."""
+        numbers = range(self._count)[place]
+        if isinstance(numbers, int):
+            return self._make(numbers)
+        of = numbers
+        return OnDemand(len(of), lambda i: self._make(of[i]))
