@@ -50,7 +50,7 @@ def _led_on(root: FloatArray, block: ArcBlock) -> FloatArray:
     rows = np.zeros((d + len(block.right), d + size + 1))
     rows[:d, :d], rows[:d, -1] = root[:d, :d], root[:d, d]
     rows[d:, :d], rows[d:, d:-1], rows[d:, -1] = -block.before, block.after, block.right
-    triangle: FloatArray = np.linalg.qr(rows, mode="r")
+    triangle = np.asarray(np.linalg.qr(rows, mode="r"))
     led = triangle[d : d + size, d:]
     out = np.zeros((size + 1, size + 1))
     out[: len(led)] = led
