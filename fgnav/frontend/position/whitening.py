@@ -43,12 +43,7 @@ class Channels(NamedTuple):
 
     def derivatives(self, age_s: float) -> FloatArray:
         """Return how measurements change with A, (c, d), that long after their block began."""
-        c, s = self.ambiguities, self.satellites
-        A = np.zeros((len(self.clock), c + 2 * s))
-        arcs, of = np.flatnonzero(self.ambiguity >= 0), np.flatnonzero(self.satellite >= 0)
-        A[arcs, self.ambiguity[arcs]] = 1.0
-        A[of, c + self.satellite[of]], A[of, c + s + self.satellite[of]] = 1.0, age_s
-        return A
+        return _derivatives(*self, age_s)
 
 
 class Epoch(NamedTuple):
@@ -105,6 +100,25 @@ def by_clock(*groups: IntArray) -> tuple[IntArray, IntArray]:
     order = np.lexsort((group, kind))
     changes = (np.diff(group[order]) != 0) | (np.diff(kind[order]) != 0)
     return order, np.append(np.zeros(min(len(order), 1), np.int64), np.cumsum(changes))
+
+
+@kernel
+def _derivatives(
+    clock: IntArray,
+    ambiguity: IntArray,
+    satellite: IntArray,
+    ambiguities: int,
+    satellites: int,
+    age_s: float,
+) -> FloatArray:
+    A = np.zeros((len(clock), ambiguities + 2 * satellites))
+    for i in range(len(clock)):
+        if ambiguity[i] >= 0:
+            A[i, ambiguity[i]] = 1.0
+        if satellite[i] >= 0:
+            A[i, ambiguities + satellite[i]] = 1.0
+            A[i, ambiguities + satellites + satellite[i]] = age_s
+    return A
 
 
 @kernel

@@ -206,6 +206,9 @@ class GyroFree:
         log_det = np.log(np.einsum("nii->ni", of.white[intervals])).sum() * 3
         return float(log_det - 4 * np.log(of.sigma_radps[intervals]).sum())
 
+    def release(self, before: int) -> None:
+        """Nothing of an interval is kept."""
+
     def noise_parts(self) -> NoiseParts:
         """Return what the accelerometer's noise and its bias's walk are of the whitened rows.
 

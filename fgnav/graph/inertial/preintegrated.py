@@ -40,15 +40,18 @@ _COLUMNS = (np.r_[0:9, 18:24], np.r_[9:18, 24:30])
 class _Preintegrated(NamedTuple):
     """An interval about biases."""
 
-    bias: FloatArray  # (6,)
     measured: gtsam.PreintegratedCombinedMeasurementsG
     factor: gtsam.GalileanCombinedImuFactor  # between keys _BEFORE and _AFTER
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Store:
-    """What was preintegrated, by interval, and parameters by gravity and noise."""
+    """What was preintegrated, by interval, and parameters by gravity and noise.
 
+    What is released is made again about the same biases, to the last bit the same.
+    """
+
+    biases: dict[int, FloatArray] = field(default_factory=dict)
     intervals: dict[int, _Preintegrated] = field(default_factory=dict)
     parameters: dict[tuple[float, ...], gtsam.PreintegrationCombinedParams] = field(
         default_factory=dict
@@ -195,6 +198,12 @@ class Inertial:
             gyroscope_noise=self.gyroscope_noise[part],
         )
 
+    def release(self, before: int) -> None:
+        """Keep nothing large of the intervals before one, whose keyframes have left a window."""
+        intervals = self._store.intervals
+        for k in [k for k in intervals if k < before]:
+            del intervals[k]
+
     def noise_parts(self) -> NoiseParts:
         """Return what each noise contributes to the covariance of the whitened rows.
 
@@ -220,28 +229,29 @@ class Inertial:
         ]
         parts = np.zeros((n, len(parameters), _WIDTH, _WIDTH))
         for k in np.flatnonzero(of_unit).tolist():
-            stored = self._store.intervals.get(k) or self._preintegrated(k, np.zeros(_BIASES))
-            R = _whitening(stored.factor)
+            bias = self._store.biases.setdefault(k, np.zeros(_BIASES))
+            R = _whitening(self._preintegrated(k, bias).factor)
             for c, one in enumerate(parameters):
-                C = self._integrated(k, stored.bias, one, _COARSE_STEPS).preintMeasCov()
+                C = self._integrated(k, bias, one, _COARSE_STEPS).preintMeasCov()
                 parts[k, c] = R @ C @ R.T
         parts[~of_unit, -1] = np.eye(_WIDTH)
         return NoiseParts(INERTIAL_NOISES, parts[:, :-1], parts[:, -1])
 
     def _preintegrated(self, k: int, bias: FloatArray) -> _Preintegrated:
         """Return interval k about biases near enough to those given for a linear correction."""
-        stored = self._store.intervals.get(k)
-        span_s = self.t_s[k + 1] - self.t_s[k]
+        store, span_s = self._store, self.t_s[k + 1] - self.t_s[k]
+        about = store.biases.get(k)
         # The correction for the accelerometer's bias alone is exact.
-        if stored is not None and np.abs(bias[3:] - stored.bias[3:]).max() * span_s < TURNED_RAD:
-            return stored
-        bias = np.array(bias)
-        made = self._integrated(k, bias)
-        factor = gtsam.GalileanCombinedImuFactor(
-            _BEFORE[0], _BEFORE[1], _AFTER[0], _AFTER[1], _BEFORE[2], _AFTER[2], made
-        )
-        self._store.intervals[k] = _Preintegrated(bias, made, factor)
-        return self._store.intervals[k]
+        if about is None or not np.abs(bias[3:] - about[3:]).max() * span_s < TURNED_RAD:
+            about = store.biases[k] = np.array(bias)
+            store.intervals.pop(k, None)
+        if k not in store.intervals:
+            made = self._integrated(k, about)
+            factor = gtsam.GalileanCombinedImuFactor(
+                _BEFORE[0], _BEFORE[1], _AFTER[0], _AFTER[1], _BEFORE[2], _AFTER[2], made
+            )
+            store.intervals[k] = _Preintegrated(made, factor)
+        return store.intervals[k]
 
     def _integrated(
         self,

@@ -15,7 +15,7 @@ References
 """
 
 import numpy as np
-from scipy.linalg.lapack import dtpqrt
+from scipy.linalg.lapack import dtpqrt, dtrcon
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock
@@ -50,10 +50,9 @@ def _led_on(root: FloatArray, block: ArcBlock) -> FloatArray:
     rows = np.zeros((d + len(block.right), d + size + 1))
     rows[:d, :d], rows[:d, -1] = root[:d, :d], root[:d, d]
     rows[d:, :d], rows[d:, d:-1], rows[d:, -1] = -block.before, block.after, block.right
-    triangle = np.asarray(np.linalg.qr(rows, mode="r"))
-    led = triangle[d : d + size, d:]
-    out = np.zeros((size + 1, size + 1))
-    out[: len(led)] = led
+    led = np.asarray(np.linalg.qr(rows, mode="r"))
+    after, out = led[d : d + size, d:], np.zeros((size + 1, size + 1))
+    out[: len(after)] = after
     return out
 
 
@@ -65,4 +64,12 @@ def _taken_in(root: FloatArray, rows: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _rank(root: FloatArray) -> int:
-    return int(np.linalg.matrix_rank(root[:-1, :-1])) if len(root) > 1 else 0
+    """Return how many combinations of A are known; by singular values only where some may be open.
+
+    The least of d is no less than the reciprocal condition in the 1-norm over d, times the largest.
+    """
+    A = root[:-1, :-1]
+    d = len(A)
+    if d and dtrcon(A)[0] > d**2 * np.finfo(float).eps:
+        return d
+    return int(np.linalg.matrix_rank(A)) if d else 0

@@ -76,6 +76,10 @@ class Motion(Protocol):
         """Return interval k as GTSAM's factors between two keyframes, about one state, row 0."""
         ...
 
+    def release(self, before: int) -> None:
+        """Keep nothing large of the intervals before one, whose keyframes have left a window."""
+        ...
+
     def noise_parts(self) -> NoiseParts:
         """Return the covariance of the whitened rows by its causes."""
         ...

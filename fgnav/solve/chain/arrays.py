@@ -50,6 +50,9 @@ class WindowArrays(NamedTuple):
         """Begin with other rows, whose border lacks some variables: they are independent units."""
         n = len(rows.t_s)
         for name, new, old in zip(self._fields, self, rows, strict=True):
+            if not wider:
+                new[:n] = old
+                continue
             kept = np.r_[0 : old.shape[-1] - 1, new.shape[-1] - 1] if old.ndim > 2 else np.empty(0)
             if name in ("node", "forward"):
                 new[:n, kept[:, None], kept] = old

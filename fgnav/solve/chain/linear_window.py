@@ -191,6 +191,9 @@ class LinearWindow:
         for number in range(self.oldest, self.oldest + count):
             self._unary.pop(number, None)
         del self._sources[:count]
+        if self._sources:
+            problem, row = self._sources[0]
+            problem.motion.release(row)
         self._border.forget(count)
         self._changed = self._changed[count:]
         self._first, self.oldest = self._first + count, self.oldest + count

@@ -1,5 +1,7 @@
 """Live arcs, block by block: at the true place their rows are white, whatever comes and goes."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.special import chdtri
@@ -65,6 +67,17 @@ def test_a_block_lasts_a_second_or_until_arcs_change():
     flight = flown(base=None, span_s=8.0)
     phase, _, _ = of_flight(flight)
     assert [one.begin_row for one in phase.blocks] == list(range(0, 80, 10))
+
+
+def test_rows_and_blocks_weigh_little_until_they_are_taken():
+    flight = flown(base=None, span_s=8.0)
+    tracemalloc.start()
+    phase = of_flight(flight)[0]
+    kept = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    taken = [*phase.rows, *phase.blocks]
+    dense = sum(np.asarray(part).nbytes for one in taken for part in one)
+    assert kept < dense / 2
 
 
 def test_few_satellites_measure_all_the_same():

@@ -129,6 +129,20 @@ def test_another_gyroscope_bias_is_as_good_as_integrated_about_it(change):
     assert np.abs(factors.linearise(before, after, every(factors)).value).max() < 0.1
 
 
+def test_what_is_released_is_made_again_to_the_last_bit_about_the_first_biases():
+    (kept, states), (released, _), (fresh, _) = (of_motion(sine(45.0), 0.1) for _ in range(3))
+    before, after = ends(states)
+    for one in (kept, released):
+        one.linearise(before, after, every(one))
+    released.release(10)
+    before.aux[:, 3:] += 0.9 * TURNED_RAD / 0.1  # near enough: still about the first
+    value, again, other = (
+        one.linearise(before, after, every(one)).value for one in (kept, released, fresh)
+    )
+    np.testing.assert_array_equal(again, value)
+    assert (other != value).any()
+
+
 def test_rates_are_the_gyroscopes_less_its_bias():
     factors, states = of_motion(sine(45.0), 0.1, 10)
     aux = np.tile([0.1, 0.1, 0.1, 0.01, 0.02, 0.03], (11, 1))

@@ -58,6 +58,9 @@ class RandomMotion:
         y = np.einsum("jik,jk->ji", F, x) + B @ before.constants + self.u[intervals]
         return States(exp(y[:, :3]), y[:, 3:6], y[:, 6:9], y[:, 9:], before.constants)
 
+    def release(self, before: int) -> None:
+        """Nothing of an interval is kept."""
+
     def prior(self, constants: int) -> tuple[FloatArray, FloatArray]:
         rows = np.hstack([2 * np.eye(self.aux), np.full((self.aux, constants), 0.3)])
         return np.full(self.aux, 0.1), rows
