@@ -145,10 +145,12 @@ def _searched(j: int, of: ArcNames, A: FloatArray, P: FloatArray) -> tuple[Const
     squares = float(apart @ np.linalg.solve(Z @ covariance @ Z.T, apart))
     if squares > _largest(len(Z)):
         return None, enough
-    scale = of.wavelength_m.max() / _SIGMA_M
     right = best.integers - Z @ (offset - np.rint(offset))
+    rows, sigma = Z @ cycles, _SIGMA_M * Z @ D / of.wavelength_m
     enough = int(is_determined.sum() + best.fixed.sum()) >= _LEAST_FIXED - 1
-    return Constraint(j, of.arc, scale * Z @ cycles, scale * right, best.success), enough
+    root = np.linalg.cholesky(sigma @ sigma.T)
+    rows, right = np.linalg.solve(root, rows), np.linalg.solve(root, right)
+    return Constraint(j, of.arc, rows, right, best.success), enough
 
 
 def _largest(freedom: int) -> float:
