@@ -128,6 +128,7 @@ def test_odds_are_those_of_all_integers():
 def test_forward_does_not_look_ahead_of_integers_taken_back():
     flight = sky(6.0, gyroscope=True)
     whole = FORWARD(flight)
+    assert {one.by for one in whole.arcs} == {"base"}
     back_s = next(one.until_s for one in whole.rejections if "taken back" in one.reason)
     for until_s in (back_s - 0.1, back_s + 0.1, back_s + 1.1):
         part = FORWARD(truncated(flight, until_s))
