@@ -11,11 +11,11 @@ from fgnav.evaluation.bound import flight_bound
 from fgnav.evaluation.integer_counts import count_integers, integers_at, true_attitudes
 from fgnav.evaluation.pairwise import Difference, pairwise
 from fgnav.evaluation.scores import Angles, Errors, Score, errors_against, score
-from fgnav.integers.arcs.reported import ArcInteger, reported_arcs
+from fgnav.integers.arcs.reported import reported_arcs
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Estimate, Estimator, Rejected
 from fgnav.types.flight import TRUTH_SIGMAS, Flight, Truth
-from fgnav.types.integers import Integers
+from fgnav.types.integers import ArcInteger, Integers
 from fgnav.types.summaries import summary, summary_html
 
 
@@ -310,11 +310,11 @@ def _judge(
         return Method(name=name, score=Score(seconds=seconds, failure=failure))
     errors = errors_against(flight.truth, estimate) if flight.truth else None
     counts = None
-    arcs: tuple[ArcInteger, ...] = ()
+    arcs = estimate.arcs
     if differences is not None and estimate.integers is not None:
         counts = count_integers(differences, estimate.integers, right)
         names = tuple(antenna.name for antenna in flight.antennas)
-        arcs = reported_arcs(differences, estimate.integers, names)
+        arcs = (*reported_arcs(differences, estimate.integers, names), *arcs)
     return Method(
         name=name,
         score=score(estimate, errors, counts, seconds),

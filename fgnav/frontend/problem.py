@@ -21,7 +21,8 @@ from fgnav.frontend.gaps import gap_notes, spans
 from fgnav.frontend.heading_open import open_heading, until_motion
 from fgnav.frontend.measurements import Recorded, measurements_of
 from fgnav.frontend.motion import is_predicted, motion_of
-from fgnav.frontend.position.live_arcs import EarlierArcs, antenna_phase
+from fgnav.frontend.position.live_arcs import EarlierArcs
+from fgnav.frontend.position.phases import antenna_phase
 from fgnav.frontend.prepared import Earlier, PreparedFlight
 from fgnav.frontend.sensors.sensed import Sensed, sense
 from fgnav.frontend.sensors.standstill import standing
@@ -69,7 +70,7 @@ def build_problem(
     motion, turning, rate_notes = motion_of(flight, settings, (stage, track), constants, multipath)
     earth = flight.origin.earth_rate_n_radps
     timed = timed_motion(imu, track.t_s, track.gravity_n_mps2, earth, causal=causal)
-    phase, phase_notes, arcs = antenna_phase(
+    phases = antenna_phase(
         track.antenna.phases,
         track.t_s,
         stage.start.R_nb,
@@ -77,6 +78,7 @@ def build_problem(
         causal=causal,
         earlier=None if earlier is None else earlier.arcs,
     )
+    phase = phases.phase
     problem = SmoothingProblem(
         t_s=track.t_s,
         start=_start(stage, track, constants, turning, motion.aux),
@@ -108,13 +110,13 @@ def build_problem(
         epochs=stage.epochs,
         integers=start.integers,
         losses=(*start.losses, *stage.losses, *antenna.losses, *track.losses, *sensed.losses),
-        rejections=(*start.rejections, *track.rejections),
+        rejections=(*start.rejections, *track.rejections, *phases.rejections),
         notes=(
             *start.notes,
             *lasting_notes,
             *rate_notes,
             *antenna.notes,
-            *phase_notes,
+            *phases.notes,
             *gaps,
             *stage.float_arcs.notes,
         ),
@@ -125,7 +127,8 @@ def build_problem(
         opening=opening,
         in_motion=in_motion,
         array=start.phases,
-        goes_on=_goes_on(flight, stage, arcs),
+        goes_on=_goes_on(flight, stage, phases.goes_on),
+        arcs=phases.arcs,
     )
 
 
@@ -149,7 +152,7 @@ def _phase_before_heading(
         one._replace(row=one.row[rows], epoch=one.epoch[rows])
         for one, rows in zip(phases, before, strict=True)
     )
-    return antenna_phase(part, t_s, stage.R_open, constants, causal=True)[0]
+    return antenna_phase(part, t_s, stage.R_open, constants, causal=True).phase
 
 
 def _goes_on(flight: Flight, stage: Aligned, arcs: EarlierArcs | None) -> Earlier | None:

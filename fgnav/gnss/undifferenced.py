@@ -119,8 +119,12 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
     group = np.array([numbered[carrier] for carrier in carriers], dtype=np.int64)
     phase_sigma_m = receivers * growing(flight, noise.phase_m, elevation_rad)
     wavelength_m = wavelengths_m(channels.satellites, channels.signals)
-    changed = np.diff(modelled, prepend=modelled[:1])
-    flags = np.where(changed[:, None], flags | LOST_LOCK, flags)
+    changed = np.tile(np.diff(modelled, prepend=modelled[:1])[:, None], (1, len(names)))
+    if base and changed.any():
+        k = np.flatnonzero(changed[:, 0])
+        steps_m = _steps_of_models(flight, observations, channels, k, received_e_m[k])
+        changed[k] = np.abs(steps_m) > phase_sigma_m[k]
+    flags = np.where(changed, flags | LOST_LOCK, flags)
     arc, losses = _arcs(flight, observations, channels, ours, flags, (phase_sigma_m, group))
     return Undifferenced(
         t_s=observations.t_s,
@@ -142,6 +146,31 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
         pole_n=flight.origin.R_ne[:, 2] if noise.wind_up else None,
         losses=losses,
     )
+
+
+def _steps_of_models(
+    flight: Flight,
+    observations: Observations,
+    channels: CodeChannels,
+    rows: IntArray,
+    p_e_m: FloatArray,
+) -> FloatArray:
+    """Return how models of the atmosphere change differences to the base at rows, (k, m).
+
+    But for what is common to an epoch, as its clock is. Near a base that is next to nothing, and
+    arcs outlive a change of models.
+    """
+    names = list(zip(channels.satellites, channels.signals, strict=True))
+    phases_m = []
+    for on in (True, False):
+        modelled = np.full(len(rows), on)
+        ours = residuals(flight, observations, channels, rows, p_e_m, modelled)
+        theirs, _ = residuals_of_base(flight, observations.t_s[rows], names, modelled)
+        phases_m.append(ours.phase_m - theirs.phase_m)
+    step_m = phases_m[0] - phases_m[1]
+    tracked = np.isfinite(step_m)
+    common_m = np.where(tracked, step_m, 0.0).sum(axis=1) / tracked.sum(axis=1).clip(1)
+    return np.where(tracked, step_m - common_m[:, None], 0.0)
 
 
 def _refused(flight: Flight, observations: Observations, satellites: tuple[str, ...]) -> BoolArray:

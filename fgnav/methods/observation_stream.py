@@ -84,7 +84,7 @@ class ObservationStream:
         self._spans: list[_Span] = []  # that keyframes to come may be in
         self._plain: PreparedFlight | None = None  # as stated, up to where the heading is known
         self._window: FixedLag | None = None
-        self._of: tuple[float, bool] | None = None  # what the window is of: look, open heading
+        self._of: tuple[float, bool, float] | None = None  # its look, open heading, integers
         self._taken_s = -np.inf  # keyframe that entered it last
         self._newest: Departed
         self._last_s = -np.inf  # keyframe that was returned last
@@ -209,12 +209,16 @@ class ObservationStream:
         """Let a keyframe enter the window, which begins again where its problem is another one."""
         from fgnav.solve.fixed_lag import FixedLag  # noqa: PLC0415  # lazy: gtsam
 
+        revised_s = prepared.revised_s
+        if len(revised_s):
+            prepared = prepared.as_of(at_s)
         opening = prepared.opening
         is_open = opening is not None and at_s < opening.until_s
+        by_s = max((s for s in revised_s.tolist() if s <= at_s), default=-np.inf)
         problem = opening.problem if opening is not None and is_open else prepared.windowed
-        if self._window is None or self._of != (look_s, is_open):
+        if self._window is None or self._of != (look_s, is_open, by_s):
             self._window, self._taken_s = FixedLag(self._method.lag_s, 0.0), -np.inf
-            self._of = look_s, is_open
+            self._of = look_s, is_open, by_s
         for row in np.flatnonzero((problem.t_s > self._taken_s) & (problem.t_s <= at_s)).tolist():
             self._window.advance(problem, row)
             self._newest = self._window.newest()  # of each: what is asked for decides what leaves

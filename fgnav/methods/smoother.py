@@ -13,7 +13,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, positive
 from fgnav.frontend.calibration_request import calibration_requests
-from fgnav.frontend.prepared import PreparedFlight
+from fgnav.frontend.prepared import PreparedFlight, by_integers
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.recording import with_noise_of_record
 from fgnav.frontend.settings import ProblemSettings
@@ -228,14 +228,16 @@ class Smoother:
 
             ahead_s = self.lag_s + 2 * BLOCK_S
             spans = stretches(flight, settings, prepared, ahead_s, build_problem, since_s)
-            return replace(prepared, stretches=spans)
+            prepared = replace(prepared, stretches=spans)
+        if self.causal:
+            return replace(prepared, stretches=by_integers(flight, prepared, self._waits_s))
         if settings.noise == "identified":
             from fgnav.identification.apply import (  # noqa: PLC0415  # lazy: the chain
                 with_identified_noise,
             )
 
             prepared = with_identified_noise(flight, settings, prepared, build_problem)
-        if without_attitudes(prepared) and not self.causal and self.rate_prior is None:
+        if without_attitudes(prepared) and self.rate_prior is None:
             from fgnav.methods.smoothing.rate_identification import (  # noqa: PLC0415  # lazy: the chain
                 identified_by_evidence,
             )

@@ -8,7 +8,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times
 from fgnav.geometry.rotations import euler_jacobian, to_euler
 from fgnav.types.flight import Flight
-from fgnav.types.integers import Integers
+from fgnav.types.integers import ArcInteger, Integers
 from fgnav.types.summaries import summary, summary_html
 
 if TYPE_CHECKING:
@@ -183,6 +183,8 @@ class Estimate:
         Whether an iterative method ended at a minimum.
     integers : Integers or None
         The integers it used, in the layout of the flight's double differences.
+    arcs : tuple of ArcInteger
+        Integers of arcs against a base, each with the chance that it is wrong, and its span.
     losses : tuple of Loss
         Measurements and epochs that did not take part, with the reason.
     rejections : tuple of Rejected
@@ -221,6 +223,7 @@ class Estimate:
     unobservable: tuple[str, ...] = ()
     converged: bool = True
     integers: Integers | None = None
+    arcs: tuple[ArcInteger, ...] = ()
     losses: tuple[Loss, ...] = ()
     rejections: tuple[Rejected, ...] = ()
     consistency: tuple[Consistency, ...] = ()

@@ -81,6 +81,34 @@ class Integers:
         return tuple(np.where(self.fixed.any(axis=(1, 2)), "fixed", names).tolist())
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArcInteger:
+    """An integer that a link has had, from slip to slip or until another took its place.
+
+    Attributes
+    ----------
+    link : str
+        ``"a3 G05 1C"``.
+    from_s, until_s : float
+        First and last epoch that has it.
+    cycles : int
+        Of the double difference: to the channel of reference; against a base to the oldest arc of
+        its carrier.
+    wrong_probability : float or None
+        By the evidence of its epochs, or as the resolver states it; None where neither does.
+    by : str
+        Of most of its epochs: ``resolver``, ``arc`` (what the arc's epochs agree on) or ``array``
+        (the epoch's other links); ``base``: integer least squares of differences to a base.
+    """
+
+    link: str
+    from_s: float
+    until_s: float
+    cycles: int
+    wrong_probability: float | None
+    by: str
+
+
 class Resolver(Protocol):
     """Anything that turns double differences into integers."""
 

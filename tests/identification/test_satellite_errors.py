@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from fgnav.frontend.position.live_arcs import Observed, antenna_phase
+from fgnav.frontend.position.live_arcs import Observed
+from fgnav.frontend.position.phases import antenna_phase
 from fgnav.gnss.undifferenced import undifferenced
 from fgnav.graph.types.constants import Constants
 from fgnav.identification.likelihood.satellite_errors import (
@@ -29,7 +30,7 @@ def phases(seed, span_s=20.0, stated=None, **gnss):
     rows = np.arange(len(of.t_s))
     R_nb = truth.R_nb[np.searchsorted(truth.t_s, of.t_s - 1e-6)]
     observed = Observed(of, rows, rows, np.zeros(3))
-    return antenna_phase((observed,), of.t_s, R_nb, Constants())[0]
+    return antenna_phase((observed,), of.t_s, R_nb, Constants()).phase
 
 
 def dense_log_likelihood(phase):

@@ -82,7 +82,7 @@ def _of_observations(flight: Flight, imu: Imu, start: Alignment, *, causal: bool
     row, matched = nearest(code.t_s, start.t_s)
     of = undifferenced(flight, base=flight.base is not None)
     at, same = nearest(of.t_s, start.t_s)
-    phases = Observed(of, np.flatnonzero(same), at[same], arm_b_m)
+    phases = Observed(of, np.flatnonzero(same), at[same], arm_b_m, antenna.name)
     velocities: tuple[tuple[str, VectorSeries], ...] = ()
     if code.v_n_mps is not None and code.velocity_covariance_m2ps2 is not None:
         velocity = _timed(code.v_n_mps, code.velocity_covariance_m2ps2, row, matched, arm_b_m)

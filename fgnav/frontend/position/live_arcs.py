@@ -9,12 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.frontend.position.base_integers import ArcNames, with_integers
+from fgnav.frontend.position.ambiguity_filter import ArcNames
 from fgnav.frontend.position.whitening import Channels, Epoch, Transition, by_clock
 from fgnav.gnss.undifferenced import Undifferenced
 from fgnav.gnss.wind_up import wind_up_cycles
-from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock, PhaseRows
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.factors.antenna_phase import ArcBlock, PhaseRows
 from fgnav.graph.types.on_demand import OnDemand
 
 # Code determines ambiguities once in so long: receivers smooth it over about a second (Kaplan,
@@ -35,6 +34,7 @@ class Observed(NamedTuple):
     row: IntArray  # (k,), keyframes
     epoch: IntArray  # (k,)
     arm_b_m: FloatArray  # (3,), from the accelerometer to the antenna
+    antenna: str = ""
 
 
 class _Arcs(NamedTuple):
@@ -46,6 +46,7 @@ class _Arcs(NamedTuple):
     arc: IntArray  # (n, m); -1 without phase
     satellite: IntArray  # (m,)
     arm_b_m: FloatArray
+    antenna: str
     offset_m: FloatArray  # (a,), taken off the phases of each arc, by its number among its own
     wound: FloatArray  # (n, m), cycles by which turns of the antenna have wound up phases
 
@@ -79,31 +80,38 @@ class _Live(NamedTuple):
         return len(self.channel) + 2 * len(self.satellite)
 
 
-def antenna_phase(
+class LiveRows(NamedTuple):
+    """Epochs of phases, and the blocks that they are in."""
+
+    row: list[int]  # (k,), keyframes
+    block: list[int]  # (k,), numbers
+    arms_b_m: list[FloatArray]  # (k,)
+    epochs: list[Epoch]  # (k,)
+    transitions: list[Transition]  # to blocks
+    names: list[ArcNames]  # of blocks
+    first_block: int
+    goes_on: EarlierArcs | None
+
+    @property
+    def rows(self) -> Sequence[PhaseRows]:
+        """Rows of epochs, made on demand."""
+        return OnDemand(len(self.epochs), lambda i: self.epochs[i].whitened())
+
+    @property
+    def blocks(self) -> Sequence[ArcBlock]:
+        """Blocks, made on demand."""
+        return OnDemand(len(self.transitions), lambda j: self.transitions[j].whitened())
+
+
+def live_rows(
     observed: tuple[Observed, ...],
     t_s: FloatArray,
     R_nb: FloatArray,
-    constants: Constants,
-    *,
-    causal: bool = False,
     earlier: EarlierArcs | None = None,
-) -> tuple[AntennaPhase | None, tuple[str, ...], EarlierArcs | None]:
-    """Return the phases of antennas at keyframes, None where there are none, and notes on them.
+) -> LiveRows:
+    """Return the phases of antennas at keyframes, (n,), by live arcs; R_nb winds them up.
 
-    And what phases of epochs to come need of these, of one antenna without a base.
-
-    Parameters
-    ----------
-    observed : tuple of Observed
-    t_s : ndarray, shape (n,)
-        Keyframes.
-    R_nb : ndarray, shape (n, 3, 3)
-        Attitudes that wind up phases.
-    constants : Constants
-    causal : bool
-        Whether integers against a base hold only after they are found.
-    earlier : EarlierArcs, optional
-        Rows are of epochs after it.
+    Of epochs after ``earlier`` alone.
     """
     names = dict.fromkeys(name for one in observed for name in one.of.satellites)
     if earlier is not None:
@@ -117,12 +125,8 @@ def antenna_phase(
         for k, i in zip(one.row.tolist(), one.epoch.tolist(), strict=True):
             at[k] = arcs[-1], i
     live, begun = _resumed(earlier, number)
-    transitions: list[Transition] = []
-    of_blocks: list[ArcNames] = []
-    epochs: list[Epoch] = []
     measured: _Measured | None = None
-    taken: list[tuple[int, int]] = []
-    arms_b_m: list[FloatArray] = []
+    out = LiveRows([], [], [], [], [], [], begun, None)
     for k in sorted(at):
         if earlier is not None and t_s[k] <= earlier.t_s:
             continue
@@ -138,34 +142,19 @@ def antenna_phase(
             or not np.isin(of.satellite[coded], live.satellite).all()
         ):
             after = _next(of, i, live, now_s, (channel, coded))
-            transitions.append(_transition(of, (live, after), i, k))
-            of_blocks.append(_names(of, after, i))
+            out.transitions.append(_transition(of, (live, after), i, k))
+            out.names.append(_names(of, after, i))
             live = after
         live = live._replace(channel=channel)
         measured = _measured(of, live, coded, measured)
-        epochs.append(_epoch(of, live, i, measured, now_s - live.t_s))
-        taken.append((k, begun + len(transitions) - 1))
-        arms_b_m.append(of.arm_b_m)
-    goes_on = _goes_on(arcs[0], at, t_s, number, (live, begun + len(transitions))) if arcs else None
-    if not taken:
-        return None, (), goes_on
-    row, block = np.array(taken, dtype=np.int64).T.copy()
-    rows = OnDemand(len(epochs), lambda i: epochs[i].whitened())
-    blocks: Sequence[ArcBlock] = OnDemand(len(transitions), lambda j: transitions[j].whitened())
-    notes: tuple[str, ...] = ()
-    if any(one.of.integers for one in observed):
-        blocks, notes = _with_integers(blocks, of_blocks, rows, block, causal=causal)
-    phase = AntennaPhase(
-        row=row,
-        rows=rows,
-        block=block,
-        blocks=blocks,
-        first_block=begun,
-        arm_b_m=np.array(arms_b_m),
-        lever_column=constants.column("lever-arm"),
-        constants=constants,
-    )
-    return phase, notes, goes_on
+        out.epochs.append(_epoch(of, live, i, measured, now_s - live.t_s))
+        out.row.append(k)
+        out.block.append(begun + len(out.transitions) - 1)
+        out.arms_b_m.append(of.arm_b_m)
+    if not arcs:
+        return out
+    so_far = live, begun + len(out.transitions)
+    return out._replace(goes_on=_goes_on(arcs[0], at, t_s, number, so_far))
 
 
 def _resumed(earlier: EarlierArcs | None, number: dict[str, int]) -> tuple[_Live | None, int]:
@@ -201,29 +190,15 @@ def _goes_on(
     return EarlierArcs(float(t_s[k]), links, 1 + int(of.arc.max()), blocks, live, satellites)
 
 
-def _with_integers(
-    blocks: Sequence[ArcBlock],
-    names: list[ArcNames],
-    rows: Sequence[PhaseRows],
-    block: IntArray,
-    *,
-    causal: bool,
-) -> tuple[Sequence[ArcBlock], tuple[str, ...]]:
-    """Return blocks with their integers against a base, and notes on these."""
-    resolved = with_integers(blocks, names, rows, block, causal=causal)
-    share = 100 * resolved.fixed[block].mean()
-    note = f"Positions against the base: integers known at {share:.1f} % of epochs"
-    if share:
-        note += f", all right but for a chance of {resolved.wrong_probability:.1g}"
-    return resolved.blocks, (f"{note}.",)
-
-
 def _names(of: _Arcs, live: _Live, i: int) -> ArcNames:
     return ArcNames(
         arc=live.arc,
         group=of.of.group[live.channel],
         wavelength_m=of.of.wavelength_m[live.channel],
         offset_m=of.offset_m[of.of.arc[i, live.channel]],
+        link=tuple(
+            f"{of.antenna} {of.of.satellites[j]} {of.of.signals[j]}" for j in live.channel.tolist()
+        ),
     )
 
 
@@ -266,6 +241,7 @@ def _numbered(
         arc=np.where(of.arc >= 0, ids[of.arc.clip(0)], -1) if len(ids) else of.arc,
         satellite=np.array([number[name] for name in of.satellites], dtype=np.int64),
         arm_b_m=one.arm_b_m,
+        antenna=one.antenna,
         offset_m=offset_m,
         wound=total,
     )

@@ -97,6 +97,8 @@ class AntennaPhase:
     constants : Constants
     first_block : int
         Number of the first of the blocks: of phases that go on.
+    earlier : tuple of (int, sequence of ArcBlock)
+        Blocks as they were before a keyframe, in turn, with integers that were taken back there.
     """
 
     name: ClassVar[str] = "phase"  # in reports
@@ -108,6 +110,17 @@ class AntennaPhase:
     lever_column: int
     constants: Constants
     first_block: int = 0
+    earlier: tuple[tuple[int, Sequence[ArcBlock]], ...] = ()
+
+    @property
+    def revised(self) -> IntArray:
+        """Keyframes at which integers were taken back, (r,)."""
+        return np.array([row for row, _ in self.earlier], dtype=np.int64)
+
+    def as_of(self, row: int) -> "AntennaPhase":
+        """Return the same as it was at a keyframe."""
+        later = [blocks for before, blocks in self.earlier if before > row]
+        return replace(self, blocks=later[0], earlier=()) if later else replace(self, earlier=())
 
     @property
     def freedom(self) -> IntArray:
@@ -187,12 +200,16 @@ class AntennaPhase:
     def on(self, row: IntArray) -> "AntennaPhase":
         """Return the same at other rows, (k,): of a timeline with more keyframes."""
         of = dict(zip(self.row.tolist(), row.tolist(), strict=True))
-        blocks = self.blocks
+        earlier = tuple((of[k], _begun_at(blocks, of)) for k, blocks in self.earlier)
+        return replace(self, row=row, blocks=_begun_at(self.blocks, of), earlier=earlier)
 
-        def moved(j: int) -> ArcBlock:
-            return blocks[j]._replace(begin_row=of[blocks[j].begin_row])
 
-        return replace(self, row=row, blocks=OnDemand(len(blocks), moved))
+def _begun_at(blocks: Sequence[ArcBlock], of: dict[int, int]) -> Sequence[ArcBlock]:
+    def moved(j: int) -> ArcBlock:
+        block = blocks[j]
+        return block._replace(begin_row=of[block.begin_row])
+
+    return OnDemand(len(blocks), moved)
 
 
 @kernel

@@ -1,41 +1,12 @@
 """Each arc's integer, the chance that it is wrong, and who says so."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.types.differences import DoubleDifferences
-from fgnav.types.integers import SOURCES, Integers
+from fgnav.types.integers import SOURCES, ArcInteger, Integers
 
 APART_S = 20.0  # after which errors are new ones; a choice, the time constant of scenario rough
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ArcInteger:
-    """An integer that a link has had, from slip to slip or until another took its place.
-
-    Attributes
-    ----------
-    link : str
-        ``"a3 G05 1C"``.
-    from_s, until_s : float
-        First and last epoch that has it.
-    cycles : int
-        Of the double difference.
-    wrong_probability : float or None
-        By the evidence of its epochs, or as the resolver states it; None where neither does.
-    by : str
-        Of most of its epochs: ``resolver``, ``arc`` (what the arc's epochs agree on) or ``array``
-        (the epoch's other links).
-    """
-
-    link: str
-    from_s: float
-    until_s: float
-    cycles: int
-    wrong_probability: float | None
-    by: str
 
 
 def reported_arcs(

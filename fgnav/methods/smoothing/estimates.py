@@ -84,6 +84,7 @@ def estimate_of(
         epochs=epochs,
         unobservable=open_states,
         integers=prepared.integers,
+        arcs=prepared.arcs,
         losses=(
             *prepared.losses,
             *([Loss(what="keyframe", reason=ROUGH, count=lost)] if lost else []),

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from fgnav.frontend.position.live_arcs import Observed, antenna_phase
+from fgnav.frontend.position.live_arcs import Observed
+from fgnav.frontend.position.phases import antenna_phase
 from fgnav.gnss.undifferenced import undifferenced
 from fgnav.graph.types.constants import Constants
 from fgnav_sim.gnss.tables import LossOfLockTable, OutageTable, SlipsTable
@@ -30,8 +31,8 @@ def of_flight(flight, *, causal=False):
     rows = np.arange(len(of.t_s))
     R_nb = truth.R_nb[np.searchsorted(truth.t_s, of.t_s - 1e-6)]
     observed = Observed(of, rows, rows, np.zeros(3))
-    phase, notes, _ = antenna_phase((observed,), of.t_s, R_nb, Constants(), causal=causal)
-    return phase, antenna_n_m(flight, of.t_s), notes
+    phases = antenna_phase((observed,), of.t_s, R_nb, Constants(), causal=causal)
+    return phases.phase, antenna_n_m(flight, of.t_s), phases.notes
 
 
 def least_squares(phase, place_n_m):
