@@ -25,6 +25,9 @@ _FREQUENCY_HZ = {
     },
     "J": {"1": 1575.42e6, "2": 1227.60e6, "5": 1176.45e6, "6": 1278.75e6},
 }
+# Of GLONASS each satellite has a carrier of its own, these plus 0.56 and 0.44 MHz a channel, -7 to
+# 6 (ICD L1, L2, edition 5.1): near enough for delays of codes in the ionosphere, not for phases.
+_CODE_ALONE_HZ = {"R": {"1": 1602.0e6, "2": 1246.0e6, "3": 1202.025e6}}
 _OLD_B1I = ("1I", "1Q")  # what RINEX 3.02 called B1I, now 2I
 
 
@@ -60,6 +63,9 @@ def frequency_hz(satellite: str, signal: str) -> float:
     BadInputError
         If constellation or band is not known.
     """
+    by_band = _CODE_ALONE_HZ.get(satellite[:1], {})
+    if signal[:1] in by_band:
+        return by_band[signal[:1]]
     constellation(satellite)
     if not known(satellite, signal):
         raise BadInputError(f"signal {signal!r} of {satellite}: its carrier is not known")
@@ -98,7 +104,9 @@ class Selection:
     chosen: dict[tuple[str, str], tuple[str | None, ...]]
 
 
-def select(observations: Observations, *, causal: bool = False) -> Selection:
+def select(
+    observations: Observations, *, causal: bool = False, code_alone: bool = False
+) -> Selection:
     """Choose for every constellation and band the signal each antenna uses.
 
     The signal that the most antennas track goes first, then the one with the most observations: two
@@ -106,6 +114,8 @@ def select(observations: Observations, *, causal: bool = False) -> Selection:
 
     Parameters
     ----------
+    code_alone : bool
+        Whether signals are wanted, too, of which nothing but the code is used: GLONASS.
     causal : bool
         Each antenna by the epochs up to the first at which it has code of that band: what it
         chooses there it keeps.
@@ -116,7 +126,9 @@ def select(observations: Observations, *, causal: bool = False) -> Selection:
     for column, (satellite, signal) in enumerate(
         zip(observations.satellites, observations.signals, strict=True)
     ):
-        if known(satellite, signal):
+        if known(satellite, signal) or (
+            code_alone and signal[:1] in _CODE_ALONE_HZ.get(satellite[:1], {})
+        ):
             key = (satellite[0], band(satellite, signal))
             columns.setdefault(key, {}).setdefault(signal, {})[satellite] = column
     rows, signals = [], {}
@@ -172,6 +184,8 @@ def _unused(observations: Observations, counts: IntArray, channel: IntArray) -> 
         reason = (
             "another signal of the same carrier is used"
             if known(satellite, signal)
+            else "the carrier differs from satellite to satellite: code alone serves, for positions"
+            if satellite[:1] in _CODE_ALONE_HZ
             else "constellation or carrier is not supported"
         )
         key = (f"{satellite[0]} {signal} observation", reason)

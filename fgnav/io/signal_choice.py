@@ -16,6 +16,7 @@ _SLOTS = {
     "E": ("1", "7", "5"),
     "C": ("2", "7", "5"),  # B1C has no slot of these three in pyrtklib5
     "J": ("1", "2", "5"),
+    "R": ("1", "2", "3"),
 }
 # Attributes by band, best first (tracking modes of RINEX 3.05, tables 4 to 9).
 ATTRIBUTES = {
@@ -31,6 +32,9 @@ ATTRIBUTES = {
     "J1": "CXLSZEB",
     "J2": "LXS",
     "J5": "QXIPDZ",
+    "R1": "CP",
+    "R2": "CP",
+    "R3": "QXI",
 }
 # Ways to track one and the same signal: pilot, data, or both. RINEX 3 aligns their phases, so
 # receivers that chose differently can still be differenced.

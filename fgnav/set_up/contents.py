@@ -148,6 +148,8 @@ def _satellite_findings(
     satellites = sorted(set(names[seen].tolist()))
     findings = []
     without = [s for s in satellites if s not in _known(flight, observations.t_s)]
+    if flight.precise is None:  # messages of GLONASS are not read
+        without = [s for s in without if s[0] != "R"]
     for letter in dict.fromkeys(s[0] for s in without):
         mine = [s for s in without if s[0] == letter]
         findings.append(

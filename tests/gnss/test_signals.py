@@ -79,8 +79,18 @@ def test_one_signal_per_carrier_is_chosen_and_the_rest_is_counted():
     lost = {(loss.what, loss.reason): loss.count for loss in chosen.losses}
     assert lost == {
         ("G 1W observation", "another signal of the same carrier is used"): 2,
-        ("R 1C observation", "constellation or carrier is not supported"): 2,
+        (
+            "R 1C observation",
+            "the carrier differs from satellite to satellite: code alone serves, for positions",
+        ): 2,
     }
+
+
+def test_glonass_is_chosen_where_code_alone_serves():
+    channels = [("G01", "1C"), ("R01", "1C"), ("R02", "2C")]
+    chosen = select(observed(channels, np.ones((2, 3), dtype=bool)), code_alone=True)
+    assert chosen.satellites == ("G01", "R01", "R02")
+    assert frequency_hz("R02", "2C") == 1246.0e6
 
 
 def test_two_ways_to_track_one_carrier_make_one_channel():

@@ -13,17 +13,21 @@ from fgnav.gnss.orbits.satellites import (
     group_delay_s,
     states_at_clock,
 )
-from fgnav.gnss.signals import Selection, band, frequency_hz, select
+from fgnav.gnss.signals import Selection, band, frequency_hz, known, select
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
 
-_BANDS = {"G": "125", "E": "15786", "C": "216758", "J": "125"}  # preferred first, as RTKLIB does
+# Preferred first, as RTKLIB does.
+_BANDS = {"G": "125", "E": "15786", "C": "216758", "J": "125", "R": "123"}
 _L1_HZ = 1575.42e6
 # Standard deviations of what the models leave, as RTKLIB assumes: a share of Klobuchar's delay, and
 # metres at the zenith of Saastamoinen's.
 _IONOSPHERE_SHARE, _TROPOSPHERE_M = 0.5, 0.3
 _NO_GROUP_DELAY_M = 3.0  # what single-frequency delays amount to where no message states them
+# Receivers delay each GLONASS carrier differently: means of satellites' residuals at the true place
+# of both Wettzell receivers, an hour, have 1.6 and 1.9 m, other constellations' .4 to .7 m.
+_BETWEEN_CARRIERS_M = 2.0
 _LOWEST_RAD = 0.05  # the atmosphere's models are not asked about less
 
 
@@ -38,6 +42,12 @@ class CodeChannels:
     constellations: tuple[str, ...]  # length c; letters
     clock_of: FloatArray  # (m, c); 1 where a channel belongs to a constellation
 
+    @property
+    def has_carrier(self) -> BoolArray:
+        """Whether the carrier is known as exactly as phase and Doppler need it, (m,)."""
+        named = zip(self.satellites, self.signals, strict=True)
+        return np.array([known(*channel) for channel in named], dtype=np.bool_)
+
 
 def code_channels(
     observations: Observations, antenna: int, *, causal: bool = False
@@ -47,14 +57,14 @@ def code_channels(
     One carrier of each constellation: the preferred one of those it has at all; with ``causal``, of
     those it has at the first epoch at which it has any.
     """
-    chosen = select(observations, causal=causal)
+    chosen = select(observations, causal=causal, code_alone=True)
     has = chosen.channel[antenna] >= 0
     eligible = _first_seen(observations, antenna, chosen) if causal else has
     bands = [band(*pair) for pair in zip(chosen.satellites, chosen.signals, strict=True)]
     letters = [satellite[0] for satellite in chosen.satellites]
     decided = {} if observations.earlier is None else observations.earlier.bands
     first: dict[str, str] = {}
-    for letter in "GEJC":
+    for letter in "GEJCR":
         if letter in decided:
             first[letter] = decided[letter]
             continue
@@ -153,14 +163,22 @@ def code_ranges(
         precise_clocks=flight.precise is not None,
     )
     doppler_mps = obs.doppler_hz[epoch, antenna][:, channels.column] * C_MPS / channels.frequency_hz
+    doppler_mps = np.where(channels.has_carrier, doppler_mps, np.nan)
     return CodeRanges(
         flight.start_gps_s + obs.t_s[epoch],
         np.isfinite(code_m),
         code_m + C_MPS * (states.clock_s - delay_s),
         C_MPS * states.clock_drift_sps - doppler_mps,
         states,
-        accuracy**2 + (0.0 if flight.broadcast is not None else _NO_GROUP_DELAY_M**2),
+        accuracy**2 + _delay_variance_m2(flight, channels),
     )
+
+
+def _delay_variance_m2(flight: Flight, channels: CodeChannels) -> FloatArray:
+    """Return the variance of delays that no message states, m2, (m,)."""
+    glonass = ~channels.has_carrier
+    unstated = glonass | (flight.broadcast is None)
+    return np.asarray(unstated * _NO_GROUP_DELAY_M**2 + glonass * _BETWEEN_CARRIERS_M**2)
 
 
 def atmosphere_m(

@@ -79,7 +79,7 @@ def _sorted_out(
         limit = KNOWN_SATELLITES.get(name[0])
         if record[0] != "EPH":
             reasons.append((f"{record[0]} record", "not an ephemeris"))
-        elif limit is None:
+        elif limit is None or name[0] == "R":  # RTKLIB keeps these apart
             reasons.append(
                 (f"{CONSTELLATIONS.get(name[0], name[0])} message", "constellation not used")
             )

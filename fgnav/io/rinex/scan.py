@@ -14,7 +14,7 @@ from fgnav.io.rinex.header import Header
 from fgnav.io.rinex.text import Bytes
 
 # Highest satellite number of each constellation in use that RTKLIB's reader knows.
-KNOWN_SATELLITES = {"G": 32, "E": 36, "C": 46, "J": 10}
+KNOWN_SATELLITES = {"G": 32, "E": 36, "C": 46, "J": 10, "R": 27}
 CONSTELLATIONS = {"R": "GLONASS", "S": "SBAS", "I": "NavIC"}
 _EVENTS = {2: "antenna starts to move", 3: "new site", 4: "header lines", 5: "external event"}
 _EVENTS[6] = "cycle slip records"

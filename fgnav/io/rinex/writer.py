@@ -20,7 +20,7 @@ _BDT_FIRST_WEEK = 1356  # GPS week of 2006-01-01
 _FNAV = 1 << 1  # of a Galileo message's data source
 _GEO = {f"C{prn:02d}" for prn in (*range(1, 6), *range(59, 64))}  # they broadcast D2
 _LARGEST = 999_999_999.999  # of a negative value in F14.3
-_SYSTEMS = {"C": "BeiDou", "E": "Galileo", "G": "GPS", "J": "QZSS"}
+_SYSTEMS = {"C": "BeiDou", "E": "Galileo", "G": "GPS", "J": "QZSS", "R": "GLONASS"}
 
 
 def _line(content: str, label: str) -> str:

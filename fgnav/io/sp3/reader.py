@@ -49,8 +49,8 @@ def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
     Returns
     -------
     PreciseOrbits
-        GPS, Galileo, BeiDou and QZSS. An epoch that two files share is taken from the earlier one;
-        that, other constellations and velocities are counted as losses.
+        GPS, Galileo, BeiDou, QZSS and GLONASS. An epoch that two files share is taken from the
+        earlier one; that, other constellations and velocities are counted as losses.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def _unused(files: Sequence[_File]) -> list[Loss]:
     losses = []
     for letter, name in CONSTELLATIONS.items():
         count = sum(len(f.t_s) * sum(s[0] == letter for s in f.satellites) for f in files)
-        if count:
+        if count and letter not in KNOWN_SATELLITES:
             losses.append(Loss(what=f"{name} orbit", reason="constellation not used", count=count))
     velocities = sum(file.velocities for file in files)
     if velocities:
