@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph.factors.antenna_phase import ArcBlock
@@ -97,3 +98,16 @@ class Ambiguities(NamedTuple):
         """Return A and its covariance."""
         P = np.linalg.inv(self.information)
         return P @ self.vector, P
+
+    def combined(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return combinations of ambiguities, rows (k, c), and their covariance.
+
+        By the triangular root, scaled: what all have in common is 1e10 times as uncertain.
+        """
+        scale = 1 / np.sqrt(np.diag(self.information))
+        root = np.linalg.cholesky(scale[:, None] * self.information * scale)
+        right = np.zeros((len(scale), len(rows) + 1))
+        right[: rows.shape[1], :-1] = (rows * scale[: rows.shape[1]]).T
+        right[:, -1] = self.vector * scale
+        whitened = solve_triangular(root, right, lower=True)
+        return whitened[:, :-1].T @ whitened[:, -1], whitened[:, :-1].T @ whitened[:, :-1]

@@ -124,7 +124,7 @@ def with_integers(
         before = list(owner.constraints)
         if _checked(owner, j, free) and causal:
             earlier.append((j + 1, _entered(blocks, names, before, causal=True)))
-        one, fixed[j] = _searched(j, names[j], *owner.state.solved())
+        one, fixed[j] = _searched(j, names[j], owner.state)
         if one is not None:
             owner.constraints.append(one)
     if not causal:
@@ -144,17 +144,15 @@ def _checked(owner: _Owner, j: int, free: Ambiguities) -> bool:
     The probabilities of all others are noted.
     """
     names = owner.names[j]
-    (A, P), c = owner.state.solved(), len(names.arc)
-    rows, singles = _held(owner, names, P[:c, :c])
+    rows, singles = _held(owner, names)
     if not len(rows):
         return False
     cycles = rows / names.wavelength_m
     offset = cycles @ names.offset_m
     rounded = np.rint(offset).astype(np.int64)
-    held = np.rint(cycles @ A[:c] + offset).astype(np.int64)
-    A, P = free.solved()
-    floats = cycles @ A[:c] + offset - rounded
-    likely = odds(floats, cycles @ P[:c, :c] @ cycles.T, held - rounded)
+    held = np.rint(owner.state.combined(cycles)[0] + offset).astype(np.int64)
+    floats, covariance = free.combined(cycles)
+    likely = odds(floats + offset - rounded, covariance, held - rounded)
     if likely is None:
         return False
     is_back, other = likely.held < _LIKELIER, likely.likeliest + rounded
@@ -167,13 +165,13 @@ def _checked(owner: _Owner, j: int, free: Ambiguities) -> bool:
     return is_back
 
 
-def _held(owner: _Owner, names: ArcNames, P: FloatArray) -> tuple[FloatArray, int]:
+def _held(owner: _Owner, names: ArcNames) -> tuple[FloatArray, int]:
     """Return independent combinations of live arcs that are integers, (k, c).
 
     First differences that are determined, how many there are of them, and then what else is fixed.
     """
     D, cycles = _by_difference(names)
-    rows = D[_sigma_cycles(cycles, P) < _DETERMINED_CYCLES] if len(D) else D
+    rows = D[_sigma_cycles(owner.state, cycles) < _DETERMINED_CYCLES] if len(D) else D
     singles = len(rows)
     for one in owner.constraints:
         for row in _on_arcs(one, names.arc)[0]:
@@ -228,20 +226,19 @@ def _taken_back(owner: _Owner, j: int, rows: FloatArray, by: IntArray) -> None:
         owner.go_on(k, owner.epochs(k))
 
 
-def _searched(j: int, of: ArcNames, A: FloatArray, P: FloatArray) -> tuple[Constraint | None, bool]:
+def _searched(j: int, of: ArcNames, state: Ambiguities) -> tuple[Constraint | None, bool]:
     """Return integers that a block newly fixes, and whether enough are fixed by then."""
     D, cycles = _by_difference(of)
-    c = len(of.arc)
     if not len(D):
         return None, False
-    is_determined = _sigma_cycles(cycles, P[:c, :c]) < _DETERMINED_CYCLES
+    is_determined = _sigma_cycles(state, cycles) < _DETERMINED_CYCLES
     enough = int(is_determined.sum()) >= _LEAST_FIXED - 1
     if is_determined.all():
         return None, enough
     D, cycles = D[~is_determined], cycles[~is_determined]
-    covariance = cycles @ P[:c, :c] @ cycles.T
+    floats, covariance = state.combined(cycles)
     offset = cycles @ of.offset_m
-    floats = cycles @ A[:c] + (offset - np.rint(offset))
+    floats = floats + (offset - np.rint(offset))
     best = partial_integer_least_squares(floats, (covariance + covariance.T) / 2, 1 - _WRONG_MAX)
     Z = best.combinations
     if not len(Z):
@@ -262,8 +259,8 @@ def _by_difference(of: ArcNames) -> tuple[FloatArray, FloatArray]:
     return D, D / of.wavelength_m
 
 
-def _sigma_cycles(cycles: FloatArray, P: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(np.einsum("di,ij,dj->d", cycles, P, cycles)))
+def _sigma_cycles(state: Ambiguities, cycles: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.diag(state.combined(cycles)[1])))
 
 
 def _entered(

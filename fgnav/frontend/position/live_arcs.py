@@ -23,6 +23,7 @@ _BLOCK_S = 1.0
 _ROUNDING_S = 1e-6
 _STILL_M_PER_SQRT_S = 1e-4  # of ambiguities, which do not move: whitening needs some noise
 _STILL_MPS_PER_SQRT_S = 1e-6
+_STILL_ERROR = 1e-5  # m per sqrt(s), of satellites close to a base: squares have 16 digits
 _UNKNOWN_M = 1e2  # ambiguities, once phase less code is taken off, and before code
 _REMEMBERED_S = 60.0  # errors of satellites without phase: they walk by centimetres meanwhile
 
@@ -334,11 +335,21 @@ def _transition(of: _Arcs, blocks: tuple[_Live | None, _Live], i: int, row: int)
     error_m = np.zeros(s)
     for channel in _channels(of, i):
         error_m[_places(of, after, channel)] = of.of.error_sigma_m[i, channel]
-    sigma = np.concatenate([np.full(c, _UNKNOWN_M), error_m, np.full(s, of.of.error_rate_mps[i])])
+    sigma = np.concatenate(
+        [
+            np.full(c, _UNKNOWN_M),
+            error_m,
+            np.full(s, max(of.of.error_rate_mps[i], _STILL_MPS_PER_SQRT_S)),
+        ]
+    )
     source, dt_s = np.full(after.size, -1), 0.0
     if before is not None:
         source, dt_s = _sources(before, after), after.t_s - before.t_s
-        walks = (_STILL_M_PER_SQRT_S, of.of.error_walk_m_per_sqrt_s[i], _STILL_MPS_PER_SQRT_S)
+        walks = (
+            _STILL_M_PER_SQRT_S,
+            max(of.of.error_walk_m_per_sqrt_s[i], _STILL_ERROR),
+            _STILL_MPS_PER_SQRT_S,
+        )
         still = np.repeat(walks, (c, s, s)) * np.sqrt(dt_s)
         sigma = np.where(source >= 0, still, sigma)
     return Transition(

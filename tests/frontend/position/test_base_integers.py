@@ -35,8 +35,8 @@ def one_wrong(monkeypatch):
     """Integers that the first second fixes are off by a cycle in one arc."""
     searched = base_integers._searched
 
-    def off(j, names, A, P):
-        one, enough = searched(j, names, A, P)
+    def off(j, names, state):
+        one, enough = searched(j, names, state)
         if j or one is None:
             return one, enough
         return one._replace(right=one.right + one.combination[:, -1]), enough
