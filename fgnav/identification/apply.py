@@ -5,6 +5,7 @@ from dataclasses import replace
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
+from fgnav.identification.array.exchanged import exchange_of
 from fgnav.identification.array.places import with_reference
 from fgnav.identification.findings import Findings, findings, with_satellite_errors
 from fgnav.identification.noise.stated import with_factors
@@ -32,6 +33,18 @@ def with_identified_noise(
     build : callable
         From a flight to its problem.
     """
+    exchange = exchange_of(flight, prepared)
+    if exchange is None:
+        return _with_findings(flight, settings, prepared, build)
+    undone = exchange.undone(flight)
+    better = _with_findings(undone, settings, build(undone, settings), build)
+    return replace(better, notes=(*better.notes, exchange.sentence))
+
+
+def _with_findings(
+    flight: Flight, settings: ProblemSettings, prepared: PreparedFlight, build: Build
+) -> PreparedFlight:
+    """Return the problem with what the flight says of noise, times and set-up."""
     try:
         changes = findings(flight, settings, prepared, build)
     except NoSolutionError as error:
