@@ -8,6 +8,7 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.identification.array.exchanged import exchange_of
 from fgnav.identification.array.places import with_reference
 from fgnav.identification.findings import Findings, findings, with_satellite_errors
+from fgnav.identification.late_forces import with_forces_early
 from fgnav.identification.noise.stated import with_factors
 from fgnav.identification.time_tags import Build
 from fgnav.identification.track.forces import force_consistency
@@ -62,7 +63,8 @@ def with_findings(
     flight: Flight, settings: ProblemSettings, changes: Findings, build: Build
 ) -> PreparedFlight:
     """Return the problem of a flight with noise and times as identified."""
-    better = with_tags_moved(flight, changes.moved, changes.middle_s)
+    early = with_forces_early(flight, changes.forces_late_s)
+    better = with_tags_moved(early, changes.moved, changes.middle_s)
     better = with_reference(with_factors(better, changes.factors), changes.reference)
     better = better if changes.turn is None else changes.turn.back(better)
     prepared = build(better, replace(settings, calibration=changes.calibration))

@@ -17,6 +17,7 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.array.choice import Turn, chosen_turn, with_boresight
 from fgnav.identification.array.places import places_of, with_reference
 from fgnav.identification.array.turn import others_tell, request_of, sentence
+from fgnav.identification.late_forces import sentences, with_late_forces
 from fgnav.identification.likelihood.beside_phases import white_noise_factors
 from fgnav.identification.likelihood.satellite_errors import satellite_error_factors, with_errors
 from fgnav.identification.noise.identified import Identified
@@ -41,6 +42,7 @@ class Findings(NamedTuple):
     middle_s: float = 0.0  # of the record that says so: the offset holds there
     reference: int = 0  # antenna against which the array's others are
     turn: Turn | None = None
+    forces_late_s: float = 0.0
     errors: Mapping[str, float] = MappingProxyType({})  # of satellites, as factors
     is_as_stated: bool = False  # all but those errors
 
@@ -77,16 +79,17 @@ def findings(
     at_tags = search.likeliest(prepared)
     if at_tags is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
+    search, at_tags, late_s = with_late_forces(search, at_tags)
     search, turn, at_tags = _in_body_axes(search, at_tags, problem)
     requests = _requests(search, at_tags)
     identified = at_tags.identified
     if problem.phase is not None:
-        is_same = _is_as_stated(at_tags, requests, settings.calibration)
+        is_same = not late_s and _is_as_stated(at_tags, requests, settings.calibration)
         begin = problem if is_same else None
         identified = _beside_phases(search, at_tags, requests, errors, begin)
     at_tags = AtTags(identified, at_tags.moved)
     tests = (*places.tests, *_tests(flight, identified))
-    is_as_stated = not tests and _is_as_stated(at_tags, requests, stated)
+    is_as_stated = not (tests or late_s) and _is_as_stated(at_tags, requests, stated)
     if is_as_stated and not errors:
         return None
     turned = () if turn is None else (sentence(turn.vector, turn.axes),)
@@ -96,11 +99,12 @@ def findings(
         factors=identified.factors,
         moved=at_tags.moved,
         calibration=requests,
-        notes=(*places.notes, *turned, *noise, *constants),
+        notes=(*places.notes, *turned, *sentences(late_s), *noise, *constants),
         tests=tests,
         middle_s=middle_of_tags_s(flight),
         reference=places.reference,
         turn=turn,
+        forces_late_s=late_s,
         errors=errors,
         is_as_stated=is_as_stated,
     )
@@ -162,7 +166,8 @@ def _is_as_stated(
 
 def _requests(search: TagSearch, at_tags: AtTags) -> tuple[CalibrationRequest, ...]:
     """Return what is to be estimated: as requested, and whatever proved not to be zero."""
-    requested, (identified, moved) = search.settings.calibration, at_tags
+    requested, identified = search.settings.calibration, at_tags.identified
+    moved = at_tags.moved
     kinds = {one.kind: one for one in requested}
     times, is_raw = identified.times, search.flight.observations is not None
     significant = times.significant
@@ -190,7 +195,7 @@ def _beside_phases(
     begin: SmoothingProblem | None,
 ) -> Identified:
     """Return what is identified, with the unit as loud as the phases of arcs show it."""
-    identified, moved = at_tags
+    identified, moved = at_tags.identified, at_tags.moved
     flight, settings = search.flight, replace(search.settings, calibration=requests)
     at_moved = with_tags_moved(flight, moved, middle_of_tags_s(flight))
 
