@@ -10,6 +10,7 @@ from fgnav.identification.array.places import with_reference
 from fgnav.identification.findings import Findings, findings, with_satellite_errors
 from fgnav.identification.late_forces import with_forces_early
 from fgnav.identification.noise.stated import with_factors
+from fgnav.identification.tag_steps import tag_step
 from fgnav.identification.time_tags import Build
 from fgnav.identification.track.forces import force_consistency
 from fgnav.identification.track.tags import with_tags_moved
@@ -34,12 +35,25 @@ def with_identified_noise(
     build : callable
         From a flight to its problem.
     """
-    exchange = exchange_of(flight, prepared)
-    if exchange is None:
+    right, notes = _put_right(flight, settings, prepared, build)
+    if not notes:
         return _with_findings(flight, settings, prepared, build)
-    undone = exchange.undone(flight)
-    better = _with_findings(undone, settings, build(undone, settings), build)
-    return replace(better, notes=(*better.notes, exchange.sentence))
+    better = _with_findings(right, settings, build(right, settings), build)
+    return replace(better, notes=(*better.notes, *notes))
+
+
+def _put_right(
+    flight: Flight, settings: ProblemSettings, prepared: PreparedFlight, build: Build
+) -> tuple[Flight, tuple[str, ...]]:
+    """Return a flight without exchanged antennas and without a step of tags, and what was."""
+    notes: tuple[str, ...] = ()
+    exchange = exchange_of(flight, prepared)
+    if exchange is not None:
+        flight, notes = exchange.undone(flight), (exchange.sentence,)
+    step = tag_step(flight, settings, build)
+    if step is not None:
+        flight, notes = step.undone(flight), (*notes, step.sentence)
+    return flight, notes
 
 
 def _with_findings(

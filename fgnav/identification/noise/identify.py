@@ -139,8 +139,8 @@ def _as_stated(flight: ThinnedFlight) -> _AsStated | None:
 def _unless_a_bias(flight: ThinnedFlight, imu: Imu | None, identified: Identified) -> Identified:
     """Return what is identified, or where the unit's noise contradicts, with a bias that walks.
 
-    Both turn velocity away from what the unit says, noise by ``N sqrt(T)`` in a time T and a walk by
-    ``q sqrt(T^3 / 3)``: a search that begins with the noise loud ends where a drift is noise.
+    Noise puts velocities off by ``N sqrt(T)`` in a time T, a walk by ``q sqrt(T^3 / 3)``: a search
+    that begins with the noise loud ends where a drift is noise.
     """
     duration_s, likeliest = np.ptp(flight.problem.t_s), identified
     for sensor in WHITE:
