@@ -27,7 +27,8 @@ def with_late_forces(search: TagSearch, at_tags: AtTags) -> tuple[TagSearch, AtT
     value, tags = doubted.identified.times.value, (doubted.moved, at_tags.moved)
 
     def likelihood(late_s: float) -> float:
-        return _early(search, late_s).without_clock(doubted.moved, tags).likelihood
+        early = _early(search, late_s)
+        return early.without_clock(doubted.moved, tags, delay=False).likelihood
 
     step_s = -float(value[0] + np.nan_to_num(value[2]))
     first, second, third = (likelihood(k * step_s) for k in range(3))
@@ -35,7 +36,7 @@ def with_late_forces(search: TagSearch, at_tags: AtTags) -> tuple[TagSearch, AtT
     if not curvature < 0.0:  # neither NaN, without solutions
         return search, at_tags, 0.0
     late_s = step_s * (1.0 + float(np.clip((first - third) / (2 * curvature), -1.0, 1.0)))
-    least = max(first, search.without_clock(at_tags.moved, tags).likelihood)
+    least = max(first, *(search.without_clock(by, tags).likelihood for by in tags))
     if not doubted.identified.times.are_one_or_the_other:  # else something of time is off
         least += SIGMAS**2 / 2
     if likelihood(late_s) <= least:

@@ -164,8 +164,12 @@ class TagSearch(NamedTuple):
         prepared = self.build(flight, self.settings)
         return judge(flight, prepared.problem, prepared.timed, extra)
 
-    def without_clock(self, moved: FloatArray, others: tuple[FloatArray, ...]) -> "_Likelihood":
+    def without_clock(
+        self, moved: FloatArray, others: tuple[FloatArray, ...], *, delay: bool = True
+    ) -> "_Likelihood":
         """Return how likely tags so moved are, over what is measured with others as well.
+
+        ``delay``: whether velocities may be late.
 
         The steps that led to them take all else of a chain as it is, the rates' variances as well,
         which are of the times of the tags before: a body that turns alike all along seems to tell
@@ -179,13 +183,15 @@ class TagSearch(NamedTuple):
             if prepared.problem.phase is not None:
                 return _Likelihood(profile_likelihood(prepared.problem))
             turn = tested_turn(prepared.problem, UNIT_TURN)
-            constants = (*self._tested_constants(clock=False), *turn)
+            constants = (*self._tested_constants(clock=False, delay=delay), *turn)
             identified = identify(at, prepared.problem, prepared.timed, constants)
         except NoSolutionError:
             return _Likelihood(-np.inf)
         return _Likelihood(identified.likelihood, identified)
 
-    def _tested_constants(self, *, clock: bool = True) -> tuple[FlightConstant, ...]:
+    def _tested_constants(
+        self, *, clock: bool = True, delay: bool = True
+    ) -> tuple[FlightConstant, ...]:
         """Return constants that are tested without a request: clock, delay and lever arm."""
         flight, requested = self.flight, [one.kind for one in self.settings.calibration]
         has_velocities = (
@@ -193,7 +199,8 @@ class TagSearch(NamedTuple):
             and flight.fixes is not None
             and flight.fixes.v_n_mps is not None
         )
-        words = (("clock",) if clock else ()) + (("velocity-delay",) if has_velocities else ())
+        is_tested = {"clock": clock, "velocity-delay": delay and has_velocities}
+        words = [word for word, tested in is_tested.items() if tested]
         times = calibration_requests([word for word in words if word not in requested])
         arm = [] if "lever-arm" in requested else calibration_requests(["lever-arm"])
         return (
