@@ -1,4 +1,4 @@
-"""An accelerometer behind a low pass, one that drifts, tags that step: the likely fault is found."""
+"""An accelerometer behind a low pass, one that drifts, tags that step: the likely fault wins."""
 
 from dataclasses import replace
 
@@ -40,16 +40,13 @@ def test_forces_behind_a_low_pass_are_taken_as_early_as_they_are_late():
     assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 5.0
 
 
-@pytest.mark.parametrize("seed", [99200594, 99200427])
+@pytest.mark.parametrize("seed", [99200420, 99200427])
 def test_a_drift_of_the_accelerometer_is_no_noise(seed):
-    """Of 6 and 10 m/s2 in 12 s: a search begun from loud noise ended at a hundred times the stated.
-
-    The walk that explains a ramp best has its end for a sigma.
-    """
+    """Of .9 and 10 m/s2 in 12 s: a search begun from loud noise ended at a hundred times the stated."""
     right, flight = of_seed(seed)
     assert set(found_in(flight).factors) == {"accelerometer bias"}
     estimate = Smoother()(flight)
-    assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 5.0  # .7 and 2.6
+    assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 5.0  # 3.1 and 2.6
 
 
 def test_tags_that_step_are_put_back():
