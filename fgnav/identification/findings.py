@@ -61,43 +61,43 @@ def findings(
     """
     if prepared.integers is None and prepared.imu.w_b_radps is None:
         return None
-    asked = _asked(flight, settings, prepared, build)
-    search, places, problem = asked.search, asked.places, asked.prepared.problem
+    subject = _subject(flight, settings, prepared, build)
+    search, places, problem = subject.search, subject.places, subject.prepared.problem
     if _measured(problem) < _FEWEST:
         return None
-    at_tags = search.likeliest(asked.prepared)
+    at_tags = search.likeliest(subject.prepared)
     if at_tags is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
     search, at_tags, late_s = with_late_forces(search, at_tags)
     search, turn, at_tags = _in_body_axes(search, at_tags, problem)
     requests, identified = _requests(search, at_tags), at_tags.identified
     if problem.phase is not None:
-        is_same = _is_as_stated(at_tags, requests, asked.search.settings.calibration)
+        is_same = _is_as_stated(at_tags, requests, subject.search.settings.calibration)
         begin = problem if is_same and not late_s else None
-        identified = _beside_phases(search, at_tags, requests, asked.errors, begin)
+        identified = _beside_phases(search, at_tags, requests, subject.errors, begin)
     at_tags = AtTags(identified, at_tags.moved)
-    tests = (*places.tests, *_tests(asked.search.flight, identified))
+    tests = (*places.tests, *_tests(subject.search.flight, identified))
     is_as_stated = not (tests or late_s) and _is_as_stated(at_tags, requests, settings.calibration)
-    if is_as_stated and not asked.errors:
+    if is_as_stated and not subject.errors:
         return None
     turned = () if turn is None else (sentence(turn.vector, turn.axes),)
     return Findings(
         factors=identified.factors,
         moved=at_tags.moved,
         calibration=requests,
-        notes=(*places.notes, *turned, *sentences(late_s), *_notes(asked, at_tags, requests)),
+        notes=(*places.notes, *turned, *sentences(late_s), *_notes(subject, at_tags, requests)),
         tests=tests,
-        middle_s=middle_of_tags_s(asked.search.flight),
+        middle_s=middle_of_tags_s(subject.search.flight),
         reference=places.reference,
         turn=turn,
         forces_late_s=late_s,
-        errors=asked.errors,
+        errors=subject.errors,
         is_as_stated=is_as_stated,
     )
 
 
-class _Asked(NamedTuple):
-    """A flight as it is asked: with exact tags, places of antennas and errors of satellites."""
+class _Subject(NamedTuple):
+    """A flight to be identified: with exact tags, places of antennas and errors of satellites."""
 
     search: TagSearch
     prepared: PreparedFlight
@@ -105,9 +105,9 @@ class _Asked(NamedTuple):
     errors: dict[str, float]
 
 
-def _asked(
+def _subject(
     flight: Flight, settings: ProblemSettings, prepared: PreparedFlight, build: Build
-) -> _Asked:
+) -> _Subject:
     exact = with_exact_tags(flight)
     if exact is not flight:  # the clock is tested whatever its doubt
         flight, prepared = exact, build(exact, settings)
@@ -118,17 +118,17 @@ def _asked(
         prepared = build(flight, settings)
     errors = _satellite_errors(flight, prepared.problem)
     prepared = with_satellite_errors(prepared, errors)
-    return _Asked(TagSearch(flight, settings, build), prepared, places, errors)
+    return _Subject(TagSearch(flight, settings, build), prepared, places, errors)
 
 
 def _notes(
-    asked: _Asked, at_tags: AtTags, requests: tuple[CalibrationRequest, ...]
+    subject: _Subject, at_tags: AtTags, requests: tuple[CalibrationRequest, ...]
 ) -> tuple[str, ...]:
     """Return what is to be said of noise, of errors of satellites, and of constants."""
-    flight, identified = asked.search.flight, at_tags.identified
+    flight, identified = subject.search.flight, at_tags.identified
     return (
         *noise_notes(flight, identified),
-        *satellite_error_notes(flight.gnss_noise, asked.errors),
+        *satellite_error_notes(flight.gnss_noise, subject.errors),
         *constant_notes(identified, at_tags.moved, requests),
     )
 

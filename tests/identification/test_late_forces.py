@@ -42,7 +42,7 @@ def test_forces_behind_a_low_pass_are_taken_as_early_as_they_are_late():
 
 @pytest.mark.parametrize("seed", [99200420, 99200427])
 def test_a_drift_of_the_accelerometer_is_no_noise(seed):
-    """Of .9 and 10 m/s2 in 12 s: a search begun from loud noise ended at a hundred times the stated."""
+    """Of .9 and 10 m/s2 in 12 s: a search begun from loud noise ended at loud noise."""
     right, flight = of_seed(seed)
     assert set(found_in(flight).factors) == {"accelerometer bias"}
     estimate = Smoother()(flight)

@@ -148,7 +148,7 @@ def _unless_a_bias(flight: ThinnedFlight, imu: Imu | None, identified: Identifie
     duration_s, likeliest = np.ptp(flight.problem.t_s), identified
     for sensor in WHITE:
         noise, walk = (getattr(imu, FIELDS[one], None) for one in (sensor, f"{sensor} bias"))
-        if sensor not in identified.contradicted or not walk:
+        if sensor not in identified.contradicted or not (noise and walk):
             continue
         factor = identified.contradicted[sensor] * noise / walk * np.sqrt(3.0) / duration_s
         begin = dict.fromkeys(WHITE, 1.0) | {f"{sensor} bias": float(factor)}
