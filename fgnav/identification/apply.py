@@ -5,9 +5,12 @@ from dataclasses import replace
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
+from fgnav.identification.array.exchanged import exchange_of
 from fgnav.identification.array.places import with_reference
 from fgnav.identification.findings import Findings, findings, with_satellite_errors
+from fgnav.identification.late_forces import with_forces_early
 from fgnav.identification.noise.stated import with_factors
+from fgnav.identification.tag_steps import tag_step
 from fgnav.identification.time_tags import Build
 from fgnav.identification.track.forces import force_consistency
 from fgnav.identification.track.tags import with_tags_moved
@@ -32,6 +35,31 @@ def with_identified_noise(
     build : callable
         From a flight to its problem.
     """
+    right, notes = _put_right(flight, settings, prepared, build)
+    if not notes:
+        return _with_findings(flight, settings, prepared, build)
+    better = _with_findings(right, settings, build(right, settings), build)
+    return replace(better, notes=(*better.notes, *notes))
+
+
+def _put_right(
+    flight: Flight, settings: ProblemSettings, prepared: PreparedFlight, build: Build
+) -> tuple[Flight, tuple[str, ...]]:
+    """Return a flight without exchanged antennas and without a step of tags, and what was."""
+    notes: tuple[str, ...] = ()
+    exchange = exchange_of(flight, prepared)
+    if exchange is not None:
+        flight, notes = exchange.undone(flight), (exchange.sentence,)
+    step = tag_step(flight, settings, build)
+    if step is not None:
+        flight, notes = step.undone(flight), (*notes, step.sentence)
+    return flight, notes
+
+
+def _with_findings(
+    flight: Flight, settings: ProblemSettings, prepared: PreparedFlight, build: Build
+) -> PreparedFlight:
+    """Return the problem with what the flight says of noise, times and set-up."""
     try:
         changes = findings(flight, settings, prepared, build)
     except NoSolutionError as error:
@@ -49,7 +77,8 @@ def with_findings(
     flight: Flight, settings: ProblemSettings, changes: Findings, build: Build
 ) -> PreparedFlight:
     """Return the problem of a flight with noise and times as identified."""
-    better = with_tags_moved(flight, changes.moved, changes.middle_s)
+    early = with_forces_early(flight, changes.forces_late_s)
+    better = with_tags_moved(early, changes.moved, changes.middle_s)
     better = with_reference(with_factors(better, changes.factors), changes.reference)
     better = better if changes.turn is None else changes.turn.back(better)
     prepared = build(better, replace(settings, calibration=changes.calibration))

@@ -15,8 +15,9 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.innovation.band import throughout
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.array.choice import Turn, chosen_turn, with_boresight
-from fgnav.identification.array.places import places_of, with_reference
+from fgnav.identification.array.places import Places, places_of, with_reference
 from fgnav.identification.array.turn import others_tell, request_of, sentence
+from fgnav.identification.late_forces import sentences, with_late_forces
 from fgnav.identification.likelihood.beside_phases import white_noise_factors
 from fgnav.identification.likelihood.satellite_errors import satellite_error_factors, with_errors
 from fgnav.identification.noise.identified import Identified
@@ -41,6 +42,7 @@ class Findings(NamedTuple):
     middle_s: float = 0.0  # of the record that says so: the offset holds there
     reference: int = 0  # antenna against which the array's others are
     turn: Turn | None = None
+    forces_late_s: float = 0.0
     errors: Mapping[str, float] = MappingProxyType({})  # of satellites, as factors
     is_as_stated: bool = False  # all but those errors
 
@@ -59,50 +61,75 @@ def findings(
     """
     if prepared.integers is None and prepared.imu.w_b_radps is None:
         return None
-    exact = with_exact_tags(flight)
-    if exact is not flight:  # the clock is tested whatever its doubt
-        flight, prepared = exact, build(exact, settings)
-    stated = settings.calibration
-    places = places_of(flight, stated, prepared)
-    if places.requests:
-        settings = replace(settings, calibration=(*stated, *places.requests))
-        flight = with_reference(flight, places.reference)
-        prepared = build(flight, settings)
-    errors = _satellite_errors(flight, prepared.problem)
-    prepared = with_satellite_errors(prepared, errors)
-    problem = prepared.problem
+    subject = _subject(flight, settings, prepared, build)
+    search, places, problem = subject.search, subject.places, subject.prepared.problem
     if _measured(problem) < _FEWEST:
         return None
-    search = TagSearch(flight, settings, build)
-    at_tags = search.likeliest(prepared)
+    at_tags = search.likeliest(subject.prepared)
     if at_tags is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
+    search, at_tags, late_s = with_late_forces(search, at_tags)
     search, turn, at_tags = _in_body_axes(search, at_tags, problem)
-    requests = _requests(search, at_tags)
-    identified = at_tags.identified
+    requests, identified = _requests(search, at_tags), at_tags.identified
     if problem.phase is not None:
-        is_same = _is_as_stated(at_tags, requests, settings.calibration)
-        begin = problem if is_same else None
-        identified = _beside_phases(search, at_tags, requests, errors, begin)
+        is_same = _is_as_stated(at_tags, requests, subject.search.settings.calibration)
+        begin = problem if is_same and not late_s else None
+        identified = _beside_phases(search, at_tags, requests, subject.errors, begin)
     at_tags = AtTags(identified, at_tags.moved)
-    tests = (*places.tests, *_tests(flight, identified))
-    is_as_stated = not tests and _is_as_stated(at_tags, requests, stated)
-    if is_as_stated and not errors:
+    tests = (*places.tests, *_tests(subject.search.flight, identified))
+    is_as_stated = not (tests or late_s) and _is_as_stated(at_tags, requests, settings.calibration)
+    if is_as_stated and not subject.errors:
         return None
     turned = () if turn is None else (sentence(turn.vector, turn.axes),)
-    noise = (*noise_notes(flight, identified), *satellite_error_notes(flight.gnss_noise, errors))
-    constants = constant_notes(identified, at_tags.moved, requests)
     return Findings(
         factors=identified.factors,
         moved=at_tags.moved,
         calibration=requests,
-        notes=(*places.notes, *turned, *noise, *constants),
+        notes=(*places.notes, *turned, *sentences(late_s), *_notes(subject, at_tags, requests)),
         tests=tests,
-        middle_s=middle_of_tags_s(flight),
+        middle_s=middle_of_tags_s(subject.search.flight),
         reference=places.reference,
         turn=turn,
-        errors=errors,
+        forces_late_s=late_s,
+        errors=subject.errors,
         is_as_stated=is_as_stated,
+    )
+
+
+class _Subject(NamedTuple):
+    """A flight to be identified: with exact tags, places of antennas and errors of satellites."""
+
+    search: TagSearch
+    prepared: PreparedFlight
+    places: Places
+    errors: dict[str, float]
+
+
+def _subject(
+    flight: Flight, settings: ProblemSettings, prepared: PreparedFlight, build: Build
+) -> _Subject:
+    exact = with_exact_tags(flight)
+    if exact is not flight:  # the clock is tested whatever its doubt
+        flight, prepared = exact, build(exact, settings)
+    places = places_of(flight, settings.calibration, prepared)
+    if places.requests:
+        settings = replace(settings, calibration=(*settings.calibration, *places.requests))
+        flight = with_reference(flight, places.reference)
+        prepared = build(flight, settings)
+    errors = _satellite_errors(flight, prepared.problem)
+    prepared = with_satellite_errors(prepared, errors)
+    return _Subject(TagSearch(flight, settings, build), prepared, places, errors)
+
+
+def _notes(
+    subject: _Subject, at_tags: AtTags, requests: tuple[CalibrationRequest, ...]
+) -> tuple[str, ...]:
+    """Return what is to be said of noise, of errors of satellites, and of constants."""
+    flight, identified = subject.search.flight, at_tags.identified
+    return (
+        *noise_notes(flight, identified),
+        *satellite_error_notes(flight.gnss_noise, subject.errors),
+        *constant_notes(identified, at_tags.moved, requests),
     )
 
 
@@ -162,7 +189,8 @@ def _is_as_stated(
 
 def _requests(search: TagSearch, at_tags: AtTags) -> tuple[CalibrationRequest, ...]:
     """Return what is to be estimated: as requested, and whatever proved not to be zero."""
-    requested, (identified, moved) = search.settings.calibration, at_tags
+    requested, identified = search.settings.calibration, at_tags.identified
+    moved = at_tags.moved
     kinds = {one.kind: one for one in requested}
     times, is_raw = identified.times, search.flight.observations is not None
     significant = times.significant
@@ -190,7 +218,7 @@ def _beside_phases(
     begin: SmoothingProblem | None,
 ) -> Identified:
     """Return what is identified, with the unit as loud as the phases of arcs show it."""
-    identified, moved = at_tags
+    identified, moved = at_tags.identified, at_tags.moved
     flight, settings = search.flight, replace(search.settings, calibration=requests)
     at_moved = with_tags_moved(flight, moved, middle_of_tags_s(flight))
 

@@ -10,7 +10,6 @@ from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.calibration_request import calibration_requests, of_time, of_vehicle
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE
 from fgnav.graph.turned import UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.identification.array.turn import tested_turn
@@ -28,10 +27,21 @@ Build = Callable[[Flight, ProblemSettings], PreparedFlight]
 
 
 class AtTags(NamedTuple):
-    """What a flight says, and by what its unit's tags are moved: offset in s, rate in ppm, (2,)."""
+    """What a flight says, and by what its unit's tags are moved: offset in s, rate in ppm, (2,).
+
+    ``doubted``: what it says at the tags before, where these were in doubt.
+    """
 
     identified: Identified
     moved: FloatArray
+    doubted: "AtTags | None" = None
+
+
+class _Likelihood(NamedTuple):
+    """How likely tags are, and what a flight says with them, but for phases of arcs."""
+
+    likelihood: float
+    identified: Identified | None = None
 
 
 class TagSearch(NamedTuple):
@@ -87,17 +97,24 @@ class TagSearch(NamedTuple):
         identified = identify(at_first, prepared.problem, prepared.timed, extra)
         if not is_far(self.flight, identified.times):
             return AtTags(identified, moved)
-        unmoved = AtTags(identified.on_time(), moved)
+        doubted = AtTags(identified, moved)
+        unmoved = AtTags(identified.on_time(), moved, doubted)
         try:
-            stepped = self._stepped(AtTags(identified, moved), extra)
+            stepped = self._stepped(doubted, extra)
         except NoSolutionError:
             return unmoved
         if self.flight.observations is not None:  # nothing is left to estimate
             rest = stepped.identified.times.value[:2]
             stepped = AtTags(stepped.identified.on_time(), stepped.moved + rest)
-        either = identified.times.are_one_or_the_other  # late velocities are as likely with these
-        is_moved = either or self._is_likelier(stepped.moved, moved, extra)
-        return stepped if is_moved else unmoved
+        either = identified.times.are_one_or_the_other
+        both = (moved, stepped.moved)
+        before, after = (self.without_clock(by, both) for by in both)
+        # Late velocities are as likely as these tags: then it is enough that nothing excludes them.
+        least = -EXCLUDED if either else SIGMAS**2 / 2
+        if after.likelihood > before.likelihood + least:
+            return stepped._replace(doubted=doubted)
+        late = before.identified if either else None
+        return unmoved if late is None else unmoved._replace(identified=late)
 
     def _with_tags(self, moved: FloatArray) -> Flight:
         return with_tags_moved(self.flight, moved, middle_of_tags_s(self.flight))
@@ -122,7 +139,7 @@ class TagSearch(NamedTuple):
             If a step leaves no less than the one before: of other faults than the clock's they lead
             to and fro, and each identifies all noise.
         """
-        identified, moved = first
+        identified, moved = first.identified, first.moved
         before, is_stated = identified.times.clock_sigmas, identified.has_no_minimum
         for _ in range(_CLOCK_STEPS):
             moved = moved + identified.times.value[:2]
@@ -147,33 +164,34 @@ class TagSearch(NamedTuple):
         prepared = self.build(flight, self.settings)
         return judge(flight, prepared.problem, prepared.timed, extra)
 
-    def _is_likelier(
-        self, moved: FloatArray, before: FloatArray, extra: tuple[FlightConstant, ...]
-    ) -> bool:
-        """Return whether a flight is likelier with tags so moved than with those before.
+    def without_clock(
+        self, moved: FloatArray, others: tuple[FloatArray, ...], *, delay: bool = True
+    ) -> "_Likelihood":
+        """Return how likely tags so moved are, over what is measured with others as well.
+
+        ``delay``: whether velocities may be late.
 
         The steps that led to them take all else of a chain as it is, the rates' variances as well,
         which are of the times of the tags before: a body that turns alike all along seems to tell
         them. Where there are phases of arcs, all of the problem is asked: they tell forces far
-        better than the thinned chain's Doppler.
+        better than the thinned chain's Doppler. Minus infinity without a solution.
         """
-        span = (float(before[0]), float(moved[0]))
-        common = self._replace(flight=over_common_span(self.flight, span))
-        others = tuple(one for one in extra if one.name not in (CLOCK_OFFSET, CLOCK_RATE))
+        span = tuple(float(by[0]) for by in others)
+        at = self._replace(flight=over_common_span(self.flight, span))._with_tags(moved)
+        try:
+            prepared = self.build(at, self.settings)
+            if prepared.problem.phase is not None:
+                return _Likelihood(profile_likelihood(prepared.problem))
+            turn = tested_turn(prepared.problem, UNIT_TURN)
+            constants = (*self._tested_constants(clock=False, delay=delay), *turn)
+            identified = identify(at, prepared.problem, prepared.timed, constants)
+        except NoSolutionError:
+            return _Likelihood(-np.inf)
+        return _Likelihood(identified.likelihood, identified)
 
-        def likelihood(by: FloatArray) -> float:
-            at = common._with_tags(by)
-            try:
-                prepared = self.build(at, self.settings)
-                if prepared.problem.phase is not None:
-                    return profile_likelihood(prepared.problem)
-                return identify(at, prepared.problem, prepared.timed, others).likelihood
-            except NoSolutionError:
-                return -np.inf
-
-        return likelihood(moved) > likelihood(before) + SIGMAS**2 / 2
-
-    def _tested_constants(self) -> tuple[FlightConstant, ...]:
+    def _tested_constants(
+        self, *, clock: bool = True, delay: bool = True
+    ) -> tuple[FlightConstant, ...]:
         """Return constants that are tested without a request: clock, delay and lever arm."""
         flight, requested = self.flight, [one.kind for one in self.settings.calibration]
         has_velocities = (
@@ -181,7 +199,8 @@ class TagSearch(NamedTuple):
             and flight.fixes is not None
             and flight.fixes.v_n_mps is not None
         )
-        words = ("clock", *(("velocity-delay",) if has_velocities else ()))
+        is_tested = {"clock": clock, "velocity-delay": delay and has_velocities}
+        words = [word for word, tested in is_tested.items() if tested]
         times = calibration_requests([word for word in words if word not in requested])
         arm = [] if "lever-arm" in requested else calibration_requests(["lever-arm"])
         return (

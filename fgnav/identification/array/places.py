@@ -7,7 +7,7 @@ import numpy as np
 
 from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
-from fgnav.checks import FloatArray
+from fgnav.checks import BoolArray, FloatArray
 from fgnav.frontend.array.misplaced import misplaced
 from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests
 from fgnav.frontend.prepared import PreparedFlight
@@ -99,3 +99,21 @@ def with_reference(flight: Flight, reference: int) -> Flight:
 
 def _ordered(seen: Observations, order: list[int]) -> Observations:
     return replace(seen, **{name: getattr(seen, name)[:, order] for name in _BY_ANTENNA})
+
+
+def exchanged_columns(seen: Observations, rows: BoolArray, pair: tuple[int, int]) -> Observations:
+    """Return observations with those of two antennas exchanged at some epochs, (n,)."""
+    order = np.arange(seen.tag_s.shape[1])
+    order[list(pair)] = pair[::-1]
+    exchanged = _ordered(seen, order.tolist())
+    return replace(
+        seen,
+        **{
+            name: np.where(
+                rows.reshape(-1, *[1] * (getattr(seen, name).ndim - 1)),
+                getattr(exchanged, name),
+                getattr(seen, name),
+            )
+            for name in _BY_ANTENNA
+        },
+    )

@@ -76,6 +76,11 @@ class Identified:
         """Factors of components that are replaced."""
         return self._factors(self.used)
 
+    @property
+    def contradicted(self) -> dict[str, float]:
+        """Factors of components whose stated noise is replaced."""
+        return self._factors(self.used & self.stated)
+
     def _factors(self, which: BoolArray) -> dict[str, float]:
         return {self.names[i]: float(self.factor[i]) for i in np.flatnonzero(which)}
 

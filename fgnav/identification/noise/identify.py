@@ -17,13 +17,15 @@ from fgnav.checks import NoSolutionError
 from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.identification.likelihood.thinned import FIELDS
+from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.noise_search import TEST_SIGMA, louder_by_correlation, searched
 from fgnav.identification.noise.stated import INSTRUMENTS
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
 from fgnav.identification.track.windows import EXCLUDED, FALSE_ALARM
 from fgnav.solve.chain import solve_batch
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Flight, Imu
 
 _DOUBTED = 2.5  # sigmas: one of eight components in ten flights
 _DAMPED = 30  # steps to the minimum as stated
@@ -67,7 +69,7 @@ def identify(
         if stated is None or not stated.stands_alone:
             raise
         return replace(stated.identified, has_no_minimum=True)
-    free = _unless_an_instrument(small, free)
+    free = _unless_a_bias(small, flight.imu, _unless_an_instrument(small, free))
     if stated is None:
         return free
     if free.likelihood <= stated.identified.likelihood + EXCLUDED:
@@ -132,6 +134,31 @@ def _as_stated(flight: ThinnedFlight) -> _AsStated | None:
     vectors = (identified.arm, identified.turn)
     is_off = identified.times.significant.any() or any(v and v.significant for v in vectors)
     return _AsStated(identified, bool(misfits or is_doubted.any()), bool(is_off))
+
+
+def _unless_a_bias(flight: ThinnedFlight, imu: Imu | None, identified: Identified) -> Identified:
+    """Return what is identified, or where the unit's noise contradicts, with a bias that walks.
+
+    Noise puts velocities off by ``N sqrt(T)`` in a time T, a walk by ``q sqrt(T^3 / 3)``: a search
+    that begins with the noise loud ends where a drift is noise. What is beyond any noise may be the
+    fault of another sensor, which a walk would follow as well.
+    """
+    if identified.exceeds_noise.any():
+        return identified
+    duration_s, likeliest = np.ptp(flight.problem.t_s), identified
+    for sensor in WHITE:
+        noise, walk = (getattr(imu, FIELDS[one], None) for one in (sensor, f"{sensor} bias"))
+        if sensor not in identified.contradicted or not (noise and walk):
+            continue
+        factor = identified.contradicted[sensor] * noise / walk * np.sqrt(3.0) / duration_s
+        begin = dict.fromkeys(WHITE, 1.0) | {f"{sensor} bias": float(factor)}
+        try:
+            other = searched(flight, begin)
+        except NoSolutionError:
+            continue
+        if other.likelihood > likeliest.likelihood + EXCLUDED:
+            likeliest = other
+    return likeliest
 
 
 def _unless_an_instrument(flight: ThinnedFlight, identified: Identified) -> Identified:

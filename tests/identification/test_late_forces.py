@@ -1,0 +1,64 @@
+"""An accelerometer behind a low pass, one that drifts, tags that step: the likely fault wins."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fgnav.frontend.problem import build_problem
+from fgnav.identification.findings import findings
+from fgnav.identification.tag_steps import tag_step
+from fgnav.methods.smoother import Smoother
+from tests.methods.simulated import errors_rad, nees
+from tests.robustness.drawn.dirty import dirty
+from tests.robustness.drawn.flights import KINDS, right_flight
+
+SETTINGS = Smoother().preparation
+
+
+def of_seed(seed):
+    right = right_flight(KINDS[seed // 12 % len(KINDS)], seed // 12)
+    return right, dirty(right, seed)[0]
+
+
+def found_in(flight):
+    return findings(flight, SETTINGS, build_problem(flight, SETTINGS), build_problem)
+
+
+def test_forces_behind_a_low_pass_are_taken_as_early_as_they_are_late():
+    """Else clock and velocities were off, the magnetometer was left out, or nothing was said."""
+    right, flight = of_seed(99200249)
+    found = found_in(flight)
+    interval_s = np.median(np.diff(flight.imu.t_s))
+    delay_s = interval_s / np.expm1(interval_s / 0.037)  # of the filter at low frequencies
+    assert abs(found.forces_late_s - delay_s) < 4 * 0.0027  # its sigma, as of late velocities
+    assert not found.moved.any()
+    assert found.calibration == ()
+    assert any("late against the gyroscope" in note for note in found.notes)
+    estimate = Smoother()(flight)
+    assert not estimate.rejections
+    assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 5.0
+
+
+@pytest.mark.parametrize("seed", [99200420, 99200427])
+def test_a_drift_of_the_accelerometer_is_no_noise(seed):
+    """Of .9 and 10 m/s2 in 12 s: a search begun from loud noise ended at loud noise."""
+    right, flight = of_seed(seed)
+    assert set(found_in(flight).factors) == {"accelerometer bias"}
+    estimate = Smoother()(flight)
+    assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 5.0  # 3.1 and 2.6
+
+
+def test_tags_that_step_are_put_back():
+    right, flight = of_seed(99200524)
+    step = tag_step(flight, SETTINGS, build_problem)
+    assert step is not None
+    np.testing.assert_allclose(step.undone(flight).imu.t_s, right.imu.t_s, atol=1e-9)
+
+
+def test_neither_a_right_record_nor_lost_samples_are_a_step():
+    right = right_flight("array", 99200524 // 12)
+    t_s = right.imu.t_s
+    lost = replace(right, imu=right.imu[~((t_s > 5.9) & (t_s < 6.1))])
+    for flight in (right, lost):
+        assert tag_step(flight, SETTINGS, build_problem) is None
