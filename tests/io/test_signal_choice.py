@@ -26,7 +26,7 @@ def test_one_signal_per_carrier_is_kept_best_first():
     choice = choose_signals([header(G="C1W L1W C1C L1C C2W L2W C2X L2X C5X L5X")])[0]
     assert choice.kept["G"] == ("1C", "2W", "5X")
     assert choice.kept["E"] == (None, None, None)
-    assert choice.options == "-SYS=GECJ -GL1C -GL2W -GL5X"
+    assert choice.options == "-SYS=GECJR -GL1C -GL2W -GL5X"
 
 
 def test_signal_with_phase_goes_before_one_with_code_only():
@@ -53,4 +53,4 @@ def test_pilot_and_combined_tracking_are_the_same_signal():
 def test_unknown_attributes_and_rinex_2_get_no_choice():
     assert choose_signals([header(G="C1Q L1Q", J="C1C L1C")])[0].kept["G"][0] is None
     assert choose_signals([header(version=2.11, G="C1 L1")])[0].kept == {}
-    assert choose_signals([header(version=2.11, G="C1 L1")])[0].options == "-SYS=GECJ"
+    assert choose_signals([header(version=2.11, G="C1 L1")])[0].options == "-SYS=GECJR"
