@@ -140,10 +140,10 @@ def _unless_a_bias(flight: ThinnedFlight, imu: Imu | None, identified: Identifie
     """Return what is identified, or where the unit's noise contradicts, with a bias that walks.
 
     Noise puts velocities off by ``N sqrt(T)`` in a time T, a walk by ``q sqrt(T^3 / 3)``: a search
-    that begins with the noise loud ends where a drift is noise. What is beyond any noise may be the
-    fault of another sensor, which a walk would follow as well.
+    that begins with the noise loud ends where a drift is noise. What is beyond any noise, or comes
+    with another instrument's noise, may be that one's fault, which a walk would follow as well.
     """
-    if identified.exceeds_noise.any():
+    if identified.exceeds_noise.any() or not FIELDS.keys() >= identified.contradicted.keys():
         return identified
     duration_s, likeliest = np.ptp(flight.problem.t_s), identified
     for sensor in WHITE:
