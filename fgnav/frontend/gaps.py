@@ -9,6 +9,7 @@ from fgnav.checks import BoolArray, FloatArray
 from fgnav.geometry.rotations import exp, log, transpose
 from fgnav.types.flight import Imu
 
+GAP = 1.5  # usual intervals; a longer step between samples is a gap
 LONGEST_GAP_S = 0.5  # longer ones are bridged with what little is known, and noted
 # Between keyframes. With GNSS once a second and a sine of 20 degrees, twice as much puts the
 # accelerometer's bias off by 1.5 sigma.

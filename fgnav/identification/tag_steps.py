@@ -10,13 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fgnav.frontend.gaps import GAP
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.identification.time_tags import Build, TagSearch
 from fgnav.identification.track.candidates import over_common_span
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.types.flight import Flight
-
-_GAP = 1.5  # intervals, as ``check`` calls it one
 
 
 class TagStep(NamedTuple):
@@ -49,7 +48,7 @@ def tag_step(flight: Flight, settings: ProblemSettings, build: Build) -> TagStep
         return None
     spans_s = np.diff(imu.t_s)
     k, usual_s = int(spans_s.argmax()), float(np.median(spans_s))
-    if spans_s[k] <= _GAP * usual_s:
+    if spans_s[k] <= GAP * usual_s:
         return None
     step = TagStep(float(imu.t_s[k]), float(spans_s[k]) - usual_s)
     common = over_common_span(flight, (0.0, -step.late_s))

@@ -3,11 +3,11 @@
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
+from fgnav.frontend.gaps import GAP
 from fgnav.set_up.findings import Finding, Series, SetUp
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
 
-_GAP = 1.5  # intervals; a longer step is a gap
 _SAME_PLACE_M = 1e-3
 _COLLINEAR_M = 1e-2  # off the common line by less than phase can see
 _FEWEST_SATELLITES = 4
@@ -64,7 +64,7 @@ def contents(flight: Flight) -> SetUp:
 def _series(t_s: FloatArray) -> Series:
     steps_s = np.diff(t_s)
     interval_s = float(np.median(steps_s)) if len(steps_s) else 0.0
-    gaps = steps_s > _GAP * interval_s
+    gaps = steps_s > GAP * interval_s
     return Series(
         samples=len(t_s),
         first_s=float(t_s[0]),
@@ -133,7 +133,7 @@ def _gap_findings(series: dict[str, Series]) -> list[Finding]:
     return [
         Finding(
             name=f"{name} gaps",
-            text=f"steps longer than {_GAP:g} intervals: {s.gaps}, longest {s.longest_gap_s:.3f} s",
+            text=f"steps longer than {GAP:g} intervals: {s.gaps}, longest {s.longest_gap_s:.3f} s",
         )
         for name, s in series.items()
         if s.gaps and name != "seeker"  # a seeker is blind most of the time

@@ -144,7 +144,7 @@ def _checked(owner: _Owner, j: int, free: Ambiguities) -> bool:
     The probabilities of all others are noted.
     """
     names = owner.names[j]
-    rows, singles = _held(owner, names)
+    rows, singles = _integer_combinations(owner, names)
     if not len(rows):
         return False
     cycles = rows / names.wavelength_m
@@ -165,7 +165,7 @@ def _checked(owner: _Owner, j: int, free: Ambiguities) -> bool:
     return is_back
 
 
-def _held(owner: _Owner, names: ArcNames) -> tuple[FloatArray, int]:
+def _integer_combinations(owner: _Owner, names: ArcNames) -> tuple[FloatArray, int]:
     """Return independent combinations of live arcs that are integers, (k, c).
 
     First differences that are determined, how many there are of them, and then what else is fixed.

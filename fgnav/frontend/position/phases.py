@@ -135,12 +135,10 @@ def _begun_again(of: Undifferenced, m: int, epoch: int, cycles: float) -> Undiff
 
 def _spans_s(live: LiveRows, t_s: FloatArray) -> list[tuple[float, float]]:
     """Return the first and the last epoch of each block."""
-    times_s = t_s[live.row]
-    block = np.array(live.block)
-    return [
-        (float(times_s[block == j][0]), float(times_s[block == j][-1]))
-        for j in range(len(live.transitions))
-    ]
+    times_s, blocks = t_s[live.row], np.arange(len(live.transitions))
+    first = np.searchsorted(live.block, blocks)
+    last = np.searchsorted(live.block, blocks, side="right") - 1
+    return list(zip(times_s[first].tolist(), times_s[last].tolist(), strict=True))
 
 
 def _reported(one: ArcSpan, spans_s: list[tuple[float, float]]) -> ArcInteger:
