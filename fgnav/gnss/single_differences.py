@@ -230,7 +230,7 @@ def _fill(
     out.e_n[epochs] = np.where(high[:, :, None], e_n, np.nan)
     for name, sigma in (("code", flight.gnss_noise.code_m), ("phase", flight.gnss_noise.phase_m)):
         variance = getattr(out, f"{name}_variance_m2")
-        variance[epochs] = np.where(high, growing(flight, sigma, elevation) ** 2, 1.0)
+        variance[epochs] = np.where(high, growing(flight.gnss_noise, sigma, elevation) ** 2, 1.0)
     coded = np.asarray(np.isfinite(code_m))
     clocked = np.asarray(np.isfinite(states.clock_s))
     reasons = {

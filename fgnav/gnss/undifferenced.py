@@ -117,7 +117,7 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
     carriers = [(s[0], band(s, g)) for s, g in names]
     numbered = {carrier: k for k, carrier in enumerate(dict.fromkeys(carriers))}
     group = np.array([numbered[carrier] for carrier in carriers], dtype=np.int64)
-    phase_sigma_m = receivers * growing(flight, noise.phase_m, elevation_rad)
+    phase_sigma_m = receivers * growing(noise, noise.phase_m, elevation_rad)
     wavelength_m = wavelengths_m(channels.satellites, channels.signals)
     changed = np.tile(np.diff(modelled, prepend=modelled[:1])[:, None], (1, len(names)))
     if base and changed.any():
@@ -134,7 +134,7 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
         code_m=code_m,
         arc=arc,
         phase_sigma_m=phase_sigma_m,
-        code_sigma_m=receivers * growing(flight, noise.code_m, elevation_rad),
+        code_sigma_m=receivers * growing(noise, noise.code_m, elevation_rad),
         error_sigma_m=error_sigma_m,
         error_rate_mps=share * noise.satellite_error_rate_mps,
         error_walk_m_per_sqrt_s=share * noise.satellite_error_walk_m_per_sqrt_s,
@@ -212,7 +212,7 @@ def _arcs(
         channels.column,
         C_MPS / channels.frequency_hz,
         phase_sigma_m,
-        growing(flight, flight.gnss_noise.doppler_mps, elevation_rad),
+        growing(flight.gnss_noise, flight.gnss_noise.doppler_mps, elevation_rad),
     )
     flags = np.where(steps, flags | LOST_LOCK, flags)
     has_phase, n = np.isfinite(phase_m), len(phase_m)

@@ -96,7 +96,7 @@ def _block(
     p_e_m = np.where(here[:, None], p_e_m, flight.origin.p_e_m)
     paths = signal_paths(ranges.states, p_e_m, np.zeros_like(p_e_m))
     seen = angles(p_e_m, paths.e_e)
-    delay_m, left_m2 = atmosphere_m(flight, channels, p_e_m, seen, ranges.gps_s)
+    delay_m, left_m2 = atmosphere_m(flight.broadcast, channels, p_e_m, seen, ranges.gps_s)
     air_m = saastamoinen_m(geodetic(p_e_m), seen[0].clip(_LOWEST_RAD))
     on = modelled[:, None]
     air_m, ions_m = on * air_m, on * (delay_m - air_m)

@@ -9,6 +9,7 @@ from fgnav.gnss.least_squares import Fits, fit
 from fgnav.gnss.orbits.satellites import angles, signal_paths
 from fgnav.gnss.single_point.model import CodeChannels, CodeRanges, atmosphere_m
 from fgnav.types.flight import Flight
+from fgnav.types.instruments import GnssNoise
 
 _CONVERGED_M = 1e-4
 _NEAR_M = 1e4  # elevations and the atmosphere mean something once a step is smaller
@@ -37,10 +38,10 @@ def _equations(
 ) -> Equations:
     paths = signal_paths(ranges.states, p_e_m, np.zeros_like(p_e_m))
     seen = angles(p_e_m, paths.e_e)
-    sigma_m = growing(flight, flight.gnss_noise.code_m, seen[0])
+    sigma_m = growing(flight.gnss_noise, flight.gnss_noise.code_m, seen[0])
     y, variance_m2 = ranges.range_m - paths.range_m, ranges.message_variance_m2 + sigma_m**2
     if np.any(model):
-        delay_m, left_m2 = atmosphere_m(flight, channels, p_e_m, seen, ranges.gps_s)
+        delay_m, left_m2 = atmosphere_m(flight.broadcast, channels, p_e_m, seen, ranges.gps_s)
         applied = np.broadcast_to(model, len(y))[:, None]
         y, variance_m2 = y - applied * delay_m, variance_m2 + applied * left_m2
     clocks = np.broadcast_to(channels.clock_of, (*y.shape, len(channels.constellations)))
@@ -48,9 +49,9 @@ def _equations(
     return Equations(A, y, variance_m2, seen[0])
 
 
-def growing(flight: Flight, sigma: float, elevation_rad: FloatArray) -> FloatArray:
+def growing(noise: GnssNoise, sigma: float, elevation_rad: FloatArray) -> FloatArray:
     """Return standard deviations of links as they grow towards the horizon."""
-    if flight.gnss_noise.elevation_weights == "uniform":
+    if noise.elevation_weights == "uniform":
         return np.full_like(elevation_rad, sigma)
     return np.asarray(sigma / np.sin(elevation_rad).clip(_LOWEST_SINE))
 
@@ -106,19 +107,19 @@ def adjust(
             p_e_m = np.where(moves[:, None], rounded_m, p_e_m)
 
 
-def misfits(flight: Flight, at: Adjusted) -> FloatArray:
+def misfits(noise: GnssNoise, at: Adjusted) -> FloatArray:
     """Return the squared residuals of each epoch per freedom, (n,), in sigmas of the code noise.
 
     NaN where nothing is to spare.
     """
-    sigma_m = growing(flight, flight.gnss_noise.code_m, at.equations.elevation_rad)
+    sigma_m = growing(noise, noise.code_m, at.equations.elevation_rad)
     squares = np.where(at.use, at.fits.residual / sigma_m, 0.0) ** 2
     spare = at.converged & (at.fits.freedom > 0)
     return np.where(spare, squares.sum(axis=1) / np.maximum(at.fits.freedom, 1), np.nan)
 
 
-def misfit(flight: Flight, at: Adjusted) -> float:
+def misfit(noise: GnssNoise, at: Adjusted) -> float:
     """Return the median residual of a sample of epochs, in sigmas of the code noise per freedom."""
-    of_epochs = misfits(flight, at)
+    of_epochs = misfits(noise, at)
     of_epochs = of_epochs[np.isfinite(of_epochs)]
     return float(np.median(of_epochs)) if len(of_epochs) else np.inf

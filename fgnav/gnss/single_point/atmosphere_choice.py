@@ -68,7 +68,10 @@ def _deciding(
         ranges = code_ranges(flight, observations, channels, antenna, epoch, rates=False)
         wanted = np.isfinite(ranges.range_m)
         of_epochs: list[FloatArray] = [
-            misfits(flight, adjust(flight, channels, ranges, wanted, model=model, each=True))
+            misfits(
+                flight.gnss_noise,
+                adjust(flight, channels, ranges, wanted, model=model, each=True),
+            )
             for model in (True, False)
         ]
         redundant = np.isfinite(of_epochs).all(axis=0)

@@ -170,19 +170,19 @@ def code_ranges(
         code_m + C_MPS * (states.clock_s - delay_s),
         C_MPS * states.clock_drift_sps - doppler_mps,
         states,
-        accuracy**2 + _delay_variance_m2(flight, channels),
+        accuracy**2 + _delay_variance_m2(flight.broadcast, channels),
     )
 
 
-def _delay_variance_m2(flight: Flight, channels: CodeChannels) -> FloatArray:
+def _delay_variance_m2(broadcast: BroadcastOrbits | None, channels: CodeChannels) -> FloatArray:
     """Return the variance of delays that no message states, m2, (m,)."""
     glonass = ~channels.has_carrier
-    unstated = glonass | (flight.broadcast is None)
+    unstated = glonass | (broadcast is None)
     return np.asarray(unstated * _NO_GROUP_DELAY_M**2 + glonass * _BETWEEN_CARRIERS_M**2)
 
 
 def atmosphere_m(
-    flight: Flight,
+    broadcast: BroadcastOrbits | None,
     channels: CodeChannels,
     p_e_m: FloatArray,
     angles_rad: tuple[FloatArray, FloatArray],
@@ -192,14 +192,14 @@ def atmosphere_m(
 
     Parameters
     ----------
-    flight : Flight
-        Its broadcast ionosphere; none without.
+    broadcast : BroadcastOrbits or None
+        Its ionosphere; none without.
     p_e_m : ndarray, shape (n, 3)
     angles_rad : tuple of ndarray, shape (n, m)
         Elevations and azimuths.
     gps_s : ndarray, shape (n,)
     """
-    coefficients = np.zeros(8) if flight.broadcast is None else flight.broadcast.klobuchar
+    coefficients = np.zeros(8) if broadcast is None else broadcast.klobuchar
     place = geodetic(p_e_m)
     elevation = angles_rad[0].clip(_LOWEST_RAD)
     ionosphere = klobuchar_m(coefficients, place, elevation, angles_rad[1], gps_s)

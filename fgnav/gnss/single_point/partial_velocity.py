@@ -73,7 +73,7 @@ def partial_velocities(
     y = ranges.rate_mps - paths.range_rate_mps
     use = np.isfinite(ranges.range_m) & np.isfinite(y)
     use &= elevation_rad >= flight.elevation_mask_rad
-    sigma_mps = growing(flight, flight.gnss_noise.doppler_mps, elevation_rad)
+    sigma_mps = growing(flight.gnss_noise, flight.gnss_noise.doppler_mps, elevation_rad)
     A = -(paths.e_e @ flight.origin.R_ne.T) * (1 - paths.range_rate_mps / C_MPS)[:, :, None]
     v_n_mps, root, sound = _without_drift(A, y, sigma_mps, use)
     valid = sound & root.any(axis=(1, 2))

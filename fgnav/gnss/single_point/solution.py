@@ -8,6 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError, freeze
+from fgnav.geometry.earth import Origin
 from fgnav.gnss.single_point.adjustment import adjust
 from fgnav.gnss.single_point.atmosphere_choice import atmosphere_so_far
 from fgnav.gnss.single_point.model import CodeChannels, code_channels, code_ranges
@@ -158,7 +159,7 @@ def _solve(flight: Flight, antenna: int, atmosphere: bool | None, *, causal: boo
         ranges = code_ranges(flight, observations, channels, antenna, epoch)
         solve = partial(adjust, flight, channels, ranges, model=model[epoch], each=causal)
         start_e_m = None if starts is None else starts.at(epoch)
-        blocks.append(solved_block(flight, ranges, solve, epoch, start_e_m, lost))
+        blocks.append(solved_block(flight.gnss_noise, ranges, solve, epoch, start_e_m, lost))
     columns = ([getattr(block, one.name) for block in blocks] for one in fields(SolvedBlock))
     solved = SolvedBlock(*(np.concatenate(column) for column in columns))
     losses = tuple(
@@ -167,12 +168,12 @@ def _solve(flight: Flight, antenna: int, atmosphere: bool | None, *, causal: boo
         if count
     )
     return _finish(
-        flight, observations, antenna, channels, solved, losses, model=model, causal=causal
+        flight.origin, observations, antenna, channels, solved, losses, model=model, causal=causal
     )
 
 
 def _finish(
-    flight: Flight,
+    origin: Origin,
     observations: Observations,
     antenna: int,
     channels: CodeChannels,
@@ -183,7 +184,7 @@ def _finish(
     causal: bool,
 ) -> CodeSolution:
     """Turn what was solved in ECEF into the local frame, at the nominal epochs."""
-    R = flight.origin.R_ne
+    R = origin.R_ne
     if not len(solved.epoch):
         reasons = "; ".join(f"{loss.count} {loss.what}: {loss.reason}" for loss in losses)
         raise NoSolutionError(f"position: no epoch has a code solution ({reasons})")
@@ -202,7 +203,7 @@ def _finish(
     return CodeSolution(
         t_s=t_s,
         epoch=solved.epoch,
-        p_n_m=flight.origin.to_n(solved.p_e_m - v_e_mps * late_s[:, None]),
+        p_n_m=origin.to_n(solved.p_e_m - v_e_mps * late_s[:, None]),
         position_covariance_m2=R @ solved.covariance_m2 @ R.T,
         position_noise_m2=R @ solved.noise_m2 @ R.T,
         drift_per_s=R @ solved.drift_per_s @ R.T,

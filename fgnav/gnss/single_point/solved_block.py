@@ -12,7 +12,7 @@ from fgnav.gnss.least_squares import fit, fit_consistent
 from fgnav.gnss.orbits.satellites import signal_paths
 from fgnav.gnss.single_point.adjustment import Adjusted, growing
 from fgnav.gnss.single_point.model import CodeRanges
-from fgnav.types.flight import Flight
+from fgnav.types.instruments import GnssNoise
 
 _MAX_DOP = 100.0
 
@@ -35,7 +35,7 @@ class SolvedBlock:
 
 
 def solved_block(
-    flight: Flight,
+    noise: GnssNoise,
     ranges: CodeRanges,
     solve: Callable[..., Adjusted],
     epoch: IntArray,
@@ -56,7 +56,7 @@ def solved_block(
     flat = np.trace(geometry, axis1=1, axis2=2) > _MAX_DOP**2
     good = at.converged & at.fits.consistent & ~flat
     turning = _turning(ranges, at)
-    v, velocity_covariance, drift = _velocities(flight, ranges, at, good, lost)
+    v, velocity_covariance, drift = _velocities(noise, ranges, at, good, lost)
     code = "code observation"
     lost[code, "satellite not healthy"] += int((ranges.coded & ranges.states.unhealthy).sum())
     unknown = ranges.coded & ~wanted & ~ranges.states.unhealthy
@@ -69,7 +69,7 @@ def solved_block(
         (at.converged & ~at.fits.consistent).sum()
     )
     lost["epoch", "geometry is too weak"] += int((at.converged & at.fits.consistent & flat).sum())
-    sigma_m = growing(flight, flight.gnss_noise.code_m, eq.elevation_rad)
+    sigma_m = growing(noise, noise.code_m, eq.elevation_rad)
     gain = at.fits.gain[good, :3]
     noise_m2 = np.where(at.use, sigma_m, 0.0)[good] ** 2
     return SolvedBlock(
@@ -98,7 +98,7 @@ def _turning(ranges: CodeRanges, at: Adjusted) -> FloatArray:
 
 
 def _velocities(
-    flight: Flight,
+    noise: GnssNoise,
     ranges: CodeRanges,
     at: Adjusted,
     good: BoolArray,
@@ -107,7 +107,7 @@ def _velocities(
     """Return velocities (n, 3), covariances and clock drifts from Doppler; NaN where too few."""
     paths = signal_paths(ranges.states, at.p_e_m, np.zeros_like(at.p_e_m))
     y = ranges.rate_mps - paths.range_rate_mps
-    sigma_mps = growing(flight, flight.gnss_noise.doppler_mps, at.equations.elevation_rad)
+    sigma_mps = growing(noise, noise.doppler_mps, at.equations.elevation_rad)
     lag = 1 - paths.range_rate_mps / C_MPS  # as transmission lags behind while the range grows
     A = np.concatenate([-paths.e_e * lag[:, :, None], np.ones((*y.shape, 1))], axis=2)
     use = at.use & np.isfinite(y) & good[:, None]

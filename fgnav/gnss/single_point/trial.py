@@ -47,4 +47,5 @@ def trial(
         return starts, atmosphere
     start_e_m = starts.at(epoch)
     without = adjust(flight, channels, ranges, wanted, model=False, start_e_m=start_e_m)
-    return starts, not without_atmosphere(misfit(flight, tried), misfit(flight, without))
+    noise = flight.gnss_noise
+    return starts, not without_atmosphere(misfit(noise, tried), misfit(noise, without))
