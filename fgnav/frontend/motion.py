@@ -19,7 +19,6 @@ from fgnav.process.evidence import causal_rate_priors, matern_prior, swinging_pr
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.process.prediction import Turning, filtered, filtered_back, smoothed
 from fgnav.process.volatility import varying_rate_prior
-from fgnav.types.flight import Flight
 
 _FEWEST = 5  # attitudes for hyperparameters
 _FIRST = 2  # attitudes that a causal prediction begins with
@@ -31,9 +30,9 @@ _SUB_STEPS, _SUB_STEPS_WITH_GYROSCOPE = 1, 2
 
 
 def motion_of(
-    flight: Flight,
-    settings: ProblemSettings,
     stages: tuple[Aligned, Tracked],
+    settings: ProblemSettings,
+    earth_rate_n_radps: FloatArray,
     constants: Constants,
     multipath: Multipath | None = None,
 ) -> tuple[Motion, Turning | None, tuple[str, ...]]:
@@ -51,7 +50,7 @@ def motion_of(
             imu=imu,
             sub_steps=settings.sub_steps or _SUB_STEPS_WITH_GYROSCOPE,
             gravity_n_mps2=track.gravity_n_mps2,
-            earth_rate_n_radps=flight.origin.earth_rate_n_radps,
+            earth_rate_n_radps=earth_rate_n_radps,
             accelerometer_noise=_accelerometer_noise(stage.record, holed),
             gyroscope_noise=np.where(holed, rate_noise, imu.gyroscope_noise_radps_per_sqrt_hz) ** 2,
         )
@@ -64,7 +63,7 @@ def motion_of(
         imu=imu,
         sub_steps=settings.sub_steps or _SUB_STEPS,
         gravity_n_mps2=track.gravity_n_mps2,
-        earth_rate_n_radps=flight.origin.earth_rate_n_radps,
+        earth_rate_n_radps=earth_rate_n_radps,
         poles_per_s=poles,
         variance_rad2ps2=variance,
         accelerometer_noise=_accelerometer_noise(stage.record, lost),

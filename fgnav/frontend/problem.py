@@ -35,7 +35,7 @@ from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.process.prediction import Turning
-from fgnav.types.flight import Flight, Imu
+from fgnav.types.flight import Flight, Imu, Seeker
 
 
 def build_problem(
@@ -52,7 +52,7 @@ def build_problem(
         Naming the part of the flight that is missing.
     """
     requested = constants_of(settings.calibration, flight, gravity=settings.gravity is not None)
-    inertial_record(flight)
+    inertial_record(flight.imu)
     if settings.causal:
         stage = causal_aligned(flight, settings, None if earlier is None else earlier.motion)
     else:
@@ -65,10 +65,10 @@ def build_problem(
         stands = standing(stage.record, track.t_s, track.antenna, causal=causal)
         sensed = replace(sensed, standing=stands)
     tags = of_tags(settings.calibration, flight)
-    constants = _constants(flight, (*requested, *tags), sensed, stage)
+    constants = _constants((*requested, *tags), stage, sensed, flight.seeker)
     multipath, lasting_notes = _lasting(stage, requested)
-    motion, turning, rate_notes = motion_of(flight, settings, (stage, track), constants, multipath)
     earth = flight.origin.earth_rate_n_radps
+    motion, turning, rate_notes = motion_of((stage, track), settings, earth, constants, multipath)
     timed = timed_motion(imu, track.t_s, track.gravity_n_mps2, earth, causal=causal)
     phases = antenna_phase(
         track.antenna.phases,
@@ -106,7 +106,7 @@ def build_problem(
     return PreparedFlight(
         problem=problem,
         imu=imu,
-        earth_rate_n_radps=flight.origin.earth_rate_n_radps,
+        earth_rate_n_radps=earth,
         epochs=stage.epochs,
         integers=start.integers,
         losses=(*start.losses, *stage.losses, *antenna.losses, *track.losses, *sensed.losses),
@@ -178,15 +178,15 @@ def _measured_attitudes(stage: Aligned) -> BoolArray:
 
 
 def _constants(
-    flight: Flight,
     requested: tuple[FlightConstant, ...],
-    sensed: Sensed,
     stage: Aligned,
+    sensed: Sensed,
+    seeker: Seeker | None,
 ) -> Constants:
     """Return what is estimated with the flight: asked for, of instruments, of phases, the rate."""
     parts = with_evidence(requested, sight=sensed.sight is not None)
-    if sensed.sight is not None and flight.seeker is not None:
-        parts = with_landmark(parts, flight.seeker.landmark_n_m)
+    if sensed.sight is not None and seeker is not None:
+        parts = with_landmark(parts, seeker.landmark_n_m)
     parts = (*parts, *sensed.constants)
     if not stage.gyroscope:
         parts = (*parts, mean_rate())

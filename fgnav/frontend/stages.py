@@ -81,13 +81,13 @@ class Tracked(NamedTuple):
     losses: tuple[Loss, ...]
 
 
-def inertial_record(flight: Flight) -> Imu:
+def inertial_record(imu: Imu | None) -> Imu:
     """Return the accelerometer's record, of two samples at least."""
-    if flight.imu is None:
+    if imu is None:
         raise NoSolutionError("motion: between epochs it needs an [imu], the flight has none")
-    if len(flight.imu.t_s) < 2:
-        raise NoSolutionError(f"motion: the [imu] has {len(flight.imu.t_s)} samples, needs 2")
-    return flight.imu
+    if len(imu.t_s) < 2:
+        raise NoSolutionError(f"motion: the [imu] has {len(imu.t_s)} samples, needs 2")
+    return imu
 
 
 def aligned(
@@ -100,7 +100,7 @@ def aligned(
     NoSolutionError
         If there are fewer than two attitudes.
     """
-    imu, faulty = without_faulty(inertial_record(flight))
+    imu, faulty = without_faulty(inertial_record(flight.imu))
     record = bridged(imu)
     down = None if settings.gravity is None else settings.gravity(flight)
     epochs = align(flight, settings.resolver, settings.false_alarm, down)

@@ -28,19 +28,21 @@ def level_start(flight: Flight, imu: Imu, own: OwnRotation, at_s: float) -> Floa
     R_ub = own.at(np.array([at_s]))[0]
     R_nb = levelled(f_u[None])[0] @ R_ub if np.any(f_u) else np.eye(3)
     R_nb = from_euler(*(to_euler(R_nb[None]) * [1, 1, 0]).T)[0]
-    if heading_without_motion_s(flight, at_s) <= at_s and flight.magnetometer is not None:
-        R_nb = _turned_to_field(flight.magnetometer, own, R_nb @ R_ub.T, at_s) @ R_ub
-    return np.asarray(stated_attitude(flight.initial, R_nb) @ R_ub.T)
+    initial, sensor = flight.initial, flight.magnetometer
+    if heading_without_motion_s(initial, sensor, at_s) <= at_s and sensor is not None:
+        R_nb = _turned_to_field(sensor, own, R_nb @ R_ub.T, at_s) @ R_ub
+    return np.asarray(stated_attitude(initial, R_nb) @ R_ub.T)
 
 
-def heading_without_motion_s(flight: Flight, first_s: float) -> float:
+def heading_without_motion_s(
+    initial: InitialAttitude | None, sensor: Magnetometer | None, first_s: float
+) -> float:
     """Return since when a heading is known without motion; infinite where it is not.
 
     That it was before the first epoch is minus infinity.
     """
-    if states_heading(flight.initial):
+    if states_heading(initial):
         return -np.inf
-    sensor = flight.magnetometer
     if not _field_determines_heading(sensor):
         return np.inf
     return -np.inf if sensor.t_s[0] <= first_s + SAME_S else float(sensor.t_s[0])

@@ -11,9 +11,10 @@ from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.frontend.gaps import time_from_attitude_s
 from fgnav.frontend.matching import nearest
+from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import exp, log, skew, transpose
 from fgnav.gravity import GravityDirection
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Flight, Imu
 
 # Of attitudes that assume a velocity along x_b, and hold for two epochs, where rates are derived
 # from them.
@@ -49,7 +50,7 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Alignm
     pairs, losses = measured_vectors(flight, track, own)
     few = None
     if gravity is not None and "specific force" in pairs.sources:
-        few = _by_gravity(flight, track, pairs, gravity)
+        few = _by_gravity(flight.origin, track, pairs, gravity)
         if few is not None and _dense(few):
             return replace(few, losses=losses, own=own)
     assumed = with_velocity(pairs, track)
@@ -58,7 +59,7 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Alignm
         f_n = assumed.directions().v_n[:, pairs.sources.index("specific force")]
         determined = start.valid & np.isfinite(f_n[:, 0])
         start = replace(start, R_nb=_turned_as(start.R_nb, determined, np.nan_to_num(f_n), few))
-    return replace(start, notes=_assumption_note(flight, assumed), own=own)
+    return replace(start, notes=_assumption_note(flight.imu, assumed), own=own)
 
 
 def of_vectors(t_s: FloatArray, pairs: VectorPairs, losses: tuple[Loss, ...]) -> Alignment:
@@ -99,25 +100,25 @@ def _turned_as(
     return np.asarray(np.where(determined[:, None, None], exp(between[:, None] * f_n) @ R_nb, R_nb))
 
 
-def _assumption_note(flight: Flight, pairs: VectorPairs) -> tuple[str, ...]:
+def _assumption_note(imu: Imu | None, pairs: VectorPairs) -> tuple[str, ...]:
     """Return a note on what is assumed, where no gyroscope carries attitudes from epoch to epoch.
 
     Between minima of the smoother's cost a turn apart the data hardly decide: on flights of a body
     that swings by 20 degrees about all axes, their costs were within one percent.
     """
-    gyroscope = flight.imu is not None and flight.imu.w_b_radps is not None
+    gyroscope = imu is not None and imu.w_b_radps is not None
     assumed = "velocity" in pairs.sources and pairs.valid[:, pairs.sources.index("velocity")].any()
     return (_NOSE_FIRST,) if assumed and not gyroscope else ()
 
 
 def _by_gravity(
-    flight: Flight, track: Track, pairs: VectorPairs, gravity: GravityDirection
+    origin: Origin, track: Track, pairs: VectorPairs, gravity: GravityDirection
 ) -> Alignment | None:
     """Return attitudes by gravity and specific force; None where few epochs have any."""
     row, at_epoch = nearest(gravity.t_s, track.t_s) if len(gravity.t_s) else (None, None)
     if row is None or at_epoch is None:
         return None
-    down_n = flight.origin.gravity_n_mps2(track.p_n_m)
+    down_n = origin.gravity_n_mps2(track.p_n_m)
     force = pairs.sources.index("specific force")
     both = VectorPairs(
         v_n=np.stack([pairs.v_n[:, force], down_n], axis=1),

@@ -38,7 +38,7 @@ def causal_aligned(
     NoSolutionError
         If no epoch has an attitude.
     """
-    imu, faulty = without_stuck_so_far(inertial_record(flight))
+    imu, faulty = without_stuck_so_far(inertial_record(flight.imu))
     record = bridged(imu, causal=True)
     imu = record.imu
     down = None if settings.gravity is None else causal_gravity(settings.gravity)(flight)

@@ -8,18 +8,17 @@ from fgnav.frontend.matching import SAME_S, nearest, unused
 from fgnav.graph.factors.directions import Directions
 from fgnav.gravity import GravityDirection
 from fgnav.seeker import line_of_sight, to_landmark_b_m
-from fgnav.types.flight import Flight, Imu
+from fgnav.types.flight import Imu, Seeker
 
 
 def sight(
-    flight: Flight, imu: Imu, t_s: FloatArray, p_n_m: FloatArray, *, causal: bool = False
+    seeker: Seeker | None, imu: Imu, t_s: FloatArray, p_n_m: FloatArray, *, causal: bool = False
 ) -> tuple[Directions | None, tuple[Loss, ...]]:
     """Return directions from the accelerometer to the landmark at keyframes.
 
     The detector's lever arm is taken off with the distance that approximate positions, (n, 3),
     give: an error of metres in kilometres moves the direction by less than the detector sees.
     """
-    seeker = flight.seeker
     if seeker is None:
         return None, ()
     seen = line_of_sight(seeker, causal=causal)

@@ -69,15 +69,15 @@ def sense(
     causal : bool
         Whether each keyframe may have samples up to it alone.
     """
-    seen, sight_losses = sight(flight, imu, t_s, p_n_m, causal=causal)
+    seen, sight_losses = sight(flight.seeker, imu, t_s, p_n_m, causal=causal)
     down, gravity_losses = gravity(direction, t_s, causal=causal)
     high, height_losses = heights(flight, imu, t_s, p_n_m, causal=causal)
-    field, field_losses = magnetic_field(flight, t_s, causal=causal)
+    field, field_losses = magnetic_field(flight.magnetometer, t_s, causal=causal)
     return Sensed(
         sight=seen,
         gravity=down,
         heights=high,
         field=field,
-        wheels=wheels(flight, imu, t_s),
+        wheels=wheels(flight.vehicle, imu, t_s),
         losses=(*sight_losses, *gravity_losses, *height_losses, *field_losses),
     )

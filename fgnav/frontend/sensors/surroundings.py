@@ -126,10 +126,9 @@ def heights_of(
 
 
 def magnetic_field(
-    flight: Flight, t_s: FloatArray, *, causal: bool = False
+    sensor: Magnetometer | None, t_s: FloatArray, *, causal: bool = False
 ) -> tuple[MagneticField | None, tuple[Loss, ...]]:
     """Return directions of the magnetic field at keyframes, (n,)."""
-    sensor = flight.magnetometer
     if sensor is None or not len(sensor.t_s):
         return None, ()
     take = _latest if causal else _sampled

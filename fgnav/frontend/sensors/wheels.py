@@ -10,7 +10,8 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.factors.vehicle.wheels import AXES, AXLE
 from fgnav.graph.types.constants import FlightConstant, flight_constant
-from fgnav.types.flight import Flight, Imu
+from fgnav.types.flight import Imu
+from fgnav.types.vehicle import WheeledVehicle
 
 _EVERY_S = 1.0
 
@@ -37,9 +38,8 @@ class Wheels:
     axle: FlightConstant
 
 
-def wheels(flight: Flight, imu: Imu, t_s: FloatArray) -> Wheels | None:
-    """Return when a flight's wheels speak of keyframes, (n,); None if it has none."""
-    vehicle = flight.vehicle
+def wheels(vehicle: WheeledVehicle | None, imu: Imu, t_s: FloatArray) -> Wheels | None:
+    """Return when a vehicle's wheels constrain keyframes, (n,); None if it has none."""
     if vehicle is None:
         return None
     second = np.floor((t_s - t_s[0]) / _EVERY_S).astype(np.int64)

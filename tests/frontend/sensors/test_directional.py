@@ -59,7 +59,7 @@ def test_gravity_that_is_sure_about_an_axis_is_refused_by_its_name(least):
 def test_without_an_instrument_there_is_no_direction():
     assert directional.gravity(None, T_S) == (None, ())
     flight = flown("demo", 5.0)
-    assert directional.sight(flight, flight.imu, T_S, np.zeros((6, 3))) == (None, ())
+    assert directional.sight(flight.seeker, flight.imu, T_S, np.zeros((6, 3))) == (None, ())
 
 
 def test_the_line_of_sight_is_that_from_the_accelerometer_to_the_landmark():
@@ -69,7 +69,7 @@ def test_the_line_of_sight_is_that_from_the_accelerometer_to_the_landmark():
     t_s = np.arange(0.0, 60.05, 0.1)
     truth = flight.truth
     p_n_m = np.stack([np.interp(t_s, truth.t_s, x) for x in truth.p_n_m.T], axis=1)
-    at_keyframes, losses = directional.sight(flight, flight.imu, t_s, p_n_m)
+    at_keyframes, losses = directional.sight(flight.seeker, flight.imu, t_s, p_n_m)
     rows = at_keyframes.row
     assert len(rows) > 20
     assert t_s[rows].min() > seen_s[0] - 0.2

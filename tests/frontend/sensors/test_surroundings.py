@@ -91,7 +91,7 @@ def test_a_magnetometer_that_reads_zero_has_no_direction():
         noise_ut=0.4,
         hard_iron_ut=2.0,
     )
-    at_keyframes, _ = magnetic_field(bare(magnetometer=sensor), T_S)
+    at_keyframes, _ = magnetic_field(sensor, T_S)
     assert np.setdiff1d(np.arange(len(T_S)), at_keyframes.directions.row).tolist() == [7]
     weight = np.linalg.norm(at_keyframes.directions.across_b, axis=2)
     assert weight[0] == pytest.approx(np.hypot(20, 40) / 0.4)
