@@ -11,7 +11,7 @@ from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.gravity import specific_force_pair
 from fgnav.seeker import line_of_sight, to_landmark_b_m
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Antenna, Fixes, Flight
 
 _CROWDED = np.cos(np.radians(30))  # of the angle that velocity keeps from the other vectors
 _SLOW_MPS = 2.0  # below, GNSS noise and wind turn the direction of travel by too much
@@ -56,12 +56,17 @@ def track_of(flight: Flight, *, causal: bool = False) -> Track:
         raise NoSolutionError(
             f"attitude: flight {flight.name} has no antenna array, no raw data, no fixes"
         )
+    return track_by_fixes(flight.fixes, flight.antenna(flight.fixes.antenna))
+
+
+def track_by_fixes(fixes: Fixes, antenna: Antenna) -> Track:
+    """Return the track of an antenna by its receiver's fixes."""
     return Track(
-        t_s=flight.fixes.t_s,
-        epochs=len(flight.fixes.t_s),
-        p_n_m=flight.fixes.p_n_m,
-        v_n_mps=flight.fixes.v_n_mps,
-        arm_b_m=flight.antenna(flight.fixes.antenna).position_b_m,
+        t_s=fixes.t_s,
+        epochs=len(fixes.t_s),
+        p_n_m=fixes.p_n_m,
+        v_n_mps=fixes.v_n_mps,
+        arm_b_m=antenna.position_b_m,
     )
 
 

@@ -47,9 +47,10 @@ def _put_right(
 ) -> tuple[Flight, tuple[str, ...]]:
     """Return a flight without exchanged antennas and without a step of tags, and what was."""
     notes: tuple[str, ...] = ()
-    exchange = exchange_of(flight, prepared)
+    exchange = exchange_of(prepared)
     if exchange is not None:
-        flight, notes = exchange.undone(flight), (exchange.sentence,)
+        notes = (exchange.sentence(flight.antennas),)
+        flight = exchange.undone(flight)
     step = tag_step(flight, settings, build)
     if step is not None:
         flight, notes = step.undone(flight), (*notes, step.sentence)

@@ -24,7 +24,7 @@ def of_seed(seed):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_exchanged_antennas_are_exchanged_back(seed):
     right, flight = of_seed(seed)
-    found = exchange_of(flight, build_problem(flight, SETTINGS))
+    found = exchange_of(build_problem(flight, SETTINGS))
     assert found is not None
     pair, from_s, until_s = SEEDS[seed]
     assert found.pair == pair
@@ -45,4 +45,4 @@ def test_attitudes_are_those_of_the_right_flight_and_the_exchange_is_said():
 def test_neither_a_right_flight_nor_loud_phases_are_an_exchange():
     right, loud = of_seed(LOUD_FROM_6_S)
     for flight in (right, loud):
-        assert exchange_of(flight, build_problem(flight, SETTINGS)) is None
+        assert exchange_of(build_problem(flight, SETTINGS)) is None

@@ -6,7 +6,7 @@ as stated, each epoch that fits one of them alone favours it by the same odds; t
 an exchange most is exchanged back if chance leaves no such span among all that could be.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from fgnav.frontend.prepared import PreparedFlight
 from fgnav.identification.array.places import exchanged_columns
 from fgnav.integers.array.search import PROVEN, search_constrained
 from fgnav.types.differences import DoubleDifferences
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Antenna, Flight
 
 _TAIL = 1e-4  # of epochs that fit, refused by the chi-square test
 # Share of epochs that fit an array of another shape by chance: of 300 under nine satellites none.
@@ -32,7 +32,6 @@ class Exchange(NamedTuple):
     """Two antennas whose observations are exchanged from one epoch to another."""
 
     pair: tuple[int, int]
-    names: tuple[str, str]
     from_s: float
     until_s: float
 
@@ -44,37 +43,38 @@ class Exchange(NamedTuple):
         rows = (seen.t_s >= self.from_s) & (seen.t_s <= self.until_s)
         return replace(flight, observations=exchanged_columns(seen, rows, self.pair))
 
-    @property
-    def sentence(self) -> str:
-        """What is to be said of it."""
+    def sentence(self, antennas: Sequence[Antenna]) -> str:
+        """Return what is to be said of it."""
+        first, second = (antennas[i].name for i in self.pair)
         return (
-            f"Antennas {self.names[0]} and {self.names[1]} are exchanged from {self.from_s:.1f} to "
+            f"Antennas {first} and {second} are exchanged from {self.from_s:.1f} to "
             f"{self.until_s:.1f} s: their phases fit the array only so; exchanged back."
         )
 
 
-def exchange_of(flight: Flight, prepared: PreparedFlight) -> Exchange | None:
+def exchange_of(prepared: PreparedFlight) -> Exchange | None:
     """Return the antennas that phases say to be exchanged; None where they say nothing.
 
     Asked only of epochs of which phases take no part.
     """
-    if prepared.array is None or len(flight.antennas) < 3:
+    if prepared.array is None:
         return None
     differences, ranges_m = prepared.array
+    if len(differences.baselines_b_m) < 2:
+        return None
     out = np.flatnonzero(_unused(differences, ranges_m, prepared))
     out = out[~_fitting(differences.resampled(out))]
     if not len(out):
         return None
     part, score = differences.resampled(out), np.full(len(differences.t_s), -1)
-    places_b_m = np.stack([one.position_b_m for one in flight.antennas])
+    places_b_m = np.vstack([np.zeros(3), differences.baselines_b_m])
     best, most = None, _fewest(len(score), len(places_b_m))
     for i, j, shape in _exchanges(places_b_m, part):
         score[out] = _fitting(shape)
         first, last, total = _span(score)
         if total >= most:
             from_s, until_s = differences.t_s[[first, last]].tolist()
-            names = flight.antennas[i].name, flight.antennas[j].name
-            best, most = Exchange((i, j), names, from_s, until_s), total + 1
+            best, most = Exchange((i, j), from_s, until_s), total + 1
     return best
 
 

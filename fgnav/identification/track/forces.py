@@ -8,7 +8,7 @@ another time, leave more.
 
 import numpy as np
 
-from fgnav.attitude.flight_vectors import track_of
+from fgnav.attitude.flight_vectors import track_by_fixes
 from fgnav.attitude.own_rotation import own_rotation
 from fgnav.checks import FloatArray
 from fgnav.frontend.attitude.force_pairs import Integrated, Pairs, specific_forces
@@ -33,7 +33,7 @@ def force_consistency(flight: Flight) -> tuple[Consistency, ...]:
     if fixes.v_n_mps is None or fixes.velocity_sigma_mps is None:
         return ()
     imu, _ = without_faulty(imu)
-    own, track = own_rotation(imu), track_of(flight)
+    own, track = own_rotation(imu), track_by_fixes(fixes, flight.antenna(fixes.antenna))
     if own is None:
         return ()
     integrated = Integrated(imu, own, track.arm_b_m - imu.position_b_m)
