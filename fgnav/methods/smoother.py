@@ -217,20 +217,14 @@ class Smoother:
 
         ``since_s``: when estimates of a causal method begin that has judged its record up to then.
         """
+        if self.causal:
+            return self._prepared_so_far(flight, since_s)
         settings = self.preparation
         notes: tuple[str, ...] = ()
-        if settings.noise == "identified" and not self.causal and flight.imu is not None:
+        if settings.noise == "identified" and flight.imu is not None:
             imu, notes = with_noise_of_record(flight.imu)
             flight = replace(flight, imu=imu) if notes else flight
         prepared = build_problem(flight, settings)
-        if settings.noise == "identified" and self.causal:
-            from fgnav.identification.from_past import stretches  # noqa: PLC0415  # lazy: the chain
-
-            ahead_s = self.lag_s + 2 * BLOCK_S
-            spans = stretches(flight, settings, prepared, ahead_s, build_problem, since_s)
-            prepared = replace(prepared, stretches=spans)
-        if self.causal:
-            return replace(prepared, stretches=by_integers(flight, prepared, self._waits_s))
         if settings.noise == "identified":
             from fgnav.identification.apply import (  # noqa: PLC0415  # lazy: the chain
                 with_identified_noise,
@@ -244,6 +238,18 @@ class Smoother:
 
             prepared = identified_by_evidence(prepared)
         return replace(prepared, notes=(*prepared.notes, *notes))
+
+    def _prepared_so_far(self, flight: Flight, since_s: float) -> PreparedFlight:
+        """Return the smoothing problem of a causal method, in stretches as its past has them."""
+        settings = self.preparation
+        prepared = build_problem(flight, settings)
+        if settings.noise == "identified":
+            from fgnav.identification.from_past import stretches  # noqa: PLC0415  # lazy: the chain
+
+            ahead_s = self.lag_s + 2 * BLOCK_S
+            spans = stretches(flight, settings, prepared, ahead_s, build_problem, since_s)
+            prepared = replace(prepared, stretches=spans)
+        return replace(prepared, stretches=by_integers(flight, prepared, self._waits_s))
 
     def estimate_prepared(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
         """Estimate a flight whose problem is built."""
