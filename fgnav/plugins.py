@@ -70,8 +70,8 @@ def descriptions(group: str, own: Mapping[str, str]) -> dict[str, str]:
 def _loaded(target: str) -> Any:  # noqa: ANN401  # any part
     """Return what ``module:attribute``, or ``module``, names."""
     module, _, attribute = target.partition(":")
-    found = import_module(module)
-    return getattr(found, attribute) if attribute else found
+    loaded = import_module(module)
+    return getattr(loaded, attribute) if attribute else loaded
 
 
 def _from_module(name: str, kind: str) -> Any:  # noqa: ANN401  # any part

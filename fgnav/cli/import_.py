@@ -55,12 +55,12 @@ def import_(
         progress(len(recordings) + 1) as step,
         TemporaryDirectory(prefix="fgnav-") as scratch,
     ):
-        found = []
+        imported = []
         for one, importer in importers.items():
             with step(f"reading {one}"):
-                found.append(importer(one, stated, Path(scratch)))
+                imported.append(importer(one, stated, Path(scratch)))
         with step(f"writing {out}"):
-            assembled = assemble(found, stated)
+            assembled = assemble(imported, stated)
             write(assembled, out, verify=bool(assembled.observations and assembled.navigation))
     flight = assembled.flight
     losses = [asdict(loss) for loss in flight.losses]

@@ -83,14 +83,14 @@ class FlightsComparison:
 
     def innovations(self, method: str) -> dict[str, tuple[float, int]]:
         """Return by kind of measurement its NIS over all flights, and the degrees of freedom."""
-        found: dict[str, list[tuple[float, int]]] = {}
+        by_kind: dict[str, list[tuple[float, int]]] = {}
         for one in self.flights:
             for test in one.detail.get("methods", {}).get(method, {}).get("consistency", ()):
-                found.setdefault(test["what"], []).append((test["nis"], test["freedom"]))
-        total = {kind: sum(n for _, n in own) for kind, own in found.items()}
+                by_kind.setdefault(test["what"], []).append((test["nis"], test["freedom"]))
+        total = {kind: sum(n for _, n in own) for kind, own in by_kind.items()}
         return {
             kind: (sum(nis * n for nis, n in own) / total[kind], total[kind])
-            for kind, own in found.items()
+            for kind, own in by_kind.items()
             if total[kind]
         }
 

@@ -180,9 +180,9 @@ def _largest_sigma(across: FloatArray, covariance: FloatArray) -> FloatArray:
     return out
 
 
-def _latest(known_s: FloatArray, t_s: FloatArray) -> IntArray:
+def _latest(past_s: FloatArray, t_s: FloatArray) -> IntArray:
     """Return which of some times is the latest up to each of others, (m,), or else the first."""
-    return np.asarray((np.searchsorted(known_s, t_s, side="right") - 1).clip(0))
+    return np.asarray((np.searchsorted(past_s, t_s, side="right") - 1).clip(0))
 
 
 def _accelerometer_noise(record: Bridged, inflated: BoolArray) -> FloatArray:

@@ -97,10 +97,10 @@ def _check_characters(path: Path, body: bytes) -> None:
 def _check_names(
     path: Path, names: Sequence[str], required: Sequence[str], optional: Sequence[Sequence[str]]
 ) -> None:
-    known = [*required, *(name for group in optional for name in group)]
+    allowed = [*required, *(name for group in optional for name in group)]
     for name in names:
-        if name not in known:
-            near = get_close_matches(name[:80], known, n=1, cutoff=0.0)[0]
+        if name not in allowed:
+            near = get_close_matches(name[:80], allowed, n=1, cutoff=0.0)[0]
             raise BadInputError(
                 f"{path}: line 1: unknown column {quoted(name)}; the nearest known one is {near!r}"
             )

@@ -208,13 +208,13 @@ def _largest(error: FloatArray, every: int, axes: int) -> float:
 
     The mean over where the first of them is.
     """
-    found = []
+    ratios = []
     for first in range(0, every, -(-every // _STARTS)):
         answers = error[first::every] - error[first::every].mean(axis=0)
         ordinates = (np.abs(np.fft.rfft(answers, axis=0)) ** 2).mean(axis=1) / len(answers)
         ordinates = ordinates[1 : (len(answers) + 1) // 2]  # less the mean's and Nyquist's
-        found.append(ordinates.max() / _largest_of_independent(len(ordinates), axes))
-    return float(np.mean(found))
+        ratios.append(ordinates.max() / _largest_of_independent(len(ordinates), axes))
+    return float(np.mean(ratios))
 
 
 @cache
@@ -229,12 +229,12 @@ def _largest_of_independent(m: int, d: int) -> float:
 def _sum(rho: FloatArray, step_s: float, span_s: float, between_s: float) -> float:
     """Return q of answers so far apart over a span, the mean over where the first may be."""
     fewer, share = divmod((span_s + step_s) / between_s * (1 + 1e-9), 1.0)
-    found = 0.0
+    total = 0.0
     for n, weight in ((int(fewer), 1 - share), (int(fewer) + 1, share)):
         k = np.arange(1, n)
         at = np.interp(k * between_s, step_s * np.arange(len(rho)), rho, right=0.0)
-        found += weight * (1 + 2 * ((1 - k / max(n, 1)) * at).sum())
-    return float(found)
+        total += weight * (1 + 2 * ((1 - k / max(n, 1)) * at).sum())
+    return float(total)
 
 
 def _autocorrelation(flights: Sequence[Errors], lasting: float) -> tuple[float, FloatArray]:

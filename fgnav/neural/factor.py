@@ -221,10 +221,10 @@ class NeuralFactor:
             reason = f"no keyframe stands {output.over_s:g} s before, where the displacement begins"
             lost[reason] = lost.get(reason, 0) + int((from_row[usable] < 0).sum())
             usable = usable[from_row[usable] >= 0]
-        known = self._within_domain(seen, usable, lost)
-        chosen = self._apart(t_s[rows], known)
+        inside = self._within_domain(seen, usable, lost)
+        chosen = self._apart(t_s[rows], inside)
         reason = f"within {self.between_s:g} s of another: their errors are alike"
-        lost[reason] = lost.get(reason, 0) + len(known) - len(chosen)
+        lost[reason] = lost.get(reason, 0) + len(inside) - len(chosen)
         answers = self._network([x[chosen] for x in seen.inputs])
         counted = Counted(
             inflation(output.half_life_s, self.between_s), output.lasting, *timeline.constants

@@ -96,14 +96,14 @@ class Network:
             for one, x, axes in zip(self.manifest.inputs, inputs, self._axes, strict=True)
         }
         names = self._names
-        found = self._session.run(names, feed)
-        for name, part in zip(names, found, strict=True):
+        answers = self._session.run(names, feed)
+        for name, part in zip(names, answers, strict=True):
             if part.shape[:1] != (len(inputs[0]),) or part.ndim > 3:
                 raise BadInputError(
                     f"{self.path}: output {name!r}: must have one row per window, "
                     f"{len(inputs[0])}, got shape {part.shape}"
                 )
-        return [part.astype(np.float64).reshape(len(part), -1) for part in found]
+        return [part.astype(np.float64).reshape(len(part), -1) for part in answers]
 
 
 def load_network(path: Path, *, integers: bool = False) -> Network:

@@ -113,5 +113,5 @@ def check_rate(where: str, record: Record, rate_hz: float) -> None:
 
 
 def _record(sensor: str, t_s: FloatArray, values: FloatArray) -> Record:
-    known = SENSORS[sensor]
-    return Record(t_s=t_s, values=values, unit=known.unit, frame=known.frame)
+    stated = SENSORS[sensor]
+    return Record(t_s=t_s, values=values, unit=stated.unit, frame=stated.frame)

@@ -45,13 +45,13 @@ def filtered(
     out.covariance[first, :3, :3] = covariance_rad2[first]
     if n < 2 or len(rows) < 2:
         return out
-    known = attitude_series(
+    of_attitudes = attitude_series(
         t_s[rows], R_nb[rows], covariance_rad2[rows], np.arange(len(rows)), past or len(rows)
     )
     use = np.full(n, PREDICT)
-    use[rows - first] = known.epochs.use
+    use[rows - first] = of_attitudes.epochs.use
     open_axis = np.zeros((n, 3))
-    open_axis[rows - first] = known.epochs.open_axis
+    open_axis[rows - first] = of_attitudes.epochs.open_axis
     epochs = Epochs(
         t_s=t_s[first:],
         R_nb=R_nb[first:],
@@ -60,7 +60,7 @@ def filtered(
         use=use,
     )
     steps = tape(n)
-    series = AttitudeSeries(epochs=epochs, mean_rate=known.mean_rate)
+    series = AttitudeSeries(epochs=epochs, mean_rate=of_attitudes.mean_rate)
     series.log_densities(prior[0][first:], prior[1][first:], steps)
     out.R_nb[first + 1 :] = steps.R_nb[1:]
     out.rate_b_radps[first + 1 :] = steps.rate[1:]
@@ -96,11 +96,11 @@ def smoothed(before: Turning, after: Turning) -> Turning:
     An attitude at the time itself counts twice: a start for a search, and no estimate.
     """
     out = Turning(*(np.array(part) for part in before))
-    known = np.isfinite(after.covariance).all(axis=(1, 2))
-    first = known & ~np.isfinite(before.covariance).all(axis=(1, 2))
+    has_after = np.isfinite(after.covariance).all(axis=(1, 2))
+    first = has_after & ~np.isfinite(before.covariance).all(axis=(1, 2))
     for part, other in zip(out, after, strict=True):
         part[first] = other[first]
-    both = np.flatnonzero(known & ~first)
+    both = np.flatnonzero(has_after & ~first)
     P = before.covariance[both]
     gain = np.linalg.solve(P + after.covariance[both], P).swapaxes(1, 2)
     turn = log(transpose(before.R_nb[both]) @ after.R_nb[both])

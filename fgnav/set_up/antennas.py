@@ -64,9 +64,9 @@ def fitting(differences: DoubleDifferences) -> float:
     """Return the share of epochs that some integers fit to the noise of the phase."""
     if not len(differences.t_s):
         return 0.0
-    found = search_constrained(differences, _NODES)
-    tested = found.degrees > 0
-    fits = found.costs[:, 0] <= _FITS * found.degrees
+    search = search_constrained(differences, _NODES)
+    tested = search.degrees > 0
+    fits = search.costs[:, 0] <= _FITS * search.degrees
     return float(fits[tested].mean()) if tested.any() else 1.0
 
 

@@ -29,9 +29,9 @@ def instrument_findings(flight: Flight) -> list[Finding]:
     return findings
 
 
-def _stuck(name: str, t_s: FloatArray, x: FloatArray, told: BoolArray) -> list[Finding]:
+def _stuck(name: str, t_s: FloatArray, x: FloatArray, is_valid: BoolArray) -> list[Finding]:
     """Return a run of equal samples, of those that say anything, that chance does not explain."""
-    t_s, x = t_s[told], x[told]
+    t_s, x = t_s[is_valid], x[is_valid]
     if len(t_s) < _FEWEST:
         return []
     same = (np.diff(x, axis=0) == 0).all(axis=1)

@@ -152,10 +152,10 @@ def _rate_findings(imu: Imu, track: Track | None) -> list[Finding]:
     return []
 
 
-def _related(told: FloatArray, seen: FloatArray) -> tuple[float, float]:
-    """Return correlation and slope of what is seen by what is told; 0 where there is nothing."""
-    square, product = float((told**2).sum()), float((told * seen).sum())
-    if len(told) < _FEWEST or square == 0 or product <= 0:
+def _related(rates: FloatArray, seen: FloatArray) -> tuple[float, float]:
+    """Return correlation and slope of turns that are seen by rates; 0 where there is nothing."""
+    square, product = float((rates**2).sum()), float((rates * seen).sum())
+    if len(rates) < _FEWEST or square == 0 or product <= 0:
         return 0.0, 0.0
     return product / float(np.sqrt(square * (seen**2).sum())), product / square
 

@@ -38,7 +38,7 @@ class Headings(NamedTuple):
     ends: tuple[Minimum, ...]
 
     @property
-    def is_told(self) -> bool:
+    def is_observable(self) -> bool:
         """Return whether the flight tells the heading to half of what lies between two of them."""
         first = self.ends[0].solution.states
         turn = [end.solution.states.steps_to(first)[0, ROTATION] for end in self.ends]

@@ -87,14 +87,14 @@ def paragraph(*texts: str) -> Blocks:
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "") -> Blocks:
     """Return a table; nothing where it has no row."""
-    known = list(rows)
-    return [Table(heads, known, caption)] if known else []
+    filled = list(rows)
+    return [Table(heads, filled, caption)] if filled else []
 
 
 def grid(drawings: Iterable[Drawing]) -> Blocks:
     """Return drawings side by side; nothing where there is none."""
-    known = list(drawings)
-    return [Grid(known)] if known else []
+    filled = list(drawings)
+    return [Grid(filled)] if filled else []
 
 
 def folded(title: str, blocks: Blocks) -> Blocks:

@@ -173,12 +173,12 @@ def _drift(
 
 
 def _between(
-    t_s: FloatArray, known_s: FloatArray, values: FloatArray, *, causal: bool
+    t_s: FloatArray, samples_s: FloatArray, values: FloatArray, *, causal: bool
 ) -> FloatArray:
     """Return values, (k, 3), at other times, (n, 3): interpolated; causal, the last one's."""
     if causal:
-        return np.asarray(values[(np.searchsorted(known_s, t_s, side="right") - 1).clip(0)])
-    return np.stack([np.interp(t_s, known_s, column) for column in values.T], axis=1)
+        return np.asarray(values[(np.searchsorted(samples_s, t_s, side="right") - 1).clip(0)])
+    return np.stack([np.interp(t_s, samples_s, column) for column in values.T], axis=1)
 
 
 def _against_neighbours(

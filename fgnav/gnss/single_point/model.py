@@ -68,9 +68,9 @@ def code_channels(
         if letter in decided:
             first[letter] = decided[letter]
             continue
-        there = {b for b, c, h in zip(bands, letters, eligible, strict=True) if h and c == letter}
-        if there:
-            first[letter] = min(there, key=_BANDS[letter].index)
+        tracked = {b for b, c, h in zip(bands, letters, eligible, strict=True) if h and c == letter}
+        if tracked:
+            first[letter] = min(tracked, key=_BANDS[letter].index)
     keep = [j for j in np.nonzero(has)[0] if bands[j] == first.get(letters[j])]
     satellites = tuple(chosen.satellites[j] for j in keep)
     signals = tuple(chosen.signals[j] for j in keep)

@@ -81,7 +81,7 @@ def across(e: FloatArray) -> FloatArray:
     return np.stack([first, np.cross(e, first)], axis=1)
 
 
-def native(key: int, across_b: FloatArray, known_n: FloatArray) -> gtsam.NonlinearFactor:
+def native(key: int, across_b: FloatArray, reference_n: FloatArray) -> gtsam.NonlinearFactor:
     """Return the sight of a unit vector known in ``n``, (3,), from keyframe ``key``, by GTSAM.
 
     ``AttitudeFactorPose3`` errs in two axes of ``n``, about which a long axis in the body would
@@ -91,4 +91,4 @@ def native(key: int, across_b: FloatArray, known_n: FloatArray) -> gtsam.Nonline
     whitening = np.vstack([across_b, np.zeros(3)])
     noise = gtsam.noiseModel.Gaussian.SqrtInformation(whitening, False)
     none = np.zeros(3)
-    return gtsam.MagPoseFactorPose3(keys.pose(key), none, 1.0, known_n, none, noise)
+    return gtsam.MagPoseFactorPose3(keys.pose(key), none, 1.0, reference_n, none, noise)

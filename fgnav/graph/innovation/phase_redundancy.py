@@ -27,17 +27,17 @@ def phase_innovations(phase: AntennaPhase) -> tuple[FloatArray, IntArray]:
     """Return the innovation squared of each epoch, (k,), and its degrees of freedom, (k,)."""
     squared, freedom = np.zeros(len(phase.row)), np.zeros(len(phase.row), dtype=np.int64)
     before = phase.blocks[0].before.shape[1]
-    root, last, known = np.zeros((before + 1, before + 1)), -1, 0
+    root, last, rank = np.zeros((before + 1, before + 1)), -1, 0
     for i, one in enumerate(phase.rows):
         while last < phase.block[i] - phase.first_block:
             last += 1
             root = _led_on(root, phase.blocks[last])
-            known = _rank(root)
+            rank = _rank(root)
         H, z = one.without_place()
         root, squared[i] = _taken_in(root, np.column_stack([H, z]))
-        before, whole = known, known == len(root) - 1  # nothing is open that they could tell
-        known = known if whole else _rank(root)
-        freedom[i] = len(z) + before - known
+        before, is_full = rank, rank == len(root) - 1  # nothing is open that they could tell
+        rank = rank if is_full else _rank(root)
+        freedom[i] = len(z) + before - rank
     return squared, freedom
 
 

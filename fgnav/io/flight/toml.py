@@ -221,10 +221,10 @@ def gps_seconds(path: Path, start: str) -> float:
     if not _START.fullmatch(start):
         raise BadInputError(rule)
     try:
-        whole = np.datetime64(start[:19], "s")
+        second = np.datetime64(start[:19], "s")
     except ValueError as error:
         raise BadInputError(rule) from error
-    seconds = float((whole - GPS_EPOCH) / np.timedelta64(1, "s"))
+    seconds = float((second - GPS_EPOCH) / np.timedelta64(1, "s"))
     if seconds < 0:
         raise BadInputError(f"{path}: key start: must not be before 1980-01-06, got {got}")
     return seconds + float("0" + start[19:])

@@ -36,31 +36,31 @@ _MISSING = {
 def comments(assembled: Assembled) -> dict[str, str]:
     """Return comments by key of flight.toml: meanings, then what only this flight lacks."""
     flight = assembled.flight
-    found = dict(_MEANING)
+    by_key = dict(_MEANING)
     if flight.truth is None:
-        found["truth"] = _MISSING["truth"]
+        by_key["truth"] = _MISSING["truth"]
     if flight.imu is None:
-        found = {key: text for key, text in found.items() if not key.startswith("imu.")}
-        found["imu"] = _MISSING["imu"]
+        by_key = {key: text for key, text in by_key.items() if not key.startswith("imu.")}
+        by_key["imu"] = _MISSING["imu"]
     elif flight.imu.unstated:
-        found["imu.noise"] = "\n".join(
+        by_key["imu.noise"] = "\n".join(
             [
                 "Noise is not stated: it is identified, from these on. State the data sheet's:",
                 *(f"{name} = {IMU[name]}" for name in flight.imu.unstated),
             ]
         )
     if flight.fixes is None:
-        found.pop("fixes")
+        by_key.pop("fixes")
         if not assembled.observations:
-            found["fixes"] = _MISSING["fixes"]
+            by_key["fixes"] = _MISSING["fixes"]
     if assembled.observations:
-        found["gnss.base"] = _MISSING["base"]
+        by_key["gnss.base"] = _MISSING["base"]
         if not (assembled.navigation or assembled.orbits):
-            found["gnss.navigation"] = _MISSING["navigation"]
+            by_key["gnss.navigation"] = _MISSING["navigation"]
     if not flight.antennas:
-        found.pop("antenna")
+        by_key.pop("antenna")
     texts = [*assembled.notes.items()]
     texts += [(key, f"EDIT: {text}") for key, text in assembled.missing.items()]
     for key, text in texts:
-        found[key] = f"{found[key]}\n{text}" if key in found else text
-    return found
+        by_key[key] = f"{by_key[key]}\n{text}" if key in by_key else text
+    return by_key

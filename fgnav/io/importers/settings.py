@@ -44,10 +44,10 @@ class CsvTable(Table, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         """Check columns against those of the flight format, and units."""
         required, groups = COLUMNS[self.table]
-        known = [*required, *(name for group in groups for name in group)]
+        allowed = [*required, *(name for group in groups for name in group)]
         for name in self.columns:
-            if name not in known:
-                near = get_close_matches(name, known, n=1, cutoff=0.0)[0]
+            if name not in allowed:
+                near = get_close_matches(name, allowed, n=1, cutoff=0.0)[0]
                 msg = f"columns: unknown column {quoted(name)}; the nearest known one is {near}"
                 raise ValueError(msg)
         wanted = [*required]

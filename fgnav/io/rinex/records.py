@@ -76,9 +76,9 @@ def to_observations(
 
 def _satellite_tables(names: NDArray[np.str_]) -> tuple[IntArray, NDArray[np.bool_]]:
     """Return, by RTKLIB's number, the letter of the constellation and whether it is in use."""
-    known = {f"{c}{k:02d}" for c, last in KNOWN_SATELLITES.items() for k in range(1, last + 1)}
+    satellites = {f"{c}{k:02d}" for c, last in KNOWN_SATELLITES.items() for k in range(1, last + 1)}
     letters = np.array([ord(name[0]) if name else 0 for name in names.tolist()])
-    return letters, np.array([name in known for name in names.tolist()])
+    return letters, np.array([name in satellites for name in names.tolist()])
 
 
 def _compare_counts(header: Header, scan: Scan, letters: IntArray, sat: IntArray) -> None:
@@ -99,15 +99,15 @@ def _time_shift(header: Header, scan: Scan, records: NDArray[Any], epoch: IntArr
     read = (records["time"]["time"] - UNIX_OF_GPS_S) * TICKS_PER_S
     read += np.round(records["time"]["sec"] * TICKS_PER_S).astype(np.int64)
     shift = read - scan.ticks[epoch]
-    whole = int(shift[0]) if len(shift) else 0
-    leap_seconds = header.time_system == "GLO" and whole % TICKS_PER_S == 0
-    if (shift != whole).any() or not (whole == 0 or leap_seconds):
+    offset = int(shift[0]) if len(shift) else 0
+    leap_seconds = header.time_system == "GLO" and offset % TICKS_PER_S == 0
+    if (shift != offset).any() or not (offset == 0 or leap_seconds):
         raise BadInputError(
             f"{header.path}: RTKLIB decoded other epochs than the file holds; "
             "please report this file"
         )
     # RTKLIB takes BDT epochs for GPS time.
-    return whole + BDT_BEHIND_GPS_S * TICKS_PER_S * (header.time_system == "BDT")
+    return offset + BDT_BEHIND_GPS_S * TICKS_PER_S * (header.time_system == "BDT")
 
 
 def _signals(choice: SignalChoice, names: NDArray[np.str_], letters: IntArray) -> IntArray:

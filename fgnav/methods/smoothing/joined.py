@@ -17,7 +17,7 @@ def among(estimate: Estimate, from_s: float, until_s: float) -> Estimate:
     return replace(estimate, **arrays)
 
 
-def joined_estimates(parts: list[Estimate], epochs: int, asked: int) -> Estimate:
+def joined_estimates(parts: list[Estimate], epochs: int, keyframes: int) -> Estimate:
     """Return estimates of times that follow each other as one, of so many epochs and keyframes.
 
     What is not of epochs is the last one's, who saw all of the flight with the noise known last,
@@ -26,7 +26,7 @@ def joined_estimates(parts: list[Estimate], epochs: int, asked: int) -> Estimate
     last = parts[-1]
     names = [n for n in _by_epoch(last) if all(getattr(e, n) is not None for e in parts)]
     arrays: dict[str, Any] = {n: np.concatenate([getattr(e, n) for e in parts]) for n in names}
-    left_out = asked - len(arrays["t_s"])
+    left_out = keyframes - len(arrays["t_s"])
     losses = tuple(one for one in last.losses if one.reason != ROUGH)
     if left_out:
         losses = (*losses, Loss(what="keyframe", reason=ROUGH, count=left_out))

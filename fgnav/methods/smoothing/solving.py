@@ -150,7 +150,7 @@ def _about_headings(
         return Minimum(solution, chain.log_evidence(conditioned, solution.states))
 
     headings = over_headings(problem, opening, searched)
-    begin, is_observable = headings.ends[0].solution, headings.is_told
+    begin, is_observable = headings.ends[0].solution, headings.is_observable
     likeliest = problem if is_observable else headings.problems[0]
     if solver == "chain":
         solution = chain.solve_batch(likeliest, begin=begin.states)

@@ -43,9 +43,9 @@ def inertial_findings(
     motion = motion_of(flight, imu, quick)
     matrix = _matrix_finding(motion)
     clock = _clock_finding(motion)
-    found = [finding for finding in (matrix, clock) if finding is not None]
-    if found:
-        return [min(found, key=lambda pair: pair[0])[1], *_gyroscope_findings(motion)], []
+    causes = [finding for finding in (matrix, clock) if finding is not None]
+    if causes:
+        return [min(causes, key=lambda pair: pair[0])[1], *_gyroscope_findings(motion)], []
     fine, unchecked = fine_findings(motion)
     return [*fine, *_gyroscope_findings(motion)], unchecked
 

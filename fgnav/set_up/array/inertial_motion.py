@@ -57,7 +57,9 @@ def motion_of(flight: Flight, imu: Imu, quick: Quick) -> Motion:
     apparent = quick.gravity_n_mps2 - 2 * np.cross(
         flight.origin.earth_rate_n_radps[None], quick.v_n_mps
     )
-    known = np.vstack([np.zeros(3), np.cumsum((apparent[1:] + apparent[:-1]) / 2 * step_s, axis=0)])
+    fallen_mps = np.vstack(
+        [np.zeros(3), np.cumsum((apparent[1:] + apparent[:-1]) / 2 * step_s, axis=0)]
+    )
     spacing_s = float(np.median(step_s))
     length_s = max(_WINDOW_S, _WINDOW_EPOCHS * spacing_s)
     gap = np.concatenate([[0], np.cumsum(np.diff(t_s) > 3 * spacing_s)])
@@ -68,7 +70,7 @@ def motion_of(flight: Flight, imu: Imu, quick: Quick) -> Motion:
         imu=imu,
         grid_s=grid_s,
         R_nb=RotationSpline(t_s, Rotation.from_matrix(quick.R_nb))(grid_s).as_matrix(),
-        gained_mps=quick.v_n_mps - known,
+        gained_mps=quick.v_n_mps - fallen_mps,
         turning=quick.R_nb @ skew(rates_b_radps),
         rate_covariance=rate_covariance,
         window=window,

@@ -35,24 +35,24 @@ def sight_findings(flight: Flight, seeker: Seeker, quick: Quick) -> list[Finding
         "landmark": (shift, _FAR_M, _NOTABLE_M),
     }
     square = float(residual @ residual)
-    found: list[tuple[float, str, FloatArray]] = []
+    judged: list[tuple[float, str, FloatArray]] = []
     for name, (A, widest, notable) in causes.items():
         unknown, left = Regression.of(A, residual, widest**-2).fit({})
         if square - left > _SQUARES and np.linalg.norm(unknown) > notable:
-            found.append((left, name, unknown))
-    if not found:
+            judged.append((left, name, unknown))
+    if not judged:
         return []
-    found.sort(key=lambda cause: cause[0])
-    left, name, unknown = found[0]
+    judged.sort(key=lambda cause: cause[0])
+    left, name, unknown = judged[0]
     noise = max(left / len(residual), 1.0)
     evidence = (
         f"the sights then fit {np.sqrt(square / max(left, 1.0)):.1f} times as well over "
         f"{len(residual) // 2} samples"
     )
     text = _turned(unknown) if name == "detector" else _displaced(unknown)
-    if len(found) > 1 and (found[1][0] - left) / noise < _APART:
+    if len(judged) > 1 and (judged[1][0] - left) / noise < _APART:
         text += ", or as well " + (
-            _turned(found[1][2]) if found[1][1] == "detector" else _displaced(found[1][2])
+            _turned(judged[1][2]) if judged[1][1] == "detector" else _displaced(judged[1][2])
         )
     return [Finding(name=f"seeker {name}", text=f"{text}: {evidence}")]
 

@@ -158,8 +158,8 @@ def _clock_finding(clock: Clock, imu: Imu) -> Finding | None:
     runs = abs(clock.rate) > clock.rate_reach and drift_s > half_s
     if not off and not runs:
         return None
-    whole_s = round(clock.late_s)
-    leap = ", the leap seconds of UTC" if abs(whole_s) == _LEAP_S else ""
+    rounded_s = round(clock.late_s)
+    leap = ", the leap seconds of UTC" if abs(rounded_s) == _LEAP_S else ""
     texts = [
         f"its times are {-clock.late_s:+.3f} s off those of the fixes{leap} "
         f"(± {clock.sigma_s:.3f} s)"
@@ -174,7 +174,7 @@ def _clock_finding(clock: Clock, imu: Imu) -> Finding | None:
         text=" and ".join(texts),
         mend=", ".join(mends),
         # Parts of a second are what recorders delay; whole ones are another clock.
-        certain=whole_s != 0,
+        certain=rounded_s != 0,
     )
 
 

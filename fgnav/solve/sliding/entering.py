@@ -117,12 +117,12 @@ class Entering:
         NoSolutionError
             If squares have not digits enough for what has been marginalised.
         """
-        layout, entered, known = self.layout, list(self._keyframes), 0
+        layout, entered, arcs_row = self.layout, list(self._keyframes), 0
         if linear.oldest:
-            known = linear.row_of_arcs
-            marginal = marginal_factor(linear, layout, entered[known].block)
-            entered[known] = entered[known]._replace(begins=None)
-            entered[0] = _Keyframe([marginal], entered[known].block, None)
+            arcs_row = linear.row_of_arcs
+            marginal = marginal_factor(linear, layout, entered[arcs_row].block)
+            entered[arcs_row] = entered[arcs_row]._replace(begins=None)
+            entered[0] = _Keyframe([marginal], entered[arcs_row].block, None)
         self.taken()
         smoother = IncrementalSmoother(layout, linear.oldest)
         insert_constants(self.values, layout, linear.constants)
@@ -132,7 +132,7 @@ class Entering:
             insert_keyframe(self.values, layout, k, linear.states, row)
             if one.block != block:
                 block = one.block
-                self._begin(block, linear.arcs_size(max(row, known)), smoother, k)
+                self._begin(block, linear.arcs_size(max(row, arcs_row)), smoother, k)
             self._add(one)
         return smoother
 

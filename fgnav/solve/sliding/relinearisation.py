@@ -24,7 +24,7 @@ UNKNOWN_RAD = 0.5  # of an attitude: it is wherever it is linearised
 # little was known: in an outage of 15 s it had turned by 86 degrees, and a heading that motion had
 # only begun to tell let roll seem told from the accelerometer's bias. So it waits, so long at most.
 # Off by this much, a heading takes 0.05 m/s, what Doppler errs, from 1 m/s2 held for ten seconds.
-_TOLD_RAD, WAITS_S = 0.1, 30.0
+_DETERMINED_RAD, WAITS_S = 0.1, 30.0
 
 BLOCK_S = 1.0  # that a window is solved with at once, and of what is marginalised
 SLOW_S = 0.5  # attitudes this far apart move too far for one linearisation
@@ -44,7 +44,7 @@ def may_leave(sigma_rad: float, span_s: float) -> bool:
     span_s : float
         Of what is in the window yet.
     """
-    return sigma_rad < _TOLD_RAD or span_s >= WAITS_S
+    return sigma_rad < _DETERMINED_RAD or span_s >= WAITS_S
 
 
 def has_gyroscope(steps: FloatArray) -> bool:

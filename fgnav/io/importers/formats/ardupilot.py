@@ -94,13 +94,13 @@ def _index(path: Path, content: bytes) -> tuple[_Formats, dict[int, list[int]], 
     at, damaged, size = 0, 0, len(content)
     while at + 3 <= size:
         kind = content[at + 2]
-        known = formats.get(kind) if content[at : at + 2] == _HEAD else None
-        if known is None:  # look for the next message; logs may end in a page that was not filled
+        layout = formats.get(kind) if content[at : at + 2] == _HEAD else None
+        if layout is None:  # look for the next message; logs may end in a page that was not filled
             following = content.find(_HEAD, at + 1)
             damaged += following >= 0
             at = following if following >= 0 else size
             continue
-        if at + known[0] > size:
+        if at + layout[0] > size:
             break
         if kind == _FORMAT:
             new, length = content[at + 3], content[at + 4]
@@ -109,7 +109,7 @@ def _index(path: Path, content: bytes) -> tuple[_Formats, dict[int, list[int]], 
             formats[new] = (max(length, 3), name, letters, fields)
             places.setdefault(new, [])
         places[kind].append(at)
-        at += known[0]
+        at += layout[0]
         if len(places[kind]) % 50_000 == 0:
             report(at / size)
     if not places[_FORMAT]:
@@ -165,9 +165,9 @@ def _fixes(gps: dict[str, FloatArray], accuracy: dict[str, FloatArray]) -> Sampl
     fixes = {"t_s": at * _US}
     fixes |= vectors(col.VELOCITY, np.stack([north_mps, east_mps, gps["VZ"]], axis=1))
     if accuracy:
-        known = {n: np.interp(at, accuracy["TimeUS"], x) for n, x in accuracy.items()}
-        height_m = height_m + known.get("Und", 0.0)
-        sigma_m = np.stack([known["HAcc"], known["HAcc"], known["VAcc"]], axis=1)
+        at_fixes = {n: np.interp(at, accuracy["TimeUS"], x) for n, x in accuracy.items()}
+        height_m = height_m + at_fixes.get("Und", 0.0)
+        sigma_m = np.stack([at_fixes["HAcc"], at_fixes["HAcc"], at_fixes["VAcc"]], axis=1)
         fixes |= vectors(col.POSITION_SIGMA, sigma_m)
-        fixes |= vectors(col.VELOCITY_SIGMA, np.repeat(known["SAcc"][:, None], 3, axis=1))
+        fixes |= vectors(col.VELOCITY_SIGMA, np.repeat(at_fixes["SAcc"][:, None], 3, axis=1))
     return fixes | vectors(col.PLACE, np.stack([gps["Lat"], gps["Lng"], height_m], axis=1))

@@ -121,8 +121,8 @@ def _row(kind: str, at_ns: int, message: Any) -> list[float]:  # noqa: ANN401  #
     if kind == "magnetometer":
         field = message.magnetic_field
         return [t_s, field.x, field.y, field.z]
-    known = message.position_covariance_type != _UNKNOWN_COVARIANCE
-    variance = message.position_covariance if known else np.full(9, np.nan)
+    is_stated = message.position_covariance_type != _UNKNOWN_COVARIANCE
+    variance = message.position_covariance if is_stated else np.full(9, np.nan)
     place = [message.latitude, message.longitude, message.altitude]
     return [t_s, message.status.status, *place, *variance[_DIAGONAL_NED].tolist()]
 
@@ -139,5 +139,5 @@ def _table(kind: str, x: FloatArray, first_s: float) -> Samples:
     if kind == "magnetometer":
         return table | vectors(col.FIELD, x[:, 1:] * _FLU_TO_FRD * _UT_PER_T)
     table |= vectors(col.PLACE, x[:, 2:5])
-    known = np.isfinite(x[:, 5:]).all() and (x[:, 5:] > 0).all()
-    return table | vectors(col.POSITION_SIGMA, np.sqrt(x[:, 5:])) if known else table
+    is_stated = np.isfinite(x[:, 5:]).all() and (x[:, 5:] > 0).all()
+    return table | vectors(col.POSITION_SIGMA, np.sqrt(x[:, 5:])) if is_stated else table
