@@ -297,23 +297,28 @@ def _next(
 
 
 class _Measured(NamedTuple):
-    """Channels of epochs of one block, clock after clock."""
+    """Channels of epochs of blocks alike, clock after clock."""
 
-    t_s: float  # of the block
+    live: _Live  # one of the blocks
     coded: IntArray  # with code alone
     order: IntArray  # of those with phase, then these
     channels: Channels
 
+    def is_of(self, live: _Live, coded: IntArray) -> bool:
+        """Return whether channels of another block are the same."""
+        same = (self.live.channel, live.channel), (self.live.satellite, live.satellite)
+        return all(np.array_equal(*pair) for pair in (*same, (self.coded, coded)))
+
 
 def _measured(of: _Arcs, live: _Live, coded: IntArray, before: _Measured | None) -> _Measured:
     """Return the channels of an epoch: those before where they are the same."""
-    if before is not None and before.t_s == live.t_s and np.array_equal(coded, before.coded):
+    if before is not None and before.is_of(live, coded):
         return before
     phased = live.channel
     order, clock = by_clock(of.of.group[phased], of.of.group[coded])
     ambiguity = np.append(np.arange(len(phased)), np.full(len(coded), -1))[order]
     satellite = _places(of, live, np.append(phased, coded)[order])
-    return _Measured(live.t_s, coded, order, Channels(clock, ambiguity, satellite, *live.sizes))
+    return _Measured(live, coded, order, Channels(clock, ambiguity, satellite, *live.sizes))
 
 
 def _epoch(of: _Arcs, live: _Live, i: int, measured: _Measured, age_s: float) -> Epoch:
