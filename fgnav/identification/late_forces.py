@@ -2,57 +2,71 @@
 
 A low pass of the accelerometer alone delays forces, which no clock of the whole unit and no delay
 of velocities stands for: their sum shows as a delay, and the forces point where the body pointed
-before. The delay is the likeliest of a parabola through the flight with forces as they are, early
-by what clock and velocities say, and by twice that.
+before. The delay is tested as one more constant of the chain on which noise is identified. It is
+taken for true where the flight with forces so early is likelier than as recorded and than with
+tags of the whole unit moved.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.graph.inertial.preintegrated import Inertial
+from fgnav.graph.types.constants import flight_constant
+from fgnav.graph.types.motion import LinearisedMotion
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import States
 from fgnav.identification.tested_constants import SIGMAS
 from fgnav.identification.time_tags import AtTags, TagSearch
 from fgnav.types.flight import Flight
+
+FORCE_DELAY = "force delay"
+# 1-sigma, s: low passes of small units delay by up to 19 ms (InvenSense MPU-6000, register map 4.2,
+# DLPF_CFG).
+_DELAY_S = 0.02
+_STEPS = 3  # at most: noise that stood for the delay is another after the first
+_ITERATIONS = 10
 
 
 def with_late_forces(search: TagSearch, at_tags: AtTags) -> tuple[TagSearch, AtTags, float]:
     """Return a search with forces in time, what the flight says then, and by what they are late.
 
-    As they were, and 0, where the tags are in no doubt, or no delay is likelier than what was found
-    of them.
+    As they were, and 0, where the chain tells no delay if all else is in time, or none is likelier
+    than what was found of the tags.
     """
-    doubted, imu = at_tags.doubted, search.flight.imu
-    if doubted is None or imu is None or imu.w_b_radps is None:
-        return search, at_tags, 0.0
-    value, tags = doubted.identified.times.value, (doubted.moved, at_tags.moved)
-
-    def likelihood(late_s: float) -> float:
-        early = _early(search, late_s)
-        return early.without_clock(doubted.moved, tags, delay=False).likelihood
-
-    step_s = -float(value[0] + np.nan_to_num(value[2]))
-    first, second, third = (likelihood(k * step_s) for k in range(3))
-    curvature = first - 2 * second + third
-    if not curvature < 0.0:  # neither NaN, without solutions
-        return search, at_tags, 0.0
-    late_s = step_s * (1.0 + float(np.clip((first - third) / (2 * curvature), -1.0, 1.0)))
-    least = max(first, *(search.without_clock(by, tags).likelihood for by in tags))
-    if not doubted.identified.times.are_one_or_the_other:  # else something of time is off
+    first, unchanged = at_tags.doubted or at_tags, (search, at_tags, 0.0)
+    late_s = _late_s(search, first, SIGMAS)
+    if not late_s > 0.0:  # a filter delays
+        return unchanged
+    early, tags, rest_s = _early(search, late_s), (first.moved, at_tags.moved), late_s
+    least = max(search.without_clock(by, tags).likelihood for by in tags)
+    if not first.identified.times.are_one_or_the_other:  # else something of time is off
         least += SIGMAS**2 / 2
-    if likelihood(late_s) <= least:
-        return search, at_tags, 0.0
-    early = _early(search, late_s)
-    again = early.identified(doubted.moved)
-    return (search, at_tags, 0.0) if again is None else (early, again, late_s)
+    if early.without_clock(first.moved, tags, delay=False).likelihood <= least:
+        return unchanged
+    in_time: AtTags | None = None
+    for _ in range(_STEPS):
+        in_time = early.identified(first.moved)
+        rest_s = 0.0 if in_time is None else _late_s(early, in_time, 1.0)
+        if rest_s == 0.0:
+            break
+        late_s += rest_s
+        early = _early(search, late_s)
+    return unchanged if in_time is None or rest_s else (early, in_time, late_s)
 
 
 def with_forces_early(flight: Flight, by_s: float) -> Flight:
-    """Return a flight whose forces are those that its unit recorded later."""
+    """Return a flight whose forces are those ahead of a first-order low pass of so much delay.
+
+    Of its samples x that follow ``x_k = x_k-1 + (u_k - x_k-1) / (1 + d / T)``, T apart, u is
+    ``x_k + d (x_k - x_k-1) / T``: to first order the forces a time d later, whatever delays them.
+    """
     imu = flight.imu
     if imu is None or by_s == 0.0:
         return flight
-    columns = [np.interp(imu.t_s + by_s, imu.t_s, axis) for axis in imu.f_b_mps2.T]
-    return replace(flight, imu=replace(imu, f_b_mps2=np.stack(columns, axis=1)))
+    slope = np.diff(imu.f_b_mps2, axis=0, prepend=imu.f_b_mps2[:1]) / np.median(np.diff(imu.t_s))
+    return replace(flight, imu=replace(imu, f_b_mps2=imu.f_b_mps2 + by_s * slope))
 
 
 def sentences(late_s: float) -> tuple[str, ...]:
@@ -63,6 +77,75 @@ def sentences(late_s: float) -> tuple[str, ...]:
         f"The accelerometer is {late_s:.3f} s late against the gyroscope, as of a low pass: its "
         "forces are taken as early as that.",
     )
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class LateForces(Inertial):
+    """The motion of forces that are to be taken earlier by a constant of the flight.
+
+    The chain reads it, GTSAM does not.
+
+    Attributes
+    ----------
+    column : int
+        Of the delay, s.
+    by_delay : ndarray, shape (n - 1, 15)
+        Derivative of the whitened residuals, which does not depend on the states.
+    """
+
+    column: int
+    by_delay: FloatArray
+
+    @classmethod
+    def of(cls, motion: Inertial, column: int, start: States) -> "LateForces":
+        """Return a motion; the derivative is a difference of forces one sample apart."""
+        imu, intervals = motion.imu, np.arange(len(motion.t_s) - 1)
+        step_s = float(np.median(np.diff(imu.t_s)))
+        forces = np.vstack([imu.f_b_mps2[1:], imu.f_b_mps2[-1:]])
+        early = replace(motion, imu=replace(imu, f_b_mps2=forces))
+        before = start.at(slice(0, -1))
+        after = motion.predict(before, intervals)
+        by_delay = early.linearise(before, after, intervals).value / step_s
+        given = {one.name: getattr(motion, one.name) for one in fields(motion) if one.init}
+        return cls(**given, column=column, by_delay=by_delay)
+
+    def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
+        """Return whitened residuals of some intervals, (j,), between states, j of each."""
+        made = Inertial.linearise(self, before, after, intervals)
+        slope = self.by_delay[intervals]
+        made.shared[:, :, self.column] = slope
+        return made._replace(value=made.value + slope * before.constants[self.column])
+
+
+def _late_s(search: TagSearch, at_tags: AtTags, sigmas: float) -> float:
+    """Return by how much forces are late at the noise identified, all else in time.
+
+    0 without a gyroscope or a chain, or if it is less than so many sigmas.
+    """
+    imu, identified = search.flight.imu, at_tags.identified
+    if imu is None or imu.w_b_radps is None:
+        return 0.0
+    constant = flight_constant(FORCE_DELAY, ("delay",), "s", _DELAY_S, reported=False)
+    factor = np.where(identified.used, identified.factor, 1.0)
+    try:
+        small = search.on_time(at_tags.moved, (constant,))
+        problem = with_delay(small.problem)
+        flight = small._replace(problem=problem)
+        _, states, score = flight.descended(problem.start, np.log(factor), _ITERATIONS)
+    except NoSolutionError:
+        return 0.0
+    column = problem.constants.column(FORCE_DELAY)
+    late_s = states.constants[column] + score.constant_steps[column]
+    sigma_s = np.sqrt(score.constant_covariance[column, column])
+    return float(late_s) if abs(late_s) > sigmas * sigma_s else 0.0
+
+
+def with_delay(problem: SmoothingProblem) -> SmoothingProblem:
+    """Return a problem whose motion, with a gyroscope, depends on the constant ``FORCE_DELAY``."""
+    motion, column = problem.motion, problem.constants.column(FORCE_DELAY)
+    if not isinstance(motion, Inertial):
+        raise NoSolutionError(f"{FORCE_DELAY}: the flight has no gyroscope")
+    return replace(problem, motion=LateForces.of(motion, column, problem.start))
 
 
 def _early(search: TagSearch, by_s: float) -> TagSearch:

@@ -16,6 +16,7 @@ from fgnav.identification.array.turn import tested_turn
 from fgnav.identification.likelihood.beside_phases import profile_likelihood
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.identify import as_stated, identify
+from fgnav.identification.noise.thinned_flight import ThinnedFlight
 from fgnav.identification.tested_constants import SIGMAS
 from fgnav.identification.track.candidates import clock_candidates, over_common_span
 from fgnav.identification.track.tags import is_far, middle_of_tags_s, with_tags_moved
@@ -115,6 +116,22 @@ class TagSearch(NamedTuple):
             return stepped._replace(doubted=doubted)
         late = before.identified if either else None
         return unmoved if late is None else unmoved._replace(identified=late)
+
+    def on_time(self, moved: FloatArray, extra: tuple[FlightConstant, ...]) -> ThinnedFlight:
+        """Return the flight's thinned chain with clock and velocities in time at tags so moved.
+
+        ``extra``: constants beside lever arm and turn.
+
+        Raises
+        ------
+        NoSolutionError
+            If the flight has no problem at these tags.
+        """
+        at = self._with_tags(moved)
+        prepared = self.build(at, self.settings)
+        constants = self._tested_constants(clock=False, delay=False)
+        tested = (*constants, *tested_turn(prepared.problem, UNIT_TURN), *extra)
+        return ThinnedFlight.of(at, prepared.problem, prepared.timed, tested)
 
     def _with_tags(self, moved: FloatArray) -> Flight:
         return with_tags_moved(self.flight, moved, middle_of_tags_s(self.flight))

@@ -16,10 +16,13 @@ from fgnav.gnss.wind_up import wind_up_cycles
 from fgnav.graph.factors.antenna_phase import ArcBlock, PhaseRows
 from fgnav.graph.types.on_demand import OnDemand
 
+# Errors of satellites stand still within a block. Of blocks of 1, .5 and .2 s velocities, known by
+# phases of the last half second, had squared errors of 3.8, 3.0 and 2.7 of 3 (docs/model.md).
+_BLOCK_S = 0.5
 # Code determines ambiguities once in so long: receivers smooth it over about a second (Kaplan,
 # Hegarty, Understanding GPS, 2nd edition, section 5.6: loop bandwidths of code), and echoes last
 # longer.
-_BLOCK_S = 1.0
+_CODE_S = 1.0
 _ROUNDING_S = 1e-6
 _STILL_M_PER_SQRT_S = 1e-4  # of ambiguities, which do not move: whitening needs some noise
 _STILL_MPS_PER_SQRT_S = 1e-6
@@ -71,6 +74,7 @@ class _Live(NamedTuple):
     arc: IntArray  # (c,)
     satellite: IntArray  # (s,)
     seen_s: FloatArray  # (s,), when they last had phase
+    coded_s: float  # block that codes last entered with
 
     @property
     def sizes(self) -> tuple[int, int]:
@@ -284,29 +288,37 @@ def _next(
         seen = dict(zip(before.satellite.tolist(), before.seen_s.tolist(), strict=True))
     seen.update(dict.fromkeys(of.satellite[np.append(channel, coded)].tolist(), t_s))
     satellite = np.array(sorted(s for s, when in seen.items() if t_s - when <= _REMEMBERED_S))
-    return _Live(
-        t_s, channel, of.arc[i, channel], satellite, np.array([seen[s] for s in satellite.tolist()])
-    )
+    arc, seen_s = of.arc[i, channel], np.array([seen[s] for s in satellite.tolist()])
+    coded_s = t_s
+    if before is not None and np.array_equal(arc, before.arc):
+        is_due = t_s - before.coded_s > _CODE_S - _ROUNDING_S
+        coded_s = t_s if is_due else before.coded_s
+    return _Live(t_s, channel, arc, satellite, seen_s, coded_s)
 
 
 class _Measured(NamedTuple):
-    """Channels of epochs of one block, clock after clock."""
+    """Channels of epochs of blocks alike, clock after clock."""
 
-    t_s: float  # of the block
+    live: _Live  # one of the blocks
     coded: IntArray  # with code alone
     order: IntArray  # of those with phase, then these
     channels: Channels
 
+    def is_of(self, live: _Live, coded: IntArray) -> bool:
+        """Return whether channels of another block are the same."""
+        same = (self.live.channel, live.channel), (self.live.satellite, live.satellite)
+        return all(np.array_equal(*pair) for pair in (*same, (self.coded, coded)))
+
 
 def _measured(of: _Arcs, live: _Live, coded: IntArray, before: _Measured | None) -> _Measured:
     """Return the channels of an epoch: those before where they are the same."""
-    if before is not None and before.t_s == live.t_s and np.array_equal(coded, before.coded):
+    if before is not None and before.is_of(live, coded):
         return before
     phased = live.channel
     order, clock = by_clock(of.of.group[phased], of.of.group[coded])
     ambiguity = np.append(np.arange(len(phased)), np.full(len(coded), -1))[order]
     satellite = _places(of, live, np.append(phased, coded)[order])
-    return _Measured(live.t_s, coded, order, Channels(clock, ambiguity, satellite, *live.sizes))
+    return _Measured(live, coded, order, Channels(clock, ambiguity, satellite, *live.sizes))
 
 
 def _epoch(of: _Arcs, live: _Live, i: int, measured: _Measured, age_s: float) -> Epoch:
@@ -364,7 +376,8 @@ def _transition(of: _Arcs, blocks: tuple[_Live | None, _Live], i: int, row: int)
 
 def _codes(of: _Arcs, live: _Live, i: int) -> Epoch:
     """Return phase less code of the channels that have both, about no place."""
-    coded = np.flatnonzero(np.isfinite(of.code_apart_m[i, live.channel]))
+    is_due = live.coded_s == live.t_s
+    coded = np.flatnonzero(np.isfinite(of.code_apart_m[i, live.channel]) & is_due)
     order, clock = by_clock(of.of.group[live.channel[coded]])
     ambiguity = coded[order]
     channel, seen = live.channel[ambiguity], np.zeros((len(order), 4))

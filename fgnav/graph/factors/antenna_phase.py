@@ -11,7 +11,7 @@ clocks are gone without loss:
 
     G (p + R (a + l)) + H A - z,    A = (n_1, n_2, ..., d_1, d_2, ..., r_1, r_2, ...)
 
-One vector variable A for the arcs of a second, or until one begins or ends. From one to the next:
+One vector variable A for the arcs of half a second, or until one begins or ends. To the next:
 
     n' = n,  d' = d + r (t_A' - t_A) + walk,  r' = r,  phase_i - code_i = n'_i + clock_g + noise
 

@@ -25,14 +25,15 @@ FORWARD = Forward(noise="stated")
 
 
 @cache
-def sky(span_s, **of):
-    """Return a flight near a base, of one frequency, at 2 Hz."""
-    return flown.__wrapped__(span_s=span_s, signals={"G": ("1C",), "E": ("1C",)}, rate_hz=2.0, **of)
+def sky(span_s, rate_hz=2.0, **of):
+    """Return a flight near a base, of one frequency."""
+    signals = {"G": ("1C",), "E": ("1C",)}
+    return flown.__wrapped__(span_s=span_s, signals=signals, rate_hz=rate_hz, **of)
 
 
 @pytest.fixture
 def one_wrong(monkeypatch):
-    """Integers that the first second fixes are off by a cycle in one arc."""
+    """Integers that the first block fixes are off by a cycle in one arc."""
     searched = base_integers._searched
 
     def off(j, names, state):
@@ -126,7 +127,7 @@ def test_odds_are_those_of_all_integers():
 
 @pytest.mark.usefixtures("one_wrong")
 def test_forward_does_not_look_ahead_of_integers_taken_back():
-    flight = sky(6.0, gyroscope=True)
+    flight = sky(4.0, rate_hz=5.0, gyroscope=True)
     whole = FORWARD(flight)
     assert {one.by for one in whole.arcs} == {"base"}
     back_s = next(one.until_s for one in whole.rejections if "taken back" in one.reason)

@@ -64,10 +64,12 @@ def test_rows_are_white_at_the_truth(which):
     assert chdtri(freedom, 1 - 1e-3) * 0.95 < squares < chdtri(freedom, 1e-3) * 1.05
 
 
-def test_a_block_lasts_a_second_or_until_arcs_change():
+def test_a_block_lasts_half_a_second_and_has_code_once_a_second():
     flight = flown(base=None, span_s=8.0)
     phase, _, _ = of_flight(flight)
-    assert [one.begin_row for one in phase.blocks] == list(range(0, 80, 10))
+    assert [one.begin_row for one in phase.blocks] == list(range(0, 80, 5))
+    coded = [len(one.right) > one.size for one in phase.blocks]
+    assert coded == [True, False] * 8
 
 
 def test_rows_and_blocks_weigh_little_until_they_are_taken():
