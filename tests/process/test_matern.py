@@ -1,3 +1,5 @@
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -60,15 +62,17 @@ def by_quadrature(T_s, own):
         c0, c1, c2 = k * pair, pair + 2 * z * k, 2 * z + k
         q = 2 * c0 * (c1 * c2 - c0) / c2
 
+        @cache
+        def modes(s):
+            return [mpmath.exp(p * s) for p in roots]
+
+        @cache  # each of ten integrals asks at the same points
         def response(i, s):
+            of_modes = list(zip(shares, roots, modes(s), strict=True))
             if i == 0:
-                terms = [
-                    a * (mpmath.exp(p * s) - 1) / p for a, p in zip(shares, roots, strict=True)
-                ]
+                terms = [a * (mode - 1) / p for a, p, mode in of_modes]
             else:
-                terms = [
-                    a * p ** (i - 1) * mpmath.exp(p * s) for a, p in zip(shares, roots, strict=True)
-                ]
+                terms = [a * p ** (i - 1) * mode for a, p, mode in of_modes]
             return mpmath.re(mpmath.fsum(terms)) * mpmath.mpf(DERIVATIVE_SCALE_S) ** max(i - 1, 0)
 
         end = mpmath.mpf(T_s)
