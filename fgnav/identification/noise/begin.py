@@ -36,7 +36,7 @@ def begins(
 
 
 def at_start(small: SmoothingProblem) -> dict[str, float]:
-    """Return factors on the noise of instruments that the start of the search shows, 1 or more.
+    """Return factors on the noise of instruments that the start of the search shows, above 1.
 
     Linearised about what a sensor many sigmas off draws the states to, a chain has no minimum.
     """
@@ -45,8 +45,8 @@ def at_start(small: SmoothingProblem) -> dict[str, float]:
         if one.name in INSTRUMENTS:
             value, *_ = one.linearise(small.start.at(one.row), np.arange(len(one.row)))
             squares = (value**2).sum(axis=1) / one.freedom
-            factors[one.name] = max(1.0, float(np.sqrt(np.median(squares))))
-    return factors
+            factors[one.name] = float(np.sqrt(np.median(squares)))
+    return {name: factor for name, factor in factors.items() if factor > 1.0}
 
 
 def widened(small: SmoothingProblem, factors: dict[str, float], louder: float) -> SmoothingProblem:

@@ -57,11 +57,16 @@ class _Chain:
         self._by_rows = False
 
     def solved(
-        self, states: States, damping: float = 0.0, arcs: Sequence[FloatArray] = ()
+        self,
+        states: States,
+        damping: float = 0.0,
+        arcs: Sequence[FloatArray] = (),
+        most: float = np.inf,
     ) -> _Linear:
         """Return the linear problem at states and arcs, solved.
 
-        With damping, 1/rad2, on every rotation.
+        With damping, 1/rad2, on every rotation. Where the cost is more than ``most`` that alone is
+        returned, or as much of it as exceeds that: squares only add to it.
 
         Raises
         ------
@@ -69,7 +74,9 @@ class _Chain:
             Naming the state that the data leave open, and when.
         """
         self.border.at = list(arcs)
-        cost, information = self._eliminated(states, damping)
+        cost, information = self._eliminated(states, damping, most)
+        if cost > most:
+            return _Linear(cost, cost, *(np.empty(0),) * 3, ())
         end = np.empty(len(information) - 1)
         covariance = np.empty((len(end), len(end)))
         least = back_kernel.newest(information, covariance, end)
@@ -77,7 +84,7 @@ class _Chain:
             if self._by_rows:
                 raise self._open(information, -1)
             self._by_rows = True  # for good: squares have not digits enough
-            return self.solved(states, damping, arcs)
+            return self.solved(states, damping, arcs, most)
         steps = np.empty((len(self.root), states.width))
         self.border.substitute(self.gain, end, steps)
         moved = self.border.moved()
@@ -87,8 +94,11 @@ class _Chain:
         problem = self._problem
         return weakest_state(information, problem.width, problem.constants, float(problem.t_s[k]))
 
-    def _eliminated(self, states: States, damping: float) -> tuple[float, FloatArray]:
-        """Fill factors and gains; return the cost, and the information at the last keyframe."""
+    def _eliminated(self, states: States, damping: float, most: float) -> tuple[float, FloatArray]:
+        """Fill factors and gains; return the cost, and the information at the last keyframe.
+
+        Until the cost exceeds ``most``.
+        """
         links, forward, n = self._links, self._forward, len(self.root)
         turns = np.arange(n)[ROTATION]
         first = np.zeros(1, np.int64)
@@ -107,6 +117,8 @@ class _Chain:
             linearise(self._problem, begin + into, at, before, links, into, arcs)
             motion, node = links.motion[: count + 1], links.node[: count + 1]
             cost += Links(motion[1:], node[1:]).cost()
+            if cost > most:
+                break
             node[1:, turns, turns] += damping
             parts = (motion, node, forward[: count + 1], self.root[begin:], self.gain[begin:])
             failed = self.border.eliminate(parts, 0, by_rows=self._by_rows, offset=begin)
@@ -158,7 +170,7 @@ def solve_batch(
             return _solution(chain, states, linear, iterations, converged=True)
         trial = states.moved(linear.steps, linear.end[D : D + len(states.constants)])
         lower = damping / 10 if damping > _DAMPING else 0.0
-        tried = chain.solved(trial, lower, linear.arcs)
+        tried = chain.solved(trial, lower, linear.arcs, most=linear.cost)
         iterations += 1
         if tried.cost <= linear.cost:
             arcs = linear.arcs
