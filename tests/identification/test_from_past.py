@@ -54,13 +54,21 @@ def test_a_filter_is_as_sure_as_the_noise_that_its_past_shows(loud, filtered):
     assert any("identified anew from the past" in note for note in found.notes)
 
 
+@pytest.fixture(scope="module")
+def cut(loud):
+    """The same car up to a time, and its problem, which nothing later has part in either."""
+    flight = truncated(loud, CUT_S)
+    return flight, Forward().prepare(flight)
+
+
 @pytest.mark.parametrize("rate_hz", [None, 5.0])
-def test_nothing_that_comes_later_takes_part(loud, filtered, rate_hz):
-    cut = truncated(loud, CUT_S)
+def test_nothing_that_comes_later_takes_part(loud, prepared, filtered, cut, rate_hz, monkeypatch):
     if rate_hz is None:
-        whole, part = filtered, Forward()(cut)
+        whole, part = filtered, Forward().estimate_prepared(*cut)
     else:
-        whole, part = (Forward().at(one, rate_hz=rate_hz) for one in (loud, cut))
+        problems = {loud: prepared, cut[0]: cut[1]}
+        monkeypatch.setattr(Forward, "prepare", lambda _, flight: problems[flight])
+        whole, part = (Forward().at(one, rate_hz=rate_hz) for one in (loud, cut[0]))
     n = int((part.t_s <= part.t_s[-1]).sum())
     assert part.t_s[-1] > CUT_S - 1.2
     for name in ("t_s", "R_nb", "p_n_m", "v_n_mps", "attitude_covariance_rad2"):
