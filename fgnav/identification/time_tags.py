@@ -12,14 +12,17 @@ from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.turned import UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
-from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.array.turn import tested_turn
 from fgnav.identification.likelihood.beside_phases import profile_likelihood
-from fgnav.identification.likelihood.record_clock import RecordClock, record_clock
+from fgnav.identification.likelihood.record_clock import (
+    RecordClock,
+    clock_off,
+    record_clock,
+)
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.identify import as_stated, identify
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
-from fgnav.identification.tested_constants import SIGMAS, SQUARES_OF_TWO
+from fgnav.identification.tested_constants import SIGMAS
 from fgnav.identification.track.candidates import clock_candidates, over_common_span
 from fgnav.identification.track.tags import is_far, middle_of_tags_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
@@ -98,7 +101,9 @@ class TagSearch(NamedTuple):
             return None
         extra = (*self._tested_constants(), *tested_turn(prepared.problem, turn))
         identified = identify(at_first, prepared.problem, prepared.timed, extra)
-        clock = self._clock_off(prepared.problem, moved)
+        clock = None
+        if prepared.problem.phase is not None:
+            clock = clock_off(prepared.problem, middle_of_tags_s(self.flight), moved)
         if clock is not None:  # phases tell it best
             identified = identified.with_clock(clock.value, clock.sigma)
         elif not is_far(self.flight, identified.times):
@@ -177,13 +182,6 @@ class TagSearch(NamedTuple):
                 raise NoSolutionError("clock: its steps do not end")
             before = remaining
         return AtTags(self._judged(moved, extra, identify) if is_stated else identified, moved)
-
-    def _clock_off(self, problem: SmoothingProblem, moved: FloatArray) -> RecordClock | None:
-        """Return by what a whole problem with phases has the clock off; None where it is not."""
-        if problem.phase is None:
-            return None
-        clock = record_clock(problem, middle_of_tags_s(self.flight), moved)
-        return clock if clock is not None and clock.squares > SQUARES_OF_TWO else None
 
     def _stepped_by(
         self, moved: FloatArray, clock: RecordClock, extra: tuple[FlightConstant, ...]

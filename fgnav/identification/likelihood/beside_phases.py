@@ -120,8 +120,13 @@ def _scored(problem: SmoothingProblem, begin: States | None = None) -> _Scored |
     own = [i for i, name in enumerate(parts.names) if name in WHITE]
     theta = np.log(squares[own].clip(1e-6) / redundancy[own].clip(1e-6)) / 2
     sigma = 1 / np.sqrt(((np.diag(4 * information) + 2 * redundancy) / 2)[own].clip(1e-6))
-    misfits = solution.cost > chdtri(_rows(problem), FALSE_ALARM)
-    return _Scored(tuple(parts.names[i] for i in own), theta, sigma, solution.states, bool(misfits))
+    misfits = is_misfit(problem, solution.cost)
+    return _Scored(tuple(parts.names[i] for i in own), theta, sigma, solution.states, misfits)
+
+
+def is_misfit(problem: SmoothingProblem, cost: float) -> bool:
+    """Return whether what is left at the minimum of a whole problem is beyond chance."""
+    return bool(cost > chdtri(_rows(problem), FALSE_ALARM))
 
 
 def _rows(problem: SmoothingProblem) -> int:
