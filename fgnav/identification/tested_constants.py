@@ -21,7 +21,7 @@ from fgnav.identification.likelihood.thinned import Some
 
 SIGMAS = 4.0  # of a normal variable, two-sided: 6e-5
 _ASKED_SIGMAS = 3.0  # 3e-3: so many right flights are asked in vain
-_SQUARES, _SQUARES_OF_TWO = 22.1, 19.3  # chi-square of three of them, of two, as rare
+_SQUARES, SQUARES_OF_TWO = 22.1, 19.3  # chi-square of three of them, of two, as rare
 _TOGETHER = [0, 2]  # offset and delay
 LEVER_ARM, TURNS = ("lever-arm",), (ARRAY_TURN, UNIT_TURN)
 
@@ -70,7 +70,7 @@ class Times:
     def are_one_or_the_other(self) -> bool:
         """Whether the clock or velocities are late, and nothing tells which."""
         either = np.abs(self.value[_TOGETHER]) > SIGMAS * self.sigma[_TOGETHER]
-        return bool(self.squares > _SQUARES_OF_TWO and not either.any())
+        return bool(self.squares > SQUARES_OF_TWO and not either.any())
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

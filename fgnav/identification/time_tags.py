@@ -14,6 +14,11 @@ from fgnav.graph.turned import UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.identification.array.turn import tested_turn
 from fgnav.identification.likelihood.beside_phases import profile_likelihood
+from fgnav.identification.likelihood.record_clock import (
+    RecordClock,
+    clock_off,
+    record_clock,
+)
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.identify import as_stated, identify
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
@@ -96,12 +101,20 @@ class TagSearch(NamedTuple):
             return None
         extra = (*self._tested_constants(), *tested_turn(prepared.problem, turn))
         identified = identify(at_first, prepared.problem, prepared.timed, extra)
-        if not is_far(self.flight, identified.times):
+        clock = None
+        if prepared.problem.phase is not None:
+            clock = clock_off(prepared.problem, middle_of_tags_s(self.flight), moved)
+        if clock is not None:  # phases tell it best
+            identified = identified.with_clock(clock.value, clock.sigma)
+        elif not is_far(self.flight, identified.times):
             return AtTags(identified, moved)
         doubted = AtTags(identified, moved)
         unmoved = AtTags(identified.on_time(), moved, doubted)
         try:
-            stepped = self._stepped(doubted, extra)
+            if clock is None:
+                stepped = self._stepped(doubted, extra)
+            else:
+                stepped = self._stepped_by(moved, clock, extra)
         except NoSolutionError:
             return unmoved
         if self.flight.observations is not None:  # nothing is left to estimate
@@ -169,6 +182,29 @@ class TagSearch(NamedTuple):
                 raise NoSolutionError("clock: its steps do not end")
             before = remaining
         return AtTags(self._judged(moved, extra, identify) if is_stated else identified, moved)
+
+    def _stepped_by(
+        self, moved: FloatArray, clock: RecordClock, extra: tuple[FlightConstant, ...]
+    ) -> AtTags:
+        """Return what the flight says at tags moved by steps of the whole problem.
+
+        Raises
+        ------
+        NoSolutionError
+            If a step leaves no problem that has a minimum, or the steps do not end.
+        """
+        for _ in range(_CLOCK_STEPS):
+            moved = moved + clock.value
+            problem = self.build(self._with_tags(moved), self.settings).problem
+            again = record_clock(problem, middle_of_tags_s(self.flight), moved)
+            if again is None:
+                break
+            clock = again
+            if clock.squares <= 1.0:
+                moved = moved + clock.value
+                identified = self._judged(moved, extra, identify)
+                return AtTags(identified.with_clock(np.zeros(2), clock.sigma), moved)
+        raise NoSolutionError("clock: its steps do not end")
 
     def _judged(
         self,

@@ -79,9 +79,13 @@ def profile_likelihood(problem: SmoothingProblem) -> float:
         cost = solve_batch(problem).cost
     except NoSolutionError:
         return -np.inf
-    rows = _rows(problem)
-    factor = max(cost / rows, 1.0)
-    return -(cost / factor + rows * float(np.log(factor))) / 2
+    factor = variance_factor(problem, cost)
+    return -(cost / factor + _rows(problem) * float(np.log(factor))) / 2
+
+
+def variance_factor(problem: SmoothingProblem, cost: float) -> float:
+    """Return the likeliest factor on all variances of a problem at its minimum, 1 or more."""
+    return max(cost / _rows(problem), 1.0)
 
 
 def _factors(names: tuple[str, ...], theta: FloatArray) -> dict[str, float]:
@@ -116,8 +120,13 @@ def _scored(problem: SmoothingProblem, begin: States | None = None) -> _Scored |
     own = [i for i, name in enumerate(parts.names) if name in WHITE]
     theta = np.log(squares[own].clip(1e-6) / redundancy[own].clip(1e-6)) / 2
     sigma = 1 / np.sqrt(((np.diag(4 * information) + 2 * redundancy) / 2)[own].clip(1e-6))
-    misfits = solution.cost > chdtri(_rows(problem), FALSE_ALARM)
-    return _Scored(tuple(parts.names[i] for i in own), theta, sigma, solution.states, bool(misfits))
+    misfits = is_misfit(problem, solution.cost)
+    return _Scored(tuple(parts.names[i] for i in own), theta, sigma, solution.states, misfits)
+
+
+def is_misfit(problem: SmoothingProblem, cost: float) -> bool:
+    """Return whether what is left at the minimum of a whole problem is beyond chance."""
+    return bool(cost > chdtri(_rows(problem), FALSE_ALARM))
 
 
 def _rows(problem: SmoothingProblem) -> int:

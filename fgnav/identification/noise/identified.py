@@ -96,6 +96,12 @@ class Identified:
         factor = np.where(changed, before * times, self.factor)
         return replace(self, factor=factor, used=self.used | changed)
 
+    def with_clock(self, value: FloatArray, sigma: FloatArray) -> "Identified":
+        """Return the same with another clock: its offset and its rate, (2,), and their sigmas."""
+        values = np.concatenate([value, self.times.value[2:]])
+        sigmas = np.concatenate([sigma, self.times.sigma[2:]])
+        return replace(self, times=replace(self.times, value=values, sigma=sigmas))
+
     def on_time(self) -> "Identified":
         """Return the same with the unit's clock corrected by what it is off."""
         value = np.concatenate([[0.0, 0.0], self.times.value[2:]])

@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from fgnav.checks import FloatArray
 from fgnav.graph.delayed import PPM
 from fgnav.identification.tested_constants import Times
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Flight, Imu
 
 _MOVED_S = 0.01  # a clock off by more is corrected first: beyond, its carrying of states errs
 
@@ -41,5 +43,9 @@ def with_tags_moved(flight: Flight, by: FloatArray, middle_s: float) -> Flight:
     imu = flight.imu
     if imu is None or not by.any():
         return flight
-    moved_s = by[0] + PPM * by[1] * (imu.t_s - middle_s)
-    return replace(flight, imu=replace(imu, t_s=imu.t_s + moved_s))
+    return replace(flight, imu=replace(imu, t_s=tags_moved_s(imu, by, middle_s)))
+
+
+def tags_moved_s(imu: Imu, by: FloatArray, middle_s: float) -> FloatArray:
+    """Return a unit's tags moved by an offset in a middle, s, and a rate, ppm."""
+    return np.asarray(imu.t_s + by[0] + PPM * by[1] * (imu.t_s - middle_s))

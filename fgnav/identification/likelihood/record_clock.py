@@ -1,0 +1,187 @@
+"""The clock of the inertial unit beside phases of arcs, which take its tags as exact.
+
+Tags that move by ``c = (o, r)`` move the samples, and so the rows of the motion between keyframes,
+which stay where they are:
+
+    r(c) = r(0) + J c        J = (r(h) - r(0)) / h
+
+With these columns c is a constant of the whole problem [1]_: its minimum is a Gauss-Newton step of
+the likelihood in c, states and ambiguities integrated out.
+
+References
+----------
+.. [1] Li, Mourikis: Online temporal calibration for camera-IMU systems, International Journal of
+   Robotics Research 33, 2014: a clock's offset in the propagation by inertial samples.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.frontend.calibration_request import calibration_requests, of_time
+from fgnav.graph.delayed import CLOCK_OFFSET
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.inertial.preintegrated import Inertial
+from fgnav.graph.types.constants import FlightConstant, flight_constant
+from fgnav.graph.types.motion import LinearisedMotion, Motion
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import States
+from fgnav.identification.likelihood.beside_phases import is_misfit
+from fgnav.identification.tested_constants import SQUARES_OF_TWO
+from fgnav.identification.track.tags import tags_moved_s
+from fgnav.solve.chain import solve_batch
+from fgnav.types.flight import Imu
+
+# Steps of difference quotients, far below what a motion changes in and far above rounding: of a
+# clock, s and ppm; of drifts, (m/s2)/s and (rad/s)/s.
+_CLOCK_STEPS = np.array([1e-3, 100.0])
+_FORCE_STEP, _RATE_STEP = 1e-3, 1e-5
+_ANY = 1e3  # 1-sigma of a drift in its steps: next to nothing is known of it
+Change = Callable[[Imu], Imu]
+
+
+class RecordClock(NamedTuple):
+    """Offset, s, and rate, ppm, to be added to the unit's tags, (2,), and their covariance.
+
+    ``explains``: whether no more is left of all measurements than chance leaves.
+    """
+
+    value: FloatArray
+    covariance: FloatArray
+    cost: float
+    explains: bool
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Of both, (2,)."""
+        return np.sqrt(self.covariance.diagonal())
+
+    @property
+    def squares(self) -> float:
+        """Chi-square of two: whether the clock is off."""
+        return float(self.value @ np.linalg.solve(self.covariance, self.value))
+
+
+def record_clock(
+    problem: SmoothingProblem, middle_s: float, moved: FloatArray
+) -> RecordClock | None:
+    """Return the clock by a whole problem at its tags; None where it has no minimum, or no unit.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+        Without a clock among its constants.
+    middle_s : float
+        For which the offset is stated.
+    moved : ndarray, shape (2,)
+        By what tags have been moved already.
+    """
+    if problem.constants.column(CLOCK_OFFSET) >= 0:
+        return None
+
+    def tags(by: FloatArray) -> Change:
+        return lambda imu: replace(imu, t_s=tags_moved_s(imu, by, middle_s))
+
+    (clock,) = calibration_requests(["clock"])
+    clock = replace(clock, moved=(float(moved[0]), float(moved[1])))
+    changes = tuple(map(tags, np.diag(_CLOCK_STEPS)))
+    solution = _with_changes(problem, of_time(clock), changes, _CLOCK_STEPS)
+    if solution is None:
+        return None
+    first = problem.constants.width
+    return RecordClock(
+        value=solution.states.constants[first:],
+        covariance=solution.constant_covariance[0, first:, first:],
+        cost=solution.cost,
+        explains=not is_misfit(problem, solution.cost),
+    )
+
+
+def clock_off(problem: SmoothingProblem, middle_s: float, moved: FloatArray) -> RecordClock | None:
+    """Return the clock where it is off, and explains what contradicts it; else None.
+
+    Another fault that stays, such as biases that drift, looks like a clock where nothing else is
+    free: it is to leave nothing, and to be likelier than steady drifts. Parameters as in
+    ``record_clock``.
+    """
+    clock = record_clock(problem, middle_s, moved)
+    if clock is None or clock.squares <= SQUARES_OF_TWO or not clock.explains:
+        return None
+    drifts = _with_drifts(problem)
+    return clock if drifts is None or clock.cost < drifts.cost else None
+
+
+def _with_drifts(problem: SmoothingProblem) -> Solution | None:
+    """Return a whole problem's minimum with biases that drift steadily; None without one."""
+    motion = problem.motion
+    if not isinstance(motion, GyroFree | Inertial):
+        return None
+    fields = {"f_b_mps2": _FORCE_STEP}
+    if isinstance(motion, Inertial):
+        fields["w_b_radps"] = _RATE_STEP
+
+    def drift(field: str, by: FloatArray) -> Change:
+        def changed(imu: Imu) -> Imu:
+            drifted = getattr(imu, field) + np.outer(imu.t_s - imu.t_s[0], by)
+            return replace(imu, **{field: drifted})
+
+        return changed
+
+    changes = tuple(
+        drift(field, by) for field, step in fields.items() for by in np.diag([step] * 3)
+    )
+    steps = np.repeat(list(fields.values()), 3)
+    parts = tuple(
+        flight_constant(f"{field} drift", ("x_b", "y_b", "z_b"), "/s", _ANY * step)
+        for field, step in fields.items()
+    )
+    return _with_changes(problem, parts, changes, steps)
+
+
+def _with_changes(
+    problem: SmoothingProblem,
+    parts: tuple[FlightConstant, ...],
+    changes: tuple[Change, ...],
+    steps: FloatArray,
+) -> Solution | None:
+    """Return a whole problem's minimum with constants that change samples; None without one.
+
+    By changes of a step of each.
+    """
+    motion, first = problem.motion, problem.constants.width
+    if not isinstance(motion, GyroFree | Inertial):
+        return None
+    changed = tuple(replace(motion, imu=change(motion.imu)) for change in changes)
+    # All of a motion that a chain reads.
+    extended = cast("Motion", _Changed(motion, changed, steps, first))
+    try:
+        solution = solve_batch(replace(problem.with_constants(parts), motion=extended))
+    except NoSolutionError:
+        return None
+    return solution if solution.converged else None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Changed:
+    """A motion whose samples change with constants, from a column on."""
+
+    motion: GyroFree | Inertial
+    changed: tuple[GyroFree | Inertial, ...]
+    steps: FloatArray
+    first: int
+
+    def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
+        linear = self.motion.linearise(before, after, intervals)
+        value, shared = linear.value.copy(), linear.shared.copy()
+        for i, (one, step) in enumerate(zip(self.changed, self.steps, strict=True)):
+            column = (one.linearise(before, after, intervals).value - linear.value) / step
+            shared[:, :, self.first + i] = column
+            value += column * before.constants[self.first + i]
+        return linear._replace(value=value, shared=shared)
+
+    def prior(self, constants: int) -> tuple[FloatArray, FloatArray]:
+        return self.motion.prior(constants)
