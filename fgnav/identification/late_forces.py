@@ -7,19 +7,16 @@ taken for true where the flight with forces so early is likelier than as recorde
 tags of the whole unit moved.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray, NoSolutionError
-from fgnav.graph.inertial.preintegrated import Inertial
+from fgnav.checks import NoSolutionError
 from fgnav.graph.types.constants import flight_constant
-from fgnav.graph.types.motion import LinearisedMotion
-from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.graph.types.states import States
+from fgnav.identification.likelihood.changed_samples import with_changed_samples
 from fgnav.identification.tested_constants import SIGMAS
 from fgnav.identification.time_tags import AtTags, TagSearch
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Flight, Imu
 
 FORCE_DELAY = "force delay"
 # 1-sigma, s: low passes of small units delay by up to 19 ms (InvenSense MPU-6000, register map 4.2,
@@ -27,6 +24,7 @@ FORCE_DELAY = "force delay"
 _DELAY_S = 0.02
 _STEPS = 3  # at most: noise that stood for the delay is another after the first
 _ITERATIONS = 10
+_STEP_S = 0.01  # of a difference quotient: forces are linear in it
 
 
 def with_late_forces(search: TagSearch, at_tags: AtTags) -> tuple[TagSearch, AtTags, float]:
@@ -62,11 +60,9 @@ def with_forces_early(flight: Flight, by_s: float) -> Flight:
     Of its samples x that follow ``x_k = x_k-1 + (u_k - x_k-1) / (1 + d / T)``, T apart, u is
     ``x_k + d (x_k - x_k-1) / T``: to first order the forces a time d later, whatever delays them.
     """
-    imu = flight.imu
-    if imu is None or by_s == 0.0:
+    if flight.imu is None or by_s == 0.0:
         return flight
-    slope = np.diff(imu.f_b_mps2, axis=0, prepend=imu.f_b_mps2[:1]) / np.median(np.diff(imu.t_s))
-    return replace(flight, imu=replace(imu, f_b_mps2=imu.f_b_mps2 + by_s * slope))
+    return replace(flight, imu=_early_unit(flight.imu, by_s))
 
 
 def sentences(late_s: float) -> tuple[str, ...]:
@@ -77,44 +73,6 @@ def sentences(late_s: float) -> tuple[str, ...]:
         f"The accelerometer is {late_s:.3f} s late against the gyroscope, as of a low pass: its "
         "forces are taken as early as that.",
     )
-
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class LateForces(Inertial):
-    """The motion of forces that are to be taken earlier by a constant of the flight.
-
-    The chain reads it, GTSAM does not.
-
-    Attributes
-    ----------
-    column : int
-        Of the delay, s.
-    by_delay : ndarray, shape (n - 1, 15)
-        Derivative of the whitened residuals, which does not depend on the states.
-    """
-
-    column: int
-    by_delay: FloatArray
-
-    @classmethod
-    def of(cls, motion: Inertial, column: int, start: States) -> "LateForces":
-        """Return a motion; the derivative is a difference of forces one sample apart."""
-        imu, intervals = motion.imu, np.arange(len(motion.t_s) - 1)
-        step_s = float(np.median(np.diff(imu.t_s)))
-        forces = np.vstack([imu.f_b_mps2[1:], imu.f_b_mps2[-1:]])
-        early = replace(motion, imu=replace(imu, f_b_mps2=forces))
-        before = start.at(slice(0, -1))
-        after = motion.predict(before, intervals)
-        by_delay = early.linearise(before, after, intervals).value / step_s
-        given = {one.name: getattr(motion, one.name) for one in fields(motion) if one.init}
-        return cls(**given, column=column, by_delay=by_delay)
-
-    def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
-        """Return whitened residuals of some intervals, (j,), between states, j of each."""
-        made = Inertial.linearise(self, before, after, intervals)
-        slope = self.by_delay[intervals]
-        made.shared[:, :, self.column] = slope
-        return made._replace(value=made.value + slope * before.constants[self.column])
 
 
 def _late_s(search: TagSearch, at_tags: AtTags, sigmas: float) -> float:
@@ -129,23 +87,20 @@ def _late_s(search: TagSearch, at_tags: AtTags, sigmas: float) -> float:
     factor = np.where(identified.used, identified.factor, 1.0)
     try:
         small = search.on_time(at_tags.moved, (constant,))
-        problem = with_delay(small.problem)
+        column = small.problem.constants.column(FORCE_DELAY)
+        problem = with_changed_samples(small.problem, (_early_unit,), np.array([_STEP_S]), column)
         flight = small._replace(problem=problem)
         _, states, score = flight.descended(problem.start, np.log(factor), _ITERATIONS)
     except NoSolutionError:
         return 0.0
-    column = problem.constants.column(FORCE_DELAY)
     late_s = states.constants[column] + score.constant_steps[column]
     sigma_s = np.sqrt(score.constant_covariance[column, column])
     return float(late_s) if abs(late_s) > sigmas * sigma_s else 0.0
 
 
-def with_delay(problem: SmoothingProblem) -> SmoothingProblem:
-    """Return a problem whose motion, with a gyroscope, depends on the constant ``FORCE_DELAY``."""
-    motion, column = problem.motion, problem.constants.column(FORCE_DELAY)
-    if not isinstance(motion, Inertial):
-        raise NoSolutionError(f"{FORCE_DELAY}: the flight has no gyroscope")
-    return replace(problem, motion=LateForces.of(motion, column, problem.start))
+def _early_unit(imu: Imu, by_s: float = _STEP_S) -> Imu:
+    slope = np.diff(imu.f_b_mps2, axis=0, prepend=imu.f_b_mps2[:1]) / np.median(np.diff(imu.t_s))
+    return replace(imu, f_b_mps2=imu.f_b_mps2 + by_s * slope)
 
 
 def _early(search: TagSearch, by_s: float) -> TagSearch:

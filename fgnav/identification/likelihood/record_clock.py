@@ -1,12 +1,8 @@
 """The clock of the inertial unit beside phases of arcs, which take its tags as exact.
 
-Tags that move by ``c = (o, r)`` move the samples, and so the rows of the motion between keyframes,
-which stay where they are:
-
-    r(c) = r(0) + J c        J = (r(h) - r(0)) / h
-
-With these columns c is a constant of the whole problem [1]_: its minimum is a Gauss-Newton step of
-the likelihood in c, states and ambiguities integrated out.
+Tags that move by ``c = (o, r)`` move the samples between keyframes, which stay where they are
+(``changed_samples``). So c is a constant of the whole problem [1]_: its minimum is a Gauss-Newton
+step of the likelihood in c, states and ambiguities integrated out.
 
 References
 ----------
@@ -14,23 +10,21 @@ References
    Robotics Research 33, 2014: a clock's offset in the propagation by inertial samples.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import NamedTuple, cast
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.calibration_request import calibration_requests, of_time
 from fgnav.graph.delayed import CLOCK_OFFSET
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import FlightConstant, flight_constant
-from fgnav.graph.types.motion import LinearisedMotion, Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.graph.types.states import States
 from fgnav.identification.likelihood.beside_phases import is_misfit
+from fgnav.identification.likelihood.changed_samples import Change, with_changed_samples
 from fgnav.identification.tested_constants import SQUARES_OF_TWO
 from fgnav.identification.track.tags import tags_moved_s
 from fgnav.solve.chain import solve_batch
@@ -41,7 +35,6 @@ from fgnav.types.flight import Imu
 _CLOCK_STEPS = np.array([1e-3, 100.0])
 _FORCE_STEP, _RATE_STEP = 1e-3, 1e-5
 _ANY = 1e3  # 1-sigma of a drift in its steps: next to nothing is known of it
-Change = Callable[[Imu], Imu]
 
 
 class RecordClock(NamedTuple):
@@ -152,36 +145,10 @@ def _with_changes(
 
     By changes of a step of each.
     """
-    motion, first = problem.motion, problem.constants.width
-    if not isinstance(motion, GyroFree | Inertial):
-        return None
-    changed = tuple(replace(motion, imu=change(motion.imu)) for change in changes)
-    # All of a motion that a chain reads.
-    extended = cast("Motion", _Changed(motion, changed, steps, first))
+    first = problem.constants.width
+    extended = problem.with_constants(parts)
     try:
-        solution = solve_batch(replace(problem.with_constants(parts), motion=extended))
+        solution = solve_batch(with_changed_samples(extended, changes, steps, first))
     except NoSolutionError:
         return None
     return solution if solution.converged else None
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Changed:
-    """A motion whose samples change with constants, from a column on."""
-
-    motion: GyroFree | Inertial
-    changed: tuple[GyroFree | Inertial, ...]
-    steps: FloatArray
-    first: int
-
-    def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
-        linear = self.motion.linearise(before, after, intervals)
-        value, shared = linear.value.copy(), linear.shared.copy()
-        for i, (one, step) in enumerate(zip(self.changed, self.steps, strict=True)):
-            column = (one.linearise(before, after, intervals).value - linear.value) / step
-            shared[:, :, self.first + i] = column
-            value += column * before.constants[self.first + i]
-        return linear._replace(value=value, shared=shared)
-
-    def prior(self, constants: int) -> tuple[FloatArray, FloatArray]:
-        return self.motion.prior(constants)
