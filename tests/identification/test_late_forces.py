@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from fgnav.frontend.problem import build_problem
 from fgnav.identification.findings import findings
@@ -21,13 +22,21 @@ def of_seed(seed):
     return right, dirty(right, seed)[0]
 
 
+def behind_a_low_pass(flight, time_s):
+    imu = flight.imu
+    keep = np.exp(-np.median(np.diff(imu.t_s)) / time_s)
+    begin = keep * imu.f_b_mps2[:1]
+    f_b_mps2, _ = lfilter([1 - keep], [1, -keep], imu.f_b_mps2, axis=0, zi=begin)
+    return replace(flight, imu=replace(imu, f_b_mps2=f_b_mps2))
+
+
 def found_in(flight):
     return findings(flight, SETTINGS, build_problem(flight, SETTINGS), build_problem)
 
 
 def test_forces_behind_a_low_pass_are_taken_as_early_as_they_are_late():
     """Else clock and velocities were off, the magnetometer was left out, or nothing was said."""
-    right, flight = of_seed(99200249)
+    _, flight = of_seed(99200249)
     found = found_in(flight)
     interval_s = np.median(np.diff(flight.imu.t_s))
     delay_s = interval_s / np.expm1(interval_s / 0.037)  # of the filter at low frequencies
@@ -35,9 +44,17 @@ def test_forces_behind_a_low_pass_are_taken_as_early_as_they_are_late():
     assert not found.moved.any()
     assert found.calibration == ()
     assert any("late against the gyroscope" in note for note in found.notes)
-    estimate = Smoother()(flight)
-    assert not estimate.rejections
-    assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 5.0
+    assert not Smoother()(flight).rejections
+
+
+def test_attitudes_with_forces_behind_a_low_pass_are_as_honest_as_without_it():
+    """Of the first flights with a gyroscope and instruments: 28.7 94.9 38.6 17.5 as stated."""
+    squares = []
+    for number in (8300002, 8300007, 8300012, 8300017):
+        right = right_flight("instruments", number)
+        estimate = Smoother()(behind_a_low_pass(right, 0.037))
+        squares.append(nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2))
+    assert np.mean(squares) < 5.0  # 4.1; without the low pass 4.2
 
 
 @pytest.mark.parametrize("seed", [99200420, 99200427])
