@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock
 from fgnav.graph.types.states import POSITION, ROTATION, States
 from fgnav.solve.chain import arcs_kernel, back_kernel, kernel
@@ -277,7 +277,7 @@ def eliminate_arcs(forward: FloatArray, block: ArcBlock, size: int, a: int) -> E
         np.ones(len(block.right)),
     )
     if not is_positive:
-        raise np.linalg.LinAlgError("arcs: the data leave an ambiguity open")
+        raise NoSolutionError("arcs: the data leave an ambiguity open")
     end = first + block.size
     forward[:] = np.diag(np.arange(W) >= end)
     forward[:end, :end], forward[:end, -1] = np.triu(remaining[:-1, :-1]), remaining[:-1, -1]
