@@ -37,7 +37,8 @@ def with_late_forces(search: TagSearch, at_tags: AtTags) -> tuple[TagSearch, AtT
     late_s = _late_s(search, first, SIGMAS)
     if not late_s > 0.0:  # a filter delays
         return unchanged
-    early, tags, rest_s = _early(search, late_s), (first.moved, at_tags.moved), late_s
+    early, rest_s = _early(search, late_s), late_s
+    tags = (first.moved,) if at_tags is first else (first.moved, at_tags.moved)
     least = max(search.without_clock(by, tags).likelihood for by in tags)
     if not first.identified.times.are_one_or_the_other:  # else something of time is off
         least += SIGMAS**2 / 2

@@ -33,7 +33,7 @@ def carried_attitudes(
     track = track_of(flight, causal=causal)
     t_s = track.t_s
     if not len(t_s):
-        raise NoSolutionError("attitude: the track has no epoch within the inertial unit's record")
+        raise NoSolutionError("attitude: the flight's track has no epoch")
     gravity_n_mps2 = flight.origin.gravity_n_mps2(track.p_n_m[[0, 0]])[0]
     if earlier is not None:
         gravity_n_mps2 = earlier.gravity_n_mps2

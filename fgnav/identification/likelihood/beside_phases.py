@@ -79,13 +79,9 @@ def profile_likelihood(problem: SmoothingProblem) -> float:
         cost = solve_batch(problem).cost
     except NoSolutionError:
         return -np.inf
-    factor = variance_factor(problem, cost)
-    return -(cost / factor + _rows(problem) * float(np.log(factor))) / 2
-
-
-def variance_factor(problem: SmoothingProblem, cost: float) -> float:
-    """Return the likeliest factor on all variances of a problem at its minimum, 1 or more."""
-    return max(cost / _rows(problem), 1.0)
+    rows = _rows(problem)
+    factor = max(cost / rows, 1.0)
+    return -(cost / factor + rows * float(np.log(factor))) / 2
 
 
 def _factors(names: tuple[str, ...], theta: FloatArray) -> dict[str, float]:
