@@ -140,7 +140,7 @@ def _with_prior(problem: SmoothingProblem, prior: RatePrior) -> SmoothingProblem
     n = len(problem.t_s) - 1
     other = replace(
         motion,
-        poles_per_s=np.tile(prior.poles_per_s, (n, 1)),
+        poles_per_s=np.tile(prior.poles_per_s, (n, 1, 1)),
         variance_rad2ps2=np.tile(prior.variance_rad2ps2, (n, 1)),
     )
     return replace(problem, motion=other)

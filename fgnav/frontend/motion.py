@@ -97,7 +97,7 @@ def _in_body(turning: Turning, start: Alignment) -> Turning:
 def _rate_priors(
     stage: Aligned, settings: ProblemSettings
 ) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
-    """Return poles and variances, (n - 1, 3), of each interval's prior; what to note.
+    """Return poles, (n - 1, 3, 3), variances, (n - 1, 3), of intervals' priors; what to note.
 
     Stated, or identified by the evidence of attitudes with integers: by those of the whole flight,
     its scale varying where that is likelier, or, where nothing is to look ahead, by those up to
@@ -125,14 +125,14 @@ def _rate_priors(
         varying = varying_rate_prior(*attitudes, still, swinging)
     if varying is None:
         variance = np.tile(prior.variance_rad2ps2, (n, 1))
-        return np.tile(prior.poles_per_s, (n, 1)), variance, (prior_note(prior),)
+        return np.tile(prior.poles_per_s, (n, 1, 1)), variance, (prior_note(prior),)
     note = (
-        f"Rate prior (Matern 5/2 about a constant): length {varying.length_s:.3g} s, its scale "
-        f"varies with the motion: {varying.gained_nats:.0f} nats likelier than a constant one."
+        f"Rate prior ({_shape(matern.poles(varying.length_s))} about a constant): its scale varies "
+        f"with the motion: {varying.gained_nats:.0f} nats likelier than a constant one."
     )
     latest = _latest(attitudes[0], start.t_s[:-1]).clip(max=len(varying.variance_rad2ps2) - 1)
     return (
-        np.tile(matern.poles(varying.length_s), (n, 1)),
+        np.tile(matern.poles(varying.length_s), (n, 1, 1)),
         varying.variance_rad2ps2[latest],
         (note,),
     )
@@ -201,10 +201,11 @@ def prior_note(prior: RatePrior) -> str:
 
 
 def _shape(poles_per_s: FloatArray) -> str:
-    """Return the poles of the rate's prior in words."""
-    third, decay, frequency = poles_per_s
+    """Return the poles of the rate's prior about the axes, (3, 3), in words."""
+    third, decay, frequency = poles_per_s[0]
     if frequency == 0.0:
-        return f"Matern 5/2 of length {np.sqrt(5.0) / third:.3g} s"
+        lengths = ", ".join(f"{length_s:.3g}" for length_s in np.sqrt(5.0) / poles_per_s[:, 0])
+        return f"Matern 5/2 of lengths {lengths} s"
     if frequency > decay:
         return (
             f"swings of {frequency / (2 * np.pi):.3g} Hz that die away in {1 / decay:.3g} s, the "

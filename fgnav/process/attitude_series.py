@@ -38,14 +38,15 @@ class AttitudeSeries:
     ) -> FloatArray:
         """Return the log density of each attitude given those before, (n,), under a prior.
 
-        Its poles and variance are those of all intervals, (3,), or of each, (n - 1, 3).
+        Its poles are those of all axes, (3,), or of each, (3, 3), and these as its variances, (3,),
+        those of all intervals, or of each, (n - 1, 3, 3) and (n - 1, 3).
         """
         n = max(len(self.epochs.t_s) - 1, 1)
         return np.asarray(
             evidence_kernel.log_densities(
                 self.epochs,
                 self.mean_rate,
-                np.full((n, 3), poles_per_s, dtype=np.float64),
+                np.full((n, 3, 3), poles_per_s, dtype=np.float64),
                 np.full((n, 3), variance_rad2ps2, dtype=np.float64),
                 tape,
             )

@@ -14,15 +14,15 @@ from fgnav.process.hyperparameters import (
     DEFAULT_SIGMA_RADPS,
     LEAST_RADPS,
     LONGEST_S,
-    MOST_RADPS,
     SHORTEST_S,
     RatePrior,
+    bounds,
     likeliest,
     log_prior,
 )
 from fgnav.process.oscillation import swinging
 
-_FEWEST = 5  # attitudes: four turns, for four hyperparameters
+_FEWEST = 5  # attitudes: four turns, each of three hyperparameters
 _MOST, _BLOCK = 600, 60  # of a longer flight, blocks spread evenly
 # Searches start with rates too large and memories too short: towards too little motion the filter
 # loses the attitudes and the likelihood has no slope.
@@ -95,15 +95,14 @@ def matern_prior(
     increasing("attitudes t_s", t_s)
     attitudes = _series(t_s, R_nb, covariance_rad2)
     spacing_s = float(np.median(np.diff(t_s)))
-    lower = np.log([min(max(spacing_s, SHORTEST_S), LONGEST_S / 2), *[LEAST_RADPS] * 3])
-    upper = np.log([LONGEST_S, *[MOST_RADPS] * 3])
+    lower, upper = bounds(min(max(spacing_s, SHORTEST_S), LONGEST_S / 2))
     candidates = [np.clip(x, lower, upper) for x in _starts(attitudes, spacing_s, start)]
     scores = [_score(attitudes, x) for x in candidates]
     begin = candidates[int(np.argmax(scores))]
     x = likeliest(lambda x: _score(attitudes, x), begin, lower, upper)
     return RatePrior(
-        length_s=float(np.exp(x[0])),
-        variance_rad2ps2=np.exp(2 * x[1:]),
+        length_s=np.exp(x[:3]),
+        variance_rad2ps2=np.exp(2 * x[3:]),
         evidence=_log_likelihood(attitudes, x),
     )
 
@@ -129,7 +128,7 @@ def _series(t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray) -> A
 def causal_rate_priors(
     t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray, *, swings: bool = True
 ) -> tuple[FloatArray, FloatArray]:
-    """Return poles and variances, (n - 1, 3), for each interval from its past.
+    """Return poles, (n - 1, 3, 3), and variances, (n - 1, 3), for each interval from its past.
 
     The prior of interval k to k + 1 depends on attitudes up to k alone. One is identified when 10,
     20, 40, 80, 160, 320, 600 have come and after each 600 more, from the latest 600 of them;
@@ -155,7 +154,7 @@ def causal_rate_priors(
        Economic Review 53, 2012.
     """
     n = len(t_s)
-    poles = np.tile(matern.poles(DEFAULT_LENGTH_S), (max(n - 1, 0), 1))
+    poles = np.tile(matern.poles(DEFAULT_LENGTH_S), (max(n - 1, 0), 3, 1))
     variance = np.full((max(n - 1, 0), 3), DEFAULT_SIGMA_RADPS**2)
     prior, count, latest = None, _SCHEDULE[0], _MOST
     while count < n:
@@ -192,7 +191,7 @@ def _changed_after(chosen: IntArray) -> int | None:
 
 
 def _alternatives(prior: RatePrior) -> list[tuple[FloatArray, FloatArray]]:
-    """Return poles and variances, (3,): the identified ones, half-way, the default.
+    """Return poles, (3, 3), and variances, (3,): the identified ones, half-way, the default.
 
     Half-way nothing swings any more.
     """
@@ -201,7 +200,7 @@ def _alternatives(prior: RatePrior) -> list[tuple[FloatArray, FloatArray]]:
     return [
         (prior.poles_per_s, np.array(prior.variance_rad2ps2)),
         (matern.poles(np.sqrt(prior.length_s * DEFAULT_LENGTH_S)), between),
-        (matern.poles(DEFAULT_LENGTH_S), default),
+        (matern.poles(np.full(3, DEFAULT_LENGTH_S)), default),
     ]
 
 
@@ -226,19 +225,20 @@ def _spread(n: int) -> IntArray:
 def _starts(
     attitudes: AttitudeSeries, spacing_s: float, start: RatePrior | None
 ) -> list[FloatArray]:
-    """Return candidates (log length, log standard deviations) where the search may start."""
+    """Return candidates (log lengths, log standard deviations) where the search may start."""
     usual, overall = (one.clip(10 * LEAST_RADPS) for one in attitudes.turn_deviations())
     large = np.maximum(usual, DEFAULT_SIGMA_RADPS)
-    pairs = [(n * spacing_s, s) for n in _STARTS_SPACINGS for s in (usual, overall, large)]
+    lengths = [np.full(3, n * spacing_s) for n in _STARTS_SPACINGS]
+    pairs = [(length_s, sigma) for length_s in lengths for sigma in (usual, overall, large)]
     if start is not None:
-        pairs.append((start.length_s, np.sqrt(start.variance_rad2ps2)))
-    return [np.log([length_s, *sigma]) for length_s, sigma in pairs]
+        pairs.append((np.array(start.length_s), np.sqrt(start.variance_rad2ps2)))
+    return [np.log(np.concatenate(pair)) for pair in pairs]
 
 
 def _score(attitudes: AttitudeSeries, x: FloatArray) -> float:
-    """Return the log posterior of (log length, log standard deviations), (4,)."""
-    return _log_likelihood(attitudes, x) + log_prior(x)
+    """Return the log posterior of (log lengths, log standard deviations), (6,)."""
+    return _log_likelihood(attitudes, x) + log_prior(x[:3], x[3:])
 
 
 def _log_likelihood(attitudes: AttitudeSeries, x: FloatArray) -> float:
-    return float(attitudes.log_densities(matern.poles(np.exp(x[0])), np.exp(2 * x[1:])).sum())
+    return float(attitudes.log_densities(matern.poles(np.exp(x[:3])), np.exp(2 * x[3:])).sum())

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.geometry.rotation_kernel import exp, product, put, scaled, times, transposed, turn
+from fgnav.geometry.rotation_kernel import exp, product, put, scaled, times, turn
 from fgnav.kernels.compiled import inlined, inner, kernel
 from fgnav.process import matern_kernel as matern
 from fgnav.process.filter_kernel import (
@@ -93,8 +93,8 @@ def log_densities(
     epochs : Epochs
     mean_rate : ndarray, shape (4,)
         Of the mean rate, rad/s: where it is linearised, (3,), and its 1-sigma before the flight.
-    poles_per_s, variance_rad2ps2 : ndarray, shape (n - 1, 3)
-        Of each interval.
+    poles_per_s, variance_rad2ps2 : ndarray, shape (n - 1, 3, 3) and (n - 1, 3)
+        Of each interval, about each axis.
     tape : Tape
         Filled where it has room.
 
@@ -113,16 +113,14 @@ def log_densities(
     _restart(P, covariance_rad2[0])
     contradicted = 0
     T_s, poles = -1.0, poles_per_s[0]
-    F: FloatArray = np.empty((3, 3))
-    H: FloatArray = np.empty(3)
-    Q: FloatArray = np.empty((4, 4))
+    F: FloatArray = np.empty((3, 3, 3))
+    H: FloatArray = np.empty((3, 3))
+    Q: FloatArray = np.empty((3, 4, 4))
     for k in range(1, n):
         same = abs(t_s[k] - t_s[k - 1] - T_s) <= _SAME_S
-        if not (same and _alike(poles_per_s[k - 1], poles)):
+        if not (same and (poles_per_s[k - 1] == poles).all()):
             T_s, poles = t_s[k] - t_s[k - 1], poles_per_s[k - 1]
-            F, H = matern.transition(T_s, poles), matern.integral(T_s, poles)
-            L = matern.noise_factor(T_s, poles)
-            Q = product(L, transposed(L))
+            matern.of_axes(T_s, poles, F, H, Q)
         R = product(R, exp(rotation_rows(x, F, H, T_s, C, N)))
         if len(tape.share):
             put(times_transition(np.eye(SIZE), C, F), tape.transition[k])
@@ -160,16 +158,11 @@ def _start_rates(x: FloatArray, rate: FloatArray) -> None:
 
 
 @inner
-def _alike(poles: FloatArray, others: FloatArray) -> bool:
-    return bool(poles[0] == others[0] and poles[1] == others[1] and poles[2] == others[2])
-
-
-@inner
 def _start(poles_per_s: FloatArray, variance: FloatArray, sigma: float) -> FloatArray:
     """Return the covariance of rate, derivatives and mean before the first attitude, (15, 15)."""
-    first, second = matern.stationary(poles_per_s)
     P = np.zeros((SIZE, SIZE))
     for i in range(3):
+        first, second = matern.stationary(poles_per_s[i])
         w, a, j, m = 3 + i, 6 + i, 9 + i, MEAN + i
         P[m, m] = P[w, m] = P[m, w] = sigma**2
         P[w, w] = sigma**2 + variance[i]

@@ -1,7 +1,8 @@
 """One step of a filter of rotation, rate, its derivatives and mean, from attitudes; compiled.
 
 The error state has 15 dimensions: rotation (body axes), then (w, T0 a, T0^2 j), three axes each,
-and the mean rate m. Plain loops, for numba.
+and the mean rate m. Each axis has a process of its own, the first index of F, H and Q. Plain loops,
+for numba.
 """
 
 import numpy as np
@@ -32,9 +33,10 @@ def rotation_rows(
     """
     after, phi = np.empty(3), np.empty(3)
     for i in range(3):
-        after[i] = F[0, 0] * x[0, i] + F[0, 1] * x[1, i] + F[0, 2] * x[2, i]
-        after[i] += (1 - F[0, 0]) * x[3, i]
-        phi[i] = H[0] * x[0, i] + H[1] * x[1, i] + H[2] * x[2, i] + (T_s - H[0]) * x[3, i]
+        after[i] = F[i, 0, 0] * x[0, i] + F[i, 0, 1] * x[1, i] + F[i, 0, 2] * x[2, i]
+        after[i] += (1 - F[i, 0, 0]) * x[3, i]
+        phi[i] = H[i, 0] * x[0, i] + H[i, 1] * x[1, i] + H[i, 2] * x[2, i]
+        phi[i] += (T_s - H[i, 0]) * x[3, i]
     by_after = skew(scaled(x[0], T_s * T_s / 12))  # of T^2 / 12 w x w'
     by_before = skew(scaled(after, -T_s * T_s / 12))
     for i in range(3):
@@ -45,10 +47,10 @@ def rotation_rows(
     for i in range(3):
         for j in range(3):
             C[i, j] = back[i, j]
-            C[i, 3 + j] = H[0] * J[i, j] + A[i, j] + F[0, 0] * B[i, j]
-            C[i, 6 + j] = H[1] * J[i, j] + F[0, 1] * B[i, j]
-            C[i, 9 + j] = H[2] * J[i, j] + F[0, 2] * B[i, j]
-            C[i, 12 + j] = (T_s - H[0]) * J[i, j] + (1 - F[0, 0]) * B[i, j]
+            C[i, 3 + j] = H[j, 0] * J[i, j] + A[i, j] + F[j, 0, 0] * B[i, j]
+            C[i, 6 + j] = H[j, 1] * J[i, j] + F[j, 0, 1] * B[i, j]
+            C[i, 9 + j] = H[j, 2] * J[i, j] + F[j, 0, 2] * B[i, j]
+            C[i, 12 + j] = (T_s - H[j, 0]) * J[i, j] + (1 - F[j, 0, 0]) * B[i, j]
             N[i, j], N[i, 3 + j] = J[i, j], B[i, j]
     return phi
 
@@ -59,7 +61,7 @@ def move(x: FloatArray, F: FloatArray) -> None:
     for i in range(3):
         w, a, j = x[0, i] - x[3, i], x[1, i], x[2, i]
         for d in range(3):
-            x[d, i] = F[d, 0] * w + F[d, 1] * a + F[d, 2] * j
+            x[d, i] = F[i, d, 0] * w + F[i, d, 1] * a + F[i, d, 2] * j
         x[0, i] += x[3, i]
 
 
@@ -73,7 +75,7 @@ def times_transition(P: FloatArray, C: FloatArray, F: FloatArray) -> FloatArray:
             for q in range(SIZE):
                 out[i, q] += c * P[m, q]
         for d in range(3):
-            f0, f1, f2 = F[d, 0], F[d, 1], F[d, 2]
+            f0, f1, f2 = F[i, d, 0], F[i, d, 1], F[i, d, 2]
             fm = (1.0 if d == 0 else 0.0) - f0
             row = 3 + 3 * d + i
             for q in range(SIZE):
@@ -98,9 +100,10 @@ def predicted(
             z += U[r, m] * C[2, m]
         out[r, 0], out[r, 1], out[r, 2] = x, y, z
         for d in range(3):
-            fm = (1.0 if d == 0 else 0.0) - F[d, 0]
             for i in range(3):
-                value = F[d, 0] * U[r, 3 + i] + F[d, 1] * U[r, 6 + i] + F[d, 2] * U[r, 9 + i]
+                fm = (1.0 if d == 0 else 0.0) - F[i, d, 0]
+                value = F[i, d, 0] * U[r, 3 + i] + F[i, d, 1] * U[r, 6 + i]
+                value += F[i, d, 2] * U[r, 9 + i]
                 out[r, 3 + 3 * d + i] = value + fm * U[r, MEAN + i]
         for i in range(3):
             out[r, MEAN + i] = U[r, MEAN + i]
@@ -118,15 +121,15 @@ def _add_noise(P: FloatArray, N: FloatArray, Q: FloatArray, variance: FloatArray
         s2 = variance[axis]
         for i in range(3):
             J, B = N[i, axis], N[i, 3 + axis]
-            by_phi = s2 * (J * Q[0, 0] + B * Q[1, 0])
-            by_rate = s2 * (J * Q[0, 1] + B * Q[1, 1])
+            by_phi = s2 * (J * Q[axis, 0, 0] + B * Q[axis, 1, 0])
+            by_rate = s2 * (J * Q[axis, 0, 1] + B * Q[axis, 1, 1])
             for j in range(i + 1):
                 P[i, j] += by_phi * N[j, axis] + by_rate * N[j, 3 + axis]
             for d in range(3):
-                P[3 + 3 * d + axis, i] += s2 * (J * Q[0, 1 + d] + B * Q[1, 1 + d])
+                P[3 + 3 * d + axis, i] += s2 * (J * Q[axis, 0, 1 + d] + B * Q[axis, 1, 1 + d])
         for d in range(3):
             for e in range(d + 1):
-                P[3 + 3 * d + axis, 3 + 3 * e + axis] += s2 * Q[1 + d, 1 + e]
+                P[3 + 3 * d + axis, 3 + 3 * e + axis] += s2 * Q[axis, 1 + d, 1 + e]
 
 
 @inlined

@@ -17,6 +17,9 @@ DEFAULT_LENGTH_S = 0.5
 DEFAULT_SIGMA_RADPS = 1.0
 # 1-sigma of the logarithm of length scales about the default's: 95 % of .03 to 9 s.
 _LOG_LENGTH_SIGMA = 1.5
+# 1-sigma of the logarithm of each axis' own about their mean. Of gyroscopes over a minute: eight of
+# a car 1.4 (it yaws for two seconds, and rocks on its springs), of two quadrotor paths 0.4.
+_AXIS_LENGTH_SIGMA = 1.0
 # The longest memory worth telling from a constant rate; the shortest that the numerics are for.
 LONGEST_S, SHORTEST_S = 60.0, 0.05
 # Earth's rate, which the model leaves out, and the range of common MEMS gyroscopes, 2000 deg/s.
@@ -35,8 +38,8 @@ class RatePrior:
 
     Attributes
     ----------
-    length_s : float
-        Length scale l, of all axes: a pole at ``-sqrt(5) / l``.
+    length_s : ndarray, shape (3,)
+        Length scales l about the body axes: poles at ``-sqrt(5) / l``. A float: of all axes.
     variance_rad2ps2 : ndarray, shape (3,)
         About the body axes.
     evidence : float
@@ -45,15 +48,17 @@ class RatePrior:
         Decay, 1/s, and angular frequency, rad/s, of the two other poles; None: those of Matern 5/2.
     """
 
-    length_s: float
+    length_s: FloatArray | float
     variance_rad2ps2: FloatArray
     evidence: float
     swing_per_s: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        """Check and freeze the variances."""
-        positive("rate prior length_s", self.length_s)
-        freeze("rate prior", self, {"variance_rad2ps2": (3,)})
+        """Check and freeze lengths and variances."""
+        if np.ndim(self.length_s) == 0:
+            object.__setattr__(self, "length_s", np.full(3, self.length_s))
+        freeze("rate prior", self, {"length_s": (3,), "variance_rad2ps2": (3,)})
+        positive("rate prior length_s", float(np.min(self.length_s)))
         if self.swing_per_s is not None:
             decay_per_s, frequency_radps = self.swing_per_s
             positive("rate prior swing_per_s: decay", decay_per_s)
@@ -64,18 +69,26 @@ class RatePrior:
 
     @property
     def poles_per_s(self) -> FloatArray:
-        """Poles of the process, (3,); see ``matern``."""
+        """Poles of the process about each axis, (3, 3); see ``matern``."""
         poles = matern.poles(self.length_s)
         if self.swing_per_s is not None:
-            poles[1:] = self.swing_per_s
+            poles[:, 1:] = self.swing_per_s
         return poles
 
 
-def log_prior(x: FloatArray) -> float:
-    """Return the log prior of (log length, log standard deviations), (4,); see ``rate_prior``."""
-    gamma = x[1:] - np.exp(x[1:]) / DEFAULT_SIGMA_RADPS
-    normal = (x[0] - np.log(DEFAULT_LENGTH_S)) / _LOG_LENGTH_SIGMA
-    return float(gamma.sum() - normal**2 / 2)
+def bounds(shortest_s: float = SHORTEST_S) -> tuple[FloatArray, FloatArray]:
+    """Return the least and the most of (log lengths, log standard deviations), (6,)."""
+    least, most = np.log([shortest_s, LEAST_RADPS]), np.log([LONGEST_S, MOST_RADPS])
+    return np.repeat(least, 3), np.repeat(most, 3)
+
+
+def log_prior(log_length: FloatArray, log_sigma: FloatArray) -> float:
+    """Return the log prior of log lengths, (m,), and log deviations, (3,); see ``rate_prior``."""
+    gamma = log_sigma - np.exp(log_sigma) / DEFAULT_SIGMA_RADPS
+    common = log_length.mean()
+    normal = (common - np.log(DEFAULT_LENGTH_S)) / _LOG_LENGTH_SIGMA
+    apart = (log_length - common) / _AXIS_LENGTH_SIGMA
+    return float(gamma.sum() - (normal**2 + (apart**2).sum()) / 2)
 
 
 def likeliest(

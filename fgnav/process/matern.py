@@ -30,11 +30,11 @@ _TIME_RESOLUTION_DIGITS = 9  # s: intervals closer than this are one
 
 
 class Intervals(NamedTuple):
-    """The process over k intervals, for unit variance."""
+    """The process over k intervals, about one axis or about several, for unit variance."""
 
-    F: FloatArray  # (k, 3, 3) transition of (w, T0 a, T0^2 j)
-    H: FloatArray  # (k, 3) integral row, s
-    W: FloatArray  # (k, 4, 4) lower: W @ noise of (phi, w, T0 a, T0^2 j) is white
+    F: FloatArray  # (k, ..., 3, 3) transition of (w, T0 a, T0^2 j)
+    H: FloatArray  # (k, ..., 3) integral row, s
+    W: FloatArray  # (k, ..., 4, 4) lower: W @ noise of (phi, w, T0 a, T0^2 j) is white
 
 
 def poles(length_s: FloatArray | float) -> FloatArray:
@@ -76,13 +76,16 @@ def intervals(T_s: FloatArray, poles_per_s: FloatArray) -> Intervals:
     ----------
     T_s : ndarray, shape (k,)
         Durations.
-    poles_per_s : ndarray, shape (k, 3)
+    poles_per_s : ndarray, shape (k, ..., 3)
+        Of each axis.
     """
-    rows = np.column_stack([np.round(T_s, _TIME_RESOLUTION_DIGITS), poles_per_s])
+    several = poles_per_s.shape[:-1]
+    interval_s = np.repeat(np.round(T_s, _TIME_RESOLUTION_DIGITS), int(np.prod(several[1:])))
+    rows = np.column_stack([interval_s, poles_per_s.reshape(-1, 3)])
     distinct, which = np.unique(rows, axis=0, return_inverse=True)
     m = len(distinct)
     F, H, W = np.empty((m, 3, 3)), np.empty((m, 3)), np.empty((m, 4, 4))
     durations, own = distinct[:, 0].copy(), distinct[:, 1:].copy()
     matern_kernel.intervals_into(durations, own, F, H, W)
-    which = which.reshape(-1)
+    which = which.reshape(several)
     return Intervals(F=F[which], H=H[which], W=W[which])

@@ -11,7 +11,7 @@ Where poles are close, ``g`` is summed as a series; where all are slow against t
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.geometry.rotation_kernel import put
+from fgnav.geometry.rotation_kernel import product, put, transposed
 from fgnav.kernels.compiled import inlined, inner, kernel
 
 DERIVATIVE_SCALE_S = 0.1  # T0: that of the states' tangent, makes rate and derivatives alike
@@ -119,6 +119,29 @@ def intervals_into(
             H[k, i] = turned_s[i]
         put(transition(T_s[k], poles_per_s[k]), F[k])
         put(whitening(noise_factor(T_s[k], poles_per_s[k])), W[k])
+
+
+@kernel
+def of_axes(
+    T_s: float, poles_per_s: FloatArray, F: FloatArray, H: FloatArray, Q: FloatArray
+) -> None:
+    """Write transition, integral and noise covariance of the axes, (3, ...), with poles, (3, 3)."""
+    for axis in range(3):
+        alike = axis > 0
+        for i in range(3):
+            alike = alike and poles_per_s[axis, i] == poles_per_s[axis - 1, i]
+        if alike:
+            put(F[axis - 1], F[axis])
+            put(Q[axis - 1], Q[axis])
+            for i in range(3):
+                H[axis, i] = H[axis - 1, i]
+        else:
+            poles = poles_per_s[axis]
+            put(transition(T_s, poles), F[axis])
+            L, turned_s = noise_factor(T_s, poles), integral(T_s, poles)
+            put(product(L, transposed(L)), Q[axis])
+            for i in range(3):
+                H[axis, i] = turned_s[i]
 
 
 @kernel

@@ -63,7 +63,7 @@ def swinging(
         return float(attitudes.log_densities(np.exp(x[:3]), np.exp(2 * x[3:])).sum())
 
     def score(x: FloatArray) -> float:
-        return log_likelihood(x) + log_prior(np.array([np.log(np.sqrt(5.0)) - x[0], *x[3:]]))
+        return log_likelihood(x) + log_prior(np.log(np.sqrt(5.0)) - x[:1], x[3:])
 
     usual, overall = (one.clip(LEAST_RADPS) for one in attitudes.turn_deviations())
     candidates = [
@@ -73,7 +73,7 @@ def swinging(
         for sigma in (0.3 * usual, usual, overall)
     ]
     if start is not None and start.swing_per_s is not None:
-        candidates.append(np.log([*start.poles_per_s, *np.sqrt(start.variance_rad2ps2)]))
+        candidates.append(np.log([*start.poles_per_s[0], *np.sqrt(start.variance_rad2ps2)]))
     begin = max((np.clip(x, lower, upper) for x in candidates), key=score)
     x = likeliest(score, begin, lower, upper)
     evidence, poles = log_likelihood(x), np.exp(x[:3])

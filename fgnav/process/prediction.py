@@ -34,7 +34,7 @@ def filtered(
     t_s, R_nb, covariance_rad2 : ndarray, shape (n,), (n, 3, 3), (n, 3, 3)
         Only valid attitudes are looked at.
     valid : ndarray of bool, shape (n,)
-    prior : tuple of ndarray, shape (n - 1, 3)
+    prior : tuple of ndarray, shape (n - 1, 3, 3) and (n - 1, 3)
         Poles and variances of each interval.
     past : int, optional
         Attitudes that the filter's beginning may depend on; None: all.

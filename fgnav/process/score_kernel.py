@@ -38,7 +38,7 @@ def score(
     Parameters
     ----------
     t_s : ndarray, shape (n,)
-    poles_per_s, variance_rad2ps2 : ndarray, shape (n - 1, 3)
+    poles_per_s, variance_rad2ps2 : ndarray, shape (n - 1, 3, 3) and (n - 1, 3)
         Those that the tape was made with.
     tape : Tape
     """
@@ -46,6 +46,7 @@ def score(
     out, freedom = np.zeros((n - 1, 3)), np.zeros((n - 1, 3))
     rho: FloatArray = np.zeros(SIZE)
     N: FloatArray = np.zeros((SIZE, SIZE))
+    F, H, Q = np.empty((3, 3, 3)), np.empty((3, 3)), np.empty((3, 4, 4))
     for k in range(n - 1, 0, -1):
         if k < n - 1:
             to_end = transposed(tape.transition[k + 1])
@@ -56,10 +57,9 @@ def score(
             kept = _kept(tape.share[k], tape.gain[k])
             rho, N = times(kept, rho), sandwich(kept, N)
             _add_innovation(tape.share[k], tape.weight[k], tape.innovation[k], rho, N)
-        L = matern.noise_factor(t_s[k] - t_s[k - 1], poles_per_s[k - 1])
-        Q = product(L, transposed(L))
+        matern.of_axes(t_s[k] - t_s[k - 1], poles_per_s[k - 1], F, H, Q)
         for axis in range(3):
-            chance, mean = _by_noise(rho, N, Q, tape.noise[k], axis)
+            chance, mean = _by_noise(rho, N, Q[axis], tape.noise[k], axis)
             out[k - 1, axis] = (chance - mean) * variance_rad2ps2[k - 1, axis]
             freedom[k - 1, axis] = mean * variance_rad2ps2[k - 1, axis]
     return out, freedom

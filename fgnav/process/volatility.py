@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cholesky_banded, solveh_banded
+from scipy.special import polygamma
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.process import matern
@@ -24,11 +25,11 @@ from fgnav.process.evidence_kernel import Tape, tape
 from fgnav.process.hyperparameters import (
     DEFAULT_SIGMA_RADPS,
     LEAST_RADPS,
-    LONGEST_S,
     MOST_RADPS,
-    SHORTEST_S,
     VERY_STRONG_NATS,
     RatePrior,
+    bounds,
+    likeliest,
     log_prior,
 )
 from fgnav.process.score_kernel import score
@@ -39,14 +40,10 @@ _BLOCK_S = 0.5
 _WALK_SIGMA = 0.5
 # Searches start with scales too large: towards too small ones attitudes are lost, and no slope is.
 _FROM_ABOVE = 1.5
-_MOST_STEP, _MOST_LENGTH_STEP = 1.0, 0.3  # of logarithms at once
-_LENGTH_STEP = 0.1  # for differences
-# White jerk has the density q = 16/3 s^2 k^5, which attitudes tell best: a step of log length goes
-# with so much of log scale that q stays.
-_OF_LENGTH = 2.5
-_LEVEL_NATS = (1.0, 0.1)  # less gained by a step ends a search: of scales, then with the length
-_STEPS, _HALVINGS = 20, 4
-_LOG_LENGTHS = (float(np.log(SHORTEST_S)), float(np.log(LONGEST_S)))
+_MOST_STEP = 1.0  # of logarithms at once
+_LEVEL_NATS = 1.0  # less gained by a step ends a search
+_STEPS, _HALVINGS, _ROUNDS = 20, 4, 10
+_LEVEL_VARIANCE = float(polygamma(1, 2.0))  # of the log scale by ``log_prior``, a gamma of shape 2
 _RIDGE = 1e-6  # of the precision, where attitudes tell nothing of an axis
 
 
@@ -56,14 +53,15 @@ class VaryingRatePrior:
 
     Attributes
     ----------
-    length_s : float
+    length_s : ndarray, shape (3,)
+        About the body axes.
     variance_rad2ps2 : ndarray, shape (n - 1, 3)
         Of each interval between attitudes, about the body axes.
     gained_nats : float
         Log evidence beyond that of constant variances.
     """
 
-    length_s: float
+    length_s: FloatArray
     variance_rad2ps2: FloatArray
     gained_nats: float
 
@@ -93,16 +91,18 @@ def varying_rate_prior(
     search = _Search(attitudes)
     log_sigma = np.log(constant.variance_rad2ps2) / 2
     scales = np.tile(log_sigma, (search.block[-1] + 1, 1))
-    still = search.point(float(np.log(constant.length_s)), scales)
-    best = search.point(still.log_length, _bounded(scales + _FROM_ABOVE))
-    for with_length, level in zip((False, True), _LEVEL_NATS, strict=True):
-        best = search.climbed(best, level, with_length=with_length)
+    still = search.point(np.log(constant.length_s), scales)
+    best = search.climbed(search.point(still.log_length, _bounded(scales + _FROM_ABOVE)))
+    for _ in range(_ROUNDS):
+        before, best = best.value, search.climbed(search.with_lengths(best))
+        if best.value - before < _LEVEL_NATS:
+            break
     gained = best.value - still.value + search.log_volume(best)
     if gained < max(VERY_STRONG_NATS, _gained(attitudes, constant, swinging)):
         return None
     return VaryingRatePrior(
-        length_s=float(np.exp(best.log_length)),
-        variance_rad2ps2=search.variances(best.scales),
+        length_s=np.exp(best.log_length),
+        variance_rad2ps2=search.variances(best.scales + search.spread(best)),
         gained_nats=gained,
     )
 
@@ -119,16 +119,16 @@ def _gained(attitudes: AttitudeSeries, constant: RatePrior, other: RatePrior | N
 
 
 class _Point(NamedTuple):
-    """Where a search stands: log length, log scales (blocks, 3), log posterior density."""
+    """Where a search stands: log lengths (3,), log scales (blocks, 3), log posterior density."""
 
-    log_length: float
+    log_length: FloatArray
     scales: FloatArray
     value: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Search:
-    """Posterior density of scales and length, and steps uphill."""
+    """Posterior density of scales and lengths, and steps uphill."""
 
     attitudes: AttitudeSeries
     block: IntArray = field(init=False)  # (n - 1,), of each interval
@@ -144,31 +144,45 @@ class _Search:
         """Return the variance of each interval, (n - 1, 3)."""
         return np.asarray(np.exp(2 * scales[self.block]))
 
-    def point(self, log_length: float, scales: FloatArray) -> _Point:
+    def point(self, log_length: FloatArray, scales: FloatArray) -> _Point:
         """Return a point with its density; the tape is that of the last one."""
         value = self.attitudes.log_densities(
             matern.poles(np.exp(log_length)), self.variances(scales), self.tape
         ).sum()
-        level = np.array([log_length, *scales.mean(axis=0)])
+        level = log_prior(log_length, scales.mean(axis=0))
         walk = (np.diff(scales, axis=0) ** 2).sum() / (2 * _WALK_SIGMA**2)
-        return _Point(log_length, scales, float(value) + log_prior(level) - float(walk))
+        return _Point(log_length, scales, float(value) + level - float(walk))
 
-    def climbed(self, here: _Point, level: float, *, with_length: bool) -> _Point:
-        """Return where steps uphill end: where the next gains less than some nats."""
+    def climbed(self, here: _Point) -> _Point:
+        """Return where steps of scales uphill end: where the next gains less than some nats."""
         for _ in range(_STEPS):
             steps = self._steps(here)
-            along = self._length_step(here) if with_length else 0.0
-            trials = (self._moved(here, 0.5**i * steps, 0.5**i * along) for i in range(_HALVINGS))
+            trials = (
+                self.point(here.log_length, _bounded(here.scales + 0.5**i * steps))
+                for i in range(_HALVINGS)
+            )
             best = next((point for point in trials if point.value > here.value), here)
             gained, here = best.value - here.value, best
-            if gained < level:
+            if gained < _LEVEL_NATS:
                 break
         return here
 
-    def _moved(self, at: _Point, steps: FloatArray, along: float) -> _Point:
-        log_length = float(np.clip(at.log_length + along, *_LOG_LENGTHS))
-        moved = at.scales + steps + _OF_LENGTH * (log_length - at.log_length)
-        return self.point(log_length, _bounded(moved))
+    def with_lengths(self, here: _Point) -> _Point:
+        """Return the likeliest lengths and levels of scales that vary as they do."""
+        level = here.scales.mean(axis=0)
+
+        def at(x: FloatArray) -> _Point:
+            return self.point(x[:3], _bounded(here.scales + (x[3:] - level)))
+
+        begin = np.concatenate([here.log_length, level])
+        best = at(likeliest(lambda x: at(x).value, begin, *bounds()))
+        return best if best.value > here.value else here
+
+    def spread(self, at: _Point) -> FloatArray:
+        """Return the posterior variances of scales, (blocks, 3), lengths as they are (Laplace)."""
+        _, freedom = self._score(at)
+        walked = [posterior_variances(_precision(freedom[:, axis])) for axis in range(3)]
+        return np.asarray(1 / (1 / np.stack(walked, axis=1) + 1 / _LEVEL_VARIANCE))
 
     def log_volume(self, at: _Point) -> float:
         """Return the log of posterior over prior volume of scales about their level (Laplace)."""
@@ -184,7 +198,7 @@ class _Search:
     def _score(self, at: _Point) -> tuple[FloatArray, FloatArray]:
         """Return the score of scales, and the freedom that attitudes tell of them, (blocks, 3)."""
         variance = self.variances(at.scales)
-        poles = np.tile(matern.poles(np.exp(at.log_length)), (len(variance), 1))
+        poles = np.tile(matern.poles(np.exp(at.log_length)), (len(variance), 1, 1))
         self.attitudes.log_densities(poles, variance, self.tape)
         parts = score(self.attitudes.epochs.t_s, poles, variance, self.tape)
         out = [np.zeros_like(at.scales) for _ in parts]
@@ -206,16 +220,6 @@ class _Search:
         ]
         return np.asarray(np.clip(np.stack(steps, axis=1), -_MOST_STEP, _MOST_STEP))
 
-    def _length_step(self, at: _Point) -> float:
-        """Return a Newton step of the log length, scales with it, by differences."""
-        h = _LENGTH_STEP
-        ahead, behind = (
-            self.point(at.log_length + step, at.scales + _OF_LENGTH * step).value
-            for step in (h, -h)
-        )
-        slope, bend = (ahead - behind) / (2 * h), (2 * at.value - ahead - behind) / h**2
-        return float(slope / max(bend, abs(slope) / _MOST_LENGTH_STEP, _RIDGE))
-
 
 def _bounded(scales: FloatArray) -> FloatArray:
     return np.asarray(np.clip(scales, np.log(LEAST_RADPS), np.log(MOST_RADPS)))
@@ -230,3 +234,14 @@ def _precision(freedom: FloatArray) -> FloatArray:
     out[0, :-1] += 1 / _WALK_SIGMA**2
     out[1, :-1] = -1 / _WALK_SIGMA**2
     return out
+
+
+def posterior_variances(precision: FloatArray) -> FloatArray:
+    """Return the diagonal of the inverse of a tridiagonal matrix, lower banded, (2, n)."""
+    diagonal, square = precision[0], precision[1] ** 2
+    n = len(diagonal)
+    before, after = diagonal.copy(), diagonal.copy()
+    for k in range(1, n):
+        before[k] -= square[k - 1] / before[k - 1]
+        after[n - 1 - k] -= square[n - 1 - k] / after[n - k]
+    return np.asarray(1 / (before + after - diagonal))

@@ -99,7 +99,7 @@ def drawn_turns(
 
     Steps are so short that axes do not mix in one.
     """
-    poles = prior.poles_per_s
+    poles = prior.poles_per_s[0]
     F, H = matern.transition(step_s, poles), matern.integral(step_s, poles)
     root = matern.noise_factor(step_s, poles)
     x = np.linalg.cholesky(matern.stationary(poles)) @ rng.standard_normal((3, 3))

@@ -179,7 +179,7 @@ def _motion(
         gyroscope_noise = np.full(n, GYROSCOPE["gyroscope_noise_radps_per_sqrt_hz"] ** 2)
         return Inertial(gyroscope_noise=gyroscope_noise, **common)
     return GyroFree(
-        poles_per_s=np.tile(prior.poles_per_s, (n, 1)),
+        poles_per_s=np.tile(prior.poles_per_s, (n, 1, 1)),
         variance_rad2ps2=np.tile(prior.variance_rad2ps2, (n, 1)),
         rate_column=constants.column(MEAN_RATE),
         constants=constants,

@@ -104,7 +104,7 @@ def test_without_a_gyroscope_rates_are_states_about_a_constant_of_the_flight(dem
     assert problem.motion.rate_column == problem.constants.column(MEAN_RATE) >= 0
     assert problem.start.aux[:, 3:6].any(axis=1).all()
     np.testing.assert_array_equal(
-        problem.motion.poles_per_s, np.tile(PRIOR.poles_per_s, (len(problem.t_s) - 1, 1))
+        problem.motion.poles_per_s, np.tile(PRIOR.poles_per_s, (len(problem.t_s) - 1, 1, 1))
     )
     assert any(note.startswith("Rate prior (Matern 5/2") for note in demo[1].notes)
 
@@ -123,8 +123,8 @@ def test_the_rate_prior_is_identified_where_none_is_stated():
     """Sines of 20 degrees and 6.3 s about all axes: rates of 0.25 rad/s RMS, smooth for seconds."""
     motion = build(flown("demo", 20.0), rate_prior=None).problem.motion
     assert (np.ptp(motion.poles_per_s, axis=0) == 0).all()
-    assert motion.poles_per_s[0, 2] == pytest.approx(1.0, rel=0.1)
-    assert motion.poles_per_s[0, 1] < 0.3
+    assert motion.poles_per_s[0, 0, 2] == pytest.approx(1.0, rel=0.1)
+    assert motion.poles_per_s[0, 0, 1] < 0.3
     sigma = np.sqrt(motion.variance_rad2ps2)
     assert (sigma > 0.2).all()
     assert (sigma < 1.0).all()

@@ -12,18 +12,22 @@ _PARTS = 10  # of an interval when rates are drawn
 
 
 def drawn_attitudes(t_s, own, sigma, mean, rng):
-    """Return attitudes (n, 3, 3) of rates drawn from the prior."""
+    """Return attitudes (n, 3, 3) of rates drawn from a prior of poles (3,), or (3, 3) by axis."""
+    own = np.broadcast_to(own, (3, 3))
     R = np.empty((len(t_s), 3, 3))
     R[0] = np.eye(3)
-    x = np.linalg.cholesky(stationary(own)) @ rng.normal(size=(3, 3)) * sigma
+    root = np.linalg.cholesky(np.array([stationary(axis) for axis in own]))
+    x = np.einsum("ipq,qi->pi", root, rng.normal(size=(3, 3))) * sigma
     for k in range(len(t_s) - 1):
         T = (t_s[k + 1] - t_s[k]) / _PARTS
-        F, H, L = transition(T, own), integral(T, own), noise_factor(T, own)
+        F, H, L = (
+            np.array([of(T, axis) for axis in own]) for of in (transition, integral, noise_factor)
+        )
         R[k + 1] = R[k]
         for _ in range(_PARTS):
-            noise = L @ rng.normal(size=(4, 3)) * sigma
-            before, phi = x[0] + mean, mean * T + H @ x + noise[0]
-            x = F @ x + noise[1:]
+            noise = np.einsum("ipq,qi->pi", L, rng.normal(size=(4, 3))) * sigma
+            before, phi = x[0] + mean, mean * T + np.einsum("iq,qi->i", H, x) + noise[0]
+            x = np.einsum("ipq,qi->pi", F, x) + noise[1:]
             phi += T**2 / 12 * np.cross(before, x[0] + mean)
             R[k + 1] = R[k + 1] @ exp(phi[None])[0]
     return R
@@ -45,15 +49,17 @@ class Process:
     """A process of the rate: d states an axis, with or without a mean that they revert to."""
 
     def __init__(self, F, H, W, sigma, first, mean):
-        self.F, self.H, self.W = F, H, W  # (k, d, d), (k, d), (k, d + 1, d + 1)
-        self.sigma, self.first, self.mean = sigma, first, mean  # (3,), (d, d) rows, bool
+        # By axis: (k, 3, d, d), (k, 3, d), (k, 3, d + 1, d + 1); first (3, d, d)
+        self.F, self.H, self.W = F, H, W
+        self.sigma, self.first, self.mean = sigma, first, mean  # (3,), rows, bool
 
 
 def matern_process(t_s, prior):
     """Return the process of a rate prior."""
     T = np.diff(t_s)
-    of = intervals(T, np.tile(prior.poles_per_s, (len(T), 1)))
-    first = np.linalg.inv(np.linalg.cholesky(stationary(prior.poles_per_s)))
+    of = intervals(T, np.tile(prior.poles_per_s, (len(T), 1, 1)))
+    known = np.array([stationary(own) for own in prior.poles_per_s])
+    first = np.linalg.inv(np.linalg.cholesky(known))
     return Process(of.F, of.H, of.W, np.sqrt(prior.variance_rad2ps2), first, True)
 
 
@@ -64,7 +70,8 @@ def random_walk(t_s, density):
     Q = np.array([[T**3 / 3, T**2 / 2], [T**2 / 2, T]]).transpose(2, 0, 1)
     W = np.linalg.inv(np.linalg.cholesky(Q))
     sigma = np.full(3, np.sqrt(density))
-    return Process(np.ones((k, 1, 1)), T[:, None], W, sigma, np.full((1, 1), 1e-3), False)
+    F, H, W = (np.stack([x] * 3, axis=1) for x in (np.ones((k, 1, 1)), T[:, None], W))
+    return Process(F, H, W, sigma, np.full((3, 1, 1), 1e-3), False)
 
 
 def smoothed(t_s, R_nb, V, process, rounds=4):
@@ -73,7 +80,7 @@ def smoothed(t_s, R_nb, V, process, rounds=4):
     By normal equations: of no use for length scales of 30 s and more, whose whitening rows weigh
     1e8 times as much as an attitude and want a QR.
     """
-    n, d = len(t_s), process.H.shape[1]
+    n, d = len(t_s), process.H.shape[2]
     size = 3 + 3 * d
     R, m = R_nb.copy(), np.zeros(3)
     x = np.zeros((n, d, 3))
@@ -96,9 +103,15 @@ def smoothed(t_s, R_nb, V, process, rounds=4):
     return R, covariance
 
 
+def _of_axes(M):
+    """Return matrices of the axes, (3, a, b), as one of values axis by axis, (3 a, 3 b)."""
+    a, b = M.shape[1:]
+    return np.einsum("ipq,ij->piqj", M, np.eye(3)).reshape(3 * a, 3 * b)
+
+
 def _system(t_s, R_nb, root, process, state):
     R, x, m = state
-    n, d, T = len(t_s), process.H.shape[1], np.diff(t_s)
+    n, d, T = len(t_s), process.H.shape[2], np.diff(t_s)
     size, end = 3 + 3 * d, len(t_s) * (3 + 3 * d)
     blocks, residuals, rows = [], [], 0
 
@@ -113,7 +126,7 @@ def _system(t_s, R_nb, root, process, state):
     e0 = np.eye(d)[0]
     mean = 1.0 if process.mean else 0.0
     add(end + own, np.eye(3) / 15, m / 15)
-    rows_0 = np.kron(process.first, np.diag(1 / process.sigma))
+    rows_0 = _of_axes(process.first / process.sigma[:, None, None])
     A = rows_0 @ np.hstack([np.eye(3 * d), -mean * np.kron(e0[:, None], np.eye(3))])
     add(np.r_[3 + np.arange(3 * d), end + own], A, rows_0 @ (x[0] - mean * np.outer(e0, m)).ravel())
     for k in range(n):
@@ -125,17 +138,18 @@ def _system(t_s, R_nb, root, process, state):
         near = np.eye(3) + K @ K / 12  # inverse right Jacobian: near + K / 2
         deviation = x[k] - mean * np.outer(e0, m)
         magnus = T[k] ** 2 / 12 * np.cross(x[k, 0], x[k + 1, 0])
-        v = np.vstack([turn - magnus - mean * m * T[k] - H @ deviation, x[k + 1]])
-        v[1:] -= mean * np.outer(e0, m) + F @ deviation
+        led = np.einsum("iq,qi->i", H, deviation)
+        v = np.vstack([turn - magnus - mean * m * T[k] - led, x[k + 1]])
+        v[1:] -= mean * np.outer(e0, m) + np.einsum("ipq,qi->pi", F, deviation)
         A = np.zeros((3 * (d + 1), 2 * size + 3))
         A[:3, :3], A[:3, size : size + 3] = -(near - K / 2), near + K / 2
-        A[:3, 3:size] = -np.kron(H, np.eye(3))
+        A[:3, 3:size] = -_of_axes(H[:, None])
         A[:3, 3:6] += T[k] ** 2 / 12 * skew(x[k + 1, :1])[0]
         A[:3, size + 3 : size + 6] -= T[k] ** 2 / 12 * skew(x[k, :1])[0]
-        A[3:, 3:size], A[3:, size + 3 : 2 * size] = -np.kron(F, np.eye(3)), np.eye(3 * d)
-        A[:3, 2 * size :] = -mean * (T[k] - H[0]) * np.eye(3)
-        A[3:, 2 * size :] = -mean * np.kron((e0 - F[:, 0])[:, None], np.eye(3))
-        rows_k = np.kron(W, np.diag(1 / process.sigma))
+        A[3:, 3:size], A[3:, size + 3 : 2 * size] = -_of_axes(F), np.eye(3 * d)
+        A[:3, 2 * size :] = -mean * np.diag(T[k] - H[:, 0])
+        A[3:, 2 * size :] = -mean * _of_axes(e0[:, None] - F[:, :, :1])
+        rows_k = _of_axes(W / process.sigma[:, None, None])
         add(np.r_[size * k + np.arange(2 * size), end + own], rows_k @ A, rows_k @ v.ravel())
     i, j, value = (np.concatenate(part) for part in zip(*blocks, strict=True))
     return sparse.csr_matrix((value, (i, j)), (rows, end + 3)), np.concatenate(residuals)

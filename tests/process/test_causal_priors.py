@@ -24,8 +24,8 @@ def sigmas(prior):
 
 def noise(poles, variance):
     """Return the mean density of the rate's third derivative, rad2/s7, of intervals."""
-    q = np.array([coefficients(own)[3] for own in poles])
-    return q * variance.mean(axis=1)
+    q = np.array([[coefficients(own)[3] for own in axes] for axes in poles])
+    return (q * variance).mean(axis=1)
 
 
 def swings_from(start_s, t_s, rng):
@@ -50,12 +50,12 @@ def test_causal_prior_is_the_default_first_and_then_that_of_the_past():
     rng = np.random.default_rng(20_011)
     R, V = with_noise(sine(T_S), 0.3 * DEG, rng)
     poles, variance = causal_rate_priors(T_S[:12], R[:12], V[:12])
-    assert poles.shape == (11, 3)
+    assert poles.shape == (11, 3, 3)
     assert variance.shape == (11, 3)
-    np.testing.assert_array_equal(poles[:9], np.tile(matern.poles(DEFAULT_LENGTH_S), (9, 1)))
+    np.testing.assert_array_equal(poles[:9], np.tile(matern.poles(DEFAULT_LENGTH_S), (9, 3, 1)))
     np.testing.assert_array_equal(variance[:9], DEFAULT_SIGMA_RADPS**2)
     identified = rate_prior(T_S[:10], R[:10], V[:10])
-    np.testing.assert_array_equal(poles[9:], np.tile(identified.poles_per_s, (2, 1)))
+    np.testing.assert_array_equal(poles[9:], np.tile(identified.poles_per_s, (2, 1, 1)))
     np.testing.assert_array_equal(variance[9:], np.tile(identified.variance_rad2ps2, (2, 1)))
 
 
@@ -72,7 +72,7 @@ def test_lasting_change_of_motion_is_identified_anew():
     R, V = swings_from(30.0, T_S, np.random.default_rng(20_031))
     poles, variance = causal_rate_priors(T_S, R, V)
     whole = rate_prior(T_S[320:], R[320:], V[320:])
-    for frequency_radps in (poles[430, 2], whole.poles_per_s[2]):
+    for frequency_radps in (poles[430, 0, 2], whole.poles_per_s[0, 2]):
         assert 0.9 < frequency_radps < 1.4  # it swings at 1 and 1.3
     later = attitude_series(T_S[430:], R[430:], V[430:], np.arange(170), past=170)
     now, before, best = (
@@ -94,7 +94,7 @@ def test_steady_motion_keeps_its_identified_prior(share):
     wrong = rng.random(600) < share
     R[wrong] = R[wrong] @ exp(rng.normal(size=(wrong.sum(), 3)))
     poles, variance = causal_rate_priors(T_S, R, V)
-    changes = np.flatnonzero(np.diff(poles[:, 0])) + 1
+    changes = np.flatnonzero(np.diff(poles[:, 0, 0])) + 1
     assert set(changes[changes >= 40]) == {79, 159, 319}  # as identified, and none other
     assert (np.abs(np.log(np.sqrt(variance[320:]) / sigmas(rate_prior(T_S, R, V)))) < 0.3).all()
 

@@ -14,7 +14,7 @@ def covariances(valid, length_s=1.0, sigma=0.2, R_nb=None):
     n = len(T_S)
     R = np.tile(np.eye(3), (n, 1, 1)) if R_nb is None else R_nb
     P = np.tile(SIGMA**2 * np.eye(3), (n, 1, 1))
-    prior = np.tile(poles(length_s), (n - 1, 1)), np.full((n - 1, 3), sigma**2)
+    prior = np.tile(poles(length_s), (n - 1, 3, 1)), np.full((n - 1, 3), sigma**2)
     return filtered(T_S, R, P, valid, prior).covariance[:, :3, :3]
 
 
@@ -58,7 +58,7 @@ def test_what_comes_before_and_after_tells_more_than_either():
         rates.append(x[0].copy())
     sigma = 1.0 * DEG
     measured = np.array(R) @ exp(sigma * rng.normal(size=(120, 3)))
-    prior = np.tile(own, (119, 1)), np.full((119, 3), 0.2**2)
+    prior = np.tile(own, (119, 3, 1)), np.full((119, 3), 0.2**2)
     P = np.tile(sigma**2 * np.eye(3), (120, 1, 1))
     of = (T_S, measured, P, np.ones(120, dtype=bool), prior)
     before, after = filtered(*of), filtered_back(*of)

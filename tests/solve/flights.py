@@ -62,7 +62,7 @@ def flight(
         if gyroscope
         else GyroFree(
             **common,
-            poles_per_s=np.tile(matern.poles(1.0), (n - 1, 1)),
+            poles_per_s=np.tile(matern.poles(1.0), (n - 1, 3, 1)),
             variance_rad2ps2=np.full((n - 1, 3), 0.2),
             rate_column=0,
             constants=constants,

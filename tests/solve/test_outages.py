@@ -57,7 +57,7 @@ def test_a_slow_motion_agrees_with_the_chain(method: str) -> None:
     problem, _ = flight(5.0, motion=sine(5.0, rate_radps=0.1))
     motion = replace(
         problem.motion,
-        poles_per_s=np.tile(matern.poles(45.0), (50, 1)),
+        poles_per_s=np.tile(matern.poles(45.0), (50, 3, 1)),
         variance_rad2ps2=np.full((50, 3), 1e-3),
     )
     problem = replace(problem, motion=motion)

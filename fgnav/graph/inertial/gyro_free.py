@@ -65,8 +65,8 @@ class GyroFree:
     gravity_n_mps2 : ndarray, shape (n, 3)
         Where each keyframe is.
     earth_rate_n_radps : ndarray, shape (3,)
-    poles_per_s : ndarray, shape (n - 1, 3)
-        Of the rate's process in each interval.
+    poles_per_s : ndarray, shape (n - 1, 3, 3)
+        Of the rate's process in each interval, about each body axis.
     variance_rad2ps2 : ndarray, shape (n - 1, 3)
         Its variance about each body axis.
     accelerometer_noise : ndarray, shape (n - 1,)
@@ -103,7 +103,7 @@ class GyroFree:
         n = len(self.t_s)
         shapes = {
             "gravity_n_mps2": (n, 3),
-            "poles_per_s": (n - 1, 3),
+            "poles_per_s": (n - 1, 3, 3),
             "variance_rad2ps2": (n - 1, 3),
             "accelerometer_noise": (n - 1,),
         }
@@ -189,8 +189,9 @@ class GyroFree:
         aux = self.aux
         rows = np.eye(aux, aux + constants)
         rows[range(3), range(3)] = 1 / self.imu.accelerometer_bias_mps2
-        white = np.linalg.inv(np.linalg.cholesky(matern.stationary(self.poles_per_s[0])))
         for i in range(3):
+            first = matern.stationary(self.poles_per_s[0, i])
+            white = np.linalg.inv(np.linalg.cholesky(first))
             columns = [3 + i, 6 + i, 9 + i]
             weighted = white / np.sqrt(self.variance_rad2ps2[0, i])
             rows[np.ix_(columns, columns)] = weighted
@@ -203,7 +204,7 @@ class GyroFree:
         Those of the specific force do not depend on what is identified.
         """
         of = self._intervals
-        log_det = np.log(np.einsum("nii->ni", of.white[intervals])).sum() * 3
+        log_det = np.log(np.einsum("naii->nai", of.white[intervals])).sum()
         return float(log_det - 4 * np.log(of.sigma_radps[intervals]).sum())
 
     def release(self, before: int) -> None:

@@ -85,13 +85,15 @@ def predict(which: IntArray, of: Intervals, before: Rows, mean: FloatArray, afte
                 y[3 + 3 * p + i] = mean[i] if p == 0 else 0.0
                 for q in range(3):
                     off = x[3 + 3 * q + i] - (mean[i] if q == 0 else 0.0)
-                    y[3 + 3 * p + i] += of.transition[k, p, q] * off
+                    y[3 + 3 * p + i] += of.transition[k, i, p, q] * off
         for i in range(3):
             a, b = (i + 1) % 3, (i + 2) % 3
             path.theta[i] = mean[i] * T
             path.theta[i] += T**2 / 12 * (x[3 + a] * y[3 + b] - x[3 + b] * y[3 + a])
             for q in range(3):
-                path.theta[i] += of.turn[k, q] * (x[3 + 3 * q + i] - (mean[i] if q == 0 else 0.0))
+                path.theta[i] += of.turn[k, i, q] * (
+                    x[3 + 3 * q + i] - (mean[i] if q == 0 else 0.0)
+                )
         integrate(of, k, x, y, path)
         R = rot.product(before.R_nb[row], rot.exp(path.theta))
         g, v, earth = of.gravity_n_mps2[k], before.v_n_mps[row], of.earth_rate_n_radps
@@ -124,15 +126,15 @@ def _rotation_rows(
     for i in range(3):
         a, b = (i + 1) % 3, (i + 2) % 3
         value[i, 0] = theta[i] - bend * (x[3 + a] * y[3 + b] - x[3 + b] * y[3 + a])
-        value[i, 0] -= mean[i] * (T - H[0])
+        value[i, 0] -= mean[i] * (T - H[i, 0])
         for q in range(3):
-            value[i, 0] -= H[q] * x[3 + 3 * q + i]
-            E_0[i, 12 + 3 * q + i] = -H[q]
+            value[i, 0] -= H[i, q] * x[3 + 3 * q + i]
+            E_0[i, 12 + 3 * q + i] = -H[i, q]
         for j in range(3):
             E_0[i, j], E_1[i, j] = -J[j, i], J[i, j]
         E_0[i, 12 + a], E_0[i, 12 + b] = -bend * y[3 + b], bend * y[3 + a]
         E_1[i, 12 + a], E_1[i, 12 + b] = bend * x[3 + b], -bend * x[3 + a]
-        out.by_mean[row, i, i] = H[0] - T
+        out.by_mean[row, i, i] = H[i, 0] - T
 
 
 @inlined
@@ -145,12 +147,12 @@ def _process_rows(
         rate_sign = -1.0 if p == 0 else 0.0
         for i in range(3):
             at = 12 + 3 * p + i
-            value = y[3 + 3 * p + i] + (rate_sign + F[p, 0]) * mean[i]
+            value = y[3 + 3 * p + i] + (rate_sign + F[i, p, 0]) * mean[i]
             for q in range(3):
-                value -= F[p, q] * x[3 + 3 * q + i]
-                out.before[row, at, 12 + 3 * q + i] = -F[p, q]
+                value -= F[i, p, q] * x[3 + 3 * q + i]
+                out.before[row, at, 12 + 3 * q + i] = -F[i, p, q]
             out.after[row, at, at] = 1.0
-            out.by_mean[row, at, i] = rate_sign + F[p, 0]
+            out.by_mean[row, at, i] = rate_sign + F[i, p, 0]
             out.value[row, at, 0] = value
 
 
@@ -252,9 +254,9 @@ def _lasting_rows(
 @inner
 def _whiten(of: Intervals, k: int, E: FloatArray) -> None:
     """Whiten the rows of the process and of the specific force in place, (D, c)."""
-    W, force = of.white[k], of.force_white[k]
+    force = of.force_white[k]
     for i in range(3):
-        weight = 1 / of.sigma_radps[k, i]
+        W, weight = of.white[k, i], 1 / of.sigma_radps[k, i]
         for j in range(E.shape[1]):
             phi, w, a, b = E[i, j], E[12 + i, j], E[15 + i, j], E[18 + i, j]
             E[i, j] = weight * W[0, 0] * phi

@@ -22,9 +22,9 @@ class Intervals(NamedTuple):
     f_b_mps2: FloatArray  # (k, 3)
     gravity_n_mps2: FloatArray  # (n, 3)
     earth_rate_n_radps: FloatArray  # (3,)
-    transition: FloatArray  # (n - 1, 3, 3), F
-    turn: FloatArray  # (n - 1, 3), H
-    white: FloatArray  # (n - 1, 4, 4), W of unit variance
+    transition: FloatArray  # (n - 1, 3, 3, 3), F of each axis
+    turn: FloatArray  # (n - 1, 3, 3), H of each axis
+    white: FloatArray  # (n - 1, 3, 4, 4), W of each axis, of unit variance
     sigma_radps: FloatArray  # (n - 1, 3), of the process about each axis
     force_white: FloatArray  # (n - 1, 3), see ``gyro_free._force_white``
     walk_white: FloatArray  # (n - 1,)

@@ -76,7 +76,7 @@ def _candidate(
         problem,
         motion=replace(
             motion,
-            poles_per_s=np.tile(prior.poles_per_s, (n, 1)),
+            poles_per_s=np.tile(prior.poles_per_s, (n, 1, 1)),
             variance_rad2ps2=np.tile(prior.variance_rad2ps2, (n, 1)),
         ),
     )

@@ -138,7 +138,7 @@ def _motion(
         sub_steps=set_up.sub_steps,
         gravity_n_mps2=gravity_n_mps2,
         earth_rate_n_radps=earth,
-        poles_per_s=np.tile(set_up.rate_prior.poles_per_s, (n, 1)),
+        poles_per_s=np.tile(set_up.rate_prior.poles_per_s, (n, 1, 1)),
         variance_rad2ps2=np.tile(set_up.rate_prior.variance_rad2ps2, (n, 1)),
         accelerometer_noise=noise,
         rate_column=constants.column("mean rate"),

@@ -32,9 +32,10 @@ CONSTANTS = Constants(
 )
 RATE = slice(2, 5)
 DENSITY = 1e-3**2  # of the accelerometer's noise
+LENGTHS_S = (0.8, 0.5, 1.0)  # of the rate about the body axes
 
 
-def gyro_free(imu, t_s, *, length_s=1.0, variance=0.3, sub_steps=5):
+def gyro_free(imu, t_s, *, length_s=LENGTHS_S, variance=0.3, sub_steps=5):
     n = len(t_s)
     return GyroFree(
         t_s=t_s,
@@ -42,7 +43,7 @@ def gyro_free(imu, t_s, *, length_s=1.0, variance=0.3, sub_steps=5):
         sub_steps=sub_steps,
         gravity_n_mps2=np.tile(GRAVITY_N_MPS2, (n, 1)),
         earth_rate_n_radps=EARTH_N_RADPS,
-        poles_per_s=np.tile(matern.poles(length_s), (n - 1, 1)),
+        poles_per_s=np.tile(matern.poles(np.broadcast_to(length_s, 3)), (n - 1, 1, 1)),
         variance_rad2ps2=np.full((n - 1, 3), variance),
         accelerometer_noise=np.full(n - 1, DENSITY),
         rate_column=RATE.start,
@@ -107,8 +108,8 @@ def test_half_a_second_of_a_wide_sine_is_crossed_within_the_accelerometers_noise
 
 def test_motion_by_the_process_itself_has_residuals_of_variance_one():
     rng = np.random.default_rng(5)
-    t_s, imu, states = _simulated(rng, until_s=60.0, length_s=0.8, variance=0.3)
-    factors = gyro_free(imu, t_s, length_s=0.8, variance=0.3)
+    t_s, imu, states = _simulated(rng, until_s=60.0, lengths_s=LENGTHS_S, variance=0.3)
+    factors = gyro_free(imu, t_s, variance=0.3)
     value = factors.linearise(*ends(states), every(factors)).value
     by_row = (value**2).mean(axis=0)
     assert by_row[3:6].max() < 1  # the integration's own noise of the position, 0.1 mm, is more
@@ -117,19 +118,23 @@ def test_motion_by_the_process_itself_has_residuals_of_variance_one():
     assert np.abs(others - 1).max() < 4 * np.sqrt(2 / len(value)) + 0.05
 
 
-def _simulated(rng, *, until_s, length_s, variance):
+def _simulated(rng, *, until_s, lengths_s, variance):
     """Keyframes every 0.1 s, a noisy accelerometer and true states of a body that turns so."""
     h, every_sample, every_keyframe = 1e-3, 10, 100
     n = round(until_s / h)
-    own = matern.poles(length_s)
-    F, H = matern.transition(h, own), matern.integral(h, own)
-    L = matern.noise_factor(h, own) * np.sqrt(variance)
+    own = matern.poles(np.array(lengths_s))
+    F, H, L = (
+        np.array([of(h, axis) for axis in own])
+        for of in (matern.transition, matern.integral, matern.noise_factor)
+    )
+    root = np.linalg.cholesky(np.array([matern.stationary(axis) for axis in own]) * variance)
     x = np.empty((n + 1, 3, 3))  # time, derivative, axis
-    x[0] = np.linalg.cholesky(matern.stationary(own) * variance) @ rng.standard_normal((3, 3))
-    noise, mean = np.einsum("pq,nqi->npi", L, rng.standard_normal((n, 4, 3))), np.array([1.0, 0, 0])
+    x[0] = np.einsum("ipq,qi->pi", root, rng.standard_normal((3, 3)))
+    white, mean = np.sqrt(variance) * rng.standard_normal((n, 4, 3)), np.array([1.0, 0, 0])
+    noise = np.einsum("ipq,nqi->npi", L, white)
     for k in range(n):
-        x[k + 1] = F @ x[k] + noise[k, 1:]
-    turned = np.einsum("q,nqi->ni", H, x[:-1]) + noise[:, 0] + mean * h
+        x[k + 1] = np.einsum("ipq,qi->pi", F, x[k]) + noise[k, 1:]
+    turned = np.einsum("iq,nqi->ni", H, x[:-1]) + noise[:, 0] + mean * h
     x[:, 0] += mean
     R_nb = exp(np.outer(-np.arange(n + 1) * h, EARTH_N_RADPS)) @ accumulated(exp(turned))
     time_s = np.arange(n + 1) * h
@@ -292,7 +297,7 @@ def test_raised_noise_weakens_position_and_velocity_alone():
 
 def test_arrays_of_wrong_shape_are_refused_by_name():
     factors, _ = of_motion(sine(20.0), 0.1, 5)
-    with pytest.raises(BadInputError, match=r"gyro-free poles_per_s: expected shape \(5, 3\)"):
+    with pytest.raises(BadInputError, match=r"gyro-free poles_per_s: expected shape \(5, 3, 3\)"):
         replace(factors, poles_per_s=np.ones((4, 3)))
     with pytest.raises(BadInputError, match="the mean rate is not among the constants"):
         replace(factors, rate_column=3)

@@ -54,7 +54,7 @@ def flight():
         sub_steps=1,
         gravity_n_mps2=np.tile(GRAVITY_N_MPS2, (n, 1)),
         earth_rate_n_radps=EARTH_N_RADPS,
-        poles_per_s=np.tile(matern.poles(2.0), (n - 1, 1)),
+        poles_per_s=np.tile(matern.poles(2.0), (n - 1, 3, 1)),
         variance_rad2ps2=np.full((n - 1, 3), 0.12),
         accelerometer_noise=np.full(n - 1, 1e-6),
         rate_column=0,
