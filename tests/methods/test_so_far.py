@@ -22,7 +22,7 @@ T_S = np.arange(200) / 10
 
 @cache
 def damaged():
-    return truncated(WRONG.damaged(right_flights()["seeker"]), SPAN_S)
+    return truncated(WRONG.damaged(right_flights(20.0)["seeker"]), SPAN_S)
 
 
 @cache
@@ -98,7 +98,7 @@ def test_what_is_left_out_is_decided_by_the_record_up_to_then():
         asked.append(flight.barometer.t_s[-1])
         return of_field(flight, throughout=True)
 
-    found = so_far(right_flights()["single"], whole)
+    found = so_far(right_flights(20.0)["single"], whole)
     assert max(asked) <= 5.9
     (rejected,) = found.rejections
     assert (rejected.from_s, rejected.until_s) == (5.9, T_S[-1])
@@ -108,10 +108,11 @@ def test_what_is_left_out_is_decided_by_the_record_up_to_then():
 def test_where_nothing_consistent_is_left_there_are_no_estimates():
     def whole(flight):
         return of_field(
-            replace(flight, magnetometer=right_flights()["single"].magnetometer), throughout=True
+            replace(flight, magnetometer=right_flights(20.0)["single"].magnetometer),
+            throughout=True,
         )
 
-    found = so_far(right_flights()["single"], whole)
+    found = so_far(right_flights(20.0)["single"], whole)
     np.testing.assert_array_equal(found.t_s, T_S[T_S < 5.95])
     (loss,) = found.losses
     assert (loss.count, loss.what) == (200 - len(found.t_s), "keyframe")
@@ -122,17 +123,17 @@ def test_where_nothing_consistent_is_left_there_are_no_estimates():
 
 def test_a_record_without_any_estimate_is_refused():
     def wrong(flight):
-        flight = replace(flight, magnetometer=right_flights()["single"].magnetometer)
+        flight = replace(flight, magnetometer=right_flights(20.0)["single"].magnetometer)
         found = of_field(flight, since_s=-1.0, throughout=True)
         test = replace(found.consistency[0], beyond_s=(-0.5, *ENDS_S))
         return replace(found, consistency=(test,))
 
     with pytest.raises(NoSolutionError, match="contradict each other: magnetic field"):
-        so_far(right_flights()["single"], wrong, wrong)
+        so_far(right_flights(20.0)["single"], wrong, wrong)
 
 
 def test_noise_that_is_believed_is_never_a_reason_to_leave_out():
-    found = so_far(right_flights()["single"], None)
+    found = so_far(right_flights(20.0)["single"], None)
     np.testing.assert_array_equal(found.t_s, T_S)
     assert found.rejections == ()
     assert "contradict each other" in found.notes[0]

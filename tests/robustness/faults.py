@@ -16,7 +16,7 @@ from fgnav_sim.scenario import FixesTable, load_scenario
 from fgnav_sim.simulate import simulate
 from tests.robustness.small_flights import SCENARIOS
 
-DURATION_S = 20.0
+DURATION_S = 10.0  # of flights that are damaged: rows of damages are of them
 INERTIAL = "inertial|accelerometer|gyroscope"
 GNSS = "position|velocit|phase"
 
@@ -31,17 +31,17 @@ class Fault(NamedTuple):
 
 
 @cache
-def right_flights() -> dict[str, Flight]:
+def right_flights(duration_s: float = DURATION_S) -> dict[str, Flight]:
     """Return an array, one antenna with a gyroscope and instruments, and an array with a seeker."""
     demo, surroundings, terminal = (
         load_scenario(SCENARIOS / f"{name}.toml") for name in ("demo", "surroundings", "terminal")
     )
     change = msgspec.structs.replace
     scenarios = {
-        "array": change(demo, duration_s=DURATION_S),
+        "array": change(demo, duration_s=duration_s),
         "single": change(
             demo,
-            duration_s=DURATION_S,
+            duration_s=duration_s,
             antennas_b_m=((0.3, 0.0, -0.2),),
             gnss=None,
             fixes=FixesTable(rate_hz=5.0),
@@ -50,7 +50,7 @@ def right_flights() -> dict[str, Flight]:
             magnetometer=surroundings.magnetometer,
         ),
         "seeker": change(
-            terminal, duration_s=DURATION_S, seeker=change(terminal.seeker, range_m=2e4)
+            terminal, duration_s=duration_s, seeker=change(terminal.seeker, range_m=2e4)
         ),
     }
     rng = np.random.default_rng(32_000)
@@ -87,9 +87,9 @@ def _spiked(values, every: int, by):
 
 
 def _unit_stuck(flight: Flight) -> Flight:
-    changes = {"f_b_mps2": _stuck(flight.imu.f_b_mps2, 900, 1000)}
+    changes = {"f_b_mps2": _stuck(flight.imu.f_b_mps2, 450, 550)}
     if flight.imu.w_b_radps is not None:
-        changes["w_b_radps"] = _stuck(flight.imu.w_b_radps, 900, 1000)
+        changes["w_b_radps"] = _stuck(flight.imu.w_b_radps, 450, 550)
     return _imu(flight, **changes)
 
 
@@ -121,7 +121,7 @@ def _barometer(flight: Flight, height_m) -> Flight:
 
 def _frozen(flight: Flight) -> Flight:
     fixes = flight.fixes
-    return _fixes(flight, p_n_m=_stuck(fixes.p_n_m, 40, 60), v_n_mps=_stuck(fixes.v_n_mps, 40, 60))
+    return _fixes(flight, p_n_m=_stuck(fixes.p_n_m, 20, 40), v_n_mps=_stuck(fixes.v_n_mps, 20, 40))
 
 
 def _tenth(flight: Flight) -> Flight:
@@ -147,7 +147,7 @@ FAULTS = (
     Fault("barometer spikes", "single", "barom",
           lambda f: _barometer(f, _spiked(f.barometer.height_m, 23, 60.0))),
     Fault("detector stuck", "seeker", "sight",
-          lambda f: _currents(f, _stuck(f.seeker.currents, 100))),
+          lambda f: _currents(f, _stuck(f.seeker.currents, 50))),
     Fault("currents exchanged", "seeker", "sight",
           lambda f: _currents(f, f.seeker.currents[:, [2, 1, 0, 3]])),
     Fault("detector spikes", "seeker", "sight",

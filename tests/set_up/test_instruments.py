@@ -9,7 +9,7 @@ from tests.robustness.faults import right_flights
 
 @pytest.fixture(scope="module")
 def single():
-    return right_flights()["single"]
+    return right_flights(20.0)["single"]
 
 
 def found(flight):
@@ -17,7 +17,7 @@ def found(flight):
 
 
 def test_right_instruments_raise_no_alarm():
-    assert [found(flight) for flight in right_flights().values()] == [[], [], []]
+    assert [found(flight) for flight in right_flights(20.0).values()] == [[], [], []]
 
 
 def test_a_height_that_is_rounded_coarsely_is_not_stuck(single):
@@ -35,7 +35,7 @@ def test_a_sample_that_is_repeated_is_named_with_its_span(single):
 
 
 def test_a_detector_that_never_changes_is_stuck():
-    flight = right_flights()["seeker"]
+    flight = right_flights(20.0)["seeker"]
     currents = np.tile(flight.seeker.currents[3], (len(flight.seeker.t_s), 1))
     ((name, _),) = found(replace(flight, seeker=replace(flight.seeker, currents=currents)))
     assert name == "seeker stuck"
