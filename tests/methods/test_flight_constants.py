@@ -16,6 +16,7 @@ from tests.frontend.array.test_shape import OFF_B_M, off
 from tests.methods.simulated import errors_rad, flown, nees, shared
 
 SPAN_S = 20.0
+TURN_B_RAD = np.radians([0.0, 0.6, -0.8])
 PRIOR = RatePrior(length_s=1.3, variance_rad2ps2=np.full(3, 0.06), evidence=0.0)
 
 
@@ -57,12 +58,18 @@ def test_an_antenna_three_centimetres_off_costs_nothing_once_it_is_estimated(met
 
 @pytest.fixture(scope="module")
 def terminal():
-    return flown("terminal", 60.0)
+    """Return the last third of a flight, over which its detector sees the landmark."""
+    return within(flown("terminal", 60.0), 40.0, None)
 
 
 @pytest.fixture(scope="module")
 def usual_rad(terminal):
     return rms_rad(terminal, Batch()(terminal))
+
+
+@pytest.fixture(scope="module")
+def by_a_turned_detector(terminal):
+    return Batch()(turned(terminal, TURN_B_RAD))
 
 
 def test_a_landmark_five_metres_off_is_found(terminal, usual_rad):
@@ -96,27 +103,23 @@ def turned(flight, turn_b_rad):
 
 
 def test_a_detector_turned_by_a_degree_is_found(terminal, usual_rad):
-    turn_b_rad = np.radians([0.0, 0.6, -0.8])
-    wrong = turned(terminal, turn_b_rad)
+    wrong = turned(terminal, TURN_B_RAD)
     estimate = Batch(estimate=("boresight",))(wrong)
     constant = named(estimate, "boresight")
-    assert np.abs(constant.value - turn_b_rad[1:]).max() < np.radians(0.05)
+    assert np.abs(constant.value - TURN_B_RAD[1:]).max() < np.radians(0.05)
     assert rms_rad(terminal, Batch(noise="stated")(wrong)) > 1.5 * usual_rad
-    assert (
-        rms_rad(terminal, Batch()(wrong)) < 1.15 * usual_rad
-    )  # what contradicts is hardly believed
     assert rms_rad(terminal, estimate) < 1.15 * usual_rad
 
 
-def test_a_detector_is_not_taken_for_the_body_that_is_turned(terminal):
-    """Of the last third, over which it sees the landmark; as the array's turn it erred by 1 deg."""
-    turn_b_rad = np.radians([0.0, 0.6, -0.8])
-    right = within(terminal, 40.0, None)
-    estimate = Batch()(turned(right, turn_b_rad))
+def test_a_detector_is_not_taken_for_the_body_that_is_turned(
+    terminal, usual_rad, by_a_turned_detector
+):
+    """As the array's turn it erred by a degree."""
+    estimate = by_a_turned_detector
     assert [one.name for one in estimate.constants] == ["boresight"]
-    _, squared = normalised(named(estimate, "boresight"), turn_b_rad[1:])
+    _, squared = normalised(named(estimate, "boresight"), TURN_B_RAD[1:])
     assert squared < 19.3  # chi-square of two, 6e-5
-    assert rms_rad(right, estimate) < 1.15 * rms_rad(right, Batch()(right))
+    assert rms_rad(terminal, estimate) < 1.15 * usual_rad
 
 
 def test_constants_that_nothing_tells_of_are_no_solution(terminal):

@@ -108,6 +108,7 @@ def test_the_command_line_turns_it_into_a_folder_that_compares(thor, tmp_path):
     assert main(["import", str(thor), "--format", "umn", "--out", str(folder)]) == 0
     names = "closed-form,batch,rtk"
     words = ["--method", names, "--noise", "stated", "--json", str(place)]
+    words += ["--from", "300", "--until", "400"]  # it flies
     assert main(["compare", str(folder), *words]) == 0
     methods = json.loads(place.read_text())["methods"]
     assert methods["batch"]["rmse_deg"]["pitch"] < 1.0
