@@ -21,7 +21,7 @@ SEEDS = (0, 1, 2, 3)
 
 @cache
 def cruising(seed):
-    """Return half a minute at 50 m/s that sways, heading apart from its course; fixes at 5 Hz."""
+    """Return twenty seconds at 50 m/s that sway, heading apart from its course; fixes at 5 Hz."""
     rng = np.random.default_rng(seed)
     swaying = [
         Sine(amplitude_deg=size, rate_radps=2 * np.pi / rng.uniform(5, 12), offset_deg=offset)
@@ -35,7 +35,7 @@ def cruising(seed):
         gyroscope_bias_walk_radps_per_sqrt_s=1e-5,
     )
     scenario = Scenario(
-        duration_s=30.0,
+        duration_s=20.0,
         motion=Motion(path=path, roll=swaying[0], pitch=swaying[1], yaw=swaying[2]),
         antennas_b_m=((0.0, 0.0, 0.0),),
         fixes=FixesTable(rate_hz=5.0, position_noise_m=0.5, velocity_noise_mps=0.05),
