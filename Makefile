@@ -42,11 +42,11 @@ demo: $(RUN)
 	  --method closed-form,maximum-likelihood,smoother,batch,rtk \
 	  --json demo/compare.json --report demo/report.png; status=$$?; wait; exit $$status
 
-# Two workers: more gain nothing on a small machine, nor do threads of theirs. Notebooks run whole, warnings of their kernel's
-# own machinery aside.
+# Two workers: more gain nothing on a small machine, nor do threads of theirs. Each keeps to neighbouring files, whose
+# flights are solved once, until it helps the other. Notebooks run whole, warnings of their kernel's own machinery aside.
 test: $(DEV)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
-	$(BIN)/python -m pytest -W default --nbmake notebooks
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -W default --nbmake notebooks
 
 check: $(DEV)
 	$(BIN)/ruff check
