@@ -21,7 +21,7 @@ from fgnav.solve.sliding.relinearisation import UNKNOWN_RAD
 from fgnav_sim.simulate import simulate
 from tests.frontend.array.test_float_arcs import Cut, flown_without_integers
 from tests.methods.simulated import shared
-from tests.methods.test_truncation import OUTAGE, scenario
+from tests.methods.test_truncation import OUTAGE, SPAN_S, scenario
 from tests.methods.true_gravity import TrueGravity
 
 AGREE_DEG, AGREE_SIGMAS, SIGMAS_AGREE = 0.01, 0.03, 0.03
@@ -41,29 +41,29 @@ class Case:
     rate_hz: float | None = None
 
 
-SIGHT = scenario("terminal", 12.0, range_m=9000.0)
+SIGHT = scenario("terminal", SPAN_S, range_m=9000.0)
 SURROUNDINGS = scenario("surroundings", 15.0)
 CASES = {
-    "demo": Case(scenario("demo", 12.0)),
-    "rough": Case(scenario("rough", 12.0)),
-    "spin": Case(scenario("spin", 12.0)),
-    "gyroscope": Case(scenario("demo", 12.0, gyroscope=True)),
-    "one epoch a second": Case(scenario("demo", 12.0, rate_hz=1.0)),
-    "outage": Case(scenario("demo", 12.0, outages=(OUTAGE,))),
+    "demo": Case(scenario("demo", SPAN_S)),
+    "rough": Case(scenario("rough", SPAN_S)),
+    "spin": Case(scenario("spin", SPAN_S)),
+    "gyroscope": Case(scenario("demo", SPAN_S, gyroscope=True)),
+    "one epoch a second": Case(scenario("demo", SPAN_S, rate_hz=1.0)),
+    "outage": Case(scenario("demo", SPAN_S, outages=(OUTAGE,))),
     "landmark": Case(SIGHT, {"estimate": ("landmark",)}),
     "boresight": Case(SIGHT, {"estimate": ("boresight",)}),
-    "lever-arm": Case(scenario("demo", 12.0), {"estimate": ("lever-arm",)}),
+    "lever-arm": Case(scenario("demo", SPAN_S), {"estimate": ("lever-arm",)}),
     "lever-arm, gyroscope": Case(
-        scenario("demo", 12.0, gyroscope=True), {"estimate": ("lever-arm",)}
+        scenario("demo", SPAN_S, gyroscope=True), {"estimate": ("lever-arm",)}
     ),
-    "antennas": Case(scenario("demo", 12.0), {"estimate": ("antennas",)}),
+    "antennas": Case(scenario("demo", SPAN_S), {"estimate": ("antennas",)}),
     "barometer and hard iron": Case(SURROUNDINGS),
-    "gravity": Case(scenario("demo", 12.0), {"gravity": TrueGravity(), "estimate": ("gravity",)}),
-    "gravity without phase": Case(scenario("six", 12.0, fixes=True), {"gravity": TrueGravity()}),
-    "low dynamics": Case(scenario("ramp", 12.0), {"gravity": LowDynamics()}),
+    "gravity": Case(scenario("demo", SPAN_S), {"gravity": TrueGravity(), "estimate": ("gravity",)}),
+    "gravity without phase": Case(scenario("six", SPAN_S, fixes=True), {"gravity": TrueGravity()}),
+    "low dynamics": Case(scenario("ramp", SPAN_S), {"gravity": LowDynamics()}),
     "fixes and gyroscope": Case(scenario("six", 15.0, fixes=True, gyroscope=True)),
     "float arcs": Case(None, {"resolver": Cut()}),
-    "states between epochs": Case(scenario("demo", 12.0), rate_hz=25.0),
+    "states between epochs": Case(scenario("demo", SPAN_S), rate_hz=25.0),
 }
 METHODS = {"smoother": Smoother(lag_s=2.0), "forward": Forward(), "batch": Batch()}
 
