@@ -26,7 +26,7 @@ GYROSCOPE = {
     "gyroscope_bias_walk_radps_per_sqrt_s": 1e-6,
 }
 SPAN_S = 9.0
-LOOKED_AT_S = 12.0  # of flights whose noise is looked at after 5 and 10 s
+LOOKED_AT_S = 11.0  # of flights whose noise is looked at after 5 and 10 s
 OUTAGE = OutageTable(from_s=5.0, until_s=7.0)
 RISING = OutageTable(until_s=7.0, azimuth_deg=(0.0, 150.0))
 
