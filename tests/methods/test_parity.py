@@ -61,7 +61,7 @@ CASES = {
     "gravity": Case(scenario("demo", SPAN_S), {"gravity": TrueGravity(), "estimate": ("gravity",)}),
     "gravity without phase": Case(scenario("six", SPAN_S, fixes=True), {"gravity": TrueGravity()}),
     "low dynamics": Case(scenario("ramp", SPAN_S), {"gravity": LowDynamics()}),
-    "fixes and gyroscope": Case(scenario("six", 12.0, fixes=True, gyroscope=True)),
+    "fixes and gyroscope": Case(scenario("six", 15.0, fixes=True, gyroscope=True)),
     "float arcs": Case(None, {"resolver": Cut()}),
     "states between epochs": Case(scenario("demo", SPAN_S), rate_hz=25.0),
 }
