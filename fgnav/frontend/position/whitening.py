@@ -21,7 +21,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.factors.antenna_phase import ArcBlock, PhaseRows
-from fgnav.kernels.compiled import kernel
+from fgnav.kernels.compiled import inlined, kernel
 
 
 class Channels(NamedTuple):
@@ -41,10 +41,6 @@ class Channels(NamedTuple):
         """How many rows clocks leave."""
         return len(self.clock) - (1 + int(self.clock[-1]) if len(self.clock) else 0)
 
-    def derivatives(self, age_s: float) -> FloatArray:
-        """Return how measurements change with A, (c, d), that long after their block began."""
-        return _derivatives(*self, age_s)
-
 
 class Epoch(NamedTuple):
     """What channels measure at an epoch."""
@@ -56,10 +52,7 @@ class Epoch(NamedTuple):
 
     def whitened(self) -> PhaseRows:
         """Return its rows without clocks."""
-        clock, A = self.channels.clock, self.channels.derivatives(self.age_s)
-        seen = without_clocks(clock, self.sigma_m, self.seen)
-        H = without_clocks(clock, self.sigma_m, A)
-        return PhaseRows(seen[:, :3].copy(), H, seen[:, 3].copy())
+        return PhaseRows(*_whitened(*self.channels, self.age_s, self.sigma_m, self.seen))
 
 
 class Transition(NamedTuple):
@@ -103,16 +96,32 @@ def by_clock(*groups: IntArray) -> tuple[IntArray, IntArray]:
 
 
 @kernel
-def _derivatives(
+def _whitened(
     clock: IntArray,
     ambiguity: IntArray,
     satellite: IntArray,
     ambiguities: int,
     satellites: int,
     age_s: float,
+    sigma: FloatArray,
+    seen: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    A = _derivatives(ambiguity, satellite, ambiguities, satellites, age_s)
+    place = without_clocks(clock, sigma, seen)
+    return place[:, :3].copy(), without_clocks(clock, sigma, A), place[:, 3].copy()
+
+
+@inlined
+def _derivatives(
+    ambiguity: IntArray,
+    satellite: IntArray,
+    ambiguities: int,
+    satellites: int,
+    age_s: float,
 ) -> FloatArray:
-    A = np.zeros((len(clock), ambiguities + 2 * satellites))
-    for i in range(len(clock)):
+    """Return how measurements change with A, (c, d), so long after their block began."""
+    A = np.zeros((len(ambiguity), ambiguities + 2 * satellites))
+    for i in range(len(ambiguity)):
         if ambiguity[i] >= 0:
             A[i, ambiguity[i]] = 1.0
         if satellite[i] >= 0:

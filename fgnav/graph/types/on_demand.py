@@ -1,9 +1,12 @@
-"""Sequences whose elements are made whenever they are taken, of less than they are."""
+"""Sequences whose elements are made when they are taken, of less than they are."""
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Generic, TypeVar, overload
 
 Item = TypeVar("Item")
+
+_KEPT = 32  # made last: solvers take what is new again and again
 
 
 class OnDemand(Sequence[Item], Generic[Item]):
@@ -17,7 +20,7 @@ class OnDemand(Sequence[Item], Generic[Item]):
     """
 
     def __init__(self, count: int, make: Callable[[int], Item]) -> None:
-        self._count, self._make = count, make
+        self._count, self._make = count, lru_cache(_KEPT)(make)
 
     def __len__(self) -> int:
         """Return how many elements there are."""

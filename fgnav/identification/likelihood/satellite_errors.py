@@ -26,6 +26,7 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock
 from fgnav.graph.types.on_demand import OnDemand
 from fgnav.identification.track.windows import EXCLUDED
+from fgnav.kernels.compiled import kernel
 from fgnav.solve.chain.arcs_kernel import lead_on
 
 ERRORS = ("satellite error", "satellite error walk", "satellite error rate")
@@ -72,19 +73,23 @@ class SatelliteErrors:
 
     Attributes
     ----------
-    count : list of int
+    count : ndarray of int, shape (3,)
         Rows that say how large an error is, of each kind.
     """
 
     def __init__(self, phase: AntennaPhase) -> None:
-        self._blocks = blocks = phase.blocks[:_ENOUGH]
-        self._kinds = [_kinds(block) for block in blocks]
-        self.count = [sum(int((of == i).sum()) for of in self._kinds) for i in range(len(ERRORS))]
-        self._measured = [np.zeros((one.size + 1, one.size + 1)) for one in blocks]
+        blocks = list(phase.blocks[:_ENOUGH])
+        self._kinds = np.concatenate([_kinds(block) for block in blocks])
+        self.count = np.bincount(self._kinds, minlength=len(ERRORS))[: len(ERRORS)]
+        measured = [np.zeros((one.size + 1, one.size + 1)) for one in blocks]
         for i, block in enumerate(phase.block - phase.first_block):
             if block < len(blocks):
                 rows = np.column_stack(phase.rows[i].without_place())
-                self._measured[block] += rows.T @ rows
+                measured[block] += rows.T @ rows
+        self._shapes = np.array([(*one.before.shape, one.size) for one in blocks])
+        self._first = np.cumsum([0, *(one.size for one in blocks[:-1])])  # of all A but the last
+        parts = ([getattr(one, name) for one in blocks] for name in ("before", "after", "right"))
+        self._rows = [np.concatenate([one.ravel() for one in part]) for part in (*parts, measured)]
 
     def climbed(self, theta: FloatArray, i: int) -> tuple[FloatArray, float]:
         """Return logarithms of factors, (3,), the i-th of them the likeliest, and ln L there."""
@@ -105,15 +110,12 @@ class SatelliteErrors:
     def log_likelihood(self, theta: FloatArray) -> float:
         """Return ln L of logarithms of factors, (3,), but for a constant."""
         weight = np.append(np.exp(-2 * theta), 1.0)
-        log_root, information = 0.0, np.zeros((1, 1))
-        for block, kinds, measured in zip(self._blocks, self._kinds, self._measured, strict=True):
-            rows, size = (block.before, block.after, block.right), len(information) - 1
-            order = np.arange(size + 1)
-            is_known, root, _, remaining = lead_on(information, order, size, rows, weight[kinds])
-            if not is_known:
-                return -np.inf
-            log_root += float(np.log(root.diagonal()).sum())
-            information = remaining + measured
+        diagonal = np.empty(self._first[-1])
+        information = _filtered(self._shapes, weight[self._kinds], diagonal, *self._rows)
+        if len(information) == 1:
+            return -np.inf
+        logs = np.split(np.log(diagonal), self._first[1:-1])
+        log_root = sum(float(part.sum()) for part in logs)
         try:
             root = np.linalg.cholesky(information[:-1, :-1])
         except np.linalg.LinAlgError:
@@ -122,6 +124,49 @@ class SatelliteErrors:
         along = solve_triangular(root, information[:-1, -1], lower=True)
         cost = float(information[-1, -1] - along @ along)
         return -cost / 2 - log_root - float(self.count @ theta)
+
+
+@kernel
+def _filtered(
+    shapes: IntArray,
+    weight: FloatArray,
+    diagonal: FloatArray,
+    before: FloatArray,
+    after: FloatArray,
+    right: FloatArray,
+    measured: FloatArray,
+) -> FloatArray:
+    """Return the information of the last block; empty but for a cost where an A is open.
+
+    Parameters
+    ----------
+    shapes : ndarray of int, shape (k, 3)
+        Of each block rows, columns of ``before`` and of ``after``.
+    weight : ndarray
+        Of the squares of each row.
+    diagonal : ndarray
+        Filled with that of R, but for the last block.
+    before, after, right, measured : ndarray
+        Theirs, one block after another; the information of what is measured in it.
+    """
+    information: FloatArray = np.zeros((1, 1))
+    a = b = c = d = e = 0
+    for q, old, new in shapes:
+        size, m = len(information) - 1, new + 1
+        rows = (
+            before[a : a + q * old].reshape((q, old)),
+            after[b : b + q * new].reshape((q, new)),
+            right[c : c + q],
+        )
+        order = np.arange(size + 1)
+        is_positive, root, _, remaining = lead_on(information, order, size, rows, weight[c : c + q])
+        if not is_positive:
+            return np.zeros((1, 1))
+        for i in range(size):
+            diagonal[e + i] = root[i, i]
+        information = remaining + measured[d : d + m * m].reshape((m, m))
+        a, b, c, d, e = a + q * old, b + q * new, c + q, d + m * m, e + size
+    return information
 
 
 def _kinds(block: ArcBlock) -> IntArray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock
-from fgnav.graph.types.states import POSITION, ROTATION, States
+from fgnav.graph.types.states import States
 from fgnav.solve.chain import arcs_kernel, back_kernel, kernel
 
 
@@ -170,7 +170,8 @@ class Border:
             back_kernel.marginals(gain[start:], root[start:], joint, *part)
             if start == begin:
                 return
-            covariance_before(self._eliminated[self._oldest + start], joint, self.width)
+            before = self._eliminated[self._oldest + start]
+            arcs_kernel.covariance_before(before.root, before.gain, joint, self.width)
             last = first
 
     def _arcs(self, k: int) -> ArcBlock | None:
@@ -233,13 +234,8 @@ def add_phases(
         A = arcs[phase.block[i]] if arcs else np.zeros(one.H.shape[1])
         lever_b_m = at.constants[first : first + 3] if first >= 0 else None
         value, by_pose, by_lever = phase.linearised(i, one, at.R_nb[j], at.p_n_m[j], A, lever_b_m)
-        border = node.shape[1] - 1 - D
-        state, shared = np.zeros((1, len(value), D)), np.zeros((1, len(value), border))
-        state[0, :, ROTATION], state[0, :, POSITION] = by_pose[:, :3], by_pose[:, 3:]
-        shared[0, :, b : b + len(A)] = one.H
-        if lever_b_m is not None:
-            shared[0, :, first : first + 3] = by_lever
-        kernel.add_squares(node, into[j : j + 1], value[None], state, shared)
+        columns = D + b, -1 if first < 0 else D + first
+        kernel.add_phases(node[into[j]], columns, value, by_pose, one.H, by_lever)
 
 
 def begin(information: FloatArray, block: ArcBlock | None, a: int) -> None:
@@ -255,49 +251,13 @@ def begin(information: FloatArray, block: ArcBlock | None, a: int) -> None:
 
 
 def eliminate_arcs(forward: FloatArray, block: ArcBlock, size: int, a: int) -> EliminatedArcs:
-    """Turn the information of a keyframe, in place, into that with the A of the next block.
-
-    Parameters
-    ----------
-    forward : ndarray, shape (W, W)
-        Upper half, see ``kernel``; its A has ``size`` dimensions of ``a``.
-    block : ArcBlock
-        The next one.
-    size, a : int
-    """
-    W = len(forward)
-    first = W - 1 - a  # of A
-    # Not as wide as the widest A of the flight, or what comes later would change the rounding of
-    # what was before.
-    is_positive, root, gain, remaining = arcs_kernel.lead_on(
-        forward,
-        np.r_[first : first + size, 0:first, W - 1],
-        size,
-        (block.before, block.after, block.right),
-        np.ones(len(block.right)),
+    """Turn the information of a keyframe into that with the A of a block; see ``change_arcs``."""
+    is_positive, root, gain = arcs_kernel.change_arcs(
+        forward, size, a, block.before, block.after, block.right
     )
     if not is_positive:
         raise NoSolutionError("arcs: the data leave an ambiguity open")
-    end = first + block.size
-    forward[:] = np.diag(np.arange(W) >= end)
-    forward[:end, :end], forward[:end, -1] = np.triu(remaining[:-1, :-1]), remaining[:-1, -1]
-    forward[-1, -1] = remaining[-1, -1]
     return EliminatedArcs(root, gain)
-
-
-def covariance_before(eliminated: EliminatedArcs, joint: FloatArray, a: int) -> None:
-    """Turn the covariance of (state, constants, A'), in place, into that of the A before."""
-    size = len(eliminated.root)
-    first = len(joint) - a
-    gain = eliminated.gain[:, :-1]
-    taken = gain.shape[1]
-    rows = arcs_kernel.covariance_of_first(eliminated.root, gain, joint[:taken, :taken].copy())
-    joint[first:], joint[:, first:] = 0.0, 0.0
-    own = slice(first, first + size)
-    joint[own, :first], joint[:first, own] = rows[:, :first], rows[:, :first].T
-    joint[own, own] = rows[:, taken:]
-    unused = np.arange(first + size, len(joint))
-    joint[unused, unused] = 1.0
 
 
 def steps_before(eliminated: EliminatedArcs, step: FloatArray, a: int) -> None:

@@ -12,6 +12,59 @@ from fgnav.solve.chain.back_kernel import backward_solve, cholesky, forward_solv
 
 
 @kernel
+def change_arcs(
+    forward: FloatArray,
+    size: int,
+    width: int,
+    before: FloatArray,
+    after: FloatArray,
+    right: FloatArray,
+) -> tuple[bool, FloatArray, FloatArray]:
+    """Turn the information of a keyframe, in place, into that with the A of the next block.
+
+    Parameters
+    ----------
+    forward : ndarray, shape (W, W)
+        Upper half, see ``kernel``; its A has ``size`` dimensions of ``width``.
+    size, width : int
+    before, after, right : ndarray
+        Of the next ``ArcBlock``.
+
+    Returns
+    -------
+    is_known, root, gain
+        As of ``eliminate_first``.
+    """
+    W, new = len(forward), after.shape[1]
+    first = W - 1 - width  # of A
+    order = np.empty(first + size + 1, np.int64)
+    for i in range(size):
+        order[i] = first + i
+    for i in range(first):
+        order[size + i] = i
+    order[first + size] = W - 1
+    # Not as wide as the widest A of the flight, or what comes later would change the rounding of
+    # what was before.
+    is_positive, root, gain, remaining = lead_on(
+        forward, order, size, (before, after, right), np.ones(len(right))
+    )
+    if not is_positive:
+        return False, root, gain
+    end = first + new
+    for i in range(W):
+        for j in range(W):
+            forward[i, j] = 0.0
+        if i < end:
+            for j in range(i, end):
+                forward[i, j] = remaining[i, j]
+            forward[i, W - 1] = remaining[i, end]
+        else:
+            forward[i, i] = 1.0
+    forward[W - 1, W - 1] = remaining[end, end]
+    return True, root, gain
+
+
+@kernel
 def lead_on(
     information: FloatArray,
     order: IntArray,
@@ -113,6 +166,27 @@ def _mirror(A: FloatArray, first: int) -> None:
     for i in range(first, len(A)):
         for j in range(first, i):
             A[i, j] = A[j, i]
+
+
+@kernel
+def covariance_before(root: FloatArray, gain: FloatArray, joint: FloatArray, width: int) -> None:
+    """Turn the covariance of (state, constants, A'), in place, into that of the A before.
+
+    Which has root and gain as of ``eliminate_first``; ``width`` is of the widest A.
+    """
+    size, n, taken = len(root), len(joint), gain.shape[1] - 1
+    first = n - width
+    rows = covariance_of_first(root, gain[:, :taken], joint[:taken, :taken].copy())
+    for i in range(n):
+        for j in range(first if i < first else 0, n):
+            joint[i, j] = 0.0
+    for i in range(size):
+        for j in range(first):
+            joint[first + i, j] = joint[j, first + i] = rows[i, j]
+        for j in range(size):
+            joint[first + i, first + j] = rows[i, taken + j]
+    for i in range(first + size, n):
+        joint[i, i] = 1.0
 
 
 @kernel

@@ -42,6 +42,40 @@ def add_squares(
                     _add(node[into[j], i, i:], row[i:], row[i])
 
 
+@kernel
+def add_phases(
+    node: FloatArray,
+    columns: tuple[int, int],
+    value: FloatArray,
+    by_pose: FloatArray,
+    by_arcs: FloatArray,
+    by_lever: FloatArray,
+) -> None:
+    """Add whitened phases to the node of their keyframe, (W, W).
+
+    Parameters
+    ----------
+    columns : tuple of int
+        First of the arcs; first of the lever arm, or -1.
+    value, by_pose, by_arcs, by_lever : ndarray, shapes (m,), (m, 6), (m, a), (m, 3)
+        Residual, and how it changes.
+    """
+    arcs, lever = columns
+    row = np.zeros(len(node))
+    for m in range(len(value)):
+        for i in range(6):
+            row[i] = by_pose[m, i]
+        for i in range(by_arcs.shape[1]):
+            row[arcs + i] = by_arcs[m, i]
+        if lever >= 0:
+            for i in range(3):
+                row[lever + i] = by_lever[m, i]
+        row[-1] = -value[m]
+        for i in range(len(row)):
+            if row[i] != 0.0:
+                _add(node[i, i:], row[i:], row[i])
+
+
 @inlined
 def _add(out: FloatArray, row: FloatArray, scale: float) -> None:
     """Add a multiple of a row; here and below slices let loops begin at 0: the processor's pace."""
