@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cholesky_banded, solveh_banded
-from scipy.special import polygamma
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.process import matern
@@ -43,7 +42,6 @@ _FROM_ABOVE = 1.5
 _MOST_STEP = 1.0  # of logarithms at once
 _LEVEL_NATS = 1.0  # less gained by a step ends a search
 _STEPS, _HALVINGS, _ROUNDS = 20, 4, 10
-_LEVEL_VARIANCE = float(polygamma(1, 2.0))  # of the log scale by ``log_prior``, a gamma of shape 2
 _RIDGE = 1e-6  # of the precision, where attitudes tell nothing of an axis
 
 
@@ -102,7 +100,7 @@ def varying_rate_prior(
         return None
     return VaryingRatePrior(
         length_s=np.exp(best.log_length),
-        variance_rad2ps2=search.variances(best.scales + search.spread(best)),
+        variance_rad2ps2=search.variances(best.scales),
         gained_nats=gained,
     )
 
@@ -178,12 +176,6 @@ class _Search:
         best = at(likeliest(lambda x: at(x).value, begin, *bounds()))
         return best if best.value > here.value else here
 
-    def spread(self, at: _Point) -> FloatArray:
-        """Return the posterior variances of scales, (blocks, 3), lengths as they are (Laplace)."""
-        _, freedom = self._score(at)
-        walked = [posterior_variances(_precision(freedom[:, axis])) for axis in range(3)]
-        return np.asarray(1 / (1 / np.stack(walked, axis=1) + 1 / _LEVEL_VARIANCE))
-
     def log_volume(self, at: _Point) -> float:
         """Return the log of posterior over prior volume of scales about their level (Laplace)."""
         _, freedom = self._score(at)
@@ -234,14 +226,3 @@ def _precision(freedom: FloatArray) -> FloatArray:
     out[0, :-1] += 1 / _WALK_SIGMA**2
     out[1, :-1] = -1 / _WALK_SIGMA**2
     return out
-
-
-def posterior_variances(precision: FloatArray) -> FloatArray:
-    """Return the diagonal of the inverse of a tridiagonal matrix, lower banded, (2, n)."""
-    diagonal, square = precision[0], precision[1] ** 2
-    n = len(diagonal)
-    before, after = diagonal.copy(), diagonal.copy()
-    for k in range(1, n):
-        before[k] -= square[k - 1] / before[k - 1]
-        after[n - 1 - k] -= square[n - 1 - k] / after[n - k]
-    return np.asarray(1 / (before + after - diagonal))

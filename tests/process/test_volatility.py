@@ -7,7 +7,7 @@ from fgnav.process.evidence import matern_prior, swinging_prior
 from fgnav.process.evidence_kernel import PREDICT, RESTART, tape
 from fgnav.process.matern import poles
 from fgnav.process.score_kernel import score
-from fgnav.process.volatility import posterior_variances, varying_rate_prior
+from fgnav.process.volatility import varying_rate_prior
 from tests.process.chain import DEG, drawn_attitudes, sine, with_noise
 
 T_S = 0.1 * np.arange(300)
@@ -78,13 +78,3 @@ def test_wrong_attitudes_are_no_throw():
     wrong = rng.random(300) < 0.05
     R[wrong] = R[wrong] @ exp(rng.normal(size=(wrong.sum(), 3)))
     assert varying_rate_prior(T_S, R, V, matern_prior(T_S, R, V)) is None
-
-
-def test_posterior_variances_are_the_diagonal_of_the_inverse():
-    rng = np.random.default_rng(20_044)
-    diagonal, beside = rng.uniform(2, 3, 40), -rng.uniform(0.2, 0.9, 39)
-    dense = np.diag(diagonal) + np.diag(beside, 1) + np.diag(beside, -1)
-    banded = np.array([diagonal, np.append(beside, 0.0)])
-    np.testing.assert_allclose(
-        posterior_variances(banded), np.diag(np.linalg.inv(dense)), rtol=1e-12
-    )
