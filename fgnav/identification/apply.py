@@ -10,6 +10,7 @@ from fgnav.identification.array.places import with_reference
 from fgnav.identification.findings import Findings, findings, with_satellite_errors
 from fgnav.identification.late_forces import with_forces_early
 from fgnav.identification.noise.stated import with_factors
+from fgnav.identification.span_faults import building
 from fgnav.identification.tag_steps import tag_step
 from fgnav.identification.time_tags import Build
 from fgnav.identification.track.forces import force_consistency
@@ -36,9 +37,9 @@ def with_identified_noise(
         From a flight to its problem.
     """
     right, notes = _put_right(flight, settings, prepared, build)
-    if not notes:
-        return _with_findings(flight, settings, prepared, build)
-    better = _with_findings(right, settings, build(right, settings), build)
+    if notes:
+        prepared = build(right, settings)
+    better = _with_findings(right, settings, prepared, build)
     return replace(better, notes=(*better.notes, *notes))
 
 
@@ -82,7 +83,8 @@ def with_findings(
     better = with_tags_moved(early, changes.moved, changes.middle_s)
     better = with_reference(with_factors(better, changes.factors), changes.reference)
     better = better if changes.turn is None else changes.turn.back(better)
-    prepared = build(better, replace(settings, calibration=changes.calibration))
+    mended = building(build, changes.faults)
+    prepared = mended(better, replace(settings, calibration=changes.calibration))
     axes = None if changes.turn is None else changes.turn.axes
     return replace(_with_errors_and_notes(prepared, changes), axes=axes)
 

@@ -23,6 +23,7 @@ from fgnav.identification.likelihood.satellite_errors import satellite_error_fac
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.stated import with_factors
 from fgnav.identification.notes import constant_notes, noise_notes, satellite_error_notes
+from fgnav.identification.span_faults import SpanFault, with_span_faults
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
 from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags, with_tags_moved
 from fgnav.types.estimate import Consistency
@@ -43,6 +44,7 @@ class Findings(NamedTuple):
     reference: int = 0  # antenna against which the array's others are
     turn: Turn | None = None
     forces_late_s: float = 0.0
+    faults: tuple[SpanFault, ...] = ()
     errors: Mapping[str, float] = MappingProxyType({})  # of satellites, as factors
     is_as_stated: bool = False  # all but those errors
 
@@ -70,14 +72,19 @@ def findings(
         raise NoSolutionError("nothing tells the heading")
     search, at_tags, late_s = with_late_forces(search, at_tags)
     search, turn, at_tags = _in_body_axes(search, at_tags, problem)
+    calibration = subject.search.settings.calibration
+    is_moved = late_s or turn or at_tags.moved.any() or _requests(search, at_tags) != calibration
+    begun = None if is_moved else subject.prepared
+    search, at_tags, faults = with_span_faults(search, at_tags, _requests, begun)
     requests, identified = _requests(search, at_tags), at_tags.identified
     if problem.phase is not None:
         is_same = _is_as_stated(at_tags, requests, subject.search.settings.calibration)
-        begin = problem if is_same and not late_s else None
+        begin = problem if is_same and not (late_s or faults) else None
         identified = _beside_phases(search, at_tags, requests, subject.errors, begin)
     at_tags = AtTags(identified, at_tags.moved)
     tests = (*places.tests, *_tests(subject.search.flight, identified))
-    is_as_stated = not (tests or late_s) and _is_as_stated(at_tags, requests, settings.calibration)
+    is_same = _is_as_stated(at_tags, requests, settings.calibration)
+    is_as_stated = is_same and not (tests or late_s or faults)
     if is_as_stated and not subject.errors:
         return None
     turned = () if turn is None else (sentence(turn.vector, turn.axes),)
@@ -85,12 +92,19 @@ def findings(
         factors=identified.factors,
         moved=at_tags.moved,
         calibration=requests,
-        notes=(*places.notes, *turned, *sentences(late_s), *_notes(subject, at_tags, requests)),
+        notes=(
+            *places.notes,
+            *turned,
+            *sentences(late_s),
+            *(one.sentence for one in faults if one.is_likely),
+            *_notes(subject, at_tags, requests),
+        ),
         tests=tests,
         middle_s=middle_of_tags_s(subject.search.flight),
         reference=places.reference,
         turn=turn,
         forces_late_s=late_s,
+        faults=faults,
         errors=subject.errors,
         is_as_stated=is_as_stated,
     )

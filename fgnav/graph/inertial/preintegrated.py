@@ -75,6 +75,8 @@ class Inertial:
         Power spectral density of the specific force in each interval, (m/s2)^2/Hz.
     gyroscope_noise : ndarray, shape (n - 1,)
         That of the rate, (rad/s)^2/Hz.
+    bias_steps : ndarray, shape (n - 1, 6), or None
+        By how much both biases vary in each interval beside their walks, (m/s2)^2/s, (rad/s)^2/s.
     """
 
     t_s: FloatArray
@@ -84,6 +86,7 @@ class Inertial:
     earth_rate_n_radps: FloatArray
     accelerometer_noise: FloatArray
     gyroscope_noise: FloatArray
+    bias_steps: FloatArray | None = None
     _increments: Increments = field(init=False, repr=False)
     _store: _Store = field(init=False, repr=False)
 
@@ -102,8 +105,11 @@ class Inertial:
             "gravity_n_mps2": (n, 3),
             "accelerometer_noise": (n - 1,),
             "gyroscope_noise": (n - 1,),
+            "bias_steps": (n - 1, _BIASES),
         }
         for name, shape in shapes.items():
+            if name == "bias_steps" and self.bias_steps is None:
+                continue
             got = getattr(self, name).shape
             if got != shape:
                 raise BadInputError(f"inertial {name}: expected shape {shape}, got {got}")
@@ -155,10 +161,14 @@ class Inertial:
 
         The gyroscope's, from samples up to each time, less its bias.
         """
-        w_b_radps = self.imu.w_b_radps
-        if w_b_radps is None:
+        return at_latest(self.imu.t_s, self.rates_of_unit_b_radps, t_s) - aux[:, 3:]
+
+    @property
+    def rates_of_unit_b_radps(self) -> FloatArray:
+        """Samples of the gyroscope, (k, 3)."""
+        if self.imu.w_b_radps is None:
             raise BadInputError("inertial motion: the imu has no gyroscope")
-        return at_latest(self.imu.t_s, w_b_radps, t_s) - aux[:, 3:]
+        return self.imu.w_b_radps
 
     def prior(self, constants: int) -> tuple[FloatArray, FloatArray]:
         """Return mean, (6,), and whitening rows, (6, 6 + b), of the first keyframe's biases."""
@@ -196,6 +206,7 @@ class Inertial:
             gravity_n_mps2=np.stack(gravity, axis=1),
             accelerometer_noise=self.accelerometer_noise[part],
             gyroscope_noise=self.gyroscope_noise[part],
+            bias_steps=None if self.bias_steps is None else self.bias_steps[part],
         )
 
     def release(self, before: int) -> None:
@@ -208,7 +219,7 @@ class Inertial:
         """Return what each noise contributes to the covariance of the whitened rows.
 
         GTSAM's own propagation of one noise at a time, linear in its variance, over a few
-        samples. Intervals of another noise than the unit's, gaps, are not divided.
+        samples. Intervals of another noise than the unit's, gaps and steps, are not divided.
         """
         imu, gyroscope = self.imu, self.imu.gyroscope_noise_radps_per_sqrt_hz or 0.0
         n = len(self.t_s) - 1
@@ -222,6 +233,8 @@ class Inertial:
         )
         of_unit = np.isclose(self.accelerometer_noise, variances[0])
         of_unit &= np.isclose(self.gyroscope_noise, variances[1])
+        if self.bias_steps is not None:
+            of_unit &= ~self.bias_steps.any(axis=1)
         steps = [*np.diag(variances), np.zeros(len(variances))]
         parameters = [
             _one_noise(self, variance, 0.0 if k < len(variances) else INTEGRATION_M2)
@@ -281,7 +294,8 @@ class Inertial:
         """Return GTSAM's parameters of interval k, one object for all that are alike."""
         gravity = np.round(self.gravity_n_mps2[k], _GRAVITY_DIGITS)
         noise = float(self.accelerometer_noise[k]), float(self.gyroscope_noise[k])
-        name = (*gravity.tolist(), *noise)
+        steps = np.zeros(_BIASES) if self.bias_steps is None else self.bias_steps[k]
+        name = (*gravity.tolist(), *noise, *steps.tolist())
         if name not in self._store.parameters:
             made = gtsam.PreintegrationCombinedParams(gravity)
             made.setOmegaCoriolis(self.earth_rate_n_radps)
@@ -289,9 +303,9 @@ class Inertial:
             made.setGyroscopeCovariance(np.eye(3) * noise[1])
             made.setIntegrationCovariance(np.eye(3) * INTEGRATION_M2)
             walk = self.imu.accelerometer_bias_walk_mps2_per_sqrt_s
-            made.setBiasAccCovariance(np.eye(3) * walk**2)
+            made.setBiasAccCovariance(np.diag(walk**2 + steps[:3]))
             walk = self.imu.gyroscope_bias_walk_radps_per_sqrt_s or 0.0
-            made.setBiasOmegaCovariance(np.eye(3) * walk**2)
+            made.setBiasOmegaCovariance(np.diag(walk**2 + steps[3:]))
             self._store.parameters[name] = made
         return self._store.parameters[name]
 

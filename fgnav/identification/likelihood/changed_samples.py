@@ -14,9 +14,12 @@ from typing import cast
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
+from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.motion import LinearisedMotion, Motion
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
+from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Imu
 
 Change = Callable[[Imu], Imu]
@@ -47,6 +50,25 @@ def with_changed_samples(
     changed = tuple(replace(motion, imu=change(motion.imu)) for change in changes)
     # All of a motion that a chain reads.
     return replace(problem, motion=cast("Motion", _Changed(motion, changed, steps, first)))
+
+
+def solved_with_changes(
+    problem: SmoothingProblem,
+    parts: tuple[FlightConstant, ...],
+    changes: tuple[Change, ...],
+    steps: FloatArray,
+) -> Solution | None:
+    """Return a whole problem's minimum with constants that change samples; None without one.
+
+    By changes of a step of each.
+    """
+    first = problem.constants.width
+    extended = problem.with_constants(parts)
+    try:
+        solution = solve_batch(with_changed_samples(extended, changes, steps, first))
+    except NoSolutionError:
+        return None
+    return solution if solution.converged else None
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -15,19 +15,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.checks import FloatArray
 from fgnav.frontend.calibration_request import calibration_requests, of_time
 from fgnav.graph.delayed import CLOCK_OFFSET
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
-from fgnav.graph.types.constants import FlightConstant, flight_constant
+from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.identification.likelihood.beside_phases import is_misfit
-from fgnav.identification.likelihood.changed_samples import Change, with_changed_samples
+from fgnav.identification.likelihood.changed_samples import Change, solved_with_changes
 from fgnav.identification.tested_constants import SQUARES_OF_TWO
 from fgnav.identification.track.tags import tags_moved_s
-from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Imu
 
 # Steps of difference quotients, far below what a motion changes in and far above rounding: of a
@@ -82,7 +81,7 @@ def record_clock(
     (clock,) = calibration_requests(["clock"])
     clock = replace(clock, moved=(float(moved[0]), float(moved[1])))
     changes = tuple(map(tags, np.diag(_CLOCK_STEPS)))
-    solution = _with_changes(problem, of_time(clock), changes, _CLOCK_STEPS)
+    solution = solved_with_changes(problem, of_time(clock), changes, _CLOCK_STEPS)
     if solution is None:
         return None
     first = problem.constants.width
@@ -132,23 +131,4 @@ def _with_drifts(problem: SmoothingProblem) -> Solution | None:
         flight_constant(f"{field} drift", ("x_b", "y_b", "z_b"), "/s", _ANY * step)
         for field, step in fields.items()
     )
-    return _with_changes(problem, parts, changes, steps)
-
-
-def _with_changes(
-    problem: SmoothingProblem,
-    parts: tuple[FlightConstant, ...],
-    changes: tuple[Change, ...],
-    steps: FloatArray,
-) -> Solution | None:
-    """Return a whole problem's minimum with constants that change samples; None without one.
-
-    By changes of a step of each.
-    """
-    first = problem.constants.width
-    extended = problem.with_constants(parts)
-    try:
-        solution = solve_batch(with_changed_samples(extended, changes, steps, first))
-    except NoSolutionError:
-        return None
-    return solution if solution.converged else None
+    return solved_with_changes(problem, parts, changes, steps)

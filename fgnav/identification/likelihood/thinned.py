@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import IntArray
+from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.factors.vehicle.standstill import NAME as STANDSTILL
 from fgnav.graph.factors.vehicle.wheels import NAME as WHEELS
 from fgnav.graph.inertial.gyro_free import GyroFree
@@ -142,17 +142,20 @@ def _between(motion: Motion, rows: IntArray) -> Motion:
     if isinstance(motion, Inertial):
         first = rows[:-1]
         spans = np.diff(motion.t_s)
-        noises = []
-        for noise in (motion.accelerometer_noise, motion.gyroscope_noise):
-            total = np.concatenate([[0.0], np.cumsum(noise * spans)])
-            noises.append((total[rows[1:]] - total[first]) / np.diff(motion.t_s[rows]))
+
+        def mean(density: FloatArray) -> FloatArray:
+            total = np.concatenate([[0.0 * density[0]], np.cumsum(density.T * spans, axis=-1).T])
+            sums = (total[rows[1:]] - total[first]).T
+            return np.asarray((sums / np.diff(motion.t_s[rows])).T)
+
         return replace(
             motion,
             t_s=motion.t_s[rows],
             sub_steps=1,
             gravity_n_mps2=motion.gravity_n_mps2[rows],
-            accelerometer_noise=noises[0],
-            gyroscope_noise=noises[1],
+            accelerometer_noise=mean(motion.accelerometer_noise),
+            gyroscope_noise=mean(motion.gyroscope_noise),
+            bias_steps=None if motion.bias_steps is None else mean(motion.bias_steps),
         )
     if not isinstance(motion, GyroFree):
         return motion.at_times(motion.t_s[rows])
