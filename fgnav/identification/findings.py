@@ -72,16 +72,14 @@ def findings(
         raise NoSolutionError("nothing tells the heading")
     search, at_tags, late_s = with_late_forces(search, at_tags)
     search, turn, at_tags = _in_body_axes(search, at_tags, problem)
-    calibration = subject.search.settings.calibration
-    is_moved = late_s or turn or at_tags.moved.any() or _requests(search, at_tags) != calibration
-    begun = None if is_moved else subject.prepared
-    search, at_tags, faults = with_span_faults(search, at_tags, _requests, begun)
+    is_mended = bool(late_s or turn)
+    by_chain, at_tags = at_tags, _beside_phases(search, at_tags, subject, is_mended)
+    begun = None if is_mended or not _has_stated(subject, search, at_tags) else subject.prepared
+    is_louder = at_tags.identified.factors != by_chain.identified.factors  # no chain tells it
+    search, after, faults = with_span_faults(search, at_tags, _requests, begun, is_louder)
+    if any(one.is_likely for one in faults):
+        at_tags = _beside_phases(search, after, subject, is_mended=True)
     requests, identified = _requests(search, at_tags), at_tags.identified
-    if problem.phase is not None:
-        is_same = _is_as_stated(at_tags, requests, subject.search.settings.calibration)
-        begin = problem if is_same and not (late_s or faults) else None
-        identified = _beside_phases(search, at_tags, requests, subject.errors, begin)
-    at_tags = AtTags(identified, at_tags.moved)
     tests = (*places.tests, *_tests(subject.search.flight, identified))
     is_same = _is_as_stated(at_tags, requests, settings.calibration)
     is_as_stated = is_same and not (tests or late_s or faults)
@@ -224,24 +222,34 @@ def _requests(search: TagSearch, at_tags: AtTags) -> tuple[CalibrationRequest, .
     return (*others, *(kinds[kind] for kind in wanted if kind in kinds))
 
 
+def _has_stated(subject: _Subject, search: TagSearch, at_tags: AtTags) -> bool:
+    """Return whether tags and what is to be estimated are as they were."""
+    return _requests(search, at_tags) == subject.search.settings.calibration and not (
+        at_tags.moved.any()
+    )
+
+
 def _beside_phases(
-    search: TagSearch,
-    at_tags: AtTags,
-    requests: tuple[CalibrationRequest, ...],
-    errors: Mapping[str, float],
-    begin: SmoothingProblem | None,
-) -> Identified:
-    """Return what is identified, with the unit as loud as the phases of arcs show it."""
+    search: TagSearch, at_tags: AtTags, subject: _Subject, is_mended: bool
+) -> AtTags:
+    """Return what is identified, with the unit as loud as the phases of arcs show it, if any.
+
+    ``is_mended``: whether the subject's own problem is another by now.
+    """
     identified, moved = at_tags.identified, at_tags.moved
+    problem, requests = subject.prepared.problem, _requests(search, at_tags)
+    if problem.phase is None:
+        return at_tags
     flight, settings = search.flight, replace(search.settings, calibration=requests)
     at_moved = with_tags_moved(flight, moved, middle_of_tags_s(flight))
 
     def changed(factors: dict[str, float]) -> SmoothingProblem:
         louder = with_factors(at_moved, identified.scaled(factors).factors)
-        return with_satellite_errors(search.build(louder, settings), errors).problem
+        return with_satellite_errors(search.build(louder, settings), subject.errors).problem
 
-    begin = changed({}) if begin is None else begin
-    return identified.scaled(white_noise_factors(begin, changed))
+    is_same = _is_as_stated(at_tags, requests, subject.search.settings.calibration)
+    begin = problem if is_same and not is_mended else changed({})
+    return AtTags(identified.scaled(white_noise_factors(begin, changed)), moved)
 
 
 def _tests(flight: Flight, identified: Identified) -> tuple[Consistency, ...]:

@@ -156,7 +156,11 @@ def building(build: Build, faults: tuple[SpanFault, ...]) -> Build:
 
 
 def with_span_faults(
-    search: TagSearch, at_tags: AtTags, requests: Requests, begin: PreparedFlight | None
+    search: TagSearch,
+    at_tags: AtTags,
+    requests: Requests,
+    begin: PreparedFlight | None,
+    is_louder: bool,
 ) -> tuple[TagSearch, AtTags, tuple[SpanFault, ...]]:
     """Return a search without faults of spans, what the flight says then, and the faults.
 
@@ -168,11 +172,13 @@ def with_span_faults(
         What is to be estimated with a flight.
     begin : PreparedFlight or None
         Its problem, where tags and requests are as they were.
+    is_louder : bool
+        Whether phases of arcs, which the chain has not, show the noise that is identified.
     """
     faults: tuple[SpanFault, ...] = ()
     build = search.build
     for _ in range(_MOST):
-        likeliest = _likeliest(search, at_tags, requests(search, at_tags), begin)
+        likeliest = _likeliest(search, at_tags, requests(search, at_tags), begin, is_louder)
         if not likeliest:
             break
         rest = search._replace(build=building(build, (*faults, *likeliest)))
@@ -185,6 +191,7 @@ def with_span_faults(
         if after is None:
             break
         faults, search, at_tags, begin = (*faults, *likeliest), rest, after, None
+        is_louder = False
     return search, at_tags, faults
 
 
@@ -193,6 +200,7 @@ def _likeliest(
     at_tags: AtTags,
     requests: tuple[CalibrationRequest, ...],
     begin: PreparedFlight | None,
+    is_louder: bool,
 ) -> tuple[SpanFault, ...]:
     """Return the fault that may be, and one of the other sensor that is as likely, if there is.
 
@@ -217,6 +225,7 @@ def _likeliest(
         return ()
     best, t_s = max(offsets, key=lambda one: one.likelihood), chain.t_s
     limit = EXCLUDED + np.log(max(float(t_s[-1] - t_s[0]), 1.0))
+    best = offsets[-1] if is_louder else best
     nats = best.likelihood - offsets[-1].noise - limit
     if nats < -LIKELY or best.instead >= best.offset.gain:
         return ()
