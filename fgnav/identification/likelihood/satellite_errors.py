@@ -17,6 +17,7 @@ References
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import accumulate, pairwise
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -87,7 +88,7 @@ class SatelliteErrors:
                 rows = np.column_stack(phase.rows[i].without_place())
                 measured[block] += rows.T @ rows
         self._shapes = np.array([(*one.before.shape, one.size) for one in blocks])
-        self._first = np.cumsum([0, *(one.size for one in blocks[:-1])])  # of all A but the last
+        self._first = list(accumulate((one.size for one in blocks[:-1]), initial=0))
         parts = ([getattr(one, name) for one in blocks] for name in ("before", "after", "right"))
         self._rows = [np.concatenate([one.ravel() for one in part]) for part in (*parts, measured)]
 
@@ -114,8 +115,8 @@ class SatelliteErrors:
         information = _filtered(self._shapes, weight[self._kinds], diagonal, *self._rows)
         if len(information) == 1:
             return -np.inf
-        logs = np.split(np.log(diagonal), self._first[1:-1])
-        log_root = sum(float(part.sum()) for part in logs)
+        logs = np.log(diagonal)
+        log_root = float(sum(np.add.reduce(logs[a:b]) for a, b in pairwise(self._first)))
         try:
             root = np.linalg.cholesky(information[:-1, :-1])
         except np.linalg.LinAlgError:
