@@ -27,7 +27,7 @@ from fgnav.identification.span_faults import SpanFault, with_span_faults
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
 from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags, with_tags_moved
 from fgnav.types.estimate import Consistency
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Flight, Imu
 
 _FEWEST = 30  # keyframes that measured something: fewer tell no noise
 
@@ -80,7 +80,7 @@ def findings(
     if any(one.is_likely for one in faults):
         at_tags = _beside_phases(search, after, subject, is_mended=True)
     requests, identified = _requests(search, at_tags), at_tags.identified
-    tests = (*places.tests, *_tests(subject.search.flight, identified))
+    tests = (*places.tests, *_tests(subject.search.flight.imu, identified))
     is_same = _is_as_stated(at_tags, requests, settings.calibration)
     is_as_stated = is_same and not (tests or late_s or faults)
     if is_as_stated and not subject.errors:
@@ -98,7 +98,7 @@ def findings(
             *_notes(subject, at_tags, requests),
         ),
         tests=tests,
-        middle_s=middle_of_tags_s(subject.search.flight),
+        middle_s=middle_of_tags_s(subject.search.flight.imu),
         reference=places.reference,
         turn=turn,
         forces_late_s=late_s,
@@ -128,7 +128,8 @@ def _subject(
         settings = replace(settings, calibration=(*settings.calibration, *places.requests))
         flight = with_reference(flight, places.reference)
         prepared = build(flight, settings)
-    errors = _satellite_errors(flight, prepared.problem)
+    phase = prepared.problem.phase  # against a base errors of satellites are other ones
+    errors = {} if phase is None or flight.base is not None else satellite_error_factors(phase)
     prepared = with_satellite_errors(prepared, errors)
     return _Subject(TagSearch(flight, settings, build), prepared, places, errors)
 
@@ -139,7 +140,7 @@ def _notes(
     """Return what is to be said of noise, of errors of satellites, and of constants."""
     flight, identified = subject.search.flight, at_tags.identified
     return (
-        *noise_notes(flight, identified),
+        *noise_notes(flight.imu, identified),
         *satellite_error_notes(flight.gnss_noise, subject.errors),
         *constant_notes(identified, at_tags.moved, requests),
     )
@@ -153,13 +154,6 @@ def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]
         return problem if phase is None else replace(problem, phase=with_errors(phase, factors))
 
     return prepared.changed(changed) if factors else prepared
-
-
-def _satellite_errors(flight: Flight, problem: SmoothingProblem) -> dict[str, float]:
-    """Return factors on errors of satellites; against a base they are other ones."""
-    if problem.phase is None or flight.base is not None:
-        return {}
-    return satellite_error_factors(problem.phase)
 
 
 def _measured(problem: SmoothingProblem) -> int:
@@ -241,7 +235,7 @@ def _beside_phases(
     if problem.phase is None:
         return at_tags
     flight, settings = search.flight, replace(search.settings, calibration=requests)
-    at_moved = with_tags_moved(flight, moved, middle_of_tags_s(flight))
+    at_moved = with_tags_moved(flight, moved, middle_of_tags_s(flight.imu))
 
     def changed(factors: dict[str, float]) -> SmoothingProblem:
         louder = with_factors(at_moved, identified.scaled(factors).factors)
@@ -252,15 +246,15 @@ def _beside_phases(
     return AtTags(identified.scaled(white_noise_factors(begin, changed)), moved)
 
 
-def _tests(flight: Flight, identified: Identified) -> tuple[Consistency, ...]:
+def _tests(imu: Imu | None, identified: Identified) -> tuple[Consistency, ...]:
     """Return how far the inertial unit is from what it states, where that is no noise any more.
 
     Its innovations are those of all other sensors, which such a noise explains away: NIS is by the
     stated one, the square of the factor between both.
     """
-    if flight.imu is None:
+    if imu is None:
         return ()
-    t_s = flight.imu.t_s
+    t_s = imu.t_s
     freedom = 3 * len(t_s)
     return tuple(
         Consistency(

@@ -8,7 +8,7 @@ from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.graph.types.motion import INERTIAL_NOISES
 from fgnav.identification.likelihood.thinned import FIELDS
 from fgnav.identification.noise.identified import Identified
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Imu
 from fgnav.types.instruments import GnssNoise
 
 _WHAT = {
@@ -38,12 +38,12 @@ _OF_SATELLITES = {
 _USUAL = "the usual figure"
 
 
-def noise_notes(flight: Flight, identified: Identified) -> tuple[str, ...]:
+def noise_notes(imu: Imu | None, identified: Identified) -> tuple[str, ...]:
     """Return a sentence for each noise that replaces what the flight has."""
     notes = []
     for i in np.flatnonzero(identified.used).tolist():
         name, factor = identified.names[i], float(identified.factor[i])
-        value = _value(flight, name, factor)
+        value = _value(imu, name, factor)
         if identified.stated[i]:
             stated = _USUAL if name == "line of sight" else "what flight.toml states"
             times = f"{factor:.2g} x {stated}"
@@ -65,10 +65,10 @@ def _cause(identified: Identified) -> str:
     )
 
 
-def _value(flight: Flight, name: str, factor: float) -> str:
-    if flight.imu is None or name not in FIELDS:
+def _value(imu: Imu | None, name: str, factor: float) -> str:
+    if imu is None or name not in FIELDS:
         return ""
-    return f"{factor * getattr(flight.imu, FIELDS[name]):.2g} {_UNIT[name]}"
+    return f"{factor * getattr(imu, FIELDS[name]):.2g} {_UNIT[name]}"
 
 
 def satellite_error_notes(noise: GnssNoise, factors: Mapping[str, float]) -> tuple[str, ...]:

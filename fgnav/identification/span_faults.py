@@ -207,12 +207,12 @@ def _likeliest(
     Empty where odds are a hundred to one against it, beside those of any contradiction.
     """
     identified = at_tags.identified
-    flight = with_tags_moved(search.flight, at_tags.moved, middle_of_tags_s(search.flight))
+    flight = with_tags_moved(search.flight, at_tags.moved, middle_of_tags_s(search.flight.imu))
     settings = replace(search.settings, calibration=requests)
     prepared = search.build(flight, settings) if begin is None else begin
     if not isinstance(prepared.problem.motion, Inertial):
         return ()
-    small = ThinnedFlight.of(flight, prepared.problem, prepared.timed, ())
+    small = ThinnedFlight.of(flight, prepared, ())
     theta = np.log(np.where(identified.used, identified.factor, 1.0))
     try:
         chain = _anchored(small.problem)
@@ -235,7 +235,7 @@ def _likeliest(
 
 def _beside_phases(rest: TagSearch, at_tags: AtTags, fault: SpanFault) -> SpanFault:
     """Return a fault as the phases of arcs show it, which the thinned chain has not."""
-    flight = with_tags_moved(rest.flight, at_tags.moved, middle_of_tags_s(rest.flight))
+    flight = with_tags_moved(rest.flight, at_tags.moved, middle_of_tags_s(rest.flight.imu))
     problem = rest.build(flight, rest.settings).problem
     if problem.phase is None:
         return fault

@@ -100,10 +100,10 @@ class TagSearch(NamedTuple):
         if prepared.opening is not None and prepared.opening.until_s == np.inf:
             return None
         extra = (*self._tested_constants(), *tested_turn(prepared.problem, turn))
-        identified = identify(at_first, prepared.problem, prepared.timed, extra)
+        identified = identify(ThinnedFlight.of(at_first, prepared, extra))
         clock = None
         if prepared.problem.phase is not None:
-            clock = clock_off(prepared.problem, middle_of_tags_s(self.flight), moved)
+            clock = clock_off(prepared.problem, middle_of_tags_s(self.flight.imu), moved)
         if clock is not None:  # phases tell it best
             identified = identified.with_clock(clock.value, clock.sigma)
         elif not is_far(self.flight, identified.times):
@@ -144,10 +144,10 @@ class TagSearch(NamedTuple):
         prepared = self.build(at, self.settings)
         constants = self._tested_constants(clock=False, delay=False)
         tested = (*constants, *tested_turn(prepared.problem, UNIT_TURN), *extra)
-        return ThinnedFlight.of(at, prepared.problem, prepared.timed, tested)
+        return ThinnedFlight.of(at, prepared, tested)
 
     def _with_tags(self, moved: FloatArray) -> Flight:
-        return with_tags_moved(self.flight, moved, middle_of_tags_s(self.flight))
+        return with_tags_moved(self.flight, moved, middle_of_tags_s(self.flight.imu))
 
     def _likelihood_at(self, late_s: float) -> float:
         """Return the likelihood of a clock; minus infinity without a solution or a heading."""
@@ -174,14 +174,14 @@ class TagSearch(NamedTuple):
         for _ in range(_CLOCK_STEPS):
             moved = moved + identified.times.value[:2]
             judge = as_stated if is_stated else partial(identify, factors=first.identified.factors)
-            identified = self._judged(moved, extra, judge)
+            identified = judge(self._thinned(moved, extra))
             remaining = identified.times.clock_sigmas
             if remaining <= 1.0:
                 break
             if remaining >= before:
                 raise NoSolutionError("clock: its steps do not end")
             before = remaining
-        return AtTags(self._judged(moved, extra, identify) if is_stated else identified, moved)
+        return AtTags(identify(self._thinned(moved, extra)) if is_stated else identified, moved)
 
     def _stepped_by(
         self, moved: FloatArray, clock: RecordClock, extra: tuple[FlightConstant, ...]
@@ -196,26 +196,20 @@ class TagSearch(NamedTuple):
         for _ in range(_CLOCK_STEPS):
             moved = moved + clock.value
             problem = self.build(self._with_tags(moved), self.settings).problem
-            again = record_clock(problem, middle_of_tags_s(self.flight), moved)
+            again = record_clock(problem, middle_of_tags_s(self.flight.imu), moved)
             if again is None:
                 break
             clock = again
             if clock.squares <= 1.0:
                 moved = moved + clock.value
-                identified = self._judged(moved, extra, identify)
+                identified = identify(self._thinned(moved, extra))
                 return AtTags(identified.with_clock(np.zeros(2), clock.sigma), moved)
         raise NoSolutionError("clock: its steps do not end")
 
-    def _judged(
-        self,
-        moved: FloatArray,
-        extra: tuple[FlightConstant, ...],
-        judge: Callable[..., Identified],
-    ) -> Identified:
-        """Return what the flight says with tags moved, by ``identify`` or ``as_stated``."""
+    def _thinned(self, moved: FloatArray, extra: tuple[FlightConstant, ...]) -> ThinnedFlight:
+        """Return the flight's thinned chain with tags moved."""
         flight = self._with_tags(moved)
-        prepared = self.build(flight, self.settings)
-        return judge(flight, prepared.problem, prepared.timed, extra)
+        return ThinnedFlight.of(flight, self.build(flight, self.settings), extra)
 
     def without_clock(
         self, moved: FloatArray, others: tuple[FloatArray, ...], *, delay: bool = True
@@ -237,7 +231,7 @@ class TagSearch(NamedTuple):
                 return _Likelihood(profile_likelihood(prepared.problem))
             turn = tested_turn(prepared.problem, UNIT_TURN)
             constants = (*self._tested_constants(clock=False, delay=delay), *turn)
-            identified = identify(at, prepared.problem, prepared.timed, constants)
+            identified = identify(ThinnedFlight.of(at, prepared, constants))
         except NoSolutionError:
             return _Likelihood(-np.inf)
         return _Likelihood(identified.likelihood, identified)

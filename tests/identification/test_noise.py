@@ -14,6 +14,7 @@ from fgnav.identification.likelihood.linear_chain import LinearChain
 from fgnav.identification.likelihood.thinned import FIELDS, thinned
 from fgnav.identification.noise import noise_search
 from fgnav.identification.noise.identify import identify
+from fgnav.identification.noise.thinned_flight import ThinnedFlight
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.io.flight import usual_noise
 from fgnav.methods.smoother import Batch
@@ -79,8 +80,7 @@ def prepared(flight):
 
 
 def found_in(flight):
-    problem = build_problem(flight, SETTINGS)
-    return identify(flight, problem.problem, problem.timed, ())
+    return identify(ThinnedFlight.of(flight, build_problem(flight, SETTINGS), ()))
 
 
 def test_the_score_is_the_slope_of_the_likelihood(flight):

@@ -58,7 +58,8 @@ def test_tags_are_moved_by_steps_until_one_is_within_its_sigma(monkeypatch):
         return SimpleNamespace(times=times, factors={}, has_no_minimum=False)
 
     monkeypatch.setattr(time_tags, "identify", half_the_way)
-    search = time_tags.TagSearch(flight, SETTINGS, lambda *_: SimpleNamespace(problem=0, timed=0))
+    monkeypatch.setattr(time_tags.ThinnedFlight, "of", lambda flight, *_: flight)
+    search = time_tags.TagSearch(flight, SETTINGS, lambda *_: None)
     at_tags = search._stepped(time_tags.AtTags(half_the_way(flight), np.zeros(2)), ())
     assert abs(at_tags.moved[0] + late_s) < 0.04
     assert at_tags.moved[1] == 0.0
@@ -73,7 +74,8 @@ def test_steps_to_and_fro_end_at_once(monkeypatch):
         return SimpleNamespace(times=times, factors={}, has_no_minimum=False)
 
     monkeypatch.setattr(time_tags, "identify", to_and_fro)
-    search = time_tags.TagSearch(flight, SETTINGS, lambda *_: SimpleNamespace(problem=0, timed=0))
+    monkeypatch.setattr(time_tags.ThinnedFlight, "of", lambda flight, *_: flight)
+    search = time_tags.TagSearch(flight, SETTINGS, lambda *_: None)
     with pytest.raises(NoSolutionError, match="clock: its steps do not end"):
         search._stepped(time_tags.AtTags(to_and_fro(), np.zeros(2)), ())
     assert next(offsets_s) == -0.25

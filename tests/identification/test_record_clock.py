@@ -19,7 +19,7 @@ STATED = np.zeros(2)
 
 def clock_of(flight):
     problem = build_problem(flight, SETTINGS).problem
-    return record_clock(problem, middle_of_tags_s(flight), STATED)
+    return record_clock(problem, middle_of_tags_s(flight.imu), STATED)
 
 
 def fast(flight, ppm):
@@ -53,7 +53,7 @@ def test_a_clock_that_runs_fast_or_slow_is_put_right(kind, ppm):
 def test_a_problem_that_estimates_its_clock_is_not_asked_again():
     flight = right_flight("array", 731)
     problem = build_problem(flight, Smoother(estimate=("clock",)).preparation).problem
-    assert record_clock(problem, middle_of_tags_s(flight), STATED) is None
+    assert record_clock(problem, middle_of_tags_s(flight.imu), STATED) is None
 
 
 def test_a_drift_of_the_accelerometer_is_no_clock():
@@ -64,4 +64,4 @@ def test_a_drift_of_the_accelerometer_is_no_clock():
     drifting = replace(right, imu=replace(imu, f_b_mps2=imu.f_b_mps2 + drift_b_mps2))
     assert clock_of(drifting).squares > SQUARES_OF_TWO
     problem = build_problem(drifting, SETTINGS).problem
-    assert clock_off(problem, middle_of_tags_s(drifting), STATED) is None
+    assert clock_off(problem, middle_of_tags_s(drifting.imu), STATED) is None

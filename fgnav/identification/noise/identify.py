@@ -14,9 +14,6 @@ import numpy as np
 from scipy.special import chdtri
 
 from fgnav.checks import NoSolutionError
-from fgnav.graph.delayed import TimedMotion
-from fgnav.graph.types.constants import FlightConstant
-from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.likelihood.thinned import FIELDS
 from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.noise.identified import Identified
@@ -25,7 +22,6 @@ from fgnav.identification.noise.stated import INSTRUMENTS
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
 from fgnav.identification.track.windows import EXCLUDED, FALSE_ALARM
 from fgnav.solve.chain import solve_batch
-from fgnav.types.flight import Flight, Imu
 
 _DOUBTED = 2.5  # sigmas: one of eight components in ten flights
 _DAMPED = 30  # steps to the minimum as stated
@@ -33,24 +29,12 @@ _DAMPED = 30  # steps to the minimum as stated
 _IN_DOUBT = 100.0
 
 
-def identify(
-    flight: Flight,
-    problem: SmoothingProblem,
-    timed: TimedMotion,
-    extra: tuple[FlightConstant, ...],
-    factors: dict[str, float] | None = None,
-) -> Identified:
+def identify(flight: ThinnedFlight, factors: dict[str, float] | None = None) -> Identified:
     """Return what the flight says of its noise and times, linearised where its problem begins.
 
     Parameters
     ----------
-    flight : Flight
-    problem : SmoothingProblem
-        Of the whole flight, with the noise as the flight has it.
-    timed : TimedMotion
-        At its keyframes.
-    extra : tuple of FlightConstant
-        Clock, delay and lever arm, those that the problem has not among its constants.
+    flight : ThinnedFlight
     factors : dict of str to float, optional
         Of an earlier search, to begin with.
 
@@ -59,17 +43,16 @@ def identify(
     NoSolutionError
         If the chain has no solution, or ends at none.
     """
-    small = ThinnedFlight.of(flight, problem, timed, extra)
-    stated = None if small.unstated or factors else _as_stated(small)
+    stated = None if flight.unstated or factors else _as_stated(flight)
     if stated is not None and not (stated.is_noise_doubted or stated.is_off):
         return stated.identified
     try:
-        free = searched(small, factors or {})
+        free = searched(flight, factors or {})
     except NoSolutionError:
         if stated is None or not stated.stands_alone:
             raise
         return replace(stated.identified, has_no_minimum=True)
-    free = _unless_a_bias(small, flight.imu, _unless_an_instrument(small, free))
+    free = _unless_a_bias(flight, _unless_an_instrument(flight, free))
     if stated is None:
         return free
     if free.likelihood <= stated.identified.likelihood + EXCLUDED:
@@ -78,17 +61,15 @@ def identify(
     return free if free.is_turned else replace(free, turn=stated.identified.turn)
 
 
-def as_stated(
-    flight: Flight,
-    problem: SmoothingProblem,
-    timed: TimedMotion,
-    extra: tuple[FlightConstant, ...],
-) -> Identified:
+def as_stated(flight: ThinnedFlight) -> Identified:
     """Return what a flight says where noise is as stated, which has no other minimum.
 
-    Parameters and errors are those of ``identify``.
+    Raises
+    ------
+    NoSolutionError
+        If there is none either.
     """
-    stated = _as_stated(ThinnedFlight.of(flight, problem, timed, extra))
+    stated = _as_stated(flight)
     if stated is None or not stated.stands_alone:
         raise NoSolutionError("noise: the chain has no minimum about which to identify it")
     return stated.identified
@@ -136,7 +117,7 @@ def _as_stated(flight: ThinnedFlight) -> _AsStated | None:
     return _AsStated(identified, bool(misfits or is_doubted.any()), bool(is_off))
 
 
-def _unless_a_bias(flight: ThinnedFlight, imu: Imu | None, identified: Identified) -> Identified:
+def _unless_a_bias(flight: ThinnedFlight, identified: Identified) -> Identified:
     """Return what is identified, or where the unit's noise contradicts, with a bias that walks.
 
     Noise puts velocities off by ``N sqrt(T)`` in a time T, a walk by ``q sqrt(T^3 / 3)``: a search
@@ -147,7 +128,7 @@ def _unless_a_bias(flight: ThinnedFlight, imu: Imu | None, identified: Identifie
         return identified
     duration_s, likeliest = np.ptp(flight.problem.t_s), identified
     for sensor in WHITE:
-        noise, walk = (getattr(imu, FIELDS[one], None) for one in (sensor, f"{sensor} bias"))
+        noise, walk = (getattr(flight.imu, FIELDS[one], None) for one in (sensor, f"{sensor} bias"))
         if sensor not in identified.contradicted or not (noise and walk):
             continue
         factor = identified.contradicted[sensor] * noise / walk * np.sqrt(3.0) / duration_s

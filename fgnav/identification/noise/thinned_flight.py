@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
-from fgnav.graph.delayed import TimedMotion
+from fgnav.frontend.prepared import PreparedFlight
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.motion import NoiseParts
 from fgnav.graph.types.problem import SmoothingProblem
@@ -16,7 +16,7 @@ from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.seen_noise import greatest_noise
 from fgnav.identification.noise.stated import scalable, unstated
 from fgnav.identification.tested_constants import LEVER_ARM, TURNS, depending, times_of, vector_of
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Flight, Imu
 
 _NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
 
@@ -28,22 +28,28 @@ class ThinnedFlight(NamedTuple):
     parts: NoiseParts
     scalable: tuple[str, ...]
     unstated: tuple[str, ...]
+    imu: Imu | None
     greatest: dict[str, float]  # factors of the unit's white noise that its samples can hold
 
     @classmethod
     def of(
-        cls,
-        flight: Flight,
-        problem: SmoothingProblem,
-        timed: TimedMotion,
-        extra: tuple[FlightConstant, ...],
+        cls, flight: Flight, prepared: PreparedFlight, extra: tuple[FlightConstant, ...]
     ) -> "ThinnedFlight":
-        """Return a flight by its problem; parameters as in ``identify``."""
-        small = thinned(problem, extra)
-        at_keyframes = timed.at(np.searchsorted(problem.t_s, small.t_s))
+        """Return a flight by its problem, with the noise as the flight has it.
+
+        ``extra``: clock, delay and lever arm, those that the problem has not among its constants.
+        """
+        small = thinned(prepared.problem, extra)
+        at_keyframes = prepared.timed.at(np.searchsorted(prepared.problem.t_s, small.t_s))
         small = depending(small, at_keyframes, extra)
-        parts, limits = small.motion.noise_parts(), _greatest(flight, small)
-        return cls(small, parts, scalable(flight), unstated(flight), limits)
+        return cls(
+            problem=small,
+            parts=small.motion.noise_parts(),
+            scalable=scalable(flight),
+            unstated=unstated(flight),
+            imu=flight.imu,
+            greatest=_greatest(flight.imu, small),
+        )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -113,9 +119,9 @@ class ThinnedFlight(NamedTuple):
         )
 
 
-def _greatest(flight: Flight, problem: SmoothingProblem) -> dict[str, float]:
+def _greatest(imu: Imu | None, problem: SmoothingProblem) -> dict[str, float]:
     """Return the factors on white noise that the unit's samples can hold between measurements."""
-    if flight.imu is None or len(problem.t_s) < 2:
+    if imu is None or len(problem.t_s) < 2:
         return {}
-    greatest = greatest_noise(flight.imu, float(np.median(np.diff(problem.t_s))))
-    return {name: density / getattr(flight.imu, FIELDS[name]) for name, density in greatest.items()}
+    greatest = greatest_noise(imu, float(np.median(np.diff(problem.t_s))))
+    return {name: density / getattr(imu, FIELDS[name]) for name, density in greatest.items()}

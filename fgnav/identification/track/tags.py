@@ -33,9 +33,9 @@ def is_far(flight: Flight, times: Times) -> bool:
     return bool(abs(times.value[0]) + PPM * abs(times.value[1]) * half_s > _MOVED_S)
 
 
-def middle_of_tags_s(flight: Flight) -> float:
-    """Return the middle of the unit's record, for which a clock's offset is stated."""
-    return 0.0 if flight.imu is None else float(flight.imu.t_s[[0, -1]].mean())
+def middle_of_tags_s(imu: Imu | None) -> float:
+    """Return the middle of a unit's record, for which a clock's offset is stated."""
+    return 0.0 if imu is None else float(imu.t_s[[0, -1]].mean())
 
 
 def with_tags_moved(flight: Flight, by: FloatArray, middle_s: float) -> Flight:
