@@ -71,17 +71,7 @@ def solve_forward(
 ) -> Solution:
     """Return each keyframe as known from the data up to it: what a filter estimates.
 
-    Parameters
-    ----------
-    problem : SmoothingProblem
-    lag_s : float
-        States this far back are still relinearised.
-    own : sequence of gtsam.NonlinearFactor or NamedFactor
-        As in ``solve_fixed_lag``.
-    keep_linearisation : bool
-        As in ``FixedLag``.
-    opening : Opening, optional
-        As in ``solve_fixed_lag``.
+    Parameters as in ``solve_fixed_lag``; states up to ``lag_s`` back are still relinearised.
     """
 
     def newest(of: SmoothingProblem, end: int) -> list[Departed | None]:

@@ -4,6 +4,8 @@ Each scan fills arrays it is given and returns how far it came. ``problem`` is (
 number): code 0 says all is well, the others are explained in ``scan.PROBLEMS``.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from fgnav.checks import IntArray
@@ -15,6 +17,14 @@ from fgnav.kernels.compiled import inlined, inner, kernel
 TICKS, FLAG, ANNOUNCED, KEPT, LINE, START, END = range(7)
 
 _BLANK, _DOT, _MINUS, _ZERO, _NINE, _NEWLINE, _GREATER = 32, 46, 45, 48, 57, 10, 62
+
+
+class Scanned(NamedTuple):
+    """What a body holds."""
+
+    tally: IntArray  # (128, types, 3), see ``_fields``
+    satellites: IntArray  # (128, 100), records of each satellite
+    epochs: IntArray  # (k, 7), one row per epoch or event; more rows than '>' in the body
 
 
 @kernel
@@ -195,15 +205,7 @@ def _count_satellite(
 
 
 @kernel
-def scan_3(
-    text: Bytes,
-    start: IntArray,
-    limits: IntArray,
-    tally: IntArray,
-    satellites: IntArray,
-    epochs: IntArray,
-    problem: IntArray,
-) -> int:
+def scan_3(text: Bytes, start: IntArray, limits: IntArray, into: Scanned, problem: IntArray) -> int:
     """Scan the body of a RINEX 3 or 4 observation file.
 
     Parameters
@@ -213,12 +215,8 @@ def scan_3(
         Offset of the body, number of its first line.
     limits : ndarray, (128, 2)
         By letter: observation types announced (0: none), highest satellite number in use.
-    tally : ndarray, (128, types, 3)
-        Filled: see ``_fields``.
-    satellites : ndarray, (128, 100)
-        Filled: records of each satellite.
-    epochs : ndarray, (k, 7)
-        Filled: one row per epoch or event; more rows than '>' in the body.
+    into : Scanned
+        Filled.
     problem : ndarray, (4,)
 
     Returns
@@ -226,6 +224,7 @@ def scan_3(
     int
         Rows filled.
     """
+    tally, satellites, epochs = into
     p, line, n, last = start[0], start[1], 0, -1
     seen, found = np.full((128, 100), -1, np.int64), np.zeros(3, np.int64)
     while p < len(text):
@@ -306,16 +305,9 @@ def _satellite_2(
 
 
 @kernel
-def scan_2(
-    text: Bytes,
-    start: IntArray,
-    limits: IntArray,
-    tally: IntArray,
-    satellites: IntArray,
-    epochs: IntArray,
-    problem: IntArray,
-) -> int:
+def scan_2(text: Bytes, start: IntArray, limits: IntArray, into: Scanned, problem: IntArray) -> int:
     """Scan the body of a RINEX 2 observation file; arguments as of ``scan_3``."""
+    tally, satellites, epochs = into
     place, n, last = start.copy(), 0, -1
     seen, found = np.full((128, 100), -1, np.int64), np.zeros(3, np.int64)
     ids = np.zeros((1000, 2), np.int64)

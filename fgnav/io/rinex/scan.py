@@ -88,7 +88,7 @@ def scan_observations(header: Header, text: Bytes) -> Scan:
     BadInputError
         Naming file, line, rule and value, at the first fault.
     """
-    from fgnav.io.rinex.kernels import scan_2, scan_3  # noqa: PLC0415  # lazy: numba
+    from fgnav.io.rinex.kernels import Scanned, scan_2, scan_3  # noqa: PLC0415  # lazy: numba
 
     limits = np.zeros((128, 2), np.int64)
     for letter, types in header.types.items():
@@ -100,7 +100,8 @@ def scan_observations(header: Header, text: Bytes) -> Scan:
     epochs, problem = np.zeros((rows, 7), np.int64), np.zeros(4, np.int64)
     start = np.array([header.size, header.lines + 1])
     scan = scan_3 if header.version >= 3 else scan_2
-    epochs = epochs[: scan(text, start, limits, tally, satellites, epochs, problem)]
+    into = Scanned(tally, satellites, epochs)
+    epochs = epochs[: scan(text, start, limits, into, problem)]
     if problem[0]:
         raise BadInputError(_problem(header, text, problem))
     measured = epochs[:, 1] <= 1
