@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from fgnav.frontend.problem import build_problem
+from fgnav.identification.apply import with_findings
 from fgnav.identification.findings import findings
 from fgnav.identification.tag_steps import tag_step
 from fgnav.methods.smoother import Smoother
@@ -44,7 +45,8 @@ def test_forces_behind_a_low_pass_are_taken_as_early_as_they_are_late():
     assert not found.moved.any()
     assert found.calibration == ()
     assert any("late against the gyroscope" in note for note in found.notes)
-    assert not Smoother()(flight).rejections
+    prepared = with_findings(flight, SETTINGS, found, build_problem)
+    assert not Smoother().estimate_prepared(flight, prepared).rejections
 
 
 def test_attitudes_with_forces_behind_a_low_pass_are_as_honest_as_without_it():
