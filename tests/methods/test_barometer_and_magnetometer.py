@@ -5,13 +5,13 @@ import dataclasses
 import numpy as np
 
 from fgnav.methods.smoother import Batch, Smoother
-from tests.methods.simulated import euler_rmse_deg, flown
+from tests.methods.simulated import euler_rmse_deg, flown, shared
 
 
 def test_a_magnetometer_tells_a_lone_antennas_heading_and_the_vehicles_own_field():
     flight = flown("surroundings", 25.0)
     without = dataclasses.replace(flight, magnetometer=None, barometer=None)
-    estimate = Batch()(flight)
+    estimate = shared(Batch(), flight)
     assert estimate.converged
     assert euler_rmse_deg(flight, estimate)[2] < 0.5
     assert euler_rmse_deg(flight, Batch()(without))[2] > 5.0
@@ -30,7 +30,7 @@ def test_a_magnetometer_tells_a_lone_antennas_heading_and_the_vehicles_own_field
 
 def test_the_window_estimates_them_with_the_flight_too():
     flight = flown("surroundings", 25.0)
-    batch, window = Batch()(flight), Smoother()(flight)
+    batch, window = (shared(method, flight) for method in (Batch(), Smoother()))
     assert window.converged
     assert [one.name for one in window.constants] == ["barometer", "hard iron"]
     for a, b in zip(window.constants, batch.constants, strict=True):

@@ -60,7 +60,7 @@ def test_an_accelerometer_off_the_origin_gives_the_origin_all_the_same():
 
 
 def test_the_line_of_sight_sharpens_the_attitude():
-    flight = flown("terminal", 60.0)
+    flight = within(flown("terminal", 60.0), 40.0, None)
     with_sight, without = (
         Batch(resolver=RIGHT)(f) for f in (flight, dataclasses.replace(flight, seeker=None))
     )

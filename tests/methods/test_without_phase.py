@@ -83,12 +83,12 @@ def test_a_minimum_counts_where_it_explains_what_was_measured():
         flight, fixes=dataclasses.replace(fixes, velocity_sigma_mps=fixes.velocity_sigma_mps / 3)
     )
     assert Batch()(flight).converged
-    estimate = Batch()(loud)
+    estimate = shared(Batch(), loud)
     assert not estimate.converged
     assert estimate.unobservable == ("turn about the specific force",)
     text = "attitude: the turn about the specific force is left open: .* explains the measurements"
     with pytest.raises(NoSolutionError, match=text):
-        Smoother()(loud)
+        shared(Smoother(), loud)
 
 
 @pytest.mark.parametrize("every", [20, 30, 60])
