@@ -26,9 +26,9 @@ $(RUN): pyproject.toml constraints.txt | $(BIN)/python
 	$(PIP) --editable '.[report]'
 	@touch $@
 
-$(DEV): $(RUN)
+$(DEV): pyproject.toml constraints.txt | $(BIN)/python
 	$(PIP) --editable '.[dev]'
-	@touch $@
+	@touch $(RUN) $@
 
 # A first run compiles for a minute and more: two processes side by side share that work through its
 # cache. The flight states its own noise, so nothing is identified, and LAMBDA finds its integers. Else as
