@@ -47,7 +47,9 @@ def white_noise_factors(
         From factors to the problem with these.
     """
     found = _scored(problem)
-    if found is None or not (found.misfits or found.is_beyond(found.theta).any()):
+    if found is None:
+        return {}
+    if not (found.is_beyond(found.theta).any() or is_misfit(problem, found.cost)):
         return {}
     theta = np.full(len(found.names), np.log(ABOVE))  # whoever is faint takes nothing
     for _ in range(_ROUNDS):
@@ -95,7 +97,7 @@ class _Scored(NamedTuple):
     theta: FloatArray
     sigma: FloatArray
     states: States
-    misfits: bool  # whether all that is left of the measurements is beyond chance
+    cost: float  # at the minimum
 
     def is_beyond(self, theta: FloatArray) -> BoolArray:
         """Return which of some logarithms are contradictions, (c,)."""
@@ -116,8 +118,8 @@ def _scored(problem: SmoothingProblem, begin: States | None = None) -> _Scored |
     own = [i for i, name in enumerate(parts.names) if name in WHITE]
     theta = np.log(squares[own].clip(1e-6) / redundancy[own].clip(1e-6)) / 2
     sigma = 1 / np.sqrt(((np.diag(4 * information) + 2 * redundancy) / 2)[own].clip(1e-6))
-    misfits = is_misfit(problem, solution.cost)
-    return _Scored(tuple(parts.names[i] for i in own), theta, sigma, solution.states, misfits)
+    names = tuple(parts.names[i] for i in own)
+    return _Scored(names, theta, sigma, solution.states, solution.cost)
 
 
 def is_misfit(problem: SmoothingProblem, cost: float) -> bool:

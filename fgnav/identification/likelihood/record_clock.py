@@ -37,15 +37,11 @@ _ANY = 1e3  # 1-sigma of a drift in its steps: next to nothing is known of it
 
 
 class RecordClock(NamedTuple):
-    """Offset, s, and rate, ppm, to be added to the unit's tags, (2,), and their covariance.
-
-    ``explains``: whether no more is left of all measurements than chance leaves.
-    """
+    """Offset, s, and rate, ppm, to be added to the unit's tags, (2,), and their covariance."""
 
     value: FloatArray
     covariance: FloatArray
     cost: float
-    explains: bool
 
     @property
     def sigma(self) -> FloatArray:
@@ -89,7 +85,6 @@ def record_clock(
         value=solution.states.constants[first:],
         covariance=solution.constant_covariance[0, first:, first:],
         cost=solution.cost,
-        explains=not is_misfit(problem, solution.cost),
     )
 
 
@@ -101,7 +96,7 @@ def clock_off(problem: SmoothingProblem, middle_s: float, moved: FloatArray) -> 
     ``record_clock``.
     """
     clock = record_clock(problem, middle_s, moved)
-    if clock is None or clock.squares <= SQUARES_OF_TWO or not clock.explains:
+    if clock is None or clock.squares <= SQUARES_OF_TWO or is_misfit(problem, clock.cost):
         return None
     drifts = _with_drifts(problem)
     return clock if drifts is None or clock.cost < drifts.cost else None
