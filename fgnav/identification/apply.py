@@ -71,6 +71,8 @@ def _with_findings(
     if changes is None:
         return prepared
     if changes.is_as_stated:
+        for one in changes.faults:
+            prepared = prepared.changed(one.stepping)
         return _with_errors_and_notes(prepared, changes)
     return replace(with_findings(flight, settings, changes, build), tests=changes.tests)
 

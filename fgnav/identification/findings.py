@@ -46,7 +46,14 @@ class Findings(NamedTuple):
     forces_late_s: float = 0.0
     faults: tuple[SpanFault, ...] = ()
     errors: Mapping[str, float] = MappingProxyType({})  # of satellites, as factors
-    is_as_stated: bool = False  # all but those errors
+    is_as_stated: bool = False  # all but those errors, and faults that are not likely
+
+    @property
+    def decided(self) -> "Findings | None":
+        """The same without faults that are not likely; None where nothing is left."""
+        faults = tuple(one for one in self.faults if one.is_likely)
+        is_empty = self.is_as_stated and not self.errors
+        return None if is_empty else self._replace(faults=faults)
 
 
 def findings(
@@ -82,8 +89,8 @@ def findings(
     requests, identified = _requests(search, at_tags), at_tags.identified
     tests = (*places.tests, *_tests(subject.search.flight.imu, identified))
     is_same = _is_as_stated(at_tags, requests, settings.calibration)
-    is_as_stated = is_same and not (tests or late_s or faults)
-    if is_as_stated and not subject.errors:
+    is_as_stated = is_same and not (tests or late_s or any(one.is_likely for one in faults))
+    if is_as_stated and not (subject.errors or faults):
         return None
     turned = () if turn is None else (sentence(turn.vector, turn.axes),)
     return Findings(
