@@ -131,7 +131,7 @@ def look(flight: Flight, settings: ProblemSettings, until_s: float, build: Build
     except NoSolutionError:  # next to nothing is there yet
         return Look(None)
     try:
-        found = findings(past, whole, prepared, build)
-        return Look(None if found is None else found.decided)
+        changes = findings(past, whole, prepared, build)
+        return Look(None if changes is None else changes.decided)
     except NoSolutionError:
         return Look(None, is_told=False)
