@@ -15,6 +15,7 @@ _GAP = 10.0  # median spacings: turns across are not counted
 _MEAN_RATE_SIGMA_RADPS, _ANY_TURN_RAD = 15.0, np.pi / np.sqrt(3)
 _OPEN_RAD = 0.5  # 1-sigma of an attitude about an axis, beyond which a rotation vector will not do
 NO_TAPE = evidence_kernel.tape(0)
+MOST, _BLOCK = 600, 60  # looked at of a longer flight: blocks spread evenly
 _FIRST_RATES = 5  # whose median starts the filter: one wrong attitude spoils two
 
 
@@ -86,6 +87,14 @@ def attitude_series(
         epochs=epochs,
         mean_rate=_mean_rate(t_s[:past], R_nb[:past], covariance_rad2[:past]),
     )
+
+
+def spread(n: int) -> IntArray:
+    """Return which of n attitudes to look at: all, or blocks of them."""
+    if n <= MOST:
+        return np.arange(n)
+    starts = np.linspace(0, n - _BLOCK, MOST // _BLOCK).astype(np.int64)
+    return np.unique(starts[:, None] + np.arange(_BLOCK))
 
 
 def turn_rates(t_s: FloatArray, R_nb: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, increasing
 from fgnav.process import matern
-from fgnav.process.attitude_series import AttitudeSeries, attitude_series
+from fgnav.process.attitude_series import MOST, AttitudeSeries, attitude_series, spread
 from fgnav.process.hyperparameters import (
     DEFAULT_LENGTH_S,
     DEFAULT_SIGMA_RADPS,
@@ -23,7 +23,6 @@ from fgnav.process.hyperparameters import (
 from fgnav.process.oscillation import swinging
 
 _FEWEST = 5  # attitudes: four turns, each of three hyperparameters
-_MOST, _BLOCK = 600, 60  # of a longer flight, blocks spread evenly
 # Searches start with rates too large and memories too short: towards too little motion the filter
 # loses the attitudes and the likelihood has no slope.
 _STARTS_SPACINGS = (1.0, 3.0, 10.0, 30.0)
@@ -122,7 +121,7 @@ def swinging_prior(
 def _series(t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray) -> AttitudeSeries:
     """Return the attitudes that are looked at."""
     n = len(t_s)
-    return attitude_series(t_s, R_nb, covariance_rad2, _spread(n), past=n)
+    return attitude_series(t_s, R_nb, covariance_rad2, spread(n), past=n)
 
 
 def causal_rate_priors(
@@ -156,10 +155,10 @@ def causal_rate_priors(
     n = len(t_s)
     poles = np.tile(matern.poles(DEFAULT_LENGTH_S), (max(n - 1, 0), 3, 1))
     variance = np.full((max(n - 1, 0), 3), DEFAULT_SIGMA_RADPS**2)
-    prior, count, latest = None, _SCHEDULE[0], _MOST
+    prior, count, latest = None, _SCHEDULE[0], MOST
     while count < n:
         following = _scheduled_after(count)
-        rows = slice(max(0, count - _MOST), min(following, n - 1))  # n - 1 leads nowhere
+        rows = slice(max(0, count - MOST), min(following, n - 1))  # n - 1 leads nowhere
         part = (t_s[rows], R_nb[rows], covariance_rad2[rows])
         past = count - rows.start
         recent = slice(max(0, past - latest), past)
@@ -171,15 +170,15 @@ def causal_rate_priors(
         poles[count - 1 : rows.stop] = np.array([x[0] for x in alternatives])[chosen]
         variance[count - 1 : rows.stop] = np.array([x[1] for x in alternatives])[chosen]
         changed = _changed_after(chosen[1:])
-        latest = _MOST if changed is None else _RECENT
+        latest = MOST if changed is None else _RECENT
         count = following if changed is None else count + changed
     return poles, variance
 
 
 def _scheduled_after(count: int) -> int:
     """Return the count of attitudes at which the prior is identified next, whatever happens."""
-    if count >= _MOST:
-        return (count // _MOST + 1) * _MOST
+    if count >= MOST:
+        return (count // MOST + 1) * MOST
     return next(scheduled for scheduled in _SCHEDULE if scheduled > count)
 
 
@@ -212,14 +211,6 @@ def _best_of(
     for k in range(1, len(scores)):
         scores[k] += _FORGETTING * scores[k - 1]
     return np.asarray(np.argmax(scores, axis=1))
-
-
-def _spread(n: int) -> IntArray:
-    """Return which of n attitudes to look at: all, or blocks of them."""
-    if n <= _MOST:
-        return np.arange(n)
-    starts = np.linspace(0, n - _BLOCK, _MOST // _BLOCK).astype(np.int64)
-    return np.unique(starts[:, None] + np.arange(_BLOCK))
 
 
 def _starts(

@@ -19,9 +19,10 @@ from scipy.linalg import cholesky_banded, solveh_banded
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.process import matern
-from fgnav.process.attitude_series import AttitudeSeries, attitude_series
+from fgnav.process.attitude_series import AttitudeSeries, attitude_series, spread
 from fgnav.process.evidence_kernel import Tape, tape
 from fgnav.process.hyperparameters import (
+    DEFAULT_LENGTH_S,
     DEFAULT_SIGMA_RADPS,
     LEAST_RADPS,
     MOST_RADPS,
@@ -85,12 +86,17 @@ def varying_rate_prior(
         What ``swinging_prior`` has.
     """
     n = len(t_s)
-    attitudes = attitude_series(t_s, R_nb, covariance_rad2, np.arange(n), past=n)
-    search = _Search(attitudes)
+    rows = spread(n)
+    attitudes, some = (
+        attitude_series(t_s, R_nb, covariance_rad2, of, past=n) for of in (np.arange(n), rows)
+    )
+    search = _Search(attitudes, some, rows)
     log_sigma = np.log(constant.variance_rad2ps2) / 2
     scales = np.tile(log_sigma, (search.block[-1] + 1, 1))
     still = search.point(np.log(constant.length_s), scales)
-    best = search.climbed(search.point(still.log_length, _bounded(scales + _FROM_ABOVE)))
+    # A constant scale may take what is fast for wrong attitudes, and be small.
+    above = _FROM_ABOVE + np.maximum(scales, np.log(attitudes.turn_deviations()[1]))
+    best = search.climbed(search.point(np.full(3, np.log(DEFAULT_LENGTH_S)), _bounded(above)))
     for _ in range(_ROUNDS):
         before, best = best.value, search.climbed(search.with_lengths(best))
         if best.value - before < _LEVEL_NATS:
@@ -129,6 +135,8 @@ class _Search:
     """Posterior density of scales and lengths, and steps uphill."""
 
     attitudes: AttitudeSeries
+    some: AttitudeSeries  # of a longer flight, by which lengths and levels are found
+    rows: IntArray  # which these are
     block: IntArray = field(init=False)  # (n - 1,), of each interval
     tape: Tape = field(init=False)
 
@@ -167,13 +175,18 @@ class _Search:
 
     def with_lengths(self, here: _Point) -> _Point:
         """Return the likeliest lengths and levels of scales that vary as they do."""
-        level = here.scales.mean(axis=0)
+        level, block = here.scales.mean(axis=0), self.block[self.rows[:-1]]
 
-        def at(x: FloatArray) -> _Point:
-            return self.point(x[:3], _bounded(here.scales + (x[3:] - level)))
+        def moved(x: FloatArray) -> FloatArray:
+            return _bounded(here.scales + (x[3:] - level))
 
-        begin = np.concatenate([here.log_length, level])
-        best = at(likeliest(lambda x: at(x).value, begin, *bounds()))
+        def value(x: FloatArray) -> float:
+            variance = np.exp(2 * moved(x)[block])
+            of_some = self.some.log_densities(matern.poles(np.exp(x[:3])), variance)
+            return float(of_some.sum()) + log_prior(x[:3], x[3:])
+
+        x = likeliest(value, np.concatenate([here.log_length, level]), *bounds())
+        best = self.point(x[:3], moved(x))
         return best if best.value > here.value else here
 
     def log_volume(self, at: _Point) -> float:
