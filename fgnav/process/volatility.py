@@ -41,7 +41,7 @@ _WALK_SIGMA = 0.5
 # Searches start with scales too large: towards too small ones attitudes are lost, and no slope is.
 _FROM_ABOVE = 1.5
 _MOST_STEP = 1.0  # of logarithms at once
-_LEVEL_NATS = 1.0  # less gained by a step ends a search
+_LEVEL_NATS, _LAST_NATS = 1.0, 0.1  # less gained by a step ends a search, and the last
 _STEPS, _HALVINGS, _ROUNDS = 20, 4, 10
 _RIDGE = 1e-6  # of the precision, where attitudes tell nothing of an axis
 
@@ -96,11 +96,10 @@ def varying_rate_prior(
     still = search.point(np.log(constant.length_s), scales)
     # A constant scale may take what is fast for wrong attitudes, and be small.
     above = _FROM_ABOVE + np.maximum(scales, np.log(attitudes.turn_deviations()[1]))
-    best = search.climbed(search.point(np.full(3, np.log(DEFAULT_LENGTH_S)), _bounded(above)))
-    for _ in range(_ROUNDS):
-        before, best = best.value, search.climbed(search.with_lengths(best))
-        if best.value - before < _LEVEL_NATS:
-            break
+    # From long memories and from short ones: each may lead to a lesser maximum.
+    lengths = (still.log_length, np.full(3, np.log(DEFAULT_LENGTH_S)))
+    ends = [search.likeliest(search.point(one, _bounded(above))) for one in lengths]
+    best = search.climbed(max(ends, key=lambda one: one.value), _LAST_NATS)
     gained = best.value - still.value + search.log_volume(best)
     if gained < max(VERY_STRONG_NATS, _gained(attitudes, constant, swinging)):
         return None
@@ -159,7 +158,16 @@ class _Search:
         walk = (np.diff(scales, axis=0) ** 2).sum() / (2 * _WALK_SIGMA**2)
         return _Point(log_length, scales, float(value) + level - float(walk))
 
-    def climbed(self, here: _Point) -> _Point:
+    def likeliest(self, here: _Point) -> _Point:
+        """Return where scales, and lengths with levels, in turn lead to."""
+        best = self.climbed(here)
+        for _ in range(_ROUNDS):
+            before, best = best.value, self.climbed(self.with_lengths(best))
+            if best.value - before < _LEVEL_NATS:
+                break
+        return best
+
+    def climbed(self, here: _Point, least: float = _LEVEL_NATS) -> _Point:
         """Return where steps of scales uphill end: where the next gains less than some nats."""
         for _ in range(_STEPS):
             steps = self._steps(here)
@@ -169,7 +177,7 @@ class _Search:
             )
             best = next((point for point in trials if point.value > here.value), here)
             gained, here = best.value - here.value, best
-            if gained < _LEVEL_NATS:
+            if gained < least:
                 break
         return here
 
