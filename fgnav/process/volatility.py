@@ -95,10 +95,12 @@ def varying_rate_prior(
     scales = np.tile(log_sigma, (search.block[-1] + 1, 1))
     still = search.point(np.log(constant.length_s), scales)
     # A constant scale may take what is fast for wrong attitudes, and be small.
-    above = _FROM_ABOVE + np.maximum(scales, np.log(attitudes.turn_deviations()[1]))
+    above = _FROM_ABOVE + np.maximum(
+        scales, np.log(attitudes.turn_deviations()[1].clip(LEAST_RADPS))
+    )
     # From long memories and from short ones: each may lead to a lesser maximum.
     lengths = (still.log_length, np.full(3, np.log(DEFAULT_LENGTH_S)))
-    ends = [search.likeliest(search.point(one, _bounded(above))) for one in lengths]
+    ends = [search.maximum_from(search.point(one, _bounded(above))) for one in lengths]
     best = search.climbed(max(ends, key=lambda one: one.value), _LAST_NATS)
     gained = best.value - still.value + search.log_volume(best)
     if gained < max(VERY_STRONG_NATS, _gained(attitudes, constant, swinging)):
@@ -158,7 +160,7 @@ class _Search:
         walk = (np.diff(scales, axis=0) ** 2).sum() / (2 * _WALK_SIGMA**2)
         return _Point(log_length, scales, float(value) + level - float(walk))
 
-    def likeliest(self, here: _Point) -> _Point:
+    def maximum_from(self, here: _Point) -> _Point:
         """Return where scales, and lengths with levels, in turn lead to."""
         best = self.climbed(here)
         for _ in range(_ROUNDS):
