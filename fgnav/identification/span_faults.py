@@ -212,9 +212,9 @@ def _likeliest(
     flight = with_tags_moved(search.flight, at_tags.moved, middle_of_tags_s(search.flight.imu))
     settings = replace(search.settings, calibration=requests)
     prepared = search.build(flight, settings) if begin is None else begin
-    if not isinstance(prepared.problem.motion, Inertial):
-        return ()
     small = ThinnedFlight.of(flight, prepared, ())
+    if "gyroscope" not in small.parts.names:
+        return ()
     theta = np.log(np.where(identified.used, identified.factor, 1.0))
     try:
         chain = _anchored(small.problem)
@@ -232,7 +232,9 @@ def _likeliest(
     if nats < -LIKELY or best.instead >= best.offset.gain:
         return ()
     share = float(1.0 / (1.0 + np.exp(-nats)))
-    return tuple(_fault(one, chain, share, is_first=one is best.offset) for one in best.offsets)
+    return tuple(
+        _fault(one, (t_s, prepared.imu), share, is_first=one is best.offset) for one in best.offsets
+    )
 
 
 def _beside_phases(rest: TagSearch, at_tags: AtTags, fault: SpanFault) -> SpanFault:
@@ -285,14 +287,18 @@ class _Tested(NamedTuple):
         offsets = tuple(sorted(as_likely, key=lambda one: -one.gain))
         measured = replace(small, measurements=small.measurements[:-1])
         instead = of_measurements(measured, solution)
-        return cls(offsets, noise, max(one.gain for one in instead))
+        return cls(offsets, noise, max((one.gain for one in instead), default=0.0))
 
 
-def _fault(offset: Offset, small: SmoothingProblem, share: float, *, is_first: bool) -> SpanFault:
-    """Return a fault; only the likeliest is taken out of the samples, if it is likely at all."""
-    t_s, motion, last = small.t_s, small.motion, len(small.t_s) - 1
-    if not isinstance(motion, Inertial):
-        raise NoSolutionError("faults of spans: the flight has no gyroscope")
+def _fault(
+    offset: Offset, record: tuple[FloatArray, Imu], share: float, *, is_first: bool
+) -> SpanFault:
+    """Return a fault of the unit between keyframes, (n,), s, that the thinned chain has.
+
+    Only the likeliest is taken out of the samples, if it is likely at all.
+    """
+    t_s, imu = record
+    last = len(t_s) - 1
     (first_begin, last_begin), (first_end, last_end) = offset.begins, offset.ends
     fault = SpanFault(
         sensor=offset.sensor,
@@ -311,7 +317,6 @@ def _fault(offset: Offset, small: SmoothingProblem, share: float, *, is_first: b
         size=0.0,
         share=share,
     )
-    imu = motion.imu
     x = getattr(imu, _SAMPLES[offset.sensor])[fault.strikes(imu.t_s)]
     by_unit = np.stack([_added(offset.shape, x, one) for one in np.eye(3)], axis=2)
     added = by_unit @ offset.value
