@@ -1,8 +1,8 @@
 """The whole flight at once: GTSAM's least squares from each minimum that a search ends in.
 
 Begun from attitudes alone the search ends in wrong minima across gaps; a window starts each
-keyframe where the motion leads, and ends in others. The chain's descents find them in a tenth of
-the time (``minima``), from where one or two Newton steps on GTSAM's elimination are enough; where
+keyframe where the motion leads, and ends in others. The chain's window and descents find them in a
+tenth of the time (``minima``), from where one or two Newton steps on GTSAM's elimination are enough; where
 these do not descend, GTSAM's Levenberg-Marquardt does, at five times the time.
 """
 
@@ -19,6 +19,7 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION, ROTATION, States
 from fgnav.optional_gtsam import gtsam
+from fgnav.solve import chain
 from fgnav.solve.elimination import Elimination
 from fgnav.solve.failures import in_words
 from fgnav.solve.fixed_lag import solve_fixed_lag
@@ -56,9 +57,10 @@ def solve_batch(problem: SmoothingProblem, *, own: Sequence[Own] = ()) -> Soluti
         If the data leave a state open, by name.
     """
     entering = OwnFactors(own, problem)
-    window = partial(solve_fixed_lag, own=entering.within(BEGIN_LAG_S))
-    starts = begins(problem, window)
-    if not own:  # the chain knows none
+    if own:  # the chain knows none
+        starts = begins(problem, partial(solve_fixed_lag, own=entering.within(BEGIN_LAG_S)))
+    else:
+        starts = begins(problem, chain.solve_fixed_lag)
         starts = [end.solution.states for end in minima(problem, starts)]
     return mixture(distinct([_least(problem, entering, states) for states in starts]))
 
