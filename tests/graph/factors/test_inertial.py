@@ -93,9 +93,12 @@ def test_derivatives_are_those_of_the_residuals(motion):
     assert linear.shared.shape == (5, 15, 2)
 
 
-def test_gtsams_factor_has_the_blocks_of_the_chain():
+@pytest.mark.parametrize("size", [1e-3, 0.5])  # of the residual, m, rad
+def test_gtsams_factor_has_the_blocks_of_the_chain(size):
     factors, states = of_motion(sine(45.0), 0.1, 5)
-    moved = moved_at_random(states, np.random.default_rng(2), 1e-3)
+    factors.linearise(*ends(states), every(factors))  # about these biases from now on
+    moved = moved_at_random(states, np.random.default_rng(2), size)
+    moved.aux[:, 3:] *= 0.5 * TURNED_RAD / (0.1 * np.abs(moved.aux[:, 3:]).max())
     linear = factors.linearise(*ends(moved), every(factors))
     values = gtsam.Values()
     for row, key in ((3, 7), (4, 2)):
