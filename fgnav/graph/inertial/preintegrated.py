@@ -339,13 +339,14 @@ def _row(measured: gtsam.PreintegratedCombinedMeasurementsG, earth_rate: FloatAr
     From where a state leads that is nought, with its derivatives, and a factor's noise.
     """
     R, p, v = measured.deltaRij().matrix(), measured.deltaPij(), measured.deltaVij()
-    along, by_bias = (np.zeros((9, columns), order="F") for columns in (9, _BIASES))
-    led = measured.predict(gtsam.NavState(), measured.biasHat(), along, by_bias)
-    G = led.attitude().matrix() @ R.T
-    u = led.velocity() + np.cross(earth_rate, led.position())
-    by_bias[6:] += np.cross(led.attitude().matrix().T @ earth_rate, by_bias[3:6], axisb=0, axisc=0)
+    by_bias = np.zeros((9, _BIASES), order="F")
+    led = measured.predict(gtsam.NavState(), measured.biasHat(), None, by_bias)
+    end, position, (x, y, z) = led.attitude().matrix(), led.position(), earth_rate.tolist()
+    turning = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    by_bias[6:] += end.T @ turning @ end @ by_bias[3:6]
+    G, u = end @ R.T, led.velocity() + turning @ position
     factor = gtsam.GalileanCombinedImuFactor(0, 1, 2, 3, 4, 5, measured)
     model: Any = factor.noiseModel()
-    sums = (measured.deltaTij(), R, p, v, measured.biasHatVector(), by_bias)
-    frame = (G, led.position() - G @ p, u - G @ v)
-    return np.concatenate([np.ravel(part) for part in (*sums, *frame, model.R())])
+    sums = ((measured.deltaTij(),), R.ravel(), p, v, measured.biasHatVector(), by_bias.ravel())
+    frame = (G.ravel(), position - G @ p, u - G @ v)
+    return np.concatenate([*sums, *frame, model.R().ravel()])
