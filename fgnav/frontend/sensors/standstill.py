@@ -27,8 +27,7 @@ References
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import f as f_ratio
+from scipy.special import chdtri, fdtri  # scipy.stats takes half a second to import
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.gaps import Bridged
@@ -70,7 +69,7 @@ def standing(
     variance, step, count = _moments(record, t_s[row])
     measured = _measured(antenna, t_s, row)
     with_gnss = measured.number > 0
-    limit = chi2.isf(_FALSE_ALARM, 3 * np.maximum(measured.number, 1))
+    limit = chdtri(3 * np.maximum(measured.number, 1), _FALSE_ALARM)
     contradicted = with_gnss & (measured.whitened > limit)
     at_rest = np.isfinite(variance).all(axis=1) & with_gnss & ~contradicted
     beside = np.append(False, at_rest[:-1]) & np.append(at_rest[1:], False)
@@ -182,4 +181,4 @@ def _is_quiet(
     products = np.einsum("ma,mb->mab", at_rest_moment, at_rest_moment).cumsum(axis=0)[last]
     square = np.einsum("mab,ma,mb->m", products, 1 / usual, 1 / usual) / d**2 / number
     freedom = 2.0 / np.maximum(square - 1.0, 2.0 / (d * white))
-    return np.asarray(has_rested & (f_ratio.isf(_MISSED / 2, freedom, freedom * number) > T))
+    return np.asarray(has_rested & (fdtri(freedom, freedom * number, 1 - _MISSED / 2) > T))
