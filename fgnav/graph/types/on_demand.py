@@ -6,7 +6,7 @@ from typing import Generic, TypeVar, overload
 
 Item = TypeVar("Item")
 
-_KEPT = 32  # made last: solvers take what is new again and again
+_KEPT = 1024  # made last, some kB each: solvers take what is new, or all of a flight, many times
 
 
 class OnDemand(Sequence[Item], Generic[Item]):

@@ -42,6 +42,7 @@ class Border:
         self._eliminated: dict[int, EliminatedArcs] = {}  # by number of the keyframe before
         self._oldest = 0
         self.at: list[FloatArray] = []  # where the A of each block is linearised; empty: at zero
+        self._linear: dict[int, ArcBlock] = {}  # blocks about there
         self.steps: dict[int, FloatArray] = {}  # from there, by block, once substituted
         self.read(phase)
 
@@ -55,6 +56,10 @@ class Border:
         """Return the sum of squares of what leads from block to block."""
         rights = (self._linearised(block, j).right for j, block in self._blocks.items())
         return float(sum(right @ right for right in rights))
+
+    def linearise(self, at: Sequence[FloatArray]) -> None:
+        """Linearise the A of each block anew."""
+        self.at, self._linear = list(at), {}
 
     def size(self, k: int) -> int:
         """Return how many dimensions A of keyframe k has."""
@@ -182,8 +187,11 @@ class Border:
     def _linearised(self, block: ArcBlock, j: int) -> ArcBlock:
         if not self.at:
             return block
-        left = block.right - block.after @ self.at[j]
-        return block._replace(right=left + block.before @ self.at[j - 1] if j else left)
+        if j not in self._linear:
+            right = block.right - block.after @ self.at[j]
+            right += block.before @ self.at[j - 1] if j else 0.0
+            self._linear[j] = block._replace(right=right)
+        return self._linear[j]
 
     def _first(self, k: int) -> int:
         """Return the first keyframe that has the arcs of keyframe k."""

@@ -73,7 +73,7 @@ class _Chain:
         NoSolutionError
             Naming the state that the data leave open, and when.
         """
-        self.border.at = list(arcs)
+        self.border.linearise(arcs)
         cost, information = self._eliminated(states, damping, most)
         if cost > most:
             return _Linear(cost, cost, *(np.empty(0),) * 3, ())
