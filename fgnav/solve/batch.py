@@ -2,8 +2,8 @@
 
 Begun from attitudes alone the search ends in wrong minima across gaps; a window starts each
 keyframe where the motion leads, and ends in others. The chain's window and descents find them in a
-tenth of the time (``minima``), from where one or two Newton steps on GTSAM's elimination are enough; where
-these do not descend, GTSAM's Levenberg-Marquardt does, at five times the time.
+tenth of the time (``minima``), from where one or two Newton steps on GTSAM's elimination are
+enough; where these do not descend, GTSAM's Levenberg-Marquardt does, at five times the time.
 """
 
 from collections.abc import Iterable, Sequence
