@@ -64,7 +64,7 @@ class RotationQuadratic:
         return cls(
             *_collect(
                 np.ascontiguousarray(ranges_m),
-                np.ascontiguousarray(differences.e_n),
+                np.array(differences.e_n, order="C"),  # not frozen: compiled once
                 1.0 / differences.phase_variance_m2,
                 differences.group,
                 lever_arms_b_m,

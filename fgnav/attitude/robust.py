@@ -50,7 +50,7 @@ def robust_attitudes(
     e_n = differences.e_n
     _search(
         np.where(differences.is_reference[:, None, :], np.nan, ranges_m),
-        np.take_along_axis(e_n, of_reference[..., None], axis=1) - e_n,
+        np.ascontiguousarray(np.take_along_axis(e_n, of_reference[..., None], axis=1) - e_n),
         1.0 / (variance_m2 + np.take_along_axis(variance_m2, of_reference, axis=1)),
         np.ascontiguousarray(differences.wavelength_m),
         np.ascontiguousarray(differences.baselines_b_m),

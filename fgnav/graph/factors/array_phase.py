@@ -68,6 +68,7 @@ class ArrayPhase:
         q = self.basis.shape[-1]
         if not q:
             object.__setattr__(self, "share", np.zeros(k))
+        object.__setattr__(self, "root", np.ascontiguousarray(self.root))  # compiled once
         freeze(
             self,
             {"root": (k, 9, 9), "minimum": (k, 3, 3), "share": (k,), "basis": (9, q)},

@@ -54,8 +54,9 @@ def _so_far(arc: IntArray, cycles: IntArray, votes: FloatArray) -> Consensus:
         np.zeros(arc.shape),
         np.zeros(arc.shape, dtype=np.bool_),
     )
-    contiguous = np.ascontiguousarray  # the kernel is compiled for one layout
-    _count(contiguous(arc), contiguous(cycles), contiguous(votes), out)
+    # Copies, in C's order and not frozen: the kernel is compiled once.
+    copied = np.array(arc, order="C"), np.array(cycles, order="C"), np.array(votes, order="C")
+    _count(*copied, out)
     return out
 
 

@@ -63,7 +63,7 @@ def carry(answers: Answers, *, causal: bool = False) -> Carried:
     epoch, channel = np.nonzero(answers.of_reference >= 0)
     pairs[channel, answers.of_reference[epoch, channel]] = True
     pairs[np.arange(m), np.arange(m)] = False
-    _carry_pairs(answers, np.argwhere(pairs), carried, causal)
+    _carry_pairs(answers, np.ascontiguousarray(np.argwhere(pairs)), carried, causal)
     return carried
 
 

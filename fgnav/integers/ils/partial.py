@@ -70,7 +70,7 @@ def partial_integer_least_squares(
     a, Q = checked_problem(float_cycles, covariance, 1)
     n = len(a)
     status, Z_T = fault(a, Q), np.eye(n)
-    positive, L, d, T = decorrelate(Q, Z_T)
+    positive, L, d, T = decorrelate(np.array(Q, order="C"), Z_T)
     if status != OK or not positive:
         raise refused(status or NOT_POSITIVE)
     first, success = fixable(d, success_min)

@@ -195,7 +195,10 @@ def solve_subset(
         return OK, integers, np.zeros(candidates), determined, 1.0
     if first > 0:
         L, d, carried = L[first:, first:].copy(), d[first:].copy(), carried[first:].copy()
-    finished, vectors, squared_norms = search(L, d, carried[:, 0], candidates, limit)
+    z_float = np.empty(len(carried))  # in one piece: else the search is compiled once more
+    for i in range(len(carried)):
+        z_float[i] = carried[i, 0]
+    finished, vectors, squared_norms = search(L, d, z_float, candidates, limit)
     for j in range(n):
         determined[j] = True
         for i in range(first):
