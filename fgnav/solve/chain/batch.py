@@ -12,7 +12,7 @@ from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION, States
 from fgnav.solve.chain import back_kernel
 from fgnav.solve.chain.arcs import Border
-from fgnav.solve.chain.linear import Links, linearise
+from fgnav.solve.chain.linear import Links, Prior, linearise
 from fgnav.solve.failures import weakest_state
 
 _CHUNK = 256  # keyframes linearised at once: 4 MB
@@ -53,6 +53,7 @@ class _Chain:
         self.root = np.zeros((n, D, D))
         self.gain = np.empty((n - 1, D, D + b + 1))
         self._links = Links.empty(min(n, _CHUNK + 1), D, b)
+        self._prior = Prior.of(problem)
         self._forward = np.empty_like(self._links.node)
         self._by_rows = False
 
@@ -103,9 +104,8 @@ class _Chain:
         turns = np.arange(n)[ROTATION]
         first = np.zeros(1, np.int64)
         arcs = self.border.at
-        linearise(
-            self._problem, first, states.at(first), states.at(slice(0, 0)), links, first, arcs
-        )
+        none, prior = states.at(slice(0, 0)), self._prior
+        linearise(self._problem, first, states.at(first), none, links, first, arcs, prior)
         cost = float(links.node[0, -1, -1]) + self.border.cost
         links.node[0, turns, turns] += damping
         forward[0] = links.node[0]

@@ -31,6 +31,32 @@ class Links(NamedTuple):
         return float(self.node[:, -1, -1].sum() + (self.motion[:, :, -1] ** 2).sum())
 
 
+class Prior(NamedTuple):
+    """What is known before the first keyframe: independent whitened rows."""
+
+    R_nb: FloatArray  # (3, 3)
+    p_n_m: FloatArray  # (3,)
+    white: FloatArray  # (9, 9), of pose and velocity
+    aux_mean: FloatArray  # (D - 9,)
+    aux_white: FloatArray  # (D - 9, D - 9 + b)
+    constants_mean: FloatArray  # (b,)
+    constants_white: FloatArray  # (b, b)
+
+    @classmethod
+    def of(cls, problem: SmoothingProblem, row: int = 0) -> "Prior":
+        """Return it of the first keyframe, row ``row`` of a problem."""
+        R_nb, P = pose_prior(problem, row)
+        constants = problem.constants
+        return cls(
+            R_nb,
+            problem.start.p_n_m[row],
+            np.linalg.inv(np.linalg.cholesky(P)),
+            *problem.motion.prior(constants.width),
+            constants.mean,
+            np.linalg.inv(np.linalg.cholesky(constants.covariance)),
+        )
+
+
 def linearise(
     problem: SmoothingProblem,
     rows: IntArray,
@@ -39,6 +65,7 @@ def linearise(
     links: Links,
     into: IntArray,
     arcs: Sequence[FloatArray] = (),
+    prior: Prior | None = None,
 ) -> None:
     """Fill what enters with some keyframes.
 
@@ -57,6 +84,8 @@ def linearise(
         Places of the keyframes in it.
     arcs : sequence of ndarray
         Where the A of each block is linearised; empty: at zero.
+    prior : Prior, optional
+        Where the first of the rows begins the chain, if it is known already.
 
     Raises
     ------
@@ -67,7 +96,8 @@ def linearise(
     links.motion[into] = 0.0
     links.node[into] = 0.0
     if len(rows) > j:
-        _add_prior(problem, int(rows[0]), at.at(slice(0, 1)), links.node, into[:1])
+        prior = prior or Prior.of(problem, int(rows[0]))
+        _add_prior(prior, at.at(slice(0, 1)), links.node, into[:1])
     if j:
         motion = problem.motion.linearise(before, at.at(slice(len(rows) - j, None)), rows[-j:] - 1)
         led = into[-j:]
@@ -95,10 +125,8 @@ def linearise(
         raise NoSolutionError(f"residuals are not finite at {t_s:.2f} s")
 
 
-def _add_prior(
-    problem: SmoothingProblem, row: int, at: States, node: FloatArray, into: IntArray
-) -> None:
-    """Add what is known before the first keyframe, as independent whitened rows.
+def _add_prior(prior: Prior, at: States, node: FloatArray, into: IntArray) -> None:
+    """Add what is known before the first keyframe.
 
     Pose about its prior by the tangent of ``gtsam.Pose3`` (the position's rows in ``n``: its
     covariance is the same in all axes), velocity about zero, ``aux`` by the motion, and constants.
@@ -106,21 +134,17 @@ def _add_prior(
     D, b = at.width, len(at.constants)
     value, state = np.zeros(D + b), np.zeros((D + b, D))
     shared = np.zeros((D + b, b))
-    start = problem.start.at(slice(row, row + 1))
-    R_nb, P = pose_prior(problem, row)
-    turn = log(R_nb.T @ at.R_nb)[0]
+    turn = log(prior.R_nb.T @ at.R_nb)[0]
     value[ROTATION], state[ROTATION, ROTATION] = turn, inverse_right_jacobian(turn)
-    value[POSITION], state[POSITION, POSITION] = (at.p_n_m - start.p_n_m)[0], at.R_nb[0]
+    value[POSITION], state[POSITION, POSITION] = at.p_n_m[0] - prior.p_n_m, at.R_nb[0]
     value[VELOCITY], state[VELOCITY, VELOCITY] = at.v_n_mps[0], np.eye(3)
-    whitening = np.linalg.inv(np.linalg.cholesky(P))
-    value[:AUX], state[:AUX] = whitening @ value[:AUX], whitening @ state[:AUX]
-    mean, white = problem.motion.prior(b)
-    value[AUX:D] = white @ np.concatenate([at.aux[0] - mean, at.constants])
+    value[:AUX], state[:AUX] = prior.white @ value[:AUX], prior.white @ state[:AUX]
+    white = prior.aux_white
+    value[AUX:D] = white @ np.concatenate([at.aux[0] - prior.aux_mean, at.constants])
     state[AUX:D, AUX:], shared[AUX:D] = white[:, : D - AUX], white[:, D - AUX :]
     if b:
-        whitening = np.linalg.inv(np.linalg.cholesky(problem.constants.covariance))
-        value[D:] = whitening @ (at.constants - problem.constants.mean)
-        shared[D:] = whitening
+        value[D:] = prior.constants_white @ (at.constants - prior.constants_mean)
+        shared[D:] = prior.constants_white
     wide = _beside_arcs(shared[None], node, D)
     kernel.add_squares(node, into, value[None], state[None], wide)
 
