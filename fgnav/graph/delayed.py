@@ -115,11 +115,10 @@ class Delayed(OfAnother):
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Measurement``."""
-        motion = self.motion.at(which)
         columns = self.offset_column, self.rate_column, self.delay_column
-        by_constant = _by_constant(columns, motion.since_s, len(at.constants))
+        by_constant = _by_constant(columns, self.motion.since_s[which], len(at.constants))
         later_s = by_constant @ at.constants
-        moved, Phi, rate = _carried(at, later_s, motion)
+        moved, Phi, rate = _carried(at, later_s, self.motion, which)
         value, state, shared = self.measurement.linearise(moved, which)
         by_time = np.einsum("kmd,kd->km", state, rate)
         return Linearised(
@@ -153,7 +152,8 @@ def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Constants) 
     values = np.tile(at.constants, (len(at.R_nb), 1))
     values = values if solution.constants is None else solution.constants
     by_constant = _by_constant((offset, rate, -1), motion.since_s, b)
-    moved, Phi, by_time = _carried(at, np.einsum("nb,nb->n", by_constant, values), motion)
+    later_s = np.einsum("nb,nb->n", by_constant, values)
+    moved, Phi, by_time = _carried(at, later_s, motion, np.arange(len(later_s)))
     B = by_time[:, :, None] * by_constant[:, None, :]
     X, S = solution.constant_cross, solution.constant_covariance
     cross = Phi @ X @ transpose(B)
@@ -188,13 +188,14 @@ def _anywhere(delayed: Delayed) -> States:
 
 
 def _carried(
-    at: States, later_s: FloatArray, motion: TimedMotion
+    at: States, later_s: FloatArray, motion: TimedMotion, which: IntArray
 ) -> tuple[States, FloatArray, FloatArray]:
     """Return states a time later, (j,), their derivatives by the states, (j, D, D), and by time."""
     measured, slope = motion.measured_b_radps, motion.slope_b_radps2
     R_nb, p_n_m, v_n_mps, aux, Phi, by_time = delayed_kernel.carried(
         States(*map(np.ascontiguousarray, at)),
         np.ascontiguousarray(later_s),
+        np.ascontiguousarray(which),
         (motion.force_before_b_mps2, motion.force_after_b_mps2),
         _NO_GYROSCOPE if measured is None else measured,
         _NO_GYROSCOPE if slope is None else slope,

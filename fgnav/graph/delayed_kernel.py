@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fgnav.checks import FloatArray
+from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.types.states import DERIVATIVE_SCALE_S, States
 from fgnav.kernels.compiled import kernel
@@ -12,6 +12,7 @@ from fgnav.kernels.compiled import kernel
 def carried(
     at: States,
     later_s: FloatArray,
+    which: IntArray,
     forces_b: tuple[FloatArray, FloatArray],
     measured_b_radps: FloatArray,
     slope_b_radps2: FloatArray,
@@ -24,13 +25,15 @@ def carried(
     ----------
     at : States
     later_s : ndarray, shape (j,)
-    forces_b : tuple of ndarray, shapes (j, 3)
+    which : ndarray of int, shape (j,)
+        Rows of what follows.
+    forces_b : tuple of ndarray, shapes (k, 3)
         Before and after each keyframe.
-    measured_b_radps : ndarray, shape (j, 3)
+    measured_b_radps : ndarray, shape (k, 3)
         By the gyroscope; (0, 3) without one: the state's.
-    slope_b_radps2 : ndarray, shape (j, 3)
+    slope_b_radps2 : ndarray, shape (k, 3)
         How its rates change; (0, 3) without one.
-    gravity_n_mps2 : ndarray, shape (j, 3)
+    gravity_n_mps2 : ndarray, shape (k, 3)
     earth_rate_n_radps : ndarray, shape (3,)
 
     Returns
@@ -44,13 +47,13 @@ def carried(
     Phi, rate = np.zeros((n, D, D)), np.zeros((n, D))
     measured = len(measured_b_radps) > 0
     for k in range(n):
-        s, R = later_s[k], at.R_nb[k]
-        force = forces_b[0][k] if s < 0 else forces_b[1][k]
+        s, R, row = later_s[k], at.R_nb[k], which[k]
+        force = forces_b[0][row] if s < 0 else forces_b[1][row]
         earth_b = rot.times(rot.transposed(R), earth_rate_n_radps)
         f, w = np.empty(3), np.empty(3)
         for i in range(3):
             f[i] = force[i] - at.aux[k, i]
-            w[i] = measured_b_radps[k, i] - at.aux[k, 3 + i] - earth_b[i] if measured else 0.0
+            w[i] = measured_b_radps[row, i] - at.aux[k, 3 + i] - earth_b[i] if measured else 0.0
             if not measured:
                 w[i] = at.aux[k, 3 + i]
         a = rot.times(R, f)
@@ -63,12 +66,12 @@ def carried(
         for i in range(D):
             Phi[k, i, i] = 1.0
         for i in range(3):
-            a[i] += gravity_n_mps2[k, i]
+            a[i] += gravity_n_mps2[row, i]
             p[k, i] = at.p_n_m[k, i] + s * at.v_n_mps[k, i] + s * s / 2 * a[i]
             v[k, i] = at.v_n_mps[k, i] + s * a[i]
             rate[k, i], rate[k, 6 + i] = w[i], a[i]
             if measured:
-                rate[k, 12 + i] = -slope_b_radps2[k, i]
+                rate[k, 12 + i] = -slope_b_radps2[row, i]
             else:
                 rate[k, 12 + i] = at.aux[k, 6 + i] / DERIVATIVE_SCALE_S
                 Phi[k, 12 + i, 15 + i] = s / DERIVATIVE_SCALE_S
