@@ -30,7 +30,8 @@ def within_three_sigma(flight, estimate):
 
 @pytest.mark.parametrize("length_s", [5.0, 15.0])
 def test_an_outage_of_all_satellites_is_bridged_within_what_is_stated(length_s):
-    flight = with_outages(OutageTable(from_s=12.0, until_s=12.0 + length_s), span_s=40.0)
+    table = OutageTable(from_s=12.0, until_s=12.0 + length_s)
+    flight = with_outages(table, span_s=20.0 + length_s)
     estimate = Batch(resolver=RIGHT)(flight)
     assert estimate.available == 1
     assert within_three_sigma(flight, estimate).mean() >= 0.99
