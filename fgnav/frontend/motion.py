@@ -14,8 +14,7 @@ from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
-from fgnav.process import matern
-from fgnav.process.evidence import causal_rate_priors, matern_prior, swinging_prior
+from fgnav.process.evidence import causal_rate_priors, rate_prior
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.process.prediction import Turning, filtered, filtered_back, smoothed
 from fgnav.process.volatility import varying_rate_prior
@@ -118,21 +117,20 @@ def _rate_priors(
     if settings.rate_prior is not None:
         prior, varying = settings.rate_prior, None
     else:
-        still = matern_prior(*attitudes)
         # Attitudes of vectors err alike for seconds, which would seem to swing.
-        swinging = swinging_prior(*attitudes, still) if start.form is not None else None
-        prior = swinging or still
-        varying = varying_rate_prior(*attitudes, still, swinging)
+        swings = start.form is not None
+        prior = rate_prior(*attitudes, swings=swings)
+        varying = varying_rate_prior(*attitudes, prior, swings=swings)
     if varying is None:
         variance = np.tile(prior.variance_rad2ps2, (n, 1))
         return np.tile(prior.poles_per_s, (n, 1, 1)), variance, (prior_note(prior),)
     note = (
-        f"Rate prior ({_shape(matern.poles(varying.length_s))} about a constant): its scale varies "
+        f"Rate prior ({_shape(varying.poles_per_s)} about a constant): its scale varies "
         f"with the motion: {varying.gained_nats:.0f} nats likelier than a constant one."
     )
     latest = _latest(attitudes[0], start.t_s[:-1]).clip(max=len(varying.variance_rad2ps2) - 1)
     return (
-        np.tile(matern.poles(varying.length_s), (n, 1, 1)),
+        np.tile(varying.poles_per_s, (n, 1, 1)),
         varying.variance_rad2ps2[latest],
         (note,),
     )
@@ -202,14 +200,12 @@ def prior_note(prior: RatePrior) -> str:
 
 def _shape(poles_per_s: FloatArray) -> str:
     """Return the poles of the rate's prior about the axes, (3, 3), in words."""
-    third, decay, frequency = poles_per_s[0]
-    if frequency == 0.0:
-        lengths = ", ".join(f"{length_s:.3g}" for length_s in np.sqrt(5.0) / poles_per_s[:, 0])
+    k, z, w = poles_per_s.T
+    lengths = ", ".join(f"{value:.3g}" for value in np.sqrt(5.0) / np.cbrt(k * (z**2 + w**2)))
+    if (z == k).all() and not w.any():
         return f"Matern 5/2 of lengths {lengths} s"
-    if frequency > decay:
-        return (
-            f"swings of {frequency / (2 * np.pi):.3g} Hz that die away in {1 / decay:.3g} s, the "
-            f"rest in {1 / third:.3g} s,"
-        )
-    pair_s = 1 / np.hypot(decay, frequency)
-    return f"third order with time constants of {1 / third:.3g} s and twice {pair_s:.3g} s"
+    swings = ", ".join(
+        f"{frequency / (2 * np.pi):.3g} Hz" if frequency > decay else "none"
+        for decay, frequency in zip(z, w, strict=True)
+    )
+    return f"third order of lengths {lengths} s, swings of {swings}"

@@ -31,6 +31,11 @@ class AttitudeSeries:
         copies = Epochs._make(np.array(values, order="C") for values in self.epochs)
         object.__setattr__(self, "epochs", copies)
 
+    @property
+    def record_s(self) -> float:
+        """How long it takes, gaps included."""
+        return float(self.epochs.t_s[-1] - self.epochs.t_s[0])
+
     def log_densities(
         self,
         poles_per_s: FloatArray,

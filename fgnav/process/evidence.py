@@ -4,11 +4,14 @@ Length scale and variances of the Matern process are those with the greatest mar
 the product of the densities of each attitude given those before it (a Kalman filter's innovations).
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, increasing
 from fgnav.process import matern
 from fgnav.process.attitude_series import MOST, AttitudeSeries, attitude_series, spread
+from fgnav.process.evidence_kernel import tape
 from fgnav.process.hyperparameters import (
     DEFAULT_LENGTH_S,
     DEFAULT_SIGMA_RADPS,
@@ -16,16 +19,26 @@ from fgnav.process.hyperparameters import (
     LONGEST_S,
     SHORTEST_S,
     RatePrior,
-    bounds,
-    likeliest,
-    log_prior,
+    climbed,
 )
-from fgnav.process.oscillation import swinging
+from fgnav.process.posterior import (
+    SIGMA,
+    bounds,
+    hyperparameters,
+    log_posterior,
+    log_prior,
+    poles,
+    prior_of,
+)
 
 _FEWEST = 5  # attitudes: four turns, each of three hyperparameters
 # Searches start with rates too large and memories too short: towards too little motion the filter
 # loses the attitudes and the likelihood has no slope.
 _STARTS_SPACINGS = (1.0, 3.0, 10.0, 30.0)
+_FREQUENCIES = 5  # from one swing in the record to one in two attitudes
+# Third pole over the pair's magnitude, and damping ratio: noise that drives a swing, a swing about
+# a rate that wanders, one that goes on for many periods.
+_SWINGS = ((3.0, 0.3), (0.3, 0.05), (3.0, 0.02))
 # Of scores, per attitude: half is forgotten in 14, so one wrong attitude does not decide. Usual are
 # .95 to .99 [2 of causal_rate_priors]; RMSE of a rocket and a tumble differ by 2 % from .9 to .99.
 _FORGETTING = 0.95
@@ -39,18 +52,14 @@ def rate_prior(
     covariance_rad2: FloatArray,
     *,
     start: RatePrior | None = None,
+    swings: bool = True,
 ) -> RatePrior:
     """Return the rate prior under which attitudes are most likely.
 
     The rate is that against ``n``; it may be about inertial space as well: Earth's rate is a part
-    of the mean. What attitudes do not tell is as by default: each standard deviation has the prior
-    density of a gamma distribution of shape 2 with its mode at ``DEFAULT_SIGMA_RADPS``, which keeps
-    it off zero where the likelihood is flat towards it [1]_ and finite about an axis that no
-    attitude tells; the length scale has a log-normal one about ``DEFAULT_LENGTH_S``. Wrong
-    attitudes are told from motion by a mixture; see ``evidence_kernel``. Of more than 600, blocks
-    spread over the flight are looked at.
-
-    Matern 5/2, or of a rate that swings where attitudes ask for it; see ``oscillation``.
+    of the mean. What attitudes do not tell is as by default; see ``posterior``. Wrong attitudes are
+    told from motion by a mixture; see ``evidence_kernel``. Of more than 600, blocks spread over the
+    flight are looked at.
 
     Parameters
     ----------
@@ -63,65 +72,43 @@ def rate_prior(
         Of their errors, body axes; ``pi^2 / 3`` about an axis that is not observed.
     start : RatePrior, optional
         Where the search starts as well.
+    swings : bool
+        Whether poles may differ; else it is Matern 5/2. Never where an axis is not observed: a body
+        may turn about it such that the others seem to swing.
 
     Raises
     ------
     BadInputError
         If there are fewer than five attitudes, or times do not increase.
-
-    References
-    ----------
-    .. [1] Chung, Rabe-Hesketh, Dorie, Gelman and Liu, A nondegenerate penalized likelihood
-       estimator for variance parameters in multilevel models, Psychometrika 78, 2013.
     """
-    still = matern_prior(t_s, R_nb, covariance_rad2, start=start)
-    return swinging_prior(t_s, R_nb, covariance_rad2, still, start=start) or still
-
-
-def matern_prior(
-    t_s: FloatArray,
-    R_nb: FloatArray,
-    covariance_rad2: FloatArray,
-    *,
-    start: RatePrior | None = None,
-) -> RatePrior:
-    """Return the Matern prior under which attitudes are most likely; see ``rate_prior``."""
-    if len(t_s) < _FEWEST:
+    n = len(t_s)
+    if n < _FEWEST:
         raise BadInputError(
-            f"attitudes: {len(t_s)} are too few to identify the motion, {_FEWEST} are needed; "
+            f"attitudes: {n} are too few to identify the motion, {_FEWEST} are needed; "
             "state the rate prior"
         )
     increasing("attitudes t_s", t_s)
-    attitudes = _series(t_s, R_nb, covariance_rad2)
+    attitudes = attitude_series(t_s, R_nb, covariance_rad2, spread(n), past=n)
+    swings = swings and not attitudes.epochs.open_axis.any()
     spacing_s = float(np.median(np.diff(t_s)))
-    lower, upper = bounds(min(max(spacing_s, SHORTEST_S), LONGEST_S / 2))
-    candidates = [np.clip(x, lower, upper) for x in _starts(attitudes, spacing_s, start)]
-    scores = [_score(attitudes, x) for x in candidates]
-    begin = candidates[int(np.argmax(scores))]
-    x = likeliest(lambda x: _score(attitudes, x), begin, lower, upper)
-    return RatePrior(
-        length_s=np.exp(x[:3]),
-        variance_rad2ps2=np.exp(2 * x[3:]),
-        evidence=_log_likelihood(attitudes, x),
-    )
+    limits = bounds(min(max(spacing_s, SHORTEST_S), LONGEST_S / 2), swings=swings)
+    room = tape(len(attitudes.epochs.t_s))
 
+    memory_s = min(attitudes.record_s, LONGEST_S)
 
-def swinging_prior(
-    t_s: FloatArray,
-    R_nb: FloatArray,
-    covariance_rad2: FloatArray,
-    still: RatePrior,
-    *,
-    start: RatePrior | None = None,
-) -> RatePrior | None:
-    """Return the prior of a rate that swings; None where the likeliest Matern one will do."""
-    return swinging(_series(t_s, R_nb, covariance_rad2), still, start)
+    def value(x: FloatArray) -> float:
+        return _log_likelihood(attitudes, x) + log_prior(x, memory_s)[0]
 
-
-def _series(t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray) -> AttitudeSeries:
-    """Return the attitudes that are looked at."""
-    n = len(t_s)
-    return attitude_series(t_s, R_nb, covariance_rad2, spread(n), past=n)
+    starts = [max((np.clip(x, *limits) for x in _starts(attitudes, spacing_s)), key=value)]
+    if swings:
+        starts.append(_swung(attitudes, starts[0], value, limits))
+    if start is not None:
+        starts.append(np.clip(hyperparameters(start), *limits))
+    ends = [
+        climbed(lambda x: log_posterior(attitudes, x, room, memory_s), x, *limits) for x in starts
+    ]
+    best = max(ends, key=value)
+    return prior_of(best, _log_likelihood(attitudes, best))
 
 
 def causal_rate_priors(
@@ -153,7 +140,7 @@ def causal_rate_priors(
        Economic Review 53, 2012.
     """
     n = len(t_s)
-    poles = np.tile(matern.poles(DEFAULT_LENGTH_S), (max(n - 1, 0), 3, 1))
+    of_intervals = np.tile(matern.poles(DEFAULT_LENGTH_S), (max(n - 1, 0), 3, 1))
     variance = np.full((max(n - 1, 0), 3), DEFAULT_SIGMA_RADPS**2)
     prior, count, latest = None, _SCHEDULE[0], MOST
     while count < n:
@@ -162,17 +149,16 @@ def causal_rate_priors(
         part = (t_s[rows], R_nb[rows], covariance_rad2[rows])
         past = count - rows.start
         recent = slice(max(0, past - latest), past)
-        identified = rate_prior if swings else matern_prior
-        prior = identified(*(values[recent] for values in part), start=prior)
+        prior = rate_prior(*(values[recent] for values in part), start=prior, swings=swings)
         alternatives = _alternatives(prior)
         attitudes = attitude_series(*part, np.arange(len(part[0])), past)
         chosen = _best_of(alternatives, attitudes)[past - 1 :]
-        poles[count - 1 : rows.stop] = np.array([x[0] for x in alternatives])[chosen]
+        of_intervals[count - 1 : rows.stop] = np.array([x[0] for x in alternatives])[chosen]
         variance[count - 1 : rows.stop] = np.array([x[1] for x in alternatives])[chosen]
         changed = _changed_after(chosen[1:])
         latest = MOST if changed is None else _RECENT
         count = following if changed is None else count + changed
-    return poles, variance
+    return of_intervals, variance
 
 
 def _scheduled_after(count: int) -> int:
@@ -213,23 +199,41 @@ def _best_of(
     return np.asarray(np.argmax(scores, axis=1))
 
 
-def _starts(
-    attitudes: AttitudeSeries, spacing_s: float, start: RatePrior | None
-) -> list[FloatArray]:
-    """Return candidates (log lengths, log standard deviations) where the search may start."""
+def _starts(attitudes: AttitudeSeries, spacing_s: float) -> list[FloatArray]:
+    """Return candidates of Matern 5/2, (12,) each, where the search may start."""
     usual, overall = (one.clip(10 * LEAST_RADPS) for one in attitudes.turn_deviations())
     large = np.maximum(usual, DEFAULT_SIGMA_RADPS)
-    lengths = [np.full(3, n * spacing_s) for n in _STARTS_SPACINGS]
-    pairs = [(length_s, sigma) for length_s in lengths for sigma in (usual, overall, large)]
-    if start is not None:
-        pairs.append((np.array(start.length_s), np.sqrt(start.variance_rad2ps2)))
-    return [np.log(np.concatenate(pair)) for pair in pairs]
+    return [
+        np.concatenate([np.full(3, np.log(n * spacing_s)), np.zeros(6), np.log(sigma)])
+        for n in _STARTS_SPACINGS
+        for sigma in (usual, overall, large)
+    ]
 
 
-def _score(attitudes: AttitudeSeries, x: FloatArray) -> float:
-    """Return the log posterior of (log lengths, log standard deviations), (6,)."""
-    return _log_likelihood(attitudes, x) + log_prior(x[:3], x[3:])
+def _swung(
+    attitudes: AttitudeSeries,
+    start: FloatArray,
+    value: Callable[[FloatArray], float],
+    limits: tuple[FloatArray, FloatArray],
+) -> FloatArray:
+    """Return a start that swings about each axis about which one is likelier, (12,)."""
+    span_s = attitudes.epochs.t_s[-1] - attitudes.epochs.t_s[0]
+    slowest, fastest = 2 * np.pi / span_s, np.pi / np.median(np.diff(attitudes.epochs.t_s))
+    usual, overall = (np.log(one.clip(LEAST_RADPS)) for one in attitudes.turn_deviations())
+    best = start
+    for axis in range(3):
+        candidates = [best]
+        for w in np.geomspace(slowest, fastest, _FREQUENCIES + 2)[1:-1]:
+            for third, damping in _SWINGS:
+                ratio = 1 / third
+                length = np.log(np.sqrt(5.0) / w) + np.log(ratio) / 3
+                for sigma in (usual[axis], overall[axis]):
+                    x = best.copy()
+                    x[axis::3] = length, np.log(ratio), -np.log(damping), sigma
+                    candidates.append(np.clip(x, *limits))
+        best = max(candidates, key=value)
+    return best
 
 
 def _log_likelihood(attitudes: AttitudeSeries, x: FloatArray) -> float:
-    return float(attitudes.log_densities(matern.poles(np.exp(x[:3])), np.exp(2 * x[3:])).sum())
+    return float(attitudes.log_densities(poles(x), np.exp(2 * x[SIGMA])).sum())

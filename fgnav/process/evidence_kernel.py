@@ -25,13 +25,13 @@ from fgnav.process.filter_kernel import (
 _WRONG_SHARE = 0.01  # of attitudes, before they are seen
 _UNKNOWN = -np.log(8 * np.pi**2)  # log density of an attitude that may be any, per rad^3
 _LOST = 4  # attitudes in a row held to be wrong: it is the filter that is, and starts anew
-_SAME_S = 1e-9  # durations closer than this are one
+SAME_S = 1e-9  # durations closer than this are one
 
 UPDATE, RESTART, PREDICT, RESTART_ALL = 0, 1, 2, 3  # what an epoch does; see ``log_densities``
 
 
 class Tape(NamedTuple):
-    """The filter's steps, one for each of n epochs; the first is not used."""
+    """The filter's steps, one for each of n epochs; to the first leads none."""
 
     transition: FloatArray  # (n, 15, 15), of the error state, to the epoch
     noise: FloatArray  # (n, 3, 6), of the rotation by the noises of integral and rate
@@ -40,9 +40,9 @@ class Tape(NamedTuple):
     innovation: FloatArray  # (n, 3)
     share: FloatArray  # (n,), probability that the attitude is right
     use: IntArray  # (n,), what was done
-    covariance: FloatArray  # (n, 6, 6), of rotation and rate after the epoch, rad, rad/s
+    covariance: FloatArray  # (n, 15, 15), of the error state after the epoch
     R_nb: FloatArray  # (n, 3, 3), after the epoch
-    rate: FloatArray  # (n, 3), after the epoch, rad/s
+    state: FloatArray  # (n, 4, 3), rate, derivatives and mean after the epoch
 
 
 def tape(n: int) -> Tape:
@@ -55,9 +55,9 @@ def tape(n: int) -> Tape:
         innovation=np.empty((n, 3)),
         share=np.empty(n),
         use=np.empty(n, dtype=np.int64),
-        covariance=np.empty((n, 6, 6)),
+        covariance=np.empty((n, SIZE, SIZE)),
         R_nb=np.empty((n, 3, 3)),
-        rate=np.empty((n, 3)),
+        state=np.empty((n, 4, 3)),
     )
 
 
@@ -111,13 +111,16 @@ def log_densities(
     C, N = np.empty((3, SIZE)), np.empty((3, 6))
     R = R_nb[0].copy()
     _restart(P, covariance_rad2[0])
+    if len(tape.share):
+        put(P, tape.covariance[0])
+        put(x, tape.state[0])
     contradicted = 0
     T_s, poles = -1.0, poles_per_s[0]
     F: FloatArray = np.empty((3, 3, 3))
     H: FloatArray = np.empty((3, 3))
     Q: FloatArray = np.empty((3, 4, 4))
     for k in range(1, n):
-        same = abs(t_s[k] - t_s[k - 1] - T_s) <= _SAME_S
+        same = abs(t_s[k] - t_s[k - 1] - T_s) <= SAME_S
         if not (same and (poles_per_s[k - 1] == poles).all()):
             T_s, poles = t_s[k] - t_s[k - 1], poles_per_s[k - 1]
             matern.of_axes(T_s, poles, F, H, Q)
@@ -145,7 +148,7 @@ def log_densities(
             tape.use[k] = done
             put(P, tape.covariance[k])
             put(R, tape.R_nb[k])
-            put(x, tape.rate[k : k + 1])
+            put(x, tape.state[k])
     return out
 
 

@@ -15,11 +15,6 @@ from fgnav.process import matern
 # arXiv 2310.13452; i2Nav car data). Whoever turns faster, about a steady axis, has it in the mean.
 DEFAULT_LENGTH_S = 0.5
 DEFAULT_SIGMA_RADPS = 1.0
-# 1-sigma of the logarithm of length scales about the default's: 95 % of .03 to 9 s.
-_LOG_LENGTH_SIGMA = 1.5
-# 1-sigma of the logarithm of each axis' own about their mean. Of gyroscopes over a minute: eight of
-# a car 1.4 (it yaws for two seconds, and rocks on its springs), of two quadrotor paths 0.4.
-_AXIS_LENGTH_SIGMA = 1.0
 # The longest memory worth telling from a constant rate; the shortest that the numerics are for.
 LONGEST_S, SHORTEST_S = 60.0, 0.05
 # Earth's rate, which the model leaves out, and the range of common MEMS gyroscopes, 2000 deg/s.
@@ -34,61 +29,50 @@ _MOST_GRADIENTS, _LINE_SEARCH = 20, 8
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class RatePrior:
-    """The prior of a body rate about its mean: Matern 5/2, or its relative that swings.
+    """The prior of a body rate about its mean: an autoregression of third order about each axis.
+
+    It has a pole ``-k`` and a pair of magnitude p; its length scale is ``sqrt(5) / (k p^2)^(1/3)``.
+    Ratios of one, as by default, make it Matern 5/2.
 
     Attributes
     ----------
     length_s : ndarray, shape (3,)
-        Length scales l about the body axes: poles at ``-sqrt(5) / l``. A float: of all axes.
+        Length scales about the body axes. A float: of all axes.
     variance_rad2ps2 : ndarray, shape (3,)
         About the body axes.
     evidence : float
         Log marginal likelihood of the attitudes it was identified from, nats.
-    swing_per_s : tuple of float, optional
-        Decay, 1/s, and angular frequency, rad/s, of the two other poles; None: those of Matern 5/2.
+    pole_ratio : ndarray, shape (3,)
+        Of p to k. A float: of all axes.
+    damping_ratio : ndarray, shape (3,)
+        Of the pair: below one the rate swings. A float: of all axes.
     """
 
     length_s: FloatArray | float
     variance_rad2ps2: FloatArray
     evidence: float
-    swing_per_s: tuple[float, float] | None = None
+    pole_ratio: FloatArray | float = 1.0
+    damping_ratio: FloatArray | float = 1.0
 
     def __post_init__(self) -> None:
-        """Check and freeze lengths and variances."""
-        if np.ndim(self.length_s) == 0:
-            object.__setattr__(self, "length_s", np.full(3, self.length_s))
-        freeze("rate prior", self, {"length_s": (3,), "variance_rad2ps2": (3,)})
-        positive("rate prior length_s", float(np.min(self.length_s)))
-        if self.swing_per_s is not None:
-            decay_per_s, frequency_radps = self.swing_per_s
-            positive("rate prior swing_per_s: decay", decay_per_s)
-            if not 0.0 <= frequency_radps < np.inf:
-                raise BadInputError(
-                    f"rate prior swing_per_s: a frequency of {frequency_radps} rad/s is none"
-                )
+        """Check and freeze lengths, variances and ratios."""
+        shapes = {}
+        for name in ("length_s", "variance_rad2ps2", "pole_ratio", "damping_ratio"):
+            if np.ndim(getattr(self, name)) == 0:
+                object.__setattr__(self, name, np.full(3, getattr(self, name), dtype=np.float64))
+            shapes[name] = (3,)
+        freeze("rate prior", self, shapes)
+        for name in ("length_s", "pole_ratio", "damping_ratio"):
+            positive(f"rate prior {name}", float(np.min(getattr(self, name))))
+        if np.max(self.damping_ratio) > 1:
+            raise BadInputError(
+                f"rate prior damping_ratio: {np.max(self.damping_ratio):.6g}, must be 1 or less"
+            )
 
     @property
     def poles_per_s(self) -> FloatArray:
         """Poles of the process about each axis, (3, 3); see ``matern``."""
-        poles = matern.poles(self.length_s)
-        if self.swing_per_s is not None:
-            poles[:, 1:] = self.swing_per_s
-        return poles
-
-
-def bounds(shortest_s: float = SHORTEST_S) -> tuple[FloatArray, FloatArray]:
-    """Return the least and the most of (log lengths, log standard deviations), (6,)."""
-    least, most = np.log([shortest_s, LEAST_RADPS]), np.log([LONGEST_S, MOST_RADPS])
-    return np.repeat(least, 3), np.repeat(most, 3)
-
-
-def log_prior(log_length: FloatArray, log_sigma: FloatArray) -> float:
-    """Return the log prior of log lengths, (m,), and log deviations, (3,); see ``rate_prior``."""
-    gamma = log_sigma - np.exp(log_sigma) / DEFAULT_SIGMA_RADPS
-    common = log_length.mean()
-    normal = (common - np.log(DEFAULT_LENGTH_S)) / _LOG_LENGTH_SIGMA
-    apart = (log_length - common) / _AXIS_LENGTH_SIGMA
-    return float(gamma.sum() - (normal**2 + (apart**2).sum()) / 2)
+        return matern.poles(self.length_s, self.pole_ratio, self.damping_ratio)
 
 
 def likeliest(
@@ -96,10 +80,25 @@ def likeliest(
 ) -> FloatArray:
     """Return where a score is greatest between bounds, (k,), from a start, by differences."""
 
-    def descent(x: FloatArray) -> tuple[float, FloatArray]:
-        value = -score(x)
-        ahead = np.array([-score(x + _STEP * axis) for axis in np.eye(len(x))])
+    def sloped(x: FloatArray) -> tuple[float, FloatArray]:
+        value = score(x)
+        ahead = np.array([score(x + _STEP * axis) for axis in np.eye(len(x))])
         return value, (ahead - value) / _STEP
+
+    return climbed(sloped, start, lower, upper)
+
+
+def climbed(
+    score: Callable[[FloatArray], tuple[float, FloatArray]],
+    start: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+) -> FloatArray:
+    """Return where a score, given with its slope, is greatest between bounds, (k,)."""
+
+    def descent(x: FloatArray) -> tuple[float, FloatArray]:
+        value, slope = score(x)
+        return -value, -slope
 
     with one_thread():
         search = minimize(

@@ -37,10 +37,16 @@ class Intervals(NamedTuple):
     W: FloatArray  # (k, ..., 4, 4) lower: W @ noise of (phi, w, T0 a, T0^2 j) is white
 
 
-def poles(length_s: FloatArray | float) -> FloatArray:
-    """Return the poles, (..., 3), of Matern 5/2 with length scales, (...)."""
-    k = np.sqrt(5.0) / np.asarray(length_s, dtype=np.float64)
-    return np.stack([k, k, np.zeros_like(k)], axis=-1)
+def poles(
+    length_s: FloatArray | float,
+    pole_ratio: FloatArray | float = 1.0,
+    damping_ratio: FloatArray | float = 1.0,
+) -> FloatArray:
+    """Return the poles, (..., 3), of processes with length scales, (...); see ``RatePrior``."""
+    middle = np.sqrt(5.0) / np.asarray(length_s, dtype=np.float64)
+    ratio, damping = np.broadcast_arrays(pole_ratio, damping_ratio)
+    k, pair = middle * ratio ** (-2 / 3), middle * ratio ** (1 / 3)
+    return np.stack([k, pair * damping, pair * np.sqrt(1 - damping**2)], axis=-1)
 
 
 def transition(T_s: float, poles_per_s: FloatArray) -> FloatArray:

@@ -63,8 +63,8 @@ def filtered(
     series = AttitudeSeries(epochs=epochs, mean_rate=of_attitudes.mean_rate)
     series.log_densities(prior[0][first:], prior[1][first:], steps)
     out.R_nb[first + 1 :] = steps.R_nb[1:]
-    out.rate_b_radps[first + 1 :] = steps.rate[1:]
-    out.covariance[first + 1 :] = steps.covariance[1:]
+    out.rate_b_radps[first + 1 :] = steps.state[1:, 0]
+    out.covariance[first + 1 :] = steps.covariance[1:, :6, :6]
     return out
 
 

@@ -18,26 +18,40 @@ import numpy as np
 from scipy.linalg import cholesky_banded, solveh_banded
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.process import matern
 from fgnav.process.attitude_series import AttitudeSeries, attitude_series, spread
 from fgnav.process.evidence_kernel import Tape, tape
 from fgnav.process.hyperparameters import (
     DEFAULT_LENGTH_S,
-    DEFAULT_SIGMA_RADPS,
     LEAST_RADPS,
+    LONGEST_S,
     MOST_RADPS,
     VERY_STRONG_NATS,
     RatePrior,
+    climbed,
+)
+from fgnav.process.posterior import (
+    DAMPING,
+    LENGTH,
+    RATIO,
+    SIGMA,
     bounds,
-    likeliest,
+    hyperparameters,
+    log_posterior,
     log_prior,
+    poles,
 )
 from fgnav.process.score_kernel import score
 
 _BLOCK_S = 0.5
-# 1-sigma of the walk's steps. Evidence of a coast, a tumble, a glider, a rocket and a ramp, three
-# flights each: nats gained 499, 494, 456 and 362 with .35, .5, .7 and 1.
-_WALK_SIGMA = 0.5
+# 1-sigma of the walk's steps, any of these alike before attitudes are seen: by their evidence a
+# glider in gusts has .25, a rocket .3, a coast and a tumble .6 (nats lost by .5: 13, 7, 2, 4).
+_WALK_SIGMAS = np.sqrt(0.5) ** np.arange(7)
+_USUAL_WALK = 3  # of these, .35
+# How long a swing may be remembered, of the record, 1 sigma. One of constant scale is driven as its
+# amplitude tells; one whose scale has fallen is next to a function of time, and body rates of Euler
+# angles' sines are none to the second order: of 5 degrees they have an attitude NEES of 2.9 with
+# this, of 5 with half of the record, 13 with all of it, 32 with none.
+_MEMORY = 0.2
 # Searches start with scales too large: towards too small ones attitudes are lost, and no slope is.
 _FROM_ABOVE = 1.5
 _MOST_STEP = 1.0  # of logarithms at once
@@ -48,19 +62,19 @@ _RIDGE = 1e-6  # of the precision, where attitudes tell nothing of an axis
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class VaryingRatePrior:
-    """A Matern-5/2 prior of the rate whose noise has another scale in each interval.
+    """A prior of the rate whose noise has another scale in each interval.
 
     Attributes
     ----------
-    length_s : ndarray, shape (3,)
-        About the body axes.
+    poles_per_s : ndarray, shape (3, 3)
+        About the body axes; see ``matern``.
     variance_rad2ps2 : ndarray, shape (n - 1, 3)
         Of each interval between attitudes, about the body axes.
     gained_nats : float
         Log evidence beyond that of constant variances.
     """
 
-    length_s: FloatArray
+    poles_per_s: FloatArray
     variance_rad2ps2: FloatArray
     gained_nats: float
 
@@ -70,101 +84,119 @@ def varying_rate_prior(
     R_nb: FloatArray,
     covariance_rad2: FloatArray,
     constant: RatePrior,
-    swinging: RatePrior | None = None,
+    *,
+    swings: bool = True,
 ) -> VaryingRatePrior | None:
     """Return the likeliest prior of varying scale, or None where constant variances will do.
-
-    Where a swing explains more than a scale that varies, it will do, too.
 
     Parameters
     ----------
     t_s, R_nb, covariance_rad2 : ndarray, shape (n,), (n, 3, 3), (n, 3, 3)
         As in ``rate_prior``.
     constant : RatePrior
-        What ``matern_prior`` has identified from them.
-    swinging : RatePrior, optional
-        What ``swinging_prior`` has.
+        What ``rate_prior`` has identified from them.
+    swings : bool
+        As in ``rate_prior``.
     """
     n = len(t_s)
     rows = spread(n)
     attitudes, some = (
         attitude_series(t_s, R_nb, covariance_rad2, of, past=n) for of in (np.arange(n), rows)
     )
-    search = _Search(attitudes, some, rows)
-    log_sigma = np.log(constant.variance_rad2ps2) / 2
-    scales = np.tile(log_sigma, (search.block[-1] + 1, 1))
-    still = search.point(np.log(constant.length_s), scales)
+    swings = swings and not attitudes.epochs.open_axis.any()
+    search = _Search(attitudes, some, rows, bounds(swings=swings))
+    x = hyperparameters(constant)
+    scales = np.tile(x[SIGMA], (search.block[-1] + 1, 1))
+    likelihood = attitudes.log_densities(constant.poles_per_s, constant.variance_rad2ps2).sum()
+    still = float(likelihood) + log_prior(x, min(attitudes.record_s, LONGEST_S))[0]
     # A constant scale may take what is fast for wrong attitudes, and be small.
     above = _FROM_ABOVE + np.maximum(
         scales, np.log(attitudes.turn_deviations()[1].clip(LEAST_RADPS))
     )
     # From long memories and from short ones: each may lead to a lesser maximum.
-    lengths = (still.log_length, np.full(3, np.log(DEFAULT_LENGTH_S)))
-    ends = [search.maximum_from(search.point(one, _bounded(above))) for one in lengths]
-    best = search.climbed(max(ends, key=lambda one: one.value), _LAST_NATS)
-    gained = best.value - still.value + search.log_volume(best)
-    if gained < max(VERY_STRONG_NATS, _gained(attitudes, constant, swinging)):
+    starts = (search.climbed(search.point(one, _bounded(above))) for one in _starts(x, swings))
+    begun = max((search.with_shapes(one) for one in starts), key=lambda one: one.value)
+    best = search.with_walk(search.maximum_from(begun))
+    gained = search.evidence(best) - still
+    if gained < VERY_STRONG_NATS:
         return None
     return VaryingRatePrior(
-        length_s=np.exp(best.log_length),
+        poles_per_s=poles(best.x),
         variance_rad2ps2=search.variances(best.scales),
         gained_nats=gained,
     )
 
 
-def _gained(attitudes: AttitudeSeries, constant: RatePrior, other: RatePrior | None) -> float:
-    """Return the nats by which attitudes are likelier under another constant prior, if any."""
-    if other is None:
-        return 0.0
-    own, usual = (
-        float(attitudes.log_densities(prior.poles_per_s, prior.variance_rad2ps2).sum())
-        for prior in (other, constant)
-    )
-    return own - usual
+def _starts(x: FloatArray, swings: bool) -> list[FloatArray]:
+    """Return where searches start: from long memories and from short ones, that swing or not."""
+    usual = np.zeros(12)
+    usual[LENGTH] = np.log(DEFAULT_LENGTH_S)
+    if not swings:
+        return [x, usual]
+    swung = usual.copy()
+    swung[RATIO], swung[DAMPING] = 1.0, 1.0
+    return [x, usual, swung]
 
 
 class _Point(NamedTuple):
-    """Where a search stands: log lengths (3,), log scales (blocks, 3), log posterior density."""
+    """Where a search stands: hyperparameters (12,), log scales (blocks, 3), log posterior density.
 
-    log_length: FloatArray
+    The standard deviations of the former are the scales' mean.
+    """
+
+    x: FloatArray
     scales: FloatArray
+    walk_sigma: float
     value: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Search:
-    """Posterior density of scales and lengths, and steps uphill."""
+    """Posterior density of scales and shapes, and steps uphill."""
 
     attitudes: AttitudeSeries
-    some: AttitudeSeries  # of a longer flight, by which lengths and levels are found
+    some: AttitudeSeries  # of a longer flight, by which shapes and levels are found
     rows: IntArray  # which these are
+    limits: tuple[FloatArray, FloatArray]  # of hyperparameters
     block: IntArray = field(init=False)  # (n - 1,), of each interval
     tape: Tape = field(init=False)
+    some_tape: Tape = field(init=False)
+    memory_s: float = field(init=False)
 
     def __post_init__(self) -> None:
         t_s = self.attitudes.epochs.t_s
         block = ((t_s[:-1] - t_s[0]) / _BLOCK_S + 1e-6).astype(np.int64)
         object.__setattr__(self, "block", block)
         object.__setattr__(self, "tape", tape(len(t_s)))
+        object.__setattr__(self, "some_tape", tape(len(self.rows)))
+        record_s = min(self.attitudes.record_s, LONGEST_S)
+        object.__setattr__(self, "memory_s", _MEMORY * record_s)
 
     def variances(self, scales: FloatArray) -> FloatArray:
         """Return the variance of each interval, (n - 1, 3)."""
         return np.asarray(np.exp(2 * scales[self.block]))
 
-    def point(self, log_length: FloatArray, scales: FloatArray) -> _Point:
+    def point(
+        self, x: FloatArray, scales: FloatArray, walk_sigma: float = _WALK_SIGMAS[_USUAL_WALK]
+    ) -> _Point:
         """Return a point with its density; the tape is that of the last one."""
-        value = self.attitudes.log_densities(
-            matern.poles(np.exp(log_length)), self.variances(scales), self.tape
-        ).sum()
-        level = log_prior(log_length, scales.mean(axis=0))
-        walk = (np.diff(scales, axis=0) ** 2).sum() / (2 * _WALK_SIGMA**2)
-        return _Point(log_length, scales, float(value) + level - float(walk))
+        x = x.copy()
+        x[SIGMA] = scales.mean(axis=0)
+        of_intervals, variance = self._prior(x, scales)
+        value = self.attitudes.log_densities(of_intervals, variance, self.tape).sum()
+        walk = (np.diff(scales, axis=0) ** 2).sum() / (2 * walk_sigma**2)
+        return _Point(
+            x,
+            scales,
+            walk_sigma,
+            float(value) + log_prior(x, self.memory_s)[0] - float(walk),
+        )
 
     def maximum_from(self, here: _Point) -> _Point:
-        """Return where scales, and lengths with levels, in turn lead to."""
+        """Return where scales, and shapes with levels, in turn lead to."""
         best = self.climbed(here)
         for _ in range(_ROUNDS):
-            before, best = best.value, self.climbed(self.with_lengths(best))
+            before, best = best.value, self.climbed(self.with_shapes(best))
             if best.value - before < _LEVEL_NATS:
                 break
         return best
@@ -174,7 +206,7 @@ class _Search:
         for _ in range(_STEPS):
             steps = self._steps(here)
             trials = (
-                self.point(here.log_length, _bounded(here.scales + 0.5**i * steps))
+                self.point(here.x, _bounded(here.scales + 0.5**i * steps), here.walk_sigma)
                 for i in range(_HALVINGS)
             )
             best = next((point for point in trials if point.value > here.value), here)
@@ -183,39 +215,53 @@ class _Search:
                 break
         return here
 
-    def with_lengths(self, here: _Point) -> _Point:
-        """Return the likeliest lengths and levels of scales that vary as they do."""
-        level, block = here.scales.mean(axis=0), self.block[self.rows[:-1]]
-
-        def moved(x: FloatArray) -> FloatArray:
-            return _bounded(here.scales + (x[3:] - level))
-
-        def value(x: FloatArray) -> float:
-            variance = np.exp(2 * moved(x)[block])
-            of_some = self.some.log_densities(matern.poles(np.exp(x[:3])), variance)
-            return float(of_some.sum()) + log_prior(x[:3], x[3:])
-
-        x = likeliest(value, np.concatenate([here.log_length, level]), *bounds())
-        best = self.point(x[:3], moved(x))
+    def with_shapes(self, here: _Point) -> _Point:
+        """Return the likeliest shapes and levels of scales that vary as they do."""
+        apart = (here.scales - here.x[SIGMA])[self.block[self.rows[:-1]]]
+        x = climbed(
+            lambda x: log_posterior(self.some, x, self.some_tape, self.memory_s, apart),
+            here.x,
+            *self.limits,
+        )
+        best = self.point(x, _bounded(here.scales + (x[SIGMA] - here.x[SIGMA])), here.walk_sigma)
         return best if best.value > here.value else here
 
-    def log_volume(self, at: _Point) -> float:
-        """Return the log of posterior over prior volume of scales about their level (Laplace)."""
+    def with_walk(self, here: _Point) -> _Point:
+        """Return the likeliest end for any step of the walk, from that of the usual one."""
+        best, evidence = here, self.evidence(here)
+        for towards in (1, -1):
+            i = _USUAL_WALK + towards
+            while 0 <= i < len(_WALK_SIGMAS):
+                other = self.climbed(self.point(best.x, best.scales, _WALK_SIGMAS[i]))
+                of_other = self.evidence(other)
+                if of_other < evidence:
+                    break
+                best, evidence, i = other, of_other, i + towards
+            if best is not here:
+                break
+        return self.climbed(self.with_shapes(best), _LAST_NATS)
+
+    def evidence(self, at: _Point) -> float:
+        """Return the log evidence of shapes and levels, scales about these integrated (Laplace)."""
         _, freedom = self._score(at)
-        total = 0.0
+        total = at.value
         for axis in range(3):
-            precision = _precision(freedom[:, axis])
+            precision = _precision(freedom[:, axis], at.walk_sigma)
             roots = np.log(cholesky_banded(precision, lower=True)[0]).sum()
             level = np.log(2 * freedom[:, axis].sum() + _RIDGE) / 2
-            total += level - roots - (len(freedom) - 1) * np.log(_WALK_SIGMA)
+            total += level - roots - (len(freedom) - 1) * np.log(at.walk_sigma)
         return float(total)
+
+    def _prior(self, x: FloatArray, scales: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return poles, (n - 1, 3, 3), and variances, (n - 1, 3), of intervals."""
+        variance = self.variances(scales)
+        return np.tile(poles(x), (len(variance), 1, 1)), variance
 
     def _score(self, at: _Point) -> tuple[FloatArray, FloatArray]:
         """Return the score of scales, and the freedom that attitudes tell of them, (blocks, 3)."""
-        variance = self.variances(at.scales)
-        poles = np.tile(matern.poles(np.exp(at.log_length)), (len(variance), 1, 1))
-        self.attitudes.log_densities(poles, variance, self.tape)
-        parts = score(self.attitudes.epochs.t_s, poles, variance, self.tape)
+        of_intervals, variance = self._prior(at.x, at.scales)
+        self.attitudes.log_densities(of_intervals, variance, self.tape)
+        parts = score(self.attitudes.epochs.t_s, of_intervals, variance, self.tape)[:2]
         out = [np.zeros_like(at.scales) for _ in parts]
         for into, part in zip(out, parts, strict=True):
             np.add.at(into, self.block, part)
@@ -224,13 +270,12 @@ class _Search:
     def _steps(self, at: _Point) -> FloatArray:
         """Return Fisher's scoring steps of scales, (blocks, 3)."""
         slope, freedom = self._score(at)
-        sigma_radps = np.exp(at.scales.mean(axis=0))
-        slope += (1 - sigma_radps / DEFAULT_SIGMA_RADPS) / len(slope)  # of log_prior
-        walk = np.diff(at.scales, axis=0) / _WALK_SIGMA**2
+        slope += log_prior(at.x, self.memory_s)[1][SIGMA] / len(slope)
+        walk = np.diff(at.scales, axis=0) / at.walk_sigma**2
         slope[1:] -= walk
         slope[:-1] += walk
         steps = [
-            solveh_banded(_precision(freedom[:, axis]), slope[:, axis], lower=True)
+            solveh_banded(_precision(freedom[:, axis], at.walk_sigma), slope[:, axis], lower=True)
             for axis in range(3)
         ]
         return np.asarray(np.clip(np.stack(steps, axis=1), -_MOST_STEP, _MOST_STEP))
@@ -240,12 +285,12 @@ def _bounded(scales: FloatArray) -> FloatArray:
     return np.asarray(np.clip(scales, np.log(LEAST_RADPS), np.log(MOST_RADPS)))
 
 
-def _precision(freedom: FloatArray) -> FloatArray:
+def _precision(freedom: FloatArray, walk_sigma: float) -> FloatArray:
     """Return the precision of one axis' scales, lower banded, (2, blocks)."""
     n = len(freedom)
     out = np.zeros((2, n))
     out[0] = 2 * freedom + _RIDGE
-    out[0, 1:] += 1 / _WALK_SIGMA**2
-    out[0, :-1] += 1 / _WALK_SIGMA**2
-    out[1, :-1] = -1 / _WALK_SIGMA**2
+    out[0, 1:] += 1 / walk_sigma**2
+    out[0, :-1] += 1 / walk_sigma**2
+    out[1, :-1] = -1 / walk_sigma**2
     return out

@@ -10,8 +10,6 @@ from fgnav.process.evidence import (
     causal_rate_priors,
     rate_prior,
 )
-from fgnav.process.hyperparameters import VERY_STRONG_NATS
-from fgnav.process.matern_kernel import coefficients
 from tests.process.chain import DEG, sine, with_noise
 
 T_S = 0.1 * np.arange(600)
@@ -23,9 +21,11 @@ def sigmas(prior):
 
 
 def noise(poles, variance):
-    """Return the mean density of the rate's third derivative, rad2/s7, of intervals."""
-    q = np.array([[coefficients(own)[3] for own in axes] for axes in poles])
-    return (q * variance).mean(axis=1)
+    """Return the mean variance of the turn over each interval that nothing before tells, rad^2."""
+    of_unit = np.array(
+        [[matern.noise_factor(0.1, own)[0, 0] ** 2 for own in axes] for axes in poles]
+    )
+    return (of_unit * variance).mean(axis=1)
 
 
 def swings_from(start_s, t_s, rng):
@@ -63,17 +63,17 @@ def test_motion_that_starts_late_widens_the_causal_prior_within_a_second():
     R, V = swings_from(30.0, T_S, np.random.default_rng(20_030))
     poles, variance = causal_rate_priors(T_S, R, V)
     assert (np.sqrt(variance[290:300]).max(axis=1) < 0.35).all()
-    assert (noise(poles, variance)[290:300] < 1e-6).all()
+    assert (noise(poles, variance)[290:300] < 1e-7).all()
     assert (np.sqrt(variance[310:400]) > 0.3).all()
-    assert (noise(poles, variance)[310:400] > 1e-4).all()
+    assert (noise(poles, variance)[310:400] > 1e-6).all()
 
 
 def test_lasting_change_of_motion_is_identified_anew():
     R, V = swings_from(30.0, T_S, np.random.default_rng(20_031))
     poles, variance = causal_rate_priors(T_S, R, V)
     whole = rate_prior(T_S[320:], R[320:], V[320:])
-    for frequency_radps in (poles[430, 0, 2], whole.poles_per_s[0, 2]):
-        assert 0.9 < frequency_radps < 1.4  # it swings at 1 and 1.3
+    for of in (poles[430], whole.poles_per_s):
+        np.testing.assert_allclose(of[1:, 2], [1.0, 1.3], rtol=0.15)  # it does not roll
     later = attitude_series(T_S[430:], R[430:], V[430:], np.arange(170), past=170)
     now, before, best = (
         later.log_densities(own, of).sum()
@@ -83,7 +83,8 @@ def test_lasting_change_of_motion_is_identified_anew():
             (whole.poles_per_s, whole.variance_rad2ps2),
         )
     )
-    assert now > best - VERY_STRONG_NATS  # what comes later has taken part in that one
+    # What comes later has taken part in that one, and a longer record allows a longer memory.
+    assert best - now < 0.02 * (best - before)
     assert before < best - 1000
 
 
@@ -95,7 +96,8 @@ def test_steady_motion_keeps_its_identified_prior(share):
     R[wrong] = R[wrong] @ exp(rng.normal(size=(wrong.sum(), 3)))
     poles, variance = causal_rate_priors(T_S, R, V)
     changes = np.flatnonzero(np.diff(poles[:, 0, 0])) + 1
-    assert set(changes[changes >= 40]) == {79, 159, 319}  # as identified, and none other
+    # as identified, and none other; of a tenth wrong the default may be as good up to 160
+    assert {159, 319} <= set(changes[changes >= 40]) <= {79, 159, 319}
     assert (np.abs(np.log(np.sqrt(variance[320:]) / sigmas(rate_prior(T_S, R, V)))) < 0.3).all()
 
 

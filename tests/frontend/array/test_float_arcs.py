@@ -163,12 +163,13 @@ def test_the_rate_prior_is_not_identified_from_such_epochs(flight, monkeypatch):
     """Where they begin is known to a degree: by them the body would seem to jump about."""
     times = []
 
-    def recorded(t_s, R_nb, covariance_rad2):
+    def recorded(t_s, R_nb, covariance_rad2, *, swings):
+        assert swings
         times.append(t_s)
         assert len(t_s) == len(R_nb) == len(covariance_rad2)
         return PRIOR
 
-    monkeypatch.setattr(motion, "matern_prior", recorded)
+    monkeypatch.setattr(motion, "rate_prior", recorded)
     build_problem(flight, ProblemSettings(resolver=Cut()))
     (t_s,) = times
     assert len(t_s) > 50
