@@ -217,14 +217,14 @@ def _likeliest(
         return ()
     theta = small.logarithms(identified.factors)
     try:
-        chain = _anchored(small.problem)
+        chain = anchored(small.problem)
         offsets = [_Tested.of(chain, 0.0)]
         if identified.used.any():
             louder = search.build(
                 with_factors(flight, identified.factors), with_rest(settings, identified.factors)
             )
             gain = _likelihood(small, theta) - _likelihood(small, np.zeros(len(theta)))
-            offsets.append(_Tested.of(_anchored(thinned(louder.problem)), gain))
+            offsets.append(_Tested.of(anchored(thinned(louder.problem)), gain))
     except NoSolutionError:
         return ()
     best, t_s = max(offsets, key=lambda one: one.likelihood), chain.t_s
@@ -344,6 +344,6 @@ class _Anchor(NamedTuple):
         return Linearised(at.p_n_m - self.p_n_m, state, shared)
 
 
-def _anchored(problem: SmoothingProblem) -> SmoothingProblem:
+def anchored(problem: SmoothingProblem) -> SmoothingProblem:
     anchor = cast("Measurement", _Anchor(problem.start.p_n_m[:1]))
     return replace(problem, measurements=(*problem.measurements, anchor))
