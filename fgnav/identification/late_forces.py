@@ -15,12 +15,11 @@ from scipy.signal import lfilter
 from fgnav.checks import NoSolutionError
 from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.identification.likelihood.changed_samples import (
-    solved_with_changes,
-    with_changed_samples,
-)
+from fgnav.identification.likelihood.changed_samples import with_changed_samples
+from fgnav.identification.spans.beside_phases import drift_gain
 from fgnav.identification.tested_constants import SIGMAS
 from fgnav.identification.time_tags import AtTags, TagSearch
+from fgnav.solve.chain import constant_step, solve_batch
 from fgnav.types.flight import Flight, Imu
 
 FORCE_DELAY = "force delay"
@@ -103,6 +102,9 @@ def _by_phases(search: TagSearch, at_tags: AtTags) -> float | None:
         if step is None:
             return 0.0
         step_s, sigma_s = step
+        is_other = late_s == 0.0 and drift_gain(problem) > (step_s / sigma_s) ** 2 / 2
+        if is_other:  # a drift looks like a delay where nothing else is free
+            return 0.0
         late_s += step_s
         if abs(step_s) <= sigma_s or late_s <= SIGMAS * sigma_s:
             break
@@ -117,11 +119,16 @@ def _record_delay(problem: SmoothingProblem, late_s: float) -> tuple[float, floa
         return _early_unit(_late_unit(imu, late_s), late_s + _STEP_S)
 
     delay = flight_constant(FORCE_DELAY, ("delay",), "s", _ANY_S, reported=False)
-    solution = solved_with_changes(problem, (delay,), (earlier,), np.array([_STEP_S]))
-    if solution is None:
+    extended = problem.with_constants((delay,))
+    column, steps = problem.constants.width, np.array([_STEP_S])
+    changed = with_changed_samples(extended, (earlier,), steps, column)
+    try:
+        at = solve_batch(problem).states
+        at = at._replace(constants=np.append(at.constants, 0.0))
+        step, covariance = constant_step(changed, at)
+    except NoSolutionError:
         return None
-    sigma_s = float(np.sqrt(solution.constant_covariance[0, -1, -1]))
-    return float(solution.states.constants[-1]), sigma_s
+    return float(step[-1]), float(np.sqrt(covariance[-1, -1]))
 
 
 def _late_s(search: TagSearch, at_tags: AtTags, sigmas: float) -> float:

@@ -99,9 +99,7 @@ def _is_stated(noise: GnssNoise, name: str) -> bool:
     return field is not None and getattr(noise, field) != getattr(GnssNoise(), field)
 
 
-def constant_notes(
-    at_tags: AtTags, requests: tuple[CalibrationRequest, ...]
-) -> tuple[str, ...]:
+def constant_notes(at_tags: AtTags, requests: tuple[CalibrationRequest, ...]) -> tuple[str, ...]:
     """Return sentences on the clock, late velocities and the lever arm, where they matter."""
     notes, kinds = [], [one.kind for one in requests]
     identified, moved = at_tags.identified, at_tags.moved

@@ -4,9 +4,10 @@ Such an error is no noise: while it lasts, samples err alike. From one time to a
 ``M(x) u`` to a sensor's samples x, u constant: M is one for a bias that steps, diag(x) for scales,
 [x]x for axes that turn. Each is tested over all spans of a second or more, on the thinned chain at
 the stated noise and at the noise identified. It is taken for true where the flight is likelier with
-it than with that noise by the odds of any contradiction, and by as many again as there are seconds
-at which it may begin, and than with an offset of any measurement over a span. Then samples are
-taken without it, and what is left of it is a bias that may step at the ends of the span.
+it than with that noise by the odds of any contradiction, and by as many again as there are such
+errors and seconds at which they may begin, and than with an offset of any measurement over a span.
+Then samples are taken without it, and what is left of it is a bias that may step at the ends of the
+span.
 """
 
 from collections.abc import Callable
@@ -28,6 +29,7 @@ from fgnav.graph.types.states import POSITION, States
 from fgnav.identification.likelihood.changed_samples import Change, solved_with_changes
 from fgnav.identification.likelihood.span_offsets import (
     LIKELY,
+    SHAPES,
     Offset,
     of_biases,
     of_measurements,
@@ -36,6 +38,8 @@ from fgnav.identification.likelihood.thinned import thinned
 from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
+from fgnav.identification.spans.beside_phases import noise_gain, offsets_by_phases
+from fgnav.identification.spans.errors import DRIFT, SAMPLES, added
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
 from fgnav.identification.track.tags import middle_of_tags_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
@@ -43,11 +47,11 @@ from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight, Imu
 
 _MOST = 3  # of a flight
+_HYPOTHESES = len(WHITE) * len(SHAPES)
 _ITERATIONS = 10
 _ANY = 100.0  # sigmas by the thinned chain: next to nothing is known of it beside phases
 _UNITS = {"accelerometer": "m/s2", "gyroscope": "rad/s"}
 _BIASES = {"accelerometer": "accelerometer_bias_mps2", "gyroscope": "gyroscope_bias_radps"}
-_SAMPLES = {"accelerometer": "f_b_mps2", "gyroscope": "w_b_radps"}
 Requests = Callable[[TagSearch, AtTags], tuple[CalibrationRequest, ...]]
 
 
@@ -85,22 +89,23 @@ class SpanFault(NamedTuple):
             "offset": "bias is another, by",
             "scale": "scales are others, as if by",
             "turn": "axes are turned, as if by",
+            DRIFT: "bias drifts, all in all as if by",
         }[self.shape]
-        if not self.value.any():
-            return f"As likely it is the {self.sensor}, {when}: its bias is another there as well."
+        is_out = bool(self.value.any())
         return (
-            f"The {self.sensor}'s {what} {self.size:.2g} {_UNITS[self.sensor]}, {when}: taken out, "
-            "and its bias is estimated as another there."
+            f"{'The' if is_out else 'As likely the'} {self.sensor}'s {what} {self.size:.2g} "
+            f"{_UNITS[self.sensor]}, {when}: {'taken out, and ' if is_out else ''}its bias is "
+            f"estimated as another there{'' if is_out else ' as well'}."
         )
 
     def undone(self, imu: Imu) -> Imu:
         """Return a unit without it."""
-        name = _SAMPLES[self.sensor]
+        name = SAMPLES[self.sensor]
         x = getattr(imu, name)
         if self.shape == "turn":
             without = x @ exp(self.value[None])[0].T
         else:
-            without = x - _added(self.shape, x, self.value)
+            without = x - added(self.shape, x, self.value, imu.t_s)
         inside = self.strikes(imu.t_s)[:, None]
         changed: dict[str, Any] = {name: np.where(inside, without, x)}
         return replace(imu, **changed)
@@ -123,19 +128,15 @@ class SpanFault(NamedTuple):
             inside = (t_s[:-1] >= begin_s - 1e-9) & (t_s[1:] <= end_s + 1e-9)
             if end_s > begin_s:
                 density[inside, first : first + 3] += self.variance / (end_s - begin_s)
+        if self.shape == DRIFT:
+            # Of u t / T from -T/2 to T/2 the mean square is u^2 / 12.
+            density[:, first : first + 3] += 12 * self.variance / (t_s[-1] - t_s[0])
         if self.from_s == -np.inf:
             name = _BIASES[self.sensor]
             sigma = np.hypot(getattr(imu, name) or 0.0, np.sqrt(self.variance.max()))
             changed: dict[str, Any] = {name: float(sigma)}
             imu = replace(imu, **changed)
         return replace(problem, motion=replace(motion, imu=imu, bias_steps=density))
-
-
-def _added(shape: str, x: FloatArray, u: FloatArray) -> FloatArray:
-    """Return what a fault adds to samples, (n, 3)."""
-    if shape == "offset":
-        return np.broadcast_to(u, x.shape)
-    return x * u if shape == "scale" else np.cross(x, u)
 
 
 def building(build: Build, faults: tuple[SpanFault, ...]) -> Build:
@@ -212,6 +213,10 @@ def _likeliest(
     flight = with_tags_moved(search.flight, at_tags.moved, middle_of_tags_s(search.flight.imu))
     settings = replace(search.settings, calibration=requests)
     prepared = search.build(flight, settings) if begin is None else begin
+    if prepared.problem.phase is not None:
+        found = _by_phases(search, at_tags, prepared, flight)
+        if found:
+            return found
     small = ThinnedFlight.of(flight, prepared, ())
     if "gyroscope" not in small.parts.names:
         return ()
@@ -228,7 +233,7 @@ def _likeliest(
     except NoSolutionError:
         return ()
     best, t_s = max(offsets, key=lambda one: one.likelihood), chain.t_s
-    limit = EXCLUDED + np.log(max(float(t_s[-1] - t_s[0]), 1.0))
+    limit = _limit(t_s)
     best = offsets[-1] if is_louder else best
     nats = best.likelihood - offsets[-1].noise - limit
     if nats < -LIKELY or best.instead >= best.offset.gain:
@@ -237,6 +242,33 @@ def _likeliest(
     return tuple(
         _fault(one, (t_s, prepared.imu), share, is_first=one is best.offset) for one in best.offsets
     )
+
+
+def _by_phases(
+    search: TagSearch, at_tags: AtTags, prepared: PreparedFlight, flight: Flight
+) -> tuple[SpanFault, ...]:
+    """Return the same as the phases of arcs show it."""
+    offsets = offsets_by_phases(prepared.problem)
+    if not offsets:
+        return ()
+
+    def louder(factors: dict[str, float]) -> SmoothingProblem:
+        return search.build(with_factors(flight, factors), search.settings).problem
+
+    identified, t_s = at_tags.identified.factors, prepared.problem.t_s
+    noise = noise_gain({one: identified[one] for one in WHITE if one in identified}, louder)
+    nats = offsets[0].gain - noise - _limit(t_s)
+    if nats < -LIKELY:
+        return ()
+    share = float(1.0 / (1.0 + np.exp(-nats)))
+    return tuple(
+        _fault(one, (t_s, prepared.imu), share, is_first=one is offsets[0]) for one in offsets
+    )
+
+
+def _limit(t_s: FloatArray) -> float:
+    """Return the nats beyond which one of all errors is likelier than none."""
+    return float(EXCLUDED + np.log(_HYPOTHESES * max(float(t_s[-1] - t_s[0]), 1.0)))
 
 
 def _beside_phases(rest: TagSearch, at_tags: AtTags, fault: SpanFault) -> SpanFault:
@@ -265,7 +297,7 @@ def _likelihood(small: ThinnedFlight, theta: FloatArray) -> float:
 class _Tested(NamedTuple):
     """The likeliest offsets of the unit, what its noise has gained, and a measurement's offset."""
 
-    offsets: tuple[Offset, ...]  # of sensors, as likely as the first
+    offsets: tuple[Offset, ...]  # those as likely as the first
     noise: float
     instead: float
 
@@ -284,9 +316,7 @@ class _Tested(NamedTuple):
         if not solution.converged:
             raise NoSolutionError("faults of spans: the chain has no minimum")
         of_unit = sorted(of_biases(small, solution), key=lambda one: -one.gain)
-        of_sensors = {one.sensor: one for one in reversed(of_unit)}.values()
-        as_likely = (one for one in of_sensors if one.gain > of_unit[0].gain - LIKELY)
-        offsets = tuple(sorted(as_likely, key=lambda one: -one.gain))
+        offsets = tuple(one for one in of_unit if one.gain > of_unit[0].gain - LIKELY)
         measured = replace(small, measurements=small.measurements[:-1])
         instead = of_measurements(measured, solution)
         return cls(offsets, noise, max((one.gain for one in instead), default=0.0))
@@ -319,12 +349,13 @@ def _fault(
         size=0.0,
         share=share,
     )
-    x = getattr(imu, _SAMPLES[offset.sensor])[fault.strikes(imu.t_s)]
-    by_unit = np.stack([_added(offset.shape, x, one) for one in np.eye(3)], axis=2)
-    added = by_unit @ offset.value
+    inside = fault.strikes(imu.t_s)
+    x, at_s = getattr(imu, SAMPLES[offset.sensor])[inside], imu.t_s[inside]
+    by_unit = np.stack([added(offset.shape, x, one, at_s) for one in np.eye(3)], axis=2)
+    effect = by_unit @ offset.value
     noise = np.einsum("kig,gh,kih->ki", by_unit, offset.covariance, by_unit)
-    variance = (added**2 + noise).mean(axis=0)
-    size = float(np.sqrt((added**2).sum(axis=1).mean()))
+    variance = (effect**2 + noise).mean(axis=0)
+    size = float(np.sqrt((effect**2).sum(axis=1).mean()))
     value = offset.value if is_first and fault.is_likely else np.zeros(3)
     return fault._replace(value=value, variance=share * variance, size=size)
 
