@@ -102,12 +102,12 @@ def _by_phases(search: TagSearch, at_tags: AtTags) -> float | None:
         if step is None:
             return 0.0
         step_s, sigma_s = step
-        is_other = late_s == 0.0 and drift_gain(problem) > (step_s / sigma_s) ** 2 / 2
-        if is_other:  # a drift looks like a delay where nothing else is free
-            return 0.0
         late_s += step_s
         if abs(step_s) <= sigma_s or late_s <= SIGMAS * sigma_s:
             break
+        # A drift looks like a delay where nothing else is free.
+        if late_s == step_s and drift_gain(problem) > (step_s / sigma_s) ** 2 / 2:
+            return 0.0
     is_settled = abs(step_s) <= sigma_s and late_s > SIGMAS * sigma_s
     return late_s if is_settled else 0.0
 

@@ -111,7 +111,7 @@ def _likeliest(
 def _less(sensor: str, shape: str, by: FloatArray, imu: Imu) -> Imu:
     name = SAMPLES[sensor]
     x = getattr(imu, name)
-    return replace(imu, **{name: x - added(shape, x, by, imu.t_s)})  # type: ignore[arg-type]
+    return replace(imu, **{name: x - added(shape, x, by, imu.t_s)})
 
 
 def _finer(problem: SmoothingProblem, at: States, one: Offset, edges: IntArray) -> Offset:

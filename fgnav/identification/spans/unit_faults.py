@@ -376,5 +376,6 @@ class _Anchor(NamedTuple):
 
 
 def anchored(problem: SmoothingProblem) -> SmoothingProblem:
+    """Return a chain whose position begins where it begins."""
     anchor = cast("Measurement", _Anchor(problem.start.p_n_m[:1]))
     return replace(problem, measurements=(*problem.measurements, anchor))
