@@ -30,6 +30,7 @@ from fgnav.identification.notes import (
     satellite_error_notes,
 )
 from fgnav.identification.spans.instrument_faults import without_faulty_instrument
+from fgnav.identification.spans.rivals import unless_of_a_span
 from fgnav.identification.spans.unit_faults import SpanFault, with_span_faults
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
 from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags, with_tags_moved
@@ -90,6 +91,7 @@ def findings(
     at_tags = search.likeliest(subject.prepared)
     if at_tags is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
+    at_tags = unless_of_a_span(search, at_tags)
     search, at_tags, out = without_faulty_instrument(search, at_tags)
     search, at_tags, late_s = with_late_forces(search, at_tags)
     search, turn, at_tags = _in_body_axes(search, at_tags, problem)

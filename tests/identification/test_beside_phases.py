@@ -66,7 +66,7 @@ def test_a_gain_is_half_of_what_the_cost_falls_by_without_it():
 
 
 def test_noise_gains_what_its_likelihood_does():
-    """Of a problem without phases the chain has its likelihood, of which the score is integrated."""
+    """Of a problem without phases the chain has its likelihood, whose score is integrated."""
     flight, factor = right_flight("fixes", 741), 5.0
     problem = build_problem(flight, SETTINGS).problem
     parts = problem.motion.noise_parts()

@@ -8,8 +8,6 @@ of its score on the way from what is stated.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from scipy.special import chdtri
@@ -19,9 +17,16 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.identification.likelihood.beside_phases import measured_rows, noise_score
 from fgnav.identification.likelihood.span_constants import Error, likeliest_span
-from fgnav.identification.likelihood.span_offsets import LEAST_S, LIKELY, SHAPES, Offset
+from fgnav.identification.likelihood.span_offsets import (
+    LATE,
+    LEAST_S,
+    LIKELY,
+    SHAPES,
+    UNIT,
+    Offset,
+)
 from fgnav.identification.noise.begin import WHITE
-from fgnav.identification.spans.errors import DRIFT, SAMPLES, added
+from fgnav.identification.spans.errors import DRIFT, without
 from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Imu
@@ -29,8 +34,8 @@ from fgnav.types.flight import Imu
 _ASKED = 0.1  # share of right flights
 _BLOCKS = 24  # of a record, at most: a bound of cost
 _NODES = 5  # of the integral: a score that falls by 400 on the way is known to one in a thousand
-# 1-sigma: next to nothing is known. Offsets and drifts in m/s2 and rad/s, scales, turns in rad.
-_ANY = {"accelerometer": 1.0, "gyroscope": 0.1}
+# 1-sigma: next to nothing is known. Offsets, drifts in m/s2 and rad/s, times in s, turns in rad.
+_ANY = {"accelerometer": 1.0, "gyroscope": 0.1, UNIT: 0.1}
 _ANY_SHARE = 0.3
 
 
@@ -42,7 +47,7 @@ def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
     Parameters
     ----------
     problem : SmoothingProblem
-        With phases of arcs and a gyroscope.
+        With phases of arcs.
     """
     rows = measured_rows(problem)
     try:
@@ -53,17 +58,23 @@ def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
         return ()
     edges, last = _seconds(problem.t_s), len(problem.t_s) - 1
     found: list[Offset] = []
-    for sensor in WHITE:
-        for shape in (*SHAPES, DRIFT):
-            at = np.array([0, last]) if shape == DRIFT else edges
-            one = _likeliest(problem, solution.states, (sensor, shape), at)
-            found += [] if one is None else [one]
+    errors = [(one, shape) for one in _sensors(problem) for shape in (*SHAPES, DRIFT)]
+    for error in (*errors, (UNIT, LATE)):
+        at = np.array([0, last]) if error[1] == DRIFT else edges
+        one = _likeliest(problem, solution.states, error, at)
+        found += [] if one is None else [one]
     found.sort(key=lambda one: -one.gain)
     if not found or solution.cost - 2 * found[0].gain > chdtri(rows, FALSE_ALARM):
         return ()
     likely = [one for one in found if one.gain > found[0].gain - LIKELY]
     finer = (_finer(problem, solution.states, one, edges) for one in likely)
     return tuple(sorted(finer, key=lambda one: -one.gain))
+
+
+def late_gain(problem: SmoothingProblem, at: States) -> float:
+    """Return what tags that are off over a span gain at a whole problem's minimum."""
+    one = _likeliest(problem, at, (UNIT, LATE), _seconds(problem.t_s))
+    return 0.0 if one is None else one.gain
 
 
 def drift_gain(problem: SmoothingProblem) -> float:
@@ -73,8 +84,12 @@ def drift_gain(problem: SmoothingProblem) -> float:
     except NoSolutionError:
         return 0.0
     ends = np.array([0, len(problem.t_s) - 1])
-    drifts = (_likeliest(problem, at, (sensor, DRIFT), ends) for sensor in WHITE)
+    drifts = (_likeliest(problem, at, (sensor, DRIFT), ends) for sensor in _sensors(problem))
     return max((one.gain for one in drifts if one is not None), default=0.0)
+
+
+def _sensors(problem: SmoothingProblem) -> tuple[str, ...]:
+    return tuple(one for one in problem.motion.noise_parts().names if one in WHITE)
 
 
 def noise_gain(
@@ -103,15 +118,13 @@ def _likeliest(
     problem: SmoothingProblem, at: States, error: tuple[str, str], edges: IntArray
 ) -> Offset | None:
     sensor, shape = error
-    any_ = _ANY[sensor] if shape in ("offset", DRIFT) else _ANY_SHARE
-    made = Error(sensor, shape, any_, partial(_less, sensor, shape))
+    any_ = _ANY[sensor] if shape in ("offset", DRIFT, LATE) else _ANY_SHARE
+
+    def less(by: FloatArray, imu: Imu) -> Imu:
+        return without(imu, sensor, shape, by)
+
+    made = Error(sensor, shape, any_, 1 if shape == LATE else 3, less)
     return likeliest_span(problem, at, made, edges, LEAST_S)
-
-
-def _less(sensor: str, shape: str, by: FloatArray, imu: Imu) -> Imu:
-    name = SAMPLES[sensor]
-    x = getattr(imu, name)
-    return replace(imu, **{name: x - added(shape, x, by, imu.t_s)})
 
 
 def _finer(problem: SmoothingProblem, at: States, one: Offset, edges: IntArray) -> Offset:

@@ -28,8 +28,10 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import POSITION, States
 from fgnav.identification.likelihood.changed_samples import Change, solved_with_changes
 from fgnav.identification.likelihood.span_offsets import (
+    LATE,
     LIKELY,
     SHAPES,
+    UNIT,
     Offset,
     of_biases,
     of_measurements,
@@ -39,7 +41,7 @@ from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
 from fgnav.identification.spans.beside_phases import noise_gain, offsets_by_phases
-from fgnav.identification.spans.errors import DRIFT, SAMPLES, added
+from fgnav.identification.spans.errors import DRIFT, SAMPLES, added, sensors_of, without
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
 from fgnav.identification.track.tags import middle_of_tags_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
@@ -47,10 +49,10 @@ from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight, Imu
 
 _MOST = 3  # of a flight
-_HYPOTHESES = len(WHITE) * len(SHAPES)
+_HYPOTHESES = len(WHITE) * len(SHAPES) + 1  # that tags are off
 _ITERATIONS = 10
 _ANY = 100.0  # sigmas by the thinned chain: next to nothing is known of it beside phases
-_UNITS = {"accelerometer": "m/s2", "gyroscope": "rad/s"}
+_UNITS = {"accelerometer": "m/s2", "gyroscope": "rad/s", UNIT: "s"}
 _BIASES = {"accelerometer": "accelerometer_bias_mps2", "gyroscope": "gyroscope_bias_radps"}
 Requests = Callable[[TagSearch, AtTags], tuple[CalibrationRequest, ...]]
 
@@ -64,9 +66,9 @@ class SpanFault(NamedTuple):
     until_s: float
     begins_s: tuple[float, float]
     ends_s: tuple[float, float]
-    value: FloatArray  # (3,)
-    sigma: FloatArray  # (3,)
-    variance: FloatArray  # (3,), of what it adds to the samples, times its probability
+    value: FloatArray  # (3,), of late samples (1,)
+    sigma: FloatArray
+    variance: FloatArray  # (6,), of what it adds to the samples, times its probability
     size: float
     share: float  # probability
 
@@ -90,6 +92,7 @@ class SpanFault(NamedTuple):
             "scale": "scales are others, as if by",
             "turn": "axes are turned, as if by",
             DRIFT: "bias drifts, all in all as if by",
+            LATE: "tags are off by",
         }[self.shape]
         is_out = bool(self.value.any())
         return (
@@ -100,15 +103,18 @@ class SpanFault(NamedTuple):
 
     def undone(self, imu: Imu) -> Imu:
         """Return a unit without it."""
-        name = SAMPLES[self.sensor]
-        x = getattr(imu, name)
         if self.shape == "turn":
-            without = x @ exp(self.value[None])[0].T
+            name = SAMPLES[self.sensor]
+            changed: dict[str, Any] = {name: getattr(imu, name) @ exp(self.value[None])[0].T}
+            right = replace(imu, **changed)
         else:
-            without = x - added(self.shape, x, self.value, imu.t_s)
+            right = without(imu, self.sensor, self.shape, self.value)
         inside = self.strikes(imu.t_s)[:, None]
-        changed: dict[str, Any] = {name: np.where(inside, without, x)}
-        return replace(imu, **changed)
+        names = [SAMPLES[one] for one in sensors_of(self.sensor, imu)]
+        return replace(
+            imu,
+            **{one: np.where(inside, getattr(right, one), getattr(imu, one)) for one in names},
+        )
 
     def strikes(self, t_s: FloatArray) -> BoolArray:
         """Return which samples have it."""
@@ -123,19 +129,22 @@ class SpanFault(NamedTuple):
         density = np.zeros((len(t_s) - 1, 6))
         if motion.bias_steps is not None:
             density += motion.bias_steps
-        first, imu = 3 * WHITE.index(self.sensor), motion.imu
         for begin_s, end_s in (self.begins_s, self.ends_s):
             inside = (t_s[:-1] >= begin_s - 1e-9) & (t_s[1:] <= end_s + 1e-9)
             if end_s > begin_s:
-                density[inside, first : first + 3] += self.variance / (end_s - begin_s)
+                density[inside] += self.variance / (end_s - begin_s)
         if self.shape == DRIFT:
             # Of u t / T from -T/2 to T/2 the mean square is u^2 / 12.
-            density[:, first : first + 3] += 12 * self.variance / (t_s[-1] - t_s[0])
+            density += 12 * self.variance / (t_s[-1] - t_s[0])
+        imu = motion.imu
         if self.from_s == -np.inf:
-            name = _BIASES[self.sensor]
-            sigma = np.hypot(getattr(imu, name) or 0.0, np.sqrt(self.variance.max()))
-            changed: dict[str, Any] = {name: float(sigma)}
-            imu = replace(imu, **changed)
+            sigma = np.sqrt(self.variance.reshape(2, 3).max(axis=1))
+            widened = {
+                _BIASES[one]: float(np.hypot(getattr(imu, _BIASES[one]) or 0.0, more))
+                for one, more in zip(WHITE, sigma, strict=True)
+                if more > 0.0
+            }
+            imu = replace(imu, **widened)  # type: ignore[arg-type]  # each is a number
         return replace(problem, motion=replace(motion, imu=imu, bias_steps=density))
 
 
@@ -281,13 +290,13 @@ def _beside_phases(rest: TagSearch, at_tags: AtTags, fault: SpanFault) -> SpanFa
     def less(by: FloatArray) -> Change:
         return fault._replace(value=by).undone
 
-    axes = ("x_b", "y_b", "z_b")
+    axes = tuple(f"{i}" for i in range(len(fault.sigma)))
     part = flight_constant("span fault", axes, "", float(fault.sigma.max()) * _ANY, reported=False)
     changes = tuple(map(less, np.diag(fault.sigma)))
     solution = solved_with_changes(problem, (part,), changes, fault.sigma)
     if solution is None:
         return fault
-    return fault._replace(value=fault.value + solution.states.constants[-3:])
+    return fault._replace(value=fault.value + solution.states.constants[-len(axes) :])
 
 
 def _likelihood(small: ThinnedFlight, theta: FloatArray) -> float:
@@ -349,14 +358,20 @@ def _fault(
         size=0.0,
         share=share,
     )
-    inside = fault.strikes(imu.t_s)
-    x, at_s = getattr(imu, SAMPLES[offset.sensor])[inside], imu.t_s[inside]
-    by_unit = np.stack([added(offset.shape, x, one, at_s) for one in np.eye(3)], axis=2)
-    effect = by_unit @ offset.value
-    noise = np.einsum("kig,gh,kih->ki", by_unit, offset.covariance, by_unit)
-    variance = (effect**2 + noise).mean(axis=0)
-    size = float(np.sqrt((effect**2).sum(axis=1).mean()))
-    value = offset.value if is_first and fault.is_likely else np.zeros(3)
+    inside, variance, square = fault.strikes(imu.t_s), np.zeros(6), 0.0
+    for sensor in sensors_of(offset.sensor, imu):
+        x, i = getattr(imu, SAMPLES[sensor]), 3 * WHITE.index(sensor)
+        effect = added(offset.shape, x, offset.value, imu.t_s)[inside]
+        steps = np.diag(fault.sigma)
+        by_unit = np.stack(
+            [added(offset.shape, x, one, imu.t_s)[inside] / one.max() for one in steps], axis=2
+        )
+        noise = np.einsum("kig,gh,kih->ki", by_unit, offset.covariance, by_unit)
+        variance[i : i + 3] = (effect**2 + noise).mean(axis=0)
+        square += float((effect**2).sum(axis=1).mean())
+    size = float(abs(offset.value[0]) if offset.shape == LATE else np.sqrt(square))
+    is_out = is_first and fault.is_likely
+    value = offset.value if is_out else np.zeros_like(offset.value)
     return fault._replace(value=value, variance=share * variance, size=size)
 
 
