@@ -31,7 +31,8 @@ from fgnav.identification.notes import (
 )
 from fgnav.identification.spans.instrument_faults import without_faulty_instrument
 from fgnav.identification.spans.rivals import unless_of_a_span
-from fgnav.identification.spans.unit_faults import SpanFault, with_span_faults
+from fgnav.identification.spans.span_fault import SpanFault
+from fgnav.identification.spans.unit_faults import with_span_faults
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
 from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags, with_tags_moved
 from fgnav.types.estimate import Consistency, Rejected

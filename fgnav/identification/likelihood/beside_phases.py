@@ -94,10 +94,10 @@ def noise_score(problem: SmoothingProblem) -> dict[str, float]:
     NoSolutionError
         If it has no minimum.
     """
-    found = _scored(problem)
-    if found is None:
+    scored = _scored(problem)
+    if scored is None:
         raise NoSolutionError("noise: the problem has no minimum")
-    return dict(zip(found.names, found.gradient.tolist(), strict=True))
+    return dict(zip(scored.names, scored.gradient.tolist(), strict=True))
 
 
 def _factors(names: tuple[str, ...], theta: FloatArray) -> dict[str, float]:

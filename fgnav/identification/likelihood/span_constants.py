@@ -97,11 +97,11 @@ def _best(
     t_s: FloatArray,
     error: Error,
     edges: IntArray,
-    known: tuple[FloatArray, FloatArray],
+    information: tuple[FloatArray, FloatArray],
     least_s: float,
 ) -> Offset | None:
     """Return the span of the greatest gain, of score (m, g) and information (m, m, g, g)."""
-    s, N = known
+    s, N = information
     m, g = s.shape
     begin, end = np.triu_indices(m + 1, 1)
     long = t_s[end] - t_s[begin] > min(least_s, t_s[-1] - t_s[0]) - _ROUNDING
@@ -145,11 +145,11 @@ class _InBlocks:
 
     def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
         linear = self.motion.linearise(before, after, intervals)
-        value, shared, own = linear.value.copy(), linear.shared.copy(), np.arange(len(intervals))
+        value, shared, rows = linear.value.copy(), linear.shared.copy(), np.arange(len(intervals))
         for i, one in enumerate(self.changed):
             column = (one.linearise(before, after, intervals).value - linear.value) / self.step
             at = self.first[intervals] + i
-            shared[own, :, at] = column
+            shared[rows, :, at] = column
             value += column * before.constants[at][:, None]
         return linear._replace(value=value, shared=shared)
 

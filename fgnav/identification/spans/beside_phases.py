@@ -31,7 +31,7 @@ from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Imu
 
-_ASKED = 0.1  # share of right flights
+_DOUBTED = 0.1  # share of right flights
 _BLOCKS = 24  # of a record, at most: a bound of cost
 _NODES = 5  # of the integral: a score that falls by 400 on the way is known to one in a thousand
 # 1-sigma: next to nothing is known. Offsets, drifts in m/s2 and rad/s, times in s, turns in rad.
@@ -54,19 +54,19 @@ def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
         solution = solve_batch(problem)
     except NoSolutionError:
         return ()
-    if not solution.converged or solution.cost < chdtri(rows, _ASKED):
+    if not solution.converged or solution.cost < chdtri(rows, _DOUBTED):
         return ()
     edges, last = _seconds(problem.t_s), len(problem.t_s) - 1
-    found: list[Offset] = []
+    offsets: list[Offset] = []
     errors = [(one, shape) for one in _sensors(problem) for shape in (*SHAPES, DRIFT)]
     for error in (*errors, (UNIT, LATE)):
         at = np.array([0, last]) if error[1] == DRIFT else edges
         one = _likeliest(problem, solution.states, error, at)
-        found += [] if one is None else [one]
-    found.sort(key=lambda one: -one.gain)
-    if not found or solution.cost - 2 * found[0].gain > chdtri(rows, FALSE_ALARM):
+        offsets += [] if one is None else [one]
+    offsets.sort(key=lambda one: -one.gain)
+    if not offsets or solution.cost - 2 * offsets[0].gain > chdtri(rows, FALSE_ALARM):
         return ()
-    likely = [one for one in found if one.gain > found[0].gain - LIKELY]
+    likely = [one for one in offsets if one.gain > offsets[0].gain - LIKELY]
     finer = (_finer(problem, solution.states, one, edges) for one in likely)
     return tuple(sorted(finer, key=lambda one: -one.gain))
 

@@ -1,7 +1,7 @@
 """What looks like a clock and is none: tags that step, or measurements that are off for a while.
 
 A clock that is off, and late velocities, hold for the whole record. They are compared with what
-holds for a span of it: tags that are off there, measurements that are. If one of these is likelier by a
+holds for a span of it: tags that are off there, or measurements. If one of these is likelier by a
 hundred to one, and by as many again as there are seconds at which it may begin, tags stay as they
 are, and the search for noise and for faults of spans goes on without clocks and delays.
 """

@@ -12,16 +12,14 @@ span.
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
+from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.geometry.rotations import exp
-from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.measurement import Linearised, Measurement
 from fgnav.graph.types.problem import SmoothingProblem
@@ -31,7 +29,6 @@ from fgnav.identification.likelihood.span_offsets import (
     LATE,
     LIKELY,
     SHAPES,
-    UNIT,
     Offset,
     of_biases,
     of_measurements,
@@ -41,7 +38,8 @@ from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
 from fgnav.identification.spans.beside_phases import noise_gain, offsets_by_phases
-from fgnav.identification.spans.errors import DRIFT, SAMPLES, added, sensors_of, without
+from fgnav.identification.spans.errors import SAMPLES, added, sensors_of
+from fgnav.identification.spans.span_fault import SpanFault
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
 from fgnav.identification.track.tags import middle_of_tags_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
@@ -52,100 +50,7 @@ _MOST = 3  # of a flight
 _HYPOTHESES = len(WHITE) * len(SHAPES) + 1  # that tags are off
 _ITERATIONS = 10
 _ANY = 100.0  # sigmas by the thinned chain: next to nothing is known of it beside phases
-_UNITS = {"accelerometer": "m/s2", "gyroscope": "rad/s", UNIT: "s"}
-_BIASES = {"accelerometer": "accelerometer_bias_mps2", "gyroscope": "gyroscope_bias_radps"}
 Requests = Callable[[TagSearch, AtTags], tuple[CalibrationRequest, ...]]
-
-
-class SpanFault(NamedTuple):
-    """What a sensor's samples have from one time to another, and when it may begin and end."""
-
-    sensor: str
-    shape: str  # of ``span_offsets.SHAPES``
-    from_s: float  # infinite where there is no such time
-    until_s: float
-    begins_s: tuple[float, float]
-    ends_s: tuple[float, float]
-    value: FloatArray  # (3,), of late samples (1,)
-    sigma: FloatArray
-    variance: FloatArray  # (6,), of what it adds to the samples, times its probability
-    size: float
-    share: float  # probability
-
-    @property
-    def is_likely(self) -> bool:
-        """Whether it is likelier than all as stated."""
-        return self.share > 0.5
-
-    @property
-    def sentence(self) -> str:
-        """What is to be said of it, if it is likely."""
-        when = "throughout"
-        if self.from_s > -np.inf and self.until_s < np.inf:
-            when = f"from {self.from_s:.1f} to {self.until_s:.1f} s"
-        elif self.from_s > -np.inf:
-            when = f"from {self.from_s:.1f} s on"
-        elif self.until_s < np.inf:
-            when = f"up to {self.until_s:.1f} s"
-        what = {
-            "offset": "bias is another, by",
-            "scale": "scales are others, as if by",
-            "turn": "axes are turned, as if by",
-            DRIFT: "bias drifts, all in all as if by",
-            LATE: "tags are off by",
-        }[self.shape]
-        is_out = bool(self.value.any())
-        return (
-            f"{'The' if is_out else 'As likely the'} {self.sensor}'s {what} {self.size:.2g} "
-            f"{_UNITS[self.sensor]}, {when}: {'taken out, and ' if is_out else ''}its bias is "
-            f"estimated as another there{'' if is_out else ' as well'}."
-        )
-
-    def undone(self, imu: Imu) -> Imu:
-        """Return a unit without it."""
-        if self.shape == "turn":
-            name = SAMPLES[self.sensor]
-            changed: dict[str, Any] = {name: getattr(imu, name) @ exp(self.value[None])[0].T}
-            right = replace(imu, **changed)
-        else:
-            right = without(imu, self.sensor, self.shape, self.value)
-        inside = self.strikes(imu.t_s)[:, None]
-        names = [SAMPLES[one] for one in sensors_of(self.sensor, imu)]
-        return replace(
-            imu,
-            **{one: np.where(inside, getattr(right, one), getattr(imu, one)) for one in names},
-        )
-
-    def strikes(self, t_s: FloatArray) -> BoolArray:
-        """Return which samples have it."""
-        return np.asarray((t_s > self.from_s) & (t_s <= self.until_s))
-
-    def stepping(self, problem: SmoothingProblem) -> SmoothingProblem:
-        """Return a problem whose bias may step where the span begins and ends."""
-        motion = problem.motion
-        if not isinstance(motion, Inertial):
-            return problem
-        t_s = motion.t_s
-        density = np.zeros((len(t_s) - 1, 6))
-        if motion.bias_steps is not None:
-            density += motion.bias_steps
-        for begin_s, end_s in (self.begins_s, self.ends_s):
-            inside = (t_s[:-1] >= begin_s - 1e-9) & (t_s[1:] <= end_s + 1e-9)
-            if end_s > begin_s:
-                density[inside] += self.variance / (end_s - begin_s)
-        if self.shape == DRIFT:
-            # Of u t / T from -T/2 to T/2 the mean square is u^2 / 12.
-            density += 12 * self.variance / (t_s[-1] - t_s[0])
-        imu = motion.imu
-        if self.from_s == -np.inf:
-            sigma = np.sqrt(self.variance.reshape(2, 3).max(axis=1))
-            widened = {
-                _BIASES[one]: float(np.hypot(getattr(imu, _BIASES[one]) or 0.0, more))
-                for one, more in zip(WHITE, sigma, strict=True)
-                if more > 0.0
-            }
-            imu = replace(imu, **widened)  # type: ignore[arg-type]  # each is a number
-        return replace(problem, motion=replace(motion, imu=imu, bias_steps=density))
 
 
 def building(build: Build, faults: tuple[SpanFault, ...]) -> Build:
@@ -223,9 +128,9 @@ def _likeliest(
     settings = replace(search.settings, calibration=requests)
     prepared = search.build(flight, settings) if begin is None else begin
     if prepared.problem.phase is not None:
-        found = _by_phases(search, at_tags, prepared, flight)
-        if found:
-            return found
+        of_phases = _by_phases(search, at_tags, prepared, flight)
+        if of_phases:
+            return of_phases
     small = ThinnedFlight.of(flight, prepared, ())
     if "gyroscope" not in small.parts.names:
         return ()
