@@ -37,8 +37,8 @@ def added(shape: str, x: FloatArray, u: FloatArray, t_s: FloatArray) -> FloatArr
         return x * u
     if shape == "turn":
         return np.cross(x, u)
-    in_time = [np.interp(t_s + u[0], t_s, one) for one in x.T]
-    return x - np.stack(in_time, axis=1)
+    in_time: FloatArray = np.stack([np.interp(t_s + u[0], t_s, one) for one in x.T], axis=1)
+    return np.asarray(x - in_time)
 
 
 def without(imu: Imu, sensor: str, shape: str, by: FloatArray) -> Imu:
