@@ -29,7 +29,8 @@ from fgnav.graph.types.states import AUX, States
 from fgnav.identification.noise.begin import WHITE
 
 _WINDOW = 120  # intervals at a time, half of them of the window before: spans are no longer
-SHAPES = ("offset", "scale", "turn")  # of an error: u, diag(x) u, [x]x u of samples x
+TURN = "turn"
+SHAPES = ("offset", "scale", TURN)  # of an error: u, diag(x) u, [x]x u of samples x
 LATE, UNIT = "late", "inertial unit"  # samples of both sensors: -u dx/dt of a time u
 LEAST_S = 1.0  # of a span; what is shorter is noise or a spike
 LIKELY = float(np.log(100.0))  # nats below the greatest: a hundredth as likely

@@ -22,6 +22,7 @@ from fgnav.identification.likelihood.span_offsets import (
     LEAST_S,
     LIKELY,
     SHAPES,
+    TURN,
     UNIT,
     Offset,
 )
@@ -66,9 +67,28 @@ def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
     offsets.sort(key=lambda one: -one.gain)
     if not offsets or solution.cost - 2 * offsets[0].gain > chdtri(rows, FALSE_ALARM):
         return ()
+    if offsets[0].shape == TURN and _is_turned_throughout(
+        problem, solution.states, offsets[0], edges
+    ):
+        return ()
     likely = [one for one in offsets if one.gain > offsets[0].gain - LIKELY]
     finer = (_finer(problem, solution.states, one, edges) for one in likely)
     return tuple(sorted(finer, key=lambda one: -one.gain))
+
+
+def _is_turned_throughout(
+    problem: SmoothingProblem, at: States, turned: Offset, edges: IntArray
+) -> bool:
+    """Return whether axes may as well be turned from the first sample to the last.
+
+    Which sensor's then are, or all the body's, no measurement tells. Such a turn has no span that
+    is chosen among many.
+    """
+    spans = len(edges) * (len(edges) - 1) / 2
+    ends = edges[[0, -1]]
+    whole = (_likeliest(problem, at, (sensor, TURN), ends) for sensor in _sensors(problem))
+    gain = max((one.gain for one in whole if one is not None), default=0.0)
+    return bool(gain + np.log(spans) > turned.gain - LIKELY)
 
 
 def late_gain(problem: SmoothingProblem, at: States) -> float:
