@@ -13,7 +13,7 @@ DEV := $(VENV)/installed-dev
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := install
-.PHONY: install demo test suite notebooks check bench clean
+.PHONY: install demo test check bench clean
 
 install: $(DEV)
 
@@ -42,17 +42,12 @@ demo: $(RUN)
 	  --method closed-form,maximum-likelihood,smoother,batch,rtk \
 	  --json demo/compare.json --report demo/report.png; status=$$?; wait; exit $$status
 
-test: suite notebooks
-
-# Two workers: more gain nothing on a small machine, nor do threads of theirs. Each keeps to neighbouring files, whose
-# flights are solved once, until it helps the other.
-suite: $(DEV)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
-
 # Notebooks run whole, one after another: what the first compiles, a minute or three of it, the others and the tests
-# find. Warnings of their kernel's own machinery aside.
-notebooks: $(DEV)
+# find. Warnings of their kernel's own machinery aside. Then two workers: more gain nothing on a small machine, nor do
+# threads of theirs. Each keeps to neighbouring files, whose flights are solved once, until it helps the other.
+test: $(DEV)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -W default --timeout=1200 --nbmake --nbmake-timeout=1200 notebooks
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
 check: $(DEV)
 	$(BIN)/ruff check
