@@ -62,13 +62,22 @@ class Layout:
         return _POSE | k, _VELOCITY | k, (_IMU_BIAS if self.gyroscope else _ANGULAR_MOTION) | k
 
 
-def insert_keyframe(values: gtsam.Values, layout: Layout, k: int, at: States, row: int = 0) -> None:
-    """Add row ``row`` of states to the values, as keyframe k."""
+def insert_keyframe(
+    values: gtsam.Values,
+    layout: Layout,
+    k: int,
+    at: States,
+    row: int = 0,
+    *,
+    biased: bool = False,
+) -> None:
+    """Add row ``row`` of states to the values, as keyframe k; biased: its biases are there."""
     x, v, aux = layout.keyframe(k)
     values.insert(x, gtsam.Pose3(gtsam.Rot3(at.R_nb[row]), at.p_n_m[row]))
     values.insert(v, at.v_n_mps[row])
     # 30 us: ConstantBias is the last of insert's overloads, and there is no other way to a new key.
-    values.insert(aux, as_bias(at.aux[row]) if layout.gyroscope else at.aux[row])
+    if not biased:
+        values.insert(aux, as_bias(at.aux[row]) if layout.gyroscope else at.aux[row])
 
 
 def insert_constants(values: gtsam.Values, layout: Layout, at: FloatArray) -> None:

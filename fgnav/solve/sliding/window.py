@@ -211,7 +211,7 @@ class FixedLag:
             smoother.marginalise(oldest)
         self._turn_sigma_rad = {k: s for k, s in self._turn_sigma_rad.items() if k >= oldest - 1}
         self._steps = self._steps[oldest - linear.oldest :]
-        self._entering.forget(oldest - linear.oldest)
+        self._entering.forget(oldest - linear.oldest, linear.oldest)
         linear.forget(oldest - linear.oldest)
         return True
 
