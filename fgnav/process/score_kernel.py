@@ -27,7 +27,7 @@ References
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.geometry.rotation_kernel import product, sandwich, times, transposed
+from fgnav.geometry.rotation_kernel import product, times, transposed
 from fgnav.kernels.compiled import inlined, inner, kernel
 from fgnav.process import matern_kernel as matern
 from fgnav.process.evidence_kernel import RESTART, RESTART_ALL, SAME_S, UPDATE, Tape
@@ -61,37 +61,34 @@ def score(
     T_s, poles = -1.0, poles_per_s[0]
     for k in range(n - 1, 0, -1):
         if k < n - 1:
-            to_end = transposed(tape.transition[k + 1])
-            rho, N = times(to_end, rho), sandwich(to_end, N)
+            rho, N = _led_back(tape.transition[k + 1], rho, N)
         if tape.use[k] == RESTART_ALL:
             _add_start(rho, N, poles_per_s[k - 1], variance_rad2ps2[k - 1], out[k - 1], by_poles)
         if tape.use[k] in (RESTART, RESTART_ALL):
             _forget(rho, N, 3 if tape.use[k] == RESTART else SIZE)
         if tape.use[k] in (UPDATE, RESTART_ALL):
-            kept = _kept(tape.share[k], tape.gain[k])
-            rho, N = times(kept, rho), sandwich(kept, N)
+            _keep(tape.share[k], tape.gain[k], rho, N)
             _add_innovation(tape.share[k], tape.weight[k], tape.innovation[k], rho, N)
         same = abs(t_s[k] - t_s[k - 1] - T_s) <= SAME_S
         if not (same and (poles_per_s[k - 1] == poles).all()):
             T_s, poles = t_s[k] - t_s[k - 1], poles_per_s[k - 1]
             matern.of_axes(T_s, poles, F, H, Q)
             _differences(T_s, poles, F, H, Q, dM, dQ)
-        x, moved = tape.state[k - 1], product(tape.transition[k], tape.covariance[k - 1])
+        x, moved = tape.state[k - 1], _moved(tape.transition[k], tape.covariance[k - 1])
         for axis in range(3):
             G = _columns(tape.noise[k], axis)
             by = times(G, rho)
-            pulled = _pulled(by, rho, product(G, N))
+            pulled = _pulled(by, rho, _along(G, N, axis))
             variance = variance_rad2ps2[k - 1, axis]
-            by_noise, mean = _by_noise(by, pulled, G, Q[axis])
+            among = _among(pulled, G)
+            by_noise, mean = _by_noise(by, among, Q[axis])
             out[k - 1, axis] += by_noise * variance
             freedom[k - 1, axis] = mean * variance
             by_motion = _by_motion(by, pulled, moved, x, axis)
-            among = product(pulled, transposed(G))
             for pole in range(3):
                 by_poles[axis, pole] += _inner(by_motion, dM[axis, pole])
                 by_poles[axis, pole] += variance / 2 * _inner(among, dQ[axis, pole])
-    to_end = transposed(tape.transition[1])
-    rho, N = times(to_end, rho), sandwich(to_end, N)
+    rho, N = _led_back(tape.transition[1], rho, N)
     _add_start(rho, N, poles_per_s[0], variance_rad2ps2[0], out[0], by_poles)
     return out, freedom, by_poles
 
@@ -105,15 +102,73 @@ def _forget(rho: FloatArray, N: FloatArray, count: int) -> None:
             N[i, j] = N[j, i] = 0.0
 
 
-@inlined
-def _kept(share: float, gain: FloatArray) -> FloatArray:
-    """Return ``(I - K H)'``, (15, 15)."""
+@inner
+def _led_back(T: FloatArray, rho: FloatArray, N: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return ``T' rho`` and ``T' N T`` of a transition, (15, 15), most of which is zero."""
+    back = np.zeros(SIZE)
+    for j in range(SIZE):
+        for i in range(SIZE):
+            back[j] += T[i, j] * rho[i]
+    half = _transposed_times(T, N)
+    return back, _transposed_times(T, transposed(half))
+
+
+@inner
+def _transposed_times(T: FloatArray, M: FloatArray) -> FloatArray:
+    """Return ``T' M``, (15, 15): a rotation's row is dense, an axis' rates follow from its own."""
     out = np.zeros((SIZE, SIZE))
-    for i in range(SIZE):
-        out[i, i] = 1.0
+    for j in range(SIZE):
+        for i in range(3):
+            for q in range(SIZE):
+                out[j, q] += T[i, j] * M[i, q]
+    for axis in range(3):
+        for after in range(3 + axis, SIZE, 3):
+            for before in range(3 + axis, SIZE, 3):
+                factor = T[after, before]
+                for q in range(SIZE):
+                    out[before, q] += factor * M[after, q]
+    return out
+
+
+@inlined
+def _moved(T: FloatArray, P: FloatArray) -> FloatArray:
+    """Return ``T P``, (15, 15)."""
+    out = np.zeros((SIZE, SIZE))
     for i in range(3):
         for j in range(SIZE):
-            out[i, j] -= share * gain[j, i]
+            for q in range(SIZE):
+                out[i, q] += T[i, j] * P[j, q]
+    for axis in range(3):
+        for after in range(3 + axis, SIZE, 3):
+            for before in range(3 + axis, SIZE, 3):
+                factor = T[after, before]
+                for q in range(SIZE):
+                    out[after, q] += factor * P[before, q]
+    return out
+
+
+@inlined
+def _keep(share: float, gain: FloatArray, rho: FloatArray, N: FloatArray) -> None:
+    """Make them ``(I - K H)' rho`` and ``(I - K H)' N (I - K H)``: H takes the first three."""
+    K = _scaled(share, gain)
+    pull, right = times(K, rho), product(N, transposed(K))
+    for i in range(3):
+        rho[i] -= pull[i]
+        for j in range(SIZE):
+            N[j, i] -= right[j, i]
+    left = product(K, N)
+    for i in range(3):
+        for j in range(SIZE):
+            N[i, j] -= left[i, j]
+
+
+@inlined
+def _scaled(share: float, gain: FloatArray) -> FloatArray:
+    """Return a share of K', (3, 15)."""
+    out = np.empty((3, SIZE))
+    for i in range(3):
+        for j in range(SIZE):
+            out[i, j] = share * gain[j, i]
     return out
 
 
@@ -143,6 +198,30 @@ def _columns(rows: FloatArray, axis: int) -> FloatArray:
 
 
 @inlined
+def _along(G: FloatArray, N: FloatArray, axis: int) -> FloatArray:
+    """Return ``G' N``, (4, 15)."""
+    out = np.zeros((4, SIZE))
+    for j in range(SIZE):
+        for a in range(2):
+            for i in range(3):
+                out[a, j] += G[a, i] * N[i, j]
+        for d in range(3):
+            out[1 + d, j] += N[3 + 3 * d + axis, j]
+    return out
+
+
+@inlined
+def _among(pulled: FloatArray, G: FloatArray) -> FloatArray:
+    """Return ``G' (rho rho' - N) G``, (4, 4)."""
+    out = np.zeros((4, 4))
+    for a in range(4):
+        for b in range(4):
+            for j in range(SIZE):
+                out[a, b] += pulled[a, j] * G[b, j]
+    return out
+
+
+@inlined
 def _pulled(by: FloatArray, rho: FloatArray, GN: FloatArray) -> FloatArray:
     """Return ``G' (rho rho' - N)``, (4, 15)."""
     out = np.empty((4, SIZE))
@@ -153,16 +232,13 @@ def _pulled(by: FloatArray, rho: FloatArray, GN: FloatArray) -> FloatArray:
 
 
 @inlined
-def _by_noise(
-    by: FloatArray, pulled: FloatArray, G: FloatArray, Q: FloatArray
-) -> tuple[float, float]:
+def _by_noise(by: FloatArray, among: FloatArray, Q: FloatArray) -> tuple[float, float]:
     """Return the score by log scale and ``trace(N G Q G')`` of one axis, for unit variance."""
     chance, difference = 0.0, 0.0
     for a in range(4):
         for b in range(4):
             chance += Q[a, b] * by[a] * by[b]
-            for j in range(SIZE):
-                difference += Q[a, b] * pulled[a, j] * G[b, j]
+            difference += Q[a, b] * among[a, b]
     return difference, chance - difference
 
 
