@@ -35,7 +35,7 @@ from fgnav.identification.likelihood.span_offsets import (
 )
 from fgnav.identification.likelihood.thinned import thinned
 from fgnav.identification.noise.begin import WHITE
-from fgnav.identification.noise.stated import with_factors, with_rest
+from fgnav.identification.noise.stated import with_factors
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
 from fgnav.identification.spans.beside_phases import noise_gain, offsets_by_phases
 from fgnav.identification.spans.errors import SAMPLES, added, sensors_of
@@ -134,14 +134,12 @@ def _likeliest(
     small = ThinnedFlight.of(flight, prepared, ())
     if "gyroscope" not in small.parts.names:
         return ()
-    theta = small.logarithms(identified.factors)
+    theta = np.log(np.where(identified.used, identified.factor, 1.0))
     try:
         chain = anchored(small.problem)
         offsets = [_Tested.of(chain, 0.0)]
         if identified.used.any():
-            louder = search.build(
-                with_factors(flight, identified.factors), with_rest(settings, identified.factors)
-            )
+            louder = search.build(with_factors(flight, identified.factors), settings)
             gain = _likelihood(small, theta) - _likelihood(small, np.zeros(len(theta)))
             offsets.append(_Tested.of(anchored(thinned(louder.problem)), gain))
     except NoSolutionError:
