@@ -20,6 +20,7 @@ from fgnav.process.prediction import Turning, filtered, filtered_back, smoothed
 from fgnav.process.volatility import varying_rate_prior
 
 _FEWEST = 5  # attitudes for hyperparameters
+_BY_ONE_BASELINE = 3  # rank of what it tells of a rotation's nine elements
 _FIRST = 2  # attitudes that a causal prediction begins with
 _UNKNOWN_RAD = 0.5  # of a direction: its cosine errs by a tenth, what is linear about it holds
 # Integration steps per inertial sample. Without a gyroscope the quadrature of one step errs by .02
@@ -117,8 +118,7 @@ def _rate_priors(
     if settings.rate_prior is not None:
         prior, varying = settings.rate_prior, None
     else:
-        # Attitudes of vectors err alike for seconds, which would seem to swing.
-        swings = start.form is not None
+        swings = _is_by_array(start)
         prior = rate_prior(*attitudes, swings=swings)
         varying = varying_rate_prior(*attitudes, prior, swings=swings)
     if varying is None:
@@ -143,10 +143,21 @@ def _causal_priors(start: Alignment, sure: BoolArray) -> tuple[FloatArray, Float
         np.append(t_s, t_s[-1] + 1.0),
         np.concatenate([R_nu, R_nu[-1:]]),
         np.concatenate([P, P[-1:]]),
-        swings=start.form is not None,
+        swings=_is_by_array(start),
     )
     latest = _latest(t_s, start.t_s[:-1])
     return poles[latest], variance[latest]
+
+
+def _is_by_array(start: Alignment) -> bool:
+    """Return whether attitudes are an array's alone, about all axes.
+
+    Those of vectors err alike for seconds, and as the body turns, which would seem to swing.
+    """
+    if start.form is None or not start.valid.any():
+        return False
+    information = start.form.information[np.argmax(start.valid)]  # of the first: no later one
+    return bool(np.linalg.matrix_rank(information, hermitian=True) > _BY_ONE_BASELINE)
 
 
 def is_predicted(turning: Turning) -> BoolArray:

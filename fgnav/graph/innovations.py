@@ -31,8 +31,9 @@ from fgnav.optional_gtsam import gtsam
 from fgnav.types.estimate import Consistency
 
 _GATE = 0.01  # share of right measurements beyond it
-# A measurement that holds this share of what is known of its own residual tests nothing.
-_UNTESTED = 1e-6
+# A measurement that leaves no more than this share of its variance to its residual tests nothing:
+# rounding leaves up to .02 of one that leaves nothing, where antennas are estimated.
+_UNTESTED = 0.03
 _AT_ONCE = 2000  # measurements: 20 MB of nine rows, 21 columns and their squares
 
 

@@ -43,7 +43,8 @@ _ANY_SHARE = 0.3
 def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
     """Return the likeliest errors of the unit's sensors, those as likely as the best.
 
-    Empty where nothing is doubted, or something else is wrong.
+    Empty where nothing is doubted, or something else is wrong; and without a gyroscope, for a rate
+    that follows its prior so far is none to hold the accelerometer against.
 
     Parameters
     ----------
@@ -51,6 +52,8 @@ def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
         With phases of arcs.
     """
     rows = measured_rows(problem)
+    if "gyroscope" not in _sensors(problem):
+        return ()
     try:
         solution = solve_batch(problem)
     except NoSolutionError:
@@ -86,8 +89,8 @@ def _is_turned_throughout(
     """
     spans = len(edges) * (len(edges) - 1) / 2
     ends = edges[[0, -1]]
-    whole = (_likeliest(problem, at, (sensor, TURN), ends) for sensor in _sensors(problem))
-    gain = max((one.gain for one in whole if one is not None), default=0.0)
+    throughout = (_likeliest(problem, at, (sensor, TURN), ends) for sensor in _sensors(problem))
+    gain = max((one.gain for one in throughout if one is not None), default=0.0)
     return bool(gain + np.log(spans) > turned.gain - LIKELY)
 
 
