@@ -31,9 +31,8 @@ from fgnav.optional_gtsam import gtsam
 from fgnav.types.estimate import Consistency
 
 _GATE = 0.01  # share of right measurements beyond it
-# A measurement that leaves no more than this share of its variance to its residual tests nothing:
-# rounding leaves up to .02 of one that leaves nothing, where antennas are estimated.
-_UNTESTED = 0.03
+# A measurement that holds this share of what is known of its own residual tests nothing.
+_UNTESTED = 1e-6
 _AT_ONCE = 2000  # measurements: 20 MB of nine rows, 21 columns and their squares
 
 
@@ -226,7 +225,9 @@ def _squared(r: FloatArray, J: FloatArray, P: FloatArray) -> tuple[FloatArray, B
     """
     B = J @ _root(P)
     S = np.eye(r.shape[1]) - B @ B.swapaxes(1, 2)
-    tested = np.linalg.eigvalsh(S)[:, 0] > _UNTESTED
+    smallest = np.linalg.eigvalsh(S)[:, 0]
+    # None is negative but by rounding, hundredths where antennas are estimated: what was so far.
+    tested = smallest > np.maximum.accumulate(np.maximum(-smallest, _UNTESTED))
     S[~tested] = np.eye(r.shape[1])
     return np.einsum("ki,ki->k", r, np.linalg.solve(S, r[:, :, None])[:, :, 0]), tested
 
