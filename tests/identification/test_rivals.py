@@ -21,16 +21,6 @@ def kinds(found):
     return set() if found is None else {one.kind for one in found.calibration}
 
 
-def test_positions_that_jump_are_no_clock():
-    """Else the clock was said to be .16 s off: attitude NEES 71 of such a flight."""
-    flight = right_flight("fixes", 8308336)
-    fixes = flight.fixes
-    off = np.outer(fixes.t_s > FROM_S, [2.4, -2.4, 2.0])
-    found = found_in(replace(flight, fixes=replace(fixes, p_n_m=fixes.p_n_m + off)))
-    assert found is None or not found.moved.any()
-    assert not kinds(found) & {"clock", "velocity-delay"}
-
-
 def test_a_clock_is_no_span():
     flight = right_flight("fixes", 751)
     imu = flight.imu

@@ -48,7 +48,6 @@ def first_half(number):
     return truncated(flights(number + 1, 77)[number], 15.0)
 
 
-@HEADING
 def test_a_heading_known_to_twenty_degrees_ends_at_its_minimum():
     """Full steps cross the valley to and fro: after a hundred they still were at it."""
     prepared = Batch(gravity=Pair(interval_s=6.0)).prepare(first_half(1))
