@@ -1,7 +1,7 @@
 """An instrument that is wrong for a while, in place of all that its flight would contradict else.
 
 What one instrument measures wrongly another noise explains as well: of the inertial unit, which no
-longer contradicts the instrument then, so that attitudes follow it. Or axes turn, or clocks move.
+longer contradicts the instrument then, so that attitudes follow it.
 Left out, the rest predicts it. What it measures in spans in which it is beyond its band is of any
 size f then: D values of innovations r, of predicted covariance S, have
 
@@ -44,10 +44,11 @@ def without_faulty_instrument(
 ) -> tuple[TagSearch, AtTags, tuple[Exclusion, ...]]:
     """Return a search without an instrument's fault, what the flight says then, and what is out.
 
-    Where anything but an instrument's own noise is other than stated.
+    Where any noise but an instrument's own is other than stated. Not where axes are turned: an
+    instrument that is right tells which.
     """
     identified, unchanged = at_tags.identified, (search, at_tags, ())
-    if not (identified.contradicted.keys() - set(INSTRUMENTS) or identified.is_turned):
+    if identified.is_turned or not identified.contradicted.keys() - set(INSTRUMENTS):
         return unchanged
     try:
         flight = search.tested(at_tags.moved)
