@@ -10,7 +10,7 @@ from fgnav.identification.array.places import with_reference
 from fgnav.identification.findings import Findings, findings, with_satellite_errors
 from fgnav.identification.late_forces import with_forces_early
 from fgnav.identification.noise.stated import with_factors
-from fgnav.identification.spans.unit_faults import building
+from fgnav.identification.span_faults import building
 from fgnav.identification.tag_steps import tag_step
 from fgnav.identification.time_tags import Build
 from fgnav.identification.track.forces import force_consistency
@@ -81,8 +81,6 @@ def with_findings(
     flight: Flight, settings: ProblemSettings, changes: Findings, build: Build
 ) -> PreparedFlight:
     """Return the problem of a flight with noise and times as identified."""
-    for one in changes.out:
-        flight = one.of(flight)
     early = with_forces_early(flight, changes.forces_late_s)
     better = with_tags_moved(early, changes.moved, changes.middle_s)
     better = with_reference(with_factors(better, changes.factors), changes.reference)
@@ -96,8 +94,4 @@ def with_findings(
 def _with_errors_and_notes(prepared: PreparedFlight, changes: Findings) -> PreparedFlight:
     """Return a problem with the errors of satellites as identified, and all notes."""
     changed = with_satellite_errors(prepared, changes.errors)
-    return replace(
-        changed,
-        notes=(*changed.notes, *changes.notes),
-        rejections=(*changed.rejections, *changes.rejected),
-    )
+    return replace(changed, notes=(*changed.notes, *changes.notes))

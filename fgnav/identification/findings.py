@@ -17,25 +17,16 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.array.choice import Turn, chosen_turn, with_boresight
 from fgnav.identification.array.places import Places, places_of, with_reference
 from fgnav.identification.array.turn import others_tell, request_of, sentence
-from fgnav.identification.exclusion import Exclusion
 from fgnav.identification.late_forces import sentences, with_late_forces
 from fgnav.identification.likelihood.beside_phases import white_noise_factors
 from fgnav.identification.likelihood.satellite_errors import satellite_error_factors, with_errors
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.stated import with_factors
-from fgnav.identification.notes import (
-    constant_notes,
-    exclusion_notes,
-    noise_notes,
-    satellite_error_notes,
-)
-from fgnav.identification.spans.instrument_faults import without_faulty_instrument
-from fgnav.identification.spans.rivals import unless_of_a_span
-from fgnav.identification.spans.span_fault import SpanFault
-from fgnav.identification.spans.unit_faults import with_span_faults
+from fgnav.identification.notes import constant_notes, noise_notes, satellite_error_notes
+from fgnav.identification.span_faults import SpanFault, with_span_faults
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
 from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags, with_tags_moved
-from fgnav.types.estimate import Consistency, Rejected
+from fgnav.types.estimate import Consistency
 from fgnav.types.flight import Flight, Imu
 
 _FEWEST = 30  # keyframes that measured something: fewer tell no noise
@@ -55,13 +46,7 @@ class Findings(NamedTuple):
     forces_late_s: float = 0.0
     faults: tuple[SpanFault, ...] = ()
     errors: Mapping[str, float] = MappingProxyType({})  # of satellites, as factors
-    out: tuple[Exclusion, ...] = ()  # of instruments
     is_as_stated: bool = False  # all but those errors, and faults that are not likely
-
-    @property
-    def rejected(self) -> tuple[Rejected, ...]:
-        """What is left out."""
-        return tuple(rejected for one in self.out for rejected in one.rejected)
 
     @property
     def decided(self) -> "Findings | None":
@@ -92,11 +77,9 @@ def findings(
     at_tags = search.likeliest(subject.prepared)
     if at_tags is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
-    at_tags = unless_of_a_span(search, at_tags)
-    search, at_tags, out = without_faulty_instrument(search, at_tags)
     search, at_tags, late_s = with_late_forces(search, at_tags)
     search, turn, at_tags = _in_body_axes(search, at_tags, problem)
-    is_mended = bool(late_s or turn or out)
+    is_mended = bool(late_s or turn)
     by_chain, at_tags = at_tags, _beside_phases(search, at_tags, subject, is_mended)
     begun = None if is_mended or not _has_stated(subject, search, at_tags) else subject.prepared
     is_louder = at_tags.identified.factors != by_chain.identified.factors  # no chain tells it
@@ -106,8 +89,7 @@ def findings(
     requests, identified = _requests(search, at_tags), at_tags.identified
     tests = (*places.tests, *_tests(subject.search.flight.imu, identified))
     is_same = _is_as_stated(at_tags, requests, settings.calibration)
-    is_mended = bool(late_s or out or any(one.is_likely for one in faults))
-    is_as_stated = is_same and not (tests or is_mended)
+    is_as_stated = is_same and not (tests or late_s or any(one.is_likely for one in faults))
     if is_as_stated and not (subject.errors or faults):
         return None
     turned = () if turn is None else (sentence(turn.vector, turn.axes),)
@@ -117,7 +99,6 @@ def findings(
         calibration=requests,
         notes=(
             *places.notes,
-            *exclusion_notes(tuple(rejected for one in out for rejected in one.rejected)),
             *turned,
             *sentences(late_s),
             *(one.sentence for one in faults if one.is_likely),
@@ -130,7 +111,6 @@ def findings(
         forces_late_s=late_s,
         faults=faults,
         errors=subject.errors,
-        out=out,
         is_as_stated=is_as_stated,
     )
 
@@ -158,11 +138,7 @@ def _subject(
     phase = prepared.problem.phase  # against a base errors of satellites are other ones
     errors = {} if phase is None or flight.base is not None else satellite_error_factors(phase)
     prepared = with_satellite_errors(prepared, errors)
-
-    def built(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
-        return with_satellite_errors(build(flight, settings), errors)
-
-    return _Subject(TagSearch(flight, settings, built), prepared, places, errors)
+    return _Subject(TagSearch(flight, settings, build), prepared, places, errors)
 
 
 def _notes(
@@ -173,7 +149,7 @@ def _notes(
     return (
         *noise_notes(flight.imu, identified),
         *satellite_error_notes(flight.gnss_noise, subject.errors),
-        *constant_notes(at_tags, requests),
+        *constant_notes(identified, at_tags.moved, requests),
     )
 
 
@@ -231,7 +207,6 @@ def _requests(search: TagSearch, at_tags: AtTags) -> tuple[CalibrationRequest, .
     kinds = {one.kind: one for one in requested}
     times, is_raw = identified.times, search.flight.observations is not None
     significant = times.significant
-    significant[2] |= at_tags.are_one_or_the_other  # tags so moved are as likely, and no more
     wanted = {
         "lever-arm": identified.arm is not None and identified.arm.significant,
         "clock": not is_raw and bool(moved.any() or significant[:2].any()),
@@ -271,12 +246,11 @@ def _beside_phases(
 
     def changed(factors: dict[str, float]) -> SmoothingProblem:
         louder = with_factors(at_moved, identified.scaled(factors).factors)
-        return search.build(louder, settings).problem
+        return with_satellite_errors(search.build(louder, settings), subject.errors).problem
 
     is_same = _is_as_stated(at_tags, requests, subject.search.settings.calibration)
     begin = problem if is_same and not is_mended else changed({})
-    louder = identified.scaled(white_noise_factors(begin, changed))
-    return at_tags._replace(identified=louder)
+    return AtTags(identified.scaled(white_noise_factors(begin, changed)), moved)
 
 
 def _tests(imu: Imu | None, identified: Identified) -> tuple[Consistency, ...]:

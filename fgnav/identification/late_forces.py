@@ -2,31 +2,26 @@
 
 A low pass of the accelerometer alone delays forces, which no clock of the whole unit and no delay
 of velocities stands for: their sum shows as a delay, and the forces point where the body pointed
-before. The delay is tested as one more constant of the chain on which noise is identified, beside
-phases of arcs of the whole problem, which tell forces far better. It is taken for true where the
-flight with forces so early is likelier than as recorded and than with tags of the whole unit moved.
+before. The delay is tested as one more constant of the chain on which noise is identified. It is
+taken for true where the flight with forces so early is likelier than as recorded and than with
+tags of the whole unit moved.
 """
 
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import lfilter
 
 from fgnav.checks import NoSolutionError
 from fgnav.graph.types.constants import flight_constant
-from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.likelihood.changed_samples import with_changed_samples
-from fgnav.identification.spans.beside_phases import drift_gain
 from fgnav.identification.tested_constants import SIGMAS
 from fgnav.identification.time_tags import AtTags, TagSearch
-from fgnav.solve.chain import constant_step, solve_batch
 from fgnav.types.flight import Flight, Imu
 
 FORCE_DELAY = "force delay"
 # 1-sigma, s: low passes of small units delay by up to 19 ms (InvenSense MPU-6000, register map 4.2,
 # DLPF_CFG).
 _DELAY_S = 0.02
-_ANY_S = 1.0  # beside phases, which tell it to a millisecond: next to nothing is known of it
 _STEPS = 3  # at most: noise that stood for the delay is another after the first
 _ITERATIONS = 10
 _STEP_S = 0.01  # of a difference quotient: forces are linear in it
@@ -39,8 +34,7 @@ def with_late_forces(search: TagSearch, at_tags: AtTags) -> tuple[TagSearch, AtT
     than what was found of the tags.
     """
     first, unchanged = at_tags.doubted or at_tags, (search, at_tags, 0.0)
-    of_record = _by_phases(search, first)
-    late_s = _late_s(search, first, SIGMAS) if of_record is None else of_record
+    late_s = _late_s(search, first, SIGMAS)
     if not late_s > 0.0:  # a filter delays
         return unchanged
     early, rest_s = _early(search, late_s), late_s
@@ -50,10 +44,7 @@ def with_late_forces(search: TagSearch, at_tags: AtTags) -> tuple[TagSearch, AtT
         least += SIGMAS**2 / 2
     if early.without_clock(first.moved, tags, delay=False).likelihood <= least:
         return unchanged
-    if of_record is not None:
-        in_time = early.identified(first.moved)
-        return unchanged if in_time is None else (early, in_time, late_s)
-    in_time = None
+    in_time: AtTags | None = None
     for _ in range(_STEPS):
         in_time = early.identified(first.moved)
         rest_s = 0.0 if in_time is None else _late_s(early, in_time, 1.0)
@@ -85,52 +76,6 @@ def sentences(late_s: float) -> tuple[str, ...]:
     )
 
 
-def _by_phases(search: TagSearch, at_tags: AtTags) -> float | None:
-    """Return by how much forces are late by a whole problem with phases; None without these.
-
-    0 if that is not significant, or its steps do not end.
-    """
-    imu = search.flight.imu
-    if imu is None or imu.w_b_radps is None:
-        return None
-    late_s, step_s, sigma_s = 0.0, np.inf, 0.0
-    for _ in range(_STEPS):
-        problem = _early(search, late_s).at_tags(at_tags.moved).problem
-        if problem.phase is None:
-            return None
-        step = _record_delay(problem, late_s)
-        if step is None:
-            return 0.0
-        step_s, sigma_s = step
-        late_s += step_s
-        if abs(step_s) <= sigma_s or late_s <= SIGMAS * sigma_s:
-            break
-        # A drift looks like a delay where nothing else is free.
-        if late_s == step_s and drift_gain(problem) > (step_s / sigma_s) ** 2 / 2:
-            return 0.0
-    is_settled = abs(step_s) <= sigma_s and late_s > SIGMAS * sigma_s
-    return late_s if is_settled else 0.0
-
-
-def _record_delay(problem: SmoothingProblem, late_s: float) -> tuple[float, float] | None:
-    """Return by how much more forces are late that are early already, and its sigma, s."""
-
-    def earlier(imu: Imu) -> Imu:
-        return _early_unit(_late_unit(imu, late_s), late_s + _STEP_S)
-
-    delay = flight_constant(FORCE_DELAY, ("delay",), "s", _ANY_S, reported=False)
-    extended = problem.with_constants((delay,))
-    column, steps = problem.constants.width, np.array([_STEP_S])
-    changed = with_changed_samples(extended, (earlier,), steps, column)
-    try:
-        at = solve_batch(problem).states
-        at = at._replace(constants=np.append(at.constants, 0.0))
-        step, covariance = constant_step(changed, at)
-    except NoSolutionError:
-        return None
-    return float(step[-1]), float(np.sqrt(covariance[-1, -1]))
-
-
 def _late_s(search: TagSearch, at_tags: AtTags, sigmas: float) -> float:
     """Return by how much forces are late at the noise identified, all else in time.
 
@@ -157,14 +102,6 @@ def _late_s(search: TagSearch, at_tags: AtTags, sigmas: float) -> float:
 def _early_unit(imu: Imu, by_s: float = _STEP_S) -> Imu:
     slope = np.diff(imu.f_b_mps2, axis=0, prepend=imu.f_b_mps2[:1]) / np.median(np.diff(imu.t_s))
     return replace(imu, f_b_mps2=imu.f_b_mps2 + by_s * slope)
-
-
-def _late_unit(imu: Imu, by_s: float) -> Imu:
-    """Return the unit whose forces ``_early_unit`` takes early: as a low pass has them."""
-    ratio = by_s / np.median(np.diff(imu.t_s))
-    begin = ratio / (1.0 + ratio) * imu.f_b_mps2[:1]  # at rest before
-    late, _ = lfilter([1.0], [1.0 + ratio, -ratio], imu.f_b_mps2, axis=0, zi=begin)
-    return replace(imu, f_b_mps2=late)
 
 
 def _early(search: TagSearch, by_s: float) -> TagSearch:

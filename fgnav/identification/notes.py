@@ -8,8 +8,6 @@ from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.graph.types.motion import INERTIAL_NOISES
 from fgnav.identification.likelihood.thinned import FIELDS
 from fgnav.identification.noise.identified import Identified
-from fgnav.identification.time_tags import AtTags
-from fgnav.types.estimate import Rejected
 from fgnav.types.flight import Imu
 from fgnav.types.instruments import GnssNoise
 
@@ -38,7 +36,6 @@ _OF_SATELLITES = {
     "satellite error rate": "satellite_error_rate_mps",
 }
 _USUAL = "the usual figure"
-_SHOWN = 3  # spans of a sentence
 
 
 def noise_notes(imu: Imu | None, identified: Identified) -> tuple[str, ...]:
@@ -89,13 +86,14 @@ def _is_stated(noise: GnssNoise, name: str) -> bool:
     return field is not None and getattr(noise, field) != getattr(GnssNoise(), field)
 
 
-def constant_notes(at_tags: AtTags, requests: tuple[CalibrationRequest, ...]) -> tuple[str, ...]:
+def constant_notes(
+    identified: Identified, moved: np.ndarray, requests: tuple[CalibrationRequest, ...]
+) -> tuple[str, ...]:
     """Return sentences on the clock, late velocities and the lever arm, where they matter."""
     notes, kinds = [], [one.kind for one in requests]
-    identified, moved = at_tags.identified, at_tags.moved
     value, sigma = identified.times.value.copy(), identified.times.sigma
     value[:2] += moved
-    if at_tags.are_one_or_the_other:
+    if identified.times.are_one_or_the_other:
         notes.append(
             "The inertial unit's clock or the velocities of fixes are late, the flight does not "
             f"tell which: clock {value[0]:+.3f} s, velocities {value[2]:.3f} s (± {sigma[0]:.3f} s "
@@ -121,18 +119,4 @@ def constant_notes(at_tags: AtTags, requests: tuple[CalibrationRequest, ...]) ->
             f"The antenna is off where flight.toml has it beside the inertial unit: {off} m along "
             f"x_b, y_b, z_b (± {sigma_m} m); estimated with the flight."
         )
-    return tuple(notes)
-
-
-def exclusion_notes(out: tuple[Rejected, ...]) -> tuple[str, ...]:
-    """Return a sentence for each kind of measurement that is left out."""
-    by: dict[str, list[Rejected]] = {}
-    for one in out:
-        by.setdefault(one.what, []).append(one)
-    notes = []
-    for what, own in by.items():
-        spans = [f"{one.from_s:.1f} to {one.until_s:.1f} s" for one in own[:_SHOWN]]
-        more = f" and {len(own) - _SHOWN} more spans" if len(own) > _SHOWN else ""
-        name = what[:1].upper() + what[1:]
-        notes.append(f"{name} from {', '.join(spans)}{more}: {own[0].reason}.")
     return tuple(notes)

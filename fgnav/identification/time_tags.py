@@ -10,7 +10,6 @@ from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.calibration_request import calibration_requests, of_time, of_vehicle
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.graph.delayed import VELOCITY_DELAY
 from fgnav.graph.turned import UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.identification.array.turn import tested_turn
@@ -42,12 +41,6 @@ class AtTags(NamedTuple):
     identified: Identified
     moved: FloatArray
     doubted: "AtTags | None" = None
-
-    @property
-    def are_one_or_the_other(self) -> bool:
-        """Whether the clock or velocities are late, and nothing tells which, moved tags or not."""
-        first = self.doubted if self.doubted is not None and self.moved.any() else self
-        return first.identified.times.are_one_or_the_other
 
 
 class _Likelihood(NamedTuple):
@@ -106,7 +99,7 @@ class TagSearch(NamedTuple):
         prepared = self.build(at_first, self.settings) if begin is None else begin
         if prepared.opening is not None and prepared.opening.until_s == np.inf:
             return None
-        extra = self._extra(prepared, turn)
+        extra = (*self._tested_constants(), *tested_turn(prepared.problem, turn))
         identified = identify(ThinnedFlight.of(at_first, prepared, extra))
         clock = None
         if prepared.problem.phase is not None:
@@ -136,25 +129,6 @@ class TagSearch(NamedTuple):
             return stepped._replace(doubted=doubted)
         late = before.identified if either else None
         return unmoved if late is None else unmoved._replace(identified=late)
-
-    def tested(self, moved: FloatArray) -> ThinnedFlight:
-        """Return the flight's thinned chain with tags so moved, and all that is tested with it.
-
-        Raises
-        ------
-        NoSolutionError
-            If the flight has no problem at these tags.
-        """
-        prepared = self.at_tags(moved)
-        extra = self._extra(prepared, UNIT_TURN)
-        return ThinnedFlight.of(self._with_tags(moved), prepared, extra)
-
-    def at_tags(self, moved: FloatArray) -> PreparedFlight:
-        """Return the flight's problem with tags so moved."""
-        return self.build(self._with_tags(moved), self.settings)
-
-    def _extra(self, prepared: PreparedFlight, turn: str) -> tuple[FlightConstant, ...]:
-        return (*self._tested_constants(), *tested_turn(prepared.problem, turn))
 
     def on_time(self, moved: FloatArray, extra: tuple[FlightConstant, ...]) -> ThinnedFlight:
         """Return the flight's thinned chain with clock and velocities in time at tags so moved.
@@ -187,8 +161,7 @@ class TagSearch(NamedTuple):
         """Return what the flight says at tags moved by steps until one is within its sigma.
 
         A step takes variances of the rate at the times of the tags before, and falls short.
-        Where noise had no minimum it is sought again at the last tags alone. Where clock or
-        velocities are late, and nothing tells which, steps are those of the clock alone.
+        Where noise had no minimum it is sought again at the last tags alone.
 
         Raises
         ------
@@ -198,23 +171,17 @@ class TagSearch(NamedTuple):
         """
         identified, moved = first.identified, first.moved
         before, is_stated = identified.times.clock_sigmas, identified.has_no_minimum
-        either = identified.times.are_one_or_the_other
-        stepping = tuple(one for one in extra if not (either and one.name == VELOCITY_DELAY))
-        judge = as_stated if is_stated else partial(identify, factors=first.identified.factors)
-        if either:
-            identified = judge(self._thinned(moved, stepping))
-            before = identified.times.clock_sigmas
         for _ in range(_CLOCK_STEPS):
             moved = moved + identified.times.value[:2]
-            identified = judge(self._thinned(moved, stepping))
+            judge = as_stated if is_stated else partial(identify, factors=first.identified.factors)
+            identified = judge(self._thinned(moved, extra))
             remaining = identified.times.clock_sigmas
             if remaining <= 1.0:
                 break
             if remaining >= before:
                 raise NoSolutionError("clock: its steps do not end")
             before = remaining
-        again = is_stated or either
-        return AtTags(identify(self._thinned(moved, extra)) if again else identified, moved)
+        return AtTags(identify(self._thinned(moved, extra)) if is_stated else identified, moved)
 
     def _stepped_by(
         self, moved: FloatArray, clock: RecordClock, extra: tuple[FlightConstant, ...]

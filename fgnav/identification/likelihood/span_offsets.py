@@ -29,10 +29,8 @@ from fgnav.graph.types.states import AUX, States
 from fgnav.identification.noise.begin import WHITE
 
 _WINDOW = 120  # intervals at a time, half of them of the window before: spans are no longer
-TURN = "turn"
-SHAPES = ("offset", "scale", TURN)  # of an error: u, diag(x) u, [x]x u of samples x
-LATE, UNIT = "late", "inertial unit"  # samples of both sensors: -u dx/dt of a time u
-LEAST_S = 1.0  # of a span; what is shorter is noise or a spike
+SHAPES = ("offset", "scale", "turn")  # of an error: u, diag(x) u, [x]x u of samples x
+_LEAST_S = 1.0  # of a span; what is shorter is noise or a spike
 LIKELY = float(np.log(100.0))  # nats below the greatest: a hundredth as likely
 _ROUNDING = 1e-6  # s, of times
 _OPEN = 1e-6  # of G' G: what the states leave of it where they follow an offset
@@ -67,7 +65,7 @@ class _Columns:
 
 
 def of_biases(problem: SmoothingProblem, solution: Solution) -> tuple[Offset, ...]:
-    """Return the likeliest error of each of the unit's sensors, of each shape, and of tags.
+    """Return the likeliest error of each of the inertial unit's sensors, of each shape.
 
     Parameters
     ----------
@@ -82,16 +80,13 @@ def of_biases(problem: SmoothingProblem, solution: Solution) -> tuple[Offset, ..
     before, after = states.at(slice(0, n - 1)), states.at(slice(1, n))
     linear = problem.motion.linearise(before, after, np.arange(n - 1))
     J = np.concatenate([linear.before, linear.after, linear.shared], axis=2)
-    columns, late = [], []
-    slopes = _slopes(problem.motion)
+    columns = []
     for i, x in enumerate(_means(problem.motion, states)):
         bias = slice(AUX + 3 * i, AUX + 3 * i + 3)
         # A bias that is the same at both ends: the rows of its walk do not take part.
         G = linear.before[:, :, bias] + linear.after[:, :, bias]
         for shape, M in zip(SHAPES, _shapes(x), strict=True):
             columns.append(_columns((WHITE[i], shape), J, G @ M, -linear.value))
-        late.append(-G @ slopes[i][:, :, None])
-    columns.append(_columns((UNIT, LATE), J, late[0] + late[1], -linear.value))
     return _likeliest(problem.t_s, solution, columns)
 
 
@@ -121,15 +116,6 @@ def _means(motion: Inertial, states: States) -> tuple[FloatArray, ...]:
         mean = (total[last] - total[first]) / (last - first)[:, None]
         means.append(mean - states.aux[:-1, 3 * i : 3 * i + 3])
     return tuple(means)
-
-
-def _slopes(motion: Inertial) -> tuple[FloatArray, ...]:
-    """Return how specific force and rate change in each interval, (n - 1, 3)."""
-    imu, t_s = motion.imu, motion.t_s
-    at = np.searchsorted(imu.t_s, t_s, side="right").clip(0, len(imu.t_s) - 1)
-    span_s = np.diff(imu.t_s[at]).clip(1e-9)[:, None]
-    both = (imu.f_b_mps2, motion.rates_of_unit_b_radps)
-    return tuple(np.diff(x[at], axis=0) / span_s for x in both)
 
 
 def _shapes(x: FloatArray) -> tuple[FloatArray, ...]:
@@ -173,7 +159,7 @@ def _of_window(t_s: FloatArray, columns: _Columns, shared: FloatArray, window: s
     sizes = np.concatenate([[0.0], squares.cumsum()])
     begin, end = np.triu_indices(w + 1, 1)
     times_s = t_s[window.start : window.stop + 1]
-    long = times_s[end] - times_s[begin] > LEAST_S - _ROUNDING
+    long = times_s[end] - times_s[begin] > _LEAST_S - _ROUNDING
     begin, end = begin[long], end[long]
     if len(begin) == 0:
         return Offset(

@@ -106,7 +106,3 @@ class Identified:
         """Return the same with the unit's clock corrected by what it is off."""
         value = np.concatenate([[0.0, 0.0], self.times.value[2:]])
         return replace(self, times=replace(self.times, value=value, squares=0.0))
-
-    def in_time(self) -> "Identified":
-        """Return the same with neither clock nor velocities off."""
-        return replace(self, times=replace(self.times, value=0.0 * self.times.value, squares=0.0))
