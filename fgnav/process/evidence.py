@@ -1,7 +1,7 @@
 """The rate prior of a flight without a gyroscope, identified from its attitudes.
 
-Length scale and variances of the Matern process are those with the greatest marginal likelihood:
-the product of the densities of each attitude given those before it (a Kalman filter's innovations).
+Poles and variances of its process have the greatest posterior density: the product of the
+densities of each attitude given those before it (a Kalman filter's innovations) and their prior.
 """
 
 from collections.abc import Callable
@@ -31,7 +31,7 @@ from fgnav.process.posterior import (
     prior_of,
 )
 
-_FEWEST = 5  # attitudes: four turns, each of three hyperparameters
+_FEWEST = 5  # attitudes: four turns about each axis; what they do not tell the prior does
 # Searches start with rates too large and memories too short: towards too little motion the filter
 # loses the attitudes and the likelihood has no slope.
 _STARTS_SPACINGS = (1.0, 3.0, 10.0, 30.0)

@@ -31,7 +31,7 @@ from fgnav.geometry.rotation_kernel import product, times, transposed
 from fgnav.kernels.compiled import inlined, inner, kernel
 from fgnav.process import matern_kernel as matern
 from fgnav.process.evidence_kernel import RESTART, RESTART_ALL, SAME_S, UPDATE, Tape
-from fgnav.process.filter_kernel import MEAN, SIZE
+from fgnav.process.filter_kernel import MEAN, SIZE, times_transition
 
 _STEP = 1e-5  # of a pole's logarithm, for differences of what is known in closed form
 
@@ -74,7 +74,10 @@ def score(
             T_s, poles = t_s[k] - t_s[k - 1], poles_per_s[k - 1]
             matern.of_axes(T_s, poles, F, H, Q)
             _differences(T_s, poles, F, H, Q, dM, dQ)
-        x, moved = tape.state[k - 1], _moved(tape.transition[k], tape.covariance[k - 1])
+        x, moved = (
+            tape.state[k - 1],
+            times_transition(tape.covariance[k - 1], tape.transition[k], F),
+        )
         for axis in range(3):
             G = _columns(tape.noise[k], axis)
             by = times(G, rho)
@@ -127,23 +130,6 @@ def _transposed_times(T: FloatArray, M: FloatArray) -> FloatArray:
                 factor = T[after, before]
                 for q in range(SIZE):
                     out[before, q] += factor * M[after, q]
-    return out
-
-
-@inlined
-def _moved(T: FloatArray, P: FloatArray) -> FloatArray:
-    """Return ``T P``, (15, 15)."""
-    out = np.zeros((SIZE, SIZE))
-    for i in range(3):
-        for j in range(SIZE):
-            for q in range(SIZE):
-                out[i, q] += T[i, j] * P[j, q]
-    for axis in range(3):
-        for after in range(3 + axis, SIZE, 3):
-            for before in range(3 + axis, SIZE, 3):
-                factor = T[after, before]
-                for q in range(SIZE):
-                    out[after, q] += factor * P[before, q]
     return out
 
 
@@ -269,6 +255,16 @@ def _inner(a: FloatArray, b: FloatArray) -> float:
     return total
 
 
+@inner
+def _stepped(poles_per_s: FloatArray, pole: int) -> tuple[float, float]:
+    """Return a step of k, z or w^2 of one axis, and k, z or w after it."""
+    value = poles_per_s[pole]
+    if pole < 2:
+        return _STEP * value, value * (1 + _STEP)
+    step = _STEP * (value**2 + poles_per_s[1] ** 2)
+    return step, np.sqrt(value**2 + step)
+
+
 @inlined
 def _differences(
     T_s: float,
@@ -283,14 +279,7 @@ def _differences(
     ahead, F1, H1, Q1 = poles_per_s.copy(), F.copy(), H.copy(), Q.copy()
     for pole in range(3):
         for axis in range(3):
-            value = poles_per_s[axis, pole]
-            if pole < 2:
-                step = _STEP * value
-                ahead[axis, pole] = value + step
-            else:
-                step = _STEP * (value**2 + poles_per_s[axis, 1] ** 2)
-                ahead[axis, pole] = np.sqrt(value**2 + step)
-            dQ[axis, pole, 0, 0] = step
+            dQ[axis, pole, 0, 0], ahead[axis, pole] = _stepped(poles_per_s[axis], pole)
         matern.of_axes(T_s, ahead, F1, H1, Q1)
         for axis in range(3):
             step = dQ[axis, pole, 0, 0]
@@ -322,14 +311,8 @@ def _add_start(
         out[axis] += variance[axis] * (of_w + first * (of_a - 2 * of_wj) + second * of_j)
         ahead = poles_per_s[axis].copy()
         for pole in range(3):
-            value = ahead[pole]
-            if pole < 2:
-                step = _STEP * value
-                ahead[pole] = value + step
-            else:
-                step = _STEP * (value**2 + ahead[1] ** 2)
-                ahead[pole] = np.sqrt(value**2 + step)
+            step, ahead[pole] = _stepped(poles_per_s[axis], pole)
             first1, second1 = matern.stationary(ahead)
-            ahead[pole] = value
+            ahead[pole] = poles_per_s[axis, pole]
             slope = (first1 - first) * (of_a - 2 * of_wj) + (second1 - second) * of_j
             by_poles[axis, pole] += variance[axis] / 2 * slope / step
