@@ -33,6 +33,7 @@ from fgnav.types.estimate import Consistency
 _GATE = 0.01  # share of right measurements beyond it
 # A measurement that holds this share of what is known of its own residual tests nothing.
 _UNTESTED = 1e-6
+_HELD = 0.1  # 1 - J P J' of a measurement that the solution holds is zero at least, but rounding
 _AT_ONCE = 2000  # measurements: 20 MB of nine rows, 21 columns and their squares
 
 
@@ -226,8 +227,10 @@ def _squared(r: FloatArray, J: FloatArray, P: FloatArray) -> tuple[FloatArray, B
     B = J @ _root(P)
     S = np.eye(r.shape[1]) - B @ B.swapaxes(1, 2)
     smallest = np.linalg.eigvalsh(S)[:, 0]
-    # None is negative but by rounding, hundredths where antennas are estimated: what was so far.
-    tested = smallest > np.maximum.accumulate(np.maximum(-smallest, _UNTESTED))
+    # Negative is what the solution does not hold (wheels that wait for a heading: -30,000), or
+    # rounding, hundredths where antennas are estimated: as much as there was of it so far.
+    rounding = np.where(smallest > -_HELD, -smallest, 0.0)
+    tested = smallest > np.maximum.accumulate(np.maximum(rounding, _UNTESTED))
     S[~tested] = np.eye(r.shape[1])
     return np.einsum("ki,ki->k", r, np.linalg.solve(S, r[:, :, None])[:, :, 0]), tested
 
