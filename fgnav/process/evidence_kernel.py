@@ -8,18 +8,19 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.geometry.rotation_kernel import exp, product, put, scaled, times, turn
-from fgnav.kernels.compiled import inlined, inner, kernel
+from fgnav.geometry.rotation_kernel import exp, product, put, scaled, turn
+from fgnav.kernels.compiled import inlined, inner, kernel_with
 from fgnav.process import matern_kernel as matern
 from fgnav.process.filter_kernel import (
     MEAN,
     SIZE,
+    WIDTH,
     difference,
     gain,
     move,
-    predicted,
+    predict,
     rotation_rows,
-    times_transition,
+    turn_on,
 )
 
 _WRONG_SHARE = 0.01  # of attitudes, before they are seen
@@ -33,14 +34,15 @@ UPDATE, RESTART, PREDICT, RESTART_ALL = 0, 1, 2, 3  # what an epoch does; see ``
 class Tape(NamedTuple):
     """The filter's steps, one for each of n epochs; to the first leads none."""
 
-    transition: FloatArray  # (n, 15, 15), of the error state, to the epoch
+    rows: FloatArray  # (n, 3, 16), of the transition of the error state: the rotation's
     noise: FloatArray  # (n, 3, 6), of the rotation by the noises of integral and rate
-    gain: FloatArray  # (n, 15, 3)
+    moved: FloatArray  # (n, 15, 16), the transition times the covariance before
+    gain: FloatArray  # (n, 3, 16), transposed
     weight: FloatArray  # (n, 3, 3), inverse covariance of the innovation
     innovation: FloatArray  # (n, 3)
     share: FloatArray  # (n,), probability that the attitude is right
     use: IntArray  # (n,), what was done
-    covariance: FloatArray  # (n, 15, 15), of the error state after the epoch
+    covariance: FloatArray  # (n, 6, 6), of rotation and rate after the epoch
     R_nb: FloatArray  # (n, 3, 3), after the epoch
     state: FloatArray  # (n, 4, 3), rate, derivatives and mean after the epoch
 
@@ -48,14 +50,15 @@ class Tape(NamedTuple):
 def tape(n: int) -> Tape:
     """Return room for n epochs; none where no step is needed again."""
     return Tape(
-        transition=np.empty((n, SIZE, SIZE)),
+        rows=np.zeros((n, 3, WIDTH)),
         noise=np.empty((n, 3, 6)),
-        gain=np.empty((n, SIZE, 3)),
+        moved=np.zeros((n, SIZE, WIDTH)),
+        gain=np.empty((n, 3, WIDTH)),
         weight=np.empty((n, 3, 3)),
         innovation=np.empty((n, 3)),
         share=np.empty(n),
         use=np.empty(n, dtype=np.int64),
-        covariance=np.empty((n, SIZE, SIZE)),
+        covariance=np.empty((n, 6, 6)),
         R_nb=np.empty((n, 3, 3)),
         state=np.empty((n, 4, 3)),
     )
@@ -75,7 +78,7 @@ class Epochs(NamedTuple):
     use: IntArray  # (n,)
 
 
-@kernel
+@kernel_with(fastmath={"reassoc", "contract"})
 def log_densities(
     epochs: Epochs,
     mean_rate: FloatArray,
@@ -108,7 +111,7 @@ def log_densities(
     out, x = np.zeros(n), np.zeros((4, 3))
     _start_rates(x, mean_rate[:3])
     P = _start(poles_per_s[0], variance_rad2ps2[0], mean_rate[3])
-    C, N = np.empty((3, SIZE)), np.empty((3, 6))
+    C, N, moved = np.zeros((3, WIDTH)), np.empty((3, 6)), np.zeros((SIZE, WIDTH))
     R = R_nb[0].copy()
     _restart(P, covariance_rad2[0])
     if len(tape.share):
@@ -124,11 +127,11 @@ def log_densities(
         if not (same and (poles_per_s[k - 1] == poles).all()):
             T_s, poles = t_s[k] - t_s[k - 1], poles_per_s[k - 1]
             matern.of_axes(T_s, poles, F, H, Q)
-        R = product(R, exp(rotation_rows(x, F, H, T_s, C, N)))
         if len(tape.share):
-            put(times_transition(np.eye(SIZE), C, F), tape.transition[k])
-            put(N, tape.noise[k])
-        P = predicted(P, C, N, F, Q, variance_rad2ps2[k - 1])
+            C, N, moved = tape.rows[k], tape.noise[k], tape.moved[k]
+        rotation_rows(x, F, H, T_s, C, N)
+        R = turn_on(R, C)
+        predict(P, C, N, F, Q, variance_rad2ps2[k - 1], moved)
         move(x, F)
         done = use[k]
         if done == UPDATE:
@@ -162,8 +165,8 @@ def _start_rates(x: FloatArray, rate: FloatArray) -> None:
 
 @inner
 def _start(poles_per_s: FloatArray, variance: FloatArray, sigma: float) -> FloatArray:
-    """Return the covariance of rate, derivatives and mean before the first attitude, (15, 15)."""
-    P = np.zeros((SIZE, SIZE))
+    """Return the covariance of rate, derivatives and mean before the first attitude, (15, 16)."""
+    P = np.zeros((SIZE, WIDTH))
     for i in range(3):
         first, second = matern.stationary(poles_per_s[i])
         w, a, j, m = 3 + i, 6 + i, 9 + i, MEAN + i
@@ -192,17 +195,18 @@ def _updated(
     P and x are updated; z is the innovation.
     """
     K, W, square, log_determinant = gain(P, z, V)
-    step = times(K, z)
+    step = np.empty(WIDTH)
+    for i in range(P.shape[1]):
+        step[i] = K[0, i] * z[0] + K[1, i] * z[1] + K[2, i] * z[2]
     right = np.log(1 - _WRONG_SHARE) - (square + log_determinant + 3 * np.log(2 * np.pi)) / 2
     wrong = np.log(_WRONG_SHARE) + _UNKNOWN
     density = max(right, wrong) + np.log1p(np.exp(-abs(right - wrong)))
     share = np.exp(right - density)
-    rows = P[:3].copy()
+    spread = share * (1 - share)
     for i in range(SIZE):
-        for j in range(i + 1):
-            gained = K[i, 0] * rows[0, j] + K[i, 1] * rows[1, j] + K[i, 2] * rows[2, j]
-            P[i, j] += share * ((1 - share) * step[i] * step[j] - gained)
-            P[j, i] = P[i, j]
+        p0, p1, p2, along = share * P[i, 0], share * P[i, 1], share * P[i, 2], spread * step[i]
+        for j in range(P.shape[1]):
+            P[i, j] += along * step[j] - (p0 * K[0, j] + p1 * K[1, j] + p2 * K[2, j])
     for d in range(4):
         for i in range(3):
             x[d, i] += share * step[3 + 3 * d + i]

@@ -14,12 +14,12 @@ from fgnav.geometry.rotation_kernel import (
     product,
     right_jacobian,
     scaled,
-    skew,
     turn,
 )
-from fgnav.kernels.compiled import inlined, kernel
+from fgnav.kernels.compiled import inlined, kernel_with
 
 SIZE, MEAN = 15, 12  # of the error state; where m stands in it
+WIDTH = 16  # of rows: the last is zero, and they are added four numbers at a time
 
 
 @inlined
@@ -28,30 +28,30 @@ def rotation_rows(
 ) -> FloatArray:
     """Return the predicted turn, (3,): integral of the rate and the Magnus term.
 
-    Writes its derivatives, as the error of the rotation it leads to, by the error state to C,
-    (3, 15), and by the noise of integral and rate to N, (3, 6).
+    Writes its derivatives, as the error of the rotation it leads to, by the error state to the
+    first columns of C, (3, 15), and by the noise of integral and rate to N, (3, 6).
     """
-    after, phi = np.empty(3), np.empty(3)
+    after, phi, by = np.empty(3), np.empty(3), T_s * T_s / 12  # of w x w'
     for i in range(3):
         after[i] = F[i, 0, 0] * x[0, i] + F[i, 0, 1] * x[1, i] + F[i, 0, 2] * x[2, i]
         after[i] += (1 - F[i, 0, 0]) * x[3, i]
         phi[i] = H[i, 0] * x[0, i] + H[i, 1] * x[1, i] + H[i, 2] * x[2, i]
         phi[i] += (T_s - H[i, 0]) * x[3, i]
-    by_after = skew(scaled(x[0], T_s * T_s / 12))  # of T^2 / 12 w x w'
-    by_before = skew(scaled(after, -T_s * T_s / 12))
+    for i in range(3):
+        j, m = (i + 1) % 3, (i + 2) % 3
+        phi[i] += by * (x[0, j] * after[m] - x[0, m] * after[j])
+    J, turned = right_jacobian(phi), exp(phi)
     for i in range(3):
         for j in range(3):
-            phi[i] += by_after[i, j] * after[j]
-    J, back = right_jacobian(phi), exp(scaled(phi, -1.0))
-    A, B = product(J, by_before), product(J, by_after)
-    for i in range(3):
-        for j in range(3):
-            C[i, j] = back[i, j]
-            C[i, 3 + j] = H[j, 0] * J[i, j] + A[i, j] + F[j, 0, 0] * B[i, j]
-            C[i, 6 + j] = H[j, 1] * J[i, j] + F[j, 0, 1] * B[i, j]
-            C[i, 9 + j] = H[j, 2] * J[i, j] + F[j, 0, 2] * B[i, j]
-            C[i, 12 + j] = (T_s - H[j, 0]) * J[i, j] + (1 - F[j, 0, 0]) * B[i, j]
-            N[i, j], N[i, 3 + j] = J[i, j], B[i, j]
+            m, p = (j + 1) % 3, (j + 2) % 3
+            A = by * (J[i, p] * after[m] - J[i, m] * after[p])
+            B = by * (J[i, m] * x[0, p] - J[i, p] * x[0, m])
+            C[i, j] = turned[j, i]
+            C[i, 3 + j] = H[j, 0] * J[i, j] + A + F[j, 0, 0] * B
+            C[i, 6 + j] = H[j, 1] * J[i, j] + F[j, 0, 1] * B
+            C[i, 9 + j] = H[j, 2] * J[i, j] + F[j, 0, 2] * B
+            C[i, 12 + j] = (T_s - H[j, 0]) * J[i, j] + (1 - F[j, 0, 0]) * B
+            N[i, j], N[i, 3 + j] = J[i, j], B
     return phi
 
 
@@ -65,53 +65,70 @@ def move(x: FloatArray, F: FloatArray) -> None:
         x[0, i] += x[3, i]
 
 
-@kernel
-def times_transition(P: FloatArray, C: FloatArray, F: FloatArray) -> FloatArray:
-    """Return the transition times a matrix, (15, 15); most of the transition is zero."""
-    out = np.zeros((SIZE, SIZE))
+@inlined
+def turn_on(R: FloatArray, C: FloatArray) -> FloatArray:
+    """Return a rotation after the turn whose transpose the first columns of C are, (3, 3)."""
+    out = np.empty((3, 3))
     for i in range(3):
-        for m in range(SIZE):
-            c = C[i, m]
-            for q in range(SIZE):
-                out[i, q] += c * P[m, q]
+        for j in range(3):
+            out[i, j] = R[i, 0] * C[j, 0] + R[i, 1] * C[j, 1] + R[i, 2] * C[j, 2]
+    return out
+
+
+@kernel_with(fastmath={"reassoc", "contract"})
+def by_rows(P: FloatArray, C: FloatArray, out: FloatArray) -> None:
+    """Write ``C P`` to three rows, P symmetric; sums in any order: four times the pace."""
+    for i in range(SIZE):
+        x, y, z = 0.0, 0.0, 0.0
+        for m in range(P.shape[1]):
+            x += C[0, m] * P[i, m]
+            y += C[1, m] * P[i, m]
+            z += C[2, m] * P[i, m]
+        out[0, i], out[1, i], out[2, i] = x, y, z
+
+
+@kernel_with(fastmath={"reassoc", "contract"})
+def predict(
+    P: FloatArray,
+    C: FloatArray,
+    N: FloatArray,
+    F: FloatArray,
+    Q: FloatArray,
+    variance: FloatArray,
+    moved: FloatArray,
+) -> None:
+    """Make P, (15, 16), the covariance after an interval; write the transition times that before.
+
+    Most of the transition is zero.
+    """
+    n = P.shape[1]
+    by_rows(P, C, moved)
+    for i in range(3):
         for d in range(3):
             f0, f1, f2 = F[i, d, 0], F[i, d, 1], F[i, d, 2]
             fm = (1.0 if d == 0 else 0.0) - f0
-            row = 3 + 3 * d + i
-            for q in range(SIZE):
-                out[row, q] = f0 * P[3 + i, q] + f1 * P[6 + i, q] + f2 * P[9 + i, q]
-                out[row, q] += fm * P[MEAN + i, q]
-        for q in range(SIZE):
-            out[MEAN + i, q] = P[MEAN + i, q]
-    return out
-
-
-@inlined
-def predicted(
-    P: FloatArray, C: FloatArray, N: FloatArray, F: FloatArray, Q: FloatArray, variance: FloatArray
-) -> FloatArray:
-    """Return the covariance after an interval, (15, 15)."""
-    U, out = times_transition(P, C, F), np.empty((SIZE, SIZE))
-    for r in range(SIZE):  # the lower half of U times the transition's transpose
+            for q in range(n):
+                value = f0 * P[3 + i, q] + f1 * P[6 + i, q] + f2 * P[9 + i, q]
+                moved[3 + 3 * d + i, q] = value + fm * P[MEAN + i, q]
+        for q in range(n):
+            moved[MEAN + i, q] = P[MEAN + i, q]
+    for r in range(SIZE):  # the lower half of that times the transition's transpose
         x, y, z = 0.0, 0.0, 0.0
-        for m in range(SIZE):
-            x += U[r, m] * C[0, m]
-            y += U[r, m] * C[1, m]
-            z += U[r, m] * C[2, m]
-        out[r, 0], out[r, 1], out[r, 2] = x, y, z
-        for d in range(3):
-            for i in range(3):
-                fm = (1.0 if d == 0 else 0.0) - F[i, d, 0]
-                value = F[i, d, 0] * U[r, 3 + i] + F[i, d, 1] * U[r, 6 + i]
-                value += F[i, d, 2] * U[r, 9 + i]
-                out[r, 3 + 3 * d + i] = value + fm * U[r, MEAN + i]
+        for m in range(n):
+            x += C[0, m] * moved[r, m]
+            y += C[1, m] * moved[r, m]
+            z += C[2, m] * moved[r, m]
+        P[r, 0], P[r, 1], P[r, 2] = x, y, z
         for i in range(3):
-            out[r, MEAN + i] = U[r, MEAN + i]
-    _add_noise(out, N, Q, variance)
+            w, a, j, mean = moved[r, 3 + i], moved[r, 6 + i], moved[r, 9 + i], moved[r, MEAN + i]
+            for d in range(3):
+                value = F[i, d, 0] * (w - mean) + F[i, d, 1] * a + F[i, d, 2] * j
+                P[r, 3 + 3 * d + i] = value + (mean if d == 0 else 0.0)
+            P[r, MEAN + i] = mean
+    _add_noise(P, N, Q, variance)
     for i in range(SIZE):
         for j in range(i):  # both halves alike: what differs would grow
-            out[j, i] = out[i, j]
-    return out
+            P[j, i] = P[i, j]
 
 
 @inlined
@@ -155,19 +172,19 @@ def difference(R: FloatArray, R_measured: FloatArray, axis: FloatArray) -> Float
 def gain(
     P: FloatArray, z: FloatArray, V: FloatArray
 ) -> tuple[FloatArray, FloatArray, float, float]:
-    """Return the gain, (15, 3), and of the innovation inverse covariance, square, log-determinant.
+    """Return the gain's transpose, (3, 16), and of the innovation inverse covariance, square, log-determinant.
 
-    The square is of the whitened innovation, the determinant of the covariance.
+    The square is of the whitened innovation, the determinant of the covariance; P is symmetric.
     """
     S = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
             S[i, j] = P[i, j] + V[i, j]
     W, determinant = inverse(S)
-    K, square = np.zeros((SIZE, 3)), 0.0
+    K, square = np.empty((3, WIDTH)), 0.0
     for j in range(3):
         for m in range(3):
             square += z[m] * W[m, j] * z[j]
-            for i in range(SIZE):
-                K[i, j] += P[i, m] * W[m, j]
+        for i in range(P.shape[1]):
+            K[j, i] = W[0, j] * P[0, i] + W[1, j] * P[1, i] + W[2, j] * P[2, i]
     return K, W, square, np.log(determinant)

@@ -27,16 +27,15 @@ References
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.geometry.rotation_kernel import product, times, transposed
-from fgnav.kernels.compiled import inlined, inner, kernel
+from fgnav.kernels.compiled import inlined, inner, inner_with, kernel_with
 from fgnav.process import matern_kernel as matern
 from fgnav.process.evidence_kernel import RESTART, RESTART_ALL, SAME_S, UPDATE, Tape
-from fgnav.process.filter_kernel import MEAN, SIZE, times_transition
+from fgnav.process.filter_kernel import MEAN, SIZE, WIDTH, by_rows
 
 _STEP = 1e-5  # of a pole's logarithm, for differences of what is known in closed form
 
 
-@kernel
+@kernel_with(fastmath={"reassoc", "contract"})
 def score(
     t_s: FloatArray, poles_per_s: FloatArray, variance_rad2ps2: FloatArray, tape: Tape
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -54,14 +53,13 @@ def score(
     """
     n = len(t_s)
     out, freedom, by_poles = np.zeros((n - 1, 3)), np.zeros((n - 1, 3)), np.zeros((3, 3))
-    rho: FloatArray = np.zeros(SIZE)
-    N: FloatArray = np.zeros((SIZE, SIZE))
+    rho, N = np.zeros(WIDTH), np.zeros((SIZE, WIDTH))
     F, H, Q = np.empty((3, 3, 3)), np.empty((3, 3)), np.empty((3, 4, 4))
     dM, dQ = np.empty((3, 3, 4, 3)), np.empty((3, 3, 4, 4))
+    by, pulled, by_motion = np.empty(4), np.empty((4, WIDTH)), np.empty((4, 3))
+    among, half = np.empty((4, 4)), np.zeros((SIZE, WIDTH))
     T_s, poles = -1.0, poles_per_s[0]
     for k in range(n - 1, 0, -1):
-        if k < n - 1:
-            rho, N = _led_back(tape.transition[k + 1], rho, N)
         if tape.use[k] == RESTART_ALL:
             _add_start(rho, N, poles_per_s[k - 1], variance_rad2ps2[k - 1], out[k - 1], by_poles)
         if tape.use[k] in (RESTART, RESTART_ALL):
@@ -74,24 +72,18 @@ def score(
             T_s, poles = t_s[k] - t_s[k - 1], poles_per_s[k - 1]
             matern.of_axes(T_s, poles, F, H, Q)
             _differences(T_s, poles, F, H, Q, dM, dQ)
-        x, moved = (
-            tape.state[k - 1],
-            times_transition(tape.covariance[k - 1], tape.transition[k], F),
-        )
         for axis in range(3):
-            G = _columns(tape.noise[k], axis)
-            by = times(G, rho)
-            pulled = _pulled(by, rho, _along(G, N, axis))
+            _pull(tape.noise[k], axis, rho, N, by, pulled)
+            _set_among(tape.noise[k], axis, pulled, among)
             variance = variance_rad2ps2[k - 1, axis]
-            among = _among(pulled, G)
             by_noise, mean = _by_noise(by, among, Q[axis])
             out[k - 1, axis] += by_noise * variance
             freedom[k - 1, axis] = mean * variance
-            by_motion = _by_motion(by, pulled, moved, x, axis)
+            _set_by_motion(by, pulled, tape.moved[k], tape.state[k - 1], axis, by_motion)
             for pole in range(3):
                 by_poles[axis, pole] += _inner(by_motion, dM[axis, pole])
                 by_poles[axis, pole] += variance / 2 * _inner(among, dQ[axis, pole])
-    rho, N = _led_back(tape.transition[1], rho, N)
+        _lead_back(tape.rows[k], F, rho, N, half)
     _add_start(rho, N, poles_per_s[0], variance_rad2ps2[0], out[0], by_poles)
     return out, freedom, by_poles
 
@@ -105,57 +97,74 @@ def _forget(rho: FloatArray, N: FloatArray, count: int) -> None:
             N[i, j] = N[j, i] = 0.0
 
 
-@inner
-def _led_back(T: FloatArray, rho: FloatArray, N: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return ``T' rho`` and ``T' N T`` of a transition, (15, 15), most of which is zero."""
-    back = np.zeros(SIZE)
-    for j in range(SIZE):
-        for i in range(SIZE):
-            back[j] += T[i, j] * rho[i]
-    half = _transposed_times(T, N)
-    return back, _transposed_times(T, transposed(half))
+@inlined
+def _lead_back(
+    C: FloatArray, F: FloatArray, rho: FloatArray, N: FloatArray, half: FloatArray
+) -> None:
+    """Make them ``T' rho`` and ``T' N T`` of a transition."""
+    x, y, z = rho[0], rho[1], rho[2]
+    for i in range(3):
+        w, a, j = rho[3 + i], rho[6 + i], rho[9 + i]
+        for e in range(3):
+            rho[3 + 3 * e + i] = F[i, 0, e] * w + F[i, 1, e] * a + F[i, 2, e] * j
+        rho[MEAN + i] += w - rho[3 + i]
+        rho[i] = 0.0
+    for c in range(SIZE):
+        rho[c] += C[0, c] * x + C[1, c] * y + C[2, c] * z
+    _transposed_times(C, F, N, half)
+    for i in range(SIZE):
+        for j in range(SIZE):
+            N[j, i] = half[i, j]
+    _transposed_times(C, F, N, half)
+    for i in range(SIZE):
+        for j in range(i + 1):
+            N[i, j] = N[j, i] = half[i, j]
 
 
-@inner
-def _transposed_times(T: FloatArray, M: FloatArray) -> FloatArray:
-    """Return ``T' M``, (15, 15): a rotation's row is dense, an axis' rates follow from its own."""
-    out = np.zeros((SIZE, SIZE))
-    for j in range(SIZE):
-        for i in range(3):
-            for q in range(SIZE):
-                out[j, q] += T[i, j] * M[i, q]
-    for axis in range(3):
-        for after in range(3 + axis, SIZE, 3):
-            for before in range(3 + axis, SIZE, 3):
-                factor = T[after, before]
-                for q in range(SIZE):
-                    out[before, q] += factor * M[after, q]
-    return out
+@inner_with(fastmath={"reassoc", "contract"})
+def _transposed_times(C: FloatArray, F: FloatArray, M: FloatArray, out: FloatArray) -> None:
+    """Write ``T' M``, (15, 16): a rotation's row is dense, an axis' rates follow from its own."""
+    n = M.shape[1]
+    for i in range(3):
+        c0, c1, c2 = C[0, i], C[1, i], C[2, i]
+        m0, m1, m2 = C[0, MEAN + i], C[1, MEAN + i], C[2, MEAN + i]
+        f0, f1, f2 = 1 - F[i, 0, 0], F[i, 1, 0], F[i, 2, 0]
+        for q in range(n):
+            out[i, q] = c0 * M[0, q] + c1 * M[1, q] + c2 * M[2, q]
+            value = m0 * M[0, q] + m1 * M[1, q] + m2 * M[2, q] + f0 * M[3 + i, q]
+            out[MEAN + i, q] = value - f1 * M[6 + i, q] - f2 * M[9 + i, q] + M[MEAN + i, q]
+        for e in range(3):
+            row = 3 + 3 * e + i
+            c0, c1, c2 = C[0, row], C[1, row], C[2, row]
+            f0, f1, f2 = F[i, 0, e], F[i, 1, e], F[i, 2, e]
+            for q in range(n):
+                value = c0 * M[0, q] + c1 * M[1, q] + c2 * M[2, q]
+                out[row, q] = value + f0 * M[3 + i, q] + f1 * M[6 + i, q] + f2 * M[9 + i, q]
 
 
 @inlined
 def _keep(share: float, gain: FloatArray, rho: FloatArray, N: FloatArray) -> None:
     """Make them ``(I - K H)' rho`` and ``(I - K H)' N (I - K H)``: H takes the first three."""
-    K = _scaled(share, gain)
-    pull, right = times(K, rho), product(N, transposed(K))
+    NK, step, square = np.zeros((3, WIDTH)), np.empty(3), np.empty((3, 3))
+    by_rows(N, gain, NK)
     for i in range(3):
-        rho[i] -= pull[i]
-        for j in range(SIZE):
-            N[j, i] -= right[j, i]
-    left = product(K, N)
+        pull = 0.0
+        for m in range(N.shape[1]):
+            pull += gain[i, m] * rho[m]
+        step[i] = share * pull
+        for j in range(3):
+            total = 0.0
+            for m in range(N.shape[1]):
+                total += gain[i, m] * NK[j, m]
+            square[i, j] = share * share * total
     for i in range(3):
+        rho[i] -= step[i]
         for j in range(SIZE):
-            N[i, j] -= left[i, j]
-
-
-@inlined
-def _scaled(share: float, gain: FloatArray) -> FloatArray:
-    """Return a share of K', (3, 15)."""
-    out = np.empty((3, SIZE))
+            N[i, j] -= share * NK[i, j]
+            N[j, i] -= share * NK[i, j]
     for i in range(3):
-        for j in range(SIZE):
-            out[i, j] = share * gain[j, i]
-    return out
+        for j in range(3):
+            N[i, j] += square[i, j]
 
 
 @inlined
@@ -163,58 +172,42 @@ def _add_innovation(
     share: float, W: FloatArray, innovation: FloatArray, rho: FloatArray, N: FloatArray
 ) -> None:
     """Add ``H' S^-1 z`` and ``H' S^-1 H``."""
-    pull = times(W, innovation)
     for i in range(3):
-        rho[i] += share * pull[i]
         for j in range(3):
+            rho[i] += share * W[i, j] * innovation[j]
             N[i, j] += share * W[i, j]
 
 
-@inlined
-def _columns(rows: FloatArray, axis: int) -> FloatArray:
-    """Return G', (4, 15), of one axis.
+@inner_with(fastmath={"reassoc", "contract"})
+def _pull(
+    noise: FloatArray, axis: int, rho: FloatArray, N: FloatArray, by: FloatArray, out: FloatArray
+) -> None:
+    """Write ``G' rho``, (4,), and ``G' (rho rho' - N)``, (4, 16), of one axis.
 
     G has a column for phi and one for w in the rotation's rows, and one each for w, a and j.
     """
-    G = np.zeros((4, SIZE))
-    for i in range(3):
-        G[0, i], G[1, i] = rows[i, axis], rows[i, 3 + axis]
-        G[1 + i, 3 + 3 * i + axis] = 1.0
-    return G
+    w, a, j = 3 + axis, 6 + axis, 9 + axis
+    j0, j1, j2 = noise[0, axis], noise[1, axis], noise[2, axis]
+    b0, b1, b2 = noise[0, w], noise[1, w], noise[2, w]
+    by[0] = j0 * rho[0] + j1 * rho[1] + j2 * rho[2]
+    by[1] = b0 * rho[0] + b1 * rho[1] + b2 * rho[2] + rho[w]
+    by[2], by[3] = rho[a], rho[j]
+    x, y, z, v = by[0], by[1], by[2], by[3]
+    for q in range(N.shape[1]):
+        out[0, q] = x * rho[q] - (j0 * N[0, q] + j1 * N[1, q] + j2 * N[2, q])
+        out[1, q] = y * rho[q] - (b0 * N[0, q] + b1 * N[1, q] + b2 * N[2, q] + N[w, q])
+        out[2, q], out[3, q] = z * rho[q] - N[a, q], v * rho[q] - N[j, q]
 
 
 @inlined
-def _along(G: FloatArray, N: FloatArray, axis: int) -> FloatArray:
-    """Return ``G' N``, (4, 15)."""
-    out = np.zeros((4, SIZE))
-    for j in range(SIZE):
-        for a in range(2):
-            for i in range(3):
-                out[a, j] += G[a, i] * N[i, j]
-        for d in range(3):
-            out[1 + d, j] += N[3 + 3 * d + axis, j]
-    return out
-
-
-@inlined
-def _among(pulled: FloatArray, G: FloatArray) -> FloatArray:
-    """Return ``G' (rho rho' - N) G``, (4, 4)."""
-    out = np.zeros((4, 4))
-    for a in range(4):
-        for b in range(4):
-            for j in range(SIZE):
-                out[a, b] += pulled[a, j] * G[b, j]
-    return out
-
-
-@inlined
-def _pulled(by: FloatArray, rho: FloatArray, GN: FloatArray) -> FloatArray:
-    """Return ``G' (rho rho' - N)``, (4, 15)."""
-    out = np.empty((4, SIZE))
-    for a in range(4):
-        for j in range(SIZE):
-            out[a, j] = by[a] * rho[j] - GN[a, j]
-    return out
+def _set_among(noise: FloatArray, axis: int, pulled: FloatArray, out: FloatArray) -> None:
+    """Write ``G' (rho rho' - N) G``, (4, 4)."""
+    for b in range(4):
+        out[b, 0], out[b, 1] = 0.0, pulled[b, 3 + axis]
+        out[b, 2], out[b, 3] = pulled[b, 6 + axis], pulled[b, 9 + axis]
+        for i in range(3):
+            out[b, 0] += pulled[b, i] * noise[i, axis]
+            out[b, 1] += pulled[b, i] * noise[i, 3 + axis]
 
 
 @inlined
@@ -229,20 +222,19 @@ def _by_noise(by: FloatArray, among: FloatArray, Q: FloatArray) -> tuple[float, 
 
 
 @inlined
-def _by_motion(
-    by: FloatArray, pulled: FloatArray, moved: FloatArray, x: FloatArray, axis: int
-) -> FloatArray:
-    """Return the score by M, (4, 3), of one axis, from ``F P``, (15, 15), and the state before."""
-    out = np.empty((4, 3))
+def _set_by_motion(
+    by: FloatArray, pulled: FloatArray, moved: FloatArray, x: FloatArray, axis: int, out: FloatArray
+) -> None:
+    """Write the score by M, (4, 3), of one axis, from ``F P``, (15, 16), and the state before."""
     for a in range(4):
-        for d in range(3):
-            out[a, d] = by[a] * (x[d, axis] - (x[3, axis] if d == 0 else 0.0))
-            for j in range(SIZE):
-                error = moved[j, 3 + 3 * d + axis]
-                if d == 0:
-                    error -= moved[j, MEAN + axis]
-                out[a, d] += pulled[a, j] * error
-    return out
+        w, first, second = x[0, axis] - x[3, axis], x[1, axis], x[2, axis]
+        w, first, second = by[a] * w, by[a] * first, by[a] * second
+        for j in range(SIZE):
+            pull = pulled[a, j]
+            w += pull * (moved[j, 3 + axis] - moved[j, MEAN + axis])
+            first += pull * moved[j, 6 + axis]
+            second += pull * moved[j, 9 + axis]
+        out[a, 0], out[a, 1], out[a, 2] = w, first, second
 
 
 @inner
