@@ -101,20 +101,11 @@ def predict(
 
     Most of the transition is zero.
     """
-    n = P.shape[1]
     by_rows(P, C, moved)
-    for i in range(3):
-        for d in range(3):
-            f0, f1, f2 = F[i, d, 0], F[i, d, 1], F[i, d, 2]
-            fm = (1.0 if d == 0 else 0.0) - f0
-            for q in range(n):
-                value = f0 * P[3 + i, q] + f1 * P[6 + i, q] + f2 * P[9 + i, q]
-                moved[3 + 3 * d + i, q] = value + fm * P[MEAN + i, q]
-        for q in range(n):
-            moved[MEAN + i, q] = P[MEAN + i, q]
+    _move_rows(P, F, moved)
     for r in range(SIZE):  # the lower half of that times the transition's transpose
         x, y, z = 0.0, 0.0, 0.0
-        for m in range(n):
+        for m in range(P.shape[1]):
             x += C[0, m] * moved[r, m]
             y += C[1, m] * moved[r, m]
             z += C[2, m] * moved[r, m]
@@ -122,13 +113,27 @@ def predict(
         for i in range(3):
             w, a, j, mean = moved[r, 3 + i], moved[r, 6 + i], moved[r, 9 + i], moved[r, MEAN + i]
             for d in range(3):
-                value = F[i, d, 0] * (w - mean) + F[i, d, 1] * a + F[i, d, 2] * j
-                P[r, 3 + 3 * d + i] = value + (mean if d == 0 else 0.0)
+                P[r, 3 + 3 * d + i] = F[i, d, 0] * (w - mean) + F[i, d, 1] * a + F[i, d, 2] * j
+            P[r, 3 + i] += mean
             P[r, MEAN + i] = mean
     _add_noise(P, N, Q, variance)
     for i in range(SIZE):
         for j in range(i):  # both halves alike: what differs would grow
             P[j, i] = P[i, j]
+
+
+@inlined
+def _move_rows(P: FloatArray, F: FloatArray, out: FloatArray) -> None:
+    """Write the rows of rates, derivatives and mean of the transition times P."""
+    for i in range(3):
+        for d in range(3):
+            f0, f1, f2 = F[i, d, 0], F[i, d, 1], F[i, d, 2]
+            fm = (1.0 if d == 0 else 0.0) - f0
+            for q in range(P.shape[1]):
+                value = f0 * P[3 + i, q] + f1 * P[6 + i, q] + f2 * P[9 + i, q]
+                out[3 + 3 * d + i, q] = value + fm * P[MEAN + i, q]
+        for q in range(P.shape[1]):
+            out[MEAN + i, q] = P[MEAN + i, q]
 
 
 @inlined
@@ -172,7 +177,7 @@ def difference(R: FloatArray, R_measured: FloatArray, axis: FloatArray) -> Float
 def gain(
     P: FloatArray, z: FloatArray, V: FloatArray
 ) -> tuple[FloatArray, FloatArray, float, float]:
-    """Return the gain's transpose, (3, 16), and of the innovation inverse covariance, square, log-determinant.
+    """Return the gain's transpose, (3, 16); of the innovation inverse covariance, square, log-det.
 
     The square is of the whitened innovation, the determinant of the covariance; P is symmetric.
     """
