@@ -115,7 +115,7 @@ def varying_rate_prior(
     )
     # From long memories and from short ones: each may lead to a lesser maximum.
     starts = (search.climbed(search.point(one, _bounded(above))) for one in _starts(x, swings))
-    begun = max((search.with_shapes(one) for one in starts), key=lambda one: one.value)
+    begun = search.with_shapes(max(starts, key=lambda one: one.value))
     best = search.with_walk(search.maximum_from(begun))
     gained = search.evidence(best) - still
     if gained < VERY_STRONG_NATS:
@@ -139,15 +139,24 @@ def _starts(x: FloatArray, swings: bool) -> list[FloatArray]:
 
 
 class _Point(NamedTuple):
-    """Where a search stands: hyperparameters (12,), log scales (blocks, 3), log posterior density.
+    """Where a search stands: hyperparameters (12,), log scales (blocks, 3), and what is there.
 
-    The standard deviations of the former are the scales' mean.
+    The standard deviations of the former are the scales' mean. Slope and freedom are the score of
+    scales by the attitudes alone, and what these tell of them.
     """
 
     x: FloatArray
     scales: FloatArray
     walk_sigma: float
-    value: float
+    without_walk: float  # log posterior density but for the walk's
+    slope: FloatArray  # (blocks, 3)
+    freedom: FloatArray  # (blocks, 3)
+
+    @property
+    def value(self) -> float:
+        """Log posterior density."""
+        walk = (np.diff(self.scales, axis=0) ** 2).sum() / (2 * self.walk_sigma**2)
+        return self.without_walk - float(walk)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -179,18 +188,26 @@ class _Search:
     def point(
         self, x: FloatArray, scales: FloatArray, walk_sigma: float = _WALK_SIGMAS[_USUAL_WALK]
     ) -> _Point:
-        """Return a point with its density; the tape is that of the last one."""
+        """Return a point with its density and the score of its scales."""
         x = x.copy()
         x[SIGMA] = scales.mean(axis=0)
-        of_intervals, variance = self._prior(x, scales)
-        value = self.attitudes.log_densities(of_intervals, variance, self.tape).sum()
-        walk = (np.diff(scales, axis=0) ** 2).sum() / (2 * walk_sigma**2)
+        variance = self.variances(scales)
+        of_intervals = np.tile(poles(x), (len(variance), 1, 1))
+        value = float(self.attitudes.log_densities(of_intervals, variance, self.tape).sum())
+        slope, freedom, _ = score(self.attitudes.epochs.t_s, of_intervals, variance, self.tape)
         return _Point(
             x,
             scales,
             walk_sigma,
-            float(value) + log_prior(x, self.memory_s)[0] - float(walk),
+            value + log_prior(x, self.memory_s)[0],
+            self._of_blocks(slope),
+            self._of_blocks(freedom),
         )
+
+    def _of_blocks(self, values: FloatArray) -> FloatArray:
+        """Return sums, (blocks, 3), of what intervals have, (n - 1, 3)."""
+        columns = [np.bincount(self.block, weights=column) for column in values.T]
+        return np.stack(columns, axis=1)
 
     def maximum_from(self, here: _Point) -> _Point:
         """Return where scales, and shapes with levels, in turn lead to."""
@@ -232,7 +249,7 @@ class _Search:
         for towards in (1, -1):
             i = _USUAL_WALK + towards
             while 0 <= i < len(_WALK_SIGMAS):
-                other = self.climbed(self.point(best.x, best.scales, _WALK_SIGMAS[i]))
+                other = self.climbed(best._replace(walk_sigma=_WALK_SIGMAS[i]))
                 of_other = self.evidence(other)
                 if of_other < evidence:
                     break
@@ -243,40 +260,23 @@ class _Search:
 
     def evidence(self, at: _Point) -> float:
         """Return the log evidence of shapes and levels, scales about these integrated (Laplace)."""
-        _, freedom = self._score(at)
         total = at.value
-        for axis in range(3):
-            precision = _precision(freedom[:, axis], at.walk_sigma)
+        for freedom in at.freedom.T:
+            precision = _precision(freedom, at.walk_sigma)
             roots = np.log(cholesky_banded(precision, lower=True)[0]).sum()
-            level = np.log(2 * freedom[:, axis].sum() + _RIDGE) / 2
+            level = np.log(2 * freedom.sum() + _RIDGE) / 2
             total += level - roots - (len(freedom) - 1) * np.log(at.walk_sigma)
         return float(total)
 
-    def _prior(self, x: FloatArray, scales: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return poles, (n - 1, 3, 3), and variances, (n - 1, 3), of intervals."""
-        variance = self.variances(scales)
-        return np.tile(poles(x), (len(variance), 1, 1)), variance
-
-    def _score(self, at: _Point) -> tuple[FloatArray, FloatArray]:
-        """Return the score of scales, and the freedom that attitudes tell of them, (blocks, 3)."""
-        of_intervals, variance = self._prior(at.x, at.scales)
-        self.attitudes.log_densities(of_intervals, variance, self.tape)
-        parts = score(self.attitudes.epochs.t_s, of_intervals, variance, self.tape)[:2]
-        out = [np.zeros_like(at.scales) for _ in parts]
-        for into, part in zip(out, parts, strict=True):
-            np.add.at(into, self.block, part)
-        return out[0], out[1]
-
     def _steps(self, at: _Point) -> FloatArray:
         """Return Fisher's scoring steps of scales, (blocks, 3)."""
-        slope, freedom = self._score(at)
-        slope += log_prior(at.x, self.memory_s)[1][SIGMA] / len(slope)
+        slope = at.slope + log_prior(at.x, self.memory_s)[1][SIGMA] / len(at.slope)
         walk = np.diff(at.scales, axis=0) / at.walk_sigma**2
         slope[1:] -= walk
         slope[:-1] += walk
         steps = [
-            solveh_banded(_precision(freedom[:, axis], at.walk_sigma), slope[:, axis], lower=True)
-            for axis in range(3)
+            solveh_banded(_precision(freedom, at.walk_sigma), of_axis, lower=True)
+            for freedom, of_axis in zip(at.freedom.T, slope.T, strict=True)
         ]
         return np.asarray(np.clip(np.stack(steps, axis=1), -_MOST_STEP, _MOST_STEP))
 
