@@ -101,7 +101,7 @@ def _rate_priors(
 
     Stated, or identified by the evidence of attitudes with integers: by those of the whole flight,
     its scale varying where that is likelier, or, where nothing is to look ahead, by those up to
-    each interval.
+    each interval. Of an array they may be those of the same flight with other tags of the unit.
     """
     start = stage.start
     sure = start.valid & (stage.float_arcs.stretch < 0)
@@ -114,6 +114,8 @@ def _rate_priors(
     if settings.causal and settings.rate_prior is None:
         poles, variance = _causal_priors(start, sure)
         return poles, variance, ("Rate prior: identified by the attitudes up to each keyframe.",)
+    if settings.interval_priors is not None and _is_by_array(start):
+        return *settings.interval_priors.at(start.t_s[:-1]), ()
     attitudes = start.t_s[sure], start.R_nu[sure], start.covariance_rad2[sure]
     if settings.rate_prior is not None:
         prior, varying = settings.rate_prior, None

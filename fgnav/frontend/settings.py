@@ -5,7 +5,7 @@ from typing import Literal
 
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.gravity import GravityEstimator
-from fgnav.process.hyperparameters import RatePrior
+from fgnav.process.hyperparameters import IntervalPriors, RatePrior
 from fgnav.types.integers import Resolver
 
 
@@ -17,6 +17,8 @@ class ProblemSettings:
     gravity: GravityEstimator | None = None
     calibration: tuple[CalibrationRequest, ...] = ()
     rate_prior: RatePrior | None = None
+    # That identified with other tags of the unit, which do not change an array's attitudes.
+    interval_priors: IntervalPriors | None = None
     sub_steps: int | None = None
     false_alarm: float = 1e-4
     causal: bool = False  # each quantity from epochs up to its own alone

@@ -1,6 +1,7 @@
 """What a flight says of its noise, with the inertial unit's tags moved as it is likeliest."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.calibration_request import calibration_requests, of_time, of_vehicle
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
+from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.turned import UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.identification.array.turn import tested_turn
@@ -26,6 +28,7 @@ from fgnav.identification.tested_constants import SIGMAS
 from fgnav.identification.track.candidates import clock_candidates, over_common_span
 from fgnav.identification.track.tags import is_far, middle_of_tags_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
+from fgnav.process.hyperparameters import IntervalPriors
 from fgnav.types.flight import Flight
 
 _CLOCK_STEPS = 5  # at most: each leaves half or less of what is left
@@ -100,6 +103,7 @@ class TagSearch(NamedTuple):
         if prepared.opening is not None and prepared.opening.until_s == np.inf:
             return None
         extra = (*self._tested_constants(), *tested_turn(prepared.problem, turn))
+        others = self._with_rates_of(prepared)
         identified = identify(ThinnedFlight.of(at_first, prepared, extra))
         clock = None
         if prepared.problem.phase is not None:
@@ -112,9 +116,9 @@ class TagSearch(NamedTuple):
         unmoved = AtTags(identified.on_time(), moved, doubted)
         try:
             if clock is None:
-                stepped = self._stepped(doubted, extra)
+                stepped = others._stepped(doubted, extra)
             else:
-                stepped = self._stepped_by(moved, clock, extra)
+                stepped = others._stepped_by(moved, clock, extra)
         except NoSolutionError:
             return unmoved
         if self.flight.observations is not None:  # nothing is left to estimate
@@ -122,7 +126,7 @@ class TagSearch(NamedTuple):
             stepped = AtTags(stepped.identified.on_time(), stepped.moved + rest)
         either = identified.times.are_one_or_the_other
         both = (moved, stepped.moved)
-        before, after = (self.without_clock(by, both) for by in both)
+        before, after = (others.without_clock(by, both) for by in both)
         # Late velocities are as likely as these tags: then it is enough that nothing excludes them.
         least = -EXCLUDED if either else SIGMAS**2 / 2
         if after.likelihood > before.likelihood + least:
@@ -145,6 +149,14 @@ class TagSearch(NamedTuple):
         constants = self._tested_constants(clock=False, delay=False)
         tested = (*constants, *tested_turn(prepared.problem, UNIT_TURN), *extra)
         return ThinnedFlight.of(at, prepared, tested)
+
+    def _with_rates_of(self, prepared: PreparedFlight) -> "TagSearch":
+        """Return a search whose motion turns as that of a problem, with other tags, does."""
+        motion = prepared.problem.motion
+        if not isinstance(motion, GyroFree):
+            return self
+        priors = IntervalPriors(motion.t_s, motion.poles_per_s, motion.variance_rad2ps2)
+        return self._replace(settings=replace(self.settings, interval_priors=priors))
 
     def _with_tags(self, moved: FloatArray) -> Flight:
         return with_tags_moved(self.flight, moved, middle_of_tags_s(self.flight.imu))

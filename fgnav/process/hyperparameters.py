@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
@@ -73,6 +74,20 @@ class RatePrior:
     def poles_per_s(self) -> FloatArray:
         """Poles of the process about each axis, (3, 3); see ``matern``."""
         return matern.poles(self.length_s, self.pole_ratio, self.damping_ratio)
+
+
+class IntervalPriors(NamedTuple):
+    """The rate's prior of each interval between n times."""
+
+    t_s: FloatArray  # (n,)
+    poles_per_s: FloatArray  # (n - 1, 3, 3), about the body axes
+    variance_rad2ps2: FloatArray  # (n - 1, 3)
+
+    def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return poles, (m, 3, 3), and variances, (m, 3), of the intervals that times are in."""
+        latest = np.searchsorted(self.t_s, t_s, side="right") - 1
+        rows = latest.clip(0, len(self.variance_rad2ps2) - 1)
+        return self.poles_per_s[rows], self.variance_rad2ps2[rows]
 
 
 def likeliest(
