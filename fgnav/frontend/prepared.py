@@ -9,6 +9,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.position.live_arcs import EarlierArcs
+from fgnav.frontend.sensors.rest import Rest
 from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import Opening, SmoothingProblem
@@ -77,6 +78,8 @@ class PreparedFlight:
         In place of all this, of a causal method whose noise is identified as the flight goes on.
     axes : BodyAxes or None
         Of an array that is turned against the inertial unit.
+    rest : Rest or None
+        Seconds at rest.
     goes_on : Earlier or None
         What keyframes to come need of these.
     """
@@ -99,6 +102,7 @@ class PreparedFlight:
     array: tuple[DoubleDifferences, FloatArray] | None = None
     stretches: "tuple[Stretch, ...]" = ()
     axes: BodyAxes | None = None
+    rest: Rest | None = None
     goes_on: Earlier | None = None
     arcs: tuple[ArcInteger, ...] = ()
 

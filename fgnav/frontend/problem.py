@@ -24,6 +24,7 @@ from fgnav.frontend.motion import is_predicted, motion_of
 from fgnav.frontend.position.live_arcs import EarlierArcs
 from fgnav.frontend.position.phases import antenna_phase
 from fgnav.frontend.prepared import Earlier, PreparedFlight
+from fgnav.frontend.sensors.rest import Rest, moving_antenna, resting_motion
 from fgnav.frontend.sensors.sensed import Sensed, sense
 from fgnav.frontend.sensors.standstill import standing
 from fgnav.frontend.settings import ProblemSettings
@@ -61,14 +62,17 @@ def build_problem(
     track = tracked(flight, stage)
     imu, causal = stage.record.imu, settings.causal
     sensed = sense(flight, imu, stage.down, track.t_s, track.places_n_m, causal=causal)
-    if flight.standstill:
-        stands = standing(stage.record, track.t_s, track.antenna, causal=causal)
-        sensed = replace(sensed, standing=stands)
+    stands = standing(stage.record, track.t_s, track.antenna, causal=causal)
+    rest = Rest.of(stands, track.t_s, causal=causal)
+    sensed = replace(sensed, standing=stands) if flight.standstill else sensed
+    antenna = moving_antenna(track.antenna, track.t_s, rest, settings.at_rest)
+    track = track._replace(antenna=antenna)
     tags = of_tags(settings.calibration, flight)
     constants = _constants((*requested, *tags), stage, sensed, flight.seeker)
     multipath, lasting_notes = _lasting(stage, requested)
     earth = flight.origin.earth_rate_n_radps
     motion, turning, rate_notes = motion_of((stage, track), settings, earth, constants, multipath)
+    motion = resting_motion(motion, rest, settings.at_rest)
     timed = timed_motion(imu, track.t_s, track.gravity_n_mps2, earth, causal=causal)
     phases = antenna_phase(
         track.antenna.phases,
@@ -127,6 +131,7 @@ def build_problem(
         opening=opening,
         in_motion=in_motion,
         array=start.phases,
+        rest=rest,
         goes_on=_goes_on(flight, stage, phases.goes_on),
         arcs=phases.arcs,
     )

@@ -1,6 +1,7 @@
 """What decides how a flight becomes a smoothing problem."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 from fgnav.frontend.calibration_request import CalibrationRequest
@@ -23,3 +24,4 @@ class ProblemSettings:
     false_alarm: float = 1e-4
     causal: bool = False  # each quantity from epochs up to its own alone
     noise: Literal["identified", "stated"] = "stated"  # identified: by ``identification``, after
+    at_rest: Mapping[str, float] = field(default_factory=dict, hash=False)  # of motion

@@ -9,7 +9,7 @@ from fgnav.identification.array.exchanged import exchange_of
 from fgnav.identification.array.places import with_reference
 from fgnav.identification.findings import Findings, findings, with_satellite_errors
 from fgnav.identification.late_forces import with_forces_early
-from fgnav.identification.noise.stated import with_factors
+from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.span_faults import building
 from fgnav.identification.tag_steps import tag_step
 from fgnav.identification.time_tags import Build
@@ -86,7 +86,8 @@ def with_findings(
     better = with_reference(with_factors(better, changes.factors), changes.reference)
     better = better if changes.turn is None else changes.turn.back(better)
     mended = building(build, changes.faults)
-    prepared = mended(better, replace(settings, calibration=changes.calibration))
+    at_rest = with_rest(settings, changes.factors)
+    prepared = mended(better, replace(at_rest, calibration=changes.calibration))
     axes = None if changes.turn is None else changes.turn.axes
     return replace(_with_errors_and_notes(prepared, changes), axes=axes)
 

@@ -85,13 +85,14 @@ def _late_s(search: TagSearch, at_tags: AtTags, sigmas: float) -> float:
     if imu is None or imu.w_b_radps is None:
         return 0.0
     constant = flight_constant(FORCE_DELAY, ("delay",), "s", _DELAY_S, reported=False)
-    factor = np.where(identified.used, identified.factor, 1.0)
     try:
         small = search.on_time(at_tags.moved, (constant,))
         column = small.problem.constants.column(FORCE_DELAY)
         problem = with_changed_samples(small.problem, (_early_unit,), np.array([_STEP_S]), column)
         flight = small._replace(problem=problem)
-        _, states, score = flight.descended(problem.start, np.log(factor), _ITERATIONS)
+        _, states, score = flight.descended(
+            problem.start, flight.logarithms(identified.factors), _ITERATIONS
+        )
     except NoSolutionError:
         return 0.0
     late_s = states.constants[column] + score.constant_steps[column]

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fgnav.frontend.calibration_request import CalibrationRequest
+from fgnav.frontend.sensors.rest import AT_REST
 from fgnav.graph.types.motion import INERTIAL_NOISES
 from fgnav.identification.likelihood.thinned import FIELDS
 from fgnav.identification.noise.identified import Identified
@@ -43,15 +44,18 @@ def noise_notes(imu: Imu | None, identified: Identified) -> tuple[str, ...]:
     notes = []
     for i in np.flatnonzero(identified.used).tolist():
         name, factor = identified.names[i], float(identified.factor[i])
+        moving = identified.factors.get(name.removesuffix(AT_REST), 1.0)
+        if name.endswith(AT_REST) and factor == moving:
+            continue
         value = _value(imu, name, factor)
         if identified.stated[i]:
             stated = _USUAL if name == "line of sight" else "what flight.toml states"
             times = f"{factor:.2g} x {stated}"
             cause = _cause(identified) if identified.exceeds_noise[i] else ""
-            notes.append(f"{_WHAT[name]} is {times}{value and f', {value}'}: used instead{cause}.")
+            notes.append(f"{_what(name)} is {times}{value and f', {value}'}: used instead{cause}.")
         else:
             usual = value or f"{factor:.2g} x {_USUAL}"
-            notes.append(f"{_WHAT[name]}, not stated, is identified as {usual}.")
+            notes.append(f"{_what(name)}, not stated, is identified as {usual}.")
     return tuple(notes)
 
 
@@ -66,9 +70,15 @@ def _cause(identified: Identified) -> str:
 
 
 def _value(imu: Imu | None, name: str, factor: float) -> str:
+    name = name.removesuffix(AT_REST)
     if imu is None or name not in FIELDS:
         return ""
     return f"{factor * getattr(imu, FIELDS[name]):.2g} {_UNIT[name]}"
+
+
+def _what(name: str) -> str:
+    moving = _WHAT[name.removesuffix(AT_REST)]
+    return moving if not name.endswith(AT_REST) else moving.removesuffix(" in motion") + AT_REST
 
 
 def satellite_error_notes(noise: GnssNoise, factors: Mapping[str, float]) -> tuple[str, ...]:

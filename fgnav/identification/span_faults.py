@@ -34,7 +34,7 @@ from fgnav.identification.likelihood.span_offsets import (
 )
 from fgnav.identification.likelihood.thinned import thinned
 from fgnav.identification.noise.begin import WHITE
-from fgnav.identification.noise.stated import with_factors
+from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
 from fgnav.identification.track.tags import middle_of_tags_s, with_tags_moved
@@ -215,12 +215,14 @@ def _likeliest(
     small = ThinnedFlight.of(flight, prepared, ())
     if "gyroscope" not in small.parts.names:
         return ()
-    theta = np.log(np.where(identified.used, identified.factor, 1.0))
+    theta = small.logarithms(identified.factors)
     try:
         chain = _anchored(small.problem)
         offsets = [_Tested.of(chain, 0.0)]
         if identified.used.any():
-            louder = search.build(with_factors(flight, identified.factors), settings)
+            louder = search.build(
+                with_factors(flight, identified.factors), with_rest(settings, identified.factors)
+            )
             gain = _likelihood(small, theta) - _likelihood(small, np.zeros(len(theta)))
             offsets.append(_Tested.of(_anchored(thinned(louder.problem)), gain))
     except NoSolutionError:

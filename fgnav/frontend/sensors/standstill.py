@@ -33,7 +33,7 @@ from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.gaps import Bridged
 from fgnav.frontend.position.antenna_motion import AntennaMotion
 
-_WINDOW_S = 1.0  # what shakes a body at rest has faded within it; Skog's feet stand a tenth of it
+WINDOW_S = 1.0  # what shakes a body at rest has faded within it; Skog's feet stand a tenth of it
 _MISSED = 0.05  # of windows at rest, by both statistics
 _FALSE_ALARM = 1e-4  # of the test that GNSS measured a velocity of zero
 _SAME_S = 1e-6
@@ -62,7 +62,7 @@ def standing(
 
     Once a second, by the second before. Causal: by windows up to each.
     """
-    second = np.floor((t_s - t_s[0]) / _WINDOW_S).astype(np.int64)
+    second = np.floor((t_s - t_s[0]) / WINDOW_S).astype(np.int64)
     row = np.flatnonzero(np.diff(second, prepend=0) > 0)
     if not len(row):
         return Standing(row, np.zeros(0))
@@ -107,13 +107,13 @@ def _moments(record: Bridged, until_s: FloatArray) -> tuple[FloatArray, FloatArr
     x = x - x[0]  # for the digits of the sums below
     changed = np.diff(x, axis=0, prepend=x[:1]) != 0
     sums = [np.vstack([np.zeros(x.shape[1]), np.cumsum(y, axis=0)]) for y in (x, x**2, changed)]
-    first = np.searchsorted(imu.t_s, until_s - _WINDOW_S, side="right")
+    first = np.searchsorted(imu.t_s, until_s - WINDOW_S, side="right")
     last = np.searchsorted(imu.t_s, until_s, side="right")
     count = last - first
     mean, square = ((one[last] - one[first]) / np.maximum(count, 1)[:, None] for one in sums[:2])
     variance = (square - mean**2) * (count / np.maximum(count - 1, 1))[:, None]
     changes = sums[2][last] - sums[2][np.minimum(first + 1, last)]
-    ended = np.searchsorted(gaps_s[:, 1], until_s - _WINDOW_S, side="right")
+    ended = np.searchsorted(gaps_s[:, 1], until_s - WINDOW_S, side="right")
     gapless = np.searchsorted(gaps_s[:, 0], until_s) <= ended
     resolved = gapless[:, None] & (changes > 0) & (variance > 0)
     variance = np.where(resolved, variance, np.nan)
@@ -126,7 +126,7 @@ def _measured(antenna: AntennaMotion, t_s: FloatArray, row: IntArray) -> _Measur
     """Return what GNSS measured of velocities in the windows before rows."""
     at, v, C = _velocities(antenna, t_s, row)
     whitened = np.einsum("ki,ki->k", v, np.linalg.solve(C, v[:, :, None])[:, :, 0])
-    first = np.searchsorted(t_s, t_s[row] - _WINDOW_S + _SAME_S, side="right")
+    first = np.searchsorted(t_s, t_s[row] - WINDOW_S + _SAME_S, side="right")
     sums = []
     for values in (np.ones(len(at)), whitened, (v**2).sum(axis=1), np.einsum("kii->k", C)):
         total = np.zeros(len(t_s) + 1)
@@ -154,9 +154,9 @@ def _velocities(
         return np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3, 3))
     good = np.flatnonzero(antenna.position.valid)
     p_n_m, C = antenna.position.value[good], antenna.position.covariance[good]
-    before = np.searchsorted(t_s[good], t_s[good] - _WINDOW_S + _SAME_S, side="right") - 1
+    before = np.searchsorted(t_s[good], t_s[good] - WINDOW_S + _SAME_S, side="right") - 1
     apart_s = t_s[good] - t_s[good[before]]
-    k = np.flatnonzero((before >= 0) & (apart_s < 2 * _WINDOW_S) & np.isin(good, row))
+    k = np.flatnonzero((before >= 0) & (apart_s < 2 * WINDOW_S) & np.isin(good, row))
     j, T = before[k], apart_s[k]
     return good[k], (p_n_m[k] - p_n_m[j]) / T[:, None], (C[k] + C[j]) / (T**2)[:, None, None]
 

@@ -5,6 +5,8 @@ residuals r, their Jacobian J, the smoothed covariance P, ``M = I - J P J'`` and
 share of the rows' covariance, the marginal likelihood's derivative by theta is
 ``r' C r - tr(C M)`` [1]_: what is left of the residuals against what should be left of them.
 
+Where a flight rests, white noise of its unit, positions and velocities are components of their own.
+
 References
 ----------
 .. [1] Harville: Maximum likelihood approaches to variance component estimation and to related
@@ -16,7 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.frontend.sensors.rest import AT_REST
 from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.motion import NoiseParts
 from fgnav.graph.types.problem import SmoothingProblem
@@ -55,10 +58,32 @@ class Score(NamedTuple):
         return np.asarray((self.neighbours + np.diag(2 * self.redundancy.clip(0))) / 2)
 
 
+class AtRest(NamedTuple):
+    """Keyframes at rest, and measurements whose noise is another component there."""
+
+    row: BoolArray  # (n,)
+    names: tuple[str, ...]
+
+
 class _Sensor(NamedTuple):
+    name: str  # of its component
     rows: IntArray
     linear: Linearised
     squares: FloatArray  # (n, W, W), its augmented information by keyframe
+
+    @classmethod
+    def of(cls, name: str, rows: IntArray, linear: Linearised, node: FloatArray) -> "_Sensor":
+        linear = Linearised(*map(np.ascontiguousarray, linear))
+        squares = np.zeros_like(node)
+        kernel.add_squares(squares, rows, *linear)
+        return cls(name, rows, linear, squares)
+
+    def divided(self, at_rest: BoolArray) -> "tuple[_Sensor, ...]":
+        """Return what it measures in motion and at rest, (k,), as two."""
+        return tuple(
+            _Sensor.of(name, self.rows[of], Linearised(*(x[of] for x in self.linear)), self.squares)
+            for name, of in ((self.name, ~at_rest), (self.name + AT_REST, at_rest))
+        )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -68,7 +93,7 @@ class LinearChain:
     Attributes
     ----------
     names : tuple of str
-        Components: sensors of the motion, then measurements.
+        Components: sensors of the motion, then measurements, each with those at rest.
     """
 
     names: tuple[str, ...]
@@ -87,6 +112,7 @@ class LinearChain:
         states: States,
         divided: NoiseParts,
         scaled: tuple[str, ...],
+        at_rest: AtRest | None = None,
     ) -> "LinearChain":
         """Linearise a problem.
 
@@ -98,27 +124,27 @@ class LinearChain:
             Of the motion.
         scaled : tuple of str
             Names of measurements whose noise is a component.
+        at_rest : AtRest, optional
         """
         n, D, b = len(problem.t_s), problem.width, problem.constants.width
         links, rows = Links.empty(n, D, b), np.arange(n)
         fixed = tuple(one for one in problem.measurements if one.name not in scaled)
         before = states.at(slice(0, n - 1))
         linearise(replace(problem, measurements=fixed), rows, states, before, links, rows)
-        sensors, sensor_names = [], []
+        sensors: list[_Sensor] = []
         for one in problem.measurements:
             if one.name in scaled:
-                which = np.arange(len(one.row))
-                made = one.linearise(states.at(one.row), which)
-                linear = Linearised(*map(np.ascontiguousarray, made))
-                squares = np.zeros_like(links.node)
-                kernel.add_squares(squares, one.row, *linear)
-                sensors.append(_Sensor(one.row, linear, squares))
-                sensor_names.append(one.name)
+                made = one.linearise(states.at(one.row), np.arange(len(one.row)))
+                sensor = _Sensor.of(one.name, one.row, made, links.node)
+                if at_rest is None or one.name not in at_rest.names:
+                    sensors.append(sensor)
+                else:
+                    sensors += sensor.divided(at_rest.row[one.row])
         _, white = problem.motion.prior(b)
         # Rows that are not whitened have a Jacobian of about one by the next state.
         after = np.linalg.slogdet(links.motion[1:, :, D : 2 * D])[1]
         return cls(
-            (*divided.names, *sensor_names),
+            (*divided.names, *(one.name for one in sensors)),
             links.motion[1:],
             np.ascontiguousarray(divided.parts),
             np.ascontiguousarray(divided.rest),
@@ -130,8 +156,7 @@ class LinearChain:
 
     def residuals(self, name: str, score: Score) -> FloatArray:
         """Return a scaled measurement's smoothed residuals, whitened as stated, (k, m)."""
-        own = self._parts.shape[1]
-        rows, linear, _ = self._sensors[self.names.index(name) - own]
+        _, rows, linear, _ = next(one for one in self._sensors if one.name == name)
         moved = np.einsum("kmd,kd->km", linear.state, score.steps[rows])
         return np.asarray(linear.value + moved + linear.shared @ score.constant_steps)
 

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from fgnav.checks import NoSolutionError
+from fgnav.frontend.sensors.rest import AT_REST
 from fgnav.identification.likelihood.thinned import FIELDS
 from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.noise.identified import Identified
@@ -124,7 +125,8 @@ def _unless_a_bias(flight: ThinnedFlight, identified: Identified) -> Identified:
     that begins with the noise loud ends where a drift is noise. What is beyond any noise, or comes
     with another instrument's noise, may be that one's fault, which a walk would follow as well.
     """
-    if identified.exceeds_noise.any() or not FIELDS.keys() >= identified.contradicted.keys():
+    contradicted = {name.removesuffix(AT_REST) for name in identified.contradicted}
+    if identified.exceeds_noise.any() or not FIELDS.keys() >= contradicted:
         return identified
     duration_s, likeliest = np.ptp(flight.problem.t_s), identified
     for sensor in WHITE:

@@ -3,7 +3,9 @@
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.frontend.sensors.rest import AT_REST
 from fgnav.graph.correlation import correlated
+from fgnav.graph.types.motion import INERTIAL_NOISES
 from fgnav.identification.likelihood.linear_chain import LinearChain, Score
 from fgnav.identification.likelihood.search import Found, search
 from fgnav.identification.noise.begin import ABOVE, WHITE, begins, widened
@@ -48,13 +50,15 @@ def _searched_from(flight: ThinnedFlight, factors: dict[str, float], louder: flo
     if "gyroscope" not in flight.parts.names:
         begun = widened(flight.problem, factors, louder)
         states, above = solve_batch(begun, most=_ITERATIONS).states, dict.fromkeys(WHITE, louder)
-    theta: FloatArray = np.log([factors.get(n, above.get(n, 1.0)) for n in flight.names])
+    loud = above | factors
+    theta = flight.logarithms({n + AT_REST: factor for n, factor in loud.items()} | loud)
+    in_motion = np.isin(flight.names, INERTIAL_NOISES)
     is_stated, share, last = flight.is_stated, 1.0, np.zeros(len(theta))
     for _ in range(_ROUNDS):
         chain, states, _ = flight.descended(states, theta, _ITERATIONS)
         free = _free(chain, theta, is_stated)
         change = free.theta - theta
-        if np.abs(change)[: len(flight.parts.names)].max() < TOLERATED:
+        if np.abs(change)[in_motion].max() < TOLERATED:
             break
         if change @ last < 0.0:
             share /= 2  # noise and states undo each other's changes
@@ -63,6 +67,7 @@ def _searched_from(flight: ThinnedFlight, factors: dict[str, float], louder: flo
         raise NoSolutionError("noise: it is another at every linearisation of the chain")
     likeliest, theta, used = _beside_the_stated(chain, free, is_stated)
     theta, used = louder_by_correlation(chain, likeliest.score, theta, used)
+    theta, used = _completed(chain.names, free, theta, used, is_stated)
     mean, sigma = _prior(chain.names, is_stated)
     penalty = float((((likeliest.theta - mean) / sigma) ** 2).sum()) / 2
     return flight.identified(
@@ -101,6 +106,30 @@ def _free(chain: LinearChain, begin: FloatArray, is_stated: BoolArray) -> Found:
     if likeliest is None:
         raise NoSolutionError("noise: the chain has no solution about which to identify it")
     return likeliest
+
+
+def _completed(
+    names: tuple[str, ...], free: Found, theta: FloatArray, used: BoolArray, is_stated: BoolArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return theta, and what is used, of noises at rest and in motion that are not identified.
+
+    What contradicts neither what is stated nor the other of the two is as loud as that, or as
+    stated if that is more. Errors of a receiver's positions stay where it does: that they repeat at
+    rest makes them no smaller.
+    """
+    theta, used = theta.copy(), used.copy()
+    for resting in (i for i, name in enumerate(names) if name.endswith(AT_REST)):
+        moving = names.index(names[resting].removesuffix(AT_REST))
+        pair = [moving, resting]
+        differs = contradicted(np.diff(free.theta[pair]), np.hypot(*free.sigma[pair]))[0]
+        for one, other in (pair, pair[::-1]):
+            if not (used[one] or differs) and used[other] and theta[other] > 0.0:
+                theta[one], used[one] = theta[other], True
+        if names[moving] == "position":
+            least = 0.0 if is_stated[moving] else theta[moving]
+            theta[resting] = max(theta[resting], least)
+            used[resting] &= theta[resting] != 0.0
+    return theta, used
 
 
 def _err_alike(chain: LinearChain, score: Score) -> bool:

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+from fgnav.frontend.sensors.rest import AT_REST
+from fgnav.frontend.settings import ProblemSettings
 from fgnav.identification.likelihood.thinned import FIELDS, scaled
 from fgnav.types.flight import Flight
 
@@ -46,6 +48,13 @@ def with_factors(flight: Flight, factors: dict[str, float]) -> Flight:
             velocity_sigma_mps=None if sigma is None else sigma * velocity,
         )
     return replace(_instruments(flight, factors), imu=imu, gnss_noise=noise, fixes=fixes)
+
+
+def with_rest(settings: ProblemSettings, factors: dict[str, float]) -> ProblemSettings:
+    """Return settings with what noises at rest are of those in motion."""
+    names = {name.removesuffix(AT_REST) for name in factors}
+    at_rest = {n: factors.get(n + AT_REST, 1.0) / factors.get(n, 1.0) for n in names}
+    return replace(settings, at_rest=at_rest)
 
 
 def _instruments(flight: Flight, factors: dict[str, float]) -> Flight:

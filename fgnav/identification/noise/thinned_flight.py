@@ -6,12 +6,14 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.frontend.prepared import PreparedFlight
+from fgnav.frontend.sensors.rest import AT_REST, Rest
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.motion import NoiseParts
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
-from fgnav.identification.likelihood.linear_chain import LinearChain, Score
+from fgnav.identification.likelihood.linear_chain import AtRest, LinearChain, Score
 from fgnav.identification.likelihood.thinned import FIELDS, thinned
+from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.seen_noise import greatest_noise
 from fgnav.identification.noise.stated import scalable, unstated
@@ -30,6 +32,7 @@ class ThinnedFlight(NamedTuple):
     unstated: tuple[str, ...]
     imu: Imu | None
     greatest: dict[str, float]  # factors of the unit's white noise that its samples can hold
+    at_rest: AtRest | None = None
 
     @classmethod
     def of(
@@ -42,25 +45,36 @@ class ThinnedFlight(NamedTuple):
         small = thinned(prepared.problem, extra)
         at_keyframes = prepared.timed.at(np.searchsorted(prepared.problem.t_s, small.t_s))
         small = depending(small, at_keyframes, extra)
+        rest = None if flight.observations is not None else prepared.rest
+        parts = small.motion.noise_parts()
         return cls(
             problem=small,
-            parts=small.motion.noise_parts(),
+            parts=parts if rest is None else _with_rest(parts, rest.share(small.t_s)),
             scalable=scalable(flight),
             unstated=unstated(flight),
             imu=flight.imu,
             greatest=_greatest(flight.imu, small),
+            at_rest=None if rest is None else _at_rest(small, rest),
         )
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Components of its chain: of the motion, then of measurements."""
-        measured = (one.name for one in self.problem.measurements if one.name in self.scalable)
+        """Components of its chain: of the motion, then of measurements, each with those at rest."""
+        at_rest = () if self.at_rest is None else self.at_rest.names
+        measured: tuple[str, ...] = ()
+        for one in self.problem.measurements:
+            if one.name in self.scalable:
+                measured += (one.name, one.name + AT_REST) if one.name in at_rest else (one.name,)
         return (*self.parts.names, *measured)
+
+    def logarithms(self, factors: dict[str, float]) -> FloatArray:
+        """Return theta, (c,), of factors by components; 0 of all others."""
+        return np.asarray(np.log([factors.get(name, 1.0) for name in self.names]))
 
     @property
     def is_stated(self) -> BoolArray:
         """Which of them the flight states, (c,)."""
-        return ~np.isin(self.names, self.unstated)
+        return ~np.isin([name.removesuffix(AT_REST) for name in self.names], self.unstated)
 
     def descended(
         self, states: States, theta: FloatArray, most: int
@@ -72,7 +86,7 @@ class ThinnedFlight(NamedTuple):
         best: Score | None = None
         at, share = states, 1.0
         for _ in range(most):
-            chain = LinearChain.of(self.problem, at, self.parts, self.scalable)
+            chain = LinearChain.of(self.problem, at, self.parts, self.scalable, self.at_rest)
             score = chain.score(theta, whole=False)
             if score is not None and score.promised < _NEAR * score.cost:
                 return chain, at, score
@@ -125,3 +139,28 @@ def _greatest(imu: Imu | None, problem: SmoothingProblem) -> dict[str, float]:
         return {}
     greatest = greatest_noise(imu, float(np.median(np.diff(problem.t_s))))
     return {name: density / getattr(imu, FIELDS[name]) for name, density in greatest.items()}
+
+
+def _at_rest(problem: SmoothingProblem, rest: Rest) -> AtRest:
+    """Return which measurements of fixes a thinned flight has at rest."""
+    row = rest.contains(problem.t_s)
+    names = [one.name for one in problem.measurements if row[one.row].any()]
+    return AtRest(row, tuple(name for name in names if name in ("position", "velocity")))
+
+
+def _with_rest(parts: NoiseParts, share: FloatArray) -> NoiseParts:
+    """Return the parts of a motion with white noise at rest as parts of their own.
+
+    ``share``: of each interval, (n - 1,), that is at rest.
+    """
+    if not share.any():
+        return parts
+    white = [parts.names.index(name) for name in WHITE if name in parts.names]
+    share = share[:, None, None, None]
+    moving, resting = parts.parts.copy(), parts.parts[:, white] * share
+    moving[:, white] *= 1.0 - share
+    return NoiseParts(
+        (*parts.names, *(parts.names[i] + AT_REST for i in white)),
+        np.concatenate([moving, resting], axis=1),
+        parts.rest,
+    )
