@@ -138,7 +138,11 @@ def _subject(
     phase = prepared.problem.phase  # against a base errors of satellites are other ones
     errors = {} if phase is None or flight.base is not None else satellite_error_factors(phase)
     prepared = with_satellite_errors(prepared, errors)
-    return _Subject(TagSearch(flight, settings, build), prepared, places, errors)
+
+    def built(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
+        return with_satellite_errors(build(flight, settings), errors)
+
+    return _Subject(TagSearch(flight, settings, built), prepared, places, errors)
 
 
 def _notes(
@@ -246,7 +250,7 @@ def _beside_phases(
 
     def changed(factors: dict[str, float]) -> SmoothingProblem:
         louder = with_factors(at_moved, identified.scaled(factors).factors)
-        return with_satellite_errors(search.build(louder, settings), subject.errors).problem
+        return search.build(louder, settings).problem
 
     is_same = _is_as_stated(at_tags, requests, subject.search.settings.calibration)
     begin = problem if is_same and not is_mended else changed({})

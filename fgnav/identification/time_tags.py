@@ -134,6 +134,10 @@ class TagSearch(NamedTuple):
         late = before.identified if either else None
         return unmoved if late is None else unmoved._replace(identified=late)
 
+    def at_tags(self, moved: FloatArray) -> PreparedFlight:
+        """Return the flight's problem with tags so moved."""
+        return self.build(self._with_tags(moved), self.settings)
+
     def on_time(self, moved: FloatArray, extra: tuple[FlightConstant, ...]) -> ThinnedFlight:
         """Return the flight's thinned chain with clock and velocities in time at tags so moved.
 

@@ -81,3 +81,12 @@ def test_neither_a_right_record_nor_lost_samples_are_a_step():
     lost = replace(right, imu=right.imu[~((t_s > 5.9) & (t_s < 6.1))])
     for flight in (right, lost):
         assert tag_step(flight, SETTINGS, build_problem) is None
+
+
+def test_phases_tell_a_low_pass_to_a_millisecond():
+    """Doppler told one of .13 s to 20 ms, and the clock had the rest: attitude NEES 48, now 5.4."""
+    right = right_flight("raw", 97002)
+    found = found_in(behind_a_low_pass(right, 0.06))
+    delay_s = 0.02 / np.expm1(0.02 / 0.06)
+    assert abs(found.forces_late_s - delay_s) < 4 * 0.0014  # its sigma
+    assert not found.moved.any()

@@ -98,11 +98,11 @@ def clock_off(problem: SmoothingProblem, middle_s: float, moved: FloatArray) -> 
     clock = record_clock(problem, middle_s, moved)
     if clock is None or clock.squares <= SQUARES_OF_TWO or is_misfit(problem, clock.cost):
         return None
-    drifts = _with_drifts(problem)
+    drifts = with_drifts(problem)
     return clock if drifts is None or clock.cost < drifts.cost else None
 
 
-def _with_drifts(problem: SmoothingProblem) -> Solution | None:
+def with_drifts(problem: SmoothingProblem) -> Solution | None:
     """Return a whole problem's minimum with biases that drift steadily; None without one."""
     motion = problem.motion
     if not isinstance(motion, GyroFree | Inertial):
