@@ -10,7 +10,7 @@ from fgnav.identification.array.places import with_reference
 from fgnav.identification.findings import Findings, findings, with_satellite_errors
 from fgnav.identification.late_forces import with_forces_early
 from fgnav.identification.noise.stated import with_factors, with_rest
-from fgnav.identification.span_faults import building
+from fgnav.identification.spans.unit_faults import building
 from fgnav.identification.tag_steps import tag_step
 from fgnav.identification.time_tags import Build
 from fgnav.identification.track.forces import force_consistency

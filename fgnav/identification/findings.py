@@ -23,7 +23,8 @@ from fgnav.identification.likelihood.satellite_errors import satellite_error_fac
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.stated import with_factors
 from fgnav.identification.notes import constant_notes, noise_notes, satellite_error_notes
-from fgnav.identification.span_faults import SpanFault, with_span_faults
+from fgnav.identification.spans.span_fault import SpanFault
+from fgnav.identification.spans.unit_faults import with_span_faults
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
 from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags, with_tags_moved
 from fgnav.types.estimate import Consistency

@@ -81,9 +81,23 @@ def profile_likelihood(problem: SmoothingProblem) -> float:
         cost = solve_batch(problem).cost
     except NoSolutionError:
         return -np.inf
-    rows = _rows(problem)
+    rows = measured_rows(problem)
     factor = max(cost / rows, 1.0)
     return -(cost / factor + rows * float(np.log(factor))) / 2
+
+
+def noise_score(problem: SmoothingProblem) -> dict[str, float]:
+    """Return the derivatives of a whole problem's log likelihood by ln of each white noise.
+
+    Raises
+    ------
+    NoSolutionError
+        If it has no minimum.
+    """
+    scored = _scored(problem)
+    if scored is None:
+        raise NoSolutionError("noise: the problem has no minimum")
+    return dict(zip(scored.names, scored.gradient.tolist(), strict=True))
 
 
 def _factors(names: tuple[str, ...], theta: FloatArray) -> dict[str, float]:
@@ -96,6 +110,7 @@ class _Scored(NamedTuple):
     names: tuple[str, ...]
     theta: FloatArray
     sigma: FloatArray
+    gradient: FloatArray  # of the log likelihood by these
     states: States
     cost: float  # at the minimum
 
@@ -119,15 +134,16 @@ def _scored(problem: SmoothingProblem, begin: States | None = None) -> _Scored |
     theta = np.log(squares[own].clip(1e-6) / redundancy[own].clip(1e-6)) / 2
     sigma = 1 / np.sqrt(((np.diag(4 * information) + 2 * redundancy) / 2)[own].clip(1e-6))
     names = tuple(parts.names[i] for i in own)
-    return _Scored(names, theta, sigma, solution.states, solution.cost)
+    gradient = (squares - redundancy)[own]
+    return _Scored(names, theta, sigma, gradient, solution.states, solution.cost)
 
 
 def is_misfit(problem: SmoothingProblem, cost: float) -> bool:
     """Return whether what is left at the minimum of a whole problem is beyond chance."""
-    return bool(cost > chdtri(_rows(problem), FALSE_ALARM))
+    return bool(cost > chdtri(measured_rows(problem), FALSE_ALARM))
 
 
-def _rows(problem: SmoothingProblem) -> int:
+def measured_rows(problem: SmoothingProblem) -> int:
     """Return how many measurements there are beside as many as states, constants and arcs."""
     rows = sum(int(one.freedom.sum()) for one in problem.measurements)
     phase = problem.phase

@@ -29,8 +29,9 @@ from fgnav.graph.types.states import AUX, States
 from fgnav.identification.noise.begin import WHITE
 
 _WINDOW = 120  # intervals at a time, half of them of the window before: spans are no longer
-SHAPES = ("offset", "scale", "turn")  # of an error: u, diag(x) u, [x]x u of samples x
-_LEAST_S = 1.0  # of a span; what is shorter is noise or a spike
+TURN = "turn"
+SHAPES = ("offset", "scale", TURN)  # of an error: u, diag(x) u, [x]x u of samples x
+LEAST_S = 1.0  # of a span; what is shorter is noise or a spike
 LIKELY = float(np.log(100.0))  # nats below the greatest: a hundredth as likely
 _ROUNDING = 1e-6  # s, of times
 _OPEN = 1e-6  # of G' G: what the states leave of it where they follow an offset
@@ -159,7 +160,7 @@ def _of_window(t_s: FloatArray, columns: _Columns, shared: FloatArray, window: s
     sizes = np.concatenate([[0.0], squares.cumsum()])
     begin, end = np.triu_indices(w + 1, 1)
     times_s = t_s[window.start : window.stop + 1]
-    long = times_s[end] - times_s[begin] > _LEAST_S - _ROUNDING
+    long = times_s[end] - times_s[begin] > LEAST_S - _ROUNDING
     begin, end = begin[long], end[long]
     if len(begin) == 0:
         return Offset(

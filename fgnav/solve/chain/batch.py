@@ -203,6 +203,21 @@ def covariance_at(problem: SmoothingProblem, states: States) -> Solution:
     return replace(solution, states=states, cost=linear.cost)
 
 
+def constant_step(problem: SmoothingProblem, states: States) -> tuple[FloatArray, FloatArray]:
+    """Return the Gauss-Newton step of the constants at states, (b,), and their covariance, (b, b).
+
+    Raises
+    ------
+    NoSolutionError
+        Naming the state that the data leave open, and when.
+    """
+    chain, own = _Chain(problem), slice(problem.width, problem.width + problem.constants.width)
+    linear = chain.solved(states)
+    if linear.arcs:
+        linear = chain.solved(states, arcs=linear.arcs)
+    return linear.end[own], linear.end_covariance[own, own]
+
+
 def _solution(
     chain: _Chain, states: States, linear: _Linear, iterations: int, *, converged: bool
 ) -> Solution:

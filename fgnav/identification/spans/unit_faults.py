@@ -11,16 +11,14 @@ taken without it, and what is left of it is a bias that may step at the ends of 
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
+from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.geometry.rotations import exp
-from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.measurement import Linearised, Measurement
 from fgnav.graph.types.problem import SmoothingProblem
@@ -36,6 +34,9 @@ from fgnav.identification.likelihood.thinned import thinned
 from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
+from fgnav.identification.spans.beside_phases import noise_gain, offsets_by_phases
+from fgnav.identification.spans.errors import ERRORS, SAMPLES, added
+from fgnav.identification.spans.span_fault import SpanFault
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
 from fgnav.identification.track.tags import middle_of_tags_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
@@ -45,97 +46,7 @@ from fgnav.types.flight import Flight, Imu
 _MOST = 3  # of a flight
 _ITERATIONS = 10
 _ANY = 100.0  # sigmas by the thinned chain: next to nothing is known of it beside phases
-_UNITS = {"accelerometer": "m/s2", "gyroscope": "rad/s"}
-_BIASES = {"accelerometer": "accelerometer_bias_mps2", "gyroscope": "gyroscope_bias_radps"}
-_SAMPLES = {"accelerometer": "f_b_mps2", "gyroscope": "w_b_radps"}
 Requests = Callable[[TagSearch, AtTags], tuple[CalibrationRequest, ...]]
-
-
-class SpanFault(NamedTuple):
-    """What a sensor's samples have from one time to another, and when it may begin and end."""
-
-    sensor: str
-    shape: str  # of ``span_offsets.SHAPES``
-    from_s: float  # infinite where there is no such time
-    until_s: float
-    begins_s: tuple[float, float]
-    ends_s: tuple[float, float]
-    value: FloatArray  # (3,)
-    sigma: FloatArray  # (3,)
-    variance: FloatArray  # (3,), of what it adds to the samples, times its probability
-    size: float
-    share: float  # probability
-
-    @property
-    def is_likely(self) -> bool:
-        """Whether it is likelier than all as stated."""
-        return self.share > 0.5
-
-    @property
-    def sentence(self) -> str:
-        """What is to be said of it, if it is likely."""
-        when = "throughout"
-        if self.from_s > -np.inf and self.until_s < np.inf:
-            when = f"from {self.from_s:.1f} to {self.until_s:.1f} s"
-        elif self.from_s > -np.inf:
-            when = f"from {self.from_s:.1f} s on"
-        elif self.until_s < np.inf:
-            when = f"up to {self.until_s:.1f} s"
-        what = {
-            "offset": "bias is another, by",
-            "scale": "scales are others, as if by",
-            "turn": "axes are turned, as if by",
-        }[self.shape]
-        if not self.value.any():
-            return f"As likely it is the {self.sensor}, {when}: its bias is another there as well."
-        return (
-            f"The {self.sensor}'s {what} {self.size:.2g} {_UNITS[self.sensor]}, {when}: taken out, "
-            "and its bias is estimated as another there."
-        )
-
-    def undone(self, imu: Imu) -> Imu:
-        """Return a unit without it."""
-        name = _SAMPLES[self.sensor]
-        x = getattr(imu, name)
-        if self.shape == "turn":
-            without = x @ exp(self.value[None])[0].T
-        else:
-            without = x - _added(self.shape, x, self.value)
-        inside = self.strikes(imu.t_s)[:, None]
-        changed: dict[str, Any] = {name: np.where(inside, without, x)}
-        return replace(imu, **changed)
-
-    def strikes(self, t_s: FloatArray) -> BoolArray:
-        """Return which samples have it."""
-        return np.asarray((t_s > self.from_s) & (t_s <= self.until_s))
-
-    def stepping(self, problem: SmoothingProblem) -> SmoothingProblem:
-        """Return a problem whose bias may step where the span begins and ends."""
-        motion = problem.motion
-        if not isinstance(motion, Inertial):
-            return problem
-        t_s = motion.t_s
-        density = np.zeros((len(t_s) - 1, 6))
-        if motion.bias_steps is not None:
-            density += motion.bias_steps
-        first, imu = 3 * WHITE.index(self.sensor), motion.imu
-        for begin_s, end_s in (self.begins_s, self.ends_s):
-            inside = (t_s[:-1] >= begin_s - 1e-9) & (t_s[1:] <= end_s + 1e-9)
-            if end_s > begin_s:
-                density[inside, first : first + 3] += self.variance / (end_s - begin_s)
-        if self.from_s == -np.inf:
-            name = _BIASES[self.sensor]
-            sigma = np.hypot(getattr(imu, name) or 0.0, np.sqrt(self.variance.max()))
-            changed: dict[str, Any] = {name: float(sigma)}
-            imu = replace(imu, **changed)
-        return replace(problem, motion=replace(motion, imu=imu, bias_steps=density))
-
-
-def _added(shape: str, x: FloatArray, u: FloatArray) -> FloatArray:
-    """Return what a fault adds to samples, (n, 3)."""
-    if shape == "offset":
-        return np.broadcast_to(u, x.shape)
-    return x * u if shape == "scale" else np.cross(x, u)
 
 
 def building(build: Build, faults: tuple[SpanFault, ...]) -> Build:
@@ -212,6 +123,10 @@ def _likeliest(
     flight = with_tags_moved(search.flight, at_tags.moved, middle_of_tags_s(search.flight.imu))
     settings = replace(search.settings, calibration=requests)
     prepared = search.build(flight, settings) if begin is None else begin
+    if prepared.problem.phase is not None:
+        by_phases = _by_phases(search, at_tags, prepared, flight)
+        if by_phases:
+            return by_phases
     small = ThinnedFlight.of(flight, prepared, ())
     if "gyroscope" not in small.parts.names:
         return ()
@@ -228,7 +143,7 @@ def _likeliest(
     except NoSolutionError:
         return ()
     best, t_s = max(offsets, key=lambda one: one.likelihood), chain.t_s
-    limit = EXCLUDED + np.log(max(float(t_s[-1] - t_s[0]), 1.0))
+    limit = _limit(t_s)
     best = offsets[-1] if is_louder else best
     nats = best.likelihood - offsets[-1].noise - limit
     if nats < -LIKELY or best.instead >= best.offset.gain:
@@ -237,6 +152,33 @@ def _likeliest(
     return tuple(
         _fault(one, (t_s, prepared.imu), share, is_first=one is best.offset) for one in best.offsets
     )
+
+
+def _by_phases(
+    search: TagSearch, at_tags: AtTags, prepared: PreparedFlight, flight: Flight
+) -> tuple[SpanFault, ...]:
+    """Return all faults that are as likely as the first, as the phases of arcs show them."""
+    offsets, t_s = offsets_by_phases(prepared.problem), prepared.problem.t_s
+    if not offsets:
+        return ()
+
+    def louder(factors: dict[str, float]) -> SmoothingProblem:
+        return search.build(with_factors(flight, factors), search.settings).problem
+
+    identified = at_tags.identified.factors
+    noise = noise_gain({one: identified[one] for one in WHITE if one in identified}, louder)
+    nats = offsets[0].gain - noise - _limit(t_s) - np.log(len(ERRORS))
+    if nats < -LIKELY:
+        return ()
+    share = float(1.0 / (1.0 + np.exp(-nats)))
+    return tuple(
+        _fault(one, (t_s, prepared.imu), share, is_first=one is offsets[0]) for one in offsets
+    )
+
+
+def _limit(t_s: FloatArray) -> float:
+    """Return the nats beyond which an error that begins at any second is likelier than none."""
+    return float(EXCLUDED + np.log(max(float(t_s[-1] - t_s[0]), 1.0)))
 
 
 def _beside_phases(rest: TagSearch, at_tags: AtTags, fault: SpanFault) -> SpanFault:
@@ -319,12 +261,13 @@ def _fault(
         size=0.0,
         share=share,
     )
-    x = getattr(imu, _SAMPLES[offset.sensor])[fault.strikes(imu.t_s)]
-    by_unit = np.stack([_added(offset.shape, x, one) for one in np.eye(3)], axis=2)
-    added = by_unit @ offset.value
+    inside = fault.strikes(imu.t_s)
+    x, at_s = getattr(imu, SAMPLES[offset.sensor])[inside], imu.t_s[inside]
+    by_unit = np.stack([added(offset.shape, x, one, at_s) for one in np.eye(3)], axis=2)
+    effect = by_unit @ offset.value
     noise = np.einsum("kig,gh,kih->ki", by_unit, offset.covariance, by_unit)
-    variance = (added**2 + noise).mean(axis=0)
-    size = float(np.sqrt((added**2).sum(axis=1).mean()))
+    variance = (effect**2 + noise).mean(axis=0)
+    size = float(np.sqrt((effect**2).sum(axis=1).mean()))
     value = offset.value if is_first and fault.is_likely else np.zeros(3)
     return fault._replace(value=value, variance=share * variance, size=size)
 

@@ -1,0 +1,155 @@
+"""Errors of the inertial unit over spans beside phases of arcs, which tie distant states together.
+
+A chain with arcs has no covariance of distant states that follows from neighbours'. But an error
+that is another constant u_j in each block j of intervals is a constant of the whole problem, of
+column ``J_j`` in the rows of that block alone. About its minimum without them a step c of all, and
+their covariance P, tell their score and information; p is their prior variance:
+
+    s = P^-1 c      N = P^-1 - I / p      gain of a span = s_S' N_S^-1 s_S / 2
+
+s_S and N_S summed over the span's blocks [1]_.
+
+References
+----------
+.. [1] Willsky, Jones, as in ``span_offsets``.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.graph.inertial.preintegrated import Inertial
+from fgnav.graph.types.constants import flight_constant
+from fgnav.graph.types.motion import LinearisedMotion, Motion
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import States
+from fgnav.identification.likelihood.span_offsets import LIKELY, Offset
+from fgnav.solve.chain import constant_step
+from fgnav.types.flight import Imu
+
+_ROUNDING = 1e-6  # s, of times
+_STEP = 0.1  # of a prior sigma, of difference quotients: far above rounding, nearly linear
+
+
+class Error(NamedTuple):
+    """An error of a sensor by three numbers u, and a unit without it."""
+
+    sensor: str
+    shape: str
+    any: float  # 1-sigma of each: next to nothing is known
+    less: Callable[[FloatArray, Imu], Imu]
+
+    @property
+    def step(self) -> float:
+        """Of the difference quotients."""
+        return _STEP * self.any
+
+
+def likeliest_span(
+    problem: SmoothingProblem, at: States, error: Error, edges: IntArray, least_s: float
+) -> Offset | None:
+    """Return an error's likeliest span between edges of blocks; None where there is no minimum.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    at : States
+        Its minimum.
+    error : Error
+    edges : ndarray of int, shape (m + 1,)
+        Keyframes, the first and the last among them.
+    least_s : float
+        Of a span.
+    """
+    m, motion = len(edges) - 1, problem.motion
+    if not isinstance(motion, Inertial):
+        return None
+    block = np.repeat(np.arange(m), np.diff(edges))
+    changed = tuple(
+        replace(motion, imu=error.less(by, motion.imu)) for by in error.step * np.eye(3)
+    )
+    names = tuple(f"{j}" for j in range(3 * m))
+    extended = problem.with_constants(
+        (flight_constant("span", names, "", error.any, reported=False),)
+    )
+    first = problem.constants.width
+    extended = replace(
+        extended, motion=cast("Motion", _InBlocks(motion, changed, error.step, first + 3 * block))
+    )
+    begin = at._replace(constants=np.concatenate([at.constants, np.zeros(3 * m)]))
+    try:
+        step, covariance = constant_step(extended, begin)
+    except NoSolutionError:
+        return None
+    # In units of their prior, which leaves their information its digits.
+    inverse = np.linalg.inv(covariance[first:, first:] / error.any**2)
+    s = (inverse @ step[first:] / error.any).reshape(m, 3)
+    N = (inverse - np.eye(3 * m)).reshape(m, 3, m, 3).transpose(0, 2, 1, 3)
+    return _best(problem.t_s[edges], error, edges, (s, N), least_s)
+
+
+def _best(
+    t_s: FloatArray,
+    error: Error,
+    edges: IntArray,
+    information: tuple[FloatArray, FloatArray],
+    least_s: float,
+) -> Offset | None:
+    """Return the span of the greatest gain, of score (m, 3) and information (m, m, 3, 3)."""
+    s, N = information
+    m = len(s)
+    begin, end = np.triu_indices(m + 1, 1)
+    long = t_s[end] - t_s[begin] > min(least_s, t_s[-1] - t_s[0]) - _ROUNDING
+    begin, end = begin[long], end[long]
+    total = np.zeros((m + 1, m + 1, 3, 3))
+    total[1:, 1:] = N.cumsum(axis=0).cumsum(axis=1)
+    sums = np.concatenate([np.zeros((1, 3)), s.cumsum(axis=0)])
+    of_span = total[end, end] - total[begin, end] - total[end, begin] + total[begin, begin]
+    of_span = of_span + np.eye(3)  # of its prior
+    score = sums[end] - sums[begin]
+    value = np.linalg.solve(of_span, score[:, :, None])[:, :, 0]
+    gains = (score * value).sum(axis=1) / 2
+    i = int(gains.argmax())
+    likely = gains > gains[i] - LIKELY
+    begins, ends = edges[begin], edges[end]
+    return Offset(
+        error.sensor,
+        error.shape,
+        int(begins[i]),
+        int(ends[i]),
+        (int(begins[likely].min()), int(begins[likely].max())),
+        (int(ends[likely].min()), int(ends[likely].max())),
+        float(gains[i]),
+        value[i] * error.any,
+        np.linalg.inv(of_span[i]) * error.any**2,
+    )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _InBlocks:
+    """A motion whose samples change with three constants of each interval's own block."""
+
+    motion: Inertial
+    changed: tuple[Inertial, ...]
+    step: float
+    first: IntArray  # (n - 1,), column
+
+    @property
+    def aux(self) -> int:
+        return self.motion.aux
+
+    def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
+        linear = self.motion.linearise(before, after, intervals)
+        value, shared, rows = linear.value.copy(), linear.shared.copy(), np.arange(len(intervals))
+        for i, one in enumerate(self.changed):
+            column = (one.linearise(before, after, intervals).value - linear.value) / self.step
+            at = self.first[intervals] + i
+            shared[rows, :, at] = column
+            value += column * before.constants[at][:, None]
+        return linear._replace(value=value, shared=shared)
+
+    def prior(self, constants: int) -> tuple[FloatArray, FloatArray]:
+        return self.motion.prior(constants)

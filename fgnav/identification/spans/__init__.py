@@ -1,0 +1,1 @@
+"""Faults that last from one time to another."""

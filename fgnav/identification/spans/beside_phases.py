@@ -1,0 +1,144 @@
+"""Faults of the inertial unit that the phases of arcs show, and their thinned chain does not.
+
+Each error is tested over all spans of a second or more by the whole problem
+(``likelihood.span_constants``), and so is a drift of either bias. It is asked where more is left of
+all measurements than of nine right flights in ten, and an error that leaves more than chance is
+none: then something else is wrong. Where phases show the unit louder, too, noise gains the integral
+of its score on the way from what is stated.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.special import chdtri
+
+from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import States
+from fgnav.identification.likelihood.beside_phases import measured_rows, noise_score
+from fgnav.identification.likelihood.span_constants import Error, likeliest_span
+from fgnav.identification.likelihood.span_offsets import (
+    LEAST_S,
+    LIKELY,
+    TURN,
+    Offset,
+)
+from fgnav.identification.noise.begin import WHITE
+from fgnav.identification.spans.errors import DRIFT, ERRORS, without
+from fgnav.identification.track.windows import FALSE_ALARM
+from fgnav.solve.chain import solve_batch
+from fgnav.types.flight import Imu
+
+_DOUBTED = 0.1  # share of right flights
+_BLOCKS = 24  # of a record, at most: a bound of cost
+_NODES = 5  # of the integral: a score that falls by 400 on the way is known to one in a thousand
+# 1-sigma: next to nothing is known. Offsets and drifts in m/s2 and rad/s, scales, turns in rad.
+_ANY = {"accelerometer": 1.0, "gyroscope": 0.1}
+_ANY_SHARE = 0.3
+
+
+def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
+    """Return the likeliest errors of the unit's sensors, those as likely as the best.
+
+    Empty where nothing is doubted, or something else is wrong; and without a gyroscope, for a rate
+    that follows its prior so far is none to hold the accelerometer against.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+        With phases of arcs.
+    """
+    rows = measured_rows(problem)
+    if "gyroscope" not in problem.motion.noise_parts().names:
+        return ()
+    try:
+        solution = solve_batch(problem)
+    except NoSolutionError:
+        return ()
+    if not solution.converged or solution.cost < chdtri(rows, _DOUBTED):
+        return ()
+    edges, last = _seconds(problem.t_s), len(problem.t_s) - 1
+    offsets: list[Offset] = []
+    for error in ERRORS:
+        at = np.array([0, last]) if error[1] == DRIFT else edges
+        one = _likeliest(problem, solution.states, error, at)
+        offsets += [] if one is None else [one]
+    offsets.sort(key=lambda one: -one.gain)
+    if not offsets or solution.cost - 2 * offsets[0].gain > chdtri(rows, FALSE_ALARM):
+        return ()
+    if offsets[0].shape == TURN and _is_turned_throughout(
+        problem, solution.states, offsets[0], edges
+    ):
+        return ()
+    likely = [one for one in offsets if one.gain > offsets[0].gain - LIKELY]
+    finer = (_finer(problem, solution.states, one, edges) for one in likely)
+    return tuple(sorted(finer, key=lambda one: -one.gain))
+
+
+def _is_turned_throughout(
+    problem: SmoothingProblem, at: States, turned: Offset, edges: IntArray
+) -> bool:
+    """Return whether axes may as well be turned from the first sample to the last.
+
+    Which sensor's then are, or all the body's, no measurement tells. Such a turn has no span that
+    is chosen among many.
+    """
+    spans = len(edges) * (len(edges) - 1) / 2
+    ends = edges[[0, -1]]
+    throughout = (_likeliest(problem, at, (sensor, TURN), ends) for sensor in WHITE)
+    gain = max((one.gain for one in throughout if one is not None), default=0.0)
+    return bool(gain + np.log(spans) > turned.gain - LIKELY)
+
+
+def noise_gain(
+    factors: dict[str, float], louder: Callable[[dict[str, float]], SmoothingProblem]
+) -> float:
+    """Return what white noises so many times as loud as stated gain of a whole problem.
+
+    Infinite where that has no minimum on the way.
+    """
+    if not factors:
+        return 0.0
+    theta = {name: float(np.log(factor)) for name, factor in factors.items()}
+    places, weights = np.polynomial.legendre.leggauss(_NODES)
+    total = 0.0
+    for place, weight in zip((places + 1) / 2, weights / 2, strict=True):
+        on_the_way = {name: float(np.exp(place * one)) for name, one in theta.items()}
+        try:
+            score = noise_score(louder(on_the_way))
+        except NoSolutionError:
+            return np.inf
+        total += weight * sum(score[name] * one for name, one in theta.items())
+    return total
+
+
+def _likeliest(
+    problem: SmoothingProblem, at: States, error: tuple[str, str], edges: IntArray
+) -> Offset | None:
+    sensor, shape = error
+    any_ = _ANY[sensor] if shape in ("offset", DRIFT) else _ANY_SHARE
+
+    def less(by: FloatArray, imu: Imu) -> Imu:
+        return without(imu, sensor, shape, by)
+
+    made = Error(sensor, shape, any_, less)
+    return likeliest_span(problem, at, made, edges, LEAST_S)
+
+
+def _finer(problem: SmoothingProblem, at: States, one: Offset, edges: IntArray) -> Offset:
+    """Return an offset whose span is sought between keyframes, a block about where it was."""
+    if one.shape == DRIFT:
+        return one
+    widest = int(np.diff(edges).max())
+    rows = np.arange(len(problem.t_s))
+    near = np.min(np.abs(rows[:, None] - np.array([one.begin, one.end])), axis=1) <= widest
+    finer = np.union1d(edges, rows[near])
+    return _likeliest(problem, at, (one.sensor, one.shape), finer) or one
+
+
+def _seconds(t_s: FloatArray) -> IntArray:
+    """Return the keyframes between blocks of a second, or of as many as there may be."""
+    duration_s = float(t_s[-1] - t_s[0])
+    count = int(np.clip(np.floor(duration_s / LEAST_S), 1, _BLOCKS))
+    edges = np.searchsorted(t_s, t_s[0] + duration_s * np.arange(count + 1) / count - 1e-9)
+    return np.unique(np.append(edges[:-1], len(t_s) - 1))

@@ -1,0 +1,39 @@
+"""What errors of the inertial unit add to its samples, by three numbers each."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.identification.likelihood.span_offsets import SHAPES
+from fgnav.identification.noise.begin import WHITE
+from fgnav.types.flight import Imu
+
+SAMPLES = {"accelerometer": "f_b_mps2", "gyroscope": "w_b_radps"}
+DRIFT = "drift"  # of a bias, over all of a record
+ERRORS = tuple((sensor, shape) for sensor in WHITE for shape in (*SHAPES, DRIFT))
+
+
+def added(shape: str, x: FloatArray, u: FloatArray, t_s: FloatArray) -> FloatArray:
+    """Return what an error adds to samples, (n, 3).
+
+    Parameters
+    ----------
+    shape : str
+        Of ``span_offsets.SHAPES``, or a drift, which is u in all.
+    x, u, t_s : ndarray, shapes (n, 3), (3,), (n,)
+        Samples, the error's numbers, times.
+    """
+    if shape == "offset":
+        return np.broadcast_to(u, x.shape)
+    if shape == DRIFT:
+        return np.outer((t_s - t_s[[0, -1]].mean()) / (t_s[-1] - t_s[0]), u)
+    return x * u if shape == "scale" else np.asarray(np.cross(x, u))
+
+
+def without(imu: Imu, sensor: str, shape: str, by: FloatArray) -> Imu:
+    """Return a unit without an error of a sensor, by numbers (3,)."""
+    x = getattr(imu, SAMPLES[sensor])
+    changed: dict[str, Any] = {SAMPLES[sensor]: x - added(shape, x, by, imu.t_s)}
+    return replace(imu, **changed)
