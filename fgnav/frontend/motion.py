@@ -101,7 +101,7 @@ def _rate_priors(
 
     Stated, or identified by the evidence of attitudes with integers: by those of the whole flight,
     its scale varying where that is likelier, or, where nothing is to look ahead, by those up to
-    each interval. Of an array they may be those of the same flight with other tags of the unit.
+    each interval. An array's may be those with other tags or noise of the unit.
     """
     start = stage.start
     sure = start.valid & (stage.float_arcs.stretch < 0)

@@ -18,7 +18,7 @@ class ProblemSettings:
     gravity: GravityEstimator | None = None
     calibration: tuple[CalibrationRequest, ...] = ()
     rate_prior: RatePrior | None = None
-    # That identified with other tags of the unit, which do not change an array's attitudes.
+    # Identified with other tags or noise of the unit, which do not change an array's attitudes.
     interval_priors: IntervalPriors | None = None
     sub_steps: int | None = None
     false_alarm: float = 1e-4

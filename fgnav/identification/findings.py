@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -25,7 +26,7 @@ from fgnav.identification.noise.stated import with_factors
 from fgnav.identification.notes import constant_notes, noise_notes, satellite_error_notes
 from fgnav.identification.spans.span_fault import SpanFault
 from fgnav.identification.spans.unit_faults import with_span_faults
-from fgnav.identification.time_tags import AtTags, Build, TagSearch
+from fgnav.identification.time_tags import AtTags, Build, TagSearch, with_rates_of
 from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags, with_tags_moved
 from fgnav.types.estimate import Consistency
 from fgnav.types.flight import Flight, Imu
@@ -249,13 +250,16 @@ def _beside_phases(
     flight, settings = search.flight, replace(search.settings, calibration=requests)
     at_moved = with_tags_moved(flight, moved, middle_of_tags_s(flight.imu))
 
-    def changed(factors: dict[str, float]) -> SmoothingProblem:
+    def changed(
+        factors: dict[str, float], settings: ProblemSettings = settings
+    ) -> SmoothingProblem:
         louder = with_factors(at_moved, identified.scaled(factors).factors)
         return search.build(louder, settings).problem
 
     is_same = _is_as_stated(at_tags, requests, subject.search.settings.calibration)
     begin = problem if is_same and not is_mended else changed({})
-    return AtTags(identified.scaled(white_noise_factors(begin, changed)), moved)
+    alike = partial(changed, settings=with_rates_of(settings, begin))
+    return AtTags(identified.scaled(white_noise_factors(begin, alike)), moved)
 
 
 def _tests(imu: Imu | None, identified: Identified) -> tuple[Consistency, ...]:

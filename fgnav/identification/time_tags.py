@@ -14,6 +14,7 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.turned import UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
+from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.array.turn import tested_turn
 from fgnav.identification.likelihood.beside_phases import profile_likelihood
 from fgnav.identification.likelihood.record_clock import (
@@ -33,6 +34,15 @@ from fgnav.types.flight import Flight
 
 _CLOCK_STEPS = 5  # at most: each leaves half or less of what is left
 Build = Callable[[Flight, ProblemSettings], PreparedFlight]
+
+
+def with_rates_of(settings: ProblemSettings, problem: SmoothingProblem) -> ProblemSettings:
+    """Return settings of the same flight with other tags or noise of its unit: it turns alike."""
+    motion = problem.motion
+    if not isinstance(motion, GyroFree):
+        return settings
+    priors = IntervalPriors(motion.t_s, motion.poles_per_s, motion.variance_rad2ps2)
+    return replace(settings, interval_priors=priors)
 
 
 class AtTags(NamedTuple):
@@ -103,7 +113,7 @@ class TagSearch(NamedTuple):
         if prepared.opening is not None and prepared.opening.until_s == np.inf:
             return None
         extra = (*self._tested_constants(), *tested_turn(prepared.problem, turn))
-        others = self._with_rates_of(prepared)
+        others = self._replace(settings=with_rates_of(self.settings, prepared.problem))
         identified = identify(ThinnedFlight.of(at_first, prepared, extra))
         clock = None
         if prepared.problem.phase is not None:
@@ -153,14 +163,6 @@ class TagSearch(NamedTuple):
         constants = self._tested_constants(clock=False, delay=False)
         tested = (*constants, *tested_turn(prepared.problem, UNIT_TURN), *extra)
         return ThinnedFlight.of(at, prepared, tested)
-
-    def _with_rates_of(self, prepared: PreparedFlight) -> "TagSearch":
-        """Return a search whose motion turns as that of a problem, with other tags, does."""
-        motion = prepared.problem.motion
-        if not isinstance(motion, GyroFree):
-            return self
-        priors = IntervalPriors(motion.t_s, motion.poles_per_s, motion.variance_rad2ps2)
-        return self._replace(settings=replace(self.settings, interval_priors=priors))
 
     def _with_tags(self, moved: FloatArray) -> Flight:
         return with_tags_moved(self.flight, moved, middle_of_tags_s(self.flight.imu))
