@@ -119,12 +119,13 @@ def log_posterior(
     n = len(attitudes.epochs.t_s)
     variance = np.exp(2 * np.clip(x[SIGMA] + apart, np.log(LEAST_RADPS), np.log(MOST_RADPS)))
     variance = np.broadcast_to(variance, (n - 1, 3)).copy()
-    of_intervals = np.tile(poles(x), (n - 1, 1, 1))
+    of_axes = poles(x)
+    of_intervals = np.tile(of_axes, (n - 1, 1, 1))
     value, slope = log_prior(x, memory_s)
     value += float(attitudes.log_densities(of_intervals, variance, room).sum())
-    by_scale, _, by_poles = score(attitudes.epochs.t_s, of_intervals, variance, room)
+    by_scale, _, by_poles = score(attitudes.epochs.t_s, of_intervals, variance, room, True)
     slope[SIGMA] += by_scale.sum(axis=0)
-    slope[: SIGMA.start] += _by_shape(poles(x), by_poles)
+    slope[: SIGMA.start] += _by_shape(of_axes, by_poles)
     return value, slope
 
 

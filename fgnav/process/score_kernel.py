@@ -37,7 +37,11 @@ _STEP = 1e-5  # of a pole's logarithm, for differences of what is known in close
 
 @kernel_with(fastmath={"reassoc", "contract"})
 def score(
-    t_s: FloatArray, poles_per_s: FloatArray, variance_rad2ps2: FloatArray, tape: Tape
+    t_s: FloatArray,
+    poles_per_s: FloatArray,
+    variance_rad2ps2: FloatArray,
+    tape: Tape,
+    by_shape: bool,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the score by the log scale of each interval's noise, its freedom, and that by poles.
 
@@ -50,6 +54,8 @@ def score(
     poles_per_s, variance_rad2ps2 : ndarray, shape (n - 1, 3, 3) and (n - 1, 3)
         Those that the tape was made with.
     tape : Tape
+    by_shape : bool
+        Whether the score by poles is wanted.
     """
     n = len(t_s)
     out, freedom, by_poles = np.zeros((n - 1, 3)), np.zeros((n - 1, 3)), np.zeros((3, 3))
@@ -71,7 +77,8 @@ def score(
         if not (same and (poles_per_s[k - 1] == poles).all()):
             T_s, poles = t_s[k] - t_s[k - 1], poles_per_s[k - 1]
             matern.of_axes(T_s, poles, F, H, Q)
-            _differences(T_s, poles, F, H, Q, dM, dQ)
+            if by_shape:
+                _differences(T_s, poles, F, H, Q, dM, dQ)
         for axis in range(3):
             _pull(tape.noise[k], axis, rho, N, by, pulled)
             _set_among(tape.noise[k], axis, pulled, among)
@@ -79,10 +86,11 @@ def score(
             by_noise, mean = _by_noise(by, among, Q[axis])
             out[k - 1, axis] += by_noise * variance
             freedom[k - 1, axis] = mean * variance
-            _set_by_motion(by, pulled, tape.moved[k], tape.state[k - 1], axis, by_motion)
-            for pole in range(3):
-                by_poles[axis, pole] += _inner(by_motion, dM[axis, pole])
-                by_poles[axis, pole] += variance / 2 * _inner(among, dQ[axis, pole])
+            if by_shape:
+                _set_by_motion(by, pulled, tape.moved[k], tape.state[k - 1], axis, by_motion)
+                for pole in range(3):
+                    by_poles[axis, pole] += _inner(by_motion, dM[axis, pole])
+                    by_poles[axis, pole] += variance / 2 * _inner(among, dQ[axis, pole])
         _lead_back(tape.rows[k], F, rho, N, half)
     _add_start(rho, N, poles_per_s[0], variance_rad2ps2[0], out[0], by_poles)
     return out, freedom, by_poles

@@ -194,7 +194,9 @@ class _Search:
         variance = self.variances(scales)
         of_intervals = np.tile(poles(x), (len(variance), 1, 1))
         value = float(self.attitudes.log_densities(of_intervals, variance, self.tape).sum())
-        slope, freedom, _ = score(self.attitudes.epochs.t_s, of_intervals, variance, self.tape)
+        slope, freedom, _ = score(
+            self.attitudes.epochs.t_s, of_intervals, variance, self.tape, False
+        )
         return _Point(
             x,
             scales,

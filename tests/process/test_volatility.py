@@ -33,7 +33,7 @@ def test_score_is_the_derivative_of_the_likelihood(with_gap):
     room = tape(60)
     own = np.array([2.0, 0.5, 3.0])
     attitudes.log_densities(own, variance, room)
-    slope, freedom, _ = score(t_s, np.tile(own, (59, 3, 1)), variance, room)
+    slope, freedom, _ = score(t_s, np.tile(own, (59, 3, 1)), variance, room, False)
     assert (freedom > -1e-12).all()
     assert (freedom < 4).all()
     for k, axis in ((3, 0), (21, 1), (30, 1), (39, 2), (58, 0)):
