@@ -17,6 +17,8 @@ from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.states import States
 from fgnav.gravity import LowDynamics
+from fgnav.identification.time_tags import with_rates_of
+from fgnav.identification.track.tags import with_tags_moved
 from fgnav.integers.resolvers.truth import Truth, attitude_at
 from fgnav.process.hyperparameters import RatePrior
 from fgnav_sim.gnss.tables import MultipathTable, OutageTable
@@ -128,6 +130,22 @@ def test_the_rate_prior_is_identified_where_none_is_stated():
     sigma = np.sqrt(motion.variance_rad2ps2)
     assert (sigma > 0.2).all()
     assert (sigma < 1.0).all()
+
+
+def test_other_tags_of_the_unit_leave_the_prior_that_an_arrays_attitudes_tell(monkeypatch):
+    flight = flown("demo", 20.0)
+    problem = build(flight, rate_prior=None).problem
+    moved = with_tags_moved(flight, np.array([0.15, 0.0]), 10.0)
+    settings = with_rates_of(ProblemSettings(resolver=Truth()), problem)
+    anew = build_problem(moved, ProblemSettings(resolver=Truth())).problem.motion
+    monkeypatch.setattr("fgnav.frontend.motion.rate_prior", None)  # nothing is identified
+    motion, before = build_problem(moved, settings).problem.motion, problem.motion
+    assert motion.t_s[0] > before.t_s[0]
+    later = np.searchsorted(before.t_s, motion.t_s[:-1])
+    np.testing.assert_array_equal(motion.variance_rad2ps2, before.variance_rad2ps2[later])
+    np.testing.assert_array_equal(motion.poles_per_s, before.poles_per_s[later])
+    apart = np.log(motion.variance_rad2ps2.mean() / anew.variance_rad2ps2.mean())
+    assert abs(apart) < 0.1
 
 
 def test_keyframes_are_the_epochs_within_the_inertial_record_and_others_are_counted():
