@@ -21,7 +21,7 @@ def made(rng, *, antennas=5, satellites=6, groups=1, missing=0.0):
     m = satellites * groups
     is_present = rng.random((antennas, m)) >= missing
     is_present[0] = True
-    place, channel = np.nonzero(is_present)
+    place, channel = map(np.ascontiguousarray, np.nonzero(is_present))  # as kernels count them
     _, antenna = np.unique(place * groups + channel // satellites, return_inverse=True)
     sigma_m = np.array([[PHASE_M], [CODE_M]]) * rng.uniform(1.0, 3.0, m)
     arm = rng.normal(size=(antennas, 1, 3)) + 0.3 * rng.normal(size=(1, m, 3))

@@ -183,7 +183,7 @@ class LinearChain:
                 np.ascontiguousarray(solution.covariance),
                 np.ascontiguousarray(solution.cross),
                 np.ascontiguousarray(solution.constant_cross),
-                np.ascontiguousarray(solution.constant_covariance[-1]),
+                solution.constant_covariance[-1].copy(),  # writable, as in `score`: compiled once
             ),
             out,
         )
@@ -229,6 +229,7 @@ class LinearChain:
             back_kernel.marginals(gain, roots, covariance, P, cross, shared)
             step = (steps, end[D:].copy())
             constant = np.ascontiguousarray(covariance[D:, D:])
+            of_motion = np.zeros((own, own))
             chain_kernel.motion_score(
                 motion[1:],
                 root,
@@ -236,8 +237,9 @@ class LinearChain:
                 variance[:own],
                 step,
                 (P, cross, shared, constant),
-                (squares[:own], redundancy[:own], information[:own, :own]),
+                (squares[:own], redundancy[:own], of_motion),
             )
+            information[:own, :own] = of_motion
             for i, one in enumerate(self._sensors):
                 scaled = [part * np.exp(-theta[own + i]) for part in one.linear]
                 score = chain_kernel.measurement_score(

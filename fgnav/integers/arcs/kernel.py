@@ -63,6 +63,7 @@ def carry(answers: Answers, *, causal: bool = False) -> Carried:
     epoch, channel = np.nonzero(answers.of_reference >= 0)
     pairs[channel, answers.of_reference[epoch, channel]] = True
     pairs[np.arange(m), np.arange(m)] = False
+    answers = Answers._make(map(np.array, answers))  # writable: compiled for these alone
     _carry_pairs(answers, np.ascontiguousarray(np.argwhere(pairs)), carried, causal)
     return carried
 

@@ -55,7 +55,7 @@ def smoothed(
     gap_m = np.where(arc >= 0, differences.phase_m - differences.code_m, np.nan)
     weight = np.where(np.isfinite(gap_m), 1.0 / differences.code_variance_m2[:, None], 0.0)
     gap_m = np.nan_to_num(gap_m)
-    constant_m, residual_m, count = _fit(gap_m, weight, arc, differences.group)
+    constant_m, residual_m, count = _fit(gap_m, weight, np.array(arc), differences.group)
     squares, degrees = code_residuals(differences)
     factor = (_STATED + squares) / (_STATED + degrees)
     if correlation_s is None:

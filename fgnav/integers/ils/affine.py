@@ -138,8 +138,9 @@ def _search_epochs(
             pattern = arrays.pattern[k * len(blocks) + s]
             end, float_cycles, covariance, _ = float_epoch(epochs, arrays, k, pattern, links)
             if end == OK:
+                # Numbers, no literals: else the search is compiled once more for these two.
                 end, integers, norms, fixed, success = solve_subset(
-                    float_cycles, covariance, 2, _NODES, success_min
+                    float_cycles, covariance, int(np.int64(2)), int(np.int64(_NODES)), success_min
                 )
                 end = end if end in (OK, UNFINISHED) else ILL
                 for q in range(len(links)):
