@@ -50,9 +50,9 @@ def test_forces_behind_a_low_pass_are_taken_as_early_as_they_are_late():
 
 
 def test_attitudes_with_forces_behind_a_low_pass_are_as_honest_as_without_it():
-    """Of the first flights with a gyroscope and instruments: 28.7 94.9 38.6 17.5 as stated."""
+    """Of the first flights with a gyroscope and instruments: 28.7 and 94.9 as stated."""
     squares = []
-    for number in (8300002, 8300007, 8300012, 8300017):
+    for number in (8300002, 8300007):
         right = right_flight("instruments", number)
         estimate = Smoother()(behind_a_low_pass(right, 0.037))
         squares.append(nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2))

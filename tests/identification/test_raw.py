@@ -107,10 +107,9 @@ def test_a_right_flight_that_is_asked_for_its_clock_keeps_its_tags(monkeypatch):
     assert not found.moved.any()
 
 
-@pytest.mark.parametrize("seed", [94_003, 94_012])
-def test_a_body_that_turns_alike_tells_no_clock(seed):
-    """One step of the chain would move the tags of these flights by .2 and .47 s."""
-    flight = flown(name="tumble", base=None, span_s=30.0, seed=seed, message_errors=True)
+def test_a_body_that_turns_alike_tells_no_clock():
+    """One step of the chain would move the tags of this flight by .47 s."""
+    flight = flown(name="tumble", base=None, span_s=30.0, seed=94_012, message_errors=True)
     prepared = Smoother(resolver=Truth()).prepare(flight)
     assert not any("clock" in note for note in prepared.notes)
 

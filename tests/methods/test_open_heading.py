@@ -89,7 +89,7 @@ def test_phases_tell_a_window_no_heading_that_is_none(method):
     changes = {"duration_s": 15.0, "barometer": None, "magnetometer": None}
     scenario = msgspec.structs.replace(scenario, **changes)
     squares = []
-    for seed in range(6):
+    for seed in range(4):
         rng = np.random.default_rng(400 + seed)
         flight = told(simulate(scenario, rng), np.radians(1.0), rng)
         found = dataclasses.replace(method, noise="stated")(flight)

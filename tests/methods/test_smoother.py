@@ -183,7 +183,7 @@ def test_without_phase_the_window_is_as_sure_of_its_heading_as_it_may_be():
 @pytest.fixture(scope="module")
 def real_flight(shared):
     """Return a minute and a half on the ground and four minutes in the air."""
-    return within(uav(shared), 110.0, 450.0)
+    return within(uav(shared), 110.0, 400.0)
 
 
 @pytest.fixture(scope="module")

@@ -89,7 +89,7 @@ def test_a_stream_takes_a_network(manifest):
     """By three quarters of the covariance, as it states: of one flight alone by .5 to .9."""
     rms_rad: dict[str, list[float]] = {"without": [], "with": []}
     squares: list[float] = []
-    for seed in (30_001, 30_011, 30_021, 30_031):
+    for seed in (30_001, 30_011):
         case = flights.turning(
             np.random.default_rng(seed), span_s=10.0, gyro=True, amplitude_deg=15.0
         )
