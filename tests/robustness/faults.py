@@ -16,7 +16,7 @@ from fgnav_sim.scenario import FixesTable, load_scenario
 from fgnav_sim.simulate import simulate
 from tests.robustness.small_flights import SCENARIOS
 
-DURATION_S = 10.0  # of flights that are damaged: rows of damages are of them
+DURATION_S = 7.0  # of flights that are damaged: rows of damages are of them
 INERTIAL = "inertial|accelerometer|gyroscope"
 GNSS = "position|velocit|phase"
 
@@ -121,7 +121,7 @@ def _barometer(flight: Flight, height_m) -> Flight:
 
 def _frozen(flight: Flight) -> Flight:
     fixes = flight.fixes
-    return _fixes(flight, p_n_m=_stuck(fixes.p_n_m, 20, 40), v_n_mps=_stuck(fixes.v_n_mps, 20, 40))
+    return _fixes(flight, p_n_m=_stuck(fixes.p_n_m, 12, 28), v_n_mps=_stuck(fixes.v_n_mps, 12, 28))
 
 
 def _tenth(flight: Flight) -> Flight:

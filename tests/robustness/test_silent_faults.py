@@ -12,7 +12,7 @@ from tests.robustness.drawn.dirty import dirty
 from tests.robustness.drawn.flights import KINDS, right_flight
 from tests.robustness.faults import FAULTS, right_flights
 
-# Of 3, mean over 10 s of errors that are all but one: chance leaves 1e-2 above it.
+# Of 3, mean over seconds of errors that are all but one: chance leaves 1e-2 above it.
 WRONG_NEES = 10.0
 
 
