@@ -19,7 +19,7 @@ FORWARD, WINDOW = Forward(), Smoother(causal=True, lag_s=2.0)
 # What a method may wait for: nothing, or its lag and the block that the window is updated with,
 # which ends at the latest epoch a second after it began.
 WAITS_S = {"forward": 0.0, "smoother": 3.2}
-SHARES = (0.45, 0.9)  # before the first look at noise, or after it, and at the end
+SHARES = (0.45, 0.65, 0.9)
 AT_GAP_S = 6.43  # within what is without satellites
 GYROSCOPE = {
     "gyroscope_noise_radps_per_sqrt_hz": 1e-4,

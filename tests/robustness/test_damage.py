@@ -1,10 +1,10 @@
-"""A hundred and fifty damaged flights; five thousand are ``make bench ONLY=damage``."""
+"""Three hundred damaged flights; five thousand are ``make bench ONLY=damage``."""
 
 import pytest
 
 from tests.robustness.outcomes import BAD, GOOD, case
 
-CASES, PER_TEST = 150, 25
+CASES, PER_TEST = 300, 25
 # What an estimator makes of series that are well-formed and wrong is counted by the benchmark.
 NEVER = tuple(kind for kind in BAD if kind != "silent and wrong")
 
