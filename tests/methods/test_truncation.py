@@ -20,7 +20,6 @@ FORWARD, WINDOW = Forward(), Smoother(causal=True, lag_s=2.0)
 # which ends at the latest epoch a second after it began.
 WAITS_S = {"forward": 0.0, "smoother": 3.2}
 SHARES = (0.45, 0.65, 0.9)
-AT_GAP_S = 6.43  # within what is without satellites
 GYROSCOPE = {
     "gyroscope_noise_radps_per_sqrt_hz": 1e-4,
     "gyroscope_bias_radps": 2e-3,
@@ -70,12 +69,9 @@ def flown(which):
 
 
 def cuts_s(flight):
-    """Return times between two epochs; one where satellites are gone for a while."""
+    """Return times between two epochs; the second is within what is without satellites."""
     end_s = (flight.imu or flight.fixes).t_s[-1]
-    cuts = [round(share * end_s) + 0.43 for share in SHARES]
-    seen = flight.observations
-    gone = seen is not None and not np.isfinite(seen.phase_cycles).any(axis=1).all()
-    return [*cuts, AT_GAP_S] if gone else cuts
+    return [round(share * end_s) + 0.43 for share in SHARES]
 
 
 def table(estimate, flight, path, until_s=np.inf):
