@@ -52,7 +52,7 @@ def test_what_leaves_a_window_knows_biases_by_what_they_did(solver):
 
 @pytest.mark.parametrize(
     ("method", "times"),
-    [(Batch(noise="stated"), 2.0), (Smoother(noise="stated", solver="chain"), 1.2)],
+    [(Batch(noise="stated"), 2.0), (Smoother(noise="stated"), 1.2)],
 )
 def test_tags_within_half_a_sample_are_estimated_with_the_flight(method, times):
     """A window knows the clock by then alone, and states more doubt of attitudes anyway."""
