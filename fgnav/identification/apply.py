@@ -81,6 +81,8 @@ def with_findings(
     flight: Flight, settings: ProblemSettings, changes: Findings, build: Build
 ) -> PreparedFlight:
     """Return the problem of a flight with noise and times as identified."""
+    for one in changes.out:
+        flight = one.of(flight)
     early = with_forces_early(flight, changes.forces_late_s)
     better = with_tags_moved(early, changes.moved, changes.middle_s)
     better = with_reference(with_factors(better, changes.factors), changes.reference)
@@ -95,4 +97,8 @@ def with_findings(
 def _with_errors_and_notes(prepared: PreparedFlight, changes: Findings) -> PreparedFlight:
     """Return a problem with the errors of satellites as identified, and all notes."""
     changed = with_satellite_errors(prepared, changes.errors)
-    return replace(changed, notes=(*changed.notes, *changes.notes))
+    return replace(
+        changed,
+        notes=(*changed.notes, *changes.notes),
+        rejections=(*changed.rejections, *changes.rejected),
+    )

@@ -18,6 +18,7 @@ import numpy as np
 from fgnav.checks import NoSolutionError
 from fgnav.graph.innovation.band import TOLERATED
 from fgnav.identification.exclusion import Exclusion, exclusions, going_on
+from fgnav.identification.notes import exclusion_notes
 from fgnav.types.estimate import Consistency, Estimate, Rejected
 from fgnav.types.flight import Flight
 
@@ -27,7 +28,6 @@ _BETTER = 0.5  # of what is left of contradictions by the round before
 # Residuals twice what noise explains all along, the noise identified: of states that fit such
 # measurements no covariance holds. Of faulty units NEES were 300 and more of 3 at an NIS of 4.
 _HOPELESS = 4.0
-_SHOWN = 3  # spans of a sentence
 
 Again = Callable[[Flight], Estimate]
 
@@ -107,7 +107,7 @@ def refusal(estimate: Estimate) -> NoSolutionError:
 
 def with_words(estimate: Estimate, out: tuple[Rejected, ...]) -> Estimate:
     """Return an estimate with what it is without, and with what of it still contradicts."""
-    left, notes = contradictory(estimate), _sentences(out)
+    left, notes = contradictory(estimate), exclusion_notes(out)
     if left:
         notes += (
             f"Measurements contradict each other: {_listed(left)}: one of them, or the inertial "
@@ -204,17 +204,3 @@ def _listed(left: tuple[Consistency, ...]) -> str:
             f"{one.what} ({when}: residuals {np.sqrt(span.nis):.2g} x what noise explains)"
         )
     return ", ".join(parts)
-
-
-def _sentences(out: tuple[Rejected, ...]) -> tuple[str, ...]:
-    """Return a sentence for each kind of measurement that is left out."""
-    by: dict[str, list[Rejected]] = {}
-    for one in out:
-        by.setdefault(one.what, []).append(one)
-    notes = []
-    for what, own in by.items():
-        spans = [f"{one.from_s:.1f} to {one.until_s:.1f} s" for one in own[:_SHOWN]]
-        more = f" and {len(own) - _SHOWN} more spans" if len(own) > _SHOWN else ""
-        name = what[:1].upper() + what[1:]
-        notes.append(f"{name} from {', '.join(spans)}{more}: {own[0].reason}.")
-    return tuple(notes)

@@ -51,7 +51,7 @@ def exclusions(flight: Flight, contradictory: tuple[Consistency, ...]) -> Iterat
     """
     instruments = [one for one in contradictory if one.what in _INSTRUMENTS]
     for one in instruments:
-        yield Exclusion(_without(flight, one), _rejected(one), partial(_without, one=one))
+        yield of_instrument(flight, one)
     inertial = _without_inertial(flight, contradictory)
     if inertial is not None and len(contradictory) > 1:
         yield inertial
@@ -67,6 +67,11 @@ def exclusions(flight: Flight, contradictory: tuple[Consistency, ...]) -> Iterat
             tried |= _INSTRUMENTS.keys()
     if inertial is not None and len(contradictory) == 1:
         yield inertial
+
+
+def of_instrument(flight: Flight, one: Consistency) -> Exclusion:
+    """Return a flight without what an instrument has in contradictions."""
+    return Exclusion(_without(flight, one), _rejected(one), partial(_without, one=one))
 
 
 def going_on(contradictory: tuple[Consistency, ...], present_s: float) -> tuple[Consistency, ...]:

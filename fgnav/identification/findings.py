@@ -18,17 +18,24 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.array.choice import Turn, chosen_turn, with_boresight
 from fgnav.identification.array.places import Places, places_of, with_reference
 from fgnav.identification.array.turn import others_tell, request_of, sentence
+from fgnav.identification.exclusion import Exclusion
 from fgnav.identification.late_forces import sentences, with_late_forces
 from fgnav.identification.likelihood.beside_phases import white_noise_factors
 from fgnav.identification.likelihood.satellite_errors import satellite_error_factors, with_errors
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.stated import with_factors
-from fgnav.identification.notes import constant_notes, noise_notes, satellite_error_notes
+from fgnav.identification.notes import (
+    constant_notes,
+    exclusion_notes,
+    noise_notes,
+    satellite_error_notes,
+)
+from fgnav.identification.spans.instrument_faults import without_faulty_instrument
 from fgnav.identification.spans.span_fault import SpanFault
 from fgnav.identification.spans.unit_faults import with_span_faults
 from fgnav.identification.time_tags import AtTags, Build, TagSearch, with_rates_of
 from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags, with_tags_moved
-from fgnav.types.estimate import Consistency
+from fgnav.types.estimate import Consistency, Rejected
 from fgnav.types.flight import Flight, Imu
 
 _FEWEST = 30  # keyframes that measured something: fewer tell no noise
@@ -48,7 +55,13 @@ class Findings(NamedTuple):
     forces_late_s: float = 0.0
     faults: tuple[SpanFault, ...] = ()
     errors: Mapping[str, float] = MappingProxyType({})  # of satellites, as factors
+    out: tuple[Exclusion, ...] = ()  # of instruments
     is_as_stated: bool = False  # all but those errors, and faults that are not likely
+
+    @property
+    def rejected(self) -> tuple[Rejected, ...]:
+        """What is left out."""
+        return tuple(rejected for one in self.out for rejected in one.rejected)
 
     @property
     def decided(self) -> "Findings | None":
@@ -80,8 +93,8 @@ def findings(
     if at_tags is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
     search, at_tags, late_s = with_late_forces(search, at_tags)
-    search, turn, at_tags = _in_body_axes(search, at_tags, problem)
-    is_mended = bool(late_s or turn)
+    search, turn, at_tags, out = _in_agreement(search, at_tags, problem)
+    is_mended = bool(late_s or turn or out)
     by_chain, at_tags = at_tags, _beside_phases(search, at_tags, subject, is_mended)
     begun = None if is_mended or not _has_stated(subject, search, at_tags) else subject.prepared
     is_louder = at_tags.identified.factors != by_chain.identified.factors  # no chain tells it
@@ -91,7 +104,8 @@ def findings(
     requests, identified = _requests(search, at_tags), at_tags.identified
     tests = (*places.tests, *_tests(subject.search.flight.imu, identified))
     is_same = _is_as_stated(at_tags, requests, settings.calibration)
-    is_as_stated = is_same and not (tests or late_s or any(one.is_likely for one in faults))
+    is_mended = bool(late_s or out or any(one.is_likely for one in faults))
+    is_as_stated = is_same and not (tests or is_mended)
     if is_as_stated and not (subject.errors or faults):
         return None
     turned = () if turn is None else (sentence(turn.vector, turn.axes),)
@@ -101,6 +115,7 @@ def findings(
         calibration=requests,
         notes=(
             *places.notes,
+            *exclusion_notes(tuple(rejected for one in out for rejected in one.rejected)),
             *turned,
             *sentences(late_s),
             *(one.sentence for one in faults if one.is_likely),
@@ -113,6 +128,7 @@ def findings(
         forces_late_s=late_s,
         faults=faults,
         errors=subject.errors,
+        out=out,
         is_as_stated=is_as_stated,
     )
 
@@ -175,6 +191,20 @@ def _measured(problem: SmoothingProblem) -> int:
     for one in problem.measurements:
         measured[one.row] = True
     return int(measured.sum())
+
+
+def _in_agreement(
+    search: TagSearch, at_tags: AtTags, problem: SmoothingProblem
+) -> tuple[TagSearch, Turn | None, AtTags, tuple[Exclusion, ...]]:
+    """Return a flight in one set of axes, or without an instrument's fault where that is likelier.
+
+    And then in one set of axes as well.
+    """
+    in_axes = _in_body_axes(search, at_tags, problem)
+    rest = without_faulty_instrument(search, at_tags, in_axes[2], _requests)
+    if rest is None:
+        return *in_axes, ()
+    return *_in_body_axes(rest.search, rest.at_tags, problem), (rest.out,)
 
 
 def _in_body_axes(

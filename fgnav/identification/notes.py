@@ -9,6 +9,7 @@ from fgnav.frontend.sensors.rest import AT_REST
 from fgnav.graph.types.motion import INERTIAL_NOISES
 from fgnav.identification.likelihood.thinned import FIELDS
 from fgnav.identification.noise.identified import Identified
+from fgnav.types.estimate import Rejected
 from fgnav.types.flight import Imu
 from fgnav.types.instruments import GnssNoise
 
@@ -37,6 +38,7 @@ _OF_SATELLITES = {
     "satellite error rate": "satellite_error_rate_mps",
 }
 _USUAL = "the usual figure"
+_SHOWN = 3  # spans of a sentence
 
 
 def noise_notes(imu: Imu | None, identified: Identified) -> tuple[str, ...]:
@@ -129,4 +131,18 @@ def constant_notes(
             f"The antenna is off where flight.toml has it beside the inertial unit: {off} m along "
             f"x_b, y_b, z_b (± {sigma_m} m); estimated with the flight."
         )
+    return tuple(notes)
+
+
+def exclusion_notes(out: tuple[Rejected, ...]) -> tuple[str, ...]:
+    """Return a sentence for each kind of measurement that is left out."""
+    by: dict[str, list[Rejected]] = {}
+    for one in out:
+        by.setdefault(one.what, []).append(one)
+    notes = []
+    for what, rejected in by.items():
+        spans = [f"{one.from_s:.1f} to {one.until_s:.1f} s" for one in rejected[:_SHOWN]]
+        more = f" and {len(rejected) - _SHOWN} more spans" if len(rejected) > _SHOWN else ""
+        name = what[:1].upper() + what[1:]
+        notes.append(f"{name} from {', '.join(spans)}{more}: {rejected[0].reason}.")
     return tuple(notes)

@@ -112,7 +112,7 @@ class TagSearch(NamedTuple):
         prepared = self.build(at_first, self.settings) if begin is None else begin
         if prepared.opening is not None and prepared.opening.until_s == np.inf:
             return None
-        extra = (*self._tested_constants(), *tested_turn(prepared.problem, turn))
+        extra = self._extra(prepared, turn)
         others = self._replace(settings=with_rates_of(self.settings, prepared.problem))
         identified = identify(ThinnedFlight.of(at_first, prepared, extra))
         clock = None
@@ -144,9 +144,24 @@ class TagSearch(NamedTuple):
         late = before.identified if either else None
         return unmoved if late is None else unmoved._replace(identified=late)
 
+    def tested(self, moved: FloatArray) -> ThinnedFlight:
+        """Return the flight's thinned chain with tags so moved, and all that is tested with it.
+
+        Raises
+        ------
+        NoSolutionError
+            If the flight has no problem at these tags.
+        """
+        prepared = self.at_tags(moved)
+        extra = self._extra(prepared, UNIT_TURN)
+        return ThinnedFlight.of(self._with_tags(moved), prepared, extra)
+
     def at_tags(self, moved: FloatArray) -> PreparedFlight:
         """Return the flight's problem with tags so moved."""
         return self.build(self._with_tags(moved), self.settings)
+
+    def _extra(self, prepared: PreparedFlight, turn: str) -> tuple[FlightConstant, ...]:
+        return (*self._tested_constants(), *tested_turn(prepared.problem, turn))
 
     def on_time(self, moved: FloatArray, extra: tuple[FlightConstant, ...]) -> ThinnedFlight:
         """Return the flight's thinned chain with clock and velocities in time at tags so moved.

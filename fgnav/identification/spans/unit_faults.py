@@ -9,7 +9,7 @@ at which it may begin, and than with an offset of any measurement over a span. T
 taken without it, and what is left of it is a bias that may step at the ends of the span.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import NamedTuple, cast
 
@@ -32,6 +32,7 @@ from fgnav.identification.likelihood.span_offsets import (
 )
 from fgnav.identification.likelihood.thinned import thinned
 from fgnav.identification.noise.begin import WHITE
+from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
 from fgnav.identification.spans.beside_phases import noise_gain, offsets_by_phases
@@ -127,31 +128,64 @@ def _likeliest(
         by_phases = _by_phases(search, at_tags, prepared, flight)
         if by_phases:
             return by_phases
+    odds = _odds(search, identified, (flight, settings, prepared), is_louder)
+    if odds is None or odds.nats < -LIKELY or odds.best.of_measurements >= odds.best.offset.gain:
+        return ()
+    share, best = float(1.0 / (1.0 + np.exp(-odds.nats))), odds.best
+    return tuple(
+        _fault(one, (odds.t_s, prepared.imu), share, is_first=one is best.offset)
+        for one in best.offsets
+    )
+
+
+def nats_beside(search: TagSearch, at_tags: AtTags, instruments: Collection[str]) -> float:
+    """Return by how much an error that is no instrument's is likelier than what is identified.
+
+    Beyond its limit: of the unit, or an offset of fixes, over a span. Minus infinity without a
+    gyroscope, or a solution.
+    """
+    flight = with_tags_moved(search.flight, at_tags.moved, middle_of_tags_s(search.flight.imu))
+    prepared, settings = search.build(flight, search.settings), search.settings
+    odds = _odds(search, at_tags.identified, (flight, settings, prepared), is_louder=False)
+    if odds is None:
+        return -np.inf
+    others = (gain for name, gain in odds.best.instead.items() if name not in instruments)
+    return odds.nats + max(0.0, max(others, default=0.0) - odds.best.offset.gain)
+
+
+class _Odds(NamedTuple):
+    """The likeliest errors of the unit, at stated or identified noise, over this noise alone."""
+
+    best: "_Tested"
+    nats: float  # beyond the limit
+    t_s: FloatArray
+
+
+def _odds(
+    search: TagSearch,
+    identified: Identified,
+    subject: tuple[Flight, ProblemSettings, PreparedFlight],
+    is_louder: bool,
+) -> _Odds | None:
+    """Return how likely errors of the unit are by the thinned chain; None without a gyroscope."""
+    flight, settings, prepared = subject
     small = ThinnedFlight.of(flight, prepared, ())
     if "gyroscope" not in small.parts.names:
-        return ()
+        return None
     theta = small.logarithms(identified.factors)
     try:
-        chain = _anchored(small.problem)
+        chain = anchored(small.problem)
         offsets = [_Tested.of(chain, 0.0)]
         if identified.used.any():
             louder = search.build(
                 with_factors(flight, identified.factors), with_rest(settings, identified.factors)
             )
             gain = _likelihood(small, theta) - _likelihood(small, np.zeros(len(theta)))
-            offsets.append(_Tested.of(_anchored(thinned(louder.problem)), gain))
+            offsets.append(_Tested.of(anchored(thinned(louder.problem)), gain))
     except NoSolutionError:
-        return ()
-    best, t_s = max(offsets, key=lambda one: one.likelihood), chain.t_s
-    limit = _limit(t_s)
-    best = offsets[-1] if is_louder else best
-    nats = best.likelihood - offsets[-1].noise - limit
-    if nats < -LIKELY or best.instead >= best.offset.gain:
-        return ()
-    share = float(1.0 / (1.0 + np.exp(-nats)))
-    return tuple(
-        _fault(one, (t_s, prepared.imu), share, is_first=one is best.offset) for one in best.offsets
-    )
+        return None
+    best = offsets[-1] if is_louder else max(offsets, key=lambda one: one.likelihood)
+    return _Odds(best, best.likelihood - offsets[-1].noise - _limit(chain.t_s), chain.t_s)
 
 
 def _by_phases(
@@ -209,7 +243,11 @@ class _Tested(NamedTuple):
 
     offsets: tuple[Offset, ...]  # of sensors, as likely as the first
     noise: float
-    instead: float
+    instead: dict[str, float]  # gains of offsets by measurement
+
+    @property
+    def of_measurements(self) -> float:
+        return max(self.instead.values(), default=0.0)
 
     @property
     def offset(self) -> Offset:
@@ -231,7 +269,7 @@ class _Tested(NamedTuple):
         offsets = tuple(sorted(as_likely, key=lambda one: -one.gain))
         measured = replace(small, measurements=small.measurements[:-1])
         instead = of_measurements(measured, solution)
-        return cls(offsets, noise, max((one.gain for one in instead), default=0.0))
+        return cls(offsets, noise, {one.sensor: one.gain for one in instead})
 
 
 def _fault(
@@ -287,6 +325,7 @@ class _Anchor(NamedTuple):
         return Linearised(at.p_n_m - self.p_n_m, state, shared)
 
 
-def _anchored(problem: SmoothingProblem) -> SmoothingProblem:
+def anchored(problem: SmoothingProblem) -> SmoothingProblem:
+    """Return a chain whose position begins where it begins."""
     anchor = cast("Measurement", _Anchor(problem.start.p_n_m[:1]))
     return replace(problem, measurements=(*problem.measurements, anchor))
