@@ -27,7 +27,7 @@ def with_a_quadrant(flight, by):
 
 
 # Else accelerometer and detector were noisier than stated, and the detector's axes turned: attitude
-# NEES 44 of such a flight.
+# NEES 49 of such a flight.
 @pytest.mark.parametrize("by", [0.8, 1.3])
 def test_a_quadrant_of_another_scale_is_left_out_while_it_lasts(by):
     flight = with_a_quadrant(right_flight("seeker", 801), by)

@@ -84,7 +84,7 @@ def test_neither_a_right_record_nor_lost_samples_are_a_step():
 
 
 def test_phases_tell_a_low_pass_to_a_millisecond():
-    """Doppler told one of .13 s to 20 ms, and the clock had the rest: attitude NEES 48, now 5.4."""
+    """Doppler told one of .13 s to 20 ms, and the clock had the rest: attitude NEES 42, now 7.2."""
     right = right_flight("raw", 97002)
     found = found_in(behind_a_low_pass(right, 0.06))
     delay_s = 0.02 / np.expm1(0.02 / 0.06)
