@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeAlias
 
 import msgspec
 import numpy as np
@@ -32,7 +31,7 @@ from fgnav_models.training.learning import Count, Learning, validated
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import scaled
 from fgnav_models.training.release import markdown_table
-from fgnav_models.training.smoother.judging import Compared, compared, judged, report_rows, text
+from fgnav_models.training.smoother.judging import compared, judged, report_rows, text
 from fgnav_models.training.train import train
 from fgnav_sim.data_sets.gravity import GravityEpochs
 from fgnav_sim.data_sets.gravity_motions import PHASES
@@ -42,7 +41,6 @@ _TRAIN, _CALIBRATE, _TEST, _TIME = range(4)  # streams of random numbers: flight
 _THROUGH, _VALIDATE, _HELD_OUT, _INTERVAL, _FOLLOWED = range(10, 15)  # 4 is the paper's
 _VALIDATIONS = 20  # through the smoother
 _WAIT = "independent after, s"
-_Comparison: TypeAlias = tuple[Compared, ...]
 
 
 class Learned(Table, frozen=True):
@@ -151,9 +149,9 @@ def _through(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) 
     """Train a network on through the smoother, compare both; return its rows of the report."""
     name, how, seed, world = learned.release.name, recipe.through, recipe.seed, recipe.world
     folder = made_folder(order.out / name / "through")
-    done = folder / "comparison.json"
+    done = folder / "report_rows.json"
     if done.exists():
-        return report_rows(name, msgspec.json.decode(done.read_bytes(), type=_Comparison))
+        return msgspec.json.decode(done.read_bytes(), type=list[list[str]])
     net = _trained(learned, recipe, flights, order)
     factor = NeuralFactor(order.out / f"{name}.json")
     alone, stated = Batch(factors=(factor,)), read_manifest(factor.manifest).output
@@ -193,8 +191,9 @@ def _through(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) 
     )
     learned = msgspec.structs.replace(learned, release=with_both)
     _release(net, flights, learned, recipe, found, folder)
-    write_text(done, msgspec.json.encode(both).decode() + "\n")
-    return report_rows(name, both)
+    rows = report_rows(name, both)  # as text: an interval of few flights is none, which JSON lacks
+    write_text(done, msgspec.json.encode(rows).decode() + "\n")
+    return rows
 
 
 def _rows(name: str, metrics: dict[str, float]) -> list[list[str]]:
