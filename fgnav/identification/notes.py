@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from fgnav.checks import FloatArray
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.frontend.sensors.rest import AT_REST
 from fgnav.graph.types.motion import INERTIAL_NOISES
@@ -99,7 +100,7 @@ def _is_stated(noise: GnssNoise, name: str) -> bool:
 
 
 def constant_notes(
-    identified: Identified, moved: np.ndarray, requests: tuple[CalibrationRequest, ...]
+    identified: Identified, moved: FloatArray, requests: tuple[CalibrationRequest, ...]
 ) -> tuple[str, ...]:
     """Return sentences on the clock, late velocities and the lever arm, where they matter."""
     notes, kinds = [], [one.kind for one in requests]

@@ -37,8 +37,9 @@ _WINDOW = 120  # intervals at a time, half of them of the window before: spans a
 TURN = "turn"
 SHAPES = ("offset", "scale", TURN)  # of an error: u, diag(x) u, [x]x u of samples x
 LEAST_S = 1.0  # of a span; what is shorter is noise or a spike
-# The greatest gain of a right flight, nats, in the median of 112; windows that tell a median.
-_BY_CHANCE, _FEWEST = 5.6, 5
+# The greatest gain, nats, of right flights of a window or two: the median of 112 (docs/model.md).
+_BY_CHANCE = 5.6
+_FEWEST = 5  # windows: a fault is in two that overlap, so that the median of five is none's
 LIKELY = float(np.log(100.0))  # nats below the greatest: a hundredth as likely
 _ROUNDING = 1e-6  # s, of times
 _OPEN = 1e-6  # of G' G: what the states leave of it where they follow an offset
