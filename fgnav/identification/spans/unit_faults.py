@@ -101,7 +101,10 @@ def with_span_faults(
         refined = _beside_phases(rest, at_tags, likeliest[0])
         likeliest = (refined, *likeliest[1:])
         rest = search._replace(build=building(build, (*faults, *likeliest)))
-        after = rest.identified(at_tags.moved)
+        try:
+            after = rest.identified(at_tags.moved)
+        except NoSolutionError:  # then it is not what the flight contradicts
+            break
         if after is None:
             break
         faults, search, at_tags, begin = (*faults, *likeliest), rest, after, None
