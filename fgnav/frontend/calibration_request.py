@@ -58,14 +58,17 @@ class CalibrationRequest:
     """One word of ``estimate``: a kind, for antennas a name or all, and a sigma, m, rad or s.
 
     Of a clock ``moved`` is by how much tags have been corrected already, s and parts per million;
-    of a delay ``start`` is where its search starts, s; of a turn ``turned_rad`` is by how much
-    it has been corrected.
+    ``added`` and ``excess`` are information of both (``likelihood.clock_determinant``); of a delay
+    ``start`` is where its search starts, s; of a turn ``turned_rad`` is by how much it has been
+    corrected.
     """
 
     kind: str
     antenna: str | None
     sigma: float
     moved: tuple[float, float] = (0.0, 0.0)
+    added: tuple[float, float] = (0.0, 0.0)
+    excess: tuple[float, float] = (0.0, 0.0)
     start: float = 0.0
     turned_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
@@ -209,8 +212,10 @@ def of_time(word: CalibrationRequest) -> tuple[FlightConstant, ...]:
     offset = flight_constant(CLOCK_OFFSET, ("offset",), "s", word.sigma)
     rate = flight_constant(CLOCK_RATE, ("rate",), "ppm", _CLOCK_RATE_PPM)
     return tuple(
-        replace(one, mean=np.array([-moved]))
-        for one, moved in zip((offset, rate), word.moved, strict=True)
+        replace(one, mean=np.array([-moved])).informed(added, excess)
+        for one, moved, added, excess in zip(
+            (offset, rate), word.moved, word.added, word.excess, strict=True
+        )
     )
 
 

@@ -18,6 +18,7 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.array.choice import Turn, chosen_turn, with_boresight
 from fgnav.identification.array.places import Places, places_of, with_reference
 from fgnav.identification.array.turn import others_tell, request_of, sentence
+from fgnav.identification.bent_clock import informed_by_problem
 from fgnav.identification.exclusion import Exclusion
 from fgnav.identification.late_forces import sentences, with_late_forces
 from fgnav.identification.likelihood.beside_phases import white_noise_factors
@@ -92,6 +93,7 @@ def findings(
     at_tags = search.likeliest(subject.prepared)
     if at_tags is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
+    search = search.informed(at_tags)
     search, at_tags, late_s = with_late_forces(search, at_tags)
     search, turn, at_tags, out = _in_agreement(search, at_tags, problem)
     is_mended = bool(late_s or turn or out)
@@ -101,7 +103,8 @@ def findings(
     search, after, faults = with_span_faults(search, at_tags, _requests, begun, is_louder)
     if any(one.is_likely for one in faults):
         at_tags = _beside_phases(search, after, subject, is_mended=True)
-    requests, identified = _requests(search, at_tags), at_tags.identified
+    identified = at_tags.identified
+    requests = informed_by_problem(search, at_tags, _requests(search, at_tags))
     tests = (*places.tests, *_tests(subject.search.flight.imu, identified))
     is_same = _is_as_stated(at_tags, requests, settings.calibration)
     is_mended = bool(late_s or out or any(one.is_likely for one in faults))

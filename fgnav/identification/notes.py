@@ -113,7 +113,7 @@ def constant_notes(
             "each, one against the other); both are estimated with the flight."
         )
         kinds = [one for one in kinds if one not in ("clock", "velocity-delay")]
-    elif "clock" in kinds or moved.any():
+    elif moved.any() or ("clock" in kinds and identified.times.significant[:2].any()):
         then = "corrected, and estimated with the flight" if "clock" in kinds else "corrected"
         notes.append(
             f"The inertial unit's clock disagrees with GNSS: {value[0]:+.4f} ± {sigma[0]:.4f} s in "

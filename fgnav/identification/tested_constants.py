@@ -16,6 +16,7 @@ from fgnav.graph.turned import ARRAY_TURN, MOUNTED_RAD, UNIT_TURN, in_turned_axe
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.identification.likelihood.clock_determinant import ClockDeterminant
 from fgnav.identification.likelihood.linear_chain import Score
 from fgnav.identification.likelihood.thinned import Some
 
@@ -38,11 +39,14 @@ class Times:
     squares : float
         Chi-square of offset and delay together; 0 where one is absent. Where positions tell little,
         only the sum of both shows: neither is known by itself, though both cannot be zero.
+    determinant : ClockDeterminant or None
+        What that of the states says of the clock, where that matters.
     """
 
     value: FloatArray
     sigma: FloatArray
     squares: float = 0.0
+    determinant: ClockDeterminant | None = None
 
     @property
     def significant(self) -> BoolArray:

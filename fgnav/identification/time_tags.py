@@ -16,7 +16,9 @@ from fgnav.graph.turned import UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.array.turn import tested_turn
+from fgnav.identification.bent_clock import informed, informed_requests
 from fgnav.identification.likelihood.beside_phases import profile_likelihood
+from fgnav.identification.likelihood.clock_determinant import ClockDeterminant
 from fgnav.identification.likelihood.record_clock import (
     RecordClock,
     clock_off,
@@ -69,6 +71,7 @@ class TagSearch(NamedTuple):
     flight: Flight
     settings: ProblemSettings
     build: Build
+    determinant: ClockDeterminant | None = None  # what it says of a clock that states bend to
 
     def likeliest(self, prepared: PreparedFlight) -> AtTags | None:
         """Return what the flight says with the unit's tags moved as fits best.
@@ -115,6 +118,9 @@ class TagSearch(NamedTuple):
         extra = self._extra(prepared, turn)
         others = self._replace(settings=with_rates_of(self.settings, prepared.problem))
         identified = identify(ThinnedFlight.of(at_first, prepared, extra))
+        search = self.informed(AtTags(identified, moved))
+        if search is not self:
+            return search.identified(moved, turn)
         clock = None
         if prepared.problem.phase is not None:
             clock = clock_off(prepared.problem, middle_of_tags_s(self.flight.imu), moved)
@@ -143,6 +149,15 @@ class TagSearch(NamedTuple):
             return stepped._replace(doubted=doubted)
         late = before.identified if either else None
         return unmoved if late is None else unmoved._replace(identified=late)
+
+    def informed(self, at_tags: AtTags) -> "TagSearch":
+        """Return the same with what determinants say of a clock that states bend to."""
+        determinant = at_tags.identified.times.determinant
+        if determinant is None or self.determinant is not None:
+            return self
+        requests = informed_requests(self.settings.calibration, determinant)
+        settings = replace(self.settings, calibration=requests)
+        return self._replace(settings=settings, determinant=determinant)
 
     def tested(self, moved: FloatArray) -> ThinnedFlight:
         """Return the flight's thinned chain with tags so moved, and all that is tested with it.
@@ -284,6 +299,6 @@ class TagSearch(NamedTuple):
         times = calibration_requests([word for word in words if word not in requested])
         arm = [] if "lever-arm" in requested else calibration_requests(["lever-arm"])
         return (
-            *(constant for word in times for constant in of_time(word)),
+            *informed((one for word in times for one in of_time(word)), self.determinant),
             *(of_vehicle(word) for word in arm),
         )

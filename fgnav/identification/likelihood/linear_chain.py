@@ -30,6 +30,22 @@ from fgnav.solve.chain import back_kernel, kernel
 from fgnav.solve.chain.linear import Links, linearise
 
 
+class Covariances(NamedTuple):
+    """Of the n states of a chain: own, with the next, with the constants, and of these."""
+
+    own: FloatArray  # (n, D, D)
+    cross: FloatArray  # (n - 1, D, D)
+    shared: FloatArray  # (n, D, b)
+    constants: FloatArray  # (b, b)
+
+    @property
+    def given_constants(self) -> tuple[FloatArray, FloatArray]:
+        """Own and cross covariances where the constants are known: those of a Markov chain."""
+        X = self.shared
+        by = np.linalg.solve(self.constants, X.swapaxes(1, 2))
+        return self.own - X @ by, self.cross - X[:-1] @ by[1:]
+
+
 class Score(NamedTuple):
     """The marginal likelihood at noises, and where the linear problem has its minimum."""
 
@@ -42,6 +58,7 @@ class Score(NamedTuple):
     constant_covariance: FloatArray  # (b, b)
     cost: float  # where it is linearised
     promised: float  # decrease of it by the steps
+    covariances: Covariances | None  # None where they were not asked for
 
     @property
     def gradient(self) -> FloatArray:
@@ -224,11 +241,13 @@ class LinearChain:
         cost = float(node[:, -1, -1].sum() + (motion[:, :, -1] ** 2).sum())
         c = len(theta)
         squares, redundancy, information = np.zeros(c), np.zeros(c), np.zeros((c, c))
+        covariances = None
         if whole:
             P, cross, shared = roots, np.empty((n - 1, D, D)), np.empty((n, D, b))
             back_kernel.marginals(gain, roots, covariance, P, cross, shared)
             step = (steps, end[D:].copy())
             constant = np.ascontiguousarray(covariance[D:, D:])
+            covariances = Covariances(P, cross, shared, constant)
             of_motion = np.zeros((own, own))
             chain_kernel.motion_score(
                 motion[1:],
@@ -257,4 +276,5 @@ class LinearChain:
             covariance[D:, D:],
             cost,
             cost - float(least),
+            covariances,
         )

@@ -1,5 +1,6 @@
 """A thinned flight whose chain is linearised near its minimum at noises, and what that says."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -7,10 +8,12 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.sensors.rest import AT_REST, Rest
+from fgnav.graph.delayed import CLOCK_RATE
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.motion import NoiseParts
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
+from fgnav.identification.likelihood.clock_determinant import ClockDeterminant, on_time
 from fgnav.identification.likelihood.linear_chain import AtRest, LinearChain, Score
 from fgnav.identification.likelihood.thinned import FIELDS, thinned
 from fgnav.identification.noise.begin import WHITE
@@ -32,6 +35,7 @@ class ThinnedFlight(NamedTuple):
     unstated: tuple[str, ...]
     imu: Imu | None
     greatest: dict[str, float]  # factors of the unit's white noise that its samples can hold
+    since_s: FloatArray  # (n,), from the time at which the clock's offset holds
     at_rest: AtRest | None = None
 
     @classmethod
@@ -54,6 +58,7 @@ class ThinnedFlight(NamedTuple):
             unstated=unstated(flight),
             imu=flight.imu,
             greatest=_greatest(flight.imu, small),
+            since_s=at_keyframes.since_s,
             at_rest=None if rest is None else _at_rest(small, rest),
         )
 
@@ -117,8 +122,14 @@ class ThinnedFlight(NamedTuple):
         likelihood : float
             Penalised, its logarithm.
         """
-        constants, value = self.problem.constants, states.constants + score.constant_steps
+        constants = self.problem.constants
+        value: FloatArray = states.constants + score.constant_steps
         factor, sigma, used = noise
+        bent = self._bent_clock(states, np.where(used, factor, 1.0))
+        if bent is not None:
+            value = bent.value
+            score = score._replace(constant_covariance=bent.covariance)
+        determinant = None if bent is None else bent.determinant
         return Identified(
             names=self.names,
             factor=factor,
@@ -126,11 +137,53 @@ class ThinnedFlight(NamedTuple):
             used=used,
             stated=self.is_stated,
             greatest=np.array([self.greatest.get(name, np.inf) for name in self.names]),
-            times=times_of(constants, value, score),
+            times=replace(times_of(constants, value, score), determinant=determinant),
             arm=vector_of(LEVER_ARM, constants, value, score),
             turn=vector_of(TURNS, constants, value, score),
             likelihood=likelihood,
         )
+
+    def _bent_clock(self, states: States, factor: FloatArray) -> "_BentClock | None":
+        """Return the constants by a chain linearised at tags as they are; None of no bent clock.
+
+        ``factor``: on noises, (c,).
+        """
+        constants = self.problem.constants
+        if constants.column(CLOCK_RATE) < 0:
+            return None
+        at = states._replace(constants=on_time(constants, states.constants))
+        chain = LinearChain.of(self.problem, at, self.parts, self.scalable, self.at_rest)
+        score = chain.score(np.log(factor))
+        if score is None or score.covariances is None:
+            return None
+        determinant = ClockDeterminant.of(
+            self.problem, at, score.covariances, self.since_s, self._factors(factor)
+        )
+        P = score.constant_covariance
+        if not determinant.bends(constants, P):
+            return None
+        value = at.constants + score.constant_steps
+        return _BentClock(determinant, *determinant.corrected(constants, value, P))
+
+    def _factors(self, factor: FloatArray) -> tuple[FloatArray, ...]:
+        """Return factors on the sigmas of each kind of measurement, (k,), by those of noises."""
+        of, at_rest = dict(zip(self.names, factor.tolist(), strict=True)), self.at_rest
+        factors = []
+        for one in self.problem.measurements:
+            resting = np.zeros(len(one.row), dtype=np.bool_)
+            if at_rest is not None and one.name in at_rest.names:
+                resting = at_rest.row[one.row]
+            moving = of.get(one.name, 1.0)
+            factors.append(np.where(resting, of.get(one.name + AT_REST, moving), moving))
+        return tuple(factors)
+
+
+class _BentClock(NamedTuple):
+    """Constants, (b,), their covariance, (b, b), and what they are corrected by."""
+
+    determinant: ClockDeterminant
+    value: FloatArray
+    covariance: FloatArray
 
 
 def _greatest(imu: Imu | None, problem: SmoothingProblem) -> dict[str, float]:

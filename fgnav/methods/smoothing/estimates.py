@@ -9,7 +9,7 @@ from fgnav.frontend.gaps import gap_notes, spans
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.problem import timed_motion
 from fgnav.geometry.rotations import skew
-from fgnav.graph.delayed import CLOCK_OFFSET, on_gnss_time
+from fgnav.graph.delayed import CLOCK_OFFSET, on_gnss_time, without_surplus
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
@@ -62,6 +62,7 @@ def estimate_of(
         Keyframes to speak of; all by default.
     """
     problem = prepared.problem
+    solution = without_surplus(solution, problem.constants)
     open_states, weak = undetermined(problem, solution)
     if prepared.rough and not solution.converged:
         open_states = (TURN, *open_states)

@@ -1,0 +1,89 @@
+"""Clocks to which states bend, where accelerometers are loud: what determinants say of them."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fgnav.checks import NoSolutionError
+from fgnav.frontend.calibration_request import CalibrationRequest
+from fgnav.frontend.prepared import PreparedFlight
+from fgnav.graph.types.constants import Constants, FlightConstant
+from fgnav.identification.likelihood.clock_determinant import NAMES, ClockDeterminant
+from fgnav.identification.likelihood.linear_chain import Covariances
+from fgnav.identification.noise.stated import with_factors, with_rest
+from fgnav.identification.track.tags import middle_of_tags_s, with_tags_moved
+from fgnav.solve.chain import solve_batch
+
+_HELD = 1e-9  # 1-sigma, s and ppm: next to no time
+
+if TYPE_CHECKING:
+    from fgnav.identification.time_tags import AtTags, TagSearch
+
+
+def informed(
+    constants: Iterable[FlightConstant], determinant: ClockDeterminant | None
+) -> tuple[FlightConstant, ...]:
+    """Return constants, those of a clock with what a determinant says."""
+    if determinant is None:
+        return tuple(constants)
+    added = dict(zip(NAMES, np.transpose(determinant).tolist(), strict=True))
+    return tuple(one.informed(*added[one.name]) if one.name in added else one for one in constants)
+
+
+def informed_requests(
+    requests: tuple[CalibrationRequest, ...], determinant: ClockDeterminant
+) -> tuple[CalibrationRequest, ...]:
+    """Return requests, that of a clock with what a determinant says."""
+    added, excess = (tuple(one.tolist()) for one in determinant)
+    return tuple(
+        replace(one, added=added, excess=excess) if one.kind == "clock" else one for one in requests
+    )
+
+
+def informed_by_problem(
+    search: "TagSearch", at_tags: "AtTags", requests: tuple[CalibrationRequest, ...]
+) -> tuple[CalibrationRequest, ...]:
+    """Return requests with what the determinant of the whole problem says of a clock's.
+
+    A thinned chain's differs: it has fewer measurements for the states to bend to.
+    """
+    identified = at_tags.identified
+    determinant = identified.times.determinant
+    is_requested = any(one.kind == "clock" for one in requests)
+    if not is_requested or determinant is None:
+        return requests
+    begun = informed_requests(requests, determinant)
+    flight = with_tags_moved(search.flight, at_tags.moved, middle_of_tags_s(search.flight.imu))
+    settings = replace(with_rest(search.settings, identified.factors), calibration=begun)
+    prepared = search.build(with_factors(flight, identified.factors), settings)
+    return informed_requests(begun, determinant_of(prepared) or determinant)
+
+
+def determinant_of(prepared: PreparedFlight) -> ClockDeterminant | None:
+    """Return what the determinant of a whole problem says of its clock; None without a minimum."""
+    problem = prepared.problem
+    held = Constants(tuple(_held(one) for one in problem.constants.parts))
+    try:
+        solution = solve_batch(replace(problem, constants=held))
+    except NoSolutionError:
+        return None
+    if solution.cross is None:
+        return None
+    covariances = Covariances(
+        solution.covariance,
+        solution.cross,
+        solution.constant_cross,
+        solution.constant_covariance[-1],
+    )
+    ones = tuple(np.ones(len(one.row)) for one in problem.measurements)
+    since_s = prepared.timed.since_s
+    return ClockDeterminant.of(problem, solution.states, covariances, since_s, ones)
+
+
+def _held(constant: FlightConstant) -> FlightConstant:
+    """Return a constant, that of a clock at zero: tags are as they are."""
+    if constant.name not in NAMES:
+        return constant
+    return replace(constant, mean=np.zeros(1), covariance=np.array([[_HELD**2]]))
