@@ -39,7 +39,7 @@ from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags, w
 from fgnav.types.estimate import Consistency, Rejected
 from fgnav.types.flight import Flight, Imu
 
-_FEWEST = 30  # keyframes that measured something: fewer tell no noise
+_FEWEST = 10  # keyframes that measured something: fewer tell next to nothing of noise
 
 
 class Findings(NamedTuple):
