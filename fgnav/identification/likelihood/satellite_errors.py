@@ -17,7 +17,6 @@ References
 
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import accumulate, pairwise
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -88,7 +87,7 @@ class SatelliteErrors:
                 rows = np.column_stack(phase.rows[i].without_place())
                 measured[block] += rows.T @ rows
         self._shapes = np.array([(*one.before.shape, one.size) for one in blocks])
-        self._first = list(accumulate((one.size for one in blocks[:-1]), initial=0))
+        self._eliminated = sum(one.size for one in blocks[:-1])
         parts = ([getattr(one, name) for one in blocks] for name in ("before", "after", "right"))
         self._rows = [np.concatenate([one.ravel() for one in part]) for part in (*parts, measured)]
 
@@ -111,18 +110,17 @@ class SatelliteErrors:
     def log_likelihood(self, theta: FloatArray) -> float:
         """Return ln L of logarithms of factors, (3,), but for a constant."""
         weight = np.append(np.exp(-2 * theta), 1.0)
-        diagonal = np.empty(self._first[-1])
+        diagonal = np.empty(self._eliminated)
         information = _filtered(self._shapes, weight[self._kinds], diagonal, *self._rows)
         if len(information) == 1:
             return -np.inf
-        logs = np.log(diagonal)
-        log_root = float(sum(np.add.reduce(logs[a:b]) for a, b in pairwise(self._first)))
+        log_root = float(np.log(diagonal).sum())
         try:
-            root = np.linalg.cholesky(information[:-1, :-1])
+            root = np.linalg.cholesky(information[:-1, :-1], upper=True)
         except np.linalg.LinAlgError:
             return -np.inf
         log_root += float(np.log(root.diagonal()).sum())
-        along = solve_triangular(root, information[:-1, -1], lower=True)
+        along = solve_triangular(root, information[:-1, -1], trans="T")
         cost = float(information[-1, -1] - along @ along)
         return -cost / 2 - log_root - float(self.count @ theta)
 
@@ -137,7 +135,7 @@ def _filtered(
     right: FloatArray,
     measured: FloatArray,
 ) -> FloatArray:
-    """Return the information of the last block; empty but for a cost where an A is open.
+    """Return the information of the last block, upper half; but for a cost empty where A is open.
 
     Parameters
     ----------
@@ -160,12 +158,12 @@ def _filtered(
             right[c : c + q],
         )
         order = np.arange(size + 1)
-        is_positive, root, _, remaining = lead_on(information, order, size, rows, weight[c : c + q])
-        if not is_positive:
+        is_known, joint = lead_on(information, order, size, rows, weight[c : c + q])
+        if not is_known:
             return np.zeros((1, 1))
         for i in range(size):
-            diagonal[e + i] = root[i, i]
-        information = remaining + measured[d : d + m * m].reshape((m, m))
+            diagonal[e + i] = joint[i, i]
+        information = joint[size:, size:] + measured[d : d + m * m].reshape((m, m))
         a, b, c, d, e = a + q * old, b + q * new, c + q, d + m * m, e + size
     return information
 

@@ -7,8 +7,8 @@ them, and rounds by its number of columns.
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.kernels.compiled import inner, kernel
-from fgnav.solve.chain.back_kernel import backward_solve, cholesky, forward_solve, less_rows
+from fgnav.kernels.compiled import inlined, kernel
+from fgnav.solve.chain.back_kernel import NOTHING, backward_solve, less_rows
 
 
 @kernel
@@ -32,8 +32,12 @@ def change_arcs(
 
     Returns
     -------
-    is_known, root, gain
-        As of ``eliminate_first``.
+    is_known : bool
+        Whether the data leave nothing of A open.
+    root : ndarray, shape (size, size)
+        Lower Cholesky factor of its information given the others.
+    gain : ndarray, shape (size, n - size)
+        ``E[A | others] = gain[:, -1] - gain[:, :-1] @ others``.
     """
     W, new = len(forward), after.shape[1]
     first = W - 1 - width  # of A
@@ -45,11 +49,15 @@ def change_arcs(
     order[first + size] = W - 1
     # Not as wide as the widest A of the flight, or what comes later would change the rounding of
     # what was before.
-    is_positive, root, gain, remaining = lead_on(
-        forward, order, size, (before, after, right), np.ones(len(right))
-    )
-    if not is_positive:
+    is_known, joint = lead_on(forward, order, size, (before, after, right), np.ones(len(right)))
+    root, gain = np.zeros((size, size)), joint[:size, size:].copy()
+    if not is_known:
         return False, root, gain
+    for i in range(size):
+        for j in range(i + 1):
+            root[i, j] = joint[j, i]
+    backward_solve(root, gain)
+    remaining = joint[size:, size:]
     end = first + new
     for i in range(W):
         for j in range(W):
@@ -71,7 +79,7 @@ def lead_on(
     size: int,
     rows: tuple[FloatArray, FloatArray, FloatArray],
     weight: FloatArray,
-) -> tuple[bool, FloatArray, FloatArray, FloatArray]:
+) -> tuple[bool, FloatArray]:
     """Lead information of a block's A on to the A' of the next block, and eliminate A.
 
     Parameters
@@ -89,10 +97,11 @@ def lead_on(
 
     Returns
     -------
-    is_known, root, gain
-        As of ``eliminate_first``.
-    remaining : ndarray, shape (m + size' + 1, m + size' + 1)
-        Information of others, A' and the right-hand side.
+    is_known : bool
+        Whether the data leave nothing of A open.
+    joint : ndarray, shape (size + m + size' + 1,) * 2
+        Of A, others, A' and the right-hand side, upper half: first the rows of A of the Cholesky
+        factor, then the information of the others.
     """
     before, after, right = rows
     m, new = len(order) - 1, after.shape[1]
@@ -109,70 +118,52 @@ def lead_on(
             row[m + i] = after[k, i]
         row[n - 1] = right[k]
         for i in range(n):
-            scale, out = weight[k] * row[i], joint[i]
+            scale = weight[k] * row[i]
             if scale != 0.0:
-                for j in range(i, n):
-                    out[j] += scale * row[j]
-    _mirror(joint, 0)
-    is_known, root, gain = eliminate_first(joint, size)
-    return is_known, root, gain, joint[size:, size:]
+                _add(joint[i, i:], row[i:], scale)
+    return _eliminate(joint, size), joint
 
 
-@kernel
-def eliminate_first(joint: FloatArray, size: int) -> tuple[bool, FloatArray, FloatArray]:
-    """Eliminate the first variables of a symmetric augmented information, in place.
+@inlined
+def _eliminate(joint: FloatArray, size: int) -> bool:
+    """Turn the first rows into those of the Cholesky factor, take their square off the rest.
 
-    Parameters
-    ----------
-    joint : ndarray, shape (n, n)
-        Its last rows and columns become the information of the others.
-    size : int
-        Of what is eliminated.
-
-    Returns
-    -------
-    known : bool
-        Whether the data leave nothing of it open.
-    root : ndarray, shape (size, size)
-        Lower Cholesky factor L of its information given the others.
-    gain : ndarray, shape (size, n - size)
-        ``E[first | others] = gain[:, -1] - gain[:, :-1] @ others``.
+    Most of A leads to one of A' alone: what nothing has led to yet is left out. Returns whether
+    pivots have digits.
     """
     n = len(joint)
-    root, gain = np.zeros((size, size)), np.empty((size, n - size))
-    for i in range(size):
-        for j in range(i + 1):
-            root[i, j] = joint[i, j]
-        for j in range(size, n):
-            gain[i, j - size] = joint[i, j]
-    if not cholesky(root):
-        return False, root, gain
-    forward_solve(root, gain)
-    for k in range(size):
-        row = gain[k]
-        for i in range(n - size):
-            scale, out = row[i], joint[size + i, size + i :]
-            if scale != 0.0:
-                for j in range(len(out)):
-                    out[j] -= scale * row[i + j]
-    _mirror(joint, size)
-    backward_solve(root, gain)
-    return True, root, gain
+    for i in range(n):
+        row, end = joint[i, i:], min(i, size)
+        diagonal, four = row[0], end - end % 4
+        for k in range(0, four, 4):
+            w, x, y, z = joint[k, i:], joint[k + 1, i:], joint[k + 2, i:], joint[k + 3, i:]
+            a, b, c, d = w[0], x[0], y[0], z[0]
+            if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
+                for j in range(len(row)):
+                    row[j] -= a * w[j] + b * x[j] + c * y[j] + d * z[j]
+        for k in range(four, end):
+            _add(row, joint[k, i:], -joint[k, i])
+        if i < size:
+            if not row[0] > NOTHING * diagonal:
+                return False
+            scale = 1.0 / np.sqrt(row[0])
+            for j in range(len(row)):
+                row[j] *= scale
+    return True
 
 
-@inner
-def _mirror(A: FloatArray, first: int) -> None:
-    """Fill the lower half of a matrix with its upper one, from a row and column on."""
-    for i in range(first, len(A)):
-        for j in range(first, i):
-            A[i, j] = A[j, i]
+@inlined
+def _add(out: FloatArray, row: FloatArray, scale: float) -> None:
+    """Add a multiple of a row."""
+    for j in range(len(out)):
+        out[j] += scale * row[j]
 
 
 @kernel
 def covariance_before(root: FloatArray, gain: FloatArray, joint: FloatArray, width: int) -> None:
     """Turn the covariance of (state, constants, A'), in place, into that of the A before.
 
-    Which has root and gain as of ``eliminate_first``; ``width`` is of the widest A.
+    Which has root and gain as of ``change_arcs``; ``width`` is of the widest A.
     """
     size, n, taken = len(root), len(joint), gain.shape[1] - 1
     first = n - width

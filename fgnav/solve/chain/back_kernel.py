@@ -11,7 +11,7 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.kernels.compiled import inlined, kernel
 
-_NOTHING = 1e-13  # of a diagonal: less than that is rounding
+NOTHING = 1e-13  # of a diagonal: less than that is rounding
 
 
 @kernel
@@ -174,7 +174,7 @@ def cholesky(A: FloatArray) -> bool:
         whole = A[j, j]
         for k in range(j):
             A[j, j] -= A[j, k] ** 2
-        if not A[j, j] > _NOTHING * whole:
+        if not A[j, j] > NOTHING * whole:
             return False
         A[j, j] = np.sqrt(A[j, j])
         for i in range(j + 1, n):

@@ -15,8 +15,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.kernels.compiled import inlined, inner, inner_with, kernel
-
-_NOTHING = 1e-13  # of a diagonal: less than that is rounding
+from fgnav.solve.chain.back_kernel import NOTHING
 
 
 @kernel
@@ -80,7 +79,7 @@ def _square_root(A: FloatArray, D: int, later: bool, columns: FloatArray, count:
     for _ in range(n):
         pivot = _largest(M, whole, done)
         done[pivot] = True
-        if not M[pivot, pivot] > _NOTHING * whole[pivot]:
+        if not M[pivot, pivot] > NOTHING * whole[pivot]:
             continue
         scale = np.sqrt(M[pivot, pivot])
         for j in range(n):
@@ -124,7 +123,7 @@ def _triangle(columns: FloatArray, count: int, D: int) -> bool:
             above += columns[c, i] ** 2
         for i in range(len(column)):
             below += column[i] ** 2
-        if not below > _NOTHING**2 * (above + below):
+        if not below > NOTHING**2 * (above + below):
             return False
         head, size = column[0], np.sqrt(below)
         up = 1.0 if head > 0.0 else -1.0
