@@ -58,6 +58,16 @@ class PhaseRows(NamedTuple):
         return rows[3:, 3:-1], rows[3:, -1]
 
 
+class StackedRows(NamedTuple):
+    """Rows of j epochs, one after another."""
+
+    epoch: IntArray  # (j,), increasing
+    shape: IntArray  # (j, 2), m and d of each
+    G: FloatArray  # (sum of m, 3)
+    H: FloatArray  # (sum of m d,)
+    z: FloatArray  # (sum of m,)
+
+
 class ArcBlock(NamedTuple):
     """One variable A' of d' dimensions, and what leads to it from A, of d, of the block before.
 
@@ -132,25 +142,17 @@ class AntennaPhase:
         i = int(np.searchsorted(self.row, row))
         return int(self.block[i]) if i < len(self.row) and self.row[i] == row else before
 
-    def linearised(
-        self,
-        i: int,
-        one: PhaseRows,
-        R_nb: FloatArray,
-        p_n_m: FloatArray,
-        arcs: FloatArray,
-        lever_b_m: FloatArray | None = None,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the residual of epoch i, (m,), and how it changes with pose and lever arm.
-
-        With the pose, (m, 6), as in ``gtsam.Pose3``; with the lever arm, (m, 3); with ``arcs`` it
-        changes by H of the epoch's rows, ``one``.
-        """
-        pose = np.empty((4, 4), order="F")  # as GTSAM's are: another order would be compiled anew
-        pose[:3, :3], pose[:3, 3] = R_nb, p_n_m
-        arm_b_m = self.arm_b_m[i] if lever_b_m is None else self.arm_b_m[i] + lever_b_m
-        linear: tuple[FloatArray, FloatArray, FloatArray] = _residual(pose, arcs, arm_b_m, *one)
-        return linear
+    def stacked(self, keyframes: IntArray) -> StackedRows:
+        """Return rows of those of some keyframes, (n,), increasing, that have any."""
+        epoch = np.flatnonzero(np.isin(self.row, keyframes, assume_unique=True))
+        made = [self.rows[i] for i in epoch.tolist()]
+        return StackedRows(
+            epoch,
+            np.array([one.H.shape for one in made], dtype=np.int64).reshape(-1, 2),
+            np.concatenate([np.empty((0, 3)), *(one.G for one in made)]),
+            np.concatenate([np.empty(0), *(one.H.ravel() for one in made)]),
+            np.concatenate([np.empty(0), *(one.z for one in made)]),
+        )
 
     def factor(self, i: int, key: int) -> gtsam.CustomFactor:
         """Return the phases of epoch i as a factor of keyframe ``key``."""
@@ -165,14 +167,14 @@ class AntennaPhase:
             _: gtsam.CustomFactor, values: gtsam.Values, H: list[FloatArray] | None
         ) -> NDArray[np.float64]:
             arm = arm_b_m if lever < 0 else arm_b_m + values.atVector(lever)
-            residual, by_pose, by_lever = _residual(
+            value, by_pose, by_lever = residual(
                 values.atPose3(pose).matrix(), values.atVector(arcs), arm, *one
             )
             if H is not None:
                 H[0], H[1] = by_pose, one.H
                 if lever >= 0:
                     H[2] = by_lever
-            return np.asarray(residual, dtype=np.float64)
+            return np.asarray(value, dtype=np.float64)
 
         return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(len(one.z)), involved, error)
 
@@ -213,9 +215,14 @@ def _begun_at(blocks: Sequence[ArcBlock], of: dict[int, int]) -> Sequence[ArcBlo
 
 
 @kernel
-def _residual(
+def residual(
     pose: FloatArray, arcs: FloatArray, arm: FloatArray, G: FloatArray, H: FloatArray, z: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the residual of an epoch, (m,), and how it changes with pose and lever arm.
+
+    With the pose, (4, 4) as GTSAM's in memory, (m, 6) as in ``gtsam.Pose3``; with the lever arm,
+    (m, 3); with ``arcs`` it changes by H.
+    """
     m, R = len(z), np.empty((3, 3))
     place = np.empty(3)
     for i in range(3):
@@ -225,7 +232,7 @@ def _residual(
             place[i] += pose[i, j] * arm[j]
     turned = rot.product(G, R)
     cross = rot.product(turned, rot.skew(arm))
-    residual, by_pose = np.empty(m), np.empty((m, 6))
+    value, by_pose = np.empty(m), np.empty((m, 6))
     for i in range(m):
         total = -z[i]
         for j in range(3):
@@ -233,8 +240,8 @@ def _residual(
             by_pose[i, j], by_pose[i, 3 + j] = -cross[i, j], turned[i, j]
         for j in range(len(arcs)):
             total += H[i, j] * arcs[j]
-        residual[i] = total
-    return residual, by_pose, turned
+        value[i] = total
+    return value, by_pose, turned
 
 
 @kernel

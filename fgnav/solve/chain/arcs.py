@@ -12,9 +12,16 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
-from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock
+from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock, StackedRows
 from fgnav.graph.types.states import States
 from fgnav.solve.chain import arcs_kernel, back_kernel, kernel
+
+
+class LinearPhases(NamedTuple):
+    """Phases of some keyframes, and where the A of each block is linearised."""
+
+    rows: StackedRows
+    arcs: Sequence[FloatArray] = ()  # empty: at zero
 
 
 class EliminatedArcs(NamedTuple):
@@ -214,36 +221,44 @@ class Border:
 
 def add_phases(
     phase: AntennaPhase,
+    phases: LinearPhases,
     rows: IntArray,
     at: States,
     node: FloatArray,
     into: IntArray,
-    arcs: Sequence[FloatArray] = (),
 ) -> None:
     """Add phases of some keyframes, (j,), to the nodes ``into``; see ``kernel``.
 
     Parameters
     ----------
     phase : AntennaPhase
+    phases : LinearPhases
+        Those of these keyframes.
     rows : ndarray of int, shape (j,)
         Keyframes.
     at : States
         Where they are linearised, (j,).
     node : ndarray, shape (n, W, W)
     into : ndarray of int, shape (j,)
-    arcs : sequence of ndarray
-        Where the A of each block is linearised; empty: at zero.
     """
-    D, b, first = at.width, len(at.constants), phase.lever_column
-    place = np.minimum(np.searchsorted(phase.row, rows), max(len(phase.row) - 1, 0))
-    for j in np.flatnonzero(phase.row[place] == rows) if len(phase.row) else ():
-        i = int(place[j])
-        one = phase.rows[i]
-        A = arcs[phase.block[i]] if arcs else np.zeros(one.H.shape[1])
-        lever_b_m = at.constants[first : first + 3] if first >= 0 else None
-        value, by_pose, by_lever = phase.linearised(i, one, at.R_nb[j], at.p_n_m[j], A, lever_b_m)
-        columns = D + b, -1 if first < 0 else D + first
-        kernel.add_phases(node[into[j]], columns, value, by_pose, one.H, by_lever)
+    (epoch, shape, G, H, z), arcs = phases
+    if not len(epoch):
+        return
+    place, lever = np.searchsorted(rows, phase.row[epoch]), phase.lever_column
+    D, b, arm_b_m = at.width, len(at.constants), phase.arm_b_m[epoch]
+    if lever >= 0:
+        arm_b_m = arm_b_m + at.constants[lever : lever + 3]
+    first = np.cumsum([0, *map(len, arcs)])[phase.block[epoch]] if arcs else np.zeros_like(epoch)
+    kernel.add_phases(
+        node,
+        into[place],
+        (D + b, -1 if lever < 0 else D + lever),
+        (at.R_nb[place], at.p_n_m[place], arm_b_m),
+        np.concatenate(arcs) if arcs else np.zeros(shape[:, 1].max()),
+        first,
+        shape,
+        (G, H, z),
+    )
 
 
 def begin(information: FloatArray, block: ArcBlock | None, a: int) -> None:

@@ -24,16 +24,16 @@ class WindowArrays(NamedTuple):
     steps: FloatArray  # (n, D), from there to the estimates
 
     @classmethod
-    def empty(cls, n: int, width: int, constants: int) -> "WindowArrays":
+    def empty(cls, n: int, width: int, constants: int, beside: int = 0) -> "WindowArrays":
         """Return room for n keyframes with nothing in it."""
-        D, W = width, width + constants + 1
+        D, W = width, width + constants + beside + 1
         shapes = (
             (),
             (3, 3),
             (3,),
             (3,),
             (D - AUX,),
-            (D, D + W),
+            (D, 2 * D + constants + 1),
             (W, W),
             (W, W),
             (D, D),
@@ -48,15 +48,12 @@ class WindowArrays(NamedTuple):
 
     def take(self, rows: "WindowArrays", wider: int) -> None:
         """Begin with other rows, whose border lacks some variables: they are independent units."""
-        n = len(rows.t_s)
+        n, W = len(rows.t_s), rows.node.shape[1]
+        kept = np.r_[0 : W - 1, W - 1 + wider]
         for name, new, old in zip(self._fields, self, rows, strict=True):
-            if not wider:
-                new[:n] = old
-                continue
-            kept = np.r_[0 : old.shape[-1] - 1, new.shape[-1] - 1] if old.ndim > 2 else np.empty(0)
-            if name in ("node", "forward"):
+            if wider and name in ("node", "forward"):
                 new[:n, kept[:, None], kept] = old
-            elif name in ("motion", "gain"):
+            elif wider and name == "gain":
                 new[:n, :, kept] = old
             else:
                 new[:n] = old

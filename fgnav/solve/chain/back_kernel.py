@@ -201,11 +201,13 @@ def forward_solve(L: FloatArray, Y: FloatArray) -> None:
 @kernel
 def backward_solve(L: FloatArray, Y: FloatArray) -> None:
     """Solve L' X = Y in place."""
-    for i in range(len(L) - 1, -1, -1):
+    n = len(L)
+    column = np.empty(n)
+    for i in range(n - 1, -1, -1):
         row = Y[i]
-        for k in range(i + 1, len(L)):
-            scale, other = L[k, i], Y[k]
-            for j in range(len(row)):
-                row[j] -= scale * other[j]
+        for k in range(i + 1, n):
+            column[k] = L[k, i]
+        less_rows(row, column[i + 1 :], Y[i + 1 :])
+        scale = 1.0 / L[i, i]
         for j in range(len(row)):
-            row[j] /= L[i, i]
+            row[j] *= scale

@@ -7,11 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.graph.factors.antenna_phase import StackedRows
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION, States
 from fgnav.solve.chain import back_kernel
-from fgnav.solve.chain.arcs import Border
+from fgnav.solve.chain.arcs import Border, LinearPhases
 from fgnav.solve.chain.linear import Links, Prior, linearise
 from fgnav.solve.failures import weakest_state
 
@@ -49,10 +50,11 @@ class _Chain:
         self.border = Border(problem.phase)
         for row in range(n):
             self.border.append(row)
-        b += self.border.width
+        beside = self.border.width
         self.root = np.zeros((n, D, D))
-        self.gain = np.empty((n - 1, D, D + b + 1))
-        self._links = Links.empty(min(n, _CHUNK + 1), D, b)
+        self.gain = np.empty((n - 1, D, D + b + beside + 1))
+        self._links = Links.empty(min(n, _CHUNK + 1), D, b, beside)
+        self._stacked: dict[int, StackedRows] = {}  # by the chunk's first keyframe
         self._prior = Prior.of(problem)
         self._forward = np.empty_like(self._links.node)
         self._by_rows = False
@@ -103,9 +105,9 @@ class _Chain:
         links, forward, n = self._links, self._forward, len(self.root)
         turns = np.arange(n)[ROTATION]
         first = np.zeros(1, np.int64)
-        arcs = self.border.at
         none, prior = states.at(slice(0, 0)), self._prior
-        linearise(self._problem, first, states.at(first), none, links, first, arcs, prior)
+        at, phases = states.at(first), self._phases_of(first)
+        linearise(self._problem, first, at, none, links, first, phases, prior)
         cost = float(links.node[0, -1, -1]) + self.border.cost
         links.node[0, turns, turns] += damping
         forward[0] = links.node[0]
@@ -114,7 +116,8 @@ class _Chain:
             count = min(_CHUNK, n - 1 - begin)
             into = np.arange(1, count + 1)
             at, before = (states.at(slice(k, k + count)) for k in (begin + 1, begin))
-            linearise(self._problem, begin + into, at, before, links, into, arcs)
+            phases = self._phases_of(begin + into)
+            linearise(self._problem, begin + into, at, before, links, into, phases)
             motion, node = links.motion[: count + 1], links.node[: count + 1]
             cost += Links(motion[1:], node[1:]).cost()
             if cost > most:
@@ -126,6 +129,15 @@ class _Chain:
                 raise self._open(forward[failed], begin + failed)
             forward[0] = forward[count]
         return cost, forward[0]
+
+    def _phases_of(self, rows: IntArray) -> LinearPhases | None:
+        """Return the phases of a chunk, whose rows are made once: 1 kB a keyframe."""
+        phase, first = self._problem.phase, int(rows[0])
+        if phase is None:
+            return None
+        if first not in self._stacked:
+            self._stacked[first] = phase.stacked(rows)
+        return LinearPhases(self._stacked[first], self.border.at)
 
 
 def solve_batch(

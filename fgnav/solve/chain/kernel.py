@@ -1,11 +1,12 @@
 """Block elimination along a chain of keyframes, in plain loops.
 
-Keyframe k has a state of D dimensions (a multiple of three); b constants belong to all. With
-W = D + b + 1 and J = 2 D + b + 1, what enters with it is ``motion[k]``, (D, J), whitened rows over
-(state k - 1, state k, constants, minus the residual), and ``node[k]``, (W, W), the augmented
-information of all else over (state k, constants, right-hand side). ``forward[k]``, (W, W), is the
-augmented information of state k and the constants given all up to k: a filter's. An augmented
-information A means the cost ``(x, -1) A (x, -1)'``; only upper halves are read and written.
+Keyframe k has a state of D dimensions (a multiple of three); b constants belong to all, and beside
+them may stand a more variables, of which the motion knows nothing. With W = D + b + a + 1, what
+enters with it is ``motion[k]``, (D, 2 D + b + 1), whitened rows over (state k - 1, state k,
+constants, minus the residual), and ``node[k]``, (W, W), the augmented information of all else over
+(state k, constants, those beside, right-hand side). ``forward[k]``, (W, W), is the augmented
+information of state k and the shared given all up to k: a filter's. An augmented information A
+means the cost ``(x, -1) A (x, -1)'``; only upper halves are read and written.
 
 References
 ----------
@@ -15,6 +16,7 @@ Barfoot, State Estimation for Robotics, 2nd edition, section 3.2.3 (Cholesky smo
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.graph.factors.antenna_phase import residual
 from fgnav.kernels.compiled import inlined, kernel
 from fgnav.solve.chain.back_kernel import backward_solve
 from fgnav.solve.chain.rows_kernel import eliminate_rows
@@ -45,35 +47,51 @@ def add_squares(
 @kernel
 def add_phases(
     node: FloatArray,
+    into: IntArray,
     columns: tuple[int, int],
-    value: FloatArray,
-    by_pose: FloatArray,
-    by_arcs: FloatArray,
-    by_lever: FloatArray,
+    places: tuple[FloatArray, FloatArray, FloatArray],
+    arcs: FloatArray,
+    first: IntArray,
+    shape: IntArray,
+    rows: tuple[FloatArray, FloatArray, FloatArray],
 ) -> None:
-    """Add whitened phases to the node of their keyframe, (W, W).
+    """Add whitened phases of j epochs to the nodes ``into``, (j,), of their keyframes.
 
     Parameters
     ----------
     columns : tuple of int
         First of the arcs; first of the lever arm, or -1.
-    value, by_pose, by_arcs, by_lever : ndarray, shapes (m,), (m, 6), (m, a), (m, 3)
-        Residual, and how it changes.
+    places : tuple of ndarray, shapes (j, 3, 3), (j, 3), (j, 3)
+        R_nb, p_n_m, and the lever arm in body axes.
+    arcs : ndarray
+        Where all A are linearised; each epoch's stands from ``first``, (j,), on.
+    shape, rows : ndarray, tuple of ndarray
+        Of ``StackedRows``: its G, H and z.
     """
-    arcs, lever = columns
-    row = np.zeros(len(node))
-    for m in range(len(value)):
-        for i in range(6):
-            row[i] = by_pose[m, i]
-        for i in range(by_arcs.shape[1]):
-            row[arcs + i] = by_arcs[m, i]
-        if lever >= 0:
-            for i in range(3):
-                row[lever + i] = by_lever[m, i]
-        row[-1] = -value[m]
-        for i in range(len(row)):
-            if row[i] != 0.0:
-                _add(node[i, i:], row[i:], row[i])
+    (by_arcs, by_lever), (R_nb, p_n_m, arm_b_m), (G, H, z) = columns, places, rows
+    pose, a, h = np.empty((4, 4)).T, 0, 0  # as GTSAM's are: another order would be compiled anew
+    row = np.zeros(node.shape[1])
+    for j in range(len(into)):
+        (m, d), out = shape[j], node[into[j]]
+        for i in range(3):
+            pose[i, 3] = p_n_m[j, i]
+            for k in range(3):
+                pose[i, k] = R_nb[j, i, k]
+        A, H_j = arcs[first[j] : first[j] + d], H[h : h + m * d].reshape((m, d))
+        value, of_pose, of_lever = residual(pose, A, arm_b_m[j], G[a : a + m], H_j, z[a : a + m])
+        row[:] = 0.0
+        for k in range(m):
+            for i in range(6):
+                row[i] = of_pose[k, i]
+            for i in range(d):
+                row[by_arcs + i] = H_j[k, i]
+            for i in range(3 if by_lever >= 0 else 0):
+                row[by_lever + i] = of_lever[k, i]
+            row[-1] = -value[k]
+            for i in range(len(row)):
+                if row[i] != 0.0:
+                    _add(out[i, i:], row[i:], row[i])
+        a, h = a + m, h + m * d
 
 
 @inlined
@@ -111,7 +129,8 @@ def eliminate(
     int
         The first keyframe whose state is open, or -1.
     """
-    D, J = motion.shape[1], motion.shape[2]
+    D = motion.shape[1]
+    J = D + node.shape[1]
     joint, whole = np.empty((J, J)), np.empty(J)
     for k in range(len(motion) - 1):
         if not by_rows:
@@ -133,24 +152,32 @@ def eliminate(
 
 @inlined
 def _fill(joint: FloatArray, motion: FloatArray, node: FloatArray, forward: FloatArray) -> None:
-    """Fill the information of two states and the constants, three rows of the motion at once."""
-    D, J = motion.shape
-    for i in range(D):
-        joint[i, i:] = 0.0
-        _add(joint[i, i:D], forward[i, i:D], 1.0)
-        _add(joint[i, 2 * D :], forward[i, D:], 1.0)
-    for i in range(D, J):
-        joint[i, i:] = 0.0
-        _add(joint[i, i:], node[i - D, i - D :], 1.0)
-        if i >= 2 * D:
-            _add(joint[i, i:], forward[i - D, i - D :], 1.0)
-    for k in range(0, D, 3):
-        for i in range(J):
-            x, y, z, row = motion[k, i:], motion[k + 1, i:], motion[k + 2, i:], joint[i, i:]
+    """Fill the information of two states and what is shared, three rows of the motion at once."""
+    D, last, J = motion.shape[0], motion.shape[1] - 1, len(joint)
+    of_motion = np.empty(last + 1)
+    for i in range(J):
+        row = joint[i, i:]
+        row[:] = 0.0
+        if i >= D:
+            _add(row, node[i - D, i - D :], 1.0)
+        if i < D:
+            _add(row[: D - i], forward[i, i:D], 1.0)
+            _add(row[2 * D - i :], forward[i, D:], 1.0)
+        elif i >= 2 * D:
+            _add(row, forward[i - D, i - D :], 1.0)
+        if i >= last and i < J - 1:
+            continue
+        column = min(i, last)
+        added = of_motion[column:]
+        added[:] = 0.0
+        for k in range(0, D, 3):
+            x, y, z = motion[k, column:], motion[k + 1, column:], motion[k + 2, column:]
             a, b, c = x[0], y[0], z[0]
             if a != 0.0 or b != 0.0 or c != 0.0:
-                for j in range(len(row)):
-                    row[j] += a * x[j] + b * y[j] + c * z[j]
+                for j in range(len(added)):
+                    added[j] += a * x[j] + b * y[j] + c * z[j]
+        _add(row[: last - column], added[:-1], 1.0)
+        row[len(row) - 1] += of_motion[last]
 
 
 @inlined

@@ -1,6 +1,5 @@
 """A smoothing problem as a linear chain: what each keyframe adds, and the prior of the first."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,20 +10,21 @@ from fgnav.geometry.rotations import log
 from fgnav.graph.types.problem import SmoothingProblem, pose_prior
 from fgnav.graph.types.states import AUX, POSITION, ROTATION, VELOCITY, States
 from fgnav.solve.chain import kernel
-from fgnav.solve.chain.arcs import add_phases
+from fgnav.solve.chain.arcs import LinearPhases, add_phases
 
 
 class Links(NamedTuple):
     """What enters with n keyframes, see ``kernel``."""
 
     motion: FloatArray  # (n, D, 2 D + b + 1)
-    node: FloatArray  # (n, D + b + 1, D + b + 1)
+    node: FloatArray  # (n, D + b + a + 1, D + b + a + 1)
 
     @classmethod
-    def empty(cls, n: int, width: int, constants: int) -> "Links":
+    def empty(cls, n: int, width: int, constants: int, beside: int = 0) -> "Links":
         """Return room for n keyframes with nothing in it."""
-        W = width + constants + 1
-        return cls(motion=np.zeros((n, width, width + W)), node=np.zeros((n, W, W)))
+        W = width + constants + beside + 1
+        motion = np.zeros((n, width, 2 * width + constants + 1))
+        return cls(motion=motion, node=np.zeros((n, W, W)))
 
     def cost(self) -> float:
         """Return the sum of the squares of all residuals."""
@@ -64,7 +64,7 @@ def linearise(
     before: States,
     links: Links,
     into: IntArray,
-    arcs: Sequence[FloatArray] = (),
+    phases: LinearPhases | None = None,
     prior: Prior | None = None,
 ) -> None:
     """Fill what enters with some keyframes.
@@ -82,8 +82,8 @@ def linearise(
     links : Links
     into : ndarray of int, shape (j,)
         Places of the keyframes in it.
-    arcs : sequence of ndarray
-        Where the A of each block is linearised; empty: at zero.
+    phases : LinearPhases, optional
+        Of these keyframes, if they are made already; else all A are linearised at zero.
     prior : Prior, optional
         Where the first of the rows begins the chain, if it is known already.
 
@@ -92,10 +92,10 @@ def linearise(
     NoSolutionError
         If a residual is not finite.
     """
-    D, j, b = at.width, len(before.R_nb), len(at.constants)
-    links.motion[into] = 0.0
+    D, j = at.width, len(before.R_nb)
     links.node[into] = 0.0
     if len(rows) > j:
+        links.motion[into[0]] = 0.0
         prior = prior or Prior.of(problem, int(rows[0]))
         _add_prior(prior, at.at(slice(0, 1)), links.node, into[:1])
     if j:
@@ -103,7 +103,7 @@ def linearise(
         led = into[-j:]
         links.motion[led, :, :D] = motion.before
         links.motion[led, :, D : 2 * D] = motion.after
-        links.motion[led, :, 2 * D : 2 * D + b] = motion.shared
+        links.motion[led, :, 2 * D : -1] = motion.shared
         links.motion[led, :, -1] = -motion.value
     for measurement in problem.measurements:
         first, last = np.searchsorted(measurement.row, (rows[0], rows[-1] + 1))
@@ -118,7 +118,8 @@ def linearise(
             of_state = (linear.value, linear.state, shared)
             kernel.add_squares(links.node, into[place], *map(np.ascontiguousarray, of_state))
     if problem.phase is not None:
-        add_phases(problem.phase, rows, at, links.node, into, arcs)
+        phases = phases or LinearPhases(problem.phase.stacked(rows))
+        add_phases(problem.phase, phases, rows, at, links.node, into)
     cost = links.node[into, -1, -1] + (links.motion[into, :, -1] ** 2).sum(axis=1)
     if not np.isfinite(cost).all():
         t_s = float(problem.t_s[rows[int(np.isfinite(cost).argmin())]])

@@ -201,11 +201,11 @@ class LinearWindow:
 
     def _make_room(self, width: int) -> None:
         """When the memory is full or too narrow, move what is there to the front of another one."""
-        border = len(self.constants) + self._border.width
-        wider = width + border - len(self.end)
+        constants, arcs = len(self.constants), self._border.width
+        wider = width + constants + arcs - len(self.end)
         if not wider and self._first + len(self) < len(self._memory.t_s):
             return
-        memory = WindowArrays.empty(max(_LEAST_ROOM, 2 * len(self)), width, border)
+        memory = WindowArrays.empty(max(_LEAST_ROOM, 2 * len(self)), width, constants, arcs)
         if len(self):
             memory.take(self.rows, wider)
         self.end = np.append(self.end, np.zeros(wider))

@@ -32,12 +32,14 @@ def eliminate_rows(
     ``gain`` is left as the right-hand side of the factor's transpose. Returns whether the data
     determine the state given the next one.
     """
-    D, J = motion.shape
+    D, last = motion.shape[0], motion.shape[1] - 1
+    J = D + len(node)
     columns = np.zeros((J, 2 * J - D))  # one row of the system in each column
     count = _square_root(before, D, False, columns, 0)
     for m in range(D):
-        for j in range(J):
+        for j in range(last):
             columns[j, count + m] = motion[m, j]
+        columns[J - 1, count + m] = motion[m, last]
     count = _square_root(node, D, True, columns, count + D)
     if not _triangle(columns, count, D):
         return False
