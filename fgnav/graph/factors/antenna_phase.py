@@ -142,16 +142,20 @@ class AntennaPhase:
         i = int(np.searchsorted(self.row, row))
         return int(self.block[i]) if i < len(self.row) and self.row[i] == row else before
 
-    def stacked(self, keyframes: IntArray) -> StackedRows:
-        """Return rows of those of some keyframes, (n,), increasing, that have any."""
-        epoch = np.flatnonzero(np.isin(self.row, keyframes, assume_unique=True))
+    def stacked(self, keyframes: IntArray) -> StackedRows | None:
+        """Return rows of those of some keyframes, (n,), increasing, that have any; None of none."""
+        place = self.row.searchsorted(keyframes)
+        place = place[place < len(self.row)]
+        epoch = place[self.row[place] == keyframes[: len(place)]]
         made = [self.rows[i] for i in epoch.tolist()]
+        if not made:
+            return None
         return StackedRows(
             epoch,
-            np.array([one.H.shape for one in made], dtype=np.int64).reshape(-1, 2),
-            np.concatenate([np.empty((0, 3)), *(one.G for one in made)]),
-            np.concatenate([np.empty(0), *(one.H.ravel() for one in made)]),
-            np.concatenate([np.empty(0), *(one.z for one in made)]),
+            np.array([one.H.shape for one in made], dtype=np.int64),
+            np.concatenate([one.G for one in made]),
+            np.concatenate([one.H.ravel() for one in made]),
+            np.concatenate([one.z for one in made]),
         )
 
     def factor(self, i: int, key: int) -> gtsam.CustomFactor:

@@ -337,7 +337,7 @@ def _contiguous(values: FloatArray) -> FloatArray:
 
 
 def _indices(which: IntArray) -> IntArray:
-    return np.require(which, np.int64, ["C", "W"])
+    return which if which.flags.carray else np.require(which, np.int64, ["C", "W"])
 
 
 def _force_white(span_s: FloatArray, noise: FloatArray) -> FloatArray:

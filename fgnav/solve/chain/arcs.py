@@ -20,7 +20,7 @@ from fgnav.solve.chain import arcs_kernel, back_kernel, kernel
 class LinearPhases(NamedTuple):
     """Phases of some keyframes, and where the A of each block is linearised."""
 
-    rows: StackedRows
+    rows: StackedRows | None  # None where these have none
     arcs: Sequence[FloatArray] = ()  # empty: at zero
 
 
@@ -241,10 +241,11 @@ def add_phases(
     node : ndarray, shape (n, W, W)
     into : ndarray of int, shape (j,)
     """
-    (epoch, shape, G, H, z), arcs = phases
-    if not len(epoch):
+    of_epochs, arcs = phases
+    if of_epochs is None:
         return
-    place, lever = np.searchsorted(rows, phase.row[epoch]), phase.lever_column
+    epoch, shape, G, H, z = of_epochs
+    place, lever = rows.searchsorted(phase.row[epoch]), phase.lever_column
     D, b, arm_b_m = at.width, len(at.constants), phase.arm_b_m[epoch]
     if lever >= 0:
         arm_b_m = arm_b_m + at.constants[lever : lever + 3]

@@ -8,7 +8,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.kernels.compiled import inlined, kernel
-from fgnav.solve.chain.back_kernel import NOTHING, backward_solve, less_rows
+from fgnav.solve.chain.back_kernel import backward_solve, less_rows, triangular
 
 
 @kernel
@@ -121,35 +121,7 @@ def lead_on(
             scale = weight[k] * row[i]
             if scale != 0.0:
                 _add(joint[i, i:], row[i:], scale)
-    return _eliminate(joint, size), joint
-
-
-@inlined
-def _eliminate(joint: FloatArray, size: int) -> bool:
-    """Turn the first rows into those of the Cholesky factor, take their square off the rest.
-
-    Most of A leads to one of A' alone: what nothing has led to yet is left out. Returns whether
-    pivots have digits.
-    """
-    n = len(joint)
-    for i in range(n):
-        row, end = joint[i, i:], min(i, size)
-        diagonal, four = row[0], end - end % 4
-        for k in range(0, four, 4):
-            w, x, y, z = joint[k, i:], joint[k + 1, i:], joint[k + 2, i:], joint[k + 3, i:]
-            a, b, c, d = w[0], x[0], y[0], z[0]
-            if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
-                for j in range(len(row)):
-                    row[j] -= a * w[j] + b * x[j] + c * y[j] + d * z[j]
-        for k in range(four, end):
-            _add(row, joint[k, i:], -joint[k, i])
-        if i < size:
-            if not row[0] > NOTHING * diagonal:
-                return False
-            scale = 1.0 / np.sqrt(row[0])
-            for j in range(len(row)):
-                row[j] *= scale
-    return True
+    return triangular(joint, size), joint
 
 
 @inlined

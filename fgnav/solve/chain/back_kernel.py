@@ -21,30 +21,21 @@ def newest(forward: FloatArray, covariance: FloatArray, step: FloatArray) -> flo
     Returns the least cost of all that is known, NaN if a direction is open.
     """
     n = len(step)
-    L = np.zeros((n, n))
-    for i in range(n):
-        for j in range(i, n):
-            L[j, i] = forward[i, j]
-    if not cholesky(L):
+    U, L, end = forward.copy(), np.zeros((n, n)), np.empty((n, 1))
+    if not triangular(U, n):
         return np.nan
-    covariance[:] = 0.0
-    end = np.empty((n, 1))
     for i in range(n):
-        covariance[i, i] = 1.0
-        end[i, 0] = forward[i, n]
-    forward_solve(L, end)
-    least = forward[n, n]
-    for i in range(n):
-        least -= end[i, 0] ** 2
+        end[i, 0] = U[i, n]
+        for j in range(i, n):
+            L[j, i] = U[i, j]
     backward_solve(L, end)
     for i in range(n):
         step[i] = end[i, 0]
-    forward_solve(L, covariance)
-    backward_solve(L, covariance)
+    inverse_of_square(L, covariance)
     for i in range(n):
         for j in range(i):
-            covariance[i, j] = covariance[j, i]
-    return float(least)
+            covariance[j, i] = covariance[i, j]
+    return float(U[n, n])
 
 
 @kernel
@@ -91,7 +82,7 @@ def marginals(
         here = covariance[k]
         if k < n - 1:
             _negative_product(gain[k], joint, T)
-            _inverse_of_square(root[k], alone)
+            inverse_of_square(root[k], alone)
             _transpose(gain[k], turned)
             _less_product(alone, T, turned)
             for i in range(D):
@@ -148,8 +139,8 @@ def less_rows(row: FloatArray, scale: FloatArray, B: FloatArray) -> None:
             row[j] -= one * other[j]
 
 
-@inlined
-def _inverse_of_square(L: FloatArray, out: FloatArray) -> None:
+@kernel
+def inverse_of_square(L: FloatArray, out: FloatArray) -> None:
     """Set the lower half of ``out`` to that of the inverse of L L'."""
     n = len(L)
     for i in range(n):
@@ -167,21 +158,31 @@ def _inverse_of_square(L: FloatArray, out: FloatArray) -> None:
 
 
 @kernel
-def cholesky(A: FloatArray) -> bool:
-    """Leave the factor in A's lower half; return whether A is positive definite in its digits."""
-    n = len(A)
-    for j in range(n):
-        whole = A[j, j]
-        for k in range(j):
-            A[j, j] -= A[j, k] ** 2
-        if not A[j, j] > NOTHING * whole:
-            return False
-        A[j, j] = np.sqrt(A[j, j])
-        for i in range(j + 1, n):
-            total = A[i, j]
-            for k in range(j):
-                total -= A[i, k] * A[j, k]
-            A[i, j] = total / A[j, j]
+def triangular(A: FloatArray, count: int) -> bool:
+    """Turn the first rows of A into those of its Cholesky factor, take their square off the rest.
+
+    Upper half; what has nothing to do with four rows is left alone by them. Returns whether pivots
+    have digits.
+    """
+    for i in range(len(A)):
+        row, end = A[i, i:], min(i, count)
+        diagonal, four = row[0], end - end % 4
+        for k in range(0, four, 4):
+            w, x, y, z = A[k, i:], A[k + 1, i:], A[k + 2, i:], A[k + 3, i:]
+            a, b, c, d = w[0], x[0], y[0], z[0]
+            if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
+                for j in range(len(row)):
+                    row[j] -= a * w[j] + b * x[j] + c * y[j] + d * z[j]
+        for k in range(four, end):
+            one, other = A[k, i], A[k, i:]
+            for j in range(len(row)):
+                row[j] -= one * other[j]
+        if i < count:
+            if not row[0] > NOTHING * diagonal:
+                return False
+            scale = 1.0 / np.sqrt(row[0])
+            for j in range(len(row)):
+                row[j] *= scale
     return True
 
 
@@ -190,10 +191,7 @@ def forward_solve(L: FloatArray, Y: FloatArray) -> None:
     """Solve L X = Y in place."""
     for i in range(len(L)):
         row = Y[i]
-        for k in range(i):
-            scale, other = L[i, k], Y[k]
-            for j in range(len(row)):
-                row[j] -= scale * other[j]
+        less_rows(row, L[i, :i], Y[:i])
         for j in range(len(row)):
             row[j] /= L[i, i]
 

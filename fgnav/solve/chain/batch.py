@@ -54,7 +54,7 @@ class _Chain:
         self.root = np.zeros((n, D, D))
         self.gain = np.empty((n - 1, D, D + b + beside + 1))
         self._links = Links.empty(min(n, _CHUNK + 1), D, b, beside)
-        self._stacked: dict[int, StackedRows] = {}  # by the chunk's first keyframe
+        self._stacked: dict[int, StackedRows | None] = {}  # by the chunk's first keyframe
         self._prior = Prior.of(problem)
         self._forward = np.empty_like(self._links.node)
         self._by_rows = False

@@ -99,28 +99,30 @@ def linearise(
         prior = prior or Prior.of(problem, int(rows[0]))
         _add_prior(prior, at.at(slice(0, 1)), links.node, into[:1])
     if j:
-        motion = problem.motion.linearise(before, at.at(slice(len(rows) - j, None)), rows[-j:] - 1)
+        after = at if len(rows) == j else at.at(slice(1, None))
+        motion = problem.motion.linearise(before, after, rows[-j:] - 1)
         led = into[-j:]
         links.motion[led, :, :D] = motion.before
         links.motion[led, :, D : 2 * D] = motion.after
         links.motion[led, :, 2 * D : -1] = motion.shared
         links.motion[led, :, -1] = -motion.value
     for measurement in problem.measurements:
-        first, last = np.searchsorted(measurement.row, (rows[0], rows[-1] + 1))
+        first, last = measurement.row.searchsorted((rows[0], rows[-1] + 1))
         which = np.arange(first, last)
-        place = np.searchsorted(rows, measurement.row[first:last])
+        place = rows.searchsorted(measurement.row[first:last])
         if len(which) > 0 and len(rows) <= rows[-1] - rows[0]:  # gaps between the rows
             among = rows[place] == measurement.row[first:last]
             which, place = which[among], place[among]
         if len(which):
-            linear = measurement.linearise(at.at(place), which)
+            linear = measurement.linearise(at if len(place) == len(rows) else at.at(place), which)
             shared = _beside_arcs(linear.shared, links.node, D)
             of_state = (linear.value, linear.state, shared)
             kernel.add_squares(links.node, into[place], *map(np.ascontiguousarray, of_state))
     if problem.phase is not None:
         phases = phases or LinearPhases(problem.phase.stacked(rows))
         add_phases(problem.phase, phases, rows, at, links.node, into)
-    cost = links.node[into, -1, -1] + (links.motion[into, :, -1] ** 2).sum(axis=1)
+    residuals = links.motion[into, :, -1]
+    cost = links.node[into, -1, -1] + np.einsum("jm,jm->j", residuals, residuals)
     if not np.isfinite(cost).all():
         t_s = float(problem.t_s[rows[int(np.isfinite(cost).argmin())]])
         raise NoSolutionError(f"residuals are not finite at {t_s:.2f} s")

@@ -17,6 +17,8 @@ MOVED_RAD = 0.01
 # two and a half times what velocities by phase err.
 _MOVED_WITH_GYROSCOPE_RAD = 0.001
 MOVED_RADPS = 0.05  # of the rate, without a gyroscope: turns by that in 0.1 s
+_MOVES = np.r_[ROTATION, RATE]
+_MOVED = np.repeat([MOVED_RAD, MOVED_RADPS], 3)
 _ERRS_AT_MOST = 0.25  # of sigma, by half the square of a move: 3 % more RMS error
 _GYROSCOPE_AUX = 6
 UNKNOWN_RAD = 0.5  # of an attitude: it is wherever it is linearised
@@ -94,12 +96,11 @@ def moved_far(steps: FloatArray, times: float = 1.0) -> BoolArray:
 
     ``times`` as far as else counts as far.
     """
-    turned = np.abs(steps[:, ROTATION]).max(axis=1)
     if has_gyroscope(steps):
-        far = bool((turned > times * _MOVED_WITH_GYROSCOPE_RAD).any())
-        return np.full(len(steps), far)
-    far = turned > times * MOVED_RAD
-    return np.asarray(far | (np.abs(steps[:, RATE]).max(axis=1) > times * MOVED_RADPS))
+        far = np.abs(steps[:, ROTATION]) > times * _MOVED_WITH_GYROSCOPE_RAD
+        return np.full(len(steps), far.any())
+    far = np.abs(steps[:, _MOVES]) > times * _MOVED
+    return np.asarray(far.any(axis=1))
 
 
 def is_rough(steps: FloatArray, covariance: FloatArray) -> BoolArray:
@@ -114,6 +115,9 @@ def is_rough(steps: FloatArray, covariance: FloatArray) -> BoolArray:
     covariance : ndarray, shape (m, D, D)
     """
     turned = np.linalg.norm(steps[:, ROTATION], axis=1)
+    far = turned > 2 * MOVED_RAD
+    if not far.any():
+        return np.asarray(far)
     sigma = np.sqrt(np.einsum("nii->n", covariance[:, ROTATION, ROTATION]))
-    far = (turned > 2 * MOVED_RAD) & (turned**2 / 2 > _ERRS_AT_MOST * sigma)
+    far &= turned**2 / 2 > _ERRS_AT_MOST * sigma
     return np.asarray(far & (sigma < UNKNOWN_RAD))
