@@ -26,7 +26,6 @@ from fgnav.process.filter_kernel import (
 _WRONG_SHARE = 0.01  # of attitudes, before they are seen
 _UNKNOWN = -np.log(8 * np.pi**2)  # log density of an attitude that may be any, per rad^3
 _LOST = 4  # attitudes in a row held to be wrong: it is the filter that is, and starts anew
-SAME_S = 1e-9  # durations closer than this are one
 
 UPDATE, RESTART, PREDICT, RESTART_ALL = 0, 1, 2, 3  # what an epoch does; see ``log_densities``
 
@@ -118,15 +117,22 @@ def log_densities(
         put(P, tape.covariance[0])
         put(x, tape.state[0])
     contradicted = 0
-    T_s, poles = -1.0, poles_per_s[0]
-    F: FloatArray = np.empty((3, 3, 3))
-    H: FloatArray = np.empty((3, 3))
-    Q: FloatArray = np.empty((3, 4, 4))
+    last, r = 0, matern.RECENT
+    spans_s, shapes = np.full(r, -1.0), np.zeros((r, 3, 3))
+    transitions, integrals, noises = (
+        np.empty((r, 3, 3, 3)),
+        np.empty((r, 3, 3)),
+        np.empty((r, 3, 4, 4)),
+    )
     for k in range(1, n):
-        same = abs(t_s[k] - t_s[k - 1] - T_s) <= SAME_S
-        if not (same and (poles_per_s[k - 1] == poles).all()):
-            T_s, poles = t_s[k] - t_s[k - 1], poles_per_s[k - 1]
-            matern.of_axes(T_s, poles, F, H, Q)
+        span_s, poles = t_s[k] - t_s[k - 1], poles_per_s[k - 1]
+        one = matern.like(span_s, poles, spans_s, shapes)
+        if one < 0:
+            one = last = (last + 1) % r
+            spans_s[one] = span_s
+            put(poles, shapes[one])
+            matern.of_axes(span_s, poles, transitions[one], integrals[one], noises[one])
+        T_s, F, H, Q = spans_s[one], transitions[one], integrals[one], noises[one]
         if len(tape.share):
             C, N, moved = tape.rows[k], tape.noise[k], tape.moved[k]
         rotation_rows(x, F, H, T_s, C, N)

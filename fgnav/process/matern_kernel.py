@@ -18,6 +18,9 @@ DERIVATIVE_SCALE_S = 0.1  # T0: that of the states' tangent, makes rate and deri
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
 _PANEL = 4.0  # ten nodes are exact to 1e-12 over this much of time times the fastest pole
 _FORGOTTEN = 40.0  # exp(-40) u^4 is below double precision: only the integral still grows
+SAME_S = 1e-9  # durations closer than this are one
+# Intervals that a filter remembers: its epochs', and two spans between blocks of a long flight.
+RECENT = 4
 _SERIES, _TERMS = 1.0, 24  # of what is at most one: 1 / 24! is below double precision
 
 
@@ -142,6 +145,15 @@ def of_axes(
             put(product(L, transposed(L)), Q[axis])
             for i in range(3):
                 H[axis, i] = turned_s[i]
+
+
+@kernel
+def like(T_s: float, poles_per_s: FloatArray, spans_s: FloatArray, poles: FloatArray) -> int:
+    """Return which of some intervals, (r,) with poles (r, 3, 3), another one is like, or -1."""
+    for i in range(len(spans_s)):
+        if abs(spans_s[i] - T_s) <= SAME_S and (poles[i] == poles_per_s).all():
+            return i
+    return -1
 
 
 @kernel

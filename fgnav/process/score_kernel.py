@@ -27,9 +27,10 @@ References
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.geometry.rotation_kernel import put
 from fgnav.kernels.compiled import inlined, inner, inner_with, kernel_with
 from fgnav.process import matern_kernel as matern
-from fgnav.process.evidence_kernel import RESTART, RESTART_ALL, SAME_S, UPDATE, Tape
+from fgnav.process.evidence_kernel import RESTART, RESTART_ALL, UPDATE, Tape
 from fgnav.process.filter_kernel import MEAN, SIZE, WIDTH, by_rows
 
 _STEP = 1e-5  # of a pole's logarithm, for differences of what is known in closed form
@@ -60,11 +61,12 @@ def score(
     n = len(t_s)
     out, freedom, by_poles = np.zeros((n - 1, 3)), np.zeros((n - 1, 3)), np.zeros((3, 3))
     rho, N = np.zeros(WIDTH), np.zeros((SIZE, WIDTH))
-    F, H, Q = np.empty((3, 3, 3)), np.empty((3, 3)), np.empty((3, 4, 4))
-    dM, dQ = np.empty((3, 3, 4, 3)), np.empty((3, 3, 4, 4))
     by, pulled, by_motion = np.empty(4), np.empty((4, WIDTH)), np.empty((4, 3))
     among, half = np.empty((4, 4)), np.zeros((SIZE, WIDTH))
-    T_s, poles = -1.0, poles_per_s[0]
+    H, last, r = np.empty((3, 3)), 0, matern.RECENT
+    spans_s, shapes = np.full(r, -1.0), np.zeros((r, 3, 3))
+    transitions, noises = np.empty((r, 3, 3, 3)), np.empty((r, 3, 4, 4))
+    by_motions, by_noises = np.empty((r, 3, 3, 4, 3)), np.empty((r, 3, 3, 4, 4))
     for k in range(n - 1, 0, -1):
         if tape.use[k] == RESTART_ALL:
             _add_start(rho, N, poles_per_s[k - 1], variance_rad2ps2[k - 1], out[k - 1], by_poles)
@@ -73,12 +75,17 @@ def score(
         if tape.use[k] in (UPDATE, RESTART_ALL):
             _keep(tape.share[k], tape.gain[k], rho, N)
             _add_innovation(tape.share[k], tape.weight[k], tape.innovation[k], rho, N)
-        same = abs(t_s[k] - t_s[k - 1] - T_s) <= SAME_S
-        if not (same and (poles_per_s[k - 1] == poles).all()):
-            T_s, poles = t_s[k] - t_s[k - 1], poles_per_s[k - 1]
-            matern.of_axes(T_s, poles, F, H, Q)
+        span_s, poles = t_s[k] - t_s[k - 1], poles_per_s[k - 1]
+        one = matern.like(span_s, poles, spans_s, shapes)
+        if one < 0:
+            one = last = (last + 1) % r
+            spans_s[one] = span_s
+            put(poles, shapes[one])
+            F, Q = transitions[one], noises[one]
+            matern.of_axes(span_s, poles, F, H, Q)
             if by_shape:
-                _differences(T_s, poles, F, H, Q, dM, dQ)
+                _differences(span_s, poles, F, H, Q, by_motions[one], by_noises[one])
+        F, Q, dM, dQ = transitions[one], noises[one], by_motions[one], by_noises[one]
         for axis in range(3):
             _pull(tape.noise[k], axis, rho, N, by, pulled)
             _set_among(tape.noise[k], axis, pulled, among)
