@@ -144,7 +144,7 @@ def live_rows(
             live is None
             or now_s - live.t_s > _BLOCK_S - _ROUNDING_S
             or not np.array_equal(arc, live.arc)
-            or not np.isin(of.satellite[coded], live.satellite).all()
+            or (len(coded) and not np.isin(of.satellite[coded], live.satellite).all())
         ):
             after = _next(of, i, live, now_s, (channel, coded))
             out.transitions.append(_transition(of, (live, after), i, k))

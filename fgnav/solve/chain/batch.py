@@ -1,6 +1,6 @@
 """The whole flight at once: Gauss-Newton over the chain, damped where its cost does not fall."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from fgnav.solve.chain.arcs import Border, LinearPhases
 from fgnav.solve.chain.linear import Links, Prior, linearise
 from fgnav.solve.failures import weakest_state
 
-_CHUNK = 256  # keyframes linearised at once: 4 MB
+_CHUNK = 128  # keyframes linearised at once: 2 MB
 _ITERATIONS = 300  # in outages a search creeps along a valley: 143 where it took most
 _STEP_SIGMAS = 0.01  # a next Newton step below this share of every sigma: it is a minimum
 _NEAR = 1.0  # promised decreases below it shrink with their square, as Newton's do
@@ -97,38 +97,51 @@ class _Chain:
         problem = self._problem
         return weakest_state(information, problem.width, problem.constants, float(problem.t_s[k]))
 
+    def cost(self, states: States, arcs: Sequence[FloatArray]) -> float:
+        """Return the cost at states and arcs."""
+        self.border.linearise(arcs)
+        return self.border.cost + sum(links.cost() for _, links in self._linearised(states))
+
     def _eliminated(self, states: States, damping: float, most: float) -> tuple[float, FloatArray]:
         """Fill factors and gains; return the cost, and the information at the last keyframe.
 
         Until the cost exceeds ``most``.
         """
-        links, forward, n = self._links, self._forward, len(self.root)
-        turns = np.arange(n)[ROTATION]
-        first = np.zeros(1, np.int64)
-        none, prior = states.at(slice(0, 0)), self._prior
-        at, phases = states.at(first), self._phases_of(first)
-        linearise(self._problem, first, at, none, links, first, phases, prior)
-        cost = float(links.node[0, -1, -1]) + self.border.cost
-        links.node[0, turns, turns] += damping
-        forward[0] = links.node[0]
-        self.border.begin(forward[0])
-        for begin in range(0, n - 1, _CHUNK):
-            count = min(_CHUNK, n - 1 - begin)
-            into = np.arange(1, count + 1)
-            at, before = (states.at(slice(k, k + count)) for k in (begin + 1, begin))
-            phases = self._phases_of(begin + into)
-            linearise(self._problem, begin + into, at, before, links, into, phases)
-            motion, node = links.motion[: count + 1], links.node[: count + 1]
-            cost += Links(motion[1:], node[1:]).cost()
+        forward, turns, cost = self._forward, np.arange(len(self.root))[ROTATION], self.border.cost
+        for first, entering in self._linearised(states):
+            cost += entering.cost()
             if cost > most:
                 break
-            node[1:, turns, turns] += damping
+            entering.node[:, turns, turns] += damping
+            if first == 0:
+                forward[0] = entering.node[0]
+                self.border.begin(forward[0])
+                continue
+            begin, count = first - 1, len(entering.node)
+            motion, node = (part[: count + 1] for part in self._links)
             parts = (motion, node, forward[: count + 1], self.root[begin:], self.gain[begin:])
             failed = self.border.eliminate(parts, 0, by_rows=self._by_rows, offset=begin)
             if failed >= 0:
                 raise self._open(forward[failed], begin + failed)
             forward[0] = forward[count]
         return cost, forward[0]
+
+    def _linearised(self, states: States) -> Iterator[tuple[int, Links]]:
+        """Yield the first of some keyframes and what enters with them: the first, then chunks.
+
+        What entered before the first of a chunk is overwritten.
+        """
+        links, n = self._links, len(self.root)
+        rows, none = np.zeros(1, np.int64), states.at(slice(0, 0))
+        phases = self._phases_of(rows)
+        linearise(self._problem, rows, states.at(rows), none, links, rows, phases, self._prior)
+        yield 0, Links(links.motion[:1], links.node[:1])
+        for first in range(1, n, _CHUNK):
+            count = min(_CHUNK, n - first)
+            into, rows = np.arange(1, count + 1), np.arange(first, first + count)
+            at, before = (states.at(slice(k, k + count)) for k in (first, first - 1))
+            linearise(self._problem, rows, at, before, links, into, self._phases_of(rows))
+            yield first, Links(links.motion[1 : count + 1], links.node[1 : count + 1])
 
     def _phases_of(self, rows: IntArray) -> LinearPhases | None:
         """Return the phases of a chunk, whose rows are made once: 1 kB a keyframe."""
@@ -171,9 +184,9 @@ def solve_batch(
     states = problem.start if begin is None else begin
     arcs: tuple[FloatArray, ...] = ()
     linear, previous, damping, iterations = chain.solved(states), np.inf, 0.0, 1
-    if linear.arcs:  # linear: at once where states would have them
+    if linear.arcs:  # linear: at once where states would have them, which changes the cost alone
         arcs = linear.arcs
-        linear = chain.solved(states, arcs=arcs)
+        linear = linear._replace(cost=chain.cost(states, arcs))
     while iterations < most and damping < _MOST_DAMPING:
         promised = max(linear.cost - linear.least, 0.0)  # of large costs it is rounding
         near = promised < min(previous, _NEAR) and previous < np.inf
