@@ -29,6 +29,8 @@ from fgnav.identification.likelihood import chain_kernel
 from fgnav.solve.chain import back_kernel, kernel
 from fgnav.solve.chain.linear import Links, linearise
 
+_CHUNK = 128  # keyframes linearised and whitened at once: 2 MB
+
 
 class Covariances(NamedTuple):
     """Of the n states of a chain: own, with the next, with the constants, and of these."""
@@ -144,10 +146,13 @@ class LinearChain:
         at_rest : AtRest, optional
         """
         n, D, b = len(problem.t_s), problem.width, problem.constants.width
-        links, rows = Links.empty(n, D, b), np.arange(n)
+        links = Links.empty(n, D, b)
         fixed = tuple(one for one in problem.measurements if one.name not in scaled)
-        before = states.at(slice(0, n - 1))
-        linearise(replace(problem, measurements=fixed), rows, states, before, links, rows)
+        rest = replace(problem, measurements=fixed)
+        for begin in range(0, n, _CHUNK):
+            rows = np.arange(begin, min(begin + _CHUNK, n))
+            before = states.at(rows[rows > 0] - 1)
+            linearise(rest, rows, states.at(rows), before, links, rows)
         sensors: list[_Sensor] = []
         for one in problem.measurements:
             if one.name in scaled:
@@ -186,24 +191,23 @@ class LinearChain:
             raise ValueError("solution: needs covariances of neighbours")
         n, D = solution.covariance.shape[:2]
         c, b = self._parts.shape[1], solution.constant_cross.shape[2]
-        motion, root = np.empty_like(self._motion), np.empty((n - 1, D, D))
-        variance = np.ones(c)
-        chain_kernel.whiten(self._motion, self._parts, self._rest, variance, motion, root)
         out = np.zeros(c), np.zeros(c), np.zeros((c, c))
-        chain_kernel.motion_score(
-            motion,
-            root,
-            self._parts,
-            variance,
-            (np.zeros((n, D)), np.zeros(b)),
-            (
-                np.ascontiguousarray(solution.covariance),
-                np.ascontiguousarray(solution.cross),
-                np.ascontiguousarray(solution.constant_cross),
-                solution.constant_covariance[-1].copy(),  # writable, as in `score`: compiled once
-            ),
-            out,
-        )
+        motion, root = np.empty((_CHUNK, *self._motion.shape[1:])), np.empty((_CHUNK, D, D))
+        constant = solution.constant_covariance[-1].copy()  # writable, as in `score`: compiled once
+        variance, still = np.ones(c), np.zeros(b)
+        for begin in range(0, n - 1, _CHUNK):
+            end = min(begin + _CHUNK, n - 1)
+            of, ends, count = slice(begin, end), slice(begin, end + 1), end - begin
+            parts, white = self._parts[of], (motion[:count], root[:count])
+            chain_kernel.whiten(self._motion[of], parts, self._rest[of], variance, *white)
+            covariances = (
+                np.ascontiguousarray(solution.covariance[ends]),
+                np.ascontiguousarray(solution.cross[of]),
+                np.ascontiguousarray(solution.constant_cross[ends]),
+                constant,
+            )
+            steps = np.zeros((count + 1, D)), still
+            chain_kernel.motion_score(*white, parts, variance, steps, covariances, out)
         return out
 
     def score(self, theta: FloatArray, *, whole: bool = True) -> Score | None:

@@ -73,7 +73,8 @@ def marginals(
         As ``eliminate`` leaves them; ``root`` may be the memory of ``covariance``.
     end : ndarray, shape (D + b, D + b)
         Covariance of the last state and the constants; becomes that of the first.
-    covariance, cross, constant_cross : ndarray, shapes (n, D, D), (n - 1, D, D), (n, D, b)
+    covariance, cross, constant_cross : ndarray, shapes (n, D, D), (n - 1, D, D), (n, D, b or less)
+        Of constants the first, as many as there is room for.
     """
     n, D, width = len(covariance), covariance.shape[1], len(end)
     joint, alone, T = end, np.empty((D, D)), end[:D].copy()
@@ -94,8 +95,8 @@ def marginals(
         for i in range(D):
             for j in range(D):
                 here[i, j] = joint[i, j]
-            for j in range(D, width):
-                constant_cross[k, i, j - D] = joint[i, j]
+            for j in range(constant_cross.shape[2]):
+                constant_cross[k, i, j] = joint[i, D + j]
 
 
 @inlined

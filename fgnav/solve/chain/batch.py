@@ -250,7 +250,7 @@ def _solution(
     n, D = linear.steps.shape
     b = len(states.constants)
     covariance, cross = chain.root, np.empty((n - 1, D, D))
-    shared = np.empty((n, D, b + chain.border.width))
+    shared = np.empty((n, D, b))
     out = covariance, cross, shared
     chain.border.marginals(0, chain.gain, chain.root, linear.end_covariance, out)
     constant = linear.end_covariance[D : D + b, D : D + b]
@@ -261,7 +261,7 @@ def _solution(
         covariance=covariance,
         cross=cross,
         constant_covariance=np.broadcast_to(constant, (n, b, b)),
-        constant_cross=shared[:, :, :b],
+        constant_cross=shared,
         converged=converged,
         cost=linear.least if converged else linear.cost,
         updates=iterations,

@@ -172,14 +172,11 @@ class LinearWindow:
         """Return covariances of keyframes begin to end - 1, counted from the oldest."""
         rows, D, b = self.rows, len(self.rows.root[0]), len(self.constants)
         n, m = len(self) - begin, end - begin
-        out = np.empty((n, D, D)), np.zeros((n, D, D)), np.empty((n, D, b + self._border.width))
+        out = np.empty((n, D, D)), np.zeros((n, D, D)), np.empty((n, D, b))
         self._border.marginals(begin, rows.gain, rows.root, self._end_covariance, out)
         constant = self._end_covariance[D : D + b, D : D + b].copy()
-        covariance, cross, shared = out
-        if m == n and shared.shape[2] == b:
-            return Marginals(covariance, cross, constant, shared)
-        shared = shared[:m, :, :b].copy()
-        return Marginals(covariance[:m].copy(), cross[:m].copy(), constant, shared)
+        covariance, cross, shared = out if m == n else (one[:m].copy() for one in out)
+        return Marginals(covariance, cross, constant, shared)
 
     def turn_sigma_rad(self, row: int) -> float:
         """Return the 1-sigma of a keyframe's rotation, counted from the oldest, all axes."""
