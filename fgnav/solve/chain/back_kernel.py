@@ -126,18 +126,21 @@ def _negative_product(G: FloatArray, S: FloatArray, out: FloatArray) -> None:
 
 @kernel
 def less_rows(row: FloatArray, scale: FloatArray, B: FloatArray) -> None:
-    """Take the rows of B off a row, each times its scale: four at once, for sums wait for each."""
-    n = len(B)
-    whole = n - n % 4
-    for k in range(0, whole, 4):
-        a, b, c, d = scale[k], scale[k + 1], scale[k + 2], scale[k + 3]
-        w, x, y, z = B[k], B[k + 1], B[k + 2], B[k + 3]
+    """Take the rows of B off a row, each times its scale: four at once, for sums wait for each.
+
+    The last ones, too, are summed before they are taken off: as many rows of zeros as may follow
+    change no rounding. Arcs are padded to the most of a flight, of which what was before knows
+    nothing.
+    """
+    n, last = len(B), len(B) - 1
+    for k in range(0, n, 4):
+        a = scale[k]
+        b = scale[k + 1] if k + 1 < n else 0.0
+        c = scale[k + 2] if k + 2 < n else 0.0
+        d = scale[k + 3] if k + 3 < n else 0.0
+        w, x, y, z = B[k], B[min(k + 1, last)], B[min(k + 2, last)], B[min(k + 3, last)]
         for j in range(len(row)):
             row[j] -= a * w[j] + b * x[j] + c * y[j] + d * z[j]
-    for k in range(whole, n):
-        one, other = scale[k], B[k]
-        for j in range(len(row)):
-            row[j] -= one * other[j]
 
 
 @kernel
@@ -162,22 +165,22 @@ def inverse_of_square(L: FloatArray, out: FloatArray) -> None:
 def triangular(A: FloatArray, count: int) -> bool:
     """Turn the first rows of A into those of its Cholesky factor, take their square off the rest.
 
-    Upper half; what has nothing to do with four rows is left alone by them. Returns whether pivots
-    have digits.
+    Upper half; rows are taken off as by ``less_rows``, what has nothing to do with four of them is
+    left alone. Returns whether pivots have digits.
     """
     for i in range(len(A)):
         row, end = A[i, i:], min(i, count)
-        diagonal, four = row[0], end - end % 4
-        for k in range(0, four, 4):
-            w, x, y, z = A[k, i:], A[k + 1, i:], A[k + 2, i:], A[k + 3, i:]
-            a, b, c, d = w[0], x[0], y[0], z[0]
+        diagonal, last = row[0], end - 1
+        for k in range(0, end, 4):
+            w, x, y = A[k, i:], A[min(k + 1, last), i:], A[min(k + 2, last), i:]
+            z = A[min(k + 3, last), i:]
+            a = w[0]
+            b = x[0] if k + 1 < end else 0.0
+            c = y[0] if k + 2 < end else 0.0
+            d = z[0] if k + 3 < end else 0.0
             if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
                 for j in range(len(row)):
                     row[j] -= a * w[j] + b * x[j] + c * y[j] + d * z[j]
-        for k in range(four, end):
-            one, other = A[k, i], A[k, i:]
-            for j in range(len(row)):
-                row[j] -= one * other[j]
         if i < count:
             if not row[0] > NOTHING * diagonal:
                 return False
