@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import FloatArray
+from fgnav.checks import BoolArray, FloatArray
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
@@ -185,7 +185,7 @@ def _of_window(t_s: FloatArray, columns: _Columns, shared: FloatArray, window: s
     floor = _OPEN * (sizes[end] - sizes[begin]).clip(1e-300)
     of_span = of_span + floor[:, None, None] * np.eye(g)
     value = np.linalg.solve(of_span, s[:, :, None])[:, :, 0]
-    gains = (s * value).sum(axis=1) / 2
+    gains = np.where(_is_positive(of_span), (s * value).sum(axis=1) / 2, 0.0)
     i = int(gains.argmax())
     likely = gains > gains[i] - LIKELY
     begin, end = begin + window.start, end + window.start
@@ -200,6 +200,12 @@ def _of_window(t_s: FloatArray, columns: _Columns, shared: FloatArray, window: s
         value[i],
         np.linalg.inv(of_span[i]),
     )
+
+
+def _is_positive(A: FloatArray) -> BoolArray:
+    """Return which symmetric matrices, (k, g, g), rounding has left positive definite."""
+    minors = [np.linalg.det(A[:, :m, :m]) > 0 for m in range(1, A.shape[1] + 1)]
+    return np.asarray(np.all(minors, axis=0))
 
 
 def _shared(solution: Solution, effects: list[FloatArray], window: slice) -> list[FloatArray]:
