@@ -77,7 +77,7 @@ class ClockDeterminant(NamedTuple):
             On the standard deviations of each kind of measurement.
         """
         offset = problem.constants.column(CLOCK_OFFSET)
-        n, D = covariances.own.shape[:2]
+        n, D = covariances.diagonal.shape[:2]
         kinds = []
         for one, factor in zip(problem.measurements, factors, strict=True):
             ends = _jacobians(one, states.at(one.row), offset) / factor[:, None, None]
@@ -155,9 +155,9 @@ def _by_keyframe(rows: FloatArray, covariances: Covariances) -> tuple[FloatArray
     P, cross = covariances.given_constants
     lead = np.linalg.solve(P[1:], cross.swapaxes(1, 2)).swapaxes(1, 2)  # from the next to this
     n = len(P)
-    own = np.einsum("kmd,kde,kme->k", slope, P, slope, optimize=True)
-    added = own + np.einsum("kmd,kde,kme->k", A, P, curved, optimize=True)
-    excess, apart = own.copy(), P
+    alone = np.einsum("kmd,kde,kme->k", slope, P, slope, optimize=True)
+    added = alone + np.einsum("kmd,kde,kme->k", A, P, curved, optimize=True)
+    excess, apart = alone.copy(), P
     for lag in range(n):
         if lag:
             apart = lead[: n - lag] @ apart[1:]  # of each with the one so much later
@@ -170,6 +170,6 @@ def _by_keyframe(rows: FloatArray, covariances: Covariances) -> tuple[FloatArray
         times = 2.0 if lag else 1.0
         added[of] -= times * (crossed + twice)
         excess[of] -= times * twice
-        if np.abs(crossed).sum() + np.abs(twice).sum() < _FAINT * own.sum() / n:
+        if np.abs(crossed).sum() + np.abs(twice).sum() < _FAINT * alone.sum() / n:
             break
     return added, excess

@@ -33,9 +33,9 @@ _CHUNK = 128  # keyframes linearised and whitened at once: 2 MB
 
 
 class Covariances(NamedTuple):
-    """Of the n states of a chain: own, with the next, with the constants, and of these."""
+    """Of the n states of a chain: each, with the next, with the constants, and of these."""
 
-    own: FloatArray  # (n, D, D)
+    diagonal: FloatArray  # (n, D, D)
     cross: FloatArray  # (n - 1, D, D)
     shared: FloatArray  # (n, D, b)
     constants: FloatArray  # (b, b)
@@ -45,7 +45,7 @@ class Covariances(NamedTuple):
         """Own and cross covariances where the constants are known: those of a Markov chain."""
         X = self.shared
         by = np.linalg.solve(self.constants, X.swapaxes(1, 2))
-        return self.own - X @ by, self.cross - X[:-1] @ by[1:]
+        return self.diagonal - X @ by, self.cross - X[:-1] @ by[1:]
 
 
 class Score(NamedTuple):
