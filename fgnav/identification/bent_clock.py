@@ -16,7 +16,7 @@ from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.track.tags import middle_of_tags_s, with_tags_moved
 from fgnav.solve.chain import solve_batch
 
-_HELD = 1e-9  # 1-sigma, s and ppm: next to no time
+_FIXED = 1e-9  # 1-sigma, s and ppm: next to no time
 
 if TYPE_CHECKING:
     from fgnav.identification.time_tags import AtTags, TagSearch
@@ -64,9 +64,9 @@ def informed_by_problem(
 def determinant_of(prepared: PreparedFlight) -> ClockDeterminant | None:
     """Return what the determinant of a whole problem says of its clock; None without a minimum."""
     problem = prepared.problem
-    held = Constants(tuple(_held(one) for one in problem.constants.parts))
+    fixed = Constants(tuple(_with_clock_fixed(one) for one in problem.constants.parts))
     try:
-        solution = solve_batch(replace(problem, constants=held))
+        solution = solve_batch(replace(problem, constants=fixed))
     except NoSolutionError:
         return None
     if solution.cross is None:
@@ -82,8 +82,8 @@ def determinant_of(prepared: PreparedFlight) -> ClockDeterminant | None:
     return ClockDeterminant.of(problem, solution.states, covariances, since_s, ones)
 
 
-def _held(constant: FlightConstant) -> FlightConstant:
+def _with_clock_fixed(constant: FlightConstant) -> FlightConstant:
     """Return a constant, that of a clock at zero: tags are as they are."""
     if constant.name not in NAMES:
         return constant
-    return replace(constant, mean=np.zeros(1), covariance=np.array([[_HELD**2]]))
+    return replace(constant, mean=np.zeros(1), covariance=np.array([[_FIXED**2]]))

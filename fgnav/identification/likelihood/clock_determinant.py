@@ -116,7 +116,8 @@ class ClockDeterminant(NamedTuple):
             solved = 1 / covariance[i, i]
             before = 1 / float(part.covariance[0, 0])
             left = float(replace(part, excess=excess).information(solved))
-            share = max(1.0 - excess / (solved - before), 0.0)
+            of_flight = max(solved - before, np.finfo(np.float64).tiny)  # of rounding alone: none
+            share = max(1.0 - excess / of_flight, 0.0)
             gain = covariance[:, i] * solved
             value = value + gain * value[i] * (share * solved / left - 1.0)
             covariance = covariance + np.outer(gain, gain) * (1 / left - 1 / solved)
