@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError
+from fgnav.frontend.attitude.rates import FORCE_SPAN_S
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY
 from fgnav.graph.turned import ARRAY_TURN, UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant, flight_constant
@@ -58,8 +59,9 @@ class CalibrationRequest:
     """One word of ``estimate``: a kind, for antennas a name or all, and a sigma, m, rad or s.
 
     Of a clock ``moved`` is by how much tags have been corrected already, s and parts per million;
-    ``added`` and ``excess`` are information of both (``likelihood.clock_determinant``); of a delay
-    ``start`` is where its search starts, s; of a turn ``turned_rad`` is by how much it has been
+    ``added`` and ``excess`` are information of both (``likelihood.clock_determinant``);
+    of a delay ``start`` is where its search starts, s; of a landmark or a boresight ``off`` is how
+    far from the stated it starts, m or rad; of a turn ``turned_rad`` is by how much it has been
     corrected.
     """
 
@@ -70,6 +72,7 @@ class CalibrationRequest:
     added: tuple[float, float] = (0.0, 0.0)
     excess: tuple[float, float] = (0.0, 0.0)
     start: float = 0.0
+    off: tuple[float, ...] = ()
     turned_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
@@ -183,7 +186,8 @@ def turn_of(name: str, sigma_rad: float = _TURN_RAD) -> FlightConstant:
 def of_vehicle(word: CalibrationRequest) -> FlightConstant:
     """Return the constant that a word requests, of all but antennas."""
     kind = _KINDS[word.kind]
-    return flight_constant(word.kind, kind.axes, "rad" if kind.degrees else "m", word.sigma)
+    one = flight_constant(word.kind, kind.axes, "rad" if kind.degrees else "m", word.sigma)
+    return replace(one, start=np.array(word.off)) if word.off else one
 
 
 def of_tags(words: tuple[CalibrationRequest, ...], flight: Flight) -> tuple[FlightConstant, ...]:
@@ -204,13 +208,19 @@ def of_tags(words: tuple[CalibrationRequest, ...], flight: Flight) -> tuple[Flig
     )
 
 
+def late_s(words: tuple[CalibrationRequest, ...]) -> float:
+    """Return how far back in time forces are to lead: as late as velocities have proved."""
+    return max((FORCE_SPAN_S, *(one.start for one in words if one.kind == "velocity-delay")))
+
+
 def of_time(word: CalibrationRequest) -> tuple[FlightConstant, ...]:
     """Return the constants of a clock, or of values that are late."""
     if word.kind == "velocity-delay":
         delay = flight_constant(VELOCITY_DELAY, ("delay",), "s", word.sigma)
         return (replace(delay, start=np.array([word.start])),)
     offset = flight_constant(CLOCK_OFFSET, ("offset",), "s", word.sigma)
-    rate = flight_constant(CLOCK_RATE, ("rate",), "ppm", _CLOCK_RATE_PPM)
+    # Of a clock that has proved off, as little is known as it is large.
+    rate = flight_constant(CLOCK_RATE, ("rate",), "ppm", max(_CLOCK_RATE_PPM, abs(word.moved[1])))
     return tuple(
         replace(one, mean=np.array([-moved])).informed(added, excess)
         for one, moved, added, excess in zip(

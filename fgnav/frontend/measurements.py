@@ -129,7 +129,8 @@ def _array(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
 
 def _antenna(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
     lever = constants.column("lever-arm")
-    position = recorded.position
+    position, timed = recorded.position, recorded.timed
+    is_late = timed is not None and constants.column(VELOCITY_DELAY) >= 0
     if position is not None:
         row = np.flatnonzero(position.valid)
         yield Position(
@@ -142,7 +143,8 @@ def _antenna(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
         )
     for velocity in recorded.velocities:
         measured = recorded.measured_b_radps
-        moving = np.flatnonzero(velocity.valid)
+        valid = velocity.valid & timed.led if timed is not None and is_late else velocity.valid
+        moving = np.flatnonzero(valid)
         yield Velocity(
             row=moving,
             value_n_mps=velocity.value[moving],

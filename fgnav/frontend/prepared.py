@@ -78,6 +78,9 @@ class PreparedFlight:
         In place of all this, of a causal method whose noise is identified as the flight goes on.
     axes : BodyAxes or None
         Of an array that is turned against the inertial unit.
+    body_doubt_rad2 : ndarray, shape (3, 3), or None
+        Covariance of the body's axes against those of the states, where the unit's sensors are
+        turned against each other, and either may be right.
     rest : Rest or None
         Seconds at rest.
     goes_on : Earlier or None
@@ -102,6 +105,7 @@ class PreparedFlight:
     array: tuple[DoubleDifferences, FloatArray] | None = None
     stretches: "tuple[Stretch, ...]" = ()
     axes: BodyAxes | None = None
+    body_doubt_rad2: FloatArray | None = None
     rest: Rest | None = None
     goes_on: Earlier | None = None
     arcs: tuple[ArcInteger, ...] = ()

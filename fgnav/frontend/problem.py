@@ -8,9 +8,15 @@ from fgnav.checks import BoolArray, FloatArray
 from fgnav.frontend.array.multipath import lasting_error
 from fgnav.frontend.array.shape import initial_shape, shape_at
 from fgnav.frontend.attitude.initial import attitude_prior
-from fgnav.frontend.attitude.rates import mean_force_b_mps2, rates_at, slopes_at
+from fgnav.frontend.attitude.rates import (
+    FORCE_SPAN_S,
+    mean_force_b_mps2,
+    rates_at,
+    slopes_at,
+)
 from fgnav.frontend.calibration_request import (
     constants_of,
+    late_s,
     mean_rate,
     of_tags,
     with_evidence,
@@ -73,7 +79,8 @@ def build_problem(
     earth = flight.origin.earth_rate_n_radps
     motion, turning, rate_notes = motion_of((stage, track), settings, earth, constants, multipath)
     motion = resting_motion(motion, rest, settings.at_rest)
-    timed = timed_motion(imu, track.t_s, track.gravity_n_mps2, earth, causal=causal)
+    back_s = late_s(settings.calibration)
+    timed = timed_motion(imu, track.t_s, track.gravity_n_mps2, earth, causal=causal, span_s=back_s)
     phases = antenna_phase(
         track.antenna.phases,
         track.t_s,
@@ -229,16 +236,18 @@ def timed_motion(
     earth_rate_n_radps: FloatArray,
     *,
     causal: bool = False,
+    span_s: float = FORCE_SPAN_S,
 ) -> TimedMotion:
     """Return how a body moves at times, (n,); a clock's offset holds in the record's middle."""
     w_b = imu.w_b_radps
     rates = None if w_b is None else rates_at(imu.t_s, w_b, t_s, causal=causal)
-    before = mean_force_b_mps2(imu, t_s, rates)
+    before = mean_force_b_mps2(imu, t_s, rates, span_s=span_s)
     middle_s = 0.0 if causal else float(imu.t_s[[0, -1]].mean())
     return TimedMotion(
         since_s=t_s - middle_s,
         force_before_b_mps2=before,
         force_after_b_mps2=before if causal else mean_force_b_mps2(imu, t_s, rates, after=True),
+        led=t_s - imu.t_s[0] > span_s - 1e-6,  # of rounding
         measured_b_radps=rates,
         slope_b_radps2=None if w_b is None else slopes_at(imu.t_s, w_b, t_s, causal=causal),
         gravity_n_mps2=gravity_n_mps2,

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry.rotations import exp, transpose
 from fgnav.graph import delayed_kernel
 from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
@@ -47,6 +47,8 @@ class TimedMotion:
         From the time at which the clock's offset holds.
     force_before_b_mps2, force_after_b_mps2 : ndarray, shape (n, 3)
         Mean specific forces just before and after each keyframe.
+    led : ndarray of bool, shape (n,)
+        Keyframes before which forces were recorded so long: what is late there can be carried.
     measured_b_radps : ndarray, shape (n, 3), or None
         The gyroscope's rates; None: the state's.
     slope_b_radps2 : ndarray, shape (n, 3), or None
@@ -58,6 +60,7 @@ class TimedMotion:
     since_s: FloatArray
     force_before_b_mps2: FloatArray
     force_after_b_mps2: FloatArray
+    led: BoolArray
     measured_b_radps: FloatArray | None
     slope_b_radps2: FloatArray | None
     gravity_n_mps2: FloatArray
@@ -85,6 +88,7 @@ class TimedMotion:
             since_s=self.since_s[row],
             force_before_b_mps2=self.force_before_b_mps2[row],
             force_after_b_mps2=self.force_after_b_mps2[row],
+            led=self.led[row],
             measured_b_radps=None if rate is None else rate[row],
             slope_b_radps2=None if slope is None else slope[row],
             gravity_n_mps2=self.gravity_n_mps2[row],
@@ -223,7 +227,12 @@ def _carried(
 
 
 def on_clock(
-    measurement: Measurement, motion: TimedMotion, constants: Constants, *, delay: str = ""
+    measurement: Measurement,
+    motion: TimedMotion,
+    constants: Constants,
+    *,
+    delay: str = "",
+    clock: bool = True,
 ) -> Measurement:
     """Return a measurement with its delay, and the unit's clock, if the constants have any.
 
@@ -235,8 +244,10 @@ def on_clock(
     constants : Constants
     delay : str
         Name of the measurement's own delay.
+    clock : bool
+        Whether it is to depend on the clock.
     """
-    columns = [constants.column(name) for name in (CLOCK_OFFSET, CLOCK_RATE)]
+    columns = [constants.column(name) if clock else -1 for name in (CLOCK_OFFSET, CLOCK_RATE)]
     columns.append(constants.column(delay) if delay else -1)
     if max(columns) < 0:
         return measurement

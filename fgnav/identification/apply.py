@@ -81,6 +81,8 @@ def with_findings(
     flight: Flight, settings: ProblemSettings, changes: Findings, build: Build
 ) -> PreparedFlight:
     """Return the problem of a flight with noise and times as identified."""
+    if changes.cause is not None:
+        flight = changes.cause.undone(flight)
     for one in changes.out:
         flight = one.of(flight)
     early = with_forces_early(flight, changes.forces_late_s)
@@ -95,8 +97,11 @@ def with_findings(
 
 
 def _with_errors_and_notes(prepared: PreparedFlight, changes: Findings) -> PreparedFlight:
-    """Return a problem with the errors of satellites as identified, and all notes."""
-    changed = with_satellite_errors(prepared, changes.errors)
+    """Return a problem with what is doubted of satellites and sights, and all notes."""
+    changed, cause = with_satellite_errors(prepared, changes.errors), changes.cause
+    if cause is not None:
+        changed = changed.changed(cause.in_doubt)
+        changed = replace(changed, body_doubt_rad2=cause.body_doubt_rad2)
     return replace(
         changed,
         notes=(*changed.notes, *changes.notes),

@@ -1,6 +1,6 @@
 """What a flight says of its noise, its times and its set-up that is to replace what it has."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
@@ -18,11 +18,14 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.array.choice import Turn, chosen_turn, with_boresight
 from fgnav.identification.array.places import Places, places_of, with_reference
 from fgnav.identification.array.turn import others_tell, request_of, sentence
-from fgnav.identification.bent_clock import informed_by_problem
 from fgnav.identification.exclusion import Exclusion
+from fgnav.identification.lasting.choice import Cause, likeliest_cause
 from fgnav.identification.late_forces import sentences, with_late_forces
+from fgnav.identification.late_velocities import with_late_velocities
+from fgnav.identification.likelihood.bent_clock import informed_by_problem
 from fgnav.identification.likelihood.beside_phases import white_noise_factors
 from fgnav.identification.likelihood.satellite_errors import satellite_error_factors, with_errors
+from fgnav.identification.likelihood.thinned import thinned
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.stated import with_factors
 from fgnav.identification.notes import (
@@ -56,8 +59,9 @@ class Findings(NamedTuple):
     forces_late_s: float = 0.0
     faults: tuple[SpanFault, ...] = ()
     errors: Mapping[str, float] = MappingProxyType({})  # of satellites, as factors
+    cause: Cause | None = None
     out: tuple[Exclusion, ...] = ()  # of instruments
-    is_as_stated: bool = False  # all but those errors, and faults that are not likely
+    is_as_stated: bool = False  # all but those errors, and what is not likely
 
     @property
     def rejected(self) -> tuple[Rejected, ...]:
@@ -66,10 +70,11 @@ class Findings(NamedTuple):
 
     @property
     def decided(self) -> "Findings | None":
-        """The same without faults that are not likely; None where nothing is left."""
+        """The same without what is not likely; None where nothing is left."""
         faults = tuple(one for one in self.faults if one.is_likely)
+        cause = self.cause if self.cause is not None and self.cause.is_likely else None
         is_empty = self.is_as_stated and not self.errors
-        return None if is_empty else self._replace(faults=faults)
+        return None if is_empty else self._replace(faults=faults, cause=cause)
 
 
 def findings(
@@ -87,13 +92,15 @@ def findings(
     if prepared.integers is None and prepared.imu.w_b_radps is None:
         return None
     subject = _subject(flight, settings, prepared, build)
-    search, places, problem = subject.search, subject.places, subject.prepared.problem
+    search, places, cause = subject.search, subject.places, subject.cause
+    problem = subject.prepared.problem
     if _measured(problem) < _FEWEST:
         return None
     at_tags = search.likeliest(subject.prepared)
     if at_tags is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
     search = search.informed(at_tags)
+    search, at_tags = with_late_velocities(search, at_tags)
     search, at_tags, late_s = with_late_forces(search, at_tags)
     search, turn, at_tags, out = _in_agreement(search, at_tags, problem)
     is_mended = bool(late_s or turn or out)
@@ -108,8 +115,9 @@ def findings(
     tests = (*places.tests, *_tests(subject.search.flight.imu, identified))
     is_same = _is_as_stated(at_tags, requests, settings.calibration)
     is_mended = bool(late_s or out or any(one.is_likely for one in faults))
+    is_mended |= cause is not None
     is_as_stated = is_same and not (tests or is_mended)
-    if is_as_stated and not (subject.errors or faults):
+    if is_as_stated and not (subject.errors or faults or cause):
         return None
     turned = () if turn is None else (sentence(turn.vector, turn.axes),)
     return Findings(
@@ -118,6 +126,7 @@ def findings(
         calibration=requests,
         notes=(
             *places.notes,
+            *(() if cause is None else cause.sentences),
             *exclusion_notes(tuple(rejected for one in out for rejected in one.rejected)),
             *turned,
             *sentences(late_s),
@@ -131,6 +140,7 @@ def findings(
         forces_late_s=late_s,
         faults=faults,
         errors=subject.errors,
+        cause=cause,
         out=out,
         is_as_stated=is_as_stated,
     )
@@ -143,6 +153,7 @@ class _Subject(NamedTuple):
     prepared: PreparedFlight
     places: Places
     errors: dict[str, float]
+    cause: Cause | None
 
 
 def _subject(
@@ -163,7 +174,41 @@ def _subject(
     def built(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
         return with_satellite_errors(build(flight, settings), errors)
 
-    return _Subject(TagSearch(flight, settings, built), prepared, places, errors)
+    cause = _likeliest_cause(TagSearch(flight, settings, built), prepared)
+    if cause is None:
+        return _Subject(TagSearch(flight, settings, built), prepared, places, errors, None)
+    settings = replace(settings, calibration=(*settings.calibration, *cause.requests))
+    if cause.is_likely:
+        flight = cause.undone(flight)
+
+    def with_cause(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
+        return built(flight, settings).changed(cause.in_doubt)
+
+    search = TagSearch(flight, settings, with_cause)
+    return _Subject(search, with_cause(flight, settings), places, errors, cause)
+
+
+def _likeliest_cause(search: TagSearch, prepared: PreparedFlight) -> Cause | None:
+    """Return a landmark, axes of a detector or of the unit, or tags, that are not as stated."""
+    flight, settings = search.flight, search.settings
+
+    def problem(prepared: PreparedFlight) -> SmoothingProblem:
+        """Return the whole problem beside phases of arcs, which no thinned one has."""
+        return prepared.problem if prepared.problem.phase is not None else thinned(prepared.problem)
+
+    def louder(factors: dict[str, float]) -> SmoothingProblem:
+        return problem(search.build(with_factors(flight, factors), settings))
+
+    def others() -> Iterator[SmoothingProblem]:
+        has_velocities = flight.fixes is not None and flight.fixes.v_n_mps is not None
+        requested = [one.kind for one in settings.calibration]
+        for word in ("lever-arm", "velocity-delay") if has_velocities else ("lever-arm",):
+            if word not in requested:
+                more = calibration_requests([word])
+                free = replace(settings, calibration=(*settings.calibration, *more))
+                yield problem(search.build(flight, free))
+
+    return likeliest_cause(problem(prepared), middle_of_tags_s(flight.imu), louder, others)
 
 
 def _notes(
@@ -255,7 +300,8 @@ def _requests(search: TagSearch, at_tags: AtTags) -> tuple[CalibrationRequest, .
         if needed and kind not in kinds:
             kinds[kind] = calibration_requests([kind])[0]
     if "clock" in kinds and moved.any():
-        kinds["clock"] = replace(kinds["clock"], moved=(float(moved[0]), float(moved[1])))
+        both = np.add(kinds["clock"].moved, moved)
+        kinds["clock"] = replace(kinds["clock"], moved=(float(both[0]), float(both[1])))
     if "velocity-delay" in kinds and significant[2]:
         kinds["velocity-delay"] = replace(kinds["velocity-delay"], start=float(times.value[2]))
     others = [one for one in requested if one.kind not in wanted]

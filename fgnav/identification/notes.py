@@ -105,7 +105,10 @@ def constant_notes(
     """Return sentences on the clock, late velocities and the lever arm, where they matter."""
     notes, kinds = [], [one.kind for one in requests]
     value, sigma = identified.times.value.copy(), identified.times.sigma
-    value[:2] += moved
+    clock = [one for one in requests if one.kind == "clock"]
+    value[:2] += clock[0].moved if clock else moved
+    is_off = any(any(one.moved) for one in clock)
+    is_off |= bool(clock) and bool(identified.times.significant[:2].any())
     if identified.times.are_one_or_the_other:
         notes.append(
             "The inertial unit's clock or the velocities of fixes are late, the flight does not "
@@ -113,7 +116,7 @@ def constant_notes(
             "each, one against the other); both are estimated with the flight."
         )
         kinds = [one for one in kinds if one not in ("clock", "velocity-delay")]
-    elif moved.any() or ("clock" in kinds and identified.times.significant[:2].any()):
+    elif moved.any() or is_off:
         then = "corrected, and estimated with the flight" if "clock" in kinds else "corrected"
         notes.append(
             f"The inertial unit's clock disagrees with GNSS: {value[0]:+.4f} ± {sigma[0]:.4f} s in "

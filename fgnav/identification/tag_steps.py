@@ -15,7 +15,7 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.identification.time_tags import Build, TagSearch
 from fgnav.identification.track.candidates import over_common_span
 from fgnav.identification.track.windows import EXCLUDED
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Flight, Imu
 
 
 class TagStep(NamedTuple):
@@ -27,10 +27,12 @@ class TagStep(NamedTuple):
     def undone(self, flight: Flight) -> Flight:
         """Return a flight whose tags go on as before."""
         imu = flight.imu
-        if imu is None:
-            return flight
+        return flight if imu is None else replace(flight, imu=self.put_back(imu))
+
+    def put_back(self, imu: Imu) -> Imu:
+        """Return a unit whose tags go on as before."""
         t_s = np.where(imu.t_s > self.after_s, imu.t_s - self.late_s, imu.t_s)
-        return replace(flight, imu=replace(imu, t_s=t_s))
+        return replace(imu, t_s=t_s)
 
     @property
     def sentence(self) -> str:

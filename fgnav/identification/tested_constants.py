@@ -107,20 +107,36 @@ def depending(
     """Return a thinned problem whose measurements of GNSS depend on the constants tested."""
     if not extra:
         return small
-    late = {"velocity": VELOCITY_DELAY}
+    tested = {one.name for one in extra}  # the flight's own are in its measurements already
+    late = {"velocity": VELOCITY_DELAY} if VELOCITY_DELAY in tested else {}
+    is_clock = CLOCK_OFFSET in tested
     gnss = ("array phases", "array shape", "position", "velocity")
-    arm = small.constants.column("lever-arm") if any(o.name == "lever-arm" for o in extra) else -1
+    arm = small.constants.column("lever-arm") if "lever-arm" in tested else -1
     turns = Constants(tuple(one for one in extra if one.name in TURNS))
-    turned = small.measurements
+    turned = tuple(_led(one, timed) for one in small.measurements)
     if turns.parts:  # else those of the flight's own constants depend on them already
         turned = tuple(in_turned_axes(one, small.constants) for one in turned)
     extended = tuple(
-        on_clock(_with_arm(one, arm), timed, small.constants, delay=late.get(one.name, ""))
+        on_clock(
+            _with_arm(one, arm),
+            timed,
+            small.constants,
+            delay=late.get(one.name, ""),
+            clock=is_clock,
+        )
         if one.name in gnss
         else one
         for one in turned
     )
     return replace(small, measurements=extended)
+
+
+def _led(one: Measurement, timed: TimedMotion) -> Measurement:
+    """Return velocities that can be carried back in time, by the forces before them."""
+    if one.name != "velocity" or not isinstance(one, Some):
+        return one
+    led = timed.led[one.row]
+    return replace(one, which=one.which[led], row=one.row[led])
 
 
 def _with_arm(one: Measurement, column: int) -> Measurement:

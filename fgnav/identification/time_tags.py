@@ -16,7 +16,7 @@ from fgnav.graph.turned import UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.array.turn import tested_turn
-from fgnav.identification.bent_clock import informed, informed_requests
+from fgnav.identification.likelihood.bent_clock import informed, informed_requests
 from fgnav.identification.likelihood.beside_phases import profile_likelihood
 from fgnav.identification.likelihood.clock_determinant import ClockDeterminant
 from fgnav.identification.likelihood.record_clock import (

@@ -8,9 +8,10 @@ import pytest
 from fgnav.frontend.problem import build_problem
 from fgnav.geometry.rotations import exp
 from fgnav.identification.findings import findings
+from fgnav.identification.likelihood.beside_phases import noise_gain
 from fgnav.identification.likelihood.linear_chain import LinearChain
 from fgnav.identification.noise.stated import with_factors
-from fgnav.identification.spans.beside_phases import noise_gain, offsets_by_phases
+from fgnav.identification.spans.beside_phases import offsets_by_phases
 from fgnav.methods.smoother import Smoother
 from fgnav.solve.chain import solve_batch
 from tests.robustness.drawn.flights import right_flight

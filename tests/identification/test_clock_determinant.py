@@ -9,7 +9,7 @@ from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import from_euler, log, transpose
 from fgnav.graph.delayed import CLOCK_OFFSET
 from fgnav.graph.types.constants import Constants, flight_constant
-from fgnav.identification.bent_clock import determinant_of
+from fgnav.identification.likelihood.bent_clock import determinant_of
 from fgnav.identification.likelihood.linear_chain import LinearChain
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Batch

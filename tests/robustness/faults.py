@@ -153,7 +153,7 @@ FAULTS = (
     Fault("detector spikes", "seeker", "sight",
           lambda f: _currents(f, np.where(np.arange(len(f.seeker.t_s))[:, None] % 11 == 5,
                                           f.seeker.currents[:, [3, 0, 1, 2]], f.seeker.currents))),
-    Fault("landmark displaced", "seeker", "sight",
+    Fault("landmark displaced", "seeker", "The landmark is off where flight.toml has it",
           lambda f: replace(f, seeker=replace(f.seeker, landmark_n_m=np.add(
               f.seeker.landmark_n_m, [70.0, 70.0, 0.0])))),
     Fault("unit stuck, array", "array", INERTIAL, _unit_stuck),

@@ -27,7 +27,9 @@ def outcome(flight):
 
 
 def of_contradictions(lines):
-    told = "what noise explains|contradicts it|used instead|inertial sample|field is"
+    told = (
+        "what noise explains|contradicts it|used instead|inertial sample|field is|landmark is off"
+    )
     return [line for line in lines if re.search(told, line)]
 
 

@@ -8,7 +8,7 @@ from fgnav.geometry.rotations import log, transpose
 from fgnav.types.flight import Imu
 
 _SLOPE_SPAN_S = 0.1  # ten samples of a usual unit, whose noise a shorter one would multiply
-_FORCE_SPAN_S = 0.2  # receivers of moving vehicles give 1 to 10 fixes a second
+FORCE_SPAN_S = 0.2  # receivers of moving vehicles give 1 to 10 fixes a second
 RATE_SPAN_S = 0.5  # rates are differences of attitudes this far apart
 
 
@@ -49,7 +49,12 @@ def slopes_at(
 
 
 def mean_force_b_mps2(
-    imu: Imu, t_s: FloatArray, w_b_radps: FloatArray | None, *, after: bool = False
+    imu: Imu,
+    t_s: FloatArray,
+    w_b_radps: FloatArray | None,
+    *,
+    after: bool = False,
+    span_s: float = FORCE_SPAN_S,
 ) -> FloatArray:
     """Return mean specific forces, (n, 3), over the time just before each keyframe, or after.
 
@@ -59,15 +64,15 @@ def mean_force_b_mps2(
     """
     means = (imu.f_b_mps2[1:] + imu.f_b_mps2[:-1]) / 2 * np.diff(imu.t_s)[:, None]
     total = np.vstack([np.zeros(3), np.cumsum(means, axis=0)])
-    end_s = (t_s + _FORCE_SPAN_S * after).clip(imu.t_s[0] + _FORCE_SPAN_S, imu.t_s[-1])
+    end_s = (t_s + span_s * after).clip(imu.t_s[0] + span_s, imu.t_s[-1])
     ends, begins = (
         np.stack([np.interp(at_s, imu.t_s, column) for column in total.T], axis=1)
-        for at_s in (end_s, end_s - _FORCE_SPAN_S)
+        for at_s in (end_s, end_s - span_s)
     )
-    mean = (ends - begins) / _FORCE_SPAN_S
+    mean = (ends - begins) / span_s
     if w_b_radps is None:
         return np.asarray(mean)
-    return np.asarray(mean + (after - 0.5) * _FORCE_SPAN_S * np.cross(w_b_radps, mean))
+    return np.asarray(mean + (after - 0.5) * span_s * np.cross(w_b_radps, mean))
 
 
 def swing_n_mps(R_nb: FloatArray, w_b_radps: FloatArray, arm_b_m: FloatArray) -> FloatArray:

@@ -21,6 +21,7 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.motion import LinearisedMotion, Motion
@@ -35,12 +36,13 @@ _STEP = 0.1  # of a prior sigma, of difference quotients: far above rounding, ne
 
 
 class Error(NamedTuple):
-    """An error of a sensor by three numbers u, and a unit without it."""
+    """An error of a sensor by g numbers u, and a unit without it."""
 
     sensor: str
     shape: str
     any: float  # 1-sigma of each: next to nothing is known
     less: Callable[[FloatArray, Imu], Imu]
+    size: int = 3
 
     @property
     def step(self) -> float:
@@ -53,6 +55,21 @@ def likeliest_span(
 ) -> Offset | None:
     """Return an error's likeliest span between edges of blocks; None where there is no minimum.
 
+    Parameters as in ``of_blocks``; ``least_s``: of a span.
+    """
+    information = of_blocks(problem, at, error, edges)
+    if information is None:
+        return None
+    return _best(problem.t_s[edges], error, edges, information, least_s)
+
+
+def of_blocks(
+    problem: SmoothingProblem, at: States, error: Error, edges: IntArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return score, (m, g), and information, (m, m, g, g), of an error in blocks of intervals.
+
+    In units of its prior sigma, and without that prior. None where there is no minimum.
+
     Parameters
     ----------
     problem : SmoothingProblem
@@ -61,34 +78,31 @@ def likeliest_span(
     error : Error
     edges : ndarray of int, shape (m + 1,)
         Keyframes, the first and the last among them.
-    least_s : float
-        Of a span.
     """
-    m, motion = len(edges) - 1, problem.motion
-    if not isinstance(motion, Inertial):
+    m, g, motion = len(edges) - 1, error.size, problem.motion
+    if not isinstance(motion, GyroFree | Inertial):
         return None
     block = np.repeat(np.arange(m), np.diff(edges))
     changed = tuple(
-        replace(motion, imu=error.less(by, motion.imu)) for by in error.step * np.eye(3)
+        replace(motion, imu=error.less(by, motion.imu)) for by in error.step * np.eye(g)
     )
-    names = tuple(f"{j}" for j in range(3 * m))
+    names = tuple(f"{j}" for j in range(g * m))
     extended = problem.with_constants(
         (flight_constant("span", names, "", error.any, reported=False),)
     )
     first = problem.constants.width
     extended = replace(
-        extended, motion=cast("Motion", _InBlocks(motion, changed, error.step, first + 3 * block))
+        extended, motion=cast("Motion", _InBlocks(motion, changed, error.step, first + g * block))
     )
-    begin = at._replace(constants=np.concatenate([at.constants, np.zeros(3 * m)]))
+    begin = at._replace(constants=np.concatenate([at.constants, np.zeros(g * m)]))
     try:
         step, covariance = constant_step(extended, begin)
     except NoSolutionError:
         return None
     # In units of their prior, which leaves their information its digits.
     inverse = np.linalg.inv(covariance[first:, first:] / error.any**2)
-    s = (inverse @ step[first:] / error.any).reshape(m, 3)
-    N = (inverse - np.eye(3 * m)).reshape(m, 3, m, 3).transpose(0, 2, 1, 3)
-    return _best(problem.t_s[edges], error, edges, (s, N), least_s)
+    s = (inverse @ step[first:] / error.any).reshape(m, g)
+    return s, (inverse - np.eye(g * m)).reshape(m, g, m, g).transpose(0, 2, 1, 3)
 
 
 def _best(
@@ -98,17 +112,17 @@ def _best(
     information: tuple[FloatArray, FloatArray],
     least_s: float,
 ) -> Offset | None:
-    """Return the span of the greatest gain, of score (m, 3) and information (m, m, 3, 3)."""
+    """Return the span of the greatest gain, of score (m, g) and information (m, m, g, g)."""
     s, N = information
-    m = len(s)
+    m, g = s.shape
     begin, end = np.triu_indices(m + 1, 1)
     long = t_s[end] - t_s[begin] > min(least_s, t_s[-1] - t_s[0]) - _ROUNDING
     begin, end = begin[long], end[long]
-    total = np.zeros((m + 1, m + 1, 3, 3))
+    total = np.zeros((m + 1, m + 1, g, g))
     total[1:, 1:] = N.cumsum(axis=0).cumsum(axis=1)
-    sums = np.concatenate([np.zeros((1, 3)), s.cumsum(axis=0)])
+    sums = np.concatenate([np.zeros((1, g)), s.cumsum(axis=0)])
     of_span = total[end, end] - total[begin, end] - total[end, begin] + total[begin, begin]
-    of_span = of_span + np.eye(3)  # of its prior
+    of_span = of_span + np.eye(g)  # of its prior
     score = sums[end] - sums[begin]
     value = np.linalg.solve(of_span, score[:, :, None])[:, :, 0]
     gains = (score * value).sum(axis=1) / 2
@@ -130,10 +144,10 @@ def _best(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _InBlocks:
-    """A motion whose samples change with three constants of each interval's own block."""
+    """A motion whose samples change with constants of each interval's own block."""
 
-    motion: Inertial
-    changed: tuple[Inertial, ...]
+    motion: GyroFree | Inertial
+    changed: tuple[GyroFree | Inertial, ...]
     step: float
     first: IntArray  # (n - 1,), column
 

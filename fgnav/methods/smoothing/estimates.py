@@ -123,9 +123,11 @@ def stated_at(
         part = on_gnss_time(part, timed, problem.constants)
     w_b_radps = problem.motion.rates_b_radps(t_s, part.states.aux)
     estimate = stated(name, problem.constants, part, t_s, w_b_radps, body)
-    if prepared.axes is None:
-        return estimate
-    R_nb, P = attitude_of_body(part, problem.constants, prepared.axes)
+    R_nb, P = estimate.R_nb, estimate.attitude_covariance_rad2
+    if prepared.axes is not None:
+        R_nb, P = attitude_of_body(part, problem.constants, prepared.axes)
+    if prepared.body_doubt_rad2 is not None and P is not None:
+        P = P + prepared.body_doubt_rad2
     return replace(estimate, R_nb=R_nb, attitude_covariance_rad2=P)
 
 

@@ -1,0 +1,156 @@
+"""Which error of a whole flight, or of all that follows a time, is the likeliest, if any is.
+
+It is taken for true by the odds of any contradiction, if it leaves no more than chance, and if no
+louder unit, no drift, no lever arm and no late velocities are likelier. Between these odds and a
+hundredth of them nothing is said, and the constant has the second moment of both,
+``share (c c' + C)``.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import expit
+
+from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.frontend.calibration_request import CalibrationRequest
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.identification.lasting import sight, unit_axes
+from fgnav.identification.lasting.clock import ClockOff, clock_off
+from fgnav.identification.lasting.error import LastingError
+from fgnav.identification.lasting.lost_samples import LostSamples, lost_samples
+from fgnav.identification.likelihood.beside_phases import (
+    is_misfit,
+    measured_rows,
+    noise_gain,
+    white_noise_factors,
+)
+from fgnav.identification.likelihood.record_clock import with_drifts
+from fgnav.identification.likelihood.span_offsets import LIKELY
+from fgnav.identification.noise.begin import WHITE
+from fgnav.identification.track.windows import EXCLUDED
+from fgnav.solve.chain import solve_batch
+from fgnav.types.flight import Flight
+
+
+class Lasting(NamedTuple):
+    """The likeliest error, and the probability that it is of this sensor, not of another."""
+
+    error: LastingError
+    share: float
+
+    @property
+    def is_likely(self) -> bool:
+        """Whether it is taken for true."""
+        return self.error.is_likely
+
+    @property
+    def is_of_unit(self) -> bool:
+        """Whether it is of the axes of the inertial unit's sensors."""
+        return self.error.kind in WHITE
+
+    @property
+    def requests(self) -> tuple[CalibrationRequest, ...]:
+        """What is to be estimated with the flight."""
+        if self.is_of_unit or not self.is_likely:
+            return ()
+        return (sight.request_of(self.error),)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What is to be said of it."""
+        if not self.is_likely:
+            return ()
+        if self.is_of_unit:
+            return (unit_axes.sentence(self.error, self.share),)
+        return (sight.sentence(self.error),)
+
+    @property
+    def body_doubt_rad2(self) -> FloatArray | None:
+        """Covariance of the body's axes beside those of the states, (3, 3), if there is any."""
+        return unit_axes.body_doubt_rad2(self.error, self.share) if self.is_of_unit else None
+
+    def undone(self, flight: Flight) -> Flight:
+        """Return a flight without it, where it is of the unit's samples."""
+        if flight.imu is None or not (self.is_of_unit and self.is_likely):
+            return flight
+        return replace(flight, imu=unit_axes.turned_back(flight.imu, self.error))
+
+    def in_doubt(self, problem: SmoothingProblem) -> SmoothingProblem:
+        """Return a problem that holds the stated for as sure as it is."""
+        if self.is_likely or self.is_of_unit:
+            return problem
+        return sight.in_doubt(self.error, problem)
+
+
+Cause = Lasting | LostSamples | ClockOff
+
+
+def likeliest_cause(
+    problem: SmoothingProblem,
+    middle_s: float,
+    louder: Callable[[dict[str, float]], SmoothingProblem],
+    others: Callable[[], Iterator[SmoothingProblem]],
+) -> Cause | None:
+    """Return what is off for a whole flight, or from some time on; None where nothing is.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    middle_s : float
+        For which a clock's offset is stated.
+    louder : callable
+        From factors on the unit's white noise to the problem with these.
+    others : callable
+        To problems with lever arm or delay of velocities estimated.
+    """
+    try:
+        stated = solve_batch(problem)
+    except NoSolutionError:
+        return None
+    tested = (*sight.sight_errors(problem, stated.cost), *unit_axes.unit_turns(problem, stated))
+    errors = sorted(tested, key=lambda one: -one.nats)
+    lost, clock = lost_samples(problem, stated), clock_off(problem, stated, middle_s)
+    changed = [one for one in (lost, clock) if one is not None]
+    ordered = sorted((*errors, *changed), key=lambda one: -one.nats)
+    if not ordered or ordered[0].nats < EXCLUDED - LIKELY:
+        return None
+    best = ordered[0]
+    if is_misfit(problem, best.cost) or (best is clock and problem.phase is not None):
+        return None
+    if best.nats <= _otherwise(problem, stated.cost, others):
+        return None
+    if best.nats <= noise_gain(white_noise_factors(problem, louder), louder):
+        return None
+    if isinstance(best, LostSamples):
+        return best if best.nats > EXCLUDED else None
+    if isinstance(best, ClockOff):
+        return best
+    share = 1.0
+    if best.kind in WHITE:
+        of_other = [one.nats for one in errors if one.kind in WHITE and one is not best]
+        share = float(expit(best.nats - max(of_other, default=-np.inf)))
+        share = share if unit_axes.are_distinguished(problem) else 0.5
+    return Lasting(best, share)
+
+
+def _otherwise(
+    problem: SmoothingProblem, stated: float, others: Callable[[], Iterator[SmoothingProblem]]
+) -> float:
+    """Return what drifts, a lever arm or late velocities gain, the greatest.
+
+    Less half of ln of the measurements for each of their constants (Schwarz, 1978): how far they
+    may be off is known by convention alone.
+    """
+    each = float(np.log(measured_rows(problem))) / 2
+    drifts, gains = with_drifts(problem), [0.0]
+    if drifts is not None:
+        added = len(drifts.states.constants) - problem.constants.width
+        gains.append((stated - drifts.cost) / 2 - added * each)
+    for one in others():
+        added = one.constants.width - problem.constants.width
+        with suppress(NoSolutionError):
+            gains.append((stated - solve_batch(one).cost) / 2 - added * each)
+    return max(gains)

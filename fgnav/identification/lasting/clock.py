@@ -1,0 +1,106 @@
+"""A clock of the inertial unit that is off beside fixes, by the whole problem.
+
+The thinned chain tests it beside the delay of velocities, and of both only the sum may show. With
+velocities in time the whole problem tells offset and rate (``likelihood.record_clock``), linearised
+anew where they lead. That velocities are late is another cause, which is weighed as any.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple, cast
+
+import numpy as np
+from scipy.special import expit
+
+from fgnav.checks import FloatArray
+from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests, of_time
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.inertial.preintegrated import Inertial
+from fgnav.graph.types.motion import Motion
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.identification.likelihood.record_clock import RecordClock, record_clock
+from fgnav.identification.track.tags import tags_moved_s, with_tags_moved
+from fgnav.identification.track.windows import EXCLUDED
+from fgnav.types.flight import Flight
+
+_STEPS = 5  # at most: each leaves half or less of what is left
+
+
+class ClockOff(NamedTuple):
+    """By what tags are to be moved, s and ppm, (2,), its sigmas, and what it gains."""
+
+    moved: FloatArray
+    sigma: FloatArray
+    middle_s: float
+    nats: float
+    cost: float
+    body_doubt_rad2: FloatArray | None = None
+    sentences: tuple[str, ...] = ()  # of requests
+
+    @property
+    def share(self) -> float:
+        """Its probability."""
+        return float(expit(self.nats - EXCLUDED))
+
+    @property
+    def is_likely(self) -> bool:
+        """Whether it is taken for true."""
+        return self.share > 0.5
+
+    @property
+    def requests(self) -> tuple[CalibrationRequest, ...]:
+        """What is to be estimated with the flight."""
+        if not self.is_likely:
+            return ()
+        (clock,) = calibration_requests(["clock"])
+        return (replace(clock, moved=(float(self.moved[0]), float(self.moved[1]))),)
+
+    def undone(self, flight: Flight) -> Flight:
+        """Return a flight with tags in time, or in doubt by the second moment of both."""
+        imu = flight.imu
+        if imu is None or self.is_likely:
+            return with_tags_moved(flight, self.moved, self.middle_s)
+        moved_s = tags_moved_s(imu, self.moved, self.middle_s) - imu.t_s
+        squares_s2 = self.share * (np.mean(moved_s**2) + self.sigma[0] ** 2)
+        doubt_s = float(np.hypot(imu.clock_offset_sigma_s or 0.0, np.sqrt(squares_s2)))
+        return replace(flight, imu=replace(imu, clock_offset_sigma_s=doubt_s))
+
+    def in_doubt(self, problem: SmoothingProblem) -> SmoothingProblem:
+        """Return the same problem: what is left of it is estimated."""
+        return problem
+
+
+def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> ClockOff | None:
+    """Return the clock; None where it is estimated, or there is no minimum.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    stated : Solution
+        Its minimum.
+    middle_s : float
+        For which its offset is stated.
+    """
+    motion, at = problem.motion, problem
+    moved: FloatArray = np.zeros(2)
+    if not isinstance(motion, GyroFree | Inertial):
+        return None
+    likeliest: tuple[RecordClock, FloatArray] | None = None
+    for _ in range(_STEPS):
+        clock = record_clock(at, middle_s, moved)
+        if clock is None or (likeliest is not None and clock.cost >= likeliest[0].cost):
+            break
+        moved = moved + clock.value
+        likeliest = clock, moved
+        if clock.squares <= 1.0:
+            break
+        imu = replace(motion.imu, t_s=tags_moved_s(motion.imu, moved, middle_s))
+        at = replace(problem, motion=cast("Motion", replace(motion, imu=imu)))
+    if likeliest is None:
+        return None
+    clock, moved = likeliest
+    (request,) = calibration_requests(["clock"])
+    before = np.prod([part.covariance[0, 0] for part in of_time(request)])
+    spread = np.linalg.slogdet(clock.covariance)[1] - np.log(before)
+    nats = float((stated.cost - clock.cost + spread) / 2)
+    return ClockOff(moved, clock.sigma, middle_s, nats, clock.cost)

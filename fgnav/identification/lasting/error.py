@@ -1,0 +1,75 @@
+"""A constant of a whole flight that is not as stated, and how likely that is.
+
+A problem in which the constant c is free is likelier by
+
+    (q0 - q) / 2 + ln det(C C0^-1) / 2
+
+with q the cost at its minimum, q0 where c is as stated, C the covariance of c, C0 that before.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import expit
+
+from fgnav.checks import FloatArray
+from fgnav.graph.types.constants import FlightConstant
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import ROTATION
+from fgnav.identification.track.windows import EXCLUDED
+
+
+class LastingError(NamedTuple):
+    """What is off, (d,), its covariance, and what it gains; m in n, or rad.
+
+    ``attitude_by``: derivative of the attitudes of keyframes by it, (n, 3, d).
+    """
+
+    kind: str
+    off: FloatArray
+    covariance: FloatArray
+    attitude_by: FloatArray
+    nats: float  # of likelihood, all else as stated
+    cost: float  # that it leaves
+
+    @classmethod
+    def of(
+        cls, part: FlightConstant, problem: SmoothingProblem, stated: float, solution: Solution
+    ) -> "LastingError":
+        """Return an error by the minimum of a problem in which it is the free constant ``part``.
+
+        Parameters
+        ----------
+        part : FlightConstant
+        problem : SmoothingProblem
+            In which it is free.
+        stated : float
+            Cost where it is not.
+        solution : Solution
+        """
+        columns = problem.constants.columns(part.name)
+        covariance = solution.constant_covariance[0][columns, columns]
+        spread = np.linalg.slogdet(covariance)[1] - np.linalg.slogdet(part.covariance)[1]
+        nats = (stated - solution.cost + spread) / 2
+        off = solution.states.constants[columns] - problem.constants.mean[columns]
+        cross = solution.constant_cross[:, ROTATION, columns]
+        by = np.linalg.solve(covariance, cross.swapaxes(1, 2)).swapaxes(1, 2)
+        return cls(part.name, off, covariance, by, float(nats), solution.cost)
+
+    @property
+    def share(self) -> float:
+        """Its probability."""
+        return float(expit(self.nats - EXCLUDED))
+
+    @property
+    def is_likely(self) -> bool:
+        """Whether it is likelier than all as stated."""
+        return self.share > 0.5
+
+    @property
+    def remaining(self) -> FloatArray:
+        """Second moment of what remains: about itself if it is likely, else about the stated."""
+        if self.is_likely:
+            return self.covariance
+        return np.asarray(self.share * (np.outer(self.off, self.off) + self.covariance))

@@ -1,0 +1,204 @@
+"""What is off for a whole flight: a landmark, axes of a detector or the unit, tags."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fgnav.frontend.problem import build_problem
+from fgnav.geometry.rotations import exp
+from fgnav.identification.findings import findings, with_satellite_errors
+from fgnav.identification.lasting.choice import Lasting
+from fgnav.identification.lasting.clock import ClockOff
+from fgnav.identification.lasting.error import LastingError
+from fgnav.identification.lasting.lost_samples import LostSamples
+from fgnav.identification.lasting.sight import BORESIGHT, LANDMARK, sight_errors
+from fgnav.identification.likelihood.satellite_errors import satellite_error_factors
+from fgnav.identification.track.windows import EXCLUDED
+from fgnav.methods.smoother import Smoother
+from fgnav.solve.chain import solve_batch
+from tests.methods.simulated import errors_rad, nees
+from tests.robustness.drawn.flights import right_flight
+from tests.robustness.drawn.series import samples_lost
+
+SETTINGS = Smoother().preparation
+SIGMAS = 4.0
+TURN_RAD = np.radians([-1.8, 1.4, 2.0])  # 3 degrees
+
+
+def found_in(flight):
+    return findings(flight, SETTINGS, build_problem(flight, SETTINGS), build_problem)
+
+
+def displaced(flight, by_m):
+    place = flight.seeker.landmark_n_m + by_m
+    return replace(flight, seeker=replace(flight.seeker, landmark_n_m=place))
+
+
+def turned(flight, field):
+    """Return a flight with samples of a sensor in axes that are turned in the body."""
+    x = getattr(flight.imu, field) @ exp(TURN_RAD[None])[0]
+    return replace(flight, imu=replace(flight.imu, **{field: x}))
+
+
+def within(error, truth):
+    return (error.off - truth) @ np.linalg.solve(error.covariance, error.off - truth) < SIGMAS**2
+
+
+def attitude_nees(right, estimate):
+    return nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2)
+
+
+def test_a_landmark_that_is_off_is_not_the_accelerometers_noise():
+    """As which it was said: attitude NEES 93."""
+    right = right_flight("seeker", 8325009)
+    flight = displaced(right, np.array([0.0, 15.0, 20.0]))
+    found = found_in(flight)
+    assert found.cause.error.kind == LANDMARK
+    assert within(found.cause.error, [0.0, -15.0, -20.0])
+    assert not found.factors
+    assert "The landmark is off" in found.notes[0]
+    assert attitude_nees(right, Smoother()(flight)) < 5.0  # 2.1
+
+
+def test_a_landmark_far_off_is_begun_where_it_is():
+    """A window that had to learn it left all lines of sight out."""
+    right = right_flight("seeker", 5008)
+    estimate = Smoother()(displaced(right, np.array([-117.5, -65.7, 181.0])))
+    assert not any(one.what == "line of sight" for one in estimate.rejections)
+    assert attitude_nees(right, estimate) < 6.0  # 3.9
+
+
+def test_a_landmark_off_by_little_is_doubted_and_not_said():
+    """By nine metres, of which sights tell 5 by one sigma: NEES 14."""
+    right = right_flight("seeker", 5009)
+    flight = displaced(right, np.array([-4.5, -2.6, -7.9]))
+    found = found_in(flight)
+    assert not found.cause.is_likely
+    assert not any("landmark" in note for note in found.notes)
+    assert attitude_nees(right, Smoother()(flight)) < 5.0  # 1.8
+
+
+def test_a_turned_detector_is_told_from_a_landmark():
+    prepared = build_problem(right_flight("seeker", 8325009), SETTINGS)
+    errors = satellite_error_factors(prepared.problem.phase)
+    problem = with_satellite_errors(prepared, errors).problem
+    turn_rad = np.array([0.0, 0.02, -0.01])
+    seen = tuple(
+        replace(one, across_b=one.across_b @ exp(turn_rad[None])[0])
+        if one.name == "line of sight"
+        else one
+        for one in problem.measurements
+    )
+    problem = replace(problem, measurements=seen)
+    errors = {one.kind: one for one in sight_errors(problem, solve_batch(problem).cost)}
+    assert errors[BORESIGHT].nats > errors[LANDMARK].nats + EXCLUDED
+    assert within(errors[BORESIGHT], turn_rad[1:])
+
+
+@pytest.mark.parametrize("kind", ["raw", "fixes"])
+def test_sensors_turned_against_each_other_hold_both_axes(kind):
+    """Else the gyroscope's axes were another, or noise, or a lever arm: NEES 4,501 and 414."""
+    right = right_flight(kind, 7001)
+    found = found_in(turned(right, "f_b_mps2"))
+    assert found.cause.error.kind == "accelerometer"
+    assert found.cause.share == 0.5
+    assert within(found.cause.error, TURN_RAD)
+    assert not found.factors
+    for field in ("f_b_mps2", "w_b_radps"):
+        assert attitude_nees(right, Smoother()(turned(right, field))) < 7.0  # of both: 6 at most
+
+
+def test_a_turn_of_ten_degrees_is_found():
+    """From zero no step leads there: it was a turn of the gyroscope, attitude NEES 39,733."""
+    right = right_flight("raw", 910000059 // 12)
+    R = exp(3.3 * TURN_RAD[None])[0]
+    f_b_mps2 = right.imu.f_b_mps2 @ R
+    found = found_in(replace(right, imu=replace(right.imu, f_b_mps2=f_b_mps2)))
+    assert found.cause.error.kind == "accelerometer"
+    assert within(found.cause.error, 3.3 * TURN_RAD)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "field"), [("accelerometer", "f_b_mps2"), ("gyroscope", "w_b_radps")]
+)
+def test_a_magnetometer_tells_which_is_turned(sensor, field):
+    right = right_flight("instruments", 7002)
+    found = found_in(turned(right, field))
+    assert found.cause.error.kind == sensor
+    assert found.cause.share > 0.99
+    assert within(found.cause.error, TURN_RAD)
+    assert attitude_nees(right, Smoother()(turned(right, field))) < 5.0
+
+
+@pytest.mark.parametrize("kind", ["seeker", "raw", "fixes", "instruments"])
+def test_right_flights_have_none(kind):
+    found = found_in(right_flight(kind, 9101))
+    assert found is None or found.cause is None
+
+
+def test_a_loud_accelerometer_is_no_landmark():
+    right, rng = right_flight("seeker", 9102), np.random.default_rng(1)
+    f_b_mps2 = right.imu.f_b_mps2 + 0.1 * rng.normal(size=right.imu.f_b_mps2.shape)
+    found = found_in(replace(right, imu=replace(right.imu, f_b_mps2=f_b_mps2)))
+    assert found.cause is None
+    assert "accelerometer" in found.factors
+
+
+def test_what_is_as_likely_as_not_has_half_its_square():
+    off, P = np.array([3.0, 0.0, 0.0]), np.eye(3)
+    error = LastingError(LANDMARK, off, P, np.zeros((1, 3, 3)), EXCLUDED, 0.0)
+    np.testing.assert_allclose(error.remaining, np.diag([5.0, 0.5, 0.5]))
+    problem = build_problem(right_flight("seeker", 9101), SETTINGS).problem
+    wide = Lasting(error, 1.0).in_doubt(problem).constants
+    columns = wide.columns(LANDMARK)
+    np.testing.assert_allclose(wide.covariance[columns, columns], np.diag([5.0, 0.5, 0.5]))
+
+
+@pytest.mark.parametrize(("kind", "allowed"), [("array", 6.0), ("raw", 5.0), ("fixes", 5.0)])
+def test_lost_samples_whose_tags_go_on_are_put_back(kind, allowed):
+    """Lost after 3.64, 5.20 and 10.70 s: NEES 1.7, 3.5 and 2.0; they were a clock."""
+    right = right_flight(kind, 7107)
+    flight, _ = samples_lost(right, np.random.default_rng([17, 7107]))
+    found = found_in(flight)
+    assert isinstance(found.cause, LostSamples)
+    assert not found.moved.any()
+    steps = found.cause.steps
+    assert sum(one.late_s for one in steps) == pytest.approx(-0.06, abs=0.021)
+    assert abs(steps[0].after_s - 3.64) < 0.6
+    assert attitude_nees(right, Smoother()(flight)) < allowed
+
+
+def test_a_clock_that_is_fast_is_no_lost_samples():
+    flight = right_flight("array", 7201)
+    t_s = flight.imu.t_s
+    fast = replace(flight.imu, t_s=t_s[0] + 1.0047 * (t_s - t_s[0]))
+    found = found_in(replace(flight, imu=fast))
+    assert found.cause is None
+    assert abs(found.moved[1] + 4700) < 900  # 4 sigma
+
+
+def test_where_a_loss_is_in_doubt_the_unit_is_louder():
+    right = right_flight("fixes", 7107)
+    flight, _ = samples_lost(right, np.random.default_rng([17, 7107]))
+    lost = found_in(flight).cause
+    problem = build_problem(lost.undone(flight), SETTINGS).problem
+    louder = lost.in_doubt(problem).motion
+    near = np.abs(problem.t_s[1:] - lost.steps[0].after_s) < 0.5
+    assert (louder.gyroscope_noise[near] > problem.motion.gyroscope_noise[near]).any()
+    assert (louder.gyroscope_noise == problem.motion.gyroscope_noise).any()
+
+
+@pytest.mark.parametrize(("kind", "off_ppm"), [("fixes", 4700.0), ("instruments", 2100.0)])
+def test_a_fast_clock_beside_fixes_is_not_silent(kind, off_ppm):
+    """Its rate shows little, and its offset hid in late velocities: silent, NEES 61 and 21."""
+    right = right_flight(kind, 7201 if kind == "fixes" else 7202)
+    t_s = right.imu.t_s
+    fast = replace(right.imu, t_s=t_s[0] + (1 + 1e-6 * off_ppm) * (t_s - t_s[0]))
+    flight = replace(right, imu=fast)
+    found = found_in(flight)
+    assert isinstance(found.cause, ClockOff)
+    (clock,) = (one for one in found.calibration if one.kind == "clock")
+    assert abs(clock.moved[1] + off_ppm) < SIGMAS * found.cause.sigma[1]
+    assert sum("clock disagrees" in note for note in found.notes) == 1
+    assert attitude_nees(right, Smoother()(flight)) < 6.0  # 4.6, 4.1
