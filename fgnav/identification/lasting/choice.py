@@ -17,7 +17,7 @@ from scipy.special import expit
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.identification.lasting import sight, unit_axes
+from fgnav.identification.lasting import field, sight, unit_axes
 from fgnav.identification.lasting.clock import ClockOff, clock_off
 from fgnav.identification.lasting.error import LastingError
 from fgnav.identification.lasting.lost_samples import LostSamples, lost_samples
@@ -33,6 +33,8 @@ from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
+
+_OF_AXES = (*WHITE, field.MAGNETOMETER, field.DECLINATION)
 
 
 class Lasting(NamedTuple):
@@ -52,9 +54,14 @@ class Lasting(NamedTuple):
         return self.error.kind in WHITE
 
     @property
+    def is_of_axes(self) -> bool:
+        """Whether it is of axes that samples or the stated field are put right by."""
+        return self.error.kind in _OF_AXES
+
+    @property
     def requests(self) -> tuple[CalibrationRequest, ...]:
         """What is to be estimated with the flight."""
-        if self.is_of_unit or not self.is_likely:
+        if self.is_of_axes or not self.is_likely:
             return ()
         return (sight.request_of(self.error),)
 
@@ -65,22 +72,26 @@ class Lasting(NamedTuple):
             return ()
         if self.is_of_unit:
             return (unit_axes.sentence(self.error, self.share),)
+        if self.is_of_axes:
+            return (field.sentence(self.error, self.share),)
         return (sight.sentence(self.error),)
 
     @property
     def body_doubt_rad2(self) -> FloatArray | None:
         """Covariance of the body's axes beside those of the states, (3, 3), if there is any."""
-        return unit_axes.body_doubt_rad2(self.error, self.share) if self.is_of_unit else None
+        return self.error.body_doubt_rad2(self.share) if self.is_of_axes else None
 
     def undone(self, flight: Flight) -> Flight:
-        """Return a flight without it, where it is of the unit's samples."""
-        if flight.imu is None or not (self.is_of_unit and self.is_likely):
+        """Return a flight without it, where it is of axes."""
+        if flight.imu is None or not (self.is_of_axes and self.is_likely):
             return flight
+        if not self.is_of_unit:
+            return field.put_right(flight, self.error)
         return replace(flight, imu=unit_axes.turned_back(flight.imu, self.error))
 
     def in_doubt(self, problem: SmoothingProblem) -> SmoothingProblem:
         """Return a problem that holds the stated for as sure as it is."""
-        if self.is_likely or self.is_of_unit:
+        if self.is_likely or self.is_of_axes:
             return problem
         return sight.in_doubt(self.error, problem)
 
@@ -110,7 +121,11 @@ def likeliest_cause(
         stated = solve_batch(problem)
     except NoSolutionError:
         return None
-    tested = (*sight.sight_errors(problem, stated.cost), *unit_axes.unit_turns(problem, stated))
+    tested = (
+        *sight.sight_errors(problem, stated.cost),
+        *unit_axes.unit_turns(problem, stated),
+        *field.field_errors(problem, stated.cost),
+    )
     errors = sorted(tested, key=lambda one: -one.nats)
     lost, clock = lost_samples(problem, stated), clock_off(problem, stated, middle_s)
     changed = [one for one in (lost, clock) if one is not None]
@@ -129,8 +144,8 @@ def likeliest_cause(
     if isinstance(best, ClockOff):
         return best
     share = 1.0
-    if best.kind in WHITE:
-        of_other = [one.nats for one in errors if one.kind in WHITE and one is not best]
+    if best.kind in _OF_AXES:
+        of_other = [one.nats for one in errors if one.kind in _OF_AXES and one is not best]
         share = float(expit(best.nats - max(of_other, default=-np.inf)))
         share = share if unit_axes.are_distinguished(problem) else 0.5
     return Lasting(best, share)

@@ -73,3 +73,16 @@ class LastingError(NamedTuple):
         if self.is_likely:
             return self.covariance
         return np.asarray(self.share * (np.outer(self.off, self.off) + self.covariance))
+
+    def body_doubt_rad2(self, share: float) -> FloatArray:
+        """Return the covariance of the body's axes that it adds to that of the states, (3, 3).
+
+        By what remains of it, G M G' in the mean over keyframes with G the attitudes' derivative,
+        and by a turn's being another sensor's, of probability ``1 - share``.
+        """
+        G, remaining = self.attitude_by, self.remaining
+        added = (G @ remaining @ G.swapaxes(1, 2)).mean(axis=0)
+        if G.shape[2] < 3:  # of one angle, about the vertical
+            return np.asarray(added)
+        either = remaining + np.outer(self.off, self.off) * self.is_likely
+        return np.asarray(added + (1.0 - share) * either)

@@ -71,17 +71,6 @@ def turned_back(imu: Imu, error: LastingError) -> Imu:
     return _turning(error.kind, error.off)(imu)
 
 
-def body_doubt_rad2(error: LastingError, share: float) -> FloatArray:
-    """Return the covariance of the body's axes that a turn adds to that of the states, (3, 3).
-
-    By what remains of it, G M G' in the mean over keyframes with G the attitudes' derivative, and
-    by its other sensor's being the turned one, of probability ``1 - share``.
-    """
-    G, remaining = error.attitude_by, error.remaining
-    either = remaining + np.outer(error.off, error.off) * error.is_likely
-    return np.asarray((G @ remaining @ G.swapaxes(1, 2)).mean(axis=0) + (1.0 - share) * either)
-
-
 def sentence(error: LastingError, share: float) -> str:
     """Return what is to be said of it; ``share``: probability that it is this sensor."""
     sigmas = ", ".join(f"{x:.2f}" for x in np.degrees(np.sqrt(np.diag(error.covariance))))
