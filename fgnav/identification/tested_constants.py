@@ -113,7 +113,7 @@ def depending(
     gnss = ("array phases", "array shape", "position", "velocity")
     arm = small.constants.column("lever-arm") if "lever-arm" in tested else -1
     turns = Constants(tuple(one for one in extra if one.name in TURNS))
-    turned = tuple(_led(one, timed) for one in small.measurements)
+    turned = tuple(_led(one, timed) if late else one for one in small.measurements)
     if turns.parts:  # else those of the flight's own constants depend on them already
         turned = tuple(in_turned_axes(one, small.constants) for one in turned)
     extended = tuple(
