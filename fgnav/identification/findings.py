@@ -240,7 +240,7 @@ def _is_as_stated(
 
 
 def _requests(search: TagSearch, at_tags: AtTags) -> tuple[CalibrationRequest, ...]:
-    """Return what is to be estimated: as requested, and whatever proved not to be zero."""
+    """Return what is to be estimated: as requested, in turn, then what proved not to be zero."""
     requested, identified = search.settings.calibration, at_tags.identified
     moved = at_tags.moved
     kinds = {one.kind: one for one in requested}
@@ -258,8 +258,9 @@ def _requests(search: TagSearch, at_tags: AtTags) -> tuple[CalibrationRequest, .
         kinds["clock"] = replace(kinds["clock"], moved=(float(moved[0]), float(moved[1])))
     if "velocity-delay" in kinds and significant[2]:
         kinds["velocity-delay"] = replace(kinds["velocity-delay"], start=float(times.value[2]))
-    others = [one for one in requested if one.kind not in wanted]
-    return (*others, *(kinds[kind] for kind in wanted if kind in kinds))
+    as_requested = [kinds[one.kind] if one.kind in wanted else one for one in requested]
+    words = [one.kind for one in requested]
+    return (*as_requested, *(one for kind, one in kinds.items() if kind not in words))
 
 
 def _has_stated(subject: _Subject, search: TagSearch, at_tags: AtTags) -> bool:
