@@ -56,12 +56,15 @@ def consistency(problem: SmoothingProblem, solution: Solution) -> tuple[Consiste
     """
     by_name = _by_name(
         (
-            measurement.name,
-            normalised_innovations(measurement, solution),
-            problem.t_s[measurement.row],
-        )
-        for measurement in problem.measurements
-        if len(measurement.row)
+            (
+                measurement.name,
+                normalised_innovations(measurement, solution),
+                problem.t_s[measurement.row],
+            )
+            for measurement in problem.measurements
+            if len(measurement.row)
+        ),
+        float(problem.t_s[-1]),
     )
     phase = problem.phase
     if phase is None:
@@ -70,7 +73,7 @@ def consistency(problem: SmoothingProblem, solution: Solution) -> tuple[Consiste
     single = Innovations(squared, freedom, freedom > 0)
     return (
         *by_name,
-        _judged(phase.name, single, problem.t_s[phase.row]),
+        _judged(phase.name, single, problem.t_s[phase.row], float(problem.t_s[-1])),
         *place_consistency(phase, problem.t_s, solution),
     )
 
@@ -85,18 +88,36 @@ def normalised_innovations(measurement: Measurement, solution: Solution) -> Inno
     solution : Solution
     """
     k = len(measurement.row)
-    squared, tested = np.empty(k), np.empty(k, dtype=np.bool_)
+    squared, tested, rounding = np.empty(k), np.empty(k, dtype=np.bool_), _UNTESTED
     for first in range(0, k, _AT_ONCE):
         which = np.arange(first, min(first + _AT_ONCE, k))
-        rows = measurement.row[which]
-        value, state, shared = measurement.linearise(solution.states.at(rows), which)
-        if solution.constants is not None:  # known worse by then than at the end
-            change = solution.constants[rows] - solution.states.constants
-            value = value + np.einsum("kib,kb->ki", shared, change)
-        seen, also = _any(state), _any(shared)
-        J = np.concatenate([state[:, :, seen], shared[:, :, also]], axis=2)
-        squared[which], tested[which] = _squared(value, J, _joint(solution, rows, seen, also))
+        part, rounding = innovations_of(
+            measurement, which, solution, measurement.row[which], rounding
+        )
+        squared[which], tested[which] = part.squared, part.tested
     return Innovations(squared, measurement.freedom, tested)
+
+
+def innovations_of(
+    measurement: Measurement,
+    which: IntArray,
+    solution: Solution,
+    rows: IntArray,
+    rounding: float = _UNTESTED,
+) -> tuple[Innovations, float]:
+    """Return the normalised innovations squared of some measurements, (k,), at rows of a solution.
+
+    ``rounding``: what earlier ones had of it, which is returned with these.
+    """
+    value, state, shared = measurement.linearise(solution.states.at(rows), which)
+    if solution.constants is not None:  # known worse by then than at the end
+        change = solution.constants[rows] - solution.states.constants
+        value = value + np.einsum("kib,kb->ki", shared, change)
+    seen, also = _any(state), _any(shared)
+    J = np.concatenate([state[:, :, seen], shared[:, :, also]], axis=2)
+    P = _joint(solution, rows, seen, also)
+    squared, tested, rounding = _squared(value, J, P, rounding)
+    return Innovations(squared, measurement.freedom[which], tested), rounding
 
 
 def own_consistency(
@@ -129,7 +150,7 @@ def own_consistency(
         rows, seen = np.array([evaluated[i].rows for i in which]), evaluated[which[0]].seen
         P = _covariance(solution, rows)[:, seen[:, None], seen]
         r, J = (np.stack([evaluated[i][part] for i in which]) for part in (0, 1))
-        squared[which], tested[which] = _squared(r, J, P)
+        squared[which], tested[which], _ = _squared(r, J, P)
     freedom = np.array([int(one.J.any(axis=1).sum()) for one in evaluated])
     last = len(solution.covariance) - 1
     at = np.array([one.rows[-1] if one.rows else last for one in evaluated], dtype=np.int64)
@@ -137,7 +158,9 @@ def own_consistency(
     for i, factor in enumerate(factors):
         names.setdefault(factor.name, []).append(i)
     return tuple(
-        _judged(name, Innovations(squared[of], freedom[of], tested[of]), t_s[at[of]])
+        _judged(
+            name, Innovations(squared[of], freedom[of], tested[of]), t_s[at[of]], float(t_s[-1])
+        )
         for name, of in names.items()
     )
 
@@ -219,8 +242,10 @@ def _any(J: FloatArray) -> BoolArray:
     return np.asarray(J.any(axis=(0, 1)))
 
 
-def _squared(r: FloatArray, J: FloatArray, P: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return ``r' (I - J P J')^-1 r``, (k,), and which of them test anything.
+def _squared(
+    r: FloatArray, J: FloatArray, P: FloatArray, before: float = _UNTESTED
+) -> tuple[FloatArray, BoolArray, float]:
+    """Return ``r' (I - J P J')^-1 r``, (k,), which of them test anything, and rounding so far.
 
     By the root of P: constants of which little is known would cost ``J P J'`` its digits.
     """
@@ -230,9 +255,11 @@ def _squared(r: FloatArray, J: FloatArray, P: FloatArray) -> tuple[FloatArray, B
     # Negative is what the solution does not hold (wheels that wait for a heading: -30,000), or
     # rounding, hundredths where antennas are estimated: as much as there was of it so far.
     rounding = np.where(smallest > -_HELD, -smallest, 0.0)
-    tested = smallest > np.maximum.accumulate(np.maximum(rounding, _UNTESTED))
+    so_far = np.maximum.accumulate(np.maximum(rounding, before))
+    tested = smallest > so_far
     S[~tested] = np.eye(r.shape[1])
-    return np.einsum("ki,ki->k", r, np.linalg.solve(S, r[:, :, None])[:, :, 0]), tested
+    squared = np.einsum("ki,ki->k", r, np.linalg.solve(S, r[:, :, None])[:, :, 0])
+    return squared, tested, float(so_far.max(initial=before))
 
 
 def _root(P: FloatArray) -> FloatArray:
@@ -247,7 +274,7 @@ def _root(P: FloatArray) -> FloatArray:
 
 
 def _by_name(
-    parts: Iterable[tuple[str, Innovations, FloatArray]],
+    parts: Iterable[tuple[str, Innovations, FloatArray]], until_s: float
 ) -> tuple[Consistency, ...]:
     """Return statistics of each name, in the order in which they come first."""
     collected: dict[str, list[tuple[Innovations, FloatArray]]] = {}
@@ -258,12 +285,13 @@ def _by_name(
             name,
             Innovations._make(map(np.concatenate, zip(*(part for part, _ in parts), strict=True))),
             np.concatenate([t_s for _, t_s in parts]),
+            until_s,
         )
         for name, parts in collected.items()
     )
 
 
-def _judged(name: str, part: Innovations, t_s: FloatArray) -> Consistency:
+def _judged(name: str, part: Innovations, t_s: FloatArray, until_s: float) -> Consistency:
     order = np.argsort(t_s[part.tested], kind="stable")
     squared, freedom = part.squared[part.tested][order], part.freedom[part.tested][order]
     beyond = squared > chdtri(freedom, _GATE)
@@ -277,5 +305,5 @@ def _judged(name: str, part: Innovations, t_s: FloatArray) -> Consistency:
         deciles=tuple(np.bincount(decile, minlength=10).tolist()),
         limit=limit_of(squared, freedom) if len(squared) > 1 else None,
         contradictions=contradictions(t_s[part.tested][order], squared, freedom),
-        beyond_s=beyond_s(t_s[part.tested][order], squared, freedom),
+        beyond_s=beyond_s(t_s[part.tested][order], squared, freedom, until_s),
     )

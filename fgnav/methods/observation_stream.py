@@ -16,7 +16,9 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.methods.smoother import Forward
 from fgnav.methods.smoothing.estimates import stated_at
 from fgnav.methods.smoothing.joined import joined_estimates
+from fgnav.methods.smoothing.so_far import Judged
 from fgnav.methods.streaming.going_on import GoingOn, going_on
+from fgnav.methods.streaming.innovations import InnovationsSoFar
 from fgnav.methods.streaming.recording import epochs_s, joined, pieces
 from fgnav.solve.sliding.departed import joined_solution, with_open_heading
 from fgnav.types.estimate import Estimate
@@ -46,10 +48,10 @@ class _Span:
     told: "Look"
     record: GoingOn
 
-    def prepared(self, settings: ProblemSettings) -> PreparedFlight:
+    def prepared(self, settings: ProblemSettings, judged: Judged) -> PreparedFlight:
         """Return the problem of what is kept."""
         build = partial(build_problem, earlier=self.record.earlier)
-        return self.told.prepared(self.record.flight, settings, build)
+        return self.told.prepared(judged.without(self.record.flight), settings, build)
 
 
 class ObservationStream:
@@ -58,8 +60,8 @@ class ObservationStream:
     Each update brings what instruments measured since the one before, as a flight of its own: raw
     observations of one epoch or more, or fixes, and inertial samples up to the last of them. It
     returns the keyframes that are due by then, each as known from the data up to it: joined they
-    are what ``method(flight)`` returns. Whole sensors that contradict the others are not sought: of
-    a faulty flight ``method`` leaves them out, a stream does not.
+    are what ``method(flight)`` returns. Where noise is identified its record is judged as that of
+    ``method`` is, at the same times: sensors that contradict the others are left out from then on.
 
     Of one antenna, or fixes, beside a gyroscope it keeps half a minute of records once the heading
     is known, and an epoch costs the same however long it runs. Where noise is identified it keeps
@@ -84,11 +86,13 @@ class ObservationStream:
         self._spans: list[_Span] = []  # that keyframes to come may be in
         self._plain: PreparedFlight | None = None  # as stated, up to where the heading is known
         self._window: FixedLag | None = None
-        self._of: tuple[float, bool, float] | None = None  # its look, open heading, integers
+        self._of: tuple[float, float, int, bool] | None = None  # look, integers, constants, open
         self._taken_s = -np.inf  # keyframe that entered it last
         self._newest: Departed
         self._last_s = -np.inf  # keyframe that was returned last
         self._looked_s = -np.inf  # when noise was identified last
+        self._judged = Judged.by(method.so_far)
+        self._innovations = InnovationsSoFar()  # of the look in hand
 
     @classmethod
     def replay(cls, flight: Flight, method: Forward | None = None) -> Iterator[Estimate]:
@@ -157,47 +161,80 @@ class ObservationStream:
 
     def _due(self, until_s: float) -> list[_Keyframe]:
         """Return the keyframes up to a time that have not been returned."""
-        settings, due = self._method.preparation, list[_Keyframe]()
+        due: list[_Keyframe] = []
+        while (beyond_s := self._until_contradicted(until_s, due)) < np.inf:
+            self._judge(beyond_s)
+        return due
+
+    def _until_contradicted(self, until_s: float, due: list[_Keyframe]) -> float:
+        """Add what is due until the record contradicts itself; return when, infinity for never."""
+        settings, judged = self._method.preparation, self._judged
         try:
             self._look(until_s)
-            problems = [span.prepared(settings) for span in self._spans]
+            problems = [span.prepared(settings, judged) for span in self._spans]
         except NoSolutionError:
             if self._window is not None or until_s == np.inf:
                 raise
-            return []  # next to nothing is there yet
+            return np.inf  # next to nothing is there yet
         ends_s = [*(span.from_s for span in self._spans[1:]), np.inf]
         for span, prepared, end_s in zip(self._spans, problems, ends_s, strict=True):
-            t_s = prepared.problem.t_s
-            new = (t_s > self._last_s) & (t_s >= span.from_s) & (t_s < end_s) & (t_s <= until_s)
-            due += [self._keyframe(prepared, span.from_s, at_s) for at_s in t_s[new].tolist()]
-        if due:
-            self._last_s = float(due[-1].problem.t_s[due[-1].row])
+            t_s, from_s = prepared.problem.t_s, max(span.from_s, judged.from_s)
+            new = (t_s > self._last_s) & (t_s >= from_s) & (t_s < end_s) & (t_s <= until_s)
+            for at_s in t_s[new].tolist():
+                as_then, problem = self._begun(prepared, span.from_s, at_s)
+                beyond_s = min(
+                    self._innovations.beyond_s(at_s, judged.since_s(from_s)), default=np.inf
+                )
+                if beyond_s < np.inf:
+                    return max(beyond_s, from_s)
+                due.append(self._keyframe(as_then, problem, at_s))
+                self._last_s = at_s
         while len(self._spans) > 1 and self._spans[1].from_s <= self._last_s:
             del self._spans[0]
         if len(self._spans) == 1 and self._spans[0].told.is_told:
-            kept = going_on(self._spans[0].record.flight, problems[-1])
-            self._spans[0].record = kept or self._spans[0].record
-        return due
+            record = self._spans[0].record
+            kept = going_on(judged.without(record.flight), problems[-1])
+            self._spans[0].record = kept or record
+        return np.inf
+
+    def _judge(self, beyond_s: float) -> None:
+        """Judge the record up to a time, and go on with what it is then."""
+        begin_s = float(self._stated().problem.t_s[0])
+        self._judged.judge(self._whole(), self._method.so_far, beyond_s, begin_s)
+        self._plain, self._of, self._spans = None, None, []  # all before has been returned
+        self._identify(beyond_s)
 
     def _look(self, until_s: float) -> None:
         """Identify noise at the times that have come."""
         if self._method.noise != "identified":
             return
-        from fgnav.identification.from_past import Look, look, looks_s  # noqa: PLC0415  # lazy: the chain
+        from fgnav.identification.from_past import looks_s  # noqa: PLC0415  # lazy: the chain
 
-        settings, plain = self._method.preparation, self._plain
-        if plain is None or (plain.opening is not None and plain.opening.until_s == np.inf):
-            plain = self._plain = build_problem(self._whole(), settings)
-        before_s = self._spans[-1].from_s
         imu = self._spans[-1].record.flight.imu
         until_s = min(until_s, -np.inf if imu is None else float(imu.t_s[-1]))
-        for at_s in looks_s(plain, until_s + _ROUNDING_S):
+        for at_s in looks_s(self._stated(), until_s + _ROUNDING_S):
             if self._looked_s < at_s <= until_s:
-                self._looked_s = at_s
-                flight = self._whole()
-                identified = look(flight, settings, at_s, build_problem)
-                if len(self._spans) > 1 or before_s > -np.inf or identified != Look(None):
-                    self._spans.append(_Span(at_s, identified, GoingOn(flight)))
+                self._identify(at_s)
+
+    def _identify(self, at_s: float) -> None:
+        """Identify noise at a time, for keyframes from then on."""
+        from fgnav.identification.from_past import Look, look  # noqa: PLC0415  # lazy: the chain
+
+        self._looked_s = at_s
+        flight = self._whole()
+        settings, mended = self._method.preparation, self._judged.without(flight)
+        identified = look(mended, settings, at_s, build_problem)
+        is_first = len(self._spans) == 1 and self._spans[0].from_s == -np.inf
+        if not is_first or identified != Look(None):
+            self._spans.append(_Span(at_s, identified, GoingOn(flight)))
+
+    def _stated(self) -> PreparedFlight:
+        """Return the problem with noise as stated, up to where the heading is known."""
+        plain = self._plain
+        if plain is None or (plain.opening is not None and plain.opening.until_s == np.inf):
+            flight = self._judged.without(self._whole())
+            plain = self._plain = build_problem(flight, self._method.preparation)
+        return plain
 
     def _whole(self) -> Flight:
         """Return all that has come."""
@@ -205,10 +242,13 @@ class ObservationStream:
         self._pieces = [flight]
         return flight
 
-    def _keyframe(self, prepared: PreparedFlight, look_s: float, at_s: float) -> _Keyframe:
-        """Let a keyframe enter the window, which begins again where its problem is another one."""
-        from fgnav.solve.fixed_lag import FixedLag  # noqa: PLC0415  # lazy: gtsam
+    def _begun(
+        self, prepared: PreparedFlight, look_s: float, at_s: float
+    ) -> tuple[PreparedFlight, SmoothingProblem]:
+        """Return a problem as of a time, what windows have of it, the keyframes before in one.
 
+        The window begins again where its problem is another one.
+        """
         revised_s = prepared.revised_s
         if len(revised_s):
             prepared = prepared.as_of(at_s)
@@ -216,13 +256,38 @@ class ObservationStream:
         is_open = opening is not None and at_s < opening.until_s
         by_s = max((s for s in revised_s.tolist() if s <= at_s), default=-np.inf)
         problem = opening.problem if opening is not None and is_open else prepared.windowed
-        if self._window is None or self._of != (look_s, is_open, by_s):
+        of = look_s, by_s, problem.constants.width  # of a sensor that begins, or comes back
+        if self._of is None or self._of[:3] != of:
+            self._innovations = InnovationsSoFar()
+            if opening is not None and not is_open:
+                self._window = None
+                self._advance(prepared, opening.problem, opening.keyframes)
+        if self._of != (*of, is_open):
+            self._window, self._of = None, (*of, is_open)
+        self._advance(prepared, problem, int(np.searchsorted(problem.t_s, at_s)))
+        return prepared, problem
+
+    def _keyframe(
+        self, prepared: PreparedFlight, problem: SmoothingProblem, at_s: float
+    ) -> _Keyframe:
+        """Let a keyframe enter the window."""
+        row = int(np.searchsorted(problem.t_s, at_s))
+        self._advance(prepared, problem, row + 1)
+        return _Keyframe(prepared, problem, row, self._newest)
+
+    def _advance(self, prepared: PreparedFlight, problem: SmoothingProblem, end: int) -> None:
+        """Let keyframes before a row enter the window, and their innovations be counted."""
+        from fgnav.solve.fixed_lag import FixedLag  # noqa: PLC0415  # lazy: gtsam
+
+        if self._window is None:
             self._window, self._taken_s = FixedLag(self._method.lag_s, 0.0), -np.inf
-            self._of = look_s, is_open, by_s
-        for row in np.flatnonzero((problem.t_s > self._taken_s) & (problem.t_s <= at_s)).tolist():
-            self._window.advance(problem, row)
-            self._newest = self._window.newest()  # of each: what is asked for decides what leaves
-        self._taken_s, departed = at_s, self._newest
-        if opening is not None and is_open:
-            departed = with_open_heading(departed, opening)
-        return _Keyframe(prepared, problem, row, departed)
+        opening, window = prepared.opening, self._window
+        first = int(np.searchsorted(problem.t_s, self._taken_s, side="right"))
+        for row in range(first, end):
+            window.advance(problem, row)
+            newest = window.newest()  # of each: what is asked for decides what leaves
+            if opening is not None and problem is opening.problem:
+                newest = with_open_heading(newest, opening)
+            self._newest, self._taken_s = newest, float(problem.t_s[row])
+            if self._taken_s > self._innovations.until_s and self._judged.judged_s < np.inf:
+                self._innovations.take(prepared.problem, row, newest.solution)

@@ -254,14 +254,19 @@ class Smoother:
     def estimate_prepared(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
         """Estimate a flight whose problem is built."""
         # Factors of one's own cannot be left out of a flight: what they contradict is noted.
-        own = self.factors or flight.networks
-        is_tried = self.noise == "identified" and not own
         if self.causal:
-            once = self._of_whole_flights._once if is_tried else None
-            method = CausalMethod(self.prepare, self._estimated, once, self._waits_s)
+            method = self.so_far if not flight.networks else self.so_far._replace(whole=None)
             return consistent_so_far(flight, prepared, method)
+        is_tried = self.noise == "identified" and not (self.factors or flight.networks)
         again = self._once if is_tried else None
         return without_contradictions(flight, self._estimated(flight, prepared), again)
+
+    @property
+    def so_far(self) -> CausalMethod:
+        """The method as it judges a record that goes on, if it is causal."""
+        is_tried = self.noise == "identified" and not self.factors
+        once = self._of_whole_flights._once if is_tried else None
+        return CausalMethod(self.prepare, self._estimated, once, self._waits_s)
 
     @property
     def _waits_s(self) -> float:

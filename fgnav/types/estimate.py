@@ -101,7 +101,7 @@ class Consistency:
     contradictions : tuple of Contradiction
         In order of time.
     beyond_s : tuple of float
-        Ends of seconds by which the record so far was beyond its band: what a filter knew of it.
+        Whole seconds by which the record so far was beyond its band: what a filter knew of it.
     """
 
     what: str

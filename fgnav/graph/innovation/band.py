@@ -61,26 +61,34 @@ def _out_of_band(squared: FloatArray, freedom: IntArray) -> bool:
     return nis > max(TOLERATED, limit_of(squared, freedom))
 
 
-def beyond_s(t_s: FloatArray, squared: FloatArray, freedom: IntArray) -> tuple[float, ...]:
-    """Return the ends of seconds by which the record so far contradicts what it states.
+def beyond_s(
+    t_s: FloatArray,
+    squared: FloatArray,
+    freedom: IntArray,
+    until_s: float,
+    since_s: float = -np.inf,
+) -> tuple[float, ...]:
+    """Return the whole seconds at which the record so far contradicts what it states.
 
-    Test j of a record that is tested second by second has the share 1 / (j (j + 1)) of the false
-    alarm. Parameters as in ``contradictions``.
+    Each, from ``since_s`` to ``until_s``, is tested by what was measured before it. Test j has the
+    share 1 / (j (j + 1)) of the false alarm. Parameters as in ``contradictions``.
     """
     if not len(t_s):
         return ()
     # Of the flight's time: which sample is the first to test anything may be a matter of rounding.
-    ends = np.flatnonzero(np.diff(np.floor(t_s / _BLOCK_S + _ROUNDING)) > 0)
+    seconds = np.floor(np.append(t_s, until_s) / _BLOCK_S + _ROUNDING)
+    ends = np.flatnonzero(np.diff(seconds) > 0)
     ends = ends[ends >= _BLOCK - 1]
+    at_s = (seconds[ends] + 1) * _BLOCK_S
     suspicious = np.cumsum(squared)[ends] > TOLERATED * np.cumsum(freedom)[ends]
-    begins_s = []
-    for j in np.flatnonzero(suspicious):
+    times_s = []
+    for j in np.flatnonzero(suspicious & (at_s >= since_s)):
         so_far = slice(0, ends[j] + 1)
         false_alarm = _FALSE_ALARM / ((j + 1) * (j + 2))
         total = int(freedom[so_far].sum())
         if squared[so_far].sum() > total * limit_of(squared[so_far], freedom[so_far], false_alarm):
-            begins_s.append(float(t_s[ends[j]]))
-    return tuple(begins_s)
+            times_s.append(float(at_s[j]))
+    return tuple(times_s)
 
 
 def limit_of(squared: FloatArray, freedom: IntArray, false_alarm: float = _FALSE_ALARM) -> float:

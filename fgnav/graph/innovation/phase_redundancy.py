@@ -14,6 +14,8 @@ References
 .. [1] Bierman: Factorization Methods for Discrete Sequential Estimation, 1977, chapter V.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.linalg.lapack import dtpqrt, dtrcon
 
@@ -26,19 +28,37 @@ _TOGETHER = 8  # columns: LAPACK's blocks, by which 90 take .1 ms
 def phase_innovations(phase: AntennaPhase) -> tuple[FloatArray, IntArray]:
     """Return the innovation squared of each epoch, (k,), and its degrees of freedom, (k,)."""
     squared, freedom = np.zeros(len(phase.row)), np.zeros(len(phase.row), dtype=np.int64)
-    before = phase.blocks[0].before.shape[1]
-    root, last, rank = np.zeros((before + 1, before + 1)), -1, 0
-    for i, one in enumerate(phase.rows):
-        while last < phase.block[i] - phase.first_block:
-            last += 1
-            root = _led_on(root, phase.blocks[last])
-            rank = _rank(root)
-        H, z = one.without_place()
-        root, squared[i] = _taken_in(root, np.column_stack([H, z]))
-        before, is_full = rank, rank == len(root) - 1  # nothing is open that they could tell
-        rank = rank if is_full else _rank(root)
-        freedom[i] = len(z) + before - rank
+    arcs = ArcsSoFar.before(phase)
+    for i in range(len(phase.row)):
+        squared[i], freedom[i] = arcs.take(phase, i)
     return squared, freedom
+
+
+@dataclass(slots=True)
+class ArcsSoFar:
+    """What epochs so far have of arcs."""
+
+    root: FloatArray  # (d + 1, d + 1), triangular: of A and y
+    block: int  # the number of their block
+    rank: int = 0
+
+    @classmethod
+    def before(cls, phase: AntennaPhase) -> "ArcsSoFar":
+        """Return what is known before the first epoch: nothing."""
+        before = phase.blocks[0].before.shape[1]
+        return cls(np.zeros((before + 1, before + 1)), phase.first_block - 1)
+
+    def take(self, phase: AntennaPhase, i: int) -> tuple[float, int]:
+        """Take in epoch i; return the square of its innovation and its degrees of freedom."""
+        while self.block < phase.block[i]:
+            self.block += 1
+            self.root = _led_on(self.root, phase.blocks[self.block - phase.first_block])
+            self.rank = _rank(self.root)
+        H, z = phase.rows[i].without_place()
+        self.root, squared = _taken_in(self.root, np.column_stack([H, z]))
+        before, is_full = self.rank, self.rank == len(self.root) - 1  # nothing is open to tell
+        self.rank = self.rank if is_full else _rank(self.root)
+        return squared, len(z) + before - self.rank
 
 
 def _led_on(root: FloatArray, block: ArcBlock) -> FloatArray:

@@ -47,7 +47,8 @@ def joined(*parts: Flight) -> Flight:
         orbits = [one for part in parts if (one := getattr(part, name)) is not None]
         changed[name] = orbits[-1] if orbits else None
     for name, sampled in SAMPLED.items():
-        records = [one for part in parts if (one := getattr(part, name)) is not None]
+        of = [one for part in parts if (one := getattr(part, name)) is not None]
+        records = [one for one in of if len(one.t_s)] or of[:1]
         if len(records) > 1:
             _follow(name, records)
             columns = {n: [getattr(one, n) for one in records] for n in sampled}

@@ -92,7 +92,8 @@ def test_white_series_and_nothing_have_no_correlation():
 
 def test_right_noise_that_is_tested_every_second_is_hardly_ever_contradicted():
     rng = np.random.default_rng(30_005)
-    alarms = sum(bool(beyond_s(T_S, squares(rng).sum(axis=0), FREEDOM)) for _ in range(2000))
+    tried = (squares(rng).sum(axis=0) for _ in range(2000))
+    alarms = sum(bool(beyond_s(T_S, squared, FREEDOM, T_S[-1])) for squared in tried)
     assert alarms <= 2  # of 0.2 expected at most: 1e-4 of all tests of a record together
 
 
@@ -101,7 +102,7 @@ def test_errors_that_stay_are_worth_one_until_they_can_show_that_they_stay():
     alarms = 0
     for _ in range(500):
         squared = np.full(K, (rng.normal(size=D) ** 2).sum())  # a constant that is off
-        alarms += min(beyond_s(T_S, squared, FREEDOM), default=np.inf) < 1.6
+        alarms += min(beyond_s(T_S, squared, FREEDOM, T_S[-1]), default=np.inf) < 1.6
     assert alarms <= 2
 
 
@@ -109,9 +110,22 @@ def test_noise_that_grows_louder_is_known_within_seconds_and_no_earlier():
     rng = np.random.default_rng(30_007)
     sigma = np.where(T_S >= 10, 6.0, 1.0)
     squared = squares(rng, sigma).sum(axis=0)
-    found = beyond_s(T_S, squared, FREEDOM)
+    found = beyond_s(T_S, squared, FREEDOM, T_S[-1])
     assert 10.0 < found[0] < 13.0
     until = T_S <= 14.0  # what comes later does not matter
-    assert beyond_s(T_S[until], squared[until], FREEDOM[until]) == tuple(
-        s for s in found if s < 13.95
+    assert beyond_s(T_S[until], squared[until], FREEDOM[until], 14.0) == tuple(
+        s for s in found if s <= 14.0
     )
+
+
+def test_a_sensor_that_falls_silent_is_judged_when_the_second_is_over():
+    """Whatever comes later of it: by one sample more it was judged, and by none it was not."""
+    rng = np.random.default_rng(30_008)
+    until = T_S < 3.5
+    squared = squares(rng, 6.0).sum(axis=0)[until]
+    last, before = (
+        beyond_s(T_S[until], squared, FREEDOM[until], until_s)[-1] for until_s in (4.0, 3.99)
+    )
+    assert (last, before) == (4.0, 3.0)
+    late = beyond_s(T_S[until], squared, FREEDOM[until], 4.0, since_s=3.5)
+    assert late == (4.0,)
