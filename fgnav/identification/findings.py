@@ -39,7 +39,7 @@ from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags, w
 from fgnav.types.estimate import Consistency, Rejected
 from fgnav.types.flight import Flight, Imu
 
-_FEWEST = 30  # keyframes that measured something: fewer tell no noise
+FEWEST = 10  # keyframes that measured something: they tell noise to a quarter, fewer to little
 
 
 class Findings(NamedTuple):
@@ -88,7 +88,7 @@ def findings(
         return None
     subject = _subject(flight, settings, prepared, build)
     search, places, problem = subject.search, subject.places, subject.prepared.problem
-    if _measured(problem) < _FEWEST:
+    if _measured(problem) < FEWEST:
         return None
     at_tags = search.likeliest(subject.prepared)
     if at_tags is None:  # the motion's noise stands for accelerations of unknown direction, too

@@ -7,15 +7,13 @@ none: then something else is wrong. Where phases show the unit louder, too, nois
 of its score on the way from what is stated.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.special import chdtri
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
-from fgnav.identification.likelihood.beside_phases import measured_rows, noise_score
+from fgnav.identification.likelihood.beside_phases import measured_rows
 from fgnav.identification.likelihood.span_constants import Error, likeliest_span
 from fgnav.identification.likelihood.span_offsets import (
     LEAST_S,
@@ -31,7 +29,6 @@ from fgnav.types.flight import Imu
 
 _DOUBTED = 0.1  # share of right flights
 _BLOCKS = 24  # of a record, at most: a bound of cost
-_NODES = 5  # of the integral: a score that falls by 400 on the way is known to one in a thousand
 # 1-sigma: next to nothing is known. Offsets and drifts in m/s2 and rad/s, scales, turns in rad.
 _ANY = {"accelerometer": 1.0, "gyroscope": 0.1}
 _ANY_SHARE = 0.3
@@ -88,28 +85,6 @@ def _is_turned_throughout(
     throughout = (_likeliest(problem, at, (sensor, TURN), ends) for sensor in WHITE)
     gain = max((one.gain for one in throughout if one is not None), default=0.0)
     return bool(gain + np.log(spans) > turned.gain - LIKELY)
-
-
-def noise_gain(
-    factors: dict[str, float], louder: Callable[[dict[str, float]], SmoothingProblem]
-) -> float:
-    """Return what white noises so many times as loud as stated gain of a whole problem.
-
-    Infinite where that has no minimum on the way.
-    """
-    if not factors:
-        return 0.0
-    theta = {name: float(np.log(factor)) for name, factor in factors.items()}
-    places, weights = np.polynomial.legendre.leggauss(_NODES)
-    total = 0.0
-    for place, weight in zip((places + 1) / 2, weights / 2, strict=True):
-        on_the_way = {name: float(np.exp(place * one)) for name, one in theta.items()}
-        try:
-            score = noise_score(louder(on_the_way))
-        except NoSolutionError:
-            return np.inf
-        total += weight * sum(score[name] * one for name, one in theta.items())
-    return total
 
 
 def _likeliest(

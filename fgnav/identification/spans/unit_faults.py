@@ -23,6 +23,7 @@ from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.measurement import Linearised, Measurement
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import POSITION, States
+from fgnav.identification.likelihood.beside_phases import noise_gain
 from fgnav.identification.likelihood.changed_samples import Change, solved_with_changes
 from fgnav.identification.likelihood.span_offsets import (
     LIKELY,
@@ -35,7 +36,7 @@ from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
-from fgnav.identification.spans.beside_phases import noise_gain, offsets_by_phases
+from fgnav.identification.spans.beside_phases import offsets_by_phases
 from fgnav.identification.spans.errors import ERRORS, SAMPLES, added
 from fgnav.identification.spans.span_fault import SpanFault
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
