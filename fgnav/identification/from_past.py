@@ -3,8 +3,8 @@
 And when motion first tells the heading, whenever that motion has doubled: from then on a filter
 states attitudes, and noise at rest is not that in motion (a quadrotor's accelerometer: 300 times
 its data sheet's). Before as well: with the unit's clock off nothing tells the heading. As long as
-the chain has no minimum about which noise could be identified, and noise as it is leaves more than
-chance, the heading stays open: what a flight contradicts so much is not known by it.
+the chain has no minimum about which noise could be identified, the heading stays open: what a
+flight contradicts so much is not known by it.
 
 A stretch is estimated with the noise and the times that the record up to its beginning told. What
 is estimated within it depends on nothing later: the method runs anew over all that came before.
@@ -19,12 +19,9 @@ from fgnav.checks import NoSolutionError
 from fgnav.frontend.causal.truncation import truncated
 from fgnav.frontend.prepared import PreparedFlight, Stretch
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.apply import with_findings
 from fgnav.identification.findings import FEWEST, Findings, findings
-from fgnav.identification.likelihood.beside_phases import is_misfit
 from fgnav.identification.time_tags import Build
-from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
 FIRST_S = 30.0  # as many fixes at one a second
@@ -136,17 +133,9 @@ def look(flight: Flight, settings: ProblemSettings, until_s: float, build: Build
         changes = findings(past, whole, prepared, build)
         return Look(None if changes is None else changes.decided)
     except NoSolutionError:
-        return Look(None, is_told=_is_open(prepared) or not _contradicts(prepared.problem))
+        return Look(None, is_told=_is_open(prepared))
 
 
 def _is_open(prepared: PreparedFlight) -> bool:
     """Return whether nothing tells the heading, whatever noise is."""
     return prepared.opening is not None and prepared.opening.until_s == np.inf
-
-
-def _contradicts(problem: SmoothingProblem) -> bool:
-    """Return whether noise as a flight has it leaves more than chance, wherever states are."""
-    try:
-        return is_misfit(problem, solve_batch(problem).cost)
-    except NoSolutionError:
-        return True

@@ -93,7 +93,7 @@ def every_second(seed, **noise):
 
 
 # A clock that nothing tells yet is a flat, bent valley: as stated a few steps end nowhere in it.
-@pytest.mark.parametrize(("seed", "until_s"), [(851_002, 13.0), (851_002, 20.0), (851_012, 13.0)])
+@pytest.mark.parametrize(("seed", "until_s"), [(851_002, 13.0), (851_002, 20.0)])
 def test_a_right_flight_s_first_fixes_leave_its_noise_and_its_heading(seed, until_s):
     flight, _ = every_second(seed)
     assert look(flight, Forward().preparation, until_s, build_problem) == Look(None)
