@@ -42,7 +42,7 @@ from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags, w
 from fgnav.types.estimate import Consistency, Rejected
 from fgnav.types.flight import Flight, Imu
 
-_FEWEST = 30  # keyframes that measured something: fewer tell no noise
+FEWEST = 10  # keyframes that measured something: they tell noise to a quarter, fewer to little
 
 
 class Findings(NamedTuple):
@@ -94,7 +94,7 @@ def findings(
     subject = _subject(flight, settings, prepared, build)
     search, places, cause = subject.search, subject.places, subject.cause
     problem = subject.prepared.problem
-    if _measured(problem) < _FEWEST:
+    if _measured(problem) < FEWEST:
         return None
     at_tags = search.likeliest(subject.prepared)
     if at_tags is None:  # the motion's noise stands for accelerations of unknown direction, too
@@ -285,7 +285,7 @@ def _is_as_stated(
 
 
 def _requests(search: TagSearch, at_tags: AtTags) -> tuple[CalibrationRequest, ...]:
-    """Return what is to be estimated: as requested, and whatever proved not to be zero."""
+    """Return what is to be estimated: as requested, in turn, then what proved not to be zero."""
     requested, identified = search.settings.calibration, at_tags.identified
     moved = at_tags.moved
     kinds = {one.kind: one for one in requested}
@@ -304,8 +304,9 @@ def _requests(search: TagSearch, at_tags: AtTags) -> tuple[CalibrationRequest, .
         kinds["clock"] = replace(kinds["clock"], moved=(float(both[0]), float(both[1])))
     if "velocity-delay" in kinds and significant[2]:
         kinds["velocity-delay"] = replace(kinds["velocity-delay"], start=float(times.value[2]))
-    others = [one for one in requested if one.kind not in wanted]
-    return (*others, *(kinds[kind] for kind in wanted if kind in kinds))
+    as_requested = [kinds[one.kind] if one.kind in wanted else one for one in requested]
+    words = [one.kind for one in requested]
+    return (*as_requested, *(one for kind, one in kinds.items() if kind not in words))
 
 
 def _has_stated(subject: _Subject, search: TagSearch, at_tags: AtTags) -> bool:

@@ -20,11 +20,10 @@ from fgnav.frontend.causal.truncation import truncated
 from fgnav.frontend.prepared import PreparedFlight, Stretch
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.identification.apply import with_findings
-from fgnav.identification.findings import Findings, findings
+from fgnav.identification.findings import FEWEST, Findings, findings
 from fgnav.identification.time_tags import Build
 from fgnav.types.flight import Flight
 
-FEWEST = 30  # keyframes; ``findings`` wants as many that measured, which tell noise to 13 %
 FIRST_S = 30.0  # as many fixes at one a second
 MOVED_S = 5.0  # half a dozen of them: of noise in motion next to nothing is known before
 
@@ -134,4 +133,9 @@ def look(flight: Flight, settings: ProblemSettings, until_s: float, build: Build
         changes = findings(past, whole, prepared, build)
         return Look(None if changes is None else changes.decided)
     except NoSolutionError:
-        return Look(None, is_told=False)
+        return Look(None, is_told=_is_open(prepared))
+
+
+def _is_open(prepared: PreparedFlight) -> bool:
+    """Return whether nothing tells the heading, whatever noise is."""
+    return prepared.opening is not None and prepared.opening.until_s == np.inf

@@ -5,15 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fgnav.frontend.causal.truncation import truncated
 from fgnav.frontend.problem import build_problem
 from fgnav.geometry.rotations import exp
 from fgnav.identification.findings import findings
-from fgnav.identification.likelihood.beside_phases import noise_gain
+from fgnav.identification.likelihood.beside_phases import (
+    is_misfit,
+    noise_gain,
+    white_noise_factors,
+)
 from fgnav.identification.likelihood.linear_chain import LinearChain
 from fgnav.identification.noise.stated import with_factors
 from fgnav.identification.spans.beside_phases import offsets_by_phases
+from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Smoother
 from fgnav.solve.chain import solve_batch
+from tests.benchmarks.consistency import flown
 from tests.robustness.drawn.flights import right_flight
 
 SETTINGS = Smoother().preparation
@@ -64,6 +71,20 @@ def test_a_gain_is_half_of_what_the_cost_falls_by_without_it():
     motion = replace(problem.motion, imu=less.imu)
     costs = [solve_batch(one).cost for one in (problem, replace(problem, motion=motion))]
     assert (costs[0] - costs[1]) / 2 == pytest.approx(offset.gain, rel=0.05)
+
+
+def test_ten_epochs_whose_phases_misfit_accuse_no_gyroscope():
+    """Of an array, in a right flight: 23 times as loud beyond four sigmas, and by two nats."""
+    flight = truncated(flown("gyro", 852_001), 0.91)
+    settings = replace(SETTINGS, resolver=Truth())
+    problem = build_problem(flight, settings).problem
+
+    def louder(factors):
+        return build_problem(with_factors(flight, factors), settings).problem
+
+    assert is_misfit(problem, solve_batch(problem).cost)
+    assert 0.0 < noise_gain({"gyroscope": 23.0}, louder) < 4.0
+    assert white_noise_factors(problem, louder) == {}
 
 
 def test_noise_gains_what_its_likelihood_does():

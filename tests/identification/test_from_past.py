@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -10,10 +11,13 @@ from fgnav.frontend.causal.truncation import truncated
 from fgnav.frontend.problem import build_problem
 from fgnav.identification.apply import with_findings
 from fgnav.identification.findings import Findings
-from fgnav.identification.from_past import looks_s
+from fgnav.identification.from_past import Look, look, looks_s
 from fgnav.methods.smoother import Forward
+from fgnav_sim.scenario import FixesTable
+from fgnav_sim.simulate import simulate
 from tests.frontend.standing import standing
 from tests.methods.simulated import errors_rad, nees
+from tests.methods.test_truncation import scenario
 
 CUT_S = 74.43  # noise is identified at 30 and at 60 s, when it has driven long enough
 
@@ -78,6 +82,33 @@ def test_nothing_that_comes_later_takes_part(loud, prepared, filtered, cut, rate
 def test_a_flight_that_states_its_noise_rightly_is_estimated_once():
     prepared = Forward().prepare(standing(20_009, span_s=45.0))
     assert prepared.stretches == ()
+
+
+def every_second(seed, **noise):
+    """A body that swings, by fixes once a second, and the random numbers that follow."""
+    rng = np.random.default_rng(seed)
+    six = scenario("six", 30.0, fixes=True, gyroscope=True)
+    made = msgspec.structs.replace(six, fixes=FixesTable(rate_hz=1.0, **noise))
+    return simulate(made, rng), rng
+
+
+# A clock that nothing tells yet is a flat, bent valley: as stated a few steps end nowhere in it.
+@pytest.mark.parametrize(("seed", "until_s"), [(851_002, 13.0), (851_002, 20.0)])
+def test_a_right_flight_s_first_fixes_leave_its_noise_and_its_heading(seed, until_s):
+    flight, _ = every_second(seed)
+    assert look(flight, Forward().preparation, until_s, build_problem) == Look(None)
+
+
+@pytest.mark.parametrize("seed", [20_011, 20_012])
+def test_a_dozen_good_fixes_tell_a_loud_accelerometer(seed):
+    """Of thirty times the stated noise: they know it to a quarter, and it is in no doubt."""
+    flight, rng = every_second(seed, position_noise_m=0.02, velocity_noise_mps=0.02)
+    imu, step_s = flight.imu, np.diff(flight.imu.t_s).mean()
+    noise = 30 * imu.accelerometer_noise_mps2_per_sqrt_hz / np.sqrt(step_s)
+    f_b_mps2 = imu.f_b_mps2 + rng.normal(0.0, noise, imu.f_b_mps2.shape)
+    loud = replace(flight, imu=replace(imu, f_b_mps2=f_b_mps2))
+    told = look(loud, Forward().preparation, 13.0, build_problem)
+    assert told.found.factors == {"accelerometer": pytest.approx(30.0, rel=0.5)}
 
 
 def test_noise_is_looked_at_when_motion_tells_the_heading_and_as_that_motion_doubles():

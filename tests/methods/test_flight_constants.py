@@ -8,7 +8,9 @@ import pytest
 
 from fgnav.checks import NoSolutionError
 from fgnav.evaluation.span import within
+from fgnav.frontend.problem import build_problem
 from fgnav.geometry.rotations import exp
+from fgnav.identification.findings import findings
 from fgnav.methods.smoother import Batch, Smoother
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.seeker import line_of_sight
@@ -136,6 +138,15 @@ def test_the_estimate_lists_constants_with_their_sigmas():
     assert set(listed["value"]) == set(listed["sigma"]) == {"x_b", "y_b", "z_b"}
     assert all(0 < sigma < 0.001 for sigma in listed["sigma"].values())
     assert any(note.startswith("Antenna a4, off what the flight states") for note in estimate.notes)
+
+
+def test_constants_are_estimated_in_the_order_of_their_requests():
+    """What is requested in another order than identification's is no flight that it changes."""
+    flight, method = flown("demo", 6.0), Batch(estimate=("lever-arm", "antenna:a4=0.1"))
+    settings = method.preparation
+    prepared = build_problem(flight, settings)
+    assert findings(flight, settings, prepared, build_problem) is None
+    assert [one.name for one in method(flight).constants] == ["lever-arm", "antenna a4"]
 
 
 def test_an_accelerometer_that_sits_elsewhere_is_found_and_the_origin_stays_where_it_is():

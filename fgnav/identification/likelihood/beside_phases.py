@@ -26,7 +26,7 @@ from fgnav.graph.types.states import States
 from fgnav.identification.likelihood.linear_chain import LinearChain
 from fgnav.identification.noise.begin import ABOVE, WHITE
 from fgnav.identification.tested_constants import SIGMAS
-from fgnav.identification.track.windows import FALSE_ALARM
+from fgnav.identification.track.windows import EXCLUDED, FALSE_ALARM
 from fgnav.solve.chain import solve_batch
 
 _ROUNDS = 20  # of noise at states, and states at noise
@@ -38,7 +38,7 @@ _NODES = 5  # of the integral: a score that falls by 400 on the way is known to 
 def white_noise_factors(
     problem: SmoothingProblem, changed: Callable[[dict[str, float]], SmoothingProblem]
 ) -> dict[str, float]:
-    """Return factors on the unit's white noises that phases contradict.
+    """Return factors on the unit's white noises that phases contradict, by the usual odds.
 
     Parameters
     ----------
@@ -63,7 +63,11 @@ def white_noise_factors(
         if np.abs(step).max() < _SETTLED:
             break
     used = found.is_beyond(theta)
-    return {n: f for n, f in _factors(found.names, theta).items() if used[found.names.index(n)]}
+    factors = {n: f for n, f in _factors(found.names, theta).items() if used[found.names.index(n)]}
+    # Of a few keyframes a likelihood may be flat below a minimum that is sharp: sigma is none.
+    # What is left of all is of a free variance factor, as in ``profile_likelihood``.
+    beyond = max(found.cost / measured_rows(problem), 1.0)
+    return factors if noise_gain(factors, changed) > EXCLUDED * beyond else {}
 
 
 def profile_likelihood(problem: SmoothingProblem) -> float:

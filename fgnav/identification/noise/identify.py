@@ -18,7 +18,12 @@ from fgnav.frontend.sensors.rest import AT_REST
 from fgnav.identification.likelihood.thinned import FIELDS
 from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.noise.identified import Identified
-from fgnav.identification.noise.noise_search import TEST_SIGMA, louder_by_correlation, searched
+from fgnav.identification.noise.noise_search import (
+    ITERATIONS,
+    TEST_SIGMA,
+    louder_by_correlation,
+    searched,
+)
 from fgnav.identification.noise.stated import INSTRUMENTS
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
 from fgnav.identification.track.windows import EXCLUDED, FALSE_ALARM
@@ -94,7 +99,7 @@ def _as_stated(flight: ThinnedFlight) -> _AsStated | None:
     zero = np.zeros(len(flight.names))
     try:  # damped: without a gyroscope full steps may turn too far
         start = solve_batch(flight.problem, most=_DAMPED).states
-        chain, states, _ = flight.descended(start, zero, 2)
+        chain, states, _ = flight.descended(start, zero, ITERATIONS)
     except NoSolutionError:
         return None
     score = chain.score(zero)

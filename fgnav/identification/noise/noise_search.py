@@ -19,7 +19,7 @@ from fgnav.solve.chain import solve_batch
 _WHITE_SIGMA, _WALK_SIGMA = np.log(5.0), np.log(10.0)
 # Of what is stated while it is tested: as good as nothing.
 TEST_SIGMA = np.log(30.0)
-_ITERATIONS = 10  # steps of Gauss-Newton
+ITERATIONS = 10  # steps of Gauss-Newton
 _ROUNDS = 20  # of noise at states, and states at noise
 _ALIKE = 0.5  # correlation of neighbours whose errors are more of what stays than of noise
 
@@ -49,13 +49,13 @@ def _searched_from(flight: ThinnedFlight, factors: dict[str, float], louder: flo
     states, above = flight.problem.start, dict.fromkeys(WHITE, ABOVE * louder)
     if "gyroscope" not in flight.parts.names:
         begun = widened(flight.problem, factors, louder)
-        states, above = solve_batch(begun, most=_ITERATIONS).states, dict.fromkeys(WHITE, louder)
+        states, above = solve_batch(begun, most=ITERATIONS).states, dict.fromkeys(WHITE, louder)
     loud = above | factors
     theta = flight.logarithms({n + AT_REST: factor for n, factor in loud.items()} | loud)
     in_motion = np.isin(flight.names, INERTIAL_NOISES)
     is_stated, share, last = flight.is_stated, 1.0, np.zeros(len(theta))
     for _ in range(_ROUNDS):
-        chain, states, _ = flight.descended(states, theta, _ITERATIONS)
+        chain, states, _ = flight.descended(states, theta, ITERATIONS)
         free = _free(chain, theta, is_stated)
         change = free.theta - theta
         if np.abs(change)[in_motion].max() < TOLERATED:
