@@ -1,8 +1,9 @@
-"""Real recordings of the shared data as flights, as a user would bring them."""
+"""Real recordings as flights, as a user would bring them: of the shared data and of GTSAM."""
 
 import struct
 from pathlib import Path
 
+import gtsam
 import numpy as np
 
 from fgnav.geometry.earth import Origin, ecef
@@ -121,6 +122,54 @@ def uav(shared: Path) -> Flight:
     settings = Settings()
     file = shared / "flights" / "thor75" / "thor_flight75.mat"
     return assemble([importer_named("umn")(file, settings, file.parent)], settings).flight
+
+
+def kitti(until_s: float = np.inf, *, position_sigma_m: float = 0.01) -> Flight:
+    """Return the drive that GTSAM's package has of KITTI: positions once a second, no velocities.
+
+    Geiger, Lenz, Stiller, Urtasun: Vision meets Robotics, IJRR 2013. Noise as its metadata say.
+    """
+    imu = np.loadtxt(_of_gtsam("KittiEquivBiasedImu.txt"), skiprows=1)
+    fixes = np.loadtxt(_of_gtsam("KittiGps_converted.txt"), skiprows=1, delimiter=",")
+    sheet = dict(zip(*_metadata(_of_gtsam("KittiEquivBiasedImu_metadata.txt")), strict=True))
+    begin_s, down = fixes[0, 0], np.array([1.0, -1.0, -1.0])
+    imu, fixes = (part[part[:, 0] - begin_s < until_s] for part in (imu, fixes))
+    imu_s = imu[:, 0] - begin_s
+    return Flight(
+        name="kitti",
+        start_gps_s=1e9,
+        origin=Origin(latitude_rad=np.radians(49.0), longitude_rad=np.radians(8.4), height_m=110.0),
+        antennas=(Antenna(name="gps", position_b_m=np.zeros(3)),),
+        imu=Imu(
+            t_s=imu_s,
+            f_b_mps2=imu[:, 2:5] * down,
+            w_b_radps=imu[:, 5:8] * down,
+            accelerometer_noise_mps2_per_sqrt_hz=sheet["AccelerometerSigma"],
+            gyroscope_noise_radps_per_sqrt_hz=sheet["GyroscopeSigma"],
+            accelerometer_bias_mps2=0.05,
+            gyroscope_bias_radps=0.001,
+            accelerometer_bias_walk_mps2_per_sqrt_s=sheet["AccelerometerBiasSigma"],
+            gyroscope_bias_walk_radps_per_sqrt_s=sheet["GyroscopeBiasSigma"],
+            clock_offset_sigma_s=within_a_sample_s(imu_s),
+        ),
+        fixes=Fixes(
+            t_s=fixes[:, 0] - begin_s,
+            antenna="gps",
+            p_n_m=fixes[:, [2, 1, 3]] * down[[0, 0, 1]],
+            v_n_mps=None,
+            position_sigma_m=np.full((len(fixes), 3), position_sigma_m),
+            velocity_sigma_mps=None,
+        ),
+    )
+
+
+def _of_gtsam(name: str) -> Path:
+    return Path(gtsam.findExampleDataFile(name))
+
+
+def _metadata(file: Path) -> tuple[list[str], list[float]]:
+    names, values = file.read_text().splitlines()
+    return names.split(), [float(value) for value in values.split()]
 
 
 def _of_unit(roll_deg: float, pitch_deg: float, yaw_deg: float) -> np.ndarray:

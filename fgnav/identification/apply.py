@@ -10,6 +10,7 @@ from fgnav.identification.array.places import with_reference
 from fgnav.identification.findings import Findings, findings, with_satellite_errors
 from fgnav.identification.late_forces import with_forces_early
 from fgnav.identification.noise.stated import with_factors, with_rest
+from fgnav.identification.spans.gross_errors import leaving_out
 from fgnav.identification.spans.unit_faults import building
 from fgnav.identification.tag_steps import tag_step
 from fgnav.identification.time_tags import Build
@@ -89,7 +90,7 @@ def with_findings(
     better = with_tags_moved(early, changes.moved, changes.middle_s)
     better = with_reference(with_factors(better, changes.factors), changes.reference)
     better = better if changes.turn is None else changes.turn.back(better)
-    mended = building(build, changes.faults)
+    mended = building(leaving_out(build, changes.gross), changes.faults)
     at_rest = with_rest(settings, changes.factors)
     prepared = mended(better, replace(at_rest, calibration=changes.calibration))
     axes = None if changes.turn is None else changes.turn.axes

@@ -34,6 +34,7 @@ from fgnav.identification.notes import (
     noise_notes,
     satellite_error_notes,
 )
+from fgnav.identification.spans.gross_errors import GrossError, without_gross_errors
 from fgnav.identification.spans.instrument_faults import without_faulty_instrument
 from fgnav.identification.spans.span_fault import SpanFault
 from fgnav.identification.spans.unit_faults import with_span_faults
@@ -61,12 +62,13 @@ class Findings(NamedTuple):
     errors: Mapping[str, float] = MappingProxyType({})  # of satellites, as factors
     cause: Cause | None = None
     out: tuple[Exclusion, ...] = ()  # of instruments
+    gross: tuple[GrossError, ...] = ()  # of fixes
     is_as_stated: bool = False  # all but those errors, and what is not likely
 
     @property
     def rejected(self) -> tuple[Rejected, ...]:
         """What is left out."""
-        return tuple(rejected for one in self.out for rejected in one.rejected)
+        return _rejections(self.out, self.gross)
 
     @property
     def decided(self) -> "Findings | None":
@@ -99,11 +101,11 @@ def findings(
     at_tags = search.likeliest(subject.prepared)
     if at_tags is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
-    search = search.informed(at_tags)
-    search, at_tags = with_late_velocities(search, at_tags)
+    search, at_tags = with_late_velocities(search.informed(at_tags), at_tags)
+    search, at_tags, gross = without_gross_errors(search, at_tags, _requests)
     search, at_tags, late_s = with_late_forces(search, at_tags)
     search, turn, at_tags, out = _in_agreement(search, at_tags, problem)
-    is_mended = bool(late_s or turn or out)
+    is_mended = bool(late_s or turn or out or gross)
     by_chain, at_tags = at_tags, _beside_phases(search, at_tags, subject, is_mended)
     begun = None if is_mended or not _has_stated(subject, search, at_tags) else subject.prepared
     is_louder = at_tags.identified.factors != by_chain.identified.factors  # no chain tells it
@@ -114,7 +116,7 @@ def findings(
     requests = informed_by_problem(search, at_tags, _requests(search, at_tags))
     tests = (*places.tests, *_tests(subject.search.flight.imu, identified))
     is_same = _is_as_stated(at_tags, requests, settings.calibration)
-    is_mended = bool(late_s or out or any(one.is_likely for one in faults))
+    is_mended = bool(late_s or out or gross or any(one.is_likely for one in faults))
     is_mended |= cause is not None
     is_as_stated = is_same and not (tests or is_mended)
     if is_as_stated and not (subject.errors or faults or cause):
@@ -127,7 +129,7 @@ def findings(
         notes=(
             *places.notes,
             *(() if cause is None else cause.sentences),
-            *exclusion_notes(tuple(rejected for one in out for rejected in one.rejected)),
+            *exclusion_notes(_rejections(out, gross)),
             *turned,
             *sentences(late_s),
             *(one.sentence for one in faults if one.is_likely),
@@ -142,8 +144,15 @@ def findings(
         errors=subject.errors,
         cause=cause,
         out=out,
+        gross=gross,
         is_as_stated=is_as_stated,
     )
+
+
+def _rejections(out: tuple[Exclusion, ...], gross: tuple[GrossError, ...]) -> tuple[Rejected, ...]:
+    """Return what is left out of instruments and of fixes, in order of time each."""
+    of_instruments = (rejected for one in out for rejected in one.rejected)
+    return (*of_instruments, *(one.rejected for one in gross))
 
 
 class _Subject(NamedTuple):

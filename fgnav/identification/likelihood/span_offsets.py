@@ -27,10 +27,12 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
+from fgnav.geometry.rotations import transpose
 from fgnav.graph.inertial.preintegrated import Inertial
+from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.graph.types.states import AUX, States
+from fgnav.graph.types.states import AUX, POSITION, VELOCITY, States
 from fgnav.identification.noise.begin import WHITE
 
 _WINDOW = 120  # intervals at a time, half of them of the window before: spans are no longer
@@ -39,6 +41,7 @@ SHAPES = ("offset", "scale", TURN)  # of an error: u, diag(x) u, [x]x u of sampl
 LEAST_S = 1.0  # of a span; what is shorter is noise or a spike
 # The greatest gain, nats, of right flights of a window or two: the median of 112 (docs/model.md).
 _BY_CHANCE = 5.6
+_CONTAMINATED = 0.25  # of windows none may have a gross error
 _FEWEST = 5  # windows: a fault is in two that overlap, so that the median of five is none's
 LIKELY = float(np.log(100.0))  # nats below the greatest: a hundredth as likely
 _ROUNDING = 1e-6  # s, of times
@@ -60,6 +63,11 @@ class Offset(NamedTuple):
     gain: float
     value: FloatArray  # (g,)
     covariance: FloatArray  # (g, g)
+
+    def less(self, overdispersion: float) -> "Offset":
+        """Return the same where residuals are overdispersed."""
+        gain, covariance = self.gain / overdispersion, self.covariance * overdispersion
+        return self._replace(gain=gain, covariance=covariance)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -83,8 +91,33 @@ def of_biases(problem: SmoothingProblem, solution: Solution) -> tuple[Offset, ..
     solution : Solution
         Its minimum, with the covariances of its linearisation there.
     """
+    return _of_record(_in_windows(problem.t_s, solution, _of_unit(problem, solution), LEAST_S))
+
+
+def of_measurements(problem: SmoothingProblem, solution: Solution) -> tuple[Offset, ...]:
+    """Return the likeliest offset of each measurement's residuals; parameters as above."""
+    columns = _of_residuals(problem, solution)
+    return _of_record(_in_windows(problem.t_s, solution, columns, LEAST_S))
+
+
+def measurements_against_unit(
+    problem: SmoothingProblem, solution: Solution, each_nats: float
+) -> tuple[list[tuple[Offset, Offset]], float]:
+    """Return the likeliest offset of any measurement in each window, and error of the unit there.
+
+    And the overdispersion, by which gains are not divided here. Of a measurement a keyframe is
+    enough, and ``each_nats`` are the odds against each in a span; parameters as above.
+    """
+    columns = _of_residuals(problem, solution), _of_unit(problem, solution)
+    measured = _in_windows(problem.t_s, solution, columns[0], 0.0, each_nats)
+    of_unit = _in_windows(problem.t_s, solution, columns[1], LEAST_S)
+    pairs = zip(map(_greatest, measured), map(_greatest, of_unit), strict=True)
+    return list(pairs), _overdispersion(measured, _CONTAMINATED)
+
+
+def _of_unit(problem: SmoothingProblem, solution: Solution) -> list["_Columns"]:
     if not isinstance(problem.motion, Inertial):
-        return ()
+        return []
     states, n = solution.states, len(problem.t_s)
     before, after = states.at(slice(0, n - 1)), states.at(slice(1, n))
     linear = problem.motion.linearise(before, after, np.arange(n - 1))
@@ -96,11 +129,10 @@ def of_biases(problem: SmoothingProblem, solution: Solution) -> tuple[Offset, ..
         G = linear.before[:, :, bias] + linear.after[:, :, bias]
         for shape, M in zip(SHAPES, _shapes(x), strict=True):
             columns.append(_columns((WHITE[i], shape), J, G @ M, -linear.value))
-    return _likeliest(problem.t_s, solution, columns)
+    return columns
 
 
-def of_measurements(problem: SmoothingProblem, solution: Solution) -> tuple[Offset, ...]:
-    """Return the likeliest offset of each measurement's residuals; parameters as above."""
+def _of_residuals(problem: SmoothingProblem, solution: Solution) -> list["_Columns"]:
     states, n, D = solution.states, len(problem.t_s), problem.width
     columns = []
     for one in problem.measurements:
@@ -110,9 +142,21 @@ def of_measurements(problem: SmoothingProblem, solution: Solution) -> tuple[Offs
         J, y = np.zeros((n - 1, m, 2 * D + b)), np.zeros((n - 1, m))
         G = np.zeros((n - 1, m, m))
         J[row, :, :D], J[row, :, 2 * D :] = linear.state, linear.shared
-        y[row], G[row] = -linear.value, np.eye(m)
+        y[row], G[row] = -linear.value, _of_a_unit(one.name, linear, states.R_nb[row])
         columns.append(_columns((one.name, SHAPES[0]), J, G, y))
-    return _likeliest(problem.t_s, solution, columns)
+    return columns
+
+
+def _of_a_unit(name: str, linear: Linearised, R_nb: FloatArray) -> FloatArray:
+    """Return what an offset by one of each axis adds to whitened residuals, (k, m, m).
+
+    Of positions and velocities in n, of which it is what their states do; else of one sigma.
+    """
+    if name == "position":
+        return -linear.state[:, :, POSITION] @ transpose(R_nb)
+    if name == "velocity":
+        return -linear.state[:, :, VELOCITY]
+    return np.tile(np.eye(linear.value.shape[1]), (len(linear.value), 1, 1))
 
 
 def _means(motion: Inertial, states: States) -> tuple[FloatArray, ...]:
@@ -142,28 +186,59 @@ def _columns(name: tuple[str, str], J: FloatArray, G: FloatArray, y: FloatArray)
     )
 
 
-def _likeliest(t_s: FloatArray, solution: Solution, columns: list[_Columns]) -> tuple[Offset, ...]:
-    """Return the likeliest offset of each among all spans of all windows."""
+def _of_record(windows: list[list[Offset]]) -> tuple[Offset, ...]:
+    """Return the likeliest offset of each among all windows."""
+    spread = _overdispersion(windows, 0.5)
+    return tuple(_greatest(list(ones)).less(spread) for ones in zip(*windows, strict=True))
+
+
+def _greatest(offsets: list[Offset]) -> Offset:
+    return max(offsets, key=lambda one: one.gain)
+
+
+def _overdispersion(windows: list[list[Offset]], share: float) -> float:
+    """Return by how much residuals leave more than chance, by the window that a share is below."""
+    if len(windows) < _FEWEST or not windows[0]:
+        return 1.0
+    greatest = [_greatest(ones).gain for ones in windows]
+    return max(float(np.quantile(greatest, share)) / _BY_CHANCE, 1.0)
+
+
+def _in_windows(
+    t_s: FloatArray,
+    solution: Solution,
+    columns: list[_Columns],
+    least_s: float,
+    each_nats: float = 0.0,
+) -> list[list[Offset]]:
+    """Return the likeliest offset of each among all spans of each window, ``least_s`` at least."""
     count = len(t_s) - 1
     windows = []
     for k in range(0, max(1, count - _WINDOW // 2), _WINDOW // 2):
         window = slice(k, min(k + _WINDOW, count))
-        effects = [one.effect[window] for one in columns]
-        shared = _shared(solution, effects, window)
+        shared = _shared(solution, [one.effect[window] for one in columns], window)
         windows.append(
-            [_of_window(t_s, one, N, window) for one, N in zip(columns, shared, strict=True)]
+            [
+                _of_window(t_s, one, N, window, (least_s, each_nats))
+                for one, N in zip(columns, shared, strict=True)
+            ]
         )
-    greatest = [max(one.gain for one in ones) for ones in windows]
-    spread = max(float(np.median(greatest)) / _BY_CHANCE, 1.0) if len(windows) >= _FEWEST else 1.0
-    likeliest = (max(ones, key=lambda one: one.gain) for ones in zip(*windows, strict=True))
-    return tuple(
-        one._replace(gain=one.gain / spread, covariance=one.covariance * spread)
-        for one in likeliest
-    )
+    return windows
 
 
-def _of_window(t_s: FloatArray, columns: _Columns, shared: FloatArray, window: slice) -> Offset:
-    """Return the likeliest offset of a window; ``shared`` is G' J P J' G, (w, g, w, g)."""
+def _of_window(
+    t_s: FloatArray,
+    columns: _Columns,
+    shared: FloatArray,
+    window: slice,
+    prior: tuple[float, float],
+) -> Offset:
+    """Return the likeliest offset of a window.
+
+    ``shared`` is G' J P J' G, (w, g, w, g); ``prior``: how long a span is at least, s, and the odds
+    against each keyframe in it, nats.
+    """
+    least_s, each_nats = prior
     w, g = shared.shape[:2]
     N = -shared
     N[range(w), :, range(w)] += columns.squares[window]
@@ -174,7 +249,7 @@ def _of_window(t_s: FloatArray, columns: _Columns, shared: FloatArray, window: s
     sizes = np.concatenate([[0.0], squares.cumsum()])
     begin, end = np.triu_indices(w + 1, 1)
     times_s = t_s[window.start : window.stop + 1]
-    long = times_s[end] - times_s[begin] > LEAST_S - _ROUNDING
+    long = times_s[end] - times_s[begin] > least_s - _ROUNDING
     begin, end = begin[long], end[long]
     if len(begin) == 0:
         return Offset(
@@ -186,8 +261,10 @@ def _of_window(t_s: FloatArray, columns: _Columns, shared: FloatArray, window: s
     of_span = of_span + floor[:, None, None] * np.eye(g)
     value = np.linalg.solve(of_span, s[:, :, None])[:, :, 0]
     gains = np.where(_is_positive(of_span), (s * value).sum(axis=1) / 2, 0.0)
-    i = int(gains.argmax())
-    likely = gains > gains[i] - LIKELY
+    counts = np.concatenate([[0], np.cumsum(squares > 0)])
+    posterior = gains - each_nats * (counts[end] - counts[begin])
+    i = int(posterior.argmax())
+    likely = posterior > posterior[i] - LIKELY
     begin, end = begin + window.start, end + window.start
     return Offset(
         columns.sensor,

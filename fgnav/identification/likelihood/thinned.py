@@ -24,7 +24,7 @@ from fgnav.types.flight import Imu
 # Keyframes with a gyroscope: a second apart, or as many as tell noise to 5 %. Without one, where no
 # keyframe can be left out, a stretch of 20 s at 10 Hz.
 _ENOUGH = 150
-_APART_S = 1.0
+APART_S = 1.0
 _STRETCH = 200
 _OF_VEHICLES = (WHEELS, STANDSTILL)
 # Fields of ``Imu`` by component.
@@ -86,7 +86,11 @@ class Some:
         return replace(self, row=row)
 
 
-def thinned(problem: SmoothingProblem, extra: tuple[FlightConstant, ...] = ()) -> SmoothingProblem:
+def thinned(
+    problem: SmoothingProblem,
+    extra: tuple[FlightConstant, ...] = (),
+    apart_s: float = APART_S,
+) -> SmoothingProblem:
     """Return a problem of fewer keyframes, with constants beside its own.
 
     Of instruments alone: how wheels slip or stand tells no noise, and noise stated far too small
@@ -97,10 +101,12 @@ def thinned(problem: SmoothingProblem, extra: tuple[FlightConstant, ...] = ()) -
     problem : SmoothingProblem
     extra : tuple of FlightConstant
         Appended to its constants; nothing depends on them yet.
+    apart_s : float
+        With a gyroscope: of keyframes, unless these are too few; 0 keeps all that measured.
     """
     constants = Constants((*problem.constants.parts, *extra))
     instruments = tuple(one for one in problem.measurements if one.name not in _OF_VEHICLES)
-    rows = _rows(replace(problem, measurements=instruments))
+    rows = _rows(replace(problem, measurements=instruments), apart_s)
     return SmoothingProblem(
         t_s=problem.t_s[rows],
         start=problem.start.at(rows)._replace(
@@ -125,14 +131,14 @@ def scaled(imu: Imu, factors: dict[str, float]) -> Imu:
     return replace(imu, **changed)
 
 
-def _rows(problem: SmoothingProblem) -> IntArray:
+def _rows(problem: SmoothingProblem, apart_s: float) -> IntArray:
     n = len(problem.t_s)
     if not isinstance(problem.motion, Inertial):
         first = max(0, (n - _STRETCH) // 2)
         return np.arange(first, min(n, first + _STRETCH))
     measured = np.unique(np.concatenate([one.row for one in problem.measurements]))
     t_s = problem.t_s[measured]
-    step_s = min(_APART_S, (t_s[-1] - t_s[0]) / _ENOUGH)
+    step_s = min(apart_s, (t_s[-1] - t_s[0]) / _ENOUGH)
     slot = np.floor((t_s - t_s[0]) / max(step_s, 1e-9) + 1e-6)
     return np.asarray(measured[np.concatenate([[True], np.diff(slot) > 0])])
 

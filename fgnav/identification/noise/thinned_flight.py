@@ -15,7 +15,7 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.identification.likelihood.clock_determinant import ClockDeterminant, on_time
 from fgnav.identification.likelihood.linear_chain import AtRest, LinearChain, Score
-from fgnav.identification.likelihood.thinned import FIELDS, thinned
+from fgnav.identification.likelihood.thinned import APART_S, FIELDS, thinned
 from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.seen_noise import greatest_noise
@@ -23,6 +23,7 @@ from fgnav.identification.noise.stated import scalable, unstated
 from fgnav.identification.tested_constants import LEVER_ARM, TURNS, depending, times_of, vector_of
 from fgnav.types.flight import Flight, Imu
 
+_ITERATIONS = 10
 _NEAR = 0.01  # of the cost, what a step may promise of it where noise is judged: 1 % of a variance
 
 
@@ -40,13 +41,18 @@ class ThinnedFlight(NamedTuple):
 
     @classmethod
     def of(
-        cls, flight: Flight, prepared: PreparedFlight, extra: tuple[FlightConstant, ...]
+        cls,
+        flight: Flight,
+        prepared: PreparedFlight,
+        extra: tuple[FlightConstant, ...],
+        apart_s: float = APART_S,
     ) -> "ThinnedFlight":
         """Return a flight by its problem, with the noise as the flight has it.
 
-        ``extra``: clock, delay and lever arm, those that the problem has not among its constants.
+        ``extra``: clock, delay and lever arm, those that the problem has not among its constants;
+        ``apart_s`` as of ``thinned``.
         """
-        small = thinned(prepared.problem, extra)
+        small = thinned(prepared.problem, extra, apart_s)
         at_keyframes = prepared.timed.at(np.searchsorted(prepared.problem.t_s, small.t_s))
         small = depending(small, at_keyframes, extra)
         rest = None if flight.observations is not None else prepared.rest
@@ -80,6 +86,17 @@ class ThinnedFlight(NamedTuple):
     def is_stated(self) -> BoolArray:
         """Which of them the flight states, (c,)."""
         return ~np.isin([name.removesuffix(AT_REST) for name in self.names], self.unstated)
+
+    def likelihood_at(self, factors: dict[str, float]) -> float:
+        """Return the logarithm of its likelihood at factors on its noise.
+
+        Raises
+        ------
+        NoSolutionError
+            If the chain has no minimum there.
+        """
+        theta = self.logarithms(factors)
+        return self.descended(self.problem.start, theta, _ITERATIONS)[2].log_likelihood
 
     def descended(
         self, states: States, theta: FloatArray, most: int

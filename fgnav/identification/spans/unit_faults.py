@@ -46,7 +46,6 @@ from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight, Imu
 
 _MOST = 3  # of a flight
-_ITERATIONS = 10
 _ANY = 100.0  # sigmas by the thinned chain: next to nothing is known of it beside phases
 Requests = Callable[[TagSearch, AtTags], tuple[CalibrationRequest, ...]]
 
@@ -176,7 +175,6 @@ def _odds(
     small = ThinnedFlight.of(flight, prepared, ())
     if "gyroscope" not in small.parts.names:
         return None
-    theta = small.logarithms(identified.factors)
     try:
         chain = anchored(small.problem)
         offsets = [_Tested.of(chain, 0.0)]
@@ -184,7 +182,7 @@ def _odds(
             louder = search.build(
                 with_factors(flight, identified.factors), with_rest(settings, identified.factors)
             )
-            gain = _likelihood(small, theta) - _likelihood(small, np.zeros(len(theta)))
+            gain = small.likelihood_at(identified.factors) - small.likelihood_at({})
             offsets.append(_Tested.of(anchored(thinned(louder.problem)), gain))
     except NoSolutionError:
         return None
@@ -236,10 +234,6 @@ def _beside_phases(rest: TagSearch, at_tags: AtTags, fault: SpanFault) -> SpanFa
     if solution is None:
         return fault
     return fault._replace(value=fault.value + solution.states.constants[-3:])
-
-
-def _likelihood(small: ThinnedFlight, theta: FloatArray) -> float:
-    return small.descended(small.problem.start, theta, _ITERATIONS)[2].log_likelihood
 
 
 class _Tested(NamedTuple):
