@@ -101,8 +101,8 @@ def findings(
     at_tags = search.likeliest(subject.prepared)
     if at_tags is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
-    search, at_tags = with_late_velocities(search.informed(at_tags), at_tags)
-    search, at_tags, gross = without_gross_errors(search, at_tags, _requests)
+    search, at_tags, gross = without_gross_errors(search.informed(at_tags), at_tags, _requests)
+    search, at_tags = with_late_velocities(search, at_tags)
     search, at_tags, late_s = with_late_forces(search, at_tags)
     search, turn, at_tags, out = _in_agreement(search, at_tags, problem)
     is_mended = bool(late_s or turn or out or gross)

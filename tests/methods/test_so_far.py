@@ -14,7 +14,7 @@ from fgnav.methods.smoothing.so_far import CausalMethod, consistent_so_far
 from fgnav.types.estimate import Consistency, Contradiction, Estimate
 from tests.robustness.faults import FAULTS, right_flights
 
-WRONG = next(fault for fault in FAULTS if fault.name == "landmark displaced")
+WRONG = next(fault for fault in FAULTS if fault.name == "currents exchanged")
 SPAN_S, CUTS_S = 6.0, (2.35, 4.65)
 ENDS_S = tuple(k + 1.0 for k in range(20))  # of seconds
 T_S = np.arange(200) / 10
@@ -22,7 +22,7 @@ T_S = np.arange(200) / 10
 
 @cache
 def damaged():
-    return truncated(WRONG.damaged(right_flights(20.0)["seeker"]), SPAN_S)
+    return truncated(WRONG.damaged(right_flights(20.0)[WRONG.flight]), SPAN_S)
 
 
 @cache
