@@ -20,6 +20,7 @@ from fgnav.graph.factors.gravity import Gravity
 from fgnav.graph.factors.line_of_sight import LineOfSight
 from fgnav.graph.factors.magnetometer import MagneticField
 from fgnav.graph.factors.position import Position
+from fgnav.graph.factors.vehicle.resting_rate import RestingRate
 from fgnav.graph.factors.vehicle.standstill import Standstill
 from fgnav.graph.factors.vehicle.wheels import AXES, AXLE, RollingWheels
 from fgnav.graph.factors.velocity import Velocity
@@ -82,7 +83,7 @@ def measurements_of(recorded: Recorded, constants: Constants) -> tuple[Measureme
         *_directions(recorded, constants),
         *_surroundings(recorded, constants),
         *_wheels(recorded, constants),
-        *_standstill(recorded),
+        *_standstill(recorded, constants),
     )
     timed = recorded.timed
     if timed is not None:
@@ -228,6 +229,12 @@ def _wheels(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
         )
 
 
-def _standstill(recorded: Recorded) -> Iterator[Measurement]:
+def _standstill(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
     if recorded.sensed.standing is not None:
         yield Standstill(**recorded.sensed.standing._asdict())
+    if recorded.sensed.resting is not None:
+        yield RestingRate(
+            **recorded.sensed.resting._asdict(),
+            earth_rate_n_radps=recorded.earth_rate_n_radps,
+            constants=constants,
+        )

@@ -31,6 +31,7 @@ from fgnav.frontend.position.live_arcs import EarlierArcs
 from fgnav.frontend.position.phases import antenna_phase
 from fgnav.frontend.prepared import Earlier, PreparedFlight
 from fgnav.frontend.sensors.rest import Rest, moving_antenna, resting_motion
+from fgnav.frontend.sensors.resting_rates import resting_rates
 from fgnav.frontend.sensors.sensed import Sensed, sense
 from fgnav.frontend.sensors.standstill import standing
 from fgnav.frontend.settings import ProblemSettings
@@ -70,7 +71,8 @@ def build_problem(
     sensed = sense(flight, imu, stage.down, track.t_s, track.places_n_m, causal=causal)
     stands = standing(stage.record, track.t_s, track.antenna, causal=causal)
     rest = Rest.of(stands, track.t_s, causal=causal)
-    sensed = replace(sensed, standing=stands) if flight.standstill else sensed
+    resting = resting_rates(flight.vehicle, imu, track.t_s, stands, causal=causal)
+    sensed = replace(sensed, standing=stands if flight.standstill else None, resting=resting)
     antenna = moving_antenna(track.antenna, track.t_s, rest, settings.at_rest)
     track = track._replace(antenna=antenna)
     tags = of_tags(settings.calibration, flight)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from fgnav.checks import FloatArray, Loss
 from fgnav.frontend.sensors.directional import gravity, sight
+from fgnav.frontend.sensors.resting_rates import RestingRates
 from fgnav.frontend.sensors.standstill import Standing
 from fgnav.frontend.sensors.surroundings import Heights, MagneticField, heights, magnetic_field
 from fgnav.frontend.sensors.wheels import Wheels, wheels
@@ -26,6 +27,7 @@ class Sensed:
     field : MagneticField or None
     wheels : Wheels or None
     standing : Standing or None
+    resting : RestingRates or None
     losses : tuple of Loss
     """
 
@@ -35,6 +37,7 @@ class Sensed:
     field: MagneticField | None = None
     wheels: Wheels | None = None
     standing: Standing | None = None
+    resting: RestingRates | None = None
     losses: tuple[Loss, ...] = ()
 
     @property

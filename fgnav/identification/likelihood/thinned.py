@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.graph.factors.vehicle.resting_rate import NAME as RESTING_RATE
 from fgnav.graph.factors.vehicle.standstill import NAME as STANDSTILL
 from fgnav.graph.factors.vehicle.wheels import NAME as WHEELS
 from fgnav.graph.inertial.gyro_free import GyroFree
@@ -26,7 +27,7 @@ from fgnav.types.flight import Imu
 _ENOUGH = 150
 APART_S = 1.0
 _STRETCH = 200
-_OF_VEHICLES = (WHEELS, STANDSTILL)
+_OF_VEHICLES = (WHEELS, STANDSTILL, RESTING_RATE)
 # Fields of ``Imu`` by component.
 FIELDS = {
     "accelerometer": "accelerometer_noise_mps2_per_sqrt_hz",

@@ -1,0 +1,76 @@
+"""A wheeled vehicle that stands does not turn: its gyroscope reads its bias and the Earth's rate.
+
+``r = (m - b_g - R_bn w_ie) / sigma``, m the mean of a second at rest: a zero angular rate update
+[1]_.
+
+References
+----------
+.. [1] Groves: Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd
+   edition, 2013, section 15.3.2.
+"""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.geometry.rotations import skew, transpose
+from fgnav.graph.measurement_factor import of_measurement
+from fgnav.graph.types.arrays import freeze
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.states import RATE, ROTATION, States
+from fgnav.optional_gtsam import gtsam
+
+NAME = "resting rate"
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class RestingRate:
+    """Rates that a gyroscope measures at rest, three rows each.
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (k,)
+    measured_b_radps, sigma_radps : ndarray, shape (k, 3)
+    earth_rate_n_radps : ndarray, shape (3,)
+    constants : Constants
+    """
+
+    name: ClassVar[str] = NAME  # in reports
+    row: IntArray
+    measured_b_radps: FloatArray
+    sigma_radps: FloatArray
+    earth_rate_n_radps: FloatArray
+    constants: Constants
+
+    def __post_init__(self) -> None:
+        """Check and freeze the arrays."""
+        k = len(self.row)
+        freeze(self, {"measured_b_radps": (k, 3), "sigma_radps": (k, 3)}, {"row": (k,)})
+        freeze(self, {"earth_rate_n_radps": (3,)}, {})
+
+    @property
+    def freedom(self) -> IntArray:
+        """Three of each, (k,)."""
+        return np.full(len(self.row), 3, dtype=np.int64)
+
+    def linearise(self, at: States, which: IntArray) -> Linearised:
+        """Return whitened residuals of rates ``which``, (j,); see ``Measurement``."""
+        weight = 1.0 / self.sigma_radps[which]
+        earth_b = np.einsum("kij,j->ki", transpose(at.R_nb), self.earth_rate_n_radps)
+        state = np.zeros((len(which), 3, at.width))
+        state[:, :, ROTATION] = -weight[:, :, None] * skew(earth_b)
+        state[:, :, RATE] = -weight[:, :, None] * np.eye(3)
+        shared = np.zeros((len(which), 3, len(at.constants)))
+        value = weight * (self.measured_b_radps[which] - at.aux[:, 3:6] - earth_b)
+        return Linearised(value, state, shared)
+
+    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
+        """Return rate i as a factor of keyframe ``key``."""
+        return of_measurement(self, i, key, ("pose", "imu_bias"), (), rows=3)
+
+    def on(self, row: IntArray) -> "RestingRate":
+        """Return the same measurements at other rows, (k,)."""
+        return replace(self, row=row)
