@@ -145,8 +145,13 @@ def exclusion_notes(out: tuple[Rejected, ...]) -> tuple[str, ...]:
         by.setdefault(one.what, []).append(one)
     notes = []
     for what, rejected in by.items():
-        spans = [f"{one.from_s:.1f} to {one.until_s:.1f} s" for one in rejected[:_SHOWN]]
-        more = f" and {len(rejected) - _SHOWN} more spans" if len(rejected) > _SHOWN else ""
+        shown = [(f"{one.from_s:.1f} to {one.until_s:.1f} s", one.reason) for one in rejected]
+        more = f" and {len(shown) - _SHOWN} more spans" if len(shown) > _SHOWN else ""
         name = what[:1].upper() + what[1:]
-        notes.append(f"{name} from {', '.join(spans)}{more}: {rejected[0].reason}.")
+        if len({reason for _, reason in shown}) == 1:
+            spans = ", ".join(span for span, _ in shown[:_SHOWN])
+            notes.append(f"{name} from {spans}{more}: {rejected[0].reason}.")
+        else:
+            spans = "; ".join(f"{span}: {reason}" for span, reason in shown[:_SHOWN])
+            notes.append(f"{name} from {spans}{more and ';' + more}.")
     return tuple(notes)

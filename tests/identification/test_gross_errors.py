@@ -8,6 +8,8 @@ import pytest
 from fgnav.frontend.problem import build_problem
 from fgnav.identification.apply import with_findings
 from fgnav.identification.findings import findings
+from fgnav.identification.notes import exclusion_notes
+from fgnav.identification.spans.gross_errors import GrossError
 from fgnav.methods.smoother import Batch, Smoother
 from tests.methods.simulated import errors_rad, nees
 from tests.recordings import kitti
@@ -106,3 +108,14 @@ def test_a_recorded_drive_has_some_in_its_turns():
     off_m = np.abs(estimate.p_n_m[row] - fixes.p_n_m).max(axis=1)
     is_right = np.abs(fixes.t_s[:, None] - [*at_s, 220.9]).min(axis=1) > 0.1
     assert np.sqrt((off_m[is_right] ** 2).mean()) < 0.02
+
+
+def test_each_span_is_said_with_how_far_it_is_off():
+    spans = [
+        GrossError("position", "a1", at_s, at_s + 1.0, size) for at_s, size in ((2, 0.5), (7, 3))
+    ]
+    (note,) = exclusion_notes(tuple(one.rejected for one in spans))
+    assert note.startswith(
+        "Position from 2.0 to 3.0 s: 0.5 m off what all else measures: left out; "
+    )
+    assert "7.0 to 8.0 s: 3 m off" in note
