@@ -205,7 +205,7 @@ def _likeliest_cause(search: TagSearch, prepared: PreparedFlight) -> Cause | Non
         """Return the whole problem beside phases of arcs, which no thinned one has."""
         return prepared.problem if prepared.problem.phase is not None else thinned(prepared.problem)
 
-    def louder(factors: dict[str, float]) -> SmoothingProblem:
+    def with_noise(factors: dict[str, float]) -> SmoothingProblem:
         return problem(search.build(with_factors(flight, factors), settings))
 
     def others() -> Iterator[SmoothingProblem]:
@@ -217,7 +217,7 @@ def _likeliest_cause(search: TagSearch, prepared: PreparedFlight) -> Cause | Non
                 free = replace(settings, calibration=(*settings.calibration, *more))
                 yield problem(search.build(flight, free))
 
-    return likeliest_cause(problem(prepared), middle_of_tags_s(flight.imu), louder, others)
+    return likeliest_cause(problem(prepared), middle_of_tags_s(flight.imu), with_noise, others)
 
 
 def _notes(

@@ -102,7 +102,7 @@ Cause = Lasting | LostSamples | ClockOff
 def likeliest_cause(
     problem: SmoothingProblem,
     middle_s: float,
-    louder: Callable[[dict[str, float]], SmoothingProblem],
+    with_noise: Callable[[dict[str, float]], SmoothingProblem],
     others: Callable[[], Iterator[SmoothingProblem]],
 ) -> Cause | None:
     """Return what is off for a whole flight, or from some time on; None where nothing is.
@@ -112,7 +112,7 @@ def likeliest_cause(
     problem : SmoothingProblem
     middle_s : float
         For which a clock's offset is stated.
-    louder : callable
+    with_noise : callable
         From factors on the unit's white noise to the problem with these.
     others : callable
         To problems with lever arm or delay of velocities estimated.
@@ -137,7 +137,7 @@ def likeliest_cause(
         return None
     if best.nats <= _otherwise(problem, stated.cost, others):
         return None
-    if best.nats <= noise_gain(white_noise_factors(problem, louder), louder):
+    if best.nats <= noise_gain(white_noise_factors(problem, with_noise), with_noise):
         return None
     if isinstance(best, LostSamples):
         return best if best.nats > EXCLUDED else None

@@ -102,7 +102,7 @@ def without_gross_errors(
     if fixes is None or search.flight.observations is not None:
         return search, at_tags, errors
     for _ in range(_TIMES):
-        kinds = _louder(at_tags.identified)
+        kinds = _suspect_kinds(at_tags.identified)
         if not kinds or at_tags.identified.exceeds_noise.any():
             break
         try:
@@ -138,8 +138,8 @@ def _gross_errors(
     flight = with_tags_moved(flight, at_tags.moved, middle_of_tags_s(flight.imu))
     settings = replace(search.settings, calibration=requests)
     factors = _of_right_fixes(identified)
-    louder = search.build(with_factors(flight, factors), with_rest(settings, factors))
-    chain = anchored(thinned(louder.problem, apart_s=0.0))
+    prepared = search.build(with_factors(flight, factors), with_rest(settings, factors))
+    chain = anchored(thinned(prepared.problem, apart_s=0.0))
     likely: tuple[_Likely, ...] = ()
     for _ in range(_ROUNDS):
         more = _likely(_without(chain, tuple(one.error for one in likely)), kinds, fixes.antenna)
@@ -161,15 +161,15 @@ class _Likely(NamedTuple):
     nats: float
 
 
-def _louder(identified: Identified) -> frozenset[str]:
+def _suspect_kinds(identified: Identified) -> frozenset[str]:
     """Return what of fixes is louder than stated, or is not stated: there is what to explain."""
     used = zip(identified.names, identified.factor, identified.used, identified.stated, strict=True)
-    louder = (
+    suspect = (
         name.removesuffix(AT_REST)
         for name, factor, is_used, is_stated in used
         if is_used and (factor > 1.0 or not is_stated)
     )
-    return frozenset(louder) & _UNITS.keys()
+    return frozenset(suspect) & _UNITS.keys()
 
 
 def _of_right_fixes(identified: Identified) -> dict[str, float]:
