@@ -20,6 +20,7 @@ from fgnav.identification.array.places import Places, places_of, with_reference
 from fgnav.identification.array.turn import others_tell, request_of, sentence
 from fgnav.identification.exclusion import Exclusion
 from fgnav.identification.lasting.choice import Cause, likeliest_cause
+from fgnav.identification.lasting.lost_samples import LostSamples
 from fgnav.identification.late_forces import sentences, with_late_forces
 from fgnav.identification.late_velocities import with_late_velocities
 from fgnav.identification.likelihood.bent_clock import informed_by_problem
@@ -38,7 +39,13 @@ from fgnav.identification.spans.gross_errors import GrossError, without_gross_er
 from fgnav.identification.spans.instrument_faults import without_faulty_instrument
 from fgnav.identification.spans.span_fault import SpanFault
 from fgnav.identification.spans.unit_faults import with_span_faults
-from fgnav.identification.time_tags import AtTags, Build, TagSearch, with_rates_of
+from fgnav.identification.time_tags import (
+    AtTags,
+    Build,
+    TagSearch,
+    common_likelihoods,
+    with_rates_of,
+)
 from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags, with_tags_moved
 from fgnav.types.estimate import Consistency, Rejected
 from fgnav.types.flight import Flight, Imu
@@ -183,9 +190,10 @@ def _subject(
     def built(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
         return with_satellite_errors(build(flight, settings), errors)
 
-    cause = _likeliest_cause(TagSearch(flight, settings, built), prepared)
+    as_stated = _Subject(TagSearch(flight, settings, built), prepared, places, errors, None)
+    cause = _likeliest_cause(as_stated.search, prepared)
     if cause is None:
-        return _Subject(TagSearch(flight, settings, built), prepared, places, errors, None)
+        return as_stated
     settings = replace(settings, calibration=(*settings.calibration, *cause.requests))
     if cause.is_likely:
         flight = cause.undone(flight)
@@ -194,7 +202,23 @@ def _subject(
         return built(flight, settings).changed(cause.in_doubt)
 
     search = TagSearch(flight, settings, with_cause)
-    return _Subject(search, with_cause(flight, settings), places, errors, cause)
+    subject = _Subject(search, with_cause(flight, settings), places, errors, cause)
+    return subject if _is_likelier(subject, as_stated) else as_stated
+
+
+def _is_likelier(subject: _Subject, as_stated: _Subject) -> bool:
+    """Return whether samples are lost, where noise and clock may be others as well.
+
+    As many whole numbers as they are fit whatever else is not as stated. Of other causes, and
+    beside phases, what is stated decides.
+    """
+    cause, problem = subject.cause, as_stated.prepared.problem
+    if not isinstance(cause, LostSamples) or problem.phase is not None:
+        return True
+    lost, none = common_likelihoods(
+        (subject.search, subject.prepared), (as_stated.search, as_stated.prepared)
+    )
+    return none == -np.inf or lost - none > cause.odds
 
 
 def _likeliest_cause(search: TagSearch, prepared: PreparedFlight) -> Cause | None:

@@ -302,3 +302,29 @@ class TagSearch(NamedTuple):
             *informed((one for word in times for one in of_time(word)), self.determinant),
             *(of_vehicle(word) for word in arm),
         )
+
+
+def common_likelihoods(*flights: tuple[TagSearch, PreparedFlight]) -> tuple[float, ...]:
+    """Return how likely flights of the same measurements are, noise and tags as each says.
+
+    Over what all have measured at these tags, less the odds of a contradiction for tags that are
+    moved and for each noise that is not as stated. Minus infinity without a solution or a heading.
+    """
+    likeliest = [_likeliest(*one) for one in flights]
+    moved = tuple(one.moved for one in likeliest if one is not None)
+    return tuple(
+        -np.inf if one is None else _less_odds(one, search.without_clock(one.moved, moved))
+        for (search, _), one in zip(flights, likeliest, strict=True)
+    )
+
+
+def _less_odds(at_tags: AtTags, likely: _Likelihood) -> float:
+    contradictions = at_tags.moved.any() + len(at_tags.identified.contradicted)
+    return likely.likelihood - EXCLUDED * contradictions
+
+
+def _likeliest(search: TagSearch, prepared: PreparedFlight) -> AtTags | None:
+    try:
+        return search.likeliest(prepared)
+    except NoSolutionError:
+        return None

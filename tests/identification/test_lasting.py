@@ -7,6 +7,7 @@ import pytest
 
 from fgnav.frontend.problem import build_problem
 from fgnav.geometry.rotations import exp
+from fgnav.identification import findings as module_of_findings
 from fgnav.identification.findings import findings, with_satellite_errors
 from fgnav.identification.lasting.choice import Lasting
 from fgnav.identification.lasting.clock import ClockOff
@@ -14,6 +15,7 @@ from fgnav.identification.lasting.error import LastingError
 from fgnav.identification.lasting.lost_samples import LostSamples
 from fgnav.identification.lasting.sight import BORESIGHT, LANDMARK, sight_errors
 from fgnav.identification.likelihood.satellite_errors import satellite_error_factors
+from fgnav.identification.tag_steps import TagStep
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.methods.smoother import Smoother
 from fgnav.solve.chain import solve_batch
@@ -202,3 +204,29 @@ def test_a_fast_clock_beside_fixes_is_not_silent(kind, off_ppm):
     assert abs(clock.moved[1] + off_ppm) < SIGMAS * found.cause.sigma[1]
     assert sum("clock disagrees" in note for note in found.notes) == 1
     assert attitude_nees(right, Smoother()(flight)) < 6.0  # 4.6, 4.1
+
+
+def test_axes_that_are_turned_far_are_found_where_the_first_step_leads_too_far():
+    """A step of 15 degrees has no minimum behind it: NEES 2,800 as axes of the gyroscope."""
+    right = right_flight("fixes", 762)
+    R = exp(np.radians([[6.0, -6.0, 4.0]]))[0]
+    flight = replace(right, imu=replace(right.imu, f_b_mps2=right.imu.f_b_mps2 @ R))
+    cause = found_in(flight).cause
+    assert isinstance(cause, Lasting)
+    assert cause.is_of_unit
+    assert attitude_nees(right, Smoother()(flight)) < 6.0
+
+
+def test_no_samples_are_lost_where_a_louder_unit_explains_as_much(monkeypatch):
+    """A plane's unit, 50 times as loud as its data sheet, had lost samples nine times."""
+    right = right_flight("fixes", 7401)
+    rng, interval_s = np.random.default_rng(5), np.median(np.diff(right.imu.t_s))
+    loud = right.imu.f_b_mps2 + 0.1 / np.sqrt(interval_s) * rng.normal(size=(len(right.imu.t_s), 3))
+    flight = replace(right, imu=replace(right.imu, f_b_mps2=loud))
+    steps = tuple(TagStep(after_s, -0.02) for after_s in (2.0, 4.0, 6.0))
+    edges = np.array([0.0, right.imu.t_s[-1]])
+    lost = LostSamples(steps, 100.0, 12.0, 0.0, edges, np.zeros((1, 2)))
+    monkeypatch.setattr(module_of_findings, "_likeliest_cause", lambda *_: lost)
+    found = found_in(flight)
+    assert found.cause is None
+    assert found.factors["accelerometer"] > 50.0

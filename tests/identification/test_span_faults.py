@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fgnav.checks import NoSolutionError
 from fgnav.frontend.problem import build_problem
 from fgnav.geometry.rotations import exp
 from fgnav.graph.types.constants import flight_constant
@@ -24,6 +25,7 @@ FROM_S, UNTIL_S = 4.1, 7.3
 KEYFRAMES_S = 0.2
 TURNING, PUSHING = np.array([0.0, 0.02, -0.02]), np.array([0.3, 0.0, 0.2])
 TURNED = exp(np.radians([[2.0, -2.0, 1.0]]))[0]
+TURNED_FAR = exp(np.radians([[6.0, -6.0, 4.0]]))[0]
 
 
 def changed(flight, field, by, from_s=FROM_S, until_s=UNTIL_S):
@@ -119,3 +121,20 @@ def test_a_step_that_no_noise_shows_is_found(number):
     assert {one.sensor for one in faults_of(flight)} == {"gyroscope", "accelerometer"}
     estimate = Smoother()(flight)
     assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 6.0
+
+
+@pytest.mark.parametrize("number", [762, 770])
+def test_a_span_by_which_a_unit_is_louder_than_any_noise_is_taken_out(number):
+    """Refused before, as an error of all the record."""
+    right = right_flight("fixes", number)
+    fault, *_ = faults_of(changed(right, "f_b_mps2", lambda x: x @ TURNED_FAR, FROM_S, 6.3))
+    assert (fault.sensor, fault.shape) == ("accelerometer", "turn")
+    estimate = Smoother()(changed(right, "f_b_mps2", lambda x: x @ TURNED_FAR, FROM_S, 6.3))
+    assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 6.0
+
+
+def test_most_of_a_record_that_is_louder_than_any_noise_is_refused():
+    """Of the majority nothing says that it is not the rest that is wrong."""
+    flight = changed(right_flight("fixes", 763), "f_b_mps2", lambda x: x * [1.0, 0.5, 1.0], -1.0)
+    with pytest.raises(NoSolutionError, match="contradict each other: gyroscope"):
+        Smoother()(flight)

@@ -43,6 +43,7 @@ class LostSamples(NamedTuple):
 
     steps: tuple[TagStep, ...]
     nats: float
+    odds: float  # nats against that many at such times, which the others are beyond
     cost: float
     t_s: FloatArray
     noise: FloatArray
@@ -116,11 +117,12 @@ def lost_samples(problem: SmoothingProblem, stated: Solution) -> LostSamples | N
             solution = solve_batch(at)
         except NoSolutionError:
             break
-        nats = (stated.cost - solution.cost) / 2 - float(changed.sum() * np.log(len(counts)))
+        odds = float(changed.sum() * np.log(len(counts)))
+        nats = (stated.cost - solution.cost) / 2 - odds
         if not solution.converged or (likeliest is not None and nats <= likeliest.nats):
             break
         noise = _noise((at, edges), changed, spread, interval_s)
-        likeliest = LostSamples(steps, nats, solution.cost, problem.t_s[edges], noise)
+        likeliest = LostSamples(steps, nats, odds, solution.cost, problem.t_s[edges], noise)
         counts = changed
     if likeliest is None:
         return None

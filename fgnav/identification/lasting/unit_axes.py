@@ -112,6 +112,9 @@ def _turn(
         part = replace(turn_of(sensor), mean=-off_rad)
         undone = replace(problem, motion=_turned_back(problem.motion, sensor, off_rad))
         solution = solved_with_changes(undone, (part,), _changes(sensor), np.full(3, _STEP_RAD))
+        if solution is None and error is None:  # too far: half of it, and half of that
+            off_rad = off_rad / 2
+            continue
         if solution is None:
             return None
         step_rad = solution.states.constants[-3:]

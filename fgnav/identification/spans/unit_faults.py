@@ -6,7 +6,9 @@ Such an error is no noise: while it lasts, samples err alike. From one time to a
 the stated noise and at the noise identified. It is taken for true where the flight is likelier with
 it than with that noise by the odds of any contradiction, and by as many again as there are seconds
 at which it may begin, and than with an offset of any measurement over a span. Then samples are
-taken without it, and what is left of it is a bias that may step at the ends of the span.
+taken without it, and what is left of it is a bias that may step at the ends of the span. Where the
+unit is louder than any noise, errors of less than half of the record may be why: they stand if
+what is left is noise.
 """
 
 from collections.abc import Callable, Collection
@@ -27,6 +29,7 @@ from fgnav.identification.likelihood.beside_phases import noise_gain
 from fgnav.identification.likelihood.changed_samples import Change, solved_with_changes
 from fgnav.identification.likelihood.span_offsets import (
     LIKELY,
+    TURN,
     Offset,
     of_biases,
     of_measurements,
@@ -88,12 +91,10 @@ def with_span_faults(
         Whether phases of arcs, which the chain has not, show the noise that is identified.
     """
     faults: tuple[SpanFault, ...] = ()
-    build = search.build
-    if at_tags.identified.exceeds_noise.any():  # so gross that no constant stands for it
-        return search, at_tags, faults
+    build, as_it_is = search.build, (search, at_tags, faults)
     for _ in range(_MOST):
         likeliest = _likeliest(search, at_tags, requests(search, at_tags), begin, is_louder)
-        if not likeliest:
+        if not likeliest or _is_of_most(likeliest[0], search.flight.imu, at_tags.identified):
             break
         rest = search._replace(build=building(build, (*faults, *likeliest)))
         if not likeliest[0].is_likely:
@@ -109,7 +110,18 @@ def with_span_faults(
             break
         faults, search, at_tags, begin = (*faults, *likeliest), rest, after, None
         is_louder = False
-    return search, at_tags, faults
+    return as_it_is if at_tags.identified.exceeds_noise.any() else (search, at_tags, faults)
+
+
+def _is_of_most(fault: SpanFault, imu: Imu | None, identified: Identified) -> bool:
+    """Return whether a fault would be of most samples, where only one of few can be.
+
+    If the unit is louder than any noise; and if it is turned, as the body is then either sensor's.
+    """
+    is_beyond = identified.exceeds_noise.any()
+    if imu is None or not (is_beyond or fault.shape == TURN):
+        return False
+    return bool(fault.strikes(imu.t_s).mean() > 0.5) or bool(is_beyond and not fault.is_likely)
 
 
 def _likeliest(
