@@ -131,7 +131,7 @@ def look(flight: Flight, settings: ProblemSettings, until_s: float, build: Build
         return Look(None)
     try:
         changes = findings(past, whole, prepared, build)
-        return Look(None if changes is None else changes.decided)
+        return Look(None if changes is None else changes.decided_by(until_s))
     except NoSolutionError:
         return Look(None, is_told=_is_open(prepared))
 

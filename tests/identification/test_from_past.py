@@ -12,12 +12,14 @@ from fgnav.frontend.problem import build_problem
 from fgnav.identification.apply import with_findings
 from fgnav.identification.findings import Findings
 from fgnav.identification.from_past import Look, look, looks_s
+from fgnav.identification.spans.span_fault import SpanFault
 from fgnav.methods.smoother import Forward
 from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
 from tests.frontend.standing import standing
 from tests.methods.simulated import errors_rad, nees
 from tests.methods.test_truncation import scenario
+from tests.robustness.drawn.flights import right_flight
 
 CUT_S = 74.43  # noise is identified at 30 and at 60 s, when it has driven long enough
 
@@ -131,3 +133,43 @@ def test_a_drift_is_put_right_about_the_middle_of_the_record_that_told_it():
     np.testing.assert_array_equal(part, whole[: len(part)])
     moved_s = part - flight.imu.t_s[: len(part)]
     np.testing.assert_allclose(moved_s, 0.02 + 3e-4 * (flight.imu.t_s[: len(part)] - 10.0))
+
+
+def test_a_fault_that_a_record_ends_in_may_end_with_it():
+    """A gyroscope that is right again at 10.4 s: NEES 3.8 after it as if the fault went on."""
+    right = right_flight("fixes", 782)
+    imu = right.imu
+    wrong = imu.w_b_radps + np.array([0.0, 0.05, -0.05])
+    inside = (imu.t_s > 6.5) & (imu.t_s <= 10.4)
+    flight = replace(
+        right, imu=replace(imu, w_b_radps=np.where(inside[:, None], wrong, imu.w_b_radps))
+    )
+    settings = Forward().preparation
+    (fault,) = look(flight, settings, 10.0, build_problem).found.faults
+    assert (fault.sensor, fault.until_s) == ("gyroscope", 10.0)
+    steps = fault.stepping(build_problem(right, settings).problem).motion
+    after = np.searchsorted(steps.t_s, 10.0 + 1e-3) - 1
+    interval_s = steps.t_s[after + 1] - steps.t_s[after]
+    np.testing.assert_allclose(steps.bias_steps[after, 3:] * interval_s, fault.variance)
+    estimate = Forward()(flight)
+    late = estimate.t_s > 10.4
+    error = errors_rad(right, estimate)[late]
+    assert nees(error, estimate.attitude_covariance_rad2[late]) < 3.0
+
+
+def test_a_fault_of_all_of_a_record_goes_on():
+    fault = SpanFault(
+        sensor="gyroscope",
+        shape="offset",
+        from_s=-np.inf,
+        until_s=np.inf,
+        begins_s=(0.0, 0.0),
+        ends_s=(9.0, 10.0),
+        value=np.ones(3),
+        sigma=np.ones(3),
+        variance=np.ones(3),
+        size=1.0,
+        share=1.0,
+    )
+    assert fault.up_to(10.0) is fault
+    assert fault._replace(from_s=3.0).up_to(10.0).until_s == 10.0

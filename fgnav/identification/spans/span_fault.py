@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
+from fgnav.frontend.matching import SAME_S
 from fgnav.geometry.rotations import exp
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.problem import SmoothingProblem
@@ -32,6 +33,7 @@ class SpanFault(NamedTuple):
     variance: FloatArray  # (3,), of what it adds to the samples, times its probability
     size: float
     share: float  # probability
+    cut_s: float = np.nan  # when a record ends in which it does not: it may at once
 
     @property
     def is_likely(self) -> bool:
@@ -73,6 +75,12 @@ class SpanFault(NamedTuple):
         changed: dict[str, Any] = {name: np.where(inside, right, x)}
         return replace(imu, **changed)
 
+    def up_to(self, until_s: float) -> "SpanFault":
+        """Return what is known of it at the end of a record: what has begun there may end."""
+        if self.from_s == -np.inf or self.until_s < np.inf:
+            return self
+        return self._replace(until_s=until_s, cut_s=until_s)
+
     def strikes(self, t_s: FloatArray) -> BoolArray:
         """Return which samples have it."""
         return np.asarray((t_s > self.from_s) & (t_s <= self.until_s))
@@ -91,6 +99,8 @@ class SpanFault(NamedTuple):
             inside = (t_s[:-1] >= begin_s - 1e-9) & (t_s[1:] <= end_s + 1e-9)
             if end_s > begin_s:
                 density[inside, first : first + 3] += self.variance / (end_s - begin_s)
+        next_ = np.flatnonzero((t_s[:-1] <= self.cut_s + SAME_S) & (t_s[1:] > self.cut_s + SAME_S))
+        density[next_, first : first + 3] += self.variance / np.diff(t_s)[next_, None]
         if self.shape == DRIFT:
             # Of u t / T from -T/2 to T/2 the mean square is u^2 / 12.
             density[:, first : first + 3] += 12 * self.variance / (t_s[-1] - t_s[0])
