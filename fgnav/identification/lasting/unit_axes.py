@@ -57,6 +57,8 @@ def unit_turns(problem: SmoothingProblem, stated: Solution) -> Iterator[LastingE
         nats, step_rad = _promised(problem, stated.states, sensor)
         if nats > EXCLUDED - LIKELY:
             error = _turn(problem, stated.cost, sensor, step_rad)
+            if error is None and stated.cost / 4 < nats < np.inf:  # half of the cost: led too far
+                error = _turn(problem, stated.cost, sensor, step_rad / 2)
             if error is not None:
                 yield error
 
@@ -112,9 +114,6 @@ def _turn(
         part = replace(turn_of(sensor), mean=-off_rad)
         undone = replace(problem, motion=_turned_back(problem.motion, sensor, off_rad))
         solution = solved_with_changes(undone, (part,), _changes(sensor), np.full(3, _STEP_RAD))
-        if solution is None and error is None:  # too far: half of it, and half of that
-            off_rad = off_rad / 2
-            continue
         if solution is None:
             return None
         step_rad = solution.states.constants[-3:]
