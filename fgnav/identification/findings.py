@@ -79,10 +79,10 @@ class Findings(NamedTuple):
 
     def decided_by(self, until_s: float) -> "Findings | None":
         """Return the same without what is not likely at a record's end; None if nothing is left."""
-        faults = tuple(one.up_to(until_s) for one in self.faults if one.is_likely)
-        cause = self.cause if self.cause is not None and self.cause.is_likely else None
         if self.is_as_stated and not self.errors:
             return None
+        faults = tuple(one.up_to(until_s) for one in self.faults if one.is_likely)
+        cause = self.cause if self.cause is not None and self.cause.is_likely else None
         ended = {one.sentence: one.up_to(until_s).sentence for one in self.faults}
         notes = tuple(ended.get(note, note) for note in self.notes)
         return self._replace(faults=faults, cause=cause, notes=notes)

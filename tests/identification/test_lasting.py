@@ -218,7 +218,7 @@ def test_axes_that_are_turned_far_are_found_where_the_first_step_leads_too_far()
 
 
 def test_no_samples_are_lost_where_a_louder_unit_explains_as_much(monkeypatch):
-    """A plane's unit, 50 times as loud as its data sheet, had lost samples nine times."""
+    """A plane's unit, 40 times as loud as its data sheet, had lost samples at nine times."""
     right = right_flight("fixes", 7401)
     rng, interval_s = np.random.default_rng(5), np.median(np.diff(right.imu.t_s))
     loud = right.imu.f_b_mps2 + 0.1 / np.sqrt(interval_s) * rng.normal(size=(len(right.imu.t_s), 3))

@@ -127,9 +127,10 @@ def test_a_step_that_no_noise_shows_is_found(number):
 def test_a_span_by_which_a_unit_is_louder_than_any_noise_is_taken_out(number):
     """Refused before, as an error of all the record."""
     right = right_flight("fixes", number)
-    fault, *_ = faults_of(changed(right, "f_b_mps2", lambda x: x @ TURNED_FAR, FROM_S, 6.3))
+    flight = changed(right, "f_b_mps2", lambda x: x @ TURNED_FAR, FROM_S, 6.3)
+    fault, *_ = faults_of(flight)
     assert (fault.sensor, fault.shape) == ("accelerometer", "turn")
-    estimate = Smoother()(changed(right, "f_b_mps2", lambda x: x @ TURNED_FAR, FROM_S, 6.3))
+    estimate = Smoother()(flight)
     assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 6.0
 
 

@@ -43,7 +43,7 @@ class LostSamples(NamedTuple):
 
     steps: tuple[TagStep, ...]
     nats: float
-    odds: float  # nats against that many at such times, which the others are beyond
+    odds: float  # nats against so many at any time, which ``nats`` is less
     cost: float
     t_s: FloatArray
     noise: FloatArray
