@@ -104,6 +104,24 @@ def exp(v: FloatArray) -> FloatArray:
 
 
 @kernel
+def accumulated(turns_rad: FloatArray, R: FloatArray) -> FloatArray:
+    """Return where turns, (n, 3), one after another lead from a rotation, (n + 1, 3, 3).
+
+    Each is about the axes that those before it have led to.
+    """
+    out = np.empty((len(turns_rad) + 1, 3, 3))
+    out[0] = R
+    for k in range(len(turns_rad)):
+        T = exp(turns_rad[k])
+        for i in range(3):
+            for j in range(3):
+                out[k + 1, i, j] = (
+                    out[k, i, 0] * T[0, j] + out[k, i, 1] * T[1, j] + out[k, i, 2] * T[2, j]
+                )
+    return out
+
+
+@kernel
 def right_jacobian(v: FloatArray) -> FloatArray:
     """Return the change of the turn's end, in body axes, by the rotation vector, (3, 3)."""
     square = v[0] ** 2 + v[1] ** 2 + v[2] ** 2

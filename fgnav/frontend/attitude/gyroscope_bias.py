@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.attitude.flight_vectors import Track
-from fgnav.attitude.own_rotation import own_rotation
+from fgnav.attitude.own_rotation import OwnRotation, own_rotation
 from fgnav.checks import FloatArray
 from fgnav.frontend.attitude.force_pairs import Integrated, Pairs, specific_forces
 from fgnav.geometry.rotations import exp, skew
@@ -95,12 +95,14 @@ def _fitted(
     information = _stated(imu)
     R_nb, biases = start.R_nb, start.biases
     for _ in range(_MOST_STEPS):
-        pairs = _forces(imu, track, gravity_n_mps2, middle_s, biases)
+        rotation = _rotation(imu, biases)
+        pairs = _forces(imu, track, gravity_n_mps2, middle_s, biases, rotation)
         if pairs is None or pairs.f_n_mps2.size <= len(information):
             return None
         columns = []
-        for step in _STEP * np.eye(6):
-            moved = _forces(imu, track, gravity_n_mps2, middle_s, biases + step)
+        for k, step in enumerate(_STEP * np.eye(6)):
+            turned = _rotation(imu, biases + step) if k < 3 else rotation  # by the gyroscope alone
+            moved = _forces(imu, track, gravity_n_mps2, middle_s, biases + step, turned)
             if moved is None:
                 return None
             columns.append((moved.f_u_mps2 - pairs.f_u_mps2) @ R_nb.T / _STEP)
@@ -128,21 +130,28 @@ def _stated(imu: Imu) -> FloatArray:
     return np.diag(np.repeat([0.0, *information], 3))
 
 
-def _forces(
-    imu: Imu, track: Track, gravity_n_mps2: FloatArray, middle_s: float, biases: FloatArray
-) -> Pairs | None:
-    """Return specific forces in ``n`` and in the body's axes at the middle."""
+def _rotation(imu: Imu, biases: FloatArray) -> OwnRotation | None:
+    """Return how the body turns, less the gyroscope's bias; None by too few samples."""
     if imu.w_b_radps is None:
         return None
-    unbiased = replace(
-        imu, f_b_mps2=imu.f_b_mps2 - biases[3:], w_b_radps=imu.w_b_radps - biases[:3]
-    )
-    own = own_rotation(unbiased)
-    if own is None:
+    return own_rotation(replace(imu, w_b_radps=imu.w_b_radps - biases[:3]))
+
+
+def _forces(
+    imu: Imu,
+    track: Track,
+    gravity_n_mps2: FloatArray,
+    middle_s: float,
+    biases: FloatArray,
+    rotation: OwnRotation | None,
+) -> Pairs | None:
+    """Return specific forces in ``n`` and in the body's axes at the middle."""
+    if rotation is None:
         return None
-    integrated = Integrated(unbiased, own, track.arm_b_m - imu.position_b_m)
+    unbiased = replace(imu, f_b_mps2=imu.f_b_mps2 - biases[3:])
+    integrated = Integrated(unbiased, rotation, track.arm_b_m - imu.position_b_m)
     span_s = _SPANS_S[0 if track.v_n_mps is not None else 1]
     pairs = next(specific_forces(integrated, track, span_s, gravity_n_mps2), None)
     if pairs is None:
         return None
-    return pairs._replace(f_u_mps2=pairs.f_u_mps2 @ own.at(np.array([middle_s]))[0])
+    return pairs._replace(f_u_mps2=pairs.f_u_mps2 @ rotation.at(np.array([middle_s]))[0])
