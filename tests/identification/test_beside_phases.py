@@ -8,7 +8,6 @@ import pytest
 from fgnav.frontend.causal.truncation import truncated
 from fgnav.frontend.problem import build_problem
 from fgnav.geometry.rotations import exp
-from fgnav.identification.findings import findings
 from fgnav.identification.likelihood.beside_phases import (
     is_misfit,
     noise_gain,
@@ -18,12 +17,11 @@ from fgnav.identification.likelihood.linear_chain import LinearChain
 from fgnav.identification.noise.stated import with_factors
 from fgnav.identification.spans.beside_phases import offsets_by_phases
 from fgnav.integers.resolvers.truth import Truth
-from fgnav.methods.smoother import Smoother
 from fgnav.solve.chain import solve_batch
 from tests.benchmarks.consistency import flown
+from tests.identification.identified import SETTINGS, found_in
 from tests.robustness.drawn.flights import right_flight
 
-SETTINGS = Smoother().preparation
 FROM_S, UNTIL_S = 4.1, 7.3
 KEYFRAMES_S = 0.2
 TURNED = exp(np.radians([[0.0, 0.0, 3.0]]))[0]
@@ -34,10 +32,6 @@ def changed(flight, field, by, from_s=FROM_S, until_s=UNTIL_S):
     x = getattr(imu, field)
     inside = (imu.t_s > from_s) & (imu.t_s <= until_s)
     return replace(flight, imu=replace(imu, **{field: np.where(inside[:, None], by(x), x)}))
-
-
-def found_in(flight):
-    return findings(flight, SETTINGS, build_problem(flight, SETTINGS), build_problem)
 
 
 def test_a_scale_that_doppler_does_not_show_is_found():

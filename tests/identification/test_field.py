@@ -9,21 +9,15 @@ from fgnav.frontend.problem import build_problem
 from fgnav.geometry.rotations import exp
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.states import ROTATION
-from fgnav.identification.findings import findings
 from fgnav.identification.lasting.error import LastingError
 from fgnav.identification.lasting.field import DECLINATION, MAGNETOMETER, Declined
-from fgnav.methods.smoother import Smoother
+from tests.identification.identified import SETTINGS, estimate_by, found_in
 from tests.methods.simulated import errors_rad, nees
 from tests.robustness.drawn.dirty import dirty
 from tests.robustness.drawn.flights import right_flight
 
-SETTINGS = Smoother().preparation
 SIGMAS = 4.0
 TURN_RAD = np.radians([-1.8, 1.4, 2.0])  # 3 degrees
-
-
-def found_in(flight):
-    return findings(flight, SETTINGS, build_problem(flight, SETTINGS), build_problem)
 
 
 def with_field(flight, **changes):
@@ -45,11 +39,12 @@ def test_a_turned_magnetometer_is_no_turned_gyroscope(times):
     right = right_flight("instruments", 7002)
     samples = right.magnetometer.field_b_ut @ exp(times * TURN_RAD[None])[0]
     flight = with_field(right, field_b_ut=samples)
-    cause = found_in(flight).cause
+    found = found_in(flight)
+    cause = found.cause
     assert cause.error.kind == MAGNETOMETER
     error = cause.error.off - times * TURN_RAD
     assert error @ np.linalg.solve(cause.error.covariance, error) < SIGMAS**2
-    estimate = Smoother()(flight)
+    estimate = estimate_by(found, flight)
     assert any(note.startswith("The magnetometer's axes are turned") for note in estimate.notes)
     assert attitude_nees(right, estimate) < 3.0  # 1.6
 
@@ -58,8 +53,9 @@ def test_a_drawn_one_was_the_gyroscope():
     """Seed 910000172, which showed it: attitude NEES 139, by 41 nats; as it is by 85."""
     right = right_flight("instruments", 910000172 // 12)
     flight, _ = dirty(right, 910000172)
-    assert found_in(flight).cause.error.kind == MAGNETOMETER
-    assert attitude_nees(right, Smoother()(flight)) < 10.0  # 6.8
+    found = found_in(flight)
+    assert found.cause.error.kind == MAGNETOMETER
+    assert attitude_nees(right, estimate_by(found, flight)) < 10.0  # 6.8
 
 
 @pytest.mark.parametrize(("number", "by_deg"), [(7003, 5.0), (7005, 5.0), (7007, 60.0)])
@@ -67,12 +63,13 @@ def test_a_declination_that_is_off_is_no_turned_accelerometer(number, by_deg):
     """Of five degrees: attitude NEES 153 and 117."""
     right = right_flight("instruments", number)
     flight = declined(right, np.radians(by_deg))
-    cause = found_in(flight).cause
+    found = found_in(flight)
+    cause = found.cause
     assert cause.error.kind == DECLINATION
     assert (
         abs(cause.error.off[0] + np.radians(by_deg)) < SIGMAS * cause.error.covariance[0, 0] ** 0.5
     )
-    estimate = Smoother()(flight)
+    estimate = estimate_by(found, flight)
     assert any(note.startswith("The magnetic field's declination") for note in estimate.notes)
     assert attitude_nees(right, estimate) < 4.0  # 2.0, 1.3, 1.1
 

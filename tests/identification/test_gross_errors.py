@@ -7,21 +7,16 @@ import pytest
 
 from fgnav.frontend.problem import build_problem
 from fgnav.identification.apply import with_findings
-from fgnav.identification.findings import findings
 from fgnav.identification.notes import exclusion_notes
 from fgnav.identification.spans.gross_errors import GrossError
 from fgnav.methods.smoother import Batch, Smoother
+from tests.identification.identified import SETTINGS, found_in
 from tests.methods.simulated import errors_rad, nees
 from tests.recordings import kitti
 from tests.robustness.drawn.flights import right_flight
 
-SETTINGS = Smoother().preparation
 FROM_S, UNTIL_S = 6.0, 9.0
 OFF_M = np.array([0.0, 10.0, 8.0])  # of 1 m stated
-
-
-def found_in(flight):
-    return findings(flight, SETTINGS, build_problem(flight, SETTINGS), build_problem)
 
 
 def shifted(flight, by_m, from_s=FROM_S, until_s=UNTIL_S):

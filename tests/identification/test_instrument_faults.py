@@ -7,16 +7,10 @@ import pytest
 
 from fgnav.frontend.problem import build_problem
 from fgnav.identification.apply import with_findings
-from fgnav.identification.findings import findings
-from fgnav.methods.smoother import Smoother
+from tests.identification.identified import SETTINGS, found_in
 from tests.robustness.drawn.flights import right_flight
 
-SETTINGS = Smoother().preparation
 FROM_S, UNTIL_S = 4.0, 8.0
-
-
-def found_in(flight):
-    return findings(flight, SETTINGS, build_problem(flight, SETTINGS), build_problem)
 
 
 def with_a_quadrant(flight, by):

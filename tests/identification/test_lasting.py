@@ -8,7 +8,7 @@ import pytest
 from fgnav.frontend.problem import build_problem
 from fgnav.geometry.rotations import exp
 from fgnav.identification import findings as module_of_findings
-from fgnav.identification.findings import findings, with_satellite_errors
+from fgnav.identification.findings import with_satellite_errors
 from fgnav.identification.lasting.choice import Lasting
 from fgnav.identification.lasting.clock import ClockOff
 from fgnav.identification.lasting.error import LastingError
@@ -19,17 +19,13 @@ from fgnav.identification.tag_steps import TagStep
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.methods.smoother import Smoother
 from fgnav.solve.chain import solve_batch
+from tests.identification.identified import SETTINGS, estimate_by, found_in
 from tests.methods.simulated import errors_rad, nees
 from tests.robustness.drawn.flights import right_flight
 from tests.robustness.drawn.series import samples_lost
 
-SETTINGS = Smoother().preparation
 SIGMAS = 4.0
 TURN_RAD = np.radians([-1.8, 1.4, 2.0])  # 3 degrees
-
-
-def found_in(flight):
-    return findings(flight, SETTINGS, build_problem(flight, SETTINGS), build_problem)
 
 
 def displaced(flight, by_m):
@@ -60,7 +56,7 @@ def test_a_landmark_that_is_off_is_not_the_accelerometers_noise():
     assert within(found.cause.error, [0.0, -15.0, -20.0])
     assert not found.factors
     assert "The landmark is off" in found.notes[0]
-    assert attitude_nees(right, Smoother()(flight)) < 5.0  # 2.1
+    assert attitude_nees(right, estimate_by(found, flight)) < 5.0  # 2.1
 
 
 def test_a_landmark_far_off_is_begun_where_it_is():
@@ -78,7 +74,7 @@ def test_a_landmark_off_by_little_is_doubted_and_not_said():
     found = found_in(flight)
     assert not found.cause.is_likely
     assert not any("landmark" in note for note in found.notes)
-    assert attitude_nees(right, Smoother()(flight)) < 5.0  # 1.8
+    assert attitude_nees(right, estimate_by(found, flight)) < 5.0  # 1.8
 
 
 def test_a_turned_detector_is_told_from_a_landmark():
@@ -102,13 +98,14 @@ def test_a_turned_detector_is_told_from_a_landmark():
 def test_sensors_turned_against_each_other_hold_both_axes(kind):
     """Else the gyroscope's axes were another, or noise, or a lever arm: NEES 4,501 and 414."""
     right = right_flight(kind, 7001)
-    found = found_in(turned(right, "f_b_mps2"))
+    flight = turned(right, "f_b_mps2")
+    found = found_in(flight)
     assert found.cause.error.kind == "accelerometer"
     assert found.cause.share == 0.5
     assert within(found.cause.error, TURN_RAD)
     assert not found.factors
-    for field in ("f_b_mps2", "w_b_radps"):
-        assert attitude_nees(right, Smoother()(turned(right, field))) < 7.0  # of both: 6 at most
+    for estimate in (estimate_by(found, flight), Smoother()(turned(right, "w_b_radps"))):
+        assert attitude_nees(right, estimate) < 7.0  # of both: 6 at most
 
 
 def test_a_turn_of_ten_degrees_is_found():
@@ -126,11 +123,12 @@ def test_a_turn_of_ten_degrees_is_found():
 )
 def test_a_magnetometer_tells_which_is_turned(sensor, field):
     right = right_flight("instruments", 7002)
-    found = found_in(turned(right, field))
+    flight = turned(right, field)
+    found = found_in(flight)
     assert found.cause.error.kind == sensor
     assert found.cause.share > 0.99
     assert within(found.cause.error, TURN_RAD)
-    assert attitude_nees(right, Smoother()(turned(right, field))) < 5.0
+    assert attitude_nees(right, estimate_by(found, flight)) < 5.0
 
 
 @pytest.mark.parametrize("kind", ["seeker", "raw", "fixes", "instruments"])
@@ -168,7 +166,7 @@ def test_lost_samples_whose_tags_go_on_are_put_back(kind, allowed):
     steps = found.cause.steps
     assert sum(one.late_s for one in steps) == pytest.approx(-0.06, abs=0.021)
     assert abs(steps[0].after_s - 3.64) < 0.6
-    assert attitude_nees(right, Smoother()(flight)) < allowed
+    assert attitude_nees(right, estimate_by(found, flight)) < allowed
 
 
 def test_a_clock_that_is_fast_is_no_lost_samples():
@@ -203,7 +201,7 @@ def test_a_fast_clock_beside_fixes_is_not_silent(kind, off_ppm):
     (clock,) = (one for one in found.calibration if one.kind == "clock")
     assert abs(clock.moved[1] + off_ppm) < SIGMAS * found.cause.sigma[1]
     assert sum("clock disagrees" in note for note in found.notes) == 1
-    assert attitude_nees(right, Smoother()(flight)) < 6.0  # 4.6, 4.1
+    assert attitude_nees(right, estimate_by(found, flight)) < 6.0  # 4.6, 4.1
 
 
 def test_axes_that_are_turned_far_are_found_where_the_first_step_leads_too_far():
@@ -211,10 +209,11 @@ def test_axes_that_are_turned_far_are_found_where_the_first_step_leads_too_far()
     right = right_flight("fixes", 762)
     R = exp(np.radians([[6.0, -6.0, 4.0]]))[0]
     flight = replace(right, imu=replace(right.imu, f_b_mps2=right.imu.f_b_mps2 @ R))
-    cause = found_in(flight).cause
+    found = found_in(flight)
+    cause = found.cause
     assert isinstance(cause, Lasting)
     assert cause.is_of_unit
-    assert attitude_nees(right, Smoother()(flight)) < 6.0
+    assert attitude_nees(right, estimate_by(found, flight)) < 6.0
 
 
 def test_no_samples_are_lost_where_a_louder_unit_explains_as_much(monkeypatch):

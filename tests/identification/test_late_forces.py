@@ -7,15 +7,12 @@ import pytest
 from scipy.signal import lfilter
 
 from fgnav.frontend.problem import build_problem
-from fgnav.identification.apply import with_findings
-from fgnav.identification.findings import findings
 from fgnav.identification.tag_steps import tag_step
 from fgnav.methods.smoother import Smoother
+from tests.identification.identified import SETTINGS, estimate_by, found_in
 from tests.methods.simulated import errors_rad, nees
 from tests.robustness.drawn.dirty import dirty
 from tests.robustness.drawn.flights import KINDS, right_flight
-
-SETTINGS = Smoother().preparation
 
 
 def of_seed(seed):
@@ -31,10 +28,6 @@ def behind_a_low_pass(flight, time_s):
     return replace(flight, imu=replace(imu, f_b_mps2=f_b_mps2))
 
 
-def found_in(flight):
-    return findings(flight, SETTINGS, build_problem(flight, SETTINGS), build_problem)
-
-
 def test_forces_behind_a_low_pass_are_taken_as_early_as_they_are_late():
     """Else clock and velocities were off, the magnetometer was left out, or nothing was said."""
     _, flight = of_seed(99200249)
@@ -45,8 +38,7 @@ def test_forces_behind_a_low_pass_are_taken_as_early_as_they_are_late():
     assert not found.moved.any()
     assert found.calibration == ()
     assert any("late against the gyroscope" in note for note in found.notes)
-    prepared = with_findings(flight, SETTINGS, found, build_problem)
-    assert not Smoother().estimate_prepared(flight, prepared).rejections
+    assert not estimate_by(found, flight).rejections
 
 
 def test_attitudes_with_forces_behind_a_low_pass_are_as_honest_as_without_it():
@@ -63,8 +55,9 @@ def test_attitudes_with_forces_behind_a_low_pass_are_as_honest_as_without_it():
 def test_a_drift_of_the_accelerometer_is_no_noise(seed):
     """Of .9 and 10 m/s2 in 12 s: a search begun from loud noise ended at loud noise."""
     right, flight = of_seed(seed)
-    assert set(found_in(flight).factors) == {"accelerometer bias"}
-    estimate = Smoother()(flight)
+    found = found_in(flight)
+    assert set(found.factors) == {"accelerometer bias"}
+    estimate = estimate_by(found, flight)
     assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 5.0  # 3.1 and 2.6
 
 

@@ -6,23 +6,15 @@ import numpy as np
 import pytest
 
 from fgnav.frontend.calibration_request import calibration_requests
-from fgnav.frontend.problem import build_problem
-from fgnav.identification.findings import findings
-from fgnav.methods.smoother import Smoother
+from tests.identification.identified import SETTINGS, estimate_by, found_in
 from tests.methods.simulated import errors_rad, nees
 from tests.robustness.drawn.flights import right_flight
-
-SETTINGS = Smoother().preparation
 
 
 def old(flight, rows):
     """Return a flight with velocities so many fixes old, the first one repeated before."""
     k = (np.arange(len(flight.fixes.t_s)) - rows).clip(0)
     return replace(flight, fixes=replace(flight.fixes, v_n_mps=flight.fixes.v_n_mps[k]))
-
-
-def found_in(flight, settings=SETTINGS):
-    return findings(flight, settings, build_problem(flight, settings), build_problem)
 
 
 @pytest.mark.parametrize(("number", "rows"), [(8325011, 1), (6002, 2)])
@@ -34,7 +26,7 @@ def test_old_velocities_are_late_and_nothing_else(number, rows):
     assert not found.factors
     (late,) = found.calibration
     assert abs(late.start - 0.2 * rows) < 0.03  # a sigma of the first test's
-    estimate = Smoother()(flight)
+    estimate = estimate_by(found, flight)
     assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 6.0  # 1.0, 4.3
 
 

@@ -7,21 +7,14 @@ import numpy as np
 import pytest
 
 from fgnav.checks import NoSolutionError
-from fgnav.frontend.problem import build_problem
 from fgnav.identification import tested_constants, time_tags
-from fgnav.identification.findings import findings
 from fgnav.identification.tested_constants import Times
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Smoother
 from tests.gnss.based import flown
+from tests.identification.identified import SETTINGS, found_in
 from tests.methods.simulated import errors_rad, nees
 from tests.robustness.drawn.flights import right_flight
-
-SETTINGS = Smoother().preparation
-
-
-def found_in(flight):
-    return findings(flight, SETTINGS, build_problem(flight, SETTINGS), build_problem)
 
 
 def test_an_accelerometer_too_loud_for_phases_is_found_beside_them():
