@@ -183,6 +183,24 @@ def series(v: FloatArray, once: float, twice: float) -> FloatArray:
 
 
 @kernel
+def bend(
+    v: FloatArray, x: FloatArray, once: float, twice: float, slope: float, second: float
+) -> FloatArray:
+    """Return how ``a K x + b K2 x``, K of v, moves by v, (3, 3); slopes of a, b over its size."""
+    K = skew(v)
+    K_x = times(K, x)
+    KK_x, out = times(K, K_x), skew(x)
+    along = v[0] * x[0] + v[1] * x[1] + v[2] * x[2]
+    for i in range(3):
+        by_size = slope * K_x[i] + second * KK_x[i]
+        for j in range(3):
+            out[i, j] *= -once
+            out[i, j] += twice * (v[i] * x[j] - 2 * x[i] * v[j]) + by_size * v[j]
+        out[i, i] += twice * along
+    return out
+
+
+@kernel
 def turn(R_from: FloatArray, R_to: FloatArray) -> FloatArray:
     """Return the rotation vector from one attitude to another, body axes."""
     R = np.zeros((3, 3))

@@ -38,6 +38,22 @@ class Increments:
     f_b_mps2: FloatArray
     w_b_radps: FloatArray | None
 
+    def of(
+        self, intervals: IntArray, most: int | None = None
+    ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+        """Return the first sub-step of each interval, (j + 1,), their length, forces and rates.
+
+        Of ``most`` of its sub-steps, or fewer, each for as many as there are.
+        """
+        count = np.diff(self.first)[intervals]
+        kept = count if most is None else np.minimum(count, most)
+        first = np.concatenate([[0], np.cumsum(kept)])
+        within = np.arange(first[-1]) - np.repeat(first[:-1], kept)
+        place = (within + 0.5) * np.repeat(count / kept, kept)
+        row = np.repeat(self.first[:-1][intervals], kept) + place.astype(np.int64)
+        w_b_radps = np.zeros((len(row), 3)) if self.w_b_radps is None else self.w_b_radps[row]
+        return first, self.step_s[intervals] * count / kept, self.f_b_mps2[row], w_b_radps
+
 
 def increments(imu: Imu, t_s: FloatArray, sub_steps: int = SUB_STEPS) -> Increments:
     """Cut the time between keyframes into equal sub-steps of samples.

@@ -1,8 +1,9 @@
-"""Motion with a gyroscope: specific force and rate summed up between keyframes, by GTSAM.
+"""Motion with a gyroscope: specific force and rate summed up between keyframes.
 
-The factor is ``GalileanCombinedImuFactor``: increments of attitude, position and velocity as one
-element of the Galilean group, exact for force and rate constant within a sub-step [1]_; both
-biases follow random walks. Its 15 rows are rotation, position, velocity, accelerometer bias and
+GTSAM's factor is ``GalileanCombinedImuFactor``: increments of attitude, position and velocity as
+one element of the Galilean group, exact for force and rate constant within a sub-step [1]_; both
+biases follow random walks. The chain has the same from ``galilean_kernel`` and
+``preintegrated_kernel``. Its 15 rows are rotation, position, velocity, accelerometer bias and
 gyroscope bias. ``CombinedImuFactor`` takes the attitude at the start of each sub-step: at 45 deg
 and 1 rad/s its velocity is off by 2 mm/s in 0.1 s of ten samples, here by 6e-6 m/s.
 
@@ -13,14 +14,13 @@ References
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.graph import keys
 from fgnav.graph.build import as_bias
-from fgnav.graph.inertial import preintegrated_kernel
+from fgnav.graph.inertial import galilean_kernel, preintegrated_kernel
 from fgnav.graph.inertial.increments import Increments, at_latest, increments, parents
 from fgnav.graph.types.motion import INERTIAL_NOISES, LinearisedMotion, NoiseParts
 from fgnav.graph.types.states import AUX, States
@@ -33,17 +33,17 @@ _GRAVITY_DIGITS = 5  # 1e-5 m/s2, three metres of height: intervals alike share 
 _COARSE_STEPS = 10  # of an interval, where only covariances are wanted
 _BIASES = 6
 _WIDTH = AUX + _BIASES
+_UNBIASED = np.zeros(_BIASES)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Store:
-    """What was preintegrated, by interval, as rows of ``preintegrated_kernel``, too; parameters.
+    """What was summed up, by interval, and GTSAM's parameters.
 
     What is released is made again about the same biases, to the last bit the same.
     """
 
     biases: dict[int, FloatArray] = field(default_factory=dict)
-    intervals: dict[int, gtsam.PreintegratedCombinedMeasurementsG] = field(default_factory=dict)
     sums: dict[int, FloatArray] = field(default_factory=dict)
     parameters: dict[tuple[float, ...], gtsam.PreintegrationCombinedParams] = field(
         default_factory=dict
@@ -125,9 +125,8 @@ class Inertial:
             after=np.empty((j, _WIDTH, _WIDTH)),
             shared=np.zeros((j, _WIDTH, len(before.constants))),
         )
-        sums = self._rows(intervals.tolist(), before.aux)
         preintegrated_kernel.linearise(
-            sums,
+            self._sums(intervals, before.aux),
             States(*map(np.ascontiguousarray, before)),
             States(*map(np.ascontiguousarray, after)),
             np.ascontiguousarray(self.earth_rate_n_radps),
@@ -138,14 +137,12 @@ class Inertial:
     def predict(self, before: States, intervals: IntArray) -> States:
         """Return the states that intervals, (j,), lead to: all 15 rows are zero there."""
         after = before.copied()
-        for row, k in enumerate(intervals.tolist()):
-            bias = before.aux[row]
-            state = gtsam.NavState(
-                gtsam.Rot3(before.R_nb[row]), before.p_n_m[row], before.v_n_mps[row]
-            )
-            led = self._preintegrated(k, bias).predict(state, as_bias(bias))
-            after.R_nb[row] = led.attitude().matrix()
-            after.p_n_m[row], after.v_n_mps[row] = led.position(), led.velocity()
+        preintegrated_kernel.predict(
+            self._sums(intervals, before.aux),
+            States(*map(np.ascontiguousarray, before)),
+            np.ascontiguousarray(self.earth_rate_n_radps),
+            after,
+        )
         return after
 
     def rates_b_radps(self, t_s: FloatArray, aux: FloatArray) -> FloatArray:
@@ -203,101 +200,92 @@ class Inertial:
 
     def release(self, before: int) -> None:
         """Keep nothing large of the intervals before one, whose keyframes have left a window."""
-        for kept in (self._store.intervals, self._store.sums):
-            for k in [k for k in kept if k < before]:
-                del kept[k]
+        sums = self._store.sums
+        for k in [k for k in sums if k < before]:
+            del sums[k]
 
     def noise_parts(self) -> NoiseParts:
         """Return what each noise contributes to the covariance of the whitened rows.
 
-        GTSAM's own propagation of one noise at a time, linear in its variance, over a few
-        samples. Intervals of another noise than the unit's, gaps and steps, are not divided.
+        One noise at a time over a few samples, for it is linear in its variance. Intervals of
+        another noise than the unit's, gaps and steps, are not divided.
         """
         imu, gyroscope = self.imu, self.imu.gyroscope_noise_radps_per_sqrt_hz or 0.0
-        n = len(self.t_s) - 1
-        variances = np.array(
-            [
-                imu.accelerometer_noise_mps2_per_sqrt_hz**2,
-                gyroscope**2,
-                imu.accelerometer_bias_walk_mps2_per_sqrt_s**2,
-                (imu.gyroscope_bias_walk_radps_per_sqrt_s or 0.0) ** 2,
-            ]
+        walks = (
+            imu.accelerometer_bias_walk_mps2_per_sqrt_s,
+            imu.gyroscope_bias_walk_radps_per_sqrt_s or 0.0,
         )
-        of_unit = np.isclose(self.accelerometer_noise, variances[0])
-        of_unit &= np.isclose(self.gyroscope_noise, variances[1])
+        accelerometer = imu.accelerometer_noise_mps2_per_sqrt_hz
+        of_unit = np.isclose(self.accelerometer_noise, accelerometer**2)
+        of_unit &= np.isclose(self.gyroscope_noise, gyroscope**2)
         if self.bias_steps is not None:
             of_unit &= ~self.bias_steps.any(axis=1)
-        steps = [*np.diag(variances), np.zeros(len(variances))]
-        parameters = [
-            _one_noise(self, variance, 0.0 if k < len(variances) else INTEGRATION_M2)
-            for k, variance in enumerate(steps)
-        ]
-        parts = np.zeros((n, len(parameters), _WIDTH, _WIDTH))
-        for k in np.flatnonzero(of_unit).tolist():
-            bias = self._store.biases.setdefault(k, np.zeros(_BIASES))
-            R = preintegrated_kernel.whitening(self._sums(k, bias))
-            for c, one in enumerate(parameters):
-                C = self._integrated(k, bias, one, _COARSE_STEPS).preintMeasCov()
-                parts[k, c] = R @ C @ R.T
+        one_each = np.zeros((len(INERTIAL_NOISES) + 1, galilean_kernel.NOISES))
+        one_each[0, 0], one_each[1, 1] = accelerometer**2, gyroscope**2
+        one_each[2, 3:6], one_each[3, 6:] = walks[0] ** 2, walks[1] ** 2
+        one_each[-1, 2] = INTEGRATION_M2
+        n = len(self.t_s) - 1
+        parts = np.zeros((n, len(one_each), _WIDTH, _WIDTH))
+        intervals = np.flatnonzero(of_unit)
+        if len(intervals):
+            about = np.array([self._store.biases.get(k, _UNBIASED) for k in intervals.tolist()])
+            W = self._sums(intervals, about)[:, galilean_kernel.WHITE :]
+            W = W.reshape(-1, 1, _WIDTH, _WIDTH)
+            steps = self._increments.of(intervals, _COARSE_STEPS)
+            earth_rate = np.ascontiguousarray(self.earth_rate_n_radps)
+            P = galilean_kernel.covariances(steps, about, one_each, earth_rate)
+            parts[intervals] = W @ P @ W.swapaxes(2, 3)
         parts[~of_unit, -1] = np.eye(_WIDTH)
         return NoiseParts(INERTIAL_NOISES, parts[:, :-1], parts[:, -1])
 
-    def _preintegrated(self, k: int, bias: FloatArray) -> gtsam.PreintegratedCombinedMeasurementsG:
-        """Return interval k about biases near enough to those given for a linear correction."""
-        store = self._store
-        if not self._is_near(k, bias):
-            store.biases[k] = np.array(bias)
-            store.intervals.pop(k, None)
-            store.sums.pop(k, None)
-        if k not in store.intervals:
-            store.intervals[k] = self._integrated(k, store.biases[k])
-        return store.intervals[k]
+    def _about(self, k: int, bias: FloatArray) -> FloatArray:
+        """Return biases about which interval k is summed up.
 
-    def _is_near(self, k: int, bias: FloatArray) -> bool:
-        """Return whether interval k is summed up about biases near enough to those given."""
-        about, span_s = self._store.biases.get(k), self.t_s[k + 1] - self.t_s[k]
-        # The correction for the accelerometer's bias alone is exact.
-        return about is not None and bool(np.abs(bias[3:] - about[3:]).max() * span_s < TURNED_RAD)
+        Near enough to those given for a linear correction; that for the accelerometer's bias alone
+        is exact.
+        """
+        biases, span_s = self._store.biases, self.t_s[k + 1] - self.t_s[k]
+        about = biases.get(k)
+        if about is None or np.abs(bias[3:] - about[3:]).max() * span_s >= TURNED_RAD:
+            about = biases[k] = np.array(bias)
+            self._store.sums.pop(k, None)
+        return about
 
-    def _rows(self, intervals: list[int], biases: FloatArray) -> FloatArray:
-        """Return intervals, j of them, about biases near to those given, (j, 6); see ``_sums``."""
-        absent = np.full(preintegrated_kernel.SUMS, np.inf)
-        rows = np.array([self._store.sums.get(k, absent) for k in intervals])
-        about, span_s = rows[:, preintegrated_kernel.GYROSCOPE_BIAS], rows[:, 0]
-        near = np.abs(biases[:, 3:] - about).max(axis=1) * span_s < TURNED_RAD
-        for row in np.flatnonzero(~near):
-            rows[row] = self._sums(intervals[row], biases[row])
-        return rows
+    def _sums(self, intervals: IntArray, biases: FloatArray) -> FloatArray:
+        """Return intervals, (j,), about biases near to those given, (j, 6); (j, 316)."""
+        sums, numbers = self._store.sums, intervals.tolist()
+        about = [self._about(k, bias) for k, bias in zip(numbers, biases, strict=True)]
+        new = [row for row, k in enumerate(numbers) if k not in sums]
+        if new:
+            made = self._summed(intervals[new], np.array([about[row] for row in new]))
+            sums.update(zip(intervals[new].tolist(), made, strict=True))
+        return np.array([sums[k] for k in numbers])
 
-    def _sums(self, k: int, bias: FloatArray) -> FloatArray:
-        """Return the same as a row of ``preintegrated_kernel``."""
-        measured, sums = self._preintegrated(k, bias), self._store.sums
-        if k not in sums:
-            sums[k] = _row(measured, self.earth_rate_n_radps)
-        return sums[k]
-
-    def _integrated(
-        self,
-        k: int,
-        bias: FloatArray,
-        parameters: gtsam.PreintegrationCombinedParams | None = None,
-        most: int | None = None,
-    ) -> gtsam.PreintegratedCombinedMeasurementsG:
-        """Return interval k summed up; of at most ``most`` of its samples."""
-        steps = self._increments
-        part, step_s = slice(steps.first[k], steps.first[k + 1]), float(steps.step_s[k])
-        made = gtsam.PreintegratedCombinedMeasurementsG(
-            parameters or self._parameters(k), as_bias(bias)
+    def _summed(self, intervals: IntArray, biases: FloatArray) -> FloatArray:
+        noises = np.zeros((len(intervals), galilean_kernel.NOISES))
+        noises[:, 0] = self.accelerometer_noise[intervals]
+        noises[:, 1] = self.gyroscope_noise[intervals]
+        noises[:, 2] = INTEGRATION_M2
+        noises[:, 3:6] = self.imu.accelerometer_bias_walk_mps2_per_sqrt_s**2
+        noises[:, 6:] = (self.imu.gyroscope_bias_walk_radps_per_sqrt_s or 0.0) ** 2
+        if self.bias_steps is not None:
+            noises[:, 3:] += self.bias_steps[intervals]
+        gravity = np.round(self.gravity_n_mps2[intervals], _GRAVITY_DIGITS)
+        return galilean_kernel.sums(
+            self._increments.of(intervals),
+            biases,
+            noises,
+            gravity,
+            np.ascontiguousarray(self.earth_rate_n_radps),
         )
-        if steps.w_b_radps is None:
-            return made
-        f_b, w_b = steps.f_b_mps2[part], steps.w_b_radps[part]
-        if most is not None and len(f_b) > most:
-            step_s *= len(f_b) / most
-            middle = ((np.arange(most) + 0.5) * len(f_b) / most).astype(np.int64)
-            f_b, w_b = f_b[middle], w_b[middle]
+
+    def _preintegrated(self, k: int, bias: FloatArray) -> gtsam.PreintegratedCombinedMeasurementsG:
+        """Return interval k as GTSAM sums it up, about biases near enough to those given."""
+        _, step_s, f_b, w_b = self._increments.of(np.array([k]))
+        about = self._about(k, bias)
+        made = gtsam.PreintegratedCombinedMeasurementsG(self._parameters(k), as_bias(about))
         for f, w in zip(f_b, w_b, strict=True):
-            made.integrateMeasurement(f, w, step_s)
+            made.integrateMeasurement(f, w, float(step_s[0]))
         return made
 
     def _parameters(self, k: int) -> gtsam.PreintegrationCombinedParams:
@@ -318,35 +306,3 @@ class Inertial:
             made.setBiasOmegaCovariance(np.diag(walk**2 + steps[3:]))
             self._store.parameters[name] = made
         return self._store.parameters[name]
-
-
-def _one_noise(
-    motion: Inertial, variance: FloatArray, integration_m2: float
-) -> gtsam.PreintegrationCombinedParams:
-    """Return GTSAM's parameters with noises of given variances, (4,), alone."""
-    made, unit = gtsam.PreintegrationCombinedParams(motion.gravity_n_mps2[0]), np.eye(3)
-    made.setAccelerometerCovariance(unit * variance[0])
-    made.setGyroscopeCovariance(unit * variance[1])
-    made.setBiasAccCovariance(unit * variance[2])
-    made.setBiasOmegaCovariance(unit * variance[3])
-    made.setIntegrationCovariance(unit * integration_m2)
-    return made
-
-
-def _row(measured: gtsam.PreintegratedCombinedMeasurementsG, earth_rate: FloatArray) -> FloatArray:
-    """Return what an interval has summed up as a row of ``preintegrated_kernel``.
-
-    From where a state leads that is nought, with its derivatives, and a factor's noise.
-    """
-    R, p, v = measured.deltaRij().matrix(), measured.deltaPij(), measured.deltaVij()
-    by_bias = np.zeros((9, _BIASES), order="F")
-    led = measured.predict(gtsam.NavState(), measured.biasHat(), None, by_bias)
-    end, position, (x, y, z) = led.attitude().matrix(), led.position(), earth_rate.tolist()
-    turning = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    by_bias[6:] += end.T @ turning @ end @ by_bias[3:6]
-    G, u = end @ R.T, led.velocity() + turning @ position
-    factor = gtsam.GalileanCombinedImuFactor(0, 1, 2, 3, 4, 5, measured)
-    model: Any = factor.noiseModel()
-    sums = ((measured.deltaTij(),), R.ravel(), p, v, measured.biasHatVector(), by_bias.ravel())
-    frame = (G.ravel(), position - G @ p, u - G @ v)
-    return np.concatenate([*sums, *frame, model.R().ravel()])

@@ -17,33 +17,35 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotation_kernel import (
+    bend,
     exp,
     inverse_right_jacobian,
     inverse_terms,
     product,
+    put,
     right_jacobian,
     skew,
     times,
     transposed,
     turn,
 )
+from fgnav.graph.inertial.galilean_kernel import (
+    BIAS,
+    BY_BIAS,
+    FRAME,
+    GRAVITY_POSITION,
+    GRAVITY_VELOCITY,
+    POSITION,
+    ROTATION,
+    SPAN,
+    VELOCITY,
+    WHITE,
+)
 from fgnav.graph.types.motion import LinearisedMotion
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import inlined, inner, kernel
 
 WIDTH = 15  # rotation, position, velocity, both biases
-# What an interval sums up, one after another: T, dR dp dv, the biases that it is summed up about,
-# by them rotation, position and velocity along the increment's tangent, then G, g_p, g_v, and the
-# whitening of its residuals, upper triangular.
-_SPAN, _ROTATION, _POSITION, _VELOCITY, _BIAS = 0, 1, 10, 13, 16
-_BY_BIAS = 22, 40, 58
-_FRAME, _GRAVITY_POSITION, _GRAVITY_VELOCITY, _WHITE = 76, 85, 88, 91
-GYROSCOPE_BIAS, SUMS = slice(19, 22), 316
-
-
-def whitening(sums: FloatArray) -> FloatArray:
-    """Return the whitening of an interval's residuals, (15, 15)."""
-    return sums[_WHITE:].reshape(WIDTH, WIDTH)
 
 
 @kernel
@@ -88,12 +90,23 @@ def linearise(
         _through(J, bends, moved, by_before)
         _ended(R_t, e_p, e_v, end)
         _through(J_t, bends, end, by_after)
-        white = _matrix(sums[row], _WHITE, WIDTH, WIDTH)
+        white = _matrix(sums[row], WHITE, WIDTH, WIDTH)
         whitened = times(white, value)
         for i in range(WIDTH):
             out.value[row, i] = whitened[i]
         _whiten(white, by_before, out.before[row])
         _whiten(white, by_after, out.after[row])
+
+
+@kernel
+def predict(sums: FloatArray, before: States, earth_rate: FloatArray, after: States) -> None:
+    """Fill rotations, positions and velocities that intervals lead to from states, j of each."""
+    moved = np.zeros((3, WIDTH)), np.zeros((3, WIDTH)), np.zeros((3, WIDTH))
+    for row in range(len(sums)):
+        R, p, v = _predicted(sums[row], before, row, earth_rate, moved)
+        put(R, after.R_nb[row])
+        for i in range(3):
+            after.p_n_m[row, i], after.v_n_mps[row, i] = p[i], v[i]
 
 
 @inner
@@ -130,7 +143,7 @@ def _add(out: FloatArray, factor: float, a: FloatArray, column: int) -> None:
             out[i, column + j] += factor * a[i, j]
 
 
-@inlined
+@inner
 def _predicted(
     sums: FloatArray,
     before: States,
@@ -141,16 +154,16 @@ def _predicted(
     """Return the state that an interval leads to; fill how that moves by the one before."""
     for one in moved:
         one[:] = 0.0
-    T, R_i, p_i = sums[_SPAN], before.R_nb[row], before.p_n_m[row]
+    T, R_i, p_i = sums[SPAN], before.R_nb[row], before.p_n_m[row]
     dR, dp, dv = _increment(sums, before.aux[row], moved)
     w = skew(earth_rate)
     u = _sum(before.v_n_mps[row], 1.0, times(w, p_i))
-    G = _matrix(sums, _FRAME, 3, 3)
+    G = _matrix(sums, FRAME, 3, 3)
     R = product(product(G, R_i), dR)
     p = times(G, _sum(_sum(p_i, T, u), 1.0, times(R_i, dp)))
-    p = _sum(p, 1.0, _vector(sums, _GRAVITY_POSITION, 3))
+    p = _sum(p, 1.0, _vector(sums, GRAVITY_POSITION, 3))
     v = times(G, _sum(u, 1.0, times(R_i, dv)))
-    v = _sum(_sum(v, 1.0, _vector(sums, _GRAVITY_VELOCITY, 3)), -1.0, times(w, p))
+    v = _sum(_sum(v, 1.0, _vector(sums, GRAVITY_VELOCITY, 3)), -1.0, times(w, p))
     dR_t, R_it = transposed(dR), transposed(R_i)
     turned, back = product(dR_t, product(R_it, product(w, R_i))), product(dR_t, R_it)
     _add(moved[0], 1.0, dR_t, 0)
@@ -170,23 +183,23 @@ def _increment(
     sums: FloatArray, bias: FloatArray, moved: tuple[FloatArray, FloatArray, FloatArray]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return rotation, position and velocity summed up about biases; fill how these move them."""
-    change = _sum(bias, -1.0, _vector(sums, _BIAS, 6))
-    by_turn = _matrix(sums, _BY_BIAS[0], 3, 6)
+    change = _sum(bias, -1.0, _vector(sums, BIAS, 6))
+    by_turn = _matrix(sums, BY_BIAS[0], 3, 6)
     theta = times(by_turn, change)
-    C, J, dR = exp(theta), right_jacobian(theta), _matrix(sums, _ROTATION, 3, 3)
+    C, J, dR = exp(theta), right_jacobian(theta), _matrix(sums, ROTATION, 3, 3)
     C_t, J_t = transposed(C), transposed(J)
     _add(moved[0], 1.0, product(J, by_turn), 9)
     by_position, by_velocity = (
-        _matrix(sums, _BY_BIAS[1], 3, 6),
-        _matrix(sums, _BY_BIAS[2], 3, 6),
+        _matrix(sums, BY_BIAS[1], 3, 6),
+        _matrix(sums, BY_BIAS[2], 3, 6),
     )
     rho, nu = times(by_position, change), times(by_velocity, change)
     _add(moved[1], 1.0, product(J, by_position), 9)
     _add(moved[1], 1.0, product(product(C_t, _bent_ahead(theta, rho)), by_turn), 9)
     _add(moved[2], 1.0, product(J, by_velocity), 9)
     _add(moved[2], 1.0, product(product(C_t, _bent_ahead(theta, nu)), by_turn), 9)
-    dp = _sum(_vector(sums, _POSITION, 3), 1.0, times(dR, times(J_t, rho)))
-    dv = _sum(_vector(sums, _VELOCITY, 3), 1.0, times(dR, times(J_t, nu)))
+    dp = _sum(_vector(sums, POSITION, 3), 1.0, times(dR, times(J_t, rho)))
+    dv = _sum(_vector(sums, VELOCITY, 3), 1.0, times(dR, times(J_t, nu)))
     return product(dR, C), dp, dv
 
 
@@ -195,32 +208,14 @@ def _bent_ahead(v: FloatArray, x: FloatArray) -> FloatArray:
     """Return how ``J_l(v) x`` moves by a small v: ``x + a K x + b K^2 x``, a and b by series."""
     square = v[0] ** 2 + v[1] ** 2 + v[2] ** 2
     once, twice = 0.5 - square / 24 + square**2 / 720, 1 / 6 - square / 120 + square**2 / 5040
-    return _derivative(v, x, once, twice, -1 / 12 + square / 180, -1 / 60 + square / 1260)
+    return bend(v, x, once, twice, -1 / 12 + square / 180, -1 / 60 + square / 1260)
 
 
 @inner
 def _bent(v: FloatArray, x: FloatArray) -> FloatArray:
     """Return how ``x - K x / 2 + b K^2 x``, by the inverse of ``J_l(v)``, moves by v."""
     twice, slope = inverse_terms(v)
-    return _derivative(v, x, -0.5, twice, 0.0, slope)
-
-
-@inner
-def _derivative(
-    v: FloatArray, x: FloatArray, once: float, twice: float, slope: float, second: float
-) -> FloatArray:
-    """Return how ``x + a K x + b K^2 x``, K of v, moves by v; slopes of a and b over its size."""
-    K = skew(v)
-    K_x = times(K, x)
-    KK_x, out = times(K, K_x), skew(x)
-    along = v[0] * x[0] + v[1] * x[1] + v[2] * x[2]
-    for i in range(3):
-        by_size = slope * K_x[i] + second * KK_x[i]
-        for j in range(3):
-            out[i, j] *= -once
-            out[i, j] += twice * (v[i] * x[j] - 2 * x[i] * v[j]) + by_size * v[j]
-        out[i, i] += twice * along
-    return out
+    return bend(v, x, -0.5, twice, 0.0, slope)
 
 
 @inlined
