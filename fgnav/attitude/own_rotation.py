@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.geometry.rotations import accumulated, exp, skew, transpose
+from fgnav.geometry.rotation_kernel import accumulated
+from fgnav.geometry.rotations import exp, skew, transpose
 from fgnav.types.flight import Imu
 
 _SPAN_S = 1.0  # over which the rate is taken as constant
@@ -73,8 +74,8 @@ def own_rotation(imu: Imu, R_ub: FloatArray | None = None) -> OwnRotation | None
         if not spins.any():
             return None
         w_b_radps = np.where(spins[:, None], spin_b_radps, 0.0)
-    turns = exp((w_b_radps[1:] + w_b_radps[:-1]) / 2 * np.diff(imu.t_s)[:, None])
-    led = accumulated(turns) if R_ub is None else R_ub @ accumulated(turns)
+    led = accumulated((w_b_radps[1:] + w_b_radps[:-1]) / 2 * np.diff(imu.t_s)[:, None])
+    led = led if R_ub is None else R_ub @ led
     return OwnRotation(t_s=imu.t_s, R_ub=led, w_b_radps=w_b_radps)
 
 

@@ -177,3 +177,24 @@ def turn(R_from: FloatArray, R_to: FloatArray) -> FloatArray:
     length = np.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2)  # twice the sine
     angle = np.arctan2(length, R[0, 0] + R[1, 1] + R[2, 2] - 1)
     return scaled(out, 0.5 if length < SMALL_RAD else angle / length)
+
+
+@kernel
+def accumulated(turns_rad: FloatArray) -> FloatArray:
+    """Return where n turns one after another lead from the identity, (n + 1, 3, 3).
+
+    Parameters
+    ----------
+    turns_rad : ndarray, shape (n, 3)
+        Rotation vectors, each about the axes that the turns before it have led to: the first
+        product is that of ``turns_rad[0]``, the next has that of ``turns_rad[1]`` from the right.
+        Nothing depends on those after it, rounding included.
+    """
+    n = len(turns_rad)
+    R = np.empty((n + 1, 3, 3))
+    for i in range(3):
+        for j in range(3):
+            R[0, i, j] = 1.0 if i == j else 0.0
+    for k in range(n):
+        put(product(R[k], exp(turns_rad[k])), R[k + 1])
+    return R

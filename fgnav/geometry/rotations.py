@@ -1,14 +1,10 @@
 """Rotation matrices, batched over the first axis; tangents are body-axes rotation vectors."""
 
-from itertools import pairwise
-
 import numpy as np
 
 from fgnav.checks import FloatArray
 
 _SMALL_RAD = 1e-6  # below, the series is exact to double precision
-
-_BLOCK = 256  # rotations multiplied side by side
 
 
 def skew(v: FloatArray) -> FloatArray:
@@ -108,24 +104,3 @@ def transpose(R: FloatArray) -> FloatArray:
 def wrap(angle_rad: FloatArray) -> FloatArray:
     """Return angles wrapped to [-pi, pi)."""
     return (angle_rad + np.pi) % (2 * np.pi) - np.pi
-
-
-def accumulated(turns: FloatArray) -> FloatArray:
-    """Return where turns one after another lead from the identity, (n + 1, 3, 3).
-
-    Parameters
-    ----------
-    turns : ndarray, shape (n, 3, 3)
-        Each about the axes that the turns before it have led to: the first product is ``turns[0]``,
-        the next ``turns[0] @ turns[1]``.
-    """
-    n = len(turns)
-    # By blocks side by side: a step is for all of them at once. Their length does not follow n, or
-    # what comes later would change the rounding of what was before.
-    blocks = np.tile(np.eye(3), (-(-n // _BLOCK), _BLOCK, 1, 1))
-    blocks.reshape(-1, 3, 3)[:n] = turns
-    for k in range(1, _BLOCK):
-        blocks[:, k] = blocks[:, k - 1] @ blocks[:, k]
-    for before, block in pairwise(blocks):
-        block[:] = before[-1] @ block
-    return np.concatenate([np.eye(3)[None], blocks.reshape(-1, 3, 3)[:n]])

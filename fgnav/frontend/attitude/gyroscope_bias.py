@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.attitude.flight_vectors import Track
-from fgnav.attitude.own_rotation import own_rotation
+from fgnav.attitude.own_rotation import OwnRotation, own_rotation
 from fgnav.checks import FloatArray
 from fgnav.frontend.attitude.force_pairs import Integrated, Pairs, specific_forces
 from fgnav.geometry.rotations import exp, skew
@@ -95,15 +95,21 @@ def _fitted(
     information = _stated(imu)
     R_nb, biases = start.R_nb, start.biases
     for _ in range(_MOST_STEPS):
-        pairs = _forces(imu, track, gravity_n_mps2, middle_s, biases)
+        own = _own(imu, biases[:3])
+        pairs = _forces(imu, own, track, gravity_n_mps2, middle_s, biases[3:])
         if pairs is None or pairs.f_n_mps2.size <= len(information):
             return None
-        columns = []
-        for step in _STEP * np.eye(6):
-            moved = _forces(imu, track, gravity_n_mps2, middle_s, biases + step)
-            if moved is None:
-                return None
-            columns.append((moved.f_u_mps2 - pairs.f_u_mps2) @ R_nb.T / _STEP)
+        moved = [
+            _forces(imu, _own(imu, biases[:3] + step), track, gravity_n_mps2, middle_s, biases[3:])
+            for step in _STEP * np.eye(3)
+        ]
+        moved += [
+            _forces(imu, own, track, gravity_n_mps2, middle_s, biases[3:] + step)
+            for step in _STEP * np.eye(3)
+        ]
+        columns = [
+            (one.f_u_mps2 - pairs.f_u_mps2) @ R_nb.T / _STEP for one in moved if one is not None
+        ]
         felt = pairs.f_u_mps2 @ R_nb.T
         r = (pairs.f_n_mps2 - felt).ravel()
         A = np.concatenate([-skew(felt), np.stack(columns, axis=2)], axis=2).reshape(len(r), 9)
@@ -128,18 +134,25 @@ def _stated(imu: Imu) -> FloatArray:
     return np.diag(np.repeat([0.0, *information], 3))
 
 
-def _forces(
-    imu: Imu, track: Track, gravity_n_mps2: FloatArray, middle_s: float, biases: FloatArray
-) -> Pairs | None:
-    """Return specific forces in ``n`` and in the body's axes at the middle."""
+def _own(imu: Imu, bias_b_radps: FloatArray) -> OwnRotation | None:
+    """Return how the body turns by its gyroscope less a bias; None of samples too few."""
     if imu.w_b_radps is None:
         return None
-    unbiased = replace(
-        imu, f_b_mps2=imu.f_b_mps2 - biases[3:], w_b_radps=imu.w_b_radps - biases[:3]
-    )
-    own = own_rotation(unbiased)
+    return own_rotation(replace(imu, w_b_radps=imu.w_b_radps - bias_b_radps))
+
+
+def _forces(
+    imu: Imu,
+    own: OwnRotation | None,
+    track: Track,
+    gravity_n_mps2: FloatArray,
+    middle_s: float,
+    bias_b_mps2: FloatArray,
+) -> Pairs | None:
+    """Return specific forces in ``n`` and in the body's axes at the middle."""
     if own is None:
         return None
+    unbiased = replace(imu, f_b_mps2=imu.f_b_mps2 - bias_b_mps2)
     integrated = Integrated(unbiased, own, track.arm_b_m - imu.position_b_m)
     span_s = _SPANS_S[0 if track.v_n_mps is not None else 1]
     pairs = next(specific_forces(integrated, track, span_s, gravity_n_mps2), None)

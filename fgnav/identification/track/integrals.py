@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.geometry.rotations import accumulated, exp, skew
+from fgnav.geometry.rotation_kernel import accumulated
+from fgnav.geometry.rotations import skew
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -70,7 +71,7 @@ def rotated(t_s: FloatArray, w_b_radps: FloatArray) -> FloatArray:
     step_s = np.diff(t_s)[:, None]
     before, after = w_b_radps[:-1], w_b_radps[1:]
     turns = (before + after) / 2 * step_s + step_s**2 / 12 * np.cross(before, after)
-    return accumulated(exp(turns))
+    return accumulated(turns)
 
 
 def sampled(t_s: FloatArray, values: FloatArray, at_s: FloatArray) -> FloatArray:
