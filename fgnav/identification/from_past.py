@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import NoSolutionError
+from fgnav.frontend.calibration_request import calibration_requests
 from fgnav.frontend.causal.truncation import truncated
 from fgnav.frontend.prepared import PreparedFlight, Stretch
 from fgnav.frontend.settings import ProblemSettings
@@ -147,7 +148,7 @@ def look(flight: Flight, settings: ProblemSettings, until_s: float, build: Build
         decided = None if changes is None else changes.decided_by(until_s)
         if decided is None or prepared.problem.phase is not None:  # the chain has no arcs
             return Look(decided)
-        return _with_doubt(decided, past, whole, build)
+        return _with_doubt(_with_late_velocities(decided, past, whole), past, whole, build)
     except NoSolutionError:
         return Look(None, is_told=_is_open(prepared))
 
@@ -155,6 +156,21 @@ def look(flight: Flight, settings: ProblemSettings, until_s: float, build: Build
 def _is_open(prepared: PreparedFlight) -> bool:
     """Return whether nothing tells the heading, whatever noise is."""
     return prepared.opening is not None and prepared.opening.until_s == np.inf
+
+
+def _with_late_velocities(changes: Findings, past: Flight, settings: ProblemSettings) -> Findings:
+    """Return findings, velocities of fixes as late as they may be where the unit's clock is off.
+
+    By then their sum alone is known as a rule: what comes next tells them apart, and until then
+    either may be the other.
+    """
+    fixes, requested = past.fixes, settings.calibration
+    is_off = any(one.kind == "clock" and one not in requested for one in changes.calibration)
+    is_late = any(one.kind == "velocity-delay" for one in changes.calibration)
+    if fixes is None or fixes.v_n_mps is None or is_late or not is_off:
+        return changes
+    late = calibration_requests(["velocity-delay"])
+    return changes._replace(calibration=(*changes.calibration, *late))
 
 
 def _with_doubt(changes: Findings, past: Flight, settings: ProblemSettings, build: Build) -> Look:
