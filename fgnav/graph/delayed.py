@@ -25,6 +25,7 @@ from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry.rotations import exp, transpose
 from fgnav.graph import delayed_kernel
 from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
+from fgnav.graph.types.arrays import contiguous
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised, Measurement, OfAnother
 from fgnav.graph.types.solution import Solution
@@ -32,7 +33,6 @@ from fgnav.graph.types.states import States
 from fgnav.optional_gtsam import gtsam
 
 CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY = "clock offset", "clock rate", "velocity delay"
-PPM = 1e-6
 _GYROSCOPE_AUX = 6
 _NO_GYROSCOPE = np.empty((0, 3))
 
@@ -69,6 +69,7 @@ class TimedMotion:
     def __post_init__(self) -> None:
         """Make the arrays as the kernel is compiled for."""
         for name in (
+            "since_s",
             "force_before_b_mps2",
             "force_after_b_mps2",
             "measured_b_radps",
@@ -119,15 +120,14 @@ class Delayed(OfAnother):
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Measurement``."""
+        at, which = contiguous(at, which)
         columns = self.offset_column, self.rate_column, self.delay_column
-        by_constant = _by_constant(columns, self.motion.since_s[which], len(at.constants))
-        later_s = by_constant @ at.constants
-        moved, Phi, rate = _carried(at, later_s, self.motion, which)
+        values = at.constants[None] if len(which) == 1 else np.tile(at.constants, (len(which), 1))
+        later_s, by_constant = delayed_kernel.later(values, columns, self.motion.since_s, which)
+        moved, Phi, rate = _carried(at, which, later_s, self.motion)
         value, state, shared = self.measurement.linearise(moved, which)
-        by_time = np.einsum("kmd,kd->km", state, rate)
-        return Linearised(
-            value, state @ Phi, shared + by_time[:, :, None] * by_constant[:, None, :]
-        )
+        of_moved = np.ascontiguousarray(state), np.ascontiguousarray(shared)
+        return Linearised(value, *delayed_kernel.led_back(*of_moved, Phi, rate, by_constant))
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return measurement i as a factor of keyframe ``key``."""
@@ -168,12 +168,13 @@ def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Constants) 
     offset, rate = (constants.column(name) for name in (CLOCK_OFFSET, CLOCK_RATE))
     if offset < 0:
         return solution
-    at, b = solution.states, constants.width
+    at = solution.states
     values = np.tile(at.constants, (len(at.R_nb), 1))
-    values = values if solution.constants is None else solution.constants
-    by_constant = _by_constant((offset, rate, -1), motion.since_s, b)
-    later_s = np.einsum("nb,nb->n", by_constant, values)
-    moved, Phi, by_time = _carried(at, later_s, motion, np.arange(len(later_s)))
+    if solution.constants is not None:
+        values = np.ascontiguousarray(solution.constants)
+    columns, rows = (offset, rate, -1), np.arange(len(values))
+    later_s, by_constant = delayed_kernel.later(values, columns, motion.since_s, rows)
+    moved, Phi, by_time = _carried(*contiguous(at, rows), later_s, motion)
     B = by_time[:, :, None] * by_constant[:, None, :]
     X, S = solution.constant_cross, solution.constant_covariance
     cross = Phi @ X @ transpose(B)
@@ -189,16 +190,6 @@ def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Constants) 
     )
 
 
-def _by_constant(columns: tuple[int, int, int], since_s: FloatArray, width: int) -> FloatArray:
-    """Return how much later a state is by clock offset, its rate, and a delay, (j, b)."""
-    by: FloatArray = np.zeros((len(since_s), width))
-    ones = np.ones_like(since_s)
-    for column, value in zip(columns, (-ones, -PPM * since_s, -ones), strict=True):
-        if column >= 0:
-            by[:, column] = value
-    return by
-
-
 def _anywhere(delayed: Delayed) -> States:
     """Return a state at which an inner measurement shows what it depends on."""
     aux = 12 if delayed.motion.measured_b_radps is None else _GYROSCOPE_AUX
@@ -208,14 +199,14 @@ def _anywhere(delayed: Delayed) -> States:
 
 
 def _carried(
-    at: States, later_s: FloatArray, motion: TimedMotion, which: IntArray
+    at: States, which: IntArray, later_s: FloatArray, motion: TimedMotion
 ) -> tuple[States, FloatArray, FloatArray]:
     """Return states a time later, (j,), their derivatives by the states, (j, D, D), and by time."""
     measured, slope = motion.measured_b_radps, motion.slope_b_radps2
     R_nb, p_n_m, v_n_mps, aux, Phi, by_time = delayed_kernel.carried(
-        States(*map(np.ascontiguousarray, at)),
-        np.ascontiguousarray(later_s),
-        np.ascontiguousarray(which),
+        at,
+        later_s,
+        which,
         (motion.force_before_b_mps2, motion.force_after_b_mps2),
         _NO_GYROSCOPE if measured is None else measured,
         _NO_GYROSCOPE if slope is None else slope,

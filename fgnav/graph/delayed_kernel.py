@@ -1,4 +1,7 @@
-"""States carried a little in time, with their derivatives, compiled; equations in ``delayed``."""
+"""States carried a little in time, with their derivatives, compiled; equations in ``delayed``.
+
+A window linearises one measurement at a time: what stands here would take most of it in numpy.
+"""
 
 import numpy as np
 
@@ -6,6 +9,8 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.types.states import DERIVATIVE_SCALE_S, States
 from fgnav.kernels.compiled import kernel
+
+PPM = 1e-6
 
 
 @kernel
@@ -88,3 +93,70 @@ def carried(
                 Phi[k, 6 + i, 9 + j] = -s * R[i, j]
         rate[k, 3:6] = rot.times(back, v[k])
     return R_later, p, v, aux, Phi, rate
+
+
+@kernel
+def later(
+    constants: FloatArray,
+    columns: tuple[int, int, int],
+    since_s: FloatArray,
+    which: IntArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return how much later states are than j measurements, (j,), and by which constants, (j, b).
+
+    Parameters
+    ----------
+    constants : ndarray, shape (j, b)
+    columns : tuple of int
+        Of the clock's offset, its rate, and a delay; negative: not estimated.
+    since_s : ndarray, shape (k,)
+        From the time at which the offset holds.
+    which : ndarray of int, shape (j,)
+        Rows of it.
+    """
+    j, b = constants.shape
+    later_s, by_constant = np.zeros(j), np.zeros((j, b))
+    for k in range(j):
+        slopes = (-1.0, -PPM * since_s[which[k]], -1.0)
+        for c in range(3):
+            if columns[c] >= 0:
+                by_constant[k, columns[c]] = slopes[c]
+        for c in range(b):
+            later_s[k] += by_constant[k, c] * constants[k, c]
+    return later_s, by_constant
+
+
+@kernel
+def led_back(
+    state: FloatArray,
+    shared: FloatArray,
+    Phi: FloatArray,
+    rate: FloatArray,
+    by_constant: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return derivatives by states before they were carried, (j, m, D), and constants, (j, m, b).
+
+    Parameters
+    ----------
+    state, shared : ndarray, shapes (j, m, D), (j, m, b)
+        By the states carried, and by constants beside.
+    Phi, rate : ndarray, shapes (j, D, D), (j, D)
+        Derivatives of these, by states before and by time.
+    by_constant : ndarray, shape (j, b)
+        Of the time that they are carried.
+    """
+    j, m, D = state.shape
+    b = by_constant.shape[1]
+    by_state, by_shared = np.zeros((j, m, D)), shared.copy()
+    for k in range(j):
+        for i in range(m):
+            by_time = 0.0
+            for c in range(D):
+                one = state[k, i, c]
+                if one != 0.0:
+                    by_time += one * rate[k, c]
+                    for d in range(D):
+                        by_state[k, i, d] += one * Phi[k, c, d]
+            for d in range(b):
+                by_shared[k, i, d] += by_time * by_constant[k, d]
+    return by_state, by_shared

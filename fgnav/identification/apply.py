@@ -13,7 +13,7 @@ from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.spans.gross_errors import leaving_out
 from fgnav.identification.spans.unit_faults import building
 from fgnav.identification.tag_steps import tag_step
-from fgnav.identification.time_tags import Build
+from fgnav.identification.time_tags import Build, TagSearch
 from fgnav.identification.track.forces import force_consistency
 from fgnav.identification.track.tags import with_tags_moved
 from fgnav.types.flight import Flight
@@ -78,10 +78,10 @@ def _with_findings(
     return replace(with_findings(flight, settings, changes, build), tests=changes.tests)
 
 
-def with_findings(
+def corrected(
     flight: Flight, settings: ProblemSettings, changes: Findings, build: Build
-) -> PreparedFlight:
-    """Return the problem of a flight with noise and times as identified."""
+) -> TagSearch:
+    """Return a flight with noise and times as identified, and how its problem is built."""
     if changes.cause is not None:
         flight = changes.cause.undone(flight)
     for one in changes.out:
@@ -92,7 +92,15 @@ def with_findings(
     better = better if changes.turn is None else changes.turn.back(better)
     mended = building(leaving_out(build, changes.gross), changes.faults)
     at_rest = with_rest(settings, changes.factors)
-    prepared = mended(better, replace(at_rest, calibration=changes.calibration))
+    return TagSearch(better, replace(at_rest, calibration=changes.calibration), mended)
+
+
+def with_findings(
+    flight: Flight, settings: ProblemSettings, changes: Findings, build: Build
+) -> PreparedFlight:
+    """Return the problem of a flight with noise and times as identified."""
+    better = corrected(flight, settings, changes, build)
+    prepared = better.build(better.flight, better.settings)
     axes = None if changes.turn is None else changes.turn.axes
     return replace(_with_errors_and_notes(prepared, changes), axes=axes)
 

@@ -6,21 +6,29 @@ its data sheet's). Before as well: with the unit's clock off nothing tells the h
 the chain has no minimum about which noise could be identified, the heading stays open: what a
 flight contradicts so much is not known by it.
 
-A stretch is estimated with the noise and the times that the record up to its beginning told. What
-is estimated within it depends on nothing later: the method runs anew over all that came before.
+A stretch is estimated with the noise and the times that the record up to its beginning told, and,
+of a unit that is not as its sheet has it, with the doubt that the record leaves of its other noises
+(``noise.doubted``). What is estimated within it depends on nothing later: the method runs anew over
+all that came before.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.checks import NoSolutionError
+from fgnav.frontend.calibration_request import calibration_requests
 from fgnav.frontend.causal.truncation import truncated
 from fgnav.frontend.prepared import PreparedFlight, Stretch
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.identification.apply import with_findings
+from fgnav.identification.apply import corrected, with_findings
 from fgnav.identification.findings import FEWEST, Findings, findings
+from fgnav.identification.noise.doubted import is_doubted, mean_squares
+from fgnav.identification.noise.stated import unstated
+from fgnav.identification.notes import doubt_notes
 from fgnav.identification.time_tags import Build
 from fgnav.types.flight import Flight
 
@@ -101,10 +109,14 @@ def _doublings(from_s: float, after_s: float, until_s: float) -> list[float]:
 
 
 class Look(NamedTuple):
-    """What the record up to a time tells of noise and times; ``is_told``: nothing is in its way."""
+    """What the record up to a time tells of noise and times.
+
+    ``is_told``: nothing is in its way; ``doubted``: by what noises count that it leaves open.
+    """
 
     found: Findings | None
     is_told: bool = True
+    doubted: Mapping[str, float] = MappingProxyType({})
 
     def goes_on(self, before: "Look | None") -> bool:
         """Return whether noise is as stated, as by the look before."""
@@ -115,7 +127,9 @@ class Look(NamedTuple):
         if self.found is None:
             problem = build(flight, settings)
         else:
-            problem = with_findings(flight, settings, self.found, build)
+            factors = {**self.found.factors, **self.doubted}
+            problem = with_findings(flight, settings, self.found._replace(factors=factors), build)
+            problem = replace(problem, notes=(*problem.notes, *doubt_notes(self.doubted)))
         if self.is_told or problem.opening is None:
             return problem
         return replace(problem, opening=replace(problem.opening, until_s=np.inf))
@@ -131,7 +145,10 @@ def look(flight: Flight, settings: ProblemSettings, until_s: float, build: Build
         return Look(None)
     try:
         changes = findings(past, whole, prepared, build)
-        return Look(None if changes is None else changes.decided_by(until_s))
+        decided = None if changes is None else changes.decided_by(until_s)
+        if decided is None or prepared.problem.phase is not None:  # the chain has no arcs
+            return Look(decided)
+        return _with_doubt(_with_late_velocities(decided, past, whole), past, whole, build)
     except NoSolutionError:
         return Look(None, is_told=_is_open(prepared))
 
@@ -139,3 +156,26 @@ def look(flight: Flight, settings: ProblemSettings, until_s: float, build: Build
 def _is_open(prepared: PreparedFlight) -> bool:
     """Return whether nothing tells the heading, whatever noise is."""
     return prepared.opening is not None and prepared.opening.until_s == np.inf
+
+
+def _with_late_velocities(changes: Findings, past: Flight, settings: ProblemSettings) -> Findings:
+    """Return findings, velocities of fixes as late as they may be where the unit's clock is off.
+
+    By then their sum alone is known as a rule: what comes next tells them apart, and until then
+    either may be the other.
+    """
+    fixes, requested = past.fixes, settings.calibration
+    is_off = any(one.kind == "clock" and one not in requested for one in changes.calibration)
+    is_late = any(one.kind == "velocity-delay" for one in changes.calibration)
+    if fixes is None or fixes.v_n_mps is None or is_late or not is_off:
+        return changes
+    late = calibration_requests(["velocity-delay"])
+    return changes._replace(calibration=(*changes.calibration, *late))
+
+
+def _with_doubt(changes: Findings, past: Flight, settings: ProblemSettings, build: Build) -> Look:
+    """Return a look with what it leaves open of a unit that is not as its sheet has it."""
+    if not is_doubted(changes.factors, unstated(past)):
+        return Look(changes)
+    thinned = corrected(past, settings, changes, build).tested(np.zeros(2))
+    return Look(changes, doubted=mean_squares(thinned, changes.factors))

@@ -62,6 +62,21 @@ def noise_notes(imu: Imu | None, identified: Identified) -> tuple[str, ...]:
     return tuple(notes)
 
 
+def doubt_notes(doubted: Mapping[str, float]) -> tuple[str, ...]:
+    """Return a sentence on noises by which a unit counts that the record leaves open."""
+    listed = [
+        f"{_what(name)} as {factor:.2g} x what flight.toml states"
+        for name, factor in doubted.items()
+        if not name.endswith(AT_REST)
+    ]
+    if not listed:
+        return ()
+    return (
+        "The inertial unit is not as its data sheet has it, and the record so far leaves open how "
+        f"loud the rest of it is: {', '.join(listed)} until it tells.",
+    )
+
+
 def _cause(identified: Identified) -> str:
     """Return what may be wrong where the unit's noise is none."""
     others = dict.fromkeys(name for name in identified.names if name not in INERTIAL_NOISES)

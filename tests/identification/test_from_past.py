@@ -11,12 +11,13 @@ from fgnav.frontend.causal.truncation import truncated
 from fgnav.frontend.problem import build_problem
 from fgnav.identification.apply import with_findings
 from fgnav.identification.findings import Findings
-from fgnav.identification.from_past import Look, look, looks_s
+from fgnav.identification.from_past import Look, _with_late_velocities, look, looks_s
 from fgnav.identification.spans.span_fault import SpanFault
 from fgnav.methods.smoother import Forward
 from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
 from tests.frontend.standing import standing
+from tests.methods.driven import driven
 from tests.methods.simulated import errors_rad, nees
 from tests.methods.test_truncation import scenario
 from tests.robustness.drawn.flights import right_flight
@@ -111,6 +112,17 @@ def test_a_dozen_good_fixes_tell_a_loud_accelerometer(seed):
     loud = replace(flight, imu=replace(imu, f_b_mps2=f_b_mps2))
     told = look(loud, Forward().preparation, 13.0, build_problem)
     assert told.found.factors == {"accelerometer": pytest.approx(30.0, rel=0.5)}
+
+
+def test_where_the_clock_is_off_velocities_may_be_late_as_well_until_the_record_tells():
+    flight, settings = driven(97_022, late_s=0.1, span_s=90.0), Forward().preparation
+    by_then = look(flight, settings, 30.0, build_problem)
+    assert [one.kind for one in by_then.found.calibration] == ["clock", "velocity-delay"]
+    without = replace(flight, fixes=replace(flight.fixes, v_n_mps=None, velocity_sigma_mps=None))
+    changes = Findings({}, np.zeros(2), by_then.found.calibration[:1], ())
+    assert _with_late_velocities(changes, without, settings) is changes
+    asked = replace(settings, calibration=changes.calibration)
+    assert _with_late_velocities(changes, flight, asked) is changes
 
 
 def test_noise_is_looked_at_when_motion_tells_the_heading_and_as_that_motion_doubles():

@@ -31,7 +31,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, PPM
+from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE
+from fgnav.graph.delayed_kernel import PPM
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.problem import SmoothingProblem

@@ -80,9 +80,13 @@ def _searched_from(flight: ThinnedFlight, factors: dict[str, float], louder: flo
 
 def _prior(names: tuple[str, ...], is_stated: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Return mean and sigma of theta: usual figures are where it is zero."""
+    return np.zeros(len(names)), np.where(is_stated, TEST_SIGMA, figure_sigmas(names))
+
+
+def figure_sigmas(names: tuple[str, ...]) -> FloatArray:
+    """Return 1-sigmas of theta, (c,), of components that nobody stated, about usual figures."""
     is_walk = np.array([name.endswith("bias") for name in names])
-    sigma = np.where(is_stated, TEST_SIGMA, np.where(is_walk, _WALK_SIGMA, _WHITE_SIGMA))
-    return np.zeros(len(names)), sigma
+    return np.asarray(np.where(is_walk, _WALK_SIGMA, _WHITE_SIGMA))
 
 
 def _free(chain: LinearChain, begin: FloatArray, is_stated: BoolArray) -> Found:

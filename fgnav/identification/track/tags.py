@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.graph.delayed import PPM
+from fgnav.graph.delayed_kernel import PPM
 from fgnav.identification.tested_constants import Times
 from fgnav.types.flight import Flight, Imu
 
