@@ -67,8 +67,7 @@ def _with_findings(
         changes = findings(flight, settings, prepared, build)
     except NoSolutionError as error:
         note = f"Noise is as stated or, where it is not, usual: it could not be tested ({error})."
-        tests = () if prepared.opening is None else force_consistency(flight)
-        return replace(prepared, notes=(*prepared.notes, note), tests=tests)
+        return replace(prepared, notes=(*prepared.notes, note), tests=force_consistency(flight))
     if changes is None:
         return prepared
     if changes.is_as_stated:

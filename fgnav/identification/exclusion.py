@@ -8,6 +8,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
+from fgnav.identification.track.forces import NAME as FORCES
 from fgnav.types.estimate import Consistency, Rejected
 from fgnav.types.flight import Fixes, Flight, Imu, Seeker
 from fgnav.types.observations import Observations
@@ -50,9 +51,13 @@ def exclusions(flight: Flight, contradictory: tuple[Consistency, ...]) -> Iterat
         With contradictions, the worst first.
     """
     instruments = [one for one in contradictory if one.what in _INSTRUMENTS]
+    by_forces = tuple(one for one in contradictory if one.what == FORCES)
+    inertial = _without_inertial(flight, by_forces or contradictory)
+    if by_forces and inertial is not None:
+        yield inertial
+        inertial = None
     for one in instruments:
         yield of_instrument(flight, one)
-    inertial = _without_inertial(flight, contradictory)
     if inertial is not None and len(contradictory) > 1:
         yield inertial
     tried = {one.what for one in contradictory}
@@ -193,7 +198,8 @@ def _without_inertial(flight: Flight, contradictory: tuple[Consistency, ...]) ->
     inside = _inside(imu.t_s, spans)
     if inside.mean() > _LONGEST:
         return None
-    reason = f"{', '.join(one.what for one in contradictory)} contradict it: left out and bridged"
+    verb = "contradict" if len(contradictory) > 1 else "contradicts"
+    reason = f"{', '.join(one.what for one in contradictory)} {verb} it: left out and bridged"
     without = partial(_without_samples, spans=spans)
     return Exclusion(
         without(flight),

@@ -1,6 +1,6 @@
 """What a flight says of its noise, its times and its set-up that is to replace what it has."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
@@ -19,7 +19,8 @@ from fgnav.identification.array.choice import Turn, chosen_turn, with_boresight
 from fgnav.identification.array.places import Places, places_of, with_reference
 from fgnav.identification.array.turn import others_tell, request_of, sentence
 from fgnav.identification.exclusion import Exclusion
-from fgnav.identification.lasting.choice import Cause, likeliest_cause
+from fgnav.identification.lasting.arm import LEVER_ARM
+from fgnav.identification.lasting.choice import Cause, Lasting, likeliest_cause
 from fgnav.identification.lasting.lost_samples import LostSamples
 from fgnav.identification.late_forces import sentences, with_late_forces
 from fgnav.identification.late_velocities import with_late_velocities
@@ -234,23 +235,26 @@ def _likeliest_cause(search: TagSearch, prepared: PreparedFlight) -> Cause | Non
     def with_noise(factors: dict[str, float]) -> SmoothingProblem:
         return problem(search.build(with_factors(flight, factors), settings))
 
-    def others() -> Iterator[SmoothingProblem]:
-        has_velocities = flight.fixes is not None and flight.fixes.v_n_mps is not None
-        requested = [one.kind for one in settings.calibration]
-        for word in ("lever-arm", "velocity-delay") if has_velocities else ("lever-arm",):
-            if word not in requested:
-                more = calibration_requests([word])
-                free = replace(settings, calibration=(*settings.calibration, *more))
-                yield problem(search.build(flight, free))
+    def estimating(request: CalibrationRequest) -> SmoothingProblem:
+        alike = with_rates_of(settings, prepared.problem)
+        more = replace(alike, calibration=(*settings.calibration, request))
+        return problem(search.build(flight, more))
 
-    return likeliest_cause(problem(prepared), middle_of_tags_s(flight.imu), with_noise, others)
+    has_velocities = flight.fixes is not None and flight.fixes.v_n_mps is not None
+    words = ("lever-arm", "velocity-delay") if has_velocities else ("lever-arm",)
+    requested = [one.kind for one in settings.calibration]
+    others = calibration_requests([word for word in words if word not in requested])
+    middle_s = middle_of_tags_s(flight.imu)
+    return likeliest_cause(problem(prepared), middle_s, with_noise, estimating, others)
 
 
 def _notes(
     subject: _Subject, at_tags: AtTags, requests: tuple[CalibrationRequest, ...]
 ) -> tuple[str, ...]:
     """Return what is to be said of noise, of errors of satellites, and of constants."""
-    flight, identified = subject.search.flight, at_tags.identified
+    flight, identified, cause = subject.search.flight, at_tags.identified, subject.cause
+    if isinstance(cause, Lasting) and cause.error.kind == LEVER_ARM:
+        identified = replace(identified, arm=None)  # said already, by phases
     return (
         *noise_notes(flight.imu, identified),
         *satellite_error_notes(flight.gnss_noise, subject.errors),

@@ -8,6 +8,7 @@ from fgnav.checks import FloatArray
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.frontend.sensors.rest import AT_REST
 from fgnav.graph.types.motion import INERTIAL_NOISES
+from fgnav.identification.lasting import arm
 from fgnav.identification.likelihood.thinned import FIELDS
 from fgnav.identification.noise.identified import Identified
 from fgnav.types.estimate import Rejected
@@ -144,12 +145,7 @@ def constant_notes(
             "flight."
         )
     if identified.arm is not None and identified.arm.significant:
-        off = ", ".join(f"{x:+.3f}" for x in identified.arm.off)
-        sigma_m = ", ".join(f"{x:.3f}" for x in np.sqrt(np.diag(identified.arm.covariance)))
-        notes.append(
-            f"The antenna is off where flight.toml has it beside the inertial unit: {off} m along "
-            f"x_b, y_b, z_b (± {sigma_m} m); estimated with the flight."
-        )
+        notes.append(arm.sentence(identified.arm.off, identified.arm.covariance))
     return tuple(notes)
 
 

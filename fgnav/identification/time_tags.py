@@ -284,6 +284,21 @@ class TagSearch(NamedTuple):
             return _Likelihood(-np.inf)
         return _Likelihood(identified.likelihood, identified)
 
+    def gained(self, at_tags: AtTags, factors: dict[str, float]) -> float:
+        """Return by how much what a flight says is likelier than noise and times as stated.
+
+        Over the same measurements, less the odds of each contradiction. ``factors``: of the noise
+        that is not stated.
+        """
+        moved, stated = at_tags.moved, np.zeros(2)
+        likely = _Likelihood(at_tags.identified.likelihood)
+        at = self
+        if moved.any():
+            likely = self.without_clock(moved, (stated, moved))
+            at = self._replace(flight=over_common_span(self.flight, (0.0, float(moved[0]))))
+        as_stated = at._thinned(stated, ()).likelihood_at(factors)
+        return _less_odds(at_tags, likely) - as_stated
+
     def _tested_constants(
         self, *, clock: bool = True, delay: bool = True
     ) -> tuple[FlightConstant, ...]:

@@ -103,6 +103,18 @@ def test_the_unit_that_all_others_contradict_is_tried_first(flight):
     assert (rejected.what, rejected.from_s, rejected.until_s) == ("inertial samples", 7.0, 12.0)
 
 
+def test_forces_that_no_attitude_makes_agree_are_the_units(flight):
+    """Whatever else contradicts a solution that such forces draw away does so all along."""
+    all_along = consistency("magnetic field", (0.0, 20.0), throughout=True)
+    both = (consistency("specific force", (8.0, 9.0)), all_along)
+    first, second, *_ = exclusions(flight, both)
+    (rejected,) = first.rejected
+    assert (rejected.what, rejected.from_s, rejected.until_s) == ("inertial samples", 7.0, 10.0)
+    assert rejected.reason == "specific force contradicts it: left out and bridged"
+    assert first.flight.magnetometer is flight.magnetometer
+    assert second.rejected[0].what == "magnetic field"
+
+
 def test_the_exclusion_that_leaves_nothing_is_kept_and_said(flight):
     def again(changed):
         if changed.magnetometer is not flight.magnetometer:

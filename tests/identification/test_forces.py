@@ -23,7 +23,7 @@ def _force(flight, f_b_mps2):
     return replace(flight, imu=replace(flight.imu, f_b_mps2=f_b_mps2))
 
 
-@pytest.mark.parametrize("kind", ["fixes", "instruments"])
+@pytest.mark.parametrize("kind", ["fixes", "instruments", "raw"])
 def test_forces_of_right_flights_agree_within_their_noise(kind):
     flights = [right_flight(kind, seed) for seed in SEEDS]
     assert max(_nis(flight)[0] for flight in flights) < 2.25
@@ -40,8 +40,9 @@ def test_a_unit_turned_as_a_whole_feels_the_same_forces():
 
 
 @pytest.mark.parametrize("order", [(1, 0, 2), (0, 2, 1), (2, 0, 1)])
-def test_axes_exchanged_beside_the_gyroscope_contradict_throughout(order):
-    flight = right_flight("fixes", 61_000)
+@pytest.mark.parametrize("kind", ["fixes", "raw"])
+def test_axes_exchanged_beside_the_gyroscope_contradict_throughout(kind, order):
+    flight = right_flight(kind, 61_000)
     nis, (span,) = _nis(_force(flight, flight.imu.f_b_mps2[:, order]))
     assert nis > 10.0
     assert span.throughout
@@ -58,11 +59,15 @@ def test_without_velocities_or_gyroscope_nothing_is_tested():
     assert force_consistency(replace(flight, imu=None)) == ()
     places = replace(flight.fixes, v_n_mps=None, velocity_sigma_mps=None)
     assert force_consistency(replace(flight, fixes=places)) == ()
+    raw = right_flight("raw", 61_000)
+    seen = replace(raw.observations, doppler_hz=np.full_like(raw.observations.doppler_hz, np.nan))
+    assert force_consistency(replace(raw, observations=seen)) == ()
 
 
-def test_a_flight_whose_heading_is_open_for_that_reason_is_refused():
-    """Without the test level and sigma were wrong in silence: attitude NEES 173."""
-    flight = right_flight("fixes", 7346)
+@pytest.mark.parametrize(("kind", "number"), [("fixes", 7346), ("raw", 951000637 // 12)])
+def test_a_flight_whose_heading_is_open_for_that_reason_is_refused(kind, number):
+    """Without the test level and sigma were wrong: attitude NEES 173 in silence, 16 of raw data."""
+    flight = right_flight(kind, number)
     exchanged = _force(flight, flight.imu.f_b_mps2[:, [0, 2, 1]])
     with pytest.raises(NoSolutionError, match=r"specific force \(throughout"):
         Smoother()(exchanged)

@@ -10,9 +10,10 @@ from fgnav.identification.apply import with_findings
 from fgnav.identification.notes import exclusion_notes
 from fgnav.identification.spans.gross_errors import GrossError
 from fgnav.methods.smoother import Batch, Smoother
-from tests.identification.identified import SETTINGS, found_in
+from tests.identification.identified import SETTINGS, estimate_by, found_in
 from tests.methods.simulated import errors_rad, nees
 from tests.recordings import kitti
+from tests.robustness.drawn.dirty import dirty
 from tests.robustness.drawn.flights import right_flight
 
 FROM_S, UNTIL_S = 6.0, 9.0
@@ -62,6 +63,20 @@ def test_each_of_several_is_left_out():
     flight = shifted(shifted(right, OFF_M), np.array([-8.0, 4.0, 0.0]), 2.0, 2.4)
     spans = [(one.from_s, one.until_s) for one in found_in(flight).rejected]
     assert spans == [(2.0, 2.4), (FROM_S, UNTIL_S)]
+
+
+# Positions off by 3 m from a time on, or drifting off by .8 m/s: a clock and a delay of velocities
+# .1 s each way took them to other places along the path, attitude NEES 31 and 29.
+@pytest.mark.parametrize("seed", [951000260, 951000315])
+def test_places_that_are_off_are_no_clock_and_no_late_velocities(seed):
+    right = right_flight("fixes", seed // 12)
+    flight, _ = dirty(right, seed)
+    found = found_in(flight)
+    assert {one.what for one in found.rejected} == {"position"}
+    assert not found.moved.any()
+    assert found.calibration == ()
+    estimate = estimate_by(found, flight)
+    assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 10.0
 
 
 def test_positions_that_are_noisier_throughout_are_only_that():

@@ -9,6 +9,7 @@ from fgnav.frontend.problem import build_problem
 from fgnav.geometry.rotations import exp
 from fgnav.identification import findings as module_of_findings
 from fgnav.identification.findings import with_satellite_errors
+from fgnav.identification.lasting.arm import LEVER_ARM
 from fgnav.identification.lasting.choice import Lasting
 from fgnav.identification.lasting.clock import ClockOff
 from fgnav.identification.lasting.error import LastingError
@@ -45,6 +46,30 @@ def within(error, truth):
 
 def attitude_nees(right, estimate):
     return nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2)
+
+
+@pytest.mark.parametrize(
+    ("kind", "number", "off_m"),
+    [
+        # A clock 744 ppm slow: NEES 52; the arm gains 52 nats, the clock 12.
+        ("array", 77500010, [0.07, 0.06, -0.12]),
+        # The accelerometer's noise, 105 times, and an arm of .39 -1.63 .98 m: NEES 33.
+        ("raw", 77500028, [2.3, -3.5, 2.6]),
+    ],
+)
+def test_an_antenna_off_beside_the_unit_is_told_by_phases(kind, number, off_m):
+    right = right_flight(kind, number)
+    moved = tuple(
+        replace(one, position_b_m=one.position_b_m - np.array(off_m)) for one in right.antennas
+    )
+    flight = replace(right, antennas=moved)
+    found = found_in(flight)
+    assert found.cause.error.kind == LEVER_ARM
+    assert within(found.cause.error, off_m)
+    assert not found.moved.any()
+    assert "accelerometer" not in found.factors
+    assert sum("antenna is off" in note for note in found.notes) == 1
+    assert attitude_nees(right, estimate_by(found, flight)) < 5.0
 
 
 def test_a_landmark_that_is_off_is_not_the_accelerometers_noise():

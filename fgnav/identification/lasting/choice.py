@@ -6,7 +6,7 @@ hundredth of them nothing is said, and the constant has the second moment of bot
 ``share (c c' + C)``.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from scipy.special import expit
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.identification.lasting import field, sight, unit_axes
+from fgnav.identification.lasting import arm, field, sight, unit_axes
 from fgnav.identification.lasting.clock import ClockOff, clock_off
 from fgnav.identification.lasting.error import LastingError
 from fgnav.identification.lasting.lost_samples import LostSamples, lost_samples
@@ -63,7 +63,8 @@ class Lasting(NamedTuple):
         """What is to be estimated with the flight."""
         if self.is_of_axes or not self.is_likely:
             return ()
-        return (sight.request_of(self.error),)
+        of = arm if self.error.kind == arm.LEVER_ARM else sight
+        return (of.request_of(self.error),)
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -74,6 +75,8 @@ class Lasting(NamedTuple):
             return (unit_axes.sentence(self.error, self.share),)
         if self.is_of_axes:
             return (field.sentence(self.error, self.share),)
+        if self.error.kind == arm.LEVER_ARM:
+            return (arm.sentence(self.error.off, self.error.covariance),)
         return (sight.sentence(self.error),)
 
     @property
@@ -103,7 +106,8 @@ def likeliest_cause(
     problem: SmoothingProblem,
     middle_s: float,
     with_noise: Callable[[dict[str, float]], SmoothingProblem],
-    others: Callable[[], Iterator[SmoothingProblem]],
+    estimating: Callable[[CalibrationRequest], SmoothingProblem],
+    others: tuple[CalibrationRequest, ...],
 ) -> Cause | None:
     """Return what is off for a whole flight, or from some time on; None where nothing is.
 
@@ -114,8 +118,10 @@ def likeliest_cause(
         For which a clock's offset is stated.
     with_noise : callable
         From factors on the unit's white noise to the problem with these.
-    others : callable
-        To problems with lever arm or delay of velocities estimated.
+    estimating : callable
+        From what is to be estimated to the problem with it.
+    others : tuple of CalibrationRequest
+        Lever arm and delay of velocities, where they are not estimated.
     """
     try:
         stated = solve_batch(problem)
@@ -125,6 +131,7 @@ def likeliest_cause(
         *sight.sight_errors(problem, stated.cost),
         *unit_axes.unit_turns(problem, stated),
         *field.field_errors(problem, stated.cost),
+        *arm.arm_errors(problem, stated.cost, estimating),
     )
     errors = sorted(tested, key=lambda one: -one.nats)
     lost, clock = lost_samples(problem, stated), clock_off(problem, stated, middle_s)
@@ -135,7 +142,10 @@ def likeliest_cause(
     best = ordered[0]
     if is_misfit(problem, best.cost) or (best is clock and problem.phase is not None):
         return None
-    if best.nats <= _otherwise(problem, stated.cost, others):
+    rivals = (
+        one for one in others if not (isinstance(best, LastingError) and best.kind == one.kind)
+    )
+    if best.nats <= _otherwise(problem, stated.cost, map(estimating, rivals)):
         return None
     if best.nats <= noise_gain(white_noise_factors(problem, with_noise), with_noise):
         return None
@@ -143,6 +153,8 @@ def likeliest_cause(
         return best if best.nats > EXCLUDED else None
     if isinstance(best, ClockOff):
         return best
+    if best.kind == arm.LEVER_ARM and not best.is_likely:
+        return None
     share = 1.0
     if best.kind in _OF_AXES:
         of_other = [one.nats for one in errors if one.kind in _OF_AXES and one is not best]
@@ -152,7 +164,7 @@ def likeliest_cause(
 
 
 def _otherwise(
-    problem: SmoothingProblem, stated: float, others: Callable[[], Iterator[SmoothingProblem]]
+    problem: SmoothingProblem, stated: float, others: Iterable[SmoothingProblem]
 ) -> float:
     """Return what drifts, a lever arm or late velocities gain, the greatest.
 
@@ -164,7 +176,7 @@ def _otherwise(
     if drifts is not None:
         added = len(drifts.states.constants) - problem.constants.width
         gains.append((stated - drifts.cost) / 2 - added * each)
-    for one in others():
+    for one in others:
         added = one.constants.width - problem.constants.width
         with suppress(NoSolutionError):
             gains.append((stated - solve_batch(one).cost) / 2 - added * each)

@@ -32,7 +32,7 @@ from fgnav.solve.chain import solve_batch
 _ROUNDS = 20  # of noise at states, and states at noise
 _MOST_STEP = 1.2  # of theta, as of ``search``
 _SETTLED = 0.03  # of theta: 3 % of a standard deviation, as there
-_NODES = 5  # of the integral: a score that falls by 400 on the way is known to one in a thousand
+_NODES = 5  # of the integral of tr(C M), smooth and between none and all of the rows
 
 
 def white_noise_factors(
@@ -91,40 +91,29 @@ def profile_likelihood(problem: SmoothingProblem) -> float:
     return -(cost / factor + rows * float(np.log(factor))) / 2
 
 
-def noise_score(problem: SmoothingProblem) -> dict[str, float]:
-    """Return the derivatives of a whole problem's log likelihood by ln of each white noise.
-
-    Raises
-    ------
-    NoSolutionError
-        If it has no minimum.
-    """
-    scored = _scored(problem)
-    if scored is None:
-        raise NoSolutionError("noise: the problem has no minimum")
-    return dict(zip(scored.names, scored.gradient.tolist(), strict=True))
-
-
 def noise_gain(
     factors: dict[str, float], louder: Callable[[dict[str, float]], SmoothingProblem]
 ) -> float:
     """Return what white noises so many times as loud as stated gain of a whole problem.
 
-    Infinite where that has no minimum on the way.
+    Of the score the cost at the minimum tells r' C r; tr(C M), which is smooth, is summed on the
+    way. Infinite where there is no minimum.
     """
     if not factors:
         return 0.0
     theta = {name: float(np.log(factor)) for name, factor in factors.items()}
     places, weights = np.polynomial.legendre.leggauss(_NODES)
-    total = 0.0
-    for place, weight in zip((places + 1) / 2, weights / 2, strict=True):
-        on_the_way = {name: float(np.exp(place * one)) for name, one in theta.items()}
-        try:
-            score = noise_score(louder(on_the_way))
-        except NoSolutionError:
-            return np.inf
-        total += weight * sum(score[name] * one for name, one in theta.items())
-    return total
+    try:
+        costs = [_minimum(louder(by)).cost for by in ({}, factors)]
+        total = (costs[0] - costs[1]) / 2
+        for place, weight in zip((places + 1) / 2, weights / 2, strict=True):
+            on_the_way = {name: float(np.exp(place * one)) for name, one in theta.items()}
+            at = _minimum(louder(on_the_way))
+            redundancy = dict(zip(at.names, at.redundancy.tolist(), strict=True))
+            total -= weight * sum(redundancy[name] * one for name, one in theta.items())
+    except NoSolutionError:
+        return np.inf
+    return float(total)
 
 
 def _factors(names: tuple[str, ...], theta: FloatArray) -> dict[str, float]:
@@ -137,7 +126,8 @@ class _Scored(NamedTuple):
     names: tuple[str, ...]
     theta: FloatArray
     sigma: FloatArray
-    gradient: FloatArray  # of the log likelihood by these
+    squares: FloatArray  # r' C r
+    redundancy: FloatArray  # tr(C M)
     states: States
     cost: float  # at the minimum
 
@@ -161,8 +151,15 @@ def _scored(problem: SmoothingProblem, begin: States | None = None) -> _Scored |
     theta = np.log(squares[own].clip(1e-6) / redundancy[own].clip(1e-6)) / 2
     sigma = 1 / np.sqrt(((np.diag(4 * information) + 2 * redundancy) / 2)[own].clip(1e-6))
     names = tuple(parts.names[i] for i in own)
-    gradient = (squares - redundancy)[own]
-    return _Scored(names, theta, sigma, gradient, solution.states, solution.cost)
+    of_motion = squares[own], redundancy[own]
+    return _Scored(names, theta, sigma, *of_motion, solution.states, solution.cost)
+
+
+def _minimum(problem: SmoothingProblem) -> _Scored:
+    scored = _scored(problem)
+    if scored is None:
+        raise NoSolutionError("noise: the problem has no minimum")
+    return scored
 
 
 def is_misfit(problem: SmoothingProblem, cost: float) -> bool:

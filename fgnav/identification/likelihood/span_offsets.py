@@ -97,7 +97,7 @@ def of_biases(problem: SmoothingProblem, solution: Solution) -> tuple[Offset, ..
 def of_measurements(problem: SmoothingProblem, solution: Solution) -> tuple[Offset, ...]:
     """Return the likeliest offset of each measurement's residuals; parameters as above."""
     columns = _of_residuals(problem, solution)
-    return _of_record(_in_windows(problem.t_s, solution, columns, LEAST_S))
+    return _of_record(_in_windows(problem.t_s, solution, columns, LEAST_S, is_part=True))
 
 
 def measurements_against_unit(
@@ -109,7 +109,7 @@ def measurements_against_unit(
     enough, and ``each_nats`` are the odds against each in a span; parameters as above.
     """
     columns = _of_residuals(problem, solution), _of_unit(problem, solution)
-    measured = _in_windows(problem.t_s, solution, columns[0], 0.0, each_nats)
+    measured = _in_windows(problem.t_s, solution, columns[0], 0.0, each_nats, is_part=True)
     of_unit = _in_windows(problem.t_s, solution, columns[1], LEAST_S)
     pairs = zip(map(_greatest, measured), map(_greatest, of_unit), strict=True)
     return list(pairs), _overdispersion(measured, _CONTAMINATED)
@@ -136,13 +136,18 @@ def _of_residuals(problem: SmoothingProblem, solution: Solution) -> list["_Colum
     states, n, D = solution.states, len(problem.t_s), problem.width
     columns = []
     for one in problem.measurements:
-        which = np.flatnonzero(one.row < n - 1)
-        row, linear = one.row[which], one.linearise(states.at(one.row[which]), which)
+        linear = one.linearise(states.at(one.row), np.arange(len(one.row)))
         m, b = linear.value.shape[1], linear.shared.shape[2]
-        J, y = np.zeros((n - 1, m, 2 * D + b)), np.zeros((n - 1, m))
-        G = np.zeros((n - 1, m, m))
-        J[row, :, :D], J[row, :, 2 * D :] = linear.state, linear.shared
-        y[row], G[row] = -linear.value, _of_a_unit(one.name, linear, states.R_nb[row])
+        # Of each interval what is measured as it begins, of the last what is as it ends, too.
+        J, y = np.zeros((n - 1, 2, m, 2 * D + b)), np.zeros((n - 1, 2, m))
+        G = np.zeros((n - 1, 2, m, m))
+        end = (one.row == n - 1).astype(np.int64)
+        at = (one.row - end, end)
+        J[(*at, slice(None), slice(2 * D, None))] = linear.shared
+        for i in (0, 1):
+            J[one.row[end == i] - i, i, :, i * D : (i + 1) * D] = linear.state[end == i]
+        y[at], G[at] = -linear.value, _of_a_unit(one.name, linear, states.R_nb[one.row])
+        J, G, y = (x.reshape(n - 1, 2 * m, *x.shape[3:]) for x in (J, G, y))
         columns.append(_columns((one.name, SHAPES[0]), J, G, y))
     return columns
 
@@ -210,16 +215,22 @@ def _in_windows(
     columns: list[_Columns],
     least_s: float,
     each_nats: float = 0.0,
+    *,
+    is_part: bool = False,
 ) -> list[list[Offset]]:
-    """Return the likeliest offset of each among all spans of each window, ``least_s`` at least."""
+    """Return the likeliest offset of each among all spans of each window, ``least_s`` at least.
+
+    ``is_part``: and none that is all of the record.
+    """
     count = len(t_s) - 1
+    most = count - is_part
     windows = []
     for k in range(0, max(1, count - _WINDOW // 2), _WINDOW // 2):
         window = slice(k, min(k + _WINDOW, count))
         shared = _shared(solution, [one.effect[window] for one in columns], window)
         windows.append(
             [
-                _of_window(t_s, one, N, window, (least_s, each_nats))
+                _of_window(t_s, one, N, window, (least_s, most, each_nats))
                 for one, N in zip(columns, shared, strict=True)
             ]
         )
@@ -231,14 +242,14 @@ def _of_window(
     columns: _Columns,
     shared: FloatArray,
     window: slice,
-    prior: tuple[float, float],
+    prior: tuple[float, int, float],
 ) -> Offset:
     """Return the likeliest offset of a window.
 
-    ``shared`` is G' J P J' G, (w, g, w, g); ``prior``: how long a span is at least, s, and the odds
-    against each keyframe in it, nats.
+    ``shared`` is G' J P J' G, (w, g, w, g); ``prior``: how long a span is at least, s, and at most,
+    in intervals, and the odds against each keyframe in it, nats.
     """
-    least_s, each_nats = prior
+    least_s, most, each_nats = prior
     w, g = shared.shape[:2]
     N = -shared
     N[range(w), :, range(w)] += columns.squares[window]
@@ -249,8 +260,8 @@ def _of_window(
     sizes = np.concatenate([[0.0], squares.cumsum()])
     begin, end = np.triu_indices(w + 1, 1)
     times_s = t_s[window.start : window.stop + 1]
-    long = times_s[end] - times_s[begin] > least_s - _ROUNDING
-    begin, end = begin[long], end[long]
+    valid = (times_s[end] - times_s[begin] > least_s - _ROUNDING) & (end - begin <= most)
+    begin, end = begin[valid], end[valid]
     if len(begin) == 0:
         return Offset(
             columns.sensor, columns.shape, 0, 0, (0, 0), (0, 0), 0.0, np.zeros(g), np.eye(g)

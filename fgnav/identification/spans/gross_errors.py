@@ -39,13 +39,12 @@ from fgnav.identification.likelihood.thinned import Some, thinned
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
-from fgnav.identification.spans.unit_faults import anchored
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
 from fgnav.identification.track.tags import middle_of_tags_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.solve.chain import solve_batch
 from fgnav.types.estimate import Rejected
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Fixes, Flight
 
 _TIMES = 2  # that noise is identified without them
 _ROUNDS = 8  # at the same noise: of each window one gross error at a time
@@ -102,11 +101,14 @@ def without_gross_errors(
     if fixes is None or search.flight.observations is not None:
         return search, at_tags, errors
     for _ in range(_TIMES):
-        kinds = _suspect_kinds(at_tags.identified)
-        if not kinds or at_tags.identified.exceeds_noise.any():
+        identified = at_tags.identified
+        kinds = _suspect_kinds(identified)
+        is_off = bool(at_tags.moved.any() or identified.times.significant.any())
+        if identified.exceeds_noise.any() or not (kinds or is_off):
             break
         try:
             more = _gross_errors(search, at_tags, requests(search, at_tags), kinds)
+            more = more or (_instead(search, at_tags) if is_off else ())
             if not more:
                 break
             rest = search._replace(build=leaving_out(build, (*errors, *more)))
@@ -133,25 +135,57 @@ def _gross_errors(
         If the chain has no minimum.
     """
     flight, fixes, identified = search.flight, search.flight.fixes, at_tags.identified
-    if fixes is None:
+    if fixes is None or not kinds:
         return ()
     flight = with_tags_moved(flight, at_tags.moved, middle_of_tags_s(flight.imu))
     settings = replace(search.settings, calibration=requests)
     factors = _of_right_fixes(identified)
     prepared = search.build(with_factors(flight, factors), with_rest(settings, factors))
-    chain = anchored(thinned(prepared.problem, apart_s=0.0))
-    likely: tuple[_Likely, ...] = ()
-    for _ in range(_ROUNDS):
-        more = _likely(_without(chain, tuple(one.error for one in likely)), kinds, fixes.antenna)
-        if not more:
-            break
-        likely = (*likely, *more)
+    likely = _one_after_the_other(thinned(prepared.problem, apart_s=0.0), kinds, fixes, EXCLUDED)
     if not likely:
         return ()
     dense = ThinnedFlight.of(flight, search.build(flight, settings), (), apart_s=0.0)
     by_noise = dense.likelihood_at(identified.factors) - dense.likelihood_at(factors)
     by_errors = sum(one.nats for one in likely)
     return tuple(one.error for one in likely) if by_errors > by_noise else ()
+
+
+def _instead(search: TagSearch, at_tags: AtTags) -> tuple[GrossError, ...]:
+    """Return gross errors with which clock and velocities are in time, where that is likelier.
+
+    An offset that is the same all along a span is one event, however many fixes have it.
+
+    Raises
+    ------
+    NoSolutionError
+        If the chain has no minimum.
+    """
+    fixes, identified = search.flight.fixes, at_tags.identified
+    if fixes is None:
+        return ()
+    contradicted = identified.contradicted
+    factors = {one: by for one, by in identified.factors.items() if one not in contradicted}
+    flight, settings = with_factors(search.flight, factors), with_rest(search.settings, factors)
+    chain = thinned(search.build(flight, settings).problem)
+    each_nats = 1.0 / len(chain.t_s)  # of spans as likely the shorter: they end, of n, after n
+    likely = _one_after_the_other(chain, frozenset(_UNITS), fixes, each_nats)
+    if not likely or sum(one.nats for one in likely) <= search.gained(at_tags, factors):
+        return ()
+    return tuple(one.error for one in likely)
+
+
+def _one_after_the_other(
+    chain: SmoothingProblem, kinds: frozenset[str], fixes: Fixes, each_nats: float
+) -> tuple["_Likely", ...]:
+    """Return gross errors of a chain, the greatest first, then of what is left."""
+    likely: tuple[_Likely, ...] = ()
+    for _ in range(_ROUNDS):
+        rest = _without(chain, tuple(one.error for one in likely))
+        more = _likely(rest, kinds, fixes.antenna, each_nats)
+        if not more:
+            break
+        likely = (*likely, *more)
+    return likely
 
 
 class _Likely(NamedTuple):
@@ -183,23 +217,29 @@ def _of_right_fixes(identified: Identified) -> dict[str, float]:
     }
 
 
-def _likely(chain: SmoothingProblem, kinds: frozenset[str], antenna: str) -> tuple[_Likely, ...]:
-    """Return gross errors of a chain, the greatest of each window; none without a gyroscope."""
+def _likely(
+    chain: SmoothingProblem, kinds: frozenset[str], antenna: str, each_nats: float
+) -> tuple[_Likely, ...]:
+    """Return gross errors of a chain, the greatest of each window; none without a gyroscope.
+
+    ``each_nats``: the odds against each keyframe of a span, beside those against the span.
+    """
     if not isinstance(chain.motion, Inertial):
         return ()
     solution = solve_batch(chain, begin=solve_batch(chain).states)
     measured = tuple(one for one in chain.measurements if one.name in kinds)
     part = replace(chain, measurements=measured)
-    pairs, spread = measurements_against_unit(part, solution, EXCLUDED)
+    pairs, spread = measurements_against_unit(part, solution, each_nats)
     chosen = float(np.log(len(kinds) * _spans(len(chain.t_s), len(pairs))))
     taken: dict[int, _Likely] = {}
     for k in sorted(range(len(pairs)), key=lambda k: -pairs[k][0].gain):
         one, of_unit = pairs[k]
-        limit = EXCLUDED * (one.end - one.begin) + chosen
+        limit = max(each_nats * (one.end - one.begin), EXCLUDED) + chosen
         # Of windows that overlap the other is asked again, by what is left.
         if one.gain > max(spread * limit, of_unit.gain) and not {k - 1, k + 1} & taken.keys():
             size = float(np.linalg.norm(one.value))
-            from_s, until_s = float(chain.t_s[one.begin]), float(chain.t_s[one.end - 1])
+            last = one.end - (one.end < len(chain.t_s) - 1)  # the record's last is in its interval
+            from_s, until_s = float(chain.t_s[one.begin]), float(chain.t_s[last])
             error = GrossError(one.sensor, antenna, from_s, until_s, size)
             taken[k] = _Likely(error, one.gain - limit)
     return tuple(taken.values())

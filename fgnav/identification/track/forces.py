@@ -8,11 +8,12 @@ another time, leave more.
 
 import numpy as np
 
-from fgnav.attitude.flight_vectors import track_by_fixes
+from fgnav.attitude.flight_vectors import Track, track_of
 from fgnav.attitude.own_rotation import own_rotation
-from fgnav.checks import FloatArray
+from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.attitude.force_pairs import Integrated, Pairs, specific_forces
 from fgnav.frontend.faulty_samples import without_faulty
+from fgnav.gnss.single_point.solution import code_solution
 from fgnav.graph.innovation.band import contradictions, limit_of
 from fgnav.types.estimate import Consistency
 from fgnav.types.flight import Flight, Imu
@@ -25,24 +26,23 @@ NAME = "specific force"
 def force_consistency(flight: Flight) -> tuple[Consistency, ...]:
     """Return how far forces by velocities of fixes and by the unit disagree, at any attitude.
 
-    Empty without velocities or a gyroscope, or with too few spans.
+    Empty without velocities or a gyroscope, or with too few spans. Velocities are those of fixes,
+    or, of raw observations, by Doppler.
     """
-    fixes, imu = flight.fixes, flight.imu
-    if fixes is None or imu is None or imu.w_b_radps is None:
-        return ()
-    if fixes.v_n_mps is None or fixes.velocity_sigma_mps is None:
+    imu, moving = flight.imu, _moving(flight)
+    if moving is None or imu is None or imu.w_b_radps is None:
         return ()
     imu, _ = without_faulty(imu)
-    own, track = own_rotation(imu), track_by_fixes(fixes, flight.antenna(fixes.antenna))
+    own = own_rotation(imu)
     if own is None:
         return ()
+    track, sigma_mps = moving
     integrated = Integrated(imu, own, track.arm_b_m - imu.position_b_m)
     gravity_n_mps2 = flight.origin.gravity_n_mps2(track.p_n_m[:1])[0]
     pairs = next(specific_forces(integrated, track, _SPAN_S, gravity_n_mps2), None)
     if pairs is None or len(pairs.from_s) < _FEWEST:
         return ()
-    sigma_mps = np.sqrt((np.asarray(fixes.velocity_sigma_mps) ** 2).mean())
-    squared = _left(pairs, _variance(pairs, imu, float(sigma_mps)))
+    squared = _left(pairs, _variance(pairs, imu, sigma_mps))
     freedom = np.full(len(squared), 3)
     t_s = (pairs.from_s + pairs.until_s) / 2
     return (
@@ -56,6 +56,23 @@ def force_consistency(flight: Flight) -> tuple[Consistency, ...]:
             contradictions=contradictions(t_s, squared, freedom),
         ),
     )
+
+
+def _moving(flight: Flight) -> tuple[Track, float] | None:
+    """Return the track of an antenna and the 1-sigma of its velocities, if there are any."""
+    if flight.observations is not None:
+        try:
+            code = code_solution(flight)
+        except NoSolutionError:
+            return None
+        if code.velocity_covariance_m2ps2 is None:
+            return None
+        variances = code.velocity_covariance_m2ps2.trace(axis1=1, axis2=2) / 3
+        return track_of(flight), float(np.sqrt(np.nanmean(variances)))
+    fixes = flight.fixes
+    if fixes is None or fixes.v_n_mps is None or fixes.velocity_sigma_mps is None:
+        return None
+    return track_of(flight), float(np.sqrt((np.asarray(fixes.velocity_sigma_mps) ** 2).mean()))
 
 
 def _left(pairs: Pairs, variance: FloatArray) -> FloatArray:
