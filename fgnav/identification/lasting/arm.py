@@ -11,7 +11,10 @@ import numpy as np
 
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests, of_vehicle
+from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import States
 from fgnav.identification.lasting.error import LastingError
 from fgnav.solve.chain import solve_batch
 
@@ -20,7 +23,7 @@ LEVER_ARM = "lever-arm"
 
 def arm_errors(
     problem: SmoothingProblem,
-    stated: float,
+    stated: Solution,
     estimating: Callable[[CalibrationRequest], SmoothingProblem],
 ) -> tuple[LastingError, ...]:
     """Return what it is off; nothing without phases, where it is estimated, or without a minimum.
@@ -28,17 +31,17 @@ def arm_errors(
     Parameters
     ----------
     problem : SmoothingProblem
-    stated : float
-        Cost at its minimum.
+    stated : Solution
+        Its minimum, where the search begins.
     estimating : callable
         From what is to be estimated to the problem with it.
     """
     if problem.phase is None or problem.constants.column(LEVER_ARM) >= 0:
         return ()
     (request,) = calibration_requests([LEVER_ARM])
-    error = _error(request, stated, estimating)
+    error = _error(request, problem, stated, estimating)
     if error is not None and np.linalg.norm(error.off) > request.sigma:
-        error = _error(request_of(error), stated, estimating)
+        error = _error(request_of(error), problem, stated, estimating)
     return () if error is None else (error,)
 
 
@@ -61,14 +64,23 @@ def sentence(off_m: np.ndarray, covariance_m2: np.ndarray) -> str:
 
 def _error(
     request: CalibrationRequest,
-    stated: float,
+    problem: SmoothingProblem,
+    stated: Solution,
     estimating: Callable[[CalibrationRequest], SmoothingProblem],
 ) -> LastingError | None:
     try:
         free = estimating(request)
-        solution = solve_batch(free)
+        solution = solve_batch(free, begin=_at_minimum(problem.constants, stated.states, free))
     except NoSolutionError:
         return None
     if not solution.converged:
         return None
-    return LastingError.of(of_vehicle(request), free, stated, solution)
+    return LastingError.of(of_vehicle(request), free, stated.cost, solution)
+
+
+def _at_minimum(constants: Constants, states: States, free: SmoothingProblem) -> States:
+    """Return states of a problem's minimum for one with more constants."""
+    values = free.start.constants.copy()
+    for part in constants.parts:
+        values[free.constants.columns(part.name)] = states.constants[constants.columns(part.name)]
+    return states._replace(constants=values)

@@ -131,7 +131,7 @@ def likeliest_cause(
         *sight.sight_errors(problem, stated.cost),
         *unit_axes.unit_turns(problem, stated),
         *field.field_errors(problem, stated.cost),
-        *arm.arm_errors(problem, stated.cost, estimating),
+        *arm.arm_errors(problem, stated, estimating),
     )
     errors = sorted(tested, key=lambda one: -one.nats)
     lost, clock = lost_samples(problem, stated), clock_off(problem, stated, middle_s)
