@@ -34,6 +34,7 @@ BY_BIAS = 22, 40, 58
 FRAME, GRAVITY_POSITION, GRAVITY_VELOCITY, WHITE = 76, 85, 88, 91
 SUMS = 316
 _WIDTH, _STATE = 15, 9  # rotation, position, velocity, both biases
+_TERMS = 9  # of series: of a radian the tenth is 1e-21 of the first
 
 
 @kernel
@@ -165,19 +166,34 @@ def _one_step(
 
 @inner
 def _terms(square: float) -> tuple[FloatArray, FloatArray]:
-    """Return ``1 / 2! - x2 / 4! + ..``, of 3! and 4! as well, and their slopes over the angle x."""
+    """Return ``1 / 2! - x2 / 4! + ..``, of 3! and 4! as well, and their slopes over the angle x.
+
+    Of large angles in closed form: there terms of the series cancel, or never end.
+    """
     c, slope = np.zeros(3), np.zeros(3)
-    term, by_square, k = 0.5, -1 / 24, 0
-    while k < 2 or abs(term) > 1e-17:
+    if square > 1.0:
+        x = np.sqrt(square)
+        sine, versine = np.sin(x), 1.0 - np.cos(x)
+        c[0] = versine / square
+        c[1] = (x - sine) / (square * x)
+        c[2] = (square / 2 - versine) / square**2
+        slope[0] = (x * sine - 2 * versine) / square**2
+        slope[1] = (x * versine - 3 * (x - sine)) / (square**2 * x)
+        slope[2] = (x * (x - sine) - 4 * (square / 2 - versine)) / square**3
+        return c, slope
+    term, by_square = 0.5, -1 / 24
+    for k in range(_TERMS):
+        odd, even = 2 * k + 3, (2 * k + 3) * (2 * k + 4)
         c[0] += term
-        c[1] += term / (2 * k + 3)
-        c[2] += term / ((2 * k + 3) * (2 * k + 4))
-        term *= -square / ((2 * k + 3) * (2 * k + 4))
-        k += 1
-        slope[0] += 2 * k * by_square
-        slope[1] += 2 * k * by_square / (2 * k + 3)
-        slope[2] += 2 * k * by_square / ((2 * k + 3) * (2 * k + 4))
-        by_square *= -square / ((2 * k + 3) * (2 * k + 4))
+        c[1] += term / odd
+        c[2] += term / even
+        term *= -square / even
+        # The next term's slope.
+        odd, even = 2 * k + 5, (2 * k + 5) * (2 * k + 6)
+        slope[0] += 2 * (k + 1) * by_square
+        slope[1] += 2 * (k + 1) * by_square / odd
+        slope[2] += 2 * (k + 1) * by_square / even
+        by_square *= -square / even
     return c, slope
 
 

@@ -5,17 +5,17 @@ like noise of the unit.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
-from fgnav.checks import NoSolutionError
+from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests, of_vehicle
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.identification.lasting.error import LastingError
+from fgnav.identification.lasting.sight import request_of
 from fgnav.solve.chain import solve_batch
 
 LEVER_ARM = "lever-arm"
@@ -45,14 +45,7 @@ def arm_errors(
     return () if error is None else (error,)
 
 
-def request_of(error: LastingError) -> CalibrationRequest:
-    """Return what to estimate: as little known as it is large, and begun where it is."""
-    (request,) = calibration_requests([LEVER_ARM])
-    size = float(np.linalg.norm(error.off))
-    return replace(request, sigma=max(request.sigma, size), off=tuple(error.off.tolist()))
-
-
-def sentence(off_m: np.ndarray, covariance_m2: np.ndarray) -> str:
+def sentence(off_m: FloatArray, covariance_m2: FloatArray) -> str:
     """Return what is to be said of it, (3,), and its covariance, (3, 3)."""
     off = ", ".join(f"{x:+.3f}" for x in off_m)
     sigma_m = ", ".join(f"{x:.3f}" for x in np.sqrt(np.diag(covariance_m2)))

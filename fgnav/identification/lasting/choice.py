@@ -63,8 +63,7 @@ class Lasting(NamedTuple):
         """What is to be estimated with the flight."""
         if self.is_of_axes or not self.is_likely:
             return ()
-        of = arm if self.error.kind == arm.LEVER_ARM else sight
-        return (of.request_of(self.error),)
+        return (sight.request_of(self.error),)
 
     @property
     def sentences(self) -> tuple[str, ...]:

@@ -37,9 +37,11 @@ def by_gtsam(steps, row, earth_rate):
     return measured
 
 
-# Of slow turns, of a spin, and of two radians in a sub-step; an earth that turns a hundred times
-# as fast shows its part in velocities' noise.
-@pytest.mark.parametrize(("rate_radps", "step_s"), [(0.0, 0.01), (1.0, 0.01), (20.0, 0.1)])
+# Of slow turns, of one and two radians in a sub-step, and of forty. An earth that turns a hundred
+# times as fast shows its part in velocities' noise.
+@pytest.mark.parametrize(
+    ("rate_radps", "step_s"), [(0.0, 0.01), (1.0, 0.01), (10.0, 0.1), (20.0, 0.1), (400.0, 0.1)]
+)
 @pytest.mark.parametrize("earth_rate", [np.zeros(3), EARTH_N_RADPS, 100 * EARTH_N_RADPS])
 def test_sums_are_gtsams(rate_radps, step_s, earth_rate):
     steps = samples(rate_radps, step_s)
@@ -67,6 +69,16 @@ def test_sums_are_gtsams(rate_radps, step_s, earth_rate):
         whitened = W @ measured.residualCovariance() @ W.T
         np.testing.assert_allclose(whitened, np.eye(15), atol=1e-8)
         assert not np.tril(W, -1).any()
+
+
+def test_sums_of_rates_that_no_body_has_end():
+    steps = samples(1e150, 0.01)
+    j = len(steps[1])
+    rows = kernel.sums(
+        steps, np.zeros((j, 6)), np.tile(NOISES, (j, 1)), np.zeros((j, 3)), np.zeros(3)
+    )
+    R = rows[:, kernel.ROTATION : kernel.POSITION].reshape(-1, 3, 3)
+    np.testing.assert_allclose(R @ R.swapaxes(1, 2), np.tile(np.eye(3), (j, 1, 1)), atol=1e-9)
 
 
 def test_noises_add_up_to_the_whole():
