@@ -20,6 +20,7 @@ _CHUNK = 128  # keyframes linearised at once: 2 MB
 _ITERATIONS = 300  # in outages a search creeps along a valley: 143 where it took most
 _STEP_SIGMAS = 0.01  # a next Newton step below this share of every sigma: it is a minimum
 _NEAR = 1.0  # promised decreases below it shrink with their square, as Newton's do
+_KEPT = 0.75  # share of a promise that a good model keeps (Madsen et al., 2004, equation 2.20)
 _DAMPING, _MOST_DAMPING = 0.1, 1e8  # 1/rad2, first and last of Levenberg's on rotations
 
 
@@ -161,7 +162,10 @@ def solve_batch(
     What a Newton step promises of the cost is its squared length in the measure of the information:
     no state moves by more sigmas than its root. Near a minimum promises fall with their square, so
     the ratio of the last two bounds the next step, which need not be computed. Where the cost rises
-    rotations have gone too far, and information grows that they stay where they are.
+    rotations have gone too far, and information grows that they stay where they are; it shrinks
+    where a step kept its promise (Marquardt's rule), for where it did not the residuals' own
+    curvature outweighs their slopes', and a Newton step never leads to the minimum. Promises then
+    shrink in a ratio of their own, and what remains is the sum of their series.
 
     Parameters
     ----------
@@ -184,6 +188,7 @@ def solve_batch(
     states = problem.start if begin is None else begin
     arcs: tuple[FloatArray, ...] = ()
     linear, previous, damping, iterations = chain.solved(states), np.inf, 0.0, 1
+    is_kept = True  # the last promise, as far as any damping may be lowered
     if linear.arcs:  # linear: at once where states would have them, which changes the cost alone
         arcs = linear.arcs
         linear = linear._replace(cost=chain.cost(states, arcs))
@@ -191,19 +196,24 @@ def solve_batch(
         promised = max(linear.cost - linear.least, 0.0)  # of large costs it is rounding
         near = promised < min(previous, _NEAR) and previous < np.inf
         ratio = promised / previous if near else 1.0
-        if damping == 0.0 and promised * ratio < _STEP_SIGMAS**2:
-            return _solution(chain, states, linear, iterations, converged=True)
+        is_last = promised * ratio < _STEP_SIGMAS**2 * (1.0 if damping == 0.0 else 1.0 - ratio)
+        if is_last and damping == 0.0:
+            return _solution(chain, states, linear, iterations, is_short=True)
         trial = states.moved(linear.steps, linear.end[D : D + len(states.constants)])
-        lower = damping / 10 if damping > _DAMPING else 0.0
+        lower = damping / 10 if is_kept else damping
+        lower = 0.0 if is_last or lower < _DAMPING else lower
         tried = chain.solved(trial, lower, linear.arcs, most=linear.cost)
         iterations += 1
         if tried.cost <= linear.cost:
-            arcs = linear.arcs
-            states, linear, damping, previous = trial, tried, lower, promised
+            if is_last:  # Newton's own step leads elsewhere
+                return replace(_solution(chain, trial, tried, iterations), converged=True)
+            is_kept = linear.cost - tried.cost > _KEPT * promised
+            previous = promised if lower == damping else np.inf
+            arcs, states, linear, damping = linear.arcs, trial, tried, lower
         else:
-            damping, previous = max(10 * damping, _DAMPING), np.inf
+            is_kept, damping, previous = False, max(10 * damping, _DAMPING), np.inf
             linear = chain.solved(states, damping, arcs)
-    return _solution(chain, states, chain.solved(states, arcs=arcs), iterations, converged=False)
+    return _solution(chain, states, chain.solved(states, arcs=arcs), iterations)
 
 
 def covariance_at(problem: SmoothingProblem, states: States) -> Solution:
@@ -224,7 +234,7 @@ def covariance_at(problem: SmoothingProblem, states: States) -> Solution:
     """
     chain = _Chain(problem)
     linear = chain.solved(states)
-    solution = _solution(chain, states, linear, 1, converged=False)
+    solution = _solution(chain, states, linear, 1)
     return replace(solution, states=states, cost=linear.cost)
 
 
@@ -244,7 +254,7 @@ def constant_step(problem: SmoothingProblem, states: States) -> tuple[FloatArray
 
 
 def _solution(
-    chain: _Chain, states: States, linear: _Linear, iterations: int, *, converged: bool
+    chain: _Chain, states: States, linear: _Linear, iterations: int, *, is_short: bool = False
 ) -> Solution:
     """Return the end of a last step if that is known to be short or is, else where it begins."""
     n, D = linear.steps.shape
@@ -255,7 +265,7 @@ def _solution(
     chain.border.marginals(0, chain.gain, chain.root, linear.end_covariance, out)
     constant = linear.end_covariance[D : D + b, D : D + b]
     sigma = np.sqrt(np.einsum("nii->ni", covariance))
-    converged = converged or bool((np.abs(linear.steps) < _STEP_SIGMAS * sigma).all())
+    converged = is_short or bool((np.abs(linear.steps) < _STEP_SIGMAS * sigma).all())
     return Solution(
         states=states.moved(linear.steps, linear.end[D : D + b]) if converged else states,
         covariance=covariance,
