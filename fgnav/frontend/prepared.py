@@ -13,6 +13,7 @@ from fgnav.frontend.sensors.rest import Rest
 from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import Opening, SmoothingProblem
+from fgnav.graph.types.states import States
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Consistency, Rejected
 from fgnav.types.flight import Flight, Imu
@@ -85,6 +86,8 @@ class PreparedFlight:
         Seconds at rest.
     goes_on : Earlier or None
         What keyframes to come need of these.
+    minimum : States or None
+        Of ``problem``, where it has been sought.
     """
 
     problem: SmoothingProblem
@@ -109,6 +112,13 @@ class PreparedFlight:
     rest: Rest | None = None
     goes_on: Earlier | None = None
     arcs: tuple[ArcInteger, ...] = ()
+    minimum: States | None = None
+
+    @property
+    def from_minimum(self) -> SmoothingProblem:
+        """The problem, started at its minimum where that is known."""
+        start = self.minimum
+        return self.problem if start is None else replace(self.problem, start=start)
 
     def with_constants(self, parts: tuple[FlightConstant, ...]) -> "PreparedFlight":
         """Return the same with more constants, after those its problems have."""
@@ -136,6 +146,7 @@ class PreparedFlight:
         return replace(
             self,
             problem=by(self.problem),
+            minimum=None,
             windowed=by(self.windowed),
             in_motion=None if in_motion is None else by(in_motion),
             opening=None if opening is None else replace(opening, problem=by(opening.problem)),

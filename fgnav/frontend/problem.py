@@ -4,16 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray
+from fgnav.checks import BoolArray
 from fgnav.frontend.array.multipath import lasting_error
 from fgnav.frontend.array.shape import initial_shape, shape_at
 from fgnav.frontend.attitude.initial import attitude_prior
-from fgnav.frontend.attitude.rates import (
-    FORCE_SPAN_S,
-    mean_force_b_mps2,
-    rates_at,
-    slopes_at,
-)
+from fgnav.frontend.attitude.rates import timed_motion
 from fgnav.frontend.calibration_request import (
     constants_of,
     late_s,
@@ -27,6 +22,7 @@ from fgnav.frontend.gaps import gap_notes, spans
 from fgnav.frontend.heading_open import open_heading, until_motion
 from fgnav.frontend.measurements import Recorded, measurements_of
 from fgnav.frontend.motion import is_predicted, motion_of
+from fgnav.frontend.position.by_observations import LastObservations
 from fgnav.frontend.position.live_arcs import EarlierArcs
 from fgnav.frontend.position.phases import antenna_phase
 from fgnav.frontend.prepared import Earlier, PreparedFlight
@@ -36,23 +32,25 @@ from fgnav.frontend.sensors.sensed import Sensed, sense
 from fgnav.frontend.sensors.standstill import standing
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import Aligned, Tracked, aligned, inertial_record, moves_about, tracked
-from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.factors.antenna_phase import AntennaPhase
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.process.prediction import Turning
-from fgnav.types.flight import Flight, Imu, Seeker
+from fgnav.types.flight import Flight, Seeker
 
 
 def build_problem(
-    flight: Flight, settings: ProblemSettings, earlier: Earlier | None = None
+    flight: Flight,
+    settings: ProblemSettings,
+    earlier: Earlier | None = None,
+    last: LastObservations | None = None,
 ) -> PreparedFlight:
     """Return the smoothing problem of a flight: its GNSS epochs within the inertial record.
 
     Of a flight that goes on (``earlier``) keyframes of its last half minute provide what
-    later ones need of them.
+    later ones need of them. Problems of the same observations share them by ``last``.
 
     Raises
     ------
@@ -61,11 +59,13 @@ def build_problem(
     """
     requested = constants_of(settings.calibration, flight, gravity=settings.gravity is not None)
     inertial_record(flight.imu)
+    last = last or LastObservations()
     if settings.causal:
-        stage = causal_aligned(flight, settings, None if earlier is None else earlier.motion)
+        by = last.of(flight, settings)
+        stage = causal_aligned(flight, settings, by, None if earlier is None else earlier.motion)
     else:
         flight, requested = initial_shape(flight, requested, settings.resolver)
-        stage = aligned(flight, settings, requested)
+        stage = aligned(flight, settings, requested, last.of(flight, settings))
     track = tracked(flight, stage)
     imu, causal = stage.record.imu, settings.causal
     sensed = sense(flight, imu, stage.down, track.t_s, track.places_n_m, causal=causal)
@@ -228,32 +228,6 @@ def _recorded(
         gravity_n_mps2=track.gravity_n_mps2,
         measured_b_radps=stage.rates if stage.gyroscope else None,
         earth_rate_n_radps=flight.origin.earth_rate_n_radps,
-    )
-
-
-def timed_motion(
-    imu: Imu,
-    t_s: FloatArray,
-    gravity_n_mps2: FloatArray,
-    earth_rate_n_radps: FloatArray,
-    *,
-    causal: bool = False,
-    span_s: float = FORCE_SPAN_S,
-) -> TimedMotion:
-    """Return how a body moves at times, (n,); a clock's offset holds in the record's middle."""
-    w_b = imu.w_b_radps
-    rates = None if w_b is None else rates_at(imu.t_s, w_b, t_s, causal=causal)
-    before = mean_force_b_mps2(imu, t_s, rates, span_s=span_s)
-    middle_s = 0.0 if causal else float(imu.t_s[[0, -1]].mean())
-    return TimedMotion(
-        since_s=t_s - middle_s,
-        force_before_b_mps2=before,
-        force_after_b_mps2=before if causal else mean_force_b_mps2(imu, t_s, rates, after=True),
-        led=t_s - imu.t_s[0] > span_s - 1e-6,  # of rounding
-        measured_b_radps=rates,
-        slope_b_radps2=None if w_b is None else slopes_at(imu.t_s, w_b, t_s, causal=causal),
-        gravity_n_mps2=gravity_n_mps2,
-        earth_rate_n_radps=earth_rate_n_radps,
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from fgnav.attitude.own_rotation import own_rotation, spun
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
 from fgnav.frontend.array.float_arcs import FloatArcs, with_float_arcs
-from fgnav.frontend.attitude.alignment import align
+from fgnav.frontend.attitude.alignment import of_arrays, without_array
 from fgnav.frontend.attitude.epochs import Alignment, at_keyframes
 from fgnav.frontend.attitude.filling import interpolated_attitudes, zero_order_hold
 from fgnav.frontend.attitude.in_motion import EarlierMotion
@@ -22,6 +22,7 @@ from fgnav.frontend.gaps import (
     time_from_attitude_s,
 )
 from fgnav.frontend.position.antenna_motion import AntennaMotion, antenna_motion
+from fgnav.frontend.position.by_observations import ByObservations
 from fgnav.frontend.position.gate import InertialTrack, gated
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.geometry.rotations import log, transpose
@@ -41,6 +42,7 @@ class Aligned(NamedTuple):
     rates: FloatArray  # (n, 3), approximate
     epochs: int
     losses: tuple[Loss, ...]
+    by: ByObservations | None
     causal: bool = False
     R_open: FloatArray | None = None  # (n, 3, 3): level, the heading not known yet; causal only
 
@@ -91,7 +93,10 @@ def inertial_record(imu: Imu | None) -> Imu:
 
 
 def aligned(
-    flight: Flight, settings: ProblemSettings, requested: tuple[FlightConstant, ...]
+    flight: Flight,
+    settings: ProblemSettings,
+    requested: tuple[FlightConstant, ...],
+    by: ByObservations | None,
 ) -> Aligned:
     """Return attitudes at keyframes, each from its own epoch; integers may hold along arcs.
 
@@ -103,12 +108,15 @@ def aligned(
     imu, faulty = without_faulty(inertial_record(flight.imu))
     record = bridged(imu)
     down = None if settings.gravity is None else settings.gravity(flight)
-    epochs = align(flight, settings.resolver, settings.false_alarm, down)
+    if by is not None and len(flight.antennas) > 1:
+        epochs = of_arrays(flight, by.array)
+    else:
+        epochs = without_array(flight, down)
     start, count, losses = chosen_keyframes(record.imu, epochs)
     losses = (*faulty, *losses)
     start, float_arcs = _float_arcs(start, settings, requested)
     rates = rough_rates(record.imu, start.t_s, start.R_nb, start.own)
-    return Aligned(record, down, start, float_arcs, rates, count, losses)
+    return Aligned(record, down, start, float_arcs, rates, count, losses, by)
 
 
 def chosen_keyframes(
@@ -179,7 +187,7 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
     """
     record, start, causal = stage.record, stage.start, stage.causal
     t_s, own = start.t_s, start.own
-    antenna = antenna_motion(flight, record.imu, start, causal=causal)
+    antenna = antenna_motion(flight, record.imu, start, stage.by)
     position = antenna.position
     if position is None or not position.valid.any():
         raise NoSolutionError("position: neither code observations nor fixes at keyframes")

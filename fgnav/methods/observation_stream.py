@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fgnav.checks import BadInputError, NoSolutionError
+from fgnav.frontend.position.by_observations import LastObservations
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
@@ -223,7 +224,7 @@ class ObservationStream:
         self._looked_s = at_s
         flight = self._whole()
         settings, mended = self._method.preparation, self._judged.without(flight)
-        identified = look(mended, settings, at_s, build_problem)
+        identified = look(mended, settings, at_s, partial(build_problem, last=LastObservations()))
         is_first = len(self._spans) == 1 and self._spans[0].from_s == -np.inf
         if not is_first or identified != Look(None):
             self._spans.append(_Span(at_s, identified, GoingOn(flight)))

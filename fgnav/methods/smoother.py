@@ -5,6 +5,7 @@ it by block elimination in compiled code.
 """
 
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 from warnings import warn
@@ -13,6 +14,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, positive
 from fgnav.frontend.calibration_request import calibration_requests
+from fgnav.frontend.position.by_observations import LastObservations
 from fgnav.frontend.prepared import PreparedFlight, by_integers
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.recording import with_noise_of_record
@@ -224,13 +226,14 @@ class Smoother:
         if settings.noise == "identified" and flight.imu is not None:
             imu, notes = with_noise_of_record(flight.imu)
             flight = replace(flight, imu=imu) if notes else flight
-        prepared = build_problem(flight, settings)
+        build = partial(build_problem, last=LastObservations())
+        prepared = build(flight, settings)
         if settings.noise == "identified":
             from fgnav.identification.apply import (  # noqa: PLC0415  # lazy: the chain
                 with_identified_noise,
             )
 
-            prepared = with_identified_noise(flight, settings, prepared, build_problem)
+            prepared = with_identified_noise(flight, settings, prepared, build)
         if without_attitudes(prepared) and self.rate_prior is None:
             from fgnav.methods.smoothing.rate_identification import (  # noqa: PLC0415  # lazy: the chain
                 identified_by_evidence,
@@ -247,7 +250,14 @@ class Smoother:
             from fgnav.identification.from_past import stretches  # noqa: PLC0415  # lazy: the chain
 
             ahead_s = self.lag_s + 2 * BLOCK_S
-            spans = stretches(flight, settings, prepared, ahead_s, build_problem, since_s)
+            spans = stretches(
+                flight,
+                settings,
+                prepared,
+                ahead_s,
+                partial(build_problem, last=LastObservations()),
+                since_s,
+            )
             prepared = replace(prepared, stretches=spans)
         return replace(prepared, stretches=by_integers(flight, prepared, self._waits_s))
 

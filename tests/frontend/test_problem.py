@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fgnav.frontend.calibration_request import MEAN_RATE, calibration_requests
+from fgnav.frontend.position.by_observations import LastObservations
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.geometry import rotations
@@ -17,6 +18,7 @@ from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.states import States
 from fgnav.gravity import LowDynamics
+from fgnav.identification.noise.stated import with_factors
 from fgnav.identification.time_tags import with_rates_of
 from fgnav.identification.track.tags import with_tags_moved
 from fgnav.integers.resolvers.truth import Truth, attitude_at
@@ -319,6 +321,35 @@ def test_a_flight_is_not_kept_once_its_problem_is_built():
     gc.collect()
     assert known() is None
     assert len(prepared.problem.t_s) == 50
+
+
+class Counting:
+    """Integers of truth, and how often they were asked for."""
+
+    def __init__(self):
+        self.asked = 0
+
+    def __call__(self, differences, flight):
+        self.asked += 1
+        return Truth()(differences, flight)
+
+
+def test_problems_of_the_same_observations_share_their_integers_and_no_others():
+    flight, resolver, last = flown("demo", 5.0), Counting(), LastObservations()
+    settings = ProblemSettings(resolver=resolver, rate_prior=PRIOR)
+    louder = with_factors(flight, {"accelerometer": 3.0})
+    for one in (flight, louder):
+        shared, alone = build_problem(one, settings, last=last), build_problem(one, settings)
+        np.testing.assert_array_equal(shared.problem.start.p_n_m, alone.problem.start.p_n_m)
+        assert shared.losses == alone.losses
+        assert shared.imu is one.imu
+    assert resolver.asked == 2  # the second: of the other flight, alone
+    noise = dataclasses.replace(flight.gnss_noise, phase_m=2 * flight.gnss_noise.phase_m)
+    first, *others = flight.antennas
+    moved = dataclasses.replace(first, position_b_m=first.position_b_m + 0.01)
+    for change in ({"gnss_noise": noise}, {"antennas": (moved, *others)}):
+        build_problem(dataclasses.replace(flight, **change), settings, last=last)
+    assert resolver.asked == 4
 
 
 def test_phase_errors_that_stay_are_a_state_of_keyframes():

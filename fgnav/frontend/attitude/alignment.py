@@ -1,7 +1,7 @@
 """Attitudes of single epochs, where the smoother starts: of the array, or of other vectors."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -9,8 +9,8 @@ from fgnav.attitude.array import maximum_likelihood
 from fgnav.attitude.flight_vectors import measured_vectors, track_of
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
-from fgnav.frontend.array.adaptation import adapted
-from fgnav.frontend.array.pivot import pivot_losses, pivot_notes, pivot_views
+from fgnav.frontend.array.adaptation import AdaptedArray, adapted
+from fgnav.frontend.array.pivot import View, pivot_losses, pivot_notes, pivot_views
 from fgnav.frontend.attitude.carried import carried_attitudes
 from fgnav.frontend.attitude.epochs import OF_FORM, Alignment, Rows
 from fgnav.frontend.attitude.vector_alignment import VECTOR_SIGMA_RAD, vector_attitudes
@@ -20,65 +20,103 @@ from fgnav.gravity import GravityDirection
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
-from fgnav.types.integers import Resolver
+from fgnav.types.integers import Integers, Resolver
 
 
-def align(
-    flight: Flight,
-    resolver: Resolver,
-    false_alarm: float,
-    gravity: GravityDirection | None = None,
-) -> Alignment:
-    """Return single-epoch attitudes by the best means that the flight has.
+def without_array(flight: Flight, gravity: GravityDirection | None = None) -> Alignment:
+    """Return attitudes by motion beside a gyroscope, or of single epochs by other vectors.
 
     Parameters
     ----------
     flight : Flight
-    resolver : Resolver
-    false_alarm : float
     gravity : GravityDirection or None
-        A vector of epochs without an array.
+        A vector.
 
     Raises
     ------
     NoSolutionError
-        If it has neither an array nor a track.
+        If it has no track.
     """
-    if flight.observations is None or len(flight.antennas) < 2:
-        if flight.imu is not None and flight.imu.w_b_radps is not None:
-            carried = carried_attitudes(flight, flight.imu)
-            if carried.valid.any() or flight.seeker is None:
-                return carried
-        return vector_attitudes(flight, gravity)
-    return of_arrays(flight, resolver, false_alarm)
+    if flight.imu is not None and flight.imu.w_b_radps is not None:
+        carried = carried_attitudes(flight, flight.imu)
+        if carried.valid.any() or flight.seeker is None:
+            return carried
+    return vector_attitudes(flight, gravity)
 
 
-def of_arrays(
+class ArrayPhases(NamedTuple):
+    """Phases of an array by one reference antenna, their integers, and what agrees of them."""
+
+    differences: DoubleDifferences
+    integers: Integers
+    clean: AdaptedArray
+
+
+def array_phases(
     flight: Flight, resolver: Resolver, false_alarm: float, *, causal: bool = False
-) -> Alignment:
-    """Return attitudes of the array, by another reference where the first tracks nothing.
+) -> tuple[ArrayPhases | None, ...]:
+    """Return an array's phases by each view of ``pivot_views``; None where one has no integers.
 
-    Causal: each from its own epoch, integers and all.
+    Causal: each epoch by epochs up to it.
 
     Raises
     ------
     BadInputError
         If the resolver has no causal form, and needs one.
     NoSolutionError
-        If the array has no attitudes by the first reference.
+        If the first has none.
     """
-    first, *others = pivot_views(flight, causal=causal)
-    start = _of_array(first.flight, resolver, false_alarm, causal=causal)
-    for view in others:
+    phases: list[ArrayPhases | None] = []
+    for view in pivot_views(flight, causal=causal):
         try:
-            other = _of_array(view.flight, resolver, false_alarm, causal=causal)
-        except NoSolutionError:  # then these epochs stay without
+            differences, integers = resolve(view.flight, resolver, causal=causal)
+        except NoSolutionError:
+            if not phases:
+                raise
+            phases.append(None)  # then these epochs stay without
             continue
+        names = tuple(antenna.name for antenna in view.flight.antennas)
+        clean = adapted(differences, integers, names, false_alarm, causal=causal)
+        phases.append(ArrayPhases(differences, integers, clean))
+    return tuple(phases)
+
+
+def of_arrays(
+    flight: Flight, phases: tuple[ArrayPhases | None, ...], *, causal: bool = False
+) -> Alignment:
+    """Return attitudes of the array, by another reference where the first tracks nothing.
+
+    Causal: each from its own epoch, integers and all.
+
+    Parameters
+    ----------
+    flight : Flight
+    phases : tuple of ArrayPhases or None
+        Of these observations, see ``array_phases``.
+    causal : bool
+
+    Raises
+    ------
+    NoSolutionError
+        If an angle is open and the flight has no track.
+    """
+    views = pivot_views(flight, causal=causal)
+    parts: list[tuple[View, Alignment]] = []
+    for view, one in zip(views, phases, strict=True):
+        if one is None:
+            continue
+        try:
+            parts.append((view, _of_array(view.flight, one, causal=causal)))
+        except NoSolutionError:
+            if not parts:
+                raise
+    start = parts[0][1]
+    for view, other in parts[1:]:
         start = _completed_by(start, other, view.rows)
     return replace(
         start,
-        losses=pivot_losses((first, *others), start.losses),
-        notes=tuple(dict.fromkeys((*start.notes, *pivot_notes((first, *others))))),
+        losses=pivot_losses(views, start.losses),
+        notes=tuple(dict.fromkeys((*start.notes, *pivot_notes(views)))),
     )
 
 
@@ -107,11 +145,9 @@ def _completed_by(start: Alignment, other: Alignment, rows: IntArray) -> Alignme
     )
 
 
-def _of_array(flight: Flight, resolver: Resolver, false_alarm: float, *, causal: bool) -> Alignment:
-    differences, integers = resolve(flight, resolver, causal=causal)
-    names = tuple(antenna.name for antenna in flight.antennas)
-    clean = adapted(differences, integers, names, false_alarm, causal=causal)
-    attitude = clean.attitude
+def _of_array(flight: Flight, phases: ArrayPhases, *, causal: bool) -> Alignment:
+    differences, integers, clean = phases
+    names, attitude = tuple(antenna.name for antenna in flight.antennas), clean.attitude
     is_open = attitude.solved & attitude.open_axis_b.any(axis=1)
     if is_open.any():
         form = _with_vectors(flight, clean.form, differences.t_s, is_open, causal=causal)

@@ -5,6 +5,7 @@ import numpy as np
 from fgnav.attitude.own_rotation import OwnRotation, despun
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import log, transpose
+from fgnav.graph.delayed import TimedMotion
 from fgnav.types.flight import Imu
 
 _SLOPE_SPAN_S = 0.1  # ten samples of a usual unit, whose noise a shorter one would multiply
@@ -94,3 +95,29 @@ def angular_rates(t_s: FloatArray, R_nb: FloatArray) -> FloatArray:
     ahead = np.maximum(ahead, np.minimum(np.arange(len(t_s)) + 1, len(t_s) - 1))
     behind = np.minimum(behind, np.maximum(np.arange(len(t_s)) - 1, 0))
     return np.asarray((total[ahead] - total[behind]) / (t_s[ahead] - t_s[behind])[:, None])
+
+
+def timed_motion(
+    imu: Imu,
+    t_s: FloatArray,
+    gravity_n_mps2: FloatArray,
+    earth_rate_n_radps: FloatArray,
+    *,
+    causal: bool = False,
+    span_s: float = FORCE_SPAN_S,
+) -> TimedMotion:
+    """Return how a body moves at times, (n,); a clock's offset holds in the record's middle."""
+    w_b = imu.w_b_radps
+    rates = None if w_b is None else rates_at(imu.t_s, w_b, t_s, causal=causal)
+    before = mean_force_b_mps2(imu, t_s, rates, span_s=span_s)
+    middle_s = 0.0 if causal else float(imu.t_s[[0, -1]].mean())
+    return TimedMotion(
+        since_s=t_s - middle_s,
+        force_before_b_mps2=before,
+        force_after_b_mps2=before if causal else mean_force_b_mps2(imu, t_s, rates, after=True),
+        led=t_s - imu.t_s[0] > span_s - 1e-6,  # of rounding
+        measured_b_radps=rates,
+        slope_b_radps2=None if w_b is None else slopes_at(imu.t_s, w_b, t_s, causal=causal),
+        gravity_n_mps2=gravity_n_mps2,
+        earth_rate_n_radps=earth_rate_n_radps,
+    )

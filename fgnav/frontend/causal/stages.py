@@ -18,6 +18,7 @@ from fgnav.frontend.attitude.rates import rates_at
 from fgnav.frontend.attitude.vector_alignment import of_vectors
 from fgnav.frontend.faulty_samples import without_stuck_so_far
 from fgnav.frontend.gaps import bridged
+from fgnav.frontend.position.by_observations import ByObservations
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import Aligned, chosen_keyframes, inertial_record
 from fgnav.gravity import causal_gravity
@@ -25,7 +26,10 @@ from fgnav.types.flight import Flight
 
 
 def causal_aligned(
-    flight: Flight, settings: ProblemSettings, earlier: EarlierMotion | None = None
+    flight: Flight,
+    settings: ProblemSettings,
+    by: ByObservations | None,
+    earlier: EarlierMotion | None = None,
 ) -> Aligned:
     """Return attitudes at keyframes, each from its own epoch, integers and all.
 
@@ -42,7 +46,7 @@ def causal_aligned(
     record = bridged(imu, causal=True)
     imu = record.imu
     down = None if settings.gravity is None else causal_gravity(settings.gravity)(flight)
-    epochs = _epochs(flight, settings, earlier)
+    epochs = _epochs(flight, by, earlier)
     start, count, losses = chosen_keyframes(imu, epochs, causal=True, earlier=earlier)
     R_open = None
     if start.own is not None and not start.valid[0]:
@@ -53,13 +57,14 @@ def causal_aligned(
     if imu.w_b_radps is not None:
         rates = rates_at(imu.t_s, imu.w_b_radps, start.t_s, causal=True)
     no_arcs, losses = FloatArcs(stretch=stretch, count=0), (*faulty, *losses)
-    return Aligned(record, down, start, no_arcs, rates, count, losses, causal=True, R_open=R_open)
+    of_start = Aligned(record, down, start, no_arcs, rates, count, losses, by)
+    return of_start._replace(causal=True, R_open=R_open)
 
 
-def _epochs(flight: Flight, settings: ProblemSettings, earlier: EarlierMotion | None) -> Alignment:
+def _epochs(flight: Flight, by: ByObservations | None, earlier: EarlierMotion | None) -> Alignment:
     """Return attitudes by the array, by motion beside a gyroscope, or by other vectors."""
-    if flight.observations is not None and len(flight.antennas) > 1:
-        return of_arrays(flight, settings.resolver, settings.false_alarm, causal=True)
+    if by is not None and len(flight.antennas) > 1:
+        return of_arrays(flight, by.array, causal=True)
     imu = flight.imu
     if imu is None or imu.w_b_radps is None or flight.seeker is not None:
         track = track_of(flight, causal=True)

@@ -1,18 +1,17 @@
 """How antennas moved, at keyframes: phase, code and Doppler, or the receiver's own fixes."""
 
 from dataclasses import dataclass, replace
+from functools import partial, reduce
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
-from fgnav.frontend.array.pivot import pivot_views
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.frontend.matching import nearest, unused
+from fgnav.frontend.position.by_observations import AntennaRecord, ByObservations
 from fgnav.frontend.position.live_arcs import Observed
 from fgnav.frontend.position.series import VectorSeries
-from fgnav.gnss.single_point.partial_velocity import partial_velocities
-from fgnav.gnss.single_point.solution import code_solution
-from fgnav.gnss.undifferenced import undifferenced
+from fgnav.gnss.single_point.partial_velocity import PartialVelocity
 from fgnav.types.flight import Fixes, Flight, Imu
 
 
@@ -40,7 +39,7 @@ class AntennaMotion:
 
 
 def antenna_motion(
-    flight: Flight, imu: Imu, start: Alignment, *, causal: bool = False
+    flight: Flight, imu: Imu, start: Alignment, by: ByObservations | None
 ) -> AntennaMotion:
     """Return motion by phase, code and Doppler, or else by the receiver's fixes, at keyframes.
 
@@ -52,42 +51,34 @@ def antenna_motion(
     imu : Imu
     start : Alignment
         Attitudes at keyframes.
-    causal : bool
-        Whether velocities, as all else, are of epochs up to their own alone.
+    by : ByObservations or None
+        None of a flight without observations.
 
     Raises
     ------
     NoSolutionError
         If no antenna has a single code solution.
     """
-    if flight.observations is None:
+    if by is None:
         return _of_fixes(flight, imu, start.t_s)
-    motion: AntennaMotion | None = None
-    failure = None
-    for view in pivot_views(flight, causal=causal):
-        try:
-            one = _of_observations(view.flight, imu, start, causal=causal)
-        except NoSolutionError as error:
-            failure = failure or error
-            continue
-        motion = one if motion is None else _completed_by(motion, one, start)
-    if motion is None:
-        raise failure or NoSolutionError("position: no antenna has observations")
-    return motion
+    first, *others = (_of_record(one, imu, start) for one in by.antennas)
+    return reduce(partial(_completed_by, start=start), others, first)
 
 
-def _of_observations(flight: Flight, imu: Imu, start: Alignment, *, causal: bool) -> AntennaMotion:
-    code, antenna = code_solution(flight, causal=causal), flight.antennas[0]
+def _of_record(record: AntennaRecord, imu: Imu, start: Alignment) -> AntennaMotion:
+    antenna, code, directions, of = record
     arm_b_m = antenna.position_b_m - imu.position_b_m
     row, matched = nearest(code.t_s, start.t_s)
-    of = undifferenced(flight, base=flight.base is not None)
     at, same = nearest(of.t_s, start.t_s)
     phases = Observed(of, np.flatnonzero(same), at[same], arm_b_m, antenna.name)
     velocities: tuple[tuple[str, VectorSeries], ...] = ()
-    if code.v_n_mps is not None and code.velocity_covariance_m2ps2 is not None:
+    if (
+        directions is not None
+        and code.v_n_mps is not None
+        and code.velocity_covariance_m2ps2 is not None
+    ):
         velocity = _timed(code.v_n_mps, code.velocity_covariance_m2ps2, row, matched, arm_b_m)
-        velocity = _with_partial(velocity, flight, code.t_s, start.t_s, causal=causal)
-        velocities = ((antenna.name, velocity),)
+        velocities = ((antenna.name, _with_partial(velocity, directions, start.t_s)),)
     return AntennaMotion(
         position=_timed(code.p_n_m, code.position_noise_m2, row, matched, arm_b_m),
         velocities=velocities,
@@ -96,18 +87,15 @@ def _of_observations(flight: Flight, imu: Imu, start: Alignment, *, causal: bool
     )
 
 
-def _with_partial(
-    velocity: VectorSeries, flight: Flight, solved_s: FloatArray, t_s: FloatArray, *, causal: bool
-) -> VectorSeries:
+def _with_partial(velocity: VectorSeries, part: PartialVelocity, t_s: FloatArray) -> VectorSeries:
     """Take in directions of velocity at keyframes with too few satellites for a position."""
-    part = partial_velocities(flight, solved_s, causal=causal)
     if not len(part.t_s):
         return velocity
     at, same = nearest(part.t_s, t_s)
     same &= ~velocity.valid
-    value, partial = velocity.value.copy(), np.zeros((len(t_s), 3, 3))
-    value[same], partial[same] = part.v_n_mps[at[same]], part.root[at[same]]
-    return replace(velocity, value=value, partial=partial)
+    value, root = velocity.value.copy(), np.zeros((len(t_s), 3, 3))
+    value[same], root[same] = part.v_n_mps[at[same]], part.root[at[same]]
+    return replace(velocity, value=value, partial=root)
 
 
 def _of_fixes(flight: Flight, imu: Imu, t_s: FloatArray) -> AntennaMotion:

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
+from fgnav.frontend.attitude.rates import timed_motion
 from fgnav.frontend.gaps import gap_notes, spans
 from fgnav.frontend.prepared import PreparedFlight
-from fgnav.frontend.problem import timed_motion
 from fgnav.geometry.rotations import skew
 from fgnav.graph.delayed import CLOCK_OFFSET, on_gnss_time, without_surplus
 from fgnav.graph.types.constants import Constants

@@ -1,0 +1,112 @@
+"""What a flight's raw observations tell by themselves, once for all problems of the same ones.
+
+A flight whose unit is louder, later or turned, or of which more is estimated, is another problem of
+the same integers and code: these take most of the time that an array's problem takes.
+"""
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import NamedTuple
+
+from fgnav.checks import NoSolutionError
+from fgnav.frontend.array.pivot import pivot_views
+from fgnav.frontend.attitude.alignment import ArrayPhases, array_phases
+from fgnav.frontend.settings import ProblemSettings
+from fgnav.gnss.single_point.partial_velocity import PartialVelocity, partial_velocities
+from fgnav.gnss.single_point.solution import CodeSolution, code_solution
+from fgnav.gnss.undifferenced import Undifferenced, undifferenced
+from fgnav.types.flight import Flight
+from fgnav.types.instruments import Antenna
+from fgnav.types.integers import Resolver
+
+# What observations know nothing of, and the noise, which is compared by its values.
+_INSTRUMENTS = ("imu", "fixes", "seeker", "barometer", "magnetometer")
+_OTHERS = (*_INSTRUMENTS, "vehicle", "standstill", "initial", "gnss_noise")
+_OWN = tuple(one.name for one in fields(Flight) if one.name not in _OTHERS)
+
+
+class AntennaRecord(NamedTuple):
+    """What one antenna observed, without its attitude."""
+
+    antenna: Antenna
+    code: CodeSolution
+    partial: PartialVelocity | None  # None without Doppler
+    observed: Undifferenced
+
+
+@dataclass(frozen=True, eq=False)
+class ByObservations:
+    """Phases of a flight's array and records of its antennas.
+
+    Attributes
+    ----------
+    flight : Flight
+        With observations.
+    resolver : Resolver
+        Is not asked again where the unit or another sensor alone is changed.
+    false_alarm : float
+    causal : bool
+    """
+
+    flight: Flight
+    resolver: Resolver
+    false_alarm: float
+    causal: bool
+
+    @cached_property
+    def array(self) -> tuple[ArrayPhases | None, ...]:
+        """Phases of the array, see ``array_phases``."""
+        return array_phases(self.flight, self.resolver, self.false_alarm, causal=self.causal)
+
+    @cached_property
+    def antennas(self) -> tuple[AntennaRecord, ...]:
+        """Records of the reference antenna, then of those that stand in for it.
+
+        Raises
+        ------
+        NoSolutionError
+            If none has a single code solution.
+        """
+        records, failure = [], None
+        for view in pivot_views(self.flight, causal=self.causal):
+            try:
+                records.append(_record(view.flight, causal=self.causal))
+            except NoSolutionError as error:
+                failure = failure or error
+        if not records:
+            raise failure or NoSolutionError("position: no antenna has observations")
+        return tuple(records)
+
+    def serves_for(self, other: "ByObservations") -> bool:
+        """Return whether another flight's observations, and what is made of them, are the same."""
+        ours, theirs = (
+            (one.resolver, one.false_alarm, one.causal, one.flight.gnss_noise)
+            for one in (self, other)
+        )
+        same = all(getattr(self.flight, name) is getattr(other.flight, name) for name in _OWN)
+        return ours == theirs and same
+
+
+class LastObservations:
+    """What observations told last: problems of the same ones, built one by one, share it."""
+
+    def __init__(self) -> None:
+        self._by: ByObservations | None = None
+
+    def of(self, flight: Flight, settings: ProblemSettings) -> ByObservations | None:
+        """Return what a flight's observations tell; None without any."""
+        if flight.observations is None:
+            return None
+        by = ByObservations(flight, settings.resolver, settings.false_alarm, settings.causal)
+        if self._by is None or not self._by.serves_for(by):
+            self._by = by
+        return self._by
+
+
+def _record(flight: Flight, *, causal: bool) -> AntennaRecord:
+    code = code_solution(flight, causal=causal)
+    observed = undifferenced(flight, base=flight.base is not None)
+    partial = None
+    if code.v_n_mps is not None and code.velocity_covariance_m2ps2 is not None:
+        partial = partial_velocities(flight, code.t_s, causal=causal)
+    return AntennaRecord(flight.antennas[0], code, partial, observed)
