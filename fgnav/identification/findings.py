@@ -48,6 +48,7 @@ from fgnav.identification.time_tags import (
     with_rates_of,
 )
 from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags, with_tags_moved
+from fgnav.solve.chain import solve_batch
 from fgnav.types.estimate import Consistency, Rejected
 from fgnav.types.flight import Flight, Imu
 
@@ -188,7 +189,7 @@ def _subject(
         prepared = build(flight, settings)
     phase = prepared.problem.phase  # against a base errors of satellites are other ones
     errors = {} if phase is None or flight.base is not None else satellite_error_factors(phase)
-    prepared = with_satellite_errors(prepared, errors)
+    prepared = _with_minimum(with_satellite_errors(prepared, errors))
 
     def built(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
         return with_satellite_errors(build(flight, settings), errors)
@@ -207,6 +208,16 @@ def _subject(
     search = TagSearch(flight, settings, with_cause)
     subject = _Subject(search, with_cause(flight, settings), places, errors, cause)
     return subject if _is_likelier(subject, as_stated) else as_stated
+
+
+def _with_minimum(prepared: PreparedFlight) -> PreparedFlight:
+    """Return a problem beside phases with its minimum, near which are those of its variants."""
+    if prepared.problem.phase is None:  # thinned it costs little
+        return prepared
+    try:
+        return replace(prepared, minimum=solve_batch(prepared.problem).states)
+    except NoSolutionError:
+        return prepared
 
 
 def _is_likelier(subject: _Subject, as_stated: _Subject) -> bool:
@@ -230,7 +241,8 @@ def _likeliest_cause(search: TagSearch, prepared: PreparedFlight) -> Cause | Non
 
     def problem(prepared: PreparedFlight) -> SmoothingProblem:
         """Return the whole problem beside phases of arcs, which no thinned one has."""
-        return prepared.problem if prepared.problem.phase is not None else thinned(prepared.problem)
+        has_phases = prepared.problem.phase is not None
+        return prepared.from_minimum if has_phases else thinned(prepared.problem)
 
     def with_noise(factors: dict[str, float]) -> SmoothingProblem:
         return problem(search.build(with_factors(flight, factors), settings))
@@ -363,7 +375,7 @@ def _beside_phases(
     ``is_mended``: whether the subject's own problem is another by now.
     """
     identified, moved = at_tags.identified, at_tags.moved
-    problem, requests = subject.prepared.problem, _requests(search, at_tags)
+    problem, requests = subject.prepared.from_minimum, _requests(search, at_tags)
     if problem.phase is None:
         return at_tags
     flight, settings = search.flight, replace(search.settings, calibration=requests)

@@ -123,7 +123,7 @@ class TagSearch(NamedTuple):
             return search.identified(moved, turn)
         clock = None
         if prepared.problem.phase is not None:
-            clock = clock_off(prepared.problem, middle_of_tags_s(self.flight.imu), moved)
+            clock = clock_off(prepared.from_minimum, middle_of_tags_s(self.flight.imu), moved)
         if clock is not None:  # phases tell it best
             identified = identified.with_clock(clock.value, clock.sigma)
         elif not is_far(self.flight, identified.times):

@@ -52,6 +52,7 @@ def white_noise_factors(
         return {}
     if not (found.is_beyond(found.theta).any() or is_misfit(problem, found.cost)):
         return {}
+    begin = found.states
     theta = np.full(len(found.names), np.log(ABOVE))  # whoever is faint takes nothing
     for _ in range(_ROUNDS):
         found = _scored(changed(_factors(found.names, theta)), found.states)
@@ -67,7 +68,7 @@ def white_noise_factors(
     # Of a few keyframes a likelihood may be flat below a minimum that is sharp: sigma is none.
     # What is left of all is of a free variance factor, as in ``profile_likelihood``.
     beyond = max(found.cost / measured_rows(problem), 1.0)
-    return factors if noise_gain(factors, changed) > EXCLUDED * beyond else {}
+    return factors if noise_gain(factors, changed, begin) > EXCLUDED * beyond else {}
 
 
 def profile_likelihood(problem: SmoothingProblem) -> float:
@@ -92,25 +93,28 @@ def profile_likelihood(problem: SmoothingProblem) -> float:
 
 
 def noise_gain(
-    factors: dict[str, float], louder: Callable[[dict[str, float]], SmoothingProblem]
+    factors: dict[str, float],
+    louder: Callable[[dict[str, float]], SmoothingProblem],
+    begin: States | None = None,
 ) -> float:
     """Return what white noises so many times as loud as stated gain of a whole problem.
 
     Of the score the cost at the minimum tells r' C r; tr(C M), which is smooth, is summed on the
-    way. Infinite where there is no minimum.
+    way, each minimum sought from the one before. Infinite where there is none.
     """
     if not factors:
         return 0.0
     theta = {name: float(np.log(factor)) for name, factor in factors.items()}
     places, weights = np.polynomial.legendre.leggauss(_NODES)
     try:
-        costs = [_minimum(louder(by)).cost for by in ({}, factors)]
-        total = (costs[0] - costs[1]) / 2
+        at = _minimum(louder({}), begin)
+        total = at.cost / 2
         for place, weight in zip((places + 1) / 2, weights / 2, strict=True):
             on_the_way = {name: float(np.exp(place * one)) for name, one in theta.items()}
-            at = _minimum(louder(on_the_way))
+            at = _minimum(louder(on_the_way), at.states)
             redundancy = dict(zip(at.names, at.redundancy.tolist(), strict=True))
             total -= weight * sum(redundancy[name] * one for name, one in theta.items())
+        total -= _minimum(louder(factors), at.states).cost / 2
     except NoSolutionError:
         return np.inf
     return float(total)
@@ -155,8 +159,8 @@ def _scored(problem: SmoothingProblem, begin: States | None = None) -> _Scored |
     return _Scored(names, theta, sigma, *of_motion, solution.states, solution.cost)
 
 
-def _minimum(problem: SmoothingProblem) -> _Scored:
-    scored = _scored(problem)
+def _minimum(problem: SmoothingProblem, begin: States | None) -> _Scored:
+    scored = _scored(problem, begin)
     if scored is None:
         raise NoSolutionError("noise: the problem has no minimum")
     return scored
