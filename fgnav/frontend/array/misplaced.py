@@ -12,7 +12,7 @@ import numpy as np
 
 from fgnav.attitude.array import AttitudeSolution
 from fgnav.checks import FloatArray
-from fgnav.frontend.array.shape import baseline_information
+from fgnav.frontend.array.shape import AT_ONCE, baseline_information
 from fgnav.geometry.rotations import skew
 from fgnav.graph.correlation import correlated
 from fgnav.graph.innovation.band import TOLERATED
@@ -88,9 +88,27 @@ def _scores(
     rows = np.flatnonzero(attitude.solved & (attitude.degrees_of_freedom > 0))
     if len(rows) < _FEWEST:
         return None
-    J, h = (part[rows] for part in baseline_information(differences, ranges_m))
-    R_nb, arms_b_m = attitude.R_nb[rows], differences.baselines_b_m
-    b, n = len(arms_b_m), len(rows)
+    a = 3 * len(differences.baselines_b_m) + 3
+    g, N = np.empty((len(rows), a)), np.empty((len(rows), a, a))
+    for first in range(0, len(rows), AT_ONCE):
+        part = slice(first, first + AT_ONCE)
+        at = rows[part]
+        g[part], N[part] = _of_places(differences[at], ranges_m[at], attitude.R_nb[at])
+    return _Scores(
+        g=g,
+        N=N,
+        squares=float(attitude.chi_square[rows].sum()),
+        freedom=int(attitude.degrees_of_freedom[rows].sum()),
+    )
+
+
+def _of_places(
+    differences: DoubleDifferences, ranges_m: FloatArray, R_nb: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return score, (n, 3 a), and information, (n, 3 a, 3 a), beside attitudes of every epoch."""
+    J, h = baseline_information(differences, ranges_m)
+    arms_b_m = differences.baselines_b_m
+    b, n = len(arms_b_m), len(R_nb)
     u = (R_nb @ arms_b_m.T).swapaxes(1, 2).reshape(n, -1)
     slope = h - np.einsum("nij,nj->ni", J, u)
     by_turn = -(R_nb[:, None] @ skew(arms_b_m)).reshape(n, -1, 3)
@@ -101,12 +119,7 @@ def _scores(
     turned = by_turn.swapaxes(1, 2) @ J
     taken = np.linalg.pinv(turned @ by_turn, hermitian=True) @ (turned @ by_place)
     remainder = by_place - by_turn @ taken
-    return _Scores(
-        g=np.einsum("nji,nj->ni", remainder, slope),
-        N=remainder.swapaxes(1, 2) @ J @ remainder,
-        squares=float(attitude.chi_square[rows].sum()),
-        freedom=int(attitude.degrees_of_freedom[rows].sum()),
-    )
+    return np.einsum("nji,nj->ni", remainder, slope), remainder.swapaxes(1, 2) @ J @ remainder
 
 
 def _fit(scores: _Scores, antennas: list[int]) -> _Fit:

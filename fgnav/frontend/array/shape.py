@@ -20,7 +20,7 @@ from fgnav.types.flight import Flight
 from fgnav.types.integers import Resolver, fixed_ranges_m
 
 _NOTHING = 1e-10  # relative eigenvalue: rounding
-_AT_ONCE = 2000  # epochs: 100 MB
+AT_ONCE = 200  # epochs: 10 MB
 _ITERATIONS = 20
 _STEP_M = 1e-5
 _MISFIT = 4.0  # times the median: an epoch with wrong integers
@@ -93,8 +93,8 @@ def baseline_information(
     """
     n, b, _ = ranges_m.shape
     information, vector = np.zeros((n, 3 * b, 3 * b)), np.zeros((n, 3 * b))
-    for first in range(0, n, _AT_ONCE):
-        part = slice(first, first + _AT_ONCE)
+    for first in range(0, n, AT_ONCE):
+        part = slice(first, first + AT_ONCE)
         joint = np.zeros((len(ranges_m[part]), 3 * b + 1, 3 * b + 1))
         for g in range(int(differences.group.max(initial=-1)) + 1):
             _add_group(joint, differences, ranges_m[part], part, g)

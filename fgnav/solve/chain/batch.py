@@ -42,18 +42,19 @@ class _Chain:
     ----------
     root : ndarray, shape (n, D, D)
     gain : ndarray, shape (n - 1, D, D + b + 1)
-        See ``kernel``; of the states solved last.
+        See ``kernel``; of the states solved last, or of their last chunk alone.
     """
 
-    def __init__(self, problem: SmoothingProblem) -> None:
-        self._problem = problem
+    def __init__(self, problem: SmoothingProblem, *, of_all: bool = True) -> None:
+        self._problem, self._of_all = problem, of_all
         n, D, b = len(problem.t_s), problem.width, problem.constants.width
         self.border = Border(problem.phase)
         for row in range(n):
             self.border.append(row)
         beside = self.border.width
-        self.root = np.zeros((n, D, D))
-        self.gain = np.empty((n - 1, D, D + b + beside + 1))
+        kept = n if of_all else min(n, _CHUNK + 1)
+        self.root = np.zeros((kept, D, D))
+        self.gain = np.empty((kept - 1, D, D + b + beside + 1))
         self._links = Links.empty(min(n, _CHUNK + 1), D, b, beside)
         self._stacked: dict[int, StackedRows | None] = {}  # by the chunk's first keyframe
         self._prior = Prior.of(problem)
@@ -77,22 +78,38 @@ class _Chain:
         NoSolutionError
             Naming the state that the data leave open, and when.
         """
-        self.border.linearise(arcs)
-        cost, information = self._eliminated(states, damping, most)
+        cost, least, end, covariance = self.newest(states, damping, arcs, most)
         if cost > most:
             return _Linear(cost, cost, *(np.empty(0),) * 3, ())
+        steps = np.empty((len(self.root), states.width))
+        self.border.substitute(self.gain, end, steps)
+        moved = self.border.moved()
+        return _Linear(cost, least, steps, end, covariance, moved)
+
+    def newest(
+        self,
+        states: States,
+        damping: float = 0.0,
+        arcs: Sequence[FloatArray] = (),
+        most: float = np.inf,
+    ) -> tuple[float, float, FloatArray, FloatArray]:
+        """Return cost, least cost, and the step of the last state and the constants, ± covariance.
+
+        See ``solved``.
+        """
+        self.border.linearise(arcs)
+        cost, information = self._eliminated(states, damping, most)
         end = np.empty(len(information) - 1)
         covariance = np.empty((len(end), len(end)))
+        if cost > most:
+            return cost, cost, end, covariance
         least = back_kernel.newest(information, covariance, end)
         if not np.isfinite(least):
             if self._by_rows:
                 raise self._open(information, -1)
             self._by_rows = True  # for good: squares have not digits enough
-            return self.solved(states, damping, arcs, most)
-        steps = np.empty((len(self.root), states.width))
-        self.border.substitute(self.gain, end, steps)
-        moved = self.border.moved()
-        return _Linear(cost, float(least), steps, end, covariance, moved)
+            return self.newest(states, damping, arcs, most)
+        return cost, float(least), end, covariance
 
     def _open(self, information: FloatArray, k: int) -> NoSolutionError:
         problem = self._problem
@@ -108,7 +125,7 @@ class _Chain:
 
         Until the cost exceeds ``most``.
         """
-        forward, turns, cost = self._forward, np.arange(len(self.root))[ROTATION], self.border.cost
+        forward, turns, cost = self._forward, np.arange(states.width)[ROTATION], self.border.cost
         for first, entering in self._linearised(states):
             cost += entering.cost()
             if cost > most:
@@ -120,7 +137,8 @@ class _Chain:
                 continue
             begin, count = first - 1, len(entering.node)
             motion, node = (part[: count + 1] for part in self._links)
-            parts = (motion, node, forward[: count + 1], self.root[begin:], self.gain[begin:])
+            kept = slice(begin if self._of_all else 0, None)
+            parts = (motion, node, forward[: count + 1], self.root[kept], self.gain[kept])
             failed = self.border.eliminate(parts, 0, by_rows=self._by_rows, offset=begin)
             if failed >= 0:
                 raise self._open(forward[failed], begin + failed)
@@ -132,7 +150,7 @@ class _Chain:
 
         What entered before the first of a chunk is overwritten.
         """
-        links, n = self._links, len(self.root)
+        links, n = self._links, len(self._problem.t_s)
         rows, none = np.zeros(1, np.int64), states.at(slice(0, 0))
         phases = self._phases_of(rows)
         linearise(self._problem, rows, states.at(rows), none, links, rows, phases, self._prior)
@@ -246,11 +264,9 @@ def constant_step(problem: SmoothingProblem, states: States) -> tuple[FloatArray
     NoSolutionError
         Naming the state that the data leave open, and when.
     """
-    chain, own = _Chain(problem), slice(problem.width, problem.width + problem.constants.width)
-    linear = chain.solved(states)
-    if linear.arcs:
-        linear = chain.solved(states, arcs=linear.arcs)
-    return linear.end[own], linear.end_covariance[own, own]
+    own = slice(problem.width, problem.width + problem.constants.width)
+    _, _, end, covariance = _Chain(problem, of_all=False).newest(states)
+    return end[own], covariance[own, own]
 
 
 def _solution(

@@ -5,7 +5,7 @@ import pytest
 
 from fgnav.checks import NoSolutionError
 from fgnav.solve.chain import batch, kernel
-from fgnav.solve.chain.batch import log_evidence, solve_batch
+from fgnav.solve.chain.batch import constant_step, log_evidence, solve_batch
 from tests.solve.chain.linear_flight import dense, random_problem
 
 CASES = [(6, 2), (12, 3), (12, 0), (6, 24)]
@@ -55,6 +55,18 @@ def test_chunks_leave_no_seam(monkeypatch):
     parts = solve_batch(problem)
     np.testing.assert_allclose(parts.states.aux, whole.states.aux, rtol=0, atol=1e-9)
     np.testing.assert_allclose(parts.covariance, whole.covariance, rtol=1e-8, atol=1e-12)
+
+
+@pytest.mark.parametrize("chunk", [5, 128])
+def test_constants_step_as_the_dense_normal_equations_say(monkeypatch, chunk):
+    monkeypatch.setattr(batch, "_CHUNK", chunk)
+    problem = random_problem(23, 6, 3)
+    H, g, _ = dense(problem, problem.start)
+    step, covariance = constant_step(problem, problem.start)
+    P = np.linalg.inv(H)
+    np.testing.assert_allclose(covariance, P[-3:, -3:], rtol=1e-6, atol=1e-9)
+    sigma = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(step / sigma, -np.linalg.solve(H, g)[-3:] / sigma, rtol=1e-6)
 
 
 def test_a_far_beginning_ends_in_the_same_minimum():
