@@ -210,20 +210,15 @@ def searched_again(
 
 
 def agreeing(
-    quadratic: RotationQuadratic, solution: AttitudeSolution | None = None
+    quadratic: RotationQuadratic,
 ) -> tuple[RotationQuadratic, AttitudeSolution, tuple[str, ...]]:
     """Return the form, its attitudes and a note, the noise changed to what residuals ask for.
 
     Multipath on a body is often louder than the receiver's data sheet: every epoch would fail the
     chi-square test, and every covariance would be too small. A usual figure in the place of a
     receiver's own may be too large as well.
-
-    Parameters
-    ----------
-    solution : AttitudeSolution, optional
-        Its ``maximum_likelihood``, if that is known.
     """
-    solution = maximum_likelihood(quadratic) if solution is None else solution
+    solution = maximum_likelihood(quadratic)
     factor = solution.variance_factor()
     if factor == 1.0:
         return quadratic, solution, ()

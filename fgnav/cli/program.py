@@ -46,7 +46,7 @@ _OPTIONS = {
 _COMMANDS = {
     "demo": (
         "fgnav.cli.demo:demo",
-        "Simulate a flight and compare five methods on it.",
+        "Simulate a flight and compare four methods on it.",
     ),
     "check": ("fgnav.cli.check:check", "Say what is in a flight and what is wrong with it."),
     "run": ("fgnav.cli.run:run", "Estimate a flight with one method; write its estimates."),

@@ -202,7 +202,7 @@ def compare(
         if names.count(name) > 1:
             raise BadInputError(f"compare: two estimators are named {name!r}; give each its own")
     own = replace(flight)
-    prepared_by_key: dict[Hashable, _Prepared] = {}
+    prepared_by_key: dict[Hashable, _Outcome] = {}
     outcomes = []
     for k, estimator in enumerate(estimators):
         with watch(estimator.name):
@@ -241,21 +241,18 @@ def _counted(truth: Truth | None) -> tuple[str, ...]:
     return tuple(name for name, field in fields if getattr(truth, field, None) is not None)
 
 
-class _Prepared(NamedTuple):
-    """A part of the work that estimators share, or why it cannot be done, and its time."""
+class _Outcome(NamedTuple):
+    """What a piece of work yields or why it has no solution, and its wall time."""
 
     value: Any
-    failure: str | None
     seconds: float
-
-
-_Outcome = tuple[Estimate | None, float, str | None]
+    failure: str | None
 
 
 def _run(
-    flight: Flight, estimator: Estimator, prepared_by_key: dict[Hashable, _Prepared]
+    flight: Flight, estimator: Estimator, prepared_by_key: dict[Hashable, _Outcome]
 ) -> _Outcome:
-    """Return a method's estimate or why there is none, and its wall time, on a flight of its own.
+    """Return the outcome of a method, on a flight of its own.
 
     Each method gets a flight object of its own, and what it shares with others counts in full, so
     that nobody is faster for coming later. Compiling kernels, half a minute once after an install,
@@ -269,21 +266,16 @@ def _run(
     except TypeError:  # settings that do not hash are nobody else's
         key = object()
     if key not in prepared_by_key:
-        prepared_by_key[key] = _prepared(flight, estimator)
+        prepared_by_key[key] = _timed(lambda: estimator.prepare(flight))
     shared = prepared_by_key[key]
     if shared.failure is not None:
-        return None, shared.seconds, shared.failure
-    estimate, seconds, failure = _timed(lambda: estimator.estimate_prepared(flight, shared.value))
-    return estimate, seconds + shared.seconds, failure
+        return shared
+    own = _timed(lambda: estimator.estimate_prepared(flight, shared.value))
+    return own._replace(seconds=own.seconds + shared.seconds)
 
 
-def _prepared(flight: Flight, estimator: SharesPreparation) -> _Prepared:
-    value, seconds, failure = _timed(lambda: estimator.prepare(flight))
-    return _Prepared(value, failure, seconds)
-
-
-def _timed(work: Callable[[], Any]) -> tuple[Any, float, str | None]:
-    """Return what work yields or why it has no solution, and its seconds without compilation."""
+def _timed(work: Callable[[], Any]) -> _Outcome:
+    """Return the outcome of work, its seconds without compilation."""
     from numba.core.event import TimingListener, install_listener  # noqa: PLC0415  # lazy
 
     compiling = TimingListener()  # type: ignore[no-untyped-call]
@@ -294,7 +286,7 @@ def _timed(work: Callable[[], Any]) -> tuple[Any, float, str | None]:
         except NoSolutionError as error:
             result, failure = None, str(error)
     seconds = perf_counter() - started_s
-    return result, seconds - (compiling.duration if compiling.done else 0.0), failure
+    return _Outcome(result, seconds - (compiling.duration if compiling.done else 0.0), failure)
 
 
 def _judge(
@@ -324,7 +316,7 @@ def _judge(
     )
 
 
-def _posterior_bound(flight: Flight, prepared_by_key: Mapping[Hashable, _Prepared]) -> Angles:
+def _posterior_bound(flight: Flight, prepared_by_key: Mapping[Hashable, _Outcome]) -> Angles:
     """Return the bound of the first smoothing problem, one that knows the whole flight if any."""
     if flight.truth is None:
         return Angles()

@@ -1,31 +1,22 @@
 """The best that all measurements allow: the posterior Cramer-Rao bound of the whole flight."""
 
-from dataclasses import replace
-
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, NoSolutionError
+from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.evaluation.scores import EULER, Angles
 from fgnav.frontend.attitude.rates import swing_n_mps
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.geometry.cubic_spline import cubic_spline
 from fgnav.geometry.rotations import euler_jacobian, log, transpose
-from fgnav.graph.inertial.gyro_free import GyroFree
-from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.integers.resolvers.truth import attitude_at
-from fgnav.process.evidence import rate_prior
-from fgnav.process.hyperparameters import RatePrior
 from fgnav.types.estimate import open_angle_variance_rad2
 from fgnav.types.flight import Flight, Truth
 
 _APART_S = 0.01  # of two attitudes whose difference is a rate
-_TRUTH_RAD = 1e-4  # 1-sigma of true attitudes: between their samples they are interpolated
 
 
-def posterior_bound(
-    flight: Flight, prepared: PreparedFlight, prior: RatePrior | None = None
-) -> FloatArray:
+def posterior_bound(flight: Flight, prepared: PreparedFlight) -> FloatArray:
     """Return the least covariance of rotations at keyframes, (n, 3, 3), rad2, body axes.
 
     The inverse of the information of all that is measured and of the prior, both linearised at the
@@ -38,13 +29,9 @@ def posterior_bound(
         With truth.
     prepared : PreparedFlight
         Of this flight: its keyframes and measurements.
-    prior : RatePrior, optional
-        Of the body rate, instead of that in ``prepared``; without a gyroscope only.
 
     Raises
     ------
-    BadInputError
-        If a prior is given of a flight with a gyroscope.
     NoSolutionError
         If the flight has no truth.
 
@@ -55,11 +42,8 @@ def posterior_bound(
     """
     from fgnav.solve.chain.batch import covariance_at  # noqa: PLC0415  # lazy: its kernels
 
-    problem = prepared.problem
-    if prior is not None:
-        problem = _with_prior(problem, prior)
     states = true_states(flight, prepared)
-    return np.asarray(covariance_at(problem, states).covariance[:, :3, :3])
+    return np.asarray(covariance_at(prepared.problem, states).covariance[:, :3, :3])
 
 
 def posterior_angles(flight: Flight, prepared: PreparedFlight) -> Angles:
@@ -90,7 +74,9 @@ def true_states(flight: Flight, prepared: PreparedFlight) -> States:
     NoSolutionError
         If the flight has no truth.
     """
-    truth, problem = _truth_of(flight), prepared.problem
+    truth, problem = flight.truth, prepared.problem
+    if truth is None:
+        raise NoSolutionError(f"flight {flight.name}: a posterior bound needs its truth")
     t_s, arm_b_m = problem.t_s, prepared.imu.position_b_m
     R_nb, w_b_radps = attitude_at(truth, t_s)[0], _rates_b_radps(truth, t_s)
     p_n_m, v_n_mps = (cubic_spline(truth.t_s, x, t_s) for x in (truth.p_n_m, truth.v_n_mps))
@@ -106,41 +92,9 @@ def true_states(flight: Flight, prepared: PreparedFlight) -> States:
     )
 
 
-def true_rate_prior(flight: Flight, t_s: FloatArray) -> RatePrior:
-    """Return the rate prior under which the true attitudes at some times, (n,), are most likely.
-
-    Raises
-    ------
-    NoSolutionError
-        If the flight has no truth.
-    """
-    R_nb = attitude_at(_truth_of(flight), t_s)[0]
-    return rate_prior(t_s, R_nb, np.tile(_TRUTH_RAD**2 * np.eye(3), (len(t_s), 1, 1)))
-
-
-def _truth_of(flight: Flight) -> Truth:
-    if flight.truth is None:
-        raise NoSolutionError(f"flight {flight.name}: a posterior bound needs its truth")
-    return flight.truth
-
-
 def _rates_b_radps(truth: Truth, t_s: FloatArray) -> FloatArray:
     """Return true body rates against n, (n, 3)."""
     before = np.clip(t_s - _APART_S / 2, truth.t_s[0], truth.t_s[-1] - _APART_S)
     after = before + _APART_S
     turned = log(transpose(attitude_at(truth, before)[0]) @ attitude_at(truth, after)[0])
     return np.asarray(turned / _APART_S)
-
-
-def _with_prior(problem: SmoothingProblem, prior: RatePrior) -> SmoothingProblem:
-    """Return the same problem, its body rate by another prior."""
-    motion = problem.motion
-    if not isinstance(motion, GyroFree):
-        raise BadInputError("posterior bound prior: the flight has a gyroscope, which needs none")
-    n = len(problem.t_s) - 1
-    other = replace(
-        motion,
-        poles_per_s=np.tile(prior.poles_per_s, (n, 1, 1)),
-        variance_rad2ps2=np.tile(prior.variance_rad2ps2, (n, 1)),
-    )
-    return replace(problem, motion=other)

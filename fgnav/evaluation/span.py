@@ -6,9 +6,7 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray
-from fgnav.types.flight import Flight, Truth
-
-_SENSORS = ("imu", "fixes", "seeker", "barometer", "magnetometer")
+from fgnav.types.flight import SENSORS, Flight, Truth
 
 
 def within(flight: Flight, from_s: float | None, until_s: float | None) -> Flight:
@@ -34,7 +32,7 @@ def within(flight: Flight, from_s: float | None, until_s: float | None) -> Fligh
     if not low < high:
         raise BadInputError(f"--from {low:g} --until {high:g}: the first must be the earlier")
     parts: dict[str, Any] = {}
-    for name in _SENSORS:
+    for name in SENSORS:
         record = getattr(flight, name)
         if record is not None:
             parts[name] = _rows(record, _between(record.t_s, low, high))
@@ -53,7 +51,7 @@ def within(flight: Flight, from_s: float | None, until_s: float | None) -> Fligh
         parts["truth"] = _truth(flight.truth, low, high)
     if flight.initial is not None and low > _first_s(flight):
         parts["initial"] = None
-    empty = {name: None for name in _SENSORS if name in parts and not len(parts[name].t_s)}
+    empty = {name: None for name in SENSORS if name in parts and not len(parts[name].t_s)}
     return replace(flight, **(parts | empty))
 
 
@@ -84,7 +82,7 @@ def _truth(truth: Truth, low: float, high: float) -> Truth:
 
 def _first_s(flight: Flight) -> float:
     """Return when the first measurement was made."""
-    records = [flight.observations, *(getattr(flight, name) for name in _SENSORS)]
+    records = [flight.observations, *(getattr(flight, name) for name in SENSORS)]
     return min(
         (float(one.t_s[0]) for one in records if one is not None and len(one.t_s)), default=0.0
     )

@@ -78,6 +78,14 @@ def wavelengths_m(satellites: tuple[str, ...], signals: tuple[str, ...]) -> Floa
     return np.array([C_MPS / frequency_hz(*pair) for pair in pairs], dtype=np.float64)
 
 
+def carriers(satellites: Sequence[str], signals: Sequence[str]) -> IntArray:
+    """Return a number of each channel's constellation and carrier, (m,), from 0 as they come."""
+    pairs = zip(satellites, signals, strict=True)
+    names = [(satellite[0], band(satellite, signal)) for satellite, signal in pairs]
+    distinct = list(dict.fromkeys(names))
+    return np.array([distinct.index(name) for name in names], dtype=np.int64)
+
+
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Selection:
     """One channel per satellite and band, and where each antenna's observations of it stand.

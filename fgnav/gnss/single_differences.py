@@ -8,7 +8,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
 from fgnav.geometry.earth import C_MPS
 from fgnav.gnss.orbits.satellites import angles, signal_paths, states_at_clock
-from fgnav.gnss.signals import Selection, band, select, wavelengths_m
+from fgnav.gnss.signals import Selection, carriers, select, wavelengths_m
 from fgnav.gnss.single_point.adjustment import growing
 from fgnav.gnss.single_point.model import orbits_of
 from fgnav.gnss.single_point.solution import BLOCK, CodeSolution, code_solution
@@ -74,8 +74,6 @@ def single_differences(flight: Flight, *, causal: bool = False) -> SingleDiffere
     chosen = select(observations, causal=causal)
     n, m = len(observations.t_s), len(chosen.satellites)
     a = len(flight.antennas)
-    carriers = [(s[0], band(s, g)) for s, g in zip(chosen.satellites, chosen.signals, strict=True)]
-    numbered = {carrier: k for k, carrier in enumerate(dict.fromkeys(carriers))}
     positions = np.array([antenna.position_b_m for antenna in flight.antennas])
     out = SingleDifferences(
         t_s=observations.t_s,
@@ -83,7 +81,7 @@ def single_differences(flight: Flight, *, causal: bool = False) -> SingleDiffere
         satellites=chosen.satellites,
         signals=chosen.signals,
         wavelength_m=wavelengths_m(chosen.satellites, chosen.signals),
-        group=np.array([numbered[carrier] for carrier in carriers], dtype=np.int64),
+        group=carriers(chosen.satellites, chosen.signals),
         e_n=np.full((n, m, 3), np.nan),
         elevation_rad=np.full((n, m), np.nan),
         code_m=np.full((n, a - 1, m), np.nan),

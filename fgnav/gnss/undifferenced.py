@@ -19,7 +19,7 @@ from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
 from fgnav.geometry.earth import C_MPS
 from fgnav.gnss.cycle_slips.detection import phase_arcs
 from fgnav.gnss.cycle_slips.doppler import slipped
-from fgnav.gnss.signals import band, select, wavelengths_m
+from fgnav.gnss.signals import carriers, select, wavelengths_m
 from fgnav.gnss.single_differences import SingleDifferences, motion_so_far
 from fgnav.gnss.single_point.adjustment import growing
 from fgnav.gnss.single_point.atmosphere_choice import atmosphere_so_far
@@ -114,9 +114,7 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
     receivers = np.sqrt(1.0 + base)
     code_m, phase_m, e_n, elevation_rad, error_sigma_m = ours
     code_m = np.where(_refused(flight, observations, channels.satellites), np.nan, code_m)
-    carriers = [(s[0], band(s, g)) for s, g in names]
-    numbered = {carrier: k for k, carrier in enumerate(dict.fromkeys(carriers))}
-    group = np.array([numbered[carrier] for carrier in carriers], dtype=np.int64)
+    group = carriers(channels.satellites, channels.signals)
     phase_sigma_m = receivers * growing(noise, noise.phase_m, elevation_rad)
     wavelength_m = wavelengths_m(channels.satellites, channels.signals)
     changed = np.tile(np.diff(modelled, prepend=modelled[:1])[:, None], (1, len(names)))

@@ -22,7 +22,8 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.geometry.rotations import exp, log, to_euler, transpose, wrap
+from fgnav.geometry.rotations import log, to_euler, transpose, wrap
+from fgnav.integers.resolvers.truth import attitude_at
 from fgnav.neural.correlation import Errors, half_life_s, interval_s, lasting_share, together
 from fgnav.neural.measures import SENSORS
 from fgnav.neural.network import Network, load_network
@@ -202,7 +203,7 @@ def _errors(
         across = across - value[:, :, None] * value[:, None, :]
     normalised = _in_tangent(error, across @ covariance @ across)
     if network.manifest.output.measures == "direction":
-        level = _attitudes(truth, answered_s)[:, :2]  # north and east: axes that do not turn
+        level = attitude_at(truth, answered_s)[0][:, :2]  # north and east: axes that do not turn
         error = np.einsum("kij,kj->ki", level, error)
         covariance = level @ covariance @ level.swapaxes(1, 2)
     return answered_s, error, covariance, normalised, len(t_s) - len(answered_s)
@@ -213,7 +214,7 @@ def _against_truth(
 ) -> FloatArray:
     """Return errors of answers, (k, f); of points the truth's own, the body's origin."""
     measures, frame = network.manifest.output.measures, network.manifest.output.frame
-    R_nb = _attitudes(truth, t_s)
+    R_nb = attitude_at(truth, t_s)[0]
     if measures == "heading":
         return np.asarray(wrap(value - to_euler(R_nb)[:, 2:]))
     if measures == "attitude":
@@ -227,14 +228,6 @@ def _against_truth(
     if measures == "speed":
         return np.asarray(value - np.linalg.norm(v_mps, axis=1, keepdims=True))
     return np.asarray(value - (np.einsum("kji,kj->ki", R_nb, v_mps) if frame == "b" else v_mps))
-
-
-def _attitudes(truth: Truth, t_s: FloatArray) -> FloatArray:
-    """Return attitudes between epochs of the truth, turning at constant rates."""
-    row = (np.searchsorted(truth.t_s, t_s, side="right") - 1).clip(0, len(truth.t_s) - 2)
-    R_0, step_s = truth.R_nb[row], truth.t_s[row + 1] - truth.t_s[row]
-    turn_rad = log(transpose(R_0) @ truth.R_nb[row + 1])
-    return np.asarray(R_0 @ exp(turn_rad * ((t_s - truth.t_s[row]) / step_s)[:, None]))
 
 
 def _normalised(e: FloatArray, P: FloatArray) -> FloatArray:

@@ -35,8 +35,6 @@ class Measure:
         Numbers that the value may have.
     freedom : int
         Of the tangent that the covariance is stated in; 0 of integers, which have none.
-    tangent : str
-        Its axes, in words.
     forms : tuple of str
         In which the network may say how sure it is.
     """
@@ -46,7 +44,6 @@ class Measure:
     frames: tuple[str, ...]
     widths: tuple[int, ...]
     freedom: int
-    tangent: str
     forms: tuple[Form, ...] = ("log_sigma", "cholesky", "none")
 
 
@@ -61,15 +58,12 @@ def _vector(unit: str, *frames: str) -> Measure:
         frames=frames,
         widths=(3,),
         freedom=3,
-        tangent="axes of the frame",
     )
 
 
-def _scalar(unit: str, tangent: str) -> Measure:
+def _scalar(unit: str) -> Measure:
     """Return the measure of a number."""
-    return Measure(
-        manifold="R1", units={unit: 1.0}, frames=("n",), widths=(1,), freedom=1, tangent=tangent
-    )
+    return Measure(manifold="R1", units={unit: 1.0}, frames=("n",), widths=(1,), freedom=1)
 
 
 MEASURES: dict[str, Measure] = {
@@ -79,7 +73,6 @@ MEASURES: dict[str, Measure] = {
         frames=("n",),
         widths=(1, 2),
         freedom=1,
-        tangent="about down",
     ),
     "attitude": Measure(
         manifold="SO3",
@@ -87,7 +80,6 @@ MEASURES: dict[str, Measure] = {
         frames=("n",),
         widths=(9, 4),
         freedom=3,
-        tangent="body axes, R = R_hat Exp(delta)",
     ),
     "direction": Measure(
         manifold="S2",
@@ -95,12 +87,11 @@ MEASURES: dict[str, Measure] = {
         frames=("b",),
         widths=(3,),
         freedom=3,
-        tangent="body axes; what lies along the vector does not count",
     ),
     "velocity": _vector("m/s", "n", "b"),
     "displacement": _vector("m", "n", "b"),
-    "speed": _scalar("m/s", "the speed"),
-    "height": _scalar("m", "upwards"),
+    "speed": _scalar("m/s"),
+    "height": _scalar("m"),
     "position": _vector("m", "n"),
     "integers": Measure(
         manifold="Z",
@@ -108,7 +99,6 @@ MEASURES: dict[str, Measure] = {
         frames=("none",),
         widths=(),
         freedom=0,
-        tangent="each integer, or each candidate",
         forms=("probability", "posterior", "none"),
     ),
 }

@@ -18,6 +18,7 @@ _MOST_BYTES = 100_000_000  # networks that run at a keyframe's rate have a thous
 _AT_ONCE = 4096  # windows
 _TURN_RAD = 2 * np.pi * (1 + 1e-6)
 _UNIT = (0.5, 2.0)  # norms of what is to be a unit vector; beyond, it is something else
+_NO_ANGLE = 1e-6  # of cosine and sine together: their angle is rounding
 _LONGEST_LOG = 30.0  # of a 1-sigma: e^30 of any unit is nothing that a network can mean
 
 
@@ -193,13 +194,18 @@ def _value(where: str, output: Output, raw: FloatArray) -> FloatArray:
     if output.measures == "attitude":
         return _rotations(where, raw)
     if output.measures == "direction":
-        return raw / _norm(where, output, raw)
+        norm = np.linalg.norm(raw, axis=1, keepdims=True)
+        _bounded(where, "direction", norm)
+        return np.asarray(raw / norm)
     return raw * output.in_si
 
 
 def _heading(where: str, output: Output, raw: FloatArray) -> FloatArray:
     if raw.shape[1] == 2:
-        _norm(where, output, raw, least=1e-6)
+        if (np.linalg.norm(raw, axis=1) < _NO_ANGLE).any():
+            raise BadInputError(
+                f"{where}.name: cosine and sine are both zero; normalise the output"
+            )
         return np.asarray(np.arctan2(raw[:, 1:], raw[:, :1]))
     heading_rad = raw * output.in_si
     largest = float(np.abs(heading_rad).max())
@@ -215,37 +221,15 @@ def _heading(where: str, output: Output, raw: FloatArray) -> FloatArray:
 def _rotations(where: str, raw: FloatArray) -> FloatArray:
     """Return the nearest rotation matrices, (k, 9)."""
     if raw.shape[1] == 4:
-        norm = np.linalg.norm(raw, axis=1, keepdims=True)
-        _bounded(where, "quaternion", norm)
-        w, x, y, z = (raw / norm).T
-        R = np.stack(
-            [
-                1 - 2 * (y * y + z * z),
-                2 * (x * y - w * z),
-                2 * (x * z + w * y),
-                2 * (x * y + w * z),
-                1 - 2 * (x * x + z * z),
-                2 * (y * z - w * x),
-                2 * (x * z - w * y),
-                2 * (y * z + w * x),
-                1 - 2 * (x * x + y * y),
-            ],
-            axis=1,
-        )
-        return np.asarray(R)
+        from scipy.spatial.transform import Rotation  # noqa: PLC0415  # heavy, and seldom used
+
+        _bounded(where, "quaternion", np.linalg.norm(raw, axis=1))
+        R = Rotation.from_quat(raw, scalar_first=True).as_matrix()
+        return np.asarray(R.reshape(-1, 9))
     U, s, Vt = np.linalg.svd(raw.reshape(-1, 3, 3))
     _bounded(where, "rotation matrix's singular value", s)
     U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
     return np.asarray((U @ Vt).reshape(-1, 9))
-
-
-def _norm(where: str, output: Output, raw: FloatArray, least: float | None = None) -> FloatArray:
-    norm = np.linalg.norm(raw, axis=1, keepdims=True)
-    if least is None:
-        _bounded(where, output.measures, norm)
-    elif (norm < least).any():
-        raise BadInputError(f"{where}.name: cosine and sine are both zero; normalise the output")
-    return np.asarray(norm)
 
 
 def _bounded(where: str, what: str, norm: FloatArray) -> None:

@@ -30,9 +30,6 @@ class Counted(NamedTuple):
     key: int = -1  # of the constant that lasts, (f,), in 1-sigmas; -1 where nothing does
 
 
-_ALONE = Counted()
-
-
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class _Model:
     """A quantity's residual, (m,), of the variables of ``keys``."""
@@ -55,7 +52,7 @@ def factor_of(
     rows: tuple[int, int],
     value: FloatArray,
     covariance: FloatArray,
-    counted: Counted = _ALONE,
+    counted: Counted,
 ) -> OwnFactor:
     """Return the factor of one output.
 

@@ -170,11 +170,15 @@ def _baseline(
     wavelength_m = np.broadcast_to(part.wavelength_m, code_m.shape)[used]
     by_code_b_m = np.linalg.lstsq(A, code_m[used], rcond=None)[0]
     steps_m = np.arange(-_REACH_M, _REACH_M + _STEP_M / 2, _STEP_M)
-    around_b_m = np.stack(np.meshgrid(steps_m, steps_m, steps_m), axis=-1).reshape(-1, 3)
-    places_b_m = np.concatenate([stated_b_m + around_b_m, by_code_b_m + around_b_m])
     some = np.linspace(0, len(A) - 1, min(_PHASES, len(A))).astype(np.int64)
-    cycles = (phase_m[some] - places_b_m @ A[some].T) / wavelength_m[some]
-    baseline_b_m = places_b_m[np.cos(2 * np.pi * cycles).sum(axis=1).argmax()]
+    wave = 2j * np.pi / wavelength_m[some]
+    middles_b_m = np.stack([stated_b_m, by_code_b_m])
+    middle = np.exp(wave * (phase_m[some] - middles_b_m @ A[some].T))
+    # A phase less that of a place is a product over the axes: all places by products of matrices.
+    x, y, z = np.exp(-wave * A[some].T[:, None] * steps_m[:, None])
+    agreement = ((middle[:, None, None] * x[:, None] * y) @ z.T).real
+    at, *steps = np.unravel_index(agreement.argmax(), agreement.shape)
+    baseline_b_m = middles_b_m[at] + steps_m[steps]
     for _ in range(_ROUNDS):
         left_m = _wrapped_m(phase_m - A @ baseline_b_m, wavelength_m)
         baseline_b_m = baseline_b_m + np.linalg.lstsq(A, left_m, rcond=None)[0]

@@ -131,6 +131,7 @@ class LinkIntegers:
 
 
 TruthSource: TypeAlias = Literal["simulated", "survey", "filter"]
+SENSORS = ("imu", "fixes", "seeker", "barometer", "magnetometer")  # fields of a flight
 TRUTH_SIGMAS = ("position_sigma_m", "velocity_sigma_mps", "euler_sigma_rad")
 
 

@@ -46,7 +46,7 @@ EPHEMERIS_DTYPE = np.dtype(
 )
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True, weakref_slot=True)
 class BroadcastOrbits:
     """Broadcast messages.
 

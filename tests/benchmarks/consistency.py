@@ -23,13 +23,14 @@ from scipy.special import chdtri, erf
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.bound import attitude_bound
-from fgnav.evaluation.posterior_bound import posterior_bound, true_rate_prior
+from fgnav.evaluation.posterior_bound import posterior_bound
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.geometry import rotations
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.integers.resolvers.truth import Truth, attitude_at
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.process import matern
+from fgnav.process.evidence import rate_prior
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
@@ -58,6 +59,7 @@ STATES = ("attitude", "position", "velocity", "bias")
 FLOWN = ("coast", "tumble", "glider", "rocket")  # scenarios by forces: throws, thrust, gusts
 END_S = 0.5  # of a flight's first and last epochs
 QUIET = 1e-12  # of a noise, in its own unit: none
+TRUTH_RAD = 1e-4  # 1-sigma of true attitudes: between their samples they are interpolated
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,12 +267,29 @@ def bounds_of(flight: Flight, prepared: PreparedFlight, prior: RatePrior | None)
     bounds[0] = np.array([one.roll, one.pitch, one.yaw], dtype=float)
     t_s = prepared.problem.t_s
     if flight.imu.w_b_radps is None:
-        prior = prior or true_rate_prior(flight, t_s)
+        prepared = with_prior(prepared, prior or true_rate_prior(flight, t_s))
     jacobian = rotations.euler_jacobian(attitude_at(flight.truth, t_s)[0])
-    least_rad2 = posterior_bound(flight, prepared, prior)
+    least_rad2 = posterior_bound(flight, prepared)
     covariance = jacobian @ least_rad2 @ jacobian.swapaxes(1, 2)
     bounds[1] = np.degrees(np.sqrt(np.einsum("nii->ni", covariance).mean(axis=0)))
     return bounds
+
+
+def true_rate_prior(flight: Flight, t_s: FloatArray) -> RatePrior:
+    """Return the rate prior under which the true attitudes at some times, (n,), are most likely."""
+    R_nb = attitude_at(flight.truth, t_s)[0]
+    return rate_prior(t_s, R_nb, np.tile(TRUTH_RAD**2 * np.eye(3), (len(t_s), 1, 1)))
+
+
+def with_prior(prepared: PreparedFlight, prior: RatePrior) -> PreparedFlight:
+    """Return a flight without a gyroscope whose body rate has another prior."""
+    problem, n = prepared.problem, len(prepared.problem.t_s) - 1
+    motion = replace(
+        problem.motion,
+        poles_per_s=np.tile(prior.poles_per_s, (n, 1, 1)),
+        variance_rad2ps2=np.tile(prior.variance_rad2ps2, (n, 1)),
+    )
+    return replace(prepared, problem=replace(problem, motion=motion))
 
 
 def anees(errors: FloatArray, covariances: FloatArray) -> tuple[FloatArray, float]:

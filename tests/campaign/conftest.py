@@ -1,8 +1,9 @@
-"""A campaign that takes a second, and a source of flights that needs no simulator."""
+"""A campaign that takes a second, and what comes of it in this process."""
 
 import msgspec
 import pytest
 
+from fgnav.campaign.conduct import conduct
 from fgnav.campaign.order import Order
 
 SMALL = {
@@ -34,3 +35,15 @@ SMALL = {
 @pytest.fixture
 def order() -> Order:
     return msgspec.convert(SMALL, Order)
+
+
+def here(work, tasks, lost):  # noqa: ARG001
+    """Work off in this process: an engine."""
+    for task in tasks:
+        yield work(task)
+
+
+@pytest.fixture(scope="session")
+def whole(tmp_path_factory):
+    out = tmp_path_factory.mktemp("campaign") / "whole"
+    return conduct(msgspec.convert(SMALL, Order), out, here), out

@@ -14,11 +14,7 @@ from fgnav.campaign.conduct import conduct
 from fgnav.campaign.engines import Local
 from fgnav.campaign.fly import fly
 from fgnav.checks import BadInputError
-
-
-def here(work, tasks, lost):  # noqa: ARG001  # an engine without processes
-    for task in tasks:
-        yield work(task)
+from tests.campaign.conftest import here
 
 
 def interrupted_after(count):
@@ -33,15 +29,6 @@ def interrupted_after(count):
 
 def tables(folder):
     return [(folder / name).read_bytes() for name in ("flights.csv", "report.txt", "report.html")]
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    from tests.campaign.conftest import SMALL
-
-    order = msgspec.convert(SMALL, conducting.Order)
-    out = tmp_path_factory.mktemp("campaign") / "whole"
-    return conduct(order, out, here), out
 
 
 def test_every_flight_and_method_has_a_row(whole, order):

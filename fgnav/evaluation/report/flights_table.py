@@ -9,6 +9,7 @@ import numpy as np
 
 from fgnav.evaluation.flights import PAIRED, FlightsComparison
 from fgnav.evaluation.paired import Interval, Paired
+from fgnav.evaluation.report.blocks import NONE
 from fgnav.evaluation.report.table import folded_table
 from fgnav.evaluation.scores import EULER, rms
 
@@ -40,7 +41,6 @@ BOUNDS = {
 ANGLE_HEADS = ["method or bound", *(f"{angle}, deg RMS" for angle in EULER)]
 _COUNTS = ("right", "wrong", "refused")
 COUNT_HEADS = ["method", *(f"integers {kind}" for kind in _COUNTS), "time, s"]
-_NONE = "–"
 
 
 def flights_lines(comparison: FlightsComparison, width: int) -> list[str]:
@@ -128,7 +128,7 @@ def angle_rows(comparison: FlightsComparison) -> Iterator[list[str]]:
         finite = [own[np.isfinite(own)] for own in values]
         if any(map(len, finite)):
             pooled = map(rms, finite)
-            yield [name, *(_NONE if value is None else number(value) for value in pooled)]
+            yield [name, *(NONE if value is None else number(value) for value in pooled)]
 
 
 def count_rows(comparison: FlightsComparison) -> Iterator[list[str]]:
@@ -136,7 +136,7 @@ def count_rows(comparison: FlightsComparison) -> Iterator[list[str]]:
     for method in comparison.methods:
         counts = [comparison.figure(f"integers_{kind}", method) for kind in _COUNTS]
         seconds = [one.seconds[method] for one in comparison.flights if method in one.seconds]
-        sums = [f"{np.nansum(own):.0f}" if np.isfinite(own).any() else _NONE for own in counts]
+        sums = [f"{np.nansum(own):.0f}" if np.isfinite(own).any() else NONE for own in counts]
         yield [method, *sums, number(float(np.mean(seconds)) if seconds else np.nan)]
 
 
@@ -187,4 +187,4 @@ def interval(own: Interval) -> str:
 
 def number(value: float) -> str:
     """Return three significant digits; a dash for none."""
-    return _NONE if value != value else f"{value:.3g}"  # NaN
+    return NONE if value != value else f"{value:.3g}"  # NaN

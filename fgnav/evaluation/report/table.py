@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from fgnav.checks import Loss
 from fgnav.evaluation.comparison import Comparison
 from fgnav.evaluation.integer_counts import IntegerCounts
+from fgnav.evaluation.report.blocks import NONE
 from fgnav.evaluation.scores import Angles, Score
 from fgnav.types.estimate import Rejected
 
-_NONE = "–"
 _MOST_LINES = 8
 _MOST_LINKS = 3
 _DOUBTFUL = 0.01  # what resolvers that accept by a probability leave out (``wrong_max``)
@@ -185,7 +185,7 @@ def _by_method(sayings: Iterable[tuple[str, tuple[str, ...]]]) -> list[str]:
 def score_row(score: Score) -> list[str]:
     """Return a method's figures under ``heads``."""
     if score.failure is not None:
-        return [_NONE] * (len(_HEADS) - 1) + [f"{score.seconds:.2f}"]
+        return [NONE] * (len(_HEADS) - 1) + [f"{score.seconds:.2f}"]
     return [
         *_angles(score.rmse_deg),
         _figure(score.attitude_rmse_deg),
@@ -211,12 +211,12 @@ def _attitude_nees(score: Score) -> str:
 def _integers(counts: IntegerCounts | None) -> list[str]:
     """Return the share of fixed links, of wrong ones among them, and the stated chance of such."""
     if counts is None:
-        return [_NONE, _NONE, _NONE]
+        return [NONE, NONE, NONE]
     links = counts.fixed + counts.not_fixed
-    fixed = f"{100 * counts.fixed / links:.1f}" if links else _NONE
-    chance = _NONE if counts.chance is None else f"{100 * counts.chance:.2f}"
+    fixed = f"{100 * counts.fixed / links:.1f}" if links else NONE
+    chance = NONE if counts.chance is None else f"{100 * counts.chance:.2f}"
     if counts.wrong is None or counts.right is None or not counts.right + counts.wrong:
-        return [fixed, _NONE, chance]
+        return [fixed, NONE, chance]
     return [fixed, f"{100 * counts.wrong / (counts.right + counts.wrong):.2f}", chance]
 
 
@@ -227,5 +227,5 @@ def _angles(figures: Angles) -> list[str]:
 def _figure(value: float | None, digits: int = 3) -> str:
     """Return a figure with fixed decimals, so that columns align; large ones without."""
     if value is None:
-        return _NONE
+        return NONE
     return f"{value:.{digits}f}" if abs(value) < 1000 else f"{value:.0f}"

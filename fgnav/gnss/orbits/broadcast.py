@@ -1,6 +1,7 @@
 """One satellite by its broadcast messages: which message, where, what clock, what group delays."""
 
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,24 +34,48 @@ class Chosen(NamedTuple):
     unhealthy: BoolArray  # (n,), not usable because of the message's health
 
 
+class _Messages(NamedTuple):
+    """A satellite's k messages in order of their times of ephemeris."""
+
+    records: NDArray[Any]
+    toe_s: FloatArray  # (k,)
+    until_s: FloatArray  # (k - 1,); when the next one's time of ephemeris is nearer
+    sound: BoolArray  # (k,)
+    ill: BoolArray  # (k,)
+
+
+_MESSAGES: WeakKeyDictionary[BroadcastOrbits, dict[str, _Messages]] = WeakKeyDictionary()
+
+
 def choose(orbits: BroadcastOrbits, satellite: str, t_s: FloatArray) -> Chosen:
     """Return the message for each time, whether it is usable, and whether its health forbids it."""
-    nobody = np.zeros(len(t_s), dtype=bool)
+    by_satellite = _MESSAGES.setdefault(orbits, {})
+    if satellite not in by_satellite:
+        by_satellite[satellite] = _messages(orbits, satellite)
+    records, toe_s, until_s, sound, ill = by_satellite[satellite]
+    if not len(records):
+        nobody = np.zeros(len(t_s), dtype=bool)
+        return Chosen(records, nobody.astype(np.int64), nobody, nobody)
+    row = np.searchsorted(until_s, t_s)
+    fresh = (np.abs(t_s - toe_s[row]) <= _MAX_AGE_S[satellite[0]]) & sound[row]
+    return Chosen(records, row, fresh & ~ill[row], fresh & ill[row])
+
+
+def _messages(orbits: BroadcastOrbits, satellite: str) -> _Messages:
     bounds = (np.searchsorted(orbits.records["satellite"], satellite, s) for s in ("left", "right"))
     records = orbits.records[slice(*bounds)]
+    if satellite[0] not in _GM:
+        records = records[:0]
     if satellite[0] == "E" and (records["data_source"] & _INAV_CLOCK).any():
         records = records[(records["data_source"] & _INAV_CLOCK) != 0]
-    if not len(records) or satellite[0] not in _GM:
-        return Chosen(records, nobody.astype(np.int64), nobody, nobody)
     records = records[np.lexsort((records["transmission_s"], records["toe_s"]))]
-    records = records[np.append(np.diff(records["toe_s"]) > 0, True)]  # the latest of equal toe
+    # The latest of equal toe.
+    records = records[np.diff(records["toe_s"], append=np.inf) > 0]
     toe_s = records["toe_s"]
-    row = np.searchsorted((toe_s[1:] + toe_s[:-1]) / 2, t_s)
     # Receivers write down empty messages, too.
     sound = (records["eccentricity"] < 1.0) & (records["semi_major_axis_m"] > SEMI_MAJOR_AXIS_M)
-    fresh = (np.abs(t_s - toe_s[row]) <= _MAX_AGE_S[satellite[0]]) & sound[row]
     ill = (records["health"] & (~_QZSS_LEX if satellite[0] == "J" else ~0)) != 0
-    return Chosen(records, row, fresh & ~ill[row], fresh & ill[row])
+    return _Messages(records, toe_s, (toe_s[1:] + toe_s[:-1]) / 2, sound, ill)
 
 
 def _eccentric_anomaly(mean_rad: FloatArray, eccentricity: FloatArray) -> FloatArray:

@@ -5,30 +5,32 @@ Pieces begin at whole multiples of ten minutes, and the polynomial of a piece is
 times are asked for: what is said of one time depends on no other.
 """
 
-from typing import Any
+from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebpts1, chebval, chebvander
-from numpy.typing import NDArray
 
 from fgnav.checks import FloatArray
 from fgnav.gnss.orbits.broadcast import Chosen, kepler_orbit
+from fgnav.types.orbits import EPHEMERIS_DTYPE
 
 _NODES = 10
 _PIECE_S = 600.0  # 2.5 degrees to both sides of the middle: what is cut off is below 1e-8 m
+_HALF_S = _PIECE_S / 2
+_KEPT = 8192  # pieces, 1 kB each: a day of all that is seen at a place
 _AT = chebpts1(_NODES)
 _FIT = np.linalg.inv(chebvander(_AT, _NODES - 1))
 
 
 def orbit_at(
-    satellite: str, chosen: Chosen, t_s: FloatArray, *, rates: bool, by_clock: bool = False
+    chosen: Chosen, t_s: FloatArray, *, rates: bool, by_clock: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Return where a satellite is and how its clock stands, and the rates of both, (n, 4) each.
 
     Parameters
     ----------
     chosen : Chosen
-        Messages for these times.
+        Its messages for these times.
     t_s : ndarray, shape (n,)
         Where the message is not usable the answer is NaN.
     rates : bool
@@ -36,40 +38,28 @@ def orbit_at(
     by_clock : bool
         Times are those that the satellite's own clock shows.
     """
-    state, rate = np.full((2, len(t_s), 4), np.nan)
+    out = np.full((len(t_s), 8), np.nan)
+    wanted = slice(8 if rates else 4)
     usable = np.flatnonzero(chosen.usable)
     piece = np.floor(t_s[usable] / _PIECE_S).astype(np.int64)
     label = piece * len(chosen.records) + chosen.row[usable]  # each piece has one message
     while len(usable):
         one = label == label[0]
         rows = usable[one]
-        message = chosen.records[chosen.row[rows[:1]]]
         middle_s = (piece[0] + 0.5) * _PIECE_S
-        state[rows], rate[rows] = _in_piece(
-            satellite, message, middle_s, t_s[rows], rates=rates, by_clock=by_clock
-        )
+        c = _polynomials(chosen.records[chosen.row[rows[0]]].tobytes(), middle_s)
+        u = (t_s[rows] - middle_s) / _HALF_S
+        if by_clock:
+            u = u - chebval(u, c[:, 3]) / _HALF_S
+        out[rows, wanted] = chebval(u, c[:, wanted]).T
         usable, label, piece = usable[~one], label[~one], piece[~one]
-    return state, rate
+    return out[:, :4], out[:, 4:]
 
 
-def _orbit(satellite: str, message: NDArray[Any], t_s: FloatArray) -> FloatArray:
-    return np.column_stack(kepler_orbit(satellite, message, t_s))
-
-
-def _in_piece(
-    satellite: str,
-    message: NDArray[Any],
-    middle_s: float,
-    t_s: FloatArray,
-    *,
-    rates: bool,
-    by_clock: bool,
-) -> tuple[FloatArray, FloatArray]:
-    half_s = _PIECE_S / 2
-    c = _FIT @ _orbit(satellite, message, middle_s + half_s * _AT)
-    u = (t_s - middle_s) / half_s
-    if by_clock:
-        u = u - chebval(u, c[:, 3]) / half_s
-    state = chebval(u, c).T
-    rate = chebval(u, chebder(c) / half_s).T if rates else np.full_like(state, np.nan)
-    return state, rate
+@lru_cache(_KEPT)
+def _polynomials(message: bytes, middle_s: float) -> FloatArray:
+    """Return coefficients of the state in a piece, and of its rates, (10, 8)."""
+    record = np.frombuffer(message, EPHEMERIS_DTYPE)
+    at_nodes = kepler_orbit(str(record["satellite"][0]), record, middle_s + _HALF_S * _AT)
+    c = _FIT @ np.column_stack(at_nodes)
+    return np.hstack([c, np.vstack([chebder(c) / _HALF_S, np.zeros(4)])])

@@ -81,7 +81,7 @@ def satellite_states(
         if isinstance(orbits, BroadcastOrbits):
             chosen = choose(orbits, satellite, t)
             unhealthy[:, column] = chosen.unhealthy
-            state, rate = orbit_at(satellite, chosen, t, rates=rates, by_clock=by_clock)
+            state, rate = orbit_at(chosen, t, rates=rates, by_clock=by_clock)
             p[:, column], clock[:, column] = state[:, :3], state[:, 3]
             v[:, column], drift[:, column] = rate[:, :3], rate[:, 3]
         elif table is not None and satellite in table.satellites:

@@ -21,7 +21,9 @@ class _Group:
     """Links of a group of signals, a antennas and c channels, with the clocks of satellites out."""
 
     channels: BoolArray  # (m,)
-    tracked: BoolArray  # (n, a, c)
+    used: BoolArray  # (n, c)
+    spare: IntArray  # (n, c); links beyond the one that each satellite's clock takes
+    absent: BoolArray  # (n, a - 1); receivers without a link
     of_receivers: FloatArray  # (n, c, a - 1, a - 1): by a weight of 1
     values: FloatArray  # (2, n, a - 1, c, 4): code, phase; derivative by three turns, and residual
     squares: FloatArray  # (2, n, c, 4, 4)
@@ -122,20 +124,25 @@ def _group(differences: DoubleDifferences, values: FloatArray, g: int) -> _Group
     of_receivers = np.eye(rows.shape[2]) * rows[..., None]
     of_receivers -= rows[..., :, None] * rows[..., None, :] / many[:, :, None, None]
     squares = np.einsum("knajp,knajq->knjpq", values, values)
-    return _Group(channels, tracked, of_receivers, values[:, :, 1:], squares)
+    return _Group(
+        channels=channels,
+        used=np.asarray(tracked.any(axis=1)),
+        spare=np.maximum(tracked.sum(axis=1) - 1, 0),
+        absent=np.asarray(~tracked[:, 1:].any(axis=2)),
+        of_receivers=of_receivers,
+        values=values[:, :, 1:],
+        squares=squares,
+    )
 
 
 def _normal(group: _Group, kind: int, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return normal equations, (n, 4, 4), and the log determinant of links, (n,), of one kind."""
-    used = group.tracked.any(axis=1)
-    weight = np.where(used, 1.0 / variance, 0.0)
+    weight = np.where(group.used, 1.0 / variance, 0.0)
     n, c, a, _ = group.of_receivers.shape
     K = (weight[:, None] @ group.of_receivers.reshape(n, c, a * a)).reshape(n, a, a)
-    absent = ~group.tracked[:, 1:].any(axis=2)
-    K[:, np.arange(a), np.arange(a)] += absent
+    K[:, np.arange(a), np.arange(a)] += group.absent
     of_receivers = np.einsum("nj,najp->nap", weight, group.values[kind])
     squares = (weight[:, None] @ group.squares[kind].reshape(n, c, 16)).reshape(n, 4, 4)
     squares -= of_receivers.swapaxes(1, 2) @ np.linalg.solve(K, of_receivers)
-    spare = np.maximum(group.tracked.sum(axis=1) - 1, 0)  # each satellite's clock takes one
-    log_determinant = np.sum(spare * np.log(variance), axis=1, where=used)
+    log_determinant = np.sum(group.spare * np.log(variance), axis=1, where=group.used)
     return squares, log_determinant + np.linalg.slogdet(K)[1]

@@ -4,7 +4,6 @@ Code alone determines the columns of ``fgnav.integers.ils.array_model``; phase t
 ambiguities, with the full covariance of unequal variances, missing links and several groups.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -34,8 +33,7 @@ _BLOCK = 32  # epochs a thread takes at once, 1 us each or more
 _SINGULAR = 1e-9  # of a pivot to its diagonal: beyond, satellites lie in a plane or are too few
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class ArraySearch:
+class ArraySearch(NamedTuple):
     """The nearest integers of every epoch.
 
     Attributes
@@ -53,16 +51,6 @@ class ArraySearch:
         ``OK``, ``NOTHING`` (no link), ``WEAK`` (geometry), ``ILL`` (covariance) or ``UNFINISHED``
         (the search was given up).
     """
-
-    cycles: IntArray
-    fixed: BoolArray
-    success: FloatArray
-    squared_norms: FloatArray
-    status: IntArray
-
-
-class _Found(NamedTuple):
-    """What the search writes: the fields of ``ArraySearch``."""
 
     cycles: IntArray
     fixed: BoolArray
@@ -89,7 +77,7 @@ def search_array(
     epochs = link_arrays(differences)
     present = np.any(epochs.resolvable, axis=2)[:, None] & blocks  # (n, s, b)
     arrays = spans(differences.baselines_b_m, present.reshape(-1, b))
-    result = _Found(
+    result = ArraySearch(
         np.zeros((n, b, m), dtype=np.int64),
         np.zeros((n, b, m), dtype=np.bool_),
         np.full((n, b), np.nan),
@@ -101,7 +89,7 @@ def search_array(
         _search_epochs(epochs, arrays, blocks, result, block.start, block.stop, success_min)
 
     in_blocks(search_block, n, least=_BLOCK)
-    return ArraySearch(**result._asdict())
+    return result
 
 
 def code_residuals(differences: DoubleDifferences) -> tuple[float, int]:
@@ -125,7 +113,7 @@ def _search_epochs(
     epochs: LinkArrays,
     arrays: Spans,
     blocks: BoolArray,
-    result: _Found,
+    result: ArraySearch,
     first: int,
     last: int,
     success_min: float,

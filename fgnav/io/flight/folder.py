@@ -1,7 +1,10 @@
 """A flight as a folder: ``flight.toml`` and the files it names, read and written."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -43,6 +46,8 @@ from fgnav.types.flight import (
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
 from fgnav.types.vehicle import WheeledVehicle
+
+_T = TypeVar("_T")
 
 
 def load_flight(path: Path | str) -> Flight:
@@ -149,24 +154,13 @@ def _toml(path: Path) -> Path:
 
 def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> list[Loss]:
     """Compare tables with the number of rows that their writer has noted; count what is missing."""
-    read: dict[str, int] = {}
-    for part, samples in (
-        (table.imu, flight.imu),
-        (table.fixes, flight.fixes),
-        (table.seeker, flight.seeker),
-        (table.barometer, flight.barometer),
-        (table.magnetometer, flight.magnetometer),
-        (table.truth, flight.truth),
-    ):
-        if part is not None and samples is not None:
-            read[part.samples] = len(samples.t_s)
-    if table.seeker is not None and flight.seeker is not None:
-        read[table.seeker.calibration] = len(flight.seeker.calibration)
-    if table.truth is not None and flight.truth is not None and flight.truth.integers is not None:
-        read[str(table.truth.integers)] = len(flight.truth.integers.cycles)
-    read |= _orbit_counts(table, flight)
+    read = flight_writer.row_counts(table, flight)
+    orbits = (table.gnss.orbits, table.gnss.navigation)
+    shared = {name for names in orbits if len(names) > 1 for name in names}
     losses = []
     for name, rows in table.rows.items():
+        if name in shared:
+            continue
         missing = rows - read.get(name, 0)
         if missing < 0:
             raise BadInputError(
@@ -181,23 +175,20 @@ def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> list[Loss]:
     return losses
 
 
-def _orbit_counts(table: FlightTable, flight: Flight) -> dict[str, int]:
-    """Return epochs and messages of orbits; of several files of a kind those that were written."""
-    epochs = 0 if flight.precise is None else len(flight.precise.t_s)
-    messages = 0 if flight.broadcast is None else len(flight.broadcast.records)
-    return {
-        name: count if len(names) == 1 else table.rows.get(name, 0)
-        for names, count in ((table.gnss.orbits, epochs), (table.gnss.navigation, messages))
-        for name in names
-    }
-
-
 def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
     origin = Origin(
         latitude_rad=np.radians(table.origin.latitude_deg),
         longitude_rad=np.radians(table.origin.longitude_deg),
         height_m=table.origin.height_m,
     )
+
+    def made(kind: str, make: Callable[[dict[str, FloatArray], Any], _T]) -> _T | None:
+        """Return what is made of the samples of a table, and of its keys."""
+        keys = getattr(table, kind)
+        if keys is None:
+            return None
+        return make(read_table(folder / keys.samples, *series.COLUMNS[kind]), keys)
+
     gnss = table.gnss
     orbits = [folder / name for name in gnss.orbits]
     precise = read_precise(orbits, start_gps_s) if orbits else None
@@ -218,25 +209,15 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         elevation_mask_rad=np.radians(gnss.elevation_mask_deg),
         gnss_noise=_gnss_noise(gnss),
         base=base,
-        imu=series.imu(_read(folder, table.imu.samples, "imu"), table.imu) if table.imu else None,
-        fixes=_fixes(folder, origin, table.fixes) if table.fixes else None,
-        seeker=_seeker(folder, origin, table.seeker) if table.seeker else None,
-        barometer=series.barometer(
-            _read(folder, table.barometer.samples, "barometer"), table.barometer
-        )
-        if table.barometer
-        else None,
-        magnetometer=series.magnetometer(
-            _read(folder, table.magnetometer.samples, "magnetometer"), table.magnetometer
-        )
-        if table.magnetometer
-        else None,
+        imu=made("imu", series.imu),
+        fixes=made("fixes", partial(_fixes, folder, origin)),
+        seeker=made("seeker", partial(_seeker, folder, origin)),
+        barometer=made("barometer", series.barometer),
+        magnetometer=made("magnetometer", series.magnetometer),
         vehicle=_vehicle(table.vehicle) if table.vehicle else None,
         standstill=table.vehicle is not None and table.vehicle.standstill,
         initial=_initial(table.initial) if table.initial else None,
-        truth=_truth(folder, origin, table.truth, [a.name for a in table.antenna])
-        if table.truth
-        else None,
+        truth=made("truth", partial(_truth, folder, origin, [a.name for a in table.antenna])),
         networks=networks.manifests(folder, table.network),
         losses=tuple(losses),
     )
@@ -304,18 +285,15 @@ def _gnss_noise(gnss: GnssTable) -> GnssNoise:
     return replace(usual_noise.gnss_noise(stated), **series.values_of(gnss, GnssNoise))
 
 
-def _read(folder: Path, name: str, kind: str) -> dict[str, FloatArray]:
-    """Return a table of samples of a kind in ``series.COLUMNS``."""
-    return read_table(folder / name, *series.COLUMNS[kind])
+def _fixes(
+    folder: Path, origin: Origin, samples: dict[str, FloatArray], table: FixesTable
+) -> Fixes:
+    return series.fixes(samples, origin, table.antenna, where=folder / table.samples)
 
 
-def _fixes(folder: Path, origin: Origin, table: FixesTable) -> Fixes:
-    path = folder / table.samples
-    return series.fixes(_read(folder, table.samples, "fixes"), origin, table.antenna, where=path)
-
-
-def _seeker(folder: Path, origin: Origin, table: SeekerTable) -> Seeker:
-    samples = _read(folder, table.samples, "seeker")
+def _seeker(
+    folder: Path, origin: Origin, samples: dict[str, FloatArray], table: SeekerTable
+) -> Seeker:
     calibration = read_table(folder / table.calibration, CALIBRATION, increasing=CALIBRATION[0])
     landmark = table.landmark
     place = np.array([[landmark.latitude_deg, landmark.longitude_deg, landmark.height_m]])
@@ -330,16 +308,18 @@ def _seeker(folder: Path, origin: Origin, table: SeekerTable) -> Seeker:
     )
 
 
-def _truth(folder: Path, origin: Origin, table: TruthTable, names: list[str]) -> Truth:
+def _truth(
+    folder: Path,
+    origin: Origin,
+    names: list[str],
+    samples: dict[str, FloatArray],
+    table: TruthTable,
+) -> Truth:
     integers = read_integers(folder / table.integers) if table.integers else None
     for name in sorted(set(integers.antennas) - set(names) if integers is not None else ()):
         raise BadInputError(
             f"{folder / str(table.integers)}: true integers antenna: {name!r} is not one of {names}"
         )
     return series.truth(
-        _read(folder, table.samples, "truth"),
-        origin,
-        integers,
-        source=table.source,
-        where=folder / table.samples,
+        samples, origin, integers, source=table.source, where=folder / table.samples
     )

@@ -7,7 +7,7 @@ fills with samples: 600 million of them in a week at 1 kHz.
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.types.flight import Flight
+from fgnav.types.flight import SENSORS, Flight
 
 # What is a day apart was not recorded on one flight.
 LONGEST_S = 86_400.0
@@ -25,9 +25,7 @@ def check_times(flight: Flight) -> None:
         Naming the series, the time and what may be wrong with it.
     """
     series = {
-        name: one.t_s
-        for name in ("imu", "fixes", "seeker", "barometer", "magnetometer", "truth")
-        if (one := getattr(flight, name)) is not None
+        name: one.t_s for name in (*SENSORS, "truth") if (one := getattr(flight, name)) is not None
     }
     if flight.observations is not None:
         series["observations"] = flight.observations.t_s

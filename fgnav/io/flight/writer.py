@@ -19,7 +19,16 @@ from fgnav.io.rinex.writer import RinexVersion, write_navigation, write_observat
 from fgnav.io.sp3.writer import write_precise
 from fgnav.io.strict_toml import Vector
 from fgnav.io.tables import write_table
-from fgnav.types.flight import Flight
+from fgnav.types.flight import (
+    SENSORS,
+    Fixes,
+    Flight,
+    Imu,
+    InitialAttitude,
+    Seeker,
+    Truth,
+)
+from fgnav.types.surroundings import Barometer, Magnetometer
 
 FILE_NAME = "flight.toml"
 _PLAIN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
@@ -43,8 +52,7 @@ def write_parts(
     flight: Flight, folder: Path, rinex: RinexVersion = "3.04"
 ) -> flight_toml.FlightTable:
     """Write a flight's files into a folder, all but flight.toml; return what that should hold."""
-    return flight_toml.FlightTable(
-        rows=_rows(flight),
+    table = flight_toml.FlightTable(
         format=flight_toml.FORMAT,
         name=flight.name,
         start=flight_toml.gps_date(flight.start_gps_s),
@@ -52,37 +60,38 @@ def write_parts(
         antenna=_antennas(flight, folder, rinex),
         network=networks.write(flight.networks, folder),
         gnss=_gnss(flight, folder, rinex),
-        imu=_imu(flight, folder),
-        fixes=_fixes(flight, folder),
-        seeker=_seeker(flight, folder),
-        barometer=_barometer(flight, folder),
-        magnetometer=_magnetometer(flight, folder),
+        imu=_imu(flight.imu, folder) if flight.imu else None,
+        fixes=_fixes(flight.fixes, flight.origin, folder) if flight.fixes else None,
+        seeker=_seeker(flight.seeker, flight.origin, folder) if flight.seeker else None,
+        barometer=_barometer(flight.barometer, folder) if flight.barometer else None,
+        magnetometer=_magnetometer(flight.magnetometer, folder) if flight.magnetometer else None,
         vehicle=_vehicle(flight),
-        initial=_initial(flight),
-        truth=_truth(flight, folder),
+        initial=_initial(flight.initial) if flight.initial else None,
+        truth=_truth(flight.truth, flight.origin, folder) if flight.truth else None,
     )
+    return msgspec.structs.replace(table, rows=row_counts(table, flight))
 
 
-def _rows(flight: Flight) -> dict[str, int]:
-    """Return how many rows each table holds, epochs or messages each file of orbits."""
-    series = {
-        "imu.csv": flight.imu,
-        "fixes.csv": flight.fixes,
-        "seeker.csv": flight.seeker,
-        "barometer.csv": flight.barometer,
-        "magnetometer.csv": flight.magnetometer,
-        "truth.csv": flight.truth,
-    }
-    rows = {name: len(one.t_s) for name, one in series.items() if one is not None}
-    if flight.precise is not None:
-        rows["precise.sp3"] = len(flight.precise.t_s)
-    if flight.broadcast is not None:
-        rows["broadcast.rnx"] = len(flight.broadcast.records)
-    if flight.seeker is not None:
-        rows["quadrant.csv"] = len(flight.seeker.calibration)
-    if flight.truth is not None and flight.truth.integers is not None:
-        rows["integers.csv"] = len(flight.truth.integers.cycles)
-    return rows
+def row_counts(table: flight_toml.FlightTable, flight: Flight) -> dict[str, int]:
+    """Return how many rows of a flight each table holds, epochs or messages each file of orbits.
+
+    Of several files of orbits nobody knows how many each holds: they are not in it.
+    """
+    counts = {}
+    for kind in (*SENSORS, "truth"):
+        keys, record = getattr(table, kind), getattr(flight, kind)
+        if keys is not None and record is not None:
+            counts[keys.samples] = len(record.t_s)
+    if len(table.gnss.orbits) == 1 and flight.precise is not None:
+        counts[table.gnss.orbits[0]] = len(flight.precise.t_s)
+    if len(table.gnss.navigation) == 1 and flight.broadcast is not None:
+        counts[table.gnss.navigation[0]] = len(flight.broadcast.records)
+    if table.seeker is not None and flight.seeker is not None:
+        counts[table.seeker.calibration] = len(flight.seeker.calibration)
+    integers = flight.truth.integers if flight.truth is not None else None
+    if table.truth is not None and table.truth.integers and integers is not None:
+        counts[table.truth.integers] = len(integers.cycles)
+    return counts
 
 
 def _place(row: FloatArray) -> flight_toml.Place:
@@ -182,10 +191,7 @@ def _write(path: Path, t_s: FloatArray, *blocks: tuple[tuple[str, ...], FloatArr
     write_table(path, table, columns.FORMATS)
 
 
-def _imu(flight: Flight, folder: Path) -> flight_toml.ImuTable | None:
-    imu = flight.imu
-    if imu is None:
-        return None
+def _imu(imu: Imu, folder: Path) -> flight_toml.ImuTable:
     _write(
         folder / "imu.csv",
         imu.t_s,
@@ -196,17 +202,14 @@ def _imu(flight: Flight, folder: Path) -> flight_toml.ImuTable | None:
     return _keys(flight_toml.ImuTable, imu, samples="imu.csv", **noise)
 
 
-def _fixes(flight: Flight, folder: Path) -> flight_toml.FixesTable | None:
-    fixes = flight.fixes
-    if fixes is None:
-        return None
+def _fixes(fixes: Fixes, origin: Origin, folder: Path) -> flight_toml.FixesTable:
     velocity = None
     if fixes.v_n_mps is not None:
-        velocity = velocity_of_n(flight.origin, fixes.p_n_m, fixes.v_n_mps)
+        velocity = velocity_of_n(origin, fixes.p_n_m, fixes.v_n_mps)
     _write(
         folder / "fixes.csv",
         fixes.t_s,
-        (columns.PLACE, place_of_n(flight.origin, fixes.p_n_m)),
+        (columns.PLACE, place_of_n(origin, fixes.p_n_m)),
         (columns.VELOCITY, velocity),
         (
             columns.POSITION_SIGMA,
@@ -220,14 +223,11 @@ def _fixes(flight: Flight, folder: Path) -> flight_toml.FixesTable | None:
     return flight_toml.FixesTable(samples="fixes.csv", antenna=fixes.antenna)
 
 
-def _seeker(flight: Flight, folder: Path) -> flight_toml.SeekerTable | None:
-    seeker = flight.seeker
-    if seeker is None:
-        return None
+def _seeker(seeker: Seeker, origin: Origin, folder: Path) -> flight_toml.SeekerTable:
     _write(folder / "seeker.csv", seeker.t_s, (columns.CURRENTS, seeker.currents))
     calibration = dict(zip(columns.CALIBRATION, seeker.calibration.T, strict=True))
     write_table(folder / "quadrant.csv", calibration, columns.FORMATS)
-    landmark = _place(place_of_n(flight.origin, seeker.landmark_n_m[None])[0])
+    landmark = _place(place_of_n(origin, seeker.landmark_n_m[None])[0])
     return _keys(
         flight_toml.SeekerTable,
         seeker,
@@ -237,19 +237,13 @@ def _seeker(flight: Flight, folder: Path) -> flight_toml.SeekerTable | None:
     )
 
 
-def _barometer(flight: Flight, folder: Path) -> flight_toml.BarometerTable | None:
-    barometer = flight.barometer
-    if barometer is None:
-        return None
+def _barometer(barometer: Barometer, folder: Path) -> flight_toml.BarometerTable:
     heights_m = barometer.height_m[:, None]
     _write(folder / "barometer.csv", barometer.t_s, (columns.HEIGHT, heights_m))
     return _keys(flight_toml.BarometerTable, barometer, samples="barometer.csv")
 
 
-def _magnetometer(flight: Flight, folder: Path) -> flight_toml.MagnetometerTable | None:
-    sensor = flight.magnetometer
-    if sensor is None:
-        return None
+def _magnetometer(sensor: Magnetometer, folder: Path) -> flight_toml.MagnetometerTable:
     _write(folder / "magnetometer.csv", sensor.t_s, (columns.FIELD, sensor.field_b_ut))
     return _keys(flight_toml.MagnetometerTable, sensor, samples="magnetometer.csv")
 
@@ -268,28 +262,23 @@ def _vehicle(flight: Flight) -> flight_toml.VehicleTable | None:
     )
 
 
-def _initial(flight: Flight) -> flight_toml.InitialTable | None:
-    if flight.initial is None:
-        return None
+def _initial(initial: InitialAttitude) -> flight_toml.InitialTable:
     return flight_toml.InitialTable(
         **{
             f"{name.removesuffix('_rad')}_deg": float(np.degrees(value))
-            for name, value in asdict(flight.initial).items()
+            for name, value in asdict(initial).items()
             if value is not None
         }
     )
 
 
-def _truth(flight: Flight, folder: Path) -> flight_toml.TruthTable | None:
-    truth = flight.truth
-    if truth is None:
-        return None
+def _truth(truth: Truth, origin: Origin, folder: Path) -> flight_toml.TruthTable:
     _write(
         folder / "truth.csv",
         truth.t_s,
-        (columns.PLACE, place_of_n(flight.origin, truth.p_n_m)),
-        (columns.VELOCITY, velocity_of_n(flight.origin, truth.p_n_m, truth.v_n_mps)),
-        (columns.EULER, attitude_of_n(flight.origin, truth.p_n_m, truth.R_nb)),
+        (columns.PLACE, place_of_n(origin, truth.p_n_m)),
+        (columns.VELOCITY, velocity_of_n(origin, truth.p_n_m, truth.v_n_mps)),
+        (columns.EULER, attitude_of_n(origin, truth.p_n_m, truth.R_nb)),
         (columns.POSITION_SIGMA, truth.position_sigma_m),
         (columns.VELOCITY_SIGMA, truth.velocity_sigma_mps),
         (

@@ -50,6 +50,11 @@ class Session:
     threads : int
         For one run.
 
+    Attributes
+    ----------
+    inputs, outputs : tuple of Port
+        The graph's.
+
     Raises
     ------
     BadInputError
@@ -64,16 +69,6 @@ class Session:
         self._path, self._content, self._threads = path, content, threads
         self._lock = Lock()
         self._open()
-
-    @property
-    def inputs(self) -> tuple[Port, ...]:
-        """The graph's inputs."""
-        return _ports(self._graph["inputs"])
-
-    @property
-    def outputs(self) -> tuple[Port, ...]:
-        """The graph's outputs."""
-        return _ports(self._graph["outputs"])
 
     def run(self, names: Sequence[str], feed: Mapping[str, NDArray[Any]]) -> list[NDArray[Any]]:
         """Return the outputs of those names.
@@ -101,7 +96,11 @@ class Session:
         )
         weakref.finalize(self, _end, self._child, self._owner)
         content = np.frombuffer(self._content, np.uint8)
-        self._graph = self._answer("refuses it", {"threads": self._threads}, [content])[0]
+        graph = self._answer("refuses it", {"threads": self._threads}, [content])[0]
+        self.inputs, self.outputs = (
+            tuple(Port(name, kind, tuple(shape)) for name, kind, shape in graph[side])
+            for side in ("inputs", "outputs")
+        )
 
     def _answer(
         self, what: str, words: dict[str, Any], arrays: Sequence[NDArray[Any]]
@@ -117,10 +116,6 @@ class Session:
         if reason is not None:
             raise BadInputError(f"{self._path}: onnxruntime {what}: {reason:.{_LONGEST_REASON}}")
         return header, results
-
-
-def _ports(graph: list[Any]) -> tuple[Port, ...]:
-    return tuple(Port(name, kind, tuple(shape)) for name, kind, shape in graph)
 
 
 def _pipe(stream: Any) -> BinaryIO:  # noqa: ANN401  # None or a stream, by the arguments of Popen

@@ -79,14 +79,14 @@ def best_reading(
     rate_hz = 1.0 / float(np.median(np.diff(imu.t_s)))
     size = float(np.median(np.linalg.norm(imu.f_b_mps2, axis=1)))
     forces = {1.0, min((1.0, G_MPS2, rate_hz), key=lambda s: abs(np.log(s * size / G_MPS2)))}
-    tried = []
+    track, tried = _Track.of(series, windows, imu), []
     for rate in (1.0, -1.0, np.pi / 180, -np.pi / 180, rate_hz, -rate_hz):
         turns = abs(rate) / rate_hz * np.linalg.norm(imu.w_b_radps, axis=1)
         if rate != 1.0 and np.quantile(turns, 0.9) > np.pi:
             continue  # more than half a turn from sample to sample
         sums = _turned_forces(series, windows, imu, rate, late_s, arm_b_m)
         for force, axes, late in product(forces, signed_permutations(), late_s):
-            here = _fit(series, windows, imu, sums[late], force * axes)
+            here = track.fit(sums[late], force * axes)
             tried.append((_level(here), Reading(force=force, rate=rate, axes=axes), here))
     tried.sort(key=lambda one: one[0])
     best, stated = tried[0], next(one for one in tried if one[1].as_is)
@@ -129,33 +129,40 @@ def _turned_forces(
     return out
 
 
-def _fit(
-    series: Series,
-    windows: Windows,
-    imu: Imu,
-    sums: FloatArray,
-    matrix: FloatArray,
-) -> Fitted:
-    """Fit each window's start, rotation and bias of the accelerometer; nothing is common."""
-    W, n = windows.row.shape
-    force = sums[..., :9] @ matrix.ravel() + sums[..., 12]
-    white = np.where(windows.inside[..., None], 1.0 / series.sigma[windows.row], 0.0)
-    value = detrended(windows, series.t_s, series.value[windows.row], series.order)
-    R_ns = nearest(np.einsum("wni,wnj->wij", white**2 * value, force))
-    # Linear about there twice: the first rotation has the bias in it.
-    ridge = np.zeros(3 * series.order + 6)
-    ridge[-3:] = (BIASES * imu.accelerometer_bias_mps2) ** -2
-    start = starts(series, windows)
+@dataclass(frozen=True, eq=False, slots=True)
+class _Track:
+    """What each window of a track is, whatever the reading of the samples."""
 
-    def system(R_ns: FloatArray) -> tuple[FloatArray, FloatArray]:
-        left = value - np.einsum("wij,wnj->wni", R_ns, force)
-        lean = -R_ns[:, None] @ skew(force.reshape(-1, 3)).reshape(W, n, 3, 3)
-        local = np.concatenate([*start, lean, -R_ns[:, None] @ sums[..., 9:12]], axis=3)
-        return (white * left).reshape(W, -1), (white[..., None] * local).reshape(W, 3 * n, -1)
+    value: FloatArray  # (W, n, 3); less its mean, or line
+    white: FloatArray  # (W, n, 3); one over the 1-sigmas; zero outside of the window
+    start: list[FloatArray]  # (W, n, 3, 3); derivatives by where it begins
+    ridge: FloatArray
 
-    y, local = system(R_ns)
-    y, local = system(R_ns @ exp(solved(local, y, ridge)[:, -6:-3]))
-    return fitted(y, local, np.zeros((W, 3 * n, 0)), ridge)
+    @classmethod
+    def of(cls, series: Series, windows: Windows, imu: Imu) -> "_Track":
+        value = detrended(windows, series.t_s, series.value[windows.row], series.order)
+        white = np.where(windows.inside[..., None], 1.0 / series.sigma[windows.row], 0.0)
+        ridge = np.zeros(3 * series.order + 6)
+        ridge[-3:] = (BIASES * imu.accelerometer_bias_mps2) ** -2
+        return cls(value, white, starts(series, windows), ridge)
+
+    def fit(self, sums: FloatArray, matrix: FloatArray) -> Fitted:
+        """Fit each window's start, rotation and bias of the accelerometer; nothing is common."""
+        W, n, _ = self.value.shape
+        force = sums[..., :9] @ matrix.ravel() + sums[..., 12]
+        R_ns = nearest(np.einsum("wni,wnj->wij", self.white**2 * self.value, force))
+
+        def system(R_ns: FloatArray) -> tuple[FloatArray, FloatArray]:
+            left = self.value - np.einsum("wij,wnj->wni", R_ns, force)
+            lean = -R_ns[:, None] @ skew(force.reshape(-1, 3)).reshape(W, n, 3, 3)
+            local = np.concatenate([*self.start, lean, -R_ns[:, None] @ sums[..., 9:12]], axis=3)
+            whitened = (self.white[..., None] * local).reshape(W, 3 * n, -1)
+            return (self.white * left).reshape(W, -1), whitened
+
+        # Linear about there twice: the first rotation has the bias in it.
+        y, local = system(R_ns)
+        y, local = system(R_ns @ exp(solved(local, y, self.ridge)[:, -6:-3]))
+        return fitted(y, local, np.zeros((W, 3 * n, 0)), self.ridge)
 
 
 def named_axes(axes: FloatArray, names: tuple[str, str, str] = ("x", "y", "z")) -> str:

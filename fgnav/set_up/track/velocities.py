@@ -32,8 +32,10 @@ def velocity_findings(fixes: Fixes) -> tuple[list[Finding], Age | None]:
     if fixes.v_n_mps is None or len(windows) < 2:
         return [], None
     tried = []
+    way_m, speed_mps = _moved(fixes.t_s, fixes.v_n_mps, windows, 0.0)
     for (unit, factor), axes in product(UNITS.items(), signed_permutations()):
-        here, _ = _aged(fixes, windows, factor * fixes.v_n_mps @ axes.T, steps=0)
+        read = factor * axes.T
+        here = _fit(fixes, windows, way_m @ read, speed_mps @ read)
         changes = int((np.diag(axes) < 1).sum()) + (factor != 1.0)
         tried.append((float(np.log(here.squares + 1e-12).mean()), changes, here, unit, axes))
     tried.sort(key=lambda one: one[0])
@@ -42,7 +44,11 @@ def velocity_findings(fixes: Fixes) -> tuple[list[Finding], Age | None]:
         equal = [one for one in tried if not nearer(one[2], best[2], len(tried))]
         _, _, _, unit, axes = min(equal, key=lambda one: (one[1], one[0]))
         return [_columns(unit, axes)], None
-    here, old_s = _aged(fixes, windows, fixes.v_n_mps, steps=_STEPS)
+    here, old_s = _fit(fixes, windows, way_m, speed_mps), 0.0
+    spacing_s = float(np.median(np.diff(fixes.t_s)))
+    for _ in range(_STEPS):
+        old_s += float(np.clip(here.x[0], -spacing_s, spacing_s))
+        here = _fit(fixes, windows, *_moved(fixes.t_s, fixes.v_n_mps, windows, old_s))
     return [], Age(old_s=old_s, sigma_s=here.sigma(0), reach_s=here.reach(0))
 
 
@@ -63,26 +69,24 @@ def _columns(unit: str, axes: FloatArray) -> Finding:
     )
 
 
-def _aged(fixes: Fixes, windows: Windows, v_n_mps: FloatArray, steps: int) -> tuple[Fitted, float]:
-    """Fit each window's place, and the age of all velocities, s."""
-    t_s, row, old_s = fixes.t_s, windows.row, 0.0
-    way = summed(t_s, v_n_mps)
+def _moved(
+    t_s: FloatArray, v_n_mps: FloatArray, windows: Windows, old_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return ways from each window's begin and speeds, (W, n, 3), by velocities of an age."""
+    row = windows.row
+    at_s = (t_s[row] + old_s).ravel()  # what belongs to t stands at t + age
+    way_m = sampled(t_s, summed(t_s, v_n_mps), at_s).reshape(*row.shape, 3)
+    return way_m - way_m[:, :1], sampled(t_s, v_n_mps, at_s).reshape(*row.shape, 3)
+
+
+def _fit(fixes: Fixes, windows: Windows, way_m: FloatArray, speed_mps: FloatArray) -> Fitted:
+    """Fit each window's place, and how much older all velocities are, s."""
+    row, k = windows.row, 3 * windows.row.shape[1]
     white = np.where(windows.inside[..., None], 1.0 / fixes.position_sigma_m[row], 0.0)
-    local = white[..., None] * np.broadcast_to(np.eye(3), (*row.shape, 3, 3))
-    spacing_s = float(np.median(np.diff(t_s)))
-
-    def fit_at(old_s: float) -> Fitted:
-        at_s = (t_s[row] + old_s).ravel()  # what belongs to t stands at t + age
-        place = sampled(t_s, way, at_s).reshape(*row.shape, 3)
-        speed = sampled(t_s, v_n_mps, at_s).reshape(*row.shape, 3)
-        apart = fixes.p_n_m[row] - fixes.p_n_m[row[:, :1]] - (place - place[:, :1])
-        y = (white * apart).reshape(len(row), -1)
-        k = y.shape[1]
-        common = (white * speed).reshape(len(row), k, 1)
-        return fitted(y, local.reshape(len(row), k, 3), common, np.zeros(3))
-
-    here = fit_at(old_s)
-    for _ in range(steps):
-        old_s += float(np.clip(here.x[0], -spacing_s, spacing_s))
-        here = fit_at(old_s)
-    return here, old_s
+    apart = fixes.p_n_m[row] - fixes.p_n_m[row[:, :1]] - way_m
+    return fitted(
+        (white * apart).reshape(-1, k),
+        (white[..., None] * np.eye(3)).reshape(-1, k, 3),
+        (white * speed_mps).reshape(-1, k, 1),
+        np.zeros(3),
+    )

@@ -51,13 +51,9 @@ BODY = np.dtype(
 )
 GRAVITY = ("j2", "spherical", "wgs84-normal", "constant")
 AERODYNAMICS = ("none", "axisymmetric", "airframe")
-AXISYMMETRIC = (
-    "cd0", "cd2", "cl1", "cl3", "cnq", "cmf", "cm1", "cm3", "cmq", "cmm", "cspin"
-)  # fmt: skip
-AIRFRAME = (
-    "cd0", "cdk", "cl0", "cla", "cyb", "clb", "clp", "clr", "cm0", "cma", "cmq", "cnb", "cnp", "cnr"
-)  # fmt: skip
-CANARD, COEFFICIENTS = 14, 16  # the canards' slope comes after either set; a multiple of four
+# Coefficients stand in the order of the fields of ``tables.Axisymmetric`` and ``tables.Airframe``;
+# the canards' slope comes after either set; their number is a multiple of four.
+CANARD, COEFFICIENTS = 14, 16
 _NOT_NEGATIVE = 2**48 - 1  # a mask that says so: indices need no check, loops vectorise
 
 

@@ -9,16 +9,7 @@ from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry import earth
 from fgnav_sim.motion import Command
 from fgnav_sim.vehicle.atmosphere import Air, us_1976, vacuum
-from fgnav_sim.vehicle.forces import (
-    AERODYNAMICS,
-    AIRFRAME,
-    AXISYMMETRIC,
-    BODY,
-    CANARD,
-    COEFFICIENTS,
-    GRAVITY,
-    Model,
-)  # fmt: skip
+from fgnav_sim.vehicle.forces import AERODYNAMICS, BODY, CANARD, COEFFICIENTS, GRAVITY, Model
 from fgnav_sim.vehicle.planet import WGS84, Planet
 from fgnav_sim.vehicle.tables import Axisymmetric, CanardsTable, Column, MotorTable, Vehicle
 
@@ -146,8 +137,7 @@ def _coefficients(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     shape = vehicle.aerodynamics
     columns: dict[int, Column] = {}
     if shape is not None:
-        names = AXISYMMETRIC if isinstance(shape, Axisymmetric) else AIRFRAME
-        columns = {row: getattr(shape, name) for row, name in enumerate(names)}
+        columns = {row: getattr(shape, name) for row, name in enumerate(shape.coefficients())}
     if vehicle.canards is not None:
         columns[CANARD] = vehicle.canards.slope
     mach = np.array(shape.mach if shape is not None else (0.0,))

@@ -54,14 +54,6 @@ class Planet(Table, frozen=True):
             ]
         )
 
-    def geodetic(self, p_e_m: FloatArray) -> FloatArray:
-        """Return latitude rad, longitude rad, height m over this ellipsoid, (n, 3)."""
-        from pymap3d import Ellipsoid, ecef2geodetic  # noqa: PLC0415  # lazy, as fgnav.geometry.earth has it
-
-        shape = Ellipsoid(self.semi_major_axis_m, self.semi_minor_axis_m)
-        place = ecef2geodetic(p_e_m[:, 0], p_e_m[:, 1], p_e_m[:, 2], shape, deg=False)
-        return np.stack([np.reshape(x, len(p_e_m)) for x in place], axis=-1)
-
     def turn(self, t_s: FloatArray) -> FloatArray:
         """Return R_ei, (m, 3, 3)."""
         angle = self.rate_radps * t_s

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, frozen, positive
-from fgnav.geometry.earth import Origin, ned_axes
-from fgnav.geometry.rotations import from_euler, quaternion_wxyz, skew, to_euler
+from fgnav.geometry.earth import Origin
+from fgnav.geometry.rotations import from_euler, quaternion_wxyz, skew
 from fgnav_sim.vehicle.atmosphere import FLOOR_M, Air
 from fgnav_sim.vehicle.forces import SIZE, SPIN, Model, P, Q, V, W
 from fgnav_sim.vehicle.model import Attitude, pack
@@ -99,24 +99,6 @@ class Flown:
     dy: FloatArray  # (n, m, 19); their time derivatives
     rows: IntArray  # (n,); how many rows of each flight are above the ground
     planet: Planet = WGS84
-
-    def position_e_m(self, flight: int = 0) -> FloatArray:
-        """Return ECEF positions of the centre of mass, (m, 3)."""
-        p_i_m = self.y[flight, :, P : P + 3]
-        return np.asarray(np.einsum("mij,mj->mi", self.planet.turn(self.t_s), p_i_m))
-
-    def place(self, flight: int = 0) -> FloatArray:
-        """Return latitude rad, longitude rad, ellipsoidal height m, (m, 3)."""
-        return self.planet.geodetic(self.position_e_m(flight))
-
-    def rotation_eb(self, flight: int = 0) -> FloatArray:
-        """Return R_eb, (m, 3, 3)."""
-        return self.planet.turn(self.t_s) @ rotations_of(self.y[flight, :, Q : Q + 4])
-
-    def euler_rad(self, flight: int = 0) -> FloatArray:
-        """Return roll, pitch, yaw against north, east, down where the body is, (m, 3)."""
-        place = self.place(flight)
-        return to_euler(ned_axes(place[:, 0], place[:, 1]) @ self.rotation_eb(flight))
 
 
 def fly_batch(

@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -84,7 +82,7 @@ def test_vague_float_solution_is_given_up_and_counted(monkeypatch):
     def unfinished(differences, **options):
         found = affine.search_array(differences, **options)
         status = np.full_like(found.status, affine.UNFINISHED)
-        return replace(found, status=status, fixed=np.zeros_like(found.fixed))
+        return found._replace(status=status, fixed=np.zeros_like(found.fixed))
 
     monkeypatch.setattr(lambda_, "search_array", unfinished)
     made = make(np.random.default_rng(6))

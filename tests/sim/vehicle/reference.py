@@ -1,12 +1,43 @@
 """Flown flights seen otherwise, and integrated by scipy on the same right-hand side."""
 
 import numpy as np
+from pymap3d import Ellipsoid, ecef2geodetic
 from scipy.integrate import solve_ivp
 
-from fgnav_sim.vehicle.forces import COEFFICIENTS, FINS, PATH, SIZE, P, V, W
+from fgnav.geometry.earth import ned_axes
+from fgnav.geometry.rotations import to_euler
+from fgnav_sim.vehicle.forces import COEFFICIENTS, FINS, PATH, SIZE, P, Q, V, W
 from fgnav_sim.vehicle.model import pack
-from fgnav_sim.vehicle.rigid_body import Flown
+from fgnav_sim.vehicle.rigid_body import Flown, rotations_of
 from fgnav_sim.vehicle.rigid_body_kernel import derivative, rates
+
+
+def geodetic_on(planet, p_e_m):
+    """Return latitude rad, longitude rad, height m over a planet's ellipsoid, (n, 3)."""
+    shape = Ellipsoid(planet.semi_major_axis_m, planet.semi_minor_axis_m)
+    place = ecef2geodetic(*p_e_m.T, shape, deg=False)
+    return np.stack([np.reshape(x, len(p_e_m)) for x in place], axis=-1)
+
+
+def position_e_m(flown):
+    """Return ECEF positions of the centre of mass, (m, 3)."""
+    turn = flown.planet.turn(flown.t_s)
+    return np.einsum("mij,mj->mi", turn, flown.y[0, :, P : P + 3])
+
+
+def places(flown):
+    """Return latitude rad, longitude rad, ellipsoidal height m, (m, 3)."""
+    return geodetic_on(flown.planet, position_e_m(flown))
+
+
+def rotation_eb(flown):
+    """Return R_eb, (m, 3, 3)."""
+    return flown.planet.turn(flown.t_s) @ rotations_of(flown.y[0, :, Q : Q + 4])
+
+
+def euler_rad(flown):
+    """Return roll, pitch, yaw against north, east, down where the body is, (m, 3)."""
+    return to_euler(ned_axes(*places(flown)[:, :2].T) @ rotation_eb(flown))
 
 
 def velocity_e_mps(flown, flight=0):

@@ -8,7 +8,7 @@ from fgnav_sim.vehicle.atmosphere import Air
 from fgnav_sim.vehicle.flown_motion import FlownMotion, flown_motion
 from fgnav_sim.vehicle.rigid_body import Flown, Launch, Plan, fly_batch
 from fgnav_sim.vehicle.tables import BodyTable, Vehicle
-from tests.sim.vehicle.reference import rate_ib_b_radps, velocity_e_mps
+from tests.sim.vehicle.reference import position_e_m, rate_ib_b_radps, rotation_eb, velocity_e_mps
 
 ORIGIN = Origin(latitude_rad=0.7, longitude_rad=-0.07, height_m=500.0)
 BODY = Vehicle(body=BodyTable(mass_kg=3.0, inertia_kgm2=(0.02, 0.3, 0.31)))
@@ -40,10 +40,10 @@ def test_between_rows_the_motion_is_that_of_the_flight(motion: FlownMotion) -> N
     t_s = fine.t_s[4::997]
     state = motion(t_s)
     rows = np.searchsorted(fine.t_s, t_s - 1e-9)
-    assert np.abs(state.p_n_m - ORIGIN.to_n(fine.position_e_m()[rows])).max() < 1e-6  # m
+    assert np.abs(state.p_n_m - ORIGIN.to_n(position_e_m(fine)[rows])).max() < 1e-6  # m
     v_n = velocity_e_mps(fine)[rows] @ ORIGIN.R_ne.T
     assert np.abs(state.v_n_mps - v_n).max() < 1e-6  # m/s
-    turn = state.R_nb.swapaxes(1, 2) @ ORIGIN.R_ne @ fine.rotation_eb()[rows]
+    turn = state.R_nb.swapaxes(1, 2) @ ORIGIN.R_ne @ rotation_eb(fine)[rows]
     assert np.abs(log(turn)).max() < 1e-8  # rad
     w_ib_b = state.inertial_rate_b_radps(ORIGIN)
     assert np.abs(w_ib_b - rate_ib_b_radps(fine)[rows]).max() < 1e-6  # rad/s

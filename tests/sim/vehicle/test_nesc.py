@@ -12,7 +12,7 @@ from fgnav.geometry.earth import Origin
 from fgnav_sim.vehicle.atmosphere import Air
 from fgnav_sim.vehicle.rigid_body import Flown, Launch, Plan, fly_batch
 from fgnav_sim.vehicle.tables import Airframe, BodyTable, Vehicle
-from tests.sim.vehicle.reference import velocity_e_mps
+from tests.sim.vehicle.reference import euler_rad, places, velocity_e_mps
 
 FT, SLUG, DEG = 0.3048, 14.59390294, np.pi / 180
 SLUG_FT2 = SLUG * FT**2
@@ -67,17 +67,17 @@ def flown(
 
 def altitude_error_ft(flight: Flown, reference: np.ndarray) -> float:
     assert np.abs(flight.t_s - reference[0]).max() < 1e-6
-    return float(np.abs(flight.place()[:, 2] / FT - reference[1]).max())
+    return float(np.abs(places(flight)[:, 2] / FT - reference[1]).max())
 
 
 def velocity_error_fps(flight: Flown, reference: np.ndarray) -> float:
-    place = flight.place()
+    place = places(flight)
     v_ned = np.einsum("mij,mj->mi", _ned(place), velocity_e_mps(flight))
     return float(np.abs(v_ned / FT - reference[2:5].T).max())
 
 
 def attitude_error_deg(flight: Flown, reference: np.ndarray) -> float:
-    error = np.degrees(flight.euler_rad()) - reference[5:8].T
+    error = np.degrees(euler_rad(flight)) - reference[5:8].T
     return float(np.abs((error + 180) % 360 - 180).max())
 
 

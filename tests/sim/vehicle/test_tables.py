@@ -3,8 +3,7 @@ from pathlib import Path
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav_sim.vehicle.forces import AIRFRAME, AXISYMMETRIC
-from fgnav_sim.vehicle.tables import Airframe, Axisymmetric, load_vehicle
+from fgnav_sim.vehicle.tables import load_vehicle
 
 VEHICLES = Path(__file__).resolve().parents[3] / "sim" / "fgnav_sim" / "vehicles"
 ROCKET = (VEHICLES / "rocket.toml").read_text()
@@ -27,11 +26,6 @@ def test_the_default_rocket_has_the_published_masses() -> None:
     assert rocket.body.mass_kg == 17.2
     assert rocket.body.inertia_kgm2 == (0.0255, 16.8, 16.8)
     assert rocket.body.centre_m == 1.813
-
-
-def test_the_compiled_code_knows_all_coefficients_in_the_order_of_the_file() -> None:
-    assert Axisymmetric.coefficients() == AXISYMMETRIC
-    assert Airframe.coefficients() == AIRFRAME
 
 
 @pytest.mark.parametrize(

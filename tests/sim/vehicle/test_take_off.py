@@ -23,6 +23,7 @@ from fgnav_sim.vehicle.planet import Planet
 from fgnav_sim.vehicle.rigid_body import Launch, Plan, fly_batch
 from fgnav_sim.vehicle.tables import Airframe, BodyTable, Vehicle, load_vehicle
 from fgnav_sim.vehicle.take_off import take_off
+from tests.sim.vehicle.reference import position_e_m
 
 SIM = Path(__file__).resolve().parents[3] / "sim" / "fgnav_sim"
 ROCKET = load_vehicle(SIM / "vehicles" / "rocket.toml")
@@ -72,7 +73,7 @@ def test_antennas_stay_where_the_structure_has_them_while_the_motor_burns() -> N
         )],
         [Air()], Plan(duration_s=6.0),
     )  # fmt: skip
-    centre_n = one.origin.frame.to_n(whole.position_e_m()[np.round(t_s / 0.01).astype(int)])
+    centre_n = one.origin.frame.to_n(position_e_m(whole)[np.round(t_s / 0.01).astype(int)])
     ahead_m = np.einsum("nij,ni->nj", state.R_nb, state.p_n_m - centre_n)
     motor = ROCKET.motor
     assert motor is not None
@@ -104,7 +105,7 @@ def test_a_scenario_flies_what_the_library_flies() -> None:
         wind_mps=np.array([[0.0, -20 * FT], [0.0, 70 * FT]]),
     )
     flight = fly_batch([ball], [start], [air], Plan(duration_s=30.0, gravity="j2"))
-    there = one.origin.frame.to_n(flight.position_e_m()[-1:])
+    there = one.origin.frame.to_n(position_e_m(flight)[-1:])
     assert airborne(one).motion(np.array([30.0])).p_n_m == pytest.approx(there, abs=1e-6)
 
 

@@ -1,16 +1,17 @@
-"""A row of coloured cells along the axis of time."""
+"""Rows of coloured cells along the axis of time."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.evaluation.report.drawing.chart import Axis
-from fgnav.evaluation.report.drawing.shapes import Shape, Stroke, Text, square
+from fgnav.evaluation.report.drawing.shapes import Drawing, Shape, Stroke, Text, square
 
 WIDE, LEFT = 480.0, 60.0
 LENGTH = WIDE - LEFT - 8.0
+_TOP, _ROW = 20.0, 30.0  # of strips with their names above them
 
 
 def cells(count: int, most: int) -> IntArray:
@@ -44,6 +45,26 @@ def strip(
         for a, b in pairwise(bounds)
         if codes[a] >= 0
     ]
+
+
+def named_strips(
+    title: str,
+    of: Iterable[tuple[str, IntArray, FloatArray]],
+    marks: Sequence[str],
+    time: Axis,
+    above: Sequence[Shape],
+) -> Drawing:
+    """Return strips below each other, each with its name: kinds and edges as of ``strip``.
+
+    ``above`` them stands what the marks mean.
+    """
+    shapes, bottom = list(above), _TOP
+    for name, kinds, t_s in of:
+        shapes.append(Text(x=LEFT, y=bottom + 10, text=name, anchor="start"))
+        shapes += strip(kinds, t_s, marks, time, (bottom + 20, 12.0))
+        bottom += _ROW
+    shapes += time_ticks(time, bottom + 14)
+    return Drawing(title=title, width=WIDE, height=bottom + 34, shapes=shapes)
 
 
 def time_ticks(time: Axis, y: float) -> list[Shape]:

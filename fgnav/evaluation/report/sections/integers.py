@@ -9,8 +9,8 @@ from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.report.blocks import NONE, Blocks, grid, table
 from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, spanning
-from fgnav.evaluation.report.drawing.shapes import Drawing, Text
-from fgnav.evaluation.report.drawing.strip import LEFT, WIDE, cells, key, strip, time_ticks
+from fgnav.evaluation.report.drawing.shapes import Drawing
+from fgnav.evaluation.report.drawing.strip import cells, key, named_strips
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers
 
@@ -21,7 +21,6 @@ _STATES = (
     "fixed",
 )  # a cell of several epochs shows the first that occurs
 _CELLS = 300
-_TOP, _ROW = 20.0, 30.0
 _MOST_REASONS = 40
 _MOST_ARCS = 20
 
@@ -64,9 +63,8 @@ def _strips(
 ) -> Drawing:
     """Return a row for each method, coloured by what became of the epochs."""
     shown = _STATES if right is not None else _STATES[1:]
-    shapes = key([(state, state) for state in reversed(shown)], 2.0, 90.0)
-    for row, (name, t_s, integers) in enumerate(of):
-        top = _TOP + _ROW * row
+    rows = []
+    for name, t_s, integers in of:
         outcome = np.array([_STATES.index(state) for state in integers.outcome])
         if right is not None and right.fixed.shape == integers.fixed.shape:
             judged = integers.fixed & right.fixed
@@ -74,13 +72,10 @@ def _strips(
             outcome[is_wrong] = _STATES.index("wrong")
         starts = cells(len(t_s), _CELLS)
         worst = np.minimum.reduceat(outcome, starts)
-        shapes.append(Text(x=LEFT, y=top + 10, text=name, anchor="start"))
-        at_s = np.append(t_s[starts], t_s[-1])
-        shapes += strip(worst, at_s, _STATES, time, (top + 20, 12.0))
-    bottom = _TOP + _ROW * len(of)
-    shapes += time_ticks(time, bottom + 14)
+        rows.append((name, worst, np.append(t_s[starts], t_s[-1])))
     title = "epochs by their integers: the worst of what a cell holds"
-    return Drawing(title=title, width=WIDE, height=bottom + 34, shapes=shapes)
+    above = key([(state, state) for state in reversed(shown)], 2.0, 90.0)
+    return named_strips(title, rows, _STATES, time, above)
 
 
 def _counts(methods: Sequence[Method]) -> Blocks:

@@ -9,8 +9,7 @@ from fgnav.evaluation.comparison import Method
 from fgnav.evaluation.reference import common_epochs
 from fgnav.evaluation.report.blocks import Blocks, grid
 from fgnav.evaluation.report.drawing.chart import Axis
-from fgnav.evaluation.report.drawing.shapes import Drawing, Text
-from fgnav.evaluation.report.drawing.strip import LEFT, WIDE, key, strip, time_ticks
+from fgnav.evaluation.report.drawing.strip import key, named_strips
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
 
@@ -19,24 +18,21 @@ _FLAGS = ("absent", "predicted", "refused", "fixed")
 _LABELS = ("no answer", "no GNSS", "no integers", "integers fixed")
 _CELLS = 300
 _NEAR = 0.75  # usual intervals: epochs that follow each other have none further away than a half
-_TOP, _ROW = 20.0, 30.0
 
 
 def quality_strips(flight: Flight, methods: Sequence[Method], time: Axis) -> Blocks:
     """Return a row for each method: integers, none, no GNSS at all, or no answer."""
     edges_s = np.linspace(time.low, time.high, _CELLS + 1)
     measured_s = _measured(flight)
-    shapes = key(list(zip(_FLAGS[::-1], _LABELS[::-1], strict=True)), 2.0, 104.0)
-    of = [(m.name, m.estimate) for m in methods if m.estimate is not None and len(m.estimate.t_s)]
-    for row, (name, estimate) in enumerate(of):
-        top = _TOP + _ROW * row
-        kinds = _in_cells(*_with_gaps(estimate.t_s, _flags(flight, estimate, measured_s)), edges_s)
-        shapes.append(Text(x=LEFT, y=top + 10, text=name, anchor="start"))
-        shapes += strip(kinds, edges_s, _FLAGS, time, (top + 20, 12.0))
-    bottom = _TOP + _ROW * len(of)
-    shapes += time_ticks(time, bottom + 14)
+    rows = []
+    for method in methods:
+        estimate = method.estimate
+        if estimate is not None and len(estimate.t_s):
+            flags = _with_gaps(estimate.t_s, _flags(flight, estimate, measured_s))
+            rows.append((method.name, _in_cells(*flags, edges_s), edges_s))
     title = "quality of answers: the worst of what a cell holds"
-    return grid([Drawing(title=title, width=WIDE, height=bottom + 34, shapes=shapes)])
+    above = key(list(zip(_FLAGS[::-1], _LABELS[::-1], strict=True)), 2.0, 104.0)
+    return grid([named_strips(title, rows, _FLAGS, time, above)])
 
 
 def _measured(flight: Flight) -> FloatArray:
