@@ -1,5 +1,8 @@
 """What is found in a flight, and the estimate by it: of one identification, which takes long."""
 
+from functools import partial
+
+from fgnav.frontend.position.by_observations import LastObservations
 from fgnav.frontend.problem import build_problem
 from fgnav.identification.apply import with_findings
 from fgnav.identification.findings import findings
@@ -9,7 +12,8 @@ SETTINGS = Smoother().preparation
 
 
 def found_in(flight, settings=SETTINGS):
-    return findings(flight, settings, build_problem(flight, settings), build_problem)
+    build = partial(build_problem, last=LastObservations())
+    return findings(flight, settings, build(flight, settings), build)
 
 
 def estimate_by(found, flight):
