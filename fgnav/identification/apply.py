@@ -8,7 +8,6 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.identification.array.exchanged import exchange_of
 from fgnav.identification.array.places import with_reference
 from fgnav.identification.findings import Findings, findings, with_satellite_errors
-from fgnav.identification.late_forces import with_forces_early
 from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.spans.gross_errors import leaving_out
 from fgnav.identification.spans.unit_faults import building
@@ -85,8 +84,7 @@ def corrected(
         flight = changes.cause.undone(flight)
     for one in changes.out:
         flight = one.of(flight)
-    early = with_forces_early(flight, changes.forces_late_s)
-    better = with_tags_moved(early, changes.moved, changes.middle_s)
+    better = with_tags_moved(flight, changes.moved, changes.middle_s)
     better = with_reference(with_factors(better, changes.factors), changes.reference)
     better = better if changes.turn is None else changes.turn.back(better)
     mended = building(leaving_out(build, changes.gross), changes.faults)
