@@ -20,6 +20,7 @@ from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.identification.likelihood.record_clock import RecordClock, record_clock
+from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.track.tags import tags_moved_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.types.flight import Flight
@@ -100,7 +101,7 @@ def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> C
             break
         moved = moved + clock.value
         likeliest = clock, moved
-        if clock.squares <= 1.0:
+        if clock.squares <= 1.0 or (stated.cost - clock.cost) / 2 < EXCLUDED - LIKELY:
             break
         imu = replace(motion.imu, t_s=tags_moved_s(motion.imu, moved, middle_s))
         at = replace(problem, motion=cast("Motion", replace(motion, imu=imu)))
