@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
@@ -105,11 +107,14 @@ def with_findings(
 def _with_errors_and_notes(prepared: PreparedFlight, changes: Findings) -> PreparedFlight:
     """Return a problem with what is doubted of satellites and sights, and all notes."""
     changed, cause = with_satellite_errors(prepared, changes.errors), changes.cause
+    doubts = [one.attitude_rad2 for one in changes.faults]
     if cause is not None:
         changed = changed.changed(cause.in_doubt)
-        changed = replace(changed, body_doubt_rad2=cause.body_doubt_rad2)
+        doubts.append(cause.body_doubt_rad2)
+    added = [one for one in doubts if one is not None]
     return replace(
         changed,
+        body_doubt_rad2=np.sum(added, axis=0) if added else None,
         notes=(*changed.notes, *changes.notes),
         rejections=(*changed.rejections, *changes.rejected),
     )

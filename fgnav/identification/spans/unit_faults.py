@@ -24,7 +24,8 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.measurement import Linearised, Measurement
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.graph.types.states import POSITION, States
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import POSITION, ROTATION, States
 from fgnav.identification.likelihood.beside_phases import noise_gain
 from fgnav.identification.likelihood.changed_samples import Change, solved_with_changes
 from fgnav.identification.likelihood.span_offsets import (
@@ -99,7 +100,7 @@ def with_span_faults(
         rest = search._replace(build=building(build, (*faults, *likeliest)))
         if not likeliest[0].is_likely:
             return rest, at_tags, (*faults, *likeliest)
-        refined = _beside_phases(as_it_is[0], at_tags, faults, likeliest[0])
+        refined = _refined(as_it_is[0], at_tags, faults, likeliest[0])
         likeliest = (refined, *likeliest[1:])
         rest = search._replace(build=building(build, (*faults, *likeliest)))
         try:
@@ -227,12 +228,13 @@ def _limit(t_s: FloatArray) -> float:
     return float(EXCLUDED + np.log(max(float(t_s[-1] - t_s[0]), 1.0)))
 
 
-def _beside_phases(
+def _refined(
     search: TagSearch, at_tags: AtTags, faults: tuple[SpanFault, ...], fault: SpanFault
 ) -> SpanFault:
-    """Return a fault as the phases of arcs show it, which the thinned chain has not.
+    """Return a fault by steps, each about the one before, and what it leaves of attitudes.
 
-    By steps, each about the one before. ``faults``: those taken out already.
+    By the whole problem beside phases of arcs, which the thinned chain has not. ``faults``: those
+    taken out already.
     """
     flight = with_tags_moved(search.flight, at_tags.moved, middle_of_tags_s(search.flight.imu))
     axes = ("x_b", "y_b", "z_b")
@@ -245,16 +247,24 @@ def _beside_phases(
     for _ in range(_STEPS):
         build = building(search.build, (*faults, fault))
         problem = build(flight, search.settings).problem
-        if problem.phase is None:
-            break
+        problem = problem if problem.phase is not None else thinned(problem)
         solution = solved_with_changes(problem, (part,), changes, fault.sigma)
         if solution is None:
             break
         step = solution.states.constants[-3:]
-        fault = fault._replace(value=fault.value + step)
+        fault = fault._replace(
+            value=fault.value + step, attitude_rad2=_attitude_covariance(solution)
+        )
         if np.all(np.abs(step) < fault.sigma):
             break
     return fault
+
+
+def _attitude_covariance(solution: Solution) -> FloatArray:
+    """Return the covariance of attitudes by that of a fault, the last three constants, (3, 3)."""
+    C = solution.constant_covariance[0, -3:, -3:]
+    X = solution.constant_cross[:, ROTATION, -3:]
+    return np.asarray((X @ np.linalg.solve(C, X.swapaxes(1, 2))).mean(axis=0))
 
 
 class _Tested(NamedTuple):
