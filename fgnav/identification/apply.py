@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.identification.array.exchanged import exchange_of
 from fgnav.identification.array.places import with_reference
 from fgnav.identification.findings import Findings, findings, with_satellite_errors
-from fgnav.identification.late_forces import with_forces_early
 from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.spans.gross_errors import leaving_out
 from fgnav.identification.spans.unit_faults import building
@@ -85,8 +86,7 @@ def corrected(
         flight = changes.cause.undone(flight)
     for one in changes.out:
         flight = one.of(flight)
-    early = with_forces_early(flight, changes.forces_late_s)
-    better = with_tags_moved(early, changes.moved, changes.middle_s)
+    better = with_tags_moved(flight, changes.moved, changes.middle_s)
     better = with_reference(with_factors(better, changes.factors), changes.reference)
     better = better if changes.turn is None else changes.turn.back(better)
     mended = building(leaving_out(build, changes.gross), changes.faults)
@@ -107,11 +107,14 @@ def with_findings(
 def _with_errors_and_notes(prepared: PreparedFlight, changes: Findings) -> PreparedFlight:
     """Return a problem with what is doubted of satellites and sights, and all notes."""
     changed, cause = with_satellite_errors(prepared, changes.errors), changes.cause
+    doubts = [one.attitude_rad2 for one in changes.faults]
     if cause is not None:
         changed = changed.changed(cause.in_doubt)
-        changed = replace(changed, body_doubt_rad2=cause.body_doubt_rad2)
+        doubts.append(cause.body_doubt_rad2)
+    added = [one for one in doubts if one is not None]
     return replace(
         changed,
+        body_doubt_rad2=np.sum(added, axis=0) if added else None,
         notes=(*changed.notes, *changes.notes),
         rejections=(*changed.rejections, *changes.rejected),
     )

@@ -22,7 +22,6 @@ from fgnav.identification.exclusion import Exclusion
 from fgnav.identification.lasting.arm import LEVER_ARM
 from fgnav.identification.lasting.choice import Cause, Lasting, likeliest_cause
 from fgnav.identification.lasting.lost_samples import LostSamples
-from fgnav.identification.late_forces import sentences, with_late_forces
 from fgnav.identification.late_velocities import with_late_velocities
 from fgnav.identification.likelihood.bent_clock import informed_by_problem
 from fgnav.identification.likelihood.beside_phases import white_noise_factors
@@ -66,7 +65,6 @@ class Findings(NamedTuple):
     middle_s: float = 0.0  # of the record that says so: the offset holds there
     reference: int = 0  # antenna against which the array's others are
     turn: Turn | None = None
-    forces_late_s: float = 0.0
     faults: tuple[SpanFault, ...] = ()
     errors: Mapping[str, float] = MappingProxyType({})  # of satellites, as factors
     cause: Cause | None = None
@@ -114,9 +112,8 @@ def findings(
         raise NoSolutionError("nothing tells the heading")
     search, at_tags, gross = without_gross_errors(search.informed(at_tags), at_tags, _requests)
     search, at_tags = with_late_velocities(search, at_tags)
-    search, at_tags, late_s = with_late_forces(search, at_tags)
     search, turn, at_tags, out = _in_agreement(search, at_tags, problem)
-    is_mended = bool(late_s or turn or out or gross)
+    is_mended = bool(turn or out or gross)
     by_chain, at_tags = at_tags, _beside_phases(search, at_tags, subject, is_mended)
     begun = None if is_mended or not _has_stated(subject, search, at_tags) else subject.prepared
     is_louder = at_tags.identified.factors != by_chain.identified.factors  # no chain tells it
@@ -127,7 +124,7 @@ def findings(
     requests = informed_by_problem(search, at_tags, _requests(search, at_tags))
     tests = (*places.tests, *_tests(subject.search.flight.imu, identified))
     is_same = _is_as_stated(at_tags, requests, settings.calibration)
-    is_mended = bool(late_s or out or gross or any(one.is_likely for one in faults))
+    is_mended = bool(out or gross or any(one.is_likely for one in faults))
     is_mended |= cause is not None
     is_as_stated = is_same and not (tests or is_mended)
     if is_as_stated and not (subject.errors or faults or cause):
@@ -142,7 +139,6 @@ def findings(
             *(() if cause is None else cause.sentences),
             *exclusion_notes(_rejections(out, gross)),
             *turned,
-            *sentences(late_s),
             *(one.sentence for one in faults if one.is_likely),
             *_notes(subject, at_tags, requests),
         ),
@@ -150,7 +146,6 @@ def findings(
         middle_s=middle_of_tags_s(subject.search.flight.imu),
         reference=places.reference,
         turn=turn,
-        forces_late_s=late_s,
         faults=faults,
         errors=subject.errors,
         cause=cause,

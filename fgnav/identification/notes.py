@@ -9,6 +9,7 @@ from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.frontend.sensors.rest import AT_REST
 from fgnav.graph.types.motion import INERTIAL_NOISES
 from fgnav.identification.lasting import arm
+from fgnav.identification.lasting.clock import clock_sentence
 from fgnav.identification.likelihood.thinned import FIELDS
 from fgnav.identification.noise.identified import Identified
 from fgnav.types.estimate import Rejected
@@ -134,11 +135,7 @@ def constant_notes(
         kinds = [one for one in kinds if one not in ("clock", "velocity-delay")]
     elif moved.any() or is_off:
         then = "corrected, and estimated with the flight" if "clock" in kinds else "corrected"
-        notes.append(
-            f"The inertial unit's clock disagrees with GNSS: {value[0]:+.4f} ± {sigma[0]:.4f} s in "
-            f"the middle of its record, to be added to its tags, and {value[1]:+.0f} ± "
-            f"{sigma[1]:.0f} ppm in rate; {then}."
-        )
+        notes.append(clock_sentence(value[:2], sigma[:2], then))
     if "velocity-delay" in kinds:
         notes.append(
             f"Velocities of fixes are {value[2]:.3f} ± {sigma[2]:.3f} s old: estimated with the "

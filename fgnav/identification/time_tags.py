@@ -48,14 +48,10 @@ def with_rates_of(settings: ProblemSettings, problem: SmoothingProblem) -> Probl
 
 
 class AtTags(NamedTuple):
-    """What a flight says, and by what its unit's tags are moved: offset in s, rate in ppm, (2,).
-
-    ``doubted``: what it says at the tags before, where these were in doubt.
-    """
+    """What a flight says, and by what its unit's tags are moved: offset in s, rate in ppm, (2,)."""
 
     identified: Identified
     moved: FloatArray
-    doubted: "AtTags | None" = None
 
 
 class _Likelihood(NamedTuple):
@@ -128,11 +124,10 @@ class TagSearch(NamedTuple):
             identified = identified.with_clock(clock.value, clock.sigma)
         elif not is_far(self.flight, identified.times):
             return AtTags(identified, moved)
-        doubted = AtTags(identified, moved)
-        unmoved = AtTags(identified.on_time(), moved, doubted)
+        unmoved = AtTags(identified.on_time(), moved)
         try:
             if clock is None:
-                stepped = others._stepped(doubted, extra)
+                stepped = others._stepped(AtTags(identified, moved), extra)
             else:
                 stepped = others._stepped_by(moved, clock, extra)
         except NoSolutionError:
@@ -146,7 +141,7 @@ class TagSearch(NamedTuple):
         # Late velocities are as likely as these tags: then it is enough that nothing excludes them.
         least = -EXCLUDED if either else SIGMAS**2 / 2
         if after.likelihood > before.likelihood + least:
-            return stepped._replace(doubted=doubted)
+            return stepped
         late = before.identified if either else None
         return unmoved if late is None else unmoved._replace(identified=late)
 
@@ -177,22 +172,6 @@ class TagSearch(NamedTuple):
 
     def _extra(self, prepared: PreparedFlight, turn: str) -> tuple[FlightConstant, ...]:
         return (*self._tested_constants(), *tested_turn(prepared.problem, turn))
-
-    def on_time(self, moved: FloatArray, extra: tuple[FlightConstant, ...]) -> ThinnedFlight:
-        """Return the flight's thinned chain with clock and velocities in time at tags so moved.
-
-        ``extra``: constants beside lever arm and turn.
-
-        Raises
-        ------
-        NoSolutionError
-            If the flight has no problem at these tags.
-        """
-        at = self._with_tags(moved)
-        prepared = self.build(at, self.settings)
-        constants = self._tested_constants(clock=False, delay=False)
-        tested = (*constants, *tested_turn(prepared.problem, UNIT_TURN), *extra)
-        return ThinnedFlight.of(at, prepared, tested)
 
     def _with_tags(self, moved: FloatArray) -> Flight:
         return with_tags_moved(self.flight, moved, middle_of_tags_s(self.flight.imu))
@@ -259,12 +238,8 @@ class TagSearch(NamedTuple):
         flight = self._with_tags(moved)
         return ThinnedFlight.of(flight, self.build(flight, self.settings), extra)
 
-    def without_clock(
-        self, moved: FloatArray, others: tuple[FloatArray, ...], *, delay: bool = True
-    ) -> "_Likelihood":
+    def without_clock(self, moved: FloatArray, others: tuple[FloatArray, ...]) -> "_Likelihood":
         """Return how likely tags so moved are, over what is measured with others as well.
-
-        ``delay``: whether velocities may be late.
 
         The steps that led to them take all else of a chain as it is, the rates' variances as well,
         which are of the times of the tags before: a body that turns alike all along seems to tell
@@ -278,7 +253,7 @@ class TagSearch(NamedTuple):
             if prepared.problem.phase is not None:
                 return _Likelihood(profile_likelihood(prepared.problem))
             turn = tested_turn(prepared.problem, UNIT_TURN)
-            constants = (*self._tested_constants(clock=False, delay=delay), *turn)
+            constants = (*self._tested_constants(clock=False), *turn)
             identified = identify(ThinnedFlight.of(at, prepared, constants))
         except NoSolutionError:
             return _Likelihood(-np.inf)
@@ -299,9 +274,7 @@ class TagSearch(NamedTuple):
         as_stated = at._thinned(stated, ()).likelihood_at(factors)
         return _less_odds(at_tags, likely) - as_stated
 
-    def _tested_constants(
-        self, *, clock: bool = True, delay: bool = True
-    ) -> tuple[FlightConstant, ...]:
+    def _tested_constants(self, *, clock: bool = True) -> tuple[FlightConstant, ...]:
         """Return constants that are tested without a request: clock, delay and lever arm."""
         flight, requested = self.flight, [one.kind for one in self.settings.calibration]
         has_velocities = (
@@ -309,7 +282,7 @@ class TagSearch(NamedTuple):
             and flight.fixes is not None
             and flight.fixes.v_n_mps is not None
         )
-        is_tested = {"clock": clock, "velocity-delay": delay and has_velocities}
+        is_tested = {"clock": clock, "velocity-delay": has_velocities}
         words = [word for word, tested in is_tested.items() if tested]
         times = calibration_requests([word for word in words if word not in requested])
         arm = [] if "lever-arm" in requested else calibration_requests(["lever-arm"])

@@ -48,7 +48,7 @@ def test_a_scale_that_doppler_does_not_show_is_found():
 def test_a_right_unit_is_not_accused():
     found = found_in(right_flight("raw", 743))
     assert not any(one.is_likely for one in found.faults)
-    assert found.forces_late_s == 0.0
+    assert found.cause is None
 
 
 def test_a_gain_is_half_of_what_the_cost_falls_by_without_it():

@@ -199,8 +199,10 @@ def test_a_clock_that_is_fast_is_no_lost_samples():
     t_s = flight.imu.t_s
     fast = replace(flight.imu, t_s=t_s[0] + 1.0047 * (t_s - t_s[0]))
     found = found_in(replace(flight, imu=fast))
-    assert found.cause is None
-    assert abs(found.moved[1] + 4700) < 900  # 4 sigma
+    assert isinstance(found.cause, ClockOff)
+    assert abs(found.cause.moved[1] + 4700) < 900  # 4 sigma
+    assert not found.moved.any()
+    assert found.calibration == ()  # phases take tags as exact
 
 
 def test_where_a_loss_is_in_doubt_the_unit_is_louder():

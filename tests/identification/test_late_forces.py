@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from fgnav.frontend.problem import build_problem
+from fgnav.identification.lasting.late_forces import LATE_FORCES
 from fgnav.identification.tag_steps import tag_step
 from fgnav.methods.smoother import Smoother
 from tests.identification.identified import SETTINGS, estimate_by, found_in
@@ -18,6 +19,13 @@ from tests.robustness.drawn.flights import KINDS, right_flight
 def of_seed(seed):
     right = right_flight(KINDS[seed // 12 % len(KINDS)], seed // 12)
     return right, dirty(right, seed)[0]
+
+
+def late_s(found):
+    """Return by how much forces are late."""
+    assert found.cause.is_likely
+    assert found.cause.error.kind == LATE_FORCES
+    return found.cause.error.off[0]
 
 
 def behind_a_low_pass(flight, time_s):
@@ -34,10 +42,10 @@ def test_forces_behind_a_low_pass_are_taken_as_early_as_they_are_late():
     found = found_in(flight)
     interval_s = np.median(np.diff(flight.imu.t_s))
     delay_s = interval_s / np.expm1(interval_s / 0.037)  # of the filter at low frequencies
-    assert abs(found.forces_late_s - delay_s) < 4 * 0.0027  # its sigma, as of late velocities
+    assert abs(late_s(found) - delay_s) < 4 * 0.0027  # its sigma, as of late velocities
     assert not found.moved.any()
     assert found.calibration == ()
-    assert any("late against the gyroscope" in note for note in found.notes)
+    assert any("forces are late" in note for note in found.notes)
     assert not estimate_by(found, flight).rejections
 
 
@@ -81,5 +89,29 @@ def test_phases_tell_a_low_pass_to_a_millisecond():
     right = right_flight("raw", 97002)
     found = found_in(behind_a_low_pass(right, 0.06))
     delay_s = 0.02 / np.expm1(0.02 / 0.06)
-    assert abs(found.forces_late_s - delay_s) < 4 * 0.0014  # its sigma
+    assert abs(late_s(found) - delay_s) < 4 * 0.0014  # its sigma
     assert not found.moved.any()
+
+
+def test_forces_of_an_accelerometer_alone_are_late_and_its_clock_is_right():
+    """An array: the clock had it; NEES 7.5 and 26 (951000005, 930000420)."""
+    right = right_flight("array", 97003)
+    found = found_in(behind_a_low_pass(right, 0.07))
+    assert abs(late_s(found) - 0.02 / np.expm1(0.02 / 0.07)) < 4 * 0.0005  # its sigma
+    assert not found.moved.any()
+    assert not found.factors
+
+
+def test_of_an_accelerometer_alone_a_short_delay_is_as_well_a_clock():
+    """Of 3.9 ms nothing was said: NEES 18 (951000007)."""
+    found = found_in(behind_a_low_pass(right_flight("array", 97003), 0.011))
+    assert found.cause.is_likely
+    assert abs(found.cause.moved[0] + 0.02 / np.expm1(0.02 / 0.011)) < 4 * 0.0005  # its sigma
+
+
+def test_a_delay_that_is_hardly_likely_is_in_the_sigmas():
+    """Of 21 ms beside fixes eight nats are left: NEES 22 unnoticed (930000502)."""
+    found = found_in(behind_a_low_pass(right_flight("fixes", 77500041), 0.021))
+    assert found.cause is not None
+    assert not found.cause.is_likely
+    assert np.linalg.eigvalsh(found.cause.body_doubt_rad2).max() > np.radians(0.2) ** 2

@@ -17,6 +17,7 @@ from fgnav.identification.likelihood.thinned import thinned
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.methods.smoother import Smoother
 from fgnav.solve.chain import solve_batch
+from tests.identification.identified import estimate_by, found_in
 from tests.methods.simulated import errors_rad, nees
 from tests.robustness.drawn.flights import right_flight
 
@@ -66,6 +67,21 @@ def test_a_gain_is_that_of_the_chain_with_such_a_constant():
 @pytest.mark.parametrize("kind", ["fixes", "instruments", "raw"])
 def test_a_right_unit_is_not_accused(kind):
     assert not faults_of(right_flight(kind, 731))
+
+
+@pytest.mark.parametrize("kind", ["fixes", "raw"])
+def test_axes_that_turn_early_are_named_though_most_samples_have_them(kind):
+    """They were noise of the gyroscope: NEES 84 and 35 (930000400, 951001221)."""
+    right = right_flight(kind, 743)
+    flight = changed(right, "f_b_mps2", lambda f: f @ TURNED, 3.0, np.inf)
+    found = found_in(flight)
+    (fault,) = found.faults
+    assert (fault.sensor, fault.shape, fault.is_likely) == ("accelerometer", "turn", True)
+    assert abs(fault.from_s - 3.0) <= 2 * KEYFRAMES_S
+    assert not found.factors
+    estimate = estimate_by(found, flight)
+    squares = nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2)
+    assert squares < 4.0  # 1.5 and 6.9 without what is left of the turn
 
 
 def greatest_gain(flight):

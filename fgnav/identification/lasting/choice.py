@@ -16,8 +16,11 @@ from scipy.special import expit
 
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.calibration_request import CalibrationRequest
+from fgnav.graph.delayed import VELOCITY_DELAY
+from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.identification.lasting import arm, field, sight, unit_axes
+from fgnav.graph.types.solution import Solution
+from fgnav.identification.lasting import arm, field, late_forces, sight, unit_axes
 from fgnav.identification.lasting.clock import ClockOff, clock_off
 from fgnav.identification.lasting.error import LastingError
 from fgnav.identification.lasting.lost_samples import LostSamples, lost_samples
@@ -35,6 +38,7 @@ from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
 _OF_AXES = (*WHITE, field.MAGNETOMETER, field.DECLINATION)
+_PUT_RIGHT = (*_OF_AXES, late_forces.LATE_FORCES)
 
 
 class Lasting(NamedTuple):
@@ -54,14 +58,14 @@ class Lasting(NamedTuple):
         return self.error.kind in WHITE
 
     @property
-    def is_of_axes(self) -> bool:
-        """Whether it is of axes that samples or the stated field are put right by."""
-        return self.error.kind in _OF_AXES
+    def is_put_right(self) -> bool:
+        """Whether samples or the stated field are put right by it, and nothing is estimated."""
+        return self.error.kind in _PUT_RIGHT
 
     @property
     def requests(self) -> tuple[CalibrationRequest, ...]:
         """What is to be estimated with the flight."""
-        if self.is_of_axes or not self.is_likely:
+        if self.is_put_right or not self.is_likely:
             return ()
         return (sight.request_of(self.error),)
 
@@ -72,8 +76,10 @@ class Lasting(NamedTuple):
             return ()
         if self.is_of_unit:
             return (unit_axes.sentence(self.error, self.share),)
-        if self.is_of_axes:
+        if self.error.kind in _OF_AXES:
             return (field.sentence(self.error, self.share),)
+        if self.error.kind == late_forces.LATE_FORCES:
+            return (late_forces.sentence(self.error),)
         if self.error.kind == arm.LEVER_ARM:
             return (arm.sentence(self.error.off, self.error.covariance),)
         return (sight.sentence(self.error),)
@@ -81,19 +87,21 @@ class Lasting(NamedTuple):
     @property
     def body_doubt_rad2(self) -> FloatArray | None:
         """Covariance of the body's axes beside those of the states, (3, 3), if there is any."""
-        return self.error.body_doubt_rad2(self.share) if self.is_of_axes else None
+        return self.error.body_doubt_rad2(self.share) if self.is_put_right else None
 
     def undone(self, flight: Flight) -> Flight:
-        """Return a flight without it, where it is of axes."""
-        if flight.imu is None or not (self.is_of_axes and self.is_likely):
+        """Return a flight without it, where that is put right."""
+        if flight.imu is None or not (self.is_put_right and self.is_likely):
             return flight
+        if self.error.kind == late_forces.LATE_FORCES:
+            return replace(flight, imu=late_forces.taken_early(flight.imu, self.error.off[0]))
         if not self.is_of_unit:
             return field.put_right(flight, self.error)
         return replace(flight, imu=unit_axes.turned_back(flight.imu, self.error))
 
     def in_doubt(self, problem: SmoothingProblem) -> SmoothingProblem:
         """Return a problem that holds the stated for as sure as it is."""
-        if self.is_likely or self.is_of_axes:
+        if self.is_likely or self.is_put_right:
             return problem
         return sight.in_doubt(self.error, problem)
 
@@ -132,14 +140,14 @@ def likeliest_cause(
         *field.field_errors(problem, stated.cost),
         *arm.arm_errors(problem, stated, estimating),
     )
-    errors = sorted(tested, key=lambda one: -one.nats)
     lost, clock = lost_samples(problem, stated), clock_off(problem, stated, middle_s)
+    errors = sorted((*tested, *_late(problem, stated, clock)), key=lambda one: -one.nats)
     changed = [one for one in (lost, clock) if one is not None]
     ordered = sorted((*errors, *changed), key=lambda one: -one.nats)
     if not ordered or ordered[0].nats < EXCLUDED - LIKELY:
         return None
     best = ordered[0]
-    if is_misfit(problem, best.cost) or (best is clock and problem.phase is not None):
+    if is_misfit(problem, best.cost):
         return None
     rivals = (
         one for one in others if not (isinstance(best, LastingError) and best.kind == one.kind)
@@ -148,12 +156,31 @@ def likeliest_cause(
         return None
     if best.nats <= noise_gain(white_noise_factors(problem, with_noise), with_noise):
         return None
-    if isinstance(best, LostSamples):
-        return best if best.nats > EXCLUDED else None
-    if isinstance(best, ClockOff):
-        return best
-    if best.kind == arm.LEVER_ARM and not best.is_likely:
+    may_be_unlikely = isinstance(best, ClockOff) and not best.is_exact
+    if isinstance(best, LastingError):
+        may_be_unlikely = best.kind != arm.LEVER_ARM
+    if best.nats <= EXCLUDED and not may_be_unlikely:
         return None
+    return _of_errors(best, errors, problem) if isinstance(best, LastingError) else best
+
+
+def _late(
+    problem: SmoothingProblem, stated: Solution, clock: ClockOff | None
+) -> Iterable[LastingError]:
+    """Return by how much forces are late, if that is no clock's.
+
+    By a clock the forces of an accelerometer alone are late as well, and it may be fast or slow
+    beside: what leaves less is taken.
+    """
+    late = late_forces.late_forces(problem, stated)
+    if clock is None or not isinstance(problem.motion, GyroFree):
+        return late
+    return (one for one in late if one.cost < clock.cost)
+
+
+def _of_errors(
+    best: LastingError, errors: list[LastingError], problem: SmoothingProblem
+) -> Lasting:
     share = 1.0
     if best.kind in _OF_AXES:
         of_other = [one.nats for one in errors if one.kind in _OF_AXES and one is not best]
@@ -168,7 +195,7 @@ def _otherwise(
     """Return what drifts, a lever arm or late velocities gain, the greatest.
 
     Less half of ln of the measurements for each of their constants (Schwarz, 1978): how far they
-    may be off is known by convention alone.
+    may be off is known by convention alone. No velocity is of a later time than it is stated for.
     """
     each = float(np.log(measured_rows(problem))) / 2
     drifts, gains = with_drifts(problem), [0.0]
@@ -178,5 +205,8 @@ def _otherwise(
     for one in others:
         added = one.constants.width - problem.constants.width
         with suppress(NoSolutionError):
-            gains.append((stated - solve_batch(one).cost) / 2 - added * each)
+            free = solve_batch(one)
+            delay = one.constants.column(VELOCITY_DELAY)
+            if delay < 0 or free.states.constants[delay] > 0.0:
+                gains.append((stated - free.cost) / 2 - added * each)
     return max(gains)

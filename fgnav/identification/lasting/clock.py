@@ -1,8 +1,9 @@
-"""A clock of the inertial unit that is off beside fixes, by the whole problem.
+"""A clock of the inertial unit that is off, by the whole problem.
 
 The thinned chain tests it beside the delay of velocities, and of both only the sum may show. With
-velocities in time the whole problem tells offset and rate (``likelihood.record_clock``), linearised
-anew where they lead. That velocities are late is another cause, which is weighed as any.
+velocities in time, or with phases, the whole problem tells offset and rate
+(``likelihood.record_clock``), linearised anew where they lead. That velocities are late is another
+cause, which is weighed as any.
 """
 
 from dataclasses import replace
@@ -19,6 +20,7 @@ from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.identification.likelihood.record_clock import RecordClock, record_clock
+from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.track.tags import tags_moved_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.types.flight import Flight
@@ -34,8 +36,8 @@ class ClockOff(NamedTuple):
     middle_s: float
     nats: float
     cost: float
+    is_exact: bool  # tags, beside phases of arcs: it is corrected, and not estimated
     body_doubt_rad2: FloatArray | None = None
-    sentences: tuple[str, ...] = ()  # of requests
 
     @property
     def share(self) -> float:
@@ -48,9 +50,16 @@ class ClockOff(NamedTuple):
         return self.share > 0.5
 
     @property
+    def sentences(self) -> tuple[str, ...]:
+        """What is to be said of it, where no request says so."""
+        if not (self.is_exact and self.is_likely):
+            return ()
+        return (clock_sentence(self.moved, self.sigma, "corrected"),)
+
+    @property
     def requests(self) -> tuple[CalibrationRequest, ...]:
         """What is to be estimated with the flight."""
-        if not self.is_likely:
+        if self.is_exact or not self.is_likely:
             return ()
         (clock,) = calibration_requests(["clock"])
         return (replace(clock, moved=(float(self.moved[0]), float(self.moved[1]))),)
@@ -92,7 +101,7 @@ def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> C
             break
         moved = moved + clock.value
         likeliest = clock, moved
-        if clock.squares <= 1.0:
+        if clock.squares <= 1.0 or (stated.cost - clock.cost) / 2 < EXCLUDED - LIKELY:
             break
         imu = replace(motion.imu, t_s=tags_moved_s(motion.imu, moved, middle_s))
         at = replace(problem, motion=cast("Motion", replace(motion, imu=imu)))
@@ -103,4 +112,14 @@ def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> C
     before = np.prod([part.covariance[0, 0] for part in of_time(request)])
     spread = np.linalg.slogdet(clock.covariance)[1] - np.log(before)
     nats = float((stated.cost - clock.cost + spread) / 2)
-    return ClockOff(moved, clock.sigma, middle_s, nats, clock.cost)
+    is_exact = problem.phase is not None
+    return ClockOff(moved, clock.sigma, middle_s, nats, clock.cost, is_exact)
+
+
+def clock_sentence(off: FloatArray, sigma: FloatArray, then: str) -> str:
+    """Return what is to be said of a clock and its sigmas, s and ppm, (2,), and of what is done."""
+    return (
+        f"The inertial unit's clock disagrees with GNSS: {off[0]:+.4f} ± {sigma[0]:.4f} s in "
+        f"the middle of its record, to be added to its tags, and {off[1]:+.0f} ± "
+        f"{sigma[1]:.0f} ppm in rate; {then}."
+    )

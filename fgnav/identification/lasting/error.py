@@ -81,8 +81,7 @@ class LastingError(NamedTuple):
         and by a turn's being another sensor's, of probability ``1 - share``.
         """
         G, remaining = self.attitude_by, self.remaining
-        added = (G @ remaining @ G.swapaxes(1, 2)).mean(axis=0)
-        if G.shape[2] < 3:  # of one angle, about the vertical
-            return np.asarray(added)
-        either = remaining + np.outer(self.off, self.off) * self.is_likely
-        return np.asarray(added + (1.0 - share) * either)
+        other = (1.0 - share) * (remaining + np.outer(self.off, self.off) * self.is_likely)
+        if G.shape[2] < 3:  # no turn of a sensor: without it attitudes are as they were
+            return np.asarray((G @ (remaining + other) @ G.swapaxes(1, 2)).mean(axis=0))
+        return np.asarray((G @ remaining @ G.swapaxes(1, 2)).mean(axis=0) + other)

@@ -12,7 +12,7 @@ from typing import cast
 
 import numpy as np
 
-from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.checks import FloatArray
 from fgnav.frontend.calibration_request import turn_of
 from fgnav.geometry.rotations import exp, log
 from fgnav.graph.inertial.preintegrated import Inertial
@@ -20,18 +20,16 @@ from fgnav.graph.turned import DIRECTIONS
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.graph.types.states import States
 from fgnav.identification.lasting.error import LastingError
 from fgnav.identification.likelihood.changed_samples import (
     Change,
+    promised,
     solved_with_changes,
-    with_changed_samples,
 )
 from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.spans.errors import SAMPLES
 from fgnav.identification.track.windows import EXCLUDED, FALSE_ALARM
-from fgnav.solve.chain import constant_step
 from fgnav.types.flight import Imu
 
 _STEPS = 4  # at most: each leaves a few hundredths of what is left
@@ -54,7 +52,8 @@ def unit_turns(problem: SmoothingProblem, stated: Solution) -> Iterator[LastingE
     if not isinstance(problem.motion, Inertial):
         return
     for sensor in WHITE if are_distinguished(problem) else WHITE[:1]:
-        nats, step_rad = _promised(problem, stated.states, sensor)
+        how = (turn_of(sensor),), _changes(sensor), np.full(3, _STEP_RAD)
+        nats, step_rad = promised(problem, stated.states, *how)
         if nats > EXCLUDED - LIKELY:
             error = _turn(problem, stated.cost, sensor, step_rad)
             if error is None and stated.cost / 4 < nats < np.inf:  # half of the cost: led too far
@@ -87,22 +86,6 @@ def sentence(error: LastingError, share: float) -> str:
         f"{np.degrees(np.linalg.norm(error.off)):.1f} deg: {by} deg about x_b, y_b, z_b "
         f"(± {sigmas} deg); taken back; {end}."
     )
-
-
-def _promised(problem: SmoothingProblem, at: States, sensor: str) -> tuple[float, FloatArray]:
-    """Return what the score of a turn promises of log likelihood where it is none, and the turn."""
-    part = turn_of(sensor)
-    begin = at._replace(constants=np.concatenate([at.constants, part.start]))
-    first = problem.constants.width
-    free = with_changed_samples(
-        problem.with_constants((part,)), _changes(sensor), np.full(3, _STEP_RAD), first
-    )
-    try:
-        step, covariance = constant_step(free, begin)
-    except NoSolutionError:
-        return np.inf, np.zeros(3)
-    turn, P = step[first:], covariance[first:, first:]
-    return float(turn @ np.linalg.solve(P, turn)) / 2, turn
 
 
 def _turn(

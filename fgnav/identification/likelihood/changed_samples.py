@@ -11,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import cast
 
+import numpy as np
+
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
@@ -19,7 +21,7 @@ from fgnav.graph.types.motion import LinearisedMotion, Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.solve.chain import solve_batch
+from fgnav.solve.chain import constant_step, solve_batch
 from fgnav.types.flight import Imu
 
 Change = Callable[[Imu], Imu]
@@ -69,6 +71,30 @@ def solved_with_changes(
     except NoSolutionError:
         return None
     return solution if solution.converged else None
+
+
+def promised(
+    problem: SmoothingProblem,
+    at: States,
+    parts: tuple[FlightConstant, ...],
+    changes: tuple[Change, ...],
+    steps: FloatArray,
+) -> tuple[float, FloatArray]:
+    """Return what the score of such constants promises of log likelihood, and its step, (c,).
+
+    About a minimum without them; infinite where there is no step.
+    """
+    begin = at._replace(constants=np.concatenate([at.constants, *(one.start for one in parts)]))
+    first = problem.constants.width
+    extended = problem.with_constants(parts)
+    try:
+        step, covariance = constant_step(
+            with_changed_samples(extended, changes, steps, first), begin
+        )
+    except NoSolutionError:
+        return np.inf, np.zeros(len(steps))
+    step, P = step[first:], covariance[first:, first:]
+    return float(step @ np.linalg.solve(P, step)) / 2, step
 
 
 @dataclass(frozen=True, eq=False, slots=True)

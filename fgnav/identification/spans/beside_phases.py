@@ -63,25 +63,22 @@ def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
     offsets.sort(key=lambda one: -one.gain)
     if not offsets or solution.cost - 2 * offsets[0].gain > chdtri(rows, FALSE_ALARM):
         return ()
-    if offsets[0].shape == TURN and _is_turned_throughout(
-        problem, solution.states, offsets[0], edges
-    ):
+    if is_turned_throughout(problem, solution.states, offsets[0], len(edges)):
         return ()
     likely = [one for one in offsets if one.gain > offsets[0].gain - LIKELY]
     finer = (_finer(problem, solution.states, one, edges) for one in likely)
     return tuple(sorted(finer, key=lambda one: -one.gain))
 
 
-def _is_turned_throughout(
-    problem: SmoothingProblem, at: States, turned: Offset, edges: IntArray
-) -> bool:
+def is_turned_throughout(problem: SmoothingProblem, at: States, turned: Offset, edges: int) -> bool:
     """Return whether axes may as well be turned from the first sample to the last.
 
     Which sensor's then are, or all the body's, no measurement tells. Such a turn has no span that
-    is chosen among many.
+    is chosen among many, between so many edges.
     """
-    spans = len(edges) * (len(edges) - 1) / 2
-    ends = edges[[0, -1]]
+    if turned.shape != TURN:
+        return False
+    spans, ends = edges * (edges - 1) / 2, np.array([0, len(problem.t_s) - 1])
     throughout = (_likeliest(problem, at, (sensor, TURN), ends) for sensor in WHITE)
     gain = max((one.gain for one in throughout if one is not None), default=0.0)
     return bool(gain + np.log(spans) > turned.gain - LIKELY)

@@ -34,6 +34,7 @@ class SpanFault(NamedTuple):
     size: float
     share: float  # probability
     cut_s: float = np.nan  # when a record ends in which it does not: it may at once
+    attitude_rad2: FloatArray | None = None  # covariance of attitudes by what is left of it, (3, 3)
 
     @property
     def is_likely(self) -> bool:

@@ -24,12 +24,12 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.measurement import Linearised, Measurement
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.graph.types.states import POSITION, States
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import POSITION, ROTATION, States
 from fgnav.identification.likelihood.beside_phases import noise_gain
 from fgnav.identification.likelihood.changed_samples import Change, solved_with_changes
 from fgnav.identification.likelihood.span_offsets import (
     LIKELY,
-    TURN,
     Offset,
     of_biases,
     of_measurements,
@@ -39,7 +39,7 @@ from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
-from fgnav.identification.spans.beside_phases import offsets_by_phases
+from fgnav.identification.spans.beside_phases import is_turned_throughout, offsets_by_phases
 from fgnav.identification.spans.errors import ERRORS, SAMPLES, added
 from fgnav.identification.spans.span_fault import SpanFault
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
@@ -49,6 +49,7 @@ from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight, Imu
 
 _MOST = 3  # of a flight
+_STEPS = 4  # at most: each leaves a few hundredths of what is left
 _ANY = 100.0  # sigmas by the thinned chain: next to nothing is known of it beside phases
 Requests = Callable[[TagSearch, AtTags], tuple[CalibrationRequest, ...]]
 
@@ -99,7 +100,7 @@ def with_span_faults(
         rest = search._replace(build=building(build, (*faults, *likeliest)))
         if not likeliest[0].is_likely:
             return rest, at_tags, (*faults, *likeliest)
-        refined = _beside_phases(rest, at_tags, likeliest[0])
+        refined = _refined(as_it_is[0], at_tags, faults, likeliest[0])
         likeliest = (refined, *likeliest[1:])
         rest = search._replace(build=building(build, (*faults, *likeliest)))
         try:
@@ -114,14 +115,10 @@ def with_span_faults(
 
 
 def _is_of_most(fault: SpanFault, imu: Imu | None, identified: Identified) -> bool:
-    """Return whether a fault would be of most samples, where only one of few can be.
-
-    If the unit is louder than any noise; and if it is turned, as the body is then either sensor's.
-    """
-    is_beyond = identified.exceeds_noise.any()
-    if imu is None or not (is_beyond or fault.shape == TURN):
+    """Return whether a fault would be of most samples, where a unit is louder than any noise."""
+    if imu is None or not identified.exceeds_noise.any():
         return False
-    return bool(fault.strikes(imu.t_s).mean() > 0.5) or bool(is_beyond and not fault.is_likely)
+    return bool(fault.strikes(imu.t_s).mean() > 0.5) or not fault.is_likely
 
 
 def _likeliest(
@@ -147,6 +144,8 @@ def _likeliest(
     if odds is None or odds.nats < -LIKELY or odds.best.of_measurements >= odds.best.offset.gain:
         return ()
     share, best = float(1.0 / (1.0 + np.exp(-odds.nats))), odds.best
+    if is_turned_throughout(best.problem, best.at, best.offset, len(odds.t_s)):
+        return ()
     return tuple(
         _fault(one, (odds.t_s, prepared.imu), share, is_first=one is best.offset)
         for one in best.offsets
@@ -229,23 +228,43 @@ def _limit(t_s: FloatArray) -> float:
     return float(EXCLUDED + np.log(max(float(t_s[-1] - t_s[0]), 1.0)))
 
 
-def _beside_phases(rest: TagSearch, at_tags: AtTags, fault: SpanFault) -> SpanFault:
-    """Return a fault as the phases of arcs show it, which the thinned chain has not."""
-    flight = with_tags_moved(rest.flight, at_tags.moved, middle_of_tags_s(rest.flight.imu))
-    problem = rest.build(flight, rest.settings).problem
-    if problem.phase is None:
-        return fault
+def _refined(
+    search: TagSearch, at_tags: AtTags, faults: tuple[SpanFault, ...], fault: SpanFault
+) -> SpanFault:
+    """Return a fault by steps, each about the one before, and what it leaves of attitudes.
+
+    By the whole problem beside phases of arcs, which the thinned chain has not. ``faults``: those
+    taken out already.
+    """
+    flight = with_tags_moved(search.flight, at_tags.moved, middle_of_tags_s(search.flight.imu))
+    axes = ("x_b", "y_b", "z_b")
+    part = flight_constant("span fault", axes, "", float(fault.sigma.max()) * _ANY, reported=False)
 
     def less(by: FloatArray) -> Change:
         return fault._replace(value=by).undone
 
-    axes = ("x_b", "y_b", "z_b")
-    part = flight_constant("span fault", axes, "", float(fault.sigma.max()) * _ANY, reported=False)
     changes = tuple(map(less, np.diag(fault.sigma)))
-    solution = solved_with_changes(problem, (part,), changes, fault.sigma)
-    if solution is None:
-        return fault
-    return fault._replace(value=fault.value + solution.states.constants[-3:])
+    for _ in range(_STEPS):
+        build = building(search.build, (*faults, fault))
+        problem = build(flight, search.settings).problem
+        problem = problem if problem.phase is not None else thinned(problem)
+        solution = solved_with_changes(problem, (part,), changes, fault.sigma)
+        if solution is None:
+            break
+        step = solution.states.constants[-3:]
+        fault = fault._replace(
+            value=fault.value + step, attitude_rad2=_attitude_covariance(solution)
+        )
+        if np.all(np.abs(step) < fault.sigma):
+            break
+    return fault
+
+
+def _attitude_covariance(solution: Solution) -> FloatArray:
+    """Return the covariance of attitudes by that of a fault, the last three constants, (3, 3)."""
+    C = solution.constant_covariance[0, -3:, -3:]
+    X = solution.constant_cross[:, ROTATION, -3:]
+    return np.asarray((X @ np.linalg.solve(C, X.swapaxes(1, 2))).mean(axis=0))
 
 
 class _Tested(NamedTuple):
@@ -254,6 +273,8 @@ class _Tested(NamedTuple):
     offsets: tuple[Offset, ...]  # of sensors, as likely as the first
     noise: float
     instead: dict[str, float]  # gains of offsets by measurement
+    problem: SmoothingProblem
+    at: States
 
     @property
     def of_measurements(self) -> float:
@@ -279,7 +300,8 @@ class _Tested(NamedTuple):
         offsets = tuple(sorted(as_likely, key=lambda one: -one.gain))
         measured = replace(small, measurements=small.measurements[:-1])
         instead = of_measurements(measured, solution)
-        return cls(offsets, noise, {one.sensor: one.gain for one in instead})
+        gains = {one.sensor: one.gain for one in instead}
+        return cls(offsets, noise, gains, small, solution.states)
 
 
 def _fault(
