@@ -24,7 +24,7 @@ from fgnav.identification.lasting.choice import Cause, Lasting, likeliest_cause
 from fgnav.identification.lasting.lost_samples import LostSamples
 from fgnav.identification.late_velocities import with_late_velocities
 from fgnav.identification.likelihood.bent_clock import informed_by_problem
-from fgnav.identification.likelihood.beside_phases import white_noise_factors
+from fgnav.identification.likelihood.beside_phases import is_misfit, white_noise_factors
 from fgnav.identification.likelihood.satellite_errors import satellite_error_factors, with_errors
 from fgnav.identification.likelihood.thinned import thinned
 from fgnav.identification.noise.identified import Identified
@@ -206,13 +206,20 @@ def _subject(
 
 
 def _with_minimum(prepared: PreparedFlight) -> PreparedFlight:
-    """Return a problem beside phases with its minimum, near which are those of its variants."""
-    if prepared.problem.phase is None:  # thinned it costs little
+    """Return a problem beside phases with its minimum, if its variants' are near.
+
+    They are not where more is left than chance: from states bent to a wrong problem the way to the
+    right one's is longer than from an array's attitudes, or has no end.
+    """
+    problem = prepared.problem
+    if problem.phase is None:  # thinned it costs little
         return prepared
     try:
-        return replace(prepared, minimum=solve_batch(prepared.problem).states)
+        solution = solve_batch(problem)
     except NoSolutionError:
         return prepared
+    is_near = not is_misfit(problem, solution.cost)
+    return replace(prepared, minimum=solution.states) if is_near else prepared
 
 
 def _is_likelier(subject: _Subject, as_stated: _Subject) -> bool:
