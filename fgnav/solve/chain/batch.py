@@ -20,6 +20,7 @@ _CHUNK = 128  # keyframes linearised at once: 2 MB
 _ITERATIONS = 300  # in outages a search creeps along a valley: 143 where it took most
 _STEP_SIGMAS = 0.01  # a next Newton step below this share of every sigma: it is a minimum
 _NEAR = 1.0  # promised decreases below it shrink with their square, as Newton's do
+_NEARER = 0.01  # where a Newton step is not short yet: it is ten times as far as a damped one
 _KEPT = 0.75  # share of a promise that a good model keeps (Madsen et al., 2004, equation 2.20)
 _DAMPING, _MOST_DAMPING = 0.1, 1e8  # 1/rad2, first and last of Levenberg's on rotations
 
@@ -183,7 +184,8 @@ def solve_batch(
     rotations have gone too far, and information grows that they stay where they are; it shrinks
     where a step kept its promise (Marquardt's rule), for where it did not the residuals' own
     curvature outweighs their slopes', and a Newton step never leads to the minimum. Promises then
-    shrink in a ratio of their own, and what remains is the sum of their series.
+    shrink in a ratio of their own, and what remains is the sum of their series, until it is so
+    little that a Newton step is short as well.
 
     Parameters
     ----------
@@ -206,7 +208,7 @@ def solve_batch(
     states = problem.start if begin is None else begin
     arcs: tuple[FloatArray, ...] = ()
     linear, previous, damping, iterations = chain.solved(states), np.inf, 0.0, 1
-    is_kept = True  # the last promise, as far as any damping may be lowered
+    is_kept, aim = True, _STEP_SIGMAS**2  # the last promise, as far as damping may be lowered
     if linear.arcs:  # linear: at once where states would have them, which changes the cost alone
         arcs = linear.arcs
         linear = linear._replace(cost=chain.cost(states, arcs))
@@ -214,7 +216,7 @@ def solve_batch(
         promised = max(linear.cost - linear.least, 0.0)  # of large costs it is rounding
         near = promised < min(previous, _NEAR) and previous < np.inf
         ratio = promised / previous if near else 1.0
-        is_last = promised * ratio < _STEP_SIGMAS**2 * (1.0 if damping == 0.0 else 1.0 - ratio)
+        is_last = promised * ratio < (_STEP_SIGMAS**2 if damping == 0.0 else aim * (1.0 - ratio))
         if is_last and damping == 0.0:
             return _solution(chain, states, linear, iterations, is_short=True)
         trial = states.moved(linear.steps, linear.end[D : D + len(states.constants)])
@@ -223,8 +225,12 @@ def solve_batch(
         tried = chain.solved(trial, lower, linear.arcs, most=linear.cost)
         iterations += 1
         if tried.cost <= linear.cost:
-            if is_last:  # Newton's own step leads elsewhere
-                return replace(_solution(chain, trial, tried, iterations), converged=True)
+            if is_last and tried.cost - tried.least < _STEP_SIGMAS**2:  # which is not gone
+                end = _solution(chain, trial, tried, iterations)
+                return replace(end, states=trial, converged=True, cost=tried.cost)
+            if is_last:
+                aim, lower = _NEARER * aim, damping
+                tried = chain.solved(trial, damping, linear.arcs)
             is_kept = linear.cost - tried.cost > _KEPT * promised
             previous = promised if lower == damping else np.inf
             arcs, states, linear, damping = linear.arcs, trial, tried, lower
