@@ -25,22 +25,6 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 @kernel
-def sandwich(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a b a', (n, n); b is symmetric, and what is returned is so to the last bit."""
-    half = product(a, b)
-    n = a.shape[0]
-    out = np.zeros((n, n))
-    for i in range(n):
-        for m in range(n):
-            if a[i, m] != 0.0:
-                for j in range(i + 1):
-                    out[i, j] += a[i, m] * half[j, m]
-        for j in range(i):
-            out[j, i] = out[i, j]
-    return out
-
-
-@kernel
 def put(a: FloatArray, out: FloatArray) -> None:
     """Fill a matrix with as many rows and columns of another, from its first."""
     for i in range(out.shape[0]):

@@ -9,10 +9,11 @@ from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.identification.array.exchanged import exchange_of
 from fgnav.identification.array.places import with_reference
-from fgnav.identification.findings import Findings, findings, with_satellite_errors
+from fgnav.identification.findings import Findings, findings
 from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.spans.gross_errors import leaving_out
 from fgnav.identification.spans.unit_faults import building
+from fgnav.identification.subject import with_satellite_errors
 from fgnav.identification.tag_steps import tag_step
 from fgnav.identification.time_tags import Build, TagSearch
 from fgnav.identification.track.forces import force_consistency

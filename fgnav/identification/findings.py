@@ -16,17 +16,13 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.innovation.band import throughout
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.array.choice import Turn, chosen_turn, with_boresight
-from fgnav.identification.array.places import Places, places_of, with_reference
 from fgnav.identification.array.turn import others_tell, request_of, sentence
 from fgnav.identification.exclusion import Exclusion
 from fgnav.identification.lasting.arm import LEVER_ARM
-from fgnav.identification.lasting.choice import Cause, Lasting, likeliest_cause
-from fgnav.identification.lasting.lost_samples import LostSamples
+from fgnav.identification.lasting.choice import Cause, Lasting
 from fgnav.identification.late_velocities import with_late_velocities
 from fgnav.identification.likelihood.bent_clock import informed_by_problem
-from fgnav.identification.likelihood.beside_phases import is_misfit, white_noise_factors
-from fgnav.identification.likelihood.satellite_errors import satellite_error_factors, with_errors
-from fgnav.identification.likelihood.thinned import thinned
+from fgnav.identification.likelihood.beside_phases import white_noise_factors
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.stated import with_factors
 from fgnav.identification.notes import (
@@ -39,15 +35,14 @@ from fgnav.identification.spans.gross_errors import GrossError, without_gross_er
 from fgnav.identification.spans.instrument_faults import without_faulty_instrument
 from fgnav.identification.spans.span_fault import SpanFault
 from fgnav.identification.spans.unit_faults import with_span_faults
+from fgnav.identification.subject import Subject, subject_of
 from fgnav.identification.time_tags import (
     AtTags,
     Build,
     TagSearch,
-    common_likelihoods,
     with_rates_of,
 )
-from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags, with_tags_moved
-from fgnav.solve.chain import solve_batch
+from fgnav.identification.track.tags import middle_of_tags_s, with_tags_moved
 from fgnav.types.estimate import Consistency, Rejected
 from fgnav.types.flight import Flight, Imu
 
@@ -102,7 +97,7 @@ def findings(
     """
     if prepared.integers is None and prepared.imu.w_b_radps is None:
         return None
-    subject = _subject(flight, settings, prepared, build)
+    subject = subject_of(flight, settings, prepared, build)
     search, places, cause = subject.search, subject.places, subject.cause
     problem = subject.prepared.problem
     if _measured(problem) < FEWEST:
@@ -161,109 +156,8 @@ def _rejections(out: tuple[Exclusion, ...], gross: tuple[GrossError, ...]) -> tu
     return (*of_instruments, *(one.rejected for one in gross))
 
 
-class _Subject(NamedTuple):
-    """A flight to be identified: with exact tags, places of antennas and errors of satellites."""
-
-    search: TagSearch
-    prepared: PreparedFlight
-    places: Places
-    errors: dict[str, float]
-    cause: Cause | None
-
-
-def _subject(
-    flight: Flight, settings: ProblemSettings, prepared: PreparedFlight, build: Build
-) -> _Subject:
-    exact = with_exact_tags(flight)
-    if exact is not flight:  # the clock is tested whatever its doubt
-        flight, prepared = exact, build(exact, settings)
-    places = places_of(flight, settings.calibration, prepared)
-    if places.requests:
-        settings = replace(settings, calibration=(*settings.calibration, *places.requests))
-        flight = with_reference(flight, places.reference)
-        prepared = build(flight, settings)
-    phase = prepared.problem.phase  # against a base errors of satellites are other ones
-    errors = {} if phase is None or flight.base is not None else satellite_error_factors(phase)
-    prepared = _with_minimum(with_satellite_errors(prepared, errors))
-
-    def built(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
-        return with_satellite_errors(build(flight, settings), errors)
-
-    as_stated = _Subject(TagSearch(flight, settings, built), prepared, places, errors, None)
-    cause = _likeliest_cause(as_stated.search, prepared)
-    if cause is None:
-        return as_stated
-    settings = replace(settings, calibration=(*settings.calibration, *cause.requests))
-    if cause.is_likely:
-        flight = cause.undone(flight)
-
-    def with_cause(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
-        return built(flight, settings).changed(cause.in_doubt)
-
-    search = TagSearch(flight, settings, with_cause)
-    subject = _Subject(search, with_cause(flight, settings), places, errors, cause)
-    return subject if _is_likelier(subject, as_stated) else as_stated
-
-
-def _with_minimum(prepared: PreparedFlight) -> PreparedFlight:
-    """Return a problem beside phases with its minimum, if its variants' are near.
-
-    They are not where more is left than chance: from states bent to a wrong problem the way to the
-    right one's is longer than from an array's attitudes, or has no end.
-    """
-    problem = prepared.problem
-    if problem.phase is None:  # thinned it costs little
-        return prepared
-    try:
-        solution = solve_batch(problem)
-    except NoSolutionError:
-        return prepared
-    is_near = not is_misfit(problem, solution.cost)
-    return replace(prepared, minimum=solution.states) if is_near else prepared
-
-
-def _is_likelier(subject: _Subject, as_stated: _Subject) -> bool:
-    """Return whether samples are lost, where noise and clock may be others as well.
-
-    As many whole numbers as they are fit whatever else is not as stated. Of other causes, and
-    beside phases, what is stated decides.
-    """
-    cause, problem = subject.cause, as_stated.prepared.problem
-    if not isinstance(cause, LostSamples) or problem.phase is not None:
-        return True
-    lost, none = common_likelihoods(
-        (subject.search, subject.prepared), (as_stated.search, as_stated.prepared)
-    )
-    return none == -np.inf or lost - none > cause.odds
-
-
-def _likeliest_cause(search: TagSearch, prepared: PreparedFlight) -> Cause | None:
-    """Return a landmark, axes of a detector or of the unit, or tags, that are not as stated."""
-    flight, settings = search.flight, search.settings
-
-    def problem(prepared: PreparedFlight) -> SmoothingProblem:
-        """Return the whole problem beside phases of arcs, which no thinned one has."""
-        has_phases = prepared.problem.phase is not None
-        return prepared.from_minimum if has_phases else thinned(prepared.problem)
-
-    def with_noise(factors: dict[str, float]) -> SmoothingProblem:
-        return problem(search.build(with_factors(flight, factors), settings))
-
-    def estimating(request: CalibrationRequest) -> SmoothingProblem:
-        alike = with_rates_of(settings, prepared.problem)
-        more = replace(alike, calibration=(*settings.calibration, request))
-        return problem(search.build(flight, more))
-
-    has_velocities = flight.fixes is not None and flight.fixes.v_n_mps is not None
-    words = ("lever-arm", "velocity-delay") if has_velocities else ("lever-arm",)
-    requested = [one.kind for one in settings.calibration]
-    others = calibration_requests([word for word in words if word not in requested])
-    middle_s = middle_of_tags_s(flight.imu)
-    return likeliest_cause(problem(prepared), middle_s, with_noise, estimating, others)
-
-
 def _notes(
-    subject: _Subject, at_tags: AtTags, requests: tuple[CalibrationRequest, ...]
+    subject: Subject, at_tags: AtTags, requests: tuple[CalibrationRequest, ...]
 ) -> tuple[str, ...]:
     """Return what is to be said of noise, of errors of satellites, and of constants."""
     flight, identified, cause = subject.search.flight, at_tags.identified, subject.cause
@@ -274,16 +168,6 @@ def _notes(
         *satellite_error_notes(flight.gnss_noise, subject.errors),
         *constant_notes(identified, at_tags.moved, requests),
     )
-
-
-def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]) -> PreparedFlight:
-    """Return the problem with factors on errors of satellites."""
-
-    def changed(problem: SmoothingProblem) -> SmoothingProblem:
-        phase = problem.phase
-        return problem if phase is None else replace(problem, phase=with_errors(phase, factors))
-
-    return prepared.changed(changed) if factors else prepared
 
 
 def _measured(problem: SmoothingProblem) -> int:
@@ -362,16 +246,14 @@ def _requests(search: TagSearch, at_tags: AtTags) -> tuple[CalibrationRequest, .
     return (*as_requested, *(one for kind, one in kinds.items() if kind not in words))
 
 
-def _has_stated(subject: _Subject, search: TagSearch, at_tags: AtTags) -> bool:
+def _has_stated(subject: Subject, search: TagSearch, at_tags: AtTags) -> bool:
     """Return whether tags and what is to be estimated are as they were."""
     return _requests(search, at_tags) == subject.search.settings.calibration and not (
         at_tags.moved.any()
     )
 
 
-def _beside_phases(
-    search: TagSearch, at_tags: AtTags, subject: _Subject, is_mended: bool
-) -> AtTags:
+def _beside_phases(search: TagSearch, at_tags: AtTags, subject: Subject, is_mended: bool) -> AtTags:
     """Return what is identified, with the unit as loud as the phases of arcs show it, if any.
 
     ``is_mended``: whether the subject's own problem is another by now.

@@ -7,8 +7,7 @@ import pytest
 
 from fgnav.frontend.problem import build_problem
 from fgnav.geometry.rotations import exp
-from fgnav.identification import findings as module_of_findings
-from fgnav.identification.findings import with_satellite_errors
+from fgnav.identification import subject
 from fgnav.identification.lasting.arm import LEVER_ARM
 from fgnav.identification.lasting.choice import Lasting
 from fgnav.identification.lasting.clock import ClockOff
@@ -16,6 +15,7 @@ from fgnav.identification.lasting.error import LastingError
 from fgnav.identification.lasting.lost_samples import LostSamples
 from fgnav.identification.lasting.sight import BORESIGHT, LANDMARK, sight_errors
 from fgnav.identification.likelihood.satellite_errors import satellite_error_factors
+from fgnav.identification.subject import with_satellite_errors
 from fgnav.identification.tag_steps import TagStep
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.methods.smoother import Smoother
@@ -252,7 +252,7 @@ def test_no_samples_are_lost_where_a_louder_unit_explains_as_much(monkeypatch):
     steps = tuple(TagStep(after_s, -0.02) for after_s in (2.0, 4.0, 6.0))
     edges = np.array([0.0, right.imu.t_s[-1]])
     lost = LostSamples(steps, 100.0, 12.0, 0.0, edges, np.zeros((1, 2)))
-    monkeypatch.setattr(module_of_findings, "_likeliest_cause", lambda *_: lost)
+    monkeypatch.setattr(subject, "_likeliest_cause", lambda *_: lost)
     found = found_in(flight)
     assert found.cause is None
     assert found.factors["accelerometer"] > 50.0

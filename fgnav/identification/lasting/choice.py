@@ -110,7 +110,7 @@ Cause = Lasting | LostSamples | ClockOff
 
 
 def likeliest_cause(
-    problem: SmoothingProblem,
+    at: tuple[SmoothingProblem, Solution],
     middle_s: float,
     with_noise: Callable[[dict[str, float]], SmoothingProblem],
     estimating: Callable[[CalibrationRequest], SmoothingProblem],
@@ -120,7 +120,8 @@ def likeliest_cause(
 
     Parameters
     ----------
-    problem : SmoothingProblem
+    at : tuple of SmoothingProblem and Solution
+        Its minimum.
     middle_s : float
         For which a clock's offset is stated.
     with_noise : callable
@@ -130,10 +131,7 @@ def likeliest_cause(
     others : tuple of CalibrationRequest
         Lever arm and delay of velocities, where they are not estimated.
     """
-    try:
-        stated = solve_batch(problem)
-    except NoSolutionError:
-        return None
+    problem, stated = at
     tested = (
         *sight.sight_errors(problem, stated.cost),
         *unit_axes.unit_turns(problem, stated),

@@ -1,0 +1,148 @@
+"""A flight whose noise and times are to be identified: what is off in it all along is put right."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import NoSolutionError
+from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests
+from fgnav.frontend.prepared import PreparedFlight
+from fgnav.frontend.settings import ProblemSettings
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.identification.array.places import Places, places_of, with_reference
+from fgnav.identification.lasting.choice import Cause, likeliest_cause
+from fgnav.identification.lasting.lost_samples import LostSamples
+from fgnav.identification.likelihood.beside_phases import is_misfit
+from fgnav.identification.likelihood.satellite_errors import satellite_error_factors, with_errors
+from fgnav.identification.likelihood.thinned import thinned
+from fgnav.identification.noise.stated import with_factors
+from fgnav.identification.time_tags import Build, TagSearch, common_likelihoods, with_rates_of
+from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags
+from fgnav.solve.chain import solve_batch
+from fgnav.types.flight import Flight
+
+
+class Subject(NamedTuple):
+    """A flight to be identified: with exact tags, places of antennas and errors of satellites."""
+
+    search: TagSearch
+    prepared: PreparedFlight
+    places: Places
+    errors: dict[str, float]
+    cause: Cause | None
+
+
+def subject_of(
+    flight: Flight, settings: ProblemSettings, prepared: PreparedFlight, build: Build
+) -> Subject:
+    """Return a flight with exact tags, places of antennas, and without what is off all along.
+
+    Parameters as of ``findings``.
+    """
+    exact = with_exact_tags(flight)
+    if exact is not flight:  # the clock is tested whatever its doubt
+        flight, prepared = exact, build(exact, settings)
+    places = places_of(flight, settings.calibration, prepared)
+    if places.requests:
+        settings = replace(settings, calibration=(*settings.calibration, *places.requests))
+        flight = with_reference(flight, places.reference)
+        prepared = build(flight, settings)
+    phase = prepared.problem.phase  # against a base errors of satellites are other ones
+    errors = {} if phase is None or flight.base is not None else satellite_error_factors(phase)
+    prepared, at = _at_minimum(with_satellite_errors(prepared, errors))
+
+    def built(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
+        return with_satellite_errors(build(flight, settings), errors)
+
+    as_stated = Subject(TagSearch(flight, settings, built), prepared, places, errors, None)
+    cause = None if at is None else _likeliest_cause(as_stated.search, prepared, at)
+    if cause is None:
+        return as_stated
+    settings = replace(settings, calibration=(*settings.calibration, *cause.requests))
+    if cause.is_likely:
+        flight = cause.undone(flight)
+
+    def with_cause(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
+        return built(flight, settings).changed(cause.in_doubt)
+
+    search = TagSearch(flight, settings, with_cause)
+    subject = Subject(search, with_cause(flight, settings), places, errors, cause)
+    return subject if _is_likelier(subject, as_stated) else as_stated
+
+
+def _compared(prepared: PreparedFlight) -> SmoothingProblem:
+    """Return the whole problem beside phases of arcs, which no thinned one has."""
+    problem = prepared.from_minimum
+    return problem if problem.phase is not None else thinned(problem)
+
+
+def _at_minimum(
+    prepared: PreparedFlight,
+) -> tuple[PreparedFlight, tuple[SmoothingProblem, Solution] | None]:
+    """Return a problem with its minimum beside phases; where causes are compared, and its minimum.
+
+    A minimum is passed on if its variants' are near. They are not where more is left than chance:
+    from states bent to a wrong problem the way to the right one's is longer than from an array's
+    attitudes, or has no end.
+    """
+    problem = _compared(prepared)
+    try:
+        stated = solve_batch(problem)
+    except NoSolutionError:
+        return prepared, None
+    if problem.phase is not None and not is_misfit(problem, stated.cost):
+        prepared = replace(prepared, minimum=stated.states)
+        problem = prepared.from_minimum
+    return prepared, (problem, stated)
+
+
+def _is_likelier(subject: Subject, as_stated: Subject) -> bool:
+    """Return whether samples are lost, where noise and clock may be others as well.
+
+    As many whole numbers as they are fit whatever else is not as stated. Of other causes, and
+    beside phases, what is stated decides.
+    """
+    cause, problem = subject.cause, as_stated.prepared.problem
+    if not isinstance(cause, LostSamples) or problem.phase is not None:
+        return True
+    lost, none = common_likelihoods(
+        (subject.search, subject.prepared), (as_stated.search, as_stated.prepared)
+    )
+    return none == -np.inf or lost - none > cause.odds
+
+
+def _likeliest_cause(
+    search: TagSearch, prepared: PreparedFlight, at: tuple[SmoothingProblem, Solution]
+) -> Cause | None:
+    """Return a landmark, axes of a detector or of the unit, or tags, that are not as stated."""
+    flight, settings = search.flight, search.settings
+
+    def variant(flight: Flight, settings: ProblemSettings) -> SmoothingProblem:
+        return _compared(search.build(flight, settings))
+
+    def with_noise(factors: dict[str, float]) -> SmoothingProblem:
+        return variant(with_factors(flight, factors), settings)
+
+    def estimating(request: CalibrationRequest) -> SmoothingProblem:
+        alike = with_rates_of(settings, prepared.problem)
+        return variant(flight, replace(alike, calibration=(*settings.calibration, request)))
+
+    has_velocities = flight.fixes is not None and flight.fixes.v_n_mps is not None
+    words = ("lever-arm", "velocity-delay") if has_velocities else ("lever-arm",)
+    requested = [one.kind for one in settings.calibration]
+    others = calibration_requests([word for word in words if word not in requested])
+    middle_s = middle_of_tags_s(flight.imu)
+    return likeliest_cause(at, middle_s, with_noise, estimating, others)
+
+
+def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]) -> PreparedFlight:
+    """Return the problem with factors on errors of satellites."""
+
+    def changed(problem: SmoothingProblem) -> SmoothingProblem:
+        phase = problem.phase
+        return problem if phase is None else replace(problem, phase=with_errors(phase, factors))
+
+    return prepared.changed(changed) if factors else prepared
