@@ -179,6 +179,7 @@ def _late(
 def _of_errors(
     best: LastingError, errors: list[LastingError], problem: SmoothingProblem
 ) -> Lasting:
+    """Return the likeliest error with its share among those of axes that may stand for it."""
     share = 1.0
     if best.kind in _OF_AXES:
         of_other = [one.nats for one in errors if one.kind in _OF_AXES and one is not best]

@@ -80,9 +80,19 @@ def promised(
     changes: tuple[Change, ...],
     steps: FloatArray,
 ) -> tuple[float, FloatArray]:
-    """Return what the score of such constants promises of log likelihood, and its step, (c,).
+    """Return what the score of such constants promises, nats, and its step, (c,).
 
-    About a minimum without them; infinite where there is no step.
+    Half of the step's squares by its covariance (Rao, 1948); infinite where there is no step.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    at : States
+        Its minimum, without the constants.
+    parts : tuple of FlightConstant
+        Of c numbers in all.
+    changes, steps
+        As of ``with_changed_samples``.
     """
     begin = at._replace(constants=np.concatenate([at.constants, *(one.start for one in parts)]))
     first = problem.constants.width
