@@ -119,7 +119,8 @@ class TagSearch(NamedTuple):
             return search.identified(moved, turn)
         clock = None
         if prepared.problem.phase is not None:
-            clock = clock_off(prepared.from_minimum, middle_of_tags_s(self.flight.imu), moved)
+            middle_s, at = middle_of_tags_s(self.flight.imu), prepared.minimum
+            clock = clock_off(prepared.from_minimum, middle_s, moved, at)
         if clock is not None:  # phases tell it best
             identified = identified.with_clock(clock.value, clock.sigma)
         elif not is_far(self.flight, identified.times):

@@ -4,44 +4,46 @@ The thinned chain has no arcs and tells it by Doppler alone; what that leaves lo
 like noise of the unit.
 """
 
-from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests, of_vehicle
-from fgnav.graph.types.constants import Constants
+from fgnav.frontend.calibration_request import calibration_requests, of_vehicle
+from fgnav.graph.delayed import Delayed
+from fgnav.graph.factors.position import Position
+from fgnav.graph.factors.velocity import Velocity
+from fgnav.graph.types.constants import Constants, FlightConstant
+from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.graph.types.states import States
 from fgnav.identification.lasting.error import LastingError
 from fgnav.identification.lasting.sight import request_of
+from fgnav.identification.likelihood.changed_samples import step_promises
+from fgnav.identification.likelihood.span_offsets import LIKELY
+from fgnav.identification.track.windows import EXCLUDED
 from fgnav.solve.chain import solve_batch
 
 LEVER_ARM = "lever-arm"
 
 
-def arm_errors(
-    problem: SmoothingProblem,
-    stated: Solution,
-    estimating: Callable[[CalibrationRequest], SmoothingProblem],
-) -> tuple[LastingError, ...]:
-    """Return what it is off; nothing without phases, where it is estimated, or without a minimum.
+def arm_errors(problem: SmoothingProblem, stated: Solution) -> tuple[LastingError, ...]:
+    """Return what it is off, if a step from the stated says so.
+
+    Nothing without phases, where it is estimated, or without a minimum.
 
     Parameters
     ----------
     problem : SmoothingProblem
     stated : Solution
         Its minimum, where the search begins.
-    estimating : callable
-        From what is to be estimated to the problem with it.
     """
     if problem.phase is None or problem.constants.column(LEVER_ARM) >= 0:
         return ()
     (request,) = calibration_requests([LEVER_ARM])
-    error = _error(request, problem, stated, estimating)
+    error = _error(of_vehicle(request), problem, stated)
     if error is not None and np.linalg.norm(error.off) > request.sigma:
-        error = _error(request_of(error), problem, stated, estimating)
+        error = _error(of_vehicle(request_of(error)), problem, stated)
     return () if error is None else (error,)
 
 
@@ -56,24 +58,32 @@ def sentence(off_m: FloatArray, covariance_m2: FloatArray) -> str:
 
 
 def _error(
-    request: CalibrationRequest,
-    problem: SmoothingProblem,
-    stated: Solution,
-    estimating: Callable[[CalibrationRequest], SmoothingProblem],
+    part: FlightConstant, problem: SmoothingProblem, stated: Solution
 ) -> LastingError | None:
+    free, at = _with_arm(problem, part), stated.states
+    begin = at._replace(constants=np.append(at.constants, part.start))
+    if step_promises(free, begin, problem.constants.width)[0] < EXCLUDED - LIKELY:
+        return None
     try:
-        free = estimating(request)
-        solution = solve_batch(free, begin=_at_minimum(problem.constants, stated.states, free))
+        solution = solve_batch(free, begin=begin)
     except NoSolutionError:
         return None
-    if not solution.converged:
-        return None
-    return LastingError.of(of_vehicle(request), free, stated.cost, solution)
+    return LastingError.of(part, free, stated.cost, solution) if solution.converged else None
 
 
-def _at_minimum(constants: Constants, states: States, free: SmoothingProblem) -> States:
-    """Return states of a problem's minimum for one with more constants."""
-    values = free.start.constants.copy()
-    for part in constants.parts:
-        values[free.constants.columns(part.name)] = states.constants[constants.columns(part.name)]
-    return states._replace(constants=values)
+def _with_arm(problem: SmoothingProblem, part: FlightConstant) -> SmoothingProblem:
+    """Return a problem, with phases, whose antennas are off by one more constant."""
+    column, free = problem.constants.width, problem.with_constants((part,))
+    measurements = tuple(_on_arm(one, column, free.constants) for one in problem.measurements)
+    phase = problem.phase
+    if phase is not None:
+        phase = replace(phase, lever_column=column, constants=free.constants)
+    return replace(free, measurements=measurements, phase=phase)
+
+
+def _on_arm(one: Measurement, column: int, constants: Constants) -> Measurement:
+    if isinstance(one, Delayed):
+        return replace(one, measurement=_on_arm(one.measurement, column, constants))
+    if isinstance(one, Position | Velocity):
+        return replace(one, lever_column=column, constants=constants)
+    return one

@@ -136,7 +136,7 @@ def likeliest_cause(
         *sight.sight_errors(problem, stated.cost),
         *unit_axes.unit_turns(problem, stated),
         *field.field_errors(problem, stated.cost),
-        *arm.arm_errors(problem, stated, estimating),
+        *arm.arm_errors(problem, stated),
     )
     lost, clock = lost_samples(problem, stated), clock_off(problem, stated, middle_s)
     errors = sorted((*tested, *_late(problem, stated, clock)), key=lambda one: -one.nats)

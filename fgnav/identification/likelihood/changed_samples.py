@@ -97,12 +97,25 @@ def promised(
     begin = at._replace(constants=np.concatenate([at.constants, *(one.start for one in parts)]))
     first = problem.constants.width
     extended = problem.with_constants(parts)
+    return step_promises(with_changed_samples(extended, changes, steps, first), begin, first)
+
+
+def step_promises(problem: SmoothingProblem, at: States, first: int) -> tuple[float, FloatArray]:
+    """Return what the step of constants from a column on promises, nats, and that step, (c,).
+
+    Infinite where there is none. See ``promised``.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    at : States
+        Its minimum, but for these constants.
+    first : int
+    """
     try:
-        step, covariance = constant_step(
-            with_changed_samples(extended, changes, steps, first), begin
-        )
+        step, covariance = constant_step(problem, at)
     except NoSolutionError:
-        return np.inf, np.zeros(len(steps))
+        return np.inf, np.zeros(len(at.constants) - first)
     step, P = step[first:], covariance[first:, first:]
     return float(step @ np.linalg.solve(P, step)) / 2, step
 

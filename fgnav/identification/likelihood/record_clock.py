@@ -20,11 +20,16 @@ from fgnav.frontend.calibration_request import calibration_requests, of_time
 from fgnav.graph.delayed import CLOCK_OFFSET
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
-from fgnav.graph.types.constants import flight_constant
+from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import States
 from fgnav.identification.likelihood.beside_phases import is_misfit
-from fgnav.identification.likelihood.changed_samples import Change, solved_with_changes
+from fgnav.identification.likelihood.changed_samples import (
+    Change,
+    promised,
+    solved_with_changes,
+)
 from fgnav.identification.tested_constants import SQUARES_OF_TWO
 from fgnav.identification.track.tags import tags_moved_s
 from fgnav.types.flight import Imu
@@ -70,14 +75,7 @@ def record_clock(
     """
     if problem.constants.column(CLOCK_OFFSET) >= 0:
         return None
-
-    def tags(by: FloatArray) -> Change:
-        return lambda imu: replace(imu, t_s=tags_moved_s(imu, by, middle_s))
-
-    (clock,) = calibration_requests(["clock"])
-    clock = replace(clock, moved=(float(moved[0]), float(moved[1])))
-    changes = tuple(map(tags, np.diag(_CLOCK_STEPS)))
-    solution = solved_with_changes(problem, of_time(clock), changes, _CLOCK_STEPS)
+    solution = solved_with_changes(problem, *_tags(middle_s, moved))
     if solution is None:
         return None
     first = problem.constants.width
@@ -88,18 +86,46 @@ def record_clock(
     )
 
 
-def clock_off(problem: SmoothingProblem, middle_s: float, moved: FloatArray) -> RecordClock | None:
+def promised_by_clock(problem: SmoothingProblem, at: States, middle_s: float) -> float:
+    """Return what a step of the clock from a problem's minimum promises, nats; 0 without any.
+
+    See ``changed_samples.promised``; parameters as in ``record_clock``.
+    """
+    is_asked = isinstance(problem.motion, GyroFree | Inertial)
+    if not is_asked or problem.constants.column(CLOCK_OFFSET) >= 0:
+        return 0.0
+    return promised(problem, at, *_tags(middle_s, np.zeros(2)))[0]
+
+
+def clock_off(
+    problem: SmoothingProblem, middle_s: float, moved: FloatArray, at: States | None
+) -> RecordClock | None:
     """Return the clock where it is off, and explains what contradicts it; else None.
 
     Another fault that stays, such as biases that drift, looks like a clock where nothing else is
     free: it is to leave nothing, and to be likelier than steady drifts. Parameters as in
-    ``record_clock``.
+    ``record_clock``; ``at``: the problem's minimum, if that is known.
     """
+    if at is not None and 2 * promised_by_clock(problem, at, middle_s) <= SQUARES_OF_TWO:
+        return None
     clock = record_clock(problem, middle_s, moved)
     if clock is None or clock.squares <= SQUARES_OF_TWO or is_misfit(problem, clock.cost):
         return None
     drifts = with_drifts(problem)
     return clock if drifts is None or clock.cost < drifts.cost else None
+
+
+def _tags(
+    middle_s: float, moved: FloatArray
+) -> tuple[tuple[FlightConstant, ...], tuple[Change, ...], FloatArray]:
+    """Return a clock's constants, and what steps of them do to a unit."""
+
+    def tags(by: FloatArray) -> Change:
+        return lambda imu: replace(imu, t_s=tags_moved_s(imu, by, middle_s))
+
+    (clock,) = calibration_requests(["clock"])
+    clock = replace(clock, moved=(float(moved[0]), float(moved[1])))
+    return of_time(clock), tuple(map(tags, np.diag(_CLOCK_STEPS))), _CLOCK_STEPS
 
 
 def with_drifts(problem: SmoothingProblem) -> Solution | None:

@@ -31,7 +31,7 @@ from fgnav.solve.chain.arcs_kernel import lead_on
 
 ERRORS = ("satellite error", "satellite error walk", "satellite error rate")
 _MOST = np.log(100.0)  # of a factor's logarithm: centimetres of metres, noise of phases and codes
-_ENOUGH = 600  # blocks: walks of four satellites more than a place to 1.5 %
+_ENOUGH = 200  # blocks: walks of four satellites more than a place to 2.5 %, closer than is sought
 _SETTLED = 0.1  # of it: 10 % of a standard deviation
 
 
