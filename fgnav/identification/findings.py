@@ -102,7 +102,7 @@ def findings(
     problem = subject.prepared.problem
     if _measured(problem) < FEWEST:
         return None
-    at_tags = search.likeliest(subject.prepared)
+    at_tags = search.likeliest(subject.prepared, subject.scores.clock_nats)
     if at_tags is None:  # the motion's noise stands for accelerations of unknown direction, too
         raise NoSolutionError("nothing tells the heading")
     search, at_tags, gross = without_gross_errors(search.informed(at_tags), at_tags, _requests)
@@ -272,9 +272,11 @@ def _beside_phases(search: TagSearch, at_tags: AtTags, subject: Subject, is_mend
         return search.build(louder, settings).problem
 
     is_same = _is_as_stated(at_tags, requests, subject.search.settings.calibration)
-    begin = problem if is_same and not is_mended else changed({})
+    is_stated = is_same and not is_mended
+    begin = problem if is_stated else changed({})
     alike = partial(changed, settings=with_rates_of(settings, begin))
-    return AtTags(identified.scaled(white_noise_factors(begin, alike)), moved)
+    scored = subject.scores.noise if is_stated else None
+    return AtTags(identified.scaled(white_noise_factors(begin, alike, scored)), moved)
 
 
 def _tests(imu: Imu | None, identified: Identified) -> tuple[Consistency, ...]:

@@ -15,7 +15,8 @@ from fgnav.graph.types.solution import Solution
 from fgnav.identification.array.places import Places, places_of, with_reference
 from fgnav.identification.lasting.choice import Cause, likeliest_cause
 from fgnav.identification.lasting.lost_samples import LostSamples
-from fgnav.identification.likelihood.beside_phases import is_misfit
+from fgnav.identification.likelihood.beside_phases import Scored, is_misfit
+from fgnav.identification.likelihood.record_clock import promised_by_clock
 from fgnav.identification.likelihood.satellite_errors import satellite_error_factors, with_errors
 from fgnav.identification.likelihood.thinned import thinned
 from fgnav.identification.noise.stated import with_factors
@@ -25,14 +26,33 @@ from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
 
+class Scores(NamedTuple):
+    """What a problem's minimum tells of it, so that it need not be sought again.
+
+    Attributes
+    ----------
+    clock_nats : float
+        What a step of the unit's clock promises; infinite where that is not known.
+    noise : Scored or None
+        Of the unit, beside phases of arcs.
+    """
+
+    clock_nats: float = np.inf
+    noise: Scored | None = None
+
+
 class Subject(NamedTuple):
-    """A flight to be identified: with exact tags, places of antennas and errors of satellites."""
+    """A flight to be identified: with exact tags, places of antennas and errors of satellites.
+
+    ``scores``: of a problem that starts at its minimum, which is as stated.
+    """
 
     search: TagSearch
     prepared: PreparedFlight
     places: Places
     errors: dict[str, float]
     cause: Cause | None
+    scores: Scores = Scores()
 
 
 def subject_of(
@@ -53,14 +73,17 @@ def subject_of(
     phase = prepared.problem.phase  # against a base errors of satellites are other ones
     errors = {} if phase is None or flight.base is not None else satellite_error_factors(phase)
     prepared, at = _at_minimum(with_satellite_errors(prepared, errors))
+    scores = Scores() if at is None else _scores(*at, flight)
 
     def built(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
         return with_satellite_errors(build(flight, settings), errors)
 
     as_stated = Subject(TagSearch(flight, settings, built), prepared, places, errors, None)
-    cause = None if at is None else _likeliest_cause(as_stated.search, prepared, at)
+    cause = None
+    if at is not None:
+        cause = _likeliest_cause(as_stated.search, prepared, at, scores.clock_nats)
     if cause is None:
-        return as_stated
+        return as_stated if prepared.minimum is None else as_stated._replace(scores=scores)
     settings = replace(settings, calibration=(*settings.calibration, *cause.requests))
     if cause.is_likely:
         flight = cause.undone(flight)
@@ -99,6 +122,12 @@ def _at_minimum(
     return prepared, (problem, stated)
 
 
+def _scores(problem: SmoothingProblem, stated: Solution, flight: Flight) -> Scores:
+    """Return what a minimum tells."""
+    nats = promised_by_clock(problem, stated.states, middle_of_tags_s(flight.imu))
+    return Scores(nats, None if problem.phase is None else Scored.of(problem, stated))
+
+
 def _is_likelier(subject: Subject, as_stated: Subject) -> bool:
     """Return whether samples are lost, where noise and clock may be others as well.
 
@@ -115,7 +144,10 @@ def _is_likelier(subject: Subject, as_stated: Subject) -> bool:
 
 
 def _likeliest_cause(
-    search: TagSearch, prepared: PreparedFlight, at: tuple[SmoothingProblem, Solution]
+    search: TagSearch,
+    prepared: PreparedFlight,
+    at: tuple[SmoothingProblem, Solution],
+    clock_nats: float,
 ) -> Cause | None:
     """Return a landmark, axes of a detector or of the unit, or tags, that are not as stated."""
     flight, settings = search.flight, search.settings
@@ -135,7 +167,7 @@ def _likeliest_cause(
     requested = [one.kind for one in settings.calibration]
     others = calibration_requests([word for word in words if word not in requested])
     middle_s = middle_of_tags_s(flight.imu)
-    return likeliest_cause(at, middle_s, with_noise, estimating, others)
+    return likeliest_cause(at, (middle_s, clock_nats), with_noise, estimating, others)
 
 
 def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]) -> PreparedFlight:

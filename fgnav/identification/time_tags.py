@@ -27,7 +27,7 @@ from fgnav.identification.likelihood.record_clock import (
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.identify import as_stated, identify
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
-from fgnav.identification.tested_constants import SIGMAS
+from fgnav.identification.tested_constants import SIGMAS, SQUARES_OF_TWO
 from fgnav.identification.track.candidates import clock_candidates, over_common_span
 from fgnav.identification.track.tags import is_far, middle_of_tags_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
@@ -69,7 +69,7 @@ class TagSearch(NamedTuple):
     build: Build
     determinant: ClockDeterminant | None = None  # what it says of a clock that states bend to
 
-    def likeliest(self, prepared: PreparedFlight) -> AtTags | None:
+    def likeliest(self, prepared: PreparedFlight, clock_nats: float = np.inf) -> AtTags | None:
         """Return what the flight says with the unit's tags moved as fits best.
 
         Of several clocks the likeliest over the same measurements, but the stated one, the first,
@@ -79,6 +79,8 @@ class TagSearch(NamedTuple):
         ----------
         prepared : PreparedFlight
             With tags as they are.
+        clock_nats : float
+            What a step of the clock promises there, if that is known.
         """
         late_s = clock_candidates(self.flight)
         chosen_s = late_s[0]
@@ -90,10 +92,16 @@ class TagSearch(NamedTuple):
                 return None
             if likely[best_s] > likely[chosen_s] + EXCLUDED:
                 chosen_s = best_s
-        return self.identified(np.array([chosen_s, 0.0]), begin=None if chosen_s else prepared)
+        if chosen_s:
+            return self.identified(np.array([chosen_s, 0.0]))
+        return self.identified(np.zeros(2), begin=prepared, clock_nats=clock_nats)
 
     def identified(
-        self, moved: FloatArray, turn: str = UNIT_TURN, begin: PreparedFlight | None = None
+        self,
+        moved: FloatArray,
+        turn: str = UNIT_TURN,
+        begin: PreparedFlight | None = None,
+        clock_nats: float = np.inf,
     ) -> AtTags | None:
         """Return what the flight says with its unit's tags moved at first, and further if likelier.
 
@@ -106,6 +114,8 @@ class TagSearch(NamedTuple):
             Which turn of the array is tested.
         begin : PreparedFlight, optional
             With these tags.
+        clock_nats : float
+            What a step of the clock promises there, if that is known.
         """
         at_first = self._with_tags(moved)
         prepared = self.build(at_first, self.settings) if begin is None else begin
@@ -118,9 +128,8 @@ class TagSearch(NamedTuple):
         if search is not self:
             return search.identified(moved, turn)
         clock = None
-        if prepared.problem.phase is not None:
-            middle_s, at = middle_of_tags_s(self.flight.imu), prepared.minimum
-            clock = clock_off(prepared.from_minimum, middle_s, moved, at)
+        if prepared.problem.phase is not None and 2 * clock_nats > SQUARES_OF_TWO:
+            clock = clock_off(prepared.from_minimum, middle_of_tags_s(self.flight.imu), moved)
         if clock is not None:  # phases tell it best
             identified = identified.with_clock(clock.value, clock.sigma)
         elif not is_far(self.flight, identified.times):

@@ -111,7 +111,7 @@ Cause = Lasting | LostSamples | ClockOff
 
 def likeliest_cause(
     at: tuple[SmoothingProblem, Solution],
-    middle_s: float,
+    clock: tuple[float, float],
     with_noise: Callable[[dict[str, float]], SmoothingProblem],
     estimating: Callable[[CalibrationRequest], SmoothingProblem],
     others: tuple[CalibrationRequest, ...],
@@ -122,8 +122,8 @@ def likeliest_cause(
     ----------
     at : tuple of SmoothingProblem and Solution
         Its minimum.
-    middle_s : float
-        For which a clock's offset is stated.
+    clock : tuple of float
+        Time for which a clock's offset is stated, s, and what a step of it promises, nats.
     with_noise : callable
         From factors on the unit's white noise to the problem with these.
     estimating : callable
@@ -138,9 +138,10 @@ def likeliest_cause(
         *field.field_errors(problem, stated.cost),
         *arm.arm_errors(problem, stated),
     )
-    lost, clock = lost_samples(problem, stated), clock_off(problem, stated, middle_s)
-    errors = sorted((*tested, *_late(problem, stated, clock)), key=lambda one: -one.nats)
-    changed = [one for one in (lost, clock) if one is not None]
+    middle_s, promised = clock
+    moved = clock_off(problem, stated, middle_s) if promised >= EXCLUDED - LIKELY else None
+    errors = sorted((*tested, *_late(problem, stated, moved)), key=lambda one: -one.nats)
+    changed = [one for one in (lost_samples(problem, stated), moved) if one is not None]
     ordered = sorted((*errors, *changed), key=lambda one: -one.nats)
     if not ordered or ordered[0].nats < EXCLUDED - LIKELY:
         return None

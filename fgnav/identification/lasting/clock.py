@@ -19,11 +19,7 @@ from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.identification.likelihood.record_clock import (
-    RecordClock,
-    promised_by_clock,
-    record_clock,
-)
+from fgnav.identification.likelihood.record_clock import RecordClock, record_clock
 from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.track.tags import tags_moved_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
@@ -84,7 +80,7 @@ class ClockOff(NamedTuple):
 
 
 def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> ClockOff | None:
-    """Return the clock; None where it is estimated, promises nothing, or there is no minimum.
+    """Return the clock; None where it is estimated, or there is no minimum.
 
     Parameters
     ----------
@@ -97,8 +93,6 @@ def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> C
     motion, at = problem.motion, problem
     moved: FloatArray = np.zeros(2)
     if not isinstance(motion, GyroFree | Inertial):
-        return None
-    if promised_by_clock(problem, stated.states, middle_s) < EXCLUDED - LIKELY:
         return None
     likeliest: tuple[RecordClock, FloatArray] | None = None
     for _ in range(_STEPS):

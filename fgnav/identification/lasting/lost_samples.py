@@ -30,6 +30,7 @@ from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight, Imu
 
 _BLOCKS = 120  # of a record, at most: a bound of cost
+_APART = 4  # of these at first: a loss gains nearly as much at a neighbour
 _ANY_S = 0.1  # 1-sigma in the linear problem: a few samples of any unit
 _MOST = 60  # losses, and _PASSES: bounds of cost
 _PASSES = 10  # each linearised at the tags of the one before
@@ -98,8 +99,19 @@ def lost_samples(problem: SmoothingProblem, stated: Solution) -> LostSamples | N
         return None
     interval_s = float(np.median(np.diff(motion.imu.t_s)))
     edges = np.unique(np.linspace(0, n - 1, min(n, _BLOCKS + 1)).astype(np.int64))
-    counts: IntArray = np.zeros(len(edges) - 1, dtype=np.int64)
-    at, solution = problem, stated
+    few = np.append(edges[:-1:_APART], edges[-1])
+    at_first = _likeliest((problem, stated, few), _none(few), interval_s)
+    if at_first is None or not at_first[0].any():
+        return None
+    return _sought(problem, stated, edges, interval_s)
+
+
+def _sought(
+    problem: SmoothingProblem, stated: Solution, edges: IntArray, interval_s: float
+) -> LostSamples | None:
+    """Return the likeliest losses after some keyframes."""
+    motion = cast("Inertial | GyroFree", problem.motion)
+    at, solution, counts = problem, stated, _none(edges)
     likeliest: LostSamples | None = None
     for _ in range(_PASSES):
         losses = _likeliest((at, solution, edges), counts, interval_s)
@@ -131,6 +143,10 @@ def lost_samples(problem: SmoothingProblem, stated: Solution) -> LostSamples | N
     except NoSolutionError:
         return None
     return likeliest._replace(cost=doubted.cost)
+
+
+def _none(edges: IntArray) -> IntArray:
+    return np.zeros(len(edges) - 1, dtype=np.int64)
 
 
 def _likeliest(

@@ -22,6 +22,7 @@ from scipy.special import chdtri
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.graph.innovation.band import TOLERATED
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.identification.likelihood.linear_chain import LinearChain
 from fgnav.identification.noise.begin import ABOVE, WHITE
@@ -36,7 +37,9 @@ _NODES = 5  # of the integral of tr(C M), smooth and between none and all of the
 
 
 def white_noise_factors(
-    problem: SmoothingProblem, changed: Callable[[dict[str, float]], SmoothingProblem]
+    problem: SmoothingProblem,
+    changed: Callable[[dict[str, float]], SmoothingProblem],
+    found: "Scored | None" = None,
 ) -> dict[str, float]:
     """Return factors on the unit's white noises that phases contradict, by the usual odds.
 
@@ -46,8 +49,10 @@ def white_noise_factors(
         With phases.
     changed : callable
         From factors to the problem with these.
+    found : Scored, optional
+        At its minimum, if that is known.
     """
-    found = _scored(problem)
+    found = found or _scored(problem)
     if found is None:
         return {}
     if not (found.is_beyond(found.theta).any() or is_misfit(problem, found.cost)):
@@ -124,7 +129,7 @@ def _factors(names: tuple[str, ...], theta: FloatArray) -> dict[str, float]:
     return dict(zip(names, np.exp(theta).tolist(), strict=True))
 
 
-class _Scored(NamedTuple):
+class Scored(NamedTuple):
     """White noises of the unit, by what their logarithms are off, and the sigmas of these."""
 
     names: tuple[str, ...]
@@ -135,31 +140,35 @@ class _Scored(NamedTuple):
     states: States
     cost: float  # at the minimum
 
+    @classmethod
+    def of(cls, problem: SmoothingProblem, solution: Solution) -> "Scored":
+        """Return them at a whole problem's minimum."""
+        parts = problem.motion.noise_parts()
+        chain = LinearChain.of(replace(problem, phase=None), solution.states, parts, ())
+        squares, redundancy, information = chain.motion_score(solution)
+        of_unit = [i for i, name in enumerate(parts.names) if name in WHITE]
+        squares, redundancy = squares[of_unit], redundancy[of_unit]
+        theta = np.log(squares.clip(1e-6) / redundancy.clip(1e-6)) / 2
+        spread = (np.diag(4 * information)[of_unit] + 2 * redundancy) / 2
+        sigma = 1 / np.sqrt(spread.clip(1e-6))
+        names = tuple(parts.names[i] for i in of_unit)
+        return cls(names, theta, sigma, squares, redundancy, solution.states, solution.cost)
+
     def is_beyond(self, theta: FloatArray) -> BoolArray:
         """Return which of some logarithms are contradictions, (c,)."""
         return np.asarray((2 * theta > np.log(TOLERATED)) & (theta > SIGMAS * self.sigma))
 
 
-def _scored(problem: SmoothingProblem, begin: States | None = None) -> _Scored | None:
+def _scored(problem: SmoothingProblem, begin: States | None = None) -> Scored | None:
     """Return the fixed point's next step at a minimum, sought from states; None without one."""
     try:
         solution = solve_batch(problem, begin=begin)
     except NoSolutionError:
         return None
-    if not solution.converged:
-        return None
-    parts = problem.motion.noise_parts()
-    chain = LinearChain.of(replace(problem, phase=None), solution.states, parts, ())
-    squares, redundancy, information = chain.motion_score(solution)
-    own = [i for i, name in enumerate(parts.names) if name in WHITE]
-    theta = np.log(squares[own].clip(1e-6) / redundancy[own].clip(1e-6)) / 2
-    sigma = 1 / np.sqrt(((np.diag(4 * information) + 2 * redundancy) / 2)[own].clip(1e-6))
-    names = tuple(parts.names[i] for i in own)
-    of_motion = squares[own], redundancy[own]
-    return _Scored(names, theta, sigma, *of_motion, solution.states, solution.cost)
+    return Scored.of(problem, solution) if solution.converged else None
 
 
-def _minimum(problem: SmoothingProblem, begin: States | None) -> _Scored:
+def _minimum(problem: SmoothingProblem, begin: States | None) -> Scored:
     scored = _scored(problem, begin)
     if scored is None:
         raise NoSolutionError("noise: the problem has no minimum")

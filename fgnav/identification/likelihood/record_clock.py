@@ -91,23 +91,19 @@ def promised_by_clock(problem: SmoothingProblem, at: States, middle_s: float) ->
 
     See ``changed_samples.promised``; parameters as in ``record_clock``.
     """
-    is_asked = isinstance(problem.motion, GyroFree | Inertial)
-    if not is_asked or problem.constants.column(CLOCK_OFFSET) >= 0:
+    has_unit = isinstance(problem.motion, GyroFree | Inertial)
+    if not has_unit or problem.constants.column(CLOCK_OFFSET) >= 0:
         return 0.0
     return promised(problem, at, *_tags(middle_s, np.zeros(2)))[0]
 
 
-def clock_off(
-    problem: SmoothingProblem, middle_s: float, moved: FloatArray, at: States | None
-) -> RecordClock | None:
+def clock_off(problem: SmoothingProblem, middle_s: float, moved: FloatArray) -> RecordClock | None:
     """Return the clock where it is off, and explains what contradicts it; else None.
 
     Another fault that stays, such as biases that drift, looks like a clock where nothing else is
     free: it is to leave nothing, and to be likelier than steady drifts. Parameters as in
-    ``record_clock``; ``at``: the problem's minimum, if that is known.
+    ``record_clock``.
     """
-    if at is not None and 2 * promised_by_clock(problem, at, middle_s) <= SQUARES_OF_TWO:
-        return None
     clock = record_clock(problem, middle_s, moved)
     if clock is None or clock.squares <= SQUARES_OF_TWO or is_misfit(problem, clock.cost):
         return None
