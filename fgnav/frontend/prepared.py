@@ -32,6 +32,22 @@ class BodyAxes(NamedTuple):
         return self.share < 1.0 - 1e-4
 
 
+class AttitudeDoubt(NamedTuple):
+    """Covariance of the body's axes against those of the states, (n, 3, 3), rad2, at times, (n,).
+
+    Of what is known of a fault of samples that are put right, or that may be right.
+    """
+
+    t_s: FloatArray
+    covariance_rad2: FloatArray
+
+    def at(self, t_s: FloatArray) -> FloatArray:
+        """Return it at other times, (k, 3, 3): between two it is between theirs."""
+        columns = self.covariance_rad2.reshape(-1, 9).T
+        each = [np.interp(t_s, self.t_s, column) for column in columns]
+        return np.stack(each, axis=1).reshape(-1, 3, 3)
+
+
 class Earlier(NamedTuple):
     """What the problem of a flight that goes on needs of its beginning, which is not kept.
 
@@ -79,9 +95,8 @@ class PreparedFlight:
         In place of all this, of a causal method whose noise is identified as the flight goes on.
     axes : BodyAxes or None
         Of an array that is turned against the inertial unit.
-    body_doubt_rad2 : ndarray, shape (3, 3), or None
-        Covariance of the body's axes against those of the states, where the unit's sensors are
-        turned against each other, and either may be right.
+    doubts : tuple of AttitudeDoubt
+        Of faults of the unit's samples.
     rest : Rest or None
         Seconds at rest.
     goes_on : Earlier or None
@@ -108,7 +123,7 @@ class PreparedFlight:
     array: tuple[DoubleDifferences, FloatArray] | None = None
     stretches: "tuple[Stretch, ...]" = ()
     axes: BodyAxes | None = None
-    body_doubt_rad2: FloatArray | None = None
+    doubts: tuple[AttitudeDoubt, ...] = ()
     rest: Rest | None = None
     goes_on: Earlier | None = None
     arcs: tuple[ArcInteger, ...] = ()

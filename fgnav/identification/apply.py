@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
@@ -108,14 +106,13 @@ def with_findings(
 def _with_errors_and_notes(prepared: PreparedFlight, changes: Findings) -> PreparedFlight:
     """Return a problem with what is doubted of satellites and sights, and all notes."""
     changed, cause = with_satellite_errors(prepared, changes.errors), changes.cause
-    doubts = [one.attitude_rad2 for one in changes.faults]
+    doubts = [one.doubt for one in changes.faults]
     if cause is not None:
         changed = changed.changed(cause.in_doubt)
-        doubts.append(cause.body_doubt_rad2)
-    added = [one for one in doubts if one is not None]
+        doubts.append(cause.doubt)
     return replace(
         changed,
-        body_doubt_rad2=np.sum(added, axis=0) if added else None,
+        doubts=tuple(one for one in doubts if one is not None),
         notes=(*changed.notes, *changes.notes),
         rejections=(*changed.rejections, *changes.rejected),
     )

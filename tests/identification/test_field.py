@@ -100,7 +100,7 @@ def test_a_declination_s_derivative_is_that_of_residuals():
 
 def test_what_is_as_likely_another_s_turn_is_in_the_sigmas():
     G, off, P = np.zeros((1, 3, 3)), np.array([0.1, 0.0, 0.0]), 1e-4 * np.eye(3)
-    error = LastingError(MAGNETOMETER, off, P, G, 100.0, 0.0)
+    error = LastingError(MAGNETOMETER, off, P, np.zeros(1), G, 100.0, 0.0)
     expected = 0.5 * (P + np.outer(off, off))
-    np.testing.assert_allclose(error.body_doubt_rad2(0.5), expected)
-    np.testing.assert_allclose(error.body_doubt_rad2(1.0), 0.0)
+    np.testing.assert_allclose(error.doubt(0.5).covariance_rad2[0], expected)
+    np.testing.assert_allclose(error.doubt(1.0).covariance_rad2, 0.0)

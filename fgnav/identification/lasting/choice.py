@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import expit
 
-from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.checks import NoSolutionError
 from fgnav.frontend.calibration_request import CalibrationRequest
+from fgnav.frontend.prepared import AttitudeDoubt
 from fgnav.graph.delayed import VELOCITY_DELAY
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import SmoothingProblem
@@ -85,9 +86,9 @@ class Lasting(NamedTuple):
         return (sight.sentence(self.error),)
 
     @property
-    def body_doubt_rad2(self) -> FloatArray | None:
-        """Covariance of the body's axes beside those of the states, (3, 3), if there is any."""
-        return self.error.body_doubt_rad2(self.share) if self.is_put_right else None
+    def doubt(self) -> AttitudeDoubt | None:
+        """What is doubted of attitudes beside what their states are, if anything is."""
+        return self.error.doubt(self.share) if self.is_put_right else None
 
     def undone(self, flight: Flight) -> Flight:
         """Return a flight without it, where that is put right."""

@@ -14,6 +14,7 @@ from scipy.special import expit
 
 from fgnav.checks import FloatArray
 from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests, of_time
+from fgnav.frontend.prepared import AttitudeDoubt
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.motion import Motion
@@ -37,7 +38,7 @@ class ClockOff(NamedTuple):
     nats: float
     cost: float
     is_exact: bool  # tags, beside phases of arcs: it is corrected, and not estimated
-    body_doubt_rad2: FloatArray | None = None
+    doubt: AttitudeDoubt | None = None
 
     @property
     def share(self) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import expit
 
 from fgnav.checks import FloatArray
+from fgnav.frontend.prepared import AttitudeDoubt
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
@@ -23,12 +24,13 @@ from fgnav.identification.track.windows import EXCLUDED
 class LastingError(NamedTuple):
     """What is off, (d,), its covariance, and what it gains; m in n, or rad.
 
-    ``attitude_by``: derivative of the attitudes of keyframes by it, (n, 3, d).
+    ``attitude_by``: derivative of the attitudes of keyframes by it, (n, 3, d), at ``t_s``, (n,).
     """
 
     kind: str
     off: FloatArray
     covariance: FloatArray
+    t_s: FloatArray
     attitude_by: FloatArray
     nats: float  # of likelihood, all else as stated
     cost: float  # that it leaves
@@ -55,7 +57,7 @@ class LastingError(NamedTuple):
         off = solution.states.constants[columns] - problem.constants.mean[columns]
         cross = solution.constant_cross[:, ROTATION, columns]
         by = np.linalg.solve(covariance, cross.swapaxes(1, 2)).swapaxes(1, 2)
-        return cls(part.name, off, covariance, by, float(nats), solution.cost)
+        return cls(part.name, off, covariance, problem.t_s, by, float(nats), solution.cost)
 
     @property
     def share(self) -> float:
@@ -74,14 +76,14 @@ class LastingError(NamedTuple):
             return self.covariance
         return np.asarray(self.share * (np.outer(self.off, self.off) + self.covariance))
 
-    def body_doubt_rad2(self, share: float) -> FloatArray:
-        """Return the covariance of the body's axes that it adds to that of the states, (3, 3).
+    def doubt(self, share: float) -> AttitudeDoubt:
+        """Return the covariance of the body's axes that it adds to that of the states.
 
-        By what remains of it, G M G' in the mean over keyframes with G the attitudes' derivative,
-        and by a turn's being another sensor's, of probability ``1 - share``.
+        By what remains of it, G M G' with G the attitudes' derivative, and by a turn's being
+        another sensor's, of probability ``1 - share``.
         """
         G, remaining = self.attitude_by, self.remaining
         other = (1.0 - share) * (remaining + np.outer(self.off, self.off) * self.is_likely)
         if G.shape[2] < 3:  # no turn of a sensor: without it attitudes are as they were
-            return np.asarray((G @ (remaining + other) @ G.swapaxes(1, 2)).mean(axis=0))
-        return np.asarray((G @ remaining @ G.swapaxes(1, 2)).mean(axis=0) + other)
+            return AttitudeDoubt(self.t_s, G @ (remaining + other) @ G.swapaxes(1, 2))
+        return AttitudeDoubt(self.t_s, G @ remaining @ G.swapaxes(1, 2) + other)

@@ -19,6 +19,7 @@ from scipy.special import logsumexp
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.frontend.calibration_request import CalibrationRequest
+from fgnav.frontend.prepared import AttitudeDoubt
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.motion import Motion
@@ -50,7 +51,7 @@ class LostSamples(NamedTuple):
     noise: FloatArray
     is_likely: bool = True  # else it is none
     requests: tuple[CalibrationRequest, ...] = ()
-    body_doubt_rad2: FloatArray | None = None
+    doubt: AttitudeDoubt | None = None
 
     @property
     def sentences(self) -> tuple[str, ...]:

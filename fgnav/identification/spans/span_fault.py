@@ -7,6 +7,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.frontend.matching import SAME_S
+from fgnav.frontend.prepared import AttitudeDoubt
 from fgnav.geometry.rotations import exp
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.problem import SmoothingProblem
@@ -34,7 +35,7 @@ class SpanFault(NamedTuple):
     size: float
     share: float  # probability
     cut_s: float = np.nan  # when a record ends in which it does not: it may at once
-    attitude_rad2: FloatArray | None = None  # covariance of attitudes by what is left of it, (3, 3)
+    doubt: AttitudeDoubt | None = None  # of what is left of it
 
     @property
     def is_likely(self) -> bool:

@@ -19,7 +19,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.frontend.calibration_request import CalibrationRequest
-from fgnav.frontend.prepared import PreparedFlight
+from fgnav.frontend.prepared import AttitudeDoubt, PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.measurement import Linearised, Measurement
@@ -252,19 +252,18 @@ def _refined(
         if solution is None:
             break
         step = solution.states.constants[-3:]
-        fault = fault._replace(
-            value=fault.value + step, attitude_rad2=_attitude_covariance(solution)
-        )
+        doubt = AttitudeDoubt(problem.t_s, _attitude_covariance(solution))
+        fault = fault._replace(value=fault.value + step, doubt=doubt)
         if np.all(np.abs(step) < fault.sigma):
             break
     return fault
 
 
 def _attitude_covariance(solution: Solution) -> FloatArray:
-    """Return the covariance of attitudes by that of a fault, the last three constants, (3, 3)."""
+    """Return the covariance of attitudes by a fault, the last three constants, (n, 3, 3)."""
     C = solution.constant_covariance[0, -3:, -3:]
     X = solution.constant_cross[:, ROTATION, -3:]
-    return np.asarray((X @ np.linalg.solve(C, X.swapaxes(1, 2))).mean(axis=0))
+    return np.asarray(X @ np.linalg.solve(C, X.swapaxes(1, 2)))
 
 
 class _Tested(NamedTuple):

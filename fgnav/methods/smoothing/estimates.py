@@ -126,8 +126,8 @@ def stated_at(
     R_nb, P = estimate.R_nb, estimate.attitude_covariance_rad2
     if prepared.axes is not None:
         R_nb, P = attitude_of_body(part, problem.constants, prepared.axes)
-    if prepared.body_doubt_rad2 is not None and P is not None:
-        P = P + prepared.body_doubt_rad2
+    if P is not None:
+        P = P + sum(one.at(t_s) for one in prepared.doubts)
     return replace(estimate, R_nb=R_nb, attitude_covariance_rad2=P)
 
 
