@@ -172,7 +172,7 @@ def test_a_loud_accelerometer_is_no_landmark():
 
 def test_what_is_as_likely_as_not_has_half_its_square():
     off, P = np.array([3.0, 0.0, 0.0]), np.eye(3)
-    error = LastingError(LANDMARK, off, P, np.zeros((1, 3, 3)), EXCLUDED, 0.0)
+    error = LastingError(LANDMARK, off, P, np.zeros(1), np.zeros((1, 3, 3)), EXCLUDED, 0.0)
     np.testing.assert_allclose(error.remaining, np.diag([5.0, 0.5, 0.5]))
     problem = build_problem(right_flight("seeker", 9101), SETTINGS).problem
     wide = Lasting(error, 1.0).in_doubt(problem).constants
