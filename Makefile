@@ -30,17 +30,15 @@ $(DEV): pyproject.toml constraints.txt | $(BIN)/python
 	$(PIP) --editable '.[dev]'
 	@touch $(RUN) $@
 
-# A first run compiles for a minute and more: two processes side by side share that work through its
-# cache. The flight states its own noise, so nothing is identified, and LAMBDA finds its integers. Else as
-# `fgnav demo`, and pictures.
+# The flight states its own noise, so nothing is identified, and LAMBDA finds its integers. Else as `fgnav demo`, a
+# batch, and pictures. One process: a second would compile the same kernels at the same time.
 demo: $(RUN)
 	rm -rf demo
 	mkdir -p demo
 	$(BIN)/fgnav simulate demo --seed 1 --out demo/flight
-	$(BIN)/fgnav run demo/flight --noise stated --integers lambda --out demo/smoother >/dev/null & \
 	$(BIN)/fgnav compare demo/flight --noise stated --integers lambda \
 	  --method closed-form,maximum-likelihood,smoother,batch,rtk \
-	  --json demo/compare.json --report demo/report.png; status=$$?; wait; exit $$status
+	  --out demo --json demo/compare.json --report demo/report.png
 
 # Notebooks run whole, one after another: what the first compiles, a minute or three of it, the others and the tests
 # find. Warnings of their kernel's own machinery aside. Then two workers: more gain nothing on a small machine, nor do

@@ -61,15 +61,14 @@ class RotationQuadratic:
         antenna's group shares its error as a constant, which its receiver term takes up.
         """
         lever_arms_b_m = np.vstack([np.zeros(3), differences.baselines_b_m])
-        return cls(
-            *_collect(
-                np.ascontiguousarray(ranges_m),
-                np.array(differences.e_n, order="C"),  # not frozen: compiled once
-                1.0 / differences.phase_variance_m2,
-                differences.group,
-                lever_arms_b_m,
-            )
+        joint, count = _collect(
+            np.ascontiguousarray(ranges_m),
+            np.array(differences.e_n, order="C"),  # not frozen: compiled once
+            1.0 / differences.phase_variance_m2,
+            differences.group,
+            lever_arms_b_m,
         )
+        return cls(joint[:, :9, :9].copy(), joint[:, :9, 9].copy(), joint[:, 9, 9].copy(), count)
 
     @classmethod
     def of_vector_pairs(
@@ -189,8 +188,8 @@ def _collect(
     weight: FloatArray,
     group: IntArray,
     lever_arms_b_m: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
-    """Sum the forms of all groups of all epochs; see ``of_double_differences``."""
+) -> tuple[FloatArray, IntArray]:
+    """Sum the forms of all groups of all epochs, (n, 10, 10); see ``of_double_differences``."""
     n, m, antennas = len(ranges_m), len(group), len(lever_arms_b_m)
     # Ranges stand beside x as a tenth column: information, vector and constant at once.
     joint = np.zeros((n, 10, 10))
@@ -217,7 +216,7 @@ def _collect(
             for i in range(1, antennas):
                 count[k] -= laplacian[i, i] > 0.0
             _eliminate(laplacian, cross, joint[k])
-    return joint[:, :9, :9].copy(), joint[:, :9, 9].copy(), joint[:, 9, 9].copy(), count
+    return joint, count
 
 
 @inlined

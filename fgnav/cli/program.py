@@ -1,6 +1,5 @@
 """The program ``fgnav``: its commands by name, imported when they run; errors and exit status."""
 
-import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -15,12 +14,6 @@ if TYPE_CHECKING:
 
     from fgnav.checks import FgnavError
 
-# Compiling leaves millions of small objects, and collecting by default is a tenth of a first run.
-_COLLECT_AFTER = 200_000  # objects
-# CPython keeps frames in pieces of 16 kB and maps a new piece for each call across a border: 49,000
-# times while one kernel compiles, 5 s of system time of a first run. A frame that asks for more
-# than half of 1 MB gets a piece of that size, and the calls within it the rest.
-_STACK_SLOTS = 70_000  # of 8 bytes
 _LONGEST_ERROR = 600  # characters: names of files may have thousands
 _HELP = """\
 Attitude, position and velocity from recorded flights, with honest uncertainty.
@@ -89,8 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         elif words[0] == "--version":
             print(__version__)
         else:
-            gc.set_threshold(_COLLECT_AFTER)
-            _run_in_one_piece(words)
+            run(words)
         sys.stdout.flush()
     except _deliberate() as error:
         from fgnav.checks import NoSolutionError  # noqa: PLC0415
@@ -163,14 +155,6 @@ def run(words: list[str]) -> None:
         program(words[0])(words, exit_on_error=False, print_error=False, verbose=False)
     except CycloptsError as error:
         raise BadInputError(str(error)) from None
-
-
-def _run_in_one_piece(words: list[str]) -> None:
-    """Run a command whose frames lie together."""
-    run(words)
-
-
-_run_in_one_piece.__code__ = _run_in_one_piece.__code__.replace(co_stacksize=_STACK_SLOTS)
 
 
 def _show_help() -> None:

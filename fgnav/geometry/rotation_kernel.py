@@ -94,7 +94,7 @@ def accumulated(turns_rad: FloatArray, R: FloatArray) -> FloatArray:
     Each is about the axes that those before it have led to.
     """
     out = np.empty((len(turns_rad) + 1, 3, 3))
-    out[0] = R
+    put(R, out[0])
     for k in range(len(turns_rad)):
         T = exp(turns_rad[k])
         for i in range(3):

@@ -91,7 +91,9 @@ def carried(
                 Phi[k, 3 + i, 9 + j] = -s * s / 2 * to_later[i, j]
                 Phi[k, 6 + i, j] = -s * by_force[i, j]
                 Phi[k, 6 + i, 9 + j] = -s * R[i, j]
-        rate[k, 3:6] = rot.times(back, v[k])
+        v_b = rot.times(back, v[k])
+        for i in range(3):
+            rate[k, 3 + i] = v_b[i]
     return R_later, p, v, aux, Phi, rate
 
 

@@ -10,6 +10,7 @@ LLVM optimises a function and all below it, and again within each function above
 alone calls is ``inlined`` there, before types are inferred, and compiled once.
 """
 
+import gc
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -17,14 +18,44 @@ from numba import njit
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 _njit: Callable[..., Any] = njit  # its types leave out options without wrappers
+# CPython keeps frames in pieces of 16 kB and maps a new piece for each call across a border: 49,000
+# times while one kernel compiles, 5 s of system time of a first run. A frame that asks for more
+# than half of 1 MB gets a piece of that size, and the calls within it the rest.
+_STACK_SLOTS = 70_000  # of 8 bytes
 
 
 def kernel_with(*, fastmath: bool | set[str] = False) -> Callable[[Function], Function]:
     """Return a decorator for what Python calls, with such rounding as numba's option allows."""
-    decorator: Callable[[Function], Function] = _njit(
-        cache=True, nogil=True, no_cfunc_wrapper=True, error_model="numpy", fastmath=fastmath
-    )
-    return decorator
+    options = {"no_cfunc_wrapper": True, "error_model": "numpy", "fastmath": fastmath}
+    decorator = _njit(cache=True, nogil=True, **options)
+
+    def compiled(function: Function) -> Function:
+        dispatcher: Function = _compiled_at_ease(decorator(function))
+        return dispatcher
+
+    return compiled
+
+
+def _compiled_at_ease(dispatcher: Any) -> Any:  # noqa: ANN401  # numba has no types
+    """Let a kernel compile with its frames in one piece and no search for garbage.
+
+    Millions of small objects are made meanwhile, and most of them stay: to collect by default is a
+    seventh of a first run.
+    """
+    compile_now = dispatcher.compile
+
+    def compile_at_ease(signature: object) -> object:
+        collects = gc.isenabled()
+        gc.disable()
+        try:
+            return compile_now(signature)
+        finally:
+            if collects:
+                gc.enable()
+
+    compile_at_ease.__code__ = compile_at_ease.__code__.replace(co_stacksize=_STACK_SLOTS)
+    dispatcher.compile = compile_at_ease
+    return dispatcher
 
 
 def inner_with(*, fastmath: bool | set[str] = False) -> Callable[[Function], Function]:

@@ -151,7 +151,11 @@ def of_axes(
 def like(T_s: float, poles_per_s: FloatArray, spans_s: FloatArray, poles: FloatArray) -> int:
     """Return which of some intervals, (r,) with poles (r, 3, 3), another one is like, or -1."""
     for i in range(len(spans_s)):
-        if abs(spans_s[i] - T_s) <= SAME_S and (poles[i] == poles_per_s).all():
+        alike = abs(spans_s[i] - T_s) <= SAME_S
+        for axis in range(3):
+            for j in range(3):
+                alike = alike and poles[i, axis, j] == poles_per_s[axis, j]
+        if alike:
             return i
     return -1
 

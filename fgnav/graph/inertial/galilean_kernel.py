@@ -115,7 +115,8 @@ def _summed(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return rotation, position, velocity, and these by biases, (9, 6); fill the covariance."""
     p, v = np.zeros(3), np.zeros(3)
-    R: FloatArray = np.eye(3)
+    R: FloatArray = np.zeros((3, 3))
+    R[0, 0] = R[1, 1] = R[2, 2] = 1.0
     D, B = np.zeros((_STATE, 6)), np.zeros((_STATE, 6))
     a, x = np.empty(3), np.empty(3)
     for k in range(len(force)):

@@ -1,4 +1,4 @@
-"""Compiled loops of the likelihood: whitening by variance components, and their score.
+"""What the likelihood sums over a chain: whitening by variance components, and their score.
 
 Shapes as in ``solve.chain.kernel``: D state dimensions, b constants, W = D + b + 1, J = D + W.
 """
@@ -6,8 +6,11 @@ Shapes as in ``solve.chain.kernel``: D state dimensions, b constants, W = D + b 
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.geometry.rotation_kernel import put
 from fgnav.kernels.compiled import inner, kernel
 from fgnav.solve.chain.back_kernel import forward_solve
+
+CHUNK = 128  # intervals at once: 2 MB
 
 
 @kernel
@@ -42,7 +45,7 @@ def whiten(
     total = 0.0
     for k in range(len(motion)):
         total += _cholesky(rest[k], parts[k], variance, root[k])
-        out[k] = motion[k]
+        put(motion[k], out[k])
         forward_solve(root[k], out[k])
     return total
 
@@ -68,17 +71,6 @@ def _cholesky(rest: FloatArray, parts: FloatArray, variance: FloatArray, L: Floa
     return total
 
 
-@inner
-def _solved(L: FloatArray, A: FloatArray) -> FloatArray:
-    """Return ``L^-1 A L^-T`` of a symmetric A."""
-    X = A.copy()
-    for _ in range(2):
-        forward_solve(L, X)
-        X = X.T.copy()
-    return X
-
-
-@kernel
 def motion_score(
     white: FloatArray,
     root: FloatArray,
@@ -103,45 +95,34 @@ def motion_score(
         Squares ``v r' C r``, redundancy ``v tr(C M)`` and information ``v_c v_d tr(C_c M C_d M) /
         2`` of single intervals are added, ``M = I - J P J'``.
     """
-    n, D, J = white.shape
-    b, C = J - 2 * D - 1, len(variance)
     squares, redundancy, information = out
-    N = 2 * D + b
-    joint, x = np.empty((N, N)), np.empty(N)
-    for k in range(n):
-        x[:D], x[D : 2 * D], x[2 * D :] = steps[0][k], steps[0][k + 1], steps[1]
-        _fill(joint, covariances, k)
-        A = np.ascontiguousarray(white[k, :, :N])
-        r = A @ x - white[k, :, N]
-        M = np.eye(D) - A @ (joint @ A.T)
-        shares = np.empty((C, D, D))
-        for c in range(C):
-            S = _solved(root[k], parts[k, c])
-            squares[c] += variance[c] * (r @ (S @ r))
-            shares[c] = variance[c] * (S @ M)
-            redundancy[c] += np.trace(shares[c])
-        for c in range(C):
-            for d in range(C):
-                information[c, d] += (shares[c] * shares[d].T).sum() / 2
+    n, D, J = white.shape
+    for begin in range(0, n, CHUNK):
+        k, after = slice(begin, begin + CHUNK), slice(begin + 1, begin + CHUNK + 1)
+        A, C, back = white[k, :, :-1], parts[k], np.linalg.inv(root[k])
+        one, other = steps[0][:-1][k], steps[0][after]
+        x = np.column_stack((one, other, np.broadcast_to(steps[1], (len(A), J - 1 - 2 * D))))
+        M = np.eye(D) - A @ _joint(covariances, k, after) @ A.swapaxes(1, 2)
+        r = (A @ x[:, :, None] - white[k, :, -1:]).swapaxes(1, 2) @ back
+        # Of all components at once: tr(L^-1 C L^-T M) = tr(C X) with X = L^-T M L^-1.
+        shares = C.reshape(len(C), -1, D) @ (back.swapaxes(1, 2) @ M @ back)
+        shares = variance[:, None, None] * shares.reshape(C.shape)
+        squares += variance * (r[:, None] @ C @ r.swapaxes(1, 2)[:, None]).sum(axis=(0, 2, 3))
+        redundancy += np.einsum("kcii->c", shares)
+        information += np.einsum("kcij,kdji->cd", shares, shares, optimize=True) / 2
 
 
-@inner
-def _fill(
-    joint: FloatArray,
-    covariances: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-    k: int,
-) -> None:
-    """Fill the covariance of keyframes k and k + 1 and the constants."""
-    P, cross, shared, own = covariances
-    D = P.shape[1]
-    joint[:D, :D], joint[D : 2 * D, D : 2 * D] = P[k], P[k + 1]
-    joint[:D, D : 2 * D], joint[D : 2 * D, :D] = cross[k], cross[k].T
-    joint[:D, 2 * D :], joint[2 * D :, :D] = shared[k], shared[k].T
-    joint[D : 2 * D, 2 * D :], joint[2 * D :, D : 2 * D] = shared[k + 1], shared[k + 1].T
-    joint[2 * D :, 2 * D :] = own
+def _joint(
+    covariances: tuple[FloatArray, FloatArray, FloatArray, FloatArray], k: slice, after: slice
+) -> FloatArray:
+    """Return the covariances of neighbouring keyframes and the constants, (n, N, N)."""
+    P, cross, shared, Q = covariances
+    C, X, Y = cross[k], shared[:-1][k], shared[after]
+    X_t, Y_t = X.swapaxes(1, 2), Y.swapaxes(1, 2)
+    rows = [[P[:-1][k], C, X], [C.swapaxes(1, 2), P[after], Y]]
+    return np.block([*rows, [X_t, Y_t, np.broadcast_to(Q, (len(C), *Q.shape))]])
 
 
-@kernel
 def measurement_score(
     value: FloatArray,
     state: FloatArray,
@@ -161,23 +142,10 @@ def measurement_score(
     steps : tuple of ndarray, shapes (n, D), (b,)
     covariances : tuple of ndarray, shapes (n, D, D), (n, D, b), (b, b)
     """
-    k, m, D = state.shape
-    b, P = shared.shape[2], covariances
-    squares, redundancy, information = 0.0, 0.0, 0.0
-    joint, x = np.empty((D + b, D + b)), np.empty(D + b)
-    A = np.empty((m, D + b))
-    for i in range(k):
-        at = row[i]
-        x[:D], x[D:] = steps[0][at], steps[1]
-        joint[:D, :D], joint[:D, D:] = P[0][at], P[1][at]
-        joint[D:, :D], joint[D:, D:] = P[1][at].T, P[2]
-        A[:, :D], A[:, D:] = state[i], shared[i]
-        r = A @ x + value[i]
-        M = -A @ (joint @ A.T)
-        for j in range(m):
-            if A[j].any():
-                M[j, j] += 1.0
-        squares += r @ r
-        redundancy += np.trace(M)
-        information += (M * M).sum() / 2
-    return squares, redundancy, information
+    P, X, Q = covariances
+    r = value + np.einsum("kmd,kd->km", state, steps[0][row]) + shared @ steps[1]
+    by_state, by_shared = state.swapaxes(1, 2), shared.swapaxes(1, 2)
+    crossed = state @ X[row] @ by_shared
+    M = -(state @ P[row] @ by_state + crossed + crossed.swapaxes(1, 2) + shared @ Q @ by_shared)
+    np.einsum("kmm->km", M)[...] += state.any(axis=2) | shared.any(axis=2)
+    return float((r**2).sum()), float(np.einsum("kmm->", M)), float((M**2).sum()) / 2

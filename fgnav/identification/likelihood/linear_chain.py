@@ -26,10 +26,9 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.identification.likelihood import chain_kernel
+from fgnav.identification.likelihood.chain_kernel import CHUNK
 from fgnav.solve.chain import back_kernel, kernel
 from fgnav.solve.chain.linear import Links, linearise
-
-_CHUNK = 128  # keyframes linearised and whitened at once: 2 MB
 
 
 class Covariances(NamedTuple):
@@ -149,8 +148,8 @@ class LinearChain:
         links = Links.empty(n, D, b)
         fixed = tuple(one for one in problem.measurements if one.name not in scaled)
         rest = replace(problem, measurements=fixed)
-        for begin in range(0, n, _CHUNK):
-            rows = np.arange(begin, min(begin + _CHUNK, n))
+        for begin in range(0, n, CHUNK):
+            rows = np.arange(begin, min(begin + CHUNK, n))
             before = states.at(rows[rows > 0] - 1)
             linearise(rest, rows, states.at(rows), before, links, rows)
         sensors: list[_Sensor] = []
@@ -192,19 +191,18 @@ class LinearChain:
         n, D = solution.covariance.shape[:2]
         c, b = self._parts.shape[1], solution.constant_cross.shape[2]
         out = np.zeros(c), np.zeros(c), np.zeros((c, c))
-        motion, root = np.empty((_CHUNK, *self._motion.shape[1:])), np.empty((_CHUNK, D, D))
-        constant = solution.constant_covariance[-1].copy()  # writable, as in `score`: compiled once
+        motion, root = np.empty((CHUNK, *self._motion.shape[1:])), np.empty((CHUNK, D, D))
         variance, still = np.ones(c), np.zeros(b)
-        for begin in range(0, n - 1, _CHUNK):
-            end = min(begin + _CHUNK, n - 1)
+        for begin in range(0, n - 1, CHUNK):
+            end = min(begin + CHUNK, n - 1)
             of, ends, count = slice(begin, end), slice(begin, end + 1), end - begin
             parts, white = self._parts[of], (motion[:count], root[:count])
             chain_kernel.whiten(self._motion[of], parts, self._rest[of], variance, *white)
             covariances = (
-                np.ascontiguousarray(solution.covariance[ends]),
-                np.ascontiguousarray(solution.cross[of]),
-                np.ascontiguousarray(solution.constant_cross[ends]),
-                constant,
+                solution.covariance[ends],
+                solution.cross[of],
+                solution.constant_cross[ends],
+                solution.constant_covariance[-1],
             )
             steps = np.zeros((count + 1, D)), still
             chain_kernel.motion_score(*white, parts, variance, steps, covariances, out)
@@ -249,9 +247,8 @@ class LinearChain:
         if whole:
             P, cross, shared = roots, np.empty((n - 1, D, D)), np.empty((n, D, b))
             back_kernel.marginals(gain, roots, covariance, P, cross, shared)
-            step = (steps, end[D:].copy())
-            constant = np.ascontiguousarray(covariance[D:, D:])
-            covariances = Covariances(P, cross, shared, constant)
+            step = (steps, end[D:])
+            covariances = Covariances(P, cross, shared, covariance[D:, D:])
             of_motion = np.zeros((own, own))
             chain_kernel.motion_score(
                 motion[1:],
@@ -259,14 +256,14 @@ class LinearChain:
                 self._parts,
                 variance[:own],
                 step,
-                (P, cross, shared, constant),
+                covariances,
                 (squares[:own], redundancy[:own], of_motion),
             )
             information[:own, :own] = of_motion
             for i, one in enumerate(self._sensors):
                 scaled = [part * np.exp(-theta[own + i]) for part in one.linear]
                 score = chain_kernel.measurement_score(
-                    scaled[0], scaled[1], scaled[2], one.rows, step, (P, shared, constant)
+                    scaled[0], scaled[1], scaled[2], one.rows, step, (P, shared, covariance[D:, D:])
                 )
                 squares[own + i], redundancy[own + i] = score[:2]
                 information[own + i, own + i] = score[2]

@@ -157,13 +157,18 @@ def _filtered(
             after[b : b + q * new].reshape((q, new)),
             right[c : c + q],
         )
-        order = np.arange(size + 1)
+        order = np.empty(size + 1, np.int64)
+        for i in range(size + 1):
+            order[i] = i
         is_known, joint = lead_on(information, order, size, rows, weight[c : c + q])
         if not is_known:
             return np.zeros((1, 1))
         for i in range(size):
             diagonal[e + i] = joint[i, i]
-        information = joint[size:, size:] + measured[d : d + m * m].reshape((m, m))
+        information = np.empty((m, m))
+        for i in range(m):
+            for j in range(m):
+                information[i, j] = joint[size + i, size + j] + measured[d + i * m + j]
         a, b, c, d, e = a + q * old, b + q * new, c + q, d + m * m, e + size
     return information
 

@@ -158,14 +158,13 @@ def _fit(
 def _beginnings(arc: IntArray) -> IntArray:
     """Return the epoch at which each link's arc begins, (n, m); -1 without phase."""
     n, m = arc.shape
-    first = np.full((n, m), -1, dtype=np.int64)
+    first = np.empty((n, m), dtype=np.int64)
     for j in range(m):
         start = -1
         for k in range(n):
-            if arc[k, j] >= 0:
-                if start < 0 or arc[k, j] != arc[start, j]:
-                    start = k
-                first[k, j] = start
+            if arc[k, j] >= 0 and (start < 0 or arc[k, j] != arc[start, j]):
+                start = k
+            first[k, j] = start if arc[k, j] >= 0 else -1
     return first
 
 
@@ -173,10 +172,9 @@ def _beginnings(arc: IntArray) -> IntArray:
 def _chained(
     gap_m: FloatArray, weight: FloatArray, first: IntArray, group: IntArray, constant: FloatArray
 ) -> FloatArray:
-    """Return constants of the epochs, (n, g), by those arcs that go on, as a start."""
+    """Return constants of the epochs, (n, m), of each group, by arcs that go on, as a start."""
     n, m = gap_m.shape
-    common = np.zeros((n, np.max(group) + 1))
-    fitted = np.zeros((n, m), dtype=np.bool_)
+    common, fitted = np.zeros((n, m)), np.zeros((n, m), dtype=np.bool_)
     for k in range(n):
         _fit_epoch(k, gap_m, weight, first, group, fitted, constant, common)
         for j in range(m):
@@ -236,7 +234,7 @@ def _fit_epoch(
     constant: FloatArray,
     common: FloatArray,
 ) -> None:
-    """Set an epoch's constants, (g,), by the arcs that are fitted, where there is any."""
+    """Set an epoch's constants by the arcs that are fitted, where there is any."""
     pull, total = np.zeros(common.shape[1]), np.zeros(common.shape[1])
     for j in range(len(group)):
         if weight[k, j] > 0.0 and fitted[first[k, j], j]:

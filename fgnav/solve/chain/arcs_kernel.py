@@ -139,7 +139,7 @@ def covariance_before(root: FloatArray, gain: FloatArray, joint: FloatArray, wid
     """
     size, n, taken = len(root), len(joint), gain.shape[1] - 1
     first = n - width
-    rows = covariance_of_first(root, gain[:, :taken], joint[:taken, :taken].copy())
+    rows = covariance_of_first(root, gain, joint[:taken, :taken].copy())
     for i in range(n):
         for j in range(first if i < first else 0, n):
             joint[i, j] = 0.0
@@ -162,7 +162,7 @@ def covariance_of_first(root: FloatArray, gain: FloatArray, others: FloatArray) 
     out, inverse = np.zeros((size, m + size)), np.zeros((size, size))
     turned, column = np.empty((m, size)), np.empty(size)
     for i in range(size):
-        less_rows(out[i, :m], gain[i], others)
+        less_rows(out[i, :m], gain[i, :m], others)
         for k in range(m):
             turned[k, i] = gain[i, k]
         less_rows(inverse[i, :i], root[i], inverse[:i])

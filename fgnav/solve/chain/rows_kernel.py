@@ -35,12 +35,13 @@ def eliminate_rows(
     D, last = motion.shape[0], motion.shape[1] - 1
     J = D + len(node)
     columns = np.zeros((J, 2 * J - D))  # one row of the system in each column
-    count = _square_root(before, D, False, columns, 0)
     for m in range(D):
         for j in range(last):
-            columns[j, count + m] = motion[m, j]
-        columns[J - 1, count + m] = motion[m, last]
-    count = _square_root(node, D, True, columns, count + D)
+            columns[j, m] = motion[m, j]
+        columns[J - 1, m] = motion[m, last]
+    count = D
+    for later in range(2):  # a literal would be a type of its own, and compiled twice
+        count = _square_root(node if later else before, D, later, columns, count)
     if not _triangle(columns, count, D):
         return False
     for i in range(D):
@@ -66,7 +67,7 @@ def _square(columns: FloatArray, out: FloatArray) -> None:
 
 
 @inner
-def _square_root(A: FloatArray, D: int, later: bool, columns: FloatArray, count: int) -> int:
+def _square_root(A: FloatArray, D: int, later: int, columns: FloatArray, count: int) -> int:
     """Append rows whose square is A, by Cholesky with pivots; return how many there are by then.
 
     A belongs to the later state and the constants, or else to the earlier one and the constants.
