@@ -39,7 +39,7 @@ from fgnav.graph.inertial.increments import increments, parents
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.inertial.path_kernel import Intervals
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.motion import LinearisedMotion, NoiseParts
+from fgnav.graph.types.motion import EVERY, LinearisedMotion, NoiseParts
 from fgnav.graph.types.states import AUX, States
 from fgnav.optional_gtsam import gtsam
 from fgnav.process import matern
@@ -210,15 +210,15 @@ class GyroFree:
     def release(self, before: int) -> None:
         """Nothing of an interval is kept."""
 
-    def noise_parts(self) -> NoiseParts:
+    def noise_parts(self, of: slice = EVERY) -> NoiseParts:
         """Return what the accelerometer's noise and its bias's walk are of the whitened rows.
 
         Of the position's rows the integration's noise is the rest; intervals of another noise than
         the accelerometer's, gaps, are not divided.
         """
-        span_s, noise = np.diff(self.t_s), self.accelerometer_noise
+        span_s, noise = np.diff(self.t_s)[of], self.accelerometer_noise[of]
         of_unit = np.isclose(noise, self.imu.accelerometer_noise_mps2_per_sqrt_hz**2)
-        third = self._intervals.force_white[:, 2] ** 2 * noise * span_s**3 / 12
+        third = self._intervals.force_white[of, 2] ** 2 * noise * span_s**3 / 12
         share: FloatArray = np.zeros((len(span_s), 2, ROWS + self._lasting))
         share[of_unit, 0, 3:6], share[of_unit, 0, 6:9], share[:, 1, 9:12] = (
             third[of_unit, None],

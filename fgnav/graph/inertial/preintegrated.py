@@ -22,7 +22,7 @@ from fgnav.graph import keys
 from fgnav.graph.build import as_bias
 from fgnav.graph.inertial import galilean_kernel, preintegrated_kernel
 from fgnav.graph.inertial.increments import Increments, at_latest, increments, parents
-from fgnav.graph.types.motion import INERTIAL_NOISES, LinearisedMotion, NoiseParts
+from fgnav.graph.types.motion import EVERY, INERTIAL_NOISES, LinearisedMotion, NoiseParts
 from fgnav.graph.types.states import AUX, States
 from fgnav.optional_gtsam import gtsam
 from fgnav.types.flight import Imu
@@ -204,7 +204,7 @@ class Inertial:
         for k in [k for k in sums if k < before]:
             del sums[k]
 
-    def noise_parts(self) -> NoiseParts:
+    def noise_parts(self, of: slice = EVERY) -> NoiseParts:
         """Return what each noise contributes to the covariance of the whitened rows.
 
         One noise at a time over a few samples, for it is linear in its variance. Intervals of
@@ -216,17 +216,16 @@ class Inertial:
             imu.gyroscope_bias_walk_radps_per_sqrt_s or 0.0,
         )
         accelerometer = imu.accelerometer_noise_mps2_per_sqrt_hz
-        of_unit = np.isclose(self.accelerometer_noise, accelerometer**2)
-        of_unit &= np.isclose(self.gyroscope_noise, gyroscope**2)
+        of_unit = np.isclose(self.accelerometer_noise[of], accelerometer**2)
+        of_unit &= np.isclose(self.gyroscope_noise[of], gyroscope**2)
         if self.bias_steps is not None:
-            of_unit &= ~self.bias_steps.any(axis=1)
+            of_unit &= ~self.bias_steps[of].any(axis=1)
         one_each = np.zeros((len(INERTIAL_NOISES) + 1, galilean_kernel.NOISES))
         one_each[0, 0], one_each[1, 1] = accelerometer**2, gyroscope**2
         one_each[2, 3:6], one_each[3, 6:] = walks[0] ** 2, walks[1] ** 2
         one_each[-1, 2] = INTEGRATION_M2
-        n = len(self.t_s) - 1
-        parts = np.zeros((n, len(one_each), _WIDTH, _WIDTH))
-        intervals = np.flatnonzero(of_unit)
+        parts = np.zeros((len(of_unit), len(one_each), _WIDTH, _WIDTH))
+        intervals = np.arange(len(self.t_s) - 1)[of][of_unit]
         if len(intervals):
             about = np.array([self._store.biases.get(k, _UNBIASED) for k in intervals.tolist()])
             W = self._sums(intervals, about)[:, galilean_kernel.WHITE :]
@@ -234,7 +233,7 @@ class Inertial:
             steps = self._increments.of(intervals, _COARSE_STEPS)
             earth_rate = np.ascontiguousarray(self.earth_rate_n_radps)
             P = galilean_kernel.covariances(steps, about, one_each, earth_rate)
-            parts[intervals] = W @ P @ W.swapaxes(2, 3)
+            parts[of_unit] = W @ P @ W.swapaxes(2, 3)
         parts[~of_unit, -1] = np.eye(_WIDTH)
         return NoiseParts(INERTIAL_NOISES, parts[:, :-1], parts[:, -1])
 

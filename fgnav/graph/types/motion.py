@@ -22,6 +22,9 @@ class LinearisedMotion(NamedTuple):
 INERTIAL_NOISES = ("accelerometer", "gyroscope", "accelerometer bias", "gyroscope bias")
 
 
+EVERY = slice(None)  # interval
+
+
 class NoiseParts(NamedTuple):
     """What each noise contributes to the covariance of an interval's whitened rows."""
 
@@ -80,8 +83,8 @@ class Motion(Protocol):
         """Keep nothing large of the intervals before one, whose keyframes have left a window."""
         ...
 
-    def noise_parts(self) -> NoiseParts:
-        """Return the covariance of the whitened rows by its causes."""
+    def noise_parts(self, of: slice = EVERY) -> NoiseParts:
+        """Return the covariance of the whitened rows of some intervals by its causes."""
         ...
 
     def at_times(self, t_s: FloatArray) -> "Motion":

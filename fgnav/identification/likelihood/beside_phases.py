@@ -13,7 +13,6 @@ References
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +23,7 @@ from fgnav.graph.innovation.band import TOLERATED
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.identification.likelihood.linear_chain import LinearChain
+from fgnav.identification.likelihood.linear_chain import motion_score
 from fgnav.identification.noise.begin import ABOVE, WHITE
 from fgnav.identification.tested_constants import SIGMAS
 from fgnav.identification.track.windows import EXCLUDED, FALSE_ALARM
@@ -143,15 +142,13 @@ class Scored(NamedTuple):
     @classmethod
     def of(cls, problem: SmoothingProblem, solution: Solution) -> "Scored":
         """Return them at a whole problem's minimum."""
-        parts = problem.motion.noise_parts()
-        chain = LinearChain.of(replace(problem, phase=None), solution.states, parts, ())
-        squares, redundancy, information = chain.motion_score(solution)
-        of_unit = [i for i, name in enumerate(parts.names) if name in WHITE]
+        every, squares, redundancy, information = motion_score(problem, solution)
+        of_unit = [i for i, name in enumerate(every) if name in WHITE]
         squares, redundancy = squares[of_unit], redundancy[of_unit]
         theta = np.log(squares.clip(1e-6) / redundancy.clip(1e-6)) / 2
         spread = (np.diag(4 * information)[of_unit] + 2 * redundancy) / 2
         sigma = 1 / np.sqrt(spread.clip(1e-6))
-        names = tuple(parts.names[i] for i in of_unit)
+        names = tuple(every[i] for i in of_unit)
         return cls(names, theta, sigma, squares, redundancy, solution.states, solution.cost)
 
     def is_beyond(self, theta: FloatArray) -> BoolArray:

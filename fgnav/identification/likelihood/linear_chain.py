@@ -181,33 +181,6 @@ class LinearChain:
         moved = np.einsum("kmd,kd->km", linear.state, score.steps[rows])
         return np.asarray(linear.value + moved + linear.shared @ score.constant_steps)
 
-    def motion_score(self, solution: Solution) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the motion's squares, redundancy, (c,), and information, (c, c), at a minimum.
-
-        That of more than this chain knows, about which it is linearised; noises as stated.
-        """
-        if solution.cross is None:
-            raise ValueError("solution: needs covariances of neighbours")
-        n, D = solution.covariance.shape[:2]
-        c, b = self._parts.shape[1], solution.constant_cross.shape[2]
-        out = np.zeros(c), np.zeros(c), np.zeros((c, c))
-        motion, root = np.empty((CHUNK, *self._motion.shape[1:])), np.empty((CHUNK, D, D))
-        variance, still = np.ones(c), np.zeros(b)
-        for begin in range(0, n - 1, CHUNK):
-            end = min(begin + CHUNK, n - 1)
-            of, ends, count = slice(begin, end), slice(begin, end + 1), end - begin
-            parts, white = self._parts[of], (motion[:count], root[:count])
-            chain_kernel.whiten(self._motion[of], parts, self._rest[of], variance, *white)
-            covariances = (
-                solution.covariance[ends],
-                solution.cross[of],
-                solution.constant_cross[ends],
-                solution.constant_covariance[-1],
-            )
-            steps = np.zeros((count + 1, D)), still
-            chain_kernel.motion_score(*white, parts, variance, steps, covariances, out)
-        return out
-
     def score(self, theta: FloatArray, *, whole: bool = True) -> Score | None:
         """Return likelihood and derivatives at log factors on standard deviations, (c,).
 
@@ -279,3 +252,38 @@ class LinearChain:
             cost - float(least),
             covariances,
         )
+
+
+def motion_score(
+    problem: SmoothingProblem, solution: Solution
+) -> tuple[tuple[str, ...], FloatArray, FloatArray, FloatArray]:
+    """Return noises of the motion, their squares, redundancy, (c,), and information, (c, c).
+
+    At a minimum, of all that the problem knows; noises as stated. A hundred intervals at a time:
+    all of an hour would take 1 GB.
+    """
+    if solution.cross is None:
+        raise ValueError("solution: needs covariances of neighbours")
+    states, motion, n = solution.states, problem.motion, len(problem.t_s)
+    names = motion.noise_parts(slice(0)).names
+    c, b = len(names), problem.constants.width
+    out = np.zeros(c), np.zeros(c), np.zeros((c, c))
+    for begin in range(0, n - 1, CHUNK):
+        k = np.arange(begin, min(begin + CHUNK, n - 1))
+        of, ends = slice(begin, k[-1] + 1), slice(begin, k[-1] + 2)
+        linear = motion.linearise(states.at(k), states.at(k + 1), k)
+        sides = linear.before, linear.after, linear.shared, -linear.value[:, :, None]
+        _, *divided = motion.noise_parts(of)
+        parts, rest = map(np.ascontiguousarray, divided)
+        white = np.concatenate(sides, axis=2)
+        root = np.empty_like(rest)
+        chain_kernel.whiten(white.copy(), parts, rest, np.ones(c), white, root)
+        covariances = (
+            solution.covariance[ends],
+            solution.cross[of],
+            solution.constant_cross[ends],
+            solution.constant_covariance[-1],
+        )
+        steps = np.zeros((len(k) + 1, problem.width)), np.zeros(b)
+        chain_kernel.motion_score(white, root, parts, np.ones(c), steps, covariances, out)
+    return names, *out
