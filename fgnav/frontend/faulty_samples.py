@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import interp1d
 
 from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.frontend.recording import SENSORS, between_fresh, is_repeated
@@ -14,6 +15,7 @@ _NORMAL = 1.4826  # sigma of normal noise over its median size
 # and identification, IEEE Trans. Control Systems Technology 10, 2002).
 _SIGMAS = 20.0
 _NEIGHBOURS = 6.0  # sigmas by which neighbours of a spike may differ
+_NEAR = 25  # samples on either side: half of a window may be spikes, or of another noise
 _FEWEST = 100
 _AXES = "xyz"
 _FALSE_ALARM = 1e-4  # of each test on a right record
@@ -177,13 +179,20 @@ def without_spikes(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
 
 
 def _replaced(x: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return samples, (k, 3), without spikes, and which they were, (k,)."""
+    """Return samples, (k, 3), without spikes of their axes, and which have some, (k,)."""
     middle, apart = np.empty_like(x), np.empty_like(x)
     middle[1:-1], apart[1:-1] = (x[2:] + x[:-2]) / 2, np.abs(x[2:] - x[:-2])
     for end, one, two in ((0, 1, 2), (-1, -2, -3)):  # by a straight line
         middle[end], apart[end] = 2 * x[one] - x[two], 2 * np.abs(x[one] - x[two])
     off = np.abs(x - middle)
     sigma = _NORMAL * np.median(off, axis=0)
-    far = (off > _SIGMAS * sigma) & (off > _SIGMAS / _NEIGHBOURS * apart) & (sigma > 0)
-    spike: BoolArray = np.asarray(far.any(axis=1))
-    return np.where(spike[:, None], middle, x), spike
+    spike = (off > _SIGMAS * sigma) & (off > _SIGMAS / _NEIGHBOURS * apart) & (sigma > 0)
+    for i, axis in np.argwhere(spike):  # where all around is louder it is noise
+        near = off[max(i - _NEAR, 0) : i + _NEAR + 1, axis]
+        spike[i, axis] = off[i, axis] > _SIGMAS * _NORMAL * np.median(near)
+    k, mended = np.arange(len(x)), x.copy()
+    for axis in np.flatnonzero(spike.any(axis=0)):
+        bad = spike[:, axis]
+        line = interp1d(k[~bad], x[~bad, axis], fill_value="extrapolate", assume_sorted=True)
+        mended[bad, axis] = line(k[bad])
+    return mended, np.asarray(spike.any(axis=1))

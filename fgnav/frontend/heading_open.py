@@ -94,8 +94,8 @@ def _with_force_noise(
         return problem
     velocity = next((series for _, series in track.antenna.velocities), None)
     size_mps2 = horizontal_mps2(problem.t_s, velocity, track.antenna.position)
-    noise = motion.accelerometer_noise + np.where(intervals, WINDOW_S * size_mps2[1:] ** 2, 0.0)
-    return replace(problem, motion=replace(motion, accelerometer_noise=noise))
+    more = np.where(intervals, WINDOW_S * size_mps2[1:] ** 2, 0.0)
+    return replace(problem, motion=motion.louder(more, np.zeros_like(more)))
 
 
 def horizontal_mps2(

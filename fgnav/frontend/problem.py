@@ -80,7 +80,7 @@ def build_problem(
     multipath, lasting_notes = _lasting(stage, requested)
     earth = flight.origin.earth_rate_n_radps
     motion, turning, rate_notes = motion_of((stage, track), settings, earth, constants, multipath)
-    motion = resting_motion(motion, rest, settings.at_rest)
+    motion = resting_motion(motion, imu, rest, settings.at_rest)
     back_s = late_s(settings.calibration)
     timed = timed_motion(imu, track.t_s, track.gravity_n_mps2, earth, causal=causal, span_s=back_s)
     phases = antenna_phase(

@@ -54,6 +54,24 @@ def test_spikes_are_replaced_by_their_neighbours_and_counted(imu):
     assert np.abs(mended.w_b_radps - imu.w_b_radps).max() < 0.1
 
 
+def test_spikes_beside_each_other_stand_for_none_of_the_other(imu):
+    """A spike of the next sample, on another axis, and one of the sample after that."""
+    force = imu.f_b_mps2.copy()
+    force[100, 0] += 200.0
+    force[101, 1] -= 200.0
+    force[[500, 502], 2] += 200.0
+    mended, (loss,) = without_spikes(replace(imu, f_b_mps2=force))
+    assert loss.count == 5  # that between two of one axis among them
+    assert np.abs(mended.f_b_mps2 - imu.f_b_mps2).max() < 0.2
+
+
+def test_samples_of_a_louder_second_are_no_spikes(imu):
+    rng = np.random.default_rng(31_001)
+    loud = np.where((T_S > 5) & (T_S < 6.5), 1.0, 0.0)[:, None] * rng.normal(size=(len(T_S), 3))
+    noisy = replace(imu, f_b_mps2=imu.f_b_mps2 + loud)
+    assert without_spikes(noisy)[0] is noisy
+
+
 def test_the_first_and_the_last_sample_may_be_spikes(imu):
     force = imu.f_b_mps2.copy()
     force[[0, -1], 0] += [30.0, -30.0]

@@ -1,4 +1,4 @@
-"""A magnetometer that is turned in the body, and a field stated with another declination."""
+"""A magnetometer that is turned or drifts, and a field stated with another declination."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from fgnav.geometry.rotations import exp
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.states import ROTATION
 from fgnav.identification.lasting.error import LastingError
-from fgnav.identification.lasting.field import DECLINATION, MAGNETOMETER, Declined
+from fgnav.identification.lasting.field import DECLINATION, DRIFT, MAGNETOMETER, Declined
 from tests.identification.identified import SETTINGS, estimate_by, found_in
 from tests.methods.simulated import errors_rad, nees
 from tests.robustness.drawn.dirty import dirty
@@ -72,6 +72,22 @@ def test_a_declination_that_is_off_is_no_turned_accelerometer(number, by_deg):
     estimate = estimate_by(found, flight)
     assert any(note.startswith("The magnetic field's declination") for note in estimate.notes)
     assert attitude_nees(right, estimate) < 4.0  # 2.0, 1.3, 1.1
+
+
+@pytest.mark.parametrize("number", [8601, 8604])
+def test_a_hard_iron_that_drifts_is_taken_out(number):
+    """Attitude NEES 23 and 128 of 3, as it was drawn."""
+    right, rates = right_flight("instruments", number), np.array([0.1, 0.5, 0.0])  # uT/s
+    since_s = right.magnetometer.t_s - np.ptp(right.magnetometer.t_s) / 2
+    flight = with_field(right, field_b_ut=right.magnetometer.field_b_ut + since_s[:, None] * rates)
+    found = found_in(flight)
+    error = found.cause.error
+    assert error.kind == DRIFT
+    off = error.off - rates
+    assert off @ np.linalg.solve(error.covariance, off) < SIGMAS**2
+    estimate = estimate_by(found, flight)
+    assert any(note.startswith("The magnetometer's hard iron drifts") for note in estimate.notes)
+    assert attitude_nees(right, estimate) < 6.0
 
 
 def test_a_declination_s_derivative_is_that_of_residuals():

@@ -12,9 +12,8 @@ from fgnav.checks import BoolArray, FloatArray
 from fgnav.frontend.position.antenna_motion import AntennaMotion
 from fgnav.frontend.position.series import VectorSeries
 from fgnav.frontend.sensors.standstill import WINDOW_S, Standing
-from fgnav.graph.inertial.gyro_free import GyroFree
-from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.motion import Motion
+from fgnav.types.flight import Imu
 
 AT_REST = " at rest"  # after the name of a noise
 _SAME_S = 1e-6
@@ -86,19 +85,17 @@ def moving_antenna(
     )
 
 
-def resting_motion(motion: Motion, rest: Rest, factors: Mapping[str, float]) -> Motion:
-    """Return a motion with other white noise of the unit at rest."""
-    if not (factors and isinstance(motion, Inertial | GyroFree)):
+def resting_motion(motion: Motion, imu: Imu, rest: Rest, factors: Mapping[str, float]) -> Motion:
+    """Return a motion with other white noise of its unit at rest."""
+    if not factors:
         return motion
-    share, imu = rest.share(motion.t_s), motion.imu
+    share = rest.share(motion.t_s)
 
     def more(name: str, density: float) -> FloatArray:
         factor = factors.get(name, 1.0)
         return np.asarray(share * (factor**2 - 1.0) * density**2)
 
-    forces = more("accelerometer", imu.accelerometer_noise_mps2_per_sqrt_hz)
-    motion = replace(motion, accelerometer_noise=motion.accelerometer_noise + forces)
-    if not isinstance(motion, Inertial):
-        return motion
-    rates = more("gyroscope", imu.gyroscope_noise_radps_per_sqrt_hz or 0.0)
-    return replace(motion, gyroscope_noise=motion.gyroscope_noise + rates)
+    return motion.louder(
+        more("accelerometer", imu.accelerometer_noise_mps2_per_sqrt_hz),
+        more("gyroscope", imu.gyroscope_noise_radps_per_sqrt_hz or 0.0),
+    )

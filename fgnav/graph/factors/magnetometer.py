@@ -1,8 +1,9 @@
 """Directions of the magnetic field in body axes, the vehicle's own field among it.
 
-``r = A (R_nb' m_n + o_b) / |R_nb' m_n + o_b|``: m_n the Earth's field, o_b the hard iron, A the
-whitening rows across the measured direction [1]_. Only the direction counts: with the size, a hard
-iron that takes some of the Earth's field away would make every residual smaller.
+``r = A (R_nb' m_n + o_b) / |R_nb' m_n + o_b|``: m_n the Earth's field, o_b the hard iron, which may
+drift steadily, A the whitening rows across the measured direction [1]_. Only the direction counts:
+with the size, a hard iron that takes some of the Earth's field away would make every residual
+smaller.
 
 References
 ----------
@@ -41,6 +42,10 @@ class MagneticField:
     iron_column : int
         First of the three constants o_b, uT; -1 where there is none.
     constants : Constants
+    drift_column : int
+        First of three constants by which o_b changes in a second, uT/s; for chains alone.
+    since_s : ndarray, shape (k,), or None
+        Since o_b is what its constants are.
     """
 
     name: ClassVar[str] = "magnetic field"  # in reports
@@ -49,6 +54,8 @@ class MagneticField:
     field_n_ut: FloatArray
     iron_column: int
     constants: Constants
+    drift_column: int = -1
+    since_s: FloatArray | None = None
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
@@ -62,9 +69,10 @@ class MagneticField:
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of directions ``which``, (j,); see ``Measurement``."""
-        return Linearised._make(
-            _kernel(*contiguous(at, which), self.across_b, self.field_n_ut, self.iron_column)
-        )
+        since_s = np.zeros(len(self.row)) if self.since_s is None else self.since_s
+        iron, drift = self.iron_column, self.drift_column
+        of_field = self.across_b, self.field_n_ut, since_s
+        return Linearised._make(_kernel(*contiguous(at, which), *of_field, iron, max(iron, drift)))
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return direction i as a factor of keyframe ``key``: native without hard iron."""
@@ -81,7 +89,13 @@ class MagneticField:
 
 @kernel
 def _kernel(
-    at: States, which: IntArray, across_b: FloatArray, field_n_ut: FloatArray, iron: int
+    at: States,
+    which: IntArray,
+    across_b: FloatArray,
+    field_n_ut: FloatArray,
+    since_s: FloatArray,
+    iron: int,
+    drift: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
     value, state, shared = np.zeros((j, 2)), np.zeros((j, 2, D)), np.zeros((j, 2, b))
@@ -91,7 +105,7 @@ def _kernel(
         for c in range(3):
             sum_b[c] = earth_b[c]
             if iron >= 0:
-                sum_b[c] += at.constants[iron + c]
+                sum_b[c] += at.constants[iron + c] + at.constants[drift + c] * since_s[i]
         size = np.sqrt(sum_b[0] ** 2 + sum_b[1] ** 2 + sum_b[2] ** 2)
         for r in range(3):
             for c in range(3):
@@ -103,5 +117,6 @@ def _kernel(
                 value[k, m] += across_b[i, m, c] * sum_b[c] / size
                 state[k, m, c] = by_turn[m, c]
                 if iron >= 0:
-                    shared[k, m, iron + c] = by_field[m, c]
+                    shared[k, m, iron + c] += by_field[m, c]
+                    shared[k, m, drift + c] += by_field[m, c] * since_s[i]
     return value, state, shared

@@ -243,6 +243,11 @@ class GyroFree:
         error = _IntervalError(self._intervals, np.array([k]), tuple(names), self._buffer)
         return (gtsam.CustomFactor(_unit(ROWS + self._lasting), names, error),)
 
+    def louder(self, force: FloatArray, rate: FloatArray) -> "GyroFree":
+        """Return the same motion with more white noise of the specific force, (n - 1,)."""
+        del rate
+        return replace(self, accelerometer_noise=self.accelerometer_noise + force)
+
     def at_times(self, t_s: FloatArray) -> "GyroFree":
         """Return the same motion between other keyframes, (m,), the present ones among them.
 

@@ -182,6 +182,14 @@ class Inertial:
         )
         return (factor,)
 
+    def louder(self, force: FloatArray, rate: FloatArray) -> "Inertial":
+        """Return the same motion with more white noise of both sensors, (n - 1,) each."""
+        return replace(
+            self,
+            accelerometer_noise=self.accelerometer_noise + force,
+            gyroscope_noise=self.gyroscope_noise + rate,
+        )
+
     def at_times(self, t_s: FloatArray) -> "Inertial":
         """Return the same motion between other keyframes, (m,), the present ones among them.
 

@@ -87,6 +87,13 @@ class Motion(Protocol):
         """Return the covariance of the whitened rows of some intervals by its causes."""
         ...
 
+    def louder(self, force: FloatArray, rate: FloatArray) -> "Motion":
+        """Return the same motion of a unit whose white noise is more, in each interval.
+
+        By power spectral densities, (n - 1,), (m/s2)^2/Hz and (rad/s)^2/Hz.
+        """
+        ...
+
     def at_times(self, t_s: FloatArray) -> "Motion":
         """Return the same motion between other keyframes, (m,), the present ones among them."""
         ...

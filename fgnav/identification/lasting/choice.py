@@ -39,7 +39,7 @@ from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
 _OF_AXES = (*WHITE, field.MAGNETOMETER, field.DECLINATION)
-_PUT_RIGHT = (*_OF_AXES, late_forces.LATE_FORCES)
+_PUT_RIGHT = (*_OF_AXES, field.DRIFT, late_forces.LATE_FORCES)
 
 
 class Lasting(NamedTuple):
@@ -77,7 +77,7 @@ class Lasting(NamedTuple):
             return ()
         if self.is_of_unit:
             return (unit_axes.sentence(self.error, self.share),)
-        if self.error.kind in _OF_AXES:
+        if self.error.kind in (*_OF_AXES, field.DRIFT):
             return (field.sentence(self.error, self.share),)
         if self.error.kind == late_forces.LATE_FORCES:
             return (late_forces.sentence(self.error),)

@@ -1,32 +1,36 @@
-"""A magnetometer that is turned in the body, or a field of another declination than is stated.
+"""A magnetometer turned in the body or drifting, or a field of another declination than stated.
 
-Both are constants of its measurements, of the direction of m_n in the magnetometer's axes:
+They are constants of its measurements, of the direction of m_n in the magnetometer's axes:
 
-    turned: Exp(c)' R_nb' m_n        declination: R_nb' Exp(d e_down) m_n
+    turned: Exp(c)' R_nb' m_n    declination: R_nb' Exp(d e_down) m_n    drift: R_nb' m_n + o + u t
+
+t from the middle of the record, o the hard iron.
 """
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
-from fgnav.checks import IntArray, NoSolutionError
+from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.frontend.calibration_request import turn_of
 from fgnav.geometry.rotations import exp
+from fgnav.graph.factors.magnetometer import MagneticField
 from fgnav.graph.measurement_factor import of_measurement, parts_of
 from fgnav.graph.turned import Turned
-from fgnav.graph.types.constants import Constants, flight_constant
+from fgnav.graph.types.constants import Constants, FlightConstant, flight_constant
 from fgnav.graph.types.measurement import Linearised, Measurement, OfAnother
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import ROTATION, States
 from fgnav.identification.lasting.error import LastingError
+from fgnav.identification.likelihood.thinned import Some
 from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.optional_gtsam import gtsam
 from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
-MAGNETOMETER, DECLINATION = "magnetometer", "declination"
+MAGNETOMETER, DECLINATION, DRIFT = "magnetometer", "declination", "drift of hard iron"
 _FIELD = "magnetic field"
 # 1-sigma of a field that is stated without its declination, rad: that of the Earth's field is 16
 # degrees RMS between 60 degrees south and north (IGRF-13 of 2020, to degree 4, by area).
@@ -34,23 +38,54 @@ _DECLINATION_RAD = np.radians(16.0)
 
 
 def field_errors(problem: SmoothingProblem, stated: float) -> Iterator[LastingError]:
-    """Yield both, as a problem tells them; parameters as of ``sight.sight_errors``."""
+    """Yield all three, as a problem tells them; parameters as of ``sight.sight_errors``."""
     if not any(one.name == _FIELD for one in problem.measurements):
         return
-    turn = turn_of(MAGNETOMETER)
-    for part in (turn, flight_constant(DECLINATION, ("east",), "rad", _DECLINATION_RAD)):
-        free, kind = problem.with_constants((part,)), Turned if part is turn else Declined
-        wrapped = tuple(
-            kind(measurement=one, column=problem.constants.width, constants=free.constants)
-            if one.name == _FIELD
-            else one
-            for one in problem.measurements
-        )
-        free = replace(free, measurements=wrapped)
-        with suppress(NoSolutionError):
-            solution = solve_batch(free)
-            if solution.converged:
-                yield LastingError.of(part, free, stated, solution)
+    for part in (
+        turn_of(MAGNETOMETER),
+        flight_constant(DECLINATION, ("east",), "rad", _DECLINATION_RAD),
+    ):
+        error = _error(problem, stated, part)
+        if error is not None:
+            yield error
+    (iron,) = (one for one in problem.constants.parts if one.name == "hard iron")
+    # In all of the record as much as it may be off throughout, or as much as it is.
+    sigma = float(np.sqrt(iron.covariance[0, 0]) / np.ptp(problem.t_s))
+    error = _error(problem, stated, flight_constant(DRIFT, iron.axes, "uT/s", sigma))
+    if error is not None and np.abs(error.off).max() > sigma:
+        sigma = float(np.linalg.norm(error.off))
+        error = _error(problem, stated, flight_constant(DRIFT, iron.axes, "uT/s", sigma))
+    if error is not None:
+        yield error
+
+
+def _error(problem: SmoothingProblem, stated: float, part: FlightConstant) -> LastingError | None:
+    """Return an error by the minimum of the problem in which it is free; None without one."""
+    free, column = problem.with_constants((part,)), problem.constants.width
+    since_s = problem.t_s - (problem.t_s[0] + problem.t_s[-1]) / 2
+
+    def freed(one: Measurement) -> Measurement:
+        if one.name != _FIELD:
+            return one
+        if part.name == DRIFT:
+            return _drifting(one, column, since_s[one.row])
+        kind = Turned if part.name == MAGNETOMETER else Declined
+        return kind(measurement=one, column=column, constants=free.constants)
+
+    free = replace(free, measurements=tuple(map(freed, free.measurements)))
+    try:
+        solution = solve_batch(free)
+    except NoSolutionError:
+        return None
+    return LastingError.of(part, free, stated, solution) if solution.converged else None
+
+
+def _drifting(one: Measurement, column: int, since_s: FloatArray) -> Measurement:
+    if isinstance(one, Some):
+        all_s = np.zeros(len(one.measurement.row))
+        all_s[one.which] = since_s
+        return replace(one, measurement=_drifting(one.measurement, column, all_s))
+    return replace(cast("MagneticField", one), drift_column=column, since_s=since_s)
 
 
 def put_right(flight: Flight, error: LastingError) -> Flight:
@@ -61,14 +96,22 @@ def put_right(flight: Flight, error: LastingError) -> Flight:
     if error.kind == MAGNETOMETER:
         R = exp(error.off[None])[0]
         return replace(flight, magnetometer=replace(field, field_b_ut=field.field_b_ut @ R.T))
+    if error.kind == DRIFT:
+        since_s = field.t_s - (field.t_s[0] + field.t_s[-1]) / 2
+        steady = field.field_b_ut - np.outer(since_s, error.off)
+        return replace(flight, magnetometer=replace(field, field_b_ut=steady))
     m_n_ut = exp(np.array([[0.0, 0.0, error.off[0]]]))[0] @ field.field_n_ut
     return replace(flight, magnetometer=replace(field, field_n_ut=m_n_ut))
 
 
 def sentence(error: LastingError, share: float) -> str:
     """Return what is to be said of it; ``share``: probability that no sensor is turned instead."""
-    off, sigma = np.degrees(error.off), np.degrees(np.sqrt(np.diag(error.covariance)))
+    unit = 1.0 if error.kind == DRIFT else np.degrees(1.0)
+    off, sigma = unit * error.off, unit * np.sqrt(np.diag(error.covariance))
     by, sigmas = ", ".join(f"{x:+.2f}" for x in off), ", ".join(f"{x:.2f}" for x in sigma)
+    if error.kind == DRIFT:
+        axes = "along x_b, y_b, z_b"
+        return f"The magnetometer's hard iron drifts by {by} uT/s {axes} (± {sigmas}); taken out."
     what = f"The magnetic field's declination is off what flight.toml states: {by} deg east"
     if error.kind == MAGNETOMETER:
         size = np.linalg.norm(off)

@@ -70,20 +70,9 @@ class LostSamples(NamedTuple):
 
     def in_doubt(self, problem: SmoothingProblem) -> SmoothingProblem:
         """Return a problem that knows where samples were lost as well as that shows."""
-        motion, middle_s = problem.motion, (problem.t_s[1:] + problem.t_s[:-1]) / 2
+        middle_s = (problem.t_s[1:] + problem.t_s[:-1]) / 2
         at = np.searchsorted(self.t_s, middle_s).clip(1, len(self.t_s) - 1) - 1
-        force, rate = self.noise[at].T
-        if isinstance(motion, Inertial):
-            louder: Motion = replace(
-                motion,
-                accelerometer_noise=motion.accelerometer_noise + force,
-                gyroscope_noise=motion.gyroscope_noise + rate,
-            )
-        elif isinstance(motion, GyroFree):
-            louder = replace(motion, accelerometer_noise=motion.accelerometer_noise + force)
-        else:
-            return problem
-        return replace(problem, motion=louder)
+        return replace(problem, motion=problem.motion.louder(*self.noise[at].T))
 
 
 def lost_samples(problem: SmoothingProblem, stated: Solution) -> LostSamples | None:

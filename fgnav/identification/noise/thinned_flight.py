@@ -98,6 +98,13 @@ class ThinnedFlight(NamedTuple):
         theta = self.logarithms(factors)
         return self.descended(self.problem.start, theta, _ITERATIONS)[2].log_likelihood
 
+    def likelihood_if_any(self, factors: dict[str, float]) -> float:
+        """Return the same, minus infinity where the chain has no minimum."""
+        try:
+            return self.likelihood_at(factors)
+        except NoSolutionError:
+            return -np.inf
+
     def descended(
         self, states: States, theta: FloatArray, most: int
     ) -> tuple[LinearChain, States, Score]:

@@ -1,5 +1,7 @@
 """Gravity, line of sight and magnetic field: unit vectors in body axes."""
 
+from dataclasses import replace
+
 import gtsam
 import numpy as np
 import pytest
@@ -76,6 +78,19 @@ def test_jacobians_equal_differences(which, gyroscope):
     rng, shared = np.random.default_rng(1), cases.constants(3, 2)
     at = cases.random_states(K, shared, rng, gyroscope=gyroscope)
     cases.assert_jacobians(each(rng, at, shared)[which], at)
+
+
+def test_the_jacobian_of_a_drifting_hard_iron_equals_differences():
+    rng, shared = np.random.default_rng(8), cases.constants(3, 3)
+    at = cases.random_states(K, shared, rng)
+    steady = field(rng, shared, at, iron=True)
+    since_s = rng.normal(size=K)
+    drifting = replace(steady, drift_column=shared.column("b"), since_s=since_s)
+    cases.assert_jacobians(drifting, at)
+    moved = at._replace(constants=at.constants + np.append(since_s[0] * at.constants[3:], [0] * 3))
+    np.testing.assert_allclose(
+        drifting.linearise(at, ALL).value[0], steady.linearise(moved, ALL).value[0], atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("which", range(6))
