@@ -12,6 +12,7 @@ import numpy as np
 from fgnav import plugins
 from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times, positive
 from fgnav.geometry.earth import Origin
+from fgnav.geometry.interpolation import integral, interpolate
 from fgnav.geometry.rotations import skew
 from fgnav.types.flight import Flight, Imu
 
@@ -216,22 +217,21 @@ def specific_force_pair(
     f_n_mps2, f_b_mps2 = np.full((2, len(t_s), 3), np.nan)
     if len(t_s) < 3:
         return f_n_mps2, f_b_mps2
-    middles = (imu.f_b_mps2[1:] + imu.f_b_mps2[:-1]) / 2 * np.diff(imu.t_s)[:, None]
-    integral = np.vstack([np.zeros(3), np.cumsum(middles, axis=0)])
+    total = integral(imu.t_s, imu.f_b_mps2)
     coriolis = 2 * v_n_mps @ skew(origin.earth_rate_n_radps[None])[0].T
     against_n_mps2 = coriolis - origin.gravity_n_mps2(p_n_m)
     if causal:
         span_s = np.diff(t_s)[:, None]
         f_n_mps2[1:] = np.diff(v_n_mps, axis=0) / span_s
         f_n_mps2[1:] += (against_n_mps2[1:] + against_n_mps2[:-1]) / 2
-        f_b_mps2[1:] = np.diff(_integral_so_far(imu, integral, t_s), axis=0) / span_s
+        f_b_mps2[1:] = np.diff(_integral_so_far(imu, total, t_s), axis=0) / span_s
         return f_n_mps2, f_b_mps2
     first, last = t_s[:-2], t_s[2:]
     span_s = (last - first)[:, None]
     f_n_mps2[1:-1] = (v_n_mps[2:] - v_n_mps[:-2]) / span_s + against_n_mps2[1:-1]
-    gained = [np.interp(last, imu.t_s, x) - np.interp(first, imu.t_s, x) for x in integral.T]
+    gained = interpolate(last, imu.t_s, total) - interpolate(first, imu.t_s, total)
     covered = (first >= imu.t_s[0]) & (last <= imu.t_s[-1])
-    f_b_mps2[1:-1] = np.where(covered[:, None], np.stack(gained, axis=1) / span_s, np.nan)
+    f_b_mps2[1:-1] = np.where(covered[:, None], gained / span_s, np.nan)
     return f_n_mps2, f_b_mps2
 
 

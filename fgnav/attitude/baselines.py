@@ -6,6 +6,7 @@ import numpy as np
 
 from fgnav.attitude.vector_pairs import VectorAttitude, VectorPairs, wahba_sensitivity
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
+from fgnav.geometry.interpolation import interpolate
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import open_angle_variance_rad2
@@ -202,9 +203,8 @@ def _bridged(
     between = t_s[after] != at_s
     gap_s = np.where(between, t_s[after] - t_s[(after - 1).clip(0)], 0.0)
     spread = _MANOEUVRE_MPS2 * (gap_s**2 / 8 if power == 2 else gap_s / 2)
-    columns = [np.interp(at_s, t_s, column) for column in x.T]
     grown = covariance[after] + spread[:, None, None] ** 2 * np.eye(3)
-    return np.stack(columns, axis=1), grown, int(between.sum())
+    return interpolate(at_s, t_s, x), grown, int(between.sum())
 
 
 def _groups(differences: DoubleDifferences) -> list[IntArray]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
+from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotation_kernel import accumulated
 from fgnav.geometry.rotations import exp, skew, transpose
 from fgnav.types.flight import Imu
@@ -37,7 +38,7 @@ class OwnRotation:
 
     def rates(self, t_s: FloatArray) -> FloatArray:
         """Return rates at times, (n,), as (n, 3)."""
-        return np.stack([np.interp(t_s, self.t_s, column) for column in self.w_b_radps.T], axis=1)
+        return interpolate(t_s, self.t_s, self.w_b_radps)
 
     def forces(self, imu: Imu, arm_b_m: FloatArray | None = None) -> Imu:
         """Return a record of the same samples with specific forces in the axes ``u``.

@@ -6,6 +6,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry import rotations
+from fgnav.geometry.interpolation import interpolate
 from fgnav.types.flight import TRUTH_SIGMAS, Truth
 
 _SAME_EPOCH_S = 1e-6
@@ -76,7 +77,7 @@ def _between(times_s: FloatArray, sigma: FloatArray | None, t_s: FloatArray) -> 
     """Return sigmas at epochs, (n, 3), straight between samples; None where none are stated."""
     if sigma is None:
         return None
-    return np.stack([np.interp(t_s, times_s, column) for column in sigma.T], axis=1)
+    return interpolate(t_s, times_s, sigma)
 
 
 def common_epochs(a_s: FloatArray, b_s: FloatArray) -> tuple[IntArray, IntArray]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
+from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import exp, log, transpose
 from fgnav.types.flight import Imu
 
@@ -65,8 +66,10 @@ def bridged(imu: Imu, *, causal: bool = False) -> Bridged:
         regular_s = min(float(np.median(step_s)), LONGEST_GAP_S)
         inside = [np.arange(a + regular_s, b - regular_s / 2, regular_s) for a, b in gaps_s]
         t_s = np.union1d(imu.t_s, np.concatenate(inside))
-        rates = None if imu.w_b_radps is None else _lines(imu, t_s, imu.w_b_radps)
-        filled = replace(imu, t_s=t_s, f_b_mps2=_lines(imu, t_s, imu.f_b_mps2), w_b_radps=rates)
+        rates = None if imu.w_b_radps is None else interpolate(t_s, imu.t_s, imu.w_b_radps)
+        filled = replace(
+            imu, t_s=t_s, f_b_mps2=interpolate(t_s, imu.t_s, imu.f_b_mps2), w_b_radps=rates
+        )
     size = max((imu.f_b_mps2**2).sum(axis=1).mean(), _GRAVITY_MPS2**2)
     spread = imu.f_b_mps2.var(axis=0).max() + size / 4
     inflated = replace(filled, accelerometer_noise_mps2_per_sqrt_hz=_as_white(spread))
@@ -155,10 +158,6 @@ def gap_notes(what: str, gaps_s: FloatArray) -> Iterator[str]:
     if len(more):
         longest_s = float((more[:, 1] - more[:, 0]).max())
         yield f"No {what} in {len(more)} more gaps of up to {longest_s:.2f} s."
-
-
-def _lines(imu: Imu, t_s: FloatArray, values: FloatArray) -> FloatArray:
-    return np.stack([np.interp(t_s, imu.t_s, column) for column in values.T], axis=1)
 
 
 def _as_white(variance: float) -> float:

@@ -9,6 +9,7 @@ from fgnav.frontend.calibration_request import MEAN_RATE
 from fgnav.frontend.gaps import Bridged
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import Aligned, Tracked
+from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.inertial.preintegrated import Inertial
@@ -175,7 +176,7 @@ def _is_direction_unknown(stage: Aligned, predictions: tuple[Turning, ...]) -> B
     linearisation that holds no longer.
     """
     start, imu = stage.start, stage.record.imu
-    f_b = np.stack([np.interp(start.t_s, imu.t_s, column) for column in imu.f_b_mps2.T], axis=1)
+    f_b = interpolate(start.t_s, imu.t_s, imu.f_b_mps2)
     e_b = f_b / np.linalg.norm(f_b, axis=1, keepdims=True).clip(1e-9)
     across = np.eye(3) - e_b[:, :, None] * e_b[:, None, :]
     sigma = np.min([_largest_sigma(across, P.covariance[:, :3, :3]) for P in predictions], axis=0)

@@ -10,6 +10,7 @@ from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.position.live_arcs import EarlierArcs
 from fgnav.frontend.sensors.rest import Rest
+from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import Opening, SmoothingProblem
@@ -43,9 +44,7 @@ class AttitudeDoubt(NamedTuple):
 
     def at(self, t_s: FloatArray) -> FloatArray:
         """Return it at other times, (k, 3, 3): between two it is between theirs."""
-        columns = self.covariance_rad2.reshape(-1, 9).T
-        each = [np.interp(t_s, self.t_s, column) for column in columns]
-        return np.stack(each, axis=1).reshape(-1, 3, 3)
+        return interpolate(t_s, self.t_s, self.covariance_rad2.reshape(-1, 9)).reshape(-1, 3, 3)
 
 
 class Earlier(NamedTuple):

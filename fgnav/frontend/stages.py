@@ -25,6 +25,7 @@ from fgnav.frontend.position.antenna_motion import AntennaMotion, antenna_motion
 from fgnav.frontend.position.by_observations import ByObservations
 from fgnav.frontend.position.gate import InertialTrack, gated
 from fgnav.frontend.settings import ProblemSettings
+from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.gravity import GravityDirection
@@ -250,8 +251,7 @@ def interpolated(t_s: FloatArray, values: FloatArray, *, causal: bool = False) -
     if causal:
         last = np.maximum.accumulate(np.where(valid, np.arange(len(t_s)), int(valid.argmax())))
         return np.asarray(values[last])
-    columns = [np.interp(t_s, t_s[valid], column[valid]) for column in values.T]
-    return np.stack(columns, axis=1)
+    return interpolate(t_s, t_s[valid], values[valid])
 
 
 def kept(

@@ -7,6 +7,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
 from fgnav.geometry.earth import C_MPS
+from fgnav.geometry.interpolation import interpolate
 from fgnav.gnss.orbits.satellites import angles, signal_paths, states_at_clock
 from fgnav.gnss.signals import Selection, carriers, select, wavelengths_m
 from fgnav.gnss.single_point.adjustment import growing
@@ -106,21 +107,17 @@ def reference_motion(flight: Flight, t_s: FloatArray) -> tuple[FloatArray, Float
     """Return position and velocity of the reference antenna, (n, 3); NaN far from any solution."""
     solution = code_solution(flight)
 
-    def at(wanted_s: FloatArray) -> FloatArray:
-        columns = [np.interp(wanted_s, solution.t_s, column) for column in solution.p_n_m.T]
-        return np.stack(columns, axis=1)
-
     after = np.searchsorted(solution.t_s, t_s).clip(0, len(solution.t_s) - 1)
     around = np.stack([solution.t_s[after], solution.t_s[(after - 1).clip(0)]])
     far = np.abs(around - t_s).min(axis=0) > _LONGEST_BRIDGE_S
-    p_n_m = np.where(far[:, None], np.nan, at(t_s))
+    p_n_m = np.where(far[:, None], np.nan, interpolate(t_s, solution.t_s, solution.p_n_m))
     _bend(p_n_m, t_s, solution)
     # Positions before and after: one epoch away, or _RATE_BASE_S if epochs are closer.
     before_s = np.minimum(t_s - _RATE_BASE_S, np.append(t_s[:1], t_s[:-1]))
     after_s = np.maximum(t_s + _RATE_BASE_S, np.append(t_s[1:], t_s[-1:]))
     before_s, after_s = before_s.clip(*t_s[[0, -1]]), after_s.clip(*t_s[[0, -1]])
     span_s = np.maximum(after_s - before_s, _RATE_BASE_S)[:, None]
-    ends = np.stack([at(before_s), at(after_s)])
+    ends = [interpolate(at_s, solution.t_s, solution.p_n_m) for at_s in (before_s, after_s)]
     for p, when_s in zip(ends, (before_s, after_s), strict=True):
         _bend(p, when_s, solution)
     v_n_mps = (ends[1] - ends[0]) / span_s

@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
+from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import log, to_euler, transpose, wrap
 from fgnav.integers.resolvers.truth import attitude_at
 from fgnav.neural.correlation import Errors, half_life_s, interval_s, lasting_share, together
@@ -223,8 +224,7 @@ def _against_truth(
         return np.asarray(value - R_nb[:, 2])
     if measures == "height":
         return np.asarray(value + np.interp(t_s, truth.t_s, truth.p_n_m[:, 2])[:, None])
-    columns = [np.interp(t_s, truth.t_s, column) for column in truth.v_n_mps.T]
-    v_mps = np.stack(columns, axis=1)
+    v_mps = interpolate(t_s, truth.t_s, truth.v_n_mps)
     if measures == "speed":
         return np.asarray(value - np.linalg.norm(v_mps, axis=1, keepdims=True))
     return np.asarray(value - (np.einsum("kji,kj->ki", R_nb, v_mps) if frame == "b" else v_mps))

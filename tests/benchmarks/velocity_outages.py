@@ -15,6 +15,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.geometry.interpolation import interpolate
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.neural import NeuralFactor
 from fgnav.neural.calibration import calibration
@@ -141,7 +142,7 @@ def errors(
 
 def _of_outages(case: Case, found: Estimate, within_s: Sequence[float]) -> FloatArray:
     antenna_n_m = found.p_n_m + found.R_nb @ case.flight.antennas[0].position_b_m
-    truth = np.stack([np.interp(found.t_s, case.judge_s, p) for p in case.judge_n_m.T], axis=1)
+    truth = interpolate(found.t_s, case.judge_s, case.judge_n_m)
     squares = ((antenna_n_m - truth) ** 2).sum(axis=1)
     since_s = found.t_s[:, None] - case.lost_s[:, 0]
     length_s = case.lost_s[:, 1] - case.lost_s[:, 0]

@@ -13,6 +13,7 @@ from fgnav.frontend.position.by_observations import LastObservations
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.geometry import rotations
+from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.factors.array_shape import ArrayShape
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
@@ -66,10 +67,7 @@ def true_states(flight, problem):
     """Where keyframes truly are; rates as they start."""
     truth, t_s = flight.truth, problem.t_s
     R_nb, _ = attitude_at(truth, t_s)
-    p, v = (
-        np.stack([np.interp(t_s, truth.t_s, column) for column in values.T], axis=1)
-        for values in (truth.p_n_m, truth.v_n_mps)
-    )
+    p, v = (interpolate(t_s, truth.t_s, values) for values in (truth.p_n_m, truth.v_n_mps))
     return States(R_nb, p, v, problem.start.aux, problem.start.constants)
 
 

@@ -9,6 +9,7 @@ import pytest
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
+from fgnav.geometry.interpolation import interpolate
 from fgnav.identification.apply import with_identified_noise
 from fgnav.identification.likelihood.linear_chain import LinearChain
 from fgnav.identification.likelihood.thinned import FIELDS, thinned
@@ -149,9 +150,7 @@ def test_noise_that_nobody_states_is_identified():
 def test_late_velocities_are_found_named_and_estimated():
     flight = with_fixes(span_s=60.0)
     delay_s, truth, rng = 0.12, flight.truth, np.random.default_rng(20_002)
-    late = np.stack(
-        [np.interp(flight.fixes.t_s - delay_s, truth.t_s, c) for c in truth.v_n_mps.T], axis=1
-    )
+    late = interpolate(flight.fixes.t_s - delay_s, truth.t_s, truth.v_n_mps)
     late += 0.05 * rng.normal(size=late.shape)
     changed = replace(flight, fixes=replace(flight.fixes, v_n_mps=late))
     estimate = Batch(resolver=Truth(), solver="chain")(changed)

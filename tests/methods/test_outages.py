@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from fgnav.geometry.interpolation import interpolate
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav_sim.gnss.tables import OutageTable
@@ -23,7 +24,7 @@ def within_three_sigma(flight, estimate):
     sigma = np.sqrt(np.einsum("nii->ni", estimate.attitude_covariance_rad2))
     attitude = np.abs(errors_rad(flight, estimate)) < 3 * sigma
     truth = flight.truth
-    place = np.stack([np.interp(estimate.t_s, truth.t_s, x) for x in truth.p_n_m.T], axis=1)
+    place = interpolate(estimate.t_s, truth.t_s, truth.p_n_m)
     sigma = np.sqrt(np.einsum("nii->ni", estimate.position_covariance_m2))
     return np.hstack([attitude, np.abs(estimate.p_n_m - place) < 3 * sigma])
 
@@ -84,7 +85,7 @@ def test_attitude_and_position_outlive_the_reference_antenna(antennas):
     # Without another reference the body turns unseen: tens of degrees.
     assert np.degrees(np.linalg.norm(errors_rad(flight, estimate)[during], axis=1)).max() < 1
     truth = flight.truth
-    place = np.stack([np.interp(estimate.t_s, truth.t_s, x) for x in truth.p_n_m.T], axis=1)
+    place = interpolate(estimate.t_s, truth.t_s, truth.p_n_m)
     error = estimate.p_n_m - place  # nearly the same all along a flight: a sample of chi-square
     nees_of_position = np.einsum(
         "ni,nij,nj->n", error, np.linalg.inv(estimate.position_covariance_m2), error

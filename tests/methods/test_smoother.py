@@ -9,6 +9,7 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.evaluation.span import within
 from fgnav.geometry import rotations
+from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import log, transpose
 from fgnav.gravity import LowDynamics
 from fgnav.integers.resolvers.truth import Truth, attitude_at
@@ -35,13 +36,13 @@ def test_every_motion_is_smoothed_with_a_believable_covariance(scenario, method)
     # Errors last for seconds: thirty of them are ten samples of a mean of three.
     assert 0.8 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
     truth = flight.truth
-    place = np.stack([np.interp(estimate.t_s, truth.t_s, x) for x in truth.p_n_m.T], axis=1)
+    place = interpolate(estimate.t_s, truth.t_s, truth.p_n_m)
     error = estimate.p_n_m - place  # nearly the same all along a flight: a sample of chi-square
     nees_of_position = np.einsum(
         "ni,nij,nj->n", error, np.linalg.inv(estimate.position_covariance_m2), error
     )
     assert np.median(nees_of_position) < 16.3  # of three at 99.9 %
-    speed = np.stack([np.interp(estimate.t_s, truth.t_s, x) for x in truth.v_n_mps.T], axis=1)
+    speed = interpolate(estimate.t_s, truth.t_s, truth.v_n_mps)
     assert np.sqrt(((estimate.v_n_mps - speed) ** 2).sum(axis=1).mean()) < 0.05
 
 
@@ -50,9 +51,7 @@ def test_an_accelerometer_off_the_origin_gives_the_origin_all_the_same():
     flight = flown("demo", 30.0, imu_position_b_m=arm)
     estimate = Batch(resolver=RIGHT)(flight)
     assert estimate.converged
-    place = np.stack(
-        [np.interp(estimate.t_s, flight.truth.t_s, x) for x in flight.truth.p_n_m.T], axis=1
-    )
+    place = interpolate(estimate.t_s, flight.truth.t_s, flight.truth.p_n_m)
     # Without the lever arm the error would turn with the body, 0.37 m long; satellites' stay.
     error = estimate.p_n_m - place
     assert np.sqrt(((error - error.mean(axis=0)) ** 2).sum(axis=1).mean()) < 0.2

@@ -21,6 +21,7 @@ from fgnav.attitude.flight_vectors import Track
 from fgnav.attitude.own_rotation import OwnRotation
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.gaps import LONGEST_GAP_S
+from fgnav.geometry.interpolation import integral
 from fgnav.types.flight import Imu
 
 
@@ -66,8 +67,7 @@ class Integrated:
         self._own, self._arm_b_m, self._t_s = own, arm_b_m, imu.t_s
         dt = np.diff(imu.t_s)[:, None]
         self._f_u = np.einsum("nij,nj->ni", own.R_ub, imu.f_b_mps2)
-        steps = (self._f_u[1:] + self._f_u[:-1]) / 2 * dt
-        self._v_u = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+        self._v_u = integral(imu.t_s, self._f_u)
         steps = self._v_u[:-1] * dt + (2 * self._f_u[:-1] + self._f_u[1:]) / 6 * dt**2
         self._p_u = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
         self._gaps = np.concatenate([[0], np.cumsum(dt[:, 0] > LONGEST_GAP_S)])

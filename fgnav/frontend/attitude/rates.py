@@ -4,6 +4,7 @@ import numpy as np
 
 from fgnav.attitude.own_rotation import OwnRotation, despun
 from fgnav.checks import FloatArray
+from fgnav.geometry.interpolation import integral, interpolate
 from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.delayed import TimedMotion
 from fgnav.types.flight import Imu
@@ -21,20 +22,11 @@ def rough_rates(
     A spin may be half a turn from one attitude to the next: what is known of it is taken out.
     """
     if imu.w_b_radps is not None:
-        return rates_at(imu.t_s, imu.w_b_radps, t_s)
+        return interpolate(t_s, imu.t_s, imu.w_b_radps)
     rest_radps = angular_rates(t_s, despun(own, t_s, R_nb))
     if own is not None:
         rest_radps = np.einsum("nji,nj->ni", own.at(t_s), rest_radps) + own.rates(t_s)
     return np.asarray(rest_radps)
-
-
-def rates_at(
-    samples_s: FloatArray, w_b_radps: FloatArray, t_s: FloatArray, *, causal: bool = False
-) -> FloatArray:
-    """Return a gyroscope's rates at times, (n, 3): interpolated, or causal the latest sample's."""
-    if causal:
-        return np.asarray(w_b_radps[(np.searchsorted(samples_s, t_s, side="right") - 1).clip(0)])
-    return np.stack([np.interp(t_s, samples_s, column) for column in w_b_radps.T], axis=1)
 
 
 def slopes_at(
@@ -43,7 +35,7 @@ def slopes_at(
     """Return how a gyroscope's rates change, (n, 3), by those about each time, or before it."""
     after_s = 0.0 if causal else _SLOPE_SPAN_S / 2
     after, before = (
-        rates_at(samples_s, w_b_radps, t_s + off_s, causal=causal)
+        interpolate(t_s + off_s, samples_s, w_b_radps, causal=causal)
         for off_s in (after_s, after_s - _SLOPE_SPAN_S)
     )
     return np.asarray((after - before) / _SLOPE_SPAN_S)
@@ -63,13 +55,9 @@ def mean_force_b_mps2(
 
     As long as a receiver's usual interval, over which late velocities are means.
     """
-    means = (imu.f_b_mps2[1:] + imu.f_b_mps2[:-1]) / 2 * np.diff(imu.t_s)[:, None]
-    total = np.vstack([np.zeros(3), np.cumsum(means, axis=0)])
+    total = integral(imu.t_s, imu.f_b_mps2)
     end_s = (t_s + span_s * after).clip(imu.t_s[0] + span_s, imu.t_s[-1])
-    ends, begins = (
-        np.stack([np.interp(at_s, imu.t_s, column) for column in total.T], axis=1)
-        for at_s in (end_s, end_s - span_s)
-    )
+    ends, begins = (interpolate(at_s, imu.t_s, total) for at_s in (end_s, end_s - span_s))
     mean = (ends - begins) / span_s
     if w_b_radps is None:
         return np.asarray(mean)
@@ -108,7 +96,7 @@ def timed_motion(
 ) -> TimedMotion:
     """Return how a body moves at times, (n,); a clock's offset holds in the record's middle."""
     w_b = imu.w_b_radps
-    rates = None if w_b is None else rates_at(imu.t_s, w_b, t_s, causal=causal)
+    rates = None if w_b is None else interpolate(t_s, imu.t_s, w_b, causal=causal)
     before = mean_force_b_mps2(imu, t_s, rates, span_s=span_s)
     middle_s = 0.0 if causal else float(imu.t_s[[0, -1]].mean())
     return TimedMotion(

@@ -14,13 +14,13 @@ from fgnav.frontend.attitude.carried import carried_attitudes
 from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.attitude.initial import level_start
-from fgnav.frontend.attitude.rates import rates_at
 from fgnav.frontend.attitude.vector_alignment import of_vectors
 from fgnav.frontend.faulty_samples import without_stuck_so_far
 from fgnav.frontend.gaps import bridged
 from fgnav.frontend.position.by_observations import ByObservations
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import Aligned, chosen_keyframes, inertial_record
+from fgnav.geometry.interpolation import interpolate
 from fgnav.gravity import causal_gravity
 from fgnav.types.flight import Flight
 
@@ -55,7 +55,7 @@ def causal_aligned(
     stretch = np.full(len(start.t_s), -1, dtype=np.int64)
     rates: FloatArray = np.zeros((len(start.t_s), 3))
     if imu.w_b_radps is not None:
-        rates = rates_at(imu.t_s, imu.w_b_radps, start.t_s, causal=True)
+        rates = interpolate(start.t_s, imu.t_s, imu.w_b_radps, causal=True)
     no_arcs, losses = FloatArcs(stretch=stretch, count=0), (*faulty, *losses)
     of_start = Aligned(record, down, start, no_arcs, rates, count, losses, by)
     return of_start._replace(causal=True, R_open=R_open)

@@ -7,6 +7,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.frontend.attitude.rates import swing_n_mps
 from fgnav.frontend.position.series import VectorSeries
+from fgnav.geometry.interpolation import integral, interpolate
 from fgnav.types.estimate import Rejected
 from fgnav.types.flight import Imu
 
@@ -110,7 +111,7 @@ def gated(
     elif position is not None:
         v_n_mps = gained_n_mps + _drift(t_s, position, gained_n_mps, causal=causal)
     if position is not None:
-        moved_n_m = _integral(t_s, v_n_mps) + R_nb @ position.arm_b_m
+        moved_n_m = integral(t_s, v_n_mps) + R_nb @ position.arm_b_m
         residual, track_m = position.value - moved_n_m, track_mps2 * _AROUND_S**2 / 2
         off, _ = _against_neighbours(t_s, residual, position.covariance, track_m, causal=causal)
         off *= tested
@@ -140,13 +141,12 @@ def _about(t_s: FloatArray, marked: BoolArray, *, causal: bool) -> BoolArray:
 def _inertial(track: InertialTrack) -> FloatArray:
     """Return the velocity gained since the first keyframe, (n, 3), by the accelerometer."""
     imu, t_s = track.imu, track.t_s
-    means = (imu.f_b_mps2[1:] + imu.f_b_mps2[:-1]) / 2 * np.diff(imu.t_s)[:, None]
-    total = np.vstack([np.zeros(3), np.cumsum(means, axis=0)])
+    total = integral(imu.t_s, imu.f_b_mps2)
     if track.causal:  # the last sample goes on until the keyframe
         last = (np.searchsorted(imu.t_s, t_s, side="right") - 1).clip(0)
         at = total[last] + (t_s - imu.t_s[last])[:, None] * imu.f_b_mps2[last]
     else:
-        at = np.stack([np.interp(t_s, imu.t_s, column) for column in total.T], axis=1)
+        at = interpolate(t_s, imu.t_s, total)
     gained_b = np.diff(at, axis=0)
     between = (track.R_nu[1:] + track.R_nu[:-1]) / 2
     gained = np.einsum("nij,nj->ni", between, gained_b)
@@ -154,31 +154,17 @@ def _inertial(track: InertialTrack) -> FloatArray:
     return np.vstack([np.zeros(3), np.cumsum(gained, axis=0)])
 
 
-def _integral(t_s: FloatArray, values: FloatArray) -> FloatArray:
-    steps = (values[1:] + values[:-1]) / 2 * np.diff(t_s)[:, None]
-    return np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
-
-
 def _drift(
     t_s: FloatArray, position: VectorSeries, gained_n_mps: FloatArray, *, causal: bool
 ) -> FloatArray:
     """Return the error of the gained velocity by positions, (n, 3), smoothed by medians."""
     valid = np.flatnonzero(np.isfinite(position.value[:, 0]))
-    residual = (position.value - _integral(t_s, gained_n_mps))[valid]
+    residual = (position.value - integral(t_s, gained_n_mps))[valid]
     if len(valid) < 2:
         return np.zeros_like(gained_n_mps)
     slopes = np.diff(residual, axis=0) / np.diff(t_s[valid])[:, None]
     middle = _medians(t_s[valid][1:], slopes, causal=causal)
-    return _between(t_s, t_s[valid][1:], middle, causal=causal)
-
-
-def _between(
-    t_s: FloatArray, samples_s: FloatArray, values: FloatArray, *, causal: bool
-) -> FloatArray:
-    """Return values, (k, 3), at other times, (n, 3): interpolated; causal, the last one's."""
-    if causal:
-        return np.asarray(values[(np.searchsorted(samples_s, t_s, side="right") - 1).clip(0)])
-    return np.stack([np.interp(t_s, samples_s, column) for column in values.T], axis=1)
+    return interpolate(t_s, t_s[valid][1:], middle, causal=causal)
 
 
 def _against_neighbours(
@@ -200,7 +186,7 @@ def _against_neighbours(
     if not valid.any():
         return off, middle
     medians = _medians(t_s[valid], residual[valid], causal=causal)
-    middle = _between(t_s, t_s[valid], medians, causal=causal)
+    middle = interpolate(t_s, t_s[valid], medians, causal=causal)
     apart = residual[valid] - medians
     spread = np.zeros(3) if causal else _NORMAL * np.median(np.abs(apart), axis=0)
     sigma = np.sqrt(np.einsum("nii->ni", covariance[valid]) + spread**2 + track[valid, None] ** 2)

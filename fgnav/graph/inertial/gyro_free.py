@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
+from fgnav.geometry.interpolation import interpolate
 from fgnav.graph import keys
 from fgnav.graph.inertial import gyro_free_kernel as kernel
 from fgnav.graph.inertial.gyro_free_kernel import ROWS, Filled, Rows
@@ -254,11 +255,10 @@ class GyroFree:
         An interval has the process and the noise of the one that its middle is in.
         """
         part = parents(self.t_s, t_s)
-        gravity = [np.interp(t_s, self.t_s, column) for column in self.gravity_n_mps2.T]
         return replace(
             self,
             t_s=t_s,
-            gravity_n_mps2=np.stack(gravity, axis=1),
+            gravity_n_mps2=interpolate(t_s, self.t_s, self.gravity_n_mps2),
             poles_per_s=self.poles_per_s[part],
             variance_rad2ps2=self.variance_rad2ps2[part],
             accelerometer_noise=self.accelerometer_noise[part],

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
+from fgnav.geometry.interpolation import interpolate
 from fgnav.graph import keys
 from fgnav.graph.build import as_bias
 from fgnav.graph.inertial import galilean_kernel, preintegrated_kernel
@@ -196,11 +197,10 @@ class Inertial:
         An interval has the noise of the one that its middle is in.
         """
         part = parents(self.t_s, t_s)
-        gravity = [np.interp(t_s, self.t_s, column) for column in self.gravity_n_mps2.T]
         return replace(
             self,
             t_s=t_s,
-            gravity_n_mps2=np.stack(gravity, axis=1),
+            gravity_n_mps2=interpolate(t_s, self.t_s, self.gravity_n_mps2),
             accelerometer_noise=self.accelerometer_noise[part],
             gyroscope_noise=self.gyroscope_noise[part],
             bias_steps=None if self.bias_steps is None else self.bias_steps[part],

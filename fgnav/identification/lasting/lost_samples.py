@@ -20,6 +20,7 @@ from scipy.special import logsumexp
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.frontend.prepared import AttitudeDoubt
+from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.motion import Motion
@@ -200,7 +201,7 @@ def _noise(
         for i, x in enumerate(samples):
             if x is None:
                 continue
-            at = np.stack([np.interp(t_s, imu.t_s, one) for one in x.T], axis=1)
+            at = interpolate(t_s, imu.t_s, x)
             for b in np.flatnonzero(share > 1e-3 * counts[a]):
                 first, last = min(a, b), max(a, b) + (a == b)  # within its own interval, too
                 error = interval_s**2 * float(((at[last] - at[first]) ** 2).sum()) / 3

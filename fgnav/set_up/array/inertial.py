@@ -8,6 +8,7 @@ own trace, so each is tried on its own and the one that fits best is named.
 import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.geometry.interpolation import integral, interpolate
 from fgnav.geometry.rotations import log, transpose
 from fgnav.set_up.array.inertial_fine import fine_findings
 from fgnav.set_up.array.inertial_motion import (
@@ -128,9 +129,7 @@ def _gyroscope_findings(motion: Motion) -> list[Finding]:
     imu, t_s = motion.imu, motion.quick.t_s
     if imu.w_b_radps is None:
         return []
-    middles = (imu.w_b_radps[1:] + imu.w_b_radps[:-1]) / 2 * np.diff(imu.t_s)[:, None]
-    total = np.vstack([np.zeros(3), np.cumsum(middles, axis=0)])
-    angle = np.stack([np.interp(t_s, imu.t_s, x) for x in total.T], axis=1)
+    angle = interpolate(t_s, imu.t_s, integral(imu.t_s, imu.w_b_radps))
     covered = (t_s[:-1] >= imu.t_s[0]) & (t_s[1:] <= imu.t_s[-1])
     turns_rad = np.diff(angle, axis=0)[covered]
     turn = log(transpose(motion.quick.R_nb[:-1]) @ motion.quick.R_nb[1:])[covered]

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import skew
 from fgnav.set_up.array.inertial_motion import (
     ARM,
@@ -107,7 +108,7 @@ def _scatter(motion: Motion, of: Equations, A: FloatArray, left_mps: FloatArray)
     """
     window, R_nb = motion.window[of.epochs], motion.quick.R_nb[of.epochs]
     t_s, imu = motion.quick.t_s, motion.imu
-    f_b = np.stack([np.interp(t_s[of.epochs], imu.t_s, c) for c in imu.f_b_mps2.T], axis=1)
+    f_b = interpolate(t_s[of.epochs], imu.t_s, imu.f_b_mps2)
     turned = R_nb @ skew(f_b) * np.median(np.diff(t_s))
     step_m2ps2 = turned @ motion.quick.covariance_rad2[of.epochs] @ turned.swapaxes(1, 2)
     near = window[1:] == window[:-1]

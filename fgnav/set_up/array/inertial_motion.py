@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.geometry.interpolation import integral, interpolate
 from fgnav.geometry.rotations import log, skew, transpose
 from fgnav.set_up.array.quick import Quick
 from fgnav.set_up.array.regression import Regression
@@ -53,14 +54,11 @@ def motion_of(flight: Flight, imu: Imu, quick: Quick) -> Motion:
     """Return what a flight's array and code say of its motion."""
     t_s = quick.t_s
     grid_s = np.arange(t_s[0], t_s[-1], float(np.median(np.diff(imu.t_s))))
-    step_s = np.diff(t_s)[:, None]
     apparent = quick.gravity_n_mps2 - 2 * np.cross(
         flight.origin.earth_rate_n_radps[None], quick.v_n_mps
     )
-    fallen_mps = np.vstack(
-        [np.zeros(3), np.cumsum((apparent[1:] + apparent[:-1]) / 2 * step_s, axis=0)]
-    )
-    spacing_s = float(np.median(step_s))
+    fallen_mps = integral(t_s, apparent)
+    spacing_s = float(np.median(np.diff(t_s)))
     length_s = max(_WINDOW_S, _WINDOW_EPOCHS * spacing_s)
     gap = np.concatenate([[0], np.cumsum(np.diff(t_s) > 3 * spacing_s)])
     _, window = np.unique(np.floor((t_s - t_s[0]) / length_s) + 1e6 * gap, return_inverse=True)
@@ -124,7 +122,7 @@ def _forces(motion: Motion, late_s: float) -> tuple[FloatArray, FloatArray, Floa
     if inside.sum() < 2 * _WINDOW_EPOCHS:
         raise NoSolutionError("the accelerometer does not overlap the epochs of GNSS")
     at_s = motion.grid_s[inside]
-    f_b = np.stack([np.interp(at_s, sampled_s, x) for x in motion.imu.f_b_mps2.T], axis=1)
+    f_b = interpolate(at_s, sampled_s, motion.imu.f_b_mps2)
     return at_s, motion.R_nb[inside], f_b
 
 

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import skew
 from fgnav.seeker import line_of_sight
 from fgnav.set_up.array.quick import Quick
@@ -73,7 +74,7 @@ def _equations(
     if len(t_s) < _FEWEST:
         raise NoSolutionError(f"{len(t_s)} sights of the landmark have an attitude beside them")
     R_nb = RotationSpline(quick.t_s, Rotation.from_matrix(quick.R_nb))(t_s).as_matrix()
-    p_n_m = np.stack([np.interp(t_s, quick.t_s, x) for x in quick.p_n_m.T], axis=1)
+    p_n_m = interpolate(t_s, quick.t_s, quick.p_n_m)
     arm_b_m = seeker.position_b_m - flight.antennas[0].position_b_m
     to_n_m = seeker.landmark_n_m - p_n_m - R_nb @ arm_b_m
     range_m = np.linalg.norm(to_n_m, axis=1)

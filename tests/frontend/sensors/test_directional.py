@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 
 from fgnav.checks import BadInputError
 from fgnav.frontend.sensors import directional
+from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.factors.directions import Directions
 from fgnav.gravity import GravityDirection
 from fgnav.integers.resolvers.truth import attitude_at
@@ -68,7 +69,7 @@ def test_the_line_of_sight_is_that_from_the_accelerometer_to_the_landmark():
     seen_s = flight.seeker.t_s
     t_s = np.arange(0.0, 60.05, 0.1)
     truth = flight.truth
-    p_n_m = np.stack([np.interp(t_s, truth.t_s, x) for x in truth.p_n_m.T], axis=1)
+    p_n_m = interpolate(t_s, truth.t_s, truth.p_n_m)
     at_keyframes, losses = directional.sight(flight.seeker, flight.imu, t_s, p_n_m)
     rows = at_keyframes.row
     assert len(rows) > 20

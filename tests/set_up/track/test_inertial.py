@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fgnav.geometry.earth import Origin
+from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import from_euler, log
 from fgnav.set_up import describe
 from fgnav.types.flight import Antenna, Fixes, Flight, Imu
@@ -29,7 +30,7 @@ def flown(seed=20_100, span_s=60.0):
     course = np.arctan2(v_n_mps[:, 1], v_n_mps[:, 0])
     R_nb = from_euler(0.5 * sway[:, 1, 0], 0.3 * sway[:, 1, 1], course + 0.1 * sway[:, 1, 2])
     swing = log(R_nb[:-1].swapaxes(1, 2) @ R_nb[1:]) / step_s
-    w_b = np.stack([np.interp(t_s, t_s[1:] - step_s / 2, c) for c in swing.T], axis=1)
+    w_b = interpolate(t_s, t_s[1:] - step_s / 2, swing)
     a_n = np.gradient(v_n_mps, t_s, axis=0) - [0.0, 0.0, 9.802]
     f_b = np.einsum("nji,nj->ni", R_nb, a_n) + 0.02 * rng.normal(size=w_b.shape)
     p = (np.cumsum(v_n_mps, axis=0) - v_n_mps / 2) * step_s + R_nb @ ARM_B_M
@@ -138,7 +139,7 @@ def test_velocities_in_knots_and_east_for_north_are_named():
 
 def test_old_velocities_are_named_and_do_not_move_the_clock():
     fixes = flown().fixes
-    v = np.stack([np.interp(fixes.t_s - 0.2, fixes.t_s, c) for c in fixes.v_n_mps.T], axis=1)
+    v = interpolate(fixes.t_s - 0.2, fixes.t_s, fixes.v_n_mps)
     names = findings(with_fixes(v_n_mps=v))
     assert set(names) == {"velocity delay"}
     assert within_stated(names["velocity delay"], 0.2, word="old")

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, NoSolutionError
+from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
 from fgnav.integers.resolvers.truth import attitude_at
@@ -81,8 +82,7 @@ def training_flight(
             f"flight {flight.name}: ends in no minimum, or in one {np.degrees(far_rad):.0f} "
             "degrees from the truth: nothing is learned there"
         )
-    columns = [np.interp(t_s[row], truth.t_s, column) for column in truth.v_n_mps.T]
-    faster_mps = np.stack(columns, axis=1) - states.v_n_mps[row]
+    faster_mps = interpolate(t_s[row], truth.t_s, truth.v_n_mps) - states.v_n_mps[row]
     of = np.arange(states.width)
     which, step = [of[ROTATION]], [turn_rad]
     if velocity:

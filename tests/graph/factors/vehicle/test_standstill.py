@@ -7,6 +7,7 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.frontend.causal.truncation import truncated
+from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.factors.vehicle.standstill import NAME, Standstill
 from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav.methods.observation_stream import ObservationStream
@@ -49,7 +50,7 @@ def test_a_stop_without_gnss_bounds_the_velocity(lost, method):
     for asked in (False, True):
         found = method(replace(lost, standstill=asked))
         at_rest = (found.t_s > STOPS_S[-1][0] + 2.0) & (found.t_s < STOPS_S[-1][1])
-        v = np.stack([np.interp(found.t_s, truth.t_s, column) for column in truth.v_n_mps.T], 1)
+        v = interpolate(found.t_s, truth.t_s, truth.v_n_mps)
         error, P = (found.v_n_mps - v)[at_rest], found.velocity_covariance_m2ps2[at_rest]
         rms_mps[asked] = np.sqrt((error**2).mean())
         squares[asked] = np.einsum("ni,nij,nj->n", error, np.linalg.inv(P), error).mean()

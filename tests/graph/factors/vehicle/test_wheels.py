@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.factors.vehicle.wheels import NAME, RollingWheels
 from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav.methods.smoother import Batch, Forward, Smoother
@@ -85,7 +86,7 @@ def test_wheels_hold_a_car_that_loses_gnss(drive, method):
     for name, vehicle in (("free", None), ("wheels", WheeledVehicle())):
         found = method(replace(drive, vehicle=vehicle))
         lost = (found.t_s > OUTAGE_S[0]) & (found.t_s < OUTAGE_S[1])
-        truth = np.stack([np.interp(found.t_s, drive.truth.t_s, p) for p in drive.truth.p_n_m.T], 1)
+        truth = interpolate(found.t_s, drive.truth.t_s, drive.truth.p_n_m)
         error = (found.p_n_m - truth)[lost]
         rms[name] = np.sqrt((error**2).mean())
     P = found.position_covariance_m2[lost]
