@@ -4,7 +4,7 @@ They are constants of its measurements, of the direction of m_n in the magnetome
 
     turned: Exp(c)' R_nb' m_n    declination: R_nb' Exp(d e_down) m_n    drift: R_nb' m_n + o + u t
 
-t from the middle of the record, o the hard iron.
+t from the first sample, o the hard iron.
 """
 
 from collections.abc import Iterator
@@ -62,7 +62,7 @@ def field_errors(problem: SmoothingProblem, stated: float) -> Iterator[LastingEr
 def _error(problem: SmoothingProblem, stated: float, part: FlightConstant) -> LastingError | None:
     """Return an error by the minimum of the problem in which it is free; None without one."""
     free, column = problem.with_constants((part,)), problem.constants.width
-    since_s = problem.t_s - (problem.t_s[0] + problem.t_s[-1]) / 2
+    since_s = problem.t_s - problem.t_s[0]
 
     def freed(one: Measurement) -> Measurement:
         if one.name != _FIELD:
@@ -97,8 +97,7 @@ def put_right(flight: Flight, error: LastingError) -> Flight:
         R = exp(error.off[None])[0]
         return replace(flight, magnetometer=replace(field, field_b_ut=field.field_b_ut @ R.T))
     if error.kind == DRIFT:
-        since_s = field.t_s - (field.t_s[0] + field.t_s[-1]) / 2
-        steady = field.field_b_ut - np.outer(since_s, error.off)
+        steady = field.field_b_ut - np.outer(field.t_s - field.t_s[0], error.off)
         return replace(flight, magnetometer=replace(field, field_b_ut=steady))
     m_n_ut = exp(np.array([[0.0, 0.0, error.off[0]]]))[0] @ field.field_n_ut
     return replace(flight, magnetometer=replace(field, field_n_ut=m_n_ut))
