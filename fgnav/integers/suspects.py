@@ -8,7 +8,7 @@ from fgnav.integers.array.nearest import nearest, tangent, weak_axis
 from fgnav.integers.array.relaxation import Relaxation, relaxation
 from fgnav.integers.ils.array_model import LinkArrays, Spans, link_arrays, link_design, spans
 from fgnav.integers.ils.link_weights import solved, weighed
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import inlined, inner, kernel
 from fgnav.types.differences import DoubleDifferences
 
 _UNTESTABLE = 1e-9  # of a residual's variance: nothing else checks the link
@@ -66,7 +66,9 @@ def _explained(epochs: LinkArrays, arrays: Spans, cycles: IntArray) -> FloatArra
         code_m, phase_m = np.empty(q), np.empty(q)
         for i in range(q):
             baseline, j = links[i, 0], links[i, 1]
-            range_m = np.sum(A[i] * M)
+            range_m = 0.0
+            for c in range(len(M)):
+                range_m += A[i, c] * M[c]
             of_cycles = epochs.wavelength_m[j] * cycles[k, baseline, j]
             code_m[i] = epochs.code_m[k, baseline, j] - range_m
             phase_m[i] = epochs.phase_m[k, baseline, j] - of_cycles - range_m
@@ -74,14 +76,18 @@ def _explained(epochs: LinkArrays, arrays: Spans, cycles: IntArray) -> FloatArra
         variances = epochs.code_variance_m2[k], epochs.phase_variance_m2[k]
         weights = weighed(links, variances[0], variances[1], np.eye(q))
         of_code, of_phase = weights[0], weights[1]
-        normal = product(transposed(B), product(of_code + of_phase, B))
+        by_code, by_phase = product(of_code, B), product(of_phase, B)
+        for i in range(q):
+            for c in range(B.shape[1]):
+                by_code[i, c] += by_phase[i, c]
+        normal = product(transposed(B), by_code)
         attitude = solved(normal, np.eye(B.shape[1]))
         _add_tests(code_m, of_code, B, attitude, links, out[k])
         _add_tests(phase_m, of_phase, B, attitude, links, out[k])
     return out
 
 
-@inner
+@inlined
 def _attitude(relaxed: Relaxation, cycles: IntArray) -> FloatArray:
     """Return the columns that given integers lead to."""
     columns = relaxed.columns.copy()

@@ -87,7 +87,7 @@ def by_rows(P: FloatArray, C: FloatArray, out: FloatArray) -> None:
         out[0, i], out[1, i], out[2, i] = x, y, z
 
 
-@kernel_with(fastmath={"reassoc", "contract"})
+@inlined
 def predict(
     P: FloatArray,
     C: FloatArray,

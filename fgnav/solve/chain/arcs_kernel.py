@@ -152,7 +152,7 @@ def covariance_before(root: FloatArray, gain: FloatArray, joint: FloatArray, wid
         joint[i, i] = 1.0
 
 
-@kernel
+@inlined
 def covariance_of_first(root: FloatArray, gain: FloatArray, others: FloatArray) -> FloatArray:
     """Return rows of the joint covariance of what was eliminated, (size, m + size).
 

@@ -14,11 +14,11 @@ Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, chapter
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.kernels.compiled import inlined, inner, inner_with, kernel
+from fgnav.kernels.compiled import inlined, inner, inner_with
 from fgnav.solve.chain.back_kernel import NOTHING
 
 
-@kernel
+@inlined
 def eliminate_rows(
     motion: FloatArray,
     node: FloatArray,
