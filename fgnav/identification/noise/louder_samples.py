@@ -9,7 +9,7 @@ density s^2 T, T between samples; a vibration far less. Between it and the state
 
 with L the likelihood of the thinned chain. Of a unit that is louder all along, s is that of the
 quietest half second, and what the flight itself tells by the odds of any contradiction is
-identified instead.
+identified instead. Where noise as loud as s leaves more than chance it is none.
 """
 
 from collections.abc import Callable
@@ -53,7 +53,9 @@ def louder_by_samples(
         if is_throughout:
             ratio = np.full_like(ratio, ratio.min())
         candidates = [prepared.changed(_louder(imu, sensor, ratio**a)) for a in _NODES]
-        flights = (ThinnedFlight.of(flight, one, ()) for one in candidates)
+        flights = [ThinnedFlight.of(flight, one, ()) for one in candidates]
+        if flights[-1].is_misfit_if({}):
+            continue  # no noise that its samples hold: a fault is identified
         likelihood = np.array([one.likelihood_if_any({}) for one in flights])
         if not np.isfinite(likelihood).any():
             continue

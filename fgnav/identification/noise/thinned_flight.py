@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.frontend.prepared import PreparedFlight
@@ -21,6 +22,7 @@ from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.seen_noise import greatest_noise
 from fgnav.identification.noise.stated import scalable, unstated
 from fgnav.identification.tested_constants import LEVER_ARM, TURNS, depending, times_of, vector_of
+from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.types.flight import Flight, Imu
 
 _ITERATIONS = 10
@@ -104,6 +106,16 @@ class ThinnedFlight(NamedTuple):
             return self.likelihood_at(factors)
         except NoSolutionError:
             return -np.inf
+
+    def is_misfit_if(self, factors: dict[str, float]) -> bool:
+        """Return whether factors on its noise leave more than chance, or no minimum."""
+        theta, of = self.logarithms(factors), self.problem.measurements
+        try:
+            score = self.descended(self.problem.start, theta, _ITERATIONS)[2]
+        except NoSolutionError:
+            return True
+        rows = sum(int(one.freedom.sum()) for one in of)
+        return bool(score.cost - score.promised > chdtri(rows, FALSE_ALARM))
 
     def descended(
         self, states: States, theta: FloatArray, most: int
