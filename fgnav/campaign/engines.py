@@ -69,10 +69,11 @@ class Local:
                 entering = [suspects.popleft()] if suspects and room else []
                 if not suspects and not entering:
                     entering = [(task, 1) for task in islice(waiting, max(room, 0))]
-                for task, tries in entering:
-                    running[pool.submit(_under, os.getpid(), work, task)] = (task, tries)
+                suspects += _submitted(pool, work, entering, running)
                 if not running:
-                    return
+                    if not suspects:
+                        return
+                    pool = self._pool()
                 died: list[tuple[T, int]] = []
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     task, tries = running.pop(future)
@@ -102,6 +103,22 @@ class Local:
             initializer=_end_with,
             initargs=(os.getpid(),),
         )
+
+
+def _submitted(
+    pool: ProcessPoolExecutor,
+    work: Callable[[T], R],
+    entering: list[tuple[T, int]],
+    running: dict[Future[R], tuple[T, int]],
+) -> list[tuple[T, int]]:
+    """Put runs under way; return those that a run which has killed its worker keeps out."""
+    for k, (task, tries) in enumerate(entering):
+        try:
+            future = pool.submit(_under, os.getpid(), work, task)
+        except BrokenProcessPool:
+            return entering[k:]
+        running[future] = (task, tries)
+    return []
 
 
 def _under(parent: int, work: Callable[[T], R], task: T) -> R:
