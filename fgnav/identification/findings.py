@@ -186,7 +186,8 @@ def _in_agreement(
     And then in one set of axes as well.
     """
     in_axes = _in_body_axes(search, at_tags, problem)
-    rest = without_faulty_instrument(search, at_tags, in_axes[2], _requests)
+    is_turned = in_axes[1] is not None or in_axes[0] is not search
+    rest = without_faulty_instrument(search, at_tags, in_axes[2], _requests, is_turned=is_turned)
     if rest is None:
         return *in_axes, ()
     return *_in_body_axes(rest.search, rest.at_tags, problem), (rest.out,)

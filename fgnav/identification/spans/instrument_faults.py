@@ -49,7 +49,12 @@ class WithoutInstrument(NamedTuple):
 
 
 def without_faulty_instrument(
-    search: TagSearch, at_tags: AtTags, in_body_axes: AtTags, requests: Requests
+    search: TagSearch,
+    at_tags: AtTags,
+    in_body_axes: AtTags,
+    requests: Requests,
+    *,
+    is_turned: bool,
 ) -> WithoutInstrument | None:
     """Return a search without an instrument's fault; None where there is none.
 
@@ -58,14 +63,16 @@ def without_faulty_instrument(
     search : TagSearch
     at_tags : AtTags
         What the flight says: asked are those that contradict what is stated of other noise than an
-        instrument's.
+        instrument's, or of axes.
     in_body_axes : AtTags
         The same where axes may be turned.
     requests : callable
         What is to be estimated with a flight.
+    is_turned : bool
+        Whether axes are turned there.
     """
     others = (at_tags.identified, in_body_axes.identified)
-    if not any(one.contradicted.keys() - set(INSTRUMENTS) for one in others):
+    if not (is_turned or any(one.contradicted.keys() - set(INSTRUMENTS) for one in others)):
         return None
     best = _likeliest(search, at_tags)
     limit = max(one.likelihood for one in others) + EXCLUDED
