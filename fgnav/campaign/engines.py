@@ -73,6 +73,7 @@ class Local:
                 if not running:
                     if not suspects:
                         return
+                    pool.shutdown(wait=False, cancel_futures=True)
                     pool = self._pool()
                 died: list[tuple[T, int]] = []
                 for future in wait(running, return_when=FIRST_COMPLETED).done:

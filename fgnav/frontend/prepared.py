@@ -36,7 +36,8 @@ class BodyAxes(NamedTuple):
 class AttitudeDoubt(NamedTuple):
     """Covariance of the body's axes against those of the states, (n, 3, 3), rad2, at times, (n,).
 
-    Of what is known of a fault of samples that are put right, or that may be right.
+    Of each attitude, by what is left of a fault whose samples are put right: see
+    ``identification.lasting.error`` and ``identification.spans``.
     """
 
     t_s: FloatArray

@@ -9,7 +9,7 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.identification.array.exchanged import exchange_of
 from fgnav.identification.array.places import with_reference
 from fgnav.identification.findings import Findings, findings
-from fgnav.identification.noise.louder_samples import louder_by_samples
+from fgnav.identification.noise.sample_noise import noise_of_samples
 from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.spans.gross_errors import leaving_out
 from fgnav.identification.spans.unit_faults import building
@@ -42,14 +42,14 @@ def with_identified_noise(
     right, notes = _put_right(flight, settings, prepared, build)
     if notes:
         prepared = build(right, settings)
-    changes, louder = louder_by_samples(right, prepared)
+    changes, of_samples = noise_of_samples(right, prepared)
 
     def built(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
         return reduce(PreparedFlight.changed, changes, build(flight, settings))
 
     prepared = reduce(PreparedFlight.changed, changes, prepared)
     better = _with_findings(right, settings, prepared, built)
-    return replace(better, notes=(*better.notes, *notes, *louder))
+    return replace(better, notes=(*better.notes, *notes, *of_samples))
 
 
 def _put_right(

@@ -19,7 +19,7 @@ def gyroscope_by(log_likelihood):
     """What a chain of one open noise says, by the logarithm of the factor on it."""
     flight = SimpleNamespace(
         names=("accelerometer", "gyroscope"),
-        likelihood_if_any=lambda factors: log_likelihood(np.log(factors["gyroscope"])),
+        likelihood_at=lambda factors: log_likelihood(np.log(factors["gyroscope"])),
     )
     return mean_squares(flight, {"accelerometer": 30.0})
 

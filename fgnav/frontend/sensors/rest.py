@@ -95,7 +95,7 @@ def resting_motion(motion: Motion, imu: Imu, rest: Rest, factors: Mapping[str, f
         factor = factors.get(name, 1.0)
         return np.asarray(share * (factor**2 - 1.0) * density**2)
 
-    return motion.louder(
+    return motion.with_added_noise(
         more("accelerometer", imu.accelerometer_noise_mps2_per_sqrt_hz),
         more("gyroscope", imu.gyroscope_noise_radps_per_sqrt_hz or 0.0),
     )

@@ -11,7 +11,7 @@ References
    edition, 2013, section 6.1.1: the Earth's field and hard iron.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -44,8 +44,8 @@ class MagneticField:
     constants : Constants
     drift_column : int
         First of three constants by which o_b changes in a second, uT/s; for chains alone.
-    since_s : ndarray, shape (k,), or None
-        Since o_b is what its constants are.
+    since_s : ndarray, shape (k,)
+        Since o_b is what its constants are; zeros unless it drifts.
     """
 
     name: ClassVar[str] = "magnetic field"  # in reports
@@ -55,12 +55,14 @@ class MagneticField:
     iron_column: int
     constants: Constants
     drift_column: int = -1
-    since_s: FloatArray | None = None
+    since_s: FloatArray = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
         k = len(self.row)
-        freeze(self, {"across_b": (k, 2, 3), "field_n_ut": (3,)}, {"row": (k,)})
+        if self.drift_column < 0:
+            object.__setattr__(self, "since_s", np.zeros(k))
+        freeze(self, {"across_b": (k, 2, 3), "field_n_ut": (3,), "since_s": (k,)}, {"row": (k,)})
 
     @property
     def freedom(self) -> IntArray:
@@ -69,10 +71,9 @@ class MagneticField:
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of directions ``which``, (j,); see ``Measurement``."""
-        since_s = np.zeros(len(self.row)) if self.since_s is None else self.since_s
-        iron, drift = self.iron_column, self.drift_column
-        of_field = self.across_b, self.field_n_ut, since_s
-        return Linearised._make(_kernel(*contiguous(at, which), *of_field, iron, max(iron, drift)))
+        columns = self.iron_column, max(self.iron_column, self.drift_column)
+        of_field = self.across_b, self.field_n_ut, self.since_s
+        return Linearised._make(_kernel(*contiguous(at, which), *of_field, *columns))
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return direction i as a factor of keyframe ``key``: native without hard iron."""

@@ -244,10 +244,13 @@ class GyroFree:
         error = _IntervalError(self._intervals, np.array([k]), tuple(names), self._buffer)
         return (gtsam.CustomFactor(_unit(ROWS + self._lasting), names, error),)
 
-    def louder(self, force: FloatArray, rate: FloatArray) -> "GyroFree":
-        """Return the same motion with more white noise of the specific force, (n - 1,)."""
-        del rate
-        return replace(self, accelerometer_noise=self.accelerometer_noise + force)
+    def with_added_noise(
+        self, accelerometer_density: FloatArray, gyroscope_density: FloatArray
+    ) -> "GyroFree":
+        """Return the same with more white noise, (n - 1,), (m/s2)^2/Hz; there is no gyroscope."""
+        del gyroscope_density
+        noise = self.accelerometer_noise + accelerometer_density
+        return replace(self, accelerometer_noise=noise)
 
     def at_times(self, t_s: FloatArray) -> "GyroFree":
         """Return the same motion between other keyframes, (m,), the present ones among them.

@@ -183,12 +183,14 @@ class Inertial:
         )
         return (factor,)
 
-    def louder(self, force: FloatArray, rate: FloatArray) -> "Inertial":
-        """Return the same motion with more white noise of both sensors, (n - 1,) each."""
+    def with_added_noise(
+        self, accelerometer_density: FloatArray, gyroscope_density: FloatArray
+    ) -> "Inertial":
+        """Return the same with more white noise, (n - 1,) each, (m/s2)^2/Hz and (rad/s)^2/Hz."""
         return replace(
             self,
-            accelerometer_noise=self.accelerometer_noise + force,
-            gyroscope_noise=self.gyroscope_noise + rate,
+            accelerometer_noise=self.accelerometer_noise + accelerometer_density,
+            gyroscope_noise=self.gyroscope_noise + gyroscope_density,
         )
 
     def at_times(self, t_s: FloatArray) -> "Inertial":

@@ -22,7 +22,7 @@ class LinearisedMotion(NamedTuple):
 INERTIAL_NOISES = ("accelerometer", "gyroscope", "accelerometer bias", "gyroscope bias")
 
 
-EVERY = slice(None)  # interval
+EVERY = slice(None)  # of the intervals
 
 
 class NoiseParts(NamedTuple):
@@ -87,10 +87,12 @@ class Motion(Protocol):
         """Return the covariance of the whitened rows of some intervals by its causes."""
         ...
 
-    def louder(self, force: FloatArray, rate: FloatArray) -> "Motion":
-        """Return the same motion of a unit whose white noise is more, in each interval.
+    def with_added_noise(
+        self, accelerometer_density: FloatArray, gyroscope_density: FloatArray
+    ) -> "Motion":
+        """Return the same motion with more white noise of its unit, in each interval.
 
-        By power spectral densities, (n - 1,), (m/s2)^2/Hz and (rad/s)^2/Hz.
+        Power spectral densities to be added, (n - 1,), (m/s2)^2/Hz and (rad/s)^2/Hz.
         """
         ...
 

@@ -73,7 +73,7 @@ class LostSamples(NamedTuple):
         """Return a problem that knows where samples were lost as well as that shows."""
         middle_s = (problem.t_s[1:] + problem.t_s[:-1]) / 2
         at = np.searchsorted(self.t_s, middle_s).clip(1, len(self.t_s) - 1) - 1
-        return replace(problem, motion=problem.motion.louder(*self.noise[at].T))
+        return replace(problem, motion=problem.motion.with_added_noise(*self.noise[at].T))
 
 
 def lost_samples(problem: SmoothingProblem, stated: Solution) -> LostSamples | None:

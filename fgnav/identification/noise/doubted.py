@@ -13,6 +13,7 @@ L the likelihood of the thinned chain, all other noises as identified. Each is i
 
 import numpy as np
 
+from fgnav.checks import NoSolutionError
 from fgnav.frontend.sensors.rest import AT_REST
 from fgnav.graph.types.motion import INERTIAL_NOISES
 from fgnav.identification.noise.begin import WHITE
@@ -43,11 +44,18 @@ def mean_squares(flight: ThinnedFlight, identified: dict[str, float]) -> dict[st
     names = [one for one in INERTIAL_NOISES if one in flight.names and one not in identified]
     for name, sigma in zip(names, figure_sigmas(tuple(names)).tolist(), strict=True):
         theta = sigma * _NODES
-        each = ({name: float(f), name + AT_REST: float(f)} for f in np.exp(theta))
-        likelihood = np.array([flight.likelihood_if_any(one) for one in each])
+        likelihood = np.array([_likelihood(flight, name, float(f)) for f in np.exp(theta)])
         if not np.isfinite(likelihood).any():
             continue
         weight = _WEIGHTS * np.exp(likelihood - likelihood.max())
         f = float(np.sqrt(weight @ np.exp(2 * theta) / weight.sum()))
         factors |= {one: f for one in (name, name + AT_REST) if one in flight.names}
     return factors
+
+
+def _likelihood(flight: ThinnedFlight, name: str, factor: float) -> float:
+    """Return the logarithm of a flight's likelihood, minus infinity where it has no minimum."""
+    try:
+        return flight.likelihood_at({name: factor, name + AT_REST: factor})
+    except NoSolutionError:
+        return -np.inf

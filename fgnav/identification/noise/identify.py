@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtri
 
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.sensors.rest import AT_REST
@@ -26,7 +25,7 @@ from fgnav.identification.noise.noise_search import (
 )
 from fgnav.identification.noise.stated import INSTRUMENTS
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
-from fgnav.identification.track.windows import EXCLUDED, FALSE_ALARM
+from fgnav.identification.track.windows import EXCLUDED
 from fgnav.solve.chain import solve_batch
 
 _DOUBTED = 2.5  # sigmas: one of eight components in ten flights
@@ -113,14 +112,12 @@ def _as_stated(flight: ThinnedFlight) -> _AsStated | None:
     is_quiet = (theta < 0) & np.isin(chain.names, INSTRUMENTS)  # instruments count if louder
     is_doubted = (np.abs(theta) > _DOUBTED * sigma) & ~is_quiet
     is_doubted |= louder_by_correlation(chain, score, theta, is_used)[1]
-    rows = sum(int(one.freedom.sum()) for one in flight.problem.measurements)
-    misfits = score.cost - score.promised > chdtri(rows, FALSE_ALARM)
     identified = flight.identified(
         states, score, (np.ones(len(theta)), sigma, is_used), score.log_likelihood
     )
     vectors = (identified.arm, identified.turn)
     is_off = identified.times.significant.any() or any(v and v.significant for v in vectors)
-    return _AsStated(identified, bool(misfits or is_doubted.any()), bool(is_off))
+    return _AsStated(identified, flight.is_misfit(score) or bool(is_doubted.any()), bool(is_off))
 
 
 def _unless_a_bias(flight: ThinnedFlight, identified: Identified) -> Identified:

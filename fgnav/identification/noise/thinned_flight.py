@@ -100,21 +100,16 @@ class ThinnedFlight(NamedTuple):
         theta = self.logarithms(factors)
         return self.descended(self.problem.start, theta, _ITERATIONS)[2].log_likelihood
 
-    def likelihood_if_any(self, factors: dict[str, float]) -> float:
-        """Return the same, minus infinity where the chain has no minimum."""
+    def score_at(self, factors: dict[str, float]) -> Score | None:
+        """Return likelihood and cost at factors on its noise; None where there is no minimum."""
         try:
-            return self.likelihood_at(factors)
+            return self.descended(self.problem.start, self.logarithms(factors), _ITERATIONS)[2]
         except NoSolutionError:
-            return -np.inf
+            return None
 
-    def is_misfit_if(self, factors: dict[str, float]) -> bool:
-        """Return whether factors on its noise leave more than chance, or no minimum."""
-        theta, of = self.logarithms(factors), self.problem.measurements
-        try:
-            score = self.descended(self.problem.start, theta, _ITERATIONS)[2]
-        except NoSolutionError:
-            return True
-        rows = sum(int(one.freedom.sum()) for one in of)
+    def is_misfit(self, score: Score) -> bool:
+        """Return whether what is left of all measurements is beyond chance."""
+        rows = sum(int(one.freedom.sum()) for one in self.problem.measurements)
         return bool(score.cost - score.promised > chdtri(rows, FALSE_ALARM))
 
     def descended(

@@ -18,7 +18,7 @@ def right():
     return right_flight("fixes", 957_100_000)
 
 
-def louder(flight):
+def with_noise(flight):
     imu, rng = flight.imu, np.random.default_rng(957_100_001)
     inside = (imu.t_s >= FROM_S) & (imu.t_s < UNTIL_S)
     noise = inside[:, None] * SIZE_MPS2 * rng.normal(size=imu.f_b_mps2.shape)
@@ -31,8 +31,8 @@ def density(flight):
     return (motion.t_s[1:] + motion.t_s[:-1]) / 2, motion.accelerometer_noise
 
 
-def test_noise_is_that_of_the_samples_where_these_are_louder(right):
-    t_s, found = density(louder(right))
+def test_noise_is_that_of_the_samples_where_these_are_with_noise(right):
+    t_s, found = density(with_noise(right))
     inside = (t_s > FROM_S + 0.5) & (t_s < UNTIL_S - 0.5)
     white = SIZE_MPS2**2 * np.median(np.diff(right.imu.t_s))
     assert 0.5 < np.median(found[inside]) / white < 2.5  # the loudest of three half seconds
@@ -65,7 +65,7 @@ def test_attitudes_beside_a_louder_second_are_honest():
     squares = []
     for number in (8303, 8305, 8307):
         flight = right_flight("fixes", number)
-        estimate = Smoother()(louder(flight))
+        estimate = Smoother()(with_noise(flight))
         assert any(NOTE in note for note in estimate.notes)
         squares.append(nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2))
     assert np.mean(squares) < 5.0

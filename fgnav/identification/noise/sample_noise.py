@@ -33,13 +33,14 @@ from fgnav.types.flight import Flight, Imu
 _BLOCK_S = 0.5
 _ORDER = 6  # of differences: of a turn of 2 Hz at 50 Hz they leave 1e-5
 _NORMAL = 1.4826  # sigma of normal noise over its median size
-# Independent ones of such differences, by correlations of neighbours, times a median's efficiency.
+# Independent ones of such differences, by correlations of neighbours, times the efficiency of a
+# median of sizes, .37 (Rousseeuw, Croux, JASA 88, 1993).
 _INDEPENDENT = 0.37 * comb(12, 6) ** 2 / (comb(12, range(13)) ** 2).sum()
 _NODES, _WEIGHTS = np.linspace(0.0, 1.0, 5), np.array([0.5, 1.0, 1.0, 1.0, 0.5])
 Change = Callable[[SmoothingProblem], SmoothingProblem]
 
 
-def louder_by_samples(
+def noise_of_samples(
     flight: Flight, prepared: PreparedFlight
 ) -> tuple[tuple[Change, ...], tuple[str, ...]]:
     """Return what makes the unit of a problem as loud as it is, and what is to be said of it."""
@@ -52,20 +53,20 @@ def louder_by_samples(
         is_throughout = (ratio > 1.0).all()
         if is_throughout:
             ratio = np.full_like(ratio, ratio.min())
-        candidates = [prepared.changed(_louder(imu, sensor, ratio**a)) for a in _NODES]
+        candidates = [prepared.changed(_noise_added(imu, sensor, ratio**a)) for a in _NODES]
         flights = [ThinnedFlight.of(flight, one, ()) for one in candidates]
-        if flights[-1].is_misfit_if({}):
+        scores = [one.score_at({}) for one in flights]
+        loudest = scores[-1]
+        if loudest is None or flights[-1].is_misfit(loudest):
             continue  # no noise that its samples hold: a fault is identified
-        likelihood = np.array([one.likelihood_if_any({}) for one in flights])
-        if not np.isfinite(likelihood).any():
-            continue
+        likelihood = np.array([-np.inf if one is None else one.log_likelihood for one in scores])
         if is_throughout and likelihood.max() > likelihood[0] + EXCLUDED:
             continue  # what the flight itself tells is identified
         weight = _WEIGHTS * np.exp(likelihood - likelihood.max())
         square = weight @ ratio ** _NODES[:, None] / weight.sum()
         (loud,) = np.nonzero(square > TOLERATED)
         if len(loud):
-            changes.append(_louder(imu, sensor, square))
+            changes.append(_noise_added(imu, sensor, square))
             prepared = prepared.changed(changes[-1])
             from_s, until_s = imu.t_s[0] + _BLOCK_S * np.array([loud[0], loud[-1] + 1])
             notes.append(
@@ -97,15 +98,15 @@ def _seen(imu: Imu, sensor: str) -> FloatArray:
     return np.asarray(maximum_filter1d(ratio, 3))
 
 
-def _louder(imu: Imu, sensor: str, ratio: FloatArray) -> Change:
+def _noise_added(imu: Imu, sensor: str, ratio: FloatArray) -> Change:
     """Return what gives a problem's unit so many times its stated density in blocks, (m,)."""
     more, begin_s = (ratio - 1.0) * getattr(imu, FIELDS[sensor]) ** 2, imu.t_s[0]
 
-    def louder(problem: SmoothingProblem) -> SmoothingProblem:
+    def changed(problem: SmoothingProblem) -> SmoothingProblem:
         middle_s = (problem.t_s[1:] + problem.t_s[:-1]) / 2
         block = np.floor((middle_s - begin_s) / _BLOCK_S).astype(np.int64)
         at = more[block.clip(0, len(more) - 1)]
-        force, rate = (at * (sensor == one) for one in WHITE)
-        return replace(problem, motion=problem.motion.louder(force, rate))
+        densities = (at * (sensor == one) for one in WHITE)
+        return replace(problem, motion=problem.motion.with_added_noise(*densities))
 
-    return louder
+    return changed
