@@ -243,6 +243,26 @@ def test_axes_that_are_turned_far_are_found_where_the_first_step_leads_too_far()
     assert attitude_nees(right, estimate_by(found, flight)) < 6.0
 
 
+@pytest.mark.parametrize(
+    ("kind", "number", "field", "scales"),
+    [
+        ("array", 91301, "f_b_mps2", [1.0, 0.86, 1.0]),
+        ("fixes", 91001, "f_b_mps2", [1.13, 1.0, 1.0]),
+        ("instruments", 91100, "w_b_radps", [0.93, 1.0, 0.9]),
+    ],
+)
+def test_scale_factors_that_are_off_are_taken_back(kind, number, field, scales):
+    """A span of 24 of 30 s, as if a bias were another there, had NEES 9 to 15."""
+    right = right_flight(kind, number)
+    flight = replace(right, imu=replace(right.imu, **{field: scales * getattr(right.imu, field)}))
+    found = found_in(flight)
+    assert isinstance(found.cause, Lasting)
+    assert found.cause.is_of_unit
+    assert within(found.cause.error, 1.0 / np.array(scales) - 1.0)
+    assert "scale factors are off" in found.notes[0]
+    assert attitude_nees(right, estimate_by(found, flight)) < 6.0
+
+
 def test_no_samples_are_lost_where_a_louder_unit_explains_as_much(monkeypatch):
     """A plane's unit, 40 times as loud as its data sheet, had lost samples at nine times."""
     right = right_flight("fixes", 7401)

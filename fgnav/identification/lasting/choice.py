@@ -39,7 +39,8 @@ from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
 _OF_AXES = (*WHITE, field.MAGNETOMETER, field.DECLINATION)
-_PUT_RIGHT = (*_OF_AXES, field.DRIFT, late_forces.LATE_FORCES)
+_OF_UNIT = (*WHITE, *unit_axes.SCALES.values())
+_PUT_RIGHT = (*_OF_AXES, *_OF_UNIT, field.DRIFT, late_forces.LATE_FORCES)
 
 
 class Lasting(NamedTuple):
@@ -55,8 +56,8 @@ class Lasting(NamedTuple):
 
     @property
     def is_of_unit(self) -> bool:
-        """Whether it is of the axes of the inertial unit's sensors."""
-        return self.error.kind in WHITE
+        """Whether it is of the axes or scales of the inertial unit's sensors."""
+        return self.error.kind in _OF_UNIT
 
     @property
     def is_put_right(self) -> bool:
@@ -98,7 +99,7 @@ class Lasting(NamedTuple):
             return replace(flight, imu=late_forces.taken_early(flight.imu, self.error.off[0]))
         if not self.is_of_unit:
             return field.put_right(flight, self.error)
-        return replace(flight, imu=unit_axes.turned_back(flight.imu, self.error))
+        return replace(flight, imu=unit_axes.put_right(flight.imu, self.error))
 
     def in_doubt(self, problem: SmoothingProblem) -> SmoothingProblem:
         """Return a problem that holds the stated for as sure as it is."""
@@ -135,7 +136,7 @@ def likeliest_cause(
     problem, stated = at
     tested = (
         *sight.sight_errors(problem, stated.cost),
-        *unit_axes.unit_turns(problem, stated),
+        *unit_axes.unit_errors(problem, stated),
         *field.field_errors(problem, stated.cost),
         *arm.arm_errors(problem, stated),
     )

@@ -22,16 +22,15 @@ from fgnav.identification.likelihood.span_offsets import (
     Offset,
 )
 from fgnav.identification.noise.begin import WHITE
-from fgnav.identification.spans.errors import DRIFT, ERRORS, without
+from fgnav.identification.spans.errors import ANY_SHARE, DRIFT, ERRORS, without
 from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Imu
 
 _DOUBTED = 0.1  # share of right flights
 _BLOCKS = 24  # of a record, at most: a bound of cost
-# 1-sigma: next to nothing is known. Offsets and drifts in m/s2 and rad/s, scales, turns in rad.
+# 1-sigma of offsets and drifts, m/s2 and rad/s: next to nothing is known.
 _ANY = {"accelerometer": 1.0, "gyroscope": 0.1}
-_ANY_SHARE = 0.3
 
 
 def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
@@ -88,7 +87,7 @@ def _likeliest(
     problem: SmoothingProblem, at: States, error: tuple[str, str], edges: IntArray
 ) -> Offset | None:
     sensor, shape = error
-    any_ = _ANY[sensor] if shape in ("offset", DRIFT) else _ANY_SHARE
+    any_ = _ANY[sensor] if shape in ("offset", DRIFT) else ANY_SHARE
 
     def less(by: FloatArray, imu: Imu) -> Imu:
         return without(imu, sensor, shape, by)

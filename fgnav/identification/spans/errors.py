@@ -12,6 +12,7 @@ from fgnav.types.flight import Imu
 
 SAMPLES = {"accelerometer": "f_b_mps2", "gyroscope": "w_b_radps"}
 DRIFT = "drift"  # of a bias, over all of a record
+ANY_SHARE = 0.3  # 1-sigma of scales, and of turns in rad, of which next to nothing is known
 ERRORS = tuple((sensor, shape) for sensor in WHITE for shape in (*SHAPES, DRIFT))
 
 
