@@ -16,7 +16,7 @@ from fgnav.identification.array.places import Places, places_of, with_reference
 from fgnav.identification.lasting.choice import Cause, likeliest_cause
 from fgnav.identification.lasting.lost_samples import LostSamples
 from fgnav.identification.likelihood.beside_phases import Scored, is_misfit
-from fgnav.identification.likelihood.record_clock import promised_by_clock
+from fgnav.identification.likelihood.record_clock import clock_step
 from fgnav.identification.likelihood.satellite_errors import satellite_error_factors, with_errors
 from fgnav.identification.likelihood.thinned import thinned
 from fgnav.identification.noise.stated import with_factors
@@ -124,7 +124,8 @@ def _at_minimum(
 
 def _scores(problem: SmoothingProblem, stated: Solution, flight: Flight) -> Scores:
     """Return what a minimum tells."""
-    nats = promised_by_clock(problem, stated.states, middle_of_tags_s(flight.imu))
+    clock = clock_step(problem, stated, middle_of_tags_s(flight.imu), np.zeros(2))
+    nats = 0.0 if clock is None else clock.squares / 2
     return Scores(nats, None if problem.phase is None else Scored.of(problem, stated))
 
 

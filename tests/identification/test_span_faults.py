@@ -11,7 +11,7 @@ from fgnav.geometry.rotations import exp
 from fgnav.graph.types.constants import flight_constant
 from fgnav.identification.findings import findings
 from fgnav.identification.likelihood import span_offsets
-from fgnav.identification.likelihood.changed_samples import solved_with_changes
+from fgnav.identification.likelihood.changed_samples import ChangedBy, solved_with_changes
 from fgnav.identification.likelihood.span_offsets import of_biases
 from fgnav.identification.likelihood.thinned import thinned
 from fgnav.identification.track.windows import EXCLUDED
@@ -58,7 +58,7 @@ def test_a_gain_is_that_of_the_chain_with_such_a_constant():
 
     steps = np.full(3, 1e-3)
     part = flight_constant("offset", ("x", "y", "z"), "", 10.0, reported=False)
-    free = solved_with_changes(small, (part,), tuple(map(less, np.diag(steps))), steps)
+    free = solved_with_changes(small, ChangedBy((part,), tuple(map(less, np.diag(steps))), steps))
     assert (stated.cost - free.cost) / 2 == pytest.approx(offset.gain, rel=0.02)
     off = free.states.constants[-3:] - offset.value
     assert off @ np.linalg.solve(offset.covariance, off) < 0.02 * 2 * offset.gain

@@ -39,8 +39,7 @@ from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
 _OF_AXES = (*WHITE, field.MAGNETOMETER, field.DECLINATION)
-_OF_UNIT = (*WHITE, *unit_axes.SCALES.values())
-_PUT_RIGHT = (*_OF_AXES, *_OF_UNIT, field.DRIFT, late_forces.LATE_FORCES)
+_PUT_RIGHT = (*_OF_AXES, *unit_axes.KINDS, field.DRIFT, late_forces.LATE_FORCES)
 
 
 class Lasting(NamedTuple):
@@ -56,8 +55,8 @@ class Lasting(NamedTuple):
 
     @property
     def is_of_unit(self) -> bool:
-        """Whether it is of the axes or scales of the inertial unit's sensors."""
-        return self.error.kind in _OF_UNIT
+        """Whether it is of axes, scales or biases of the inertial unit's sensors."""
+        return self.error.kind in unit_axes.KINDS
 
     @property
     def is_put_right(self) -> bool:

@@ -12,7 +12,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from scipy.special import expit
 
-from fgnav.checks import FloatArray
+from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests, of_time
 from fgnav.frontend.prepared import AttitudeDoubt
 from fgnav.graph.inertial.gyro_free import GyroFree
@@ -20,13 +20,19 @@ from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.identification.likelihood.record_clock import RecordClock, record_clock
+from fgnav.identification.likelihood.record_clock import (
+    RecordClock,
+    attitude_doubt,
+    clock_step,
+    prior_squares,
+)
 from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.track.tags import tags_moved_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
+from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
-_STEPS = 5  # at most: each leaves half or less of what is left
+_STEPS = 8  # at most: of two seconds each leaves a third or less of what is left
 
 
 class ClockOff(NamedTuple):
@@ -91,21 +97,28 @@ def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> C
     middle_s : float
         For which its offset is stated.
     """
-    motion, at = problem.motion, problem
+    motion, at, solution = problem.motion, problem, stated
     moved: FloatArray = np.zeros(2)
     if not isinstance(motion, GyroFree | Inertial):
         return None
     likeliest: tuple[RecordClock, FloatArray] | None = None
     for _ in range(_STEPS):
-        clock = record_clock(at, middle_s, moved)
-        if clock is None or (likeliest is not None and clock.cost >= likeliest[0].cost):
+        clock = clock_step(at, solution, middle_s, moved)
+        if clock is None:
             break
         moved = moved + clock.value
-        likeliest = clock, moved
-        if clock.squares <= 1.0 or (stated.cost - clock.cost) / 2 < EXCLUDED - LIKELY:
-            break
         imu = replace(motion.imu, t_s=tags_moved_s(motion.imu, moved, middle_s))
         at = replace(problem, motion=cast("Motion", replace(motion, imu=imu)))
+        try:
+            solution = solve_batch(at)
+        except NoSolutionError:
+            break
+        cost = solution.cost + prior_squares(moved)
+        if not solution.converged or (likeliest is not None and cost >= likeliest[0].cost):
+            break
+        likeliest = clock._replace(cost=cost), moved
+        if clock.squares <= 1.0 or (stated.cost - cost) / 2 < EXCLUDED - LIKELY:
+            break
     if likeliest is None:
         return None
     clock, moved = likeliest
@@ -114,7 +127,8 @@ def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> C
     spread = np.linalg.slogdet(clock.covariance)[1] - np.log(before)
     nats = float((stated.cost - clock.cost + spread) / 2)
     is_exact = problem.phase is not None
-    return ClockOff(moved, clock.sigma, middle_s, nats, clock.cost, is_exact)
+    doubt = attitude_doubt(at, middle_s, moved) if is_exact else None
+    return ClockOff(moved, clock.sigma, middle_s, nats, clock.cost, is_exact, doubt)
 
 
 def clock_sentence(off: FloatArray, sigma: FloatArray, then: str) -> str:

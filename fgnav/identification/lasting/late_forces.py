@@ -15,7 +15,11 @@ from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.identification.lasting.error import LastingError
-from fgnav.identification.likelihood.changed_samples import promised, solved_with_changes
+from fgnav.identification.likelihood.changed_samples import (
+    ChangedBy,
+    promised,
+    solved_with_changes,
+)
 from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.types.flight import Imu
@@ -59,10 +63,10 @@ def sentence(error: LastingError) -> str:
 
 def _late(problem: SmoothingProblem, stated: Solution, sigma_s: float) -> LastingError | None:
     part = flight_constant(LATE_FORCES, ("delay",), "s", sigma_s, reported=False)
-    how = (part,), (_step,), np.array([_STEP_S])
-    if promised(problem, stated.states, *how)[0] < EXCLUDED - LIKELY:
+    how = ChangedBy((part,), (_step,), np.array([_STEP_S]))
+    if promised(problem, stated.states, how)[0] < EXCLUDED - LIKELY:
         return None
-    solution = solved_with_changes(problem, *how)
+    solution = solved_with_changes(problem, how)
     if solution is None:
         return None
     return LastingError.of(part, problem.with_constants((part,)), stated.cost, solution)

@@ -1,10 +1,11 @@
-"""An accelerometer and a gyroscope whose axes are turned against each other, or of other scales.
+"""An accelerometer and a gyroscope turned against each other, or of other scales or biases.
 
 ``x_a = Exp(c)' x_g`` of any vector x: samples of the accelerometer in its own axes a, and in those
 of the gyroscope, g. Where no other sensor sees directions in the body nothing tells which of the
 two is turned: attitudes are of the gyroscope's axes, and as likely of the accelerometer's.
 
-``x = diag(1 + c) x_measured`` of either.
+``x = diag(1 + c) x_measured`` of either, or ``x = x_measured - c``: a bias far beyond its stated
+size.
 
 c is a constant of the whole problem, sought by steps, each about what the steps before have undone.
 """
@@ -12,6 +13,7 @@ c is a constant of the whole problem, sought by steps, each about what the steps
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -29,55 +31,87 @@ from fgnav.graph.types.solution import Solution
 from fgnav.identification.lasting.error import LastingError
 from fgnav.identification.likelihood.changed_samples import (
     Change,
-    promised,
+    ChangedBy,
+    promised_each,
     solved_with_changes,
 )
 from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.noise.begin import WHITE
-from fgnav.identification.spans.errors import ANY_SHARE, SAMPLES
+from fgnav.identification.spans.errors import ANY_BIAS, ANY_SHARE, SAMPLES
 from fgnav.identification.track.windows import EXCLUDED, FALSE_ALARM
 from fgnav.types.flight import Imu
 
 _AXES = ("x_b", "y_b", "z_b")
 _STEPS = 4  # at most: each leaves a few hundredths of what is left
-_STEP = {"turn": np.radians(1.0), "scale": 0.01}  # of difference quotients
+_STEP = {"turn": np.radians(1.0), "scale": 0.01, "bias": 1e-3}  # of difference quotients
+_UNIT = {"accelerometer": "m/s2", "gyroscope": "rad/s"}
 _TELL = (*DIRECTIONS, "array phases")
-SCALES = {sensor: f"scale of {sensor}" for sensor in WHITE}
 
 
 class _Error(NamedTuple):
-    """A turn or a scale of a sensor."""
+    """A turn of a sensor, its scale factors or its bias."""
 
     sensor: str
     shape: str
+
+    @property
+    def kind(self) -> str:
+        """What it is called."""
+        return self.sensor if self.shape == "turn" else f"{self.shape} of {self.sensor}"
 
     @property
     def part(self) -> FlightConstant:
         """The constant, sought about none."""
         if self.shape == "turn":
             return turn_of(self.sensor)
-        return flight_constant(SCALES[self.sensor], _AXES, "", ANY_SHARE, reported=False)
+        sigma, unit = ANY_SHARE, ""
+        if self.shape == "bias":
+            sigma, unit = ANY_BIAS[self.sensor], _UNIT[self.sensor]
+        return flight_constant(self.kind, _AXES, unit, sigma, reported=False)
 
     def put_right(self, imu: Imu, c: FloatArray) -> Imu:
         """Return a unit with a sensor's samples without it."""
         name = SAMPLES[self.sensor]
-        by = exp(c[None])[0].T if self.shape == "turn" else np.diag(1.0 + c)
-        return replace(imu, **{name: getattr(imu, name) @ by})
+        x = getattr(imu, name)
+        if self.shape == "turn":
+            return replace(imu, **{name: x @ exp(c[None])[0].T})
+        return replace(imu, **{name: x - c if self.shape == "bias" else x * (1.0 + c)})
 
     def further(self, c: FloatArray, step: FloatArray) -> FloatArray:
         """Return what undoes both, first c."""
         if self.shape == "turn":
-            return log(exp(step[None]) @ exp(c[None]))[0]
-        return (1.0 + step) * (1.0 + c) - 1.0
+            return np.asarray(log(exp(step[None]) @ exp(c[None]))[0])
+        return c + step if self.shape == "bias" else (1.0 + step) * (1.0 + c) - 1.0
+
+    def is_possible(self, c: FloatArray) -> bool:
+        """Return whether samples may be off so: an axis that is reversed is no scale.
+
+        Two of them are a turn by 180 degrees, which may as well be an array's.
+        """
+        return self.shape != "scale" or bool((c > -1.0).all())
+
+    @property
+    def steps(self) -> FloatArray:
+        """Of difference quotients of its numbers, (3,)."""
+        return np.full(3, _STEP[self.shape])
 
     @property
     def changes(self) -> tuple[Change, ...]:
         """What a step of each of its numbers does."""
-        return tuple(partial(self.put_right, c=c) for c in _STEP[self.shape] * np.eye(3))
+        return tuple(partial(self.put_right, c=c) for c in np.diag(self.steps))
+
+    @property
+    def how(self) -> ChangedBy:
+        """How samples change by it."""
+        return ChangedBy((self.part,), self.changes, self.steps)
+
+
+_OF_UNIT = {one.kind: one for one in (_Error(*of) for of in product(WHITE, _STEP))}
+KINDS = tuple(_OF_UNIT)
 
 
 def unit_errors(problem: SmoothingProblem, stated: Solution) -> Iterator[LastingError]:
-    """Yield turns and scales of the unit's sensors, as a problem tells them.
+    """Yield turns, scale factors and biases of the unit's sensors, as a problem tells them.
 
     Turns of each sensor that may be the turned one: of the accelerometer alone where nothing tells
     which it is, none without a gyroscope. None where a step from the stated promises none.
@@ -88,14 +122,14 @@ def unit_errors(problem: SmoothingProblem, stated: Solution) -> Iterator[Lasting
     stated : Solution
         Its minimum.
     """
-    for one in _errors(problem):
-        how = (one.part,), one.changes, np.full(3, _STEP[one.shape])
-        nats, step = promised(problem, stated.states, *how)
+    errors = _errors(problem)
+    each = promised_each(problem, stated.states, tuple(one.how for one in errors))
+    for one, (nats, step) in zip(errors, each, strict=True):
         if nats > EXCLUDED - LIKELY:
             error = _sought(one, problem, stated.cost, step)
             if error is None and stated.cost / 4 < nats < np.inf:  # half of the cost: led too far
                 error = _sought(one, problem, stated.cost, step / 2)
-            if error is not None:
+            if error is not None and one.is_possible(error.off):
                 yield error
 
 
@@ -106,18 +140,20 @@ def are_distinguished(problem: SmoothingProblem) -> bool:
 
 def put_right(imu: Imu, error: LastingError) -> Imu:
     """Return a unit with a sensor's samples in the axes of the other, or of another scale."""
-    return _named(error.kind).put_right(imu, error.off)
+    return _OF_UNIT[error.kind].put_right(imu, error.off)
 
 
 def sentence(error: LastingError, share: float) -> str:
     """Return what is to be said of it; ``share``: probability that it is this sensor."""
-    sensor, shape = _named(error.kind)
+    sensor, shape = _OF_UNIT[error.kind]
     sigma = np.sqrt(np.diag(error.covariance))
-    if shape == "scale":
-        by = ", ".join(f"{100 * x:+.2f}" for x in 1.0 / (1.0 + error.off) - 1.0)
-        sigmas = ", ".join(f"{100 * x:.2f}" for x in sigma)
-        axes = "along x_b, y_b, z_b"
-        return f"The {sensor}'s scale factors are off by {by} % {axes} (± {sigmas} %); taken back."
+    if shape != "turn":
+        times, unit = (1.0, _UNIT[sensor]) if shape == "bias" else (100.0, "%")
+        off = error.off if shape == "bias" else 1.0 / (1.0 + error.off) - 1.0
+        by = ", ".join(f"{times * x:+.3g}" for x in off)
+        sigmas = ", ".join(f"{times * x:.2g}" for x in sigma)
+        what = "bias is larger than stated:" if shape == "bias" else "scale factors are off by"
+        return f"The {sensor}'s {what} {by} {unit} along x_b, y_b, z_b (± {sigmas}); taken out."
     sigmas = ", ".join(f"{x:.2f}" for x in np.degrees(sigma))
     by = ", ".join(f"{x:+.2f}" for x in np.degrees(error.off))
     (other,) = (one for one in WHITE if one != sensor)
@@ -135,16 +171,14 @@ def sentence(error: LastingError, share: float) -> str:
 def _errors(problem: SmoothingProblem) -> tuple[_Error, ...]:
     motion = problem.motion
     if isinstance(motion, GyroFree):
-        return (_Error("accelerometer", "scale"),)
+        return tuple(_Error("accelerometer", shape) for shape in ("scale", "bias"))
     if not isinstance(motion, Inertial):
         return ()
     turned = WHITE if are_distinguished(problem) else WHITE[:1]
-    return (*(_Error(one, "turn") for one in turned), *(_Error(one, "scale") for one in WHITE))
-
-
-def _named(kind: str) -> _Error:
-    scaled = {name: sensor for sensor, name in SCALES.items()}
-    return _Error(scaled[kind], "scale") if kind in scaled else _Error(kind, "turn")
+    return (
+        *(_Error(one, "turn") for one in turned),
+        *(_Error(*of) for of in product(WHITE, ("scale", "bias"))),
+    )
 
 
 def _sought(
@@ -155,8 +189,7 @@ def _sought(
     for _ in range(_STEPS):
         part = replace(one.part, mean=-off)
         undone = replace(problem, motion=_put_right(problem.motion, one, off))
-        how = (part,), one.changes, np.full(3, _STEP[one.shape])
-        solution = solved_with_changes(undone, *how)
+        solution = solved_with_changes(undone, ChangedBy((part,), one.changes, one.steps))
         if solution is None:
             return None
         step = solution.states.constants[-3:]

@@ -2,14 +2,14 @@
 
 Keyframes stay where they are, and the rows of the motion between them depend on constants c,
 
-    r(c) = r(0) + J c        J_i = (r(h_i) - r(0)) / h_i
+    r(c) = r(0) + J c        J_i = (r'(h_i) - r'(0)) / h_i
 
-r(h_i) of samples that a step of constant i has changed.
+r'(h_i) of samples without their noise that a step of constant i has changed.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -21,65 +21,54 @@ from fgnav.graph.types.motion import LinearisedMotion, Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
+from fgnav.identification.likelihood.denoised import denoised
 from fgnav.solve.chain import constant_step, solve_batch
 from fgnav.types.flight import Imu
 
 Change = Callable[[Imu], Imu]
 
 
-def with_changed_samples(
-    problem: SmoothingProblem, changes: tuple[Change, ...], steps: FloatArray, first: int
-) -> SmoothingProblem:
-    """Return a problem whose motion depends on constants from a column on; for chains alone.
+class ChangedBy(NamedTuple):
+    """Constants of c numbers in all, what a step of each does to the unit, and these steps, (c,).
 
-    Parameters
-    ----------
-    problem : SmoothingProblem
-        With these constants.
-    changes : tuple of callable, length c
-        What a step of each does to the unit.
-    steps : ndarray, shape (c,)
-    first : int
+    Nothing depends on them but the samples.
+    """
+
+    parts: tuple[FlightConstant, ...]
+    changes: tuple[Change, ...]
+    steps: FloatArray
+
+
+def with_changed_samples(problem: SmoothingProblem, by: ChangedBy) -> SmoothingProblem:
+    """Return a problem whose motion depends on more constants, the last; for chains alone.
 
     Raises
     ------
     NoSolutionError
         If the problem has no inertial unit.
     """
-    motion = problem.motion
+    motion, first = problem.motion, problem.constants.width
     if not isinstance(motion, GyroFree | Inertial):
         raise NoSolutionError("constants of samples: the flight has no inertial unit")
-    changed = tuple(replace(motion, imu=change(motion.imu)) for change in changes)
+    quiet = denoised(motion.imu)
+    at = replace(motion, imu=quiet)
+    changed = tuple(replace(motion, imu=change(quiet)) for change in by.changes)
+    extended = problem.with_constants(by.parts)
     # All of a motion that a chain reads.
-    return replace(problem, motion=cast("Motion", _Changed(motion, changed, steps, first)))
+    by_step = _Changed(motion, at, changed, by.steps, first)
+    return replace(extended, motion=cast("Motion", by_step))
 
 
-def solved_with_changes(
-    problem: SmoothingProblem,
-    parts: tuple[FlightConstant, ...],
-    changes: tuple[Change, ...],
-    steps: FloatArray,
-) -> Solution | None:
-    """Return a whole problem's minimum with constants that change samples; None without one.
-
-    By changes of a step of each.
-    """
-    first = problem.constants.width
-    extended = problem.with_constants(parts)
+def solved_with_changes(problem: SmoothingProblem, by: ChangedBy) -> Solution | None:
+    """Return a whole problem's minimum with constants that change samples; None without one."""
     try:
-        solution = solve_batch(with_changed_samples(extended, changes, steps, first))
+        solution = solve_batch(with_changed_samples(problem, by))
     except NoSolutionError:
         return None
     return solution if solution.converged else None
 
 
-def promised(
-    problem: SmoothingProblem,
-    at: States,
-    parts: tuple[FlightConstant, ...],
-    changes: tuple[Change, ...],
-    steps: FloatArray,
-) -> tuple[float, FloatArray]:
+def promised(problem: SmoothingProblem, at: States, by: ChangedBy) -> tuple[float, FloatArray]:
     """Return what the score of such constants promises, nats, and its step, (c,).
 
     Half of the step's squares by its covariance (Rao, 1948); infinite where there is no step.
@@ -89,15 +78,40 @@ def promised(
     problem : SmoothingProblem
     at : States
         Its minimum, without the constants.
-    parts : tuple of FlightConstant
-        Of c numbers in all.
-    changes, steps
-        As of ``with_changed_samples``.
+    by : ChangedBy
     """
-    begin = at._replace(constants=np.concatenate([at.constants, *(one.start for one in parts)]))
+    return promised_each(problem, at, (by,))[0]
+
+
+def promised_each(
+    problem: SmoothingProblem, at: States, by: tuple[ChangedBy, ...]
+) -> list[tuple[float, FloatArray]]:
+    """Return what the scores of several sets of constants promise, each alone, and their steps.
+
+    By one elimination: with information N and score s of all of them, states integrated out, a set
+    g has ``s_g N_gg^-1 s_g / 2``. Parameters as of ``promised``.
+    """
+    if not by:
+        return []
+    joined = ChangedBy(
+        tuple(part for one in by for part in one.parts),
+        tuple(change for one in by for change in one.changes),
+        np.concatenate([one.steps for one in by]),
+    )
+    ends = np.cumsum([len(one.steps) for one in by])
+    begin = at._replace(constants=np.concatenate([at.constants, *(p.start for p in joined.parts)]))
+    try:
+        step, covariance = constant_step(with_changed_samples(problem, joined), begin)
+    except NoSolutionError:
+        return [(np.inf, np.zeros(len(one.steps))) for one in by]
     first = problem.constants.width
-    extended = problem.with_constants(parts)
-    return step_promises(with_changed_samples(extended, changes, steps, first), begin, first)
+    information = np.linalg.inv(covariance[first:, first:])
+    score, out = information @ step[first:], []
+    for one, end in zip(by, ends, strict=True):
+        own = slice(end - len(one.steps), end)
+        alone = np.linalg.solve(information[own, own], score[own])
+        out.append((float(score[own] @ alone) / 2, alone))
+    return out
 
 
 def step_promises(problem: SmoothingProblem, at: States, first: int) -> tuple[float, FloatArray]:
@@ -125,7 +139,8 @@ class _Changed:
     """A motion whose samples change with constants, from a column on."""
 
     motion: GyroFree | Inertial
-    changed: tuple[GyroFree | Inertial, ...]
+    quiet: GyroFree | Inertial  # of samples without their noise
+    changed: tuple[GyroFree | Inertial, ...]  # of these after a step of each
     steps: FloatArray
     first: int
 
@@ -136,8 +151,9 @@ class _Changed:
     def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
         linear = self.motion.linearise(before, after, intervals)
         value, shared = linear.value.copy(), linear.shared.copy()
+        at = self.quiet.linearise(before, after, intervals).value
         for i, (one, step) in enumerate(zip(self.changed, self.steps, strict=True)):
-            column = (one.linearise(before, after, intervals).value - linear.value) / step
+            column = (one.linearise(before, after, intervals).value - at) / step
             shared[:, :, self.first + i] = column
             value += column * before.constants[self.first + i]
         return linear._replace(value=value, shared=shared)

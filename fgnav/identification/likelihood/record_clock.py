@@ -15,23 +15,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import FloatArray
+from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.calibration_request import calibration_requests, of_time
+from fgnav.frontend.prepared import AttitudeDoubt
 from fgnav.graph.delayed import CLOCK_OFFSET
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
-from fgnav.graph.types.constants import FlightConstant, flight_constant
+from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.graph.types.states import States
+from fgnav.graph.types.states import ROTATION
 from fgnav.identification.likelihood.beside_phases import is_misfit
 from fgnav.identification.likelihood.changed_samples import (
     Change,
-    promised,
+    ChangedBy,
     solved_with_changes,
+    with_changed_samples,
 )
 from fgnav.identification.tested_constants import SQUARES_OF_TWO
 from fgnav.identification.track.tags import tags_moved_s
+from fgnav.solve.chain import constant_step
 from fgnav.types.flight import Imu
 
 # Steps of difference quotients, far below what a motion changes in and far above rounding: of a
@@ -75,7 +78,7 @@ def record_clock(
     """
     if problem.constants.column(CLOCK_OFFSET) >= 0:
         return None
-    solution = solved_with_changes(problem, *_tags(middle_s, moved))
+    solution = solved_with_changes(problem, _tags(middle_s, moved))
     if solution is None:
         return None
     first = problem.constants.width
@@ -86,15 +89,51 @@ def record_clock(
     )
 
 
-def promised_by_clock(problem: SmoothingProblem, at: States, middle_s: float) -> float:
-    """Return what a step of the clock from a problem's minimum promises, nats; 0 without any.
+def clock_step(
+    problem: SmoothingProblem, at: Solution, middle_s: float, moved: FloatArray
+) -> RecordClock | None:
+    """Return one step of the clock from a problem's minimum; None without a unit or a step.
 
-    See ``changed_samples.promised``; parameters as in ``record_clock``.
+    Taken again at tags so moved it leads to the clock from seconds off, where a minimum of states
+    and clock at once has none (variable projection: Golub, Pereyra, SIAM Journal on Numerical
+    Analysis 10, 1973). Parameters as in ``record_clock``.
     """
     has_unit = isinstance(problem.motion, GyroFree | Inertial)
     if not has_unit or problem.constants.column(CLOCK_OFFSET) >= 0:
-        return 0.0
-    return promised(problem, at, *_tags(middle_s, np.zeros(2)))[0]
+        return None
+    first, by = problem.constants.width, _tags(middle_s, moved)
+    start = np.concatenate([at.states.constants, *(part.start for part in by.parts)])
+    begin = at.states._replace(constants=start)
+    try:
+        step, covariance = constant_step(with_changed_samples(problem, by), begin)
+    except NoSolutionError:
+        return None
+    clock = RecordClock(step[first:], covariance[first:, first:], at.cost)
+    return clock._replace(cost=at.cost - clock.squares)
+
+
+def attitude_doubt(
+    problem: SmoothingProblem, middle_s: float, moved: FloatArray
+) -> AttitudeDoubt | None:
+    """Return what is doubted of attitudes where tags are put right, and no clock is estimated.
+
+    ``G C G'``, C of the clock, G the attitudes' derivative by it. None without a minimum.
+    Parameters as in ``record_clock``.
+    """
+    solution = solved_with_changes(problem, _tags(middle_s, moved))
+    if solution is None:
+        return None
+    first = problem.constants.width
+    X = solution.constant_cross[:, ROTATION, first:]
+    C = solution.constant_covariance[0, first:, first:]
+    return AttitudeDoubt(problem.t_s, X @ np.linalg.solve(C, X.swapaxes(1, 2)))
+
+
+def prior_squares(moved: FloatArray) -> float:
+    """Return how unlikely tags moved so far, (2,), are beforehand, as a cost."""
+    (clock,) = calibration_requests(["clock"])
+    parts = of_time(replace(clock, moved=(float(moved[0]), float(moved[1]))))
+    return float(sum(x**2 / p.covariance[0, 0] for x, p in zip(moved, parts, strict=True)))
 
 
 def clock_off(problem: SmoothingProblem, middle_s: float, moved: FloatArray) -> RecordClock | None:
@@ -111,9 +150,7 @@ def clock_off(problem: SmoothingProblem, middle_s: float, moved: FloatArray) -> 
     return clock if drifts is None or clock.cost < drifts.cost else None
 
 
-def _tags(
-    middle_s: float, moved: FloatArray
-) -> tuple[tuple[FlightConstant, ...], tuple[Change, ...], FloatArray]:
+def _tags(middle_s: float, moved: FloatArray) -> ChangedBy:
     """Return a clock's constants, and what steps of them do to a unit."""
 
     def tags(by: FloatArray) -> Change:
@@ -121,7 +158,7 @@ def _tags(
 
     (clock,) = calibration_requests(["clock"])
     clock = replace(clock, moved=(float(moved[0]), float(moved[1])))
-    return of_time(clock), tuple(map(tags, np.diag(_CLOCK_STEPS))), _CLOCK_STEPS
+    return ChangedBy(of_time(clock), tuple(map(tags, np.diag(_CLOCK_STEPS))), _CLOCK_STEPS)
 
 
 def with_drifts(problem: SmoothingProblem) -> Solution | None:
@@ -148,4 +185,4 @@ def with_drifts(problem: SmoothingProblem) -> Solution | None:
         flight_constant(f"{field} drift", ("x_b", "y_b", "z_b"), "/s", _ANY * step)
         for field, step in fields.items()
     )
-    return solved_with_changes(problem, parts, changes, steps)
+    return solved_with_changes(problem, ChangedBy(parts, changes, steps))

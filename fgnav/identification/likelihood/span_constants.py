@@ -27,6 +27,7 @@ from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.motion import LinearisedMotion, Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
+from fgnav.identification.likelihood.denoised import denoised
 from fgnav.identification.likelihood.span_offsets import LIKELY, Offset
 from fgnav.solve.chain import constant_step
 from fgnav.types.flight import Imu
@@ -83,16 +84,17 @@ def of_blocks(
     if not isinstance(motion, GyroFree | Inertial):
         return None
     block = np.repeat(np.arange(m), np.diff(edges))
-    changed = tuple(
-        replace(motion, imu=error.less(by, motion.imu)) for by in error.step * np.eye(g)
-    )
+    quiet = denoised(motion.imu)
+    at_none = replace(motion, imu=quiet)
+    changed = tuple(replace(motion, imu=error.less(by, quiet)) for by in error.step * np.eye(g))
     names = tuple(f"{j}" for j in range(g * m))
     extended = problem.with_constants(
         (flight_constant("span", names, "", error.any, reported=False),)
     )
     first = problem.constants.width
     extended = replace(
-        extended, motion=cast("Motion", _InBlocks(motion, changed, error.step, first + g * block))
+        extended,
+        motion=cast("Motion", _InBlocks(motion, at_none, changed, error.step, first + g * block)),
     )
     begin = at._replace(constants=np.concatenate([at.constants, np.zeros(g * m)]))
     try:
@@ -147,6 +149,7 @@ class _InBlocks:
     """A motion whose samples change with constants of each interval's own block."""
 
     motion: GyroFree | Inertial
+    quiet: GyroFree | Inertial  # of samples without their noise
     changed: tuple[GyroFree | Inertial, ...]
     step: float
     first: IntArray  # (n - 1,), column
@@ -157,9 +160,10 @@ class _InBlocks:
 
     def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
         linear = self.motion.linearise(before, after, intervals)
+        at_none = self.quiet.linearise(before, after, intervals).value
         value, shared, rows = linear.value.copy(), linear.shared.copy(), np.arange(len(intervals))
         for i, one in enumerate(self.changed):
-            column = (one.linearise(before, after, intervals).value - linear.value) / self.step
+            column = (one.linearise(before, after, intervals).value - at_none) / self.step
             at = self.first[intervals] + i
             shared[rows, :, at] = column
             value += column * before.constants[at][:, None]

@@ -23,6 +23,7 @@ from fgnav.checks import FloatArray
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.graph.innovation.band import TOLERATED
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.identification.likelihood.denoised import NORMAL, ORDER
 from fgnav.identification.likelihood.thinned import FIELDS
 from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
@@ -31,8 +32,6 @@ from fgnav.identification.track.windows import EXCLUDED, FALSE_ALARM
 from fgnav.types.flight import Flight, Imu
 
 _BLOCK_S = 0.5
-_ORDER = 6  # of differences: of a turn of 2 Hz at 50 Hz they leave 1e-5
-_NORMAL = 1.4826  # sigma of normal noise over its median size
 # Independent ones of such differences, by correlations of neighbours, times the efficiency of a
 # median of sizes, .37 (Rousseeuw, Croux, JASA 88, 1993).
 _INDEPENDENT = 0.37 * comb(12, 6) ** 2 / (comb(12, range(13)) ** 2).sum()
@@ -82,15 +81,15 @@ def _seen(imu: Imu, sensor: str) -> FloatArray:
     x, N = getattr(imu, SAMPLES[sensor]), getattr(imu, FIELDS[sensor])
     block = np.floor((imu.t_s - imu.t_s[0]) / _BLOCK_S).astype(np.int64)
     ratio = np.ones(int(block[-1]) + 1)
-    if x is None or not N or len(x) <= _ORDER:
+    if x is None or not N or len(x) <= ORDER:
         return ratio
-    interval_s, half = float(np.median(np.diff(imu.t_s))), _ORDER // 2
-    is_even = imu.t_s[_ORDER:] - imu.t_s[:-_ORDER] < (_ORDER + 0.5) * interval_s
-    sixth, block = np.abs(np.diff(x, _ORDER, axis=0))[is_even], block[half:-half][is_even]
+    interval_s, half = float(np.median(np.diff(imu.t_s))), ORDER // 2
+    is_even = imu.t_s[ORDER:] - imu.t_s[:-ORDER] < (ORDER + 0.5) * interval_s
+    sixth, block = np.abs(np.diff(x, ORDER, axis=0))[is_even], block[half:-half][is_even]
     edges = np.searchsorted(block, np.arange(len(ratio) + 1))
     for k in np.flatnonzero(np.diff(edges)):
-        sigma = _NORMAL * np.median(sixth[edges[k] : edges[k + 1]], axis=0)
-        seen = (sigma**2).mean() / comb(2 * _ORDER, _ORDER) * interval_s / N**2
+        sigma = NORMAL * np.median(sixth[edges[k] : edges[k + 1]], axis=0)
+        seen = (sigma**2).mean() / comb(2 * ORDER, ORDER) * interval_s / N**2
         freedom = _INDEPENDENT * 3 * (edges[k + 1] - edges[k])
         if seen > max(TOLERATED, chdtri(freedom, FALSE_ALARM) / freedom):
             ratio[k] = seen

@@ -22,15 +22,13 @@ from fgnav.identification.likelihood.span_offsets import (
     Offset,
 )
 from fgnav.identification.noise.begin import WHITE
-from fgnav.identification.spans.errors import ANY_SHARE, DRIFT, ERRORS, without
+from fgnav.identification.spans.errors import ANY_BIAS, ANY_SHARE, DRIFT, ERRORS, without
 from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Imu
 
 _DOUBTED = 0.1  # share of right flights
 _BLOCKS = 24  # of a record, at most: a bound of cost
-# 1-sigma of offsets and drifts, m/s2 and rad/s: next to nothing is known.
-_ANY = {"accelerometer": 1.0, "gyroscope": 0.1}
 
 
 def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
@@ -87,7 +85,7 @@ def _likeliest(
     problem: SmoothingProblem, at: States, error: tuple[str, str], edges: IntArray
 ) -> Offset | None:
     sensor, shape = error
-    any_ = _ANY[sensor] if shape in ("offset", DRIFT) else ANY_SHARE
+    any_ = ANY_BIAS[sensor] if shape in ("offset", DRIFT) else ANY_SHARE
 
     def less(by: FloatArray, imu: Imu) -> Imu:
         return without(imu, sensor, shape, by)

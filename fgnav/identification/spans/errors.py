@@ -12,7 +12,10 @@ from fgnav.types.flight import Imu
 
 SAMPLES = {"accelerometer": "f_b_mps2", "gyroscope": "w_b_radps"}
 DRIFT = "drift"  # of a bias, over all of a record
-ANY_SHARE = 0.3  # 1-sigma of scales, and of turns in rad, of which next to nothing is known
+# 1-sigma where next to nothing is known: of biases and drifts, m/s2 and rad/s, and of scales, and
+# turns in rad.
+ANY_BIAS = {"accelerometer": 1.0, "gyroscope": 0.1}
+ANY_SHARE = 0.3
 ERRORS = tuple((sensor, shape) for sensor in WHITE for shape in (*SHAPES, DRIFT))
 
 

@@ -27,7 +27,11 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION, ROTATION, States
 from fgnav.identification.likelihood.beside_phases import noise_gain
-from fgnav.identification.likelihood.changed_samples import Change, solved_with_changes
+from fgnav.identification.likelihood.changed_samples import (
+    Change,
+    ChangedBy,
+    solved_with_changes,
+)
 from fgnav.identification.likelihood.span_offsets import (
     LIKELY,
     Offset,
@@ -248,7 +252,7 @@ def _refined(
         build = building(search.build, (*faults, fault))
         problem = build(flight, search.settings).problem
         problem = problem if problem.phase is not None else thinned(problem)
-        solution = solved_with_changes(problem, (part,), changes, fault.sigma)
+        solution = solved_with_changes(problem, ChangedBy((part,), changes, fault.sigma))
         if solution is None:
             break
         step = solution.states.constants[-3:]
