@@ -21,7 +21,7 @@ from fgnav.graph.types.motion import LinearisedMotion, Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.identification.likelihood.denoised import denoised
+from fgnav.identification.noise.denoised import denoised
 from fgnav.solve.chain import constant_step, solve_batch
 from fgnav.types.flight import Imu
 

@@ -27,8 +27,8 @@ from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.motion import LinearisedMotion, Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
-from fgnav.identification.likelihood.denoised import denoised
 from fgnav.identification.likelihood.span_offsets import LIKELY, Offset
+from fgnav.identification.noise.denoised import denoised
 from fgnav.solve.chain import constant_step
 from fgnav.types.flight import Imu
 

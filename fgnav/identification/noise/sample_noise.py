@@ -23,9 +23,9 @@ from fgnav.checks import FloatArray
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.graph.innovation.band import TOLERATED
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.identification.likelihood.denoised import NORMAL, ORDER
 from fgnav.identification.likelihood.thinned import FIELDS
 from fgnav.identification.noise.begin import WHITE
+from fgnav.identification.noise.denoised import NORMAL, ORDER
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
 from fgnav.identification.spans.errors import SAMPLES
 from fgnav.identification.track.windows import EXCLUDED, FALSE_ALARM
