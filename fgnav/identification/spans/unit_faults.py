@@ -5,10 +5,10 @@ Such an error is no noise: while it lasts, samples err alike. From one time to a
 [x]x for axes that turn. Each is tested over all spans of a second or more, on the thinned chain at
 the stated noise and at the noise identified. It is taken for true where the flight is likelier with
 it than with that noise by the odds of any contradiction, and by as many again as there are seconds
-at which it may begin, and than with an offset of any measurement over a span. Then samples are
-taken without it, and what is left of it is a bias that may step at the ends of the span. Where the
-unit is louder than any noise, errors of less than half of the record may be why: they stand if
-what is left is noise.
+at which it may begin, and than with an offset of any measurement over a span, if without it, its
+noise identified anew, it is no less likely than before. Then samples are taken without it, and what
+is left of it is a bias that may step at the ends of the span. Where the unit is louder than any
+noise, errors of less than half of the record may be why: they stand if what is left is noise.
 """
 
 from collections.abc import Callable, Collection
@@ -107,7 +107,7 @@ def with_span_faults(
             after = rest.identified(at_tags.moved)
         except NoSolutionError:  # then it is not what the flight contradicts
             break
-        if after is None:
+        if after is None or after.identified.likelihood < at_tags.identified.likelihood:
             break
         faults, search, at_tags, begin = (*faults, *likeliest), rest, after, None
         is_louder = False
