@@ -21,14 +21,14 @@ def added(shape: str, x: FloatArray, u: FloatArray, t_s: FloatArray) -> FloatArr
     Parameters
     ----------
     shape : str
-        Of ``span_offsets.SHAPES``, or a drift, which is u in all.
+        Of ``span_offsets.SHAPES``, or a drift by u a second from the first sample on.
     x, u, t_s : ndarray, shapes (n, 3), (3,), (n,)
         Samples, the error's numbers, times.
     """
     if shape == "offset":
         return np.broadcast_to(u, x.shape)
     if shape == DRIFT:
-        return np.outer((t_s - t_s[[0, -1]].mean()) / (t_s[-1] - t_s[0]), u)
+        return np.outer(t_s - t_s[0], u)
     return x * u if shape == "scale" else np.asarray(np.cross(x, u))
 
 
