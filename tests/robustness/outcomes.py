@@ -127,7 +127,7 @@ def misshapen(err: str, status: int) -> str:
     if len(lines[0]) > 700:
         return "unnamed"
     # Bad input has a place: a file of the flight, or the flight by name.
-    is_named = status == 1 or re.search(r"/flight|flight |fgnav: [a-z]+: \w+ \w+: ", lines[0])
+    is_named = status == 1 or re.search(r"/flight|flight |fgnav: [a-z]+: \w+( \w+)+: ", lines[0])
     return "" if is_named else "unnamed"
 
 

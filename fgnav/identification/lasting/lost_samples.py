@@ -4,18 +4,19 @@ A logger that counts samples loses some, and no gap shows it. Of n_k samples of 
 keyframe k, tags after it are early by n_k T. With score s and information N of tags after each
 keyframe that are later (``likelihood.span_constants``; one linear solve), the losses n are
 
-    max  T s'n - T^2 n'N n / 2 - ln(keyframes) sum(n),   n whole and none negative
+    max  T s'n - T^2 n'N n / 2 - ln(m^S prod(n_k!) / S!),   S = sum(n), n whole, none negative
 
 by single losses, more, fewer or elsewhere, as long as that gains; then tags are put back and all is
-linearised anew. Where a loss may as well be at another keyframe b than at a, of probability p, what
-the samples x would err by is noise between them of density ``p T^2 |x_b - x_a|^2 / (t_b - t_a)``.
+linearised anew. The last term is the probability of S losses among m keyframes, in any order. Where
+a loss may as well be at another keyframe b than at a, of probability p, what the samples x would
+err by is noise between them of density ``p T^2 |x_b - x_a|^2 / (t_b - t_a)``.
 """
 
 from dataclasses import replace
 from typing import NamedTuple, cast
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import gammaln, logsumexp
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.frontend.calibration_request import CalibrationRequest
@@ -120,7 +121,7 @@ def _sought(
             solution = solve_batch(at)
         except NoSolutionError:
             break
-        odds = float(changed.sum() * np.log(len(counts)))
+        odds = _odds(changed, spread)
         nats = (stated.cost - solution.cost) / 2 - odds
         if not solution.converged or (likeliest is not None and nats <= likeliest.nats):
             break
@@ -134,6 +135,14 @@ def _sought(
     except NoSolutionError:
         return None
     return likeliest._replace(cost=doubted.cost)
+
+
+def _odds(counts: IntArray, spread: FloatArray) -> float:
+    """Return the nats against so many losses in any order, each at any place that is as likely."""
+    total, at = counts.sum(), counts > 0
+    orders = gammaln(total + 1) - gammaln(counts + 1).sum()
+    places = counts[at] @ logsumexp(spread[at], axis=1)
+    return float(total * np.log(len(counts)) - orders - places)
 
 
 def _none(edges: IntArray) -> IntArray:
@@ -156,10 +165,12 @@ def _likeliest(
     # A step from an interval on is in all later ones.
     s = unit * blocks[0][::-1, 0].cumsum()[::-1]
     N = unit**2 * blocks[1][::-1, ::-1, 0, 0].cumsum(axis=0).cumsum(axis=1)[::-1, ::-1]
-    each, counts, own = np.log(len(before)), before.copy(), N.diagonal()
+    counts, own = before.copy(), N.diagonal()
     for _ in range(2 * _MOST):
-        g = s - N @ (counts - before)
-        more, fewer = g - own / 2 - each, np.where(counts > 0, -g - own / 2 + each, -np.inf)
+        g, total = s - N @ (counts - before), counts.sum()
+        more = g - own / 2 - np.log(len(counts) * (counts + 1) / (total + 1))
+        with np.errstate(divide="ignore"):
+            fewer = -g - own / 2 + np.log(len(counts) * counts / max(total, 1))
         more[0] = -np.inf  # a clock that is off all along
         elsewhere = _elsewhere(g, N, counts)
         best = (more.max(), fewer.max(), elsewhere.max())
@@ -180,6 +191,8 @@ def _elsewhere(g: FloatArray, N: FloatArray, counts: IntArray) -> FloatArray:
     """Return what a loss at a keyframe a gains at another, b, (m, m)."""
     own = N.diagonal()
     gain = g - g[:, None] - (own + own[:, None]) / 2 + N
+    gain += np.log(np.maximum(counts, 1))[:, None] - np.log(counts + 1)
+    np.fill_diagonal(gain, 0.0)
     gain[:, 0] = -np.inf
     return np.where(counts[:, None] > 0, gain, -np.inf)
 

@@ -51,12 +51,13 @@ def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
         return ()
     if not solution.converged or solution.cost < chdtri(rows, _DOUBTED):
         return ()
-    edges, last = _seconds(problem.t_s), len(problem.t_s) - 1
+    edges = _seconds(problem.t_s)
     offsets: list[Offset] = []
-    for error in ERRORS:
-        at = np.array([0, last]) if error[1] == DRIFT else edges
-        one = _likeliest(problem, solution.states, error, at)
-        offsets += [] if one is None else [one]
+    for sensor, shape in ERRORS:
+        if shape != DRIFT:
+            one = _likeliest(problem, solution.states, (sensor, shape), edges)
+            offsets += [] if one is None else [one]
+    offsets += of_drifts(problem, solution.states)
     offsets.sort(key=lambda one: -one.gain)
     if not offsets or solution.cost - 2 * offsets[0].gain > chdtri(rows, FALSE_ALARM):
         return ()
@@ -65,6 +66,13 @@ def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
     likely = [one for one in offsets if one.gain > offsets[0].gain - LIKELY]
     finer = (_finer(problem, solution.states, one, edges) for one in likely)
     return tuple(sorted(finer, key=lambda one: -one.gain))
+
+
+def of_drifts(problem: SmoothingProblem, at: States) -> list[Offset]:
+    """Return how either bias drifts over all of a record, about a problem's minimum."""
+    ends = np.array([0, len(problem.t_s) - 1])
+    drifts = (_likeliest(problem, at, (sensor, DRIFT), ends) for sensor in WHITE)
+    return [one for one in drifts if one is not None]
 
 
 def is_turned_throughout(problem: SmoothingProblem, at: States, turned: Offset, edges: int) -> bool:
@@ -86,6 +94,7 @@ def _likeliest(
 ) -> Offset | None:
     sensor, shape = error
     any_ = ANY_BIAS[sensor] if shape in ("offset", DRIFT) else ANY_SHARE
+    any_ /= float(np.ptp(problem.t_s)) if shape == DRIFT else 1.0
 
     def less(by: FloatArray, imu: Imu) -> Imu:
         return without(imu, sensor, shape, by)

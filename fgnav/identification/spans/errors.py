@@ -12,9 +12,9 @@ from fgnav.types.flight import Imu
 
 SAMPLES = {"accelerometer": "f_b_mps2", "gyroscope": "w_b_radps"}
 DRIFT = "drift"  # of a bias, over all of a record
-# 1-sigma where next to nothing is known: of biases and drifts, m/s2 and rad/s, and of scales, and
-# turns in rad.
-ANY_BIAS = {"accelerometer": 1.0, "gyroscope": 0.1}
+# 1-sigma where next to nothing is known: of biases, and drifts in all, m/s2 and rad/s, and of
+# scales, and turns in rad.
+ANY_BIAS = {"accelerometer": 10.0, "gyroscope": 1.0}
 ANY_SHARE = 0.3
 ERRORS = tuple((sensor, shape) for sensor in WHITE for shape in (*SHAPES, DRIFT))
 
@@ -25,14 +25,14 @@ def added(shape: str, x: FloatArray, u: FloatArray, t_s: FloatArray) -> FloatArr
     Parameters
     ----------
     shape : str
-        Of ``span_offsets.SHAPES``, or a drift, which is u in all.
+        Of ``span_offsets.SHAPES``, or a drift by u a second from the first sample on.
     x, u, t_s : ndarray, shapes (n, 3), (3,), (n,)
         Samples, the error's numbers, times.
     """
     if shape == "offset":
         return np.broadcast_to(u, x.shape)
     if shape == DRIFT:
-        return np.outer((t_s - t_s[[0, -1]].mean()) / (t_s[-1] - t_s[0]), u)
+        return np.outer(t_s - t_s[0], u)
     return x * u if shape == "scale" else np.asarray(np.cross(x, u))
 
 

@@ -103,9 +103,9 @@ class SpanFault(NamedTuple):
                 density[inside, first : first + 3] += self.variance / (end_s - begin_s)
         next_ = np.flatnonzero((t_s[:-1] <= self.cut_s + SAME_S) & (t_s[1:] > self.cut_s + SAME_S))
         density[next_, first : first + 3] += self.variance / np.diff(t_s)[next_, None]
-        if self.shape == DRIFT:
-            # Of u t / T from -T/2 to T/2 the mean square is u^2 / 12.
-            density[:, first : first + 3] += 12 * self.variance / (t_s[-1] - t_s[0])
+        if self.shape == DRIFT and not self.is_likely:  # else a walk of what is left is identified
+            # Of u t / T from 0 to T the mean square is u^2 / 3.
+            density[:, first : first + 3] += 3 * self.variance / (t_s[-1] - t_s[0])
         if self.from_s == -np.inf:
             name = _BIASES[self.sensor]
             sigma = np.hypot(getattr(imu, name) or 0.0, np.sqrt(self.variance.max()))

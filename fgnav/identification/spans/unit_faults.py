@@ -5,10 +5,10 @@ Such an error is no noise: while it lasts, samples err alike. From one time to a
 [x]x for axes that turn. Each is tested over all spans of a second or more, on the thinned chain at
 the stated noise and at the noise identified. It is taken for true where the flight is likelier with
 it than with that noise by the odds of any contradiction, and by as many again as there are seconds
-at which it may begin, and than with an offset of any measurement over a span. Then samples are
-taken without it, and what is left of it is a bias that may step at the ends of the span. Where the
-unit is louder than any noise, errors of less than half of the record may be why: they stand if
-what is left is noise.
+at which it may begin, and than with an offset of any measurement over a span, if without it, its
+noise identified anew, it is no less likely than before. Then samples are taken without it, and what
+is left of it is a bias that may step at the ends of the span. Where the unit is louder than any
+noise, errors of less than half of the record may be why: they stand if what is left is noise.
 """
 
 from collections.abc import Callable, Collection
@@ -43,8 +43,12 @@ from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
-from fgnav.identification.spans.beside_phases import is_turned_throughout, offsets_by_phases
-from fgnav.identification.spans.errors import ERRORS, SAMPLES, added
+from fgnav.identification.spans.beside_phases import (
+    is_turned_throughout,
+    of_drifts,
+    offsets_by_phases,
+)
+from fgnav.identification.spans.errors import DRIFT, ERRORS, SAMPLES, added
 from fgnav.identification.spans.span_fault import SpanFault
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
 from fgnav.identification.track.tags import middle_of_tags_s, with_tags_moved
@@ -111,7 +115,7 @@ def with_span_faults(
             after = rest.identified(at_tags.moved)
         except NoSolutionError:  # then it is not what the flight contradicts
             break
-        if after is None:
+        if after is None or after.identified.likelihood < at_tags.identified.likelihood:
             break
         faults, search, at_tags, begin = (*faults, *likeliest), rest, after, None
         is_louder = False
@@ -122,7 +126,8 @@ def _is_of_most(fault: SpanFault, imu: Imu | None, identified: Identified) -> bo
     """Return whether a fault would be of most samples, where a unit is louder than any noise."""
     if imu is None or not identified.exceeds_noise.any():
         return False
-    return bool(fault.strikes(imu.t_s).mean() > 0.5) or not fault.is_likely
+    is_of_most = fault.shape != DRIFT and fault.strikes(imu.t_s).mean() > 0.5
+    return bool(is_of_most or not fault.is_likely)
 
 
 def _likeliest(
@@ -256,9 +261,10 @@ def _refined(
         if solution is None:
             break
         step = solution.states.constants[-3:]
+        sigma = np.sqrt(solution.constant_covariance[0].diagonal()[-3:])
         doubt = AttitudeDoubt(problem.t_s, _attitude_covariance(solution))
         fault = fault._replace(value=fault.value + step, doubt=doubt)
-        if np.all(np.abs(step) < fault.sigma):
+        if np.all(np.abs(step) < sigma):
             break
     return fault
 
@@ -297,7 +303,8 @@ class _Tested(NamedTuple):
         solution = solve_batch(small, begin=solution.states)  # covariances of its linearisation
         if not solution.converged:
             raise NoSolutionError("faults of spans: the chain has no minimum")
-        of_unit = sorted(of_biases(small, solution), key=lambda one: -one.gain)
+        errors = (*of_biases(small, solution), *of_drifts(small, solution.states))
+        of_unit = sorted(errors, key=lambda one: -one.gain)
         of_sensors = {one.sensor: one for one in reversed(of_unit)}.values()
         as_likely = (one for one in of_sensors if one.gain > of_unit[0].gain - LIKELY)
         offsets = tuple(sorted(as_likely, key=lambda one: -one.gain))
