@@ -29,6 +29,7 @@ from fgnav.identification.noise.identify import as_stated, identify
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
 from fgnav.identification.tested_constants import SIGMAS, SQUARES_OF_TWO
 from fgnav.identification.track.candidates import clock_candidates, over_common_span
+from fgnav.identification.track.clock import STEP_S
 from fgnav.identification.track.tags import is_far, middle_of_tags_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.process.hyperparameters import IntervalPriors
@@ -88,12 +89,13 @@ class TagSearch(NamedTuple):
             common = self._replace(flight=over_common_span(self.flight, late_s))
             ends = [common._end_from(one) for one in late_s]
             likely = [-np.inf if end is None else end.identified.likelihood for end in ends]
-            best = ends[int(np.argmax(likely))]
-            if best is None:
+            best = int(np.argmax(likely)) if max(likely) > likely[0] + EXCLUDED else 0
+            end = ends[best]
+            if end is None:
                 return None
-            stated = best if ends[0] is None else ends[0]
-            is_excluded = max(likely) > likely[0] + EXCLUDED
-            begin = (best if is_excluded else stated).moved
+            begin = np.array([late_s[best], 0.0])
+            if abs(end.moved[0] - begin[0]) > STEP_S:  # in another valley than it began
+                begin = end.moved
         if begin.any():
             return self.identified(begin)
         return self.identified(begin, begin=prepared, clock_nats=clock_nats)
