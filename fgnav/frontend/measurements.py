@@ -231,7 +231,8 @@ def _wheels(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
 
 def _standstill(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
     if recorded.sensed.standing is not None:
-        yield Standstill(**recorded.sensed.standing._asdict())
+        stands = recorded.sensed.standing
+        yield Standstill(row=stands.row, sigma_mps=stands.sigma_mps)
     if recorded.sensed.resting is not None:
         yield RestingRate(
             **recorded.sensed.resting._asdict(),

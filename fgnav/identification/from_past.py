@@ -26,6 +26,7 @@ from fgnav.frontend.prepared import PreparedFlight, Stretch
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.identification.apply import corrected, with_findings
 from fgnav.identification.findings import FEWEST, Findings, findings
+from fgnav.identification.likelihood.bent_clock import determinant_of, informed_requests
 from fgnav.identification.noise.doubted import is_doubted, mean_squares
 from fgnav.identification.noise.stated import unstated
 from fgnav.identification.notes import doubt_notes
@@ -177,5 +178,23 @@ def _with_doubt(changes: Findings, past: Flight, settings: ProblemSettings, buil
     """Return a look with what it leaves open of a unit that is not as its sheet has it."""
     if not is_doubted(changes.factors, unstated(past)):
         return Look(changes)
+    changes = _with_open_clock(changes, past, settings, build)
     thinned = corrected(past, settings, changes, build).tested(np.zeros(2))
     return Look(changes, doubted=mean_squares(thinned, changes.factors))
+
+
+def _with_open_clock(
+    changes: Findings, past: Flight, settings: ProblemSettings, build: Build
+) -> Findings:
+    """Return findings with the clock of a unit that is not as its sheet has it: as nobody states.
+
+    Until it is told, a record that shows no clock that is off has none that is right either.
+    """
+    if past.fixes is None or any(one.kind == "clock" for one in changes.calibration):
+        return changes
+    requests = (*changes.calibration, *calibration_requests(["clock"]))
+    with_clock = changes._replace(calibration=requests)
+    determinant = determinant_of(with_findings(past, settings, with_clock, build))
+    if determinant is None:
+        return with_clock
+    return changes._replace(calibration=informed_requests(requests, determinant))

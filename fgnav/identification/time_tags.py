@@ -29,6 +29,7 @@ from fgnav.identification.noise.identify import as_stated, identify
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
 from fgnav.identification.tested_constants import SIGMAS, SQUARES_OF_TWO
 from fgnav.identification.track.candidates import clock_candidates, over_common_span
+from fgnav.identification.track.clock import STEP_S
 from fgnav.identification.track.tags import is_far, middle_of_tags_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.process.hyperparameters import IntervalPriors
@@ -83,18 +84,21 @@ class TagSearch(NamedTuple):
             What a step of the clock promises there, if that is known.
         """
         late_s = clock_candidates(self.flight)
-        chosen_s = late_s[0]
+        begin = np.array([late_s[0], 0.0])
         if len(late_s) > 1:
             common = self._replace(flight=over_common_span(self.flight, late_s))
-            likely = {one: common._likelihood_at(one) for one in late_s}
-            best_s = max(likely, key=lambda one: likely[one])
-            if likely[best_s] == -np.inf:
+            ends = [common._end_from(one) for one in late_s]
+            likely = [-np.inf if end is None else end.identified.likelihood for end in ends]
+            best = int(np.argmax(likely)) if max(likely) > likely[0] + EXCLUDED else 0
+            end = ends[best]
+            if end is None:
                 return None
-            if likely[best_s] > likely[chosen_s] + EXCLUDED:
-                chosen_s = best_s
-        if chosen_s:
-            return self.identified(np.array([chosen_s, 0.0]))
-        return self.identified(np.zeros(2), begin=prepared, clock_nats=clock_nats)
+            begin = np.array([late_s[best], 0.0])
+            if abs(end.moved[0] - begin[0]) > STEP_S:  # in another valley than it began
+                begin = end.moved
+        if begin.any():
+            return self.identified(begin)
+        return self.identified(begin, begin=prepared, clock_nats=clock_nats)
 
     def identified(
         self,
@@ -186,13 +190,12 @@ class TagSearch(NamedTuple):
     def _with_tags(self, moved: FloatArray) -> Flight:
         return with_tags_moved(self.flight, moved, middle_of_tags_s(self.flight.imu))
 
-    def _likelihood_at(self, late_s: float) -> float:
-        """Return the likelihood of a clock; minus infinity without a solution or a heading."""
+    def _end_from(self, late_s: float) -> AtTags | None:
+        """Return what the flight says begun at a clock; None without a solution or a heading."""
         try:
-            at_tags = self.identified(np.array([late_s, 0.0]))
+            return self.identified(np.array([late_s, 0.0]))
         except NoSolutionError:
-            return -np.inf
-        return -np.inf if at_tags is None else at_tags.identified.likelihood
+            return None
 
     def _stepped(self, first: AtTags, extra: tuple[FlightConstant, ...]) -> AtTags:
         """Return what the flight says at tags moved by steps until one is within its sigma.

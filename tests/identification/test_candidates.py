@@ -1,9 +1,12 @@
 """Clocks to begin from: what the track tells, and never one that leaves too little to judge by."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 
+from fgnav.identification import time_tags
+from fgnav.identification.time_tags import AtTags, TagSearch
 from fgnav.identification.track.candidates import clock_candidates, over_common_span
 from tests.frontend.standing import standing
 
@@ -36,3 +39,17 @@ def test_without_a_gyroscope_or_with_few_fixes_the_stated_clock_stands_alone():
     blind = replace(flight, imu=replace(flight.imu, **dict.fromkeys(silent)))
     few = replace(flight, fixes=flight.fixes[np.arange(len(flight.fixes.t_s)) < 40])
     assert clock_candidates(blind) == clock_candidates(few) == (0.0,)
+
+
+def test_tags_are_where_the_likeliest_search_ended_though_it_began_at_the_stated_clock(monkeypatch):
+    """Of a quadrotor's 27 s: from its stated clock .48 s on, likelier than from the track's."""
+    ends = {0.0: ((-0.478, 222.0), -316.4), -0.466: ((-0.466, 0.0), -320.7)}
+
+    def identified(_search, moved, **_begin):
+        at, likelihood = ends.get(float(moved[0]), (moved, 0.0))
+        return AtTags(SimpleNamespace(likelihood=likelihood), np.array(at))
+
+    monkeypatch.setattr(time_tags, "clock_candidates", lambda _flight: tuple(ends))
+    monkeypatch.setattr(TagSearch, "identified", identified)
+    search = TagSearch(standing(20_009, span_s=40.0), None, None)
+    np.testing.assert_array_equal(search.likeliest(None).moved, [-0.478, 222.0])

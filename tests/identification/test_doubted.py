@@ -57,7 +57,7 @@ def test_a_sheet_is_doubted_where_white_noise_is_louder_than_it_states(factors, 
 def test_a_loud_accelerometer_leaves_its_gyroscope_open_as_far_as_the_record_does():
     """Thirty times as loud as stated, by a dozen fixes: these see ten times its gyroscope's noise.
 
-    The problem that goes on has the noise found and the doubt of the other.
+    The problem that goes on has the noise found and the doubt of the other, and its clock open.
     """
     flight, rng = every_second(20_011, position_noise_m=0.02, velocity_noise_mps=0.02)
     imu, step_s = flight.imu, np.diff(flight.imu.t_s).mean()
@@ -73,3 +73,6 @@ def test_a_loud_accelerometer_leaves_its_gyroscope_open_as_far_as_the_record_doe
     stated = imu.gyroscope_noise_radps_per_sqrt_hz
     np.testing.assert_allclose(prepared.problem.motion.gyroscope_noise, (f * stated) ** 2)
     assert any("leaves open how loud" in note for note in prepared.notes)
+    parts = {one.name: one for one in prepared.problem.constants.parts}
+    # .3 s, less what the determinant of the states tells of a clock.
+    assert 0.05 < np.sqrt(parts["clock offset"].covariance[0, 0]) <= 0.3

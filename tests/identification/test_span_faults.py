@@ -12,7 +12,7 @@ from fgnav.graph.types.constants import flight_constant
 from fgnav.identification.findings import findings
 from fgnav.identification.likelihood import span_offsets
 from fgnav.identification.likelihood.changed_samples import ChangedBy, solved_with_changes
-from fgnav.identification.likelihood.span_offsets import of_biases
+from fgnav.identification.likelihood.span_offsets import _Columns, _of_window, of_biases
 from fgnav.identification.likelihood.thinned import thinned
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.methods.smoother import Smoother
@@ -166,3 +166,15 @@ def test_most_of_a_record_that_is_louder_than_any_noise_is_refused():
     flight = changed(right_flight("fixes", 763), "f_b_mps2", lambda x: x * [1.0, 0.5, 1.0], -1.0)
     with pytest.raises(NoSolutionError, match="contradict each other: gyroscope"):
         Smoother()(flight)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_offset_that_states_follow_gains_nothing_by_rounding(seed):
+    """Across a gap of GNSS a thousandth of G' G is rounding: some of it positive, some negative."""
+    rng, w = np.random.default_rng(seed), 12
+    noise = 1e-3 * rng.normal(size=(w, w))
+    shared = (np.eye(w) + (noise + noise.T) / 2)[:, None, :, None]
+    score = 0.03 * rng.normal(size=(w, 1))
+    columns = _Columns("accelerometer", "offset", np.zeros((w, 0, 1)), np.ones((w, 1, 1)), score)
+    found = _of_window(np.arange(w + 1.0), columns, shared, slice(0, w), (1.0, w, 0.0))
+    assert found.gain < 3.0

@@ -6,7 +6,9 @@ score, its information and what it gains of log likelihood are [1]_ [2]_
 
     s = sum G' y        N = sum G' (I - J P J') G        s' N^-1 s / 2
 
-N of a span is a sum over pairs of intervals, so that all spans follow from cumulative sums.
+N of a span is a sum over pairs of intervals, so that all spans follow from cumulative sums. Across
+a gap of GNSS its terms are large, and so is their rounding: as much as the most negative N has,
+beside G' G, is added to all.
 
 Noise that is not white, as that of vibration, leaves more in all of a record than chance does, and
 a span of it is no fault. Of a long record the gain of the median window, by what it is of a right
@@ -26,7 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray
+from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import transpose
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.measurement import Linearised
@@ -268,10 +270,13 @@ def _of_window(
         )
     s = sums[end] - sums[begin]
     of_span = total[end, end] - total[begin, end] - total[end, begin] + total[begin, begin]
-    floor = _OPEN * (sizes[end] - sizes[begin]).clip(1e-300)
+    size = (sizes[end] - sizes[begin]).clip(1e-300)
+    least = np.linalg.eigvalsh(of_span)[:, 0] / size
+    # No information is negative: what is shows how much of it rounding is.
+    floor = (_OPEN + max(-float(least.min()), 0.0)) * size
     of_span = of_span + floor[:, None, None] * np.eye(g)
     value = np.linalg.solve(of_span, s[:, :, None])[:, :, 0]
-    gains = np.where(_is_positive(of_span), (s * value).sum(axis=1) / 2, 0.0)
+    gains = np.where(least > -_OPEN, (s * value).sum(axis=1) / 2, 0.0)
     counts = np.concatenate([[0], np.cumsum(squares > 0)])
     posterior = gains - each_nats * (counts[end] - counts[begin])
     i = int(posterior.argmax())
@@ -288,12 +293,6 @@ def _of_window(
         value[i],
         np.linalg.inv(of_span[i]),
     )
-
-
-def _is_positive(A: FloatArray) -> BoolArray:
-    """Return which symmetric matrices, (k, g, g), rounding has left positive definite."""
-    minors = [np.linalg.det(A[:, :m, :m]) > 0 for m in range(1, A.shape[1] + 1)]
-    return np.asarray(np.all(minors, axis=0))
 
 
 def _shared(solution: Solution, effects: list[FloatArray], window: slice) -> list[FloatArray]:
