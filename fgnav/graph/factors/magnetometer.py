@@ -3,7 +3,8 @@
 ``r = A (R_nb' m_n + o_b) / |R_nb' m_n + o_b|``: m_n the Earth's field, o_b the hard iron, which may
 drift steadily, A the whitening rows across the measured direction [1]_. Only the direction counts:
 with the size, a hard iron that takes some of the Earth's field away would make every residual
-smaller.
+smaller. So r is the sine of the angle to the measured direction, and against it zero again; there,
+from 90 degrees on, r is lengthened to two less that sine, by ``(2 - s) / s``.
 
 References
 ----------
@@ -26,6 +27,8 @@ from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 from fgnav.optional_gtsam import gtsam
+
+_LEAST_SINE = 1e-3  # nearer to the opposite no direction leads away from it
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -89,6 +92,23 @@ class MagneticField:
 
 
 @kernel
+def _across(A: FloatArray, u_b: FloatArray) -> tuple[float, FloatArray]:
+    """Return by what a residual is lengthened, and its derivative by the direction, (2, 3)."""
+    e_b = rot.times(rot.skew(A[0]), A[1])
+    e_b = rot.scaled(e_b, 1.0 / np.sqrt(e_b[0] ** 2 + e_b[1] ** 2 + e_b[2] ** 2))
+    cosine = e_b[0] * u_b[0] + e_b[1] * u_b[1] + e_b[2] * u_b[2]
+    if cosine >= 0.0:
+        return 1.0, A
+    sine = np.sqrt(max(1.0 - cosine**2, _LEAST_SINE**2))
+    longer, out = (2.0 - sine) / sine, np.empty((2, 3))
+    for m in range(2):
+        beside = A[m, 0] * u_b[0] + A[m, 1] * u_b[1] + A[m, 2] * u_b[2]
+        for c in range(3):
+            out[m, c] = longer * A[m, c] + 2.0 * cosine / sine**3 * beside * e_b[c]
+    return longer, out
+
+
+@kernel
 def _kernel(
     at: States,
     which: IntArray,
@@ -108,14 +128,16 @@ def _kernel(
             if iron >= 0:
                 sum_b[c] += at.constants[iron + c] + at.constants[drift + c] * since_s[i]
         size = np.sqrt(sum_b[0] ** 2 + sum_b[1] ** 2 + sum_b[2] ** 2)
+        u_b = rot.scaled(sum_b, 1.0 / size)
         for r in range(3):
             for c in range(3):
-                flat[r, c] = ((r == c) - sum_b[r] * sum_b[c] / size**2) / size
-        by_field = rot.product(across_b[i], flat)
+                flat[r, c] = ((r == c) - u_b[r] * u_b[c]) / size
+        longer, across = _across(across_b[i], u_b)
+        by_field = rot.product(across, flat)
         by_turn = rot.product(by_field, rot.skew(earth_b))
         for m in range(2):
             for c in range(3):
-                value[k, m] += across_b[i, m, c] * sum_b[c] / size
+                value[k, m] += longer * across_b[i, m, c] * u_b[c]
                 state[k, m, c] = by_turn[m, c]
                 if iron >= 0:
                     shared[k, m, iron + c] += by_field[m, c]

@@ -93,6 +93,24 @@ def test_the_jacobian_of_a_drifting_hard_iron_equals_differences():
     )
 
 
+def test_a_field_against_the_measured_one_is_further_off_than_one_across():
+    """Its sine is zero there: an accelerometer reversed was a body upside down, NEES 3e7."""
+    rng, shared = np.random.default_rng(9), cases.constants(3)
+    at = cases.random_states(K, shared, rng)
+    one = replace(field(rng, shared, at, iron=True), across_b=across_b_of_a_degree(at))
+    for turn_rad, least, most in ((1.5, 57.0, 58.0), (2.5, 75.0, 85.0), (3.0, 100.0, 112.0)):
+        beside_n = unit(np.cross(one.field_n_ut, [0.0, 1.0, 0.0]))
+        turned = at._replace(R_nb=exp(turn_rad * beside_n[None]) @ at.R_nb, constants=np.zeros(3))
+        size = np.linalg.norm(one.linearise(turned, ALL).value, axis=1)
+        assert ((size > least) & (size < most)).all()
+        cases.assert_jacobians(one, turned)
+
+
+def across_b_of_a_degree(at):
+    field_b = np.einsum("nji,j->ni", at.R_nb, np.array([20.0, 1.0, 45.0]))
+    return Directions.isotropic(unit(field_b), np.radians(1.0)).across_b
+
+
 @pytest.mark.parametrize("which", range(6))
 def test_gtsam_says_the_same(which):
     rng, shared = np.random.default_rng(2), cases.constants(3, 2)
