@@ -8,6 +8,7 @@ import pytest
 
 from fgnav.checks import NoSolutionError
 from fgnav.identification import tested_constants, time_tags
+from fgnav.identification.lasting.clock import ClockOff
 from fgnav.identification.tested_constants import Times
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Smoother
@@ -35,7 +36,8 @@ def test_a_clock_that_is_off_is_corrected_to_the_end():
     flight = right_flight("array", 75_835)
     late = replace(flight, imu=replace(flight.imu, t_s=flight.imu.t_s + 0.352))
     found = found_in(late)
-    assert abs(found.moved[0] + 0.352) < 4 * 0.0013  # its sigma
+    assert isinstance(found.cause, ClockOff)
+    assert abs(found.cause.moved[0] + 0.352) < 4 * 0.0013  # its sigma
     assert all(one.kind != "clock" for one in found.calibration)
     assert any("corrected." in note for note in found.notes)
 

@@ -144,9 +144,11 @@ def likeliest_cause(
     errors = sorted((*tested, *_late(problem, stated, moved)), key=lambda one: -one.nats)
     changed = [one for one in (lost_samples(problem, stated), moved) if one is not None]
     ordered = sorted((*errors, *changed), key=lambda one: -one.nats)
-    if not ordered or ordered[0].nats < EXCLUDED - LIKELY:
+    least = EXCLUDED - LIKELY
+    likely = (one for one in ordered if one.nats >= least and not _is_of_span(one, problem, stated))
+    best = next(likely, None)
+    if best is None:
         return None
-    best = ordered[0]
     if is_misfit(problem, best.cost):
         return None
     rivals = (
@@ -162,6 +164,10 @@ def likeliest_cause(
     if best.nats <= EXCLUDED and not may_be_unlikely:
         return None
     return _of_errors(best, errors, problem) if isinstance(best, LastingError) else best
+
+
+def _is_of_span(one: "LastingError | Cause", problem: SmoothingProblem, stated: Solution) -> bool:
+    return isinstance(one, LastingError) and unit_axes.is_of_span(one, problem, stated)
 
 
 def _late(

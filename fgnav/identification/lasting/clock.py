@@ -7,7 +7,7 @@ cause, which is weighed as any.
 """
 
 from dataclasses import replace
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import expit
@@ -17,7 +17,6 @@ from fgnav.frontend.calibration_request import CalibrationRequest, calibration_r
 from fgnav.frontend.prepared import AttitudeDoubt
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
-from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.identification.likelihood.record_clock import (
@@ -25,6 +24,7 @@ from fgnav.identification.likelihood.record_clock import (
     attitude_doubt,
     clock_step,
     prior_squares,
+    with_tags,
 )
 from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.track.tags import tags_moved_s, with_tags_moved
@@ -107,8 +107,10 @@ def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> C
         if clock is None:
             break
         moved = moved + clock.value
-        imu = replace(motion.imu, t_s=tags_moved_s(motion.imu, moved, middle_s))
-        at = replace(problem, motion=cast("Motion", replace(motion, imu=imu)))
+        t_s = tags_moved_s(motion.imu, moved, middle_s)
+        if not (np.diff(t_s) > 0.0).all():
+            break
+        at = with_tags(problem, t_s)
         try:
             solution = solve_batch(at)
         except NoSolutionError:

@@ -37,6 +37,7 @@ from fgnav.identification.likelihood.changed_samples import (
 )
 from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.noise.begin import WHITE
+from fgnav.identification.spans.beside_phases import is_throughout
 from fgnav.identification.spans.errors import ANY_BIAS, ANY_SHARE, SAMPLES
 from fgnav.identification.track.windows import EXCLUDED, FALSE_ALARM
 from fgnav.types.flight import Imu
@@ -136,6 +137,15 @@ def unit_errors(problem: SmoothingProblem, stated: Solution) -> Iterator[Lasting
 def are_distinguished(problem: SmoothingProblem) -> bool:
     """Return whether anything else that is fixed to the body sees directions."""
     return any(one.name in _TELL for one in problem.measurements)
+
+
+def is_of_span(error: LastingError, problem: SmoothingProblem, stated: Solution) -> bool:
+    """Return whether scale factors or a bias are likelier off for a while than all along."""
+    one = _OF_UNIT.get(error.kind)
+    if one is None or one.shape == "turn":
+        return False
+    shape = "offset" if one.shape == "bias" else one.shape
+    return not is_throughout(problem, stated.states, (one.sensor, shape))
 
 
 def put_right(imu: Imu, error: LastingError) -> Imu:

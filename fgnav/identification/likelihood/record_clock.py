@@ -11,17 +11,21 @@ References
 """
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.calibration_request import calibration_requests, of_time
 from fgnav.frontend.prepared import AttitudeDoubt
-from fgnav.graph.delayed import CLOCK_OFFSET
+from fgnav.geometry.interpolation import interpolate
+from fgnav.graph.delayed import CLOCK_OFFSET, Delayed
+from fgnav.graph.factors.velocity import Velocity
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import flight_constant
+from fgnav.graph.types.measurement import Measurement
+from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION
@@ -32,6 +36,8 @@ from fgnav.identification.likelihood.changed_samples import (
     solved_with_changes,
     with_changed_samples,
 )
+from fgnav.identification.likelihood.thinned import Some
+from fgnav.identification.noise.denoised import denoised
 from fgnav.identification.tested_constants import SQUARES_OF_TWO
 from fgnav.identification.track.tags import tags_moved_s
 from fgnav.solve.chain import constant_step
@@ -110,6 +116,34 @@ def clock_step(
         return None
     clock = RecordClock(step[first:], covariance[first:, first:], at.cost)
     return clock._replace(cost=at.cost - clock.squares)
+
+
+def with_tags(problem: SmoothingProblem, t_s: FloatArray) -> SmoothingProblem:
+    """Return a problem whose unit has other tags, (m,): its motion, and rates that turn an arm."""
+    motion = cast("Inertial | GyroFree", problem.motion)
+    imu = replace(motion.imu, t_s=t_s)
+    moved = replace(problem, motion=cast("Motion", replace(motion, imu=imu)))
+    quiet = denoised(motion.imu)
+    if quiet.w_b_radps is None:
+        return moved
+    before, after = (interpolate(problem.t_s, at, quiet.w_b_radps) for at in (motion.imu.t_s, t_s))
+    more = after - before
+    return replace(
+        moved, measurements=tuple(_turning(one, more[one.row]) for one in problem.measurements)
+    )
+
+
+def _turning(one: Measurement, more_b_radps: FloatArray) -> Measurement:
+    """Return a measurement with as much more in the rates that it was made with, (k, 3)."""
+    if isinstance(one, Some):
+        of_all = np.zeros((len(one.measurement.row), 3))
+        of_all[one.which] = more_b_radps
+        return replace(one, measurement=_turning(one.measurement, of_all))
+    if isinstance(one, Delayed):
+        return replace(one, measurement=_turning(one.measurement, more_b_radps))
+    if isinstance(one, Velocity) and one.measured_b_radps is not None:
+        return replace(one, measured_b_radps=one.measured_b_radps + more_b_radps)
+    return one
 
 
 def attitude_doubt(

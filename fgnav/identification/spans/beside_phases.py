@@ -89,6 +89,25 @@ def is_turned_throughout(problem: SmoothingProblem, at: States, turned: Offset, 
     return bool(gain + np.log(spans) > turned.gain - LIKELY)
 
 
+def is_throughout(problem: SmoothingProblem, at: States, error: tuple[str, str]) -> bool:
+    """Return whether an error of the unit may as well be one of all of a record as of a span.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    at : States
+        Its minimum.
+    error : tuple of str
+        Sensor and shape.
+    """
+    edges, ends = _seconds(problem.t_s), np.array([0, len(problem.t_s) - 1])
+    of_span, of_all = (_likeliest(problem, at, error, between) for between in (edges, ends))
+    if of_span is None or of_all is None:
+        return True
+    spans = len(edges) * (len(edges) - 1) / 2
+    return bool(of_all.gain + np.log(spans) > of_span.gain - LIKELY)
+
+
 def _likeliest(
     problem: SmoothingProblem, at: States, error: tuple[str, str], edges: IntArray
 ) -> Offset | None:
