@@ -231,8 +231,7 @@ def _wheels(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
 
 def _standstill(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
     if recorded.sensed.standing is not None:
-        stands = recorded.sensed.standing
-        yield Standstill(row=stands.row, sigma_mps=stands.sigma_mps)
+        yield Standstill(**recorded.sensed.standing._asdict())
     if recorded.sensed.resting is not None:
         yield RestingRate(
             **recorded.sensed.resting._asdict(),

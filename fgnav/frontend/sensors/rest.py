@@ -21,35 +21,30 @@ _SAME_S = 1e-6
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Rest:
-    """Seconds at rest: of the unit where it stands, of a receiver where GNSS contradicts none.
-
-    A receiver does not feel what shakes a unit: an engine that starts, people who get in.
+    """Seconds at rest.
 
     Attributes
     ----------
     until_s : ndarray, shape (k,)
-        Ends of the unit's, in turn.
-    of_receiver_s : ndarray, shape (j,)
-        Ends of the receiver's.
+        Their ends, in turn.
     causal : bool
         Whether one is at rest only once it is over.
     """
 
     until_s: FloatArray
-    of_receiver_s: FloatArray
     causal: bool = False
 
     @classmethod
     def of(cls, stands: Standing, t_s: FloatArray, *, causal: bool) -> "Rest":
         """Return the seconds of standstill before keyframes, (n,)."""
-        return cls(t_s[stands.row], t_s[stands.of_receiver], causal)
+        return cls(t_s[stands.row], causal)
 
     def contains(self, t_s: FloatArray) -> BoolArray:
-        """Return at which times, (n,), a receiver is at rest; causal: the last of each second."""
-        if not len(self.of_receiver_s):
+        """Return which times, (n,), are at rest; causal: the last of each second."""
+        if not len(self.until_s):
             return np.zeros(len(t_s), dtype=np.bool_)
-        after = np.searchsorted(self.of_receiver_s, t_s - _SAME_S)
-        until_s = np.append(self.of_receiver_s, np.inf)[after]
+        after = np.searchsorted(self.until_s, t_s - _SAME_S)
+        until_s = np.append(self.until_s, np.inf)[after]
         back_s = _SAME_S if self.causal else WINDOW_S - _SAME_S
         return np.asarray(t_s > until_s - back_s)
 

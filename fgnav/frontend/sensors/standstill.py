@@ -40,15 +40,10 @@ _SAME_S = 1e-6
 
 
 class Standing(NamedTuple):
-    """Keyframes at which a body has stood for a second, (k,), and the 1-sigma of its velocity.
-
-    ``of_receiver``: keyframes, (j,), before which GNSS contradicts no second of rest, whatever the
-    unit feels; none where a body never stands.
-    """
+    """Keyframes at which a body has stood for a second, (k,), and the 1-sigma of its velocity."""
 
     row: IntArray
     sigma_mps: FloatArray
-    of_receiver: IntArray
 
 
 class _Measured(NamedTuple):
@@ -70,7 +65,7 @@ def standing(
     second = np.floor((t_s - t_s[0]) / WINDOW_S).astype(np.int64)
     row = np.flatnonzero(np.diff(second, prepend=0) > 0)
     if not len(row):
-        return Standing(row, np.zeros(0), row)
+        return Standing(row, np.zeros(0))
     variance, step, count = _moments(record, t_s[row])
     measured = _measured(antenna, t_s, row)
     with_gnss = measured.number > 0
@@ -86,9 +81,7 @@ def standing(
     in_motion_mps = _sigma_mps(measured, quiet & contradicted, causal=causal)
     sigma_mps = np.where(with_gnss, sigma_mps, np.fmax(sigma_mps, in_motion_mps))
     stands = quiet & ~contradicted & np.isfinite(sigma_mps)
-    has_stood = np.logical_or.accumulate(stands) if causal else stands.any()
-    of_receiver = stands | with_gnss & ~contradicted & has_stood
-    return Standing(row[stands], sigma_mps[stands], row[of_receiver])
+    return Standing(row[stands], sigma_mps[stands])
 
 
 def _sigma_mps(measured: _Measured, of: BoolArray, *, causal: bool) -> FloatArray:
