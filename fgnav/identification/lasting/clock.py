@@ -101,7 +101,7 @@ def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> C
     moved: FloatArray = np.zeros(2)
     if not isinstance(motion, GyroFree | Inertial):
         return None
-    likeliest: tuple[RecordClock, FloatArray] | None = None
+    likeliest: tuple[RecordClock, FloatArray, SmoothingProblem] | None = None
     for _ in range(_STEPS):
         clock = clock_step(at, solution, middle_s, moved)
         if clock is None:
@@ -118,18 +118,18 @@ def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> C
         cost = solution.cost + prior_squares(moved)
         if not solution.converged or (likeliest is not None and cost >= likeliest[0].cost):
             break
-        likeliest = clock._replace(cost=cost), moved
+        likeliest = clock._replace(cost=cost), moved, at
         if clock.squares <= 1.0 or (stated.cost - cost) / 2 < EXCLUDED - LIKELY:
             break
     if likeliest is None:
         return None
-    clock, moved = likeliest
+    clock, moved, at = likeliest
     (request,) = calibration_requests(["clock"])
     before = np.prod([part.covariance[0, 0] for part in of_time(request)])
     spread = np.linalg.slogdet(clock.covariance)[1] - np.log(before)
     nats = float((stated.cost - clock.cost + spread) / 2)
     is_exact = problem.phase is not None
-    doubt = attitude_doubt(at, middle_s, moved) if is_exact else None
+    doubt = attitude_doubt(at, middle_s, moved) if is_exact and nats > EXCLUDED else None
     return ClockOff(moved, clock.sigma, middle_s, nats, clock.cost, is_exact, doubt)
 
 

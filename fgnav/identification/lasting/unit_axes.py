@@ -149,7 +149,7 @@ def is_of_span(error: LastingError, problem: SmoothingProblem, stated: Solution)
 
 
 def put_right(imu: Imu, error: LastingError) -> Imu:
-    """Return a unit with a sensor's samples in the axes of the other, or of another scale."""
+    """Return a unit without an error: a sensor's turn, its scale factors or its bias."""
     return _OF_UNIT[error.kind].put_right(imu, error.off)
 
 

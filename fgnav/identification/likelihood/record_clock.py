@@ -98,7 +98,7 @@ def record_clock(
 def clock_step(
     problem: SmoothingProblem, at: Solution, middle_s: float, moved: FloatArray
 ) -> RecordClock | None:
-    """Return one step of the clock from a problem's minimum; None without a unit or a step.
+    """Return one step of the clock from a problem's minimum, its cost; None without unit or step.
 
     Taken again at tags so moved it leads to the clock from seconds off, where a minimum of states
     and clock at once has none (variable projection: Golub, Pereyra, SIAM Journal on Numerical
@@ -114,8 +114,7 @@ def clock_step(
         step, covariance = constant_step(with_changed_samples(problem, by), begin)
     except NoSolutionError:
         return None
-    clock = RecordClock(step[first:], covariance[first:, first:], at.cost)
-    return clock._replace(cost=at.cost - clock.squares)
+    return RecordClock(step[first:], covariance[first:, first:], at.cost)
 
 
 def with_tags(problem: SmoothingProblem, t_s: FloatArray) -> SmoothingProblem:
