@@ -10,10 +10,12 @@ from fgnav.checks import IntArray, NoSolutionError
 from fgnav.gnss.difference import double_differences
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.set_up.contents import contents
+from fgnav.set_up.field_angle import angle_findings
 from fgnav.set_up.findings import Finding, SetUp
 from fgnav.set_up.instruments import instrument_findings
+from fgnav.set_up.mean_force import mean_forces, share_of_least
 from fgnav.set_up.samples import sample_findings
-from fgnav.set_up.sizes import expected_force, share_of_least, size_findings
+from fgnav.set_up.sizes import expected_force, size_findings
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight, Imu
 from fgnav.types.observations import Observations
@@ -28,9 +30,9 @@ _LONGEST = 3000  # epochs that are solved; of a longer flight the stretch that h
 def describe(flight: Flight, *, quick: bool = False) -> SetUp:
     """Return what a flight holds and every mistake in its set-up that its data give away.
 
-    Quick: only what costs a small part of an estimate: files, sizes and whether velocities are the
-    change of positions, neither the array nor the motion, whose search for the clock takes a third
-    of a smoother's time on fixes alone.
+    Quick: only what costs a small part of an estimate: files, sizes, whether velocities are the
+    change of positions, and axes and units of a gyroscope beside fixes, neither the array nor the
+    motion, whose search for the clock takes a third of a smoother's time on fixes alone.
 
     Raises
     ------
@@ -48,13 +50,14 @@ def describe(flight: Flight, *, quick: bool = False) -> SetUp:
             findings, unchecked = _solved_findings(flight)
     elif quick:
         findings = _velocity_findings(flight)
+        findings = findings or _axes_findings(flight)
     elif flight.imu is not None:
         findings, unchecked = _track_findings(flight, flight.imu)
     if flight.imu is not None:
         judged = {finding.name.split()[0] for finding in findings}  # by motion, which knows better
         findings += [
             size
-            for size in _sizes(flight, flight.imu, quick=quick)
+            for size in _by_track(flight, flight.imu, quick=quick)
             if size.name.split()[0] not in judged
         ]
     findings = [*samples, *instrument_findings(flight), *findings]
@@ -130,8 +133,16 @@ def _velocity_findings(flight: Flight) -> list[Finding]:
     return velocity_findings(where_it_moves(flight.fixes))[0]
 
 
-def _sizes(flight: Flight, imu: Imu, *, quick: bool) -> list[Finding]:
-    """Judge sizes by the track; quick: of raw data by that of a few pairs of epochs."""
+def _axes_findings(flight: Flight) -> list[Finding]:
+    if flight.fixes is None or flight.imu is None or flight.imu.w_b_radps is None:
+        return []
+    from fgnav.set_up.track.inertial import axes_findings  # noqa: PLC0415  # lazy
+
+    return axes_findings(flight, flight.imu, flight.fixes)
+
+
+def _by_track(flight: Flight, imu: Imu, *, quick: bool) -> list[Finding]:
+    """Judge samples by the track; quick: of raw data by that of a few pairs of epochs."""
     observations = flight.observations
     try:
         if quick and observations is not None:
@@ -139,13 +150,17 @@ def _sizes(flight: Flight, imu: Imu, *, quick: bool) -> list[Finding]:
             later = np.searchsorted(observations.t_s, observations.t_s[rows] + _APART_S)
             pairs = np.unique(np.append(rows, later.clip(max=len(observations.t_s) - 1)))
             track = track_of(replace(flight, observations=observations[pairs]))
-            share = share_of_least(imu, track, flight.origin)
-            return size_findings(imu, None, expected_force(track, flight.origin), share)
-        track = track_of(flight)
+        else:
+            track = track_of(flight)
     except NoSolutionError:  # it has no track
         return size_findings(imu)
-    share = share_of_least(imu, track, flight.origin)
-    return size_findings(imu, track, expected_force(track, flight.origin), share)
+    forces = mean_forces(imu, track, flight.origin)
+    share = None if forces is None else share_of_least(imu, forces)
+    course = None if quick and observations is not None else track
+    findings = size_findings(imu, course, expected_force(track, flight.origin), share)
+    if findings or forces is None or flight.magnetometer is None:
+        return findings
+    return angle_findings(imu, flight.magnetometer, forces)
 
 
 def _leap_finding(flight: Flight) -> Finding | None:

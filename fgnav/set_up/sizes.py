@@ -17,7 +17,6 @@ _RELATED = 0.5  # correlation that says anything
 _ALIKE = 3.0  # times: a slope at so loose a correlation is known no better
 _FAST_MPS = 5.0  # a course is meant
 _NEAR_S = 2.5
-_SPAN_OF_TRACK_S = 1.0  # over which velocities of .5 m/s noise still tell gravity to 7 %
 _LESS = 0.8  # of what is the least: no scale factor, bias or noise leaves so little
 
 
@@ -38,37 +37,6 @@ def size_findings(
     if not any(finding.certain for finding in forces) and share is not None and share < _LESS:
         forces = [_too_little(share)]
     return [*forces, *_rate_findings(imu, track)]
-
-
-def share_of_least(imu: Imu, track: Track, origin: Origin) -> float | None:
-    """Return the median of the mean size of specific force over the least that it can be.
-
-    However a body turns, the mean size of specific force over a span is no less than the size of
-    its mean in axes that do not turn, which is that of the change of velocity less gravity. Noise
-    and vibration only add to it. None where the track tells no such spans.
-    """
-    if track.v_n_mps is None or len(track.t_s) < _FEWEST:
-        return None
-    t_s = track.t_s
-    end = np.searchsorted(t_s, t_s + _SPAN_OF_TRACK_S - 1e-9)
-    begin = np.flatnonzero(end < len(t_s))
-    end = end[begin]
-    near = (
-        (t_s[end] - t_s[begin] < _NEAR_S) & (t_s[begin] >= imu.t_s[0]) & (t_s[end] <= imu.t_s[-1])
-    )
-    begin, end = begin[near], end[near]
-    span_s = (t_s[end] - t_s[begin])[:, None]
-    gravity_n_mps2 = origin.gravity_n_mps2(track.p_n_m[begin])
-    force_n_mps2 = (track.v_n_mps[end] - track.v_n_mps[begin]) / span_s - gravity_n_mps2
-    least_mps2 = np.linalg.norm(force_n_mps2, axis=1)
-    size_mps2 = np.linalg.norm(imu.f_b_mps2, axis=1)
-    steps = (size_mps2[1:] + size_mps2[:-1]) / 2 * np.diff(imu.t_s)
-    total = np.concatenate([[0.0], np.cumsum(steps)])
-    gained = np.interp(t_s[end], imu.t_s, total) - np.interp(t_s[begin], imu.t_s, total)
-    told = least_mps2 > _G_MPS2 / 2  # less, and velocities' noise might be it
-    if told.sum() < _FEWEST // 2:
-        return None
-    return float(np.median(gained[told] / span_s[told, 0] / least_mps2[told]))
 
 
 def expected_force(track: Track, origin: Origin) -> float | None:

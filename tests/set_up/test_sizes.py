@@ -5,7 +5,8 @@ import pytest
 
 from fgnav.attitude.flight_vectors import track_of
 from fgnav.set_up import describe
-from fgnav.set_up.sizes import share_of_least, size_findings
+from fgnav.set_up.mean_force import mean_forces, share_of_least
+from fgnav.set_up.sizes import size_findings
 from fgnav.types.flight import Imu
 from tests.recordings import uav
 from tests.robustness.drawn.flights import right_flight
@@ -111,7 +112,7 @@ def test_vibration_adds_to_the_least_that_specific_force_can_be():
     flight = right_flight("fixes", 7)
     shaken = np.random.default_rng(0).normal(0.0, 8.0, flight.imu.f_b_mps2.shape)
     loud = replace(flight.imu, f_b_mps2=flight.imu.f_b_mps2 + shaken)
-    assert share_of_least(loud, track_of(flight), flight.origin) > 1.2
+    assert share_of_least(loud, mean_forces(loud, track_of(flight), flight.origin)) > 1.2
 
 
 def test_a_rate_of_a_hertz_is_no_unit():

@@ -153,6 +153,18 @@ def nearer(stated: Fitted, other: Fitted, tests: int = 1) -> bool:
     return bool(gain.mean() > spread * student.isf(FALSE_ALARM / tests, len(gain) - 1))
 
 
+def leaves_less(stated: Fitted, other: Fitted, tests: int = 1) -> bool:
+    """Return whether another set-up leaves less of the squares than chance, of so many tried.
+
+    An F test in which each window, whatever goes together in it, counts as one vector of three: few
+    windows with far less left tell it where their mean gain and its spread do not.
+    """
+    from scipy.stats import f as fisher  # noqa: PLC0415  # lazy: a slow import
+
+    freedom, left = 3 * len(stated.squares), other.squares.sum()
+    return bool(stated.squares.sum() > left * fisher.isf(FALSE_ALARM / tests, freedom, freedom))
+
+
 def log_quotients(stated: Fitted, other: Fitted) -> FloatArray:
     """Return logarithms of both likelihoods' quotient, (W,), each of its own noise."""
     tiny = 1e-12 * (stated.squares.mean() + other.squares.mean()) + 1e-300

@@ -13,7 +13,7 @@ from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import exp, nearest, skew
 from fgnav.identification.track.integrals import rotated, sampled, summed
 from fgnav.identification.track.motion import BIASES, Series, detrended, solved, starts, telling
-from fgnav.identification.track.windows import Fitted, Windows, fitted, nearer
+from fgnav.identification.track.windows import Fitted, Windows, fitted, leaves_less, nearer
 from fgnav.types.flight import Imu
 
 G_MPS2 = 9.80665  # exact, the unit g
@@ -90,11 +90,15 @@ def best_reading(
             tried.append((_level(here), Reading(force=force, rate=rate, axes=axes), here))
     tried.sort(key=lambda one: one[0])
     best, stated = tried[0], next(one for one in tried if one[1].as_is)
-    if best[1].as_is or not nearer(stated[2], best[2], len(tried)):
+    if best[1].as_is or not _is_worse(stated[2], best[2], len(tried)):
         return None
     # What the motion leaves open stays: of all that fit as well, the one that changes least.
-    equal = [one for one in tried if not nearer(one[2], best[2])]
+    equal = [one for one in tried if not _is_worse(one[2], best[2])]
     return min(equal, key=lambda one: (one[1].changes, one[0]))[1]
+
+
+def _is_worse(one: Fitted, other: Fitted, tests: int = 1) -> bool:
+    return nearer(one, other, tests) or leaves_less(one, other, tests)
 
 
 def _level(here: Fitted) -> float:

@@ -45,7 +45,7 @@ def track_findings(flight: Flight, imu: Imu, fixes: Fixes) -> tuple[list[Finding
         reason = "too few fixes within the unit's record"
         return findings, [Finding(name="imu axes, lever arm, clock", text=reason)]
     main = min(judged, key=lambda one: one.clock.reach_s)
-    reading = best_reading(main.series, imu, _clocks(judged), arm_b_m)
+    reading = _reading([one.series for one in judged], imu, _clocks(judged), arm_b_m)
     if reading is not None:
         return [*findings, _reading_finding(reading, imu)], [
             Finding(name="imu clock, lever arm", text="until its axes are right")
@@ -73,6 +73,27 @@ def track_findings(flight: Flight, imu: Imu, fixes: Fixes) -> tuple[list[Finding
     )
     mounting, untold = mounting_findings(main.series, integrals, main.clock, track, flight.vehicle)
     return [*findings, *arm, *mounting], [*unchecked, *missing, *untold]
+
+
+def axes_findings(flight: Flight, imu: Imu, fixes: Fixes) -> list[Finding]:
+    """Return units and axes that are not as stated, at the stated clock first: cheap if they are.
+
+    Where they seem not to be, the clock is sought, too: with another one they may be.
+    """
+    series = series_of(flight.origin, where_it_moves(fixes))
+    arm_b_m = flight.antenna(fixes.antenna).position_b_m - imu.position_b_m
+    if imu.w_b_radps is None or _reading(series, imu, (0.0,), arm_b_m) is None:
+        return []
+    findings, _ = track_findings(flight, imu, fixes)
+    return [one for one in findings if one.certain]
+
+
+def _reading(
+    series: list[Series], imu: Imu, late_s: tuple[float, ...], arm_b_m: FloatArray
+) -> Reading | None:
+    """Return how samples should be read by positions or by velocities."""
+    readings = (best_reading(one, imu, late_s, arm_b_m) for one in series)
+    return next((one for one in readings if one is not None), None)
 
 
 def _judged(series: list[Series], imu: Imu, arm_b_m: FloatArray) -> tuple[list[_Judged], Integrals]:

@@ -124,6 +124,25 @@ def test_one_reversed_axis_of_the_gyroscope_is_put_right():
     assert "wx, -wy, wz" in findings(with_imu(w_b_radps=w_b_radps))["imu axes"].mend
 
 
+def test_axes_are_put_right_in_half_a_minute_before_an_estimate_too():
+    """Seven windows: their squares tell what the mean of their gains does not."""
+    short, fixes = flown(), flown().fixes
+    kept = fixes.t_s < fixes.t_s[0] + 30.0
+    fixes = replace(
+        fixes,
+        t_s=fixes.t_s[kept],
+        p_n_m=fixes.p_n_m[kept],
+        v_n_mps=fixes.v_n_mps[kept],
+        position_sigma_m=fixes.position_sigma_m[kept],
+        velocity_sigma_mps=fixes.velocity_sigma_mps[kept],
+    )
+    assert findings(replace(short, fixes=fixes), quick=True) == {}
+    exchanged = replace(short.imu, f_b_mps2=short.imu.f_b_mps2[:, [1, 0, 2]])
+    finding = findings(replace(short, fixes=fixes, imu=exchanged), quick=True)["imu axes"]
+    assert finding.certain
+    assert "fx, fy, fz should read fy, fx, fz" in finding.mend
+
+
 def test_rates_in_degrees_are_named():
     finding = findings(with_imu(w_b_radps=np.degrees(flown().imu.w_b_radps)))["imu unit"]
     assert "rates are in degrees per second" in finding.text
