@@ -154,15 +154,33 @@ def nearer(stated: Fitted, other: Fitted, tests: int = 1) -> bool:
 
 
 def leaves_less(stated: Fitted, other: Fitted, tests: int = 1) -> bool:
-    """Return whether another set-up leaves less of the squares than chance, of so many tried.
+    """Return whether another set-up leaves less of the squares than chance, of so many tried."""
+    return bool(_log_beyond_chance(stated.squares, other.squares, tests)[-1] > 0)
+
+
+def leaves_less_from(stated: Fitted, other: Fitted, tests: int = 1) -> tuple[int, float]:
+    """Return the window from which on another set-up leaves less than chance, and how much less.
+
+    As logarithm of its squares' ratio over the bound, which is negative where none does.
+    """
+    count = len(stated.squares)
+    odds = _log_beyond_chance(stated.squares[::-1], other.squares[::-1], tests * count)
+    best = int(odds.argmax()) if count else 0
+    return count - 1 - best, float(odds.max(initial=-np.inf))
+
+
+def _log_beyond_chance(stated: FloatArray, other: FloatArray, tests: int) -> FloatArray:
+    """Return how far beyond chance the ratio of squares is, of the first n windows of each n.
 
     An F test in which each window, whatever goes together in it, counts as one vector of three: few
     windows with far less left tell it where their mean gain and its spread do not.
     """
     from scipy.stats import f as fisher  # noqa: PLC0415  # lazy: a slow import
 
-    freedom, left = 3 * len(stated.squares), other.squares.sum()
-    return bool(stated.squares.sum() > left * fisher.isf(FALSE_ALARM / tests, freedom, freedom))
+    freedom = 3 * np.arange(1, len(stated) + 1)
+    bound = fisher.isf(FALSE_ALARM / tests, freedom, freedom)
+    left = bound * (np.cumsum(other) + 1e-12 * stated.sum())
+    return np.asarray(np.log(np.cumsum(stated) + 1e-300) - np.log(left + 1e-300))
 
 
 def log_quotients(stated: Fitted, other: Fitted) -> FloatArray:

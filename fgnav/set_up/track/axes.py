@@ -4,7 +4,7 @@ A rotation that both share is no error here, since every window has its own. Wha
 ways of the gyroscope, three units and both hands, and three times 48 of the accelerometer.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations, product
 
 import numpy as np
@@ -13,7 +13,14 @@ from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import exp, nearest, skew
 from fgnav.identification.track.integrals import rotated, sampled, summed
 from fgnav.identification.track.motion import BIASES, Series, detrended, solved, starts, telling
-from fgnav.identification.track.windows import Fitted, Windows, fitted, leaves_less, nearer
+from fgnav.identification.track.windows import (
+    Fitted,
+    Windows,
+    fitted,
+    leaves_less,
+    leaves_less_from,
+    nearer,
+)
 from fgnav.types.flight import Imu
 
 G_MPS2 = 9.80665  # exact, the unit g
@@ -27,6 +34,7 @@ class Reading:
     force: float
     rate: float
     axes: FloatArray  # (3, 3); signed permutation of the accelerometer's axes to the gyroscope's
+    from_s: float = -np.inf  # later than the begin of the record where axes change within it
 
     @property
     def as_is(self) -> bool:
@@ -91,8 +99,26 @@ def best_reading(
     tried.sort(key=lambda one: one[0])
     best, stated = tried[0], next(one for one in tried if one[1].as_is)
     if best[1].as_is or not _is_worse(stated[2], best[2], len(tried)):
+        return _from_then_on(stated, tried, series.t_s[windows.row[:, 0]])
+    return _least_changed(best, tried)
+
+
+_Tried = tuple[float, Reading, Fitted]
+
+
+def _from_then_on(stated: _Tried, tried: list[_Tried], begin_s: FloatArray) -> Reading | None:
+    """Return how samples should be read from some window on, where they are right before it."""
+    ends = [leaves_less_from(stated[2], one[2], len(tried)) for one in tried]
+    best = max(range(len(tried)), key=lambda k: ends[k][1], default=0)
+    first, beyond = ends[best]
+    if tried[best][1].as_is or beyond <= 0 or first == 0:
         return None
-    # What the motion leaves open stays: of all that fit as well, the one that changes least.
+    parts = [(*one[:2], replace(one[2], squares=one[2].squares[first:])) for one in tried]
+    return replace(_least_changed(parts[best], parts), from_s=float(begin_s[first]))
+
+
+def _least_changed(best: _Tried, tried: list[_Tried]) -> Reading:
+    """Return, of all readings that fit as well, the least change: what motion leaves open stays."""
     equal = [one for one in tried if not _is_worse(one[2], best[2])]
     return min(equal, key=lambda one: (one[1].changes, one[0]))[1]
 

@@ -132,10 +132,11 @@ def _reading_finding(reading: Reading, imu: Imu) -> Finding:
         else:
             proper = np.linalg.det(reading.axes) > 0
             mends.append(f"{forces}, or {rates}" if proper else forces)
+    since = f" from about {reading.from_s:.1f} s on" if np.isfinite(reading.from_s) else ""
     return Finding(
         name="imu axes" if "axes" in parts[-1] else "imu unit",
         where=f"{_SAMPLES}, fx_mps2 to wz_radps",
-        text=f"{' and '.join(parts)}: only so do they explain the fixes",
+        text=f"{' and '.join(parts)}{since}: only so do they explain the fixes",
         mend="; ".join(mends),
         certain=True,
     )

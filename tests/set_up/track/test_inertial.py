@@ -143,6 +143,16 @@ def test_axes_are_put_right_in_half_a_minute_before_an_estimate_too():
     assert "fx, fy, fz should read fy, fx, fz" in finding.mend
 
 
+def test_axes_that_change_in_flight_are_named_with_the_time():
+    after = (flown().imu.t_s > np.mean(flown().imu.t_s))[:, None]
+    w_b_radps = np.where(after, [-1.0, 1.0, 1.0], 1.0) * flown().imu.w_b_radps
+    finding = findings(with_imu(w_b_radps=w_b_radps), quick=True)["imu axes"]
+    assert finding.certain
+    assert "wx, wy, wz should read -wx, wy, wz" in finding.mend
+    from_s = float(re.search(r"from about ([\d.]+) s on", finding.text).group(1))
+    assert abs(from_s - flown().imu.t_s.mean()) <= 8.0  # two windows
+
+
 def test_rates_in_degrees_are_named():
     finding = findings(with_imu(w_b_radps=np.degrees(flown().imu.w_b_radps)))["imu unit"]
     assert "rates are in degrees per second" in finding.text
