@@ -49,6 +49,12 @@ def poles(
     return np.stack([k, pair * damping, pair * np.sqrt(1 - damping**2)], axis=-1)
 
 
+def shape(poles_per_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return length scales, pole ratios and damping ratios, (...), of poles, (..., 3)."""
+    k, pair = poles_per_s[..., 0], np.hypot(poles_per_s[..., 1], poles_per_s[..., 2])
+    return np.sqrt(5.0) / np.cbrt(k * pair**2), pair / k, poles_per_s[..., 1] / pair
+
+
 def transition(T_s: float, poles_per_s: FloatArray) -> FloatArray:
     """Return F, (3, 3), over an interval of the process with poles, (3,)."""
     return np.asarray(matern_kernel.transition(float(T_s), np.array(poles_per_s)))

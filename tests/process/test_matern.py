@@ -11,6 +11,7 @@ from fgnav.process.matern import (
     intervals,
     noise_factor,
     poles,
+    shape,
     stationary,
     transition,
 )
@@ -165,3 +166,8 @@ def test_intervals_are_those_of_single_functions_and_whiten_their_noise():
         np.testing.assert_allclose(of.H[k], integral(T_s[k], own[k]), rtol=1e-9)
         np.testing.assert_allclose(of.W[k] @ noise_factor(T_s[k], own[k]), np.eye(4), atol=1e-7)
     np.testing.assert_array_equal(of.W[0], of.W[2])
+
+
+def test_a_shape_is_that_of_its_poles():
+    given = np.array([0.3, 2.0]), np.array([0.5, 4.0]), np.array([1.0, 0.2])
+    np.testing.assert_allclose(np.stack(shape(poles(*given))), np.stack(given), rtol=1e-12)

@@ -1,20 +1,26 @@
 """The prior of rates by the evidence of the whole chain, where attitudes alone do not determine it.
 
 A flight with neither an array nor a gyroscope has attitudes from vectors whose errors last for
-seconds and are not known. What explains positions, velocities and specific forces best is the
-marginal likelihood of all of them (docs/model.md).
+seconds and are not known. Positions, velocities and specific forces tell it by the marginal
+likelihood of all of them; rates are as likely beforehand as those of an array are
+(``process.posterior``). A prior that is nearly as likely may have turned the body otherwise: by
+their shares of the posterior all of them doubt the attitudes (docs/model.md).
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.motion import prior_note
-from fgnav.frontend.prepared import PreparedFlight
+from fgnav.frontend.prepared import AttitudeDoubt, PreparedFlight
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.process.hyperparameters import RatePrior
+from fgnav.graph.types.solution import Solution
+from fgnav.process import matern
+from fgnav.process.hyperparameters import LONGEST_S, RatePrior
+from fgnav.process.posterior import hyperparameters, log_prior
 from fgnav.solve.chain import log_evidence, solve_batch
 
 _BEGIN = (-1, 2)  # exponents of where the search begins: 0.3 s, 10 deg/s
@@ -22,6 +28,14 @@ _STEP = 10**0.5  # between neighbours: log-likelihoods a nat apart are a third o
 _LEAST, _LONGEST = -2, 2  # exponents: of lengths 0.1 to 10 s, of rates 0.1 deg/s and up
 _ITERATIONS = 40  # of one candidate; those near the likeliest need ten
 _MOST = 2000  # keyframes: a minute for all candidates; longer flights keep that of attitudes
+
+
+class _Candidate(NamedTuple):
+    """A rate prior, by the problem that has it, and where that has its minimum."""
+
+    problem: SmoothingProblem
+    log_posterior: float
+    solution: Solution | None  # none where a state is open
 
 
 def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
@@ -39,7 +53,7 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
     motion = prepared.problem.motion
     if not isinstance(motion, GyroFree) or len(prepared.problem.t_s) > _MOST:
         return prepared
-    stated = (_score(prepared.problem), prepared.problem)
+    stated = _at_its_minimum(prepared.problem, motion)
     candidates = {_BEGIN: _candidate(prepared.problem, motion, _BEGIN)}
     here = _BEGIN
     while True:
@@ -47,16 +61,37 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
         for place in around:
             if place not in candidates and min(place) >= _LEAST and place[0] <= _LONGEST:
                 candidates[place] = _candidate(prepared.problem, motion, place)
-        best = max((here, *(p for p in around if p in candidates)), key=lambda p: candidates[p][0])
-        if best == here:
+        near = [here, *(place for place in around if place in candidates)]
+        likeliest = max(near, key=lambda place: candidates[place].log_posterior)
+        if likeliest == here:
             break
-        here = best
-    score, problem = max(stated, candidates[here], key=lambda pair: pair[0])
-    if problem is prepared.problem or not np.isfinite(score):
-        return prepared
+        here = likeliest
+    best = max(stated, candidates[here], key=lambda one: one.log_posterior)
+    doubts = (*prepared.doubts, *_doubts(best, (stated, *candidates.values())))
+    if best is stated:
+        return replace(prepared, doubts=doubts)
     note = prior_note(_prior(here))
     notes = tuple(one for one in prepared.notes if not one.startswith("Rate prior"))
-    return replace(prepared, problem=problem, windowed=problem, notes=(*notes, note))
+    return replace(
+        prepared,
+        problem=best.problem,
+        windowed=best.problem,
+        doubts=doubts,
+        notes=(*notes, note),
+    )
+
+
+def _doubts(best: _Candidate, candidates: tuple[_Candidate, ...]) -> tuple[AttitudeDoubt, ...]:
+    """Return second moments of the candidates' attitudes about those of the likeliest."""
+    if best.solution is None:
+        return ()
+    ends = [one for one in candidates if one.solution is not None and one.solution.converged]
+    share = np.exp([one.log_posterior - best.log_posterior for one in ends])
+    covariance = np.zeros((len(best.problem.t_s), 3, 3))
+    for one, weight in zip(ends, share / share.sum(), strict=True):
+        turn_b = best.solution.states.steps_to(one.solution.states)[:, :3]
+        covariance += weight * turn_b[:, :, None] * turn_b[:, None, :]
+    return (AttitudeDoubt(best.problem.t_s, covariance),)
 
 
 def _prior(place: tuple[int, int]) -> RatePrior:
@@ -67,26 +102,31 @@ def _prior(place: tuple[int, int]) -> RatePrior:
     )
 
 
-def _candidate(
-    problem: SmoothingProblem, motion: GyroFree, place: tuple[int, int]
-) -> tuple[float, SmoothingProblem]:
-    """Return the evidence of a place of the grid, and the problem with its prior."""
+def _candidate(problem: SmoothingProblem, motion: GyroFree, place: tuple[int, int]) -> _Candidate:
+    """Return a place of the grid."""
     prior, n = _prior(place), len(problem.t_s) - 1
     changed = replace(
-        problem,
-        motion=replace(
-            motion,
-            poles_per_s=np.tile(prior.poles_per_s, (n, 1, 1)),
-            variance_rad2ps2=np.tile(prior.variance_rad2ps2, (n, 1)),
-        ),
+        motion,
+        poles_per_s=np.tile(prior.poles_per_s, (n, 1, 1)),
+        variance_rad2ps2=np.tile(prior.variance_rad2ps2, (n, 1)),
     )
-    return _score(changed), changed
+    return _at_its_minimum(replace(problem, motion=changed), changed)
 
 
-def _score(problem: SmoothingProblem) -> float:
-    """Return the log evidence where a search ends; nothing where it has no solution."""
+def _at_its_minimum(problem: SmoothingProblem, motion: GyroFree) -> _Candidate:
+    """Return the log posterior of a rate prior where its search ends."""
     try:
         solution = solve_batch(problem, most=_ITERATIONS)
-        return log_evidence(problem, solution.states)
     except NoSolutionError:
-        return -np.inf
+        return _Candidate(problem, -np.inf, None)
+    length_s, pole_ratio, damping_ratio = matern.shape(np.median(motion.poles_per_s, axis=0))
+    prior = RatePrior(
+        length_s=length_s,
+        pole_ratio=pole_ratio,
+        damping_ratio=damping_ratio,
+        variance_rad2ps2=np.median(motion.variance_rad2ps2, axis=0),
+        evidence=log_evidence(problem, solution.states),
+    )
+    record_s = min(float(problem.t_s[-1] - problem.t_s[0]), LONGEST_S)
+    beforehand = log_prior(hyperparameters(prior), record_s)[0]
+    return _Candidate(problem, prior.evidence + beforehand, solution)
