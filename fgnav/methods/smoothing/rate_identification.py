@@ -85,12 +85,15 @@ def _doubts(best: _Candidate, candidates: tuple[_Candidate, ...]) -> tuple[Attit
     """Return second moments of the candidates' attitudes about those of the likeliest."""
     if best.solution is None:
         return ()
-    ends = [one for one in candidates if one.solution is not None and one.solution.converged]
-    share = np.exp([one.log_posterior - best.log_posterior for one in ends])
-    covariance = np.zeros((len(best.problem.t_s), 3, 3))
-    for one, weight in zip(ends, share / share.sum(), strict=True):
+    covariance, total = np.zeros((len(best.problem.t_s), 3, 3)), 0.0
+    for one in candidates:
+        if one.solution is None or not one.solution.converged:
+            continue
+        share = np.exp(one.log_posterior - best.log_posterior)
         turn_b = best.solution.states.steps_to(one.solution.states)[:, :3]
-        covariance += weight * turn_b[:, :, None] * turn_b[:, None, :]
+        covariance += share * turn_b[:, :, None] * turn_b[:, None, :]
+        total += share
+    covariance /= max(total, 1.0)
     return (AttitudeDoubt(best.problem.t_s, covariance),)
 
 
