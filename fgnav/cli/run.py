@@ -2,7 +2,11 @@
 
 from pathlib import Path
 
-from fgnav.cli.arguments.estimators import compare_flight, estimators_named
+from fgnav.cli.arguments.estimators import (
+    compare_flight,
+    estimators_named,
+    say_what_check_finds,
+)
 from fgnav.cli.arguments.options import (
     SMOOTHER_DEFAULTS,
     IntegersName,
@@ -43,7 +47,7 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     method
         closed-form, maximum-likelihood, smoother, forward, batch, gtsam, rtk, or an installed one.
     """
-    from fgnav.checks import BadInputError  # noqa: PLC0415
+    from fgnav.checks import BadInputError, NoSolutionError  # noqa: PLC0415
     from fgnav.evaluation.report.save import check_report, save_report  # noqa: PLC0415
     from fgnav.evaluation.report.table import remarks  # noqa: PLC0415
     from fgnav.methods.at_times import at_times  # noqa: PLC0415
@@ -54,7 +58,11 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     if len(estimators) > 1:
         raise BadInputError(f"--method {method}: run takes one method; compare takes several")
     data, comparison = compare_flight(flight, estimators)
-    written = write_method(comparison, comparison.methods[0].name, data, out)
+    try:
+        written = write_method(comparison, comparison.methods[0].name, data, out)
+    except NoSolutionError:
+        say_what_check_finds(data)
+        raise
     files = save_report(comparison, data, report, flight)
     write_json(json, comparison.to_dict())
     if json != "-":

@@ -1,5 +1,7 @@
 """Flights without an answer on the command line: one line on what is missing, and no output."""
 
+from dataclasses import replace
+
 import pytest
 
 from fgnav.cli import main
@@ -28,3 +30,14 @@ def test_the_command_line_leaves_nothing_that_looks_like_a_success(name, method,
     assert line.startswith(tuple(f"fgnav: {method}: {word}" for word in WORDS))
     assert line.count("\n") == 1
     assert not out.exists() or not list(out.iterdir())
+
+
+def test_a_flight_without_a_solution_is_followed_by_all_that_check_finds(tmp_path, capsys):
+    """Its axes are told by the array, whose search is too long to go before every estimate."""
+    flight = flown("demo", 10.0)
+    imu = replace(flight.imu, f_b_mps2=flight.imu.f_b_mps2[:, [1, 0, 2]])
+    save_flight(replace(flight, imu=imu), tmp_path / "flight")
+    assert main(["run", str(tmp_path / "flight"), "--out", str(tmp_path / "out")]) == 1
+    said = capsys.readouterr().err
+    assert "fgnav: smoother: measurements contradict each other" in said
+    assert "check: imu axes: " in said

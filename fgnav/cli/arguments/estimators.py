@@ -186,6 +186,19 @@ def _check_set_up(flight: "Flight") -> None:
         print(f"check: {said}", file=sys.stderr)
 
 
+def say_what_check_finds(flight: "Flight") -> None:
+    """Print to standard error what all checks find of a flight without a solution.
+
+    But for what was said before its estimate.
+    """
+    from fgnav.set_up import describe  # noqa: PLC0415  # lazy, as above
+
+    said = describe(flight, quick=True).findings
+    for finding in describe(flight).findings:
+        if finding not in said:
+            print(f"check: {finding}", file=sys.stderr)
+
+
 def load(folder: Path, step: Steps) -> "Flight":
     """Read a flight, showing the step."""
     from fgnav.io.flight.folder import load_flight  # noqa: PLC0415

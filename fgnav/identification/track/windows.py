@@ -153,9 +153,10 @@ def nearer(stated: Fitted, other: Fitted, tests: int = 1) -> bool:
     return bool(gain.mean() > spread * student.isf(FALSE_ALARM / tests, len(gain) - 1))
 
 
-def leaves_less(stated: Fitted, other: Fitted, tests: int = 1) -> bool:
-    """Return whether another set-up leaves less of the squares than chance, of so many tried."""
-    return bool(_log_beyond_chance(stated.squares, other.squares, tests)[-1] > 0)
+def explains_more(stated: Fitted, other: Fitted, tests: int = 1) -> bool:
+    """Return whether another set-up is nearer, or leaves less of the squares than chance."""
+    beyond = _log_beyond_chance(stated.squares, other.squares, tests)
+    return bool(beyond[-1] > 0) or nearer(stated, other, tests)
 
 
 def leaves_less_from(stated: Fitted, other: Fitted, tests: int = 1) -> tuple[int, float]:

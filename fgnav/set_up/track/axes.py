@@ -16,10 +16,9 @@ from fgnav.identification.track.motion import BIASES, Series, detrended, solved,
 from fgnav.identification.track.windows import (
     Fitted,
     Windows,
+    explains_more,
     fitted,
-    leaves_less,
     leaves_less_from,
-    nearer,
 )
 from fgnav.types.flight import Imu
 
@@ -98,7 +97,7 @@ def best_reading(
             tried.append((_level(here), Reading(force=force, rate=rate, axes=axes), here))
     tried.sort(key=lambda one: one[0])
     best, stated = tried[0], next(one for one in tried if one[1].as_is)
-    if best[1].as_is or not _is_worse(stated[2], best[2], len(tried)):
+    if best[1].as_is or not explains_more(stated[2], best[2], len(tried)):
         return _from_then_on(stated, tried, series.t_s[windows.row[:, 0]])
     return _least_changed(best, tried)
 
@@ -119,12 +118,8 @@ def _from_then_on(stated: _Tried, tried: list[_Tried], begin_s: FloatArray) -> R
 
 def _least_changed(best: _Tried, tried: list[_Tried]) -> Reading:
     """Return, of all readings that fit as well, the least change: what motion leaves open stays."""
-    equal = [one for one in tried if not _is_worse(one[2], best[2])]
+    equal = [one for one in tried if not explains_more(one[2], best[2])]
     return min(equal, key=lambda one: (one[1].changes, one[0]))[1]
-
-
-def _is_worse(one: Fitted, other: Fitted, tests: int = 1) -> bool:
-    return nearer(one, other, tests) or leaves_less(one, other, tests)
 
 
 def _level(here: Fitted) -> float:

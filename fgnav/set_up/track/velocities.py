@@ -7,7 +7,13 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.identification.track.integrals import sampled, summed
-from fgnav.identification.track.windows import Fitted, Windows, fitted, nearer, windows_of
+from fgnav.identification.track.windows import (
+    Fitted,
+    Windows,
+    explains_more,
+    fitted,
+    windows_of,
+)
 from fgnav.set_up.findings import Finding
 from fgnav.set_up.track.axes import named_axes, signed_permutations
 from fgnav.types.flight import Fixes
@@ -40,8 +46,8 @@ def velocity_findings(fixes: Fixes) -> tuple[list[Finding], Age | None]:
         tried.append((float(np.log(here.squares + 1e-12).mean()), changes, here, unit, axes))
     tried.sort(key=lambda one: one[0])
     best, stated = tried[0], next(one for one in tried if one[1] == 0)
-    if best[1] and nearer(stated[2], best[2], len(tried)):
-        equal = [one for one in tried if not nearer(one[2], best[2], len(tried))]
+    if best[1] and explains_more(stated[2], best[2], len(tried)):
+        equal = [one for one in tried if not explains_more(one[2], best[2], len(tried))]
         _, _, _, unit, axes = min(equal, key=lambda one: (one[1], one[0]))
         return [_columns(unit, axes)], None
     here, old_s = _fit(fixes, windows, way_m, speed_mps), 0.0

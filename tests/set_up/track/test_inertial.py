@@ -124,23 +124,28 @@ def test_one_reversed_axis_of_the_gyroscope_is_put_right():
     assert "wx, -wy, wz" in findings(with_imu(w_b_radps=w_b_radps))["imu axes"].mend
 
 
+def begun(flight, span_s):
+    """Return its fixes so far."""
+    fixes = flight.fixes
+    rows = fixes.t_s < fixes.t_s[0] + span_s
+    names = ("t_s", "p_n_m", "v_n_mps", "position_sigma_m", "velocity_sigma_mps")
+    return replace(flight, fixes=replace(fixes, **{n: getattr(fixes, n)[rows] for n in names}))
+
+
 def test_axes_are_put_right_in_half_a_minute_before_an_estimate_too():
     """Seven windows: their squares tell what the mean of their gains does not."""
-    short, fixes = flown(), flown().fixes
-    kept = fixes.t_s < fixes.t_s[0] + 30.0
-    fixes = replace(
-        fixes,
-        t_s=fixes.t_s[kept],
-        p_n_m=fixes.p_n_m[kept],
-        v_n_mps=fixes.v_n_mps[kept],
-        position_sigma_m=fixes.position_sigma_m[kept],
-        velocity_sigma_mps=fixes.velocity_sigma_mps[kept],
-    )
-    assert findings(replace(short, fixes=fixes), quick=True) == {}
-    exchanged = replace(short.imu, f_b_mps2=short.imu.f_b_mps2[:, [1, 0, 2]])
-    finding = findings(replace(short, fixes=fixes, imu=exchanged), quick=True)["imu axes"]
+    assert findings(begun(flown(), 30.0), quick=True) == {}
+    exchanged = with_imu(f_b_mps2=flown().imu.f_b_mps2[:, [1, 0, 2]])
+    finding = findings(begun(exchanged, 30.0), quick=True)["imu axes"]
     assert finding.certain
     assert "fx, fy, fz should read fy, fx, fz" in finding.mend
+
+
+def test_east_for_north_is_named_in_twelve_seconds():
+    assert findings(begun(flown(), 12.0), quick=True) == {}
+    exchanged = with_fixes(v_n_mps=flown().fixes.v_n_mps[:, [1, 0, 2]])
+    finding = findings(begun(exchanged, 12.0), quick=True)["fixes velocity"]
+    assert "should read ve_mps, vn_mps, vd_mps" in finding.mend
 
 
 def test_axes_that_change_in_flight_are_named_with_the_time():
