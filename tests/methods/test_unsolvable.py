@@ -39,5 +39,5 @@ def test_a_flight_without_a_solution_is_followed_by_all_that_check_finds(tmp_pat
     save_flight(replace(flight, imu=imu), tmp_path / "flight")
     assert main(["run", str(tmp_path / "flight"), "--out", str(tmp_path / "out")]) == 1
     said = capsys.readouterr().err
-    assert "fgnav: smoother: measurements contradict each other" in said
+    assert "fgnav: smoother: " in said
     assert "check: imu axes: " in said
