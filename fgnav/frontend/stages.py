@@ -139,6 +139,7 @@ def chosen_keyframes(
     times_s = keyframe_times(
         epochs.t_s, float(imu.t_s[-1]), turn_rad, causal=causal, usual_s=usual_s
     )
+    times_s = _from_first_epoch(times_s, epochs.t_s, float(imu.t_s[0]))
     start = at_keyframes(epochs, times_s)
     t_s = start.t_s
     covered = (t_s >= imu.t_s[0]) & (t_s <= imu.t_s[-1])
@@ -163,6 +164,15 @@ def chosen_keyframes(
     fill = zero_order_hold if causal else interpolated_attitudes
     R_nu = fill(start.t_s, start.R_nu, start.valid)
     return replace(start, R_nb=spun(start.own, start.t_s, R_nu)), len(t_s), losses
+
+
+def _from_first_epoch(times_s: FloatArray, epochs_s: FloatArray, from_s: float) -> FloatArray:
+    """Return times of keyframes, (n,), none between epochs before the first of a record.
+
+    Nothing is measured there, and a window that begins there is held for one without a heading.
+    """
+    first_s = epochs_s[epochs_s >= from_s].min(initial=np.inf)
+    return np.asarray(times_s[(times_s >= first_s) | np.isin(times_s, epochs_s)])
 
 
 def _float_arcs(

@@ -15,7 +15,7 @@ from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.turned import UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.identification.array.turn import tested_turn
+from fgnav.identification.array.turn import tested_turn, with_turn
 from fgnav.identification.likelihood.bent_clock import informed, informed_requests
 from fgnav.identification.likelihood.beside_phases import profile_likelihood
 from fgnav.identification.likelihood.clock_determinant import ClockDeterminant
@@ -106,6 +106,8 @@ class TagSearch(NamedTuple):
         turn: str = UNIT_TURN,
         begin: PreparedFlight | None = None,
         clock_nats: float = np.inf,
+        *,
+        is_turned: bool = False,
     ) -> AtTags | None:
         """Return what the flight says with its unit's tags moved at first, and further if likelier.
 
@@ -120,6 +122,8 @@ class TagSearch(NamedTuple):
             With these tags.
         clock_nats : float
             What a step of the clock promises there, if that is known.
+        is_turned : bool
+            Whether a turn has been taken back, and something may be left of it.
         """
         at_first = self._with_tags(moved)
         prepared = self.build(at_first, self.settings) if begin is None else begin
@@ -130,10 +134,13 @@ class TagSearch(NamedTuple):
         identified = identify(ThinnedFlight.of(at_first, prepared, extra))
         search = self.informed(AtTags(identified, moved))
         if search is not self:
-            return search.identified(moved, turn)
+            return search.identified(moved, turn, is_turned=is_turned)
         clock = None
+        is_turned |= identified.is_turned  # where that is not free a clock stands for it
+        turned = tested_turn(prepared.problem, turn) if is_turned else ()
         if prepared.problem.phase is not None and 2 * clock_nats > SQUARES_OF_TWO:
-            clock = clock_off(prepared.from_minimum, middle_of_tags_s(self.flight.imu), moved)
+            whole = with_turn(prepared.from_minimum, turned)
+            clock = clock_off(whole, middle_of_tags_s(self.flight.imu), moved)
         if clock is not None:  # phases tell it best
             identified = identified.with_clock(clock.value, clock.sigma)
         elif not is_far(self.flight, identified.times):
@@ -143,7 +150,7 @@ class TagSearch(NamedTuple):
             if clock is None:
                 stepped = others._stepped(AtTags(identified, moved), extra)
             else:
-                stepped = others._stepped_by(moved, clock, extra)
+                stepped = others._stepped_by(moved, clock, extra, turned)
         except NoSolutionError:
             return unmoved
         if self.flight.observations is not None:  # nothing is left to estimate
@@ -151,7 +158,7 @@ class TagSearch(NamedTuple):
             stepped = AtTags(stepped.identified.on_time(), stepped.moved + rest)
         either = identified.times.are_one_or_the_other
         both = (moved, stepped.moved)
-        before, after = (others.without_clock(by, both) for by in both)
+        before, after = (others.without_clock(by, both, turned) for by in both)
         # Late velocities are as likely as these tags: then it is enough that nothing excludes them.
         least = -EXCLUDED if either else SIGMAS**2 / 2
         if after.likelihood > before.likelihood + least:
@@ -224,7 +231,11 @@ class TagSearch(NamedTuple):
         return AtTags(identify(self._thinned(moved, extra)) if is_stated else identified, moved)
 
     def _stepped_by(
-        self, moved: FloatArray, clock: RecordClock, extra: tuple[FlightConstant, ...]
+        self,
+        moved: FloatArray,
+        clock: RecordClock,
+        extra: tuple[FlightConstant, ...],
+        turned: tuple[FlightConstant, ...],
     ) -> AtTags:
         """Return what the flight says at tags moved by steps of the whole problem.
 
@@ -236,7 +247,9 @@ class TagSearch(NamedTuple):
         for _ in range(_CLOCK_STEPS):
             moved = moved + clock.value
             problem = self.build(self._with_tags(moved), self.settings).problem
-            again = record_clock(problem, middle_of_tags_s(self.flight.imu), moved)
+            again = record_clock(
+                with_turn(problem, turned), middle_of_tags_s(self.flight.imu), moved
+            )
             if again is None:
                 break
             clock = again
@@ -251,20 +264,27 @@ class TagSearch(NamedTuple):
         flight = self._with_tags(moved)
         return ThinnedFlight.of(flight, self.build(flight, self.settings), extra)
 
-    def without_clock(self, moved: FloatArray, others: tuple[FloatArray, ...]) -> "_Likelihood":
+    def without_clock(
+        self,
+        moved: FloatArray,
+        others: tuple[FloatArray, ...],
+        turned: tuple[FlightConstant, ...] = (),
+    ) -> "_Likelihood":
         """Return how likely tags so moved are, over what is measured with others as well.
 
         The steps that led to them take all else of a chain as it is, the rates' variances as well,
         which are of the times of the tags before: a body that turns alike all along seems to tell
         them. Where there are phases of arcs, all of the problem is asked: they tell forces far
-        better than the thinned chain's Doppler. Minus infinity without a solution.
+        better than the thinned chain's Doppler; ``turned``: a turn of the array that is free there.
+        Minus infinity without a solution.
         """
         span = tuple(float(by[0]) for by in others)
         at = self._replace(flight=over_common_span(self.flight, span))._with_tags(moved)
         try:
             prepared = self.build(at, self.settings)
             if prepared.problem.phase is not None:
-                return _Likelihood(profile_likelihood(prepared.problem))
+                whole = with_turn(prepared.problem, turned)
+                return _Likelihood(profile_likelihood(whole))
             turn = tested_turn(prepared.problem, UNIT_TURN)
             constants = (*self._tested_constants(clock=False), *turn)
             identified = identify(ThinnedFlight.of(at, prepared, constants))

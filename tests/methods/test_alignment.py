@@ -1,5 +1,7 @@
 """Attitude from the first epoch on, beside a gyroscope: level, heading open until motion tells."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from fgnav.types.estimate import open_angle_variance_rad2
 from fgnav.types.flight import InitialAttitude
 from tests.frontend.standing import standing
 from tests.methods.simulated import errors_rad, nees
+from tests.robustness.drawn.flights import right_flight
 
 STANDS_S = 15.0
 
@@ -47,6 +50,18 @@ def test_a_filter_s_heading_is_of_the_past_alone(flight):
         np.testing.assert_allclose(
             whole.attitude_covariance_rad2[:n], part.attitude_covariance_rad2[:n], atol=1e-7
         )
+
+
+@pytest.mark.parametrize("method", [Forward(), Smoother(), Batch()])
+def test_a_fix_before_the_inertial_record_is_as_if_there_were_none(method):
+    right = right_flight("fixes", 78_666_671)
+    begun = replace(right, imu=right.imu[1:])  # 20 ms after the first fix
+    estimate, without = method(begun), method(replace(begun, fixes=right.fixes[1:]))
+    assert estimate.t_s[0] == right.fixes.t_s[1]  # no keyframe before anything is measured
+    np.testing.assert_array_equal(estimate.t_s, without.t_s)
+    np.testing.assert_allclose(estimate.R_nb, without.R_nb, atol=1e-5)
+    P, without_P = (one.attitude_covariance_rad2 for one in (estimate, without))
+    np.testing.assert_allclose(P, without_P, rtol=1e-3, atol=1e-8)
 
 
 @pytest.mark.parametrize("method", [Forward(), Smoother()])

@@ -71,7 +71,7 @@ def carried_attitudes(
         heading_known_s=min(without_motion_s, _first(motion.until_s, determined_s)),
         notes=(OPEN_HEADING,) if determined_s == np.inf else (),
         motion=EarlierMotion(
-            first_s=float(t_s[0]) if earlier is None else earlier.first_s,
+            first_s=first_s,
             step_s=float(np.diff(t_s[:2]).sum()) if earlier is None else earlier.step_s,
             until_s=float(t_s[t_s <= imu.t_s[-1]].max(initial=-np.inf)),
             gravity_n_mps2=gravity_n_mps2,

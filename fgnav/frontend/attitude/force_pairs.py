@@ -42,8 +42,8 @@ def specific_forces(
     first_s: float | None = None,
 ) -> Iterator[Pairs]:
     """Yield the pairs of velocities and of positions over spans between fixes about T apart."""
-    row = _spaced(track.t_s, span_s, first_s)
-    row = row[integrated.covers(track.t_s[row])]
+    row = np.flatnonzero(integrated.covers(track.t_s))
+    row = row[_spaced(track.t_s[row], span_s, first_s)]
     t_s = track.t_s[row]
     velocity_u, place_u = integrated.at(t_s)
     if track.v_n_mps is not None and len(row) > 1:
@@ -94,8 +94,8 @@ def _spaced(t_s: FloatArray, span_s: float, first_s: float | None = None) -> Int
 
     Spans are counted from the first time, or an earlier one.
     """
-    number = np.floor((t_s - (t_s[0] if first_s is None else first_s)) / span_s + 1e-6)
-    return np.flatnonzero(np.append(True, np.diff(number) > 0))
+    number = np.floor((t_s - (t_s[:1] if first_s is None else first_s)) / span_s + 1e-6)
+    return np.flatnonzero(np.diff(number, prepend=-np.inf) > 0)
 
 
 def _regular(from_s: FloatArray, until_s: FloatArray, span_s: float) -> BoolArray:

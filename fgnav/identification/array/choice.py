@@ -109,10 +109,12 @@ class _Confirmed(NamedTuple):
         return Turn(self.turn, axes), self.at_tags
 
 
-def _identified(search: TagSearch, at_tags: AtTags, name: str) -> AtTags | None:
+def _identified(
+    search: TagSearch, at_tags: AtTags, name: str, *, is_turned: bool = False
+) -> AtTags | None:
     """Return what a flight says with tags moved as far, and a turn tested by its name."""
     try:
-        return search.identified(at_tags.moved, name)
+        return search.identified(at_tags.moved, name, is_turned=is_turned)
     except NoSolutionError:
         return None
 
@@ -124,7 +126,7 @@ def _confirmed(search: TagSearch, at_tags: AtTags, name: str) -> _Confirmed | No
         return None
     of_array = name == UNIT_TURN
     back = search._replace(flight=turned_back(search.flight, turn.off, of_array=of_array))
-    second = _identified(back, at_tags, name)
+    second = _identified(back, at_tags, name, is_turned=True)
     if second is None or second.identified.turn is None:
         return None
     both = after(turn.off, second.identified.turn, of_array=of_array)

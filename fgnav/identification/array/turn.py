@@ -14,7 +14,7 @@ from fgnav.checks import FloatArray
 from fgnav.frontend.calibration_request import CalibrationRequest, turn_of
 from fgnav.frontend.prepared import BodyAxes
 from fgnav.geometry.rotations import exp, log
-from fgnav.graph.turned import ARRAY_TURN, DIRECTIONS, UNIT_TURN
+from fgnav.graph.turned import ARRAY_TURN, DIRECTIONS, UNIT_TURN, in_turned_axes
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.tested_constants import TestedVector
@@ -30,6 +30,13 @@ def tested_turn(problem: SmoothingProblem, turn: str) -> tuple[FlightConstant, .
     names = [part.name for part in problem.constants.parts]
     is_open = any(name in (ARRAY_TURN, UNIT_TURN) or name.startswith("antenna ") for name in names)
     return (turn_of(turn),) if has_array and not is_open else ()
+
+
+def with_turn(problem: SmoothingProblem, parts: tuple[FlightConstant, ...]) -> SmoothingProblem:
+    """Return a whole problem in which a turn is free, if there is one."""
+    free = problem.with_constants(parts)
+    turned = (in_turned_axes(one, free.constants) for one in problem.measurements)
+    return replace(free, measurements=tuple(turned)) if parts else problem
 
 
 def request_of(turn: TestedVector, axes: BodyAxes) -> CalibrationRequest:

@@ -21,7 +21,7 @@ from fgnav.graph.delayed import VELOCITY_DELAY
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.identification.lasting import arm, field, late_forces, sight, unit_axes
+from fgnav.identification.lasting import arm, field, late_samples, sight, unit_axes
 from fgnav.identification.lasting.clock import ClockOff, clock_off
 from fgnav.identification.lasting.error import LastingError
 from fgnav.identification.lasting.lost_samples import LostSamples, lost_samples
@@ -39,7 +39,7 @@ from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
 _OF_AXES = (*WHITE, field.MAGNETOMETER, field.DECLINATION)
-_PUT_RIGHT = (*_OF_AXES, *unit_axes.KINDS, field.DRIFT, late_forces.LATE_FORCES)
+_PUT_RIGHT = (*_OF_AXES, *unit_axes.KINDS, field.DRIFT, *late_samples.LATE)
 
 
 class Lasting(NamedTuple):
@@ -79,8 +79,8 @@ class Lasting(NamedTuple):
             return (unit_axes.sentence(self.error, self.share),)
         if self.error.kind in (*_OF_AXES, field.DRIFT):
             return (field.sentence(self.error, self.share),)
-        if self.error.kind == late_forces.LATE_FORCES:
-            return (late_forces.sentence(self.error),)
+        if self.error.kind in late_samples.LATE:
+            return (late_samples.sentence(self.error),)
         if self.error.kind == arm.LEVER_ARM:
             return (arm.sentence(self.error.off, self.error.covariance),)
         return (sight.sentence(self.error),)
@@ -94,8 +94,8 @@ class Lasting(NamedTuple):
         """Return a flight without it, where that is put right."""
         if flight.imu is None or not (self.is_put_right and self.is_likely):
             return flight
-        if self.error.kind == late_forces.LATE_FORCES:
-            return replace(flight, imu=late_forces.taken_early(flight.imu, self.error.off[0]))
+        if self.error.kind in late_samples.LATE:
+            return replace(flight, imu=late_samples.put_right(flight.imu, self.error))
         if not self.is_of_unit:
             return field.put_right(flight, self.error)
         return replace(flight, imu=unit_axes.put_right(flight.imu, self.error))
@@ -173,12 +173,12 @@ def _is_of_span(one: "LastingError | Cause", problem: SmoothingProblem, stated: 
 def _late(
     problem: SmoothingProblem, stated: Solution, clock: ClockOff | None
 ) -> Iterable[LastingError]:
-    """Return by how much forces are late, if that is no clock's.
+    """Return by how much forces or rates are late, if that is no clock's.
 
     By a clock the forces of an accelerometer alone are late as well, and it may be fast or slow
     beside: what leaves less is taken.
     """
-    late = late_forces.late_forces(problem, stated)
+    late = late_samples.late_samples(problem, stated)
     if clock is None or not isinstance(problem.motion, GyroFree):
         return late
     return (one for one in late if one.cost < clock.cost)

@@ -1,4 +1,4 @@
-"""An accelerometer behind a low pass, one that drifts, tags that step: the likely fault wins."""
+"""A sensor behind a low pass, one that drifts, tags that step: the likely fault wins."""
 
 from dataclasses import replace
 
@@ -7,7 +7,6 @@ import pytest
 from scipy.signal import lfilter
 
 from fgnav.frontend.problem import build_problem
-from fgnav.identification.lasting.late_forces import LATE_FORCES
 from fgnav.identification.spans.errors import DRIFT
 from fgnav.identification.tag_steps import tag_step
 from fgnav.methods.smoother import Smoother
@@ -16,25 +15,27 @@ from tests.methods.simulated import errors_rad, nees
 from tests.robustness.drawn.dirty import dirty
 from tests.robustness.drawn.flights import KINDS, right_flight
 
+RATES = (("fixes", 0.16, 0.0061), ("instruments", 0.083, 0.0032), ("raw", 0.16, 0.0021))
+
 
 def of_seed(seed):
     right = right_flight(KINDS[seed // 12 % len(KINDS)], seed // 12)
     return right, dirty(right, seed)[0]
 
 
-def late_s(found):
-    """Return by how much forces are late."""
+def late_s(found, sensor="accelerometer"):
+    """Return by how much a sensor is late."""
     assert found.cause.is_likely
-    assert found.cause.error.kind == LATE_FORCES
+    assert found.cause.error.kind == f"late {sensor}"
     return found.cause.error.off[0]
 
 
-def behind_a_low_pass(flight, time_s):
+def behind_a_low_pass(flight, time_s, samples="f_b_mps2"):
     imu = flight.imu
+    x = getattr(imu, samples)
     keep = np.exp(-np.median(np.diff(imu.t_s)) / time_s)
-    begin = keep * imu.f_b_mps2[:1]
-    f_b_mps2, _ = lfilter([1 - keep], [1, -keep], imu.f_b_mps2, axis=0, zi=begin)
-    return replace(flight, imu=replace(imu, f_b_mps2=f_b_mps2))
+    late, _ = lfilter([1 - keep], [1, -keep], x, axis=0, zi=keep * x[:1])
+    return replace(flight, imu=replace(imu, **{samples: late}))
 
 
 def test_forces_behind_a_low_pass_are_taken_as_early_as_they_are_late():
@@ -58,6 +59,19 @@ def test_attitudes_with_forces_behind_a_low_pass_are_as_honest_as_without_it():
         estimate = Smoother()(behind_a_low_pass(right, 0.037))
         squares.append(nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2))
     assert np.mean(squares) < 5.0  # 4.1; without the low pass 4.2
+
+
+@pytest.mark.parametrize(("kind", "time_s", "sigma_s"), RATES)
+def test_rates_behind_a_low_pass_are_taken_as_early_as_they_are_late(kind, time_s, sigma_s):
+    """Else axes were turned, NEES 21.6, or the flight was refused."""
+    right = right_flight(kind, 947300000)
+    flight = behind_a_low_pass(right, time_s, "w_b_radps")
+    found = found_in(flight)
+    assert abs(late_s(found, "gyroscope") - 0.02 / np.expm1(0.02 / time_s)) < 4 * sigma_s
+    assert not found.moved.any()
+    assert any("rates are late" in note for note in found.notes)
+    estimate = estimate_by(found, flight)
+    assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 5.0
 
 
 @pytest.mark.parametrize(("seed", "is_steady"), [(99200420, False), (99200427, True)])

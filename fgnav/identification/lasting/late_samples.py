@@ -1,0 +1,93 @@
+"""Specific forces or rates that are late: a low pass of the accelerometer, or of the gyroscope.
+
+It delays one sensor alone, which no clock of the whole unit and no delay of velocities stands for:
+forces point where the body pointed before, or the body turned before it is said to. Of samples x
+that follow ``x_k = x_k-1 + (u_k - x_k-1) / (1 + d / T)``, T apart, u is ``x_k + d (x_k - x_k-1) /
+T``: to first order the samples a time d later, whatever delays them. In d the rows of the motion
+are linear.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.types.constants import flight_constant
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.identification.lasting.error import LastingError
+from fgnav.identification.likelihood.changed_samples import (
+    ChangedBy,
+    promised,
+    solved_with_changes,
+)
+from fgnav.identification.likelihood.span_offsets import LIKELY
+from fgnav.identification.noise.begin import WHITE
+from fgnav.identification.spans.errors import SAMPLES
+from fgnav.identification.track.windows import EXCLUDED
+from fgnav.types.flight import Imu
+
+LATE = {f"late {sensor}": sensor for sensor in WHITE}
+_SENSED = {"accelerometer": "forces", "gyroscope": "rates"}
+# 1-sigma, s: low passes of small units delay by up to 19 ms (InvenSense MPU-6000, register map 4.2,
+# DLPF_CFG).
+_DELAY_S = 0.02
+_STEP_S = 0.01  # of a difference quotient
+
+
+def late_samples(problem: SmoothingProblem, stated: Solution) -> Iterator[LastingError]:
+    """Yield by how much a sensor is late as a problem tells it, if a step from the stated says so.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    stated : Solution
+        Its minimum.
+    """
+    for kind, sensor in LATE.items():
+        if sensor == "gyroscope" and isinstance(problem.motion, GyroFree):
+            continue
+        error = _late(problem, stated, kind, _DELAY_S)
+        if error is not None and error.off[0] > _DELAY_S:  # as little is known as it is large
+            error = _late(problem, stated, kind, float(error.off[0]))
+        if error is not None and error.off[0] > 0.0:  # no filter foresees
+            yield error
+
+
+def put_right(imu: Imu, error: LastingError) -> Imu:
+    """Return a unit whose late sensor is in time."""
+    return _taken_early(imu, LATE[error.kind], float(error.off[0]))
+
+
+def sentence(error: LastingError) -> str:
+    """Return what is to be said of it."""
+    sensor = LATE[error.kind]
+    return (
+        f"The {sensor}'s {_SENSED[sensor]} are late, as behind a low pass: by "
+        f"{error.off[0]:.4f} ± {np.sqrt(error.covariance[0, 0]):.4f} s; they are taken as early as "
+        "that."
+    )
+
+
+def _taken_early(imu: Imu, sensor: str, by_s: float) -> Imu:
+    """Return a unit with samples of a sensor ahead of a first-order low pass of so much delay."""
+    name = SAMPLES[sensor]
+    x = getattr(imu, name)
+    slope = np.diff(x, axis=0, prepend=x[:1]) / np.median(np.diff(imu.t_s))
+    return replace(imu, **{name: x + by_s * slope})
+
+
+def _late(
+    problem: SmoothingProblem, stated: Solution, kind: str, sigma_s: float
+) -> LastingError | None:
+    part = flight_constant(kind, ("delay",), "s", sigma_s, reported=False)
+    early = partial(_taken_early, sensor=LATE[kind], by_s=_STEP_S)
+    how = ChangedBy((part,), (early,), np.array([_STEP_S]))
+    if promised(problem, stated.states, how)[0] < EXCLUDED - LIKELY:
+        return None
+    solution = solved_with_changes(problem, how)
+    if solution is None:
+        return None
+    return LastingError.of(part, problem.with_constants((part,)), stated.cost, solution)
