@@ -24,6 +24,8 @@ _LEAP_S = 18.0
 _TRIED = 20  # epochs
 _APART_S = 1.0  # of a pair of them
 _SOLVED = 0.5  # share of epochs with a position below which the time is doubted
+_ARRAY = 3  # antennas of an attitude
+_FEW = 300  # epochs of a quick look
 _LONGEST = 3000  # epochs that are solved; of a longer flight the stretch that has it all
 
 
@@ -31,8 +33,8 @@ def describe(flight: Flight, *, quick: bool = False) -> SetUp:
     """Return what a flight holds and every mistake in its set-up that its data give away.
 
     Quick: only what costs a small part of an estimate: files, sizes, whether velocities are the
-    change of positions, and axes and units of a gyroscope beside fixes, neither the array nor the
-    motion, whose search for the clock takes a third of a smoother's time on fixes alone.
+    change of positions, axes and units beside fixes or beside half a minute of an array, but no
+    clock, whose search takes a third of a smoother's time on fixes alone.
 
     Raises
     ------
@@ -46,7 +48,9 @@ def describe(flight: Flight, *, quick: bool = False) -> SetUp:
     if any(finding.certain for finding in samples):
         return replace(found, findings=(*found.findings, *samples))
     if flight.observations is not None and len(flight.observations.t_s):
-        if not quick:
+        if quick:
+            findings = _array_axes_findings(flight)
+        else:
             findings, unchecked = _solved_findings(flight)
     elif quick:
         findings = _velocity_findings(flight)
@@ -80,6 +84,22 @@ def _solved_findings(flight: Flight) -> tuple[list[Finding], list[Finding]]:
     if findings:
         return findings, [Finding(name="motion", text="until the antennas are right")]
     return _motion_findings(flight, differences[_stretch(flight, differences)])
+
+
+def _array_axes_findings(flight: Flight) -> list[Finding]:
+    """Return axes and units that a stretch of an array's attitudes excludes."""
+    from fgnav.set_up.array.inertial import axes_findings  # noqa: PLC0415  # lazy: scipy
+    from fgnav.set_up.array.quick import quick_solve  # noqa: PLC0415
+
+    imu, observations = flight.imu, flight.observations
+    if imu is None or observations is None or len(flight.antennas) < _ARRAY:
+        return []
+    first = max(len(observations.t_s) - _FEW, 0) // 2
+    part = replace(flight, observations=observations[slice(first, first + _FEW)])
+    try:
+        return axes_findings(part, imu, quick_solve(part, double_differences(part)))
+    except NoSolutionError:
+        return []
 
 
 def _motion_findings(

@@ -54,6 +54,16 @@ def test_a_mistake_is_found_and_the_right_one_blamed(name):
     assert any(culprit in f"{f.name}: {f.text}" for f in findings), findings
 
 
+@pytest.mark.parametrize("name", ["demo", "rough", "terminal", "spin"])
+@pytest.mark.parametrize("seed", range(3))
+def test_axes_are_certain_beside_an_array_before_an_estimate_too(name, seed):
+    assert describe(flown(name), quick=True).findings == ()
+    broken, _ = FAULTS["axes wrong"](flown(name), np.random.default_rng(seed))
+    (finding,) = describe(broken, quick=True).findings
+    assert finding.certain
+    assert finding.name in ("imu axes", "antenna axes")
+
+
 def test_a_misplaced_antenna_is_put_back_to_the_centimetre():
     flight = flown("demo")
     places = [a.position_b_m for a in flight.antennas]

@@ -5,11 +5,14 @@ integrated, against the velocity by Doppler. A wrong unit, axis, lever arm or cl
 own trace, so each is tried on its own and the one that fits best is named.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.geometry.interpolation import integral, interpolate
 from fgnav.geometry.rotations import log, transpose
+from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.set_up.array.inertial_fine import fine_findings
 from fgnav.set_up.array.inertial_motion import (
     ARM,
@@ -51,8 +54,19 @@ def inertial_findings(
     return [*fine, *_gyroscope_findings(motion)], unchecked
 
 
+def axes_findings(flight: Flight, imu: Imu, quick: Quick) -> list[Finding]:
+    """Return units and axes that are certainly not as stated; raises as ``inertial_findings``."""
+    matrix = _matrix_finding(motion_of(flight, imu, quick))
+    return [] if matrix is None or not matrix[1].certain else [matrix[1]]
+
+
 def _matrix_finding(motion: Motion) -> tuple[float, Finding] | None:
-    """Return the unit or the axes that fit best, if it is not the stated set-up."""
+    """Return the unit or the axes that fit best, if it is not the stated set-up.
+
+    Certain by an F test in which each window, whatever goes together in it, counts as one vector.
+    """
+    from scipy.stats import f as fisher  # noqa: PLC0415  # lazy: a slow import
+
     rate_hz = 1.0 / float(np.median(np.diff(motion.imu.t_s)))
     units = {"": 1.0, "g": _G_MPS2, "increments": rate_hz}
     regression = equations(motion).regression()
@@ -66,6 +80,8 @@ def _matrix_finding(motion: Motion) -> tuple[float, Finding] | None:
     share = least / left["", 0]
     if (unit, k) == ("", 0) or share > _BETTER:
         return None
+    freedom = 3 * len(np.unique(motion.window))
+    certain = bool(share * fisher.isf(FALSE_ALARM / len(left), freedom, freedom) < 1.0)
     least /= regression.rows
     evidence = f"they explain the velocities {1 / np.sqrt(share):.1f} times as well"
     if unit:
@@ -73,8 +89,10 @@ def _matrix_finding(motion: Motion) -> tuple[float, Finding] | None:
             "g": f"accelerations are in g; multiply by {_G_MPS2}",
             "increments": f"accelerations are increments; multiply by the rate, {rate_hz:g} Hz",
         }[unit]
-        return least, Finding(name="imu unit", text=f"{what}: {evidence}")
-    return least, _axes_finding(motion, signed_permutations()[k], evidence)
+        text = f"{what}: {evidence}"
+        return least, Finding(name="imu unit", text=text, certain=certain)
+    axes = _axes_finding(motion, signed_permutations()[k], evidence)
+    return least, replace(axes, certain=certain)
 
 
 def _axes_finding(motion: Motion, M: FloatArray, evidence: str) -> Finding:
