@@ -21,10 +21,18 @@ from fgnav.graph.delayed import VELOCITY_DELAY
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.identification.lasting import arm, field, late_forces, sight, unit_axes
+from fgnav.identification.lasting import (
+    arm,
+    field,
+    late_forces,
+    late_instrument,
+    sight,
+    unit_axes,
+)
 from fgnav.identification.lasting.clock import ClockOff, clock_off
 from fgnav.identification.lasting.error import LastingError
 from fgnav.identification.lasting.lost_samples import LostSamples, lost_samples
+from fgnav.identification.lasting.rivals import Rivals, rivals_of
 from fgnav.identification.likelihood.beside_phases import (
     is_misfit,
     measured_rows,
@@ -39,7 +47,13 @@ from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
 _OF_AXES = (*WHITE, field.MAGNETOMETER, field.DECLINATION)
-_PUT_RIGHT = (*_OF_AXES, *unit_axes.KINDS, field.DRIFT, late_forces.LATE_FORCES)
+_PUT_RIGHT = (
+    *_OF_AXES,
+    *unit_axes.KINDS,
+    field.DRIFT,
+    late_forces.LATE_FORCES,
+    *late_instrument.KINDS,
+)
 
 
 class Lasting(NamedTuple):
@@ -47,6 +61,12 @@ class Lasting(NamedTuple):
 
     error: LastingError
     share: float
+    rivals: Rivals | None = None
+
+    @property
+    def kind(self) -> str:
+        """What it is called."""
+        return self.error.kind
 
     @property
     def is_likely(self) -> bool:
@@ -81,6 +101,8 @@ class Lasting(NamedTuple):
             return (field.sentence(self.error, self.share),)
         if self.error.kind == late_forces.LATE_FORCES:
             return (late_forces.sentence(self.error),)
+        if self.error.kind in late_instrument.KINDS:
+            return (late_instrument.sentence(self.error),)
         if self.error.kind == arm.LEVER_ARM:
             return (arm.sentence(self.error.off, self.error.covariance),)
         return (sight.sentence(self.error),)
@@ -96,6 +118,8 @@ class Lasting(NamedTuple):
             return flight
         if self.error.kind == late_forces.LATE_FORCES:
             return replace(flight, imu=late_forces.taken_early(flight.imu, self.error.off[0]))
+        if self.error.kind in late_instrument.KINDS:
+            return late_instrument.in_time(flight, self.error)
         if not self.is_of_unit:
             return field.put_right(flight, self.error)
         return replace(flight, imu=unit_axes.put_right(flight.imu, self.error))
@@ -138,6 +162,7 @@ def likeliest_cause(
         *unit_axes.unit_errors(problem, stated),
         *field.field_errors(problem, stated.cost),
         *arm.arm_errors(problem, stated),
+        *late_instrument.late_instruments(problem, stated),
     )
     middle_s, promised = clock
     moved = clock_off(problem, stated, middle_s) if promised >= EXCLUDED - LIKELY else None
@@ -163,7 +188,15 @@ def likeliest_cause(
         may_be_unlikely = best.kind != arm.LEVER_ARM
     if best.nats <= EXCLUDED and not may_be_unlikely:
         return None
-    return _of_errors(best, errors, problem) if isinstance(best, LastingError) else best
+    cause = _of_errors(best, errors, problem) if isinstance(best, LastingError) else best
+    like_it = (one for one in ordered if _may_stand_for(one, best))
+    return cause._replace(rivals=rivals_of(best, like_it, problem.t_s, stated.states.R_nb))
+
+
+def _may_stand_for(one: "LastingError | Cause", best: "LastingError | Cause") -> bool:
+    """Return whether an instrument that is late may look like another cause, or that like it."""
+    kinds = {one.kind, best.kind}
+    return len(kinds) == 2 and not kinds.isdisjoint(late_instrument.KINDS)
 
 
 def _is_of_span(one: "LastingError | Cause", problem: SmoothingProblem, stated: Solution) -> bool:
