@@ -41,6 +41,17 @@ def test_a_magnetometer_that_is_late_is_taken_early(by_s):
     assert attitude_nees(right, estimate_by(found, flight)) < 4.0
 
 
+def test_a_detector_that_is_late_is_no_other_landmark():
+    """Its rates are those of the states, bent until they have the delay."""
+    right = right_flight("seeker", 9360004)
+    seeker = right.seeker
+    flight = replace(right, seeker=replace(seeker, t_s=seeker.t_s + 0.3))
+    found = found_in(flight)
+    assert found.cause.kind == "late line of sight"
+    assert abs(found.cause.error.off[0] - 0.3) < 0.01
+    assert attitude_nees(right, estimate_by(found, flight)) < 6.0
+
+
 @pytest.mark.parametrize("by_s", [0.02, 0.05])
 def test_a_clock_of_the_unit_is_no_late_magnetometer(by_s):
     right = right_flight("instruments", 7003)

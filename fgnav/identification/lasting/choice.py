@@ -160,7 +160,7 @@ def likeliest_cause(
     tested = (
         *sight.sight_errors(problem, stated.cost),
         *unit_axes.unit_errors(problem, stated),
-        *field.field_errors(problem, stated.cost),
+        *field.field_errors(problem, stated),
         *arm.arm_errors(problem, stated),
         *late_instrument.late_instruments(problem, stated),
     )

@@ -11,6 +11,7 @@ instrument's measurements, sought by steps, each about the C of the steps before
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
@@ -52,15 +53,14 @@ def late_instruments(problem: SmoothingProblem, stated: Solution) -> Iterator[La
         Its minimum.
     """
     names = [one.name for one in problem.measurements if one.name in FIELD_OF]
-    turning = _Turning.of(problem, stated.states) if names else None
-    if turning is None:
+    if not isinstance(problem.motion, GyroFree | Inertial):
         return
     (delay,) = of_time(calibration_requests(["velocity-delay"])[0])
     sigma_s = float(np.sqrt(delay.covariance[0, 0]))
     for name in names:
-        error = _sought(name, sigma_s, problem, stated, turning)
+        error = _sought(name, sigma_s, problem, stated)
         if error is not None and abs(error.off[0]) > sigma_s:
-            error = _sought(name, float(abs(error.off[0])), problem, stated, turning)
+            error = _sought(name, float(abs(error.off[0])), problem, stated)
         if error is not None:
             yield error
 
@@ -93,10 +93,8 @@ class _Turning:
     R: FloatArray
 
     @classmethod
-    def of(cls, problem: SmoothingProblem, at: States) -> "_Turning | None":
-        motion = problem.motion
-        if not isinstance(motion, GyroFree | Inertial):
-            return None
+    def of(cls, problem: SmoothingProblem, at: States) -> "_Turning":
+        motion = cast("GyroFree | Inertial", problem.motion)
         t_s, w_b_radps = problem.t_s, at.aux[:, RATE.start - AUX : RATE.stop - AUX]
         if motion.imu.w_b_radps is not None:
             t_s, w_b_radps = motion.imu.t_s, motion.imu.w_b_radps
@@ -112,14 +110,14 @@ class _Turning:
 
 
 def _sought(
-    name: str, sigma_s: float, problem: SmoothingProblem, stated: Solution, turning: _Turning
+    name: str, sigma_s: float, problem: SmoothingProblem, stated: Solution
 ) -> LastingError | None:
     """Return by how much an instrument is late; None if no step says so, or none ends."""
     part = flight_constant(_LATE + name, ("delay",), "s", sigma_s, reported=False)
     begin, column, by_s = stated.states, problem.constants.width, 0.0
     error: LastingError | None = None
     for _ in range(_STEPS):
-        free = _freed(name, part, problem, turning, by_s)
+        free = _freed(name, part, problem, _Turning.of(problem, begin), by_s)
         at = begin._replace(constants=np.append(begin.constants[:column], by_s))
         if error is None and step_promises(free, at, column)[0] < EXCLUDED - LIKELY:
             return None
