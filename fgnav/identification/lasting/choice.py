@@ -26,6 +26,7 @@ from fgnav.identification.lasting import (
     field,
     late_forces,
     late_instrument,
+    quadrants,
     sight,
     unit_axes,
 )
@@ -44,7 +45,7 @@ from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.solve.chain import solve_batch
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Flight, Seeker
 
 _OF_AXES = (*WHITE, field.MAGNETOMETER, field.DECLINATION)
 _PUT_RIGHT = (
@@ -53,6 +54,7 @@ _PUT_RIGHT = (
     field.DRIFT,
     late_forces.LATE_FORCES,
     *late_instrument.KINDS,
+    quadrants.QUADRANTS,
 )
 
 
@@ -103,6 +105,8 @@ class Lasting(NamedTuple):
             return (late_forces.sentence(self.error),)
         if self.error.kind in late_instrument.KINDS:
             return (late_instrument.sentence(self.error),)
+        if self.error.kind == quadrants.QUADRANTS:
+            return (quadrants.sentence(self.error),)
         if self.error.kind == arm.LEVER_ARM:
             return (arm.sentence(self.error.off, self.error.covariance),)
         return (sight.sentence(self.error),)
@@ -120,6 +124,8 @@ class Lasting(NamedTuple):
             return replace(flight, imu=late_forces.taken_early(flight.imu, self.error.off[0]))
         if self.error.kind in late_instrument.KINDS:
             return late_instrument.in_time(flight, self.error)
+        if self.error.kind == quadrants.QUADRANTS and flight.seeker is not None:
+            return replace(flight, seeker=quadrants.in_balance(flight.seeker, self.error.off))
         if not self.is_of_unit:
             return field.put_right(flight, self.error)
         return replace(flight, imu=unit_axes.put_right(flight.imu, self.error))
@@ -140,6 +146,7 @@ def likeliest_cause(
     with_noise: Callable[[dict[str, float]], SmoothingProblem],
     estimating: Callable[[CalibrationRequest], SmoothingProblem],
     others: tuple[CalibrationRequest, ...],
+    seeker: Seeker | None,
 ) -> Cause | None:
     """Return what is off for a whole flight, or from some time on; None where nothing is.
 
@@ -155,10 +162,12 @@ def likeliest_cause(
         From what is to be estimated to the problem with it.
     others : tuple of CalibrationRequest
         Lever arm and delay of velocities, where they are not estimated.
+    seeker : Seeker or None
+        The flight's.
     """
     problem, stated = at
     tested = (
-        *sight.sight_errors(problem, stated.cost),
+        *sight.sight_errors(problem, stated, seeker),
         *unit_axes.unit_errors(problem, stated),
         *field.field_errors(problem, stated),
         *arm.arm_errors(problem, stated),
