@@ -5,7 +5,7 @@ from pathlib import Path
 from fgnav.cli.arguments.estimators import (
     compare_flight,
     estimators_named,
-    say_what_check_finds,
+    print_findings_of_check,
 )
 from fgnav.cli.arguments.options import (
     SMOOTHER_DEFAULTS,
@@ -61,7 +61,7 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     try:
         written = write_method(comparison, comparison.methods[0].name, data, out)
     except NoSolutionError:
-        say_what_check_finds(data)
+        print_findings_of_check(data)
         raise
     files = save_report(comparison, data, report, flight)
     write_json(json, comparison.to_dict())

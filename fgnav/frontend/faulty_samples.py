@@ -19,24 +19,22 @@ _NEAR = 25  # samples on either side: a median of 51 tells sigma to 16 %, half m
 _FEWEST = 100
 _AXES = "xyz"
 _FALSE_ALARM = 1e-4  # of each test on a right record
-_STUCK = "all axes repeat the sample before, more often than by chance: left out"
+STUCK = "all axes repeat the sample before, more often than by chance: left out"
 
 
 def without_faulty(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     """Return a record without samples of a stuck unit, and without spikes, and their numbers."""
     imu, repeated = without_repeated(imu)
-    stuck, count, run = imu, 0, stuck_unit(imu)
-    while run is not None:
-        keep = np.ones(len(stuck.t_s), dtype=np.bool_)
-        keep[run[0] + 1 : run[0] + run[1] + 1] = False
-        rates = None if stuck.w_b_radps is None else stuck.w_b_radps[keep]
-        stuck = replace(stuck, t_s=stuck.t_s[keep], f_b_mps2=stuck.f_b_mps2[keep], w_b_radps=rates)
-        count, run = count + run[1], stuck_unit(stuck)
-    moving, of_axes = without_stuck_axes(stuck)
+    x = _of_all_axes(imu)
+    stuck = stuck_samples(x) if len(x) >= _FEWEST else np.zeros(len(x), dtype=np.bool_)
+    if (np.diff(x, axis=0) == 0).all():  # all else contradicts it
+        stuck[:] = False
+    count = int(stuck.sum())
+    moving, of_axes = without_stuck_axes(imu[~stuck] if count else imu)
     mended, of_spikes = without_spikes(moving)
     losses = (*of_axes, *of_spikes)
     if count:
-        losses = (Loss(what="inertial sample", reason=_STUCK, count=count), *losses)
+        losses = (Loss(what="inertial sample", reason=STUCK, count=count), *losses)
     return mended, (*repeated, *losses)
 
 
@@ -120,14 +118,36 @@ def stuck_unit(imu: Imu) -> tuple[int, int] | None:
     """Return first sample and number of the longest run of equal ones of all axes, or None."""
     if len(imu.t_s) < _FEWEST:
         return None
-    x = imu.f_b_mps2 if imu.w_b_radps is None else np.hstack([imu.f_b_mps2, imu.w_b_radps])
+    x = _of_all_axes(imu)
+    return None if (np.diff(x, axis=0) == 0).all() else stuck_run(x)
+
+
+def stuck_samples(x: FloatArray) -> BoolArray:
+    """Return which samples, (k,), only repeat all axes of the one before, unlike chance."""
+    stuck = np.zeros(len(x), dtype=np.bool_)
+    run = stuck_run(x)
+    while run is not None:
+        rows = np.flatnonzero(~stuck)
+        stuck[rows[run[0] + 1 : run[0] + run[1] + 1]] = True
+        run = stuck_run(x[~stuck])
+    return stuck
+
+
+def stuck_run(x: FloatArray) -> tuple[int, int] | None:
+    """Return first sample and number of the longest run of equal samples, (k, d), or None.
+
+    One more repetition than was seen elsewhere: a share of none is not known to be none.
+    """
     same = (np.diff(x, axis=0) == 0).all(axis=1)
-    if same.all():
-        return None
     first, length = longest_run(same)
     rest = np.delete(same, slice(first, first + length))
     share = float((rest.sum() + 1) / (len(rest) + 2))
     return (first, length) if is_unlikely(length, share, len(x)) else None
+
+
+def _of_all_axes(imu: Imu) -> FloatArray:
+    both = (imu.f_b_mps2, imu.w_b_radps)
+    return np.hstack([x for x in both if x is not None])
 
 
 def longest_run(same: BoolArray) -> tuple[int, int]:
@@ -151,7 +171,7 @@ def is_unlikely(length: int, share: float, n: int) -> bool:
 def without_stuck_so_far(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     """Return a record without samples that, by those up to each, are of a stuck unit."""
     imu, losses = without_repeated(imu, causal=True)
-    x = imu.f_b_mps2 if imu.w_b_radps is None else np.hstack([imu.f_b_mps2, imu.w_b_radps])
+    x = _of_all_axes(imu)
     same = np.append(False, (np.diff(x, axis=0) == 0).all(axis=1))
     k = np.arange(len(x))
     run = k - np.maximum.accumulate(np.where(same, 0, k))  # equal ones in a row, up to each
@@ -159,7 +179,7 @@ def without_stuck_so_far(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     stuck = (run > 1) & (run < k) & (k >= _FEWEST) & (k * share**run < _FALSE_ALARM)
     if not stuck.any():
         return imu, losses
-    stuck_loss = Loss(what="inertial sample", reason=_STUCK, count=int(stuck.sum()))
+    stuck_loss = Loss(what="inertial sample", reason=STUCK, count=int(stuck.sum()))
     return imu[~stuck], (*losses, stuck_loss)
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fgnav.checks import BoolArray
+from fgnav.checks import BoolArray, Loss
 from fgnav.frontend.array.multipath import lasting_error
 from fgnav.frontend.array.shape import initial_shape, shape_at
 from fgnav.frontend.attitude.initial import attitude_prior
@@ -30,6 +30,7 @@ from fgnav.frontend.sensors.rest import Rest, moving_antenna, resting_motion
 from fgnav.frontend.sensors.resting_rates import resting_rates
 from fgnav.frontend.sensors.sensed import Sensed, sense
 from fgnav.frontend.sensors.standstill import standing
+from fgnav.frontend.sensors.stuck import without_stuck
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import Aligned, Tracked, aligned, inertial_record, moves_about, tracked
 from fgnav.graph.factors.antenna_phase import AntennaPhase
@@ -59,6 +60,9 @@ def build_problem(
     """
     requested = constants_of(settings.calibration, flight, gravity=settings.gravity is not None)
     inertial_record(flight.imu)
+    repeated: tuple[Loss, ...] = ()
+    if not settings.causal:
+        flight, repeated = without_stuck(flight)
     last = last or LastObservations()
     if settings.causal:
         by = last.of(flight, settings)
@@ -122,7 +126,14 @@ def build_problem(
         earth_rate_n_radps=earth,
         epochs=stage.epochs,
         integers=start.integers,
-        losses=(*start.losses, *stage.losses, *antenna.losses, *track.losses, *sensed.losses),
+        losses=(
+            *start.losses,
+            *stage.losses,
+            *antenna.losses,
+            *track.losses,
+            *repeated,
+            *sensed.losses,
+        ),
         rejections=(*start.rejections, *track.rejections, *phases.rejections),
         notes=(
             *start.notes,

@@ -117,7 +117,7 @@ def _with_errors_and_notes(prepared: PreparedFlight, changes: Findings) -> Prepa
     doubts = [one.doubt for one in changes.faults]
     if cause is not None:
         changed = changed.changed(cause.in_doubt)
-        doubts.append(cause.doubt)
+        doubts += [cause.doubt, None if cause.rivals is None else cause.rivals.doubt]
     return replace(
         changed,
         doubts=tuple(one for one in doubts if one is not None),

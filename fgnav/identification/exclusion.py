@@ -16,8 +16,8 @@ from fgnav.types.surroundings import Barometer, Magnetometer
 
 _AROUND_S = 1.0  # blocks are a second long: what spoils one may reach into the next
 _LONGEST = 0.5  # of an inertial record: more of it cannot be bridged
-# Instruments by their measurement's name: where in a flight they stand.
-_INSTRUMENTS = {
+# Where in a flight instruments stand, by their measurement's name.
+FIELD_OF = {
     "line of sight": "seeker",
     "barometric height": "barometer",
     "magnetic field": "magnetometer",
@@ -50,7 +50,7 @@ def exclusions(flight: Flight, contradictory: tuple[Consistency, ...]) -> Iterat
     contradictory : tuple of Consistency
         With contradictions, the worst first.
     """
-    instruments = [one for one in contradictory if one.what in _INSTRUMENTS]
+    instruments = [one for one in contradictory if one.what in FIELD_OF]
     by_forces = tuple(one for one in contradictory if one.what == FORCES)
     inertial = _without_inertial(flight, by_forces or contradictory)
     if by_forces and inertial is not None:
@@ -69,7 +69,7 @@ def exclusions(flight: Flight, contradictory: tuple[Consistency, ...]) -> Iterat
             yield Exclusion(changed, _rejected(one), partial(_without, one=one))
         else:
             yield from _without_instruments(flight, one, tried)
-            tried |= _INSTRUMENTS.keys()
+            tried |= FIELD_OF.keys()
     if inertial is not None and len(contradictory) == 1:
         yield inertial
 
@@ -96,7 +96,7 @@ def going_on(contradictory: tuple[Consistency, ...], present_s: float) -> tuple[
 
 def _without_instruments(flight: Flight, one: Consistency, tried: set[str]) -> Iterator[Exclusion]:
     """Yield flights without one instrument that agrees with a solution which GNSS contradicts."""
-    for what, field in _INSTRUMENTS.items():
+    for what, field in FIELD_OF.items():
         if what in tried or getattr(flight, field) is None:
             continue
         without = partial(_without_instrument, field=field)
@@ -141,7 +141,7 @@ def _inside(t_s: FloatArray, spans: FloatArray) -> BoolArray:
 def _without(flight: Flight, one: Consistency) -> Flight:
     """Return a flight without one sensor's contradictions; as it is if nothing would be left."""
     whole, spans = one.contradictions[0].throughout, _spans(one)
-    instrument = _INSTRUMENTS.get(one.what)
+    instrument = FIELD_OF.get(one.what)
     if instrument is not None:
         if whole:
             return _without_instrument(flight, instrument)

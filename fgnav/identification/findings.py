@@ -131,7 +131,7 @@ def findings(
         calibration=requests,
         notes=(
             *places.notes,
-            *(() if cause is None else cause.sentences),
+            *(() if cause is None else _of_cause(cause)),
             *exclusion_notes(_rejections(out, gross)),
             *turned,
             *(one.sentence for one in faults if one.is_likely),
@@ -148,6 +148,13 @@ def findings(
         gross=gross,
         is_as_stated=is_as_stated,
     )
+
+
+def _of_cause(cause: Cause) -> tuple[str, ...]:
+    """Return what is to be said of what is off all along, and of what else it may be."""
+    if cause.rivals is None or not cause.is_likely:
+        return cause.sentences
+    return (*cause.sentences, cause.rivals.sentence)
 
 
 def _rejections(out: tuple[Exclusion, ...], gross: tuple[GrossError, ...]) -> tuple[Rejected, ...]:

@@ -167,8 +167,8 @@ def _likeliest_cause(
     words = ("lever-arm", "velocity-delay") if has_velocities else ("lever-arm",)
     requested = [one.kind for one in settings.calibration]
     others = calibration_requests([word for word in words if word not in requested])
-    middle_s = middle_of_tags_s(flight.imu)
-    return likeliest_cause(at, (middle_s, clock_nats), with_noise, estimating, others)
+    clock, seeker = (middle_of_tags_s(flight.imu), clock_nats), flight.seeker
+    return likeliest_cause(at, clock, with_noise, estimating, others, seeker)
 
 
 def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]) -> PreparedFlight:

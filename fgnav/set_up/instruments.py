@@ -3,7 +3,7 @@
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.frontend.faulty_samples import is_unlikely, longest_run
+from fgnav.frontend.faulty_samples import stuck_run
 from fgnav.set_up.findings import Finding
 from fgnav.types.flight import Flight
 from fgnav.types.surroundings import Magnetometer
@@ -32,14 +32,10 @@ def instrument_findings(flight: Flight) -> list[Finding]:
 def _stuck(name: str, t_s: FloatArray, x: FloatArray, is_valid: BoolArray) -> list[Finding]:
     """Return a run of equal samples, of those that say anything, that chance does not explain."""
     t_s, x = t_s[is_valid], x[is_valid]
-    if len(t_s) < _FEWEST:
+    run = stuck_run(x) if len(t_s) >= _FEWEST else None
+    if run is None:
         return []
-    same = (np.diff(x, axis=0) == 0).all(axis=1)
-    first, length = longest_run(same)
-    rest = np.delete(same, slice(first, first + length))
-    share = float((rest.sum() + 1) / (len(rest) + 2)) if len(rest) else 0.0
-    if not is_unlikely(length, share, len(x)):
-        return []
+    first, length = run
     text = (
         f"one sample is repeated {length + 1} times from {t_s[first]:.3f} to "
         f"{t_s[first + length]:.3f} s"

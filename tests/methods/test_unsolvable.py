@@ -38,6 +38,6 @@ def test_a_flight_without_a_solution_is_followed_by_all_that_check_finds(tmp_pat
     longer = (replace(one, position_b_m=1.1 * one.position_b_m) for one in flight.antennas)
     save_flight(replace(flight, antennas=tuple(longer)), tmp_path / "flight")
     assert main(["run", str(tmp_path / "flight"), "--out", str(tmp_path / "out")]) == 1
-    said = capsys.readouterr().err
-    assert "fgnav: smoother: " in said
-    assert "check: antennas misplaced: " in said
+    printed = capsys.readouterr().err
+    assert "fgnav: smoother: " in printed
+    assert "check: antennas misplaced: " in printed

@@ -186,16 +186,16 @@ def _check_set_up(flight: "Flight") -> None:
         print(f"check: {said}", file=sys.stderr)
 
 
-def say_what_check_finds(flight: "Flight") -> None:
+def print_findings_of_check(flight: "Flight") -> None:
     """Print to standard error what all checks find of a flight without a solution.
 
     But for what was said before its estimate.
     """
     from fgnav.set_up import describe  # noqa: PLC0415  # lazy, as above
 
-    said = describe(flight, quick=True).findings
+    before = describe(flight, quick=True).findings
     for finding in describe(flight).findings:
-        if finding not in said:
+        if finding not in before:
             print(f"check: {finding}", file=sys.stderr)
 
 

@@ -8,7 +8,6 @@ hundredth of them nothing is said, and the constant has the second moment of bot
 
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,10 +20,19 @@ from fgnav.graph.delayed import VELOCITY_DELAY
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.identification.lasting import arm, field, late_samples, sight, unit_axes
+from fgnav.identification.lasting import (
+    arm,
+    field,
+    late_instrument,
+    late_samples,
+    quadrants,
+    sight,
+    unit_axes,
+)
 from fgnav.identification.lasting.clock import ClockOff, clock_off
 from fgnav.identification.lasting.error import LastingError
 from fgnav.identification.lasting.lost_samples import LostSamples, lost_samples
+from fgnav.identification.lasting.rivals import Rivals, rivals_of
 from fgnav.identification.likelihood.beside_phases import (
     is_misfit,
     measured_rows,
@@ -36,10 +44,20 @@ from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.solve.chain import solve_batch
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Flight, Seeker
 
 _OF_AXES = (*WHITE, field.MAGNETOMETER, field.DECLINATION)
-_PUT_RIGHT = (*_OF_AXES, *unit_axes.KINDS, field.DRIFT, *late_samples.LATE)
+# Samples or the stated field are put right by these, and nothing is estimated.
+_PUT_RIGHT: dict[str, Callable[[Flight, LastingError], Flight]] = {
+    kind: module.put_right
+    for module in (unit_axes, field, late_samples, late_instrument, quadrants)
+    for kind in module.KINDS
+}
+_SENTENCES: dict[str, Callable[[LastingError], str]] = {
+    kind: module.sentence
+    for module in (late_samples, late_instrument, quadrants, sight)
+    for kind in module.KINDS
+}
 
 
 class Lasting(NamedTuple):
@@ -47,6 +65,12 @@ class Lasting(NamedTuple):
 
     error: LastingError
     share: float
+    rivals: Rivals | None = None
+
+    @property
+    def kind(self) -> str:
+        """What it is called."""
+        return self.error.kind
 
     @property
     def is_likely(self) -> bool:
@@ -77,13 +101,11 @@ class Lasting(NamedTuple):
             return ()
         if self.is_of_unit:
             return (unit_axes.sentence(self.error, self.share),)
-        if self.error.kind in (*_OF_AXES, field.DRIFT):
+        if self.error.kind in field.KINDS:
             return (field.sentence(self.error, self.share),)
-        if self.error.kind in late_samples.LATE:
-            return (late_samples.sentence(self.error),)
         if self.error.kind == arm.LEVER_ARM:
             return (arm.sentence(self.error.off, self.error.covariance),)
-        return (sight.sentence(self.error),)
+        return (_SENTENCES[self.error.kind](self.error),)
 
     @property
     def doubt(self) -> AttitudeDoubt | None:
@@ -94,11 +116,7 @@ class Lasting(NamedTuple):
         """Return a flight without it, where that is put right."""
         if flight.imu is None or not (self.is_put_right and self.is_likely):
             return flight
-        if self.error.kind in late_samples.LATE:
-            return replace(flight, imu=late_samples.put_right(flight.imu, self.error))
-        if not self.is_of_unit:
-            return field.put_right(flight, self.error)
-        return replace(flight, imu=unit_axes.put_right(flight.imu, self.error))
+        return _PUT_RIGHT[self.error.kind](flight, self.error)
 
     def in_doubt(self, problem: SmoothingProblem) -> SmoothingProblem:
         """Return a problem that holds the stated for as sure as it is."""
@@ -116,6 +134,7 @@ def likeliest_cause(
     with_noise: Callable[[dict[str, float]], SmoothingProblem],
     estimating: Callable[[CalibrationRequest], SmoothingProblem],
     others: tuple[CalibrationRequest, ...],
+    seeker: Seeker | None,
 ) -> Cause | None:
     """Return what is off for a whole flight, or from some time on; None where nothing is.
 
@@ -131,13 +150,16 @@ def likeliest_cause(
         From what is to be estimated to the problem with it.
     others : tuple of CalibrationRequest
         Lever arm and delay of velocities, where they are not estimated.
+    seeker : Seeker or None
+        The flight's.
     """
     problem, stated = at
     tested = (
-        *sight.sight_errors(problem, stated.cost),
+        *sight.sight_errors(problem, stated, seeker),
         *unit_axes.unit_errors(problem, stated),
-        *field.field_errors(problem, stated.cost),
+        *field.field_errors(problem, stated),
         *arm.arm_errors(problem, stated),
+        *late_instrument.late_instruments(problem, stated),
     )
     middle_s, promised = clock
     moved = clock_off(problem, stated, middle_s) if promised >= EXCLUDED - LIKELY else None
@@ -163,7 +185,15 @@ def likeliest_cause(
         may_be_unlikely = best.kind != arm.LEVER_ARM
     if best.nats <= EXCLUDED and not may_be_unlikely:
         return None
-    return _of_errors(best, errors, problem) if isinstance(best, LastingError) else best
+    cause = _of_errors(best, errors, problem) if isinstance(best, LastingError) else best
+    like_it = (one for one in ordered if _may_stand_for(one, best))
+    return cause._replace(rivals=rivals_of(best, like_it, problem.t_s, stated.states.R_nb))
+
+
+def _may_stand_for(one: "LastingError | Cause", best: "LastingError | Cause") -> bool:
+    """Return whether an instrument that is late may look like another cause, or that like it."""
+    kinds = {one.kind, best.kind}
+    return len(kinds) == 2 and not kinds.isdisjoint(late_instrument.KINDS)
 
 
 def _is_of_span(one: "LastingError | Cause", problem: SmoothingProblem, stated: Solution) -> bool:

@@ -19,6 +19,7 @@ from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
+from fgnav.identification.lasting.rivals import Rivals
 from fgnav.identification.likelihood.record_clock import (
     RecordClock,
     attitude_doubt,
@@ -44,7 +45,10 @@ class ClockOff(NamedTuple):
     nats: float
     cost: float
     is_exact: bool  # tags, beside phases of arcs: it is corrected, and not estimated
+    R_nb: FloatArray  # attitudes of keyframes with these tags
     doubt: AttitudeDoubt | None = None
+    rivals: Rivals | None = None
+    kind: str = "clock"
 
     @property
     def share(self) -> float:
@@ -101,7 +105,7 @@ def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> C
     moved: FloatArray = np.zeros(2)
     if not isinstance(motion, GyroFree | Inertial):
         return None
-    likeliest: tuple[RecordClock, FloatArray, SmoothingProblem] | None = None
+    likeliest: tuple[RecordClock, FloatArray, SmoothingProblem, Solution] | None = None
     for _ in range(_STEPS):
         clock = clock_step(at, solution, middle_s, moved)
         if clock is None:
@@ -118,19 +122,20 @@ def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> C
         cost = solution.cost + prior_squares(moved)
         if not solution.converged or (likeliest is not None and cost >= likeliest[0].cost):
             break
-        likeliest = clock._replace(cost=cost), moved, at
+        likeliest = clock._replace(cost=cost), moved, at, solution
         if clock.squares <= 1.0 or (stated.cost - cost) / 2 < EXCLUDED - LIKELY:
             break
     if likeliest is None:
         return None
-    clock, moved, at = likeliest
+    clock, moved, at, solution = likeliest
     (request,) = calibration_requests(["clock"])
     before = np.prod([part.covariance[0, 0] for part in of_time(request)])
     spread = np.linalg.slogdet(clock.covariance)[1] - np.log(before)
     nats = float((stated.cost - clock.cost + spread) / 2)
     is_exact = problem.phase is not None
     doubt = attitude_doubt(at, middle_s, moved) if is_exact and nats > EXCLUDED else None
-    return ClockOff(moved, clock.sigma, middle_s, nats, clock.cost, is_exact, doubt)
+    R_nb = solution.states.R_nb
+    return ClockOff(moved, clock.sigma, middle_s, nats, clock.cost, is_exact, R_nb, doubt)
 
 
 def clock_sentence(off: FloatArray, sigma: FloatArray, then: str) -> str:

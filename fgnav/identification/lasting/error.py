@@ -34,6 +34,7 @@ class LastingError(NamedTuple):
     attitude_by: FloatArray
     nats: float  # of likelihood, all else as stated
     cost: float  # that it leaves
+    R_nb: FloatArray = np.empty((0, 3, 3))  # attitudes of keyframes there
 
     @classmethod
     def of(
@@ -57,7 +58,8 @@ class LastingError(NamedTuple):
         off = solution.states.constants[columns] - problem.constants.mean[columns]
         cross = solution.constant_cross[:, ROTATION, columns]
         by = np.linalg.solve(covariance, cross.swapaxes(1, 2)).swapaxes(1, 2)
-        return cls(part.name, off, covariance, problem.t_s, by, float(nats), solution.cost)
+        R_nb, cost = solution.states.R_nb, solution.cost
+        return cls(part.name, off, covariance, problem.t_s, by, float(nats), cost, R_nb)
 
     @property
     def share(self) -> float:

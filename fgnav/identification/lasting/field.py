@@ -22,23 +22,33 @@ from fgnav.graph.turned import Turned
 from fgnav.graph.types.constants import Constants, FlightConstant, flight_constant
 from fgnav.graph.types.measurement import Linearised, Measurement, OfAnother
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION, States
 from fgnav.identification.lasting.error import LastingError
+from fgnav.identification.likelihood.changed_samples import step_promises
 from fgnav.identification.likelihood.thinned import Some
 from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.optional_gtsam import gtsam
 from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
-MAGNETOMETER, DECLINATION, DRIFT = "magnetometer", "declination", "drift of hard iron"
+KINDS = MAGNETOMETER, DECLINATION, DRIFT = "magnetometer", "declination", "drift of hard iron"
 _FIELD = "magnetic field"
+_HELD = 1e-4  # of what is known of a constant: next to nothing moves it
 # 1-sigma of a field that is stated without its declination, rad: that of the Earth's field is 16
 # degrees RMS between 60 degrees south and north (IGRF-13 of 2020, to degree 4, by area).
 _DECLINATION_RAD = np.radians(16.0)
 
 
-def field_errors(problem: SmoothingProblem, stated: float) -> Iterator[LastingError]:
-    """Yield all three, as a problem tells them; parameters as of ``sight.sight_errors``."""
+def field_errors(problem: SmoothingProblem, stated: Solution) -> Iterator[LastingError]:
+    """Yield all three, as a problem tells them; as far as they have a minimum.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    stated : Solution
+        Its minimum.
+    """
     if not any(one.name == _FIELD for one in problem.measurements):
         return
     for part in (
@@ -59,7 +69,9 @@ def field_errors(problem: SmoothingProblem, stated: float) -> Iterator[LastingEr
         yield error
 
 
-def _error(problem: SmoothingProblem, stated: float, part: FlightConstant) -> LastingError | None:
+def _error(
+    problem: SmoothingProblem, stated: Solution, part: FlightConstant
+) -> LastingError | None:
     """Return an error by the minimum of the problem in which it is free; None without one."""
     free, column = problem.with_constants((part,)), problem.constants.width
     since_s = problem.t_s - problem.t_s[0]
@@ -75,9 +87,26 @@ def _error(problem: SmoothingProblem, stated: float, part: FlightConstant) -> La
     free = replace(free, measurements=tuple(map(freed, free.measurements)))
     try:
         solution = solve_batch(free)
+        if not solution.converged:
+            solution = solve_batch(free, begin=_held(free, stated.states, part))
     except NoSolutionError:
         return None
-    return LastingError.of(part, free, stated, solution) if solution.converged else None
+    return LastingError.of(part, free, stated.cost, solution) if solution.converged else None
+
+
+def _held(free: SmoothingProblem, at: States, part: FlightConstant) -> States:
+    """Return the minimum of states with a constant held where its score's own step leads.
+
+    Of ten degrees at once with states bent to none of them a step leads to no less (variable
+    projection: Golub, Pereyra, SIAM Journal on Numerical Analysis 10, 1973).
+    """
+    first = free.constants.width - part.size
+    begin = at._replace(constants=np.append(at.constants, part.start))
+    step = part.start + step_promises(free, begin, first)[1]
+    held = replace(part, mean=step, covariance=_HELD**2 * part.covariance)
+    problem = replace(free, constants=Constants((*free.constants.parts[:-1], held)))
+    begin = at._replace(constants=np.append(at.constants, step))
+    return solve_batch(problem, begin=begin).states
 
 
 def _drifting(one: Measurement, column: int, since_s: FloatArray) -> Measurement:

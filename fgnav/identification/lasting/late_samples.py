@@ -27,9 +27,9 @@ from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.spans.errors import SAMPLES
 from fgnav.identification.track.windows import EXCLUDED
-from fgnav.types.flight import Imu
+from fgnav.types.flight import Flight, Imu
 
-LATE = {f"late {sensor}": sensor for sensor in WHITE}
+KINDS = {f"late {sensor}": sensor for sensor in WHITE}
 _SENSED = {"accelerometer": "forces", "gyroscope": "rates"}
 # 1-sigma, s: low passes of small units delay by up to 19 ms (InvenSense MPU-6000, register map 4.2,
 # DLPF_CFG).
@@ -46,7 +46,7 @@ def late_samples(problem: SmoothingProblem, stated: Solution) -> Iterator[Lastin
     stated : Solution
         Its minimum.
     """
-    for kind, sensor in LATE.items():
+    for kind, sensor in KINDS.items():
         if sensor == "gyroscope" and isinstance(problem.motion, GyroFree):
             continue
         error = _late(problem, stated, kind, _DELAY_S)
@@ -56,14 +56,17 @@ def late_samples(problem: SmoothingProblem, stated: Solution) -> Iterator[Lastin
             yield error
 
 
-def put_right(imu: Imu, error: LastingError) -> Imu:
-    """Return a unit whose late sensor is in time."""
-    return _taken_early(imu, LATE[error.kind], float(error.off[0]))
+def put_right(flight: Flight, error: LastingError) -> Flight:
+    """Return a flight whose unit's late sensor is in time."""
+    if flight.imu is None:
+        return flight
+    early = _taken_early(flight.imu, KINDS[error.kind], float(error.off[0]))
+    return replace(flight, imu=early)
 
 
 def sentence(error: LastingError) -> str:
     """Return what is to be said of it."""
-    sensor = LATE[error.kind]
+    sensor = KINDS[error.kind]
     return (
         f"The {sensor}'s {_SENSED[sensor]} are late, as behind a low pass: by "
         f"{error.off[0]:.4f} ± {np.sqrt(error.covariance[0, 0]):.4f} s; they are taken as early as "
@@ -83,7 +86,7 @@ def _late(
     problem: SmoothingProblem, stated: Solution, kind: str, sigma_s: float
 ) -> LastingError | None:
     part = flight_constant(kind, ("delay",), "s", sigma_s, reported=False)
-    early = partial(_taken_early, sensor=LATE[kind], by_s=_STEP_S)
+    early = partial(_taken_early, sensor=KINDS[kind], by_s=_STEP_S)
     how = ChangedBy((part,), (early,), np.array([_STEP_S]))
     if promised(problem, stated.states, how)[0] < EXCLUDED - LIKELY:
         return None

@@ -27,6 +27,7 @@ from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
+from fgnav.identification.lasting.rivals import Rivals
 from fgnav.identification.likelihood.span_constants import Error, of_blocks
 from fgnav.identification.tag_steps import TagStep
 from fgnav.solve.chain import solve_batch
@@ -51,6 +52,9 @@ class LostSamples(NamedTuple):
     cost: float
     t_s: FloatArray
     noise: FloatArray
+    R_nb: FloatArray = np.empty((0, 3, 3))  # attitudes of keyframes with tags put back
+    rivals: Rivals | None = None
+    kind: str = "lost samples"
     is_likely: bool = True  # else it is none
     requests: tuple[CalibrationRequest, ...] = ()
     doubt: AttitudeDoubt | None = None
@@ -126,7 +130,8 @@ def _sought(
         if not solution.converged or (likeliest is not None and nats <= likeliest.nats):
             break
         noise = _noise((at, edges), changed, spread, interval_s)
-        likeliest = LostSamples(steps, nats, odds, solution.cost, problem.t_s[edges], noise)
+        t_s, R_nb = problem.t_s[edges], solution.states.R_nb
+        likeliest = LostSamples(steps, nats, odds, solution.cost, t_s, noise, R_nb)
         counts = changed
     if likeliest is None:
         return None

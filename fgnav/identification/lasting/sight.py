@@ -15,24 +15,32 @@ from fgnav.graph.factors.line_of_sight import LineOfSight
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
 from fgnav.identification.lasting.error import LastingError
+from fgnav.identification.lasting.quadrants import quadrant_error
 from fgnav.identification.likelihood.thinned import Some
 from fgnav.solve.chain import solve_batch
+from fgnav.types.flight import Seeker
 
-LANDMARK, BORESIGHT = "landmark", "boresight"
+KINDS = LANDMARK, BORESIGHT = "landmark", "boresight"
 # 1-sigma of each axis of a place read off a map that nobody checked, m: horizontal errors of
 # satellite images are 39.7 m RMS (Potere, Sensors 8, 2008, of 436 points of Google Earth).
 _READ_OFF_M = 40.0
 
 
-def sight_errors(problem: SmoothingProblem, stated: float) -> Iterator[LastingError]:
-    """Yield both, as a problem tells them; none where one of them is estimated.
+def sight_errors(
+    problem: SmoothingProblem, stated: Solution, seeker: Seeker | None
+) -> Iterator[LastingError]:
+    """Yield both, and the balance of quadrants, as a problem tells them.
+
+    None where landmark or boresight is estimated.
 
     Parameters
     ----------
     problem : SmoothingProblem
-    stated : float
-        Cost at its minimum.
+    stated : Solution
+        Its minimum.
+    seeker : Seeker or None
     """
     kinds = {part.name: part for part in problem.constants.parts}
     if BORESIGHT in kinds or LANDMARK not in kinds or kinds[LANDMARK].reported:
@@ -45,7 +53,10 @@ def sight_errors(problem: SmoothingProblem, stated: float) -> Iterator[LastingEr
         except NoSolutionError:
             continue
         if solution.converged:
-            yield LastingError.of(part, free, stated, solution)
+            yield LastingError.of(part, free, stated.cost, solution)
+    unbalanced = None if seeker is None else quadrant_error(problem, stated, seeker)
+    if unbalanced is not None:
+        yield unbalanced
 
 
 def request_of(error: LastingError) -> CalibrationRequest:

@@ -40,7 +40,7 @@ from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.spans.beside_phases import is_throughout
 from fgnav.identification.spans.errors import ANY_BIAS, ANY_SHARE, SAMPLES
 from fgnav.identification.track.windows import EXCLUDED, FALSE_ALARM
-from fgnav.types.flight import Imu
+from fgnav.types.flight import Flight, Imu
 
 _AXES = ("x_b", "y_b", "z_b")
 _STEPS = 4  # at most: each leaves a few hundredths of what is left
@@ -148,9 +148,11 @@ def is_of_span(error: LastingError, problem: SmoothingProblem, stated: Solution)
     return not is_throughout(problem, stated.states, (one.sensor, shape))
 
 
-def put_right(imu: Imu, error: LastingError) -> Imu:
-    """Return a unit without an error: a sensor's turn, its scale factors or its bias."""
-    return _OF_UNIT[error.kind].put_right(imu, error.off)
+def put_right(flight: Flight, error: LastingError) -> Flight:
+    """Return a flight without an error of its unit: a sensor's turn, scale factors or bias."""
+    if flight.imu is None:
+        return flight
+    return replace(flight, imu=_OF_UNIT[error.kind].put_right(flight.imu, error.off))
 
 
 def sentence(error: LastingError, share: float) -> str:

@@ -1,0 +1,44 @@
+"""Barometer, detector and magnetometer without samples that only repeat the one before."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.frontend.causal.truncation import SAMPLED
+from fgnav.frontend.faulty_samples import STUCK, stuck_samples
+from fgnav.frontend.recording import coarse_step
+from fgnav.types.flight import Flight
+
+
+def without_stuck(flight: Flight) -> tuple[Flight, tuple[Loss, ...]]:
+    """Return a flight without samples of stuck instruments, and their numbers.
+
+    The rule is that of a stuck unit (``faulty_samples``). Of a detector that sees nothing all
+    samples are alike, and of values that are recorded in steps beyond their noise many.
+    """
+    barometer, field, seeker = flight.barometer, flight.magnetometer, flight.seeker
+    stuck: dict[str, BoolArray] = {}
+    if barometer is not None:
+        stuck["barometer"] = _stuck(barometer.height_m[:, None], barometer.noise_m)
+    if field is not None:
+        stuck["magnetometer"] = _stuck(field.field_b_ut, field.noise_ut)
+    if seeker is not None:
+        lit = np.flatnonzero(seeker.currents.min(axis=1) > 0)
+        stuck["seeker"] = np.zeros(len(seeker.t_s), dtype=np.bool_)
+        stuck["seeker"][lit] = stuck_samples(seeker.currents[lit])
+    left, losses = flight, []
+    for name, bad in stuck.items():
+        if not bad.any():
+            continue
+        one = getattr(flight, name)
+        kept = replace(one, **{field: getattr(one, field)[~bad] for field in SAMPLED[name]})
+        left = replace(left, **{name: kept})
+        losses.append(Loss(what=f"{name} sample", reason=STUCK, count=int(bad.sum())))
+    return left, tuple(losses)
+
+
+def _stuck(x: FloatArray, noise: float) -> BoolArray:
+    if coarse_step(x, noise) is not None:
+        return np.zeros(len(x), dtype=np.bool_)
+    return stuck_samples(x)

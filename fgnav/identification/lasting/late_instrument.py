@@ -1,0 +1,209 @@
+"""An instrument that is late: what it measured at t is of the body a time d before.
+
+There the body's attitude and place are
+
+    R(t - d) = R(t) C(t, d)        C = Q(t)' Q(t - d)        p(t - d) = p(t) - d v(t)
+
+with Q the rotation since the first sample that the unit's rates w lead to: the gyroscope's, else
+those of the states. By d they change by ``-w(t - d)`` and ``-v``. d is a constant of the
+instrument's measurements, sought by steps, each about the C of the steps before.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.frontend.calibration_request import calibration_requests, of_time
+from fgnav.geometry.rotations import exp, transpose
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.inertial.preintegrated import Inertial
+from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.types.constants import Constants, FlightConstant, flight_constant
+from fgnav.graph.types.measurement import Linearised, Measurement, OfAnother
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import AUX, POSITION, RATE, ROTATION, VELOCITY, States
+from fgnav.identification.exclusion import FIELD_OF
+from fgnav.identification.lasting.error import LastingError
+from fgnav.identification.likelihood.changed_samples import step_promises
+from fgnav.identification.likelihood.span_offsets import LIKELY
+from fgnav.identification.track.integrals import rotated, sampled
+from fgnav.identification.track.windows import EXCLUDED
+from fgnav.optional_gtsam import gtsam
+from fgnav.solve.chain import solve_batch
+from fgnav.types.flight import Flight
+
+_LATE = "late "
+KINDS = tuple(_LATE + name for name in FIELD_OF)
+_STEPS = 8  # at most, as of a clock
+
+
+def late_instruments(problem: SmoothingProblem, stated: Solution) -> Iterator[LastingError]:
+    """Yield by how much each instrument is late, if a step from the stated says so.
+
+    As little known before as velocities' delay, or as it is large; early where it is negative.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    stated : Solution
+        Its minimum.
+    """
+    names = [one.name for one in problem.measurements if one.name in FIELD_OF]
+    if not isinstance(problem.motion, GyroFree | Inertial):
+        return
+    (delay,) = of_time(calibration_requests(["velocity-delay"])[0])
+    sigma_s = float(np.sqrt(delay.covariance[0, 0]))
+    for name in names:
+        error = _sought(name, sigma_s, problem, stated)
+        if error is not None and abs(error.off[0]) > sigma_s:
+            error = _sought(name, float(abs(error.off[0])), problem, stated)
+        if error is not None:
+            yield error
+
+
+def put_right(flight: Flight, error: LastingError) -> Flight:
+    """Return a flight whose instrument's tags are as much earlier as it is late."""
+    field = FIELD_OF[error.kind.removeprefix(_LATE)]
+    one = getattr(flight, field)
+    if one is None:
+        return flight
+    retagged = replace(one, t_s=one.t_s - error.off[0])
+    return replace(flight, **{field: retagged})
+
+
+def sentence(error: LastingError) -> str:
+    """Return what is to be said of it."""
+    what = FIELD_OF[error.kind.removeprefix(_LATE)]
+    return (
+        f"The {what}'s samples are late by {error.off[0]:+.4f} ± "
+        f"{np.sqrt(error.covariance[0, 0]):.4f} s: taken off their tags."
+    )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Turning:
+    """Rates, (m, 3), at times, and the rotation since the first that they lead to, (m, 3, 3)."""
+
+    t_s: FloatArray
+    w_b_radps: FloatArray
+    R: FloatArray
+
+    @classmethod
+    def of(cls, problem: SmoothingProblem, at: States) -> "_Turning":
+        motion = cast("GyroFree | Inertial", problem.motion)
+        t_s, w_b_radps = problem.t_s, at.aux[:, RATE.start - AUX : RATE.stop - AUX]
+        if motion.imu.w_b_radps is not None:
+            t_s, w_b_radps = motion.imu.t_s, motion.imu.w_b_radps
+        return cls(t_s, w_b_radps, rotated(t_s, w_b_radps))
+
+    def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return rates and rotations at other times, (k, 3) and (k, 3, 3)."""
+        before = np.searchsorted(self.t_s, t_s).clip(1, len(self.t_s) - 1) - 1
+        w_b_radps = sampled(self.t_s, self.w_b_radps, t_s)
+        between = (self.w_b_radps[before] + w_b_radps) / 2
+        since_s = np.clip(t_s, self.t_s[0], self.t_s[-1]) - self.t_s[before]
+        return w_b_radps, self.R[before] @ exp(between * since_s[:, None])
+
+
+def _sought(
+    name: str, sigma_s: float, problem: SmoothingProblem, stated: Solution
+) -> LastingError | None:
+    """Return by how much an instrument is late; None if no step says so, or none ends."""
+    part = flight_constant(_LATE + name, ("delay",), "s", sigma_s, reported=False)
+    begin, column, by_s = stated.states, problem.constants.width, 0.0
+    error: LastingError | None = None
+    for _ in range(_STEPS):
+        free = _freed(name, part, problem, _Turning.of(problem, begin), by_s)
+        at = begin._replace(constants=np.append(begin.constants[:column], by_s))
+        if error is None and step_promises(free, at, column)[0] < EXCLUDED - LIKELY:
+            return None
+        try:
+            solution = solve_batch(free, begin=at)
+        except NoSolutionError:
+            return error
+        if not solution.converged:
+            return error
+        error = LastingError.of(part, free, stated.cost, solution)
+        step_s, by_s, begin = error.off[0] - by_s, float(error.off[0]), solution.states
+        if step_s**2 < error.covariance[0, 0]:
+            return error
+    return error
+
+
+def _freed(
+    name: str, part: FlightConstant, problem: SmoothingProblem, turning: _Turning, by_s: float
+) -> SmoothingProblem:
+    """Return a problem in which an instrument's delay is free, about the turns of one."""
+    free, column = problem.with_constants((part,)), problem.constants.width
+
+    def late(one: Measurement) -> Measurement:
+        if one.name != name:
+            return one
+        t_s = problem.t_s[one.row]
+        w_b_radps, R = turning.at(t_s - by_s)
+        back = transpose(turning.at(t_s)[1]) @ R
+        return Late(
+            measurement=one,
+            back=back,
+            w_b_radps=w_b_radps,
+            by_s=by_s,
+            column=column,
+            constants=free.constants,
+        )
+
+    return replace(free, measurements=tuple(map(late, free.measurements)))
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Late(OfAnother):
+    """Measurements of the body a constant time before their keyframes.
+
+    Attributes
+    ----------
+    measurement : Measurement
+    back : ndarray, shape (k, 3, 3)
+        C, from the body's axes a time ``by_s`` before to those of the keyframe.
+    w_b_radps : ndarray, shape (k, 3)
+        There.
+    by_s : float
+    column : int
+        Of the constant d, s.
+    constants : Constants
+    """
+
+    measurement: Measurement
+    back: FloatArray
+    w_b_radps: FloatArray
+    by_s: float
+    column: int
+    constants: Constants
+
+    def linearise(self, at: States, which: IntArray) -> Linearised:
+        """Return whitened residuals of some, (j,), see ``Measurement``."""
+        d_s, w_b_radps = at.constants[self.column], self.w_b_radps[which]
+        C = self.back[which] @ exp((self.by_s - d_s) * w_b_radps)
+        R_nb = np.ascontiguousarray(at.R_nb @ C)
+        then = at._replace(R_nb=R_nb, p_n_m=at.p_n_m - d_s * at.v_n_mps)
+        value, state, shared = self.measurement.linearise(then, which)
+        state, shared = state.copy(), shared.copy()
+        by_turn, by_place_n = state[:, :, ROTATION], state[:, :, POSITION] @ transpose(R_nb)
+        shared[:, :, self.column] -= np.einsum("kij,kj->ki", by_turn, w_b_radps)
+        shared[:, :, self.column] -= np.einsum("kij,kj->ki", by_place_n, at.v_n_mps)
+        state[:, :, ROTATION] = by_turn @ transpose(C)
+        state[:, :, POSITION] = by_place_n @ at.R_nb
+        state[:, :, VELOCITY] -= d_s * by_place_n
+        return Linearised(value, state, shared)
+
+    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
+        """Return measurement i as a factor of keyframe ``key``."""
+        parts = parts_of(self.constants, self.constants.first)
+        rows = int(self.freedom[i])
+        return of_measurement(self, i, key, ("pose", "velocity"), parts, rows=rows)
+
+    def on(self, row: IntArray) -> "Late":
+        """Return the same measurements at other rows, (k,)."""
+        return replace(self, measurement=self.measurement.on(row))
