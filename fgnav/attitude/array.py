@@ -107,9 +107,7 @@ class AttitudeSolution:
         is_open = axes.any(axis=1)
         if not len(axes) or is_open.mean() <= 0.5:
             return ()
-        axes = axes[is_open]
-        aligned = axes * np.sign(axes @ axes[0])[:, None]
-        return (axis_name(aligned.mean(axis=0)),)
+        return (axis_name(axes),)
 
 
 def _significant_factor(shares: FloatArray) -> float:
@@ -119,12 +117,13 @@ def _significant_factor(shares: FloatArray) -> float:
     return 1.0 if 1 / _LOUDER <= factor <= _LOUDER else believed
 
 
-def axis_name(axis_b: FloatArray) -> str:
+def axis_name(axes_b: FloatArray) -> str:
     """Return the Euler angle about a body axis, or the axis in words where it is none of them.
 
-    Either direction of the axis gives the same name: its first component that shows is positive.
+    Of several, (k, 3), of either sign, the axis that they have in common. Either direction gives
+    the same name: its first component that shows is positive.
     """
-    axis_b = axis_b / np.linalg.norm(axis_b)
+    axis_b = np.linalg.eigh(axes_b.T @ axes_b)[1][:, -1]
     across = np.linalg.norm(np.cross(axis_b, np.eye(3)), axis=1)
     if across.min() < _ALONG_AXIS:
         return ("roll", "pitch", "yaw")[int(across.argmin())]

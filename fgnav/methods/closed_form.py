@@ -92,7 +92,7 @@ class ClosedForm:
             R_nb=R_nb,
             p_n_m=motion.p_n_m,
             v_n_mps=motion.v_n_mps,
-            unobservable=(axis_name(differences.baselines_b_m[0]),) if line else (),
+            unobservable=(axis_name(differences.baselines_b_m),) if line else (),
             integers=integers,
             losses=(*differences.losses, *integers.losses, *lost),
             notes=(*([] if line else [self._reading()]), *motion.notes),

@@ -81,7 +81,7 @@ class Rtk:
             position_covariance_m2=motion.position_covariance_m2,
             v_n_mps=motion.v_n_mps,
             velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2,
-            unobservable=(axis_name(differences.baselines_b_m[0]),) if line else (),
+            unobservable=(axis_name(differences.baselines_b_m),) if line else (),
             integers=integers,
             losses=(*differences.losses, *integers.losses, *([lost] if lost.count else [])),
             notes=(_INTEGERS, *motion.notes),

@@ -123,7 +123,7 @@ def _array_findings(flight: Flight) -> list[Finding]:
         findings.append(
             Finding(
                 name="collinear antennas",
-                text=f"all on one line, so phase leaves unobservable: {axis_name(axes[0])}",
+                text=f"all on one line, so phase leaves unobservable: {axis_name(axes[:1])}",
             )
         )
     return findings

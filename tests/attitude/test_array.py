@@ -98,7 +98,10 @@ def test_nothing_measured_is_not_solved():
 
 
 def test_axes_have_their_names():
-    assert axis_name(np.array([0, 0, -2.0])) == "yaw"
+    assert axis_name(np.array([[0, 0, -2.0]])) == "yaw"
+    # Two antennas at one place have no direction; of the others either sign is the same.
+    line = np.array([[0, 0, 0], [-1.0, 0, 0.1], [2.0, 0, -0.2]])
+    assert axis_name(line) == "rotation about the body axis [0.995, 0.000, -0.100]"
 
 
 @pytest.mark.parametrize(("louder", "believed"), [(1.0, 1.0), (0.5, 0.5), (2.0, 2.0), (10.0, 3.0)])

@@ -67,5 +67,4 @@ def _rotation(axis_b: FloatArray, axis_n: FloatArray) -> str:
     """Return the name of the rotation about an axis, (n, 3), in whichever frame it stands still."""
     if np.median(np.abs(axis_n[:, 2])) > _UPRIGHT:
         return "heading"
-    aligned = axis_b * np.sign(axis_b @ axis_b[0])[:, None]
-    return axis_name(aligned.mean(axis=0))
+    return axis_name(axis_b)

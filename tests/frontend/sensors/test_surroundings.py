@@ -45,6 +45,12 @@ def test_a_drift_is_estimated_at_times_as_correlated_as_it_is():
     assert at_keyframes.sigma_m > 0.3
 
 
+def test_an_offset_that_hides_its_drift_in_digits_is_none_that_cannot_be_whitened():
+    barometer = pressed(T_S, offset_m=1e9, wander_m=1e-3, wander_time_s=40.0)
+    at_keyframes, _ = heights(bare(barometer=barometer), IMU, T_S, P_N_M)
+    assert np.isfinite(np.linalg.cholesky(at_keyframes.offset.covariance)).all()
+
+
 def test_what_lines_between_those_times_miss_is_noise_of_the_same_mean():
     """Means over the flight of what is left of drifts, against white noise of the sigma used."""
     barometer = pressed(T_S, wander_m=2.0, wander_time_s=20.0, noise_m=1e-3)
