@@ -17,7 +17,7 @@ from fgnav.set_up.mean_force import mean_forces, share_of_least
 from fgnav.set_up.samples import sample_findings
 from fgnav.set_up.sizes import expected_force, size_findings
 from fgnav.types.differences import DoubleDifferences
-from fgnav.types.flight import Flight, Imu
+from fgnav.types.flight import Fixes, Flight, Imu
 from fgnav.types.observations import Observations
 
 _LEAP_S = 18.0
@@ -25,7 +25,7 @@ _TRIED = 20  # epochs
 _APART_S = 1.0  # of a pair of them
 _SOLVED = 0.5  # share of epochs with a position below which the time is doubted
 _ARRAY = 3  # antennas of an attitude
-_FEW = 300  # epochs of a quick look
+_FEW, _FEW_RAW = 200, 600  # epochs of a quick look at an array, at one antenna
 _LONGEST = 3000  # epochs that are solved; of a longer flight the stretch that has it all
 
 
@@ -48,10 +48,12 @@ def describe(flight: Flight, *, quick: bool = False) -> SetUp:
     if any(finding.certain for finding in samples):
         return replace(found, findings=(*found.findings, *samples))
     if flight.observations is not None and len(flight.observations.t_s):
-        if quick:
-            findings = _array_axes_findings(flight)
-        else:
+        if not quick:
             findings, unchecked = _solved_findings(flight)
+        elif len(flight.antennas) < _ARRAY:
+            findings = _raw_axes_findings(flight)
+        else:
+            findings = _array_axes_findings(flight)
     elif quick:
         findings = _velocity_findings(flight)
         findings = findings or _axes_findings(flight)
@@ -74,7 +76,8 @@ def _solved_findings(flight: Flight) -> tuple[list[Finding], list[Finding]]:
     if late is not None:
         return [late], []
     if len(flight.antennas) < 2:
-        return [], [Finding(name="antennas", text="a single antenna has no baseline")]
+        text = "a single antenna has no baseline"
+        return _raw_axes_findings(flight), [Finding(name="antennas", text=text)]
     differences = double_differences(flight)
     if not differences.resolvable.any():
         return [], [Finding(name="antennas", text="no double differences of code and phase")]
@@ -91,15 +94,50 @@ def _array_axes_findings(flight: Flight) -> list[Finding]:
     from fgnav.set_up.array.inertial import axes_findings  # noqa: PLC0415  # lazy: scipy
     from fgnav.set_up.array.quick import quick_solve  # noqa: PLC0415
 
-    imu, observations = flight.imu, flight.observations
-    if imu is None or observations is None or len(flight.antennas) < _ARRAY:
+    if flight.imu is None:
         return []
-    first = max(len(observations.t_s) - _FEW, 0) // 2
-    part = replace(flight, observations=observations[slice(first, first + _FEW)])
+    part = _middle(flight, _FEW)
     try:
-        return axes_findings(part, imu, quick_solve(part, double_differences(part)))
+        return axes_findings(part, flight.imu, quick_solve(part, double_differences(part)))
     except NoSolutionError:
         return []
+
+
+def _raw_axes_findings(flight: Flight) -> list[Finding]:
+    """Return axes and units that velocities by Doppler exclude."""
+    from fgnav.set_up.track.inertial import axes_findings  # noqa: PLC0415  # lazy
+
+    imu = flight.imu
+    if imu is None or imu.w_b_radps is None:
+        return []
+    try:
+        return axes_findings(flight, imu, _fixes_by_code(_middle(flight, _FEW_RAW)))
+    except NoSolutionError:
+        return []
+
+
+def _fixes_by_code(flight: Flight) -> Fixes:
+    """Return positions and velocities of the first antenna where both are known."""
+    code = code_solution(flight)
+    if code.v_n_mps is None or code.velocity_covariance_m2ps2 is None:
+        raise NoSolutionError("no Doppler, so no velocity")
+    rows = np.isfinite(code.v_n_mps).all(axis=1)
+    return Fixes(
+        t_s=code.t_s[rows],
+        antenna=flight.antennas[0].name,
+        p_n_m=code.p_n_m[rows],
+        v_n_mps=code.v_n_mps[rows],
+        position_sigma_m=np.sqrt(np.einsum("nii->ni", code.position_noise_m2[rows])),
+        velocity_sigma_mps=np.sqrt(np.einsum("nii->ni", code.velocity_covariance_m2ps2[rows])),
+    )
+
+
+def _middle(flight: Flight, count: int) -> Flight:
+    """Return a flight with so many epochs of its middle."""
+    if flight.observations is None:
+        return flight
+    first = max(len(flight.observations.t_s) - count, 0) // 2
+    return replace(flight, observations=flight.observations[slice(first, first + count)])
 
 
 def _motion_findings(

@@ -69,6 +69,11 @@ def _force_findings(imu: Imu, expected_mps2: float) -> list[Finding]:
         if abs(median_mps2 * factor - expected_mps2) < 0.2 * expected_mps2:
             size = f"the median of |f| is {median_mps2:.3f}: {text}"
             return [Finding(name="imu unit", text=size, where=_FORCES, certain=True)]
+    steady_mps2 = float(np.median(np.linalg.norm(_means(imu, imu.f_b_mps2), axis=1)))
+    if abs(steady_mps2 / _G_MPS2 - expected_mps2) < 0.2 * expected_mps2:  # of means: no vibration
+        size = f"the median of |f| is {steady_mps2:.3f}: accelerations look multiplied by g twice"
+        mend = f"divide by {_G_MPS2:g}"
+        return [Finding(name="imu unit", text=size, mend=mend, where=_FORCES, certain=True)]
     if median_mps2 < 0.2 * expected_mps2:
         text = (
             f"the median of |f| is {median_mps2:.3f} m/s2: gravity looks removed, or the flight "
@@ -130,13 +135,20 @@ def _related(rates: FloatArray, seen: FloatArray) -> tuple[float, float]:
 
 def _gravity(imu: Imu, w_b_radps: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return turns of specific force against the body, told by the gyroscope and seen."""
-    step_s = float(np.median(np.diff(imu.t_s)))
-    block = max(1, round(_SPAN_S / step_s))
-    count = len(imu.t_s) // block
-    f = imu.f_b_mps2[: count * block].reshape(count, block, 3).mean(axis=1)
-    w = w_b_radps[: count * block].reshape(count, block, 3).mean(axis=1)
-    turned = -np.cross(w, f) * (block * step_s)
+    f, w = _means(imu, imu.f_b_mps2), _means(imu, w_b_radps)
+    turned = -np.cross(w, f) * (_in_a_mean(imu) * float(np.median(np.diff(imu.t_s))))
     return (turned[1:] + turned[:-1]) / 2, f[1:] - f[:-1]
+
+
+def _means(imu: Imu, x: FloatArray) -> FloatArray:
+    """Return means of samples, (m, 3), over half seconds."""
+    block = _in_a_mean(imu)
+    count = len(x) // block
+    return np.asarray(x[: count * block].reshape(count, block, 3).mean(axis=1))
+
+
+def _in_a_mean(imu: Imu) -> int:
+    return max(1, round(_SPAN_S / float(np.median(np.diff(imu.t_s)))))
 
 
 def _course(

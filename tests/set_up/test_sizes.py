@@ -53,6 +53,7 @@ def rolling():
         (1.0, "imu unit", "accelerations look like g, not m/s2; multiply by 9.80665"),
         (0.0981, "imu unit", "look like increments; multiply by the rate, 100 Hz"),
         (0.01, "imu gravity", "gravity looks removed"),
+        (96.2, "imu unit", "accelerations look multiplied by g twice"),
     ],
 )
 def test_a_wrong_size_of_specific_force_is_named(size_mps2, name, text):

@@ -84,8 +84,9 @@ def axes_findings(flight: Flight, imu: Imu, fixes: Fixes) -> list[Finding]:
     arm_b_m = flight.antenna(fixes.antenna).position_b_m - imu.position_b_m
     if imu.w_b_radps is None or _reading(series, imu, (0.0,), arm_b_m) is None:
         return []
-    findings, _ = track_findings(flight, imu, fixes)
-    return [one for one in findings if one.certain]
+    judged, _ = _judged(series, imu, arm_b_m)
+    reading = _reading([one.series for one in judged], imu, _clocks(judged), arm_b_m)
+    return [] if reading is None else [_reading_finding(reading, imu)]
 
 
 def _reading(
@@ -136,7 +137,7 @@ def _reading_finding(reading: Reading, imu: Imu) -> Finding:
     return Finding(
         name="imu axes" if "axes" in parts[-1] else "imu unit",
         where=f"{_SAMPLES}, fx_mps2 to wz_radps",
-        text=f"{' and '.join(parts)}{since}: only so do they explain the fixes",
+        text=f"{' and '.join(parts)}{since}: only so do they explain the track",
         mend="; ".join(mends),
         certain=True,
     )
