@@ -22,7 +22,7 @@ from fgnav.identification.lasting.arm import LEVER_ARM
 from fgnav.identification.lasting.choice import Cause, Lasting
 from fgnav.identification.late_velocities import with_late_velocities
 from fgnav.identification.likelihood.bent_clock import informed_by_problem
-from fgnav.identification.likelihood.beside_phases import white_noise_factors
+from fgnav.identification.likelihood.beside_phases import white_noise
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.stated import with_factors
 from fgnav.identification.notes import (
@@ -284,7 +284,7 @@ def _beside_phases(search: TagSearch, at_tags: AtTags, subject: Subject, is_mend
     begin = problem if is_stated else changed({})
     alike = partial(changed, settings=with_rates_of(settings, begin))
     scored = subject.scores.noise if is_stated else None
-    return AtTags(identified.scaled(white_noise_factors(begin, alike, scored)), moved)
+    return AtTags(identified.scaled(*white_noise(begin, alike, scored)), moved)
 
 
 def _tests(imu: Imu | None, identified: Identified) -> tuple[Consistency, ...]:

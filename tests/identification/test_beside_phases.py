@@ -11,7 +11,7 @@ from fgnav.geometry.rotations import exp
 from fgnav.identification.likelihood.beside_phases import (
     is_misfit,
     noise_gain,
-    white_noise_factors,
+    white_noise,
 )
 from fgnav.identification.likelihood.linear_chain import LinearChain
 from fgnav.identification.noise.stated import with_factors
@@ -78,7 +78,7 @@ def test_ten_epochs_whose_phases_misfit_accuse_no_gyroscope():
 
     assert is_misfit(problem, solve_batch(problem).cost)
     assert 0.0 < noise_gain({"gyroscope": 23.0}, louder) < 4.0
-    assert white_noise_factors(problem, louder) == {}
+    assert white_noise(problem, louder).factors == {}
 
 
 def test_noise_gains_what_its_likelihood_does():

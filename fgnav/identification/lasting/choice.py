@@ -37,7 +37,7 @@ from fgnav.identification.likelihood.beside_phases import (
     is_misfit,
     measured_rows,
     noise_gain,
-    white_noise_factors,
+    white_noise,
 )
 from fgnav.identification.likelihood.record_clock import with_drifts
 from fgnav.identification.likelihood.span_offsets import LIKELY
@@ -178,7 +178,7 @@ def likeliest_cause(
     )
     if best.nats <= _otherwise(problem, stated.cost, map(estimating, rivals)):
         return None
-    if best.nats <= noise_gain(white_noise_factors(problem, with_noise), with_noise):
+    if best.nats <= noise_gain(white_noise(problem, with_noise).factors, with_noise):
         return None
     may_be_unlikely = isinstance(best, ClockOff) and not best.is_exact
     if isinstance(best, LastingError):

@@ -35,11 +35,21 @@ _SETTLED = 0.03  # of theta: 3 % of a standard deviation, as there
 _NODES = 5  # of the integral of tr(C M), smooth and between none and all of the rows
 
 
-def white_noise_factors(
+class WhiteNoise(NamedTuple):
+    """Factors on the unit's white noises, and 1-sigma of the logarithm of each."""
+
+    factors: dict[str, float]
+    sigmas: dict[str, float]
+
+
+_AS_STATED = WhiteNoise({}, {})
+
+
+def white_noise(
     problem: SmoothingProblem,
     changed: Callable[[dict[str, float]], SmoothingProblem],
     found: "Scored | None" = None,
-) -> dict[str, float]:
+) -> WhiteNoise:
     """Return factors on the unit's white noises that phases contradict, by the usual odds.
 
     Parameters
@@ -53,26 +63,28 @@ def white_noise_factors(
     """
     found = found or _scored(problem)
     if found is None:
-        return {}
+        return _AS_STATED
     if not (found.is_beyond(found.theta).any() or is_misfit(problem, found.cost)):
-        return {}
+        return _AS_STATED
     begin = found.states
     theta = np.full(len(found.names), np.log(ABOVE))  # whoever is faint takes nothing
     for _ in range(_ROUNDS):
         found = _scored(changed(_factors(found.names, theta)), found.states)
         if found is None:
-            return {}
+            return _AS_STATED
         step = found.theta.clip(-_MOST_STEP, _MOST_STEP)
         step = np.maximum(step, -theta)  # none is less than stated
         theta = theta + step
         if np.abs(step).max() < _SETTLED:
             break
-    used = found.is_beyond(theta)
-    factors = {n: f for n, f in _factors(found.names, theta).items() if used[found.names.index(n)]}
+    used = np.flatnonzero(found.is_beyond(theta))
+    factors = {found.names[i]: float(np.exp(theta[i])) for i in used}
     # Of a few keyframes a likelihood may be flat below a minimum that is sharp: sigma is none.
     # What is left of all is of a free variance factor, as in ``profile_likelihood``.
     beyond = max(found.cost / measured_rows(problem), 1.0)
-    return factors if noise_gain(factors, changed, begin) > EXCLUDED * beyond else {}
+    if noise_gain(factors, changed, begin) <= EXCLUDED * beyond:
+        return _AS_STATED
+    return WhiteNoise(factors, {found.names[i]: float(found.sigma[i]) for i in used})
 
 
 def profile_likelihood(problem: SmoothingProblem) -> float:

@@ -89,12 +89,17 @@ class Identified:
         """Whether the array and the inertial unit are turned against each other."""
         return self.turn is not None and self.turn.significant
 
-    def scaled(self, by: dict[str, float]) -> "Identified":
-        """Return the same with some noises times factors, of the identified, or else stated."""
+    def scaled(self, by: dict[str, float], sigmas: dict[str, float] | None = None) -> "Identified":
+        """Return the same with some noises times factors, of the identified, or else stated.
+
+        ``sigmas``: of the logarithms of these, where they are known beside.
+        """
         times = np.array([by.get(name, 1.0) for name in self.names])
         changed, before = times != 1.0, np.where(self.used, self.factor, 1.0)
         factor = np.where(changed, before * times, self.factor)
-        return replace(self, factor=factor, used=self.used | changed)
+        pairs = zip(self.names, self.sigma.tolist(), strict=True)
+        sigma = np.array([(sigmas or {}).get(name, stated) for name, stated in pairs])
+        return replace(self, factor=factor, sigma=sigma, used=self.used | changed)
 
     def with_clock(self, value: FloatArray, sigma: FloatArray) -> "Identified":
         """Return the same with another clock: its offset and its rate, (2,), and their sigmas."""
