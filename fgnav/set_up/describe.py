@@ -94,7 +94,7 @@ def _array_axes_findings(flight: Flight) -> list[Finding]:
     from fgnav.set_up.array.inertial import axes_findings  # noqa: PLC0415  # lazy: scipy
     from fgnav.set_up.array.quick import quick_solve  # noqa: PLC0415
 
-    if flight.imu is None:
+    if flight.imu is None or len(flight.imu.t_s) < 2:
         return []
     part = _middle(flight, _FEW)
     try:
@@ -108,7 +108,7 @@ def _raw_axes_findings(flight: Flight) -> list[Finding]:
     from fgnav.set_up.track.inertial import axes_findings  # noqa: PLC0415  # lazy
 
     imu = flight.imu
-    if imu is None or imu.w_b_radps is None:
+    if imu is None or imu.w_b_radps is None or len(imu.t_s) < 2:
         return []
     try:
         return axes_findings(flight, imu, _fixes_by_code(_middle(flight, _FEW_RAW)))
@@ -148,6 +148,7 @@ def _motion_findings(
     from fgnav.set_up.array.sight import sight_findings  # noqa: PLC0415
 
     imu, seeker = flight.imu, flight.seeker
+    imu = imu if imu is not None and len(imu.t_s) > 1 else None
     if imu is None and seeker is None:
         return [], []
     try:

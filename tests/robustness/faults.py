@@ -146,7 +146,7 @@ FAULTS = (
           lambda f: _field(f, _spiked(f.magnetometer.field_b_ut, 17, [30.0, -40.0, 20.0]))),
     Fault("barometer spikes", "single", "barom",
           lambda f: _barometer(f, _spiked(f.barometer.height_m, 23, 60.0))),
-    Fault("detector stuck", "seeker", "sight",
+    Fault("detector stuck", "seeker", "sight|seeker",
           lambda f: _currents(f, _stuck(f.seeker.currents, 50))),
     Fault("currents exchanged", "seeker", "sight",
           lambda f: _currents(f, f.seeker.currents[:, [2, 1, 0, 3]])),

@@ -28,7 +28,8 @@ def outcome(flight):
 
 def of_contradictions(lines):
     told = (
-        "what noise explains|contradicts it|used instead|inertial sample|field is|landmark is off"
+        "what noise explains|contradicts it|used instead|field is|landmark is off"
+        "|(inertial|barometer|seeker|magnetometer) sample"
     )
     return [line for line in lines if re.search(told, line)]
 
