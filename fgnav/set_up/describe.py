@@ -33,7 +33,7 @@ def describe(flight: Flight, *, quick: bool = False) -> SetUp:
     """Return what a flight holds and every mistake in its set-up that its data give away.
 
     Quick: only what costs a small part of an estimate: files, sizes, whether velocities are the
-    change of positions, axes and units beside fixes or beside half a minute of an array, but no
+    change of positions, places of antennas, axes and units by a stretch of the flight, but no
     clock, whose search takes a third of a smoother's time on fixes alone.
 
     Raises
@@ -53,7 +53,7 @@ def describe(flight: Flight, *, quick: bool = False) -> SetUp:
         elif len(flight.antennas) < _ARRAY:
             findings = _raw_axes_findings(flight)
         else:
-            findings = _array_axes_findings(flight)
+            findings = _array_findings(flight)
     elif quick:
         findings = _velocity_findings(flight)
         findings = findings or _axes_findings(flight)
@@ -89,16 +89,19 @@ def _solved_findings(flight: Flight) -> tuple[list[Finding], list[Finding]]:
     return _motion_findings(flight, differences[_stretch(flight, differences)])
 
 
-def _array_axes_findings(flight: Flight) -> list[Finding]:
-    """Return axes and units that a stretch of an array's attitudes excludes."""
-    from fgnav.set_up.array.inertial import axes_findings  # noqa: PLC0415  # lazy: scipy
+def _array_findings(flight: Flight) -> list[Finding]:
+    """Return places, axes and units that a stretch of an array's phases excludes."""
+    from fgnav.set_up.antennas import antenna_findings  # noqa: PLC0415  # lazy: scipy
+    from fgnav.set_up.array.inertial import axes_findings  # noqa: PLC0415
     from fgnav.set_up.array.quick import quick_solve  # noqa: PLC0415
 
-    if flight.imu is None or len(flight.imu.t_s) < 2:
-        return []
     part = _middle(flight, _FEW)
     try:
-        return axes_findings(part, flight.imu, quick_solve(part, double_differences(part)))
+        differences = double_differences(part)
+        findings = antenna_findings(part, differences) if differences.resolvable.any() else []
+        if findings or part.imu is None or len(part.imu.t_s) < 2:
+            return findings
+        return axes_findings(part, part.imu, quick_solve(part, differences))
     except NoSolutionError:
         return []
 

@@ -32,12 +32,12 @@ def test_the_command_line_leaves_nothing_that_looks_like_a_success(name, method,
     assert not out.exists() or not list(out.iterdir())
 
 
-def test_a_flight_without_a_solution_is_followed_by_all_that_check_finds(tmp_path, capsys):
-    """An array a tenth too long: its places are not solved before every estimate."""
+def test_a_flight_without_a_solution_is_named_by_what_check_finds(tmp_path, capsys):
+    """An array a tenth too long."""
     flight = flown("demo", 5.0)
     longer = (replace(one, position_b_m=1.1 * one.position_b_m) for one in flight.antennas)
     save_flight(replace(flight, antennas=tuple(longer)), tmp_path / "flight")
     assert main(["run", str(tmp_path / "flight"), "--out", str(tmp_path / "out")]) == 1
     printed = capsys.readouterr().err
     assert "fgnav: smoother: " in printed
-    assert "check: antennas misplaced: " in printed
+    assert printed.count("check: antennas misplaced: ") == 1

@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from fgnav.cli.arguments.estimators import print_findings_of_check
 from fgnav.io.flight.folder import load_flight
 from fgnav.set_up import describe
 from fgnav_sim.scenario import load_scenario
@@ -62,6 +63,13 @@ def test_axes_are_certain_beside_an_array_before_an_estimate_too(name, seed):
     (finding,) = describe(broken, quick=True).findings
     assert finding.certain
     assert finding.name in ("imu axes", "antenna axes")
+
+
+def test_what_is_too_long_before_an_estimate_follows_one_that_failed(capsys):
+    broken, _ = FAULTS["lever arm reversed"](flown("demo"), np.random.default_rng(0))
+    assert describe(broken, quick=True).findings == ()
+    print_findings_of_check(broken)
+    assert capsys.readouterr().err.startswith("check: imu lever arm: ")
 
 
 def test_a_misplaced_antenna_is_put_back_to_the_centimetre():
