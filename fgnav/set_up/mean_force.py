@@ -65,10 +65,10 @@ def mean_forces(imu: Imu, track: Track, origin: Origin) -> MeanForces | None:
     span_s = (t_s[end] - t_s[begin])[:, None]
     gravity_n_mps2 = origin.gravity_n_mps2(track.p_n_m[begin])
     f_n_mps2 = (track.v_n_mps[end] - track.v_n_mps[begin]) / span_s - gravity_n_mps2
-    told = np.linalg.norm(f_n_mps2, axis=1) > _G_MPS2 / 2
-    if told.sum() < _FEWEST // 2:
+    heavy = np.linalg.norm(f_n_mps2, axis=1) > _G_MPS2 / 2
+    if heavy.sum() < _FEWEST // 2:
         return None
-    return MeanForces(begin_s=t_s[begin][told], end_s=t_s[end][told], f_n_mps2=f_n_mps2[told])
+    return MeanForces(begin_s=t_s[begin][heavy], end_s=t_s[end][heavy], f_n_mps2=f_n_mps2[heavy])
 
 
 def share_of_least(imu: Imu, forces: MeanForces) -> float:

@@ -20,7 +20,7 @@ from fgnav.types.surroundings import Barometer, Magnetometer
 
 _PER_CONSTANT = 8  # times at which a drift is estimated in each of its time constants
 _TIMES_AT_MOST = 12  # dimensions of the border are paid for at every keyframe
-_TOLD = 1e-6  # of an offset: less than that between its times digits do not tell
+_DIGITS = 1e-6  # of an offset: less than that between its times digits do not tell
 _LONGEST_S = 2.0  # between samples: across longer ones nothing is interpolated
 
 
@@ -240,7 +240,7 @@ def _offset(barometer: Barometer, times_s: FloatArray) -> FlightConstant:
     apart_s = np.abs(times_s[:, None] - times_s)
     drift_m2 = barometer.wander_m**2 * np.exp(-apart_s / barometer.wander_time_s)
     n = len(times_s)
-    apart_m2 = (_TOLD * barometer.offset_m) ** 2 * np.eye(n)  # .1 mm of 100 m
+    apart_m2 = (_DIGITS * barometer.offset_m) ** 2 * np.eye(n)  # .1 mm of 100 m
     return FlightConstant(
         name="barometer",
         axes=("height",) if n == 1 else tuple(f"at {t:.1f} s" for t in times_s),
