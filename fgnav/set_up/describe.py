@@ -16,16 +16,15 @@ from fgnav.set_up.instruments import instrument_findings
 from fgnav.set_up.mean_force import mean_forces, share_of_least
 from fgnav.set_up.samples import sample_findings
 from fgnav.set_up.sizes import expected_force, size_findings
+from fgnav.set_up.stretch import by_a_stretch
 from fgnav.types.differences import DoubleDifferences
-from fgnav.types.flight import Fixes, Flight, Imu
+from fgnav.types.flight import Flight, Imu
 from fgnav.types.observations import Observations
 
 _LEAP_S = 18.0
 _TRIED = 20  # epochs
 _APART_S = 1.0  # of a pair of them
 _SOLVED = 0.5  # share of epochs with a position below which the time is doubted
-_ARRAY = 3  # antennas of an attitude
-_FEW, _FEW_RAW = 200, 600  # epochs of a quick look at an array, at one antenna
 _LONGEST = 3000  # epochs that are solved; of a longer flight the stretch that has it all
 
 
@@ -48,15 +47,9 @@ def describe(flight: Flight, *, quick: bool = False) -> SetUp:
     if any(finding.certain for finding in samples):
         return replace(found, findings=(*found.findings, *samples))
     if flight.observations is not None and len(flight.observations.t_s):
-        if not quick:
-            findings, unchecked = _solved_findings(flight)
-        elif len(flight.antennas) < _ARRAY:
-            findings = _raw_axes_findings(flight)
-        else:
-            findings = _array_findings(flight)
+        findings, unchecked = (by_a_stretch(flight), []) if quick else _solved_findings(flight)
     elif quick:
-        findings = _velocity_findings(flight)
-        findings = findings or _axes_findings(flight)
+        findings = by_a_stretch(flight)
     elif flight.imu is not None:
         findings, unchecked = _track_findings(flight, flight.imu)
     if flight.imu is not None:
@@ -77,7 +70,7 @@ def _solved_findings(flight: Flight) -> tuple[list[Finding], list[Finding]]:
         return [late], []
     if len(flight.antennas) < 2:
         text = "a single antenna has no baseline"
-        return _raw_axes_findings(flight), [Finding(name="antennas", text=text)]
+        return by_a_stretch(flight), [Finding(name="antennas", text=text)]
     differences = double_differences(flight)
     if not differences.resolvable.any():
         return [], [Finding(name="antennas", text="no double differences of code and phase")]
@@ -87,60 +80,6 @@ def _solved_findings(flight: Flight) -> tuple[list[Finding], list[Finding]]:
     if findings:
         return findings, [Finding(name="motion", text="until the antennas are right")]
     return _motion_findings(flight, differences[_stretch(flight, differences)])
-
-
-def _array_findings(flight: Flight) -> list[Finding]:
-    """Return places, axes and units that a stretch of an array's phases excludes."""
-    from fgnav.set_up.antennas import antenna_findings  # noqa: PLC0415  # lazy: scipy
-    from fgnav.set_up.array.inertial import axes_findings  # noqa: PLC0415
-    from fgnav.set_up.array.quick import quick_solve  # noqa: PLC0415
-
-    part = _middle(flight, _FEW)
-    try:
-        differences = double_differences(part)
-        findings = antenna_findings(part, differences) if differences.resolvable.any() else []
-        if findings or part.imu is None or len(part.imu.t_s) < 2:
-            return findings
-        return axes_findings(part, part.imu, quick_solve(part, differences))
-    except NoSolutionError:
-        return []
-
-
-def _raw_axes_findings(flight: Flight) -> list[Finding]:
-    """Return axes and units that velocities by Doppler exclude."""
-    from fgnav.set_up.track.inertial import axes_findings  # noqa: PLC0415  # lazy
-
-    imu = flight.imu
-    if imu is None or imu.w_b_radps is None or len(imu.t_s) < 2:
-        return []
-    try:
-        return axes_findings(flight, imu, _fixes_by_code(_middle(flight, _FEW_RAW)))
-    except NoSolutionError:
-        return []
-
-
-def _fixes_by_code(flight: Flight) -> Fixes:
-    """Return positions and velocities of the first antenna where both are known."""
-    code = code_solution(flight)
-    if code.v_n_mps is None or code.velocity_covariance_m2ps2 is None:
-        raise NoSolutionError("no Doppler, so no velocity")
-    rows = np.isfinite(code.v_n_mps).all(axis=1)
-    return Fixes(
-        t_s=code.t_s[rows],
-        antenna=flight.antennas[0].name,
-        p_n_m=code.p_n_m[rows],
-        v_n_mps=code.v_n_mps[rows],
-        position_sigma_m=np.sqrt(np.einsum("nii->ni", code.position_noise_m2[rows])),
-        velocity_sigma_mps=np.sqrt(np.einsum("nii->ni", code.velocity_covariance_m2ps2[rows])),
-    )
-
-
-def _middle(flight: Flight, count: int) -> Flight:
-    """Return a flight with so many epochs of its middle."""
-    if flight.observations is None:
-        return flight
-    first = max(len(flight.observations.t_s) - count, 0) // 2
-    return replace(flight, observations=flight.observations[slice(first, first + count)])
 
 
 def _motion_findings(
@@ -184,23 +123,6 @@ def _track_findings(flight: Flight, imu: Imu) -> tuple[list[Finding], list[Findi
     from fgnav.set_up.track.inertial import track_findings  # noqa: PLC0415  # lazy
 
     return track_findings(flight, imu, fixes)
-
-
-def _velocity_findings(flight: Flight) -> list[Finding]:
-    if flight.fixes is None or len(flight.fixes.t_s) < 2:
-        return []
-    from fgnav.identification.track.series import where_it_moves  # noqa: PLC0415  # lazy
-    from fgnav.set_up.track.velocities import velocity_findings  # noqa: PLC0415
-
-    return velocity_findings(where_it_moves(flight.fixes))[0]
-
-
-def _axes_findings(flight: Flight) -> list[Finding]:
-    if flight.fixes is None or flight.imu is None or flight.imu.w_b_radps is None:
-        return []
-    from fgnav.set_up.track.inertial import axes_findings  # noqa: PLC0415  # lazy
-
-    return axes_findings(flight, flight.imu, flight.fixes)
 
 
 def _by_track(flight: Flight, imu: Imu, *, quick: bool) -> list[Finding]:

@@ -14,6 +14,7 @@ from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.integers.wettzell import write_flight
 from tests.methods.simulated import SCENARIOS
+from tests.robustness.drawn.flights import right_flight
 from tests.set_up.faults import FAULTS, NEEDS_SEEKER, moved
 
 GYROSCOPE = {
@@ -70,6 +71,15 @@ def test_what_is_too_long_before_an_estimate_follows_one_that_failed(capsys):
     assert describe(broken, quick=True).findings == ()
     print_findings_of_check(broken)
     assert capsys.readouterr().err.startswith("check: imu lever arm: ")
+
+
+def test_one_velocity_is_no_motion_to_check():
+    flight = right_flight("raw", 3)
+    doppler_hz = flight.observations.doppler_hz.copy()
+    doppler_hz[1:] = np.nan
+    once = replace(flight.observations, doppler_hz=doppler_hz)
+    names = {one.name for one in describe(replace(flight, observations=once), quick=True).findings}
+    assert names == {"single antenna"}
 
 
 def test_a_misplaced_antenna_is_put_back_to_the_centimetre():
