@@ -34,7 +34,7 @@ from fgnav.types.flight import Flight
 
 KINDS = MAGNETOMETER, DECLINATION, DRIFT = "magnetometer", "declination", "drift of hard iron"
 _FIELD = "magnetic field"
-_HELD = 1e-4  # of what is known of a constant: next to nothing moves it
+_FIXED = 1e-4  # of what is known of a constant: next to nothing moves it
 # 1-sigma of a field that is stated without its declination, rad: that of the Earth's field is 16
 # degrees RMS between 60 degrees south and north (IGRF-13 of 2020, to degree 4, by area).
 _DECLINATION_RAD = np.radians(16.0)
@@ -88,13 +88,13 @@ def _error(
     try:
         solution = solve_batch(free)
         if not solution.converged:
-            solution = solve_batch(free, begin=_held(free, stated.states, part))
+            solution = solve_batch(free, begin=_begun_at_step(free, stated.states, part))
     except NoSolutionError:
         return None
     return LastingError.of(part, free, stated.cost, solution) if solution.converged else None
 
 
-def _held(free: SmoothingProblem, at: States, part: FlightConstant) -> States:
+def _begun_at_step(free: SmoothingProblem, at: States, part: FlightConstant) -> States:
     """Return the minimum of states with a constant held where its score's own step leads.
 
     Of ten degrees at once with states bent to none of them a step leads to no less (variable
@@ -103,8 +103,8 @@ def _held(free: SmoothingProblem, at: States, part: FlightConstant) -> States:
     first = free.constants.width - part.size
     begin = at._replace(constants=np.append(at.constants, part.start))
     step = part.start + step_promises(free, begin, first)[1]
-    held = replace(part, mean=step, covariance=_HELD**2 * part.covariance)
-    problem = replace(free, constants=Constants((*free.constants.parts[:-1], held)))
+    fixed = replace(part, mean=step, covariance=_FIXED**2 * part.covariance)
+    problem = replace(free, constants=Constants((*free.constants.parts[:-1], fixed)))
     begin = at._replace(constants=np.append(at.constants, step))
     return solve_batch(problem, begin=begin).states
 

@@ -159,19 +159,20 @@ def explains_more(stated: Fitted, other: Fitted, tests: int = 1) -> bool:
     return bool(beyond[-1] > 0) or nearer(stated, other, tests)
 
 
-def leaves_less_from(stated: Fitted, other: Fitted, tests: int = 1) -> tuple[int, float]:
-    """Return the window from which on another set-up leaves less than chance, and how much less.
+def least_from(stated: Fitted, others: list[Fitted]) -> tuple[int, int] | None:
+    """Return which of others leaves less than chance from some window on, and that window.
 
-    As logarithm of its squares' ratio over the bound, which is negative where none does.
+    The one that leaves least beside its bound; None where none does.
     """
     count = len(stated.squares)
-    odds = _log_beyond_chance(stated.squares[::-1], other.squares[::-1], tests * count)
-    best = int(odds.argmax()) if count else 0
-    return count - 1 - best, float(odds.max(initial=-np.inf))
+    squares = np.stack([one.squares[::-1] for one in others])
+    beyond = _log_beyond_chance(stated.squares[::-1], squares, len(others) * count)
+    k, windows = np.unravel_index(int(beyond.argmax()), beyond.shape)
+    return (int(k), count - 1 - int(windows)) if beyond[k, windows] > 0 else None
 
 
 def _log_beyond_chance(stated: FloatArray, other: FloatArray, tests: int) -> FloatArray:
-    """Return how far beyond chance the ratio of squares is, of the first n windows of each n.
+    """Return how far beyond chance squares' ratio is, (..., W), of the first n windows of each n.
 
     An F test in which each window, whatever goes together in it, counts as one vector of three: few
     windows with far less left tell it where their mean gain and its spread do not.
@@ -180,7 +181,7 @@ def _log_beyond_chance(stated: FloatArray, other: FloatArray, tests: int) -> Flo
 
     freedom = 3 * np.arange(1, len(stated) + 1)
     bound = fisher.isf(FALSE_ALARM / tests, freedom, freedom)
-    left = bound * (np.cumsum(other) + 1e-12 * stated.sum())
+    left = bound * (np.cumsum(other, axis=-1) + 1e-12 * stated.sum())
     return np.asarray(np.log(np.cumsum(stated) + 1e-300) - np.log(left + 1e-300))
 
 

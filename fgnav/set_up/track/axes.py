@@ -18,7 +18,7 @@ from fgnav.identification.track.windows import (
     Windows,
     explains_more,
     fitted,
-    leaves_less_from,
+    least_from,
 )
 from fgnav.types.flight import Imu
 
@@ -107,10 +107,11 @@ _Tried = tuple[float, Reading, Fitted]
 
 def _from_then_on(stated: _Tried, tried: list[_Tried], begin_s: FloatArray) -> Reading | None:
     """Return how samples should be read from some window on, where they are right before it."""
-    ends = [leaves_less_from(stated[2], one[2], len(tried)) for one in tried]
-    best = max(range(len(tried)), key=lambda k: ends[k][1], default=0)
-    first, beyond = ends[best]
-    if tried[best][1].as_is or beyond <= 0 or first == 0:
+    likeliest = least_from(stated[2], [one[2] for one in tried])
+    if likeliest is None or likeliest[1] == 0:
+        return None
+    best, first = likeliest
+    if tried[best][1].as_is:
         return None
     parts = [(*one[:2], replace(one[2], squares=one[2].squares[first:])) for one in tried]
     return replace(_least_changed(parts[best], parts), from_s=float(begin_s[first]))
