@@ -226,6 +226,13 @@ class Smoother:
         if settings.noise == "identified" and flight.imu is not None:
             imu, notes = with_noise_of_record(flight.imu)
             flight = replace(flight, imu=imu) if notes else flight
+        if settings.noise == "identified":
+            from fgnav.identification.array.displaced import (  # noqa: PLC0415  # lazy: the chain
+                with_antennas_in_place,
+            )
+
+            flight, settings, places = with_antennas_in_place(flight, settings)
+            notes += places
         build = partial(build_problem, last=LastObservations())
         prepared = build(flight, settings)
         if settings.noise == "identified":
