@@ -13,7 +13,7 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.identification.array.places import Places, places_of, with_reference
-from fgnav.identification.lasting.choice import Cause, likeliest_cause
+from fgnav.identification.lasting.choice import Cause, likely_causes
 from fgnav.identification.lasting.lost_samples import LostSamples
 from fgnav.identification.likelihood.beside_phases import Scored, is_misfit
 from fgnav.identification.likelihood.record_clock import clock_step
@@ -79,11 +79,21 @@ def subject_of(
         return with_satellite_errors(build(flight, settings), errors)
 
     as_stated = Subject(TagSearch(flight, settings, built), prepared, places, errors, None)
-    cause = None
+    causes: tuple[Cause, ...] = ()
     if at is not None:
-        cause = _likeliest_cause(as_stated.search, prepared, at, scores.clock_nats)
-    if cause is None:
-        return as_stated if prepared.minimum is None else as_stated._replace(scores=scores)
+        causes = _likely_causes(as_stated.search, prepared, at, scores.clock_nats)
+    for cause in causes:
+        subject = _with_cause(as_stated, cause, built)
+        if _is_likelier(subject, as_stated):
+            return subject
+    if causes or prepared.minimum is None:
+        return as_stated
+    return as_stated._replace(scores=scores)
+
+
+def _with_cause(as_stated: Subject, cause: Cause, built: Build) -> Subject:
+    """Return a flight without its cause, or with it in doubt."""
+    flight, settings = as_stated.search.flight, as_stated.search.settings
     settings = replace(settings, calibration=(*settings.calibration, *cause.requests))
     if cause.is_likely:
         flight = cause.undone(flight)
@@ -91,9 +101,8 @@ def subject_of(
     def with_cause(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
         return built(flight, settings).changed(cause.in_doubt)
 
-    search = TagSearch(flight, settings, with_cause)
-    subject = Subject(search, with_cause(flight, settings), places, errors, cause)
-    return subject if _is_likelier(subject, as_stated) else as_stated
+    search, prepared = TagSearch(flight, settings, with_cause), with_cause(flight, settings)
+    return as_stated._replace(search=search, prepared=prepared, cause=cause)
 
 
 def _compared(prepared: PreparedFlight) -> SmoothingProblem:
@@ -144,12 +153,12 @@ def _is_likelier(subject: Subject, as_stated: Subject) -> bool:
     return none == -np.inf or lost - none > cause.odds
 
 
-def _likeliest_cause(
+def _likely_causes(
     search: TagSearch,
     prepared: PreparedFlight,
     at: tuple[SmoothingProblem, Solution],
     clock_nats: float,
-) -> Cause | None:
+) -> tuple[Cause, ...]:
     """Return a landmark, axes of a detector or of the unit, or tags, that are not as stated."""
     flight, settings = search.flight, search.settings
 
@@ -168,7 +177,7 @@ def _likeliest_cause(
     requested = [one.kind for one in settings.calibration]
     others = calibration_requests([word for word in words if word not in requested])
     clock, seeker = (middle_of_tags_s(flight.imu), clock_nats), flight.seeker
-    return likeliest_cause(at, clock, with_noise, estimating, others, seeker)
+    return likely_causes(at, clock, with_noise, estimating, others, seeker)
 
 
 def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]) -> PreparedFlight:

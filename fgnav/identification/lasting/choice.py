@@ -60,6 +60,10 @@ _SENTENCES: dict[str, Callable[[LastingError], str]] = {
 }
 
 
+# Of a record that loses samples evenly, and of a fast clock, tags are as early.
+_EARLY_TAGS = {"lost samples", "clock"}
+
+
 class Lasting(NamedTuple):
     """The likeliest error, and the probability that it is of this sensor, not of another."""
 
@@ -128,15 +132,18 @@ class Lasting(NamedTuple):
 Cause = Lasting | LostSamples | ClockOff
 
 
-def likeliest_cause(
+def likely_causes(
     at: tuple[SmoothingProblem, Solution],
     clock: tuple[float, float],
     with_noise: Callable[[dict[str, float]], SmoothingProblem],
     estimating: Callable[[CalibrationRequest], SmoothingProblem],
     others: tuple[CalibrationRequest, ...],
     seeker: Seeker | None,
-) -> Cause | None:
-    """Return what is off for a whole flight, or from some time on; None where nothing is.
+) -> tuple[Cause, ...]:
+    """Return what is off for a whole flight, or from some time on; nothing where nothing is.
+
+    The likeliest; after lost samples, which are still to be held against other noise, a clock that
+    is as likely.
 
     Parameters
     ----------
@@ -170,30 +177,35 @@ def likeliest_cause(
     likely = (one for one in ordered if one.nats >= least and not _is_of_span(one, problem, stated))
     best = next(likely, None)
     if best is None:
-        return None
+        return ()
     if is_misfit(problem, best.cost):
-        return None
+        return ()
     rivals = (
         one for one in others if not (isinstance(best, LastingError) and best.kind == one.kind)
     )
     if best.nats <= _otherwise(problem, stated.cost, map(estimating, rivals)):
-        return None
+        return ()
     if best.nats <= noise_gain(white_noise(problem, with_noise).factors, with_noise):
-        return None
+        return ()
     may_be_unlikely = isinstance(best, ClockOff) and not best.is_exact
     if isinstance(best, LastingError):
         may_be_unlikely = best.kind != arm.LEVER_ARM
     if best.nats <= EXCLUDED and not may_be_unlikely:
-        return None
+        return ()
     cause = _of_errors(best, errors, problem) if isinstance(best, LastingError) else best
-    like_it = (one for one in ordered if _may_stand_for(one, best))
-    return cause._replace(rivals=rivals_of(best, like_it, problem.t_s, stated.states.R_nb))
+    like_it = [one for one in ordered if _may_stand_for(one, best)]
+    first = cause._replace(rivals=rivals_of(best, like_it, problem.t_s, stated.states.R_nb))
+    if moved is None or not isinstance(best, LostSamples) or moved.nats <= best.nats - EXCLUDED:
+        return (first,)
+    other = rivals_of(moved, [best], problem.t_s, stated.states.R_nb)
+    return first, moved._replace(rivals=other)
 
 
 def _may_stand_for(one: "LastingError | Cause", best: "LastingError | Cause") -> bool:
-    """Return whether an instrument that is late may look like another cause, or that like it."""
+    """Return whether one may look like the other: a late instrument, lost samples, or a clock."""
     kinds = {one.kind, best.kind}
-    return len(kinds) == 2 and not kinds.isdisjoint(late_instrument.KINDS)
+    late = not kinds.isdisjoint(late_instrument.KINDS)
+    return len(kinds) == 2 and (late or kinds == _EARLY_TAGS)
 
 
 def _is_of_span(one: "LastingError | Cause", problem: SmoothingProblem, stated: Solution) -> bool:
