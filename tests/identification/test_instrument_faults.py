@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from fgnav.frontend.problem import build_problem
 from fgnav.identification.apply import with_findings
@@ -13,18 +12,16 @@ from tests.robustness.drawn.flights import right_flight
 FROM_S, UNTIL_S = 4.0, 8.0
 
 
-def with_a_quadrant(flight, by):
+def in_another_order(flight, order):
     seeker = flight.seeker
-    currents = seeker.currents.copy()
-    currents[(seeker.t_s > FROM_S) & (seeker.t_s <= UNTIL_S), 1] *= by
+    inside = (seeker.t_s > FROM_S) & (seeker.t_s <= UNTIL_S)
+    currents = np.where(inside[:, None], seeker.currents[:, order], seeker.currents)
     return replace(flight, seeker=replace(seeker, currents=currents))
 
 
-# Else accelerometer and detector were noisier than stated, and the detector's axes turned: attitude
-# NEES 49 of such a flight.
-@pytest.mark.parametrize("by", [0.8, 1.3])
-def test_a_quadrant_of_another_scale_is_left_out_while_it_lasts(by):
-    flight = with_a_quadrant(right_flight("seeker", 801), by)
+def test_exchanged_quadrants_are_left_out_while_they_last():
+    """No gains of theirs explain them."""
+    flight = in_another_order(right_flight("seeker", 801), (0, 2, 1, 3))
     found = found_in(flight)
     (one,) = found.rejected
     assert one.what == "line of sight"

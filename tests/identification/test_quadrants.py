@@ -33,6 +33,20 @@ def test_a_quadrant_of_another_gain_is_told_and_taken_out(gains):
     assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 6.0
 
 
+def test_a_quadrant_that_changes_early_on_is_told_with_its_time():
+    """Throughout it left more than chance, and a unit 36 times as loud explained it."""
+    right = right_flight("seeker", 9360004)
+    late = right.seeker.t_s >= 2.45
+    flight = gained(right, np.where(late[:, None], [0.8, 1.0, 1.0, 1.0], 1.0))
+    found = found_in(flight)
+    assert found.cause.kind == QUADRANTS
+    assert found.cause.error.from_s == pytest.approx(2.45, abs=0.06)
+    assert found.cause.error.until_s == np.inf
+    assert "unlike gains from 2.4 s on" in found.notes[0] or "from 2.5 s on" in found.notes[0]
+    estimate = estimate_by(found, flight)
+    assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 6.0
+
+
 def test_right_quadrants_gain_nothing():
     right = right_flight("seeker", 9360009)
     problem = thinned(build_problem(right, SETTINGS).problem)
@@ -45,7 +59,7 @@ def test_right_quadrants_gain_nothing():
 def test_currents_put_right_are_of_like_gains():
     seeker = right_flight("seeker", 9360004).seeker
     off = np.array([0.2, -0.1])
-    right = in_balance(seeker, off).currents
+    right = in_balance(seeker, off, (-np.inf, np.inf)).currents
     np.testing.assert_allclose(
         np.log(right[:, 3] / right[:, 1]) + 0.2,
         np.log(seeker.currents[:, 3] / seeker.currents[:, 1]),

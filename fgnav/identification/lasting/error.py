@@ -35,6 +35,8 @@ class LastingError(NamedTuple):
     nats: float  # of likelihood, all else as stated
     cost: float  # that it leaves
     R_nb: FloatArray = np.empty((0, 3, 3))  # attitudes of keyframes there
+    from_s: float = -np.inf  # when it is off
+    until_s: float = np.inf
 
     @classmethod
     def of(

@@ -27,11 +27,12 @@ from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.motion import LinearisedMotion, Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
-from fgnav.identification.likelihood.span_offsets import LIKELY, Offset
+from fgnav.identification.likelihood.span_offsets import LEAST_S, LIKELY, Offset
 from fgnav.identification.noise.denoised import denoised
 from fgnav.solve.chain import constant_step
 from fgnav.types.flight import Imu
 
+_BLOCKS = 24  # of a record, at most: a bound of cost
 _ROUNDING = 1e-6  # s, of times
 _STEP = 0.1  # of a prior sigma, of difference quotients: far above rounding, nearly linear
 
@@ -61,7 +62,22 @@ def likeliest_span(
     information = of_blocks(problem, at, error, edges)
     if information is None:
         return None
-    return _best(problem.t_s[edges], error, edges, information, least_s)
+    return best_span(problem.t_s, error[:3], edges, information, least_s)
+
+
+def seconds(t_s: FloatArray) -> IntArray:
+    """Return the keyframes between blocks of a second, or of as many as there may be."""
+    duration_s = float(t_s[-1] - t_s[0])
+    count = int(np.clip(np.floor(duration_s / LEAST_S), 1, _BLOCKS))
+    edges = np.searchsorted(t_s, t_s[0] + duration_s * np.arange(count + 1) / count - 1e-9)
+    return np.unique(np.append(edges[:-1], len(t_s) - 1))
+
+
+def finer(edges: IntArray, span: Offset) -> IntArray:
+    """Return edges of blocks with all keyframes a block about where a span begins and ends."""
+    widest, rows = int(np.diff(edges).max()), np.arange(edges[-1] + 1)
+    near = np.min(np.abs(rows[:, None] - np.array([span.begin, span.end])), axis=1) <= widest
+    return np.union1d(edges, rows[near])
 
 
 def of_blocks(
@@ -96,26 +112,63 @@ def of_blocks(
         extended,
         motion=cast("Motion", _InBlocks(motion, at_none, changed, error.step, first + g * block)),
     )
+    return information_of(extended, at, first, error.any, (m, g))
+
+
+def information_of(
+    extended: SmoothingProblem, at: States, first: int, any_: float, shape: tuple[int, int]
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return score, (m, g), and information, (m, m, g, g), of constants that are free.
+
+    In units of their prior sigma, and without that prior. None where there is no minimum.
+
+    Parameters
+    ----------
+    extended : SmoothingProblem
+    at : States
+        The minimum without them.
+    first : int
+        The first of their columns.
+    any_ : float
+        Their prior sigma.
+    shape : tuple of int
+        Blocks m and numbers g of each.
+    """
+    m, g = shape
     begin = at._replace(constants=np.concatenate([at.constants, np.zeros(g * m)]))
     try:
         step, covariance = constant_step(extended, begin)
     except NoSolutionError:
         return None
     # In units of their prior, which leaves their information its digits.
-    inverse = np.linalg.inv(covariance[first:, first:] / error.any**2)
-    s = (inverse @ step[first:] / error.any).reshape(m, g)
+    inverse = np.linalg.inv(covariance[first:, first:] / any_**2)
+    s = (inverse @ step[first:] / any_).reshape(m, g)
     return s, (inverse - np.eye(g * m)).reshape(m, g, m, g).transpose(0, 2, 1, 3)
 
 
-def _best(
+def best_span(
     t_s: FloatArray,
-    error: Error,
+    error: tuple[str, str, float],
     edges: IntArray,
     information: tuple[FloatArray, FloatArray],
     least_s: float,
-) -> Offset | None:
-    """Return the span of the greatest gain, of score (m, g) and information (m, m, g, g)."""
-    s, N = information
+) -> Offset:
+    """Return the span of the greatest gain.
+
+    Parameters
+    ----------
+    t_s : ndarray, shape (n,)
+        Of keyframes.
+    error : tuple of str, str and float
+        Sensor, shape and prior sigma.
+    edges : ndarray of int, shape (m + 1,)
+        Keyframes between blocks.
+    information : tuple of ndarray, shapes (m, g) and (m, m, g, g)
+        Score and information.
+    least_s : float
+        Of a span.
+    """
+    (s, N), (sensor, shape, any_), t_s = information, error, t_s[edges]
     m, g = s.shape
     begin, end = np.triu_indices(m + 1, 1)
     long = t_s[end] - t_s[begin] > min(least_s, t_s[-1] - t_s[0]) - _ROUNDING
@@ -132,15 +185,15 @@ def _best(
     likely = gains > gains[i] - LIKELY
     begins, ends = edges[begin], edges[end]
     return Offset(
-        error.sensor,
-        error.shape,
+        sensor,
+        shape,
         int(begins[i]),
         int(ends[i]),
         (int(begins[likely].min()), int(begins[likely].max())),
         (int(ends[likely].min()), int(ends[likely].max())),
         float(gains[i]),
-        value[i] * error.any,
-        np.linalg.inv(of_span[i]) * error.any**2,
+        value[i] * any_,
+        np.linalg.inv(of_span[i]) * any_**2,
     )
 
 

@@ -14,7 +14,7 @@ from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.identification.likelihood.beside_phases import measured_rows
-from fgnav.identification.likelihood.span_constants import Error, likeliest_span
+from fgnav.identification.likelihood.span_constants import Error, finer, likeliest_span, seconds
 from fgnav.identification.likelihood.span_offsets import (
     LEAST_S,
     LIKELY,
@@ -28,7 +28,6 @@ from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Imu
 
 _DOUBTED = 0.1  # share of right flights
-_BLOCKS = 24  # of a record, at most: a bound of cost
 
 
 def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
@@ -51,7 +50,7 @@ def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
         return ()
     if not solution.converged or solution.cost < chdtri(rows, _DOUBTED):
         return ()
-    edges = _seconds(problem.t_s)
+    edges = seconds(problem.t_s)
     offsets: list[Offset] = []
     for sensor, shape in ERRORS:
         if shape != DRIFT:
@@ -64,8 +63,8 @@ def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
     if is_turned_throughout(problem, solution.states, offsets[0], len(edges)):
         return ()
     likely = [one for one in offsets if one.gain > offsets[0].gain - LIKELY]
-    finer = (_finer(problem, solution.states, one, edges) for one in likely)
-    return tuple(sorted(finer, key=lambda one: -one.gain))
+    refined = (_finer(problem, solution.states, one, edges) for one in likely)
+    return tuple(sorted(refined, key=lambda one: -one.gain))
 
 
 def of_drifts(problem: SmoothingProblem, at: States) -> list[Offset]:
@@ -100,7 +99,7 @@ def is_throughout(problem: SmoothingProblem, at: States, error: tuple[str, str])
     error : tuple of str
         Sensor and shape.
     """
-    edges, ends = _seconds(problem.t_s), np.array([0, len(problem.t_s) - 1])
+    edges, ends = seconds(problem.t_s), np.array([0, len(problem.t_s) - 1])
     of_span, of_all = (_likeliest(problem, at, error, between) for between in (edges, ends))
     if of_span is None or of_all is None:
         return True
@@ -126,16 +125,4 @@ def _finer(problem: SmoothingProblem, at: States, one: Offset, edges: IntArray) 
     """Return an offset whose span is sought between keyframes, a block about where it was."""
     if one.shape == DRIFT:
         return one
-    widest = int(np.diff(edges).max())
-    rows = np.arange(len(problem.t_s))
-    near = np.min(np.abs(rows[:, None] - np.array([one.begin, one.end])), axis=1) <= widest
-    finer = np.union1d(edges, rows[near])
-    return _likeliest(problem, at, (one.sensor, one.shape), finer) or one
-
-
-def _seconds(t_s: FloatArray) -> IntArray:
-    """Return the keyframes between blocks of a second, or of as many as there may be."""
-    duration_s = float(t_s[-1] - t_s[0])
-    count = int(np.clip(np.floor(duration_s / LEAST_S), 1, _BLOCKS))
-    edges = np.searchsorted(t_s, t_s[0] + duration_s * np.arange(count + 1) / count - 1e-9)
-    return np.unique(np.append(edges[:-1], len(t_s) - 1))
+    return _likeliest(problem, at, (one.sensor, one.shape), finer(edges, one)) or one
