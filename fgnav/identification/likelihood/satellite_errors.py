@@ -40,25 +40,50 @@ def satellite_error_factors(phase: AntennaPhase) -> dict[str, float]:
 
     What contradicts most is believed first, as long as one flight in ten thousand does by chance.
     """
-    errors, used = SatelliteErrors(phase), list[int]()
+    theta, used, _ = _likeliest(SatelliteErrors(phase))
+    return {ERRORS[i]: float(np.exp(theta[i])) for i in used}
+
+
+def phase_evidence(phase: AntennaPhase, factor: FloatArray) -> float:
+    """Return ln of the density of phases, errors of satellites as large as they tell.
+
+    But for a constant that arcs do not change: where they begin is a hypothesis as noise is. Codes,
+    which enter where arcs begin, are left out.
+
+    Parameters
+    ----------
+    phase : AntennaPhase
+    factor : ndarray, shape (k,)
+        By which the noise of each epoch is multiplied.
+    """
+    _, _, likelihood = _likeliest(SatelliteErrors(phase, slice(None), codes=False))
+    for one in phase.blocks:
+        likelihood += float(np.log(one.after.diagonal()).sum())
+    freedom = np.array([len(one.without_place()[1]) for one in phase.rows])
+    return likelihood - float(freedom @ np.log(factor))
+
+
+def _likeliest(errors: "SatelliteErrors") -> tuple[FloatArray, list[int], float]:
+    """Return logarithms of factors, (3,), those that are contradicted, in turn, and ln L."""
+    used = list[int]()
     theta: FloatArray = np.zeros(len(ERRORS))
-    found = errors.log_likelihood(theta)
+    greatest = errors.log_likelihood(theta)
     while len(used) < len(ERRORS):
         others = [i for i in range(len(ERRORS)) if i not in used]
         tried = [errors.climbed(theta, i) for i in others]
         best = max(range(len(tried)), key=lambda k: tried[k][1])
-        if tried[best][1] < found + EXCLUDED:
+        if tried[best][1] < greatest + EXCLUDED:
             break
-        theta, found = tried[best]
+        theta, greatest = tried[best]
         used.append(others[best])
     for i in used[:-1]:  # what was found before the others were
-        theta, _ = errors.climbed(theta, i)
-    return {ERRORS[i]: float(np.exp(theta[i])) for i in used}
+        theta, greatest = errors.climbed(theta, i)
+    return theta, used, greatest
 
 
 def with_errors(phase: AntennaPhase, factors: Mapping[str, float]) -> AntennaPhase:
     """Return phases whose satellites' errors are as large, and move as far, as factors say."""
-    weight = 1 / np.array([*(factors.get(name, 1.0) for name in ERRORS), 1.0])
+    weight = 1 / np.array([*(factors.get(name, 1.0) for name in ERRORS), 1.0, 1.0])
     blocks = phase.blocks
 
     def weighted(j: int) -> ArcBlock:
@@ -71,15 +96,26 @@ def with_errors(phase: AntennaPhase, factors: Mapping[str, float]) -> AntennaPha
 class SatelliteErrors:
     """Phases and codes of a flight by blocks, places eliminated.
 
+    Parameters
+    ----------
+    phase : AntennaPhase
+    which : slice
+        Of its blocks.
+    codes : bool
+        Whether codes count that determine ambiguities.
+
     Attributes
     ----------
     count : ndarray of int, shape (3,)
         Rows that say how large an error is, of each kind.
     """
 
-    def __init__(self, phase: AntennaPhase) -> None:
-        blocks = list(phase.blocks[:_ENOUGH])
+    def __init__(
+        self, phase: AntennaPhase, which: slice = slice(_ENOUGH), *, codes: bool = True
+    ) -> None:
+        blocks = list(phase.blocks[which])
         self._kinds = np.concatenate([_kinds(block) for block in blocks])
+        self._codes = float(codes)
         self.count = np.bincount(self._kinds, minlength=len(ERRORS))[: len(ERRORS)]
         measured = [np.zeros((one.size + 1, one.size + 1)) for one in blocks]
         for i, block in enumerate(phase.block - phase.first_block):
@@ -109,7 +145,7 @@ class SatelliteErrors:
 
     def log_likelihood(self, theta: FloatArray) -> float:
         """Return ln L of logarithms of factors, (3,), but for a constant."""
-        weight = np.append(np.exp(-2 * theta), 1.0)
+        weight = np.append(np.exp(-2 * theta), [1.0, self._codes])
         diagonal = np.empty(self._eliminated)
         information = _filtered(self._shapes, weight[self._kinds], diagonal, *self._rows)
         if len(information) == 1:
@@ -174,9 +210,10 @@ def _filtered(
 
 
 def _kinds(block: ArcBlock) -> IntArray:
-    """Return which of the errors each row of a block is of, (q,); their number: of none."""
+    """Return which of the errors each row of a block is of, (q,); then none of them, and codes."""
     size, s = block.size, block.satellites
     kinds = np.full(len(block.right), len(ERRORS))
+    kinds[size:] += 1
     error, rate = slice(size - 2 * s, size - s), slice(size - s, size)
     goes_on = np.asarray(block.before.any(axis=1))
     kinds[error] = np.where(goes_on[error], 1, 0)
