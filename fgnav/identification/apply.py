@@ -9,7 +9,6 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.identification.array.exchanged import exchange_of
 from fgnav.identification.array.places import with_reference
 from fgnav.identification.findings import Findings, findings
-from fgnav.identification.noise.loud_phases import loudness_notes, with_loud_phases
 from fgnav.identification.noise.sample_noise import noise_of_samples
 from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.spans.gross_errors import leaving_out
@@ -56,14 +55,11 @@ def with_identified_noise(
 def _put_right(
     flight: Flight, settings: ProblemSettings, prepared: PreparedFlight, build: Build
 ) -> tuple[Flight, tuple[str, ...]]:
-    """Return a flight without exchanged antennas and a step of tags, phases as loud as they are."""
-    louder, notes = with_loud_phases(flight, settings, prepared, build), tuple[str, ...]()
-    if louder is not flight:
-        flight, notes = louder, loudness_notes(louder.gnss_noise)
-        prepared = build(flight, settings)
+    """Return a flight without exchanged antennas and without a step of tags, and what was."""
+    notes: tuple[str, ...] = ()
     exchange = exchange_of(prepared)
     if exchange is not None:
-        notes = (*notes, exchange.sentence(flight.antennas))
+        notes = (exchange.sentence(flight.antennas),)
         flight = exchange.undone(flight)
     step = tag_step(flight, settings, build)
     if step is not None:

@@ -226,6 +226,15 @@ class Smoother:
         if settings.noise == "identified" and flight.imu is not None:
             imu, notes = with_noise_of_record(flight.imu)
             flight = replace(flight, imu=imu) if notes else flight
+        if settings.noise == "identified":
+            from fgnav.identification.noise.loud_phases import (  # noqa: PLC0415  # lazy: the chain
+                loud_phases,
+                loudness_notes,
+                with_loud_phases,
+            )
+
+            flight = with_loud_phases(flight, loud_phases(flight))
+            notes = (*loudness_notes(flight.gnss_noise), *notes)
         build = partial(build_problem, last=LastObservations())
         prepared = build(flight, settings)
         if settings.noise == "identified":

@@ -21,17 +21,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray
-from fgnav.frontend.position.live_arcs import UNKNOWN_M
-from fgnav.frontend.prepared import PreparedFlight
-from fgnav.frontend.settings import ProblemSettings
+from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.frontend.position.live_arcs import UNKNOWN_M, Observed
+from fgnav.frontend.position.phases import antenna_phase
 from fgnav.gnss.cycle_slips.detection import LONGEST_GAP
 from fgnav.gnss.signals import select
 from fgnav.gnss.undifferenced import Undifferenced, undifferenced
+from fgnav.graph.types.constants import Constants
 from fgnav.identification.likelihood.satellite_errors import phase_evidence
 from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.noise.identified import TOLERATED
-from fgnav.identification.time_tags import Build
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.types.flight import Flight
 from fgnav.types.instruments import GnssNoise, LoudPhases
@@ -43,23 +42,36 @@ _PLACE_M = 3.0  # of a place by code: where it is wrong a line of sight that tur
 _LEAST = 1e-9  # of the normal equations, clocks that no channel has
 
 
-def with_loud_phases(
-    flight: Flight, settings: ProblemSettings, prepared: PreparedFlight, build: Build
-) -> Flight:
-    """Return a flight that states the noise which its phases have; as it is where that fits."""
-    phase, noise = prepared.problem.phase, flight.gnss_noise
-    if phase is None or flight.observations is None or flight.base is not None:
-        return flight
-    spans = loud_spans(flight.observations, undifferenced(flight))
+def loud_phases(flight: Flight) -> tuple[LoudPhases, ...]:
+    """Return when, and how far, phases of a flight's first antenna are louder than stated."""
+    if flight.observations is None or flight.base is not None:
+        return ()
+    try:
+        spans = loud_spans(flight.observations, undifferenced(flight))
+        if not spans or _evidence(with_loud_phases(flight, spans)) <= _evidence(flight) + EXCLUDED:
+            return ()
+    except NoSolutionError:  # without a place by code, or next to nothing
+        return ()
+    return spans
+
+
+def with_loud_phases(flight: Flight, spans: tuple[LoudPhases, ...]) -> Flight:
+    """Return a flight that states the noise which its phases have."""
     if not spans:
         return flight
-    louder = replace(flight, gnss_noise=replace(noise, loud_phases=spans))
-    problem = build(louder, settings).problem
-    if problem.phase is None:
-        return flight
-    factor = louder.gnss_noise.phase_factor(problem.t_s[problem.phase.row])
-    gain = phase_evidence(problem.phase, factor) - phase_evidence(phase, np.ones(len(phase.row)))
-    return louder if gain > EXCLUDED else flight
+    return replace(flight, gnss_noise=replace(flight.gnss_noise, loud_phases=spans))
+
+
+def _evidence(flight: Flight) -> float:
+    """Return ln of the density of a flight's phases by the arcs that its noise leaves."""
+    of = undifferenced(flight)
+    rows = np.arange(len(of.t_s))
+    level = np.broadcast_to(np.eye(3), (len(rows), 3, 3))  # what turns wind up is a clock's, nearly
+    observed = Observed(of, rows, rows, np.zeros(3))
+    phase = antenna_phase((observed,), of.t_s, level, Constants()).phase
+    if phase is None:
+        return -np.inf
+    return phase_evidence(phase, flight.gnss_noise.phase_factor(of.t_s[phase.row]))
 
 
 def loudness_notes(noise: GnssNoise) -> tuple[str, ...]:
