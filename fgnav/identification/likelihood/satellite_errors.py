@@ -1,4 +1,4 @@
-"""How large errors of satellites are, and how they move, beside what a flight states of them.
+"""How large errors of satellites and noise of codes are, beside what a flight states of them.
 
 What messages and models of the atmosphere leave in ranges to satellites is a state of each in the
 graph (``graph.factors.antenna_phase``): stated are its 1-sigma when a satellite appears, that of
@@ -9,6 +9,8 @@ of the antenna free at every epoch [1]_:
 
 c the least sum of squares of all whitened rows, R the triangular root of their information, n_i
 rows that say how large an error of one kind is, and f_i its standard deviation over the stated one.
+Codes are those of a second apart by which ambiguities are known; what repeats from one to the next,
+as echoes do, none of them shows, so they are never less noisy than stated.
 
 References
 ----------
@@ -29,14 +31,15 @@ from fgnav.identification.track.windows import EXCLUDED
 from fgnav.kernels.compiled import kernel
 from fgnav.solve.chain.arcs_kernel import lead_on
 
-ERRORS = ("satellite error", "satellite error walk", "satellite error rate")
+CODE = "code"
+ERRORS = ("satellite error", "satellite error walk", "satellite error rate", CODE)
 _MOST = np.log(100.0)  # of a factor's logarithm: centimetres of metres, noise of phases and codes
 _ENOUGH = 200  # blocks: walks of four satellites more than a place to 2.5 %, closer than is sought
 _SETTLED = 0.1  # of it: 10 % of a standard deviation
 
 
 def satellite_error_factors(phase: AntennaPhase) -> dict[str, float]:
-    """Return factors on the stated errors of satellites that their phases and codes contradict.
+    """Return factors on errors of satellites, and on noise of codes, that these contradict.
 
     What contradicts most is believed first, as long as one flight in ten thousand does by chance.
     """
@@ -64,7 +67,7 @@ def phase_evidence(phase: AntennaPhase, factor: FloatArray) -> float:
 
 
 def _likeliest(errors: "SatelliteErrors") -> tuple[FloatArray, list[int], float]:
-    """Return logarithms of factors, (3,), those that are contradicted, in turn, and ln L."""
+    """Return logarithms of factors, (4,), those that are contradicted, in turn, and ln L."""
     used = list[int]()
     theta: FloatArray = np.zeros(len(ERRORS))
     greatest = errors.log_likelihood(theta)
@@ -82,8 +85,8 @@ def _likeliest(errors: "SatelliteErrors") -> tuple[FloatArray, list[int], float]
 
 
 def with_errors(phase: AntennaPhase, factors: Mapping[str, float]) -> AntennaPhase:
-    """Return phases whose satellites' errors are as large, and move as far, as factors say."""
-    weight = 1 / np.array([*(factors.get(name, 1.0) for name in ERRORS), 1.0, 1.0])
+    """Return phases whose errors of satellites and codes are as large as factors say."""
+    weight = 1 / np.array([*(factors.get(name, 1.0) for name in ERRORS), 1.0])
     blocks = phase.blocks
 
     def weighted(j: int) -> ArcBlock:
@@ -106,7 +109,7 @@ class SatelliteErrors:
 
     Attributes
     ----------
-    count : ndarray of int, shape (3,)
+    count : ndarray of int, shape (4,)
         Rows that say how large an error is, of each kind.
     """
 
@@ -115,8 +118,9 @@ class SatelliteErrors:
     ) -> None:
         blocks = list(phase.blocks[which])
         self._kinds = np.concatenate([_kinds(block) for block in blocks])
-        self._codes = float(codes)
         self.count = np.bincount(self._kinds, minlength=len(ERRORS))[: len(ERRORS)]
+        self._counted = np.array([codes or name != CODE for name in ERRORS])
+        self.count *= self._counted
         measured = [np.zeros((one.size + 1, one.size + 1)) for one in blocks]
         for i, block in enumerate(phase.block - phase.first_block):
             if block < len(blocks):
@@ -128,7 +132,7 @@ class SatelliteErrors:
         self._rows = [np.concatenate([one.ravel() for one in part]) for part in (*parts, measured)]
 
     def climbed(self, theta: FloatArray, i: int) -> tuple[FloatArray, float]:
-        """Return logarithms of factors, (3,), the i-th of them the likeliest, and ln L there."""
+        """Return logarithms of factors, (4,), the i-th of them the likeliest, and ln L there."""
 
         def at(x: float) -> FloatArray:
             moved = theta.copy()
@@ -137,15 +141,15 @@ class SatelliteErrors:
 
         search = minimize_scalar(
             lambda x: -self.log_likelihood(at(x)),
-            bounds=(-_MOST, _MOST),
+            bounds=(0.0 if ERRORS[i] == CODE else -_MOST, _MOST),
             method="bounded",
             options={"xatol": _SETTLED},
         )
         return at(search.x), -float(search.fun)
 
     def log_likelihood(self, theta: FloatArray) -> float:
-        """Return ln L of logarithms of factors, (3,), but for a constant."""
-        weight = np.append(np.exp(-2 * theta), [1.0, self._codes])
+        """Return ln L of logarithms of factors, (4,), but for a constant."""
+        weight = np.append(self._counted * np.exp(-2 * theta), 1.0)
         diagonal = np.empty(self._eliminated)
         information = _filtered(self._shapes, weight[self._kinds], diagonal, *self._rows)
         if len(information) == 1:
@@ -210,10 +214,10 @@ def _filtered(
 
 
 def _kinds(block: ArcBlock) -> IntArray:
-    """Return which of the errors each row of a block is of, (q,); then none of them, and codes."""
+    """Return which of the errors each row of a block is of, (q,); their number: of none."""
     size, s = block.size, block.satellites
     kinds = np.full(len(block.right), len(ERRORS))
-    kinds[size:] += 1
+    kinds[size:] = ERRORS.index(CODE)
     error, rate = slice(size - 2 * s, size - s), slice(size - s, size)
     goes_on = np.asarray(block.before.any(axis=1))
     kinds[error] = np.where(goes_on[error], 1, 0)
