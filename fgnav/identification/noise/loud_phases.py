@@ -38,7 +38,7 @@ from fgnav.types.observations import LOST_LOCK, Observations
 
 _FACTORS = np.exp(np.arange(TOLERATED, np.log(100.0), 0.1))  # beyond, codes tell as much
 _WORTH = 2 / 3  # of squares of neighbouring steps: 1 / (1 + 2 (1/2)^2)
-_PLACE_M = 3.0  # of a place by code: where it is wrong a line of sight that turns is a step
+_PLACE_M = 3.0  # of a place by code, usually (io.flight.usual_noise): of a sight that turns a step
 _LEAST = 1e-9  # of the normal equations, clocks that no channel has
 
 
@@ -94,6 +94,8 @@ def _when(one: LoudPhases) -> str:
 
 def loud_spans(observations: Observations, of: Undifferenced) -> tuple[LoudPhases, ...]:
     """Return the spans in which steps of an antenna's phases are louder than stated."""
+    if len(of.t_s) < 2 or not np.isfinite(of.phase_m).any():
+        return ()
     squares, freedom = _left(*_steps(observations, of))
     new_arc = float(np.log(UNKNOWN_M / (np.sqrt(2) * np.nanmedian(of.phase_sigma_m))))
     slips = (freedom[0] - freedom) * new_arc
@@ -198,11 +200,11 @@ def _left(steps: FloatArray, rows: FloatArray, use: BoolArray) -> tuple[FloatArr
         least = _LEAST * size.max(axis=1).clip(np.finfo(float).tiny / _LEAST)
         cofactor = np.linalg.inv(normal + least[:, None, None] * np.eye(len(size.T)))
         y = np.where(use, steps, 0.0)
-        fitted = np.einsum("nmp,npq,nkq,nk->nm", taken, cofactor, taken, y)
-        left = y - fitted
+        of_fit = taken @ cofactor
+        left = y - (of_fit @ (y[:, None] @ taken).swapaxes(1, 2))[..., 0]
         squares.append(np.where(count > 0, (left * y).sum(axis=1), 0.0))
         freedom.append(count.clip(0))
-        share = 1 - np.einsum("nmp,npq,nmq->nm", taken, cofactor, taken)
+        share = 1 - (of_fit * taken).sum(axis=2)
         worst = np.where(use, np.abs(left) / np.sqrt(share.clip(1e-3)), -1.0).argmax(axis=1)
         use[epochs, worst] = False
         if not (freedom[-1] > 0).any():
