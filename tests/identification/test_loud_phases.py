@@ -60,6 +60,18 @@ def test_slips_are_no_noise(right):
     assert spans(replace(right, observations=replace(seen, phase_cycles=cycles))) == ()
 
 
+def test_jumps_of_the_clock_are_no_noise(right):
+    """As a receiver's of a millisecond: satellites are taken where they were then."""
+    seen = right.observations
+    jumps_s = 1e-3 * np.isin(np.arange(len(seen.t_s)), (12, 30, 47)).cumsum()[:, None, None]
+    seen = replace(
+        seen,
+        phase_cycles=seen.phase_cycles + 1_575.42e6 * jumps_s,
+        code_m=seen.code_m + 299_792_458.0 * jumps_s,
+    )
+    assert spans(replace(right, observations=seen)) == ()
+
+
 def test_a_loss_of_lock_that_is_reported_is_no_noise(right):
     seen, rng = right.observations, np.random.default_rng(80_200_003)
     lost = rng.random(seen.phase_cycles.shape) < 0.5

@@ -180,7 +180,9 @@ def _steps(
         [turn / 2 - of.e_n, np.broadcast_to(clocks, (*use.shape, clocks.shape[1]))], axis=2
     )
     root = np.sqrt(variance_m2)
-    step_m = np.diff(of.phase_m, axis=0, prepend=np.nan)
+    step_m = np.where(use, np.diff(of.phase_m, axis=0, prepend=np.nan), 0.0)
+    # What a clock jumps by, 300 km for a millisecond, would cost the normal equations their digits.
+    step_m -= np.median(step_m, axis=1, keepdims=True)
     whitened = np.where(use, step_m / root, 0.0)
     return whitened, np.where(use[:, :, None], rows / root[:, :, None], 0.0), use
 
@@ -202,7 +204,7 @@ def _left(steps: FloatArray, rows: FloatArray, use: BoolArray) -> tuple[FloatArr
         y = np.where(use, steps, 0.0)
         of_fit = taken @ cofactor
         left = y - (of_fit @ (y[:, None] @ taken).swapaxes(1, 2))[..., 0]
-        squares.append(np.where(count > 0, (left * y).sum(axis=1), 0.0))
+        squares.append(np.where(count > 0, (left**2).sum(axis=1), 0.0))
         freedom.append(count.clip(0))
         share = 1 - (of_fit * taken).sum(axis=2)
         worst = np.where(use, np.abs(left) / np.sqrt(share.clip(1e-3)), -1.0).argmax(axis=1)
