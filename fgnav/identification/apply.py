@@ -5,10 +5,17 @@ from functools import reduce
 
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.prepared import PreparedFlight
+from fgnav.frontend.recording import with_noise_of_record
 from fgnav.frontend.settings import ProblemSettings
+from fgnav.identification.array.displaced import with_antennas_in_place
 from fgnav.identification.array.exchanged import exchange_of
 from fgnav.identification.array.places import with_reference
 from fgnav.identification.findings import Findings, findings
+from fgnav.identification.noise.loud_phases import (
+    loud_phases,
+    loudness_notes,
+    with_loud_phases,
+)
 from fgnav.identification.noise.sample_noise import noise_of_samples
 from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.spans.gross_errors import leaving_out
@@ -19,6 +26,23 @@ from fgnav.identification.time_tags import Build, TagSearch
 from fgnav.identification.track.forces import force_consistency
 from fgnav.identification.track.tags import with_tags_moved
 from fgnav.types.flight import Flight
+
+
+def by_records(
+    flight: Flight, settings: ProblemSettings
+) -> tuple[Flight, ProblemSettings, tuple[str, ...]]:
+    """Return a flight as its records have it before any problem is built, and what is said of it.
+
+    With noise that inertial samples add, with phases as loud as they are, and with an antenna that
+    is elsewhere where its phases put it.
+    """
+    notes: tuple[str, ...] = ()
+    if flight.imu is not None:
+        imu, notes = with_noise_of_record(flight.imu)
+        flight = replace(flight, imu=imu) if notes else flight
+    flight = with_loud_phases(flight, loud_phases(flight))
+    flight, settings, places = with_antennas_in_place(flight, settings)
+    return flight, settings, (*loudness_notes(flight.gnss_noise), *notes, *places)
 
 
 def with_identified_noise(

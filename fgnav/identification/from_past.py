@@ -28,10 +28,16 @@ from fgnav.identification.apply import corrected, with_findings
 from fgnav.identification.findings import FEWEST, Findings, findings
 from fgnav.identification.likelihood.bent_clock import determinant_of, informed_requests
 from fgnav.identification.noise.doubted import is_doubted, mean_squares
+from fgnav.identification.noise.loud_phases import (
+    loud_phases,
+    loudness_notes,
+    with_loud_phases,
+)
 from fgnav.identification.noise.stated import unstated
 from fgnav.identification.notes import doubt_notes
 from fgnav.identification.time_tags import Build
 from fgnav.types.flight import Flight
+from fgnav.types.instruments import LoudPhases
 
 FIRST_S = 30.0  # as many fixes at one a second
 MOVED_S = 5.0  # half a dozen of them: of noise in motion next to nothing is known before
@@ -112,12 +118,14 @@ def _doublings(from_s: float, after_s: float, until_s: float) -> list[float]:
 class Look(NamedTuple):
     """What the record up to a time tells of noise and times.
 
-    ``is_told``: nothing is in its way; ``doubted``: by what noises count that it leaves open.
+    ``is_told``: nothing is in its way; ``doubted``: by what noises count that it leaves open;
+    ``loud``: phases of its antenna.
     """
 
     found: Findings | None
     is_told: bool = True
     doubted: Mapping[str, float] = MappingProxyType({})
+    loud: tuple[LoudPhases, ...] = ()
 
     def goes_on(self, before: "Look | None") -> bool:
         """Return whether noise is as stated, as by the look before."""
@@ -125,12 +133,15 @@ class Look(NamedTuple):
 
     def prepared(self, flight: Flight, settings: ProblemSettings, build: Build) -> PreparedFlight:
         """Return the problem of a flight that goes on, with noise and times as found."""
+        flight = with_loud_phases(flight, self.loud)
         if self.found is None:
             problem = build(flight, settings)
         else:
             factors = {**self.found.factors, **self.doubted}
             problem = with_findings(flight, settings, self.found._replace(factors=factors), build)
             problem = replace(problem, notes=(*problem.notes, *doubt_notes(self.doubted)))
+        if self.loud:
+            problem = replace(problem, notes=(*problem.notes, *loudness_notes(flight.gnss_noise)))
         if self.is_told or problem.opening is None:
             return problem
         return replace(problem, opening=replace(problem.opening, until_s=np.inf))
@@ -139,6 +150,13 @@ class Look(NamedTuple):
 def look(flight: Flight, settings: ProblemSettings, until_s: float, build: Build) -> Look:
     """Return what a flight tells up to a time."""
     past = truncated(flight, until_s)
+    loud = loud_phases(past)
+    past = with_loud_phases(past, loud)
+    return _looked(past, settings, until_s, build)._replace(loud=loud)
+
+
+def _looked(past: Flight, settings: ProblemSettings, until_s: float, build: Build) -> Look:
+    """Return what a record tells, its phases as loud as they are."""
     whole = replace(settings, causal=False)
     try:
         prepared = build(past, whole)

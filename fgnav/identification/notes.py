@@ -29,6 +29,7 @@ _WHAT = {
     "satellite error": "Size of satellites' errors",
     "satellite error walk": "Random walk of satellites' errors",
     "satellite error rate": "Rate of satellites' errors",
+    "code": "Noise of codes",
 }
 _UNIT = {
     "accelerometer": "m/s2/sqrt(Hz)",
@@ -112,6 +113,8 @@ def satellite_error_notes(noise: GnssNoise, factors: Mapping[str, float]) -> tup
 
 
 def _is_stated(noise: GnssNoise, name: str) -> bool:
+    if name == "code":
+        return "code_m" not in noise.unstated
     field = _OF_SATELLITES.get(name)
     return field is not None and getattr(noise, field) != getattr(GnssNoise(), field)
 

@@ -17,7 +17,6 @@ from fgnav.frontend.calibration_request import calibration_requests
 from fgnav.frontend.position.by_observations import LastObservations
 from fgnav.frontend.prepared import PreparedFlight, by_integers
 from fgnav.frontend.problem import build_problem
-from fgnav.frontend.recording import with_noise_of_record
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.between import regular_times, with_times
 from fgnav.graph.innovations import consistency
@@ -223,23 +222,17 @@ class Smoother:
             return self._prepared_so_far(flight, since_s)
         settings = self.preparation
         notes: tuple[str, ...] = ()
-        if settings.noise == "identified" and flight.imu is not None:
-            imu, notes = with_noise_of_record(flight.imu)
-            flight = replace(flight, imu=imu) if notes else flight
-        if settings.noise == "identified":
-            from fgnav.identification.array.displaced import (  # noqa: PLC0415  # lazy: the chain
-                with_antennas_in_place,
-            )
-
-            flight, settings, places = with_antennas_in_place(flight, settings)
-            notes += places
         build = partial(build_problem, last=LastObservations())
-        prepared = build(flight, settings)
-        if settings.noise == "identified":
+        if settings.noise == "stated":
+            prepared = build(flight, settings)
+        else:
             from fgnav.identification.apply import (  # noqa: PLC0415  # lazy: the chain
+                by_records,
                 with_identified_noise,
             )
 
+            flight, settings, notes = by_records(flight, settings)
+            prepared = build(flight, settings)
             prepared = with_identified_noise(flight, settings, prepared, build)
         if without_attitudes(prepared) and self.rate_prior is None:
             from fgnav.methods.smoothing.rate_identification import (  # noqa: PLC0415  # lazy: the chain

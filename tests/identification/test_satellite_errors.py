@@ -19,7 +19,7 @@ from fgnav.identification.likelihood.satellite_errors import (
 from fgnav.methods.smoother import Smoother
 from tests.gnss.based import flown
 
-SIZE, WALK, RATE = ERRORS
+SIZE, WALK, RATE, CODE = ERRORS
 
 
 def phases(seed, span_s=20.0, stated=None, **gnss):
@@ -56,11 +56,11 @@ def dense_log_likelihood(phase):
 
 
 def test_the_likelihood_is_that_of_all_rows_at_once():
-    phase, theta = phases(93_020, 4.0, message_errors=True), np.array([0.3, -0.5, 0.8])
+    phase, theta = phases(93_020, 4.0, message_errors=True), np.array([0.3, -0.5, 0.8, 0.4])
     errors = SatelliteErrors(phase)
     factors = dict(zip(ERRORS, np.exp(theta), strict=True))
     changed = dense_log_likelihood(with_errors(phase, factors)) - dense_log_likelihood(phase)
-    own = errors.log_likelihood(theta) - errors.log_likelihood(np.zeros(3))
+    own = errors.log_likelihood(theta) - errors.log_likelihood(np.zeros(4))
     # Squares have half the digits of rows; what is asked of it are nine nats.
     np.testing.assert_allclose(own, changed - errors.count @ theta, rtol=0, atol=1e-3)
 
@@ -83,6 +83,12 @@ def test_errors_that_move_faster_than_stated_are_found():
     )
     assert set(found) == {RATE}
     assert abs(np.log(found[RATE] / 100)) < 4 / np.sqrt(2 * 4)  # four satellites more than a place
+
+
+def test_codes_louder_than_stated_are_found():
+    found = satellite_error_factors(phases(93_012, stated={"code_m": 0.1}, message_errors=True))
+    assert set(found) == {CODE}
+    assert abs(np.log(found[CODE] / 3)) < 4 / np.sqrt(2 * 20 * 7)  # a second apart, eight of them
 
 
 @pytest.mark.parametrize("seed", [93_030, 93_031])

@@ -27,7 +27,7 @@ _ROUNDING_S = 1e-6
 _STILL_M_PER_SQRT_S = 1e-4  # of ambiguities, which do not move: whitening needs some noise
 _STILL_MPS_PER_SQRT_S = 1e-6
 _STILL_ERROR = 1e-5  # m per sqrt(s), of satellites close to a base: squares have 16 digits
-_UNKNOWN_M = 1e2  # ambiguities, once phase less code is taken off, and before code
+UNKNOWN_M = 1e2  # ambiguities, once phase less code is taken off, and before code
 _REMEMBERED_S = 60.0  # errors of satellites without phase: they walk by centimetres meanwhile
 
 
@@ -349,7 +349,7 @@ def _transition(of: _Arcs, blocks: tuple[_Live | None, _Live], i: int, row: int)
         error_m[_places(of, after, channel)] = of.of.error_sigma_m[i, channel]
     sigma = np.concatenate(
         [
-            np.full(c, _UNKNOWN_M),
+            np.full(c, UNKNOWN_M),
             error_m,
             np.full(s, max(of.of.error_rate_mps[i], _STILL_MPS_PER_SQRT_S)),
         ]

@@ -1,4 +1,4 @@
-"""How large errors of satellites are, and how they move, beside what a flight states of them.
+"""How large errors of satellites and noise of codes are, beside what a flight states of them.
 
 What messages and models of the atmosphere leave in ranges to satellites is a state of each in the
 graph (``graph.factors.antenna_phase``): stated are its 1-sigma when a satellite appears, that of
@@ -9,6 +9,8 @@ of the antenna free at every epoch [1]_:
 
 c the least sum of squares of all whitened rows, R the triangular root of their information, n_i
 rows that say how large an error of one kind is, and f_i its standard deviation over the stated one.
+Codes are those of a second apart by which ambiguities are known; what repeats from one to the next,
+as echoes do, none of them shows, so they are never less noisy than stated.
 
 References
 ----------
@@ -29,35 +31,61 @@ from fgnav.identification.track.windows import EXCLUDED
 from fgnav.kernels.compiled import kernel
 from fgnav.solve.chain.arcs_kernel import lead_on
 
-ERRORS = ("satellite error", "satellite error walk", "satellite error rate")
+CODE = "code"
+ERRORS = ("satellite error", "satellite error walk", "satellite error rate", CODE)
 _MOST = np.log(100.0)  # of a factor's logarithm: centimetres of metres, noise of phases and codes
 _ENOUGH = 200  # blocks: walks of four satellites more than a place to 2.5 %, closer than is sought
 _SETTLED = 0.1  # of it: 10 % of a standard deviation
 
 
 def satellite_error_factors(phase: AntennaPhase) -> dict[str, float]:
-    """Return factors on the stated errors of satellites that their phases and codes contradict.
+    """Return factors on errors of satellites, and on noise of codes, that these contradict.
 
     What contradicts most is believed first, as long as one flight in ten thousand does by chance.
     """
-    errors, used = SatelliteErrors(phase), list[int]()
+    theta, used, _ = _likeliest(SatelliteErrors(phase))
+    return {ERRORS[i]: float(np.exp(theta[i])) for i in used}
+
+
+def phase_evidence(phase: AntennaPhase, factor: FloatArray) -> float:
+    """Return ln of the density of phases, errors of satellites as large as they tell.
+
+    But for a constant that arcs do not change: where they begin is a hypothesis as noise is. Codes,
+    which enter where arcs begin, are left out.
+
+    Parameters
+    ----------
+    phase : AntennaPhase
+    factor : ndarray, shape (k,)
+        By which the noise of each epoch is multiplied.
+    """
+    _, _, likelihood = _likeliest(SatelliteErrors(phase, slice(None), codes=False))
+    for one in phase.blocks:
+        likelihood += float(np.log(one.after.diagonal()).sum())
+    freedom = np.array([len(one.without_place()[1]) for one in phase.rows])
+    return likelihood - float(freedom @ np.log(factor))
+
+
+def _likeliest(errors: "SatelliteErrors") -> tuple[FloatArray, list[int], float]:
+    """Return logarithms of factors, (4,), those that are contradicted, in turn, and ln L."""
+    used = list[int]()
     theta: FloatArray = np.zeros(len(ERRORS))
-    found = errors.log_likelihood(theta)
+    greatest = errors.log_likelihood(theta)
     while len(used) < len(ERRORS):
         others = [i for i in range(len(ERRORS)) if i not in used]
         tried = [errors.climbed(theta, i) for i in others]
         best = max(range(len(tried)), key=lambda k: tried[k][1])
-        if tried[best][1] < found + EXCLUDED:
+        if tried[best][1] < greatest + EXCLUDED:
             break
-        theta, found = tried[best]
+        theta, greatest = tried[best]
         used.append(others[best])
     for i in used[:-1]:  # what was found before the others were
-        theta, _ = errors.climbed(theta, i)
-    return {ERRORS[i]: float(np.exp(theta[i])) for i in used}
+        theta, greatest = errors.climbed(theta, i)
+    return theta, used, greatest
 
 
 def with_errors(phase: AntennaPhase, factors: Mapping[str, float]) -> AntennaPhase:
-    """Return phases whose satellites' errors are as large, and move as far, as factors say."""
+    """Return phases whose errors of satellites and codes are as large as factors say."""
     weight = 1 / np.array([*(factors.get(name, 1.0) for name in ERRORS), 1.0])
     blocks = phase.blocks
 
@@ -71,16 +99,28 @@ def with_errors(phase: AntennaPhase, factors: Mapping[str, float]) -> AntennaPha
 class SatelliteErrors:
     """Phases and codes of a flight by blocks, places eliminated.
 
+    Parameters
+    ----------
+    phase : AntennaPhase
+    which : slice
+        Of its blocks.
+    codes : bool
+        Whether codes count that determine ambiguities.
+
     Attributes
     ----------
-    count : ndarray of int, shape (3,)
+    count : ndarray of int, shape (4,)
         Rows that say how large an error is, of each kind.
     """
 
-    def __init__(self, phase: AntennaPhase) -> None:
-        blocks = list(phase.blocks[:_ENOUGH])
+    def __init__(
+        self, phase: AntennaPhase, which: slice = slice(_ENOUGH), *, codes: bool = True
+    ) -> None:
+        blocks = list(phase.blocks[which])
         self._kinds = np.concatenate([_kinds(block) for block in blocks])
         self.count = np.bincount(self._kinds, minlength=len(ERRORS))[: len(ERRORS)]
+        self._counted = np.array([codes or name != CODE for name in ERRORS])
+        self.count *= self._counted
         measured = [np.zeros((one.size + 1, one.size + 1)) for one in blocks]
         for i, block in enumerate(phase.block - phase.first_block):
             if block < len(blocks):
@@ -92,7 +132,7 @@ class SatelliteErrors:
         self._rows = [np.concatenate([one.ravel() for one in part]) for part in (*parts, measured)]
 
     def climbed(self, theta: FloatArray, i: int) -> tuple[FloatArray, float]:
-        """Return logarithms of factors, (3,), the i-th of them the likeliest, and ln L there."""
+        """Return logarithms of factors, (4,), the i-th of them the likeliest, and ln L there."""
 
         def at(x: float) -> FloatArray:
             moved = theta.copy()
@@ -101,15 +141,15 @@ class SatelliteErrors:
 
         search = minimize_scalar(
             lambda x: -self.log_likelihood(at(x)),
-            bounds=(-_MOST, _MOST),
+            bounds=(0.0 if ERRORS[i] == CODE else -_MOST, _MOST),
             method="bounded",
             options={"xatol": _SETTLED},
         )
         return at(search.x), -float(search.fun)
 
     def log_likelihood(self, theta: FloatArray) -> float:
-        """Return ln L of logarithms of factors, (3,), but for a constant."""
-        weight = np.append(np.exp(-2 * theta), 1.0)
+        """Return ln L of logarithms of factors, (4,), but for a constant."""
+        weight = np.append(self._counted * np.exp(-2 * theta), 1.0)
         diagonal = np.empty(self._eliminated)
         information = _filtered(self._shapes, weight[self._kinds], diagonal, *self._rows)
         if len(information) == 1:
@@ -177,6 +217,7 @@ def _kinds(block: ArcBlock) -> IntArray:
     """Return which of the errors each row of a block is of, (q,); their number: of none."""
     size, s = block.size, block.satellites
     kinds = np.full(len(block.right), len(ERRORS))
+    kinds[size:] = ERRORS.index(CODE)
     error, rate = slice(size - 2 * s, size - s), slice(size - s, size)
     goes_on = np.asarray(block.before.any(axis=1))
     kinds[error] = np.where(goes_on[error], 1, 0)
