@@ -64,11 +64,12 @@ def build_problem(
     if not settings.causal:
         flight, repeated = without_stuck(flight)
     last = last or LastObservations()
+    by = last.of(flight, settings)
     if settings.causal:
-        by = last.of(flight, settings)
         stage = causal_aligned(flight, settings, by, None if earlier is None else earlier.motion)
     else:
-        flight, requested = initial_shape(flight, requested, settings.resolver)
+        observed = None if by is None else by.flight
+        flight, requested = initial_shape(flight, requested, settings.resolver, observed)
         stage = aligned(flight, settings, requested, last.of(flight, settings))
     track = tracked(flight, stage)
     imu, causal = stage.record.imu, settings.causal

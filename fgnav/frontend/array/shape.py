@@ -167,7 +167,10 @@ def shape_at(
 
 
 def initial_shape(
-    flight: Flight, constants: tuple[FlightConstant, ...], resolver: Resolver
+    flight: Flight,
+    constants: tuple[FlightConstant, ...],
+    resolver: Resolver,
+    observed: Flight | None = None,
 ) -> tuple[Flight, tuple[FlightConstant, ...]]:
     """Return a flight whose array fits its phases, and constants that start there.
 
@@ -183,12 +186,14 @@ def initial_shape(
     constants : tuple of FlightConstant
         Antennas among them.
     resolver : Resolver
+    observed : Flight, optional
+        With the same observations, whose integers may be resolved already.
     """
     parts = antenna_parts(constants, tuple(antenna.name for antenna in flight.antennas))
     places = [i for i, k in enumerate(parts) if k >= 0]
     if not places:
         return flight, constants
-    differences, integers = resolve(flight, resolver)
+    differences, integers = resolve(observed or flight, resolver)
     ranges_m = fixed_ranges_m(differences, integers)
     variance_m2 = np.concatenate([np.diag(constants[parts[i]].covariance) for i in places])
     off_m = _shape(differences, ranges_m, places, variance_m2)
