@@ -115,7 +115,7 @@ def test_a_turned_detector_is_told_from_a_landmark():
     )
     problem = replace(problem, measurements=seen)
     errors = {one.kind: one for one in sight_errors(problem, solve_batch(problem), None)}
-    assert errors[BORESIGHT].nats > errors[LANDMARK].nats + EXCLUDED
+    assert LANDMARK not in errors  # it leaves more than chance
     assert within(errors[BORESIGHT], turn_rad[1:])
 
 

@@ -10,7 +10,7 @@ with q the cost at its minimum, q0 where c is as stated, C the covariance of c, 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import expit
+from scipy.special import chdtri, expit
 
 from fgnav.checks import FloatArray
 from fgnav.frontend.prepared import AttitudeDoubt
@@ -18,7 +18,8 @@ from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION
-from fgnav.identification.track.windows import EXCLUDED
+from fgnav.identification.likelihood.beside_phases import measured_rows
+from fgnav.identification.track.windows import EXCLUDED, FALSE_ALARM
 
 
 class LastingError(NamedTuple):
@@ -89,3 +90,20 @@ class LastingError(NamedTuple):
         if G.shape[2] < 3:  # no turn of a sensor: without it attitudes are as they were
             return AttitudeDoubt(self.t_s, G @ (remaining + other) @ G.swapaxes(1, 2))
         return AttitudeDoubt(self.t_s, G @ remaining @ G.swapaxes(1, 2) + other)
+
+
+def least_of_use(problem: SmoothingProblem, before: float, left: int = 1) -> float:
+    """Return the cost that a step is to lead below, that its error may leave no more than chance.
+
+    As no cause does that leaves more, nor one that is as likely as the cause.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    before : float
+        Cost where the step begins.
+    left : int
+        Steps, this one among them: none gains more than the first.
+    """
+    chance = float(chdtri(measured_rows(problem), FALSE_ALARM)) + 2 * EXCLUDED
+    return max(chance, before - (before - chance) / left)

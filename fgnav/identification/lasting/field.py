@@ -24,8 +24,8 @@ from fgnav.graph.types.measurement import Linearised, Measurement, OfAnother
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION, States
-from fgnav.identification.lasting.error import LastingError
-from fgnav.identification.likelihood.changed_samples import step_promises
+from fgnav.identification.lasting.error import LastingError, least_of_use
+from fgnav.identification.likelihood.changed_samples import minimum_below, step_promises
 from fgnav.identification.likelihood.thinned import Some
 from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.optional_gtsam import gtsam
@@ -61,7 +61,7 @@ def field_errors(problem: SmoothingProblem, stated: Solution) -> Iterator[Lastin
     (iron,) = (one for one in problem.constants.parts if one.name == "hard iron")
     # In all of the record as much as it may be off throughout, or as much as it is.
     sigma = float(np.sqrt(iron.covariance[0, 0]) / np.ptp(problem.t_s))
-    error = _error(problem, stated, flight_constant(DRIFT, iron.axes, "uT/s", sigma))
+    error = _error(problem, stated, flight_constant(DRIFT, iron.axes, "uT/s", sigma), 2)
     if error is not None and np.abs(error.off).max() > sigma:
         sigma = float(np.linalg.norm(error.off))
         error = _error(problem, stated, flight_constant(DRIFT, iron.axes, "uT/s", sigma))
@@ -70,7 +70,7 @@ def field_errors(problem: SmoothingProblem, stated: Solution) -> Iterator[Lastin
 
 
 def _error(
-    problem: SmoothingProblem, stated: Solution, part: FlightConstant
+    problem: SmoothingProblem, stated: Solution, part: FlightConstant, left: int = 1
 ) -> LastingError | None:
     """Return an error by the minimum of the problem in which it is free; None without one."""
     free, column = problem.with_constants((part,)), problem.constants.width
@@ -85,13 +85,15 @@ def _error(
         return kind(measurement=one, column=column, constants=free.constants)
 
     free = replace(free, measurements=tuple(map(freed, free.measurements)))
-    try:
-        solution = solve_batch(free)
-        if not solution.converged:
-            solution = solve_batch(free, begin=_begun_at_step(free, stated.states, part))
-    except NoSolutionError:
-        return None
-    return LastingError.of(part, free, stated.cost, solution) if solution.converged else None
+    enough = least_of_use(problem, stated.cost, left)
+    solution = minimum_below(free, enough)
+    if solution is None:
+        try:
+            begin = _begun_at_step(free, stated.states, part)
+        except NoSolutionError:
+            return None
+        solution = minimum_below(free, enough, begin)
+    return None if solution is None else LastingError.of(part, free, stated.cost, solution)
 
 
 def _begun_at_step(free: SmoothingProblem, at: States, part: FlightConstant) -> States:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.checks import FloatArray, IntArray
 from fgnav.frontend.sensors.directional import sight
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.factors.line_of_sight import LineOfSight
@@ -21,11 +21,11 @@ from fgnav.graph.types.measurement import Linearised, Measurement, OfAnother
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.identification.lasting.error import LastingError
+from fgnav.identification.lasting.error import LastingError, least_of_use
+from fgnav.identification.likelihood.changed_samples import minimum_below
 from fgnav.identification.likelihood.thinned import Some
 from fgnav.identification.spans.errors import ANY_SHARE
 from fgnav.optional_gtsam import gtsam
-from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight, Seeker
 
 QUADRANTS = "quadrants"
@@ -47,18 +47,15 @@ def quadrant_error(
     seeker : Seeker
     """
     part = flight_constant(QUADRANTS, ("I4 / I2", "I1 / I3"), "", ANY_SHARE, reported=False)
-    off, error = np.zeros(2), None
-    for _ in range(_STEPS):
+    off, error, cost = np.zeros(2), None, stated.cost
+    for left in range(_STEPS, 0, -1):
         free = _freed(problem, replace(part, mean=-off), in_balance(seeker, off), stated.states)
         if free is None:
             return None
-        try:
-            solution = solve_batch(free)
-        except NoSolutionError:
+        solution = minimum_below(free, least_of_use(problem, cost, left))
+        if solution is None:
             return None
-        if not solution.converged:
-            return None
-        step = solution.states.constants[-2:]
+        step, cost = solution.states.constants[-2:], solution.cost
         off = off + step
         error = LastingError.of(part, free, stated.cost, solution)._replace(off=off)
         if (step**2 < error.covariance.diagonal()).all():

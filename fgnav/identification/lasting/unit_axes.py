@@ -28,7 +28,7 @@ from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.identification.lasting.error import LastingError
+from fgnav.identification.lasting.error import LastingError, least_of_use
 from fgnav.identification.likelihood.changed_samples import (
     Change,
     ChangedBy,
@@ -197,14 +197,15 @@ def _sought(
     one: _Error, problem: SmoothingProblem, stated: float, begin: FloatArray
 ) -> LastingError | None:
     """Return an error, sought from where a step has led: of ten degrees none leads from zero."""
-    off, error = begin, None
-    for _ in range(_STEPS):
+    off, error, cost = begin, None, stated
+    for left in range(_STEPS, 0, -1):
         part = replace(one.part, mean=-off)
         undone = replace(problem, motion=_put_right(problem.motion, one, off))
-        solution = solved_with_changes(undone, ChangedBy((part,), one.changes, one.steps))
+        by, enough = ChangedBy((part,), one.changes, one.steps), least_of_use(problem, cost, left)
+        solution = solved_with_changes(undone, by, enough)
         if solution is None:
             return None
-        step = solution.states.constants[-3:]
+        step, cost = solution.states.constants[-3:], solution.cost
         off = one.further(off, step)
         error = LastingError.of(part, undone.with_constants((part,)), stated, solution)
         error = error._replace(off=off)
