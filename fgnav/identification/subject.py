@@ -80,7 +80,7 @@ def subject_of(
 
     as_stated = Subject(TagSearch(flight, settings, built), prepared, places, errors, None)
     cause = None
-    if at is not None:
+    if at is not None and at[1].converged:  # else no cause has a minimum to be likelier than
         cause = _likeliest_cause(as_stated.search, prepared, at, scores.clock_nats)
     if cause is None:
         return as_stated if prepared.minimum is None else as_stated._replace(scores=scores)

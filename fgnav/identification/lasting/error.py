@@ -10,7 +10,7 @@ with q the cost at its minimum, q0 where c is as stated, C the covariance of c, 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtri, expit
+from scipy.special import expit
 
 from fgnav.checks import FloatArray
 from fgnav.frontend.prepared import AttitudeDoubt
@@ -18,8 +18,8 @@ from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION
-from fgnav.identification.likelihood.beside_phases import measured_rows
-from fgnav.identification.track.windows import EXCLUDED, FALSE_ALARM
+from fgnav.identification.likelihood.beside_phases import chance_of
+from fgnav.identification.track.windows import EXCLUDED
 
 
 class LastingError(NamedTuple):
@@ -105,5 +105,5 @@ def least_of_use(problem: SmoothingProblem, before: float, left: int = 1) -> flo
     left : int
         Steps, this one among them: none gains more than the first.
     """
-    chance = float(chdtri(measured_rows(problem), FALSE_ALARM)) + 2 * EXCLUDED
+    chance = chance_of(problem) + 2 * EXCLUDED
     return max(chance, before - (before - chance) / left)

@@ -48,11 +48,11 @@ def quadrant_error(
     """
     part = flight_constant(QUADRANTS, ("I4 / I2", "I1 / I3"), "", ANY_SHARE, reported=False)
     off, error, cost = np.zeros(2), None, stated.cost
-    for left in range(_STEPS, 0, -1):
+    for _ in range(_STEPS):
         free = _freed(problem, replace(part, mean=-off), in_balance(seeker, off), stated.states)
         if free is None:
             return None
-        solution = minimum_below(free, least_of_use(problem, cost, left))
+        solution = minimum_below(free, least_of_use(problem, cost, 2 if error is None else 1))
         if solution is None:
             return None
         step, cost = solution.states.constants[-2:], solution.cost

@@ -60,13 +60,16 @@ def with_changed_samples(problem: SmoothingProblem, by: ChangedBy) -> SmoothingP
 
 
 def solved_with_changes(
-    problem: SmoothingProblem, by: ChangedBy, enough: float = np.inf
+    problem: SmoothingProblem,
+    by: ChangedBy,
+    enough: float = np.inf,
+    begin: States | None = None,
 ) -> Solution | None:
     """Return a whole problem's minimum with constants that change samples; None without one.
 
     Or without one of at most a cost, ``enough``.
     """
-    return minimum_below(with_changed_samples(problem, by), enough)
+    return minimum_below(with_changed_samples(problem, by), enough, begin)
 
 
 def minimum_below(
