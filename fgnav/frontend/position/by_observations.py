@@ -12,6 +12,7 @@ import numpy as np
 
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.array.pivot import pivot_views
+from fgnav.frontend.array.shape import FixedPhases, fixed_phases
 from fgnav.frontend.attitude.alignment import ArrayPhases, array_phases
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.gnss.single_point.partial_velocity import PartialVelocity, partial_velocities
@@ -60,6 +61,11 @@ class ByObservations:
     def array(self) -> tuple[ArrayPhases | None, ...]:
         """Phases of the array, see ``array_phases``."""
         return array_phases(self.flight, self.resolver, self.false_alarm, causal=self.causal)
+
+    @cached_property
+    def fixed(self) -> FixedPhases:
+        """Phases with integers, by the flight's own reference."""
+        return fixed_phases(self.flight, self.resolver)
 
     @cached_property
     def antennas(self) -> tuple[AntennaRecord, ...]:
