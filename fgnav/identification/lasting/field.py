@@ -13,7 +13,7 @@ from typing import cast
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.checks import FloatArray, IntArray
 from fgnav.frontend.calibration_request import turn_of
 from fgnav.geometry.rotations import exp
 from fgnav.graph.factors.magnetometer import MagneticField
@@ -29,7 +29,6 @@ from fgnav.identification.likelihood.changed_samples import minimum_below, step_
 from fgnav.identification.likelihood.thinned import Some
 from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.optional_gtsam import gtsam
-from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
 KINDS = MAGNETOMETER, DECLINATION, DRIFT = "magnetometer", "declination", "drift of hard iron"
@@ -88,16 +87,18 @@ def _error(
     enough = least_of_use(problem, stated.cost, left)
     solution = minimum_below(free, enough)
     if solution is None:
-        try:
-            begin = _begun_at_step(free, stated.states, part)
-        except NoSolutionError:
-            return None
-        solution = minimum_below(free, enough, begin)
+        part_way = least_of_use(problem, stated.cost, left + 1)
+        at_step = _at_step(free, stated.states, part, part_way)
+        solution = None if at_step is None else minimum_below(free, enough, at_step.states)
     return None if solution is None else LastingError.of(part, free, stated.cost, solution)
 
 
-def _begun_at_step(free: SmoothingProblem, at: States, part: FlightConstant) -> States:
+def _at_step(
+    free: SmoothingProblem, at: States, part: FlightConstant, enough: float
+) -> Solution | None:
     """Return the minimum of states with a constant held where its score's own step leads.
+
+    None without one of at most a cost.
 
     Of ten degrees at once with states bent to none of them a step leads to no less (variable
     projection: Golub, Pereyra, SIAM Journal on Numerical Analysis 10, 1973).
@@ -108,7 +109,7 @@ def _begun_at_step(free: SmoothingProblem, at: States, part: FlightConstant) -> 
     fixed = replace(part, mean=step, covariance=_FIXED**2 * part.covariance)
     problem = replace(free, constants=Constants((*free.constants.parts[:-1], fixed)))
     begin = at._replace(constants=np.append(at.constants, step))
-    return solve_batch(problem, begin=begin).states
+    return minimum_below(problem, enough, begin)
 
 
 def _drifting(one: Measurement, column: int, since_s: FloatArray) -> Measurement:
