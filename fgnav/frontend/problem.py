@@ -22,7 +22,7 @@ from fgnav.frontend.gaps import gap_notes, spans
 from fgnav.frontend.heading_open import open_heading, until_motion
 from fgnav.frontend.measurements import Recorded, measurements_of
 from fgnav.frontend.motion import is_predicted, motion_of
-from fgnav.frontend.position.by_observations import LastObservations
+from fgnav.frontend.position.by_observations import ByObservations, LastObservations
 from fgnav.frontend.position.live_arcs import EarlierArcs
 from fgnav.frontend.position.phases import antenna_phase
 from fgnav.frontend.prepared import Earlier, PreparedFlight
@@ -64,11 +64,12 @@ def build_problem(
     if not settings.causal:
         flight, repeated = without_stuck(flight)
     last = last or LastObservations()
+    by = last.of(flight, settings)
     if settings.causal:
-        by = last.of(flight, settings)
         stage = causal_aligned(flight, settings, by, None if earlier is None else earlier.motion)
     else:
-        flight, requested = initial_shape(flight, requested, settings.resolver)
+        whose = by or ByObservations(flight, settings.resolver, settings.false_alarm, causal=False)
+        flight, requested = initial_shape(flight, requested, lambda: whose.fixed)
         stage = aligned(flight, settings, requested, last.of(flight, settings))
     track = tracked(flight, stage)
     imu, causal = stage.record.imu, settings.causal

@@ -284,7 +284,8 @@ def _beside_phases(search: TagSearch, at_tags: AtTags, subject: Subject, is_mend
     begin = problem if is_stated else changed({})
     alike = partial(changed, settings=with_rates_of(settings, begin))
     scored = subject.scores.noise if is_stated else None
-    return AtTags(identified.scaled(*white_noise(begin, alike, scored)), moved)
+    noise = white_noise(begin, alike, scored)
+    return AtTags(identified.scaled(noise.factors, noise.sigmas), moved)
 
 
 def _tests(imu: Imu | None, identified: Identified) -> tuple[Consistency, ...]:

@@ -350,6 +350,15 @@ def test_problems_of_the_same_observations_share_their_integers_and_no_others():
     assert resolver.asked == 4
 
 
+def test_problems_that_estimate_antennas_share_their_integers():
+    flight, resolver, last = flown("demo", 5.0), Counting(), LastObservations()
+    asked = calibration_requests(["antenna:a2"])
+    settings = ProblemSettings(resolver=resolver, rate_prior=PRIOR, calibration=asked)
+    for one in (flight, with_factors(flight, {"accelerometer": 3.0})):
+        build_problem(one, settings, last=last)
+    assert resolver.asked == 2  # of the array as it is stated, and as its phases place it
+
+
 def test_phase_errors_that_stay_are_a_state_of_keyframes():
     flight = with_echoes()
     prepared = build(flight)

@@ -11,9 +11,10 @@ from fgnav.identification import subject
 from fgnav.identification.lasting.arm import LEVER_ARM
 from fgnav.identification.lasting.choice import Lasting
 from fgnav.identification.lasting.clock import ClockOff
-from fgnav.identification.lasting.error import LastingError
+from fgnav.identification.lasting.error import LastingError, least_of_use
 from fgnav.identification.lasting.lost_samples import LostSamples
 from fgnav.identification.lasting.sight import BORESIGHT, LANDMARK, sight_errors
+from fgnav.identification.likelihood.beside_phases import chance_of
 from fgnav.identification.likelihood.satellite_errors import satellite_error_factors
 from fgnav.identification.subject import with_satellite_errors
 from fgnav.identification.tag_steps import TagStep
@@ -102,6 +103,14 @@ def test_a_landmark_off_by_little_is_doubted_and_not_said():
     assert attitude_nees(right, estimate_by(found, flight)) < 5.0  # 1.8
 
 
+def test_a_cause_is_to_leave_no_more_than_chance_and_a_step_its_share_of_that():
+    problem = build_problem(right_flight("raw", 7001), SETTINGS).problem
+    chance = chance_of(problem) + 2 * EXCLUDED
+    assert least_of_use(problem, 10 * chance) == pytest.approx(chance)
+    assert least_of_use(problem, 10 * chance, 3) == pytest.approx(7 * chance)
+    assert least_of_use(problem, chance / 2, 3) == pytest.approx(chance)
+
+
 def test_a_turned_detector_is_told_from_a_landmark():
     prepared = build_problem(right_flight("seeker", 8325009), SETTINGS)
     errors = satellite_error_factors(prepared.problem.phase)
@@ -115,7 +124,7 @@ def test_a_turned_detector_is_told_from_a_landmark():
     )
     problem = replace(problem, measurements=seen)
     errors = {one.kind: one for one in sight_errors(problem, solve_batch(problem), None)}
-    assert errors[BORESIGHT].nats > errors[LANDMARK].nats + EXCLUDED
+    assert LANDMARK not in errors  # it leaves more than chance
     assert within(errors[BORESIGHT], turn_rad[1:])
 
 

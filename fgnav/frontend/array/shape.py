@@ -5,11 +5,13 @@ epoch are the baselines in the frame ``n`` themselves, so that a place in body a
 with the flight; with the places known it is the same form.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.attitude.array import maximum_likelihood
+from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry.rotations import exp, skew
@@ -166,8 +168,24 @@ def shape_at(
     return replace(form_b.at(row[mine], len(t_s), mine), baselines_b_m=stated_b_m)
 
 
+class FixedPhases(NamedTuple):
+    """Double differences, ranges by their integers, and attitudes of the stated array by these."""
+
+    differences: DoubleDifferences
+    ranges_m: FloatArray
+    attitude: AttitudeSolution
+
+
+def fixed_phases(flight: Flight, resolver: Resolver) -> FixedPhases:
+    """Return the fixed phases of a flight's array."""
+    differences, integers = resolve(flight, resolver)
+    ranges_m = fixed_ranges_m(differences, integers)
+    attitude = maximum_likelihood(RotationQuadratic.of_ranges(differences, ranges_m))
+    return FixedPhases(differences, ranges_m, attitude)
+
+
 def initial_shape(
-    flight: Flight, constants: tuple[FlightConstant, ...], resolver: Resolver
+    flight: Flight, constants: tuple[FlightConstant, ...], fixed: Callable[[], FixedPhases]
 ) -> tuple[Flight, tuple[FlightConstant, ...]]:
     """Return a flight whose array fits its phases, and constants that start there.
 
@@ -182,16 +200,15 @@ def initial_shape(
     flight : Flight
     constants : tuple of FlightConstant
         Antennas among them.
-    resolver : Resolver
+    fixed : callable
+        Returns the flight's fixed phases.
     """
     parts = antenna_parts(constants, tuple(antenna.name for antenna in flight.antennas))
     places = [i for i, k in enumerate(parts) if k >= 0]
     if not places:
         return flight, constants
-    differences, integers = resolve(flight, resolver)
-    ranges_m = fixed_ranges_m(differences, integers)
     variance_m2 = np.concatenate([np.diag(constants[parts[i]].covariance) for i in places])
-    off_m = _shape(differences, ranges_m, places, variance_m2)
+    off_m = _shape(fixed(), places, variance_m2)
     moved, started = list(flight.antennas), list(constants)
     for i, off_b_m in zip(places, off_m, strict=True):
         antenna = moved[i + 1]
@@ -206,16 +223,11 @@ def antenna_parts(constants: tuple[FlightConstant, ...], names: tuple[str, ...])
     return tuple(places.get(f"antenna {name}", -1) for name in names[1:])
 
 
-def _shape(
-    differences: DoubleDifferences,
-    ranges_m: FloatArray,
-    places: list[int],
-    variance_m2: FloatArray,
-) -> FloatArray:
+def _shape(fixed: FixedPhases, places: list[int], variance_m2: FloatArray) -> FloatArray:
     """Return how far antennas, (a,) of them, are from their places, (a, 3)."""
+    differences, ranges_m, attitude = fixed
     information, vector = baseline_information(differences, ranges_m)
     nominal = differences.baselines_b_m
-    attitude = maximum_likelihood(RotationQuadratic.of_ranges(differences, ranges_m))
     R_nb, off_m = attitude.R_nb[attitude.solved], np.zeros((len(nominal), 3))
     J, h = information[attitude.solved], vector[attitude.solved]
     if not len(R_nb):

@@ -4,12 +4,15 @@ A flight whose unit is louder, later or turned, or of which more is estimated, i
 the same integers and code: these take most of the time that an array's problem takes.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.array.pivot import pivot_views
+from fgnav.frontend.array.shape import FixedPhases, fixed_phases
 from fgnav.frontend.attitude.alignment import ArrayPhases, array_phases
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.gnss.single_point.partial_velocity import PartialVelocity, partial_velocities
@@ -23,6 +26,7 @@ from fgnav.types.integers import Resolver
 _INSTRUMENTS = ("imu", "fixes", "seeker", "barometer", "magnetometer")
 _OTHERS = (*_INSTRUMENTS, "vehicle", "standstill", "initial", "gnss_noise")
 _OWN = tuple(one.name for one in fields(Flight) if one.name not in _OTHERS)
+_KEPT = 2  # an array as it is stated, and as its phases place its antennas
 
 
 class AntennaRecord(NamedTuple):
@@ -59,6 +63,11 @@ class ByObservations:
         return array_phases(self.flight, self.resolver, self.false_alarm, causal=self.causal)
 
     @cached_property
+    def fixed(self) -> FixedPhases:
+        """Phases with integers, by the flight's own reference."""
+        return fixed_phases(self.flight, self.resolver)
+
+    @cached_property
     def antennas(self) -> tuple[AntennaRecord, ...]:
         """Records of the reference antenna, then of those that stand in for it.
 
@@ -83,24 +92,42 @@ class ByObservations:
             (one.resolver, one.false_alarm, one.causal, one.flight.gnss_noise)
             for one in (self, other)
         )
-        same = all(getattr(self.flight, name) is getattr(other.flight, name) for name in _OWN)
-        return ours == theirs and same
+        return ours == theirs and all(
+            _is_same(getattr(self.flight, name), getattr(other.flight, name)) for name in _OWN
+        )
 
 
 class LastObservations:
     """What observations told last: problems of the same ones, built one by one, share it."""
 
     def __init__(self) -> None:
-        self._by: ByObservations | None = None
+        self._last: tuple[ByObservations, ...] = ()
 
     def of(self, flight: Flight, settings: ProblemSettings) -> ByObservations | None:
         """Return what a flight's observations tell; None without any."""
         if flight.observations is None:
             return None
-        by = ByObservations(flight, settings.resolver, settings.false_alarm, settings.causal)
-        if self._by is None or not self._by.serves_for(by):
-            self._by = by
-        return self._by
+        new = ByObservations(flight, settings.resolver, settings.false_alarm, settings.causal)
+        by = next((one for one in self._last if one.serves_for(new)), new)
+        self._last = (by, *(one for one in self._last if one is not by))[:_KEPT]
+        return by
+
+
+def _is_same(one: Any, other: Any) -> bool:  # noqa: ANN401  # parts of a flight
+    """Return whether two parts of flights have the same values."""
+    if one is other:
+        return True
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, np.ndarray):
+        is_number = one.dtype.kind == "f"
+        return bool(np.array_equal(one, other, equal_nan=is_number))
+    if isinstance(one, tuple):
+        return len(one) == len(other) and all(map(_is_same, one, other))
+    if is_dataclass(one):
+        names = (part.name for part in fields(one))
+        return all(_is_same(getattr(one, name), getattr(other, name)) for name in names)
+    return bool(one == other)
 
 
 def _record(flight: Flight, *, causal: bool) -> AntennaRecord:

@@ -34,7 +34,6 @@ _GRAVITY_DIGITS = 5  # 1e-5 m/s2, three metres of height: intervals alike share 
 _COARSE_STEPS = 10  # of an interval, where only covariances are wanted
 _BIASES = 6
 _WIDTH = AUX + _BIASES
-_UNBIASED = np.zeros(_BIASES)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -44,7 +43,7 @@ class _Store:
     What is released is made again about the same biases, to the last bit the same.
     """
 
-    biases: dict[int, FloatArray] = field(default_factory=dict)
+    biases: FloatArray  # (n - 1, 6); NaN where none are
     sums: dict[int, FloatArray] = field(default_factory=dict)
     parameters: dict[tuple[float, ...], gtsam.PreintegrationCombinedParams] = field(
         default_factory=dict
@@ -107,7 +106,7 @@ class Inertial:
             if got != shape:
                 raise BadInputError(f"inertial {name}: expected shape {shape}, got {got}")
         object.__setattr__(self, "_increments", increments(self.imu, self.t_s, self.sub_steps))
-        object.__setattr__(self, "_store", _Store())
+        object.__setattr__(self, "_store", _Store(np.full((n - 1, _BIASES), np.nan)))
 
     @property
     def aux(self) -> int:
@@ -171,7 +170,7 @@ class Inertial:
         self, k: int, key_before: int, key_after: int, about: States
     ) -> tuple[gtsam.NonlinearFactor, ...]:
         """Return interval k as one factor between two keyframes, about row 0 of ``about``."""
-        measured = self._preintegrated(k, about.aux[0])
+        measured = self._preintegrated(k, about.aux[:1])
         factor = gtsam.GalileanCombinedImuFactor(
             keys.pose(key_before),
             keys.velocity(key_before),
@@ -237,7 +236,7 @@ class Inertial:
         parts = np.zeros((len(of_unit), len(one_each), _WIDTH, _WIDTH))
         intervals = np.arange(len(self.t_s) - 1)[of][of_unit]
         if len(intervals):
-            about = np.array([self._store.biases.get(k, _UNBIASED) for k in intervals.tolist()])
+            about = np.nan_to_num(self._store.biases[intervals])
             W = self._sums(intervals, about)[:, galilean_kernel.WHITE :]
             W = W.reshape(-1, 1, _WIDTH, _WIDTH)
             steps = self._increments.of(intervals, _COARSE_STEPS)
@@ -247,26 +246,28 @@ class Inertial:
         parts[~of_unit, -1] = np.eye(_WIDTH)
         return NoiseParts(INERTIAL_NOISES, parts[:, :-1], parts[:, -1])
 
-    def _about(self, k: int, bias: FloatArray) -> FloatArray:
-        """Return biases about which interval k is summed up.
+    def _about(self, intervals: IntArray, biases: FloatArray) -> FloatArray:
+        """Return biases about which intervals, (j,), are summed up, (j, 6).
 
         Near enough to those given for a linear correction; that for the accelerometer's bias alone
         is exact.
         """
-        biases, span_s = self._store.biases, self.t_s[k + 1] - self.t_s[k]
-        about = biases.get(k)
-        if about is None or np.abs(bias[3:] - about[3:]).max() * span_s >= TURNED_RAD:
-            about = biases[k] = np.array(bias)
+        about = self._store.biases
+        span_s = self.t_s[intervals + 1] - self.t_s[intervals]
+        turned_rad = np.abs(biases[:, 3:] - about[intervals, 3:]).max(axis=1) * span_s
+        far = np.flatnonzero(~(turned_rad < TURNED_RAD))
+        about[intervals[far]] = biases[far]
+        for k in intervals[far].tolist():
             self._store.sums.pop(k, None)
-        return about
+        return np.asarray(about[intervals])
 
     def _sums(self, intervals: IntArray, biases: FloatArray) -> FloatArray:
         """Return intervals, (j,), about biases near to those given, (j, 6); (j, 316)."""
         sums, numbers = self._store.sums, intervals.tolist()
-        about = [self._about(k, bias) for k, bias in zip(numbers, biases, strict=True)]
+        about = self._about(intervals, biases)
         new = [row for row, k in enumerate(numbers) if k not in sums]
         if new:
-            made = self._summed(intervals[new], np.array([about[row] for row in new]))
+            made = self._summed(intervals[new], about[new])
             sums.update(zip(intervals[new].tolist(), made, strict=True))
         return np.array([sums[k] for k in numbers])
 
@@ -289,9 +290,10 @@ class Inertial:
         )
 
     def _preintegrated(self, k: int, bias: FloatArray) -> gtsam.PreintegratedCombinedMeasurementsG:
-        """Return interval k as GTSAM sums it up, about biases near enough to those given."""
-        _, step_s, f_b, w_b = self._increments.of(np.array([k]))
-        about = self._about(k, bias)
+        """Return interval k as GTSAM sums it up, about biases near to those given, (1, 6)."""
+        interval = np.array([k])
+        _, step_s, f_b, w_b = self._increments.of(interval)
+        (about,) = self._about(interval, bias)
         made = gtsam.PreintegratedCombinedMeasurementsG(self._parameters(k), as_bias(about))
         for f, w in zip(f_b, w_b, strict=True):
             made.integrateMeasurement(f, w, float(step_s[0]))

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.checks import FloatArray
 from fgnav.frontend.calibration_request import calibration_requests, of_vehicle
 from fgnav.graph.delayed import Delayed
 from fgnav.graph.factors.position import Position
@@ -17,12 +17,11 @@ from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.identification.lasting.error import LastingError
+from fgnav.identification.lasting.error import LastingError, least_of_use
 from fgnav.identification.lasting.sight import request_of
-from fgnav.identification.likelihood.changed_samples import step_promises
+from fgnav.identification.likelihood.changed_samples import minimum_below, step_promises
 from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.track.windows import EXCLUDED
-from fgnav.solve.chain import solve_batch
 
 LEVER_ARM = "lever-arm"
 
@@ -41,9 +40,9 @@ def arm_errors(problem: SmoothingProblem, stated: Solution) -> tuple[LastingErro
     if problem.phase is None or problem.constants.column(LEVER_ARM) >= 0:
         return ()
     (request,) = calibration_requests([LEVER_ARM])
-    error = _error(of_vehicle(request), problem, stated)
+    error = _error(of_vehicle(request), problem, stated, 2)
     if error is not None and np.linalg.norm(error.off) > request.sigma:
-        error = _error(of_vehicle(request_of(error)), problem, stated)
+        error = _error(of_vehicle(request_of(error)), problem, stated, 1)
     return () if error is None else (error,)
 
 
@@ -58,17 +57,14 @@ def sentence(off_m: FloatArray, covariance_m2: FloatArray) -> str:
 
 
 def _error(
-    part: FlightConstant, problem: SmoothingProblem, stated: Solution
+    part: FlightConstant, problem: SmoothingProblem, stated: Solution, left: int
 ) -> LastingError | None:
     free, at = _with_arm(problem, part), stated.states
     begin = at._replace(constants=np.append(at.constants, part.start))
     if step_promises(free, begin, problem.constants.width)[0] < EXCLUDED - LIKELY:
         return None
-    try:
-        solution = solve_batch(free, begin=begin)
-    except NoSolutionError:
-        return None
-    return LastingError.of(part, free, stated.cost, solution) if solution.converged else None
+    solution = minimum_below(free, least_of_use(problem, stated.cost, left), begin)
+    return None if solution is None else LastingError.of(part, free, stated.cost, solution)
 
 
 def _with_arm(problem: SmoothingProblem, part: FlightConstant) -> SmoothingProblem:

@@ -34,9 +34,9 @@ from fgnav.identification.lasting.error import LastingError
 from fgnav.identification.lasting.lost_samples import LostSamples, lost_samples
 from fgnav.identification.lasting.rivals import Rivals, rivals_of
 from fgnav.identification.likelihood.beside_phases import (
+    Scored,
     is_misfit,
     measured_rows,
-    noise_gain,
     white_noise,
 )
 from fgnav.identification.likelihood.record_clock import with_drifts
@@ -183,9 +183,9 @@ def likely_causes(
     rivals = (
         one for one in others if not (isinstance(best, LastingError) and best.kind == one.kind)
     )
-    if best.nats <= _otherwise(problem, stated.cost, map(estimating, rivals)):
+    if best.nats <= _otherwise(problem, stated.cost, map(estimating, rivals), best.nats):
         return ()
-    if best.nats <= noise_gain(white_noise(problem, with_noise).factors, with_noise):
+    if best.nats <= white_noise(problem, with_noise, Scored.of(problem, stated)).nats:
         return ()
     may_be_unlikely = isinstance(best, ClockOff) and not best.is_exact
     if isinstance(best, LastingError):
@@ -239,22 +239,23 @@ def _of_errors(
 
 
 def _otherwise(
-    problem: SmoothingProblem, stated: float, others: Iterable[SmoothingProblem]
+    problem: SmoothingProblem, stated: float, others: Iterable[SmoothingProblem], least: float
 ) -> float:
-    """Return what drifts, a lever arm or late velocities gain, the greatest.
+    """Return what drifts, a lever arm or late velocities gain, the greatest, if it is so much.
 
     Less half of ln of the measurements for each of their constants (Schwarz, 1978): how far they
     may be off is known by convention alone. No velocity is of a later time than it is stated for.
     """
     each = float(np.log(measured_rows(problem))) / 2
-    drifts, gains = with_drifts(problem), [0.0]
+    enough = stated - 2 * least
+    drifts, gains = with_drifts(problem, enough), [0.0]
     if drifts is not None:
         added = len(drifts.states.constants) - problem.constants.width
         gains.append((stated - drifts.cost) / 2 - added * each)
     for one in others:
         added = one.constants.width - problem.constants.width
         with suppress(NoSolutionError):
-            free = solve_batch(one)
+            free = solve_batch(one, enough=enough)
             delay = one.constants.column(VELOCITY_DELAY)
             if delay < 0 or free.states.constants[delay] > 0.0:
                 gains.append((stated - free.cost) / 2 - added * each)

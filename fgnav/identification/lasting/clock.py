@@ -12,14 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import expit
 
-from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.checks import FloatArray
 from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests, of_time
 from fgnav.frontend.prepared import AttitudeDoubt
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
+from fgnav.identification.lasting.error import least_of_use
 from fgnav.identification.lasting.rivals import Rivals
+from fgnav.identification.likelihood.changed_samples import minimum_below
 from fgnav.identification.likelihood.record_clock import (
     RecordClock,
     attitude_doubt,
@@ -30,7 +32,6 @@ from fgnav.identification.likelihood.record_clock import (
 from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.track.tags import tags_moved_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
-from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
 _STEPS = 8  # at most: of two seconds each leaves a third or less of what is left
@@ -103,10 +104,11 @@ def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> C
     """
     motion, at, solution = problem.motion, problem, stated
     moved: FloatArray = np.zeros(2)
+    cost = stated.cost
     if not isinstance(motion, GyroFree | Inertial):
         return None
     likeliest: tuple[RecordClock, FloatArray, SmoothingProblem, Solution] | None = None
-    for _ in range(_STEPS):
+    for left in range(_STEPS, 0, -1):
         clock = clock_step(at, solution, middle_s, moved)
         if clock is None:
             break
@@ -115,17 +117,16 @@ def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> C
         if not (np.diff(t_s) > 0.0).all():
             break
         at = with_tags(problem, t_s)
-        try:
-            solution = solve_batch(at)
-        except NoSolutionError:
+        again = minimum_below(at, least_of_use(problem, cost, left))
+        if again is None:
             break
-        cost = solution.cost + prior_squares(moved)
-        if not solution.converged or (likeliest is not None and cost >= likeliest[0].cost):
+        solution, cost = again, again.cost + prior_squares(moved)
+        if likeliest is not None and cost >= likeliest[0].cost:
             break
         likeliest = clock._replace(cost=cost), moved, at, solution
         if clock.squares <= 1.0 or (stated.cost - cost) / 2 < EXCLUDED - LIKELY:
             break
-    if likeliest is None:
+    if likeliest is None or likeliest[0].cost > least_of_use(problem, stated.cost):
         return None
     clock, moved, at, solution = likeliest
     (request,) = calibration_requests(["clock"])

@@ -18,6 +18,7 @@ from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION
+from fgnav.identification.likelihood.beside_phases import chance_of
 from fgnav.identification.track.windows import EXCLUDED
 
 
@@ -91,3 +92,20 @@ class LastingError(NamedTuple):
         if G.shape[2] < 3:  # no turn of a sensor: without it attitudes are as they were
             return AttitudeDoubt(self.t_s, G @ (remaining + other) @ G.swapaxes(1, 2))
         return AttitudeDoubt(self.t_s, G @ remaining @ G.swapaxes(1, 2) + other)
+
+
+def least_of_use(problem: SmoothingProblem, before: float, left: int = 1) -> float:
+    """Return the cost that a step is to lead below, that its error may leave no more than chance.
+
+    As no cause does that leaves more, nor one that is as likely as the cause.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+    before : float
+        Cost where the step begins.
+    left : int
+        Steps, this one among them: none gains more than the first.
+    """
+    chance = chance_of(problem) + 2 * EXCLUDED
+    return max(chance, before - (before - chance) / left)

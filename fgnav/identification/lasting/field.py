@@ -13,7 +13,7 @@ from typing import cast
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.checks import FloatArray, IntArray
 from fgnav.frontend.calibration_request import turn_of
 from fgnav.geometry.rotations import exp
 from fgnav.graph.factors.magnetometer import MagneticField
@@ -24,12 +24,11 @@ from fgnav.graph.types.measurement import Linearised, Measurement, OfAnother
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION, States
-from fgnav.identification.lasting.error import LastingError
-from fgnav.identification.likelihood.changed_samples import step_promises
+from fgnav.identification.lasting.error import LastingError, least_of_use
+from fgnav.identification.likelihood.changed_samples import minimum_below, step_promises
 from fgnav.identification.likelihood.thinned import Some
 from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.optional_gtsam import gtsam
-from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
 KINDS = MAGNETOMETER, DECLINATION, DRIFT = "magnetometer", "declination", "drift of hard iron"
@@ -61,7 +60,7 @@ def field_errors(problem: SmoothingProblem, stated: Solution) -> Iterator[Lastin
     (iron,) = (one for one in problem.constants.parts if one.name == "hard iron")
     # In all of the record as much as it may be off throughout, or as much as it is.
     sigma = float(np.sqrt(iron.covariance[0, 0]) / np.ptp(problem.t_s))
-    error = _error(problem, stated, flight_constant(DRIFT, iron.axes, "uT/s", sigma))
+    error = _error(problem, stated, flight_constant(DRIFT, iron.axes, "uT/s", sigma), 2)
     if error is not None and np.abs(error.off).max() > sigma:
         sigma = float(np.linalg.norm(error.off))
         error = _error(problem, stated, flight_constant(DRIFT, iron.axes, "uT/s", sigma))
@@ -70,7 +69,7 @@ def field_errors(problem: SmoothingProblem, stated: Solution) -> Iterator[Lastin
 
 
 def _error(
-    problem: SmoothingProblem, stated: Solution, part: FlightConstant
+    problem: SmoothingProblem, stated: Solution, part: FlightConstant, left: int = 1
 ) -> LastingError | None:
     """Return an error by the minimum of the problem in which it is free; None without one."""
     free, column = problem.with_constants((part,)), problem.constants.width
@@ -85,17 +84,21 @@ def _error(
         return kind(measurement=one, column=column, constants=free.constants)
 
     free = replace(free, measurements=tuple(map(freed, free.measurements)))
-    try:
-        solution = solve_batch(free)
-        if not solution.converged:
-            solution = solve_batch(free, begin=_begun_at_step(free, stated.states, part))
-    except NoSolutionError:
-        return None
-    return LastingError.of(part, free, stated.cost, solution) if solution.converged else None
+    enough = least_of_use(problem, stated.cost, left)
+    solution = minimum_below(free, enough)
+    if solution is None:
+        part_way = least_of_use(problem, stated.cost, left + 1)
+        at_step = _at_step(free, stated.states, part, part_way)
+        solution = None if at_step is None else minimum_below(free, enough, at_step.states)
+    return None if solution is None else LastingError.of(part, free, stated.cost, solution)
 
 
-def _begun_at_step(free: SmoothingProblem, at: States, part: FlightConstant) -> States:
+def _at_step(
+    free: SmoothingProblem, at: States, part: FlightConstant, enough: float
+) -> Solution | None:
     """Return the minimum of states with a constant held where its score's own step leads.
+
+    None without one of at most a cost.
 
     Of ten degrees at once with states bent to none of them a step leads to no less (variable
     projection: Golub, Pereyra, SIAM Journal on Numerical Analysis 10, 1973).
@@ -106,7 +109,7 @@ def _begun_at_step(free: SmoothingProblem, at: States, part: FlightConstant) -> 
     fixed = replace(part, mean=step, covariance=_FIXED**2 * part.covariance)
     problem = replace(free, constants=Constants((*free.constants.parts[:-1], fixed)))
     begin = at._replace(constants=np.append(at.constants, step))
-    return solve_batch(problem, begin=begin).states
+    return minimum_below(problem, enough, begin)
 
 
 def _drifting(one: Measurement, column: int, since_s: FloatArray) -> Measurement:

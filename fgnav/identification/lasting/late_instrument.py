@@ -15,7 +15,7 @@ from typing import cast
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.checks import FloatArray, IntArray
 from fgnav.frontend.calibration_request import calibration_requests, of_time
 from fgnav.geometry.rotations import exp, transpose
 from fgnav.graph.inertial.gyro_free import GyroFree
@@ -27,13 +27,12 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import AUX, POSITION, RATE, ROTATION, VELOCITY, States
 from fgnav.identification.exclusion import FIELD_OF
-from fgnav.identification.lasting.error import LastingError
-from fgnav.identification.likelihood.changed_samples import step_promises
+from fgnav.identification.lasting.error import LastingError, least_of_use
+from fgnav.identification.likelihood.changed_samples import minimum_below, step_promises
 from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.track.integrals import rotated, sampled
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.optional_gtsam import gtsam
-from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight
 
 _LATE = "late "
@@ -115,18 +114,16 @@ def _sought(
     """Return by how much an instrument is late; None if no step says so, or none ends."""
     part = flight_constant(_LATE + name, ("delay",), "s", sigma_s, reported=False)
     begin, column, by_s = stated.states, problem.constants.width, 0.0
-    error: LastingError | None = None
-    for _ in range(_STEPS):
+    error, cost = None, stated.cost
+    for left in range(_STEPS, 0, -1):
         free = _freed(name, part, problem, _Turning.of(problem, begin), by_s)
         at = begin._replace(constants=np.append(begin.constants[:column], by_s))
         if error is None and step_promises(free, at, column)[0] < EXCLUDED - LIKELY:
             return None
-        try:
-            solution = solve_batch(free, begin=at)
-        except NoSolutionError:
+        solution = minimum_below(free, least_of_use(problem, cost, left), at)
+        if solution is None:
             return error
-        if not solution.converged:
-            return error
+        cost = solution.cost
         error = LastingError.of(part, free, stated.cost, solution)
         step_s, by_s, begin = error.off[0] - by_s, float(error.off[0]), solution.states
         if step_s**2 < error.covariance[0, 0]:

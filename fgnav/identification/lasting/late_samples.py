@@ -17,7 +17,7 @@ from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.identification.lasting.error import LastingError
+from fgnav.identification.lasting.error import LastingError, least_of_use
 from fgnav.identification.likelihood.changed_samples import (
     ChangedBy,
     promised,
@@ -49,9 +49,9 @@ def late_samples(problem: SmoothingProblem, stated: Solution) -> Iterator[Lastin
     for kind, sensor in KINDS.items():
         if sensor == "gyroscope" and isinstance(problem.motion, GyroFree):
             continue
-        error = _late(problem, stated, kind, _DELAY_S)
+        error = _late(problem, stated, kind, _DELAY_S, 2)
         if error is not None and error.off[0] > _DELAY_S:  # as little is known as it is large
-            error = _late(problem, stated, kind, float(error.off[0]))
+            error = _late(problem, stated, kind, float(error.off[0]), 1)
         if error is not None and error.off[0] > 0.0:  # no filter foresees
             yield error
 
@@ -83,14 +83,14 @@ def _taken_early(imu: Imu, sensor: str, by_s: float) -> Imu:
 
 
 def _late(
-    problem: SmoothingProblem, stated: Solution, kind: str, sigma_s: float
+    problem: SmoothingProblem, stated: Solution, kind: str, sigma_s: float, left: int
 ) -> LastingError | None:
     part = flight_constant(kind, ("delay",), "s", sigma_s, reported=False)
     early = partial(_taken_early, sensor=KINDS[kind], by_s=_STEP_S)
     how = ChangedBy((part,), (early,), np.array([_STEP_S]))
     if promised(problem, stated.states, how)[0] < EXCLUDED - LIKELY:
         return None
-    solution = solved_with_changes(problem, how)
+    solution = solved_with_changes(problem, how, least_of_use(problem, stated.cost, left))
     if solution is None:
         return None
     return LastingError.of(part, problem.with_constants((part,)), stated.cost, solution)

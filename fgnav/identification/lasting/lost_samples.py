@@ -27,7 +27,9 @@ from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
+from fgnav.identification.lasting.error import least_of_use
 from fgnav.identification.lasting.rivals import Rivals
+from fgnav.identification.likelihood.changed_samples import minimum_below
 from fgnav.identification.likelihood.span_constants import Error, of_blocks
 from fgnav.identification.tag_steps import TagStep
 from fgnav.solve.chain import solve_batch
@@ -121,13 +123,13 @@ def _sought(
         for one in steps:
             imu = one.put_back(imu)
         at = replace(problem, motion=cast("Motion", replace(motion, imu=imu)))
-        try:
-            solution = solve_batch(at)
-        except NoSolutionError:
+        # Whole numbers are found a few at a time, and doubt of where they are leaves less.
+        again = minimum_below(at, least_of_use(problem, solution.cost, _PASSES))
+        if again is None:
             break
-        odds = _odds(changed, spread)
+        solution, odds = again, _odds(changed, spread)
         nats = (stated.cost - solution.cost) / 2 - odds
-        if not solution.converged or (likeliest is not None and nats <= likeliest.nats):
+        if likeliest is not None and nats <= likeliest.nats:
             break
         noise = _noise((at, edges), changed, spread, interval_s)
         t_s, R_nb = problem.t_s[edges], solution.states.R_nb

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.checks import FloatArray, IntArray
 from fgnav.frontend.sensors.directional import sight
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.factors.line_of_sight import LineOfSight
@@ -21,14 +21,14 @@ from fgnav.graph.types.measurement import Linearised, Measurement, OfAnother
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.identification.lasting.error import LastingError
+from fgnav.identification.lasting.error import LastingError, least_of_use
 from fgnav.identification.likelihood.beside_phases import is_misfit
+from fgnav.identification.likelihood.changed_samples import minimum_below
 from fgnav.identification.likelihood.span_constants import best_span, finer, information_of, seconds
 from fgnav.identification.likelihood.span_offsets import LEAST_S, Offset
 from fgnav.identification.likelihood.thinned import Some
 from fgnav.identification.spans.errors import ANY_SHARE
 from fgnav.optional_gtsam import gtsam
-from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight, Seeker
 
 QUADRANTS = "quadrants"
@@ -105,19 +105,16 @@ def _sought(
     part = flight_constant(QUADRANTS, _PAIRS, "", ANY_SHARE, reported=False)
     inside = (problem.t_s >= span_s[0]) & (problem.t_s < span_s[1])
     column = np.where(inside, problem.constants.width, _NONE)
-    off, error = np.zeros(2), None
+    off, error, cost = np.zeros(2), None, stated.cost
     for _ in range(_STEPS):
         right = in_balance(seeker, off, span_s)
         free = _freed(problem, replace(part, mean=-off), right, stated.states, column)
         if free is None:
             return None
-        try:
-            solution = solve_batch(free)
-        except NoSolutionError:
+        solution = minimum_below(free, least_of_use(problem, cost, 2 if error is None else 1))
+        if solution is None:
             return None
-        if not solution.converged:
-            return None
-        step = solution.states.constants[-2:]
+        step, cost = solution.states.constants[-2:], solution.cost
         off = off + step
         error = LastingError.of(part, free, stated.cost, solution)
         error = error._replace(off=off, from_s=span_s[0], until_s=span_s[1])

@@ -9,17 +9,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from fgnav.checks import NoSolutionError
 from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests, of_vehicle
 from fgnav.graph.factors.line_of_sight import LineOfSight
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.identification.lasting.error import LastingError
+from fgnav.identification.lasting.error import LastingError, least_of_use
 from fgnav.identification.lasting.quadrants import quadrant_error
+from fgnav.identification.likelihood.changed_samples import minimum_below
 from fgnav.identification.likelihood.thinned import Some
-from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Seeker
 
 KINDS = LANDMARK, BORESIGHT = "landmark", "boresight"
@@ -48,11 +47,8 @@ def sight_errors(
     for kind in (LANDMARK, BORESIGHT):
         part = of_vehicle(_request(kind))
         free = _free(part, problem)
-        try:
-            solution = solve_batch(free)
-        except NoSolutionError:
-            continue
-        if solution.converged:
+        solution = minimum_below(free, least_of_use(problem, stated.cost))
+        if solution is not None:
             yield LastingError.of(part, free, stated.cost, solution)
     unbalanced = None if seeker is None else quadrant_error(problem, stated, seeker)
     if unbalanced is not None:

@@ -28,7 +28,8 @@ from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.identification.lasting.error import LastingError
+from fgnav.graph.types.states import States
+from fgnav.identification.lasting.error import LastingError, least_of_use
 from fgnav.identification.likelihood.changed_samples import (
     Change,
     ChangedBy,
@@ -197,14 +198,19 @@ def _sought(
     one: _Error, problem: SmoothingProblem, stated: float, begin: FloatArray
 ) -> LastingError | None:
     """Return an error, sought from where a step has led: of ten degrees none leads from zero."""
-    off, error = begin, None
+    off, error, cost = begin, None, stated
+    states: States | None = None  # those of the step before
     for _ in range(_STEPS):
         part = replace(one.part, mean=-off)
         undone = replace(problem, motion=_put_right(problem.motion, one, off))
-        solution = solved_with_changes(undone, ChangedBy((part,), one.changes, one.steps))
+        by = ChangedBy((part,), one.changes, one.steps)
+        enough = least_of_use(problem, cost, 2 if error is None else 1)
+        solution = solved_with_changes(undone, by, enough, states)
         if solution is None:
             return None
-        step = solution.states.constants[-3:]
+        step, cost = solution.states.constants[-3:], solution.cost
+        rest = np.append(solution.states.constants[:-3], np.zeros(3))
+        states = solution.states._replace(constants=rest)
         off = one.further(off, step)
         error = LastingError.of(part, undone.with_constants((part,)), stated, solution)
         error = error._replace(off=off)

@@ -36,10 +36,11 @@ _NODES = 5  # of the integral of tr(C M), smooth and between none and all of the
 
 
 class WhiteNoise(NamedTuple):
-    """Factors on the unit's white noises, and 1-sigma of the logarithm of each."""
+    """Factors on the unit's white noises, 1-sigma of the logarithm of each, and what they gain."""
 
     factors: dict[str, float]
     sigmas: dict[str, float]
+    nats: float = 0.0
 
 
 _AS_STATED = WhiteNoise({}, {})
@@ -82,9 +83,10 @@ def white_noise(
     # Of a few keyframes a likelihood may be flat below a minimum that is sharp: sigma is none.
     # What is left of all is of a free variance factor, as in ``profile_likelihood``.
     beyond = max(found.cost / measured_rows(problem), 1.0)
-    if noise_gain(factors, changed, begin) <= EXCLUDED * beyond:
+    nats = noise_gain(factors, changed, begin)
+    if nats <= EXCLUDED * beyond:
         return _AS_STATED
-    return WhiteNoise(factors, {found.names[i]: float(found.sigma[i]) for i in used})
+    return WhiteNoise(factors, {found.names[i]: float(found.sigma[i]) for i in used}, nats)
 
 
 def profile_likelihood(problem: SmoothingProblem) -> float:
@@ -186,7 +188,12 @@ def _minimum(problem: SmoothingProblem, begin: States | None) -> Scored:
 
 def is_misfit(problem: SmoothingProblem, cost: float) -> bool:
     """Return whether what is left at the minimum of a whole problem is beyond chance."""
-    return bool(cost > chdtri(measured_rows(problem), FALSE_ALARM))
+    return cost > chance_of(problem)
+
+
+def chance_of(problem: SmoothingProblem) -> float:
+    """Return what chance leaves at most at the minimum of a whole problem."""
+    return float(chdtri(measured_rows(problem), FALSE_ALARM))
 
 
 def measured_rows(problem: SmoothingProblem) -> int:

@@ -59,13 +59,28 @@ def with_changed_samples(problem: SmoothingProblem, by: ChangedBy) -> SmoothingP
     return replace(extended, motion=cast("Motion", by_step))
 
 
-def solved_with_changes(problem: SmoothingProblem, by: ChangedBy) -> Solution | None:
-    """Return a whole problem's minimum with constants that change samples; None without one."""
+def solved_with_changes(
+    problem: SmoothingProblem,
+    by: ChangedBy,
+    enough: float = np.inf,
+    begin: States | None = None,
+) -> Solution | None:
+    """Return a whole problem's minimum with constants that change samples; None without one.
+
+    Or without one of at most a cost, ``enough``.
+    """
+    return minimum_below(with_changed_samples(problem, by), enough, begin)
+
+
+def minimum_below(
+    problem: SmoothingProblem, enough: float, begin: States | None = None
+) -> Solution | None:
+    """Return a problem's minimum if it has one, and of no more than a cost; else None."""
     try:
-        solution = solve_batch(with_changed_samples(problem, by))
+        solution = solve_batch(problem, begin=begin, enough=enough)
     except NoSolutionError:
         return None
-    return solution if solution.converged else None
+    return solution if solution.converged and solution.cost <= enough else None
 
 
 def promised(problem: SmoothingProblem, at: States, by: ChangedBy) -> tuple[float, FloatArray]:

@@ -29,7 +29,7 @@ from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION
-from fgnav.identification.likelihood.beside_phases import is_misfit
+from fgnav.identification.likelihood.beside_phases import chance_of
 from fgnav.identification.likelihood.changed_samples import (
     Change,
     ChangedBy,
@@ -69,7 +69,7 @@ class RecordClock(NamedTuple):
 
 
 def record_clock(
-    problem: SmoothingProblem, middle_s: float, moved: FloatArray
+    problem: SmoothingProblem, middle_s: float, moved: FloatArray, enough: float = np.inf
 ) -> RecordClock | None:
     """Return the clock by a whole problem at its tags; None where it has no minimum, or no unit.
 
@@ -81,10 +81,12 @@ def record_clock(
         For which the offset is stated.
     moved : ndarray, shape (2,)
         By what tags have been moved already.
+    enough : float
+        Cost above which a minimum is none.
     """
     if problem.constants.column(CLOCK_OFFSET) >= 0:
         return None
-    solution = solved_with_changes(problem, _tags(middle_s, moved))
+    solution = solved_with_changes(problem, _tags(middle_s, moved), enough)
     if solution is None:
         return None
     first = problem.constants.width
@@ -176,10 +178,10 @@ def clock_off(problem: SmoothingProblem, middle_s: float, moved: FloatArray) -> 
     free: it is to leave nothing, and to be likelier than steady drifts. Parameters as in
     ``record_clock``.
     """
-    clock = record_clock(problem, middle_s, moved)
-    if clock is None or clock.squares <= SQUARES_OF_TWO or is_misfit(problem, clock.cost):
+    clock = record_clock(problem, middle_s, moved, chance_of(problem))
+    if clock is None or clock.squares <= SQUARES_OF_TWO:
         return None
-    drifts = with_drifts(problem)
+    drifts = with_drifts(problem, clock.cost)
     return clock if drifts is None or clock.cost < drifts.cost else None
 
 
@@ -194,8 +196,11 @@ def _tags(middle_s: float, moved: FloatArray) -> ChangedBy:
     return ChangedBy(of_time(clock), tuple(map(tags, np.diag(_CLOCK_STEPS))), _CLOCK_STEPS)
 
 
-def with_drifts(problem: SmoothingProblem) -> Solution | None:
-    """Return a whole problem's minimum with biases that drift steadily; None without one."""
+def with_drifts(problem: SmoothingProblem, enough: float = np.inf) -> Solution | None:
+    """Return a whole problem's minimum with biases that drift steadily; None without one.
+
+    Or without one of at most a cost, ``enough``.
+    """
     motion = problem.motion
     if not isinstance(motion, GyroFree | Inertial):
         return None
@@ -218,4 +223,4 @@ def with_drifts(problem: SmoothingProblem) -> Solution | None:
         flight_constant(f"{field} drift", ("x_b", "y_b", "z_b"), "/s", _ANY * step)
         for field, step in fields.items()
     )
-    return solved_with_changes(problem, ChangedBy(parts, changes, steps))
+    return solved_with_changes(problem, ChangedBy(parts, changes, steps), enough)

@@ -18,6 +18,7 @@ from fgnav.solve.failures import weakest_state
 
 _CHUNK = 128  # keyframes linearised at once: 2 MB
 _ITERATIONS = 300  # in outages a search creeps along a valley: 143 where it took most
+_WITHOUT_GAIN = 10  # iterations: damping that rises through as many ends a search
 _STEP_SIGMAS = 0.01  # a next Newton step below this share of every sigma: it is a minimum
 _NEAR = 1.0  # promised decreases below it shrink with their square, as Newton's do
 _NEARER = 0.01  # where a Newton step is not short yet: it is ten times as far as a damped one
@@ -174,7 +175,11 @@ class _Chain:
 
 
 def solve_batch(
-    problem: SmoothingProblem, *, begin: States | None = None, most: int = _ITERATIONS
+    problem: SmoothingProblem,
+    *,
+    begin: States | None = None,
+    most: int = _ITERATIONS,
+    enough: float = np.inf,
 ) -> Solution:
     """Return the minimum of the whole graph with its covariances.
 
@@ -194,6 +199,9 @@ def solve_batch(
         Where the search begins, instead of ``problem.start``: where a window ended.
     most : int
         Iterations after which a search is given up.
+    enough : float
+        Cost above which a minimum is of no use. A search is given up where iterations that gain as
+        much as the last ten leave more at the last.
 
     Raises
     ------
@@ -209,6 +217,7 @@ def solve_batch(
     arcs: tuple[FloatArray, ...] = ()
     linear, previous, damping, iterations = chain.solved(states), np.inf, 0.0, 1
     is_kept, aim = True, _STEP_SIGMAS**2  # the last promise, as far as damping may be lowered
+    costs = [linear.cost]
     if linear.arcs:  # linear: at once where states would have them, which changes the cost alone
         arcs = linear.arcs
         linear = linear._replace(cost=chain.cost(states, arcs))
@@ -237,7 +246,18 @@ def solve_batch(
         else:
             is_kept, damping, previous = False, max(10 * damping, _DAMPING), np.inf
             linear = chain.solved(states, damping, arcs)
+        costs.append(linear.cost)
+        if _least_to_come(costs, most) > enough:
+            break
     return _solution(chain, states, chain.solved(states, arcs=arcs), iterations)
+
+
+def _least_to_come(costs: list[float], most: int) -> float:
+    """Return the cost after all iterations, (j,) of them so far, that gain as much as the last."""
+    if len(costs) <= _WITHOUT_GAIN:
+        return 0.0
+    gain = (costs[-1 - _WITHOUT_GAIN] - costs[-1]) / _WITHOUT_GAIN
+    return costs[-1] - (most - len(costs)) * gain
 
 
 def covariance_at(problem: SmoothingProblem, states: States) -> Solution:

@@ -1,6 +1,7 @@
 """The array's shape from its phases: the form of a rigid array, and places estimated."""
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.frontend.array.shape import (
     BaselineForm,
     baseline_information,
+    fixed_phases,
     initial_shape,
     shape_at,
 )
@@ -78,7 +80,7 @@ def off(flight, k, by_b_m):
 def test_an_antenna_that_is_off_is_put_where_its_phases_say():
     flight = off(flown("demo", 20.0), 3, OFF_B_M)
     constants = constants_of(calibration_requests(("antenna:a4",)), flight, gravity=False)
-    fitting, started = initial_shape(flight, constants, Lambda())
+    fitting, started = initial_shape(flight, constants, partial(fixed_phases, flight, Lambda()))
     assert np.abs(started[0].start + OFF_B_M).max() < 1.0 * MM
     right = flown("demo", 20.0).antennas[3].position_b_m
     assert np.abs(fitting.antennas[3].position_b_m - right).max() < 1.0 * MM
@@ -88,7 +90,10 @@ def test_an_antenna_that_is_off_is_put_where_its_phases_say():
 def test_flights_whose_array_is_not_asked_about_stay_as_they_are():
     flight = flown("demo", 20.0)
     constants = constants_of(calibration_requests(("lever-arm",)), flight, gravity=False)
-    assert initial_shape(flight, constants, Lambda()) == (flight, constants)
+    assert initial_shape(flight, constants, partial(fixed_phases, flight, Lambda())) == (
+        flight,
+        constants,
+    )
 
 
 def test_keyframes_with_an_attitude_get_the_form_about_the_stated_places(ranges):

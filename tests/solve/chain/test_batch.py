@@ -80,6 +80,13 @@ def test_a_far_beginning_ends_in_the_same_minimum():
     assert far.cost == pytest.approx(near.cost, abs=1e-3)
 
 
+def test_a_search_leads_no_lower_than_its_last_gains_do():
+    falling = np.linspace(100.0, 90.0, 11).tolist()
+    assert batch._least_to_come(falling, 61) == pytest.approx(40.0)
+    assert batch._least_to_come([100.0] * 11, 61) == 100.0
+    assert batch._least_to_come(falling[:10], 61) == 0.0  # too few to tell
+
+
 def test_one_keyframe_is_solved():
     problem = random_problem(1, 12, 3)
     solution = solve_batch(problem)
