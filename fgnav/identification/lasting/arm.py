@@ -1,7 +1,7 @@
-"""The way from the inertial unit to the antenna, as phases of arcs tell it: to centimetres.
+"""The way from the inertial unit to the antenna, by phases of arcs to centimetres, or by fixes.
 
-The thinned chain has no arcs and tells it by Doppler alone; what that leaves looks like a clock, or
-like noise of the unit.
+The thinned chain has no arcs and tells it by Doppler alone, or beside a clock and a delay of
+velocities; what that leaves looks like a clock, or like noise of the unit.
 """
 
 from dataclasses import replace
@@ -21,6 +21,7 @@ from fgnav.identification.lasting.error import LastingError, least_of_use
 from fgnav.identification.lasting.sight import request_of
 from fgnav.identification.likelihood.changed_samples import minimum_below, step_promises
 from fgnav.identification.likelihood.span_offsets import LIKELY
+from fgnav.identification.likelihood.thinned import Some
 from fgnav.identification.track.windows import EXCLUDED
 
 LEVER_ARM = "lever-arm"
@@ -29,7 +30,7 @@ LEVER_ARM = "lever-arm"
 def arm_errors(problem: SmoothingProblem, stated: Solution) -> tuple[LastingError, ...]:
     """Return what it is off, if a step from the stated says so.
 
-    Nothing without phases, where it is estimated, or without a minimum.
+    Nothing where it is estimated, or without a minimum.
 
     Parameters
     ----------
@@ -37,12 +38,12 @@ def arm_errors(problem: SmoothingProblem, stated: Solution) -> tuple[LastingErro
     stated : Solution
         Its minimum, where the search begins.
     """
-    if problem.phase is None or problem.constants.column(LEVER_ARM) >= 0:
+    if problem.constants.column(LEVER_ARM) >= 0:
         return ()
     (request,) = calibration_requests([LEVER_ARM])
     error = _error(of_vehicle(request), problem, stated, 2)
     if error is not None and np.linalg.norm(error.off) > request.sigma:
-        error = _error(of_vehicle(request_of(error)), problem, stated, 1)
+        error = _error(of_vehicle(request_of(error)), problem, stated, 1) or error
     return () if error is None else (error,)
 
 
@@ -61,14 +62,16 @@ def _error(
 ) -> LastingError | None:
     free, at = _with_arm(problem, part), stated.states
     begin = at._replace(constants=np.append(at.constants, part.start))
-    if step_promises(free, begin, problem.constants.width)[0] < EXCLUDED - LIKELY:
+    is_begun = bool(part.start.any())  # where it ends, and promises nothing
+    promises, _ = step_promises(free, begin, problem.constants.width)
+    if not is_begun and promises < EXCLUDED - LIKELY:
         return None
     solution = minimum_below(free, least_of_use(problem, stated.cost, left), begin)
     return None if solution is None else LastingError.of(part, free, stated.cost, solution)
 
 
 def _with_arm(problem: SmoothingProblem, part: FlightConstant) -> SmoothingProblem:
-    """Return a problem, with phases, whose antennas are off by one more constant."""
+    """Return a problem whose antennas are off by one more constant."""
     column, free = problem.constants.width, problem.with_constants((part,))
     measurements = tuple(_on_arm(one, column, free.constants) for one in problem.measurements)
     phase = problem.phase
@@ -78,7 +81,7 @@ def _with_arm(problem: SmoothingProblem, part: FlightConstant) -> SmoothingProbl
 
 
 def _on_arm(one: Measurement, column: int, constants: Constants) -> Measurement:
-    if isinstance(one, Delayed):
+    if isinstance(one, Some | Delayed):
         return replace(one, measurement=_on_arm(one.measurement, column, constants))
     if isinstance(one, Position | Velocity):
         return replace(one, lever_column=column, constants=constants)

@@ -60,8 +60,9 @@ _SENTENCES: dict[str, Callable[[LastingError], str]] = {
 }
 
 
-# Of a record that loses samples evenly, and of a fast clock, tags are as early.
-_EARLY_TAGS = {"lost samples", "clock"}
+# Of a record that loses samples evenly, and of a fast clock, tags are as early; what an antenna is
+# off along the way a clock is late.
+_ALIKE = {"lost samples", "clock", arm.LEVER_ARM}
 
 
 class Lasting(NamedTuple):
@@ -202,10 +203,10 @@ def likely_causes(
 
 
 def _may_stand_for(one: "LastingError | Cause", best: "LastingError | Cause") -> bool:
-    """Return whether one may look like the other: a late instrument, lost samples, or a clock."""
+    """Return whether one may look like the other: a late instrument, tags, or a lever arm."""
     kinds = {one.kind, best.kind}
     late = not kinds.isdisjoint(late_instrument.KINDS)
-    return len(kinds) == 2 and (late or kinds == _EARLY_TAGS)
+    return len(kinds) == 2 and (late or kinds <= _ALIKE)
 
 
 def _is_of_span(one: "LastingError | Cause", problem: SmoothingProblem, stated: Solution) -> bool:
