@@ -3,13 +3,8 @@
 Where the stated shape fits no epoch, others are tried: two antennas exchanged, one left out.
 """
 
-from collections.abc import Iterator
-from dataclasses import replace
-from itertools import combinations
-
 import numpy as np
 
-from fgnav.checks import FloatArray
 from fgnav.identification.array.displaced import (
     RIGHT,
     WRONG,
@@ -19,6 +14,7 @@ from fgnav.identification.array.displaced import (
     omissions,
     position_by_others,
 )
+from fgnav.identification.array.exchanged import exchanges
 from fgnav.set_up.findings import Finding
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
@@ -35,7 +31,7 @@ def antenna_findings(flight: Flight, differences: DoubleDifferences) -> list[Fin
     names = [antenna.name for antenna in flight.antennas]
     places_b_m = np.stack([antenna.position_b_m for antenna in flight.antennas])
     evidence = f"the stated places fit {100 * stated:.0f} % of {len(part.t_s)} epochs"
-    swapped = best_shape(_exchanges(places_b_m, part))
+    swapped = best_shape(exchanges(places_b_m, part))
     alone = best_shape(omissions(part))
     if max(swapped[0], alone[0]) < RIGHT or max(swapped[0], alone[0]) < 2 * stated:
         text = (
@@ -53,16 +49,6 @@ def antenna_findings(flight: Flight, differences: DoubleDifferences) -> list[Fin
     (a,) = alone[1]
     text = f"{names[a]} is not at its place: {evidence}, without it {100 * alone[0]:.0f} %"
     return [Finding(name="antenna misplaced", text=text + _where(flight, differences, a))]
-
-
-def _exchanges(
-    places_b_m: FloatArray, part: DoubleDifferences
-) -> Iterator[tuple[tuple[int, ...], DoubleDifferences]]:
-    for i, j in combinations(range(len(places_b_m)), 2):
-        order = np.arange(len(places_b_m))
-        order[[i, j]] = j, i
-        exchanged = places_b_m[order]
-        yield (i, j), replace(part, baselines_b_m=exchanged[1:] - exchanged[0])
 
 
 def _where(flight: Flight, differences: DoubleDifferences, antenna: int) -> str:

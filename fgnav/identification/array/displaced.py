@@ -23,6 +23,7 @@ from fgnav.integers.array.search import search_constrained
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Antenna, Flight
+from fgnav.types.observations import Observations
 
 _ATTITUDE = 3  # antennas of an attitude, beside which another is seen
 _EPOCHS = 40  # that decide between shapes; a wrong one fails nearly all of them
@@ -83,21 +84,26 @@ def displaced_antenna(flight: Flight) -> Displaced | None:
     seen = flight.observations
     if seen is None or len(flight.antennas) <= _ATTITUDE:
         return None
-    rows = np.unique(np.linspace(0, len(seen.t_s) - 1, _EPOCHS).astype(np.int64))
-    part = double_differences(replace(flight, observations=seen[rows]))
+    part = _differences(flight, seen, _EPOCHS)
     if not part.resolvable.any() or (stated := fitting(part)) >= WRONG:
         return None
     share, antennas = best_shape(omissions(part))
     if share < max(RIGHT, 2 * stated):
         return None
     (a,) = antennas
-    position_b_m = position_by_others(flight, double_differences(flight), a)
+    position_b_m = position_by_others(flight, _differences(flight, seen, _EPOCHS_OF_PLACE), a)
     if position_b_m is None:
         return None
     places_b_m = np.stack([antenna.position_b_m for antenna in flight.antennas])
     places_b_m[a] = position_b_m
     moved = replace(part, baselines_b_m=places_b_m[1:] - places_b_m[0])
     return Displaced(a, position_b_m) if fitting(moved) >= RIGHT else None
+
+
+def _differences(flight: Flight, seen: Observations, count: int) -> DoubleDifferences:
+    """Return the differences of up to so many epochs from all over the flight."""
+    rows = np.unique(np.linspace(0, len(seen.t_s) - 1, count).astype(np.int64))
+    return double_differences(replace(flight, observations=seen[rows]))
 
 
 def epochs_of_shapes(differences: DoubleDifferences) -> IntArray:

@@ -69,12 +69,12 @@ def exchange_of(prepared: PreparedFlight) -> Exchange | None:
     part, score = differences.resampled(out), np.full(len(differences.t_s), -1)
     places_b_m = np.vstack([np.zeros(3), differences.baselines_b_m])
     best, most = None, _fewest(len(score), len(places_b_m))
-    for i, j, shape in _exchanges(places_b_m, part):
+    for pair, shape in exchanges(places_b_m, part):
         score[out] = _fitting(shape)
         first, last, total = _span(score)
         if total >= most:
             from_s, until_s = differences.t_s[[first, last]].tolist()
-            best, most = Exchange((i, j), from_s, until_s), total + 1
+            best, most = Exchange(pair, from_s, until_s), total + 1
     return best
 
 
@@ -102,15 +102,15 @@ def _fitting(differences: DoubleDifferences) -> BoolArray:
     return np.asarray((search.status == PROVEN) & (search.costs[:, 0] <= limit))
 
 
-def _exchanges(
+def exchanges(
     places_b_m: FloatArray, part: DoubleDifferences
-) -> Iterator[tuple[int, int, DoubleDifferences]]:
+) -> Iterator[tuple[tuple[int, int], DoubleDifferences]]:
     """Yield each pair of antennas, and the differences of an array with it exchanged."""
     for i, j in combinations(range(len(places_b_m)), 2):
         order = list(range(len(places_b_m)))
         order[i], order[j] = j, i
         places = places_b_m[order]
-        yield i, j, replace(part, baselines_b_m=places[1:] - places[0])
+        yield (i, j), replace(part, baselines_b_m=places[1:] - places[0])
 
 
 def _span(score: IntArray) -> tuple[int, int, int]:

@@ -62,10 +62,10 @@ def _error(
 ) -> LastingError | None:
     free, at = _with_arm(problem, part), stated.states
     begin = at._replace(constants=np.append(at.constants, part.start))
-    is_begun = bool(part.start.any())  # where it ends, and promises nothing
-    promises, _ = step_promises(free, begin, problem.constants.width)
-    if not is_begun and promises < EXCLUDED - LIKELY:
-        return None
+    if not part.start.any():  # else it begins where it ended, and promises nothing
+        promises, _ = step_promises(free, begin, problem.constants.width)
+        if promises < EXCLUDED - LIKELY:
+            return None
     solution = minimum_below(free, least_of_use(problem, stated.cost, left), begin)
     return None if solution is None else LastingError.of(part, free, stated.cost, solution)
 

@@ -29,9 +29,9 @@ from fgnav.identification.lasting import (
     sight,
     unit_axes,
 )
-from fgnav.identification.lasting.clock import ClockOff, clock_off
+from fgnav.identification.lasting.clock import CLOCK, ClockOff, clock_off
 from fgnav.identification.lasting.error import LastingError
-from fgnav.identification.lasting.lost_samples import LostSamples, lost_samples
+from fgnav.identification.lasting.lost_samples import LOST, LostSamples, lost_samples
 from fgnav.identification.lasting.rivals import Rivals, rivals_of
 from fgnav.identification.likelihood.beside_phases import (
     Scored,
@@ -58,11 +58,9 @@ _SENTENCES: dict[str, Callable[[LastingError], str]] = {
     for module in (late_samples, late_instrument, quadrants, sight)
     for kind in module.KINDS
 }
-
-
 # Of a record that loses samples evenly, and of a fast clock, tags are as early; what an antenna is
 # off along the way a clock is late.
-_ALIKE = {"lost samples", "clock", arm.LEVER_ARM}
+_ALIKE = {LOST, CLOCK, arm.LEVER_ARM}
 
 
 class Lasting(NamedTuple):

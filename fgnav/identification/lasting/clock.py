@@ -34,6 +34,7 @@ from fgnav.identification.track.tags import tags_moved_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.types.flight import Flight
 
+CLOCK = "clock"
 _STEPS = 8  # at most: of two seconds each leaves a third or less of what is left
 
 
@@ -49,7 +50,7 @@ class ClockOff(NamedTuple):
     R_nb: FloatArray  # attitudes of keyframes with these tags
     doubt: AttitudeDoubt | None = None
     rivals: Rivals | None = None
-    kind: str = "clock"
+    kind: str = CLOCK
 
     @property
     def share(self) -> float:

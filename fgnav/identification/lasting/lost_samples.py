@@ -35,6 +35,7 @@ from fgnav.identification.tag_steps import TagStep
 from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight, Imu
 
+LOST = "lost samples"
 _BLOCKS = 120  # of a record, at most: a bound of cost
 _APART = 4  # of these at first: a loss gains nearly as much at a neighbour
 _ANY_S = 0.1  # 1-sigma in the linear problem: a few samples of any unit
@@ -56,7 +57,7 @@ class LostSamples(NamedTuple):
     noise: FloatArray
     R_nb: FloatArray = np.empty((0, 3, 3))  # attitudes of keyframes with tags put back
     rivals: Rivals | None = None
-    kind: str = "lost samples"
+    kind: str = LOST
     is_likely: bool = True  # else it is none
     requests: tuple[CalibrationRequest, ...] = ()
     doubt: AttitudeDoubt | None = None
