@@ -103,6 +103,8 @@ class PreparedFlight:
         What keyframes to come need of these.
     minimum : States or None
         Of ``problem``, where it has been sought.
+    has_cause : bool
+        Whether something that is off all along is put right, or in doubt.
     """
 
     problem: SmoothingProblem
@@ -128,6 +130,7 @@ class PreparedFlight:
     goes_on: Earlier | None = None
     arcs: tuple[ArcInteger, ...] = ()
     minimum: States | None = None
+    has_cause: bool = False
 
     @property
     def from_minimum(self) -> SmoothingProblem:

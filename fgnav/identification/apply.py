@@ -145,6 +145,7 @@ def _with_errors_and_notes(prepared: PreparedFlight, changes: Findings) -> Prepa
     return replace(
         changed,
         doubts=tuple(one for one in doubts if one is not None),
+        has_cause=cause is not None,
         notes=(*changed.notes, *changes.notes),
         rejections=(*changed.rejections, *changes.rejected),
     )

@@ -80,7 +80,7 @@ def subject_of(
 
     as_stated = Subject(TagSearch(flight, settings, built), prepared, places, errors, None)
     causes: tuple[Cause, ...] = ()
-    if at is not None:
+    if at is not None and (at[1].converged or settings.causes_anywhere):
         causes = _likely_causes(as_stated.search, prepared, at, scores.clock_nats)
     for cause in causes:
         subject = _with_cause(as_stated, cause, built)

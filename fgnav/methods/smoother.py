@@ -220,7 +220,10 @@ class Smoother:
         """
         if self.causal:
             return self._prepared_so_far(flight, since_s)
-        settings = self.preparation
+        return self._prepared(flight, self.preparation)
+
+    def _prepared(self, flight: Flight, settings: ProblemSettings) -> PreparedFlight:
+        """Return the smoothing problem of a whole flight."""
         notes: tuple[str, ...] = ()
         build = partial(build_problem, last=LastObservations())
         if settings.noise == "stated":
@@ -268,7 +271,7 @@ class Smoother:
             method = self.so_far if not flight.networks else self.so_far._replace(whole=None)
             return consistent_so_far(flight, prepared, method)
         is_tried = self.noise == "identified" and not (self.factors or flight.networks)
-        again = self._once if is_tried else None
+        again = partial(self._once, causes_anywhere=prepared.has_cause) if is_tried else None
         return without_contradictions(flight, self._estimated(flight, prepared), again)
 
     @property
@@ -289,8 +292,9 @@ class Smoother:
         settings = {one.name: getattr(self, one.name) for one in fields(Smoother)}
         return Batch(**settings | {"causal": False, "lag_s": Batch().lag_s, "name": self.name})
 
-    def _once(self, flight: Flight) -> Estimate:
-        return self._estimated(flight, self.prepare(flight))
+    def _once(self, flight: Flight, *, causes_anywhere: bool = True) -> Estimate:
+        settings = replace(self.preparation, causes_anywhere=causes_anywhere)
+        return self._estimated(flight, self._prepared(flight, settings))
 
     def _estimated(
         self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None
