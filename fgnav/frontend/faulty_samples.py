@@ -15,7 +15,7 @@ _NORMAL = 1.4826  # sigma of normal noise over its median size
 # and identification, IEEE Trans. Control Systems Technology 10, 2002).
 _SIGMAS = 20.0
 _NEIGHBOURS = 6.0  # sigmas by which neighbours of a spike may differ
-_NEAR = 25  # samples on either side: a median of 51 tells sigma to 16 %, half may be spikes
+_NEAR = 25  # samples on either side: a median of 51 in_range sigma to 16 %, half may be spikes
 _FEWEST = 100
 _AXES = "xyz"
 _FALSE_ALARM = 1e-4  # of each test on a right record
@@ -84,34 +84,43 @@ def without_stuck_axes(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
                     )
                 )
             stuck |= in_run
-    if not losses or np.count_nonzero(~stuck) < _FEWEST:
-        return imu, ()
-    return imu[~stuck], tuple(losses)
+    return (imu[~stuck], tuple(losses)) if losses and _goes_on(imu.t_s, ~stuck) else (imu, ())
+
+
+def _goes_on(t_s: FloatArray, is_left: BoolArray) -> bool:
+    """Return whether what is left is a record: in length, or of most of it, one sample a second."""
+    left_s, duration_s = t_s[is_left], float(np.ptp(t_s))
+    if len(left_s) >= _FEWEST:
+        return True
+    return len(left_s) > max(duration_s, 1.0) and float(np.ptp(left_s)) > duration_s / 2
 
 
 def stuck_axis(x: FloatArray, axis: int, in_runs: BoolArray) -> tuple[int, int] | None:
     """Return first sample and number of the longest run of equal ones of one axis, or None.
 
     Rounding at rest repeats samples of all axes, so that the others show how often it does there.
+    Of what is within their range, for at its ends any may stand.
 
     Parameters
     ----------
     x : ndarray, shape (k, 3)
     axis : int
-    known : ndarray of bool, shape (k,)
+    in_runs : ndarray of bool, shape (k,)
         Samples known to be of such runs.
     """
     same = np.diff(x, axis=0) == 0
     if same[:, axis].all():
         return None
-    in_runs = in_runs[1:]
-    first, length = longest_run(same[:, axis] & ~in_runs)
-    within = slice(first, first + length)
-    rest, others = same[:, axis][~in_runs], np.delete(same[within], axis, axis=1)
+    in_range = ((x > x.min(axis=0)) & (x < x.max(axis=0)))[1:]
+    first, length = longest_run(same[:, axis] & ~in_runs[1:])
+    inside = np.zeros(len(same), dtype=np.bool_)
+    inside[first : first + length] = True
+    rows = np.repeat(inside[:, None], 3, axis=1)  # of others those of the run, of this all else
+    rows[:, axis] = ~(inside | in_runs[1:])
+    rows &= in_range
     # One more repetition than was seen: a share of none is not known to be none.
-    usual_share = (rest.sum() - length + 1) / (len(rest) - length + 2)
-    share = max(usual_share, (others.sum(axis=0).max() + 1) / (length + 2))
-    return (first, length) if is_unlikely(length, float(share), len(x)) else None
+    share = ((same & rows).sum(axis=0) + 1) / (rows.sum(axis=0) + 2)
+    return (first, length) if is_unlikely(length, float(share.max()), len(x)) else None
 
 
 def stuck_unit(imu: Imu) -> tuple[int, int] | None:

@@ -128,6 +128,22 @@ def test_a_record_that_is_all_at_the_end_of_its_range_is_kept(imu):
     assert without_stuck_axes(clipped)[0] is clipped
 
 
+def test_of_a_record_that_is_mostly_at_the_end_of_its_range_the_rest_is_left(imu):
+    limit, short = 1.0, imu[:400]  # of a sine of 3
+    clipped = replace(short, f_b_mps2=np.clip(short.f_b_mps2, [-limit, -9, -20], [limit, 9, 9]))
+    left, (loss,) = without_stuck_axes(clipped)
+    np.testing.assert_array_equal(left.t_s, short.t_s[np.abs(short.f_b_mps2[:, 0]) < limit])
+    assert len(left.t_s) < 100
+    assert len(left.t_s) + loss.count == len(short.t_s)
+
+
+def test_a_record_stuck_soon_after_it_begins_is_kept(imu):
+    rate = imu.w_b_radps.copy()
+    rate[50:, 1] = rate[50, 1]
+    stuck = replace(imu, w_b_radps=rate)
+    assert without_stuck_axes(stuck)[0] is stuck
+
+
 def test_a_right_record_and_one_at_rest_without_noise_are_kept(imu):
     assert without_faulty(imu)[0] is imu
     still = replace(imu, f_b_mps2=0 * imu.f_b_mps2, w_b_radps=0 * imu.w_b_radps)
