@@ -95,7 +95,8 @@ def findings():
     return json.loads(said.getvalue())["findings"]
 
 
-for finding in findings():
+found = {finding["name"]: finding for finding in findings()}
+for finding in found.values():
     print(f"{finding['name']}: {finding['text']}; {finding['mend']}")
 
 # %% [markdown]
@@ -105,7 +106,6 @@ for finding in findings():
 
 # %%
 toml = folder / "flight" / "flight.toml"
-found = {finding["name"]: finding for finding in findings()}
 text = toml.read_text()
 if "imu mounting" in found:
     text = text.replace('axes = ["x", "y", "z"]', 'axes = ["-x", "y", "-z"]')
@@ -120,8 +120,8 @@ print([finding["name"] for finding in findings()])
 # %% [markdown]
 # ## Smoothing across a gap
 # Two minutes of it, with the fixes of fifteen seconds withheld, by a window that looks five
-# seconds ahead and by the batch that knows both ends of the gap. Noise that the files do not state
-# is identified from the flight.
+# seconds ahead and by the batch that knows both ends of the gap. Both solve the problem that one
+# of them prepares: there noise that the files do not state is identified from the flight.
 
 # %%
 flight = within(fgnav.load_flight(folder / "flight"), 20.0, 140.0)
@@ -133,7 +133,8 @@ rows = {
 }
 holed = replace(flight, fixes=replace(fixes, **rows))
 methods = (Smoother(estimate=("velocity-delay",)), Batch(estimate=("velocity-delay",)))
-estimates = {method.name: method(holed) for method in methods}
+prepared = methods[0].prepare(holed)
+estimates = {method.name: method.estimate_prepared(holed, prepared) for method in methods}
 for note in estimates["batch"].notes[:5]:
     print(note)
 

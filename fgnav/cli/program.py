@@ -4,7 +4,7 @@ import os
 import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING
 
 from fgnav import __version__
@@ -105,14 +105,17 @@ def commands() -> dict[str, tuple[str, str]]:
     available = dict(_COMMANDS)
     for entry in entry_points(group="fgnav.commands"):
         if entry.name not in available:
-            brought_by = entry.dist.name if entry.dist is not None else "an installed package"
-            text = _INSTALLED_HELP.get(entry.name, f"From {brought_by}.")
+            text = _INSTALLED_HELP.get(entry.name) or f"From {_brought_by(entry)}."
             available[entry.name] = (entry.value, text)
     return available
 
 
-def program(command: str = "") -> "App":
-    """Return the command line, of one command or of all that there is."""
+def _brought_by(entry: EntryPoint) -> str:
+    return entry.dist.name if entry.dist is not None else "an installed package"
+
+
+def program(command: str, available: dict[str, tuple[str, str]]) -> "App":
+    """Return the command line, of one command or of all that are available."""
     from cyclopts import App, Parameter  # noqa: PLC0415  # lazy: --help does without
 
     app = App(
@@ -127,7 +130,6 @@ def program(command: str = "") -> "App":
         suppress_keyboard_interrupt=False,
     )
     app.register_install_completion_command()
-    available = commands()
     for name in [command] if command in available else available:
         target, text = available[name]
         app.command(target, name=name, help=text)
@@ -152,7 +154,7 @@ def run(words: list[str]) -> None:
         hint = f"did you mean {meant[0]}?" if meant else "fgnav --help lists them"
         raise BadInputError(f"{words[0]}: no such command; {hint}")
     try:
-        program(words[0])(words, exit_on_error=False, print_error=False, verbose=False)
+        program(words[0], available)(words, exit_on_error=False, print_error=False, verbose=False)
     except CycloptsError as error:
         raise BadInputError(str(error)) from None
 

@@ -10,6 +10,7 @@ from fgnav.evaluation.scores import errors_against
 from fgnav.geometry.rotations import exp
 from fgnav.methods.smoother import Batch, Smoother
 from fgnav.types.flight import Flight
+from tests.methods.simulated import shared
 from tests.robustness.drawn.dirty import dirty
 from tests.robustness.drawn.flights import right_flight
 
@@ -21,9 +22,10 @@ def right(kind: str) -> Flight:
     return right_flight(kind, 40)
 
 
-def turned(flight: Flight, what: str) -> Flight:
+@cache
+def turned(kind: str, what: str) -> Flight:
     """Return a flight whose unit, or whose array, stands otherwise than it states."""
-    R_ua = exp(TURN_RAD[None])[0]
+    flight, R_ua = right(kind), exp(TURN_RAD[None])[0]
     if what == "unit":  # what truly is along x_a is read along x_u
         return replace(flight, imu=replace(flight.imu, f_b_mps2=flight.imu.f_b_mps2 @ R_ua.T))
     antennas = tuple(
@@ -38,8 +40,8 @@ def nees(flight: Flight, estimate) -> float:
 
 @pytest.mark.parametrize("what", ["unit", "array"])
 def test_a_turn_is_said_and_sigmas_hold_whichever_is_turned(what):
-    flight = turned(right("array"), what)
-    estimate = Smoother()(flight)
+    flight = turned("array", what)
+    estimate = shared(Smoother(), flight)
     (said,) = (note for note in estimate.notes if "turned against each other" in note)
     assert "by 4.7 deg" in said
     assert "nothing tells which of them" in said
@@ -54,14 +56,14 @@ def test_a_turn_is_said_and_sigmas_hold_whichever_is_turned(what):
 
 
 def test_attitudes_are_of_the_antennas_axes_where_nothing_tells():
-    flight = turned(right("array"), "unit")
-    errors = errors_against(flight.truth, Batch()(flight))
+    flight = turned("array", "unit")
+    errors = errors_against(flight.truth, shared(Batch(), flight))
     assert np.sqrt((errors.tangent_b_rad**2).sum(axis=1).mean()) < np.radians(0.3)
 
 
 @pytest.mark.parametrize(("what", "axes"), [("unit", "antennas'"), ("array", "inertial unit's")])
 def test_a_detector_tells_which_is_turned(what, axes):
-    flight = turned(right("seeker"), what)
+    flight = turned("seeker", what)
     estimate = Smoother()(flight)
     assert any(f"attitudes are of the {axes} axes" in note for note in estimate.notes)
     errors = errors_against(flight.truth, estimate)

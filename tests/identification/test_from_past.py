@@ -68,7 +68,7 @@ def cut(loud):
     return flight, Forward().prepare(flight)
 
 
-@pytest.mark.parametrize("rate_hz", [None, 5.0])
+@pytest.mark.parametrize("rate_hz", [None, 1.25])  # of fixes, and times most of which lie between
 def test_nothing_that_comes_later_takes_part(loud, prepared, filtered, cut, rate_hz, monkeypatch):
     if rate_hz is None:
         whole, part = filtered, Forward().estimate_prepared(*cut)

@@ -1,6 +1,7 @@
 """What is off for a whole flight: a landmark, axes of a detector or the unit, tags."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -189,12 +190,18 @@ def test_what_is_as_likely_as_not_has_half_its_square():
     np.testing.assert_allclose(wide.covariance[columns, columns], np.diag([5.0, 0.5, 0.5]))
 
 
+@cache
+def with_samples_lost(kind, number=7107):
+    """Return a right flight, the same without some samples, and what is found in it."""
+    right = right_flight(kind, number)
+    flight, _ = samples_lost(right, np.random.default_rng([17, number]))
+    return right, flight, found_in(flight)
+
+
 @pytest.mark.parametrize(("kind", "allowed"), [("array", 6.0), ("raw", 5.0), ("fixes", 5.0)])
 def test_lost_samples_whose_tags_go_on_are_put_back(kind, allowed):
     """Lost after 3.64, 5.20 and 10.70 s: NEES 1.7, 3.5 and 2.0; they were a clock."""
-    right = right_flight(kind, 7107)
-    flight, _ = samples_lost(right, np.random.default_rng([17, 7107]))
-    found = found_in(flight)
+    right, flight, found = with_samples_lost(kind)
     assert isinstance(found.cause, LostSamples)
     assert not found.moved.any()
     steps = found.cause.steps
@@ -206,9 +213,7 @@ def test_lost_samples_whose_tags_go_on_are_put_back(kind, allowed):
 @pytest.mark.parametrize(("kind", "number"), [("fixes", 8604), ("seeker", 8605)])
 def test_many_lost_samples_are_no_clock(kind, number):
     """Five and thirteen were taken for clocks 3,700 and 16,000 ppm fast: NEES 32 and 19."""
-    right = right_flight(kind, number)
-    flight, _ = samples_lost(right, np.random.default_rng([17, number]))
-    found = found_in(flight)
+    right, flight, found = with_samples_lost(kind, number)
     assert isinstance(found.cause, LostSamples)
     assert not found.moved.any()
     assert attitude_nees(right, estimate_by(found, flight)) < 5.0  # 1.0, 3.3
@@ -226,9 +231,8 @@ def test_a_clock_that_is_fast_is_no_lost_samples():
 
 
 def test_where_a_loss_is_in_doubt_the_unit_is_louder():
-    right = right_flight("fixes", 7107)
-    flight, _ = samples_lost(right, np.random.default_rng([17, 7107]))
-    lost = found_in(flight).cause
+    _, flight, found = with_samples_lost("fixes")
+    lost = found.cause
     problem = build_problem(lost.undone(flight), SETTINGS).problem
     louder = lost.in_doubt(problem).motion
     near = np.abs(problem.t_s[1:] - lost.steps[0].after_s) < 0.5

@@ -36,14 +36,19 @@ def flown_with(name, span_s, *, seed=1, **gnss):
 _problems = {}  # by what decides them; the last few
 
 
-def shared(method, flight):
-    """Return a method's estimate, its problem shared with methods that agree in it."""
+def prepared_of(method, flight):
+    """Return a method's problem, the same for methods that agree in it."""
     decides = method.preparation, method.causal and method.lag_s, flight
     if decides not in _problems:
         if len(_problems) == MOST:
             del _problems[next(iter(_problems))]
         _problems[decides] = method.prepare(flight)
-    return method.estimate_prepared(flight, _problems[decides])
+    return _problems[decides]
+
+
+def shared(method, flight):
+    """Return a method's estimate, its problem shared with methods that agree in it."""
+    return method.estimate_prepared(flight, prepared_of(method, flight))
 
 
 def errors_rad(flight, estimate):

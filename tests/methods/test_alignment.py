@@ -11,7 +11,7 @@ from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.types.estimate import open_angle_variance_rad2
 from fgnav.types.flight import InitialAttitude
 from tests.frontend.standing import standing
-from tests.methods.simulated import errors_rad, nees
+from tests.methods.simulated import errors_rad, nees, shared
 from tests.robustness.drawn.flights import right_flight
 
 STANDS_S = 15.0
@@ -29,7 +29,7 @@ def flight():
 
 @pytest.mark.parametrize("method", [Forward(), Smoother(), Batch(), Forward(solver="chain")])
 def test_a_car_that_stands_first_is_answered_from_its_first_epoch(flight, method):
-    estimate = method(flight)
+    estimate = shared(method, flight)
     assert estimate.converged
     assert estimate.available > 0.995
     assert estimate.t_s[0] == 0.0
@@ -42,7 +42,7 @@ def test_a_car_that_stands_first_is_answered_from_its_first_epoch(flight, method
 
 
 def test_a_filter_s_heading_is_of_the_past_alone(flight):
-    whole = Forward()(flight)
+    whole = shared(Forward(), flight)
     for until_s in (14.0, 18.0):
         part = Forward()(truncated(flight, until_s))
         n = int((part.t_s <= until_s).sum())
@@ -52,12 +52,18 @@ def test_a_filter_s_heading_is_of_the_past_alone(flight):
         )
 
 
-@pytest.mark.parametrize("method", [Forward(), Smoother(), Batch()])
-def test_a_fix_before_the_inertial_record_is_as_if_there_were_none(method):
+@pytest.fixture(scope="module")
+def late_unit():
+    """Return a flight whose unit begins 20 ms after its first fix, and that without this fix."""
     right = right_flight("fixes", 78_666_671)
-    begun = replace(right, imu=right.imu[1:])  # 20 ms after the first fix
-    estimate, without = method(begun), method(replace(begun, fixes=right.fixes[1:]))
-    assert estimate.t_s[0] == right.fixes.t_s[1]  # no keyframe before anything is measured
+    begun = replace(right, imu=right.imu[1:])
+    return begun, replace(begun, fixes=right.fixes[1:])
+
+
+@pytest.mark.parametrize("method", [Forward(), Smoother(), Batch()])
+def test_a_fix_before_the_inertial_record_is_as_if_there_were_none(method, late_unit):
+    estimate, without = (shared(method, flight) for flight in late_unit)
+    assert estimate.t_s[0] == late_unit[0].fixes.t_s[1]  # no keyframe before anything is measured
     np.testing.assert_array_equal(estimate.t_s, without.t_s)
     np.testing.assert_allclose(estimate.R_nb, without.R_nb, atol=1e-5)
     P, without_P = (one.attitude_covariance_rad2 for one in (estimate, without))

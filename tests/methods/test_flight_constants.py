@@ -67,7 +67,7 @@ def terminal():
 
 @pytest.fixture(scope="module")
 def usual_rad(terminal):
-    return rms_rad(terminal, Batch()(terminal))
+    return rms_rad(terminal, Batch(noise="stated")(terminal))
 
 
 @pytest.fixture(scope="module")
@@ -171,13 +171,14 @@ def test_an_accelerometer_that_sits_elsewhere_is_found_and_the_origin_stays_wher
 def test_times_between_keyframes_know_the_same_constants():
     """An array's shape, a barometer and a magnetometer at keyframes that measure nothing."""
     flight = flown("demo", 6.0)
-    method = Batch(estimate=("antenna:a4",), rate_prior=PRIOR)
+    method = Batch(estimate=("antenna:a4",), rate_prior=PRIOR, noise="stated")
     whole, dense = method(flight), method.at(flight, np.arange(1.0, 4.0, 0.05))
     assert len(dense.t_s) == 60
     one, other = named(whole, "antenna a4"), named(dense, "antenna a4")
     sigma = np.sqrt(np.diag(one.covariance))
     assert np.abs((one.value - other.value) / sigma).max() < 0.2
     flight = flown("surroundings", 10.0)
-    whole, dense = Batch()(flight), Batch().at(flight, np.arange(2.0, 8.0, 0.25))
+    method = Batch(noise="stated")
+    whole, dense = method(flight), method.at(flight, np.arange(2.0, 8.0, 0.25))
     for a, b in zip(whole.constants, dense.constants, strict=True):
         assert np.abs((a.value - b.value) / np.sqrt(np.diag(a.covariance))).max() < 0.3

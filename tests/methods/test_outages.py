@@ -118,7 +118,7 @@ def without_satellites(seed):
 
 @pytest.mark.parametrize(
     ("method", "seed"),
-    [(Smoother(), 20_001), (Forward(), 20_001), (Batch(), 20_104)],
+    [(Smoother(noise="stated"), 20_001), (Forward(noise="stated"), 20_001), (Batch(), 20_104)],
     ids=lambda one: getattr(one, "name", one),
 )
 def test_fifteen_seconds_without_satellites_are_solved_by_every_method(method, seed):

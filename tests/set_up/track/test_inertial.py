@@ -109,7 +109,7 @@ def test_a_clock_off_by_less_than_a_second_is_no_reason_to_refuse():
     assert not finding.certain
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_exchanged_axes_are_put_right(seed):
     rng = np.random.default_rng(seed)
     order, signs = rng.permutation(3), rng.choice([-1.0, 1.0], 3)
@@ -199,15 +199,21 @@ def test_the_stretched_counter_of_the_car_runs_off(shared):
     assert within_stated(finding, 261.0, unit="ppm", word="fast")  # by its own counter
 
 
-def test_the_unit_of_the_car_as_it_lies_is_put_right(shared):
-    finding = findings(drive(shared, mounted=False))["imu mounting"]
+@pytest.fixture(scope="module")
+def as_it_lies(shared):
+    """Return the car in the axes of its unit."""
+    return drive(shared, mounted=False)
+
+
+def test_the_unit_of_the_car_as_it_lies_is_put_right(as_it_lies):
+    finding = findings(as_it_lies)["imu mounting"]
     assert "should read -x, y, -z" in finding.mend
     assert '[imu] axes = ["-x", "y", "-z"]' in finding.mend
 
 
-def test_the_car_with_its_axes_named_leans_as_its_authors_say(shared):
+def test_the_car_with_its_axes_named_leans_as_its_authors_say(as_it_lies):
     """By 6.79 and 5.35 deg, beside the quarter turns."""
-    flight = drive(shared, mounted=False)
+    flight = as_it_lies
     named = np.array([-1.0, 1.0, -1.0])
     imu = replace(
         flight.imu, f_b_mps2=flight.imu.f_b_mps2 * named, w_b_radps=flight.imu.w_b_radps * named
