@@ -19,8 +19,7 @@ FORWARD, WINDOW = Forward(), Smoother(causal=True, lag_s=2.0)
 # What a method may wait for: nothing, or its lag and the block that the window is updated with,
 # which ends at the latest epoch a second after it began.
 WAITS_S = {"forward": 0.0, "smoother": 3.2}
-# Before noise is first looked at, and after that.
-SHARES = (0.45, 0.9)
+SHARES = (0.45, 0.65, 0.9)
 GYROSCOPE = {
     "gyroscope_noise_radps_per_sqrt_hz": 1e-4,
     "gyroscope_bias_radps": 2e-3,
@@ -28,10 +27,8 @@ GYROSCOPE = {
 }
 SPAN_S = 9.0
 LOOKED_AT_S = 11.0  # of a flight whose noise is looked at after 5 s, as of all, and after 10 s
-WITHOUT_S = 6.43  # a time in both of these
 OUTAGE = OutageTable(from_s=5.0, until_s=7.0)
 RISING = OutageTable(until_s=7.0, azimuth_deg=(0.0, 150.0))
-RISES = "satellites that rise later"
 
 
 def scenario(name, span_s, *, gyroscope=False, fixes=False, range_m=None, **gnss):
@@ -57,7 +54,7 @@ FLIGHTS = {
     "gyroscope": (scenario("demo", SPAN_S, gyroscope=True), ()),
     "one epoch a second": (scenario("demo", SPAN_S, rate_hz=1.0), ()),
     "outage": (scenario("demo", SPAN_S, outages=(OUTAGE,)), ()),
-    RISES: (scenario("demo", SPAN_S, outages=(RISING,)), ()),
+    "satellites that rise later": (scenario("demo", SPAN_S, outages=(RISING,)), ()),
     "fixes": (scenario("six", SPAN_S, fixes=True), ()),
     "fixes and gyroscope": (scenario("six", LOOKED_AT_S, fixes=True, gyroscope=True), ()),
     "landmark": (scenario("terminal", SPAN_S, range_m=9000.0), ("landmark",)),
@@ -72,10 +69,9 @@ def flown(which):
 
 
 def cuts_s(flight):
-    """Return times between two epochs, one of them within what is without satellites."""
+    """Return times between two epochs; the second is within what is without satellites."""
     end_s = (flight.imu or flight.fixes).t_s[-1]
-    cuts = [round(share * end_s) + 0.43 for share in SHARES]
-    return [*cuts, WITHOUT_S] if flight in (flown("outage"), flown(RISES)) else cuts
+    return [round(share * end_s) + 0.43 for share in SHARES]
 
 
 def table(estimate, flight, path, until_s=np.inf):
@@ -120,7 +116,7 @@ def test_states_between_epochs_are_the_same_too(method, which, tmp_path):
 
 
 @pytest.mark.parametrize("method", [FORWARD, WINDOW], ids=lambda method: method.name)
-@pytest.mark.parametrize("which", ["demo", RISES])
+@pytest.mark.parametrize("which", ["demo", "satellites that rise later"])
 def test_the_chain_looks_no_further_ahead_than_gtsam(method, which, tmp_path):
     method = replace(method, solver="chain")
     assert_same_before_cuts(method, flown(which), tmp_path / "estimate.csv")
