@@ -27,40 +27,49 @@ from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import ROTATION
 from fgnav.identification.lasting.error import least_of_use
 from fgnav.identification.lasting.rivals import Rivals
 from fgnav.identification.likelihood.changed_samples import minimum_below
-from fgnav.identification.likelihood.span_constants import Error, of_blocks
+from fgnav.identification.likelihood.record_clock import with_tags
+from fgnav.identification.likelihood.span_constants import Error, of_blocks, with_blocks
 from fgnav.identification.tag_steps import TagStep
-from fgnav.solve.chain import solve_batch
+from fgnav.solve.chain import covariance_at
 from fgnav.types.flight import Flight, Imu
 
 LOST = "lost samples"
 _BLOCKS = 120  # of a record, at most: a bound of cost
 _APART = 4  # of these at first: a loss gains nearly as much at a neighbour
 _ANY_S = 0.1  # 1-sigma in the linear problem: a few samples of any unit
-_MOST = 60  # losses, and _PASSES: bounds of cost
+_MOST = 1000  # steps, and _PASSES: bounds of cost
+_DRAWS = 3000
 _PASSES = 10  # each linearised at the tags of the one before
 
 
 class LostSamples(NamedTuple):
-    """Where samples were lost, what tags put back gain, and the noise of not knowing where.
+    """How many samples were lost up to each of some times, and what tags put back gain.
 
-    ``noise``: densities of force and rate by intervals of ``t_s``, (m, 2).
+    ``lost``: (m + 1,), at ``t_s``; ``noise``: densities of force and rate between these, (m, 2).
     """
 
-    steps: tuple[TagStep, ...]
-    nats: float
-    odds: float  # nats against so many at any time, which ``nats`` is less
-    cost: float
+    lost: FloatArray
+    interval_s: float
     t_s: FloatArray
     noise: FloatArray
+    nats: float = 0.0
+    odds: float = 0.0  # nats against so many at any time, which ``nats`` is less
+    cost: float = 0.0
     R_nb: FloatArray = np.empty((0, 3, 3))  # attitudes of keyframes with tags put back
+    doubt: AttitudeDoubt | None = None
     rivals: Rivals | None = None
     kind: str = LOST
     is_likely: bool = True  # else it is none
     requests: tuple[CalibrationRequest, ...] = ()
-    doubt: AttitudeDoubt | None = None
+
+    @property
+    def steps(self):
+        counts = np.diff(np.rint(self.lost))
+        return tuple(TagStep(float(self.t_s[k]), -float(counts[k] * self.interval_s)) for k in np.flatnonzero(counts))
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -71,11 +80,17 @@ class LostSamples(NamedTuple):
             "(each beside those before); put back, and unsure about these times.",
         )
 
+    def _tags(self, t_s):
+        early_s = self.t_s - self.interval_s * self.lost
+        return t_s + self.interval_s * np.interp(t_s, early_s, self.lost)
+
     def undone(self, flight: Flight) -> Flight:
         """Return a flight whose tags have gaps where samples were lost."""
-        for one in self.steps:
-            flight = one.undone(flight)
-        return flight
+        imu = flight.imu
+        return flight if imu is None else replace(flight, imu=replace(imu, t_s=self._tags(imu.t_s)))
+
+    def put_back(self, problem):
+        return with_tags(problem, self._tags(problem.motion.imu.t_s))
 
     def in_doubt(self, problem: SmoothingProblem) -> SmoothingProblem:
         """Return a problem that knows where samples were lost as well as that shows."""
@@ -108,41 +123,115 @@ def lost_samples(problem: SmoothingProblem, stated: Solution) -> LostSamples | N
 def _sought(
     problem: SmoothingProblem, stated: Solution, edges: IntArray, interval_s: float
 ) -> LostSamples | None:
-    """Return the likeliest losses after some keyframes."""
-    motion = cast("Inertial | GyroFree", problem.motion)
+    """Return the likeliest losses between some keyframes, and what attitudes are doubted."""
     at, solution, counts = problem, stated, _none(edges)
-    likeliest: LostSamples | None = None
+    likeliest: tuple[float, float, Solution, IntArray] | None = None
     for _ in range(_PASSES):
         losses = _likeliest((at, solution, edges), counts, interval_s)
         if losses is None:
             break
         changed, spread = losses
-        if (changed == counts).all() or changed.sum() > _MOST:
+        if (changed == counts).all():
             break
-        steps = _steps(problem.t_s[edges], changed, interval_s)
-        imu = motion.imu
-        for one in steps:
-            imu = one.put_back(imu)
-        at = replace(problem, motion=cast("Motion", replace(motion, imu=imu)))
+        at = _lost(problem, edges, changed, interval_s).put_back(problem)
         # Whole numbers are found a few at a time, and doubt of where they are leaves less.
         again = minimum_below(at, least_of_use(problem, solution.cost, _PASSES))
         if again is None:
             break
         solution, odds = again, _odds(changed, spread)
         nats = (stated.cost - solution.cost) / 2 - odds
-        if likeliest is not None and nats <= likeliest.nats:
+        if likeliest is not None and nats <= likeliest[0]:
             break
-        noise = _noise((at, edges), changed, spread, interval_s)
-        t_s, R_nb = problem.t_s[edges], solution.states.R_nb
-        likeliest = LostSamples(steps, nats, odds, solution.cost, t_s, noise, R_nb)
-        counts = changed
+        likeliest, counts = (nats, odds, solution, changed), changed
     if likeliest is None:
         return None
-    try:  # what is left, in doubt of where they were lost
-        doubted = solve_batch(likeliest.in_doubt(at))
-    except NoSolutionError:
+    return _in_doubt((problem, edges, interval_s), likeliest)
+
+
+def _in_doubt(subject, likeliest):
+    problem, edges, interval_s = subject
+    nats, odds, solution, counts = likeliest
+    lost, doubt = _lost(problem, edges, counts, interval_s), None
+    at = lost.in_doubt(lost.put_back(problem))
+    solution = minimum_below(at, np.inf, solution.states)
+    if solution is None:
         return None
-    return likeliest._replace(cost=doubted.cost)
+    information = _information((at, solution, edges), interval_s)
+    if information is None:
+        return None
+    mean, covariance = _moments(*information, counts, _most(problem.t_s[edges], interval_s))
+    lost = _lost(problem, edges, mean, interval_s)
+    at = lost.in_doubt(lost.put_back(problem))
+    solution = minimum_below(at, np.inf, solution.states)
+    if solution is None:
+        return None
+    extended = with_blocks(at, _error(), edges)
+    begin = solution.states
+    begin = begin._replace(constants=np.append(begin.constants, np.zeros(len(counts))))
+    free = covariance_at(extended, begin)
+    first = problem.constants.width
+    X = free.constant_cross[:, ROTATION, first:]
+    G = np.linalg.solve(free.constant_covariance[0, first:, first:], X.swapaxes(1, 2)).swapaxes(1, 2)
+    A = interval_s * _ramps(len(counts))
+    C = A.T @ covariance @ A
+    doubt = AttitudeDoubt(problem.t_s, G @ C @ G.swapaxes(1, 2))
+    return lost._replace(nats=nats, odds=odds, cost=solution.cost, R_nb=solution.states.R_nb, doubt=doubt)
+
+
+def _lost(problem, edges, counts, interval_s):
+    t_s = problem.t_s[edges]
+    return LostSamples(np.append(0.0, np.cumsum(counts)), interval_s, t_s, _noise((problem, edges), counts, interval_s))
+
+
+def _ramps(m):
+    return np.triu(np.ones((m, m)), 1) + np.eye(m) / 2
+
+
+def _error():
+    return Error("inertial unit", "tags", _ANY_S, _later, size=1)
+
+
+def _most(t_s, interval_s):
+    return np.maximum(np.floor(np.diff(t_s) / interval_s - 0.5), 0).astype(np.int64)
+
+
+def _moments(s, N, before, most):
+    rng, m = np.random.default_rng(0), len(s)
+    counts, own = before.copy(), N.diagonal()
+    g = s.copy()
+    draws, weights = np.empty((_DRAWS, m)), np.empty(_DRAWS)
+    for i in range(_DRAWS):
+        draws[i] = counts
+        total = counts.sum()
+        at = np.flatnonzero(counts)
+        full = counts >= most
+        more = g - own / 2 - np.log(m * (counts + 1) / (total + 1))
+        more[full] = -np.inf
+        fewer = -g[at] - own[at] / 2 + np.log(m * counts[at] / max(total, 1))
+        move = (g - own / 2 - np.log(counts + 1)) + (np.log(counts[at]) - g[at] - own[at] / 2)[:, None] + N[at]
+        move[:, full] = -np.inf
+        move[np.arange(len(at)), at] = -np.inf
+        every = np.concatenate([more, fewer, move.ravel()]) / 2
+        top = every.max()
+        rates = np.exp(every - top).cumsum()
+        weights[i] = -top - np.log(rates[-1])
+        k = int(np.searchsorted(rates, rng.random() * rates[-1]))
+        if k < m:
+            counts[k] += 1
+            g = g - N[k]
+        elif k < m + len(at):
+            counts[at[k - m]] -= 1
+            g = g + N[at[k - m]]
+        else:
+            a, b = divmod(k - m - len(at), m)
+            counts[at[a]] -= 1
+            counts[b] += 1
+            g = g + N[at[a]] - N[b]
+    share = np.exp(weights - weights.max())
+    share /= share.sum()
+    mean = share @ draws
+    off = draws - mean
+    return mean, (share[:, None] * off).T @ off
 
 
 def _odds(counts: IntArray, spread: FloatArray) -> float:
@@ -164,25 +253,25 @@ def _likeliest(
 
     ``before``: losses that have been put back.
     """
-    problem, solution, edges = subject
-    error = Error("inertial unit", "tags", _ANY_S, _later, size=1)
-    blocks = of_blocks(problem, solution.states, error, edges)
-    if blocks is None:
+    information = _information(subject, interval_s)
+    if information is None:
         return None
-    unit = interval_s / _ANY_S
-    # A step from an interval on is in all later ones.
-    s = unit * blocks[0][::-1, 0].cumsum()[::-1]
-    N = unit**2 * blocks[1][::-1, ::-1, 0, 0].cumsum(axis=0).cumsum(axis=1)[::-1, ::-1]
+    s, N = information
+    problem, _, edges = subject
+    most = _most(problem.t_s[edges], interval_s)
     counts, own = before.copy(), N.diagonal()
-    for _ in range(2 * _MOST):
+    for _ in range(_MOST):
         g, total = s - N @ (counts - before), counts.sum()
         more = g - own / 2 - np.log(len(counts) * (counts + 1) / (total + 1))
         with np.errstate(divide="ignore"):
             fewer = -g - own / 2 + np.log(len(counts) * counts / max(total, 1))
         more[0] = -np.inf  # a clock that is off all along
+        more[counts >= most] = -np.inf
         elsewhere = _elsewhere(g, N, counts)
+        elsewhere[:, counts >= most] = -np.inf
+        np.fill_diagonal(elsewhere, 0.0)
         best = (more.max(), fewer.max(), elsewhere.max())
-        if max(best) <= 0.0 or counts.sum() > _MOST:
+        if max(best) <= 0.0:
             break
         if best[2] == max(best):
             a, b = np.unravel_index(int(elsewhere.argmax()), elsewhere.shape)
@@ -205,35 +294,26 @@ def _elsewhere(g: FloatArray, N: FloatArray, counts: IntArray) -> FloatArray:
     return np.where(counts[:, None] > 0, gain, -np.inf)
 
 
-def _noise(
-    subject: tuple[SmoothingProblem, IntArray],
-    counts: IntArray,
-    spread: FloatArray,
-    interval_s: float,
-) -> FloatArray:
+def _information(subject, interval_s):
+    problem, solution, edges = subject
+    blocks = of_blocks(problem, solution.states, _error(), edges)
+    if blocks is None:
+        return None
+    A = interval_s / _ANY_S * _ramps(len(edges) - 1)
+    return A @ blocks[0][:, 0], A @ blocks[1][:, :, 0, 0] @ A.T
+
+
+def _noise(subject, counts, interval_s):
     """Return densities of force and rate by which losses may err, (m, 2)."""
     problem, edges = subject
     t_s, motion = problem.t_s[edges], problem.motion
     noise = np.zeros((len(t_s) - 1, 2))
     imu = cast("Inertial | GyroFree", motion).imu
-    samples = (imu.f_b_mps2, imu.w_b_radps)
-    for a in np.flatnonzero(counts):
-        share = np.exp(spread[a] - logsumexp(spread[a])) * counts[a]
-        for i, x in enumerate(samples):
-            if x is None:
-                continue
-            at = interpolate(t_s, imu.t_s, x)
-            for b in np.flatnonzero(share > 1e-3 * counts[a]):
-                first, last = min(a, b), max(a, b) + (a == b)  # within its own interval, too
-                error = interval_s**2 * float(((at[last] - at[first]) ** 2).sum()) / 3
-                noise[first:last, i] += share[b] * error / (t_s[last] - t_s[first])
+    for i, x in enumerate((imu.f_b_mps2, imu.w_b_radps)):
+        if x is not None:
+            squares = (np.diff(interpolate(t_s, imu.t_s, x), axis=0) ** 2).sum(axis=1)
+            noise[:, i] = counts * interval_s**2 * squares / (36 * np.diff(t_s))
     return noise
-
-
-def _steps(t_s: FloatArray, counts: IntArray, interval_s: float) -> tuple[TagStep, ...]:
-    return tuple(
-        TagStep(float(t_s[k]), -float(counts[k] * interval_s)) for k in np.flatnonzero(counts)
-    )
 
 
 def _later(by: FloatArray, imu: Imu) -> Imu:
