@@ -14,7 +14,7 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.identification.array.places import Places, places_of, with_reference
 from fgnav.identification.lasting.choice import Cause, likely_causes
-from fgnav.identification.lasting.lost_samples import LostSamples
+from fgnav.identification.lasting.lost_samples import LostSamples, prolonged
 from fgnav.identification.likelihood.beside_phases import Scored, is_misfit
 from fgnav.identification.likelihood.record_clock import clock_step
 from fgnav.identification.likelihood.satellite_errors import satellite_error_factors, with_errors
@@ -97,6 +97,10 @@ def _with_cause(as_stated: Subject, cause: Cause, built: Build) -> Subject:
     settings = replace(settings, calibration=(*settings.calibration, *cause.requests))
     if cause.is_likely:
         flight = cause.undone(flight)
+
+    if isinstance(cause, LostSamples):
+        cause = prolonged(cause, _compared(built(flight, settings)))
+        flight = cause.undone(as_stated.search.flight)
 
     def with_cause(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
         return built(flight, settings).changed(cause.in_doubt)

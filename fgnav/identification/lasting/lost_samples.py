@@ -84,6 +84,10 @@ class LostSamples(NamedTuple):
         early_s = self.interval_s * self.lost
         return np.asarray(t_s + np.interp(t_s, self.t_s - early_s, early_s))
 
+    def tags_as_stated(self, t_s: FloatArray) -> FloatArray:
+        """Return what tags that are in time, (k,), were."""
+        return np.asarray(t_s - self.interval_s * np.interp(t_s, self.t_s, self.lost))
+
     def undone(self, flight: Flight) -> Flight:
         """Return a flight whose tags are put back."""
         imu = flight.imu
@@ -103,6 +107,11 @@ class _Record(NamedTuple):
 
     problem: SmoothingProblem
     edges: IntArray  # (m + 1,)
+
+    @classmethod
+    def of(cls, problem: SmoothingProblem) -> "_Record":
+        n = len(problem.t_s)
+        return cls(problem, np.unique(np.linspace(0, n - 1, min(n, _BLOCKS + 1)).astype(np.int64)))
 
     @property
     def imu(self) -> Imu:
@@ -131,13 +140,16 @@ class _Record(NamedTuple):
 
     def with_lost(self, counts: FloatArray | IntArray) -> LostSamples:
         """Return so many of each interval, (m,), as lost."""
-        t_s, imu = self.problem.t_s[self.edges], self.imu
-        noise = np.zeros((len(counts), 2))
+        t_s, imu, m = self.problem.t_s[self.edges], self.imu, len(counts)
+        upto = np.append(0.0, np.cumsum(counts))
+        lost = LostSamples(upto, self.interval_s, t_s, np.zeros((m, 2)))
+        tags_s, error = lost.tags_put_back(imu.t_s), counts * self.interval_s**2 / np.diff(t_s) / 36
         for i, x in enumerate((imu.f_b_mps2, imu.w_b_radps)):
             if x is not None:
-                squares = (np.diff(interpolate(t_s, imu.t_s, x), axis=0) ** 2).sum(axis=1)
-                noise[:, i] = counts * self.interval_s**2 * squares / (36 * np.diff(t_s))
-        return LostSamples(np.append(0.0, np.cumsum(counts)), self.interval_s, t_s, noise)
+                lost.noise[:, i] = error * (np.diff(interpolate(t_s, tags_s, x), axis=0) ** 2).sum(
+                    1
+                )
+        return lost
 
     def put_back(self, lost: LostSamples) -> SmoothingProblem:
         """Return the problem with tags put back."""
@@ -163,22 +175,47 @@ def lost_samples(problem: SmoothingProblem, stated: Solution) -> LostSamples | N
     stated : Solution
         Its minimum.
     """
-    n = len(problem.t_s)
-    if not isinstance(problem.motion, GyroFree | Inertial) or n < 3:
+    if not isinstance(problem.motion, GyroFree | Inertial) or len(problem.t_s) < 3:
         return None
-    edges = np.unique(np.linspace(0, n - 1, min(n, _BLOCKS + 1)).astype(np.int64))
-    few = _Record(problem, np.append(edges[:-1:_APART], edges[-1]))
+    record = _Record.of(problem)
+    few = record._replace(edges=np.append(record.edges[:-1:_APART], record.edges[-1]))
     information = few.information(problem, stated)
     if information is None or not likeliest_counts(information, few.none, few.most)[0].any():
         return None
-    return _sought(_Record(problem, edges), stated)
+    return _sought(record, problem, stated, record.none)
 
 
-def _sought(record: _Record, stated: Solution) -> LostSamples | None:
-    """Return the likeliest losses, and what attitudes are doubted for all others."""
-    problem = record.problem
-    at, solution, counts = problem, stated, record.none
-    likeliest: tuple[LostSamples, Solution, IntArray] | None = None
+def prolonged(lost: LostSamples, problem: SmoothingProblem) -> LostSamples:
+    """Return losses after the last of their times as well, which the record as it was ended at.
+
+    Parameters
+    ----------
+    lost : LostSamples
+    problem : SmoothingProblem
+        Of the flight with tags put back.
+    """
+    if problem.t_s[-1] <= lost.t_s[-1] or not isinstance(problem.motion, GyroFree | Inertial):
+        return lost
+    record = _Record.of(with_tags(problem, lost.tags_as_stated(problem.motion.imu.t_s)))
+    before = np.interp(problem.t_s[record.edges], lost.t_s, lost.lost)
+    counts = np.diff(np.rint(before)).astype(np.int64)
+    at = record.put_back(record.with_lost(counts))
+    solution = minimum_below(at, np.inf)
+    longer = None if solution is None else _sought(record, at, solution, counts)
+    if longer is None:
+        return lost
+    return longer._replace(nats=lost.nats, odds=lost.odds, rivals=lost.rivals)
+
+
+def _sought(
+    record: _Record, at: SmoothingProblem, solution: Solution, counts: IntArray
+) -> LostSamples | None:
+    """Return the likeliest losses, and what attitudes are doubted for all others.
+
+    From the minimum of a problem with some put back on; what they gain is against it.
+    """
+    begin, least = solution.cost, -np.inf if counts.any() else 0.0
+    likeliest = record.with_lost(counts)._replace(nats=least), solution, counts
     for _ in range(_PASSES):
         information = record.information(at, solution)
         if information is None:
@@ -189,14 +226,14 @@ def _sought(record: _Record, stated: Solution) -> LostSamples | None:
         lost, counts = record.with_lost(changed), changed
         at = record.put_back(lost)
         # Whole numbers are found a few at a time, and doubt of where they are leaves less.
-        again = minimum_below(at, least_of_use(problem, solution.cost, _PASSES))
+        again = minimum_below(at, least_of_use(record.problem, solution.cost, _PASSES))
         if again is None:
             break
-        solution, nats = again, (stated.cost - again.cost) / 2 - odds
-        if likeliest is not None and nats <= likeliest[0].nats:
+        solution, nats = again, (begin - again.cost) / 2 - odds
+        if nats <= likeliest[0].nats:
             break
         likeliest = lost._replace(nats=nats, odds=odds), solution, changed
-    return None if likeliest is None else _with_doubt(record, *likeliest)
+    return _with_doubt(record, *likeliest) if likeliest[2].any() else None
 
 
 def _with_doubt(
