@@ -23,7 +23,7 @@ from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.graph.types.states import ROTATION
+from fgnav.graph.types.states import ROTATION, VELOCITY
 from fgnav.identification.lasting.error import least_of_use
 from fgnav.identification.lasting.rivals import Rivals
 from fgnav.identification.likelihood.changed_samples import minimum_below
@@ -258,14 +258,15 @@ def _with_doubt(
     except NoSolutionError:
         return None
     of_tags = slice(at.constants.width, None)
-    X, C = free.constant_cross[:, ROTATION, of_tags], free.constant_covariance[0, of_tags, of_tags]
+    X, C = free.constant_cross[:, :, of_tags], free.constant_covariance[0, of_tags, of_tags]
     G = np.linalg.solve(C, X.swapaxes(1, 2)).swapaxes(1, 2) @ record.late_s.T
+    P_R, P_v = (G[:, of] @ covariance @ G[:, of].swapaxes(1, 2) for of in (ROTATION, VELOCITY))
     return lost._replace(
         nats=likeliest.nats,
         odds=likeliest.odds,
         cost=ended.cost,
         R_nb=ended.states.R_nb,
-        doubt=AttitudeDoubt(record.problem.t_s, G @ covariance @ G.swapaxes(1, 2)),
+        doubt=AttitudeDoubt(record.problem.t_s, P_R, P_v),
     )
 
 
