@@ -95,12 +95,10 @@ def _with_cause(as_stated: Subject, cause: Cause, built: Build) -> Subject:
     """Return a flight without its cause, or with it in doubt."""
     flight, settings = as_stated.search.flight, as_stated.search.settings
     settings = replace(settings, calibration=(*settings.calibration, *cause.requests))
+    if isinstance(cause, LostSamples):
+        cause = prolonged(cause, _compared(built(cause.undone(flight), settings)))
     if cause.is_likely:
         flight = cause.undone(flight)
-
-    if isinstance(cause, LostSamples):
-        cause = prolonged(cause, _compared(built(flight, settings)))
-        flight = cause.undone(as_stated.search.flight)
 
     def with_cause(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
         return built(flight, settings).changed(cause.in_doubt)

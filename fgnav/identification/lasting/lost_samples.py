@@ -1,13 +1,14 @@
 """Samples of the inertial unit that are lost, and its tags go on: all later ones are early.
 
 A logger that counts samples loses some, and no gap shows it. Of n_k samples of T lost between
-keyframes k and k + 1, anywhere between them, tags are early by half of n_k T there, and by n_k T
-after it. By score and information of n (``likelihood.span_constants``; one linear solve)
-they are the likeliest (``spans.lost_counts``), tags put back and all linearised anew. About these
-many others are as likely: losses at two times against others between them. Tags are put back by
-the mean of n, and with G the derivative of attitudes by it these are doubted by ``G cov(n) G'``.
-Within an interval, of ends x_k and x_k+1, a loss errs by T (x_k+1 - x_k) times what it is off the
-middle, of variance 1/12: noise of density ``n_k T^2 |x_k+1 - x_k|^2 / (36 (t_k+1 - t_k))``.
+keyframes k and k + 1, anywhere between them, tags are early by half of n_k T there on the mean, and
+by n_k T after it. By score and information of n (``likelihood.span_constants``; one linear solve)
+the likeliest are sought (``spans.lost_counts``), tags put back, and all is linearised anew. About
+these many others are as likely: losses at two times against others between them. So tags are put
+back by the mean of n, and attitudes and velocities are doubted by ``G cov(n) G'``, G their
+derivative by n. Within an interval of samples x_k to x_k+1 a loss errs by ``T (x_k+1 - x_k)`` times
+what it is off the middle, of variance 1/12: noise of density
+``n_k T^2 |x_k+1 - x_k|^2 / (36 (t_k+1 - t_k))``.
 """
 
 from dataclasses import replace
