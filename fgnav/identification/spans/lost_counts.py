@@ -22,7 +22,7 @@ from scipy.special import gammaln, logsumexp
 from fgnav.checks import FloatArray, IntArray
 
 _STEPS = 1000  # to the likeliest, and _JUMPS: bounds of cost
-_JUMPS = 3000  # from one n to another
+_JUMPS = 2000  # from one n to another
 Information = tuple[FloatArray, FloatArray]  # s, (m,), and N, (m, m), about some n
 
 
