@@ -37,15 +37,25 @@ class AttitudeDoubt(NamedTuple):
     """Covariance of the body's axes against those of the states, (n, 3, 3), rad2, at times, (n,).
 
     Of each attitude, by what is left of a fault whose samples are put right: see
-    ``identification.lasting.error`` and ``identification.spans``.
+    ``identification.lasting.error`` and ``identification.spans``. Of velocities, too, if that is
+    known.
     """
 
     t_s: FloatArray
     covariance_rad2: FloatArray
+    velocity_m2ps2: FloatArray | None = None
 
     def at(self, t_s: FloatArray) -> FloatArray:
         """Return it at other times, (k, 3, 3): between two it is between theirs."""
-        return interpolate(t_s, self.t_s, self.covariance_rad2.reshape(-1, 9)).reshape(-1, 3, 3)
+        return self._at(t_s, self.covariance_rad2)
+
+    def velocity_at(self, t_s: FloatArray) -> FloatArray:
+        """Return that of velocities, (k, 3, 3)."""
+        P = self.velocity_m2ps2
+        return np.zeros((len(t_s), 3, 3)) if P is None else self._at(t_s, P)
+
+    def _at(self, t_s: FloatArray, P: FloatArray) -> FloatArray:
+        return interpolate(t_s, self.t_s, P.reshape(-1, 9)).reshape(-1, 3, 3)
 
 
 class Earlier(NamedTuple):

@@ -14,7 +14,7 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.identification.array.places import Places, places_of, with_reference
 from fgnav.identification.lasting.choice import Cause, likely_causes
-from fgnav.identification.lasting.lost_samples import LostSamples
+from fgnav.identification.lasting.lost_samples import LostSamples, prolonged
 from fgnav.identification.likelihood.beside_phases import Scored, is_misfit
 from fgnav.identification.likelihood.record_clock import clock_step
 from fgnav.identification.likelihood.satellite_errors import satellite_error_factors, with_errors
@@ -95,6 +95,8 @@ def _with_cause(as_stated: Subject, cause: Cause, built: Build) -> Subject:
     """Return a flight without its cause, or with it in doubt."""
     flight, settings = as_stated.search.flight, as_stated.search.settings
     settings = replace(settings, calibration=(*settings.calibration, *cause.requests))
+    if isinstance(cause, LostSamples):
+        cause = prolonged(cause, _compared(built(cause.undone(flight), settings)))
     if cause.is_likely:
         flight = cause.undone(flight)
 

@@ -67,7 +67,7 @@ def white_noise(
         return _AS_STATED
     if not (found.is_beyond(found.theta).any() or is_misfit(problem, found.cost)):
         return _AS_STATED
-    begin = found.states
+    stated = found
     theta = np.full(len(found.names), np.log(ABOVE))  # whoever is faint takes nothing
     for _ in range(_ROUNDS):
         found = _scored(changed(_factors(found.names, theta)), found.states)
@@ -83,7 +83,7 @@ def white_noise(
     # Of a few keyframes a likelihood may be flat below a minimum that is sharp: sigma is none.
     # What is left of all is of a free variance factor, as in ``profile_likelihood``.
     beyond = max(found.cost / measured_rows(problem), 1.0)
-    nats = noise_gain(factors, changed, begin)
+    nats = noise_gain(factors, changed, stated)
     if nats <= EXCLUDED * beyond:
         return _AS_STATED
     return WhiteNoise(factors, {found.names[i]: float(found.sigma[i]) for i in used}, nats)
@@ -113,19 +113,22 @@ def profile_likelihood(problem: SmoothingProblem) -> float:
 def noise_gain(
     factors: dict[str, float],
     louder: Callable[[dict[str, float]], SmoothingProblem],
-    begin: States | None = None,
+    stated: "Scored | None" = None,
 ) -> float:
     """Return what white noises so many times as loud as stated gain of a whole problem.
 
     Of the score the cost at the minimum tells r' C r; tr(C M), which is smooth, is summed on the
     way, each minimum sought from the one before. Infinite where there is none.
+
+    Against ``stated``, if that minimum is known, as causes are that compete: 600 standard
+    deviations off it depends on which biases samples were summed up about.
     """
     if not factors:
         return 0.0
     theta = {name: float(np.log(factor)) for name, factor in factors.items()}
     places, weights = np.polynomial.legendre.leggauss(_NODES)
     try:
-        at = _minimum(louder({}), begin)
+        at = stated or _minimum(louder({}), None)
         total = at.cost / 2
         for place, weight in zip((places + 1) / 2, weights / 2, strict=True):
             on_the_way = {name: float(np.exp(place * one)) for name, one in theta.items()}

@@ -96,6 +96,20 @@ def of_blocks(
     edges : ndarray of int, shape (m + 1,)
         Keyframes, the first and the last among them.
     """
+    extended = with_blocks(problem, error, edges)
+    if extended is None:
+        return None
+    first = problem.constants.width
+    return information_of(extended, at, first, error.any, (len(edges) - 1, error.size))
+
+
+def with_blocks(
+    problem: SmoothingProblem, error: Error, edges: IntArray
+) -> SmoothingProblem | None:
+    """Return a problem with an error in blocks as its last constants; None without a unit.
+
+    Parameters as in ``of_blocks``.
+    """
     m, g, motion = len(edges) - 1, error.size, problem.motion
     if not isinstance(motion, GyroFree | Inertial):
         return None
@@ -104,15 +118,10 @@ def of_blocks(
     at_none = replace(motion, imu=quiet)
     changed = tuple(replace(motion, imu=error.less(by, quiet)) for by in error.step * np.eye(g))
     names = tuple(f"{j}" for j in range(g * m))
-    extended = problem.with_constants(
-        (flight_constant("span", names, "", error.any, reported=False),)
-    )
-    first = problem.constants.width
-    extended = replace(
-        extended,
-        motion=cast("Motion", _InBlocks(motion, at_none, changed, error.step, first + g * block)),
-    )
-    return information_of(extended, at, first, error.any, (m, g))
+    part = flight_constant("span", names, "", error.any, reported=False)
+    column = problem.constants.width + g * block
+    in_blocks = _InBlocks(motion, at_none, changed, error.step, column)
+    return replace(problem.with_constants((part,)), motion=cast("Motion", in_blocks))
 
 
 def information_of(

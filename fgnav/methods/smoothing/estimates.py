@@ -126,9 +126,12 @@ def stated_at(
     R_nb, P = estimate.R_nb, estimate.attitude_covariance_rad2
     if prepared.axes is not None:
         R_nb, P = attitude_of_body(part, problem.constants, prepared.axes)
+    P_v = estimate.velocity_covariance_m2ps2
     if P is not None:
         P = P + sum(one.at(t_s) for one in prepared.doubts)
-    return replace(estimate, R_nb=R_nb, attitude_covariance_rad2=P)
+    if P_v is not None:
+        P_v = P_v + sum(one.velocity_at(t_s) for one in prepared.doubts)
+    return replace(estimate, R_nb=R_nb, attitude_covariance_rad2=P, velocity_covariance_m2ps2=P_v)
 
 
 def stated(
