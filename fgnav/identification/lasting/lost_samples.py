@@ -147,9 +147,8 @@ class _Record(NamedTuple):
         tags_s, error = lost.tags_put_back(imu.t_s), counts * self.interval_s**2 / np.diff(t_s) / 36
         for i, x in enumerate((imu.f_b_mps2, imu.w_b_radps)):
             if x is not None:
-                lost.noise[:, i] = error * (np.diff(interpolate(t_s, tags_s, x), axis=0) ** 2).sum(
-                    1
-                )
+                change = np.diff(interpolate(t_s, tags_s, x), axis=0)
+                lost.noise[:, i] = error * (change**2).sum(axis=1)
         return lost
 
     def put_back(self, lost: LostSamples) -> SmoothingProblem:
