@@ -27,6 +27,7 @@ from fgnav.identification.likelihood.record_clock import (
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.identify import as_stated, identify
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
+from fgnav.identification.spans.beside_phases import nats_of_span
 from fgnav.identification.tested_constants import SIGMAS, SQUARES_OF_TWO
 from fgnav.identification.track.candidates import clock_candidates, over_common_span
 from fgnav.identification.track.clock import STEP_S
@@ -141,6 +142,8 @@ class TagSearch(NamedTuple):
         if prepared.problem.phase is not None and 2 * clock_nats > SQUARES_OF_TWO:
             whole = with_turn(prepared.from_minimum, turned)
             clock = clock_off(whole, middle_of_tags_s(self.flight.imu), moved)
+            if clock is not None and clock.squares <= 2 * nats_of_span(whole):
+                return AtTags(identified.on_time(), moved)
         if clock is not None:  # phases tell it best
             identified = identified.with_clock(clock.value, clock.sigma)
         elif not is_far(self.flight, identified.times):
@@ -157,13 +160,26 @@ class TagSearch(NamedTuple):
             rest = stepped.identified.times.value[:2]
             stepped = AtTags(stepped.identified.on_time(), stepped.moved + rest)
         either = identified.times.are_one_or_the_other
-        both = (moved, stepped.moved)
-        before, after = (others.without_clock(by, both, turned) for by in both)
-        # Late velocities are as likely as these tags: then it is enough that nothing excludes them.
-        least = -EXCLUDED if either else SIGMAS**2 / 2
+        return others._likelier(unmoved, stepped, turned, is_late_velocity=either)
+
+    def _likelier(
+        self,
+        unmoved: AtTags,
+        stepped: AtTags,
+        turned: tuple[FlightConstant, ...],
+        *,
+        is_late_velocity: bool,
+    ) -> AtTags:
+        """Return what a flight says with tags moved further, if that is likelier.
+
+        Where late velocities are as likely as these tags it is enough that nothing excludes them.
+        """
+        both = (unmoved.moved, stepped.moved)
+        before, after = (self.without_clock(by, both, turned) for by in both)
+        least = -EXCLUDED if is_late_velocity else SIGMAS**2 / 2
         if after.likelihood > before.likelihood + least:
             return stepped
-        late = before.identified if either else None
+        late = before.identified if is_late_velocity else None
         return unmoved if late is None else unmoved._replace(identified=late)
 
     def informed(self, at_tags: AtTags) -> "TagSearch":

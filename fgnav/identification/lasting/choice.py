@@ -42,6 +42,7 @@ from fgnav.identification.likelihood.beside_phases import (
 from fgnav.identification.likelihood.record_clock import with_drifts
 from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.noise.begin import WHITE
+from fgnav.identification.spans.beside_phases import nats_of_span
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight, Seeker
@@ -182,6 +183,8 @@ def likely_causes(
     rivals = (
         one for one in others if not (isinstance(best, LastingError) and best.kind == one.kind)
     )
+    if isinstance(best, ClockOff | LostSamples) and best.nats <= nats_of_span(problem):
+        return ()
     if best.nats <= _otherwise(problem, stated.cost, map(estimating, rivals), best.nats):
         return ()
     if best.nats <= white_noise(problem, with_noise, Scored.of(problem, stated)).nats:

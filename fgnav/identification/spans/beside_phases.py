@@ -67,6 +67,20 @@ def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
     return tuple(sorted(refined, key=lambda one: -one.gain))
 
 
+def nats_of_span(problem: SmoothingProblem) -> float:
+    """Return by how much the likeliest error of the unit over a span is likelier than none.
+
+    Less half of ln of the measurements for each of its numbers (Schwarz, 1978), and ln of the
+    seconds at which it may begin and of the errors. Minus infinity where there is none.
+    """
+    offsets, duration_s = offsets_by_phases(problem), float(np.ptp(problem.t_s))
+    if not offsets:
+        return -np.inf
+    each = float(np.log(measured_rows(problem))) / 2
+    of_many = np.log(max(duration_s, 1.0)) + np.log(len(ERRORS))
+    return float(offsets[0].gain - len(offsets[0].value) * each - of_many)
+
+
 def of_drifts(problem: SmoothingProblem, at: States) -> list[Offset]:
     """Return how either bias drifts over all of a record, about a problem's minimum."""
     ends = np.array([0, len(problem.t_s) - 1])
