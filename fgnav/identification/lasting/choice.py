@@ -189,7 +189,7 @@ def likely_causes(
         return ()
     if best.nats <= white_noise(problem, with_noise, Scored.of(problem, stated)).nats:
         return ()
-    may_be_unlikely = isinstance(best, ClockOff) and not best.is_exact
+    may_be_unlikely = isinstance(best, ClockOff)
     if isinstance(best, LastingError):
         may_be_unlikely = best.kind != arm.LEVER_ARM
     if best.nats <= EXCLUDED and not may_be_unlikely:

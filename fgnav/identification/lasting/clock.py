@@ -15,6 +15,7 @@ from scipy.special import expit
 from fgnav.checks import FloatArray
 from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests, of_time
 from fgnav.frontend.prepared import AttitudeDoubt
+from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.problem import SmoothingProblem
@@ -82,6 +83,8 @@ class ClockOff(NamedTuple):
         imu = flight.imu
         if imu is None or self.is_likely:
             return with_tags_moved(flight, self.moved, self.middle_s)
+        if self.is_exact:  # attitudes are doubted
+            return flight
         moved_s = tags_moved_s(imu, self.moved, self.middle_s) - imu.t_s
         squares_s2 = self.share * (np.mean(moved_s**2) + self.sigma[0] ** 2)
         doubt_s = float(np.hypot(imu.clock_offset_sigma_s or 0.0, np.sqrt(squares_s2)))
@@ -135,9 +138,23 @@ def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> C
     spread = np.linalg.slogdet(clock.covariance)[1] - np.log(before)
     nats = float((stated.cost - clock.cost + spread) / 2)
     is_exact = problem.phase is not None
-    doubt = attitude_doubt(at, middle_s, moved) if is_exact and nats > EXCLUDED else None
-    R_nb = solution.states.R_nb
-    return ClockOff(moved, clock.sigma, middle_s, nats, clock.cost, is_exact, R_nb, doubt)
+    R_nb, doubt = solution.states.R_nb, None
+    if is_exact and nats > EXCLUDED - LIKELY:
+        doubt = attitude_doubt(at, middle_s, moved)
+    off = ClockOff(moved, clock.sigma, middle_s, nats, clock.cost, is_exact, R_nb, doubt)
+    return off if off.is_likely else off._replace(doubt=_of_both(off, stated.states.R_nb))
+
+
+def _of_both(off: ClockOff, stated_nb: FloatArray) -> AttitudeDoubt | None:
+    """Return what attitudes as stated are doubted for a clock that is not likely.
+
+    The second moment of both, ``share (d d' + P)``, d from these to the clock's, (n, 3).
+    """
+    if off.doubt is None:
+        return None
+    apart = log(transpose(stated_nb) @ off.R_nb)
+    squares = off.doubt.covariance_rad2 + apart[:, :, None] * apart[:, None]
+    return off.doubt._replace(covariance_rad2=off.share * squares)
 
 
 def clock_sentence(off: FloatArray, sigma: FloatArray, then: str) -> str:
