@@ -15,7 +15,7 @@ _NORMAL = 1.4826  # sigma of normal noise over its median size
 # and identification, IEEE Trans. Control Systems Technology 10, 2002).
 _SIGMAS = 20.0
 _NEIGHBOURS = 6.0  # sigmas by which neighbours of a spike may differ
-_NEAR = 25  # samples on either side: a median of 51 in_range sigma to 16 %, half may be spikes
+_NEAR = 25  # samples on either side: a median of 51 tells sigma to 16 %, half may be spikes
 _FEWEST = 100
 _AXES = "xyz"
 _FALSE_ALARM = 1e-4  # of each test on a right record

@@ -40,7 +40,7 @@ def test_the_likeliest_are_those_of_all(information):
 def test_mean_and_covariance_are_those_of_all(information):
     n, log_p = every(information, MOST)
     share = softmax(log_p)
-    mean, covariance = moments_of_counts(information, BEFORE, MOST)
+    mean, covariance = moments_of_counts(information, BEFORE, MOST, np.random.default_rng(0))
     np.testing.assert_allclose(mean, share @ n, atol=0.08)
     off = n - share @ n
     np.testing.assert_allclose(covariance, (share[:, None] * off).T @ off, atol=0.08)

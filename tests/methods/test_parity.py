@@ -34,10 +34,7 @@ VECTORS = {
 
 @dataclass(frozen=True)
 class Case:
-    """A scenario, what is asked of the methods, and how often they state anything.
-
-    Both solve one problem, so noise is as stated but where its identification adds to the problem.
-    """
+    """A scenario, what is asked of the methods, and how often they state anything."""
 
     scenario: object
     options: dict = field(default_factory=dict)
@@ -60,21 +57,15 @@ CASES = {
         scenario("demo", SPAN_S, gyroscope=True), {"estimate": ("lever-arm",)}
     ),
     "antennas": Case(scenario("demo", SPAN_S), {"estimate": ("antennas",)}),
-    "barometer and hard iron": Case(SURROUNDINGS, {"noise": "identified"}),
+    "barometer and hard iron": Case(SURROUNDINGS),
     "gravity": Case(scenario("demo", SPAN_S), {"gravity": TrueGravity(), "estimate": ("gravity",)}),
     "gravity without phase": Case(scenario("six", SPAN_S, fixes=True), {"gravity": TrueGravity()}),
     "low dynamics": Case(scenario("ramp", SPAN_S), {"gravity": LowDynamics()}),
-    "fixes and gyroscope": Case(
-        scenario("six", 15.0, fixes=True, gyroscope=True), {"noise": "identified"}
-    ),
+    "fixes and gyroscope": Case(scenario("six", 15.0, fixes=True, gyroscope=True)),
     "float arcs": Case(None, {"resolver": Cut()}),
     "states between epochs": Case(scenario("demo", SPAN_S), rate_hz=25.0),
 }
-METHODS = {
-    "smoother": Smoother(lag_s=2.0, noise="stated"),
-    "forward": Forward(noise="stated"),
-    "batch": Batch(noise="stated"),
-}
+METHODS = {"smoother": Smoother(lag_s=2.0), "forward": Forward(), "batch": Batch()}
 
 
 def solved(which, name):

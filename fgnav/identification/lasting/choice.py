@@ -36,7 +36,7 @@ from fgnav.identification.lasting.rivals import Rivals, rivals_of
 from fgnav.identification.likelihood.beside_phases import (
     Scored,
     is_misfit,
-    measured_rows,
+    schwarz_nats,
     white_noise,
 )
 from fgnav.identification.likelihood.record_clock import with_drifts
@@ -183,7 +183,7 @@ def likely_causes(
     rivals = (
         one for one in others if not (isinstance(best, LastingError) and best.kind == one.kind)
     )
-    if isinstance(best, ClockOff | LostSamples) and best.nats <= nats_of_span(problem):
+    if isinstance(best, ClockOff | LostSamples) and best.nats <= nats_of_span(*at):
         return ()
     if best.nats <= _otherwise(problem, stated.cost, map(estimating, rivals), best.nats):
         return ()
@@ -245,10 +245,10 @@ def _otherwise(
 ) -> float:
     """Return what drifts, a lever arm or late velocities gain, the greatest, if it is so much.
 
-    Less half of ln of the measurements for each of their constants (Schwarz, 1978): how far they
-    may be off is known by convention alone. No velocity is of a later time than it is stated for.
+    Less what each of their constants costs (``schwarz_nats``). No velocity is of a later time than
+    it is stated for.
     """
-    each = float(np.log(measured_rows(problem))) / 2
+    each = schwarz_nats(problem)
     enough = stated - 2 * least
     drifts, gains = with_drifts(problem, enough), [0.0]
     if drifts is not None:

@@ -245,7 +245,8 @@ def _with_doubt(
     information = None if doubted is None else record.information(at, doubted)
     if doubted is None or information is None:
         return None
-    mean, covariance = moments_of_counts(information, counts, record.most)
+    rng = np.random.default_rng(0)  # the same losses for the same flight
+    mean, covariance = moments_of_counts(information, counts, record.most, rng)
     lost = record.with_lost(mean)
     at = lost.in_doubt(record.put_back(lost))
     ended = minimum_below(at, np.inf, doubted.states)

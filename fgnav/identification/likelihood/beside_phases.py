@@ -89,6 +89,16 @@ def white_noise(
     return WhiteNoise(factors, {found.names[i]: float(found.sigma[i]) for i in used}, nats)
 
 
+def schwarz_nats(problem: SmoothingProblem) -> float:
+    """Return what a constant costs that is known by convention alone: half of ln of the rows.
+
+    References
+    ----------
+    Schwarz, Estimating the dimension of a model, Annals of Statistics 6, 1978.
+    """
+    return float(np.log(measured_rows(problem))) / 2
+
+
 def profile_likelihood(problem: SmoothingProblem) -> float:
     """Return the log likelihood at the minimum of a whole problem; minus infinity without one.
 

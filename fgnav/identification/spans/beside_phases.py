@@ -12,8 +12,9 @@ from scipy.special import chdtri
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.identification.likelihood.beside_phases import measured_rows
+from fgnav.identification.likelihood.beside_phases import measured_rows, schwarz_nats
 from fgnav.identification.likelihood.span_constants import Error, finer, likeliest_span, seconds
 from fgnav.identification.likelihood.span_offsets import (
     LEAST_S,
@@ -30,7 +31,9 @@ from fgnav.types.flight import Imu
 _DOUBTED = 0.1  # share of right flights
 
 
-def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
+def offsets_by_phases(
+    problem: SmoothingProblem, stated: Solution | None = None
+) -> tuple[Offset, ...]:
     """Return the likeliest errors of the unit's sensors, those as likely as the best.
 
     Empty where nothing is doubted, or something else is wrong; and without a gyroscope, for a rate
@@ -40,12 +43,14 @@ def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
     ----------
     problem : SmoothingProblem
         With phases of arcs.
+    stated : Solution, optional
+        Its minimum, if that is known.
     """
     rows = measured_rows(problem)
     if "gyroscope" not in problem.motion.noise_parts().names:
         return ()
     try:
-        solution = solve_batch(problem)
+        solution = stated or solve_batch(problem)
     except NoSolutionError:
         return ()
     if not solution.converged or solution.cost < chdtri(rows, _DOUBTED):
@@ -67,18 +72,23 @@ def offsets_by_phases(problem: SmoothingProblem) -> tuple[Offset, ...]:
     return tuple(sorted(refined, key=lambda one: -one.gain))
 
 
-def nats_of_span(problem: SmoothingProblem) -> float:
+def nats_of_span(problem: SmoothingProblem, stated: Solution | None = None) -> float:
     """Return by how much the likeliest error of the unit over a span is likelier than none.
 
-    Less half of ln of the measurements for each of its numbers (Schwarz, 1978), and ln of the
-    seconds at which it may begin and of the errors. Minus infinity where there is none.
+    Less what each of its numbers costs (``schwarz_nats``), and ln of the seconds at which it may
+    begin and of the errors. Minus infinity where there is none. Parameters as above.
     """
-    offsets, duration_s = offsets_by_phases(problem), float(np.ptp(problem.t_s))
+    offsets = offsets_by_phases(problem, stated)
     if not offsets:
         return -np.inf
-    each = float(np.log(measured_rows(problem))) / 2
-    of_many = np.log(max(duration_s, 1.0)) + np.log(len(ERRORS))
-    return float(offsets[0].gain - len(offsets[0].value) * each - of_many)
+    (best, *_), each = offsets, schwarz_nats(problem)
+    of_many = seconds_nats(problem.t_s) + float(np.log(len(ERRORS)))
+    return best.gain - len(best.value) * each - of_many
+
+
+def seconds_nats(t_s: FloatArray) -> float:
+    """Return ln of the seconds at which an error between keyframes, (n,), may begin."""
+    return float(np.log(max(float(np.ptp(t_s)), 1.0)))
 
 
 def of_drifts(problem: SmoothingProblem, at: States) -> list[Offset]:

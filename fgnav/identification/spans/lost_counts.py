@@ -58,13 +58,14 @@ def likeliest_counts(
 
 
 def moments_of_counts(
-    information: Information, counts: IntArray, most: FloatArray
+    information: Information, counts: IntArray, most: FloatArray, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Return mean, (m,), and covariance, (m, m), of losses.
 
-    Parameters as in ``likeliest_counts``; ``counts``, near the likeliest: where the chain begins.
+    Parameters as in ``likeliest_counts``; ``counts``, near the likeliest: where the chain begins;
+    ``rng``: of its jumps.
     """
-    (g, N), m, rng = information, len(counts), np.random.default_rng(0)
+    (g, N), m = information, len(counts)
     visited, log_stay = np.empty((_JUMPS, m)), np.empty(_JUMPS)
     for i in range(_JUMPS):
         visited[i] = counts

@@ -47,6 +47,7 @@ from fgnav.identification.spans.beside_phases import (
     is_turned_throughout,
     of_drifts,
     offsets_by_phases,
+    seconds_nats,
 )
 from fgnav.identification.spans.errors import DRIFT, ERRORS, SAMPLES, added
 from fgnav.identification.spans.span_fault import SpanFault
@@ -234,7 +235,7 @@ def _by_phases(
 
 def _limit(t_s: FloatArray) -> float:
     """Return the nats beyond which an error that begins at any second is likelier than none."""
-    return float(EXCLUDED + np.log(max(float(t_s[-1] - t_s[0]), 1.0)))
+    return EXCLUDED + seconds_nats(t_s)
 
 
 def _refined(

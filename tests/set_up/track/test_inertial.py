@@ -109,7 +109,7 @@ def test_a_clock_off_by_less_than_a_second_is_no_reason_to_refuse():
     assert not finding.certain
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(3))
 def test_exchanged_axes_are_put_right(seed):
     rng = np.random.default_rng(seed)
     order, signs = rng.permutation(3), rng.choice([-1.0, 1.0], 3)
