@@ -140,8 +140,7 @@ def _by_track(flight: Flight, imu: Imu, *, quick: bool) -> list[Finding]:
         return size_findings(imu)
     forces = mean_forces(imu, track, flight.origin)
     share = None if forces is None else share_of_least(imu, forces)
-    course = None if quick and observations is not None else track
-    findings = size_findings(imu, course, expected_force(track, flight.origin), share)
+    findings = size_findings(imu, expected_force(track, flight.origin), share)
     if findings or forces is None or flight.magnetometer is None:
         return findings
     return angle_findings(imu, flight.magnetometer, forces)

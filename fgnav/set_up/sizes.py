@@ -5,7 +5,6 @@ import numpy as np
 from fgnav.attitude.flight_vectors import Track
 from fgnav.checks import FloatArray
 from fgnav.geometry.earth import Origin
-from fgnav.geometry.rotations import wrap
 from fgnav.set_up.findings import Finding
 from fgnav.types.flight import Imu
 
@@ -15,14 +14,12 @@ _SPAN_S = 0.5  # of means whose change is compared
 _FEWEST = 20
 _RELATED = 0.5  # correlation that says anything
 _ALIKE = 3.0  # times: a slope at so loose a correlation is known no better
-_FAST_MPS = 5.0  # a course is meant
 _NEAR_S = 2.5
 _LESS = 0.8  # of what is the least: no scale factor, bias or noise leaves so little
 
 
 def size_findings(
     imu: Imu,
-    track: Track | None = None,
     expected_mps2: float | None = _G_MPS2,
     share: float | None = None,
 ) -> list[Finding]:
@@ -36,7 +33,7 @@ def size_findings(
     forces = [] if expected_mps2 is None else _force_findings(imu, expected_mps2)
     if not any(finding.certain for finding in forces) and share is not None and share < _LESS:
         forces = [_too_little(share)]
-    return [*forces, *_rate_findings(imu, track)]
+    return [*forces, *_rate_findings(imu)]
 
 
 def expected_force(track: Track, origin: Origin) -> float | None:
@@ -95,15 +92,11 @@ def _too_little(share: float) -> Finding:
     )
 
 
-def _rate_findings(imu: Imu, track: Track | None) -> list[Finding]:
-    """Compare the gyroscope with whatever turns: gravity in the body, or the course."""
+def _rate_findings(imu: Imu) -> list[Finding]:
+    """Compare the gyroscope with the turn of gravity in the body."""
     if imu.w_b_radps is None:
         return []
-    witnesses = {"gravity turns": _gravity(imu, imu.w_b_radps)}
-    if track is not None and track.v_n_mps is not None:
-        witnesses["the course turns"] = _course(imu, imu.w_b_radps, track.t_s, track.v_n_mps)
-    related = {name: _related(told, seen) for name, (told, seen) in witnesses.items()}
-    name, (correlation, slope) = max(related.items(), key=lambda item: item[1])
+    correlation, slope = _related(*_gravity(imu, imu.w_b_radps))
     if correlation < _RELATED or 1 / _ALIKE < slope < _ALIKE:
         return []
     rate_hz = 1.0 / float(np.median(np.diff(imu.t_s)))
@@ -113,7 +106,7 @@ def _rate_findings(imu: Imu, track: Track | None) -> list[Finding]:
     }
     for text, factor in units.items():
         if factor / _ALIKE < slope < _ALIKE * factor:
-            evidence = f"{name} {slope:.3g} times as fast as they say"
+            evidence = f"gravity turns {slope:.3g} times as fast as they say"
             return [
                 Finding(
                     name="gyroscope unit",
@@ -149,21 +142,3 @@ def _means(imu: Imu, x: FloatArray) -> FloatArray:
 
 def _in_a_mean(imu: Imu) -> int:
     return max(1, round(_SPAN_S / float(np.median(np.diff(imu.t_s)))))
-
-
-def _course(
-    imu: Imu, w_b_radps: FloatArray, t_s: FloatArray, v_n_mps: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return turns of the course, told by the rate about the specific force, and seen.
-
-    In coordinated flight specific force stays where it is in the body, and gravity tells nothing.
-    """
-    size = np.linalg.norm(imu.f_b_mps2, axis=1)
-    about_down = -np.einsum("ni,ni->n", w_b_radps, imu.f_b_mps2) / np.where(size > 0, size, 1.0)
-    middles = (about_down[1:] + about_down[:-1]) / 2 * np.diff(imu.t_s)
-    angle = np.interp(t_s, imu.t_s, np.concatenate([[0.0], np.cumsum(middles)]))
-    seen = wrap(np.diff(np.arctan2(v_n_mps[:, 1], v_n_mps[:, 0])))
-    fast = np.hypot(v_n_mps[:, 0], v_n_mps[:, 1]) > _FAST_MPS
-    near = (np.diff(t_s) < _NEAR_S) & (t_s[:-1] >= imu.t_s[0]) & (t_s[1:] <= imu.t_s[-1])
-    used = fast[1:] & fast[:-1] & near
-    return np.diff(angle)[used], seen[used]

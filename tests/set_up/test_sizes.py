@@ -85,12 +85,23 @@ def test_a_gyroscope_at_rest_tells_nothing_of_its_unit():
 
 def test_a_real_gyroscope_is_right_and_its_degrees_are_found(shared):
     flight = uav(shared)
-    track = track_of(flight)
-    assert size_findings(flight.imu, track) == []
+    assert of_unit(flight) == []
     degrees = replace(flight.imu, w_b_radps=np.degrees(flight.imu.w_b_radps))
-    (finding,) = size_findings(degrees, track)
+    (finding,) = of_unit(replace(flight, imu=degrees))
+    assert finding.certain
     assert "degrees per second" in finding.text
-    assert "the course turns" in finding.text
+
+
+def test_a_body_that_yaws_faster_than_its_course_has_a_gyroscope_in_radians():
+    """A weave's course follows yaw at a twentieth: it was refused as one in degrees."""
+    assert of_unit(right_flight("instruments", 52032)) == []
+
+
+def of_unit(flight):
+    """Return what a quick check finds of the inertial unit's axes and units."""
+    names = ("imu", "gyroscope")
+    findings = describe(flight, quick=True).findings
+    return [one for one in findings if one.name.split()[0] in names]
 
 
 @pytest.mark.parametrize("kind", ["fixes", "raw", "array"])
