@@ -120,7 +120,7 @@ def findings(
     tests = (*places.tests, *_tests(subject.search.flight.imu, identified))
     is_same = _is_as_stated(at_tags, requests, settings.calibration)
     is_mended = bool(out or gross or any(one.is_likely for one in faults))
-    is_mended |= cause is not None
+    is_mended |= cause is not None and cause.is_likely
     is_as_stated = is_same and not (tests or is_mended)
     if is_as_stated and not (subject.errors or faults or cause):
         return None

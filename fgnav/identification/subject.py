@@ -83,22 +83,22 @@ def subject_of(
     if at is not None and (at[1].converged or settings.causes_anywhere):
         causes = _likely_causes(as_stated.search, prepared, at, scores.clock_nats)
     for cause in causes:
+        if not cause.is_likely:
+            as_stated = as_stated._replace(cause=cause)
+            break
         subject = _with_cause(as_stated, cause, built)
         if _is_likelier(subject, as_stated):
             return subject
-    if causes or prepared.minimum is None:
-        return as_stated
-    return as_stated._replace(scores=scores)
+    return as_stated if prepared.minimum is None else as_stated._replace(scores=scores)
 
 
 def _with_cause(as_stated: Subject, cause: Cause, built: Build) -> Subject:
-    """Return a flight without its cause, or with it in doubt."""
+    """Return a flight without its cause."""
     flight, settings = as_stated.search.flight, as_stated.search.settings
     settings = replace(settings, calibration=(*settings.calibration, *cause.requests))
     if isinstance(cause, LostSamples):
         cause = prolonged(cause, _compared(built(cause.undone(flight), settings)))
-    if cause.is_likely:
-        flight = cause.undone(flight)
+    flight = cause.undone(flight)
 
     def with_cause(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
         return built(flight, settings).changed(cause.in_doubt)

@@ -9,8 +9,8 @@ from fgnav.frontend.problem import build_problem
 from fgnav.geometry.rotations import exp
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.states import POSITION, ROTATION, VELOCITY
+from fgnav.identification.lasting.averaging import possible, rivals_of
 from fgnav.identification.lasting.late_instrument import Late
-from fgnav.identification.lasting.rivals import rivals_of
 from fgnav.identification.track.windows import EXCLUDED
 from tests.identification.identified import SETTINGS, estimate_by, found_in
 from tests.methods.simulated import errors_rad, nees
@@ -103,15 +103,28 @@ def test_derivatives_are_those_of_residuals(name):
         np.testing.assert_allclose(linear.state[:, :, i], by_state, **close)
 
 
-def test_attitudes_hold_what_is_as_likely():
-    class Cause:
-        def __init__(self, kind, nats, turn_rad):
-            self.kind, self.nats = kind, nats
-            self.R_nb = exp(np.array([[turn_rad, 0.0, 0.0]]))
+class Cause:
+    attitude_rad2 = 1e-4 * np.eye(3)[None]
 
+    def __init__(self, kind, nats, turn_rad):
+        self.kind, self.nats = kind, nats
+        self.R_nb = exp(np.array([[turn_rad, 0.0, 0.0]]))
+
+
+def test_attitudes_hold_what_is_as_likely():
     best, t_s = Cause("one", 100.0, 0.0), np.zeros(1)
     near, far = Cause("two", 100.0 - EXCLUDED / 2, 0.1), Cause("three", 99.0 - EXCLUDED, 0.3)
-    assert rivals_of(best, [far], t_s, best.R_nb) is None
-    rivals = rivals_of(best, [near, far], t_s, best.R_nb)
+    assert rivals_of(best, [far], t_s) is None
+    rivals = rivals_of(best, [near, far], t_s)
     assert rivals.kinds == ("two",)
     np.testing.assert_allclose(rivals.doubt.covariance_rad2[0], np.diag([0.1**2 / 2, 0.0, 0.0]))
+
+
+def test_attitudes_hold_what_is_possible():
+    """As likely as none and what is sought elsewhere: a third of its second moment."""
+    one, less, t_s = Cause("one", 1e-9, 0.1), Cause("two", -1.0, 3.0), np.zeros(1)
+    doubted = possible([one, less], [0.0], t_s, np.eye(3)[None])
+    assert doubted.kinds == ("one",)
+    expected = (np.diag([0.1**2, 0.0, 0.0]) + 1e-4 * np.eye(3)) / 3
+    np.testing.assert_allclose(doubted.doubt.covariance_rad2[0], expected, rtol=1e-6, atol=1e-12)
+    assert possible([less], [], t_s, np.eye(3)[None]) is None

@@ -1,9 +1,8 @@
 """Which error of a whole flight, or of all that follows a time, is the likeliest, if any is.
 
 It is taken for true by the odds of any contradiction, if it leaves no more than chance, and if no
-louder unit, no drift, no lever arm and no late velocities are likelier. Between these odds and a
-hundredth of them nothing is said, and the constant has the second moment of both,
-``share (c c' + C)``.
+louder unit, no drift, no lever arm and no late velocities are likelier. Short of these odds nothing
+is said, and attitudes are doubted for all that is likelier than none (``lasting.averaging``).
 """
 
 from collections.abc import Callable, Iterable
@@ -29,10 +28,10 @@ from fgnav.identification.lasting import (
     sight,
     unit_axes,
 )
+from fgnav.identification.lasting.averaging import Possible, Rivals, possible, rivals_of
 from fgnav.identification.lasting.clock import CLOCK, ClockOff, clock_off
 from fgnav.identification.lasting.error import LastingError
 from fgnav.identification.lasting.lost_samples import LOST, LostSamples, lost_samples
-from fgnav.identification.lasting.rivals import Rivals, rivals_of
 from fgnav.identification.likelihood.beside_phases import (
     Scored,
     is_misfit,
@@ -78,8 +77,8 @@ class Lasting(NamedTuple):
 
     @property
     def is_likely(self) -> bool:
-        """Whether it is taken for true."""
-        return self.error.is_likely
+        """That it is taken for true."""
+        return True
 
     @property
     def is_of_unit(self) -> bool:
@@ -94,15 +93,13 @@ class Lasting(NamedTuple):
     @property
     def requests(self) -> tuple[CalibrationRequest, ...]:
         """What is to be estimated with the flight."""
-        if self.is_put_right or not self.is_likely:
+        if self.is_put_right:
             return ()
         return (sight.request_of(self.error),)
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """What is to be said of it."""
-        if not self.is_likely:
-            return ()
         if self.is_of_unit:
             return (unit_axes.sentence(self.error, self.share),)
         if self.error.kind in field.KINDS:
@@ -118,18 +115,16 @@ class Lasting(NamedTuple):
 
     def undone(self, flight: Flight) -> Flight:
         """Return a flight without it, where that is put right."""
-        if flight.imu is None or not (self.is_put_right and self.is_likely):
+        if flight.imu is None or not self.is_put_right:
             return flight
         return _PUT_RIGHT[self.error.kind](flight, self.error)
 
     def in_doubt(self, problem: SmoothingProblem) -> SmoothingProblem:
-        """Return a problem that holds the stated for as sure as it is."""
-        if self.is_likely or self.is_put_right:
-            return problem
-        return sight.in_doubt(self.error, problem)
+        """Return the same problem: what is left of it is estimated, or doubted of attitudes."""
+        return problem
 
 
-Cause = Lasting | LostSamples | ClockOff
+Cause = Lasting | LostSamples | ClockOff | Possible
 
 
 def likely_causes(
@@ -173,11 +168,12 @@ def likely_causes(
     errors = sorted((*tested, *_late(problem, stated, moved)), key=lambda one: -one.nats)
     changed = [one for one in (lost_samples(problem, stated), moved) if one is not None]
     ordered = sorted((*errors, *changed), key=lambda one: -one.nats)
-    least = EXCLUDED - LIKELY
-    likely = (one for one in ordered if one.nats >= least and not _is_of_span(one, problem, stated))
+    likely = (
+        one for one in ordered if one.nats > EXCLUDED and not _is_of_span(one, problem, stated)
+    )
     best = next(likely, None)
     if best is None:
-        return ()
+        return _possible(at, ordered, with_noise)
     if is_misfit(problem, best.cost):
         return ()
     rivals = (
@@ -189,18 +185,30 @@ def likely_causes(
         return ()
     if best.nats <= white_noise(problem, with_noise, Scored.of(problem, stated)).nats:
         return ()
-    may_be_unlikely = isinstance(best, ClockOff)
-    if isinstance(best, LastingError):
-        may_be_unlikely = best.kind != arm.LEVER_ARM
-    if best.nats <= EXCLUDED and not may_be_unlikely:
-        return ()
     cause = _of_errors(best, errors, problem) if isinstance(best, LastingError) else best
     like_it = [one for one in ordered if _may_stand_for(one, best)]
-    first = cause._replace(rivals=rivals_of(best, like_it, problem.t_s, stated.states.R_nb))
-    if moved is None or not isinstance(best, LostSamples) or moved.nats <= best.nats - EXCLUDED:
+    first = cause._replace(rivals=rivals_of(best, like_it, problem.t_s))
+    if not isinstance(best, LostSamples) or moved is None or not moved.is_likely:
         return (first,)
-    other = rivals_of(moved, [best], problem.t_s, stated.states.R_nb)
+    if moved.nats <= best.nats - EXCLUDED:
+        return (first,)
+    other = rivals_of(moved, [best], problem.t_s)
     return first, moved._replace(rivals=other)
+
+
+def _possible(
+    at: tuple[SmoothingProblem, Solution],
+    causes: Iterable["LastingError | LostSamples | ClockOff"],
+    with_noise: Callable[[dict[str, float]], SmoothingProblem],
+) -> tuple[Possible, ...]:
+    """Return what attitudes are doubted for causes that none of is named, if any is likelier."""
+    problem, stated = at
+    likelier = [one for one in causes if one.nats > 0.0 and not is_misfit(problem, one.cost)]
+    if not likelier:
+        return ()
+    others = nats_of_span(*at), white_noise(problem, with_noise, Scored.of(*at)).nats
+    doubted = possible(likelier, others, problem.t_s, stated.states.R_nb)
+    return () if doubted is None else (doubted,)
 
 
 def _may_stand_for(one: "LastingError | Cause", best: "LastingError | Cause") -> bool:

@@ -4,28 +4,29 @@ The thinned chain tests it beside the delay of velocities, and of both only the 
 velocities in time, or with phases, the whole problem tells offset and rate
 (``likelihood.record_clock``), linearised anew where they lead. That velocities are late is another
 cause, which is weighed as any.
+
+Of an offset o not even the order of magnitude is known beforehand: ln |o| is as likely anywhere
+from a millisecond to a second, and o as likely anywhere below.
 """
 
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import expit
 
 from fgnav.checks import FloatArray
 from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests, of_time
 from fgnav.frontend.prepared import AttitudeDoubt
-from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
+from fgnav.identification.lasting.averaging import Rivals
 from fgnav.identification.lasting.error import least_of_use
-from fgnav.identification.lasting.rivals import Rivals
 from fgnav.identification.likelihood.changed_samples import minimum_below
 from fgnav.identification.likelihood.record_clock import (
     RecordClock,
-    attitude_doubt,
+    attitude_covariance,
     clock_step,
     prior_squares,
     with_tags,
@@ -36,6 +37,7 @@ from fgnav.identification.track.windows import EXCLUDED
 from fgnav.types.flight import Flight
 
 CLOCK = "clock"
+_LEAST_S, _MOST_S = 1e-3, 1.0
 _STEPS = 8  # at most: of two seconds each leaves a third or less of what is left
 
 
@@ -49,46 +51,39 @@ class ClockOff(NamedTuple):
     cost: float
     is_exact: bool  # tags, beside phases of arcs: it is corrected, and not estimated
     R_nb: FloatArray  # attitudes of keyframes with these tags
-    doubt: AttitudeDoubt | None = None
+    attitude_rad2: FloatArray  # that is added to their covariance, (n, 3, 3)
+    t_s: FloatArray  # of keyframes
     rivals: Rivals | None = None
     kind: str = CLOCK
 
     @property
-    def share(self) -> float:
-        """Its probability."""
-        return float(expit(self.nats - EXCLUDED))
-
-    @property
     def is_likely(self) -> bool:
         """Whether it is taken for true."""
-        return self.share > 0.5
+        return self.nats > EXCLUDED
+
+    @property
+    def doubt(self) -> AttitudeDoubt | None:
+        """What is doubted of attitudes where it is not estimated."""
+        return AttitudeDoubt(self.t_s, self.attitude_rad2) if self.is_exact else None
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """What is to be said of it, where no request says so."""
-        if not (self.is_exact and self.is_likely):
+        if not self.is_exact:
             return ()
         return (clock_sentence(self.moved, self.sigma, "corrected"),)
 
     @property
     def requests(self) -> tuple[CalibrationRequest, ...]:
         """What is to be estimated with the flight."""
-        if self.is_exact or not self.is_likely:
+        if self.is_exact:
             return ()
         (clock,) = calibration_requests(["clock"])
         return (replace(clock, moved=(float(self.moved[0]), float(self.moved[1]))),)
 
     def undone(self, flight: Flight) -> Flight:
-        """Return a flight with tags in time, or in doubt by the second moment of both."""
-        imu = flight.imu
-        if imu is None or self.is_likely:
-            return with_tags_moved(flight, self.moved, self.middle_s)
-        if self.is_exact:  # attitudes are doubted
-            return flight
-        moved_s = tags_moved_s(imu, self.moved, self.middle_s) - imu.t_s
-        squares_s2 = self.share * (np.mean(moved_s**2) + self.sigma[0] ** 2)
-        doubt_s = float(np.hypot(imu.clock_offset_sigma_s or 0.0, np.sqrt(squares_s2)))
-        return replace(flight, imu=replace(imu, clock_offset_sigma_s=doubt_s))
+        """Return a flight with tags in time."""
+        return with_tags_moved(flight, self.moved, self.middle_s)
 
     def in_doubt(self, problem: SmoothingProblem) -> SmoothingProblem:
         """Return the same problem: what is left of it is estimated."""
@@ -133,28 +128,38 @@ def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> C
     if likeliest is None or likeliest[0].cost > least_of_use(problem, stated.cost):
         return None
     clock, moved, at, solution = likeliest
-    (request,) = calibration_requests(["clock"])
-    before = np.prod([part.covariance[0, 0] for part in of_time(request)])
-    spread = np.linalg.slogdet(clock.covariance)[1] - np.log(before)
-    nats = float((stated.cost - clock.cost + spread) / 2)
-    is_exact = problem.phase is not None
-    R_nb, doubt = solution.states.R_nb, None
-    if is_exact and nats > EXCLUDED - LIKELY:
-        doubt = attitude_doubt(at, middle_s, moved)
-    off = ClockOff(moved, clock.sigma, middle_s, nats, clock.cost, is_exact, R_nb, doubt)
-    return off if off.is_likely else off._replace(doubt=_of_both(off, stated.states.R_nb))
-
-
-def _of_both(off: ClockOff, stated_nb: FloatArray) -> AttitudeDoubt | None:
-    """Return what attitudes as stated are doubted for a clock that is not likely.
-
-    The second moment of both, ``share (d d' + P)``, d from these to the clock's, (n, 3).
-    """
-    if off.doubt is None:
+    nats = (stated.cost - clock.cost) / 2 + _spread_nats(moved, clock.covariance)
+    P = attitude_covariance(at, middle_s, moved) if nats > 0.0 else np.zeros((1, 3, 3))
+    if P is None:
         return None
-    apart = log(transpose(stated_nb) @ off.R_nb)
-    squares = off.doubt.covariance_rad2 + apart[:, :, None] * apart[:, None]
-    return off.doubt._replace(covariance_rad2=off.share * squares)
+    return ClockOff(
+        moved=moved,
+        sigma=clock.sigma,
+        middle_s=middle_s,
+        nats=nats,
+        cost=clock.cost,
+        is_exact=problem.phase is not None,
+        R_nb=solution.states.R_nb,
+        attitude_rad2=P,
+        t_s=problem.t_s,
+    )
+
+
+def _spread_nats(moved: FloatArray, covariance: FloatArray) -> float:
+    """Return ln of the share of a clock's prior that is near it, for the density that its cost has.
+
+    Parameters
+    ----------
+    moved : ndarray, shape (2,)
+    covariance : ndarray, shape (2, 2)
+    """
+    (request,) = calibration_requests(["clock"])
+    offset_s2, rate_ppm2 = (float(part.covariance[0, 0]) for part in of_time(request))
+    orders = 1.0 + np.log(_MOST_S / _LEAST_S)
+    density_per_s = 0.5 / (orders * max(abs(float(moved[0])), _LEAST_S))
+    normal = moved[0] ** 2 / offset_s2  # in the cost
+    spread = np.linalg.slogdet(covariance)[1] + np.log(2 * np.pi / rate_ppm2)
+    return float((spread + normal) / 2 + np.log(density_per_s))
 
 
 def clock_sentence(off: FloatArray, sigma: FloatArray, then: str) -> str:

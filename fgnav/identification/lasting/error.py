@@ -10,7 +10,6 @@ with q the cost at its minimum, q0 where c is as stated, C the covariance of c, 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import expit
 
 from fgnav.checks import FloatArray
 from fgnav.frontend.prepared import AttitudeDoubt
@@ -65,33 +64,21 @@ class LastingError(NamedTuple):
         return cls(part.name, off, covariance, problem.t_s, by, float(nats), cost, R_nb)
 
     @property
-    def share(self) -> float:
-        """Its probability."""
-        return float(expit(self.nats - EXCLUDED))
-
-    @property
-    def is_likely(self) -> bool:
-        """Whether it is likelier than all as stated."""
-        return self.share > 0.5
-
-    @property
-    def remaining(self) -> FloatArray:
-        """Second moment of what remains: about itself if it is likely, else about the stated."""
-        if self.is_likely:
-            return self.covariance
-        return np.asarray(self.share * (np.outer(self.off, self.off) + self.covariance))
+    def attitude_rad2(self) -> FloatArray:
+        """What it adds to the covariance of attitudes, G C G', (n, 3, 3)."""
+        G = self.attitude_by
+        return np.asarray(G @ self.covariance @ G.swapaxes(1, 2))
 
     def doubt(self, share: float) -> AttitudeDoubt:
         """Return the covariance of the body's axes that it adds to that of the states.
 
-        By what remains of it, G M G' with G the attitudes' derivative, and by a turn's being
-        another sensor's, of probability ``1 - share``.
+        By what remains of it, and by a turn's being another sensor's, of probability ``1 - share``.
         """
-        G, remaining = self.attitude_by, self.remaining
-        other = (1.0 - share) * (remaining + np.outer(self.off, self.off) * self.is_likely)
+        G, remaining = self.attitude_by, self.attitude_rad2
+        other = (1.0 - share) * (self.covariance + np.outer(self.off, self.off))
         if G.shape[2] < 3:  # no turn of a sensor: without it attitudes are as they were
-            return AttitudeDoubt(self.t_s, G @ (remaining + other) @ G.swapaxes(1, 2))
-        return AttitudeDoubt(self.t_s, G @ remaining @ G.swapaxes(1, 2) + other)
+            return AttitudeDoubt(self.t_s, remaining + G @ other @ G.swapaxes(1, 2))
+        return AttitudeDoubt(self.t_s, remaining + other)
 
 
 def least_of_use(problem: SmoothingProblem, before: float, left: int = 1) -> float:

@@ -25,8 +25,8 @@ from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION, VELOCITY
+from fgnav.identification.lasting.averaging import Rivals
 from fgnav.identification.lasting.error import least_of_use
-from fgnav.identification.lasting.rivals import Rivals
 from fgnav.identification.likelihood.changed_samples import minimum_below
 from fgnav.identification.likelihood.record_clock import with_tags
 from fgnav.identification.likelihood.span_constants import Error, of_blocks, with_blocks
@@ -59,8 +59,13 @@ class LostSamples(NamedTuple):
     doubt: AttitudeDoubt | None = None
     rivals: Rivals | None = None
     kind: str = LOST
-    is_likely: bool = True  # else it is none
+    is_likely: bool = True  # else it is among what is possible
     requests: tuple[CalibrationRequest, ...] = ()
+
+    @property
+    def attitude_rad2(self) -> FloatArray:
+        """What attitudes are doubted, (n, 3, 3)."""
+        return np.zeros((1, 3, 3)) if self.doubt is None else self.doubt.covariance_rad2
 
     @property
     def steps(self) -> tuple[TagStep, ...]:

@@ -64,12 +64,6 @@ def request_of(error: LastingError) -> CalibrationRequest:
     return replace(request, sigma=max(request.sigma, size), off=tuple(error.off.tolist()))
 
 
-def in_doubt(error: LastingError, problem: SmoothingProblem) -> SmoothingProblem:
-    """Return a problem that holds the stated for as sure as it is."""
-    part = of_vehicle(_request(error.kind))
-    return _free(replace(part, covariance=error.remaining, reported=False), problem)
-
-
 def sentence(error: LastingError) -> str:
     """Return what is to be said of it."""
     off, sigma = error.off, np.sqrt(np.diag(error.covariance))

@@ -17,7 +17,6 @@ import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.calibration_request import calibration_requests, of_time
-from fgnav.frontend.prepared import AttitudeDoubt
 from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.delayed import CLOCK_OFFSET, Delayed
 from fgnav.graph.factors.velocity import Velocity
@@ -147,10 +146,10 @@ def _turning(one: Measurement, more_b_radps: FloatArray) -> Measurement:
     return one
 
 
-def attitude_doubt(
+def attitude_covariance(
     problem: SmoothingProblem, middle_s: float, moved: FloatArray
-) -> AttitudeDoubt | None:
-    """Return what is doubted of attitudes where tags are put right, and no clock is estimated.
+) -> FloatArray | None:
+    """Return what attitudes' covariance is besides, (n, 3, 3), where tags are put right.
 
     ``G C G'``, C of the clock, G the attitudes' derivative by it. None without a minimum.
     Parameters as in ``record_clock``.
@@ -161,7 +160,7 @@ def attitude_doubt(
     first = problem.constants.width
     X = solution.constant_cross[:, ROTATION, first:]
     C = solution.constant_covariance[0, first:, first:]
-    return AttitudeDoubt(problem.t_s, X @ np.linalg.solve(C, X.swapaxes(1, 2)))
+    return np.asarray(X @ np.linalg.solve(C, X.swapaxes(1, 2)))
 
 
 def prior_squares(moved: FloatArray) -> float:
