@@ -162,6 +162,20 @@ class TagSearch(NamedTuple):
         either = identified.times.are_one_or_the_other
         return others._likelier(unmoved, stepped, turned, is_late_velocity=either)
 
+    def on_time(self) -> AtTags:
+        """Return what the flight says with its unit's tags as they are, whatever contradicts them.
+
+        Raises
+        ------
+        NoSolutionError
+            If its chain has no solution.
+        """
+        prepared = self.build(self.flight, self.settings)
+        identified = identify(
+            ThinnedFlight.of(self.flight, prepared, self._extra(prepared, UNIT_TURN))
+        )
+        return AtTags(identified.on_time(), np.zeros(2))
+
     def _likelier(
         self,
         unmoved: AtTags,

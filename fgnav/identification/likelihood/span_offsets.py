@@ -42,7 +42,7 @@ TURN = "turn"
 SHAPES = ("offset", "scale", TURN)  # of an error: u, diag(x) u, [x]x u of samples x
 LEAST_S = 1.0  # of a span; what is shorter is noise or a spike
 # The greatest gain, nats, of right flights of a window or two: the median of 112 (docs/model.md).
-_BY_CHANCE = 5.6
+BY_CHANCE = 5.6
 _CONTAMINATED = 0.25  # of windows none may have a gross error
 _FEWEST = 5  # windows: a fault is in two that overlap, so that the median of five is none's
 LIKELY = float(np.log(100.0))  # nats below the greatest: a hundredth as likely
@@ -208,7 +208,7 @@ def _overdispersion(windows: list[list[Offset]], share: float) -> float:
     if len(windows) < _FEWEST or not windows[0]:
         return 1.0
     greatest = [_greatest(ones).gain for ones in windows]
-    return max(float(np.quantile(greatest, share)) / _BY_CHANCE, 1.0)
+    return max(float(np.quantile(greatest, share)) / BY_CHANCE, 1.0)
 
 
 def _in_windows(

@@ -1,11 +1,14 @@
 """Faults of the inertial unit that the phases of arcs show, and their thinned chain does not.
 
 Each error is tested over all spans of a second or more by the whole problem
-(``likelihood.span_constants``), and so is a drift of either bias. It is asked where more is left of
-all measurements than of nine right flights in ten, and an error that leaves more than chance is
-none: then something else is wrong. Where phases show the unit louder, too, noise gains the integral
+(``likelihood.span_constants``), and so is a drift of either bias: scales, turns and drifts where
+more is left of all measurements than of nine right flights in ten, or a bias that steps gains more
+than of every other right flight. An error that leaves more than chance is none: then something else
+is wrong. Where phases show the unit louder, too, noise gains the integral
 of its score on the way from what is stated.
 """
+
+from itertools import product
 
 import numpy as np
 from scipy.special import chdtri
@@ -17,8 +20,10 @@ from fgnav.graph.types.states import States
 from fgnav.identification.likelihood.beside_phases import measured_rows, schwarz_nats
 from fgnav.identification.likelihood.span_constants import Error, finer, likeliest_span, seconds
 from fgnav.identification.likelihood.span_offsets import (
+    BY_CHANCE,
     LEAST_S,
     LIKELY,
+    SHAPES,
     TURN,
     Offset,
 )
@@ -53,15 +58,19 @@ def offsets_by_phases(
         solution = stated or solve_batch(problem)
     except NoSolutionError:
         return ()
-    if not solution.converged or solution.cost < chdtri(rows, _DOUBTED):
+    if not solution.converged:
         return ()
-    edges = seconds(problem.t_s)
-    offsets: list[Offset] = []
-    for sensor, shape in ERRORS:
-        if shape != DRIFT:
-            one = _likeliest(problem, solution.states, (sensor, shape), edges)
-            offsets += [] if one is None else [one]
-    offsets += of_drifts(problem, solution.states)
+    edges, is_doubted = seconds(problem.t_s), solution.cost > chdtri(rows, _DOUBTED)
+
+    def likeliest(shapes: tuple[str, ...]) -> list[Offset]:
+        errors = product(WHITE, shapes)
+        each = (_likeliest(problem, solution.states, error, edges) for error in errors)
+        return [one for one in each if one is not None]
+
+    offsets = likeliest(SHAPES[:1])
+    if not (is_doubted or any(one.gain > BY_CHANCE for one in offsets)):
+        return ()
+    offsets += [*likeliest(SHAPES[1:]), *of_drifts(problem, solution.states)]
     offsets.sort(key=lambda one: -one.gain)
     if not offsets or solution.cost - 2 * offsets[0].gain > chdtri(rows, FALSE_ALARM):
         return ()

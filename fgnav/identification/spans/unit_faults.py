@@ -60,6 +60,7 @@ from fgnav.types.flight import Flight, Imu
 _MOST = 3  # of a flight
 _STEPS = 4  # at most: each leaves a few hundredths of what is left
 _ANY = 100.0  # sigmas by the thinned chain: next to nothing is known of it beside phases
+_Mended = tuple[TagSearch, AtTags, tuple[SpanFault, ...]]
 Requests = Callable[[TagSearch, AtTags], tuple[CalibrationRequest, ...]]
 
 
@@ -86,7 +87,7 @@ def with_span_faults(
     requests: Requests,
     begin: PreparedFlight | None,
     is_louder: bool,
-) -> tuple[TagSearch, AtTags, tuple[SpanFault, ...]]:
+) -> _Mended:
     """Return a search without faults of spans, what the flight says then, and the faults.
 
     Parameters
@@ -100,6 +101,24 @@ def with_span_faults(
     is_louder : bool
         Whether phases of arcs, which the chain has not, show the noise that is identified.
     """
+    mended = _mended(search, at_tags, requests, begin, is_louder)
+    if not at_tags.moved.any() or _whole(search, at_tags) is None:
+        return mended
+    try:
+        instead = _mended(search, search.on_time(), requests, None, is_louder=False)
+    except NoSolutionError:
+        return mended
+    return max(mended, instead, key=_less_odds)
+
+
+def _mended(
+    search: TagSearch,
+    at_tags: AtTags,
+    requests: Requests,
+    begin: PreparedFlight | None,
+    is_louder: bool,
+) -> _Mended:
+    """Return the same with tags as they are moved."""
     faults: tuple[SpanFault, ...] = ()
     build, as_it_is = search.build, (search, at_tags, faults)
     for _ in range(_MOST):
@@ -116,11 +135,57 @@ def with_span_faults(
             after = rest.identified(at_tags.moved)
         except NoSolutionError:  # then it is not what the flight contradicts
             break
-        if after is None or after.identified.likelihood < at_tags.identified.likelihood:
+        if after is None or not _is_no_less_likely((rest, after), (search, at_tags)):
             break
         faults, search, at_tags, begin = (*faults, *likeliest), rest, after, None
         is_louder = False
     return as_it_is if at_tags.identified.exceeds_noise.any() else (search, at_tags, faults)
+
+
+def _is_no_less_likely(after: tuple[TagSearch, AtTags], before: tuple[TagSearch, AtTags]) -> bool:
+    """Return whether a flight is no less likely without a fault: beside phases by all of it."""
+    without, with_it = _whole(*after), _whole(*before)
+    if without is None or with_it is None:
+        return after[1].identified.likelihood >= before[1].identified.likelihood
+    return without >= with_it
+
+
+def _whole(search: TagSearch, at_tags: AtTags) -> float | None:
+    """Return how likely a flight is by all of its problem, its unit as loud as identified.
+
+    None where it has no phases of arcs.
+    """
+    flight = with_tags_moved(search.flight, at_tags.moved, middle_of_tags_s(search.flight.imu))
+    problem = search.build(flight, search.settings).problem
+    if problem.phase is None:
+        return None
+    try:
+        cost = solve_batch(problem).cost
+    except NoSolutionError:
+        return -np.inf
+    return _noise_gain(search, at_tags, flight) - cost / 2
+
+
+def _noise_gain(search: TagSearch, at_tags: AtTags, flight: Flight) -> float:
+    """Return what the unit's white noise gains of a whole problem as it is identified."""
+
+    def louder(factors: dict[str, float]) -> SmoothingProblem:
+        return search.build(with_factors(flight, factors), search.settings).problem
+
+    factors = at_tags.identified.factors
+    return noise_gain({one: factors[one] for one in WHITE if one in factors}, louder)
+
+
+def _less_odds(mended: _Mended) -> float:
+    """Return how likely a flight is without its faults, less the odds of all contradictions."""
+    search, at_tags, faults = mended
+    whole = _whole(search, at_tags)
+    imu = search.flight.imu
+    if whole is None or imu is None:
+        return -np.inf
+    likely = sum(one.is_likely for one in faults)
+    others = bool(at_tags.moved.any()) + len(at_tags.identified.contradicted)
+    return whole - likely * _limit(imu.t_s) - others * EXCLUDED
 
 
 def _is_of_most(fault: SpanFault, imu: Imu | None, identified: Identified) -> bool:
@@ -218,12 +283,7 @@ def _by_phases(
     offsets, t_s = offsets_by_phases(prepared.problem), prepared.problem.t_s
     if not offsets:
         return ()
-
-    def louder(factors: dict[str, float]) -> SmoothingProblem:
-        return search.build(with_factors(flight, factors), search.settings).problem
-
-    identified = at_tags.identified.factors
-    noise = noise_gain({one: identified[one] for one in WHITE if one in identified}, louder)
+    noise = _noise_gain(search, at_tags, flight)
     nats = offsets[0].gain - noise - _limit(t_s) - np.log(len(ERRORS))
     if nats < -LIKELY:
         return ()
