@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import ortho_group
 
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.problem import build_problem
@@ -14,6 +15,7 @@ from fgnav.identification.likelihood import span_offsets
 from fgnav.identification.likelihood.changed_samples import ChangedBy, solved_with_changes
 from fgnav.identification.likelihood.span_offsets import _Columns, _of_window, of_biases
 from fgnav.identification.likelihood.thinned import thinned
+from fgnav.identification.spans.errors import ANY_MIX, MIX, further, without
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.methods.smoother import Smoother
 from fgnav.solve.chain import solve_batch
@@ -158,6 +160,37 @@ def test_a_span_by_which_a_unit_is_louder_than_any_noise_is_taken_out(number):
     fault, *_ = faults_of(flight)
     assert (fault.sensor, fault.shape) == ("accelerometer", "turn")
     estimate = Smoother()(flight)
+    assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 6.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_unmixes_axes_twice_is_one_matrix(seed):
+    rng, imu = np.random.default_rng(seed), right_flight("fixes", 741).imu
+    first, then = rng.normal(size=(2, 9))
+    twice = without(without(imu, "gyroscope", MIX, first), "gyroscope", MIX, then)
+    at_once = without(imu, "gyroscope", MIX, further(MIX, first, then))
+    np.testing.assert_allclose(at_once.w_b_radps, twice.w_b_radps, rtol=0, atol=1e-12)
+
+
+def test_no_more_is_known_of_a_mix_than_that_axes_stay_orthogonal():
+    of_mix = np.eye(3) - ortho_group.rvs(3, size=2000, random_state=1)
+    assert np.sqrt((of_mix**2).mean()) == pytest.approx(ANY_MIX, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("seed", "from_s", "until_s"), [(967000058, 4.1, 5.7), (965000082, 7.7, np.inf)]
+)
+def test_axes_that_are_exchanged_or_turned_far_for_a_while_are_put_right(seed, from_s, until_s):
+    """Three numbers left attitudes with NEES of 19 and 76."""
+    right = right_flight("raw", seed // 12)
+    flight, _ = dirty(right, seed)
+    found = found_in(flight)
+    (fault,) = found.faults
+    assert (fault.sensor, fault.shape, fault.is_likely) == ("gyroscope", MIX, True)
+    assert fault.from_s == pytest.approx(from_s, abs=0.1)
+    assert fault.until_s == pytest.approx(until_s, abs=0.1)
+    assert "exchanged, reversed or turned far" in fault.sentence
+    estimate = estimate_by(found, flight)
     assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 6.0
 
 

@@ -53,7 +53,8 @@ _OPEN = 1e-6  # of G' G: what the states leave of it where they follow an offset
 class Offset(NamedTuple):
     """The likeliest offset of a sensor: its span, size and covariance, and what it gains, nats.
 
-    ``begins``, ``ends``: first and last keyframe of those where it may begin and end.
+    ``begins``, ``ends``: first and last keyframe of those where it may begin and end; ``span_s``:
+    times, where they are known better.
     """
 
     sensor: str
@@ -65,6 +66,7 @@ class Offset(NamedTuple):
     gain: float
     value: FloatArray  # (g,)
     covariance: FloatArray  # (g, g)
+    span_s: tuple[float, float] | None = None
 
     def less(self, overdispersion: float) -> "Offset":
         """Return the same where residuals are overdispersed."""

@@ -13,25 +13,18 @@ from itertools import product
 import numpy as np
 from scipy.special import chdtri
 
-from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.identification.likelihood.beside_phases import measured_rows, schwarz_nats
-from fgnav.identification.likelihood.span_constants import Error, finer, likeliest_span, seconds
-from fgnav.identification.likelihood.span_offsets import (
-    BY_CHANCE,
-    LEAST_S,
-    LIKELY,
-    SHAPES,
-    TURN,
-    Offset,
-)
+from fgnav.identification.likelihood.span_constants import seconds
+from fgnav.identification.likelihood.span_offsets import BY_CHANCE, LIKELY, SHAPES, TURN, Offset
 from fgnav.identification.noise.begin import WHITE
-from fgnav.identification.spans.errors import ANY_BIAS, ANY_SHARE, DRIFT, ERRORS, without
+from fgnav.identification.spans.errors import DRIFT, ERRORS
+from fgnav.identification.spans.likeliest import finer_span, likeliest
 from fgnav.identification.track.windows import FALSE_ALARM
 from fgnav.solve.chain import solve_batch
-from fgnav.types.flight import Imu
 
 _DOUBTED = 0.1  # share of right flights
 
@@ -62,22 +55,22 @@ def offsets_by_phases(
         return ()
     edges, is_doubted = seconds(problem.t_s), solution.cost > chdtri(rows, _DOUBTED)
 
-    def likeliest(shapes: tuple[str, ...]) -> list[Offset]:
+    def of_unit(shapes: tuple[str, ...]) -> list[Offset]:
         errors = product(WHITE, shapes)
-        each = (_likeliest(problem, solution.states, error, edges) for error in errors)
+        each = (likeliest(problem, solution.states, error, edges) for error in errors)
         return [one for one in each if one is not None]
 
-    offsets = likeliest(SHAPES[:1])
+    offsets = of_unit(SHAPES[:1])
     if not (is_doubted or any(one.gain > BY_CHANCE for one in offsets)):
         return ()
-    offsets += [*likeliest(SHAPES[1:]), *of_drifts(problem, solution.states)]
+    offsets += [*of_unit(SHAPES[1:]), *of_drifts(problem, solution.states)]
     offsets.sort(key=lambda one: -one.gain)
     if not offsets or solution.cost - 2 * offsets[0].gain > chdtri(rows, FALSE_ALARM):
         return ()
     if is_turned_throughout(problem, solution.states, offsets[0], len(edges)):
         return ()
     likely = [one for one in offsets if one.gain > offsets[0].gain - LIKELY]
-    refined = (_finer(problem, solution.states, one, edges) for one in likely)
+    refined = (finer_span(problem, solution.states, one, edges) for one in likely)
     return tuple(sorted(refined, key=lambda one: -one.gain))
 
 
@@ -103,7 +96,7 @@ def seconds_nats(t_s: FloatArray) -> float:
 def of_drifts(problem: SmoothingProblem, at: States) -> list[Offset]:
     """Return how either bias drifts over all of a record, about a problem's minimum."""
     ends = np.array([0, len(problem.t_s) - 1])
-    drifts = (_likeliest(problem, at, (sensor, DRIFT), ends) for sensor in WHITE)
+    drifts = (likeliest(problem, at, (sensor, DRIFT), ends) for sensor in WHITE)
     return [one for one in drifts if one is not None]
 
 
@@ -116,7 +109,7 @@ def is_turned_throughout(problem: SmoothingProblem, at: States, turned: Offset, 
     if turned.shape != TURN:
         return False
     spans, ends = edges * (edges - 1) / 2, np.array([0, len(problem.t_s) - 1])
-    throughout = (_likeliest(problem, at, (sensor, TURN), ends) for sensor in WHITE)
+    throughout = (likeliest(problem, at, (sensor, TURN), ends) for sensor in WHITE)
     gain = max((one.gain for one in throughout if one is not None), default=0.0)
     return bool(gain + np.log(spans) > turned.gain - LIKELY)
 
@@ -133,29 +126,8 @@ def is_throughout(problem: SmoothingProblem, at: States, error: tuple[str, str])
         Sensor and shape.
     """
     edges, ends = seconds(problem.t_s), np.array([0, len(problem.t_s) - 1])
-    of_span, of_all = (_likeliest(problem, at, error, between) for between in (edges, ends))
+    of_span, of_all = (likeliest(problem, at, error, between) for between in (edges, ends))
     if of_span is None or of_all is None:
         return True
     spans = len(edges) * (len(edges) - 1) / 2
     return bool(of_all.gain + np.log(spans) > of_span.gain - LIKELY)
-
-
-def _likeliest(
-    problem: SmoothingProblem, at: States, error: tuple[str, str], edges: IntArray
-) -> Offset | None:
-    sensor, shape = error
-    any_ = ANY_BIAS[sensor] if shape in ("offset", DRIFT) else ANY_SHARE
-    any_ /= float(np.ptp(problem.t_s)) if shape == DRIFT else 1.0
-
-    def less(by: FloatArray, imu: Imu) -> Imu:
-        return without(imu, sensor, shape, by)
-
-    made = Error(sensor, shape, any_, less)
-    return likeliest_span(problem, at, made, edges, LEAST_S)
-
-
-def _finer(problem: SmoothingProblem, at: States, one: Offset, edges: IntArray) -> Offset:
-    """Return an offset whose span is sought between keyframes, a block about where it was."""
-    if one.shape == DRIFT:
-        return one
-    return _likeliest(problem, at, (one.sensor, one.shape), finer(edges, one)) or one

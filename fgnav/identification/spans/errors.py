@@ -1,4 +1,4 @@
-"""What errors of the inertial unit add to its samples, by three numbers each."""
+"""What errors of the inertial unit add to its samples, by three numbers each, or by a matrix."""
 
 from dataclasses import replace
 from typing import Any
@@ -12,10 +12,13 @@ from fgnav.types.flight import Imu
 
 SAMPLES = {"accelerometer": "f_b_mps2", "gyroscope": "w_b_radps"}
 DRIFT = "drift"  # of a bias, over all of a record
+MIX = "mix"  # of axes, by any matrix
 # 1-sigma where next to nothing is known: of biases, and drifts in all, m/s2 and rad/s, and of
 # scales, and turns in rad.
 ANY_BIAS = {"accelerometer": 10.0, "gyroscope": 1.0}
 ANY_SHARE = 0.3
+ANY_MIX = float(np.sqrt(2 / 3))  # RMS entry of I - Q, Q any orthogonal matrix (Haar's measure)
+NUMBERS = {MIX: 9}  # of an error; of all others 3
 ERRORS = tuple((sensor, shape) for sensor in WHITE for shape in (*SHAPES, DRIFT))
 
 
@@ -25,10 +28,13 @@ def added(shape: str, x: FloatArray, u: FloatArray, t_s: FloatArray) -> FloatArr
     Parameters
     ----------
     shape : str
-        Of ``span_offsets.SHAPES``, or a drift by u a second from the first sample on.
-    x, u, t_s : ndarray, shapes (n, 3), (3,), (n,)
+        Of ``span_offsets.SHAPES``, a drift by u a second from the first sample on, or a mix of
+        axes by the matrix U of rows u.
+    x, u, t_s : ndarray, shapes (n, 3), (g,), (n,)
         Samples, the error's numbers, times.
     """
+    if shape == MIX:
+        return np.asarray(x @ u.reshape(3, 3).T)
     if shape == "offset":
         return np.broadcast_to(u, x.shape)
     if shape == DRIFT:
@@ -36,8 +42,24 @@ def added(shape: str, x: FloatArray, u: FloatArray, t_s: FloatArray) -> FloatArr
     return x * u if shape == "scale" else np.asarray(np.cross(x, u))
 
 
-def without(imu: Imu, sensor: str, shape: str, by: FloatArray) -> Imu:
-    """Return a unit without an error of a sensor, by numbers (3,)."""
-    x = getattr(imu, SAMPLES[sensor])
-    changed: dict[str, Any] = {SAMPLES[sensor]: x - added(shape, x, by, imu.t_s)}
+def further(shape: str, u: FloatArray, step: FloatArray) -> FloatArray:
+    """Return what takes both out of samples, first u; of small ones their sum."""
+    if shape != MIX:
+        return u + step
+    U, more = u.reshape(3, 3), step.reshape(3, 3)
+    return np.asarray((U + more - more @ U).ravel())
+
+
+def without(
+    imu: Imu,
+    sensor: str,
+    shape: str,
+    by: FloatArray,
+    span_s: tuple[float, float] = (-np.inf, np.inf),
+) -> Imu:
+    """Return a unit without an error of a sensor, by numbers (g,), after one time up to another."""
+    x, t_s = getattr(imu, SAMPLES[sensor]), imu.t_s
+    inside = (t_s > span_s[0]) & (t_s <= span_s[1])
+    right = x - added(shape, x, by, t_s)
+    changed: dict[str, Any] = {SAMPLES[sensor]: np.where(inside[:, None], right, x)}
     return replace(imu, **changed)

@@ -13,7 +13,7 @@ from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.identification.likelihood.span_offsets import TURN
 from fgnav.identification.noise.begin import WHITE
-from fgnav.identification.spans.errors import DRIFT, SAMPLES, added
+from fgnav.identification.spans.errors import DRIFT, MIX, SAMPLES, added
 from fgnav.types.flight import Imu
 
 _UNITS = {"accelerometer": "m/s2", "gyroscope": "rad/s"}
@@ -29,8 +29,8 @@ class SpanFault(NamedTuple):
     until_s: float
     begins_s: tuple[float, float]
     ends_s: tuple[float, float]
-    value: FloatArray  # (3,)
-    sigma: FloatArray  # (3,)
+    value: FloatArray  # (g,)
+    sigma: FloatArray  # (g,)
     variance: FloatArray  # (3,), of what it adds to the samples, times its probability
     size: float
     share: float  # probability
@@ -56,6 +56,7 @@ class SpanFault(NamedTuple):
             "offset": "bias is another, by",
             "scale": "scales are others, as if by",
             TURN: "axes are turned, as if by",
+            MIX: "axes are exchanged, reversed or turned far, as if by",
             DRIFT: "bias drifts, all in all as if by",
         }[self.shape]
         if not self.value.any():

@@ -8,7 +8,8 @@ it than with that noise by the odds of any contradiction, and by as many again a
 at which it may begin, and than with an offset of any measurement over a span, if without it, its
 noise identified anew, it is no less likely than before. Then samples are taken without it, and what
 is left of it is a bias that may step at the ends of the span. Where the unit is louder than any
-noise, errors of less than half of the record may be why: they stand if what is left is noise.
+noise, errors of less than half of the record may be why: they stand if what is left is noise. Where
+all of these leave more than chance axes may be mixed (``spans.mixed_axes``).
 """
 
 from collections.abc import Callable, Collection
@@ -26,7 +27,7 @@ from fgnav.graph.types.measurement import Linearised, Measurement
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION, ROTATION, States
-from fgnav.identification.likelihood.beside_phases import noise_gain
+from fgnav.identification.likelihood.beside_phases import chance_of, is_misfit, noise_gain
 from fgnav.identification.likelihood.changed_samples import (
     Change,
     ChangedBy,
@@ -49,7 +50,16 @@ from fgnav.identification.spans.beside_phases import (
     offsets_by_phases,
     seconds_nats,
 )
-from fgnav.identification.spans.errors import DRIFT, ERRORS, SAMPLES, added
+from fgnav.identification.spans.errors import (
+    ANY_MIX,
+    DRIFT,
+    ERRORS,
+    MIX,
+    SAMPLES,
+    added,
+    further,
+)
+from fgnav.identification.spans.mixed_axes import Built, mixed_axes
 from fgnav.identification.spans.span_fault import SpanFault
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
 from fgnav.identification.track.tags import middle_of_tags_s, with_tags_moved
@@ -129,6 +139,8 @@ def _mended(
         if not likeliest[0].is_likely:
             return rest, at_tags, (*faults, *likeliest)
         refined = _refined(as_it_is[0], at_tags, faults, likeliest[0])
+        if refined is None:
+            break
         likeliest = (refined, *likeliest[1:])
         rest = search._replace(build=building(build, (*faults, *likeliest)))
         try:
@@ -192,7 +204,7 @@ def _is_of_most(fault: SpanFault, imu: Imu | None, identified: Identified) -> bo
     """Return whether a fault would be of most samples, where a unit is louder than any noise."""
     if imu is None or not identified.exceeds_noise.any():
         return False
-    is_of_most = fault.shape != DRIFT and fault.strikes(imu.t_s).mean() > 0.5
+    is_of_most = fault.shape not in (DRIFT, MIX) and fault.strikes(imu.t_s).mean() > 0.5
     return bool(is_of_most or not fault.is_likely)
 
 
@@ -261,26 +273,39 @@ def _odds(
     small = ThinnedFlight.of(flight, prepared, ())
     if "gyroscope" not in small.parts.names:
         return None
+    chain = anchored(small.problem)
+
+    def built(change: Change) -> SmoothingProblem:
+        return anchored(thinned(search.build(_changed(flight, change), settings).problem))
+
+    offsets, gain, is_mixed = [], 0.0, False
     try:
-        chain = anchored(small.problem)
-        offsets = [_Tested.of(chain, 0.0)]
+        offsets.append(_Tested.of(chain, 0.0, built))
+        is_mixed = offsets[0].offset.shape == MIX
         if identified.used.any():
+            gain = small.likelihood_at(identified.factors) - small.likelihood_at({})
+        if identified.used.any() and not is_mixed:  # which leaves but chance
             louder = search.build(
                 with_factors(flight, identified.factors), with_rest(settings, identified.factors)
             )
-            gain = small.likelihood_at(identified.factors) - small.likelihood_at({})
             offsets.append(_Tested.of(anchored(thinned(louder.problem)), gain))
     except NoSolutionError:
-        return None
+        if not is_mixed:  # else noise is weighed with axes put right
+            return None
     best = offsets[-1] if is_louder else max(offsets, key=lambda one: one.likelihood)
-    return _Odds(best, best.likelihood - offsets[-1].noise - _limit(chain.t_s), chain.t_s)
+    return _Odds(best, best.likelihood - gain - _limit(chain.t_s), chain.t_s)
 
 
 def _by_phases(
     search: TagSearch, at_tags: AtTags, prepared: PreparedFlight, flight: Flight
 ) -> tuple[SpanFault, ...]:
     """Return all faults that are as likely as the first, as the phases of arcs show them."""
-    offsets, t_s = offsets_by_phases(prepared.problem), prepared.problem.t_s
+
+    def built(change: Change) -> SmoothingProblem:
+        return search.build(_changed(flight, change), search.settings).problem
+
+    problem, t_s = prepared.problem, prepared.problem.t_s
+    offsets = offsets_by_phases(problem) or _mixed_by_phases(problem, built)
     if not offsets:
         return ()
     noise = _noise_gain(search, at_tags, flight)
@@ -293,6 +318,24 @@ def _by_phases(
     )
 
 
+def _mixed_by_phases(problem: SmoothingProblem, built: Built) -> tuple[Offset, ...]:
+    """Return how axes are mixed, where errors of three numbers leave the chain more, too."""
+    try:
+        stated = solve_batch(problem)
+        if not is_misfit(problem, stated.cost) or "gyroscope" not in (
+            problem.motion.noise_parts().names
+        ):
+            return ()
+        chain = _Tested.of(anchored(thinned(problem)), 0.0)
+    except NoSolutionError:
+        return ()
+    return mixed_axes(problem, stated, built) if chain.is_left else ()
+
+
+def _changed(flight: Flight, change: Change) -> Flight:
+    return flight if flight.imu is None else replace(flight, imu=change(flight.imu))
+
+
 def _limit(t_s: FloatArray) -> float:
     """Return the nats beyond which an error that begins at any second is likelier than none."""
     return EXCLUDED + seconds_nats(t_s)
@@ -300,20 +343,22 @@ def _limit(t_s: FloatArray) -> float:
 
 def _refined(
     search: TagSearch, at_tags: AtTags, faults: tuple[SpanFault, ...], fault: SpanFault
-) -> SpanFault:
+) -> SpanFault | None:
     """Return a fault by steps, each about the one before, and what it leaves of attitudes.
 
-    By the whole problem beside phases of arcs, which the thinned chain has not. ``faults``: those
-    taken out already.
+    By the whole problem beside phases of arcs, which the thinned chain has not: None where mixed
+    axes leave more than chance there. ``faults``: those taken out already.
     """
     flight = with_tags_moved(search.flight, at_tags.moved, middle_of_tags_s(search.flight.imu))
-    axes = ("x_b", "y_b", "z_b")
-    part = flight_constant("span fault", axes, "", float(fault.sigma.max()) * _ANY, reported=False)
+    numbers = tuple(map(str, range(len(fault.value))))
+    any_ = ANY_MIX if fault.shape == MIX else float(fault.sigma.max()) * _ANY
+    part = flight_constant("span fault", numbers, "", any_, reported=False)
 
     def less(by: FloatArray) -> Change:
         return fault._replace(value=by).undone
 
     changes = tuple(map(less, np.diag(fault.sigma)))
+    is_left = fault.shape == MIX
     for _ in range(_STEPS):
         build = building(search.build, (*faults, fault))
         problem = build(flight, search.settings).problem
@@ -321,19 +366,21 @@ def _refined(
         solution = solved_with_changes(problem, ChangedBy((part,), changes, fault.sigma))
         if solution is None:
             break
-        step = solution.states.constants[-3:]
-        sigma = np.sqrt(solution.constant_covariance[0].diagonal()[-3:])
-        doubt = AttitudeDoubt(problem.t_s, _attitude_covariance(solution))
-        fault = fault._replace(value=fault.value + step, doubt=doubt)
+        step = solution.states.constants[-len(numbers) :]
+        sigma = np.sqrt(solution.constant_covariance[0].diagonal()[-len(numbers) :])
+        doubt = AttitudeDoubt(problem.t_s, _attitude_covariance(solution, len(numbers)))
+        value = further(fault.shape, fault.value, step)
+        fault = fault._replace(value=value, doubt=doubt)
+        is_left = fault.shape == MIX and is_misfit(problem, solution.cost)
         if np.all(np.abs(step) < sigma):
             break
-    return fault
+    return None if is_left else fault
 
 
-def _attitude_covariance(solution: Solution) -> FloatArray:
-    """Return the covariance of attitudes by a fault, the last three constants, (n, 3, 3)."""
-    C = solution.constant_covariance[0, -3:, -3:]
-    X = solution.constant_cross[:, ROTATION, -3:]
+def _attitude_covariance(solution: Solution, g: int) -> FloatArray:
+    """Return the covariance of attitudes by a fault, the last g constants, (n, 3, 3)."""
+    C = solution.constant_covariance[0, -g:, -g:]
+    X = solution.constant_cross[:, ROTATION, -g:]
     return np.asarray(X @ np.linalg.solve(C, X.swapaxes(1, 2)))
 
 
@@ -345,6 +392,7 @@ class _Tested(NamedTuple):
     instead: dict[str, float]  # gains of offsets by measurement
     problem: SmoothingProblem
     at: States
+    is_left: bool  # more than chance by errors of three numbers
 
     @property
     def of_measurements(self) -> float:
@@ -359,12 +407,16 @@ class _Tested(NamedTuple):
         return self.offset.gain + self.noise
 
     @classmethod
-    def of(cls, small: SmoothingProblem, noise: float) -> "_Tested":
+    def of(cls, small: SmoothingProblem, noise: float, built: Built | None = None) -> "_Tested":
         solution = solve_batch(small)
         solution = solve_batch(small, begin=solution.states)  # covariances of its linearisation
         if not solution.converged:
             raise NoSolutionError("faults of spans: the chain has no minimum")
         errors = (*of_biases(small, solution), *of_drifts(small, solution.states))
+        least = solution.cost - 2 * max(one.gain for one in errors)
+        is_left = least > chance_of(small)
+        if built is not None and is_left:
+            errors = (*errors, *mixed_axes(small, solution, built))
         of_unit = sorted(errors, key=lambda one: -one.gain)
         of_sensors = {one.sensor: one for one in reversed(of_unit)}.values()
         as_likely = (one for one in of_sensors if one.gain > of_unit[0].gain - LIKELY)
@@ -372,7 +424,7 @@ class _Tested(NamedTuple):
         measured = replace(small, measurements=small.measurements[:-1])
         instead = of_measurements(measured, solution)
         gains = {one.sensor: one.gain for one in instead}
-        return cls(offsets, noise, gains, small, solution.states)
+        return cls(offsets, noise, gains, small, solution.states, is_left)
 
 
 def _fault(
@@ -385,11 +437,12 @@ def _fault(
     t_s, imu = record
     last = len(t_s) - 1
     (first_begin, last_begin), (first_end, last_end) = offset.begins, offset.ends
+    from_s, until_s = offset.span_s or t_s[[offset.begin, offset.end]]
     fault = SpanFault(
         sensor=offset.sensor,
         shape=offset.shape,
-        from_s=float(t_s[offset.begin]) if offset.begin else -np.inf,
-        until_s=float(t_s[offset.end]) if offset.end < last else np.inf,
+        from_s=float(from_s) if offset.begin else -np.inf,
+        until_s=float(until_s) if offset.end < last else np.inf,
         # Either happens in the interval before such a keyframe, and not before the first or last.
         begins_s=(float(t_s[max(first_begin - 1, 0)]), float(t_s[last_begin])),
         ends_s=(
@@ -404,12 +457,13 @@ def _fault(
     )
     inside = fault.strikes(imu.t_s)
     x, at_s = getattr(imu, SAMPLES[offset.sensor])[inside], imu.t_s[inside]
-    by_unit = np.stack([added(offset.shape, x, one, at_s) for one in np.eye(3)], axis=2)
+    each = np.eye(len(offset.value))
+    by_unit = np.stack([added(offset.shape, x, one, at_s) for one in each], axis=2)
     effect = by_unit @ offset.value
     noise = np.einsum("kig,gh,kih->ki", by_unit, offset.covariance, by_unit)
     variance = (effect**2 + noise).mean(axis=0)
     size = float(np.sqrt((effect**2).sum(axis=1).mean()))
-    value = offset.value if is_first and fault.is_likely else np.zeros(3)
+    value = offset.value if is_first and fault.is_likely else np.zeros_like(offset.value)
     return fault._replace(value=value, variance=share * variance, size=size)
 
 
