@@ -298,15 +298,14 @@ def test_what_is_possible_doubts_attitudes(number, cause):
 
 
 def test_a_clock_beside_phases_that_is_possible_doubts_attitudes():
-    """Of 880 ppm: NEES 27, silent."""
+    """Of 880 ppm: NEES 27, silent; now 2.4. A bias of 4 cm/s2 for seven seconds is as likely."""
     right = right_flight("raw", 9881)
     t_s = right.imu.t_s
     slow = replace(right.imu, t_s=t_s[0] + (1 - 8.8e-4) * (t_s - t_s[0]))
     flight = replace(right, imu=slow)
     found = found_in(flight)
     assert found.cause.kinds == ("clock",)
-    assert found.is_as_stated
-    assert attitude_nees(right, estimate_by(found, flight)) < 9.0
+    assert attitude_nees(right, estimate_by(found, flight)) < 5.0
 
 
 def test_axes_that_are_turned_far_are_found_where_the_first_step_leads_too_far():

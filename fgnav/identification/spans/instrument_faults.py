@@ -26,7 +26,8 @@ from fgnav.identification.noise.identified import Identified
 from fgnav.identification.noise.identify import identify
 from fgnav.identification.noise.stated import INSTRUMENTS, with_factors, with_rest
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
-from fgnav.identification.spans.unit_faults import Requests, anchored, nats_beside
+from fgnav.identification.spans.unit_faults import Requests
+from fgnav.identification.spans.unit_odds import anchored, nats_beside
 from fgnav.identification.time_tags import AtTags, TagSearch
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.solve.chain import solve_batch
