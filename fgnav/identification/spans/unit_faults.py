@@ -14,23 +14,34 @@ all of these leave more than chance axes may be mixed (``spans.mixed_axes``).
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import softmax
 
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.frontend.prepared import AttitudeDoubt, PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
+from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.types.constants import flight_constant
+from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION
 from fgnav.identification.likelihood.beside_phases import is_misfit
 from fgnav.identification.likelihood.changed_samples import Change, ChangedBy, solved_with_changes
+from fgnav.identification.likelihood.span_offsets import LIKELY, TURN
 from fgnav.identification.likelihood.thinned import thinned
 from fgnav.identification.noise.identified import Identified
 from fgnav.identification.spans.errors import ANY_MIX, DRIFT, MIX, further
+from fgnav.identification.spans.span_ends import Without, at_samples
 from fgnav.identification.spans.span_fault import SpanFault
-from fgnav.identification.spans.unit_odds import likeliest_faults, limit_nats, unit_noise_nats
+from fgnav.identification.spans.unit_odds import (
+    Likeliest,
+    likeliest_faults,
+    limit_nats,
+    unit_noise_nats,
+)
 from fgnav.identification.time_tags import AtTags, Build, TagSearch
 from fgnav.identification.track.tags import middle_of_tags_s, with_tags_moved
 from fgnav.identification.track.windows import EXCLUDED
@@ -44,8 +55,8 @@ _Mended = tuple[TagSearch, AtTags, tuple[SpanFault, ...]]
 Requests = Callable[[TagSearch, AtTags], tuple[CalibrationRequest, ...]]
 
 
-def building(build: Build, faults: tuple[SpanFault, ...]) -> Build:
-    """Return what builds the problem of a flight without such faults."""
+def building(build: Build, faults: tuple[SpanFault, ...], *, is_exact: bool = False) -> Build:
+    """Return what builds the problem of a flight without such faults; exact: nothing is left."""
 
     def built(flight: Flight, settings: ProblemSettings) -> PreparedFlight:
         imu = flight.imu
@@ -54,7 +65,7 @@ def building(build: Build, faults: tuple[SpanFault, ...]) -> Build:
         for one in faults:
             imu = one.undone(imu)
         prepared = build(replace(flight, imu=imu), settings)
-        for one in faults:
+        for one in () if is_exact else faults:
             prepared = prepared.changed(one.stepping)
         return prepared
 
@@ -102,34 +113,51 @@ def _mended(
     faults: tuple[SpanFault, ...] = ()
     build, as_it_is = search.build, (search, at_tags, faults)
     for _ in range(_MOST):
-        likeliest = likeliest_faults(search, at_tags, requests(search, at_tags), begin, is_louder)
+        sought = likeliest_faults(search, at_tags, requests(search, at_tags), begin, is_louder)
+        likeliest = sought.faults
         if not likeliest or _is_of_most(likeliest[0], search.flight.imu, at_tags.identified):
             break
         rest = search._replace(build=building(build, (*faults, *likeliest)))
         if not likeliest[0].is_likely:
             return rest, at_tags, (*faults, *likeliest)
-        refined = _refined(as_it_is[0], at_tags, faults, likeliest[0])
+        refined = _refined(as_it_is[0], at_tags, faults, sought)
         if refined is None:
             break
-        likeliest = (refined, *likeliest[1:])
+        rivals = (one for one in likeliest if one.sensor != refined.sensor)
+        likeliest = (refined, *(one._replace(value=0 * one.value) for one in rivals))
         rest = search._replace(build=building(build, (*faults, *likeliest)))
+        exact = search._replace(build=building(search.build, likeliest[:1], is_exact=True))
         try:
             after = rest.identified(at_tags.moved)
+            if after is None or not _is_no_less_likely((rest, after), (search, at_tags), exact):
+                break
         except NoSolutionError:  # then it is not what the flight contradicts
-            break
-        if after is None or not _is_no_less_likely((rest, after), (search, at_tags)):
             break
         faults, search, at_tags, begin = (*faults, *likeliest), rest, after, None
         is_louder = False
     return as_it_is if at_tags.identified.exceeds_noise.any() else (search, at_tags, faults)
 
 
-def _is_no_less_likely(after: tuple[TagSearch, AtTags], before: tuple[TagSearch, AtTags]) -> bool:
-    """Return whether a flight is no less likely without a fault: beside phases by all of it."""
+def _is_no_less_likely(
+    after: tuple[TagSearch, AtTags], before: tuple[TagSearch, AtTags], exact: TagSearch
+) -> bool:
+    """Return whether a flight is no less likely without a fault: beside phases by all of it.
+
+    By the chain as if nothing were left of it (``exact``): what its ends may leave makes a flight
+    less likely by its spread alone.
+
+    Raises
+    ------
+    NoSolutionError
+        If its chain has no solution then.
+    """
     without, with_it = _nats_by_phases(*after), _nats_by_phases(*before)
-    if without is None or with_it is None:
-        return after[1].identified.likelihood >= before[1].identified.likelihood
-    return without >= with_it
+    if without is not None and with_it is not None:
+        return without >= with_it
+    exactly = exact.identified(after[1].moved)
+    if exactly is None:
+        return False
+    return exactly.identified.likelihood >= before[1].identified.likelihood
 
 
 def _nats_by_phases(search: TagSearch, at_tags: AtTags) -> float | None:
@@ -169,14 +197,81 @@ def _is_of_most(fault: SpanFault, imu: Imu | None, identified: Identified) -> bo
 
 
 def _refined(
-    search: TagSearch, at_tags: AtTags, faults: tuple[SpanFault, ...], fault: SpanFault
+    search: TagSearch,
+    at_tags: AtTags,
+    faults: tuple[SpanFault, ...],
+    sought: Likeliest,
 ) -> SpanFault | None:
-    """Return a fault by steps, each about the one before, and what it leaves of attitudes.
+    """Return a fault by steps, its ends between samples, and what it leaves of attitudes.
 
-    By the whole problem beside phases of arcs, which the thinned chain has not: None where mixed
-    axes leave more than chance there. ``faults``: those taken out already.
+    By the whole problem beside phases of arcs, which the thinned chain has not: None where that has
+    no minimum without it, or mixed axes leave more than chance there. Gains about bent states
+    mislead: by the chain an error that leaves a hundredth of the odds less takes its place.
+    ``faults``: those taken out already.
     """
     flight = with_tags_moved(search.flight, at_tags.moved, middle_of_tags_s(search.flight.imu))
+
+    def without(fault: SpanFault) -> SmoothingProblem:
+        problem = building(search.build, (*faults, fault))(flight, search.settings).problem
+        return problem if problem.phase is not None else thinned(problem)
+
+    if without(sought.likely[0]).phase is not None:  # each minimum takes ten times as long
+        best = _stepped(sought.likely[0], without)
+        return None if best.fault.shape == MIX and best.is_left else best.fault
+    every = [_stepped(one, without) for one in (*sought.likely, *sought.others)]
+    best = min(every, key=lambda one: one.cost)
+    if every[0].cost < best.cost + 2 * LIKELY:
+        best = every[0]
+    fault = best.fault
+    if best.cost == np.inf or (fault.shape == MIX and best.is_left):
+        return None
+    if fault.shape in (DRIFT, MIX) or flight.imu is None:
+        return fault
+    best = _stepped(at_samples(fault, flight.imu.t_s, without), without)
+    if fault.shape == TURN and np.isfinite(fault.from_s) != np.isfinite(fault.until_s):
+        every.append(_stepped(_other_side(best.fault), without))
+    return _averaged(best, [one for one in every if one.fault is not fault])
+
+
+class _Stepped(NamedTuple):
+    """A fault, what it leaves, whether that is more than chance, and attitudes of keyframes."""
+
+    fault: SpanFault
+    cost: float = np.inf
+    is_left: bool = True
+    R_nb: FloatArray = np.empty((0, 3, 3))
+
+
+def _other_side(fault: SpanFault) -> SpanFault:
+    """Return axes that turn once as others before that, not after it, or the other way round."""
+    other: dict[str, Any] = {
+        "from_s": fault.until_s if fault.from_s == -np.inf else -np.inf,
+        "until_s": fault.from_s if fault.until_s == np.inf else np.inf,
+    }
+    turned_back = fault._replace(begins_s=fault.ends_s, ends_s=fault.begins_s, value=-fault.value)
+    return turned_back._replace(**other)
+
+
+def _averaged(best: _Stepped, others: list[_Stepped]) -> SpanFault:
+    """Return the fault that leaves least; attitudes are doubted for others by what these leave.
+
+    Which sensor errs, and on which side of a turn, little tells but gravity (second moments as in
+    ``lasting.averaging``).
+    """
+    fault, doubt = best.fault, best.fault.doubt
+    like_it = [one for one in others if len(one.R_nb) == len(best.R_nb)]
+    if doubt is None or not like_it:
+        return fault
+    shares = softmax([-one.cost / 2 for one in (best, *like_it)])[1:]
+    P = doubt.covariance_rad2
+    for share, one in zip(shares, like_it, strict=True):
+        apart = log(transpose(best.R_nb) @ one.R_nb)
+        P = P + share * apart[:, :, None] * apart[:, None]
+    return fault._replace(doubt=doubt._replace(covariance_rad2=P))
+
+
+def _stepped(fault: SpanFault, without: Without) -> _Stepped:
+    """Return a fault by steps, each about the one before."""
     numbers = tuple(map(str, range(len(fault.value))))
     any_ = ANY_MIX if fault.shape == MIX else float(fault.sigma.max()) * _ANY
     part = flight_constant("span fault", numbers, "", any_, reported=False)
@@ -185,11 +280,9 @@ def _refined(
         return fault._replace(value=by).undone
 
     changes = tuple(map(less, np.diag(fault.sigma)))
-    is_left = fault.shape == MIX
+    stepped = _Stepped(fault)
     for _ in range(_STEPS):
-        build = building(search.build, (*faults, fault))
-        problem = build(flight, search.settings).problem
-        problem = problem if problem.phase is not None else thinned(problem)
+        problem = without(fault)
         solution = solved_with_changes(problem, ChangedBy((part,), changes, fault.sigma))
         if solution is None:
             break
@@ -198,10 +291,11 @@ def _refined(
         doubt = AttitudeDoubt(problem.t_s, _attitude_covariance(solution, len(numbers)))
         value = further(fault.shape, fault.value, step)
         fault = fault._replace(value=value, doubt=doubt)
-        is_left = fault.shape == MIX and is_misfit(problem, solution.cost)
+        R_nb, is_left = solution.states.R_nb, is_misfit(problem, solution.cost)
+        stepped = _Stepped(fault, solution.cost, is_left, R_nb)
         if np.all(np.abs(step) < sigma):
             break
-    return None if is_left else fault
+    return stepped
 
 
 def _attitude_covariance(solution: Solution, g: int) -> FloatArray:

@@ -31,7 +31,7 @@ from fgnav.identification.spans.beside_phases import (
     offsets_by_phases,
     seconds_nats,
 )
-from fgnav.identification.spans.errors import ERRORS, MIX, SAMPLES, added
+from fgnav.identification.spans.errors import DRIFT, ERRORS, MIX, SAMPLES, added
 from fgnav.identification.spans.mixed_axes import Built, mixed_axes
 from fgnav.identification.spans.span_fault import SpanFault
 from fgnav.identification.time_tags import AtTags, TagSearch
@@ -41,16 +41,28 @@ from fgnav.solve.chain import solve_batch
 from fgnav.types.flight import Flight, Imu
 
 
+class Likeliest(NamedTuple):
+    """The fault that may be, and one of the other sensor that is as likely, if there is.
+
+    ``likely``: of which one may be meant, by decreasing gain; ``others``: if they leave more than
+    chance.
+    """
+
+    faults: tuple[SpanFault, ...] = ()
+    likely: tuple[SpanFault, ...] = ()
+    others: tuple[SpanFault, ...] = ()
+
+
 def likeliest_faults(
     search: TagSearch,
     at_tags: AtTags,
     requests: tuple[CalibrationRequest, ...],
     begin: PreparedFlight | None,
     is_louder: bool,
-) -> tuple[SpanFault, ...]:
-    """Return the fault that may be, and one of the other sensor that is as likely, if there is.
+) -> Likeliest:
+    """Return the likeliest error; none where odds are a hundred to one against it.
 
-    Empty where odds are a hundred to one against it, beside those of any contradiction.
+    Beside those of any contradiction.
     """
     identified = at_tags.identified
     flight = with_tags_moved(search.flight, at_tags.moved, middle_of_tags_s(search.flight.imu))
@@ -59,17 +71,22 @@ def likeliest_faults(
     if prepared.problem.phase is not None:
         by_phases = _by_phases(search, at_tags, prepared, flight)
         if by_phases:
-            return by_phases
+            return Likeliest(by_phases, by_phases[:1])
     odds = _odds(search, identified, (flight, settings, prepared), is_louder)
     if odds is None or odds.nats < -LIKELY or odds.best.of_measurements >= odds.best.offset.gain:
-        return ()
+        return Likeliest()
     share, best = float(1.0 / (1.0 + np.exp(-odds.nats))), odds.best
     if is_turned_throughout(best.problem, best.at, best.offset, len(odds.t_s)):
-        return ()
-    return tuple(
-        _fault(one, (odds.t_s, prepared.imu), share, is_first=one is best.offset)
-        for one in best.offsets
-    )
+        return Likeliest()
+
+    def fault(one: Offset, *, is_first: bool) -> SpanFault:
+        return _fault(one, (odds.t_s, prepared.imu), share, is_first=is_first)
+
+    faults = tuple(fault(one, is_first=one is best.offset) for one in best.offsets)
+    spans = [one for one in best.others if one.shape not in (DRIFT, MIX)]
+    likely = [one for one in spans if one.gain > best.offset.gain - LIKELY]
+    others = tuple(fault(one, is_first=True) for one in (best.offset, *spans))
+    return Likeliest(faults, others[: 1 + len(likely)], others[1 + len(likely) :])
 
 
 def nats_beside(search: TagSearch, at_tags: AtTags, instruments: Collection[str]) -> float:
@@ -188,6 +205,7 @@ class _Tested(NamedTuple):
     """The likeliest offsets of the unit, what its noise has gained, and a measurement's offset."""
 
     offsets: tuple[Offset, ...]  # of sensors, as likely as the first
+    others: tuple[Offset, ...]  # than the first
     noise: float
     instead: dict[str, float]  # gains of offsets by measurement
     problem: SmoothingProblem
@@ -224,7 +242,8 @@ class _Tested(NamedTuple):
         measured = replace(small, measurements=small.measurements[:-1])
         instead = of_measurements(measured, solution)
         gains = {one.sensor: one.gain for one in instead}
-        return cls(offsets, noise, gains, small, solution.states, is_left)
+        others = tuple(of_unit[1:])
+        return cls(offsets, others, noise, gains, small, solution.states, is_left)
 
 
 def _fault(
