@@ -287,7 +287,7 @@ def test_axes_that_are_turned_for_a_while_are_no_clock():
 
 @pytest.mark.parametrize(("number", "cause"), [(968_000_055, "clock"), (968_000_089, LOST)])
 def test_what_is_possible_doubts_attitudes(number, cause):
-    """Tags 11 ms late beside fixes, a sample lost: silent, NEES 21 and 13; now 6.4 and 3.4."""
+    """Tags 11 ms late beside fixes, a sample lost: silent, NEES 21 and 13; now 6.4 and 4.4."""
     right = right_flight(KINDS[number // 12 % 5], number // 12)
     flight, _ = dirty(right, number)
     found = found_in(flight)

@@ -201,9 +201,16 @@ def _possible(
     causes: Iterable["LastingError | LostSamples | ClockOff"],
     with_noise: Callable[[dict[str, float]], SmoothingProblem],
 ) -> tuple[Possible, ...]:
-    """Return what attitudes are doubted for causes that none of is named, if any is likelier."""
+    """Return what attitudes are doubted for causes that none of is named, if any is likelier.
+
+    Loggers that lose samples unnoticed are rarer than other causes: beforehand one in a hundred.
+    """
     problem, stated = at
-    likelier = [one for one in causes if one.nats > 0.0 and not is_misfit(problem, one.cost)]
+    weighed = (
+        one._replace(nats=one.nats - LIKELY) if isinstance(one, LostSamples) else one
+        for one in causes
+    )
+    likelier = [one for one in weighed if one.nats > 0.0 and not is_misfit(problem, one.cost)]
     if not likelier:
         return ()
     others = nats_of_span(*at), white_noise(problem, with_noise, Scored.of(*at)).nats

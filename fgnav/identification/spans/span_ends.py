@@ -19,6 +19,7 @@ from fgnav.identification.likelihood.changed_samples import minimum_below
 from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.spans.span_fault import SpanFault
 
+_MOST = 20  # times that an end is tried at on either side, about; a bound of cost
 Without = Callable[[SpanFault], SmoothingProblem]
 
 
@@ -59,7 +60,7 @@ def _moved(
     inside = samples_s[(samples_s >= first_s) & (samples_s <= last_s)]
     for side in (inside[inside < begin_s][::-1], inside[inside > begin_s]):
         states: States = least.states
-        for time_s in side.tolist():
+        for time_s in side[:: max(len(side) // _MOST, 1)].tolist():
             changed: dict[str, Any] = {end: time_s}
             moved = fault._replace(**changed)
             solution = minimum_below(without(moved), best[1].cost + 2 * LIKELY, states)

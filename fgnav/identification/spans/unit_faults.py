@@ -92,8 +92,9 @@ def with_span_faults(
     is_louder : bool
         Whether phases of arcs, which the chain has not, show the noise that is identified.
     """
-    mended = _mended(search, at_tags, requests, begin, is_louder)
-    if not at_tags.moved.any() or _nats_by_phases(search, at_tags) is None:
+    mended, flight = _mended(search, at_tags, requests, begin, is_louder), search.flight
+    has_gyroscope = flight.imu is not None and flight.imu.w_b_radps is not None
+    if not (at_tags.moved.any() and has_gyroscope and flight.observations is not None):
         return mended
     try:
         instead = _mended(search, search.on_time(), requests, None, is_louder=False)
@@ -215,8 +216,9 @@ def _refined(
         problem = building(search.build, (*faults, fault))(flight, search.settings).problem
         return problem if problem.phase is not None else thinned(problem)
 
-    if without(sought.likely[0]).phase is not None:  # each minimum takes ten times as long
-        best = _stepped(sought.likely[0], without)
+    first = sought.likely[0]  # beside phases each minimum takes ten times as long
+    if first.shape == DRIFT or without(first).phase is not None:
+        best = _stepped(first, without)
         return None if best.fault.shape == MIX and best.is_left else best.fault
     every = [_stepped(one, without) for one in (*sought.likely, *sought.others)]
     best = min(every, key=lambda one: one.cost)
@@ -225,7 +227,7 @@ def _refined(
     fault = best.fault
     if best.cost == np.inf or (fault.shape == MIX and best.is_left):
         return None
-    if fault.shape in (DRIFT, MIX) or flight.imu is None:
+    if fault.shape == MIX or flight.imu is None:
         return fault
     best = _stepped(at_samples(fault, flight.imu.t_s, without), without)
     if fault.shape == TURN and np.isfinite(fault.from_s) != np.isfinite(fault.until_s):
