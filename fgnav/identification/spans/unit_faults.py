@@ -229,7 +229,8 @@ def _refined(
         return None
     if fault.shape == MIX or flight.imu is None:
         return fault
-    best = _stepped(at_samples(fault, flight.imu.t_s, without), without)
+    moved = _stepped(at_samples(fault, flight.imu.t_s, without), without)
+    best = moved if moved.cost < np.inf else best
     if fault.shape == TURN and np.isfinite(fault.from_s) != np.isfinite(fault.until_s):
         every.append(_stepped(_other_side(best.fault), without))
     return _averaged(best, [one for one in every if one.fault is not fault])
@@ -261,9 +262,9 @@ def _averaged(best: _Stepped, others: list[_Stepped]) -> SpanFault:
     ``lasting.averaging``).
     """
     fault, doubt = best.fault, best.fault.doubt
-    like_it = [one for one in others if len(one.R_nb) == len(best.R_nb)]
-    if doubt is None or not like_it:
+    if doubt is None:
         return fault
+    like_it = [one for one in others if len(one.R_nb) == len(doubt.t_s)]
     shares = softmax([-one.cost / 2 for one in (best, *like_it)])[1:]
     P = doubt.covariance_rad2
     for share, one in zip(shares, like_it, strict=True):
