@@ -122,9 +122,7 @@ def test_attitudes_hold_what_is_as_likely():
 
 def test_attitudes_hold_what_is_possible():
     """As likely as none and what is sought elsewhere: a third of its second moment."""
-    one, less, t_s = Cause("one", 1e-9, 0.1), Cause("two", -1.0, 3.0), np.zeros(1)
-    doubted = possible([one, less], [0.0], t_s, np.eye(3)[None])
+    doubted = possible([Cause("one", 1e-9, 0.1)], [0.0], np.zeros(1), np.eye(3)[None])
     assert doubted.kinds == ("one",)
     expected = (np.diag([0.1**2, 0.0, 0.0]) + 1e-4 * np.eye(3)) / 3
     np.testing.assert_allclose(doubted.doubt.covariance_rad2[0], expected, rtol=1e-6, atol=1e-12)
-    assert possible([less], [], t_s, np.eye(3)[None]) is None

@@ -106,13 +106,13 @@ def rivals_of(best: _Weighed, others: Iterable[_Weighed], t_s: FloatArray) -> Ri
 
 def possible(
     causes: Iterable[_Possible], other_nats: Iterable[float], t_s: FloatArray, stated_nb: FloatArray
-) -> Possible | None:
-    """Return what attitudes are doubted for causes that are not named; None without one.
+) -> Possible:
+    """Return what attitudes are doubted for causes that are not named.
 
     Parameters
     ----------
     causes : iterable of _Possible
-        Those likelier than none take part.
+        Likelier than none.
     other_nats : iterable of float
         What explanations gain that are sought elsewhere.
     t_s : ndarray, shape (n,)
@@ -120,17 +120,15 @@ def possible(
     stated_nb : ndarray, shape (n, 3, 3)
         Attitudes with all as stated.
     """
-    likelier = [one for one in causes if one.nats > 0.0]
-    if not likelier:
-        return None
-    nats = np.array([one.nats for one in likelier])
+    causes = list(causes)
+    nats = np.array([one.nats for one in causes])
     every = np.logaddexp.reduce([0.0, *nats, *other_nats])
     squares = sum(
         share * (_squares(stated_nb, one.R_nb) + one.attitude_rad2)
-        for share, one in zip(np.exp(nats - every), likelier, strict=True)
+        for share, one in zip(np.exp(nats - every), causes, strict=True)
     )
     doubt = AttitudeDoubt(t_s, np.asarray(squares))
-    return Possible(tuple(one.kind for one in likelier), doubt)
+    return Possible(tuple(one.kind for one in causes), doubt)
 
 
 def _squares(R_nb: FloatArray, other_nb: FloatArray) -> FloatArray:

@@ -214,8 +214,7 @@ def _possible(
     if not likelier:
         return ()
     others = nats_of_span(*at), white_noise(problem, with_noise, Scored.of(*at)).nats
-    doubted = possible(likelier, others, problem.t_s, stated.states.R_nb)
-    return () if doubted is None else (doubted,)
+    return (possible(likelier, others, problem.t_s, stated.states.R_nb),)
 
 
 def _may_stand_for(one: "LastingError | Cause", best: "LastingError | Cause") -> bool:

@@ -26,8 +26,8 @@ from fgnav.identification.lasting.error import least_of_use
 from fgnav.identification.likelihood.changed_samples import minimum_below
 from fgnav.identification.likelihood.record_clock import (
     RecordClock,
-    attitude_covariance,
     clock_step,
+    doubted_attitudes,
     prior_squares,
     with_tags,
 )
@@ -129,7 +129,7 @@ def clock_off(problem: SmoothingProblem, stated: Solution, middle_s: float) -> C
         return None
     clock, moved, at, solution = likeliest
     nats = (stated.cost - clock.cost) / 2 + _spread_nats(moved, clock.covariance)
-    P = attitude_covariance(at, middle_s, moved) if nats > 0.0 else np.zeros((1, 3, 3))
+    P = doubted_attitudes(at, middle_s, moved) if nats > 0.0 else np.zeros((1, 3, 3))
     if P is None:
         return None
     return ClockOff(

@@ -20,7 +20,7 @@ from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.motion import LinearisedMotion, Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.graph.types.states import States
+from fgnav.graph.types.states import ROTATION, States
 from fgnav.identification.noise.denoised import denoised
 from fgnav.solve.chain import constant_step, solve_batch
 from fgnav.types.flight import Imu
@@ -81,6 +81,17 @@ def minimum_below(
     except NoSolutionError:
         return None
     return solution if solution.converged and solution.cost <= enough else None
+
+
+def attitude_covariance(solution: Solution, first: int) -> FloatArray:
+    """Return what constants from a column on add to the covariance of attitudes, (n, 3, 3), rad2.
+
+    ``G C G' = X C^-1 X'``, C of the constants, X that of attitudes and them, G the attitudes'
+    derivative; negative columns count from the last.
+    """
+    C = solution.constant_covariance[0, first:, first:]
+    X = solution.constant_cross[:, ROTATION, first:]
+    return np.asarray(X @ np.linalg.solve(C, X.swapaxes(1, 2)))
 
 
 def promised(problem: SmoothingProblem, at: States, by: ChangedBy) -> tuple[float, FloatArray]:

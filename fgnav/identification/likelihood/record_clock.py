@@ -27,11 +27,11 @@ from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.graph.types.states import ROTATION
 from fgnav.identification.likelihood.beside_phases import chance_of
 from fgnav.identification.likelihood.changed_samples import (
     Change,
     ChangedBy,
+    attitude_covariance,
     solved_with_changes,
     with_changed_samples,
 )
@@ -146,21 +146,18 @@ def _turning(one: Measurement, more_b_radps: FloatArray) -> Measurement:
     return one
 
 
-def attitude_covariance(
+def doubted_attitudes(
     problem: SmoothingProblem, middle_s: float, moved: FloatArray
 ) -> FloatArray | None:
-    """Return what attitudes' covariance is besides, (n, 3, 3), where tags are put right.
+    """Return what attitudes' covariance is besides, (n, 3, 3), rad2, where tags are put right.
 
-    ``G C G'``, C of the clock, G the attitudes' derivative by it. None without a minimum.
+    None without a minimum.
     Parameters as in ``record_clock``.
     """
     solution = solved_with_changes(problem, _tags(middle_s, moved))
     if solution is None:
         return None
-    first = problem.constants.width
-    X = solution.constant_cross[:, ROTATION, first:]
-    C = solution.constant_covariance[0, first:, first:]
-    return np.asarray(X @ np.linalg.solve(C, X.swapaxes(1, 2)))
+    return attitude_covariance(solution, problem.constants.width)
 
 
 def prior_squares(moved: FloatArray) -> float:

@@ -1,9 +1,9 @@
 """Between which samples an error of the inertial unit begins and ends.
 
 Spans are first sought by keyframes. An end between two of them leaves some samples wrong, or puts
-some wrong: half of an interval of axes that turn at half their rate are degrees. So each end is
-moved sample by sample, as long as the minimum without the error is likely; the least stands, and
-the bias may step where others are a hundredth as likely or more.
+some wrong: half of an interval of a gyroscope at half its scale are degrees. So each end is moved
+sample by sample, to some twenty on either side at most, as long as the minimum without the error is
+likely; the least stands, and the bias may step where others are a hundredth as likely or more.
 """
 
 from collections.abc import Callable

@@ -26,10 +26,13 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.graph.types.solution import Solution
-from fgnav.graph.types.states import ROTATION
 from fgnav.identification.likelihood.beside_phases import is_misfit
-from fgnav.identification.likelihood.changed_samples import Change, ChangedBy, solved_with_changes
+from fgnav.identification.likelihood.changed_samples import (
+    Change,
+    ChangedBy,
+    attitude_covariance,
+    solved_with_changes,
+)
 from fgnav.identification.likelihood.span_offsets import LIKELY, TURN
 from fgnav.identification.likelihood.thinned import thinned
 from fgnav.identification.noise.identified import Identified
@@ -51,7 +54,7 @@ from fgnav.types.flight import Flight, Imu
 _MOST = 3  # of a flight
 _STEPS = 4  # at most: each leaves a few hundredths of what is left
 _ANY = 100.0  # sigmas by the thinned chain: next to nothing is known of it beside phases
-_Mended = tuple[TagSearch, AtTags, tuple[SpanFault, ...]]
+_Excluded = tuple[TagSearch, AtTags, tuple[SpanFault, ...]]
 Requests = Callable[[TagSearch, AtTags], tuple[CalibrationRequest, ...]]
 
 
@@ -78,7 +81,7 @@ def with_span_faults(
     requests: Requests,
     begin: PreparedFlight | None,
     is_louder: bool,
-) -> _Mended:
+) -> _Excluded:
     """Return a search without faults of spans, what the flight says then, and the faults.
 
     Parameters
@@ -92,25 +95,29 @@ def with_span_faults(
     is_louder : bool
         Whether phases of arcs, which the chain has not, show the noise that is identified.
     """
-    mended, flight = _mended(search, at_tags, requests, begin, is_louder), search.flight
+    excluded = _excluded(search, requests, _Begun(at_tags, begin, is_louder))
+    flight = search.flight
     has_gyroscope = flight.imu is not None and flight.imu.w_b_radps is not None
     if not (at_tags.moved.any() and has_gyroscope and flight.observations is not None):
-        return mended
+        return excluded
     try:
-        instead = _mended(search, search.on_time(), requests, None, is_louder=False)
+        instead = _excluded(search, requests, _Begun(search.on_time()))
     except NoSolutionError:
-        return mended
-    return max(mended, instead, key=_less_odds)
+        return excluded
+    return max(excluded, instead, key=_less_odds)
 
 
-def _mended(
-    search: TagSearch,
-    at_tags: AtTags,
-    requests: Requests,
-    begin: PreparedFlight | None,
-    is_louder: bool,
-) -> _Mended:
+class _Begun(NamedTuple):
+    """What a flight says with its faults, its problem, and whether phases alone show its noise."""
+
+    at_tags: AtTags
+    prepared: PreparedFlight | None = None
+    is_louder: bool = False
+
+
+def _excluded(search: TagSearch, requests: Requests, begun: _Begun) -> _Excluded:
     """Return the same with tags as they are moved."""
+    at_tags, begin, is_louder = begun
     faults: tuple[SpanFault, ...] = ()
     build, as_it_is = search.build, (search, at_tags, faults)
     for _ in range(_MOST):
@@ -177,9 +184,9 @@ def _nats_by_phases(search: TagSearch, at_tags: AtTags) -> float | None:
     return unit_noise_nats(search, at_tags, flight) - cost / 2
 
 
-def _less_odds(mended: _Mended) -> float:
+def _less_odds(excluded: _Excluded) -> float:
     """Return how likely a flight is without its faults, less the odds of all contradictions."""
-    search, at_tags, faults = mended
+    search, at_tags, faults = excluded
     nats = _nats_by_phases(search, at_tags)
     imu = search.flight.imu
     if nats is None or imu is None:
@@ -216,11 +223,11 @@ def _refined(
         problem = building(search.build, (*faults, fault))(flight, search.settings).problem
         return problem if problem.phase is not None else thinned(problem)
 
-    first = sought.likely[0]  # beside phases each minimum takes ten times as long
+    first = sought.errors[0]  # beside phases each minimum takes ten times as long
     if first.shape == DRIFT or without(first).phase is not None:
         best = _stepped(first, without)
         return None if best.fault.shape == MIX and best.is_left else best.fault
-    every = [_stepped(one, without) for one in (*sought.likely, *sought.others)]
+    every = [_stepped(one, without) for one in sought.errors]
     best = min(every, key=lambda one: one.cost)
     if every[0].cost < best.cost + 2 * LIKELY:
         best = every[0]
@@ -291,7 +298,7 @@ def _stepped(fault: SpanFault, without: Without) -> _Stepped:
             break
         step = solution.states.constants[-len(numbers) :]
         sigma = np.sqrt(solution.constant_covariance[0].diagonal()[-len(numbers) :])
-        doubt = AttitudeDoubt(problem.t_s, _attitude_covariance(solution, len(numbers)))
+        doubt = AttitudeDoubt(problem.t_s, attitude_covariance(solution, -len(numbers)))
         value = further(fault.shape, fault.value, step)
         fault = fault._replace(value=value, doubt=doubt)
         R_nb, is_left = solution.states.R_nb, is_misfit(problem, solution.cost)
@@ -299,10 +306,3 @@ def _stepped(fault: SpanFault, without: Without) -> _Stepped:
         if np.all(np.abs(step) < sigma):
             break
     return stepped
-
-
-def _attitude_covariance(solution: Solution, g: int) -> FloatArray:
-    """Return the covariance of attitudes by a fault, the last g constants, (n, 3, 3)."""
-    C = solution.constant_covariance[0, -g:, -g:]
-    X = solution.constant_cross[:, ROTATION, -g:]
-    return np.asarray(X @ np.linalg.solve(C, X.swapaxes(1, 2)))

@@ -44,13 +44,11 @@ from fgnav.types.flight import Flight, Imu
 class Likeliest(NamedTuple):
     """The fault that may be, and one of the other sensor that is as likely, if there is.
 
-    ``likely``: of which one may be meant, by decreasing gain; ``others``: if they leave more than
-    chance.
+    ``errors``: all of which one may be meant, with their values, by decreasing gain.
     """
 
     faults: tuple[SpanFault, ...] = ()
-    likely: tuple[SpanFault, ...] = ()
-    others: tuple[SpanFault, ...] = ()
+    errors: tuple[SpanFault, ...] = ()
 
 
 def likeliest_faults(
@@ -84,9 +82,8 @@ def likeliest_faults(
 
     faults = tuple(fault(one, is_first=one is best.offset) for one in best.offsets)
     spans = [one for one in best.others if one.shape not in (DRIFT, MIX)]
-    likely = [one for one in spans if one.gain > best.offset.gain - LIKELY]
-    others = tuple(fault(one, is_first=True) for one in (best.offset, *spans))
-    return Likeliest(faults, others[: 1 + len(likely)], others[1 + len(likely) :])
+    errors = tuple(fault(one, is_first=True) for one in (best.offset, *spans))
+    return Likeliest(faults, errors)
 
 
 def nats_beside(search: TagSearch, at_tags: AtTags, instruments: Collection[str]) -> float:
@@ -194,11 +191,11 @@ def limit_nats(t_s: FloatArray) -> float:
 def unit_noise_nats(search: TagSearch, at_tags: AtTags, flight: Flight) -> float:
     """Return what the unit's white noise gains of a whole problem as it is identified."""
 
-    def louder(factors: dict[str, float]) -> SmoothingProblem:
+    def with_noise(factors: dict[str, float]) -> SmoothingProblem:
         return search.build(with_factors(flight, factors), search.settings).problem
 
     factors = at_tags.identified.factors
-    return noise_gain({one: factors[one] for one in WHITE if one in factors}, louder)
+    return noise_gain({one: factors[one] for one in WHITE if one in factors}, with_noise)
 
 
 class _Tested(NamedTuple):
