@@ -2,16 +2,19 @@
 
 import tempfile
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 
-from tests.robustness.kills import commands, killed
+from fgnav_models import restitution
+from tests.robustness.kills import commands, commands_of_models, killed
 from tests.robustness.outcomes import BAD, GOOD, Outcome, case, undamaged
 from tests.robustness.small_flights import write_flights
 from tests.robustness.test_kills import small_inputs
 
 NAMES = ("damage", "kills", *(f"damage_{kind.replace(' ', '_')}" for kind in (*GOOD, *BAD)))
-FIRST, CASES, KILLS = 2_000_000, 5000, 50  # kills of each command
+FIRST, CASES = 2_000_000, 5000
+KILLS, KILLS_OF_MODELS = 40, 20  # of each command
 
 
 def run() -> list[dict]:
@@ -21,11 +24,7 @@ def run() -> list[dict]:
         flights = [undamaged(flight, folder / "u") for flight in write_flights(folder)]
         seeds = range(FIRST, FIRST + CASES)
         outcomes = [case(flights[seed % 2], seed, folder / "case") for seed in seeds]
-        faults: list[str] = []
-        hits = 0
-        for k, command in enumerate(commands(flights[0].folder, *small_inputs(folder))):
-            more, hit = killed(command, KILLS, folder / "kills", np.random.default_rng([6, k]))
-            faults, hits = faults + more, hits + hit
+        faults, hits = _kills(flights[0].folder, folder)
     for one in outcomes:
         if one.kind in BAD:
             print(f"{one.kind}: seed {one.seed}, {one.damage}, {one.command}: {one.text[-200:]}")
@@ -39,6 +38,20 @@ def run() -> list[dict]:
     ]
     note = f"torn, lost or other bytes after {hits} kills of commands that were still running"
     return [*rows, _row("kills", len(faults), note)]
+
+
+def _kills(flight: Path, folder: Path) -> tuple[list[str], int]:
+    """Kill every command that writes; return what was wrong, and how often it was still running."""
+    todo = [(command, KILLS) for command in commands(flight, *small_inputs(folder))]
+    todo += [(command, KILLS_OF_MODELS) for command in commands_of_models()]
+    faults: list[str] = []
+    hits = 0
+    few = {"READINGS": restitution.READINGS[:1], "MOTIONS": ("ramp",), "AMPLITUDES_DEG": (5,)}
+    with mock.patch.multiple(restitution, **few):  # what a fork flies, too: one flight for 72
+        for k, (command, times) in enumerate(todo):
+            more, hit = killed(command, times, folder / "kills", np.random.default_rng([6, k]))
+            faults, hits = faults + more, hits + hit
+    return faults, hits
 
 
 def _count(outcomes: list[Outcome], kind: str) -> int:

@@ -56,6 +56,7 @@ def test_a_run_in_slices_of_one_step_ends_in_the_same_weights(tmp_path, whole):
         assert trained.step == step
     assert same(net, whole[0])
     assert trained.history == whole[1].history
+    assert checkpoint.read_bytes() == whole[2].read_bytes()
 
 
 def test_a_run_killed_in_the_middle_goes_on_to_the_same_weights(tmp_path, whole):

@@ -45,6 +45,16 @@ def commands(flight: Path, scenario: Path, world: Path) -> tuple[Command, ...]:
     )
 
 
+def commands_of_models() -> tuple[Command, ...]:
+    """Return the commands that write networks and what the source paper's method makes of them."""
+    train = ["train", "gravity", "--scale", "smoke", "--resume", "--out"]
+    restitute = ["restitution", "--seeds", "1", "--processes", "1", "--out"]
+    return (
+        Command("train", lambda out: [*train, str(out / "nets")], _never),
+        Command("restitution", lambda out: [*restitute, str(out / "tables")], _never),
+    )
+
+
 def killed(
     command: Command, times: int, scratch: Path, rng: np.random.Generator
 ) -> tuple[list[str], int]:

@@ -250,9 +250,10 @@ class _Run:
             "losses": state.losses,
             "history": state.history,
         }
-        metadata = {"state": json.dumps(text), "settings": _settings_text(self.settings)}
+        run = json.dumps({"settings": _settings_text(self.settings), "state": text})
         with atomic_file(self.checkpoint) as part:
-            save_file(self._tensors(), part, metadata=metadata)
+            # one key, for safetensors writes several in an order drawn anew
+            save_file(self._tensors(), part, metadata={"run": run})
         self.saved_s = perf_counter()
 
     def _tensors(self) -> dict[str, torch.Tensor]:
@@ -273,8 +274,8 @@ class _Run:
         """Take weights, moments and state from the checkpoint, if there is one."""
         if not self.checkpoint.exists():
             return
-        metadata, parts = _read(self.checkpoint)
-        if metadata.get("settings") != _settings_text(self.settings):
+        run, parts = _read(self.checkpoint)
+        if run.get("settings") != _settings_text(self.settings):
             raise BadInputError(
                 f"{self.checkpoint}: is a checkpoint of other settings; name another folder, "
                 "or delete it"
@@ -292,24 +293,24 @@ class _Run:
             moments.setdefault(int(index), {})[name] = value
         self.optimizer.load_state_dict({"state": moments, "param_groups": own["param_groups"]})
         self.kept = {key: value.to(self.device) for key, value in parts["kept"].items()}
-        state = json.loads(metadata["state"])
+        state = run["state"]
         state["best"] = math.inf if state["best"] is None else state["best"]
         self.state = _State(**state)
         self.loss_sum = parts["loss"]["sum"]
 
 
-def _read(path: Path) -> tuple[dict[str, str], dict[str, dict[str, torch.Tensor]]]:
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, dict[str, torch.Tensor]]]:
     names = ("weights", "kept", "moments", "loss")
     parts: dict[str, dict[str, torch.Tensor]] = {name: {} for name in names}
     try:
         with safe_open(path, framework="pt") as file:
-            metadata: dict[str, Any] = file.metadata() or {}
+            run: dict[str, Any] = json.loads((file.metadata() or {}).get("run", "{}"))
             for key in file.keys():  # noqa: SIM118  # not a mapping
                 part, _, name = key.partition(":")
                 parts[part][name] = file.get_tensor(key)
-    except (SafetensorError, KeyError) as error:
+    except (SafetensorError, KeyError, ValueError) as error:
         raise BadInputError(f"{path}: is no checkpoint of ours ({error}); delete it") from None
-    return metadata, parts
+    return run, parts
 
 
 def _settings_text(settings: Settings) -> str:
