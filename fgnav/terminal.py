@@ -152,14 +152,16 @@ def check_outputs(flight: Path, *files: Path | str | None, folder: Path | None =
         That of an estimate.
     """
     from fgnav.checks import BadInputError  # noqa: PLC0415  # lazy, like all below
-    from fgnav.io.atomic_write import check_place  # noqa: PLC0415
+    from fgnav.io.atomic_write import check_folder, check_place  # noqa: PLC0415
     from fgnav.io.exports.estimate_csv import ESTIMATE, SUMMARY  # noqa: PLC0415
     from fgnav.io.flight.folder import files_of  # noqa: PLC0415
 
     places = [Path(file) for file in files if file is not None and file != "-"]
     for place in places:
         check_place(place)
-    places += [folder / ESTIMATE, folder / SUMMARY] if folder is not None else []
+    if folder is not None:
+        check_folder(folder)
+        places += [folder / ESTIMATE, folder / SUMMARY]
     places = [place for place in places if place.exists()]
     for own in files_of(flight) if places else ():
         for place in places:

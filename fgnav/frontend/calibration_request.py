@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, NoSolutionError
+from fgnav.checks import BadInputError, FloatArray, NoSolutionError, quoted
 from fgnav.frontend.attitude.rates import FORCE_SPAN_S
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY
 from fgnav.graph.turned import ARRAY_TURN, UNIT_TURN
@@ -102,10 +102,10 @@ def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, .
         kind = "antenna" if kind == "antennas" and not of_one else kind
         of_kind = _KINDS.get(kind)
         if of_kind is None or bool(of_one) != bool(antenna) or (antenna and kind != "antenna"):
-            raise BadInputError(f"estimate: {word!r} is none of {', '.join(NAMES)}")
+            raise BadInputError(f"estimate: {quoted(word)} is none of {', '.join(NAMES)}")
         if kind == name == "antenna":
             raise BadInputError("estimate: 'antenna' must name one, antenna:a4, or be antennas")
-        value = _sigma(word, sigma) if equals else of_kind.sigma
+        value = _sigma(name, sigma) if equals else of_kind.sigma
         requests.append(
             CalibrationRequest(
                 kind=kind,
@@ -116,17 +116,19 @@ def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, .
     named = [(one.kind, one.antenna) for one in requests]
     for word, of in zip(estimate, named, strict=True):
         if named.count(of) > 1 or (of[1] and ("antenna", None) in named):
-            raise BadInputError(f"estimate: {word!r} is asked for twice")
+            raise BadInputError(f"estimate: {quoted(word)} is asked for twice")
     return tuple(requests)
 
 
-def _sigma(word: str, text: str) -> float:
+def _sigma(name: str, text: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = -1.0
     if not 0 < value < np.inf:
-        raise BadInputError(f"estimate: {word!r}: after = comes a positive 1-sigma, got {text!r}")
+        raise BadInputError(
+            f"estimate: {quoted(name)}: after = comes a positive 1-sigma, got {quoted(text)}"
+        )
     return value
 
 

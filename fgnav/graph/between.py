@@ -23,7 +23,7 @@ def regular_times(problem: SmoothingProblem, rate_hz: float) -> FloatArray:
     last = np.floor(problem.t_s[-1] * rate_hz + _SAME_S)
     if last - first >= MOST_TIMES:
         raise BadInputError(
-            f"rate_hz: {rate_hz:g} makes {last - first + 1:.0f} times of this flight, at most "
+            f"rate_hz: {rate_hz:g} makes {last - first + 1:.6g} times of this flight, at most "
             f"{MOST_TIMES} are estimated at once"
         )
     return np.asarray(np.arange(first, last + 1) / rate_hz)

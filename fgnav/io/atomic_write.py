@@ -94,6 +94,21 @@ def check_place(path: Path) -> None:
         raise BadInputError(f"{path}: is a folder; name a file")
 
 
+def check_folder(path: Path) -> None:
+    """Raise unless a folder is there to be written, or could be made; nothing is made yet.
+
+    Raises
+    ------
+    BadInputError
+        If a file is in the way, or the first folder above it that exists may not be written.
+    """
+    nearest = next((one for one in (path, *path.parents) if one.exists()), Path())
+    if not nearest.is_dir():
+        raise _file_in_way(nearest)
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise BadInputError(f"{path}: cannot be written, {nearest} may not; name another place")
+
+
 def made_folder(path: Path) -> Path:
     """Make a folder and those above it where they are absent; return it.
 
@@ -105,17 +120,15 @@ def made_folder(path: Path) -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
-        raise BadInputError(
-            f"{_file_in_way(path)}: is a file, not a folder; name another place"
-        ) from None
+        file = next((one for one in (path, *path.parents) if one.is_file()), path)
+        raise _file_in_way(file) from None
     except OSError as error:
         raise BadInputError(f"{path}: cannot be made: {error.strerror or error}") from error
     return path
 
 
-def _file_in_way(path: Path) -> Path:
-    """Return the part of a folder's path that is a file."""
-    return next((one for one in (path, *path.parents) if one.is_file()), path)
+def _file_in_way(path: Path) -> BadInputError:
+    return BadInputError(f"{path}: is a file, not a folder; name another place")
 
 
 def _part(path: Path) -> Path:

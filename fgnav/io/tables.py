@@ -42,7 +42,7 @@ def read_table(
     BadInputError
         Naming file, line, column, rule and value.
     """
-    content = read_bytes(path)
+    content = read_bytes(path, is_text=True)
     names, body = _head(path, content)
     _check_names(path, names, required, optional)
     if not body.strip():

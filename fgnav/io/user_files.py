@@ -10,12 +10,14 @@ import stat
 import zlib
 from io import BytesIO
 from pathlib import Path
+from typing import BinaryIO
 
 from fgnav.checks import BadInputError
 
 LIMIT, DEFAULT_BYTES = "FGNAV_MAX_BYTES", 4_000_000_000
 # RINEX, SP3 and CSV shrink 3 to 20 times (the recordings in use: 3.3 to 13); a bomb 1,000 times.
 _MOST_UNPACKED, _PIECE_BYTES = 200, 1 << 20
+GZIP = b"\x1f\x8b"
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a pipe",
@@ -41,18 +43,21 @@ def max_bytes() -> int:
     return int(text)
 
 
-def read_bytes(path: Path, most: int | None = None) -> bytes:
+def read_bytes(path: Path, most: int | None = None, *, is_text: bool = False) -> bytes:
     """Return the content of a file.
 
     Parameters
     ----------
     most : int or None
         Bytes that are read at most; None: ``FGNAV_MAX_BYTES``.
+    is_text : bool
+        Whether it has to be text, or that packed by gzip: holes of sparse files are not read.
 
     Raises
     ------
     BadInputError
-        If there is no such file, it is no regular file, larger than allowed, or cannot be read.
+        If there is no such file, it is no regular file, larger than allowed, no text where it has
+        to be, or cannot be read.
     """
     limit = max_bytes() if most is None else min(most, max_bytes())
     try:
@@ -63,6 +68,8 @@ def read_bytes(path: Path, most: int | None = None) -> bytes:
         if status.st_size > limit:
             raise _too_large(path, f"has {status.st_size} bytes", limit)
         with path.open("rb") as file:
+            if is_text and status.st_size > _PIECE_BYTES:
+                _refuse_holes(path, file)
             # What the kernel makes up (/proc) states no size: nothing is read of it.
             return file.read(status.st_size)
     except FileNotFoundError as error:
@@ -73,6 +80,22 @@ def read_bytes(path: Path, most: int | None = None) -> bytes:
         if isinstance(error, BadInputError):
             raise
         raise BadInputError(f"{str(path)!r:.80}: is no name of a file, {error}") from error  # a NUL
+
+
+def _refuse_holes(path: Path, file: BinaryIO) -> None:
+    """Refuse what holds a NUL before all of it is in memory: gigabytes of them take no disk."""
+    begun = 0
+    while piece := file.read(_PIECE_BYTES):
+        if not begun and piece.startswith(GZIP):
+            break
+        at = piece.find(0)
+        if at >= 0:
+            raise BadInputError(
+                f"{path}: must be text, got a NUL as byte {begun + at + 1} of a large file; take "
+                "the file again"
+            )
+        begun += len(piece)
+    file.seek(0)
 
 
 def gunzipped(path: Path, content: bytes) -> bytes:

@@ -1,3 +1,4 @@
+import os
 import resource
 import subprocess
 import sys
@@ -5,7 +6,14 @@ import sys
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.io.atomic_write import atomic_file, atomic_folder, check_place, made_folder, write_text
+from fgnav.io.atomic_write import (
+    atomic_file,
+    atomic_folder,
+    check_folder,
+    check_place,
+    made_folder,
+    write_text,
+)
 
 
 def test_a_file_appears_whole(tmp_path):
@@ -99,3 +107,15 @@ def test_a_folder_appears_whole_or_not_at_all(tmp_path):
         (part / "file").write_text("all of it")
     assert (tmp_path / "a" / "file").read_text() == "all of it"
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_folder_that_cannot_be_is_refused_before_the_work_and_none_is_made(tmp_path, monkeypatch):
+    check_folder(tmp_path / "a" / "b")
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "file").touch()
+    for place in (tmp_path / "file", tmp_path / "file" / "x"):
+        with pytest.raises(BadInputError, match="file: is a file, not a folder; name another"):
+            check_folder(place)
+    monkeypatch.setattr(os, "access", lambda *_: False)  # root may write everywhere
+    with pytest.raises(BadInputError, match=f"a: cannot be written, {tmp_path} may not"):
+        check_folder(tmp_path / "a")

@@ -2,6 +2,7 @@
 
 import gzip
 import os
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,23 @@ def test_a_file_that_is_too_large_is_refused_unread(tmp_path, monkeypatch):
     monkeypatch.delenv("FGNAV_MAX_BYTES")
     with pytest.raises(BadInputError, match="at most 4000000000 are read"):
         read_bytes(path)
+
+
+def test_holes_of_a_sparse_file_are_refused_and_not_read(tmp_path):
+    for name, head in (("a.csv", b""), ("b.rnx", b"text\n" * 300_000)):
+        path = tmp_path / name
+        path.write_bytes(head)
+        os.truncate(path, 1 << 31)
+        tracemalloc.start()
+        with pytest.raises(BadInputError, match=f"{name}: must be text, got a NUL as byte") as seen:
+            read_bytes(path, is_text=True)
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert f"byte {len(head) + 1} of" in str(seen.value)
+        assert most < 1 << 23
+    packed = gzip.compress(os.urandom(2 << 20))
+    (tmp_path / "c.gz").write_bytes(packed)
+    assert read_bytes(tmp_path / "c.gz", is_text=True) == packed
 
 
 @pytest.mark.parametrize("text", ["", "0", "-1", "1e9", "x" * 200, "9" * 19])

@@ -58,7 +58,7 @@ def read_integers(path: Path) -> LinkIntegers:
 
 def _rows(path: Path) -> list[list[str]]:
     """Return the cells of each line, one line or more."""
-    text = read_bytes(path).decode("utf-8", "replace").replace("\r\n", "\n")
+    text = read_bytes(path, is_text=True).decode("utf-8", "replace").replace("\r\n", "\n")
     if text and not text.endswith("\n"):
         raise BadInputError(
             f"{path}: must end with a line end, the last line is cut; take the file again"

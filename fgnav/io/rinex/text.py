@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError
-from fgnav.io.user_files import gunzipped, read_bytes
+from fgnav.io.user_files import GZIP, gunzipped, read_bytes
 
 Bytes = NDArray[np.uint8]
 
@@ -31,8 +31,8 @@ def read_text(path: Path) -> Bytes:
     BadInputError
         If the file is missing, empty, packed otherwise or damaged in its packing.
     """
-    content = read_bytes(path)
-    if content[:2] == b"\x1f\x8b":
+    content = read_bytes(path, is_text=True)
+    if content.startswith(GZIP):
         content = gunzipped(path, content)
     for magic, name in _FOREIGN.items():
         if content.startswith(magic):
