@@ -19,6 +19,7 @@ from fgnav.checks import NoSolutionError
 from fgnav.graph.innovation.band import TOLERATED
 from fgnav.identification.exclusion import Exclusion, exclusions, going_on
 from fgnav.identification.notes import exclusion_notes
+from fgnav.identification.track.forces import NAME as FORCES
 from fgnav.types.estimate import Consistency, Estimate, Rejected
 from fgnav.types.flight import Flight
 
@@ -191,7 +192,15 @@ def _worst(one: Consistency) -> float:
 
 
 def _hopeless(one: Consistency) -> bool:
-    return any(span.throughout and span.nis > _HOPELESS for span in one.contradictions)
+    """Return whether one sensor contradicts throughout; the unit's forces wherever they do.
+
+    Forces are tested where no heading is known, so that no noise of the unit is identified, and a
+    motion that rests on them for seconds is wrong for all that follows.
+    """
+    return any(
+        span.nis > _HOPELESS and (span.throughout or one.what == FORCES)
+        for span in one.contradictions
+    )
 
 
 def _listed(left: tuple[Consistency, ...]) -> str:

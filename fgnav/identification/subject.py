@@ -178,8 +178,8 @@ def _likely_causes(
     words = ("lever-arm", "velocity-delay") if has_velocities else ("lever-arm",)
     requested = [one.kind for one in settings.calibration]
     others = calibration_requests([word for word in words if word not in requested])
-    clock, seeker = (middle_of_tags_s(flight.imu), clock_nats), flight.seeker
-    return likely_causes(at, clock, with_noise, estimating, others, seeker)
+    clock = middle_of_tags_s(flight.imu), clock_nats
+    return likely_causes(at, clock, with_noise, estimating, others, flight)
 
 
 def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]) -> PreparedFlight:

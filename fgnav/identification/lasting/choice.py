@@ -44,7 +44,7 @@ from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.spans.beside_phases import nats_of_span
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.solve.chain import solve_batch
-from fgnav.types.flight import Flight, Seeker
+from fgnav.types.flight import Flight
 
 _OF_AXES = (*WHITE, field.MAGNETOMETER, field.DECLINATION)
 # Samples or the stated field are put right by these, and nothing is estimated.
@@ -133,7 +133,7 @@ def likely_causes(
     with_noise: Callable[[dict[str, float]], SmoothingProblem],
     estimating: Callable[[CalibrationRequest], SmoothingProblem],
     others: tuple[CalibrationRequest, ...],
-    seeker: Seeker | None,
+    flight: Flight,
 ) -> tuple[Cause, ...]:
     """Return what is off for a whole flight, or from some time on; nothing where nothing is.
 
@@ -152,16 +152,15 @@ def likely_causes(
         From what is to be estimated to the problem with it.
     others : tuple of CalibrationRequest
         Lever arm and delay of velocities, where they are not estimated.
-    seeker : Seeker or None
-        The flight's.
+    flight : Flight
     """
     problem, stated = at
     tested = (
-        *sight.sight_errors(problem, stated, seeker),
+        *sight.sight_errors(problem, stated, flight.seeker),
         *unit_axes.unit_errors(problem, stated),
         *field.field_errors(problem, stated),
         *arm.arm_errors(problem, stated),
-        *late_instrument.late_instruments(problem, stated),
+        *late_instrument.late_instruments(problem, stated, flight),
     )
     middle_s, promised = clock
     moved = clock_off(problem, stated, middle_s) if promised >= EXCLUDED - LIKELY else None

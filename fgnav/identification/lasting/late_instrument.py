@@ -6,7 +6,8 @@ There the body's attitude and place are
 
 with Q the rotation since the first sample that the unit's rates w lead to: the gyroscope's, else
 those of the states. By d they change by ``-w(t - d)`` and ``-v``. d is a constant of the
-instrument's measurements, sought by steps, each about the C of the steps before.
+instrument's measurements, sought by steps, each about the C of the steps before: of all of them,
+or of those after their longest interval, or their shortest, where a clock may have been set.
 """
 
 from collections.abc import Iterator
@@ -15,8 +16,9 @@ from typing import cast
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.calibration_request import calibration_requests, of_time
+from fgnav.frontend.gaps import GAP
 from fgnav.geometry.rotations import exp, transpose
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
@@ -38,9 +40,12 @@ from fgnav.types.flight import Flight
 _LATE = "late "
 KINDS = tuple(_LATE + name for name in FIELD_OF)
 _STEPS = 8  # at most, as of a clock
+_FEWEST = 3  # samples with a usual interval
 
 
-def late_instruments(problem: SmoothingProblem, stated: Solution) -> Iterator[LastingError]:
+def late_instruments(
+    problem: SmoothingProblem, stated: Solution, flight: Flight
+) -> Iterator[LastingError]:
     """Yield by how much each instrument is late, if a step from the stated says so.
 
     As little known before as velocities' delay, or as it is large; early where it is negative.
@@ -50,16 +55,23 @@ def late_instruments(problem: SmoothingProblem, stated: Solution) -> Iterator[La
     problem : SmoothingProblem
     stated : Solution
         Its minimum.
+    flight : Flight
+        Whose tags tell when a clock may have been set.
     """
-    names = [one.name for one in problem.measurements if one.name in FIELD_OF]
+    spans = [
+        (one.name, from_s)
+        for one in problem.measurements
+        if one.name in FIELD_OF
+        for from_s in _beginnings_s(getattr(flight, FIELD_OF[one.name]).t_s)
+    ]
     if not isinstance(problem.motion, GyroFree | Inertial):
         return
     (delay,) = of_time(calibration_requests(["velocity-delay"])[0])
     sigma_s = float(np.sqrt(delay.covariance[0, 0]))
-    for name in names:
-        error = _sought(name, sigma_s, problem, stated)
+    for name, from_s in spans:
+        error = _sought(name, from_s, sigma_s, problem, stated)
         if error is not None and abs(error.off[0]) > sigma_s:
-            error = _sought(name, float(abs(error.off[0])), problem, stated)
+            error = _sought(name, from_s, float(abs(error.off[0])), problem, stated)
         if error is not None:
             yield error
 
@@ -70,17 +82,28 @@ def put_right(flight: Flight, error: LastingError) -> Flight:
     one = getattr(flight, field)
     if one is None:
         return flight
-    retagged = replace(one, t_s=one.t_s - error.off[0])
+    retagged = replace(one, t_s=one.t_s - error.off[0] * (one.t_s >= error.from_s))
     return replace(flight, **{field: retagged})
 
 
 def sentence(error: LastingError) -> str:
     """Return what is to be said of it."""
     what = FIELD_OF[error.kind.removeprefix(_LATE)]
+    when = "" if error.from_s == -np.inf else f" from {error.from_s:.1f} s on"
     return (
         f"The {what}'s samples are late by {error.off[0]:+.4f} ± "
-        f"{np.sqrt(error.covariance[0, 0]):.4f} s: taken off their tags."
+        f"{np.sqrt(error.covariance[0, 0]):.4f} s{when}: taken off their tags."
     )
+
+
+def _beginnings_s(t_s: FloatArray) -> tuple[float, ...]:
+    """Return from when samples at (k,) may be late: always, or after an unusual interval."""
+    if len(t_s) < _FEWEST:
+        return (-np.inf,)
+    of_usual = np.diff(t_s) / np.median(np.diff(t_s))
+    longest, shortest = int(of_usual.argmax()), int(of_usual.argmin())
+    unusual = [k for k in (longest, shortest) if not 1 / GAP <= of_usual[k] <= GAP]
+    return (-np.inf, *(float(t_s[k : k + 2].mean()) for k in unusual))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -109,14 +132,14 @@ class _Turning:
 
 
 def _sought(
-    name: str, sigma_s: float, problem: SmoothingProblem, stated: Solution
+    name: str, from_s: float, sigma_s: float, problem: SmoothingProblem, stated: Solution
 ) -> LastingError | None:
-    """Return by how much an instrument is late; None if no step says so, or none ends."""
+    """Return by how much one is late from a time on; None if no step says so, or none ends."""
     part = flight_constant(_LATE + name, ("delay",), "s", sigma_s, reported=False)
     begin, column, by_s = stated.states, problem.constants.width, 0.0
     error, cost = None, stated.cost
     for left in range(_STEPS, 0, -1):
-        free = _freed(name, part, problem, _Turning.of(problem, begin), by_s)
+        free = _freed((name, from_s), part, problem, _Turning.of(problem, begin), by_s)
         at = begin._replace(constants=np.append(begin.constants[:column], by_s))
         if error is None and step_promises(free, at, column)[0] < EXCLUDED - LIKELY:
             return None
@@ -124,7 +147,7 @@ def _sought(
         if solution is None:
             return error
         cost = solution.cost
-        error = LastingError.of(part, free, stated.cost, solution)
+        error = LastingError.of(part, free, stated.cost, solution)._replace(from_s=from_s)
         step_s, by_s, begin = error.off[0] - by_s, float(error.off[0]), solution.states
         if step_s**2 < error.covariance[0, 0]:
             return error
@@ -132,21 +155,28 @@ def _sought(
 
 
 def _freed(
-    name: str, part: FlightConstant, problem: SmoothingProblem, turning: _Turning, by_s: float
+    which: tuple[str, float],
+    part: FlightConstant,
+    problem: SmoothingProblem,
+    turning: _Turning,
+    by_s: float,
 ) -> SmoothingProblem:
     """Return a problem in which an instrument's delay is free, about the turns of one."""
+    name, from_s = which
     free, column = problem.with_constants((part,)), problem.constants.width
 
     def late(one: Measurement) -> Measurement:
         if one.name != name:
             return one
         t_s = problem.t_s[one.row]
-        w_b_radps, R = turning.at(t_s - by_s)
+        is_late = t_s >= from_s
+        w_b_radps, R = turning.at(t_s - by_s * is_late)
         back = transpose(turning.at(t_s)[1]) @ R
         return Late(
             measurement=one,
             back=back,
             w_b_radps=w_b_radps,
+            is_late=is_late,
             by_s=by_s,
             column=column,
             constants=free.constants,
@@ -166,6 +196,8 @@ class Late(OfAnother):
         C, from the body's axes a time ``by_s`` before to those of the keyframe.
     w_b_radps : ndarray, shape (k, 3)
         There.
+    is_late : ndarray of bool, shape (k,)
+        False where they are of their keyframe.
     by_s : float
     column : int
         Of the constant d, s.
@@ -175,24 +207,26 @@ class Late(OfAnother):
     measurement: Measurement
     back: FloatArray
     w_b_radps: FloatArray
+    is_late: BoolArray
     by_s: float
     column: int
     constants: Constants
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Measurement``."""
-        d_s, w_b_radps = at.constants[self.column], self.w_b_radps[which]
+        late, d_s = self.is_late[which, None], at.constants[self.column]
+        w_b_radps, v_n_mps = late * self.w_b_radps[which], late * at.v_n_mps
         C = self.back[which] @ exp((self.by_s - d_s) * w_b_radps)
         R_nb = np.ascontiguousarray(at.R_nb @ C)
-        then = at._replace(R_nb=R_nb, p_n_m=at.p_n_m - d_s * at.v_n_mps)
+        then = at._replace(R_nb=R_nb, p_n_m=at.p_n_m - d_s * v_n_mps)
         value, state, shared = self.measurement.linearise(then, which)
         state, shared = state.copy(), shared.copy()
         by_turn, by_place_n = state[:, :, ROTATION], state[:, :, POSITION] @ transpose(R_nb)
         shared[:, :, self.column] -= np.einsum("kij,kj->ki", by_turn, w_b_radps)
-        shared[:, :, self.column] -= np.einsum("kij,kj->ki", by_place_n, at.v_n_mps)
+        shared[:, :, self.column] -= np.einsum("kij,kj->ki", by_place_n, v_n_mps)
         state[:, :, ROTATION] = by_turn @ transpose(C)
         state[:, :, POSITION] = by_place_n @ at.R_nb
-        state[:, :, VELOCITY] -= d_s * by_place_n
+        state[:, :, VELOCITY] -= d_s * late[:, :, None] * by_place_n
         return Linearised(value, state, shared)
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
