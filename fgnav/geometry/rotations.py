@@ -88,6 +88,34 @@ def euler_jacobian(R_nb: FloatArray) -> FloatArray:
     return J
 
 
+def euler_sigma(R_nb: FloatArray, covariance_rad2: FloatArray) -> FloatArray:
+    """Return (n, 3) standard deviations of roll, pitch and yaw, rad, to second order.
+
+    ``var = J P_b J' + sum_k e_k^2 / 3`` with e_k half of what the angles change by in all where the
+    attitude turns by plus and by minus ``3^(1/2)`` of principal axis k of P_b: of angles that bend
+    along an axis as ``b x^2`` the variance of a Gaussian x has ``2 b^2`` and the mean ``b`` [1]_.
+
+    Parameters
+    ----------
+    R_nb : ndarray, shape (n, 3, 3)
+    covariance_rad2 : ndarray, shape (n, 3, 3)
+        P_b, of body-axes tangents.
+
+    References
+    ----------
+    .. [1] Julier, Uhlmann: Unscented filtering and nonlinear estimation, Proc. IEEE 92, 2004, whose
+       sigma points these are.
+    """
+    J, middle = euler_jacobian(R_nb), to_euler(R_nb)
+    variance = np.einsum("nij,njk,nik->ni", J, covariance_rad2, J)
+    squares, axes = np.linalg.eigh(covariance_rad2)
+    points = axes * np.sqrt(3.0 * squares.clip(0.0))[:, None, :]
+    for k in range(3):
+        both = [wrap(to_euler(R_nb @ exp(sign * points[:, :, k])) - middle) for sign in (1, -1)]
+        variance += (sum(both) / 2) ** 2 / 3
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+
 def nearest(M: FloatArray) -> FloatArray:
     """Return (n, 3, 3) rotations nearest to matrices in the Frobenius norm (Procrustes)."""
     U, _, Vt = np.linalg.svd(M)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times
-from fgnav.geometry.rotations import euler_jacobian, to_euler
+from fgnav.geometry.rotations import euler_sigma, to_euler
 from fgnav.types.flight import Flight
 from fgnav.types.integers import ArcInteger, Integers
 from fgnav.types.summaries import summary, summary_html
@@ -257,9 +257,7 @@ class Estimate:
         """Standard deviations of roll, pitch and yaw, (n, 3); None where the method states none."""
         if self.attitude_covariance_rad2 is None:
             return None
-        J = euler_jacobian(self.R_nb)
-        variance = np.einsum("nij,njk,nik->ni", J, self.attitude_covariance_rad2, J)
-        return np.asarray(np.degrees(np.sqrt(np.maximum(variance, 0.0))))
+        return np.asarray(np.degrees(euler_sigma(self.R_nb, self.attitude_covariance_rad2)))
 
     def to_pandas(self) -> "DataFrame":
         """Return every figure as a ``pandas.DataFrame``, ``t_s`` for an index; see ``to_table``.

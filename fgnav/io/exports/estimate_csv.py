@@ -10,7 +10,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.earth import Origin
-from fgnav.geometry.rotations import euler_jacobian
+from fgnav.geometry.rotations import euler_sigma
 from fgnav.io.atomic_write import atomic_file
 from fgnav.io.flight.columns import EULER, FORMATS, PLACE, POSITION_SIGMA, VELOCITY, VELOCITY_SIGMA
 from fgnav.io.flight.local_frame import attitude_of_n, place_of_n, velocity_of_n
@@ -72,8 +72,8 @@ def _table(estimate: Estimate, origin: Origin) -> dict[str, FloatArray]:
     if estimate.velocity_covariance_m2ps2 is not None:
         add(VELOCITY_SIGMA, _sigma(estimate.velocity_covariance_m2ps2, to_n.swapaxes(1, 2)))
     if estimate.attitude_covariance_rad2 is not None:
-        jacobian = euler_jacobian(to_n.swapaxes(1, 2) @ estimate.R_nb)
-        add(EULER_SIGMA, np.degrees(_sigma(estimate.attitude_covariance_rad2, jacobian)))
+        R_nb = to_n.swapaxes(1, 2) @ estimate.R_nb
+        add(EULER_SIGMA, np.degrees(euler_sigma(R_nb, estimate.attitude_covariance_rad2)))
     return table
 
 
