@@ -82,6 +82,16 @@ def test_one_velocity_is_no_motion_to_check():
     assert names == {"single antenna"}
 
 
+def test_a_record_over_few_epochs_is_no_clock_to_check():
+    """Damage 7402616, a record cut after its first rows, ended in a traceback."""
+    flight = flown("demo")
+    imu = flight.imu
+    few = imu.t_s < imu.t_s[0] + 0.2 * (imu.t_s[-1] - imu.t_s[0])
+    series = {name: getattr(imu, name)[few] for name in ("t_s", "f_b_mps2", "w_b_radps")}
+    cut = replace(imu, **series)
+    assert "imu clock" not in {one.name for one in describe(replace(flight, imu=cut)).findings}
+
+
 def test_a_misplaced_antenna_is_put_back_to_the_centimetre():
     flight = flown("demo")
     places = [a.position_b_m for a in flight.antennas]

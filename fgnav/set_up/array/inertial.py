@@ -113,11 +113,16 @@ def _axes_finding(motion: Motion, M: FloatArray, evidence: str) -> Finding:
 
 
 def _clock_finding(motion: Motion) -> tuple[float, Finding] | None:
-    """Return a clock error of 0.1 s to 20 s; leap seconds where these fit best."""
+    """Return a clock error of 0.1 s to 20 s; leap seconds where these fit best.
+
+    None where the record overlaps too few epochs by its stated tags to be compared.
+    """
     late_s = np.arange(-_REACH_S, _REACH_S + _STEP_S / 2, _STEP_S)
     left = np.array([_left_late(motion, late) for late in late_s])
     stated = _left_late(motion, 0.0)
     share = left / stated
+    if np.isnan(share).all():
+        return None
     best = int(np.nanargmin(share))
     if share[best] > _BETTER or abs(late_s[best]) < _STEP_S / 2:
         return None
