@@ -167,11 +167,11 @@ def _by_phases(
 
 def _mixed_by_phases(problem: SmoothingProblem, built: Built) -> tuple[Offset, ...]:
     """Return how axes are mixed, where errors of three numbers leave the chain more, too."""
+    if "gyroscope" not in problem.motion.noise_parts().names:
+        return ()
     try:
         stated = solve_batch(problem)
-        if not is_misfit(problem, stated.cost) or "gyroscope" not in (
-            problem.motion.noise_parts().names
-        ):
+        if not is_misfit(problem, stated.cost):
             return ()
         chain = _Tested.of(anchored(thinned(problem)), 0.0)
     except NoSolutionError:
