@@ -24,6 +24,7 @@ from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
 from fgnav.identification.contradictions import without_contradictions
 from fgnav.integers.resolvers.registry import default_resolver
+from fgnav.kernels.one_thread import in_one_thread
 from fgnav.methods.smoothing.estimates import estimate_of
 from fgnav.methods.smoothing.joined import joined_estimates
 from fgnav.methods.smoothing.own_sources import FactorSource, own_factors
@@ -153,6 +154,7 @@ class Smoother:
         """
         return self.estimate_prepared(flight, self.prepare(flight))
 
+    @in_one_thread
     def at(
         self, flight: Flight, t_s: FloatArray | None = None, *, rate_hz: float | None = None
     ) -> Estimate:
@@ -213,6 +215,7 @@ class Smoother:
             noise=self.noise,
         )
 
+    @in_one_thread
     def prepare(self, flight: Flight, since_s: float = -np.inf) -> PreparedFlight:
         """Return the smoothing problem of a flight.
 
@@ -264,6 +267,7 @@ class Smoother:
             prepared = replace(prepared, stretches=spans)
         return replace(prepared, stretches=by_integers(flight, prepared, self._waits_s))
 
+    @in_one_thread
     def estimate_prepared(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
         """Estimate a flight whose problem is built."""
         # Factors of one's own cannot be left out of a flight: what they contradict is noted.
