@@ -170,7 +170,7 @@ def test_a_magnetometer_tells_which_is_turned(sensor, field):
 @pytest.mark.parametrize("kind", ["seeker", "raw", "fixes", "instruments"])
 def test_right_flights_have_none(kind):
     found = found_in(right_flight(kind, 9101))
-    assert found is None or found.cause is None
+    assert found is None or found.cause is None or not found.cause.is_likely
 
 
 def test_a_loud_accelerometer_is_no_landmark():

@@ -112,7 +112,7 @@ def possible(
     Parameters
     ----------
     causes : iterable of _Possible
-        Likelier than none.
+        Each against none.
     other_nats : iterable of float
         What explanations gain that are sought elsewhere.
     t_s : ndarray, shape (n,)

@@ -200,7 +200,7 @@ def _possible(
     causes: Iterable["LastingError | LostSamples | ClockOff"],
     with_noise: Callable[[dict[str, float]], SmoothingProblem],
 ) -> tuple[Possible, ...]:
-    """Return what attitudes are doubted for causes that none of is named, if any is likelier.
+    """Return what attitudes are doubted for causes that none of is named, if any is possible.
 
     Loggers that lose samples unnoticed are rarer than other causes: beforehand one in a hundred.
     """
@@ -209,11 +209,11 @@ def _possible(
         one._replace(nats=one.nats - LIKELY) if isinstance(one, LostSamples) else one
         for one in causes
     )
-    likelier = [one for one in weighed if one.nats > 0.0 and not is_misfit(problem, one.cost)]
-    if not likelier:
+    able = [one for one in weighed if one.nats > -LIKELY and not is_misfit(problem, one.cost)]
+    if not able:
         return ()
     others = nats_of_span(*at), white_noise(problem, with_noise, Scored.of(*at)).nats
-    return (possible(likelier, others, problem.t_s, stated.states.R_nb),)
+    return (possible(able, others, problem.t_s, stated.states.R_nb),)
 
 
 def _may_stand_for(one: "LastingError | Cause", best: "LastingError | Cause") -> bool:
