@@ -16,16 +16,17 @@ from fgnav.identification.likelihood.changed_samples import ChangedBy, solved_wi
 from fgnav.identification.likelihood.span_offsets import _Columns, _of_window, of_biases
 from fgnav.identification.likelihood.thinned import thinned
 from fgnav.identification.spans.errors import ANY_MIX, MIX, further, without
+from fgnav.identification.spans.span_ends import at_samples
+from fgnav.identification.spans.span_fault import SpanFault
 from fgnav.identification.track.windows import EXCLUDED
 from fgnav.methods.smoother import Smoother
 from fgnav.solve.chain import solve_batch
-from tests.identification.identified import estimate_by, found_in
+from tests.identification.identified import SETTINGS, estimate_by, found_in
 from tests.methods.simulated import errors_rad, nees
 from tests.robustness.drawn.dirty import dirty
 from tests.robustness.drawn.flights import KINDS, right_flight
 from tests.robustness.drawn.series import of_triad
 
-SETTINGS = Smoother().preparation
 FROM_S, UNTIL_S = 4.1, 7.3
 KEYFRAMES_S = 0.2
 TURNING, PUSHING = np.array([0.0, 0.02, -0.02]), np.array([0.3, 0.0, 0.2])
@@ -238,3 +239,39 @@ def test_an_error_of_a_span_is_no_clock():
     assert found.faults[0][:2] == ("accelerometer", "offset")
     estimate = estimate_by(found, flight)
     assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 3.0
+
+
+def test_an_end_by_which_keyframes_are_others_is_not_tried():
+    """Damage 2003139, a record with a column of one value, ended in a traceback."""
+    flight = right_flight("instruments", 7002)
+    whole, fewer = (
+        thinned(build_problem(one, SETTINGS).problem)
+        for one in (flight, replace(flight, imu=late_begin(flight.imu)))
+    )
+    assert len(fewer.t_s) < len(whole.t_s)
+    three = np.full(3, 0.01)
+    fault = SpanFault(
+        sensor="gyroscope",
+        shape="offset",
+        from_s=4.0,
+        until_s=np.inf,
+        begins_s=(3.9, 4.1),
+        ends_s=(np.inf, np.inf),
+        value=three,
+        sigma=three,
+        variance=three,
+        size=0.01,
+        share=1.0,
+    )
+
+    def without(one):
+        return whole if one.from_s >= fault.from_s else fewer
+
+    assert at_samples(fault, flight.imu.t_s, without).from_s >= fault.from_s
+
+
+def late_begin(imu):
+    """Return a unit whose record begins a second later."""
+    of_rest = imu.t_s >= imu.t_s[0] + 1.0
+    series = {name: getattr(imu, name)[of_rest] for name in ("t_s", "f_b_mps2", "w_b_radps")}
+    return replace(imu, **series)

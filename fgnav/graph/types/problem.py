@@ -84,6 +84,11 @@ class SmoothingProblem:
         """Dimensions of one keyframe's tangent, D."""
         return self.start.width
 
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Keyframes, and constants of the flight: what states of a search are to agree in."""
+        return len(self.t_s), self.constants.width
+
     def with_constants(self, parts: tuple[FlightConstant, ...]) -> "SmoothingProblem":
         """Return the same with more constants, after those it has."""
         constants = Constants((*self.constants.parts, *parts))

@@ -190,7 +190,7 @@ class _Search(NamedTuple):
         change = ChangedBy((part,), tuple(map(less, np.diag(by))), by)
         for _ in range(_STEPS):
             unmixed = self._unmixed(less(span.value))
-            if _shape(unmixed) != _shape(self.problem):
+            if unmixed.sizes != self.problem.sizes:
                 return None
             solution = _least(with_changed_samples(unmixed, change), enough, states)
             if solution is None:
@@ -212,11 +212,6 @@ class _Search(NamedTuple):
         if isinstance(motion, Inertial) and isinstance(changed.motion, Inertial):
             motion = replace(motion, imu=changed.motion.imu)
         return replace(changed, motion=motion)
-
-
-def _shape(problem: SmoothingProblem) -> tuple[int, int]:
-    """Return how many keyframes and constants a problem has."""
-    return len(problem.t_s), problem.constants.width
 
 
 def _least(problem: SmoothingProblem, enough: float, begin: States | None) -> Solution | None:

@@ -63,7 +63,10 @@ def _moved(
         for time_s in side[:: max(len(side) // _MOST, 1)].tolist():
             changed: dict[str, Any] = {end: time_s}
             moved = fault._replace(**changed)
-            solution = minimum_below(without(moved), best[1].cost + 2 * LIKELY, states)
+            problem = without(moved)
+            if problem.sizes != (len(t_s), len(states.constants)):
+                break  # of other keyframes costs are of other measurements
+            solution = minimum_below(problem, best[1].cost + 2 * LIKELY, states)
             if solution is None:
                 break
             costs[time_s], states = solution.cost, solution.states
