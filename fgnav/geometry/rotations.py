@@ -99,7 +99,7 @@ def euler_sigma(R_nb: FloatArray, covariance_rad2: FloatArray) -> FloatArray:
     ----------
     R_nb : ndarray, shape (n, 3, 3)
     covariance_rad2 : ndarray, shape (n, 3, 3)
-        P_b, of body-axes tangents.
+        P_b, of body-axes tangents; sigmas are not finite where it is not.
 
     References
     ----------
@@ -108,7 +108,8 @@ def euler_sigma(R_nb: FloatArray, covariance_rad2: FloatArray) -> FloatArray:
     """
     J, middle = euler_jacobian(R_nb), to_euler(R_nb)
     variance = np.einsum("nij,njk,nik->ni", J, covariance_rad2, J)
-    squares, axes = np.linalg.eigh(covariance_rad2)
+    is_finite = np.isfinite(covariance_rad2).all(axis=(1, 2), keepdims=True)
+    squares, axes = np.linalg.eigh(np.where(is_finite, covariance_rad2, 0.0))
     points = axes * np.sqrt(3.0 * squares.clip(0.0))[:, None, :]
     for k in range(3):
         both = [wrap(to_euler(R_nb @ exp(sign * points[:, :, k])) - middle) for sign in (1, -1)]

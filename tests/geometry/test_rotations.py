@@ -66,6 +66,7 @@ def test_sigmas_of_angles_are_those_of_draws_where_the_turn_is_wide():
     assert np.linalg.norm(linear, axis=1)[1] < 0.6 * drawn[1]
     small = rotations.euler_sigma(R_nb, 1e-6 * covariance)[0]
     assert_allclose(small, 1e-3 * np.linalg.norm(linear, axis=1), rtol=1e-5)
+    assert np.isnan(rotations.euler_sigma(R_nb, np.full((1, 3, 3), np.nan))).all()
 
 
 def test_quaternions_agree_with_scipy_up_to_sign():

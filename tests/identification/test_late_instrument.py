@@ -57,6 +57,16 @@ def test_a_clock_of_an_instrument_may_be_set_while_it_runs(number, by_s):
     assert attitude_nees(right, estimate_by(found, flight)) < 4.0
 
 
+def test_a_lost_sample_is_no_clock_that_was_set():
+    """From it on the tags, taken off, would come before those of the samples before."""
+    right = late(right_flight("instruments", 7002), 0.3)
+    field = right.magnetometer
+    others = np.arange(len(field.t_s)) != 70
+    series = {name: getattr(field, name)[others] for name in ("t_s", "field_b_ut")}
+    found = found_in(replace(right, magnetometer=replace(field, **series)))
+    assert (found.cause.kind, found.cause.error.from_s) == (MAGNETIC, -np.inf)
+
+
 def test_a_detector_that_is_late_is_no_other_landmark():
     """Its rates are those of the states, bent until they have the delay."""
     right = right_flight("seeker", 9360004)

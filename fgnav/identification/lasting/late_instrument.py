@@ -59,20 +59,21 @@ def late_instruments(
         Whose tags tell when a clock may have been set.
     """
     spans = [
-        (one.name, from_s)
+        (one.name, from_s, t_s)
         for one in problem.measurements
         if one.name in FIELD_OF
-        for from_s in _beginnings_s(getattr(flight, FIELD_OF[one.name]).t_s)
+        for t_s in [getattr(flight, FIELD_OF[one.name]).t_s]
+        for from_s in _beginnings_s(t_s)
     ]
     if not isinstance(problem.motion, GyroFree | Inertial):
         return
     (delay,) = of_time(calibration_requests(["velocity-delay"])[0])
     sigma_s = float(np.sqrt(delay.covariance[0, 0]))
-    for name, from_s in spans:
+    for name, from_s, t_s in spans:
         error = _sought(name, from_s, sigma_s, problem, stated)
         if error is not None and abs(error.off[0]) > sigma_s:
             error = _sought(name, from_s, float(abs(error.off[0])), problem, stated)
-        if error is not None:
+        if error is not None and (np.diff(_retagged(t_s, error)) > 0).all():
             yield error
 
 
@@ -82,8 +83,7 @@ def put_right(flight: Flight, error: LastingError) -> Flight:
     one = getattr(flight, field)
     if one is None:
         return flight
-    retagged = replace(one, t_s=one.t_s - error.off[0] * (one.t_s >= error.from_s))
-    return replace(flight, **{field: retagged})
+    return replace(flight, **{field: replace(one, t_s=_retagged(one.t_s, error))})
 
 
 def sentence(error: LastingError) -> str:
@@ -94,6 +94,11 @@ def sentence(error: LastingError) -> str:
         f"The {what}'s samples are late by {error.off[0]:+.4f} ± "
         f"{np.sqrt(error.covariance[0, 0]):.4f} s{when}: taken off their tags."
     )
+
+
+def _retagged(t_s: FloatArray, error: LastingError) -> FloatArray:
+    """Return tags, (k,), without what they are late."""
+    return np.asarray(t_s - error.off[0] * (t_s >= error.from_s))
 
 
 def _beginnings_s(t_s: FloatArray) -> tuple[float, ...]:
