@@ -143,8 +143,9 @@ def _row(case: str) -> dict:
     if case.startswith("plain"):
         estimate = method(flight)
     else:
-        t_s, imu_s = whole.fixes.t_s, whole.imu.t_s
-        estimate = method.at(flight, t_s[(t_s > imu_s[0]) & (t_s < imu_s[-1])])
+        t_s, imu_s, given_s = whole.fixes.t_s, whole.imu.t_s, flight.fixes.t_s
+        first_s = given_s[given_s > imu_s[0]][0]  # no keyframe is before it
+        estimate = method.at(flight, t_s[(t_s >= first_s) & (t_s < imu_s[-1])])
     answered = float((estimate.sigma_deg[:, 2] < SURE_DEG).sum() / estimate.epochs)
     note = (
         f"yaw known to {SURE_DEG:.0f} deg {answered:.3f}; {yaw_less_course(estimate, whole.fixes)}"

@@ -150,7 +150,9 @@ def test_a_network_that_fails_as_it_runs_is_refused(tmp_path):
 
 def test_texts_that_are_no_utf8_are_one_line(tmp_path, capsys):
     content = onnx_bytes().replace(b"MatMul", b"Mat\xfful")
-    with pytest.raises(BadInputError, match=r"toy\.onnx: onnxruntime refuses it: 'utf-8' codec"):
+    # By Python's release the text that is none, or the error's kind alone.
+    text = r"toy\.onnx: onnxruntime refuses it: ('utf-8' codec|InvalidGraph)"
+    with pytest.raises(BadInputError, match=text):
         load(written(tmp_path, content))
     assert capsys.readouterr().out == ""
 
