@@ -85,6 +85,13 @@ def test_errors_that_move_faster_than_stated_are_found():
     assert abs(np.log(found[RATE] / 100)) < 4 / np.sqrt(2 * 4)  # four satellites more than a place
 
 
+@pytest.mark.filterwarnings("error")
+def test_errors_stated_beyond_all_digits_are_searched_without_a_warning():
+    """Damage 7500648 printed one of scipy's."""
+    phase = phases(93_013, 4.0, stated={"satellite_error_rate_mps": 1e9}, message_errors=True)
+    assert satellite_error_factors(phase).get(RATE, 1.0) <= 1.0
+
+
 def test_codes_louder_than_stated_are_found():
     found = satellite_error_factors(phases(93_012, stated={"code_m": 0.1}, message_errors=True))
     assert set(found) == {CODE}

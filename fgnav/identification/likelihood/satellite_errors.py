@@ -36,6 +36,7 @@ ERRORS = ("satellite error", "satellite error walk", "satellite error rate", COD
 _MOST = np.log(100.0)  # of a factor's logarithm: centimetres of metres, noise of phases and codes
 _ENOUGH = 200  # blocks: walks of four satellites more than a place to 2.5 %, closer than is sought
 _SETTLED = 0.1  # of it: 10 % of a standard deviation
+_NEVER = 1e100  # -ln L of what cannot be: a search takes differences of it
 
 
 def satellite_error_factors(phase: AntennaPhase) -> dict[str, float]:
@@ -140,7 +141,7 @@ class SatelliteErrors:
             return moved
 
         search = minimize_scalar(
-            lambda x: -self.log_likelihood(at(x)),
+            lambda x: min(-self.log_likelihood(at(x)), _NEVER),
             bounds=(0.0 if ERRORS[i] == CODE else -_MOST, _MOST),
             method="bounded",
             options={"xatol": _SETTLED},
