@@ -106,7 +106,7 @@ def check_folder(path: Path) -> None:
     if not nearest.is_dir():
         raise _file_in_way(nearest)
     if not os.access(nearest, os.W_OK | os.X_OK):
-        raise BadInputError(f"{path}: cannot be written, {nearest} may not; name another place")
+        raise BadInputError(f"{path}: {nearest} may not be written; name another place")
 
 
 def made_folder(path: Path) -> Path:

@@ -83,12 +83,15 @@ def read_bytes(path: Path, most: int | None = None, *, is_text: bool = False) ->
 
 
 def _refuse_holes(path: Path, file: BinaryIO) -> None:
-    """Refuse what holds a NUL before all of it is in memory: gigabytes of them take no disk."""
-    begun = 0
+    """Refuse what holds a NUL before all of it is in memory: gigabytes of them take no disk.
+
+    Of packed text a piece of nothing else, for it has single ones.
+    """
+    begun, hole = 0, b"\0"
     while piece := file.read(_PIECE_BYTES):
         if not begun and piece.startswith(GZIP):
-            break
-        at = piece.find(0)
+            hole = bytes(_PIECE_BYTES)
+        at = piece.find(hole)
         if at >= 0:
             raise BadInputError(
                 f"{path}: must be text, got a NUL as byte {begun + at + 1} of a large file; take "

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from fgnav.checks import NoSolutionError
-from fgnav.identification.contradictions import contradictory, without_contradictions
+from fgnav.identification.contradictions import (
+    contradictory,
+    is_hopeless,
+    without_contradictions,
+)
 from fgnav.identification.exclusion import exclusions
 from fgnav.types.estimate import Consistency, Contradiction, Estimate
 from tests.robustness.faults import right_flights
@@ -61,6 +65,16 @@ def test_gnss_contradicts_an_instrument_that_agrees_with_the_solution(flight):
     assert tried[0].flight.barometer is None
     assert tried[1].flight.magnetometer is None
     assert tried[0].rejected[0].reason == "place by code contradicts it: left out"
+
+
+@pytest.mark.parametrize("what", ["specific force", "velocity"])
+@pytest.mark.parametrize("nis", [3.9, 4.1])
+def test_forces_end_a_flight_by_seconds_other_sensors_throughout(what, nis):
+    """Where forces are tested no heading is known, and no noise of the unit is identified."""
+    for_seconds = estimate(consistency(what, (8.0, 9.0), nis=nis))
+    all_along = estimate(consistency(what, (0.0, 20.0), nis=nis, throughout=True))
+    assert is_hopeless(for_seconds) == (nis > 4.0 and what == "specific force")
+    assert is_hopeless(all_along) == (nis > 4.0)
 
 
 def test_the_worst_comes_first():

@@ -169,8 +169,16 @@ def test_a_magnetometer_tells_which_is_turned(sensor, field):
 
 @pytest.mark.parametrize("kind", ["seeker", "raw", "fixes", "instruments"])
 def test_right_flights_have_none(kind):
-    found = found_in(right_flight(kind, 9101))
-    assert found is None or found.cause is None or not found.cause.is_likely
+    """What is possible, here a landmark's place, a declination, is next to nothing of variances."""
+    flight = right_flight(kind, 9101)
+    found = found_in(flight)
+    if found is None or found.cause is None:
+        return
+    assert not found.cause.is_likely
+    assert found.cause.sentences == ()
+    of_all = estimate_by(found, flight).attitude_covariance_rad2
+    of_cause = found.cause.doubt.covariance_rad2
+    assert np.trace(of_cause.mean(axis=0)) < 0.05 * np.trace(of_all.mean(axis=0))  # .02 and .005
 
 
 def test_a_loud_accelerometer_is_no_landmark():

@@ -47,6 +47,9 @@ def test_holes_of_a_sparse_file_are_refused_and_not_read(tmp_path):
     packed = gzip.compress(os.urandom(2 << 20))
     (tmp_path / "c.gz").write_bytes(packed)
     assert read_bytes(tmp_path / "c.gz", is_text=True) == packed
+    os.truncate(tmp_path / "c.gz", 1 << 31)
+    with pytest.raises(BadInputError, match=r"c\.gz: must be text, got a NUL as byte"):
+        read_bytes(tmp_path / "c.gz", is_text=True)
 
 
 @pytest.mark.parametrize("text", ["", "0", "-1", "1e9", "x" * 200, "9" * 19])

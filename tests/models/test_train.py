@@ -125,9 +125,11 @@ def test_a_checkpoint_of_other_settings_network_or_format_is_refused(tmp_path, w
     checkpoint.write_bytes(content[: len(content) // 2])
     with pytest.raises(BadInputError, match="is no checkpoint of ours"):
         learn(network(), checkpoint)
-    save_file({"strange:a": torch.zeros(1)}, checkpoint)
-    with pytest.raises(BadInputError, match="is no checkpoint of ours"):
-        learn(network(), checkpoint)
+    for strange in ({"strange:a": torch.zeros(1)}, None), ({"loss:sum": torch.zeros(1)}, "[]"):
+        tensors, run = strange
+        save_file(tensors, checkpoint, metadata=None if run is None else {"run": run})
+        with pytest.raises(BadInputError, match="is no checkpoint of ours"):
+            learn(network(), checkpoint)
 
 
 def test_how_often_checkpoints_are_written_may_change_between_slices(tmp_path, whole):

@@ -304,11 +304,12 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, dict[str, torch.Tensor]
     parts: dict[str, dict[str, torch.Tensor]] = {name: {} for name in names}
     try:
         with safe_open(path, framework="pt") as file:
-            run: dict[str, Any] = json.loads((file.metadata() or {}).get("run", "{}"))
+            text = (file.metadata() or {}).get("run", "{}")
+            run = msgspec.json.decode(text, type=dict[str, Any])
             for key in file.keys():  # noqa: SIM118  # not a mapping
                 part, _, name = key.partition(":")
                 parts[part][name] = file.get_tensor(key)
-    except (SafetensorError, KeyError, ValueError) as error:
+    except (SafetensorError, KeyError, msgspec.MsgspecError) as error:
         raise BadInputError(f"{path}: is no checkpoint of ours ({error}); delete it") from None
     return run, parts
 
