@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -13,10 +14,11 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.identification.array.places import Places, places_of, with_reference
-from fgnav.identification.lasting.choice import Cause, likely_causes
+from fgnav.identification.lasting.choice import Cause, likely_causes, promises_of
+from fgnav.identification.lasting.clock import CLOCK
 from fgnav.identification.lasting.lost_samples import LostSamples, prolonged
 from fgnav.identification.likelihood.beside_phases import Scored, is_misfit
-from fgnav.identification.likelihood.record_clock import clock_step
+from fgnav.identification.likelihood.changed_samples import Promise
 from fgnav.identification.likelihood.satellite_errors import satellite_error_factors, with_errors
 from fgnav.identification.likelihood.thinned import thinned
 from fgnav.identification.noise.stated import with_factors
@@ -31,14 +33,19 @@ class Scores(NamedTuple):
 
     Attributes
     ----------
-    clock_nats : float
-        What a step of the unit's clock promises; infinite where that is not known.
+    promises : mapping of str to Promise
+        What steps of constants promise; none where that is not known.
     noise : Scored or None
         Of the unit, beside phases of arcs.
     """
 
-    clock_nats: float = np.inf
+    promises: Mapping[str, Promise] = MappingProxyType({})
     noise: Scored | None = None
+
+    @property
+    def clock_nats(self) -> float:
+        """What a step of the unit's clock promises; infinite where that is not known."""
+        return self.promises[CLOCK].nats if CLOCK in self.promises else np.inf
 
 
 class Subject(NamedTuple):
@@ -81,7 +88,7 @@ def subject_of(
     as_stated = Subject(TagSearch(flight, settings, built), prepared, places, errors, None)
     causes: tuple[Cause, ...] = ()
     if at is not None and (at[1].converged or settings.causes_anywhere):
-        causes = _likely_causes(as_stated.search, prepared, at, scores.clock_nats)
+        causes = _likely_causes(as_stated.search, prepared, at, scores.promises)
     for cause in causes:
         if not cause.is_likely:
             as_stated = as_stated._replace(cause=cause)
@@ -135,9 +142,8 @@ def _at_minimum(
 
 def _scores(problem: SmoothingProblem, stated: Solution, flight: Flight) -> Scores:
     """Return what a minimum tells."""
-    clock = clock_step(problem, stated, middle_of_tags_s(flight.imu), np.zeros(2))
-    nats = 0.0 if clock is None else clock.squares / 2
-    return Scores(nats, None if problem.phase is None else Scored.of(problem, stated))
+    promises = promises_of(problem, stated, middle_of_tags_s(flight.imu))
+    return Scores(promises, None if problem.phase is None else Scored.of(problem, stated))
 
 
 def _is_likelier(subject: Subject, as_stated: Subject) -> bool:
@@ -159,7 +165,7 @@ def _likely_causes(
     search: TagSearch,
     prepared: PreparedFlight,
     at: tuple[SmoothingProblem, Solution],
-    clock_nats: float,
+    promises: Mapping[str, Promise],
 ) -> tuple[Cause, ...]:
     """Return a landmark, axes of a detector or of the unit, or tags, that are not as stated."""
     flight, settings = search.flight, search.settings
@@ -178,8 +184,8 @@ def _likely_causes(
     words = ("lever-arm", "velocity-delay") if has_velocities else ("lever-arm",)
     requested = [one.kind for one in settings.calibration]
     others = calibration_requests([word for word in words if word not in requested])
-    clock = middle_of_tags_s(flight.imu), clock_nats
-    return likely_causes(at, clock, with_noise, estimating, others, flight)
+    middle_s = middle_of_tags_s(flight.imu)
+    return likely_causes(at, middle_s, promises, with_noise, estimating, others, flight)
 
 
 def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]) -> PreparedFlight:

@@ -4,6 +4,7 @@ The thinned chain has no arcs and tells it by Doppler alone, or beside a clock a
 velocities; what that leaves looks like a clock, or like noise of the unit.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,7 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.identification.lasting.error import LastingError, least_of_use
 from fgnav.identification.lasting.sight import request_of
-from fgnav.identification.likelihood.changed_samples import minimum_below, step_promises
+from fgnav.identification.likelihood.changed_samples import Promise, minimum_below
 from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.likelihood.thinned import Some
 from fgnav.identification.track.windows import EXCLUDED
@@ -27,7 +28,17 @@ from fgnav.identification.track.windows import EXCLUDED
 LEVER_ARM = "lever-arm"
 
 
-def arm_errors(problem: SmoothingProblem, stated: Solution) -> tuple[LastingError, ...]:
+def tested(problem: SmoothingProblem) -> tuple[str, SmoothingProblem] | None:
+    """Return what it is called, and the problem with it; None where it is estimated."""
+    if problem.constants.column(LEVER_ARM) >= 0:
+        return None
+    (request,) = calibration_requests([LEVER_ARM])
+    return LEVER_ARM, _with_arm(problem, of_vehicle(request))
+
+
+def arm_errors(
+    problem: SmoothingProblem, stated: Solution, promises: Mapping[str, Promise]
+) -> tuple[LastingError, ...]:
     """Return what it is off, if a step from the stated says so.
 
     Nothing where it is estimated, or without a minimum.
@@ -37,8 +48,10 @@ def arm_errors(problem: SmoothingProblem, stated: Solution) -> tuple[LastingErro
     problem : SmoothingProblem
     stated : Solution
         Its minimum, where the search begins.
+    promises : mapping of str to Promise
+        Of this step.
     """
-    if problem.constants.column(LEVER_ARM) >= 0:
+    if LEVER_ARM not in promises or promises[LEVER_ARM].nats < EXCLUDED - LIKELY:
         return ()
     (request,) = calibration_requests([LEVER_ARM])
     error = _error(of_vehicle(request), problem, stated, 2)
@@ -62,10 +75,6 @@ def _error(
 ) -> LastingError | None:
     free, at = _with_arm(problem, part), stated.states
     begin = at._replace(constants=np.append(at.constants, part.start))
-    if not part.start.any():  # else it begins where it ended, and promises nothing
-        promises, _ = step_promises(free, begin, problem.constants.width)
-        if promises < EXCLUDED - LIKELY:
-            return None
     solution = minimum_below(free, least_of_use(problem, stated.cost, left), begin)
     return None if solution is None else LastingError.of(part, free, stated.cost, solution)
 

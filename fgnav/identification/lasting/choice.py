@@ -5,7 +5,7 @@ louder unit, no drift, no lever arm and no late velocities are likelier. Short o
 is said, and attitudes are doubted for all that is likelier than none (``lasting.averaging``).
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ from scipy.special import expit
 from fgnav.checks import NoSolutionError
 from fgnav.frontend.calibration_request import CalibrationRequest
 from fgnav.frontend.prepared import AttitudeDoubt
-from fgnav.graph.delayed import VELOCITY_DELAY
+from fgnav.graph.delayed import CLOCK_OFFSET, VELOCITY_DELAY
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
@@ -38,7 +38,8 @@ from fgnav.identification.likelihood.beside_phases import (
     schwarz_nats,
     white_noise,
 )
-from fgnav.identification.likelihood.record_clock import with_drifts
+from fgnav.identification.likelihood.changed_samples import Promise, promised_each
+from fgnav.identification.likelihood.record_clock import tags, with_drifts
 from fgnav.identification.likelihood.span_offsets import LIKELY
 from fgnav.identification.noise.begin import WHITE
 from fgnav.identification.spans.beside_phases import nats_of_span
@@ -127,9 +128,21 @@ class Lasting(NamedTuple):
 Cause = Lasting | LostSamples | ClockOff | Possible
 
 
+def promises_of(problem: SmoothingProblem, stated: Solution, middle_s: float) -> dict[str, Promise]:
+    """Return what steps of constants promise, each alone: clock, unit, lever arm; by kind.
+
+    Parameters as of ``likely_causes``.
+    """
+    by = unit_axes.tested(problem) | late_samples.tested(problem)
+    if by and problem.constants.column(CLOCK_OFFSET) < 0:
+        by |= {CLOCK: tags(middle_s, np.zeros(2))}
+    return promised_each(problem, stated.states, by, arm.tested(problem))
+
+
 def likely_causes(
     at: tuple[SmoothingProblem, Solution],
-    clock: tuple[float, float],
+    middle_s: float,
+    promises: Mapping[str, Promise],
     with_noise: Callable[[dict[str, float]], SmoothingProblem],
     estimating: Callable[[CalibrationRequest], SmoothingProblem],
     others: tuple[CalibrationRequest, ...],
@@ -144,8 +157,10 @@ def likely_causes(
     ----------
     at : tuple of SmoothingProblem and Solution
         Its minimum.
-    clock : tuple of float
-        Time for which a clock's offset is stated, s, and what a step of it promises, nats.
+    middle_s : float
+        For which a clock's offset is stated.
+    promises : mapping of str to Promise
+        See ``promises_of``.
     with_noise : callable
         From factors on the unit's white noise to the problem with these.
     estimating : callable
@@ -157,14 +172,16 @@ def likely_causes(
     problem, stated = at
     tested = (
         *sight.sight_errors(problem, stated, flight.seeker),
-        *unit_axes.unit_errors(problem, stated),
+        *unit_axes.unit_errors(problem, stated, promises),
         *field.field_errors(problem, stated),
-        *arm.arm_errors(problem, stated),
+        *arm.arm_errors(problem, stated, promises),
         *late_instrument.late_instruments(problem, stated, flight),
     )
-    middle_s, promised = clock
-    moved = clock_off(problem, stated, middle_s) if promised >= EXCLUDED - LIKELY else None
-    errors = sorted((*tested, *_late(problem, stated, moved)), key=lambda one: -one.nats)
+    moved = None
+    if CLOCK in promises and promises[CLOCK].nats >= EXCLUDED - LIKELY:
+        moved = clock_off(problem, stated, middle_s)
+    late = late_samples.late_samples(problem, stated, promises)
+    errors = sorted((*tested, *_late(late, problem, moved)), key=lambda one: -one.nats)
     changed = [one for one in (lost_samples(problem, stated), moved) if one is not None]
     ordered = sorted((*errors, *changed), key=lambda one: -one.nats)
     likely = (
@@ -228,14 +245,13 @@ def _is_of_span(one: "LastingError | Cause", problem: SmoothingProblem, stated: 
 
 
 def _late(
-    problem: SmoothingProblem, stated: Solution, clock: ClockOff | None
+    late: Iterable[LastingError], problem: SmoothingProblem, clock: ClockOff | None
 ) -> Iterable[LastingError]:
     """Return by how much forces or rates are late, if that is no clock's.
 
     By a clock the forces of an accelerometer alone are late as well, and it may be fast or slow
     beside: what leaves less is taken.
     """
-    late = late_samples.late_samples(problem, stated)
     if clock is None or not isinstance(problem.motion, GyroFree):
         return late
     return (one for one in late if one.cost < clock.cost)

@@ -7,20 +7,21 @@ T``: to first order the samples a time d later, whatever delays them. In d the r
 are linear.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.identification.lasting.error import LastingError, least_of_use
 from fgnav.identification.likelihood.changed_samples import (
     ChangedBy,
-    promised,
+    Promise,
     solved_with_changes,
 )
 from fgnav.identification.likelihood.span_offsets import LIKELY
@@ -37,7 +38,18 @@ _DELAY_S = 0.02
 _STEP_S = 0.01  # of a difference quotient
 
 
-def late_samples(problem: SmoothingProblem, stated: Solution) -> Iterator[LastingError]:
+def tested(problem: SmoothingProblem) -> dict[str, ChangedBy]:
+    """Return how samples of each sensor change by its delay, by kind."""
+    motion = problem.motion
+    if not isinstance(motion, GyroFree | Inertial):
+        return {}
+    sensors = WHITE[:1] if isinstance(motion, GyroFree) else WHITE
+    return {kind: _how(kind, _DELAY_S) for kind, sensor in KINDS.items() if sensor in sensors}
+
+
+def late_samples(
+    problem: SmoothingProblem, stated: Solution, promises: Mapping[str, Promise]
+) -> Iterator[LastingError]:
     """Yield by how much a sensor is late as a problem tells it, if a step from the stated says so.
 
     Parameters
@@ -45,9 +57,11 @@ def late_samples(problem: SmoothingProblem, stated: Solution) -> Iterator[Lastin
     problem : SmoothingProblem
     stated : Solution
         Its minimum.
+    promises : mapping of str to Promise
+        Of these steps.
     """
-    for kind, sensor in KINDS.items():
-        if sensor == "gyroscope" and isinstance(problem.motion, GyroFree):
+    for kind in tested(problem):
+        if promises[kind].nats < EXCLUDED - LIKELY:
             continue
         error = _late(problem, stated, kind, _DELAY_S, 2)
         if error is not None and error.off[0] > _DELAY_S:  # as little is known as it is large
@@ -85,12 +99,15 @@ def _taken_early(imu: Imu, sensor: str, by_s: float) -> Imu:
 def _late(
     problem: SmoothingProblem, stated: Solution, kind: str, sigma_s: float, left: int
 ) -> LastingError | None:
-    part = flight_constant(kind, ("delay",), "s", sigma_s, reported=False)
-    early = partial(_taken_early, sensor=KINDS[kind], by_s=_STEP_S)
-    how = ChangedBy((part,), (early,), np.array([_STEP_S]))
-    if promised(problem, stated.states, how)[0] < EXCLUDED - LIKELY:
-        return None
+    how = _how(kind, sigma_s)
     solution = solved_with_changes(problem, how, least_of_use(problem, stated.cost, left))
     if solution is None:
         return None
+    (part,) = how.parts
     return LastingError.of(part, problem.with_constants((part,)), stated.cost, solution)
+
+
+def _how(kind: str, sigma_s: float) -> ChangedBy:
+    part = flight_constant(kind, ("delay",), "s", sigma_s, reported=False)
+    early = partial(_taken_early, sensor=KINDS[kind], by_s=_STEP_S)
+    return ChangedBy((part,), (early,), np.array([_STEP_S]))

@@ -10,7 +10,7 @@ size.
 c is a constant of the whole problem, sought by steps, each about what the steps before have undone.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -33,7 +33,7 @@ from fgnav.identification.lasting.error import LastingError, least_of_use
 from fgnav.identification.likelihood.changed_samples import (
     Change,
     ChangedBy,
-    promised_each,
+    Promise,
     solved_with_changes,
 )
 from fgnav.identification.likelihood.span_offsets import LIKELY
@@ -112,21 +112,32 @@ _OF_UNIT = {one.kind: one for one in (_Error(*of) for of in product(WHITE, _STEP
 KINDS = tuple(_OF_UNIT)
 
 
-def unit_errors(problem: SmoothingProblem, stated: Solution) -> Iterator[LastingError]:
-    """Yield turns, scale factors and biases of the unit's sensors, as a problem tells them.
+def tested(problem: SmoothingProblem) -> dict[str, ChangedBy]:
+    """Return how samples change by each that is tested, by kind.
 
     Turns of each sensor that may be the turned one: of the accelerometer alone where nothing tells
-    which it is, none without a gyroscope. None where a step from the stated promises none.
+    which it is, none without a gyroscope.
+    """
+    return {one.kind: one.how for one in _errors(problem)}
+
+
+def unit_errors(
+    problem: SmoothingProblem, stated: Solution, promises: Mapping[str, Promise]
+) -> Iterator[LastingError]:
+    """Yield turns, scale factors and biases of the unit's sensors, as a problem tells them.
+
+    None where a step from the stated promises none.
 
     Parameters
     ----------
     problem : SmoothingProblem
     stated : Solution
         Its minimum.
+    promises : mapping of str to Promise
+        Of these steps.
     """
-    errors = _errors(problem)
-    each = promised_each(problem, stated.states, tuple(one.how for one in errors))
-    for one, (nats, step) in zip(errors, each, strict=True):
+    for one in _errors(problem):
+        nats, step = promises[one.kind]
         if nats > EXCLUDED - LIKELY:
             error = _sought(one, problem, stated.cost, step)
             if error is None and stated.cost / 4 < nats < np.inf:  # half of the cost: led too far

@@ -7,7 +7,7 @@ Keyframes stay where they are, and the rows of the motion between them depend on
 r'(h_i) of samples without their noise that a step of constant i has changed.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple, cast
 
@@ -37,6 +37,13 @@ class ChangedBy(NamedTuple):
     parts: tuple[FlightConstant, ...]
     changes: tuple[Change, ...]
     steps: FloatArray
+
+
+class Promise(NamedTuple):
+    """What a step of constants promises, half of its squares by its covariance, and it, (c,)."""
+
+    nats: float
+    step: FloatArray
 
 
 def with_changed_samples(problem: SmoothingProblem, by: ChangedBy) -> SmoothingProblem:
@@ -94,56 +101,64 @@ def attitude_covariance(solution: Solution, first: int) -> FloatArray:
     return np.asarray(X @ np.linalg.solve(C, X.swapaxes(1, 2)))
 
 
-def promised(problem: SmoothingProblem, at: States, by: ChangedBy) -> tuple[float, FloatArray]:
-    """Return what the score of such constants promises, nats, and its step, (c,).
+def promised_each(
+    problem: SmoothingProblem,
+    at: States,
+    by: Mapping[str, ChangedBy],
+    beside: tuple[str, SmoothingProblem] | None = None,
+) -> dict[str, Promise]:
+    """Return what the scores of several sets of constants promise, each alone.
 
-    Half of the step's squares by its covariance (Rao, 1948); infinite where there is no step.
+    By one elimination: with information N and score s of all of them, states integrated out, a set
+    g has ``s_g N_gg^-1 s_g / 2`` (Rao, 1948). Infinite where there is no step.
 
     Parameters
     ----------
     problem : SmoothingProblem
     at : States
-        Its minimum, without the constants.
-    by : ChangedBy
+        Its minimum.
+    by : mapping of str to ChangedBy
+    beside : tuple of str and SmoothingProblem, optional
+        Another set: the same problem with more constants, which need not be of samples.
     """
-    return promised_each(problem, at, (by,))[0]
-
-
-def promised_each(
-    problem: SmoothingProblem, at: States, by: tuple[ChangedBy, ...]
-) -> list[tuple[float, FloatArray]]:
-    """Return what the scores of several sets of constants promise, each alone, and their steps.
-
-    By one elimination: with information N and score s of all of them, states integrated out, a set
-    g has ``s_g N_gg^-1 s_g / 2``. Parameters as of ``promised``.
-    """
-    if not by:
-        return []
-    joined = ChangedBy(
-        tuple(part for one in by for part in one.parts),
-        tuple(change for one in by for change in one.changes),
-        np.concatenate([one.steps for one in by]),
-    )
-    ends = np.cumsum([len(one.steps) for one in by])
-    begin = at._replace(constants=np.concatenate([at.constants, *(p.start for p in joined.parts)]))
+    first, free = problem.constants.width, problem
+    sizes = {name: len(one.steps) for name, one in by.items()}
+    starts = [part.start for one in by.values() for part in one.parts]
+    if beside is not None:
+        name, free = beside
+        sizes = {name: free.constants.width - first} | sizes
+        starts = [free.start.constants[first:], *starts]
+    if not sizes:
+        return {}
+    begin = at._replace(constants=np.concatenate([at.constants, *starts]))
     try:
-        step, covariance = constant_step(with_changed_samples(problem, joined), begin)
+        extended = with_changed_samples(free, _joined(by)) if by else free
+        step, covariance = constant_step(extended, begin)
     except NoSolutionError:
-        return [(np.inf, np.zeros(len(one.steps))) for one in by]
-    first = problem.constants.width
-    information = np.linalg.inv(covariance[first:, first:])
-    score, out = information @ step[first:], []
-    for one, end in zip(by, ends, strict=True):
-        own = slice(end - len(one.steps), end)
+        return {name: Promise(np.inf, np.zeros(size)) for name, size in sizes.items()}
+    step, P = step[first:], covariance[first:, first:]
+    unit = np.sqrt(P.diagonal())  # seconds and ppm would cost digits
+    information = np.linalg.inv(P / np.outer(unit, unit))
+    score, out, end = information @ (step / unit), {}, 0
+    for name, size in sizes.items():
+        own, end = slice(end, end + size), end + size
         alone = np.linalg.solve(information[own, own], score[own])
-        out.append((float(score[own] @ alone) / 2, alone))
+        out[name] = Promise(float(score[own] @ alone) / 2, unit[own] * alone)
     return out
 
 
-def step_promises(problem: SmoothingProblem, at: States, first: int) -> tuple[float, FloatArray]:
-    """Return what the step of constants from a column on promises, nats, and that step, (c,).
+def _joined(by: Mapping[str, ChangedBy]) -> ChangedBy:
+    """Return all of them as one."""
+    each = by.values()
+    return ChangedBy(
+        tuple(part for one in each for part in one.parts),
+        tuple(change for one in each for change in one.changes),
+        np.concatenate([one.steps for one in each]),
+    )
 
-    Infinite where there is none. See ``promised``.
+
+def step_promises(problem: SmoothingProblem, at: States, first: int) -> Promise:
+    """Return what the step of constants from a column on promises; see ``promised_each``.
 
     Parameters
     ----------
@@ -155,9 +170,9 @@ def step_promises(problem: SmoothingProblem, at: States, first: int) -> tuple[fl
     try:
         step, covariance = constant_step(problem, at)
     except NoSolutionError:
-        return np.inf, np.zeros(len(at.constants) - first)
+        return Promise(np.inf, np.zeros(len(at.constants) - first))
     step, P = step[first:], covariance[first:, first:]
-    return float(step @ np.linalg.solve(P, step)) / 2, step
+    return Promise(float(step @ np.linalg.solve(P, step)) / 2, step)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -85,7 +85,7 @@ def record_clock(
     """
     if problem.constants.column(CLOCK_OFFSET) >= 0:
         return None
-    solution = solved_with_changes(problem, _tags(middle_s, moved), enough)
+    solution = solved_with_changes(problem, tags(middle_s, moved), enough)
     if solution is None:
         return None
     first = problem.constants.width
@@ -108,7 +108,7 @@ def clock_step(
     has_unit = isinstance(problem.motion, GyroFree | Inertial)
     if not has_unit or problem.constants.column(CLOCK_OFFSET) >= 0:
         return None
-    first, by = problem.constants.width, _tags(middle_s, moved)
+    first, by = problem.constants.width, tags(middle_s, moved)
     start = np.concatenate([at.states.constants, *(part.start for part in by.parts)])
     begin = at.states._replace(constants=start)
     try:
@@ -154,7 +154,7 @@ def doubted_attitudes(
     None without a minimum.
     Parameters as in ``record_clock``.
     """
-    solution = solved_with_changes(problem, _tags(middle_s, moved))
+    solution = solved_with_changes(problem, tags(middle_s, moved))
     if solution is None:
         return None
     return attitude_covariance(solution, problem.constants.width)
@@ -181,15 +181,15 @@ def clock_off(problem: SmoothingProblem, middle_s: float, moved: FloatArray) -> 
     return clock if drifts is None or clock.cost < drifts.cost else None
 
 
-def _tags(middle_s: float, moved: FloatArray) -> ChangedBy:
+def tags(middle_s: float, moved: FloatArray) -> ChangedBy:
     """Return a clock's constants, and what steps of them do to a unit."""
 
-    def tags(by: FloatArray) -> Change:
+    def tags_by(by: FloatArray) -> Change:
         return lambda imu: replace(imu, t_s=tags_moved_s(imu, by, middle_s))
 
     (clock,) = calibration_requests(["clock"])
     clock = replace(clock, moved=(float(moved[0]), float(moved[1])))
-    return ChangedBy(of_time(clock), tuple(map(tags, np.diag(_CLOCK_STEPS))), _CLOCK_STEPS)
+    return ChangedBy(of_time(clock), tuple(map(tags_by, np.diag(_CLOCK_STEPS))), _CLOCK_STEPS)
 
 
 def with_drifts(problem: SmoothingProblem, enough: float = np.inf) -> Solution | None:
