@@ -116,10 +116,3 @@ def misfits(noise: GnssNoise, at: Adjusted) -> FloatArray:
     squares = np.where(at.use, at.fits.residual / sigma_m, 0.0) ** 2
     spare = at.converged & (at.fits.freedom > 0)
     return np.where(spare, squares.sum(axis=1) / np.maximum(at.fits.freedom, 1), np.nan)
-
-
-def misfit(noise: GnssNoise, at: Adjusted) -> float:
-    """Return the median residual of a sample of epochs, in sigmas of the code noise per freedom."""
-    of_epochs = misfits(noise, at)
-    of_epochs = of_epochs[np.isfinite(of_epochs)]
-    return float(np.median(of_epochs)) if len(of_epochs) else np.inf

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.gnss.single_point.adjustment import adjust, misfit
-from fgnav.gnss.single_point.atmosphere_choice import without_atmosphere
+from fgnav.gnss.single_point.adjustment import adjust
+from fgnav.gnss.single_point.atmosphere_choice import Deciding
 from fgnav.gnss.single_point.model import CodeChannels, code_ranges
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
@@ -47,5 +47,5 @@ def trial(
         return starts, atmosphere
     start_e_m = starts.at(epoch)
     without = adjust(flight, channels, ranges, wanted, model=False, start_e_m=start_e_m)
-    noise = flight.gnss_noise
-    return starts, not without_atmosphere(misfit(noise, tried), misfit(noise, without))
+    deciding = Deciding.of(flight.gnss_noise, epoch, tried, without)
+    return starts, not deciding.is_without(flight.broadcast)
