@@ -119,7 +119,9 @@ def code_solution(
     atmosphere : bool or None
         Apply the broadcast ionosphere and Saastamoinen's troposphere. None asks the data, because
         a simulated flight may have no atmosphere: it is left out where that makes the median
-        residuals of a sample of epochs smaller, and as small as the stated code noise.
+        residuals of a sample of epochs smaller, and as small as the stated code noise; where
+        messages state an ionosphere, only if that is far likelier as well
+        (``atmosphere_choice``).
     causal : bool
         Each epoch by epochs up to it alone: channels by those first seen, the atmosphere by the
         first 64 epochs with redundant code, decided anew whenever their number doubles. Velocities

@@ -160,6 +160,8 @@ def _joined(by: Mapping[str, ChangedBy]) -> ChangedBy:
 def step_promises(problem: SmoothingProblem, at: States, first: int) -> Promise:
     """Return what the step of constants from a column on promises; see ``promised_each``.
 
+    Infinite where there is no step.
+
     Parameters
     ----------
     problem : SmoothingProblem
