@@ -14,14 +14,14 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.identification.array.places import Places, places_of, with_reference
-from fgnav.identification.lasting.choice import Cause, likely_causes, promises_of
+from fgnav.identification.lasting.choice import Cause, Variants, likely_causes, promises_of
 from fgnav.identification.lasting.clock import CLOCK
 from fgnav.identification.lasting.lost_samples import LostSamples, prolonged
 from fgnav.identification.likelihood.beside_phases import Scored, is_misfit
 from fgnav.identification.likelihood.changed_samples import Promise
 from fgnav.identification.likelihood.satellite_errors import satellite_error_factors, with_errors
 from fgnav.identification.likelihood.thinned import thinned
-from fgnav.identification.noise.stated import with_factors
+from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.time_tags import Build, TagSearch, common_likelihoods, with_rates_of
 from fgnav.identification.track.tags import middle_of_tags_s, with_exact_tags
 from fgnav.solve.chain import solve_batch
@@ -176,16 +176,22 @@ def _likely_causes(
     def with_noise(factors: dict[str, float]) -> SmoothingProblem:
         return variant(with_factors(flight, factors), settings)
 
-    def estimating(request: CalibrationRequest) -> SmoothingProblem:
-        alike = with_rates_of(settings, prepared.problem)
-        return variant(flight, replace(alike, calibration=(*settings.calibration, request)))
+    def in_motion(factors: dict[str, float]) -> SmoothingProblem:
+        return variant(with_factors(flight, factors), with_rest(settings, factors))
+
+    def estimating(request: CalibrationRequest, factors: dict[str, float]) -> SmoothingProblem:
+        alike = with_rates_of(with_rest(settings, factors), prepared.problem)
+        alike = replace(alike, calibration=(*settings.calibration, request))
+        return variant(with_factors(flight, factors), alike)
 
     has_velocities = flight.fixes is not None and flight.fixes.v_n_mps is not None
     words = ("lever-arm", "velocity-delay") if has_velocities else ("lever-arm",)
     requested = [one.kind for one in settings.calibration]
     others = calibration_requests([word for word in words if word not in requested])
-    middle_s = middle_of_tags_s(flight.imu)
-    return likely_causes(at, middle_s, promises, with_noise, estimating, others, flight)
+    rest = None if flight.observations is not None else prepared.rest
+    rests = rest is not None and bool(rest.share(at[0].t_s).any())
+    variants = Variants(with_noise, in_motion if rests else None, estimating, others)
+    return likely_causes(at, middle_of_tags_s(flight.imu), promises, variants, flight)
 
 
 def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]) -> PreparedFlight:

@@ -8,11 +8,14 @@ import pytest
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.sensors.rest import AT_REST, Rest
 from fgnav.frontend.settings import ProblemSettings
+from fgnav.identification.likelihood.beside_phases import Scored, noise_in_motion
 from fgnav.identification.likelihood.linear_chain import LinearChain
 from fgnav.identification.likelihood.search import Found
 from fgnav.identification.noise.identify import identify
 from fgnav.identification.noise.noise_search import _completed
+from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.noise.thinned_flight import ThinnedFlight
+from fgnav.identification.track.windows import EXCLUDED
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.solve.chain import solve_batch
 from tests.frontend.stops import AT_REST as SHAKES_AT_REST
@@ -63,6 +66,19 @@ def test_noise_at_rest_is_not_taken_for_that_in_motion(identified):
         assert abs(np.log(identified.factor[i] / factor)) < max(3 * identified.sigma[i], 0.1)
     assert "velocity at rest" in identified.factors
     assert "velocity" not in identified.factors
+
+
+def test_noise_in_motion_is_the_likeliest_where_rest_is_as_stated(flight, small, identified):
+    def changed(factors):
+        build = build_problem(with_factors(flight, factors), with_rest(SETTINGS, factors))
+        return ThinnedFlight.of(flight, build, ()).problem
+
+    stated = Scored.of(small.problem, solve_batch(small.problem))
+    noise = noise_in_motion(stated, changed)
+    for name, factor in zip(("accelerometer", "gyroscope"), LOUDER, strict=True):
+        sigma = identified.sigma[identified.names.index(name)]
+        assert abs(np.log(noise.factors[name] / factor)) < 3 * sigma
+    assert noise.nats > EXCLUDED
 
 
 def test_the_score_is_the_slope_of_the_likelihood_at_rest_as_well(small):

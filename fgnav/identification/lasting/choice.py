@@ -1,7 +1,9 @@
 """Which error of a whole flight, or of all that follows a time, is the likeliest, if any is.
 
 It is taken for true by the odds of any contradiction, if it leaves no more than chance, and if no
-louder unit, no drift, no lever arm and no late velocities are likelier. Short of these odds nothing
+louder unit, no drift, no lever arm and no late velocities are likelier. A flight that rests says
+what its unit's noise is at rest: louder in motion is usual there, and a cause is to be likelier
+than that, with late velocities or a lever arm beside, by the same odds. Short of these odds nothing
 is said, and attitudes are doubted for all that is likelier than none (``lasting.averaging``).
 """
 
@@ -35,6 +37,7 @@ from fgnav.identification.lasting.lost_samples import LOST, LostSamples, lost_sa
 from fgnav.identification.likelihood.beside_phases import (
     Scored,
     is_misfit,
+    noise_in_motion,
     schwarz_nats,
     white_noise,
 )
@@ -128,6 +131,27 @@ class Lasting(NamedTuple):
 Cause = Lasting | LostSamples | ClockOff | Possible
 
 
+class Variants(NamedTuple):
+    """A problem otherwise than stated.
+
+    Attributes
+    ----------
+    with_noise : callable
+        From factors on the unit's white noise to the problem with these.
+    in_motion : callable or None
+        The same, at rest as stated; None of a flight that never rests.
+    estimating : callable
+        From what is to be estimated, and factors in motion, to the problem with it.
+    others : tuple of CalibrationRequest
+        Lever arm and delay of velocities, where they are not estimated.
+    """
+
+    with_noise: Callable[[dict[str, float]], SmoothingProblem]
+    in_motion: Callable[[dict[str, float]], SmoothingProblem] | None
+    estimating: Callable[[CalibrationRequest, dict[str, float]], SmoothingProblem]
+    others: tuple[CalibrationRequest, ...]
+
+
 def promises_of(problem: SmoothingProblem, stated: Solution, middle_s: float) -> dict[str, Promise]:
     """Return what steps of constants promise, each alone: clock, unit, lever arm; by kind.
 
@@ -143,9 +167,7 @@ def likely_causes(
     at: tuple[SmoothingProblem, Solution],
     middle_s: float,
     promises: Mapping[str, Promise],
-    with_noise: Callable[[dict[str, float]], SmoothingProblem],
-    estimating: Callable[[CalibrationRequest], SmoothingProblem],
-    others: tuple[CalibrationRequest, ...],
+    variants: Variants,
     flight: Flight,
 ) -> tuple[Cause, ...]:
     """Return what is off for a whole flight, or from some time on; nothing where nothing is.
@@ -161,12 +183,7 @@ def likely_causes(
         For which a clock's offset is stated.
     promises : mapping of str to Promise
         See ``promises_of``.
-    with_noise : callable
-        From factors on the unit's white noise to the problem with these.
-    estimating : callable
-        From what is to be estimated to the problem with it.
-    others : tuple of CalibrationRequest
-        Lever arm and delay of velocities, where they are not estimated.
+    variants : Variants
     flight : Flight
     """
     problem, stated = at
@@ -189,18 +206,23 @@ def likely_causes(
     )
     best = next(likely, None)
     if best is None:
-        return _possible(at, ordered, with_noise)
+        return _possible(at, ordered, variants)
     if is_misfit(problem, best.cost):
         return ()
-    rivals = (
-        one for one in others if not (isinstance(best, LastingError) and best.kind == one.kind)
-    )
+    rivals = [
+        one
+        for one in variants.others
+        if not (isinstance(best, LastingError) and best.kind == one.kind)
+    ]
     if isinstance(best, ClockOff | LostSamples) and best.nats <= nats_of_span(*at):
         return ()
-    if best.nats <= _otherwise(problem, stated.cost, map(estimating, rivals), best.nats):
+    others = (variants.estimating(one, {}) for one in rivals)
+    if best.nats <= _otherwise(problem, stated.cost, others, best.nats):
         return ()
-    if best.nats <= white_noise(problem, with_noise, Scored.of(problem, stated)).nats:
+    if best.nats <= white_noise(problem, variants.with_noise, Scored.of(*at)).nats:
         return ()
+    if best.nats - EXCLUDED <= _usual(at, variants, rivals):
+        return _possible(at, ordered, variants)
     cause = _of_errors(best, errors, problem) if isinstance(best, LastingError) else best
     like_it = [one for one in ordered if _may_stand_for(one, best)]
     first = cause._replace(rivals=rivals_of(best, like_it, problem.t_s))
@@ -215,7 +237,7 @@ def likely_causes(
 def _possible(
     at: tuple[SmoothingProblem, Solution],
     causes: Iterable["LastingError | LostSamples | ClockOff"],
-    with_noise: Callable[[dict[str, float]], SmoothingProblem],
+    variants: Variants,
 ) -> tuple[Possible, ...]:
     """Return what attitudes are doubted for causes that none of is named, if any is possible.
 
@@ -229,7 +251,7 @@ def _possible(
     able = [one for one in weighed if one.nats > -LIKELY and not is_misfit(problem, one.cost)]
     if not able:
         return ()
-    others = nats_of_span(*at), white_noise(problem, with_noise, Scored.of(*at)).nats
+    others = nats_of_span(*at), white_noise(problem, variants.with_noise, Scored.of(*at)).nats
     return (possible(able, others, problem.t_s, stated.states.R_nb),)
 
 
@@ -267,6 +289,28 @@ def _of_errors(
         share = float(expit(best.nats - max(of_other, default=-np.inf)))
         share = share if unit_axes.are_distinguished(problem) else 0.5
     return Lasting(best, share)
+
+
+def _usual(
+    at: tuple[SmoothingProblem, Solution],
+    variants: Variants,
+    requests: Iterable[CalibrationRequest],
+) -> float:
+    """Return what is gained by what is no fault of a flight that rests; 0 of others.
+
+    By a unit as loud in motion as is likeliest, and beside it by late velocities or a lever arm,
+    which nobody states: none of these costs anything.
+    """
+    if variants.in_motion is None:
+        return 0.0
+    noise = noise_in_motion(Scored.of(*at), variants.in_motion)
+    gains = [0.0]
+    with suppress(NoSolutionError):
+        cost = solve_batch(variants.in_motion(noise.factors)).cost
+        for one in requests:
+            free = solve_batch(variants.estimating(one, noise.factors))
+            gains.append((cost - free.cost) / 2)
+    return noise.nats + max(gains)
 
 
 def _otherwise(

@@ -68,16 +68,10 @@ def white_noise(
     if not (found.is_beyond(found.theta).any() or is_misfit(problem, found.cost)):
         return _AS_STATED
     stated = found
-    theta = np.full(len(found.names), np.log(ABOVE))  # whoever is faint takes nothing
-    for _ in range(_ROUNDS):
-        found = _scored(changed(_factors(found.names, theta)), found.states)
-        if found is None:
-            return _AS_STATED
-        step = found.theta.clip(-_MOST_STEP, _MOST_STEP)
-        step = np.maximum(step, -theta)  # none is less than stated
-        theta = theta + step
-        if np.abs(step).max() < _SETTLED:
-            break
+    likeliest = _likeliest(stated, changed)
+    if likeliest is None:
+        return _AS_STATED
+    theta, found = likeliest
     used = np.flatnonzero(found.is_beyond(theta))
     factors = {found.names[i]: float(np.exp(theta[i])) for i in used}
     # Of a few keyframes a likelihood may be flat below a minimum that is sharp: sigma is none.
@@ -87,6 +81,49 @@ def white_noise(
     if nats <= EXCLUDED * beyond:
         return _AS_STATED
     return WhiteNoise(factors, {found.names[i]: float(found.sigma[i]) for i in used}, nats)
+
+
+def noise_in_motion(
+    stated: "Scored", changed: Callable[[dict[str, float]], SmoothingProblem]
+) -> WhiteNoise:
+    """Return the likeliest factors on white noises in motion, without sigmas, and what they gain.
+
+    Of a flight that rests: what is stated of its unit is so at rest, and vibration is no fault.
+    Asked for no odds.
+
+    Parameters
+    ----------
+    stated : Scored
+        At the minimum with noises as stated.
+    changed : callable
+        From factors in motion to the problem with these, at rest as stated.
+    """
+    likeliest = _likeliest(stated, changed)
+    if likeliest is None:
+        return _AS_STATED
+    factors = _factors(stated.names, likeliest[0])
+    return WhiteNoise(factors, {}, noise_gain(factors, changed, stated))
+
+
+def _likeliest(
+    stated: "Scored", changed: Callable[[dict[str, float]], SmoothingProblem]
+) -> tuple[FloatArray, "Scored"] | None:
+    """Return the likeliest logarithms of factors, none below 0, and the minimum with nearly these.
+
+    None where there is no minimum.
+    """
+    found, theta = stated, np.full(len(stated.names), np.log(ABOVE))  # who is faint takes nothing
+    for _ in range(_ROUNDS):
+        louder = _scored(changed(_factors(found.names, theta)), found.states)
+        if louder is None:
+            return None
+        found = louder
+        step = found.theta.clip(-_MOST_STEP, _MOST_STEP)
+        step = np.maximum(step, -theta)  # none is less than stated
+        theta = theta + step
+        if np.abs(step).max() < _SETTLED:
+            break
+    return theta, found
 
 
 def schwarz_nats(problem: SmoothingProblem) -> float:
