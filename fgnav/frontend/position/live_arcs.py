@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.position.ambiguity_filter import ArcNames
 from fgnav.frontend.position.whitening import Channels, Epoch, Transition, by_clock
 from fgnav.gnss.undifferenced import Undifferenced
 from fgnav.gnss.wind_up import wind_up_cycles
 from fgnav.graph.factors.antenna_phase import ArcBlock, PhaseRows
-from fgnav.graph.types.on_demand import OnDemand
+from fgnav.graph.types.on_demand import MANY, OnDemand
 
 # Errors of satellites stand still within a block. Of blocks of 1, .5 and .2 s velocities, known by
 # phases of the last half second, had squared errors of 3.8, 3.0 and 2.7 of 3 (docs/model.md).
@@ -53,6 +53,16 @@ class _Arcs(NamedTuple):
     antenna: str
     offset_m: FloatArray  # (a,), taken off the phases of each arc, by its number among its own
     wound: FloatArray  # (n, m), cycles by which turns of the antenna have wound up phases
+
+
+class _Seen(NamedTuple):
+    """Channels of epochs alike."""
+
+    of: _Arcs
+    alike: tuple[bytes, bytes]  # arcs, and which channels have code
+    channel: IntArray  # with phase
+    coded: IntArray  # with code alone
+    freedom: int  # combinations that no clock is in
 
 
 class EarlierArcs(NamedTuple):
@@ -100,7 +110,7 @@ class LiveRows(NamedTuple):
     @property
     def rows(self) -> Sequence[PhaseRows]:
         """Rows of epochs, made on demand."""
-        return OnDemand(len(self.epochs), lambda i: self.epochs[i].whitened())
+        return OnDemand(len(self.epochs), lambda i: self.epochs[i].whitened(), MANY)
 
     @property
     def blocks(self) -> Sequence[ArcBlock]:
@@ -131,28 +141,29 @@ def live_rows(
             at[k] = arcs[-1], i
     live, begun = _resumed(earlier, number)
     measured: _Measured | None = None
+    seen: _Seen | None = None
     out = LiveRows([], [], [], [], [], [], begun, None)
     for k in sorted(at):
         if earlier is not None and t_s[k] <= earlier.t_s:
             continue
         of, i = at[k]
-        channel, coded = _channels(of, i)
-        if not _freedom(of, channel) + _freedom(of, coded):
+        before, seen = seen, _seen(of, i, seen)
+        if not seen.freedom:
             continue
-        arc, now_s = of.arc[i, channel], float(t_s[k])
+        now_s, is_same = float(t_s[k]), seen is before
         if (
             live is None
             or now_s - live.t_s > _BLOCK_S - _ROUNDING_S
-            or not np.array_equal(arc, live.arc)
-            or (len(coded) and not np.isin(of.satellite[coded], live.satellite).all())
+            or not (is_same or _goes_on_in(of, i, live, seen))
         ):
-            after = _next(of, i, live, now_s, (channel, coded))
+            after = _next(of, i, live, now_s, seen)
             out.transitions.append(_transition(of, (live, after), i, k))
             out.names.append(_names(of, after, i))
-            live = after
-        live = live._replace(channel=channel)
-        measured = _measured(of, live, coded, measured)
-        out.epochs.append(_epoch(of, live, i, measured, now_s - live.t_s))
+            live, is_same = after, False
+        if measured is None or not is_same:
+            live = live._replace(channel=seen.channel)
+            measured = _measured(of, live, seen.coded, measured)
+        out.epochs.append(_epoch(of, i, measured, now_s - live.t_s))
         out.row.append(k)
         out.block.append(begun + len(out.transitions) - 1)
         out.arms_b_m.append(of.arm_b_m)
@@ -193,6 +204,21 @@ def _goes_on(
     named = {place: name for name, place in number.items()}
     satellites = tuple(named[s] for s in live.satellite.tolist())
     return EarlierArcs(float(t_s[k]), links, 1 + int(of.arc.max()), blocks, live, satellites)
+
+
+def _seen(of: _Arcs, i: int, before: _Seen | None) -> _Seen:
+    """Return the channels of an epoch: those before where they and their arcs are the same."""
+    alike = of.arc[i].tobytes(), np.isfinite(of.of.code_m[i]).tobytes()
+    if before is not None and before.of is of and before.alike == alike:
+        return before
+    channel, coded = _channels(of, i)
+    return _Seen(of, alike, channel, coded, _freedom(of, channel) + _freedom(of, coded))
+
+
+def _goes_on_in(of: _Arcs, i: int, live: _Live, seen: _Seen) -> bool:
+    """Return whether a block has the arcs of an epoch, and all satellites with code alone."""
+    is_known = np.isin(of.satellite[seen.coded], live.satellite)
+    return np.array_equal(of.arc[i, seen.channel], live.arc) and bool(is_known.all())
 
 
 def _names(of: _Arcs, live: _Live, i: int) -> ArcNames:
@@ -278,17 +304,15 @@ def _freedom(of: _Arcs, channel: IntArray) -> int:
     return len(channel) - len(set(of.of.group[channel].tolist()))
 
 
-def _next(
-    of: _Arcs, i: int, before: _Live | None, t_s: float, of_epoch: tuple[IntArray, IntArray]
-) -> _Live:
+def _next(of: _Arcs, i: int, before: _Live | None, t_s: float, seen: _Seen) -> _Live:
     """Return the next block's arcs, and the satellites that are tracked or were lately."""
-    channel, coded = of_epoch
-    seen: dict[int, float] = {}
+    channel = seen.channel
+    last: dict[int, float] = {}
     if before is not None:
-        seen = dict(zip(before.satellite.tolist(), before.seen_s.tolist(), strict=True))
-    seen.update(dict.fromkeys(of.satellite[np.append(channel, coded)].tolist(), t_s))
-    satellite = np.array(sorted(s for s, when in seen.items() if t_s - when <= _REMEMBERED_S))
-    arc, seen_s = of.arc[i, channel], np.array([seen[s] for s in satellite.tolist()])
+        last = dict(zip(before.satellite.tolist(), before.seen_s.tolist(), strict=True))
+    last.update(dict.fromkeys(of.satellite[np.append(channel, seen.coded)].tolist(), t_s))
+    satellite = np.array(sorted(s for s, when in last.items() if t_s - when <= _REMEMBERED_S))
+    arc, seen_s = of.arc[i, channel], np.array([last[s] for s in satellite.tolist()])
     coded_s = t_s
     if before is not None and np.array_equal(arc, before.arc):
         is_due = t_s - before.coded_s > _CODE_S - _ROUNDING_S
@@ -301,7 +325,8 @@ class _Measured(NamedTuple):
 
     live: _Live  # one of the blocks
     coded: IntArray  # with code alone
-    order: IntArray  # of those with phase, then these
+    of_all: IntArray  # those with phase and these
+    is_code: BoolArray
     channels: Channels
 
     def is_of(self, live: _Live, coded: IntArray) -> bool:
@@ -317,18 +342,23 @@ def _measured(of: _Arcs, live: _Live, coded: IntArray, before: _Measured | None)
     phased = live.channel
     order, clock = by_clock(of.of.group[phased], of.of.group[coded])
     ambiguity = np.append(np.arange(len(phased)), np.full(len(coded), -1))[order]
-    satellite = _places(of, live, np.append(phased, coded)[order])
-    return _Measured(live, coded, order, Channels(clock, ambiguity, satellite, *live.sizes))
+    of_all = np.append(phased, coded)[order]
+    channels = Channels(clock, ambiguity, _places(of, live, of_all), *live.sizes)
+    return _Measured(live, coded, of_all, ambiguity < 0, channels)
 
 
-def _epoch(of: _Arcs, live: _Live, i: int, measured: _Measured, age_s: float) -> Epoch:
-    """Return what an epoch measures: phases, then codes without phase."""
-    phased, (_, coded, order, channels) = live.channel, measured
-    measured_m = np.append(of.phase_m[i, phased], of.of.code_m[i, coded])[order]
-    sigma_m = np.append(of.of.phase_sigma_m[i, phased], of.of.code_sigma_m[i, coded])[order]
-    e_n = of.of.e_n[i, np.append(phased, coded)[order]]
-    seen = np.column_stack([-e_n, measured_m - e_n @ of.of.place_n_m[i]])
-    return Epoch(channels, seen, sigma_m, age_s)
+def _epoch(of: _Arcs, i: int, measured: _Measured, age_s: float) -> Epoch:
+    """Return what an epoch measures: phases, and codes without phase."""
+    channel, is_code, gnss = measured.of_all, measured.is_code, of.of
+    e_n, measured_m = gnss.e_n[i, channel], of.phase_m[i, channel]
+    sigma_m = gnss.phase_sigma_m[i, channel]
+    if len(measured.coded):
+        measured_m = np.where(is_code, gnss.code_m[i, channel], measured_m)
+        sigma_m = np.where(is_code, gnss.code_sigma_m[i, channel], sigma_m)
+    seen = np.empty((len(channel), 4))
+    np.negative(e_n, out=seen[:, :3])
+    np.subtract(measured_m, e_n @ gnss.place_n_m[i], out=seen[:, 3])
+    return Epoch(measured.channels, seen, sigma_m, age_s)
 
 
 def _places(of: _Arcs, live: _Live, channel: IntArray) -> IntArray:

@@ -7,6 +7,7 @@ from typing import Generic, TypeVar, overload
 Item = TypeVar("Item")
 
 _KEPT = 1024  # made last, some kB each: solvers take what is new, or all of a flight, many times
+MANY = 4096  # of such as take a kB
 
 
 class OnDemand(Sequence[Item], Generic[Item]):
@@ -17,10 +18,12 @@ class OnDemand(Sequence[Item], Generic[Item]):
     count : int
     make : callable
         Returns an element by its number, 0 to ``count - 1``.
+    kept : int
+        How many are kept, those taken last.
     """
 
-    def __init__(self, count: int, make: Callable[[int], Item]) -> None:
-        self._count, self._make = count, lru_cache(_KEPT)(make)
+    def __init__(self, count: int, make: Callable[[int], Item], kept: int = _KEPT) -> None:
+        self._count, self._make = count, lru_cache(kept)(make)
 
     def __len__(self) -> int:
         """Return how many elements there are."""
