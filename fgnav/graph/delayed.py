@@ -111,12 +111,10 @@ class Delayed(OfAnother):
     constants : Constants
     """
 
-    measurement: Measurement
     motion: TimedMotion
     offset_column: int
     rate_column: int
     delay_column: int
-    constants: Constants
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Measurement``."""
@@ -138,10 +136,6 @@ class Delayed(OfAnother):
         uses: tuple[Use, ...] = ("pose", "velocity", vector)
         parts = parts_of(self.constants, (*columns, *inner))
         return of_measurement(self, i, key, uses, parts, rows=shared.shape[1])
-
-    def on(self, row: IntArray) -> "Delayed":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, measurement=self.measurement.on(row))
 
 
 def without_surplus(solution: Solution, constants: Constants) -> Solution:

@@ -38,9 +38,7 @@ class Turned(OfAnother):
     constants : Constants
     """
 
-    measurement: Measurement
     column: int
-    constants: Constants
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Measurement``."""
@@ -61,12 +59,6 @@ class Turned(OfAnother):
         parts = parts_of(self.constants, (self.column, *inner))
         lasting: tuple[Use, ...] = ("angular_motion",) if state[0, :, AUX:].any() else ()
         return of_measurement(self, i, key, ("pose", *lasting), parts, rows=shared.shape[1])
-
-    def on(self, row: IntArray) -> "Turned":
-        """Return the same measurements at other rows, (k,)."""
-        return Turned(
-            measurement=self.measurement.on(row), column=self.column, constants=self.constants
-        )
 
 
 def _anywhere(constants: Constants) -> States:

@@ -217,8 +217,8 @@ def _seen(of: _Arcs, i: int, before: _Seen | None) -> _Seen:
 
 def _goes_on_in(of: _Arcs, i: int, live: _Live, seen: _Seen) -> bool:
     """Return whether a block has the arcs of an epoch, and all satellites with code alone."""
-    is_known = np.isin(of.satellite[seen.coded], live.satellite)
-    return np.array_equal(of.arc[i, seen.channel], live.arc) and bool(is_known.all())
+    is_live = np.isin(of.satellite[seen.coded], live.satellite)
+    return np.array_equal(of.arc[i, seen.channel], live.arc) and bool(is_live.all())
 
 
 def _names(of: _Arcs, live: _Live, i: int) -> ArcNames:

@@ -12,7 +12,7 @@ References
    least-squares solution, Journal of Geodesy 86, 2012: the rotation's elements as the unknowns.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -22,7 +22,7 @@ from fgnav.graph import keys
 from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 from fgnav.optional_gtsam import gtsam
@@ -32,7 +32,7 @@ _IN_POSE = [4 * column + row for row in range(3) for column in range(3)]
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class ArrayPhase:
+class ArrayPhase(OfSensor):
     """Quadratic forms of the rotation: nine rows.
 
     ``r = (root (vec(R_nb) + c - vec(minimum)) + sqrt(s) B z) / sqrt(1 - s)``.
@@ -54,7 +54,6 @@ class ArrayPhase:
     """
 
     name: ClassVar[str] = "array phases"  # in reports
-    row: IntArray
     root: FloatArray
     minimum: FloatArray
     element_column: IntArray
@@ -104,10 +103,6 @@ class ArrayPhase:
         M[:3, :3] = self.minimum[i]
         noise = gtsam.noiseModel.Gaussian.SqrtInformation(whitening, False)
         return gtsam.FrobeniusPriorPose3(keys.pose(key), M, noise)
-
-    def on(self, row: IntArray) -> "ArrayPhase":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, row=row)
 
 
 @kernel

@@ -11,7 +11,7 @@ References
    2017, chapter 27: the baselines of an array as unknowns.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -21,14 +21,14 @@ from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.measurement_factor import of_measurement, parts_of
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 from fgnav.optional_gtsam import gtsam
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class ArrayShape:
+class ArrayShape(OfSensor):
     """Quadratic forms of a baselines in ``n``, three rows for each baseline.
 
     Attributes
@@ -45,7 +45,6 @@ class ArrayShape:
     """
 
     name: ClassVar[str] = "array phases"  # in reports
-    row: IntArray
     root: FloatArray
     minimum_n_m: FloatArray
     baselines_b_m: FloatArray
@@ -82,10 +81,6 @@ class ArrayShape:
         """Return epoch i as a factor of keyframe ``key``; GTSAM has none of its own."""
         parts = parts_of(self.constants, (int(column) for column in self.column))
         return of_measurement(self, i, key, ("pose",), parts, rows=self.root.shape[1])
-
-    def on(self, row: IntArray) -> "ArrayShape":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, row=row)
 
 
 @kernel

@@ -11,7 +11,7 @@ References
    edition, 2013, section 6.2.1: barometric altimeter.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -20,14 +20,14 @@ from fgnav.checks import FloatArray, IntArray, positive
 from fgnav.graph.measurement_factor import of_measurement, parts_of
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 from fgnav.optional_gtsam import gtsam
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class BarometricHeight:
+class BarometricHeight(OfSensor):
     """Barometric heights, one row each.
 
     Attributes
@@ -49,7 +49,6 @@ class BarometricHeight:
     """
 
     name: ClassVar[str] = "barometric height"  # in reports
-    row: IntArray
     down_n_m: FloatArray
     sigma_m: float
     arm_b_m: FloatArray
@@ -96,10 +95,6 @@ class BarometricHeight:
         columns = (first, first + int(self.share[i] > 0)) if self.column >= 0 else ()
         parts = parts_of(self.constants, columns)
         return of_measurement(self, i, key, ("pose",), parts, rows=1)
-
-    def on(self, row: IntArray) -> "BarometricHeight":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, row=row)
 
 
 @kernel

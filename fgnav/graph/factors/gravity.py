@@ -10,7 +10,7 @@ References
    Visual-Inertial Odometry, IEEE Transactions on Robotics 33, 2017, section III.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -22,14 +22,14 @@ from fgnav.graph.factors.tilt_kernel import ABOUT_X, fill, tilt
 from fgnav.graph.measurement_factor import of_measurement, parts_of
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 from fgnav.optional_gtsam import gtsam
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Gravity:
+class Gravity(OfSensor):
     """Directions of gravity, two rows each.
 
     Attributes
@@ -45,7 +45,6 @@ class Gravity:
     """
 
     name: ClassVar[str] = "gravity"  # in reports
-    row: IntArray
     known_n: FloatArray
     across_b: FloatArray
     tilt_column: int
@@ -73,10 +72,6 @@ class Gravity:
             parts = parts_of(self.constants, (self.tilt_column,))
             return of_measurement(self, i, key, ("pose",), parts, rows=2)
         return native(key, self.across_b[i], self.known_n[i])
-
-    def on(self, row: IntArray) -> "Gravity":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, row=row)
 
 
 @kernel

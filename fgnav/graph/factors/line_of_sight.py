@@ -5,7 +5,7 @@ measured direction, t the detector's angles about y_b and z_b. To first order th
 GTSAM's ``BearingFactor3D``.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -16,14 +16,14 @@ from fgnav.graph.factors.tilt_kernel import ABOUT_Y, fill, tilt
 from fgnav.graph.measurement_factor import of_measurement, parts_of
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 from fgnav.optional_gtsam import gtsam
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class LineOfSight:
+class LineOfSight(OfSensor):
     """Directions from the accelerometer to a landmark, two rows each.
 
     Attributes
@@ -39,7 +39,6 @@ class LineOfSight:
     """
 
     name: ClassVar[str] = "line of sight"  # in reports
-    row: IntArray
     across_b: FloatArray
     landmark_column: int
     boresight_column: int
@@ -71,10 +70,6 @@ class LineOfSight:
         """
         parts = parts_of(self.constants, (self.landmark_column, self.boresight_column))
         return of_measurement(self, i, key, ("pose",), parts, rows=2)
-
-    def on(self, row: IntArray) -> "LineOfSight":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, row=row)
 
 
 @kernel

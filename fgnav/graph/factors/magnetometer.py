@@ -12,7 +12,7 @@ References
    edition, 2013, section 6.1.1: the Earth's field and hard iron.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -23,7 +23,7 @@ from fgnav.graph.factors.directions import native
 from fgnav.graph.measurement_factor import of_measurement, parts_of
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 from fgnav.optional_gtsam import gtsam
@@ -32,7 +32,7 @@ _LEAST_SINE = 1e-3  # nearer to the opposite no direction leads away from it
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class MagneticField:
+class MagneticField(OfSensor):
     """Directions of the magnetic field, two rows each.
 
     Attributes
@@ -52,7 +52,6 @@ class MagneticField:
     """
 
     name: ClassVar[str] = "magnetic field"  # in reports
-    row: IntArray
     across_b: FloatArray
     field_n_ut: FloatArray
     iron_column: int
@@ -85,10 +84,6 @@ class MagneticField:
             return of_measurement(self, i, key, ("pose",), parts, rows=2)
         field_n = self.field_n_ut / np.linalg.norm(self.field_n_ut)
         return native(key, self.across_b[i], field_n)
-
-    def on(self, row: IntArray) -> "MagneticField":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, row=row)
 
 
 @kernel

@@ -9,7 +9,7 @@ References
    edition, 2013, section 14.3.1: innovation of a loosely coupled position.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -20,14 +20,14 @@ from fgnav.graph import keys
 from fgnav.graph.measurement_factor import of_measurement, parts_of
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 from fgnav.optional_gtsam import gtsam
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Position:
+class Position(OfSensor):
     """Positions of an antenna in ``n``, three rows each.
 
     Attributes
@@ -44,7 +44,6 @@ class Position:
     """
 
     name: ClassVar[str] = "position"  # in reports
-    row: IntArray
     value_n_m: FloatArray
     white: FloatArray
     arm_b_m: FloatArray
@@ -84,10 +83,6 @@ class Position:
             return of_measurement(self, i, key, ("pose",), parts, rows=3)
         noise = gtsam.noiseModel.Gaussian.SqrtInformation(self.white[i], False)
         return gtsam.GPSFactorArm(keys.pose(key), self.value_n_m[i], self.arm_b_m, noise)
-
-    def on(self, row: IntArray) -> "Position":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, row=row)
 
 
 @kernel

@@ -10,7 +10,7 @@ References
    edition, 2013, section 14.3.1: innovation of a loosely coupled velocity.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -21,7 +21,7 @@ from fgnav.graph import keys
 from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import inlined, kernel
 from fgnav.optional_gtsam import gtsam
@@ -31,7 +31,7 @@ _NO_GYROSCOPE.flags.writeable = False  # the type that the kernel is compiled fo
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Velocity:
+class Velocity(OfSensor):
     """Velocities of an antenna in ``n``, three rows each.
 
     Attributes
@@ -51,7 +51,6 @@ class Velocity:
     """
 
     name: ClassVar[str] = "velocity"  # in reports
-    row: IntArray
     value_n_mps: FloatArray
     white: FloatArray
     arm_b_m: FloatArray
@@ -105,10 +104,6 @@ class Velocity:
         parts = parts_of(self.constants, (self.lever_column,))
         aux: Use = "angular_motion" if self.measured_b_radps is None else "imu_bias"
         return of_measurement(self, i, key, ("pose", "velocity", aux), parts, rows=3)
-
-    def on(self, row: IntArray) -> "Velocity":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, row=row)
 
 
 @kernel

@@ -1,8 +1,10 @@
 """What every sensor's factor states, and who reads it."""
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.states import States
 
 if TYPE_CHECKING:
@@ -15,9 +17,6 @@ class Linearised(NamedTuple):
     value: FloatArray  # (k, m)
     state: FloatArray  # (k, m, D), by the tangent of their keyframe
     shared: FloatArray  # (k, m, b), by the constants
-
-
-_Self = TypeVar("_Self", bound="Measurement")
 
 
 class Measurement(Protocol):
@@ -58,16 +57,28 @@ class Measurement(Protocol):
         """Return measurement i as GTSAM's factor of keyframe ``key``."""
         ...
 
-    def on(self: _Self, row: IntArray) -> _Self:
+    def on(self, row: IntArray) -> Self:
         """Return the same measurements at other rows, (k,): of a timeline with more keyframes."""
         ...
 
 
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class OfSensor:
+    """What measurements of a sensor of their own have: ``row``, their keyframes, (k,)."""
+
+    row: IntArray
+
+    def on(self, row: IntArray) -> Self:
+        """Return the same measurements at other rows, (k,)."""
+        return replace(self, row=row)
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class OfAnother:
     """What measurements that carry others elsewhere, in time or axes, have of these."""
 
-    __slots__ = ()
     measurement: Measurement
+    constants: Constants
 
     @property
     def name(self) -> str:
@@ -83,3 +94,7 @@ class OfAnother:
     def freedom(self) -> IntArray:
         """Directions that are known, (k,)."""
         return self.measurement.freedom
+
+    def on(self, row: IntArray) -> Self:
+        """Return the same measurements at other rows, (k,)."""
+        return replace(self, measurement=self.measurement.on(row))

@@ -164,9 +164,7 @@ class Declined(OfAnother):
     constants : Constants
     """
 
-    measurement: Measurement
     column: int
-    constants: Constants
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Measurement``."""
@@ -181,7 +179,3 @@ class Declined(OfAnother):
         """Return measurement i as a factor of keyframe ``key``."""
         parts = parts_of(self.constants, (self.column,))
         return of_measurement(self, i, key, ("pose",), parts, rows=2)
-
-    def on(self, row: IntArray) -> "Declined":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, measurement=self.measurement.on(row))

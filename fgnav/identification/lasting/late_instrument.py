@@ -23,7 +23,7 @@ from fgnav.geometry.rotations import exp, transpose
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.measurement_factor import of_measurement, parts_of
-from fgnav.graph.types.constants import Constants, FlightConstant, flight_constant
+from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.graph.types.measurement import Linearised, Measurement, OfAnother
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
@@ -209,13 +209,11 @@ class Late(OfAnother):
     constants : Constants
     """
 
-    measurement: Measurement
     back: FloatArray
     w_b_radps: FloatArray
     is_late: BoolArray
     by_s: float
     column: int
-    constants: Constants
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Measurement``."""
@@ -239,7 +237,3 @@ class Late(OfAnother):
         parts = parts_of(self.constants, self.constants.first)
         rows = int(self.freedom[i])
         return of_measurement(self, i, key, ("pose", "velocity"), parts, rows=rows)
-
-    def on(self, row: IntArray) -> "Late":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, measurement=self.measurement.on(row))

@@ -16,7 +16,7 @@ from fgnav.graph.factors.line_of_sight import LineOfSight
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.measurement_factor import of_measurement, parts_of
-from fgnav.graph.types.constants import Constants, FlightConstant, flight_constant
+from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.graph.types.measurement import Linearised, Measurement, OfAnother
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
@@ -210,10 +210,8 @@ class Unbalanced(OfAnother):
     constants : Constants
     """
 
-    measurement: Measurement
     by: FloatArray
     column: IntArray
-    constants: Constants
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Measurement``."""
@@ -230,7 +228,3 @@ class Unbalanced(OfAnother):
         """Return measurement i as a factor of keyframe ``key``."""
         parts = parts_of(self.constants, self.constants.first)
         return of_measurement(self, i, key, ("pose",), parts, rows=2)
-
-    def on(self, row: IntArray) -> "Unbalanced":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, measurement=self.measurement.on(row))

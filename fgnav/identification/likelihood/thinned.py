@@ -16,7 +16,7 @@ from fgnav.graph.factors.vehicle.wheels import NAME as WHEELS
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import Constants, FlightConstant
-from fgnav.graph.types.measurement import Linearised, Measurement
+from fgnav.graph.types.measurement import Linearised, Measurement, OfSensor
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
@@ -38,7 +38,7 @@ FIELDS = {
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Some:
+class Some(OfSensor):
     """Some of a sensor's measurements; the chain reads them, GTSAM does not.
 
     Attributes
@@ -54,14 +54,13 @@ class Some:
 
     measurement: Measurement
     which: IntArray
-    row: IntArray
     sigma_factor: float = 1.0
 
     @classmethod
     def of(cls, measurement: Measurement, rows: IntArray) -> "Some":
         """Return the measurements of some keyframes, numbered anew."""
         which = np.flatnonzero(np.isin(measurement.row, rows))
-        return cls(measurement, which, np.searchsorted(rows, measurement.row[which]))
+        return cls(measurement, which, row=np.searchsorted(rows, measurement.row[which]))
 
     @property
     def name(self) -> str:
@@ -81,10 +80,6 @@ class Some:
     def factor(self, i: int, key: int) -> Any:  # noqa: ANN401  # GTSAM's
         """Return measurement i as a factor of keyframe ``key``."""
         return self.measurement.factor(int(self.which[i]), key)
-
-    def on(self, row: IntArray) -> "Some":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, row=row)
 
 
 def thinned(

@@ -265,4 +265,4 @@ def _right(t_s: FloatArray, one: Measurement, errors: tuple[GrossError, ...]) ->
     if is_right.all():
         return one
     which = np.flatnonzero(is_right)
-    return Some(one, which, one.row[which])
+    return Some(one, which, row=one.row[which])

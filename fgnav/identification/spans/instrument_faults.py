@@ -133,7 +133,7 @@ def _with(flight: ThinnedFlight, one: Measurement, keep: BoolArray) -> ThinnedFl
     """Return a flight with some of a measurement's rows, (k,)."""
     which = np.flatnonzero(keep)
     others = tuple(other for other in flight.problem.measurements if other is not one)
-    kept = (Some(one, which, one.row[which]),) if len(which) else ()
+    kept = (Some(one, which, row=one.row[which]),) if len(which) else ()
     return flight._replace(problem=replace(flight.problem, measurements=(*others, *kept)))
 
 

@@ -9,7 +9,7 @@ References
    edition, 2013, section 15.3.2.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -19,7 +19,7 @@ from fgnav.geometry.rotations import skew, transpose
 from fgnav.graph.measurement_factor import of_measurement
 from fgnav.graph.types.arrays import freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import RATE, ROTATION, States
 from fgnav.optional_gtsam import gtsam
 
@@ -27,7 +27,7 @@ NAME = "resting rate"
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class RestingRate:
+class RestingRate(OfSensor):
     """Rates that a gyroscope measures at rest, three rows each.
 
     Attributes
@@ -39,7 +39,6 @@ class RestingRate:
     """
 
     name: ClassVar[str] = NAME  # in reports
-    row: IntArray
     measured_b_radps: FloatArray
     sigma_radps: FloatArray
     earth_rate_n_radps: FloatArray
@@ -70,7 +69,3 @@ class RestingRate:
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return rate i as a factor of keyframe ``key``."""
         return of_measurement(self, i, key, ("pose", "imu_bias"), (), rows=3)
-
-    def on(self, row: IntArray) -> "RestingRate":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, row=row)

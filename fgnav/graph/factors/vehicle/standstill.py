@@ -8,7 +8,7 @@ References
    edition, 2013, section 15.3.1.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph import keys
 from fgnav.graph.types.arrays import freeze
-from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import VELOCITY, States
 from fgnav.optional_gtsam import gtsam
 
@@ -24,7 +24,7 @@ NAME = "standstill"
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Standstill:
+class Standstill(OfSensor):
     """Velocities that are zero, three rows each.
 
     Attributes
@@ -35,7 +35,6 @@ class Standstill:
     """
 
     name: ClassVar[str] = NAME  # in reports
-    row: IntArray
     sigma_mps: FloatArray
 
     def __post_init__(self) -> None:
@@ -60,7 +59,3 @@ class Standstill:
         """Return standstill i as a factor of keyframe ``key``."""
         noise = gtsam.noiseModel.Isotropic.Sigma(3, float(self.sigma_mps[i]))
         return gtsam.PriorFactorVector(keys.velocity(key), np.zeros(3), noise)
-
-    def on(self, row: IntArray) -> "Standstill":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, row=row)

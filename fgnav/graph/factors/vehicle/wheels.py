@@ -11,7 +11,7 @@ References
    on Robotics and Automation 17(5), 2001.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -22,7 +22,7 @@ from fgnav.geometry.rotations import exp, skew, transpose
 from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
 from fgnav.graph.types.arrays import freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
 from fgnav.optional_gtsam import gtsam
 
@@ -33,7 +33,7 @@ _RATE = slice(12, 15)  # the gyroscope's bias, or the rate itself
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class RollingWheels:
+class RollingWheels(OfSensor):
     """Velocities across that are zero, two rows each.
 
     Attributes
@@ -53,7 +53,6 @@ class RollingWheels:
     """
 
     name: ClassVar[str] = NAME  # in reports
-    row: IntArray
     slip_mps: float
     arm_b_m: FloatArray
     measured_b_radps: FloatArray | None
@@ -105,7 +104,3 @@ class RollingWheels:
         aux: Use = "imu_bias" if self.measured_b_radps is not None else "angular_motion"
         parts = parts_of(self.constants, (self.axes_column, self.axle_column))
         return of_measurement(self, i, key, ("pose", "velocity", aux), parts, rows=2)
-
-    def on(self, row: IntArray) -> "RollingWheels":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, row=row)
