@@ -5,6 +5,7 @@ import re
 import sys
 from collections import Counter
 from functools import cache
+from graphlib import TopologicalSorter
 from importlib import import_module
 from pathlib import Path
 
@@ -72,6 +73,30 @@ def test_no_room_holds_more_than_it_can(package):
     }
     assert len(counts) > 1
     assert {room: count for room, count in counts.items() if count > FULL} == {}
+
+
+def imported(file):
+    """Return the modules whose names a file takes, for types alone as well; not those it waits for.
+
+    Faces of packages, which hand on lazily what these name, are left out.
+    """
+    lines = parsed(file).body
+    lines = lines + [one for line in lines if isinstance(line, ast.If) for one in line.body]
+    taken = [one for one in lines if isinstance(one, ast.ImportFrom)]
+    of = {one.module for one in taken}
+    return of | {f"{one.module}.{alias.name}" for one in taken for alias in one.names}
+
+
+def test_no_files_know_each_other_in_a_circle():
+    bases = [(package.parent, file) for package in PACKAGES for file in package.rglob("*.py")]
+    modules = {
+        ".".join(file.relative_to(base).with_suffix("").parts): file
+        for base, file in bases
+        if file.name != "__init__.py"
+    }
+    graph = {name: imported(file) & modules.keys() for name, file in modules.items()}
+    assert "fgnav.checks" in graph["fgnav.terminal"] | graph["fgnav.graph.build"]
+    TopologicalSorter(graph).prepare()  # raises of a circle
 
 
 def test_every_room_says_in_a_sentence_what_is_its_own():

@@ -21,10 +21,10 @@ from fgnav.identification.exclusion import Exclusion
 from fgnav.identification.lasting.arm import LEVER_ARM
 from fgnav.identification.lasting.choice import Cause, Lasting
 from fgnav.identification.late_velocities import with_late_velocities
-from fgnav.identification.likelihood.bent_clock import informed_by_problem
+from fgnav.identification.likelihood.bent_clock import determinant_of, informed_requests
 from fgnav.identification.likelihood.beside_phases import white_noise
 from fgnav.identification.noise.identified import Identified
-from fgnav.identification.noise.stated import with_factors
+from fgnav.identification.noise.stated import with_factors, with_rest
 from fgnav.identification.notes import (
     constant_notes,
     exclusion_notes,
@@ -116,7 +116,7 @@ def findings(
     if any(one.is_likely for one in faults):
         at_tags = _beside_phases(search, after, subject, is_mended=True)
     identified = at_tags.identified
-    requests = informed_by_problem(search, at_tags, _requests(search, at_tags))
+    requests = _informed_by_problem(search, at_tags, _requests(search, at_tags))
     tests = (*places.tests, *_tests(subject.search.flight.imu, identified))
     is_same = _is_as_stated(at_tags, requests, settings.calibration)
     is_mended = bool(out or gross or any(one.is_likely for one in faults))
@@ -252,6 +252,25 @@ def _requests(search: TagSearch, at_tags: AtTags) -> tuple[CalibrationRequest, .
     as_requested = [kinds[one.kind] if one.kind in wanted else one for one in requested]
     words = [one.kind for one in requested]
     return (*as_requested, *(one for kind, one in kinds.items() if kind not in words))
+
+
+def _informed_by_problem(
+    search: TagSearch, at_tags: AtTags, requests: tuple[CalibrationRequest, ...]
+) -> tuple[CalibrationRequest, ...]:
+    """Return requests with what the determinant of the whole problem says of a clock's.
+
+    A thinned chain's differs: it has fewer measurements for the states to bend to.
+    """
+    identified = at_tags.identified
+    determinant = identified.times.determinant
+    is_requested = any(one.kind == "clock" for one in requests)
+    if not is_requested or determinant is None:
+        return requests
+    begun = informed_requests(requests, determinant)
+    flight = with_tags_moved(search.flight, at_tags.moved, middle_of_tags_s(search.flight.imu))
+    settings = replace(with_rest(search.settings, identified.factors), calibration=begun)
+    prepared = search.build(with_factors(flight, identified.factors), settings)
+    return informed_requests(begun, determinant_of(prepared) or determinant)
 
 
 def _has_stated(subject: Subject, search: TagSearch, at_tags: AtTags) -> bool:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,14 +11,9 @@ from fgnav.frontend.prepared import PreparedFlight
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.identification.likelihood.clock_determinant import NAMES, ClockDeterminant
 from fgnav.identification.likelihood.linear_chain import Covariances
-from fgnav.identification.noise.stated import with_factors, with_rest
-from fgnav.identification.track.tags import middle_of_tags_s, with_tags_moved
 from fgnav.solve.chain import solve_batch
 
 _FIXED = 1e-9  # 1-sigma, s and ppm: next to no time
-
-if TYPE_CHECKING:
-    from fgnav.identification.time_tags import AtTags, TagSearch
 
 
 def informed(
@@ -40,25 +34,6 @@ def informed_requests(
     return tuple(
         replace(one, added=added, excess=excess) if one.kind == "clock" else one for one in requests
     )
-
-
-def informed_by_problem(
-    search: "TagSearch", at_tags: "AtTags", requests: tuple[CalibrationRequest, ...]
-) -> tuple[CalibrationRequest, ...]:
-    """Return requests with what the determinant of the whole problem says of a clock's.
-
-    A thinned chain's differs: it has fewer measurements for the states to bend to.
-    """
-    identified = at_tags.identified
-    determinant = identified.times.determinant
-    is_requested = any(one.kind == "clock" for one in requests)
-    if not is_requested or determinant is None:
-        return requests
-    begun = informed_requests(requests, determinant)
-    flight = with_tags_moved(search.flight, at_tags.moved, middle_of_tags_s(search.flight.imu))
-    settings = replace(with_rest(search.settings, identified.factors), calibration=begun)
-    prepared = search.build(with_factors(flight, identified.factors), settings)
-    return informed_requests(begun, determinant_of(prepared) or determinant)
 
 
 def determinant_of(prepared: PreparedFlight) -> ClockDeterminant | None:
