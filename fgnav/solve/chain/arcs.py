@@ -247,6 +247,8 @@ def add_phases(
     epoch, shape, G, H, z = of_epochs
     place, lever = rows.searchsorted(phase.row[epoch]), phase.lever_column
     D, b, arm_b_m = at.width, len(at.constants), phase.arm_b_m[epoch]
+    if node.shape[1] <= D + b + shape[:, 1].max():  # a kernel would write beyond its memory
+        raise ValueError(f"node: {node.shape[1]} columns, of states, constants, arcs and 1 too few")
     if lever >= 0:
         arm_b_m = arm_b_m + at.constants[lever : lever + 3]
     first = np.cumsum([0, *map(len, arcs)])[phase.block[epoch]] if arcs else np.zeros_like(epoch)
