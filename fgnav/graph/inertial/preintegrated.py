@@ -13,6 +13,7 @@ References
    group approach, IEEE RA-L 10, 2025.
 """
 
+from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -48,6 +49,11 @@ class _Store:
     parameters: dict[tuple[float, ...], gtsam.PreintegrationCombinedParams] = field(
         default_factory=dict
     )
+
+    @classmethod
+    def empty(cls, count: int) -> "_Store":
+        """Return room for so many intervals."""
+        return cls(np.full((count, _BIASES), np.nan))
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -106,7 +112,7 @@ class Inertial:
             if got != shape:
                 raise BadInputError(f"inertial {name}: expected shape {shape}, got {got}")
         object.__setattr__(self, "_increments", increments(self.imu, self.t_s, self.sub_steps))
-        object.__setattr__(self, "_store", _Store(np.full((n - 1, _BIASES), np.nan)))
+        object.__setattr__(self, "_store", _Store.empty(n - 1))
 
     @property
     def aux(self) -> int:
@@ -186,11 +192,14 @@ class Inertial:
         self, accelerometer_density: FloatArray, gyroscope_density: FloatArray
     ) -> "Inertial":
         """Return the same with more white noise, (n - 1,) each, (m/s2)^2/Hz and (rad/s)^2/Hz."""
-        return replace(
-            self,
-            accelerometer_noise=self.accelerometer_noise + accelerometer_density,
-            gyroscope_noise=self.gyroscope_noise + gyroscope_density,
-        )
+        louder = copy(self)  # its samples are cut already
+        for name, noise in (
+            ("accelerometer_noise", self.accelerometer_noise + accelerometer_density),
+            ("gyroscope_noise", self.gyroscope_noise + gyroscope_density),
+            ("_store", _Store.empty(len(self.t_s) - 1)),
+        ):
+            object.__setattr__(louder, name, noise)
+        return louder
 
     def at_times(self, t_s: FloatArray) -> "Inertial":
         """Return the same motion between other keyframes, (m,), the present ones among them.
