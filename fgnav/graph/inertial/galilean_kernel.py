@@ -35,6 +35,7 @@ FRAME, GRAVITY_POSITION, GRAVITY_VELOCITY, WHITE = 76, 85, 88, 91
 SUMS = 316
 _WIDTH, _STATE = 15, 9  # rotation, position, velocity, both biases
 _TERMS = 9  # of series: of a radian the tenth is 1e-21 of the first
+_NOTHING = 1e-22  # of terms, which changes no sum of them
 
 
 @kernel
@@ -184,6 +185,8 @@ def _terms(square: float) -> tuple[FloatArray, FloatArray]:
         return c, slope
     term, by_square = 0.5, -1 / 24
     for k in range(_TERMS):
+        if abs(by_square) < _NOTHING and abs(term) < _NOTHING:
+            break
         odd, even = 2 * k + 3, (2 * k + 3) * (2 * k + 4)
         c[0] += term
         c[1] += term / odd
