@@ -8,7 +8,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.frontend.attitude.in_motion import EarlierMotion
-from fgnav.frontend.position.live_arcs import EarlierArcs
+from fgnav.frontend.position.numbered_arcs import EarlierArcs
 from fgnav.frontend.sensors.rest import Rest
 from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.delayed import TimedMotion

@@ -23,7 +23,7 @@ from fgnav.frontend.heading_open import open_heading, until_motion
 from fgnav.frontend.measurements import Recorded, measurements_of
 from fgnav.frontend.motion import is_predicted, motion_of
 from fgnav.frontend.position.by_observations import ByObservations, LastObservations
-from fgnav.frontend.position.live_arcs import EarlierArcs
+from fgnav.frontend.position.numbered_arcs import EarlierArcs
 from fgnav.frontend.position.phases import antenna_phase
 from fgnav.frontend.prepared import Earlier, PreparedFlight
 from fgnav.frontend.sensors.rest import Rest, moving_antenna, resting_motion

@@ -6,13 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 
+from fgnav.frontend.calibration_request import calibration_requests
 from fgnav.frontend.causal.truncation import truncated
 from fgnav.frontend.problem import build_problem
 from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import exp
 from fgnav.identification import subject
 from fgnav.identification.lasting.arm import LEVER_ARM
-from fgnav.identification.lasting.choice import Lasting
+from fgnav.identification.lasting.choice import Lasting, _gained
 from fgnav.identification.lasting.clock import ClockOff
 from fgnav.identification.lasting.error import least_of_use
 from fgnav.identification.lasting.lost_samples import LOST, LostSamples
@@ -376,6 +377,17 @@ def test_a_clock_that_whole_samples_explain_as_well_is_held_against_them():
         "lock disagrees with GNSS" in one or "samples are lost" in one for one in estimate.notes
     )
     assert nees(errors_rad(right, estimate), estimate.attitude_covariance_rad2) < 5.0  # 97, now 2.4
+
+
+@pytest.mark.parametrize("off_s", [-0.05, 0.05])
+def test_late_velocities_gain_what_a_delay_explains_and_early_ones_nothing(off_s):
+    right = right_flight("fixes", 744)
+    turned = interpolate(right.fixes.t_s + off_s, right.truth.t_s, right.truth.v_n_mps)
+    flight = replace(right, fixes=replace(right.fixes, v_n_mps=turned))
+    delay = replace(SETTINGS, calibration=calibration_requests(["velocity-delay"]))
+    stated, free = (build_problem(flight, one).problem for one in (SETTINGS, delay))
+    gained = _gained(solve_batch(stated).cost, free)
+    assert gained > 100.0 if off_s < 0.0 else gained == 0.0
 
 
 def test_a_car_that_has_just_begun_to_move_is_loud_and_no_sensor_of_it_late(shared):

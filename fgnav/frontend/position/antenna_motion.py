@@ -9,7 +9,7 @@ from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.frontend.matching import nearest, unused
 from fgnav.frontend.position.by_observations import AntennaRecord, ByObservations
-from fgnav.frontend.position.live_arcs import Observed
+from fgnav.frontend.position.numbered_arcs import Observed
 from fgnav.frontend.position.series import VectorSeries
 from fgnav.gnss.single_point.partial_velocity import PartialVelocity
 from fgnav.types.flight import Fixes, Flight, Imu

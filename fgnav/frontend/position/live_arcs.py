@@ -10,9 +10,14 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.position.ambiguity_filter import ArcNames
+from fgnav.frontend.position.numbered_arcs import (
+    EarlierArcs,
+    LiveBlock,
+    NumberedArcs,
+    Observed,
+    numbered,
+)
 from fgnav.frontend.position.whitening import Channels, Epoch, Transition, by_clock
-from fgnav.gnss.undifferenced import Undifferenced
-from fgnav.gnss.wind_up import wind_up_cycles
 from fgnav.graph.factors.antenna_phase import ArcBlock, PhaseRows
 from fgnav.graph.types.on_demand import MANY, OnDemand
 
@@ -31,68 +36,14 @@ UNKNOWN_M = 1e2  # ambiguities, once phase less code is taken off, and before co
 _REMEMBERED_S = 60.0  # errors of satellites without phase: they walk by centimetres meanwhile
 
 
-class Observed(NamedTuple):
-    """Observations of an antenna at keyframes; of several the last that has an epoch is taken."""
-
-    of: Undifferenced
-    row: IntArray  # (k,), keyframes
-    epoch: IntArray  # (k,)
-    arm_b_m: FloatArray  # (3,), from the accelerometer to the antenna
-    antenna: str = ""
-
-
-class _Arcs(NamedTuple):
-    """What antennas observed, arcs and satellites numbered through."""
-
-    of: Undifferenced
-    phase_m: FloatArray  # (n, m), less what is taken off each arc, and less the wind-up
-    code_apart_m: FloatArray  # (n, m), phase_m less code
-    arc: IntArray  # (n, m); -1 without phase
-    satellite: IntArray  # (m,)
-    arm_b_m: FloatArray
-    antenna: str
-    offset_m: FloatArray  # (a,), taken off the phases of each arc, by its number among its own
-    wound: FloatArray  # (n, m), cycles by which turns of the antenna have wound up phases
-
-
 class _Seen(NamedTuple):
     """Channels of epochs alike."""
 
-    of: _Arcs
+    of: NumberedArcs
     alike: tuple[bytes, bytes]  # arcs, and which channels have code
     channel: IntArray  # with phase
     coded: IntArray  # with code alone
     freedom: int  # combinations that no clock is in
-
-
-class EarlierArcs(NamedTuple):
-    """What phases that go on need of epochs that are not kept."""
-
-    t_s: float  # epoch up to which they have become rows
-    links: dict[tuple[str, str], tuple[int, float, float]]  # arc, what is taken off, cycles wound
-    arcs: int  # that there have been, or more
-    blocks: int
-    live: "_Live | None"
-    satellites: tuple[str, ...]  # of the live block
-
-
-class _Live(NamedTuple):
-    """A = (ambiguities, errors of satellites, their rates) of a block."""
-
-    t_s: float
-    channel: IntArray  # (c,)
-    arc: IntArray  # (c,)
-    satellite: IntArray  # (s,)
-    seen_s: FloatArray  # (s,), when they last had phase
-    coded_s: float  # block that codes last entered with
-
-    @property
-    def sizes(self) -> tuple[int, int]:
-        return len(self.channel), len(self.satellite)
-
-    @property
-    def size(self) -> int:
-        return len(self.channel) + 2 * len(self.satellite)
 
 
 class LiveRows(NamedTuple):
@@ -133,9 +84,9 @@ def live_rows(
         names |= dict.fromkeys(earlier.satellites)
     number = {name: k for k, name in enumerate(sorted(names))}
     arcs, first = [], 0
-    at: dict[int, tuple[_Arcs, int]] = {}
+    at: dict[int, tuple[NumberedArcs, int]] = {}
     for one in observed:
-        arcs.append(_numbered(one, first, number, R_nb, earlier))
+        arcs.append(numbered(one, first, number, R_nb, earlier))
         first = max(first, 1 + int(arcs[-1].arc.max(initial=-1)))
         for k, i in zip(one.row.tolist(), one.epoch.tolist(), strict=True):
             at[k] = arcs[-1], i
@@ -173,7 +124,7 @@ def live_rows(
     return out._replace(goes_on=_goes_on(arcs[0], at, t_s, number, so_far))
 
 
-def _resumed(earlier: EarlierArcs | None, number: dict[str, int]) -> tuple[_Live | None, int]:
+def _resumed(earlier: EarlierArcs | None, number: dict[str, int]) -> tuple[LiveBlock | None, int]:
     """Return the block that goes on, and how many there have been."""
     if earlier is None or earlier.live is None:
         return None, 0
@@ -182,11 +133,11 @@ def _resumed(earlier: EarlierArcs | None, number: dict[str, int]) -> tuple[_Live
 
 
 def _goes_on(
-    of: _Arcs,
-    at: dict[int, tuple[_Arcs, int]],
+    of: NumberedArcs,
+    at: dict[int, tuple[NumberedArcs, int]],
     t_s: FloatArray,
     number: dict[str, int],
-    so_far: tuple[_Live | None, int],
+    so_far: tuple[LiveBlock | None, int],
 ) -> EarlierArcs | None:
     """Return what phases of epochs to come need of those up to the last one."""
     live, blocks = so_far
@@ -206,7 +157,7 @@ def _goes_on(
     return EarlierArcs(float(t_s[k]), links, 1 + int(of.arc.max()), blocks, live, satellites)
 
 
-def _seen(of: _Arcs, i: int, before: _Seen | None) -> _Seen:
+def _seen(of: NumberedArcs, i: int, before: _Seen | None) -> _Seen:
     """Return the channels of an epoch: those before where they and their arcs are the same."""
     alike = of.arc[i].tobytes(), np.isfinite(of.of.code_m[i]).tobytes()
     if before is not None and before.of is of and before.alike == alike:
@@ -215,13 +166,13 @@ def _seen(of: _Arcs, i: int, before: _Seen | None) -> _Seen:
     return _Seen(of, alike, channel, coded, _freedom(of, channel) + _freedom(of, coded))
 
 
-def _goes_on_in(of: _Arcs, i: int, live: _Live, seen: _Seen) -> bool:
+def _goes_on_in(of: NumberedArcs, i: int, live: LiveBlock, seen: _Seen) -> bool:
     """Return whether a block has the arcs of an epoch, and all satellites with code alone."""
     is_live = np.isin(of.satellite[seen.coded], live.satellite)
     return np.array_equal(of.arc[i, seen.channel], live.arc) and bool(is_live.all())
 
 
-def _names(of: _Arcs, live: _Live, i: int) -> ArcNames:
+def _names(of: NumberedArcs, live: LiveBlock, i: int) -> ArcNames:
     return ArcNames(
         arc=live.arc,
         group=of.of.group[live.channel],
@@ -233,78 +184,18 @@ def _names(of: _Arcs, live: _Live, i: int) -> ArcNames:
     )
 
 
-def _numbered(
-    one: Observed,
-    first: int,
-    number: dict[str, int],
-    R_nb: FloatArray,
-    earlier: EarlierArcs | None,
-) -> _Arcs:
-    """Return what an antenna observed, its arcs numbered from ``first`` on.
-
-    Phase less code of each arc's first epoch is taken off, so that numbers are small.
-    """
-    of, phase_m = one.of, one.of.phase_m.copy()
-    continuing, now = _known_links(of, earlier)
-    total = np.zeros(phase_m.shape)
-    if of.pole_n is not None and len(one.row):
-        wound = wind_up_cycles(of.e_n[one.epoch], R_nb[one.row], of.pole_n)
-        if of.integers:  # a base's antenna looks up, its front to the north
-            still = np.broadcast_to(np.eye(3), (len(one.row), 3, 3))
-            wound -= wind_up_cycles(of.e_n[one.epoch], still, of.pole_n)
-        total[one.epoch] = wound
-        for j, (_, _, cycles) in continuing.items():  # counted on from an earlier epoch
-            total[:, j] += np.rint(cycles - total[now, j])
-        phase_m[one.epoch] -= of.wavelength_m * total[one.epoch]
-    epoch, channel = np.nonzero(of.arc >= 0)
-    arc, code_m = of.arc[epoch, channel], of.code_m[epoch, channel]
-    apart_m = phase_m[epoch, channel] - np.where(np.isfinite(code_m), code_m, 0.0)
-    offset_m = np.zeros(1 + arc.max(initial=-1))
-    offset_m[arc[::-1]] = apart_m[::-1]  # as of the first epoch of each arc
-    ids = np.arange(len(offset_m)) + (first if earlier is None else earlier.arcs)
-    for j, (link, off_m, _) in continuing.items():
-        ids[of.arc[now, j]], offset_m[of.arc[now, j]] = link, off_m
-    phase_m -= np.where(of.arc >= 0, offset_m[of.arc.clip(0)] if len(offset_m) else 0.0, 0.0)
-    return _Arcs(
-        of=of,
-        phase_m=phase_m,
-        code_apart_m=phase_m - of.code_m,
-        arc=np.where(of.arc >= 0, ids[of.arc.clip(0)], -1) if len(ids) else of.arc,
-        satellite=np.array([number[name] for name in of.satellites], dtype=np.int64),
-        arm_b_m=one.arm_b_m,
-        antenna=one.antenna,
-        offset_m=offset_m,
-        wound=total,
-    )
-
-
-def _known_links(
-    of: Undifferenced, earlier: EarlierArcs | None
-) -> tuple[dict[int, tuple[int, float, float]], int]:
-    """Return the arcs that go on from an earlier epoch, by channel, and its row."""
-    if earlier is None:
-        return {}, 0
-    now = int(np.searchsorted(of.t_s, earlier.t_s - _ROUNDING_S))
-    continuing = {
-        j: earlier.links[channel]
-        for j, channel in enumerate(zip(of.satellites, of.signals, strict=True))
-        if channel in earlier.links and of.arc[now, j] >= 0
-    }
-    return continuing, now
-
-
-def _channels(of: _Arcs, i: int) -> tuple[IntArray, IntArray]:
+def _channels(of: NumberedArcs, i: int) -> tuple[IntArray, IntArray]:
     """Return the channels of an epoch with phase, and those with code alone."""
     phased = of.arc[i] >= 0
     return np.flatnonzero(phased), np.flatnonzero(~phased & np.isfinite(of.of.code_m[i]))
 
 
-def _freedom(of: _Arcs, channel: IntArray) -> int:
+def _freedom(of: NumberedArcs, channel: IntArray) -> int:
     """Return how many combinations of channels have no clock."""
     return len(channel) - len(set(of.of.group[channel].tolist()))
 
 
-def _next(of: _Arcs, i: int, before: _Live | None, t_s: float, seen: _Seen) -> _Live:
+def _next(of: NumberedArcs, i: int, before: LiveBlock | None, t_s: float, seen: _Seen) -> LiveBlock:
     """Return the next block's arcs, and the satellites that are tracked or were lately."""
     channel = seen.channel
     last: dict[int, float] = {}
@@ -317,25 +208,27 @@ def _next(of: _Arcs, i: int, before: _Live | None, t_s: float, seen: _Seen) -> _
     if before is not None and np.array_equal(arc, before.arc):
         is_due = t_s - before.coded_s > _CODE_S - _ROUNDING_S
         coded_s = t_s if is_due else before.coded_s
-    return _Live(t_s, channel, arc, satellite, seen_s, coded_s)
+    return LiveBlock(t_s, channel, arc, satellite, seen_s, coded_s)
 
 
 class _Measured(NamedTuple):
     """Channels of epochs of blocks alike, clock after clock."""
 
-    live: _Live  # one of the blocks
+    live: LiveBlock  # one of the blocks
     coded: IntArray  # with code alone
     of_all: IntArray  # those with phase and these
     is_code: BoolArray
     channels: Channels
 
-    def is_of(self, live: _Live, coded: IntArray) -> bool:
+    def is_of(self, live: LiveBlock, coded: IntArray) -> bool:
         """Return whether channels of another block are the same."""
         same = (self.live.channel, live.channel), (self.live.satellite, live.satellite)
         return all(np.array_equal(*pair) for pair in (*same, (self.coded, coded)))
 
 
-def _measured(of: _Arcs, live: _Live, coded: IntArray, before: _Measured | None) -> _Measured:
+def _measured(
+    of: NumberedArcs, live: LiveBlock, coded: IntArray, before: _Measured | None
+) -> _Measured:
     """Return the channels of an epoch: those before where they are the same."""
     if before is not None and before.is_of(live, coded):
         return before
@@ -347,7 +240,7 @@ def _measured(of: _Arcs, live: _Live, coded: IntArray, before: _Measured | None)
     return _Measured(live, coded, of_all, ambiguity < 0, channels)
 
 
-def _epoch(of: _Arcs, i: int, measured: _Measured, age_s: float) -> Epoch:
+def _epoch(of: NumberedArcs, i: int, measured: _Measured, age_s: float) -> Epoch:
     """Return what an epoch measures: phases, and codes without phase."""
     channel, is_code, gnss = measured.of_all, measured.is_code, of.of
     e_n, measured_m = gnss.e_n[i, channel], of.phase_m[i, channel]
@@ -361,12 +254,14 @@ def _epoch(of: _Arcs, i: int, measured: _Measured, age_s: float) -> Epoch:
     return Epoch(measured.channels, seen, sigma_m, age_s)
 
 
-def _places(of: _Arcs, live: _Live, channel: IntArray) -> IntArray:
+def _places(of: NumberedArcs, live: LiveBlock, channel: IntArray) -> IntArray:
     """Return which of a block's satellites channels are of, (c,)."""
     return np.searchsorted(live.satellite, of.satellite[channel])
 
 
-def _transition(of: _Arcs, blocks: tuple[_Live | None, _Live], i: int, row: int) -> Transition:
+def _transition(
+    of: NumberedArcs, blocks: tuple[LiveBlock | None, LiveBlock], i: int, row: int
+) -> Transition:
     """Return what leads to a block from the one before, and its first epoch's code.
 
     Phase less code is free of geometry and of what stays with satellites: it determines ambiguities
@@ -404,7 +299,7 @@ def _transition(of: _Arcs, blocks: tuple[_Live | None, _Live], i: int, row: int)
     )
 
 
-def _codes(of: _Arcs, live: _Live, i: int) -> Epoch:
+def _codes(of: NumberedArcs, live: LiveBlock, i: int) -> Epoch:
     """Return phase less code of the channels that have both, about no place."""
     is_due = live.coded_s == live.t_s
     coded = np.flatnonzero(np.isfinite(of.code_apart_m[i, live.channel]) & is_due)
@@ -417,7 +312,7 @@ def _codes(of: _Arcs, live: _Live, i: int) -> Epoch:
     return Epoch(channels, seen, of.of.code_sigma_m[i, channel], 0.0)
 
 
-def _sources(before: _Live, after: _Live) -> IntArray:
+def _sources(before: LiveBlock, after: LiveBlock) -> IntArray:
     """Return which of A each of A' goes on from, (d',); -1: from none."""
     source = np.full(after.size, -1)
     (b, p), (c, s) = before.sizes, after.sizes

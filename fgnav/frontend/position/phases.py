@@ -7,7 +7,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.frontend.position.base_integers import ArcSpan, BaseIntegers, with_integers
-from fgnav.frontend.position.live_arcs import EarlierArcs, LiveRows, Observed, live_rows
+from fgnav.frontend.position.live_arcs import LiveRows, live_rows
+from fgnav.frontend.position.numbered_arcs import EarlierArcs, Observed
 from fgnav.gnss.undifferenced import Undifferenced
 from fgnav.graph.factors.antenna_phase import AntennaPhase
 from fgnav.graph.types.constants import Constants

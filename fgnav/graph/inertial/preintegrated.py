@@ -98,6 +98,11 @@ class Inertial:
         """
         if self.imu.w_b_radps is None:
             raise BadInputError("inertial motion: the imu has no gyroscope")
+        self._check_shapes()
+        object.__setattr__(self, "_increments", increments(self.imu, self.t_s, self.sub_steps))
+        object.__setattr__(self, "_store", _Store.empty(len(self.t_s) - 1))
+
+    def _check_shapes(self) -> None:
         n = len(self.t_s)
         shapes = {
             "gravity_n_mps2": (n, 3),
@@ -111,8 +116,6 @@ class Inertial:
             got = getattr(self, name).shape
             if got != shape:
                 raise BadInputError(f"inertial {name}: expected shape {shape}, got {got}")
-        object.__setattr__(self, "_increments", increments(self.imu, self.t_s, self.sub_steps))
-        object.__setattr__(self, "_store", _Store.empty(n - 1))
 
     @property
     def aux(self) -> int:
@@ -191,7 +194,13 @@ class Inertial:
     def with_added_noise(
         self, accelerometer_density: FloatArray, gyroscope_density: FloatArray
     ) -> "Inertial":
-        """Return the same with more white noise, (n - 1,) each, (m/s2)^2/Hz and (rad/s)^2/Hz."""
+        """Return the same with more white noise, (n - 1,) each, (m/s2)^2/Hz and (rad/s)^2/Hz.
+
+        Raises
+        ------
+        BadInputError
+            If what is added has another shape.
+        """
         louder = copy(self)  # its samples are cut already
         for name, noise in (
             ("accelerometer_noise", self.accelerometer_noise + accelerometer_density),
@@ -199,6 +208,7 @@ class Inertial:
             ("_store", _Store.empty(len(self.t_s) - 1)),
         ):
             object.__setattr__(louder, name, noise)
+        louder._check_shapes()
         return louder
 
     def at_times(self, t_s: FloatArray) -> "Inertial":

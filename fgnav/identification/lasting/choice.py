@@ -307,9 +307,7 @@ def _usual(
     gains = [0.0]
     with suppress(NoSolutionError):
         cost = solve_batch(variants.in_motion(noise.factors)).cost
-        for one in requests:
-            free = solve_batch(variants.estimating(one, noise.factors))
-            gains.append((cost - free.cost) / 2)
+        gains += (_gained(cost, variants.estimating(one, noise.factors)) for one in requests)
     return noise.nats + max(gains)
 
 
@@ -318,8 +316,7 @@ def _otherwise(
 ) -> float:
     """Return what drifts, a lever arm or late velocities gain, the greatest, if it is so much.
 
-    Less what each of their constants costs (``schwarz_nats``). No velocity is of a later time than
-    it is stated for.
+    Less what each of their constants costs (``schwarz_nats``).
     """
     each = schwarz_nats(problem)
     enough = stated - 2 * least
@@ -329,9 +326,19 @@ def _otherwise(
         gains.append((stated - drifts.cost) / 2 - added * each)
     for one in others:
         added = one.constants.width - problem.constants.width
-        with suppress(NoSolutionError):
-            free = solve_batch(one, enough=enough)
-            delay = one.constants.column(VELOCITY_DELAY)
-            if delay < 0 or free.states.constants[delay] > 0.0:
-                gains.append((stated - free.cost) / 2 - added * each)
+        gains.append(_gained(stated, one, enough) - added * each)
     return max(gains)
+
+
+def _gained(stated: float, other: SmoothingProblem, enough: float = np.inf) -> float:
+    """Return what a problem with a lever arm or late velocities gains; 0 without a solution.
+
+    And of a delay below zero: no velocity is of a later time than it is stated for.
+    """
+    try:
+        free = solve_batch(other, enough=enough)
+    except NoSolutionError:
+        return 0.0
+    delay = other.constants.column(VELOCITY_DELAY)
+    is_late = delay < 0 or free.states.constants[delay] > 0.0
+    return (stated - free.cost) / 2 if is_late else 0.0

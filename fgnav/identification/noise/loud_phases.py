@@ -22,7 +22,8 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
-from fgnav.frontend.position.live_arcs import UNKNOWN_M, Observed
+from fgnav.frontend.position.live_arcs import UNKNOWN_M
+from fgnav.frontend.position.numbered_arcs import Observed
 from fgnav.frontend.position.phases import antenna_phase
 from fgnav.gnss.cycle_slips.detection import LONGEST_GAP
 from fgnav.gnss.signals import select

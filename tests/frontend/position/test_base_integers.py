@@ -11,7 +11,7 @@ from scipy.special import chdtri
 from fgnav.frontend.causal.truncation import truncated
 from fgnav.frontend.position import base_integers
 from fgnav.frontend.position.base_faults import odds
-from fgnav.frontend.position.live_arcs import Observed
+from fgnav.frontend.position.numbered_arcs import Observed
 from fgnav.frontend.position.phases import antenna_phase
 from fgnav.gnss.undifferenced import undifferenced
 from fgnav.graph.types.constants import Constants

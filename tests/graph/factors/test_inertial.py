@@ -191,5 +191,7 @@ def test_wrong_arrays_and_a_missing_gyroscope_are_refused_by_name():
     factors, _ = of_motion(sine(45.0), 0.1, 4)
     with pytest.raises(BadInputError, match=r"inertial gyroscope_noise: expected shape \(4,\)"):
         replace(factors, gyroscope_noise=np.ones(3))
+    with pytest.raises(BadInputError, match=r"inertial accelerometer_noise: expected shape \(4,\)"):
+        factors.with_added_noise(np.ones((2, 4)), np.ones(4))
     with pytest.raises(BadInputError, match="the imu has no gyroscope"):
         replace(factors, imu=sine(45.0).imu(1.0, 100.0, gyroscope=False))
