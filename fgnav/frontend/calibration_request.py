@@ -12,7 +12,6 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError, quoted
 from fgnav.frontend.attitude.rates import FORCE_SPAN_S
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY
-from fgnav.graph.turned import ARRAY_TURN, UNIT_TURN
 from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.types.flight import Flight
 
@@ -49,8 +48,6 @@ _KINDS = {
 # 0.5 % (data sheets of Murata CSTNE).
 _CLOCK_RATE_PPM = 1000.0
 _OF_TIME = ("clock", "velocity-delay")
-_TURNS = (ARRAY_TURN, UNIT_TURN)  # tested, and not to be asked for
-_TURN_RAD = np.radians(5.0)  # 1-sigma of each angle: a mounting that nobody measured
 NAMES = (*(name for name in _KINDS if name != "antenna"), "antennas", "antenna:NAME")
 
 
@@ -58,22 +55,15 @@ NAMES = (*(name for name in _KINDS if name != "antenna"), "antennas", "antenna:N
 class CalibrationRequest:
     """One word of ``estimate``: a kind, for antennas a name or all, and a sigma, m, rad or s.
 
-    Of a clock ``moved`` is by how much tags have been corrected already, s and parts per million;
-    ``added`` and ``excess`` are information of both (``likelihood.clock_determinant``);
-    of a delay ``start`` is where its search starts, s; of a landmark or a boresight ``off`` is how
-    far from the stated it starts, m or rad; of a turn ``turned_rad`` is by how much it has been
-    corrected.
+    Of a clock ``moved`` is by how much timestamps have been corrected, s and parts per million;
+    of a delay ``start`` is where its search starts, s.
     """
 
     kind: str
     antenna: str | None
     sigma: float
     moved: tuple[float, float] = (0.0, 0.0)
-    added: tuple[float, float] = (0.0, 0.0)
-    excess: tuple[float, float] = (0.0, 0.0)
     start: float = 0.0
-    off: tuple[float, ...] = ()
-    turned_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, ...]:
@@ -165,12 +155,6 @@ def constants_of(
         if word.kind in _OF_TIME:
             constants += of_time(word)
             continue
-        if word.kind in _TURNS:
-            # Begun and expected where it was found: a window that learns a turn of
-            # degrees by itself marginalises factors linearised far from it.
-            stated = -np.array(word.turned_rad)
-            constants.append(replace(turn_of(word.kind, word.sigma), stated=stated))
-            continue
         if word.kind != "antenna":
             constants.append(of_vehicle(word))
             continue
@@ -180,16 +164,10 @@ def constants_of(
     return tuple(constants)
 
 
-def turn_of(name: str, sigma_rad: float = _TURN_RAD) -> FlightConstant:
-    """Return the rotation vector c from the inertial unit to the array: R_n,array = R Exp(c)."""
-    return flight_constant(name, _SPACE_B, "rad", sigma_rad)
-
-
 def of_vehicle(word: CalibrationRequest) -> FlightConstant:
     """Return the constant that a word requests, of all but antennas."""
     kind = _KINDS[word.kind]
-    one = flight_constant(word.kind, kind.axes, "rad" if kind.degrees else "m", word.sigma)
-    return replace(one, start=np.array(word.off)) if word.off else one
+    return flight_constant(word.kind, kind.axes, "rad" if kind.degrees else "m", word.sigma)
 
 
 def of_tags(words: tuple[CalibrationRequest, ...], flight: Flight) -> tuple[FlightConstant, ...]:
@@ -224,10 +202,8 @@ def of_time(word: CalibrationRequest) -> tuple[FlightConstant, ...]:
     # Of a clock that has proved off, as little is known as it is large.
     rate = flight_constant(CLOCK_RATE, ("rate",), "ppm", max(_CLOCK_RATE_PPM, abs(word.moved[1])))
     return tuple(
-        replace(one, mean=np.array([-moved])).informed(added, excess)
-        for one, moved, added, excess in zip(
-            (offset, rate), word.moved, word.added, word.excess, strict=True
-        )
+        replace(one, stated=np.array([-moved]))
+        for one, moved in zip((offset, rate), word.moved, strict=True)
     )
 
 

@@ -25,7 +25,6 @@ from fgnav.graph.factors.vehicle.standstill import Standstill
 from fgnav.graph.factors.vehicle.wheels import AXES, AXLE, RollingWheels
 from fgnav.graph.factors.velocity import Velocity
 from fgnav.graph.inertial.multipath import Multipath
-from fgnav.graph.turned import in_turned_axes
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Measurement
 
@@ -89,8 +88,7 @@ def measurements_of(recorded: Recorded, constants: Constants) -> tuple[Measureme
     if timed is not None:
         late = {"velocity": VELOCITY_DELAY}
         gnss = tuple(on_clock(m, timed, constants, delay=late.get(m.name, "")) for m in gnss)
-    measured = (in_turned_axes(part, constants) for part in (*gnss, *others))
-    return tuple(part for part in measured if len(part.row))
+    return tuple(part for part in (*gnss, *others) if len(part.row))
 
 
 def _array(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:

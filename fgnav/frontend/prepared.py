@@ -1,7 +1,7 @@
 """A flight as a smoothing problem, with what is reported of it and needed to go on."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,52 +10,12 @@ from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.position.numbered_arcs import EarlierArcs
 from fgnav.frontend.sensors.rest import Rest
-from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.delayed import TimedMotion
-from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.problem import Opening, SmoothingProblem
-from fgnav.graph.types.states import States
 from fgnav.types.differences import DoubleDifferences
-from fgnav.types.estimate import Consistency, Rejected
+from fgnav.types.estimate import Rejected
 from fgnav.types.flight import Flight, Imu
 from fgnav.types.integers import ArcInteger, Integers
-
-
-class BodyAxes(NamedTuple):
-    """Whose axes are taken for the body's where array and inertial unit are turned apart."""
-
-    of_array: bool  # else the unit's
-    share: float  # probability that it is so
-
-    @property
-    def is_even(self) -> bool:
-        """Whether nothing speaks for either by more than chance, 1 in 10,000."""
-        return self.share < 1.0 - 1e-4
-
-
-class AttitudeDoubt(NamedTuple):
-    """Covariance of the body's axes against those of the states, (n, 3, 3), rad2, at times, (n,).
-
-    Of each attitude, by what is left of a fault whose samples are put right: see
-    ``identification.lasting.error`` and ``identification.spans``. Of velocities, too, if that is
-    known.
-    """
-
-    t_s: FloatArray
-    covariance_rad2: FloatArray
-    velocity_m2ps2: FloatArray | None = None
-
-    def at(self, t_s: FloatArray) -> FloatArray:
-        """Return it at other times, (k, 3, 3): between two it is between theirs."""
-        return self._at(t_s, self.covariance_rad2)
-
-    def velocity_at(self, t_s: FloatArray) -> FloatArray:
-        """Return that of velocities, (k, 3, 3)."""
-        P = self.velocity_m2ps2
-        return np.zeros((len(t_s), 3, 3)) if P is None else self._at(t_s, P)
-
-    def _at(self, t_s: FloatArray, P: FloatArray) -> FloatArray:
-        return interpolate(t_s, self.t_s, P.reshape(-1, 9)).reshape(-1, 3, 3)
 
 
 class Earlier(NamedTuple):
@@ -97,24 +57,18 @@ class PreparedFlight:
         As it were if the heading was known: horizontal accelerations are no noise anywhere.
     opening : Opening or None
         What a filter is given in its place until the heading is known.
-    tests : tuple of Consistency
-        Of the inertial unit, where its noise was identified as more than any noise.
+    excess_noise : mapping of str to float
+        Noise of the unit's sensors over the largest that its samples can hold.
     array : tuple of DoubleDifferences and ndarray, or None
         Phases of the array, and the ranges of its attitudes, without integers.
     stretches : tuple of Stretch
         In place of all this, of a causal method whose noise is identified as the flight goes on.
-    axes : BodyAxes or None
-        Of an array that is turned against the inertial unit.
-    doubts : tuple of AttitudeDoubt
-        Of faults of the unit's samples.
+    attitude_inflation_rad2 : ndarray, shape (n, 3, 3), or None
+        Covariance that other rate priors, nearly as likely, add to the attitudes of ``problem``.
     rest : Rest or None
         Seconds at rest.
     goes_on : Earlier or None
         What keyframes to come need of these.
-    minimum : States or None
-        Of ``problem``, where it has been sought.
-    has_cause : bool
-        Whether something that is off all along is put right, or in doubt.
     """
 
     problem: SmoothingProblem
@@ -131,26 +85,13 @@ class PreparedFlight:
     causal: bool = False
     opening: Opening | None = None
     in_motion: SmoothingProblem | None = None
-    tests: tuple[Consistency, ...] = ()
     array: tuple[DoubleDifferences, FloatArray] | None = None
     stretches: "tuple[Stretch, ...]" = ()
-    axes: BodyAxes | None = None
-    doubts: tuple[AttitudeDoubt, ...] = ()
+    excess_noise: Mapping[str, float] = field(default_factory=dict)
+    attitude_inflation_rad2: FloatArray | None = None
     rest: Rest | None = None
     goes_on: Earlier | None = None
     arcs: tuple[ArcInteger, ...] = ()
-    minimum: States | None = None
-    has_cause: bool = False
-
-    @property
-    def from_minimum(self) -> SmoothingProblem:
-        """The problem, started at its minimum where that is known."""
-        start = self.minimum
-        return self.problem if start is None else replace(self.problem, start=start)
-
-    def with_constants(self, parts: tuple[FlightConstant, ...]) -> "PreparedFlight":
-        """Return the same with more constants, after those its problems have."""
-        return self.changed(lambda problem: problem.with_constants(parts))
 
     @property
     def revised_s(self) -> FloatArray:
@@ -174,7 +115,6 @@ class PreparedFlight:
         return replace(
             self,
             problem=by(self.problem),
-            minimum=None,
             windowed=by(self.windowed),
             in_motion=None if in_motion is None else by(in_motion),
             opening=None if opening is None else replace(opening, problem=by(opening.problem)),

@@ -23,6 +23,5 @@ class ProblemSettings:
     sub_steps: int | None = None
     false_alarm: float = 1e-4
     causal: bool = False  # each quantity from epochs up to its own alone
-    noise: Literal["identified", "stated"] = "stated"  # identified: by ``identification``, after
-    causes_anywhere: bool = True  # what is off all along is sought without a minimum, too
+    noise: Literal["identified", "stated"] = "stated"
     at_rest: Mapping[str, float] = field(default_factory=dict, hash=False)  # of motion

@@ -138,22 +138,6 @@ class Delayed(OfAnother):
         return of_measurement(self, i, key, uses, parts, rows=shared.shape[1])
 
 
-def without_surplus(solution: Solution, constants: Constants) -> Solution:
-    """Return a solution without what was added to its information of the clock to find it."""
-    if not any(part.added + part.excess > 0 for part in constants.parts):
-        return solution
-    S, cross = solution.constant_covariance, solution.cross
-    columns, G = constants.surplus(S)
-    X, by = solution.constant_cross[:, :, columns], S[:, columns]
-    return replace(
-        solution,
-        covariance=solution.covariance + X @ G @ transpose(X),
-        cross=None if cross is None else cross + X[:-1] @ G[:-1] @ transpose(X[1:]),
-        constant_cross=solution.constant_cross + X @ G @ by,
-        constant_covariance=S + transpose(by) @ G @ by,
-    )
-
-
 def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Constants) -> Solution:
     """Return a solution whose keyframes, (n,), are at their tags by GNSS, not by the unit's clock.
 

@@ -20,9 +20,8 @@ from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_variables
 from fgnav.graph.custom import OwnFactor
-from fgnav.graph.innovation.band import beyond_s, contradictions, limit_of
 from fgnav.graph.innovation.phase_redundancy import phase_innovations
-from fgnav.graph.innovation.place_by_code import place_consistency
+from fgnav.graph.innovation.place_by_code import place_innovation
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
@@ -43,10 +42,51 @@ class Innovations(NamedTuple):
     squared: FloatArray  # (k,)
     freedom: IntArray  # (k,)
     tested: BoolArray  # (k,): whether anything but the measurement itself determines its residual
+    lagged: FloatArray  # (k,): product with that of the measurement before; 0 of the first
 
 
-def consistency(problem: SmoothingProblem, solution: Solution) -> tuple[Consistency, ...]:
-    """Return the normalised innovation squared of every kind of measurement.
+class InnovationSeries(NamedTuple):
+    """Normalised innovations of one sensor, (k,) each, in order of time."""
+
+    name: str
+    t_s: FloatArray
+    squared: FloatArray
+    freedom: IntArray
+    lagged: FloatArray | None = None  # products of neighbours; None where they are not known
+
+    @property
+    def nis(self) -> float:
+        """Normalised innovation squared per degree of freedom."""
+        return float(self.squared.sum() / max(int(self.freedom.sum()), 1))
+
+    @property
+    def correlation(self) -> float | None:
+        """Correlation of neighbours by the nominal variance; None where it is not known."""
+        if self.lagged is None or len(self.lagged) < 2:
+            return None
+        return float(self.lagged.sum() / max(int(self.freedom[1:].sum()), 1))
+
+    @property
+    def summary(self) -> Consistency:
+        """Its statistics."""
+        squared, freedom = self.squared, self.freedom
+        beyond = squared > chdtri(freedom, _GATE)
+        decile = (10 * chdtr(freedom, squared.clip(0))).astype(np.int64).clip(0, 9)
+        return Consistency(
+            what=self.name,
+            count=len(squared),
+            freedom=int(freedom.sum()),
+            nis=self.nis,
+            beyond_99=float(beyond.mean()) if len(beyond) else 0.0,
+            deciles=tuple(np.bincount(decile, minlength=10).tolist()),
+            correlation=self.correlation,
+        )
+
+
+def innovation_series(
+    problem: SmoothingProblem, solution: Solution
+) -> tuple[InnovationSeries, ...]:
+    """Return the normalised innovations of every sensor.
 
     Parameters
     ----------
@@ -54,28 +94,25 @@ def consistency(problem: SmoothingProblem, solution: Solution) -> tuple[Consiste
     solution : Solution
         Of all its keyframes.
     """
-    by_name = _by_name(
-        (
-            (
-                measurement.name,
-                normalised_innovations(measurement, solution),
-                problem.t_s[measurement.row],
-            )
-            for measurement in problem.measurements
-            if len(measurement.row)
-        ),
-        float(problem.t_s[-1]),
+    of_sensors = _by_name(
+        (one.name, normalised_innovations(one, solution), problem.t_s[one.row])
+        for one in problem.measurements
+        if len(one.row)
     )
     phase = problem.phase
     if phase is None:
-        return by_name
+        return of_sensors
     squared, freedom = phase_innovations(phase)
-    single = Innovations(squared, freedom, freedom > 0)
-    return (
-        *by_name,
-        _judged(phase.name, single, problem.t_s[phase.row], float(problem.t_s[-1])),
-        *place_consistency(phase, problem.t_s, solution),
+    seen = freedom > 0
+    of_phases = InnovationSeries(
+        phase.name, problem.t_s[phase.row][seen], squared[seen], freedom[seen]
     )
+    place = place_innovation(phase, solution)
+    if place is None:
+        return (*of_sensors, of_phases)
+    name, *values = place
+    first_s = problem.t_s[phase.row[:1]]
+    return (*of_sensors, of_phases, InnovationSeries(name, first_s, *map(np.array, values)))
 
 
 def normalised_innovations(measurement: Measurement, solution: Solution) -> Innovations:
@@ -88,14 +125,16 @@ def normalised_innovations(measurement: Measurement, solution: Solution) -> Inno
     solution : Solution
     """
     k = len(measurement.row)
-    squared, tested, rounding = np.empty(k), np.empty(k, dtype=np.bool_), _UNTESTED
+    squared, lagged = np.empty(k), np.zeros(k)
+    tested, rounding = np.empty(k, dtype=np.bool_), _UNTESTED
     for first in range(0, k, _AT_ONCE):
         which = np.arange(first, min(first + _AT_ONCE, k))
         part, rounding = innovations_of(
             measurement, which, solution, measurement.row[which], rounding
         )
         squared[which], tested[which] = part.squared, part.tested
-    return Innovations(squared, measurement.freedom, tested)
+        lagged[which] = part.lagged
+    return Innovations(squared, measurement.freedom, tested, lagged)
 
 
 def innovations_of(
@@ -116,18 +155,20 @@ def innovations_of(
     seen, also = _any(state), _any(shared)
     J = np.concatenate([state[:, :, seen], shared[:, :, also]], axis=2)
     P = _joint(solution, rows, seen, also)
-    squared, tested, rounding = _squared(value, J, P, rounding)
-    return Innovations(squared, measurement.freedom[which], tested), rounding
+    white, tested, rounding = _whitened(value, J, P, rounding)
+    lagged = np.append(np.zeros(1), np.einsum("ki,ki->k", white[1:], white[:-1]))[: len(white)]
+    squared = (white**2).sum(axis=1)
+    return Innovations(squared, measurement.freedom[which], tested, lagged), rounding
 
 
-def own_consistency(
+def custom_innovations(
     factors: Sequence[OwnFactor],
     layout: Layout,
     t_s: FloatArray,
     solution: Solution,
     first: int = 0,
-) -> tuple[Consistency, ...]:
-    """Return the normalised innovation squared of factors of one's own, by name.
+) -> tuple[InnovationSeries, ...]:
+    """Return the normalised innovations of custom factors, by name.
 
     Of one keyframe, or two neighbours whose cross-covariance is known, and constants: as of the
     measurements. Of others nothing is known of the residual beside its noise: the mean square of
@@ -150,17 +191,17 @@ def own_consistency(
         rows, seen = np.array([evaluated[i].rows for i in which]), evaluated[which[0]].seen
         P = _covariance(solution, rows)[:, seen[:, None], seen]
         r, J = (np.stack([evaluated[i][part] for i in which]) for part in (0, 1))
-        squared[which], tested[which], _ = _squared(r, J, P)
+        white, tested[which], _ = _whitened(r, J, P)
+        squared[which] = (white**2).sum(axis=1)
     freedom = np.array([int(one.J.any(axis=1).sum()) for one in evaluated])
     last = len(solution.covariance) - 1
     at = np.array([one.rows[-1] if one.rows else last for one in evaluated], dtype=np.int64)
     names: dict[str, list[int]] = {}
     for i, factor in enumerate(factors):
         names.setdefault(factor.name, []).append(i)
+    found = Innovations(squared, freedom, tested, np.zeros(len(squared)))
     return tuple(
-        _judged(
-            name, Innovations(squared[of], freedom[of], tested[of]), t_s[at[of]], float(t_s[-1])
-        )
+        _series(name, [(Innovations._make(part[of] for part in found), t_s[at[of]])])
         for name, of in names.items()
     )
 
@@ -242,10 +283,10 @@ def _any(J: FloatArray) -> BoolArray:
     return np.asarray(J.any(axis=(0, 1)))
 
 
-def _squared(
+def _whitened(
     r: FloatArray, J: FloatArray, P: FloatArray, before: float = _UNTESTED
 ) -> tuple[FloatArray, BoolArray, float]:
-    """Return ``r' (I - J P J')^-1 r``, (k,), which of them test anything, and rounding so far.
+    """Return ``(I - J P J')^-1/2 r``, (k, m), which of them test anything, and rounding so far.
 
     By the root of P: constants of which little is known would cost ``J P J'`` its digits.
     """
@@ -258,8 +299,10 @@ def _squared(
     so_far = np.maximum.accumulate(np.maximum(rounding, before))
     tested = smallest > so_far
     S[~tested] = np.eye(r.shape[1])
-    squared = np.einsum("ki,ki->k", r, np.linalg.solve(S, r[:, :, None])[:, :, 0])
-    return squared, tested, float(so_far.max(initial=before))
+    values, vectors = np.linalg.eigh(S)
+    along = np.einsum("kji,kj->ki", vectors, r) / np.sqrt(values)
+    white = np.einsum("kij,kj->ki", vectors, along)
+    return white, tested, float(so_far.max(initial=before))
 
 
 def _root(P: FloatArray) -> FloatArray:
@@ -274,36 +317,20 @@ def _root(P: FloatArray) -> FloatArray:
 
 
 def _by_name(
-    parts: Iterable[tuple[str, Innovations, FloatArray]], until_s: float
-) -> tuple[Consistency, ...]:
-    """Return statistics of each name, in the order in which they come first."""
+    parts: Iterable[tuple[str, Innovations, FloatArray]],
+) -> tuple[InnovationSeries, ...]:
+    """Return the series of each name, in the order in which they come first."""
     collected: dict[str, list[tuple[Innovations, FloatArray]]] = {}
     for name, part, t_s in parts:
         collected.setdefault(name, []).append((part, t_s))
-    return tuple(
-        _judged(
-            name,
-            Innovations._make(map(np.concatenate, zip(*(part for part, _ in parts), strict=True))),
-            np.concatenate([t_s for _, t_s in parts]),
-            until_s,
-        )
-        for name, parts in collected.items()
-    )
+    return tuple(_series(name, found) for name, found in collected.items())
 
 
-def _judged(name: str, part: Innovations, t_s: FloatArray, until_s: float) -> Consistency:
-    order = np.argsort(t_s[part.tested], kind="stable")
-    squared, freedom = part.squared[part.tested][order], part.freedom[part.tested][order]
-    beyond = squared > chdtri(freedom, _GATE)
-    decile = (10 * chdtr(freedom, squared.clip(0))).astype(np.int64).clip(0, 9)
-    return Consistency(
-        what=name,
-        count=len(squared),
-        freedom=int(freedom.sum()),
-        nis=float(squared.sum() / max(freedom.sum(), 1)),
-        beyond_99=float(beyond.mean()) if len(beyond) else 0.0,
-        deciles=tuple(np.bincount(decile, minlength=10).tolist()),
-        limit=limit_of(squared, freedom) if len(squared) > 1 else None,
-        contradictions=contradictions(t_s[part.tested][order], squared, freedom),
-        beyond_s=beyond_s(t_s[part.tested][order], squared, freedom, until_s),
+def _series(name: str, parts: Sequence[tuple[Innovations, FloatArray]]) -> InnovationSeries:
+    every = Innovations._make(map(np.concatenate, zip(*(part for part, _ in parts), strict=True)))
+    t_s = np.concatenate([t_s for _, t_s in parts])
+    kept = np.flatnonzero(every.tested)
+    kept = kept[np.argsort(t_s[kept], kind="stable")]
+    return InnovationSeries(
+        name, t_s[kept], every.squared[kept], every.freedom[kept], every.lagged[kept]
     )

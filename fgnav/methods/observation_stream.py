@@ -17,16 +17,14 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.methods.smoother import Forward
 from fgnav.methods.smoothing.estimates import stated_at
 from fgnav.methods.smoothing.joined import joined_estimates
-from fgnav.methods.smoothing.so_far import Judged
 from fgnav.methods.streaming.going_on import GoingOn, going_on
-from fgnav.methods.streaming.innovations import InnovationsSoFar
 from fgnav.methods.streaming.recording import epochs_s, joined, pieces
 from fgnav.solve.sliding.departed import joined_solution, with_open_heading
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
 
 if TYPE_CHECKING:
-    from fgnav.identification.from_past import Look
+    from fgnav.noise.past import Identification
     from fgnav.solve.fixed_lag import Departed, FixedLag
 
 _ROUNDING_S = 1e-6
@@ -46,13 +44,13 @@ class _Span:
     """Keyframes from a time on, with noise and times as identified by then."""
 
     from_s: float
-    told: "Look"
+    known: "Identification"
     record: GoingOn
 
-    def prepared(self, settings: ProblemSettings, judged: Judged) -> PreparedFlight:
+    def prepared(self, settings: ProblemSettings) -> PreparedFlight:
         """Return the problem of what is kept."""
         build = partial(build_problem, earlier=self.record.earlier)
-        return self.told.prepared(judged.without(self.record.flight), settings, build)
+        return self.known.prepared(self.record.flight, settings, build)
 
 
 class ObservationStream:
@@ -61,8 +59,7 @@ class ObservationStream:
     Each update brings what instruments measured since the one before, as a flight of its own: raw
     observations of one epoch or more, or fixes, and inertial samples up to the last of them. It
     returns the keyframes that are due by then, each as known from the data up to it: joined they
-    are what ``method(flight)`` returns. Where noise is identified its record is judged as that of
-    ``method`` is, at the same times: sensors that contradict the others are left out from then on.
+    are what ``method(flight)`` returns.
 
     Of one antenna, or fixes, beside a gyroscope it keeps half a minute of records once the heading
     is known, and an epoch costs the same however long it runs. Where noise is identified it keeps
@@ -92,8 +89,6 @@ class ObservationStream:
         self._newest: Departed
         self._last_s = -np.inf  # keyframe that was returned last
         self._looked_s = -np.inf  # when noise was identified last
-        self._judged = Judged.by(method.so_far)
-        self._innovations = InnovationsSoFar()  # of the look in hand
 
     @classmethod
     def replay(cls, flight: Flight, method: Forward | None = None) -> Iterator[Estimate]:
@@ -125,10 +120,10 @@ class ObservationStream:
         """
         if piece.networks:
             raise BadInputError(f"flight {piece.name}: a stream of observations takes no networks")
-        from fgnav.identification.from_past import Look  # noqa: PLC0415  # lazy: the chain
+        from fgnav.noise.past import Identification  # noqa: PLC0415  # lazy: the chain
 
         if not self._spans:
-            self._spans.append(_Span(-np.inf, Look(None), GoingOn(piece)))
+            self._spans.append(_Span(-np.inf, Identification(), GoingOn(piece)))
         else:
             grown = [joined(span.record.flight, piece) for span in self._spans]
             for span, flight in zip(self._spans, grown, strict=True):
@@ -163,78 +158,58 @@ class ObservationStream:
     def _due(self, until_s: float) -> list[_Keyframe]:
         """Return the keyframes up to a time that have not been returned."""
         due: list[_Keyframe] = []
-        while (beyond_s := self._until_contradicted(until_s, due)) < np.inf:
-            self._judge(beyond_s)
-        return due
-
-    def _until_contradicted(self, until_s: float, due: list[_Keyframe]) -> float:
-        """Add what is due until the record contradicts itself; return when, infinity for never."""
-        settings, judged = self._method.preparation, self._judged
+        settings = self._method.preparation
         try:
             self._look(until_s)
-            problems = [span.prepared(settings, judged) for span in self._spans]
+            problems = [span.prepared(settings) for span in self._spans]
         except NoSolutionError:
             if self._window is not None or until_s == np.inf:
                 raise
-            return np.inf  # next to nothing is there yet
+            return due  # next to nothing is there yet
         ends_s = [*(span.from_s for span in self._spans[1:]), np.inf]
         for span, prepared, end_s in zip(self._spans, problems, ends_s, strict=True):
-            t_s, from_s = prepared.problem.t_s, max(span.from_s, judged.from_s)
-            new = (t_s > self._last_s) & (t_s >= from_s) & (t_s < end_s) & (t_s <= until_s)
+            t_s = prepared.problem.t_s
+            new = (t_s > self._last_s) & (t_s >= span.from_s) & (t_s < end_s) & (t_s <= until_s)
             for at_s in t_s[new].tolist():
                 as_then, problem = self._begun(prepared, span.from_s, at_s)
-                beyond_s = min(
-                    self._innovations.beyond_s(at_s, judged.since_s(from_s)), default=np.inf
-                )
-                if beyond_s < np.inf:
-                    return max(beyond_s, from_s)
                 due.append(self._keyframe(as_then, problem, at_s))
                 self._last_s = at_s
         while len(self._spans) > 1 and self._spans[1].from_s <= self._last_s:
             del self._spans[0]
-        if len(self._spans) == 1 and self._spans[0].told.is_told:
+        if len(self._spans) == 1 and not self._spans[0].known.is_open:
             record = self._spans[0].record
-            kept = going_on(judged.without(record.flight), problems[-1])
-            self._spans[0].record = kept or record
-        return np.inf
-
-    def _judge(self, beyond_s: float) -> None:
-        """Judge the record up to a time, and go on with what it is then."""
-        begin_s = float(self._stated().problem.t_s[0])
-        self._judged.judge(self._whole(), self._method.so_far, beyond_s, begin_s)
-        self._plain, self._of, self._spans = None, None, []  # all before has been returned
-        self._identify(beyond_s)
+            self._spans[0].record = going_on(record.flight, problems[-1]) or record
+        return due
 
     def _look(self, until_s: float) -> None:
         """Identify noise at the times that have come."""
         if self._method.noise != "identified":
             return
-        from fgnav.identification.from_past import looks_s  # noqa: PLC0415  # lazy: the chain
+        from fgnav.noise.past import identification_times_s  # noqa: PLC0415  # lazy: the chain
 
         imu = self._spans[-1].record.flight.imu
         until_s = min(until_s, -np.inf if imu is None else float(imu.t_s[-1]))
-        for at_s in looks_s(self._stated(), until_s + _ROUNDING_S):
+        for at_s in identification_times_s(self._stated(), until_s + _ROUNDING_S):
             if self._looked_s < at_s <= until_s:
                 self._identify(at_s)
 
     def _identify(self, at_s: float) -> None:
         """Identify noise at a time, for keyframes from then on."""
-        from fgnav.identification.from_past import Look, look  # noqa: PLC0415  # lazy: the chain
+        from fgnav.noise.past import identification  # noqa: PLC0415  # lazy: the chain
 
         self._looked_s = at_s
-        flight = self._whole()
-        settings, mended = self._method.preparation, self._judged.without(flight)
-        identified = look(mended, settings, at_s, partial(build_problem, last=LastObservations()))
+        flight, settings = self._whole(), self._method.preparation
+        build = partial(build_problem, last=LastObservations())
+        known = identification(flight, settings, at_s, build)
         is_first = len(self._spans) == 1 and self._spans[0].from_s == -np.inf
-        if not is_first or identified != Look(None):
-            self._spans.append(_Span(at_s, identified, GoingOn(flight)))
+        if not (is_first and known.is_nominal):
+            self._spans.append(_Span(at_s, known, GoingOn(flight)))
 
     def _stated(self) -> PreparedFlight:
         """Return the problem with noise as stated, up to where the heading is known."""
         plain = self._plain
         if plain is None or (plain.opening is not None and plain.opening.until_s == np.inf):
-            flight = self._judged.without(self._whole())
-            plain = self._plain = build_problem(flight, self._method.preparation)
+            plain = self._plain = build_problem(self._whole(), self._method.preparation)
         return plain
 
     def _whole(self) -> Flight:
@@ -258,11 +233,10 @@ class ObservationStream:
         by_s = max((s for s in revised_s.tolist() if s <= at_s), default=-np.inf)
         problem = opening.problem if opening is not None and is_open else prepared.windowed
         of = look_s, by_s, problem.constants.width  # of a sensor that begins, or comes back
-        if self._of is None or self._of[:3] != of:
-            self._innovations = InnovationsSoFar()
-            if opening is not None and not is_open:
-                self._window = None
-                self._advance(prepared, opening.problem, opening.keyframes)
+        is_another = self._of is None or self._of[:3] != of
+        if is_another and opening is not None and not is_open:
+            self._window = None
+            self._advance(prepared, opening.problem, opening.keyframes)
         if self._of != (*of, is_open):
             self._window, self._of = None, (*of, is_open)
         self._advance(prepared, problem, int(np.searchsorted(problem.t_s, at_s)))
@@ -277,7 +251,7 @@ class ObservationStream:
         return _Keyframe(prepared, problem, row, self._newest)
 
     def _advance(self, prepared: PreparedFlight, problem: SmoothingProblem, end: int) -> None:
-        """Let keyframes before a row enter the window, and their innovations be counted."""
+        """Let keyframes before a row enter the window."""
         from fgnav.solve.fixed_lag import FixedLag  # noqa: PLC0415  # lazy: gtsam
 
         if self._window is None:
@@ -290,5 +264,3 @@ class ObservationStream:
             if opening is not None and problem is opening.problem:
                 newest = with_open_heading(newest, opening)
             self._newest, self._taken_s = newest, float(problem.t_s[row])
-            if self._taken_s > self._innovations.until_s and self._judged.judged_s < np.inf:
-                self._innovations.take(prepared.problem, row, newest.solution)

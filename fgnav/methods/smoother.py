@@ -4,31 +4,30 @@ All three estimate the same factor graph (docs/model.md). GTSAM solves it; ``sol
 it by block elimination in compiled code.
 """
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal
-from warnings import warn
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, positive
+from fgnav.checks import BadInputError, FloatArray, NoSolutionError, positive
 from fgnav.frontend.calibration_request import calibration_requests
 from fgnav.frontend.position.by_observations import LastObservations
 from fgnav.frontend.prepared import PreparedFlight, by_integers
 from fgnav.frontend.problem import build_problem
+from fgnav.frontend.recording import with_noise_of_record
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.between import regular_times, with_times
-from fgnav.graph.innovations import consistency
+from fgnav.graph.innovations import InnovationSeries, innovation_series
 from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
-from fgnav.identification.contradictions import without_contradictions
 from fgnav.integers.resolvers.registry import default_resolver
+from fgnav.integrity.exclusion import without_contradictions
+from fgnav.integrity.verdict import judge
 from fgnav.kernels.one_thread import in_one_thread
 from fgnav.methods.smoothing.estimates import estimate_of
-from fgnav.methods.smoothing.joined import joined_estimates
+from fgnav.methods.smoothing.joined import among, joined_estimates
 from fgnav.methods.smoothing.own_sources import FactorSource, own_factors
-from fgnav.methods.smoothing.so_far import CausalMethod, consistent_so_far
 from fgnav.methods.smoothing.solving import (
     Solver,
     at_once,
@@ -39,28 +38,14 @@ from fgnav.methods.smoothing.solving import (
 from fgnav.optional_gtsam import ABSENT, HAS_GTSAM
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.solve.sliding.relinearisation import BLOCK_S
-from fgnav.types.estimate import Consistency, Estimate
+from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Resolver
 
 if TYPE_CHECKING:
     from fgnav.graph.custom import OwnFactor
 
-__all__ = ["Batch", "Forward", "GtsamBatch", "Smoother"]
-
-_MOVED = {
-    "ObservationStream": "observation_stream",
-    **dict.fromkeys(("Direction", "Measured", "Measurements", "Stream", "StreamSetUp"), "stream"),
-}
-
-
-def __getattr__(name: str) -> Any:  # noqa: ANN401
-    """Return what has moved to the modules of streams, for one version."""
-    if name not in _MOVED:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    place = f"fgnav.methods.{_MOVED[name]}"
-    warn(f"{__name__}.{name} is now {place}.{name}", DeprecationWarning, stacklevel=2)
-    return getattr(import_module(place), name)
+__all__ = ["Batch", "Forward", "Smoother"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,8 +81,8 @@ class Smoother:
         Whether everything, hyperparameters and integers included, comes from data up to each
         keyframe's lag; else what holds for the flight comes from all of it.
     noise : {"identified", "stated"}
-        Whether noise that the flight does not state, or that contradicts it, is identified from the
-        flight, with clock and delay (``identification``); by causal methods from its past.
+        Whether noise, clock and latency are estimated from the flight (``noise``), by causal
+        methods from its past; else they are as the flight states them.
     lag_s : float
         Length of the window.
     name : str
@@ -176,7 +161,7 @@ class Smoother:
             t_s = regular_times(prepared.problem, rate_hz)
         t_s = np.asarray(t_s)
         if not prepared.stretches:
-            return without_contradictions(flight, self._at(flight, prepared, t_s), None)
+            return self._at(flight, prepared, t_s)
         parts = [
             self._at(one.flight, one.prepared, t_s[within])
             for one in prepared.stretches
@@ -216,89 +201,82 @@ class Smoother:
         )
 
     @in_one_thread
-    def prepare(self, flight: Flight, since_s: float = -np.inf) -> PreparedFlight:
-        """Return the smoothing problem of a flight.
+    def prepare(self, flight: Flight) -> PreparedFlight:
+        """Return the smoothing problem of a flight."""
+        return self._prepared_so_far(flight) if self.causal else self._prepared(flight)
 
-        ``since_s``: when estimates of a causal method begin that has judged its record up to then.
-        """
-        if self.causal:
-            return self._prepared_so_far(flight, since_s)
-        return self._prepared(flight, self.preparation)
-
-    def _prepared(self, flight: Flight, settings: ProblemSettings) -> PreparedFlight:
+    def _prepared(self, flight: Flight) -> PreparedFlight:
         """Return the smoothing problem of a whole flight."""
-        notes: tuple[str, ...] = ()
+        settings = self.preparation
         build = partial(build_problem, last=LastObservations())
-        if settings.noise == "stated":
+        if self.noise == "stated":
             prepared = build(flight, settings)
         else:
-            from fgnav.identification.apply import (  # noqa: PLC0415  # lazy: the chain
-                by_records,
-                with_identified_noise,
-            )
+            from fgnav.noise.identify import identified  # noqa: PLC0415  # lazy: the chain
+            from fgnav.noise.report import excess_noise, noise_notes  # noqa: PLC0415
 
-            flight, settings, notes = by_records(flight, settings)
-            prepared = build(flight, settings)
-            prepared = with_identified_noise(flight, settings, prepared, build)
+            flight, notes = _with_noise_of_record(flight)
+            try:
+                found, prepared = identified(flight, settings, build)
+            except NoSolutionError as error:
+                prepared = build(flight, settings)
+                notes = (*notes, f"Noise is nominal; it could not be estimated ({error}).")
+            else:
+                notes = (*notes, *noise_notes(flight, found))
+                interval_s = float(np.median(np.diff(prepared.problem.t_s)))
+                excess = excess_noise(flight.imu, found.factors, interval_s)
+                prepared = replace(prepared, excess_noise=excess)
+            prepared = replace(prepared, notes=(*prepared.notes, *notes))
         if without_attitudes(prepared) and self.rate_prior is None:
             from fgnav.methods.smoothing.rate_identification import (  # noqa: PLC0415  # lazy: the chain
                 identified_by_evidence,
             )
 
             prepared = identified_by_evidence(prepared)
-        return replace(prepared, notes=(*prepared.notes, *notes))
+        return prepared
 
-    def _prepared_so_far(self, flight: Flight, since_s: float) -> PreparedFlight:
+    def _prepared_so_far(self, flight: Flight) -> PreparedFlight:
         """Return the smoothing problem of a causal method, in stretches as its past has them."""
         settings = self.preparation
         prepared = build_problem(flight, settings)
-        if settings.noise == "identified":
-            from fgnav.identification.from_past import stretches  # noqa: PLC0415  # lazy: the chain
+        if self.noise == "identified":
+            from fgnav.noise.past import stretches  # noqa: PLC0415  # lazy: the chain
 
             ahead_s = self.lag_s + 2 * BLOCK_S
-            spans = stretches(
-                flight,
-                settings,
-                prepared,
-                ahead_s,
-                partial(build_problem, last=LastObservations()),
-                since_s,
-            )
+            build = partial(build_problem, last=LastObservations())
+            spans = stretches(flight, settings, prepared, ahead_s, build)
             prepared = replace(prepared, stretches=spans)
         return replace(prepared, stretches=by_integers(flight, prepared, self._waits_s))
 
     @in_one_thread
     def estimate_prepared(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
         """Estimate a flight whose problem is built."""
-        # Factors of one's own cannot be left out of a flight: what they contradict is noted.
         if self.causal:
-            method = self.so_far if not flight.networks else self.so_far._replace(whole=None)
-            return consistent_so_far(flight, prepared, method)
-        is_tried = self.noise == "identified" and not (self.factors or flight.networks)
-        again = partial(self._once, causes_anywhere=prepared.has_cause) if is_tried else None
-        return without_contradictions(flight, self._estimated(flight, prepared), again)
+            return self._estimated_so_far(flight, prepared)
+        estimate = self._estimated(flight, prepared)
+        if self.noise == "stated" or self.factors or flight.networks:
+            return estimate
+        return without_contradictions(flight, estimate, self._again)
 
-    @property
-    def so_far(self) -> CausalMethod:
-        """The method as it judges a record that goes on, if it is causal."""
-        is_tried = self.noise == "identified" and not self.factors
-        once = self._of_whole_flights._once if is_tried else None
-        return CausalMethod(self.prepare, self._estimated, once, self._waits_s)
+    def _again(self, flight: Flight) -> Estimate:
+        return self._estimated(flight, self._prepared(flight))
+
+    def _estimated_so_far(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
+        """Estimate each stretch of a flight by what was known when it began."""
+        if not prepared.stretches:
+            return self._estimated(flight, prepared)
+        parts, due = [], 0
+        for one in prepared.stretches:
+            t_s = one.prepared.problem.t_s
+            due += int(((t_s >= one.from_s) & (t_s < one.until_s)).sum())
+            estimate = self._estimated(one.flight, one.prepared)
+            parts.append(among(estimate, one.from_s, one.until_s))
+        return joined_estimates(parts, max(one.epochs for one in parts), due)
 
     @property
     def _waits_s(self) -> float:
         """How much of what comes later a causal estimate takes part of."""
         return self.lag_s
-
-    @property
-    def _of_whole_flights(self) -> "Batch":
-        """The method without openings, whose innovations are those of a bad linearisation, too."""
-        settings = {one.name: getattr(self, one.name) for one in fields(Smoother)}
-        return Batch(**settings | {"causal": False, "lag_s": Batch().lag_s, "name": self.name})
-
-    def _once(self, flight: Flight, *, causes_anywhere: bool = True) -> Estimate:
-        settings = replace(self.preparation, causes_anywhere=causes_anywhere)
-        return self._estimated(flight, self._prepared(flight, settings))
 
     def _estimated(
         self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None
@@ -315,14 +293,16 @@ class Smoother:
 
             prepared = with_own_heading(prepared, own)
         solution = self._solve(prepared, own)
-        tests = (
-            *consistency(prepared.problem, solution),
-            *_own_tests(own, prepared, solution),
-            *prepared.tests,
+        series = (
+            *innovation_series(prepared.problem, solution),
+            *_custom_series(own, prepared, solution),
         )
-        estimate = estimate_of(self.name, prepared, solution, tests, rows)
+        estimate = estimate_of(self.name, prepared, solution, rows)
+        t_s = prepared.problem.t_s
         return replace(
             estimate,
+            consistency=tuple(one.summary for one in series),
+            verdicts=judge(series, prepared.excess_noise, (float(t_s[0]), float(t_s[-1]))),
             losses=(*estimate.losses, *sourced.losses),
             notes=(*estimate.notes, *sourced.notes),
         )
@@ -380,20 +360,20 @@ class Batch(Smoother):
         return at_once(prepared, own, self.solver)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GtsamBatch(Batch):
-    """Another name of ``Batch``, for one version."""
+def _with_noise_of_record(flight: Flight) -> tuple[Flight, tuple[str, ...]]:
+    if flight.imu is None:
+        return flight, ()
+    imu, notes = with_noise_of_record(flight.imu)
+    return (replace(flight, imu=imu) if notes else flight), notes
 
-    name: str = "gtsam"
 
-
-def _own_tests(
+def _custom_series(
     own: "tuple[OwnFactor, ...]", prepared: PreparedFlight, solution: Solution
-) -> tuple[Consistency, ...]:
+) -> tuple[InnovationSeries, ...]:
     if not own:
         return ()
     from fgnav.graph.build import Layout  # noqa: PLC0415  # lazy: gtsam
-    from fgnav.graph.innovations import own_consistency  # noqa: PLC0415
+    from fgnav.graph.innovations import custom_innovations  # noqa: PLC0415
 
     problem = prepared.problem
-    return own_consistency(own, Layout.of(problem), problem.t_s, solution)
+    return custom_innovations(own, Layout.of(problem), problem.t_s, solution)

@@ -225,14 +225,15 @@ class Stream:
             return ()
         from fgnav.graph.build import Layout  # noqa: PLC0415  # lazy: gtsam
         from fgnav.graph.custom import newest_keyframe, oldest_keyframe  # noqa: PLC0415  # gtsam
-        from fgnav.graph.innovations import own_consistency  # noqa: PLC0415
+        from fgnav.graph.innovations import custom_innovations  # noqa: PLC0415
 
         first = self._count - len(self._measured)
         end, leaving = first + len(departed.t_s), []
         while self._judged and newest_keyframe(self._judged[0].factor) < end:
             leaving.append(self._judged.popleft())
         alone = [one for one in leaving if oldest_keyframe(one.factor) >= first]
-        return own_consistency(alone, Layout.of(problem), departed.t_s, departed.solution, first)
+        of = alone, Layout.of(problem), departed.t_s, departed.solution, first
+        return tuple(one.summary for one in custom_innovations(*of))
 
     def _estimate(self, departed: "Departed | None", *, leaving: bool = True) -> Estimate:
         if departed is None or self._latest is None or self._body is None:

@@ -54,26 +54,51 @@ class Rejected:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Contradiction:
-    """A span in which one kind of measurement leaves the chi-square band of its noise.
+class Verdict:
+    """A sensor whose innovations leave the band of its noise: when, by how much, by which test.
 
     Attributes
     ----------
+    sensor : str
+        As in ``Consistency.what``, or the sensor of an inertial unit.
     from_s, until_s : float
-        First and last epoch.
-    freedom : int
-        Degrees of freedom of the measurements in it.
-    nis : float
-        Normalised innovation squared per degree of freedom there.
-    throughout : bool
-        Whether that is nearly all of them.
+        First and last measurement concerned.
+    ratio : float
+        Variance of innovations over what noise explains; of a correlation, that itself.
+    limit : float
+        The largest ratio that is no verdict.
+    test : str
+        ``"record"``, ``"5 s"``, ``"1 s"``, ``"correlation"`` or ``"noise"``.
+
+    Examples
+    --------
+    >>> str(Verdict(sensor="velocity", from_s=3.0, until_s=7.0, ratio=9.0, limit=6.0, test="5 s"))
+    'velocity, 3.0 to 7.0 s: innovations 3.0 x their sigma (limit 2.4 x, blocks of 5 s)'
     """
 
+    sensor: str
     from_s: float
     until_s: float
-    freedom: int
-    nis: float
-    throughout: bool
+    ratio: float
+    limit: float
+    test: str
+
+    def __str__(self) -> str:
+        """Return one line for a reader."""
+        when = f"{self.sensor}, {self.from_s:.1f} to {self.until_s:.1f} s: "
+        if self.test == "correlation":
+            return when + (
+                f"innovations are correlated from one to the next, {self.ratio:.2f} "
+                f"(limit {self.limit:.2f}); timestamps or a systematic error"
+            )
+        sigmas, most = self.ratio**0.5, self.limit**0.5
+        if self.test == "noise":
+            return when + (
+                f"estimated noise is {sigmas:.2g} x what the samples can hold; a fault is likely: "
+                "axes, signs, scale or timestamps"
+            )
+        of = "the record" if self.test == "record" else f"blocks of {self.test}"
+        return when + f"innovations {sigmas:.2g} x their sigma (limit {most:.2g} x, {of})"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,13 +120,8 @@ class Consistency:
     deciles : tuple of int
         How many lie between each two deciles of their chi-square distribution, ten numbers: equally
         many where the noise is what it is stated to be. Empty where that is not known.
-    limit : float or None
-        NIS that right noise exceeds once in 10,000 times, of so many measurements, as alike as they
-        are; None where that is not known.
-    contradictions : tuple of Contradiction
-        In order of time.
-    beyond_s : tuple of float
-        Whole seconds by which the record so far was beyond its band: what a filter knew of it.
+    correlation : float or None
+        Of neighbouring innovations; 0 is expected. None where that is not known.
     """
 
     what: str
@@ -110,9 +130,7 @@ class Consistency:
     nis: float
     beyond_99: float
     deciles: tuple[int, ...] = ()
-    limit: float | None = None
-    contradictions: tuple[Contradiction, ...] = ()
-    beyond_s: tuple[float, ...] = ()
+    correlation: float | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -191,6 +209,8 @@ class Estimate:
         Measurements that contradicted the others, each with its link and its span of time.
     consistency : tuple of Consistency
         Innovations of a method that states them, by kind of measurement.
+    verdicts : tuple of Verdict
+        Sensors that contradict the others, or their own noise.
     constants : tuple of Constant
         What was estimated with the flight and holds for all of it.
     notes : tuple of str
@@ -227,6 +247,7 @@ class Estimate:
     losses: tuple[Loss, ...] = ()
     rejections: tuple[Rejected, ...] = ()
     consistency: tuple[Consistency, ...] = ()
+    verdicts: tuple[Verdict, ...] = ()
     constants: tuple[Constant, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -246,6 +267,11 @@ class Estimate:
     def available(self) -> float:
         """Share of the epochs that have an answer."""
         return len(self.t_s) / self.epochs if self.epochs else 0.0
+
+    @property
+    def consistent(self) -> bool:
+        """Whether no sensor contradicts the others beyond a false-alarm rate of 1 % a flight."""
+        return not self.verdicts
 
     @property
     def euler_deg(self) -> FloatArray:

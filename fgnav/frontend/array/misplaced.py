@@ -15,10 +15,10 @@ from fgnav.checks import FloatArray
 from fgnav.frontend.array.shape import AT_ONCE, baseline_information
 from fgnav.geometry.rotations import skew
 from fgnav.graph.correlation import correlated
-from fgnav.graph.innovation.band import TOLERATED
 from fgnav.types.differences import DoubleDifferences
 
 _SQUARES = 22.1  # chi-square of three beyond what is no chance, 6e-5: as of the lever arm
+TOLERATED = 1.5**2  # of a variance: a standard deviation off by half
 _FEWEST = 30  # epochs, as of noise
 _OPEN = 1e-6  # relative eigenvalue: what the attitude takes wholly
 

@@ -11,35 +11,31 @@ solution's place, of covariance P, has the covariance ``S = I - U P U'``, as of 
 """
 
 import numpy as np
-from scipy.special import chdtrc
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import skew
 from fgnav.graph.factors.antenna_phase import AntennaPhase
-from fgnav.graph.innovation.band import contradiction_of_one, limit_of_one
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION, ROTATION
-from fgnav.types.estimate import Consistency
 
 NAME = "place by code"
-_GATE = 0.01  # as of other innovations
 # Of the variance in S: where GNSS tells more than half of what is known, approximations of the
 # solution's covariance tell as much of the residual as the rest of the measurements does.
 _TESTED = 0.5
 
 
-def place_consistency(
-    phase: AntennaPhase, t_s: FloatArray, solution: Solution
-) -> tuple[Consistency, ...]:
-    """Return how far the solution is from the place by code; nothing where that tests nothing.
+def place_innovation(
+    phase: AntennaPhase, solution: Solution
+) -> tuple[str, list[float], list[int]] | None:
+    """Return how far the solution is from the place by code: name, square, degrees of freedom.
+
+    None where that tests nothing.
 
     Parameters
     ----------
     phase : AntennaPhase
-    t_s : ndarray, shape (n,)
-        Keyframes.
     solution : Solution
-        Of all of them.
+        Of all keyframes.
     """
     U, y = _of_first_epoch(phase)
     k, arm_b_m = int(phase.row[0]), phase.arm_b_m[0]
@@ -54,19 +50,9 @@ def place_consistency(
     tested = variance > _TESTED
     freedom = int(tested.sum())
     if not freedom:
-        return ()
+        return None
     squared = float(((axes.T @ r)[tested] ** 2 / variance[tested]).sum())
-    return (
-        Consistency(
-            what=NAME,
-            count=1,
-            freedom=freedom,
-            nis=squared / freedom,
-            beyond_99=float(chdtrc(freedom, squared) < _GATE),
-            limit=limit_of_one(freedom),
-            contradictions=contradiction_of_one(t_s, squared, freedom),
-        ),
-    )
+    return NAME, [squared], [freedom]
 
 
 def _of_first_epoch(phase: AntennaPhase) -> tuple[FloatArray, FloatArray]:

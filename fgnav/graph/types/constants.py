@@ -30,9 +30,6 @@ class FlightConstant:
         Whether it was requested, and is reported in the result.
     stated : ndarray, shape (d,), or None
         The stated value, from which a result is counted; None: ``mean``.
-    added, excess : float
-        Information that a solution has of a constant of one axis, and its flight has not: of the
-        covariance before the flight, and of what is added to it.
     """
 
     name: str
@@ -44,8 +41,6 @@ class FlightConstant:
     linear: bool = False
     reported: bool = True
     stated: FloatArray | None = None
-    added: float = 0.0
-    excess: float = 0.0
 
     @property
     def size(self) -> int:
@@ -56,32 +51,6 @@ class FlightConstant:
     def origin(self) -> FloatArray:
         """What the flight states."""
         return self.mean if self.stated is None else self.stated
-
-    def information(self, solved: FloatArray) -> FloatArray:
-        """Return what is known of a constant of one axis, of information by a solution, (n,).
-
-        What the flight tells is I, the solution's less ``excess``; its estimate has the scatter of
-        all of it, ``I + excess`` over ``I^2`` (Huber 1967: where curvature is not the scatter).
-        """
-        before = 1 / float(self.covariance[0, 0])
-        of_flight = np.maximum(solved - before, np.finfo(np.float64).tiny)
-        of_data = np.maximum(of_flight - self.excess, 0.0) ** 2 / of_flight
-        return np.asarray(before - self.added + of_data)
-
-    def informed(self, added: float, excess: float) -> "FlightConstant":
-        """Return a constant of one axis with information about zero beside what is stated.
-
-        It leads to where the constant is; of how well that is known it is no part.
-        """
-        stated = 1 / float(self.covariance[0, 0])
-        return replace(
-            self,
-            mean=self.mean * stated / (stated + added),
-            covariance=np.array([[1 / (stated + added)]]),
-            stated=self.origin,
-            added=added,
-            excess=excess,
-        )
 
 
 def flight_constant(
@@ -151,27 +120,6 @@ class Constants:
             columns = slice(first, first + part.size)
             P[columns, columns] = part.covariance
         return P
-
-    def surplus(self, covariance: FloatArray) -> tuple[list[int], FloatArray]:
-        """Return columns, c of them, whose information is partly of no flight, and G, (n, c, c).
-
-        With S = ``covariance``, (n, b, b), of the constants and X that of anything with those c,
-        ``X G X'`` is to be added to the covariance of that. Never less is known than is stated.
-        """
-        less = [
-            (first, part)
-            for part, first in zip(self.parts, self.first, strict=True)
-            if part.added + part.excess > 0
-        ]
-        columns = [first for first, _ in less]
-        S = covariance[:, columns][:, :, columns]
-        wide = S
-        for i, (_, part) in enumerate(less):
-            solved = 1 / wide[:, i, i]
-            more = solved**2 * (1 / part.information(solved) - 1 / solved)
-            wide = wide + more[:, None, None] * wide[:, :, i : i + 1] * wide[:, i : i + 1]
-        inverse = np.linalg.inv(S)
-        return columns, inverse @ (wide - S) @ inverse
 
     def started_at(self, values: FloatArray) -> "Constants":
         """Return the same, their search starting at values, (b,)."""

@@ -8,17 +8,17 @@ from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.frontend.attitude.rates import timed_motion
 from fgnav.frontend.gaps import gap_notes, spans
 from fgnav.frontend.prepared import PreparedFlight
+from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import skew
-from fgnav.graph.delayed import CLOCK_OFFSET, on_gnss_time, without_surplus
+from fgnav.graph.delayed import CLOCK_OFFSET, on_gnss_time
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ACCELEROMETER_BIAS, RATE
-from fgnav.methods.smoothing.body_axes import attitude_of_body
 from fgnav.methods.smoothing.calibration_report import calibrated_constants, sentence
 from fgnav.methods.smoothing.observability import TURN, undetermined
 from fgnav.optional_gtsam import HAS_GTSAM
-from fgnav.types.estimate import Consistency, Estimate
+from fgnav.types.estimate import Estimate
 
 ROUGH = "its window ended too far from where it was linearised"
 _REFUSED = "estimate, for windows ended too far from where they were linearised,"
@@ -47,7 +47,6 @@ def estimate_of(
     name: str,
     prepared: PreparedFlight,
     solution: Solution,
-    tests: tuple[Consistency, ...],
     rows: IntArray | None = None,
 ) -> Estimate:
     """Return the estimate at keyframes, or at some of them, with all that is reported of it.
@@ -57,12 +56,10 @@ def estimate_of(
     name : str
     prepared : PreparedFlight
     solution : Solution
-    tests : tuple of Consistency
     rows : ndarray of int, optional
         Keyframes to speak of; all by default.
     """
     problem = prepared.problem
-    solution = without_surplus(solution, problem.constants)
     open_states, weak = undetermined(problem, solution)
     if prepared.rough and not solution.converged:
         open_states = (TURN, *open_states)
@@ -92,7 +89,6 @@ def estimate_of(
         ),
         converged=converged,
         rejections=prepared.rejections,
-        consistency=tests,
         constants=constants,
         notes=(*prepared.notes, *notes),
     )
@@ -123,15 +119,11 @@ def stated_at(
         part = on_gnss_time(part, timed, problem.constants)
     w_b_radps = problem.motion.rates_b_radps(t_s, part.states.aux)
     estimate = stated(name, problem.constants, part, t_s, w_b_radps, body)
-    R_nb, P = estimate.R_nb, estimate.attitude_covariance_rad2
-    if prepared.axes is not None:
-        R_nb, P = attitude_of_body(part, problem.constants, prepared.axes)
-    P_v = estimate.velocity_covariance_m2ps2
-    if P is not None:
-        P = P + sum(one.at(t_s) for one in prepared.doubts)
-    if P_v is not None:
-        P_v = P_v + sum(one.velocity_at(t_s) for one in prepared.doubts)
-    return replace(estimate, R_nb=R_nb, attitude_covariance_rad2=P, velocity_covariance_m2ps2=P_v)
+    added, P = prepared.attitude_inflation_rad2, estimate.attitude_covariance_rad2
+    if added is None or P is None:
+        return estimate
+    more = interpolate(t_s, prepared.problem.t_s, added.reshape(-1, 9)).reshape(-1, 3, 3)
+    return replace(estimate, attitude_covariance_rad2=P + more)
 
 
 def stated(

@@ -58,7 +58,8 @@ def own_factors(
         if isinstance(factors, Sourced):
             losses += factors.losses
             notes += factors.notes
-    prepared = prepared.with_constants(own_constants(asking))
+    asked = own_constants(asking)
+    prepared = prepared.changed(lambda problem: problem.with_constants(asked))
     return prepared, OwnFactors(tuple(made), tuple(losses), tuple(notes))
 
 

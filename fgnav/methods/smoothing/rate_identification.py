@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import NoSolutionError
+from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.motion import prior_note
-from fgnav.frontend.prepared import AttitudeDoubt, PreparedFlight
+from fgnav.frontend.prepared import PreparedFlight
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
@@ -67,24 +67,24 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
             break
         here = likeliest
     best = max(stated, candidates[here], key=lambda one: one.log_posterior)
-    doubts = (*prepared.doubts, *_doubts(best, (stated, *candidates.values())))
+    added = _spread(best, (stated, *candidates.values()))
     if best is stated:
-        return replace(prepared, doubts=doubts)
+        return replace(prepared, attitude_inflation_rad2=added)
     note = prior_note(_prior(here))
     notes = tuple(one for one in prepared.notes if not one.startswith("Rate prior"))
     return replace(
         prepared,
         problem=best.problem,
         windowed=best.problem,
-        doubts=doubts,
+        attitude_inflation_rad2=added,
         notes=(*notes, note),
     )
 
 
-def _doubts(best: _Candidate, candidates: tuple[_Candidate, ...]) -> tuple[AttitudeDoubt, ...]:
+def _spread(best: _Candidate, candidates: tuple[_Candidate, ...]) -> FloatArray | None:
     """Return second moments of the candidates' attitudes about those of the likeliest."""
     if best.solution is None:
-        return ()
+        return None
     covariance, total = np.zeros((len(best.problem.t_s), 3, 3)), 0.0
     for one in candidates:
         if one.solution is None or not one.solution.converged:
@@ -93,8 +93,7 @@ def _doubts(best: _Candidate, candidates: tuple[_Candidate, ...]) -> tuple[Attit
         turn_b = best.solution.states.steps_to(one.solution.states)[:, :3]
         covariance += share * turn_b[:, :, None] * turn_b[:, None, :]
         total += share
-    covariance /= max(total, 1.0)
-    return (AttitudeDoubt(best.problem.t_s, covariance),)
+    return np.asarray(covariance / max(total, 1.0))
 
 
 def _prior(place: tuple[int, int]) -> RatePrior:

@@ -1,1 +1,0 @@
-"""Faults that last from one time to another."""

@@ -1,0 +1,1 @@
+"""Noise of a flight's sensors by one marginal likelihood, with clock, latency and lever arm."""

@@ -1,0 +1,177 @@
+"""Clock, velocity latency and lever arm: what the most probable noise of a flight shows of them.
+
+They are constants of the problem on which noise is identified. One that is beyond its sigma is
+estimated with the flight. A report gives the log-likelihood that each gains alone beside that of
+the others, so that a reader sees the runner-up.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtri
+
+from fgnav.checks import FloatArray
+from fgnav.frontend.calibration_request import (
+    calibration_requests,
+    of_time,
+    of_vehicle,
+)
+from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
+from fgnav.graph.factors.position import Position
+from fgnav.graph.factors.velocity import Velocity
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.measurement import Measurement
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.noise.decimation import Subset
+
+_FALSE_ALARM = 6e-5  # of a constant that is zero: 4 sigma
+CLOCK, LATENCY, LEVER_ARM = "clock", "velocity-delay", "lever-arm"
+_COLUMNS = {CLOCK: (CLOCK_OFFSET, CLOCK_RATE), LATENCY: (VELOCITY_DELAY,), LEVER_ARM: (LEVER_ARM,)}
+
+
+class Calibrated(NamedTuple):
+    """One constant of set-up.
+
+    Attributes
+    ----------
+    kind : {"clock", "velocity-delay", "lever-arm"}
+    value, sigma : ndarray, shape (d,)
+    ratio : float
+        Log-likelihood ratio to zero, the others free.
+    alone : float
+        Log-likelihood that it gains alone, the others zero.
+    is_significant : bool
+    """
+
+    kind: str
+    value: FloatArray
+    sigma: FloatArray
+    ratio: float
+    alone: float
+    is_significant: bool
+
+
+def with_latency_and_lever_arm(
+    problem: SmoothingProblem, timed: TimedMotion, kinds: tuple[str, ...]
+) -> SmoothingProblem:
+    """Return a decimated problem with constants that its measurements of fixes depend on.
+
+    Parameters
+    ----------
+    problem : SmoothingProblem
+        Decimated.
+    timed : TimedMotion
+        At its keyframes.
+    kinds : tuple of str
+        Of ``"velocity-delay"`` and ``"lever-arm"``.
+    """
+    requests = calibration_requests(kinds)
+    parts = tuple(
+        part
+        for one in requests
+        for part in (of_time(one) if one.kind == LATENCY else (of_vehicle(one),))
+    )
+    extended = problem.with_constants(parts)
+    constants = extended.constants
+    arm = constants.column(LEVER_ARM) if LEVER_ARM in kinds else -1
+    measurements = []
+    for one in extended.measurements:
+        changed: Measurement = one
+        if isinstance(one, Subset):
+            inner, kept = one.measurement, one
+            if arm >= 0 and isinstance(inner, Position | Velocity):
+                changed = kept = replace(one, measurement=replace(inner, lever_column=arm))
+            if one.name == "velocity" and LATENCY in kinds:
+                led = timed.led[one.row]
+                late = replace(kept, indices=one.indices[led], row=one.row[led])
+                changed = on_clock(late, timed, constants, delay=VELOCITY_DELAY, clock=False)
+        measurements.append(changed)
+    return replace(extended, measurements=tuple(measurements))
+
+
+def calibrated(constants: Constants, solution: Solution) -> tuple[Calibrated, ...]:
+    """Return clock, latency and lever arm by a solution, those of its constants."""
+    columns = {
+        kind: [i for name in names for i in _columns(constants, name)]
+        for kind, names in _COLUMNS.items()
+    }
+    columns = {kind: of for kind, of in columns.items() if of}
+    every = [i for of in columns.values() for i in of]
+    x, P = solution.states.constants, solution.constant_covariance[-1]
+    total = _squares(x, P, every)
+    found = []
+    for kind, of in columns.items():
+        others = [i for i in every if i not in of]
+        squares = _squares(x, P, of)
+        found.append(
+            Calibrated(
+                kind=kind,
+                value=x[of],
+                sigma=np.sqrt(np.diag(P)[of]),
+                ratio=squares / 2,
+                alone=(total - _squares(x, P, others)) / 2,
+                is_significant=squares > float(chdtri(len(of), _FALSE_ALARM)),
+            )
+        )
+    return _one_or_the_other(tuple(found), x, P, columns)
+
+
+def _one_or_the_other(
+    found: tuple[Calibrated, ...], x: FloatArray, P: FloatArray, columns: dict[str, list[int]]
+) -> tuple[Calibrated, ...]:
+    """Return clock and latency as significant if they are so together and neither is alone."""
+    both = [one for one in found if one.kind in (CLOCK, LATENCY)]
+    if len(both) < 2 or any(one.is_significant for one in both):
+        return found
+    of = [i for one in both for i in columns[one.kind]]
+    if _squares(x, P, of) <= float(chdtri(len(of), _FALSE_ALARM)):
+        return found
+    return tuple(
+        one._replace(is_significant=True) if one.kind in (CLOCK, LATENCY) else one for one in found
+    )
+
+
+def sentences(found: tuple[Calibrated, ...]) -> tuple[str, ...]:
+    """Return a sentence on each constant that is estimated because it is significant."""
+    notes = []
+    for one in found:
+        if not one.is_significant:
+            continue
+        others = [other for other in found if other is not one]
+        runner_up = max(others, key=lambda other: other.alone, default=None)
+        beside = (
+            ""
+            if runner_up is None
+            else f"; runner-up: {_NAMES[runner_up.kind]}, {runner_up.alone:.0f}"
+        )
+        notes.append(
+            f"{_NAMES[one.kind].capitalize()} estimated: {_value(one)}. "
+            f"Log-likelihood gain {one.alone:.0f}{beside}."
+        )
+    return tuple(notes)
+
+
+_NAMES = {CLOCK: "IMU clock", LATENCY: "velocity latency", LEVER_ARM: "lever-arm error"}
+
+
+def _value(one: Calibrated) -> str:
+    values, sigmas = one.value.tolist(), one.sigma.tolist()
+    if one.kind == CLOCK:
+        return (
+            f"offset {values[0]:+.4f} ± {sigmas[0]:.4f} s, "
+            f"rate {values[1]:+.0f} ± {sigmas[1]:.0f} ppm"
+        )
+    if one.kind == LATENCY:
+        return f"{values[0]:.3f} ± {sigmas[0]:.3f} s"
+    return ", ".join(f"{v:+.3f} ± {s:.3f}" for v, s in zip(values, sigmas, strict=True)) + " m"
+
+
+def _columns(constants: Constants, name: str) -> range:
+    of = constants.columns(name)
+    return range(of.start, of.stop)
+
+
+def _squares(x: FloatArray, P: FloatArray, of: list[int]) -> float:
+    return float(x[of] @ np.linalg.solve(P[np.ix_(of, of)], x[of])) if of else 0.0

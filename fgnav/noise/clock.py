@@ -1,0 +1,113 @@
+"""The clock of the inertial unit as constants of a problem: offset and rate of its timestamps.
+
+Timestamps that need ``o + r (t - t_0)`` added to agree with GNSS time make the residuals of an
+interval, to first order,
+
+    r(o, r) = r(0) + dr/do (o + r (t - t_0))
+
+with the derivative by central differences of the same motion with moved timestamps. That is exact
+where the clock is right; so timestamps are moved by what is found, until nothing is left to move.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from fgnav.checks import IntArray
+from fgnav.frontend.calibration_request import calibration_requests, of_time
+from fgnav.graph.delayed import CLOCK_OFFSET
+from fgnav.graph.delayed_kernel import PPM
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.inertial.preintegrated import Inertial
+from fgnav.graph.types.motion import LinearisedMotion, Motion
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import States
+from fgnav.noise.rescaled import WrappedMotion
+from fgnav.types.flight import Flight, Imu
+
+# Half of the time over which samples are averaged into the derivative: several samples of any unit,
+# so that their noise is small beside the change of force and rate.
+_STEP_S = 0.05
+
+
+class ClockCorrection(NamedTuple):
+    """What is added to timestamps of an inertial unit, mid-record, and how that grows."""
+
+    offset_s: float = 0.0
+    rate_ppm: float = 0.0
+
+    def __bool__(self) -> bool:
+        """Return True if timestamps change."""
+        return any(self)
+
+    def plus(self, offset_s: float, rate_ppm: float) -> "ClockCorrection":
+        """Return a correction by so much more."""
+        return ClockCorrection(self.offset_s + offset_s, self.rate_ppm + rate_ppm)
+
+    def applied(self, flight: Flight, middle_s: float) -> Flight:
+        """Return a flight with corrected timestamps."""
+        imu = flight.imu
+        if imu is None or not self:
+            return flight
+        t_s = imu.t_s + self.offset_s + PPM * self.rate_ppm * (imu.t_s - middle_s)
+        return replace(flight, imu=replace(imu, t_s=t_s))
+
+
+def middle_of_record_s(imu: Imu) -> float:
+    """Return the time for which a clock's offset is stated."""
+    return float(imu.t_s[[0, -1]].mean())
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ClockedMotion(WrappedMotion):
+    """A motion that depends on two constants of the flight, offset and rate of the unit's clock.
+
+    Attributes
+    ----------
+    early, late : Motion
+        The same motion with timestamps ``_STEP_S`` earlier and later.
+    column : int
+        Of the offset among the constants; the rate follows.
+    middle_s : float
+    """
+
+    early: Motion
+    late: Motion
+    column: int
+    middle_s: float
+
+    def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
+        """Return whitened residuals of some intervals, (j,)."""
+        linear, early, late = (
+            one.linearise(before, after, intervals) for one in (self.motion, self.early, self.late)
+        )
+        t_s = self.motion.t_s
+        since_s = (t_s[intervals] + t_s[intervals + 1]) / 2 - self.middle_s
+        offset, rate = before.constants[self.column : self.column + 2]
+        steps = ((offset + PPM * rate * since_s) / (2 * _STEP_S))[:, None, None]
+        slope = (late.value - early.value) / (2 * _STEP_S)
+        shared = linear.shared + steps * (late.shared - early.shared)
+        shared[:, :, self.column] += slope
+        shared[:, :, self.column + 1] += slope * PPM * since_s[:, None]
+        return LinearisedMotion(
+            value=linear.value + steps[:, 0] * (late.value - early.value),
+            before=linear.before + steps * (late.before - early.before),
+            after=linear.after + steps * (late.after - early.after),
+            shared=shared,
+        )
+
+
+def with_clock(problem: SmoothingProblem) -> SmoothingProblem:
+    """Return a problem with the unit's clock among its constants, if it has none yet."""
+    if problem.constants.column(CLOCK_OFFSET) >= 0:
+        return problem
+    motion = problem.motion
+    if not isinstance(motion, Inertial | GyroFree):
+        return problem
+    (request,) = calibration_requests(["clock"])
+    column = problem.constants.width
+    imu = motion.imu
+    early, late = (
+        replace(motion, imu=replace(imu, t_s=imu.t_s + by_s)) for by_s in (-_STEP_S, _STEP_S)
+    )
+    clocked = ClockedMotion(motion, early, late, column, middle_of_record_s(imu))
+    return replace(problem.with_constants(of_time(request)), motion=clocked)

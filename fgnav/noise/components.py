@@ -1,0 +1,215 @@
+"""Noise of a problem as components, each a factor on a standard deviation, and their likelihood.
+
+Component c multiplies its standard deviation by ``exp(theta_c)``. With whitened residuals r at the
+minimum of the problem, their Jacobian J, the covariance P of the states, ``M = I - J P J'`` and C
+the component's share of the rows' covariance, the logarithm of the marginal likelihood has [1]_
+
+    gradient       r' C r - tr(C M)
+    information    2 tr(C M C' M)
+
+What rows of one interval or measurement contribute to the information is computed; products of
+distant residuals only add to it, and it is at most ``2 tr(C M)``: the mean of both is used.
+
+White noise of the inertial unit, and that of fixes, has two components where a flight stands still.
+
+References
+----------
+.. [1] Harville: Maximum likelihood approaches to variance component estimation and to related
+   problems, Journal of the American Statistical Association 72, 1977, equation 5.5.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.graph.types.measurement import Linearised
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.noise.rescaled import RescaledMeasurement, RescaledMotion
+
+AT_REST = " at rest"  # after the name of a component
+WHITE = ("accelerometer", "gyroscope")
+INSTRUMENTS = ("barometric height", "line of sight", "magnetic field")
+_RESTING = ("position", "velocity")
+_CHUNK = 128  # intervals at once: 2 MB of their covariances
+
+
+class Score(NamedTuple):
+    """Derivatives of the log marginal likelihood by theta, (c,), at a minimum."""
+
+    squares: FloatArray  # r' C r
+    redundancy: FloatArray  # tr(C M)
+    information: FloatArray  # (c, c)
+
+    @property
+    def gradient(self) -> FloatArray:
+        """By theta, (c,)."""
+        return self.squares - self.redundancy
+
+
+class Standstill(NamedTuple):
+    """Where a decimated problem stands still."""
+
+    keyframes: BoolArray  # (n,)
+    share: FloatArray  # (n - 1,), of each interval
+
+
+class _SensorNoise(NamedTuple):
+    name: str
+    measurement: int  # its place in the problem
+    rows: IntArray  # of its measurements
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class NoiseComponents:
+    """The noise of a problem by its components.
+
+    Attributes
+    ----------
+    problem : SmoothingProblem
+        With the nominal noise.
+    names : tuple of str
+        Of the c components: those of the motion, then those of sensors.
+    """
+
+    problem: SmoothingProblem
+    names: tuple[str, ...]
+    _motion: tuple[str, ...]
+    _sensors: tuple[_SensorNoise, ...]
+    _standstill: Standstill | None
+
+    @classmethod
+    def of(
+        cls, problem: SmoothingProblem, sensors: tuple[str, ...], standstill: Standstill | None
+    ) -> "NoiseComponents":
+        """Return the components of a problem.
+
+        Parameters
+        ----------
+        problem : SmoothingProblem
+        sensors : tuple of str
+            Measurements whose noise is one factor on the nominal.
+        standstill : Standstill or None
+        """
+        motion = problem.motion.noise_parts(slice(0)).names
+        if standstill is not None and not standstill.share.any():
+            standstill = None
+        if standstill is not None:
+            motion += tuple(name + AT_REST for name in motion if name in WHITE)
+        found: list[_SensorNoise] = []
+        for i, one in enumerate(problem.measurements):
+            if one.name not in sensors:
+                continue
+            rests = np.zeros(len(one.row), dtype=np.bool_)
+            if standstill is not None and one.name in _RESTING:
+                rests = standstill.keyframes[one.row]
+            for name, rows in ((one.name, ~rests), (one.name + AT_REST, rests)):
+                if rows.any():
+                    found.append(_SensorNoise(name, i, np.flatnonzero(rows)))
+        names = (*motion, *dict.fromkeys(one.name for one in found))
+        return cls(problem, names, motion, tuple(found), standstill)
+
+    def problem_at(self, theta: FloatArray) -> SmoothingProblem:
+        """Return the problem with standard deviations multiplied by ``exp(theta)``, (c,)."""
+        factor = {name: float(f) for name, f in zip(self.names, np.exp(theta), strict=True)}
+        of_sensor: dict[int, FloatArray] = {}
+        for one in self._sensors:
+            rows = self.problem.measurements[one.measurement].row
+            of_sensor.setdefault(one.measurement, np.ones(len(rows)))[one.rows] = factor[one.name]
+        measurements = tuple(
+            RescaledMeasurement(one, of_sensor[i]) if i in of_sensor else one
+            for i, one in enumerate(self.problem.measurements)
+        )
+        white = [
+            np.linalg.inv(np.linalg.cholesky(fixed + np.einsum("c,kcij->kij", variance, parts)))
+            for _, parts, fixed, variance in self._intervals(theta)
+        ]
+        motion = RescaledMotion(self.problem.motion, np.concatenate(white))
+        return replace(self.problem, motion=motion, measurements=measurements)
+
+    def score(self, theta: FloatArray, problem: SmoothingProblem, solution: Solution) -> Score:
+        """Return the derivatives at the minimum of ``problem_at(theta)``."""
+        c = len(self.names)
+        total = Score(np.zeros(c), np.zeros(c), np.zeros((c, c)))
+        own = len(self._motion)
+        for k, parts, _, variance in self._intervals(theta):
+            r, J, P = _interval_rows(problem, solution, k)
+            W = problem.motion.white[k][:, None]  # type: ignore[attr-defined]  # it is rescaled
+            C = variance[:, None, None] * (W @ parts @ W.swapaxes(2, 3))
+            CM = C @ (np.eye(r.shape[1]) - J @ P @ J.swapaxes(1, 2))[:, None]
+            total.squares[:own] += np.einsum("ki,kcij,kj->c", r, C, r)
+            total.redundancy[:own] += np.einsum("kcii->c", CM)
+            total.information[:own, :own] += 2 * np.einsum("kcij,kdji->cd", CM, CM)
+        for one in self._sensors:
+            i = self.names.index(one.name)
+            r, M = _measured(problem, solution, one)
+            total.squares[i] += float((r**2).sum())
+            total.redundancy[i] += float(np.einsum("kii->", M))
+            total.information[i, i] += 2 * float(np.einsum("kij,kji->", M, M))
+        spread = (total.information + np.diag(2 * total.redundancy.clip(0))) / 2
+        return total._replace(information=spread)
+
+    def residuals(self, name: str, problem: SmoothingProblem, solution: Solution) -> FloatArray:
+        """Return whitened residuals of a component of a sensor, (k, m), in order of time."""
+        (one,) = (one for one in self._sensors if one.name == name)
+        return _measured(problem, solution, one)[0]
+
+    def _intervals(
+        self, theta: FloatArray
+    ) -> Iterator[tuple[IntArray, FloatArray, FloatArray, FloatArray]]:
+        """Yield some intervals, (k,), shares of their covariance, the rest of it, and variances."""
+        variance = np.exp(2 * theta[: len(self._motion)])
+        for begin in range(0, len(self.problem.t_s) - 1, _CHUNK):
+            of = slice(begin, min(begin + _CHUNK, len(self.problem.t_s) - 1))
+            names, parts, fixed = self.problem.motion.noise_parts(of)
+            if self._standstill is not None:
+                share = self._standstill.share[of][:, None, None, None]
+                white = [names.index(name) for name in names if name in WHITE]
+                resting = parts[:, white] * share
+                parts = parts.copy()
+                parts[:, white] *= 1.0 - share
+                parts = np.concatenate([parts, resting], axis=1)
+            yield np.arange(of.start, of.stop), parts, fixed, variance
+
+
+def _interval_rows(
+    problem: SmoothingProblem, solution: Solution, k: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return residuals, (k, D), Jacobians and covariances of both states and the constants."""
+    if solution.cross is None:
+        raise ValueError("solution: needs covariances of neighbours")
+    linear = problem.motion.linearise(solution.states.at(k), solution.states.at(k + 1), k)
+    J = np.concatenate([linear.before, linear.after, linear.shared], axis=2)
+    between, X = solution.cross[k], solution.constant_cross
+    P = np.block(
+        [
+            [solution.covariance[k], between, X[k]],
+            [between.swapaxes(1, 2), solution.covariance[k + 1], X[k + 1]],
+            [X[k].swapaxes(1, 2), X[k + 1].swapaxes(1, 2), solution.constant_covariance[k]],
+        ]
+    )
+    return linear.value, J, P
+
+
+def _measured(
+    problem: SmoothingProblem, solution: Solution, one: _SensorNoise
+) -> tuple[FloatArray, FloatArray]:
+    """Return residuals, (k, m), and ``M``, (k, m, m), of rows that measure something."""
+    measurement = problem.measurements[one.measurement]
+    row = measurement.row[one.rows]
+    linear: Linearised = measurement.linearise(solution.states.at(row), one.rows)
+    J = np.concatenate([linear.state, linear.shared], axis=2)
+    X = solution.constant_cross[row]
+    P = np.block(
+        [
+            [solution.covariance[row], X],
+            [X.swapaxes(1, 2), solution.constant_covariance[row]],
+        ]
+    )
+    measures: BoolArray = np.asarray(linear.state.any(axis=2))
+    M = np.eye(J.shape[1]) - J @ P @ J.swapaxes(1, 2)
+    M *= measures[:, :, None] & measures[:, None, :]
+    return np.where(measures, linear.value, 0.0), M

@@ -1,0 +1,136 @@
+"""The problem that hyperparameters are identified on: fewer keyframes of the same flight.
+
+With a gyroscope keyframes are a second apart, and the motion between them is summed up, so that
+nothing of it is lost. Without one no keyframe can be left out: a run of them from the middle of the
+flight stands for all. Phases of arcs join all keyframes, so such a problem is used whole.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph.factors.vehicle.resting_rate import NAME as RESTING_RATE
+from fgnav.graph.factors.vehicle.standstill import NAME as STANDSTILL
+from fgnav.graph.factors.vehicle.wheels import NAME as WHEELS
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.inertial.preintegrated import Inertial
+from fgnav.graph.types.measurement import Linearised, Measurement, OfSensor
+from fgnav.graph.types.motion import Motion
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.states import States
+
+_KEYFRAMES = 200  # tell the logarithm of a standard deviation to 3 %
+_INTERVAL_S = 1.0
+_VEHICLE = (WHEELS, STANDSTILL, RESTING_RATE)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Subset(OfSensor):
+    """Some of a sensor's measurements, numbered by the keyframes of a decimated problem.
+
+    Attributes
+    ----------
+    measurement : Measurement
+    indices : ndarray of int, shape (k,)
+        Of its rows.
+    """
+
+    measurement: Measurement
+    indices: IntArray
+
+    @classmethod
+    def at(cls, measurement: Measurement, keyframes: IntArray) -> "Subset":
+        """Return the measurements of some keyframes."""
+        indices = np.flatnonzero(np.isin(measurement.row, keyframes))
+        row = np.searchsorted(keyframes, measurement.row[indices])
+        return cls(measurement, indices, row=row)
+
+    @property
+    def name(self) -> str:
+        """Name of the sensor."""
+        return self.measurement.name
+
+    @property
+    def freedom(self) -> IntArray:
+        """Degrees of freedom of each measurement, (k,)."""
+        return self.measurement.freedom[self.indices]
+
+    def linearise(self, at: States, which: IntArray) -> Linearised:
+        """Return whitened residuals of some, (j,); see ``Measurement``."""
+        return self.measurement.linearise(at, self.indices[which])
+
+    def factor(self, i: int, key: int) -> Any:  # noqa: ANN401  # GTSAM's
+        """Return measurement i as a factor of keyframe ``key``."""
+        return self.measurement.factor(int(self.indices[i]), key)
+
+
+def decimated(problem: SmoothingProblem) -> tuple[SmoothingProblem, IntArray]:
+    """Return a problem of fewer keyframes, and which they are, (k,).
+
+    Constraints of vehicles are left out: slip of wheels has no noise that is to be identified.
+    """
+    every = np.arange(len(problem.t_s))
+    sensors = tuple(one for one in problem.measurements if one.name not in _VEHICLE)
+    if problem.phase is not None:
+        return replace(problem, measurements=sensors), every
+    keyframes = _keyframes(problem, sensors)
+    return (
+        SmoothingProblem(
+            t_s=problem.t_s[keyframes],
+            start=problem.start.at(keyframes),
+            motion=_motion_between(problem.motion, keyframes),
+            measurements=tuple(
+                Subset.at(one, keyframes) for one in sensors if np.isin(one.row, keyframes).any()
+            ),
+            constants=problem.constants,
+            attitude_known=problem.attitude_known[keyframes],
+        ),
+        keyframes,
+    )
+
+
+def _keyframes(problem: SmoothingProblem, sensors: tuple[Measurement, ...]) -> IntArray:
+    n = len(problem.t_s)
+    if not isinstance(problem.motion, Inertial):
+        first = max(0, (n - _KEYFRAMES) // 2)
+        return np.arange(first, min(n, first + _KEYFRAMES))
+    measured = np.unique(np.concatenate([one.row for one in sensors]))
+    t_s = problem.t_s[measured]
+    step_s = min(_INTERVAL_S, (t_s[-1] - t_s[0]) / _KEYFRAMES)
+    slot = np.floor((t_s - t_s[0]) / max(step_s, 1e-9) + 1e-6)
+    return np.asarray(measured[np.concatenate([[True], np.diff(slot) > 0])])
+
+
+def _motion_between(motion: Motion, keyframes: IntArray) -> Motion:
+    """Return the motion between some of its keyframes."""
+    if isinstance(motion, Inertial):
+        span_s = np.diff(motion.t_s)
+
+        def mean(density: FloatArray) -> FloatArray:
+            total = np.concatenate([[0.0 * density[0]], np.cumsum(density.T * span_s, axis=-1).T])
+            sums = (total[keyframes[1:]] - total[keyframes[:-1]]).T
+            return np.asarray((sums / np.diff(motion.t_s[keyframes])).T)
+
+        return replace(
+            motion,
+            t_s=motion.t_s[keyframes],
+            sub_steps=1,
+            gravity_n_mps2=motion.gravity_n_mps2[keyframes],
+            accelerometer_noise=mean(motion.accelerometer_noise),
+            gyroscope_noise=mean(motion.gyroscope_noise),
+            bias_steps=None if motion.bias_steps is None else mean(motion.bias_steps),
+        )
+    if not isinstance(motion, GyroFree):
+        return motion.at_times(motion.t_s[keyframes])
+    intervals = keyframes[:-1]
+    return replace(
+        motion,
+        t_s=motion.t_s[keyframes],
+        gravity_n_mps2=motion.gravity_n_mps2[keyframes],
+        poles_per_s=motion.poles_per_s[intervals],
+        variance_rad2ps2=motion.variance_rad2ps2[intervals],
+        accelerometer_noise=motion.accelerometer_noise[intervals],
+        multipath=None if motion.multipath is None else motion.multipath.on(keyframes),
+    )

@@ -1,0 +1,259 @@
+"""Noise, clock, latency and lever arm of a flight, found from the flight itself.
+
+One marginal likelihood serves flights with and without phases. Its hyperparameters are the noises
+of ``components`` and the errors of satellites; clock, latency and lever arm are constants of the
+same problem. Timestamps are moved by the clock that is found until nothing is left to move.
+
+References
+----------
+Groves: Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, 2nd edition,
+2013, sections 14.3 and 17.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests
+from fgnav.frontend.prepared import PreparedFlight
+from fgnav.frontend.settings import ProblemSettings
+from fgnav.graph.delayed_kernel import PPM
+from fgnav.graph.inertial.gyro_free import GyroFree
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.noise.calibration import (
+    CLOCK,
+    LATENCY,
+    LEVER_ARM,
+    Calibrated,
+    calibrated,
+    with_latency_and_lever_arm,
+)
+from fgnav.noise.clock import ClockCorrection, middle_of_record_s, with_clock
+from fgnav.noise.components import AT_REST, NoiseComponents, Standstill
+from fgnav.noise.decimation import decimated
+from fgnav.noise.nominal import scalable, unstated, with_factors, with_standstill
+from fgnav.noise.posterior import NoisePosterior, Prior, correlated_noise, noise_posterior
+from fgnav.noise.satellite_errors import satellite_error_factors, with_errors
+from fgnav.process.hyperparameters import IntervalPriors
+from fgnav.types.flight import Flight
+
+Build = Callable[[Flight, ProblemSettings], PreparedFlight]
+
+_PASSES = 6  # of moved timestamps: each leaves a third or less of what is left
+_SETTLED_SIGMAS = 0.3
+_UNCHANGED = 0.03  # of the logarithm of a standard deviation
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Hyperparameters:
+    """What a flight has determined of its own noise and times.
+
+    Attributes
+    ----------
+    factors : mapping of str to float
+        On nominal standard deviations, by component; those that are as stated are left out.
+    sigmas : mapping of str to float
+        1-sigma of their logarithms.
+    satellites : mapping of str to float
+        Factors on errors of satellites and on noise of codes.
+    clock : ClockCorrection
+        What is added to the inertial unit's timestamps.
+    middle_s : float
+        When the clock has that offset.
+    calibrated : tuple of Calibrated
+        Clock, latency and lever arm.
+    """
+
+    factors: Mapping[str, float] = field(default_factory=dict)
+    sigmas: Mapping[str, float] = field(default_factory=dict)
+    satellites: Mapping[str, float] = field(default_factory=dict)
+    clock: ClockCorrection = field(default_factory=ClockCorrection)
+    middle_s: float = 0.0
+    calibrated: tuple[Calibrated, ...] = ()
+
+    @property
+    def is_nominal(self) -> bool:
+        """Whether noise and times are as the flight states them."""
+        return not (self.factors or self.satellites or self.clock or self.significant)
+
+    @property
+    def significant(self) -> tuple[Calibrated, ...]:
+        """Constants of set-up that are not zero."""
+        return tuple(one for one in self.calibrated if one.is_significant)
+
+    def applied(self, flight: Flight) -> Flight:
+        """Return a flight with this noise and these times."""
+        return with_factors(self.clock.applied(flight, self.middle_s), self.factors)
+
+    def settings(self, settings: ProblemSettings) -> ProblemSettings:
+        """Return settings that estimate what is not zero, and have the noise at standstill."""
+        requests = (*settings.calibration, *self._requests(settings))
+        if self.clock:
+            requests = tuple(
+                replace(one, moved=self._moved(causal=settings.causal))
+                if one.kind == CLOCK
+                else one
+                for one in requests
+            )
+        return replace(with_standstill(settings, self.factors), calibration=requests)
+
+    def prepared(self, flight: Flight, settings: ProblemSettings, build: Build) -> PreparedFlight:
+        """Return the problem of a flight with this noise and these times."""
+        prepared = build(self.applied(flight), self.settings(settings))
+        return with_satellite_errors(prepared, self.satellites)
+
+    def _requests(self, settings: ProblemSettings) -> tuple[CalibrationRequest, ...]:
+        requested = [one.kind for one in settings.calibration]
+        found = {one.kind: one for one in self.significant if one.kind not in requested}
+        requests = calibration_requests(list(found))
+        return tuple(
+            replace(one, start=float(found[LATENCY].value[0])) if one.kind == LATENCY else one
+            for one in requests
+        )
+
+    def _moved(self, *, causal: bool) -> tuple[float, float]:
+        """Return the correction at the time for which a problem states the clock's offset."""
+        offset_s, rate_ppm = self.clock
+        if causal:  # since zero, not since the middle of a record that goes on
+            offset_s -= PPM * rate_ppm * self.middle_s
+        return float(offset_s), float(rate_ppm)
+
+
+def identified(
+    flight: Flight,
+    settings: ProblemSettings,
+    build: Build,
+    prepared: PreparedFlight | None = None,
+) -> tuple[Hyperparameters, PreparedFlight]:
+    """Return what a flight determines of its noise and times, and its problem with these.
+
+    Parameters
+    ----------
+    flight : Flight
+    settings : ProblemSettings
+        Not causal.
+    build : callable
+        From a flight and settings to its problem.
+    prepared : PreparedFlight, optional
+        That of the flight as it is, if it is built already.
+
+    Raises
+    ------
+    NoSolutionError
+        If the flight has no problem.
+    """
+    imu = flight.imu
+    exact, is_exact = flight, True
+    if imu is not None and imu.clock_offset_sigma_s:
+        exact, is_exact = replace(flight, imu=replace(imu, clock_offset_sigma_s=0.0)), False
+    stated = prepared if prepared is not None and is_exact else build(exact, settings)
+    found, last = _searched(exact, settings, build, stated)
+    if not found.is_nominal:
+        alike = replace(settings, interval_priors=_rate_prior(last))
+        return found, found.prepared(flight, alike, build)
+    return found, last if is_exact else prepared or build(flight, settings)
+
+
+def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]) -> PreparedFlight:
+    """Return a problem whose errors of satellites are so many times as large."""
+    if not factors:
+        return prepared
+
+    def changed(one: SmoothingProblem) -> SmoothingProblem:
+        phase = one.phase
+        return one if phase is None else replace(one, phase=with_errors(phase, factors))
+
+    return prepared.changed(changed)
+
+
+def _searched(
+    exact: Flight, settings: ProblemSettings, build: Build, prepared: PreparedFlight
+) -> tuple[Hyperparameters, PreparedFlight]:
+    """Return what a flight determines, and its last problem, with the nominal noise."""
+    middle_s = 0.0 if exact.imu is None else middle_of_record_s(exact.imu)
+    clock, found, theta = ClockCorrection(), Hyperparameters(), None
+    for _ in range(_PASSES):
+        if prepared.opening is not None and prepared.opening.until_s == np.inf:
+            return found, prepared  # a heading that nothing determines: nor does noise show
+        at = clock.applied(exact, middle_s)
+        satellites = _satellites(at, prepared)
+        changed = with_satellite_errors(prepared, satellites)
+        posterior, theta = _posterior(at, settings, changed, theta)
+        of_setup = calibrated(posterior.problem.constants, posterior.solution)
+        found = replace(
+            _hyperparameters(posterior),
+            satellites=satellites,
+            clock=clock,
+            middle_s=middle_s,
+            calibrated=of_setup,
+        )
+        step = next((one for one in of_setup if one.kind == CLOCK), None)
+        is_settled = step is None or (np.abs(step.value) < _SETTLED_SIGMAS * step.sigma).all()
+        if step is None or is_settled or not (clock or step.is_significant):
+            break
+        clock = clock.plus(*step.value.tolist())
+        prepared = build(clock.applied(exact, middle_s), settings)
+    return replace(found, clock=clock, calibrated=_with_total(found.calibrated, clock)), prepared
+
+
+def _with_total(found: tuple[Calibrated, ...], clock: ClockCorrection) -> tuple[Calibrated, ...]:
+    """Return constants whose clock has what timestamps were moved by, and is significant if so."""
+    return tuple(
+        one._replace(value=one.value + np.array(clock), is_significant=True)
+        if one.kind == CLOCK and clock
+        else one
+        for one in found
+    )
+
+
+def _satellites(flight: Flight, prepared: PreparedFlight) -> Mapping[str, float]:
+    phase = prepared.problem.phase  # against a base errors of satellites are other ones
+    return {} if phase is None or flight.base is not None else satellite_error_factors(phase)
+
+
+def _posterior(
+    flight: Flight,
+    settings: ProblemSettings,
+    prepared: PreparedFlight,
+    begin: FloatArray | None,
+) -> tuple[NoisePosterior, FloatArray]:
+    """Return the most probable noise of a problem, and theta without correlated errors."""
+    problem, keyframes = decimated(prepared.problem)
+    requested = [one.kind for one in settings.calibration]
+    fixes = flight.fixes if flight.observations is None else None
+    if fixes is not None:
+        wanted = (LEVER_ARM,) if fixes.v_n_mps is None else (LATENCY, LEVER_ARM)
+        kinds = tuple(one for one in wanted if one not in requested)
+        problem = with_latency_and_lever_arm(problem, prepared.timed.at(keyframes), kinds)
+    if flight.imu is not None and flight.imu.w_b_radps is not None:
+        problem = with_clock(problem)
+    standstill = None
+    if prepared.rest is not None and fixes is not None:
+        rest = prepared.rest
+        standstill = Standstill(rest.contains(problem.t_s), rest.share(problem.t_s))
+    components = NoiseComponents.of(problem, scalable(flight), standstill)
+    names = [name.removesuffix(AT_REST) for name in components.names]
+    prior = Prior.of(components.names, ~np.isin(names, unstated(flight)))
+    posterior = noise_posterior(components, prior, np.zeros(len(names)) if begin is None else begin)
+    return posterior, posterior.theta
+
+
+def _hyperparameters(posterior: NoisePosterior) -> Hyperparameters:
+    """Return factors on noises that the data move by more than their sigma."""
+    theta = correlated_noise(posterior)
+    moved = np.abs(theta) > np.maximum(_UNCHANGED, posterior.sigma)
+    names = posterior.components.names
+    return Hyperparameters(
+        factors={names[i]: float(np.exp(theta[i])) for i in np.flatnonzero(moved)},
+        sigmas={names[i]: float(posterior.sigma[i]) for i in np.flatnonzero(moved)},
+    )
+
+
+def _rate_prior(prepared: PreparedFlight) -> IntervalPriors | None:
+    """Return the prior of the rate of the same flight: it turns alike whatever its noise."""
+    motion = prepared.problem.motion
+    if not isinstance(motion, GyroFree):
+        return None
+    return IntervalPriors(motion.t_s, motion.poles_per_s, motion.variance_rad2ps2)

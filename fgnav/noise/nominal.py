@@ -1,0 +1,83 @@
+"""The nominal noise of a flight: what is stated, what is usual, and the same with factors on it."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from fgnav.frontend.settings import ProblemSettings
+from fgnav.noise.components import AT_REST, INSTRUMENTS
+from fgnav.types.flight import Flight, Imu
+
+# Fields of ``Imu`` by component.
+FIELDS = {
+    "accelerometer": "accelerometer_noise_mps2_per_sqrt_hz",
+    "gyroscope": "gyroscope_noise_radps_per_sqrt_hz",
+    "accelerometer bias": "accelerometer_bias_walk_mps2_per_sqrt_s",
+    "gyroscope bias": "gyroscope_bias_walk_radps_per_sqrt_s",
+}
+
+
+def scalable(flight: Flight) -> tuple[str, ...]:
+    """Return sensors whose noise is one factor on the nominal.
+
+    Positions by phase follow the noise of phases, which single epochs determine.
+    """
+    gnss = ("velocity",) if flight.observations is not None else ("position", "velocity")
+    return (*gnss, *INSTRUMENTS)
+
+
+def unstated(flight: Flight) -> tuple[str, ...]:
+    """Return components that the flight does not state; a usual figure stands there."""
+    names: tuple[str, ...] = ()
+    if flight.imu is not None:
+        names += tuple(part for part, name in FIELDS.items() if name in flight.imu.unstated)
+    if flight.observations is not None:
+        return (*names, "velocity") if "doppler_mps" in flight.gnss_noise.unstated else names
+    return names + (() if flight.fixes is None else flight.fixes.unstated)
+
+
+def with_factors(flight: Flight, factors: Mapping[str, float]) -> Flight:
+    """Return a flight with standard deviations multiplied by factors of components."""
+    imu, fixes, noise = flight.imu, flight.fixes, flight.gnss_noise
+    position, velocity = (factors.get(name, 1.0) for name in ("position", "velocity"))
+    if imu is not None:
+        imu = _scaled(imu, factors)
+    if flight.observations is not None:
+        noise = replace(noise, doppler_mps=noise.doppler_mps * velocity)
+    elif fixes is not None:
+        sigma = fixes.velocity_sigma_mps
+        fixes = replace(
+            fixes,
+            position_sigma_m=fixes.position_sigma_m * position,
+            velocity_sigma_mps=None if sigma is None else sigma * velocity,
+        )
+    return replace(_instruments(flight, factors), imu=imu, gnss_noise=noise, fixes=fixes)
+
+
+def with_standstill(settings: ProblemSettings, factors: Mapping[str, float]) -> ProblemSettings:
+    """Return settings with the noise at standstill relative to that in motion."""
+    names = {name.removesuffix(AT_REST) for name in factors}
+    at_rest = {n: factors.get(n + AT_REST, 1.0) / factors.get(n, 1.0) for n in names}
+    return replace(settings, at_rest=at_rest)
+
+
+def _scaled(imu: Imu, factors: Mapping[str, float]) -> Imu:
+    changed = {}
+    for component, name in FIELDS.items():
+        value = getattr(imu, name)
+        if value is not None:
+            changed[name] = value * factors.get(component, 1.0)
+    return replace(imu, **changed)
+
+
+def _instruments(flight: Flight, factors: Mapping[str, float]) -> Flight:
+    """Return a flight with factors on the noise of barometer, detector and magnetometer."""
+    height, sight, field = (factors.get(name, 1.0) for name in INSTRUMENTS)
+    barometer, seeker, magnetometer = flight.barometer, flight.seeker, flight.magnetometer
+    if barometer is not None:
+        barometer = replace(barometer, noise_m=barometer.noise_m * height)
+    if seeker is not None:
+        sigma_rad = seeker.line_of_sight_sigma_rad * sight
+        seeker = replace(seeker, line_of_sight_sigma_rad=sigma_rad)
+    if magnetometer is not None:
+        magnetometer = replace(magnetometer, noise_ut=magnetometer.noise_ut * field)
+    return replace(flight, barometer=barometer, seeker=seeker, magnetometer=magnetometer)

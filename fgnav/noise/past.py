@@ -1,0 +1,135 @@
+"""Hyperparameters of a causal method: identified from the record so far, whenever it has doubled.
+
+And when motion first determines the heading, whenever that motion has doubled: from then on a
+filter states attitudes, and noise at standstill is not that in motion. What is estimated from a
+time on depends on nothing later.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fgnav.checks import NoSolutionError
+from fgnav.frontend.causal.truncation import truncated
+from fgnav.frontend.prepared import PreparedFlight, Stretch
+from fgnav.frontend.settings import ProblemSettings
+from fgnav.noise.identify import Build, Hyperparameters, identified
+from fgnav.noise.report import noise_notes
+from fgnav.types.flight import Flight
+
+_FIRST_S = 30.0  # as many fixes at one a second
+_MOVED_S = 5.0  # half a dozen of them in motion
+_KEYFRAMES = 10  # fewest before motion that determine any noise
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Identification:
+    """What the record up to a time has determined.
+
+    Attributes
+    ----------
+    found : Hyperparameters
+    is_open : bool
+        Whether there is no minimum yet about which to identify anything: the heading stays open.
+    """
+
+    found: Hyperparameters = field(default_factory=Hyperparameters)
+    is_open: bool = False
+
+    @property
+    def is_nominal(self) -> bool:
+        """Whether all is as stated."""
+        return self.found.is_nominal and not self.is_open
+
+    def prepared(self, flight: Flight, settings: ProblemSettings, build: Build) -> PreparedFlight:
+        """Return the problem of a flight that goes on."""
+        prepared = self.found.prepared(flight, settings, build)
+        notes = (*prepared.notes, *noise_notes(flight, self.found))
+        prepared = replace(prepared, notes=notes)
+        if not self.is_open or prepared.opening is None:
+            return prepared
+        return replace(prepared, opening=replace(prepared.opening, until_s=np.inf))
+
+
+def stretches(
+    flight: Flight,
+    settings: ProblemSettings,
+    prepared: PreparedFlight,
+    ahead_s: float,
+    build: Build,
+) -> tuple[Stretch, ...]:
+    """Return the stretches of a flight, in turn; none where all is as stated throughout.
+
+    Parameters
+    ----------
+    flight : Flight
+    settings : ProblemSettings
+        Causal.
+    prepared : PreparedFlight
+        With the nominal noise.
+    ahead_s : float
+        How much later data an estimate may take part of.
+    build : callable
+        From a flight to its problem.
+    """
+    end_s = float(prepared.problem.t_s[-1])
+    times_s = identification_times_s(prepared, end_s)
+    known = [Identification(), *(identification(flight, settings, s, build) for s in times_s)]
+    if all(one.is_nominal for one in known):
+        return ()
+    parts: list[Stretch] = []
+    before: Identification | None = None
+    edges_s = [-np.inf, *times_s, np.inf]
+    for begin_s, until_s, one in zip(edges_s[:-1], edges_s[1:], known, strict=True):
+        part = flight if until_s == np.inf else truncated(flight, float(until_s + ahead_s))
+        try:
+            problem = one.prepared(part, settings, build)
+        except NoSolutionError:
+            if until_s == np.inf:
+                raise
+            before = None  # nothing is known by then, whatever comes later
+            continue
+        goes_on = before is not None and before.is_nominal and one.is_nominal
+        first_s = parts.pop().from_s if goes_on else float(begin_s)
+        parts.append(Stretch(first_s, float(until_s), part, problem))
+        before = one
+    changed_s = ", ".join(f"{one.from_s:.0f}" for one in parts if one.from_s > -np.inf)
+    note = f"Noise is estimated from the record so far, anew at {changed_s} s."
+    last = parts[-1]
+    noted = replace(last.prepared, notes=(*last.prepared.notes, note))
+    return (*parts[:-1], last._replace(prepared=noted))
+
+
+def identification_times_s(prepared: PreparedFlight, end_s: float) -> list[float]:
+    """Return when noise is identified, before a flight's end."""
+    t_s, opening = prepared.problem.t_s, prepared.opening
+    times_s = {*_doublings(float(t_s[0]), _FIRST_S, end_s)}
+    if opening is not None and opening.keyframes >= _KEYFRAMES:
+        known_s = float(opening.until_s)
+        until_s = min((s for s in times_s if s > known_s), default=end_s)
+        times_s |= {*_doublings(float(t_s[0]), _MOVED_S, float(t_s[0] + _FIRST_S))}
+        if opening.keyframes < len(t_s):
+            times_s |= {known_s, *_doublings(known_s, _MOVED_S, until_s)}
+    return sorted(times_s)
+
+
+def _doublings(from_s: float, after_s: float, until_s: float) -> list[float]:
+    """Return times ``after_s``, twice that and so on from a time, before another."""
+    count = int(np.ceil(np.log2(max((until_s - from_s) / after_s, 1.0))))
+    return [from_s + after_s * 2.0**j for j in range(count)]
+
+
+def identification(
+    flight: Flight, settings: ProblemSettings, until_s: float, build: Build
+) -> Identification:
+    """Return what a flight has determined up to a time."""
+    past, whole = truncated(flight, until_s), replace(settings, causal=False)
+    try:
+        prepared = build(past, whole)
+    except NoSolutionError:  # next to nothing is there yet
+        return Identification()
+    try:
+        return Identification(identified(past, whole, build, prepared)[0])
+    except NoSolutionError:
+        opening = prepared.opening
+        return Identification(is_open=opening is not None and opening.until_s == np.inf)

@@ -1,0 +1,154 @@
+"""The most probable noise of a problem: Fisher scoring on its marginal likelihood and a prior.
+
+The states are integrated out at their minimum (Laplace), which is found anew after each step. The
+prior of theta, the logarithm of a factor on a standard deviation, is normal about the nominal.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.graph.correlation import correlated
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import States
+from fgnav.noise.components import INSTRUMENTS, WHITE, NoiseComponents, Score
+from fgnav.solve.chain import solve_batch
+
+# 1-sigma of theta. Stated: a data sheet's figure holds to a factor of 1.5. Not stated: white noise
+# of small units in motion is 1 to 40 times what their data sheets have (docs/model.md), random
+# walks are known by their order of magnitude.
+_STATED, _WHITE, _WALK = np.log(1.5), np.log(5.0), np.log(10.0)
+_ITERATIONS = 30
+_DESCENT = 10  # steps towards the minimum between two of theta
+_LARGEST_STEP = 1.2  # of theta: a factor of 3.3
+_FAR = 4.0  # of squares over redundancy: beyond, theta moves by half its logarithm
+_SETTLED, _SETTLED_SIGMAS = 0.03, 0.3  # a step below either of them is the last
+_RAISED = np.log(10.0)  # at the beginning, until the data fit
+_RAISES = 4
+_MISFIT = 4.0  # of the cost to the number of measurements
+
+
+class Prior(NamedTuple):
+    """Of theta: its 1-sigma about zero, and where it is bounded below, (c,) each."""
+
+    sigma: FloatArray
+    least: FloatArray
+
+    @classmethod
+    def of(cls, names: tuple[str, ...], stated: BoolArray) -> "Prior":
+        """Return the prior of components; ``stated``, (c,), is True where the flight states them.
+
+        What is systematic repeats in all residuals and shows in none: a sensor other than the
+        inertial unit is not taken for better than stated.
+        """
+        walk = np.array([name.endswith("bias") for name in names])
+        of_unit = np.array([name.startswith(WHITE) for name in names])
+        sigma = np.where(stated, _STATED, np.where(walk, _WALK, _WHITE))
+        return cls(sigma, np.where(stated & ~of_unit, 0.0, -np.inf))
+
+
+class NoisePosterior(NamedTuple):
+    """The most probable noise, and the minimum of the problem that has it.
+
+    Attributes
+    ----------
+    components : NoiseComponents
+    theta, sigma : ndarray, shape (c,)
+        Logarithms of factors, and their 1-sigma.
+    problem : SmoothingProblem
+    solution : Solution
+    """
+
+    components: NoiseComponents
+    theta: FloatArray
+    sigma: FloatArray
+    problem: SmoothingProblem
+    solution: Solution
+
+
+def noise_posterior(components: NoiseComponents, prior: Prior, begin: FloatArray) -> NoisePosterior:
+    """Return the most probable noise.
+
+    Parameters
+    ----------
+    components : NoiseComponents
+    prior : Prior
+    begin : ndarray, shape (c,)
+        Theta at which the search begins.
+
+    Raises
+    ------
+    NoSolutionError
+        If the problem has no minimum at which to identify its noise.
+    """
+    theta, states = _begin(components, np.maximum(begin, prior.least))
+    damping: FloatArray = np.ones(len(theta))
+    last: FloatArray = np.zeros(len(theta))
+    for _ in range(_ITERATIONS):
+        problem = components.problem_at(theta)
+        solution = solve_batch(problem, begin=states, most=_DESCENT)
+        states = solution.states
+        score = components.score(theta, problem, solution)
+        sigma = 1 / np.sqrt(np.diag(score.information) + prior.sigma**-2)
+        step = _step(score, theta, prior)
+        settled = (np.abs(step) < np.maximum(_SETTLED, _SETTLED_SIGMAS * sigma)).all()
+        if settled and solution.converged:
+            return NoisePosterior(components, theta, sigma, problem, solution)
+        # Noise and states may undo each other's changes: a component that turns goes half as far.
+        damping = np.where(step * last < 0.0, damping / 2, np.minimum(2 * damping, 1.0))
+        last = step
+        theta = np.maximum(theta + damping * step, prior.least)
+    raise NoSolutionError("noise: the problem has no minimum at which to identify it")
+
+
+def _begin(components: NoiseComponents, theta: FloatArray) -> tuple[FloatArray, States]:
+    """Return theta with white noise and instruments' noise so large that the data fit, and states.
+
+    From far below, states bend to the residuals, and a random walk of a bias may explain them.
+    """
+    names, problem = components.names, components.problem
+    raised = [i for i, name in enumerate(names) if name in (*WHITE, *INSTRUMENTS)]
+    rows = sum(int(one.freedom.sum()) for one in problem.measurements)
+    if problem.phase is not None:
+        rows += int(problem.phase.freedom.sum())
+    states = problem.start
+    for _ in range(_RAISES):
+        solution = solve_batch(components.problem_at(theta), most=_DESCENT)
+        states = solution.states
+        if solution.cost < _MISFIT * rows:
+            break
+        theta = theta.copy()
+        theta[raised] += _RAISED
+    return theta, states
+
+
+def _step(score: Score, theta: FloatArray, prior: Prior) -> FloatArray:
+    """Return a step of Fisher scoring, no component below its bound.
+
+    Far from the maximum ``exp(2 theta) *= squares / redundancy`` instead (Foerstner 1979).
+    """
+    weight = prior.sigma**-2
+    uphill = score.gradient - weight * theta
+    free = np.flatnonzero((theta > prior.least) | (uphill > 0))
+    H = score.information[np.ix_(free, free)] + np.diag(weight[free])
+    step: FloatArray = np.zeros(len(theta))
+    step[free] = np.linalg.solve(H, uphill[free])
+    ratio = (score.squares / score.redundancy.clip(1e-3)).clip(1e-6)
+    far = ((ratio > _FAR) | (ratio < 1 / _FAR)) & (score.redundancy > 1 / prior.sigma**2)
+    step[free] = np.where(far, np.log(ratio) / 2, step)[free]
+    return np.asarray(np.maximum(step.clip(-_LARGEST_STEP, _LARGEST_STEP), prior.least - theta))
+
+
+def correlated_noise(posterior: NoisePosterior) -> FloatArray:
+    """Return theta, (c,), of instruments with the variance of their correlated errors.
+
+    White noise that is as large at low frequencies has ``1 + 2 sum(rho)`` times the variance.
+    """
+    theta = posterior.theta.copy()
+    for i, name in enumerate(posterior.components.names):
+        if name in INSTRUMENTS:
+            r = posterior.components.residuals(name, posterior.problem, posterior.solution)
+            theta[i] += np.log(correlated(r)) / 2
+    return theta

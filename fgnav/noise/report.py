@@ -1,0 +1,111 @@
+"""What a flight has determined of its noise and times, in sentences for its user."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fgnav.noise.allan import FEWEST, allan_deviation, longest_run
+from fgnav.noise.calibration import sentences
+from fgnav.noise.components import AT_REST, WHITE
+from fgnav.noise.identify import Hyperparameters
+from fgnav.noise.nominal import FIELDS, unstated
+from fgnav.types.flight import Flight, Imu
+from fgnav.types.instruments import GnssNoise
+
+_NAMES = {
+    "accelerometer": "Accelerometer noise",
+    "gyroscope": "Gyroscope noise",
+    "accelerometer bias": "Accelerometer bias random walk",
+    "gyroscope bias": "Gyroscope bias random walk",
+    "position": "Noise of fixed positions",
+    "velocity": "Noise of velocities",
+    "barometric height": "Barometer noise",
+    "line of sight": "Line-of-sight noise",
+    "magnetic field": "Magnetometer noise",
+    "satellite error": "Satellite range error",
+    "satellite error walk": "Satellite range error random walk",
+    "satellite error rate": "Satellite range error rate",
+    "code": "Code noise",
+}
+_UNITS = {
+    "accelerometer": "m/s²/√Hz",
+    "gyroscope": "rad/s/√Hz",
+    "accelerometer bias": "m/s²/√s",
+    "gyroscope bias": "rad/s/√s",
+}
+_WORTH_SAYING = np.log(1.5)
+
+
+def noise_notes(flight: Flight, found: Hyperparameters) -> tuple[str, ...]:
+    """Return a sentence for each noise that differs by half from what the flight has, and set-up.
+
+    Parameters
+    ----------
+    flight : Flight
+        With its nominal noise.
+    found : Hyperparameters
+    """
+    usual = (*unstated(flight), *_usual_of_gnss(flight.gnss_noise))
+    factors = {**found.factors, **found.satellites}
+    notes = [
+        _sentence(flight.imu, name, factor, is_usual=name.removesuffix(AT_REST) in usual)
+        for name, factor in factors.items()
+        if abs(np.log(factor)) > _WORTH_SAYING
+    ]
+    return (*notes, *sentences(found.calibrated))
+
+
+def excess_noise(
+    imu: Imu | None, factors: Mapping[str, float], interval_s: float
+) -> dict[str, float]:
+    """Return white noise of a unit over the largest that its samples can hold, where above 1.
+
+    White noise of density N has the Allan deviation ``N / sqrt(tau)``, and whatever else there is,
+    such as motion, only adds to it: what is estimated above it at all tau up to the interval
+    between measurements is no noise. The largest over all runs of samples without a gap is taken.
+
+    Parameters
+    ----------
+    imu : Imu or None
+    factors : dict of str to float
+        On the nominal noise.
+    interval_s : float
+        Between keyframes.
+    """
+    if imu is None:
+        return {}
+    run = longest_run(imu.t_s)
+    if run.stop - run.start < FEWEST:
+        return {}
+    step_s = float(np.median(np.diff(imu.t_s[run])))
+    found = {}
+    for name, values in zip(WHITE, (imu.f_b_mps2, imu.w_b_radps), strict=True):
+        density = getattr(imu, FIELDS[name])
+        if values is None or name not in factors or name.endswith(AT_REST):
+            continue
+        tau_s, deviation = allan_deviation(values[run], step_s)
+        near = tau_s <= max(interval_s, step_s)
+        largest = float((deviation[near] * np.sqrt(tau_s[near, None])).max())
+        if factors[name] * density > largest:
+            found[name] = factors[name] * density / largest
+    return found
+
+
+def _sentence(imu: Imu | None, name: str, factor: float, *, is_usual: bool) -> str:
+    component = name.removesuffix(AT_REST)
+    where = " at standstill" if name.endswith(AT_REST) else ""
+    unit = _UNITS.get(component)
+    density = None if imu is None or unit is None else getattr(imu, FIELDS[component])
+    value = "" if density is None else f"{factor * density:.2g} {unit}, "
+    of = "usual figure" if is_usual else "nominal"
+    return f"{_NAMES[component]}{where}: estimated {value}{factor:.2g} x the {of}; used."
+
+
+def _usual_of_gnss(noise: GnssNoise) -> tuple[str, ...]:
+    default = GnssNoise()
+    names = ["satellite error"]
+    if noise.satellite_error_walk_m_per_sqrt_s == default.satellite_error_walk_m_per_sqrt_s:
+        names.append("satellite error walk")
+    if noise.satellite_error_rate_mps == default.satellite_error_rate_mps:
+        names.append("satellite error rate")
+    return (*names, "code") if "code_m" in noise.unstated else tuple(names)

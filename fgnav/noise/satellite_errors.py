@@ -1,0 +1,199 @@
+"""Errors of satellites and noise of codes: their most probable factors on the nominal.
+
+What messages and models of the atmosphere leave in ranges to satellites is a state of each in the
+graph (``graph.factors.antenna_phase``): nominal are its 1-sigma when a satellite appears, that of
+its rate, and its random walk. Their marginal likelihood is that of a filter of these states alone,
+the place of the antenna free at every epoch [1]_:
+
+    ln L = -c / 2 - ln |R| - sum of n_i ln f_i
+
+c the least sum of squares of all whitened rows, R the triangular root of their information, n_i
+rows that say how large an error of one kind is, and f_i its standard deviation over the stated one.
+Codes are those of a second apart by which ambiguities are known.
+
+What all satellites share, and what repeats from one code to the next, is in no residual: the size
+of errors and the noise of codes have the nominal for a floor. How errors move may be less by one
+prior sigma.
+
+References
+----------
+.. [1] Koch, Maximum likelihood estimate of variance components, Bulletin Geodesique 60, 1986.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.optimize import minimize_scalar
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock
+from fgnav.graph.types.on_demand import OnDemand
+from fgnav.kernels.compiled import kernel
+from fgnav.solve.chain.arcs_kernel import lead_on
+
+CODE = "code"
+ERRORS = ("satellite error", "satellite error walk", "satellite error rate", CODE)
+_FLOORED = ("satellite error", CODE)
+_SIGMA = np.log(3.0)  # of a factor's logarithm: orbits and atmospheres differ by so much
+_SWEEPS = 2
+_MOST = np.log(100.0)  # of a factor's logarithm: centimetres of metres, noise of phases and codes
+_ENOUGH = 200  # blocks: walks of four satellites more than a place to 2.5 %, closer than is sought
+_SETTLED = 0.1  # of it: 10 % of a standard deviation
+_NEVER = 1e100  # -ln L of what cannot be: a search takes differences of it
+
+
+def satellite_error_factors(phase: AntennaPhase) -> dict[str, float]:
+    """Return factors on errors of satellites, and on noise of codes, that are not 1."""
+    errors = SatelliteErrors(phase)
+    theta: FloatArray = np.zeros(len(ERRORS))
+    for _ in range(_SWEEPS):
+        before = theta
+        for i in range(len(ERRORS)):
+            theta = errors.climbed(theta, i)
+        if np.abs(theta - before).max() < _SETTLED:
+            break
+    factors = {name: float(np.exp(x)) for name, x in zip(ERRORS, theta.tolist(), strict=True)}
+    return {name: factor for name, factor in factors.items() if abs(np.log(factor)) > _SETTLED}
+
+
+def with_errors(phase: AntennaPhase, factors: Mapping[str, float]) -> AntennaPhase:
+    """Return phases whose errors of satellites and codes are as large as factors say."""
+    weight = 1 / np.array([*(factors.get(name, 1.0) for name in ERRORS), 1.0])
+    blocks = phase.blocks
+
+    def weighted(j: int) -> ArcBlock:
+        block = blocks[j]
+        return _weighted(block, weight[_kinds(block)])
+
+    return replace(phase, blocks=OnDemand(len(blocks), weighted))
+
+
+class SatelliteErrors:
+    """Phases and codes of a flight by blocks, places eliminated.
+
+    Parameters
+    ----------
+    phase : AntennaPhase
+
+    Attributes
+    ----------
+    count : ndarray of int, shape (4,)
+        Rows that say how large an error is, of each kind.
+    """
+
+    def __init__(self, phase: AntennaPhase) -> None:
+        blocks = list(phase.blocks[:_ENOUGH])
+        self._kinds = np.concatenate([_kinds(block) for block in blocks])
+        self.count = np.bincount(self._kinds, minlength=len(ERRORS))[: len(ERRORS)]
+        measured = [np.zeros((one.size + 1, one.size + 1)) for one in blocks]
+        for i, block in enumerate(phase.block - phase.first_block):
+            if block < len(blocks):
+                rows = np.column_stack(phase.rows[i].without_place())
+                measured[block] += rows.T @ rows
+        self._shapes = np.array([(*one.before.shape, one.size) for one in blocks])
+        self._eliminated = sum(one.size for one in blocks[:-1])
+        parts = ([getattr(one, name) for one in blocks] for name in ("before", "after", "right"))
+        self._rows = [np.concatenate([one.ravel() for one in part]) for part in (*parts, measured)]
+
+    def climbed(self, theta: FloatArray, i: int) -> FloatArray:
+        """Return logarithms of factors, (4,), the i-th of them the most probable."""
+
+        def at(x: float) -> FloatArray:
+            moved = theta.copy()
+            moved[i] = x
+            return moved
+
+        search = minimize_scalar(
+            lambda x: min(x**2 / (2 * _SIGMA**2) - self.log_likelihood(at(x)), _NEVER),
+            bounds=(0.0 if ERRORS[i] in _FLOORED else -_SIGMA, _MOST),
+            method="bounded",
+            options={"xatol": _SETTLED},
+        )
+        return at(search.x)
+
+    def log_likelihood(self, theta: FloatArray) -> float:
+        """Return ln L of logarithms of factors, (4,), but for a constant."""
+        weight = np.append(np.exp(-2 * theta), 1.0)
+        diagonal = np.empty(self._eliminated)
+        information = _filtered(self._shapes, weight[self._kinds], diagonal, *self._rows)
+        if len(information) == 1:
+            return -np.inf
+        log_root = float(np.log(diagonal).sum())
+        try:
+            root = np.linalg.cholesky(information[:-1, :-1], upper=True)
+        except np.linalg.LinAlgError:
+            return -np.inf
+        log_root += float(np.log(root.diagonal()).sum())
+        along = solve_triangular(root, information[:-1, -1], trans="T")
+        cost = float(information[-1, -1] - along @ along)
+        return -cost / 2 - log_root - float(self.count @ theta)
+
+
+@kernel
+def _filtered(
+    shapes: IntArray,
+    weight: FloatArray,
+    diagonal: FloatArray,
+    before: FloatArray,
+    after: FloatArray,
+    right: FloatArray,
+    measured: FloatArray,
+) -> FloatArray:
+    """Return the information of the last block, upper half; but for a cost empty where A is open.
+
+    Parameters
+    ----------
+    shapes : ndarray of int, shape (k, 3)
+        Of each block rows, columns of ``before`` and of ``after``.
+    weight : ndarray
+        Of the squares of each row.
+    diagonal : ndarray
+        Filled with that of R, but for the last block.
+    before, after, right, measured : ndarray
+        Theirs, one block after another; the information of what is measured in it.
+    """
+    information: FloatArray = np.zeros((1, 1))
+    a = b = c = d = e = 0
+    for q, old, new in shapes:
+        size, m = len(information) - 1, new + 1
+        rows = (
+            before[a : a + q * old].reshape((q, old)),
+            after[b : b + q * new].reshape((q, new)),
+            right[c : c + q],
+        )
+        order = np.empty(size + 1, np.int64)
+        for i in range(size + 1):
+            order[i] = i
+        is_known, joint = lead_on(information, order, size, rows, weight[c : c + q])
+        if not is_known:
+            return np.zeros((1, 1))
+        for i in range(size):
+            diagonal[e + i] = joint[i, i]
+        information = np.empty((m, m))
+        for i in range(m):
+            for j in range(m):
+                information[i, j] = joint[size + i, size + j] + measured[d + i * m + j]
+        a, b, c, d, e = a + q * old, b + q * new, c + q, d + m * m, e + size
+    return information
+
+
+def _kinds(block: ArcBlock) -> IntArray:
+    """Return which of the errors each row of a block is of, (q,); their number: of none."""
+    size, s = block.size, block.satellites
+    kinds = np.full(len(block.right), len(ERRORS))
+    kinds[size:] = ERRORS.index(CODE)
+    error, rate = slice(size - 2 * s, size - s), slice(size - s, size)
+    goes_on = np.asarray(block.before.any(axis=1))
+    kinds[error] = np.where(goes_on[error], 1, 0)
+    kinds[rate] = np.where(goes_on[rate], len(ERRORS), 2)
+    return kinds
+
+
+def _weighted(block: ArcBlock, weight: FloatArray) -> ArcBlock:
+    return block._replace(
+        before=weight[:, None] * block.before,
+        after=weight[:, None] * block.after,
+        right=weight * block.right,
+    )
