@@ -61,4 +61,4 @@ bench: $(DEV)
 	$(BIN)/python -m tests.benchmarks $(ONLY)
 
 clean:
-	rm -rf $(VENV) demo bench.json build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf $(VENV) demo bench.json yardstick.json build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

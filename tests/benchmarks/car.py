@@ -123,7 +123,8 @@ def constants(estimate: Estimate) -> str:
     )
 
 
-def _flight(case: str) -> tuple[Flight, BoolArray]:
+def flight_of(case: str) -> tuple[Flight, BoolArray]:
+    """Return the whole drive, and which of its fixes a case is given, as a mask (n,)."""
     whole = drive(Path(SHARED or "") / "data", stretched="own_counter" not in case)
     if case.startswith("withheld"):
         return whole, thinned(whole, 1)
@@ -133,19 +134,23 @@ def _flight(case: str) -> tuple[Flight, BoolArray]:
     return whole, thinned(whole, rate_hz)
 
 
-def _row(case: str) -> dict:
-    whole, rows = _flight(case)
+def solved(case: str, whole: Flight, rows: BoolArray) -> Estimate:
+    """Return the estimate of a case from the given rows of the whole drive's fixes."""
     flight = kept(whole, rows)
     name = case.rsplit("_", 1)[1]
     method = METHODS[name]
     if case.startswith("outages") and name != "batch":
         flight = replace(flight, vehicle=WheeledVehicle())
     if case.startswith("plain"):
-        estimate = method(flight)
-    else:
-        t_s, imu_s, given_s = whole.fixes.t_s, whole.imu.t_s, flight.fixes.t_s
-        first_s = given_s[given_s > imu_s[0]][0]  # no keyframe is before it
-        estimate = method.at(flight, t_s[(t_s >= first_s) & (t_s < imu_s[-1])])
+        return method(flight)
+    t_s, imu_s, given_s = whole.fixes.t_s, whole.imu.t_s, flight.fixes.t_s
+    first_s = given_s[given_s > imu_s[0]][0]  # no keyframe is before it
+    return method.at(flight, t_s[(t_s >= first_s) & (t_s < imu_s[-1])])
+
+
+def _row(case: str) -> dict:
+    whole, rows = flight_of(case)
+    estimate = solved(case, whole, rows)
     answered = float((estimate.sigma_deg[:, 2] < SURE_DEG).sum() / estimate.epochs)
     note = (
         f"yaw known to {SURE_DEG:.0f} deg {answered:.3f}; {yaw_less_course(estimate, whole.fixes)}"

@@ -26,7 +26,7 @@ def right_flight(kind: str, seed: int) -> Flight:
     change = msgspec.structs.replace
     swing = {"amplitude_deg": rng.uniform(8.0, 25.0)}
     motion = Motion(
-        path=_Weave(rng),  # type: ignore[arg-type]  # a path as any other
+        path=Weave(rng),  # type: ignore[arg-type]  # a path as any other
         roll=Sine(**swing),
         pitch=Sine(**swing, phase_deg=rng.uniform(0, 180)),
         yaw=Sine(**swing, phase_deg=rng.uniform(0, 180)),
@@ -54,7 +54,7 @@ def right_flight(kind: str, seed: int) -> Flight:
     return simulate(scenario, rng)
 
 
-class _Weave:
+class Weave:
     """A path that weaves in all three directions: in a steady turn no clock can be told."""
 
     def __init__(self, rng: np.random.Generator) -> None:
