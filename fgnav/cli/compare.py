@@ -20,7 +20,7 @@ from fgnav.cli.arguments.options import (
     UntilSeconds,
     WithoutKinds,
 )
-from fgnav.cli.arguments.written import write_method
+from fgnav.cli.arguments.written import fail_if_inconsistent, write_method
 from fgnav.integers.resolvers.registry import DEFAULT
 from fgnav.json_file import JsonFile, write_json
 from fgnav.terminal import check_outputs, show_comparison, show_lines, show_report, width
@@ -81,7 +81,8 @@ def compare(  # noqa: PLR0913  # a command has as many options as it takes
     if len(folders) > 1:
         _several(folders, estimators, span, json, report)
     else:
-        _one(folders[0], estimators, span, out, json, report)
+        comparison = _one(folders[0], estimators, span, out, json, report)
+        fail_if_inconsistent(comparison, strict=smoother.strict)
 
 
 def _one(
@@ -91,7 +92,7 @@ def _one(
     out: Path | None,
     json: str | None,
     report: Path | None,
-) -> None:
+) -> "Comparison":
     from fgnav.checks import NoSolutionError  # noqa: PLC0415
     from fgnav.evaluation.report.save import save_report  # noqa: PLC0415
 
@@ -107,6 +108,7 @@ def _one(
     if json != "-":
         show_lines(written)
         show_report(files)
+    return comparison
 
 
 def _written(comparison: "Comparison", data: "Flight", out: Path) -> list[str]:

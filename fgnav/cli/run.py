@@ -15,7 +15,7 @@ from fgnav.cli.arguments.options import (
     SmootherOptions,
     TimesFile,
 )
-from fgnav.cli.arguments.written import write_method
+from fgnav.cli.arguments.written import fail_if_inconsistent, write_method
 from fgnav.integers.resolvers.registry import DEFAULT
 from fgnav.json_file import JsonFile, write_json
 from fgnav.terminal import check_outputs, show_lines, show_report
@@ -68,3 +68,4 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     if json != "-":
         show_lines([written, *remarks(comparison)])
         show_report(files)
+    fail_if_inconsistent(comparison, strict=smoother.strict)

@@ -8,7 +8,7 @@ from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.reference import covered, truth_at
 from fgnav.geometry import rotations
-from fgnav.types.estimate import Consistency, Estimate, open_angle_variance_rad2
+from fgnav.types.estimate import Consistency, Estimate, Verdict, open_angle_variance_rad2
 from fgnav.types.flight import Truth
 
 EULER = ("roll", "pitch", "yaw")
@@ -80,6 +80,8 @@ class Score:
         the compilation of kernels that the first run after an install brings.
     consistency : tuple of Consistency
         Innovations by kind of measurement, of a method that states them.
+    verdicts : tuple of Verdict
+        Sensors that contradict the others, of such a method.
     failure : str or None
         Why there is no estimate at all.
     """
@@ -99,6 +101,7 @@ class Score:
     unobservable: tuple[str, ...] = ()
     losses: tuple[Loss, ...] = ()
     consistency: tuple[Consistency, ...] = ()
+    verdicts: tuple[Verdict, ...] = ()
     notes: tuple[str, ...] = ()
     failure: str | None = None
 
@@ -159,6 +162,7 @@ def score(
         unobservable=estimate.unobservable,
         losses=estimate.losses + (errors.losses if errors else ()),
         consistency=estimate.consistency,
+        verdicts=estimate.verdicts,
         notes=estimate.notes,
     )
     if errors is None:

@@ -57,8 +57,8 @@ class PreparedFlight:
         As it were if the heading was known: horizontal accelerations are no noise anywhere.
     opening : Opening or None
         What a filter is given in its place until the heading is known.
-    excess_noise : mapping of str to float
-        Noise of the unit's sensors over the largest that its samples can hold.
+    implausible : mapping of str to float
+        What was identified of noise and set-up, over the largest plausible value.
     array : tuple of DoubleDifferences and ndarray, or None
         Phases of the array, and the ranges of its attitudes, without integers.
     stretches : tuple of Stretch
@@ -87,7 +87,7 @@ class PreparedFlight:
     in_motion: SmoothingProblem | None = None
     array: tuple[DoubleDifferences, FloatArray] | None = None
     stretches: "tuple[Stretch, ...]" = ()
-    excess_noise: Mapping[str, float] = field(default_factory=dict)
+    implausible: Mapping[str, float] = field(default_factory=dict)
     attitude_inflation_rad2: FloatArray | None = None
     rest: Rest | None = None
     goes_on: Earlier | None = None

@@ -33,16 +33,17 @@ _MOST = 5  # verdicts of a sensor: the largest
 
 
 def judge(
-    series: Sequence[InnovationSeries], excess: Mapping[str, float], span_s: tuple[float, float]
+    series: Sequence[InnovationSeries],
+    implausible: Mapping[str, float],
+    span_s: tuple[float, float],
 ) -> tuple[Verdict, ...]:
     """Return the sensors that contradict the others, each by its largest verdicts first.
 
     Parameters
     ----------
     series : sequence of InnovationSeries
-    excess : mapping of str to float
-        Noise of the inertial unit's sensors over the largest that its samples can hold; those
-        above 1.
+    implausible : mapping of str to float
+        What was identified of noise and set-up over the largest plausible value, above 1.
     span_s : tuple of float
         First and last keyframe.
     """
@@ -56,18 +57,26 @@ def judge(
             until_s=span_s[1],
             ratio=ratio**2,
             limit=1.0,
-            test="noise",
+            test="plausibility",
         )
-        for name, ratio in excess.items()
+        for name, ratio in implausible.items()
     ]
     for one in tested:
-        verdicts += _of_record(one, rate) or _of_blocks(one, rate) or _of_correlation(one, rate)
+        blocks = _of_blocks(one, rate)
+        others = np.ones(len(one.t_s), dtype=np.bool_)
+        for block in blocks:
+            others &= (one.t_s < block.from_s) | (one.t_s > block.until_s)
+        rest = one._replace(squared=one.squared[others], freedom=one.freedom[others])
+        verdicts += _of_record(one, rest, rate) or blocks or _of_correlation(one, rate)
     return tuple(verdicts)
 
 
-def _of_record(one: InnovationSeries, rate: float) -> list[Verdict]:
-    limit = max(TOLERATED, limit_of(one.squared, one.freedom, rate))
-    if one.nis <= limit:
+def _of_record(one: InnovationSeries, rest: InnovationSeries, rate: float) -> list[Verdict]:
+    """Return a verdict of all of a record if ``rest``, without its worst blocks, has one, too."""
+    if not int(rest.freedom.sum()):
+        rest = one
+    limit = max(TOLERATED, limit_of(rest.squared, rest.freedom, rate))
+    if rest.nis <= limit:
         return []
     return [_verdict(one, (0, len(one.t_s)), one.nis, limit, "record")]
 

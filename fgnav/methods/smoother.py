@@ -213,7 +213,7 @@ class Smoother:
             prepared = build(flight, settings)
         else:
             from fgnav.noise.identify import identified  # noqa: PLC0415  # lazy: the chain
-            from fgnav.noise.report import excess_noise, noise_notes  # noqa: PLC0415
+            from fgnav.noise.report import implausible, noise_notes  # noqa: PLC0415
 
             flight, notes = _with_noise_of_record(flight)
             try:
@@ -224,8 +224,8 @@ class Smoother:
             else:
                 notes = (*notes, *noise_notes(flight, found))
                 interval_s = float(np.median(np.diff(prepared.problem.t_s)))
-                excess = excess_noise(flight.imu, found.factors, interval_s)
-                prepared = replace(prepared, excess_noise=excess)
+                excess = implausible(flight.imu, found, interval_s)
+                prepared = replace(prepared, implausible=excess)
             prepared = replace(prepared, notes=(*prepared.notes, *notes))
         if without_attitudes(prepared) and self.rate_prior is None:
             from fgnav.methods.smoothing.rate_identification import (  # noqa: PLC0415  # lazy: the chain
@@ -302,7 +302,7 @@ class Smoother:
         return replace(
             estimate,
             consistency=tuple(one.summary for one in series),
-            verdicts=judge(series, prepared.excess_noise, (float(t_s[0]), float(t_s[-1]))),
+            verdicts=judge(series, prepared.implausible, (float(t_s[0]), float(t_s[-1]))),
             losses=(*estimate.losses, *sourced.losses),
             notes=(*estimate.notes, *sourced.notes),
         )

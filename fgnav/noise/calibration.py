@@ -38,19 +38,23 @@ class Calibrated(NamedTuple):
     ----------
     kind : {"clock", "velocity-delay", "lever-arm"}
     value, sigma : ndarray, shape (d,)
-    ratio : float
-        Log-likelihood ratio to zero, the others free.
     alone : float
         Log-likelihood that it gains alone, the others zero.
     is_significant : bool
+    prior_sigma : float
+        1-sigma before the flight, of the first of its axes.
     """
 
     kind: str
     value: FloatArray
     sigma: FloatArray
-    ratio: float
     alone: float
     is_significant: bool
+    prior_sigma: float
+
+    def gaining(self, before: "Calibrated") -> "Calibrated":
+        """Return the same with the gain that it had before timestamps were moved."""
+        return self._replace(alone=before.alone)
 
 
 def with_latency_and_lever_arm(
@@ -79,7 +83,9 @@ def with_latency_and_lever_arm(
     measurements = []
     for one in extended.measurements:
         changed: Measurement = one
-        if isinstance(one, Subset):
+        if arm >= 0 and isinstance(one, Position | Velocity):
+            changed = replace(one, lever_column=arm)
+        elif isinstance(one, Subset):
             inner, kept = one.measurement, one
             if arm >= 0 and isinstance(inner, Position | Velocity):
                 changed = kept = replace(one, measurement=replace(inner, lever_column=arm))
@@ -88,7 +94,10 @@ def with_latency_and_lever_arm(
                 late = replace(kept, indices=one.indices[led], row=one.row[led])
                 changed = on_clock(late, timed, constants, delay=VELOCITY_DELAY, clock=False)
         measurements.append(changed)
-    return replace(extended, measurements=tuple(measurements))
+    phase = extended.phase
+    if phase is not None and arm >= 0:
+        phase = replace(phase, lever_column=arm)
+    return replace(extended, measurements=tuple(measurements), phase=phase)
 
 
 def calibrated(constants: Constants, solution: Solution) -> tuple[Calibrated, ...]:
@@ -110,9 +119,9 @@ def calibrated(constants: Constants, solution: Solution) -> tuple[Calibrated, ..
                 kind=kind,
                 value=x[of],
                 sigma=np.sqrt(np.diag(P)[of]),
-                ratio=squares / 2,
                 alone=(total - _squares(x, P, others)) / 2,
                 is_significant=squares > float(chdtri(len(of), _FALSE_ALARM)),
+                prior_sigma=float(np.sqrt(constants.covariance[of[0], of[0]])),
             )
         )
     return _one_or_the_other(tuple(found), x, P, columns)
@@ -139,7 +148,7 @@ def sentences(found: tuple[Calibrated, ...]) -> tuple[str, ...]:
     for one in found:
         if not one.is_significant:
             continue
-        others = [other for other in found if other is not one]
+        name, others = _NAMES[one.kind], [other for other in found if other is not one]
         runner_up = max(others, key=lambda other: other.alone, default=None)
         beside = (
             ""
@@ -147,7 +156,7 @@ def sentences(found: tuple[Calibrated, ...]) -> tuple[str, ...]:
             else f"; runner-up: {_NAMES[runner_up.kind]}, {runner_up.alone:.0f}"
         )
         notes.append(
-            f"{_NAMES[one.kind].capitalize()} estimated: {_value(one)}. "
+            f"{name[:1].upper()}{name[1:]} estimated: {_value(one)}. "
             f"Log-likelihood gain {one.alone:.0f}{beside}."
         )
     return tuple(notes)

@@ -122,10 +122,7 @@ class Hyperparameters:
 
 
 def identified(
-    flight: Flight,
-    settings: ProblemSettings,
-    build: Build,
-    prepared: PreparedFlight | None = None,
+    flight: Flight, settings: ProblemSettings, build: Build
 ) -> tuple[Hyperparameters, PreparedFlight]:
     """Return what a flight determines of its noise and times, and its problem with these.
 
@@ -136,24 +133,26 @@ def identified(
         Not causal.
     build : callable
         From a flight and settings to its problem.
-    prepared : PreparedFlight, optional
-        That of the flight as it is, if it is built already.
 
     Raises
     ------
     NoSolutionError
         If the flight has no problem.
     """
-    imu = flight.imu
-    exact, is_exact = flight, True
-    if imu is not None and imu.clock_offset_sigma_s:
-        exact, is_exact = replace(flight, imu=replace(imu, clock_offset_sigma_s=0.0)), False
-    stated = prepared if prepared is not None and is_exact else build(exact, settings)
-    found, last = _searched(exact, settings, build, stated)
+    exact = with_exact_timestamps(flight)
+    found, last = hyperparameters(exact, settings, build, build(exact, settings))
     if not found.is_nominal:
         alike = replace(settings, interval_priors=_rate_prior(last))
         return found, found.prepared(flight, alike, build)
-    return found, last if is_exact else prepared or build(flight, settings)
+    return found, last if exact is flight else build(flight, settings)
+
+
+def with_exact_timestamps(flight: Flight) -> Flight:
+    """Return a flight whose unit's clock is in no doubt: it is free while it is identified."""
+    imu = flight.imu
+    if imu is None or not imu.clock_offset_sigma_s:
+        return flight
+    return replace(flight, imu=replace(imu, clock_offset_sigma_s=0.0))
 
 
 def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]) -> PreparedFlight:
@@ -168,33 +167,52 @@ def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]
     return prepared.changed(changed)
 
 
-def _searched(
-    exact: Flight, settings: ProblemSettings, build: Build, prepared: PreparedFlight
+def hyperparameters(
+    flight: Flight, settings: ProblemSettings, build: Build, prepared: PreparedFlight
 ) -> tuple[Hyperparameters, PreparedFlight]:
-    """Return what a flight determines, and its last problem, with the nominal noise."""
-    middle_s = 0.0 if exact.imu is None else middle_of_record_s(exact.imu)
+    """Return what a flight determines, and its last problem, with the nominal noise.
+
+    Parameters
+    ----------
+    flight : Flight
+        With exact timestamps.
+    settings : ProblemSettings
+        Not causal.
+    build : callable
+    prepared : PreparedFlight
+        The flight's problem.
+
+    Raises
+    ------
+    NoSolutionError
+        If there is no minimum about which to identify anything.
+    """
+    middle_s = 0.0 if flight.imu is None else middle_of_record_s(flight.imu)
     clock, found, theta = ClockCorrection(), Hyperparameters(), None
     for _ in range(_PASSES):
         if prepared.opening is not None and prepared.opening.until_s == np.inf:
             return found, prepared  # a heading that nothing determines: nor does noise show
-        at = clock.applied(exact, middle_s)
+        at = clock.applied(flight, middle_s)
         satellites = _satellites(at, prepared)
         changed = with_satellite_errors(prepared, satellites)
         posterior, theta = _posterior(at, settings, changed, theta)
-        of_setup = calibrated(posterior.problem.constants, posterior.solution)
+        now = calibrated(posterior.problem.constants, posterior.solution)
+        before = found.calibrated or now
         found = replace(
             _hyperparameters(posterior),
             satellites=satellites,
             clock=clock,
             middle_s=middle_s,
-            calibrated=of_setup,
+            calibrated=tuple(map(Calibrated.gaining, now, before)),
         )
-        step = next((one for one in of_setup if one.kind == CLOCK), None)
-        is_settled = step is None or (np.abs(step.value) < _SETTLED_SIGMAS * step.sigma).all()
-        if step is None or is_settled or not (clock or step.is_significant):
+        step = next((one for one in now if one.kind == CLOCK), None)
+        is_off = any(one.is_significant for one in now if one.kind in (CLOCK, LATENCY))
+        if step is None or not (clock or is_off):
+            break
+        if (np.abs(step.value) < _SETTLED_SIGMAS * step.sigma).all():
             break
         clock = clock.plus(*step.value.tolist())
-        prepared = build(clock.applied(exact, middle_s), settings)
+        prepared = build(clock.applied(flight, middle_s), settings)
     return replace(found, clock=clock, calibrated=_with_total(found.calibrated, clock)), prepared
 
 
@@ -223,10 +241,10 @@ def _posterior(
     problem, keyframes = decimated(prepared.problem)
     requested = [one.kind for one in settings.calibration]
     fixes = flight.fixes if flight.observations is None else None
-    if fixes is not None:
-        wanted = (LEVER_ARM,) if fixes.v_n_mps is None else (LATENCY, LEVER_ARM)
-        kinds = tuple(one for one in wanted if one not in requested)
-        problem = with_latency_and_lever_arm(problem, prepared.timed.at(keyframes), kinds)
+    has_velocities = fixes is not None and fixes.v_n_mps is not None
+    wanted = (LATENCY, LEVER_ARM) if has_velocities else (LEVER_ARM,)
+    kinds = tuple(one for one in wanted if one not in requested)
+    problem = with_latency_and_lever_arm(problem, prepared.timed.at(keyframes), kinds)
     if flight.imu is not None and flight.imu.w_b_radps is not None:
         problem = with_clock(problem)
     standstill = None

@@ -13,7 +13,7 @@ from fgnav.checks import NoSolutionError
 from fgnav.frontend.causal.truncation import truncated
 from fgnav.frontend.prepared import PreparedFlight, Stretch
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.noise.identify import Build, Hyperparameters, identified
+from fgnav.noise.identify import Build, Hyperparameters, hyperparameters, with_exact_timestamps
 from fgnav.noise.report import noise_notes
 from fgnav.types.flight import Flight
 
@@ -123,13 +123,14 @@ def identification(
     flight: Flight, settings: ProblemSettings, until_s: float, build: Build
 ) -> Identification:
     """Return what a flight has determined up to a time."""
-    past, whole = truncated(flight, until_s), replace(settings, causal=False)
+    past = with_exact_timestamps(truncated(flight, until_s))
+    whole = replace(settings, causal=False)
     try:
         prepared = build(past, whole)
     except NoSolutionError:  # next to nothing is there yet
         return Identification()
     try:
-        return Identification(identified(past, whole, build, prepared)[0])
+        return Identification(hyperparameters(past, whole, build, prepared)[0])
     except NoSolutionError:
         opening = prepared.opening
         return Identification(is_open=opening is not None and opening.until_s == np.inf)

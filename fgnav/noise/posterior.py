@@ -16,10 +16,11 @@ from fgnav.graph.types.states import States
 from fgnav.noise.components import INSTRUMENTS, WHITE, NoiseComponents, Score
 from fgnav.solve.chain import solve_batch
 
-# 1-sigma of theta. Stated: a data sheet's figure holds to a factor of 1.5. Not stated: white noise
-# of small units in motion is 1 to 40 times what their data sheets have (docs/model.md), random
-# walks are known by their order of magnitude.
+# 1-sigma of theta. What is stated holds to a factor of 1.5, but for white noise of inertial units:
+# in motion that of small ones is 1 to 200 times the figure of their data sheets, which is that at
+# rest (docs/validation.md). Random walks that nobody states are known by their order of magnitude.
 _STATED, _WHITE, _WALK = np.log(1.5), np.log(5.0), np.log(10.0)
+_SAME_COST = 0.5  # what is left of it then is a quarter of a unit of log-likelihood
 _ITERATIONS = 30
 _DESCENT = 10  # steps towards the minimum between two of theta
 _LARGEST_STEP = 1.2  # of theta: a factor of 3.3
@@ -45,7 +46,8 @@ class Prior(NamedTuple):
         """
         walk = np.array([name.endswith("bias") for name in names])
         of_unit = np.array([name.startswith(WHITE) for name in names])
-        sigma = np.where(stated, _STATED, np.where(walk, _WALK, _WHITE))
+        shakes = np.isin(names, WHITE)
+        sigma = np.where(stated & ~shakes, _STATED, np.where(walk, _WALK, _WHITE))
         return cls(sigma, np.where(stated & ~of_unit, 0.0, -np.inf))
 
 
@@ -83,6 +85,7 @@ def noise_posterior(components: NoiseComponents, prior: Prior, begin: FloatArray
     NoSolutionError
         If the problem has no minimum at which to identify its noise.
     """
+    cost = np.inf
     theta, states = _begin(components, np.maximum(begin, prior.least))
     damping: FloatArray = np.ones(len(theta))
     last: FloatArray = np.zeros(len(theta))
@@ -94,11 +97,12 @@ def noise_posterior(components: NoiseComponents, prior: Prior, begin: FloatArray
         sigma = 1 / np.sqrt(np.diag(score.information) + prior.sigma**-2)
         step = _step(score, theta, prior)
         settled = (np.abs(step) < np.maximum(_SETTLED, _SETTLED_SIGMAS * sigma)).all()
-        if settled and solution.converged:
+        is_minimum = solution.converged or abs(solution.cost - cost) < _SAME_COST
+        if settled and is_minimum:
             return NoisePosterior(components, theta, sigma, problem, solution)
         # Noise and states may undo each other's changes: a component that turns goes half as far.
         damping = np.where(step * last < 0.0, damping / 2, np.minimum(2 * damping, 1.0))
-        last = step
+        last, cost = step, solution.cost
         theta = np.maximum(theta + damping * step, prior.least)
     raise NoSolutionError("noise: the problem has no minimum at which to identify it")
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fgnav.noise.allan import FEWEST, allan_deviation, longest_run
-from fgnav.noise.calibration import sentences
+from fgnav.noise.calibration import LATENCY, LEVER_ARM, sentences
 from fgnav.noise.components import AT_REST, WHITE
 from fgnav.noise.identify import Hyperparameters
 from fgnav.noise.nominal import FIELDS, unstated
@@ -34,6 +34,9 @@ _UNITS = {
     "gyroscope bias": "rad/s/√s",
 }
 _WORTH_SAYING = np.log(1.5)
+_BIASES = {"accelerometer": "accelerometer_bias_mps2", "gyroscope": "gyroscope_bias_radps"}
+_NAMES_OF_SETUP = {LEVER_ARM: "lever arm", LATENCY: "velocity latency"}
+_SIGMAS = 3.0  # of what is known before the flight
 
 
 def noise_notes(flight: Flight, found: Hyperparameters) -> tuple[str, ...]:
@@ -55,25 +58,47 @@ def noise_notes(flight: Flight, found: Hyperparameters) -> tuple[str, ...]:
     return (*notes, *sentences(found.calibrated))
 
 
-def excess_noise(
-    imu: Imu | None, factors: Mapping[str, float], interval_s: float
-) -> dict[str, float]:
-    """Return white noise of a unit over the largest that its samples can hold, where above 1.
+def implausible(imu: Imu | None, found: Hyperparameters, interval_s: float) -> dict[str, float]:
+    """Return what is estimated over the largest plausible value, where above 1: a likely fault.
 
-    White noise of density N has the Allan deviation ``N / sqrt(tau)``, and whatever else there is,
-    such as motion, only adds to it: what is estimated above it at all tau up to the interval
-    between measurements is no noise. The largest over all runs of samples without a gap is taken.
+    A bias is not to walk, over the record, by more than three sigmas of what is stated of it; a
+    lever arm or a latency is not to be beyond three sigmas of what is known before the flight, and
+    no velocity is of later than its timestamp.
 
     Parameters
     ----------
     imu : Imu or None
-    factors : dict of str to float
-        On the nominal noise.
+        With its nominal noise.
+    found : Hyperparameters
     interval_s : float
         Between keyframes.
     """
-    if imu is None:
-        return {}
+    ratios = {}
+    for one in found.significant:
+        is_early = one.kind == LATENCY and one.value[0] < 0.0
+        largest = _SIGMAS * (float(one.sigma[0]) if is_early else one.prior_sigma)
+        if one.kind in _NAMES_OF_SETUP:
+            ratios[_NAMES_OF_SETUP[one.kind]] = float(np.linalg.norm(one.value)) / largest
+    if imu is not None:
+        ratios |= _noise_ratios(imu, found.factors, interval_s)
+        root_s = np.sqrt(imu.t_s[-1] - imu.t_s[0])
+        for sensor, field in _BIASES.items():
+            walk, bias = getattr(imu, FIELDS[f"{sensor} bias"]), getattr(imu, field)
+            if walk and bias:
+                factor = found.factors.get(f"{sensor} bias", 1.0)
+                ratios[f"{sensor} bias"] = float(factor * walk * root_s / (_SIGMAS * bias))
+                if factor <= 1.0:  # as stated
+                    del ratios[f"{sensor} bias"]
+    return {name: ratio for name, ratio in ratios.items() if ratio > 1.0}
+
+
+def _noise_ratios(imu: Imu, factors: Mapping[str, float], interval_s: float) -> dict[str, float]:
+    """Return white noise of a unit over the largest that its samples can hold.
+
+    White noise of density N has the Allan deviation ``N / sqrt(tau)``, and whatever else there is,
+    such as motion, only adds to it: what is estimated above it at all tau up to the interval
+    between measurements is no noise. The largest over all axes counts.
+    """
     run = longest_run(imu.t_s)
     if run.stop - run.start < FEWEST:
         return {}
@@ -81,13 +106,12 @@ def excess_noise(
     found = {}
     for name, values in zip(WHITE, (imu.f_b_mps2, imu.w_b_radps), strict=True):
         density = getattr(imu, FIELDS[name])
-        if values is None or name not in factors or name.endswith(AT_REST):
+        if values is None or factors.get(name, 1.0) <= 1.0:
             continue
         tau_s, deviation = allan_deviation(values[run], step_s)
         near = tau_s <= max(interval_s, step_s)
         largest = float((deviation[near] * np.sqrt(tau_s[near, None])).max())
-        if factors[name] * density > largest:
-            found[name] = factors[name] * density / largest
+        found[name] = factors[name] * density / largest
     return found
 
 

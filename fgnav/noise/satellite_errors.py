@@ -38,6 +38,7 @@ ERRORS = ("satellite error", "satellite error walk", "satellite error rate", COD
 _FLOORED = ("satellite error", CODE)
 _SIGMA = np.log(3.0)  # of a factor's logarithm: orbits and atmospheres differ by so much
 _SWEEPS = 2
+_INSISTS = 2.0  # log-likelihood ratio of two sigmas: less leaves the nominal
 _MOST = np.log(100.0)  # of a factor's logarithm: centimetres of metres, noise of phases and codes
 _ENOUGH = 200  # blocks: walks of four satellites more than a place to 2.5 %, closer than is sought
 _SETTLED = 0.1  # of it: 10 % of a standard deviation
@@ -54,8 +55,12 @@ def satellite_error_factors(phase: AntennaPhase) -> dict[str, float]:
             theta = errors.climbed(theta, i)
         if np.abs(theta - before).max() < _SETTLED:
             break
-    factors = {name: float(np.exp(x)) for name, x in zip(ERRORS, theta.tolist(), strict=True)}
-    return {name: factor for name, factor in factors.items() if abs(np.log(factor)) > _SETTLED}
+    factors = {}
+    for i, name in enumerate(ERRORS):
+        nominal = np.where(np.arange(len(ERRORS)) == i, 0.0, theta)
+        if errors.log_posterior(theta) > errors.log_posterior(nominal) + _INSISTS:
+            factors[name] = float(np.exp(theta[i]))
+    return factors
 
 
 def with_errors(phase: AntennaPhase, factors: Mapping[str, float]) -> AntennaPhase:
@@ -106,12 +111,16 @@ class SatelliteErrors:
             return moved
 
         search = minimize_scalar(
-            lambda x: min(x**2 / (2 * _SIGMA**2) - self.log_likelihood(at(x)), _NEVER),
+            lambda x: min(-self.log_posterior(at(x)), _NEVER),
             bounds=(0.0 if ERRORS[i] in _FLOORED else -_SIGMA, _MOST),
             method="bounded",
             options={"xatol": _SETTLED},
         )
         return at(search.x)
+
+    def log_posterior(self, theta: FloatArray) -> float:
+        """Return the logarithm of the posterior density of theta, but for a constant."""
+        return self.log_likelihood(theta) - float((theta**2).sum()) / (2 * _SIGMA**2)
 
     def log_likelihood(self, theta: FloatArray) -> float:
         """Return ln L of logarithms of factors, (4,), but for a constant."""

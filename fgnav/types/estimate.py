@@ -68,7 +68,7 @@ class Verdict:
     limit : float
         The largest ratio that is no verdict.
     test : str
-        ``"record"``, ``"5 s"``, ``"1 s"``, ``"correlation"`` or ``"noise"``.
+        ``"record"``, ``"5 s"``, ``"1 s"``, ``"correlation"`` or ``"plausibility"``.
 
     Examples
     --------
@@ -92,10 +92,10 @@ class Verdict:
                 f"(limit {self.limit:.2f}); timestamps or a systematic error"
             )
         sigmas, most = self.ratio**0.5, self.limit**0.5
-        if self.test == "noise":
+        if self.test == "plausibility":
             return when + (
-                f"estimated noise is {sigmas:.2g} x what the samples can hold; a fault is likely: "
-                "axes, signs, scale or timestamps"
+                f"estimated at {sigmas:.2g} x the largest plausible value; a fault is likely: "
+                "axes, signs, scale, timestamps or positions"
             )
         of = "the record" if self.test == "record" else f"blocks of {self.test}"
         return when + f"innovations {sigmas:.2g} x their sigma (limit {most:.2g} x, {of})"

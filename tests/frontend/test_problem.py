@@ -7,6 +7,8 @@ import weakref
 import msgspec
 import numpy as np
 import pytest
+from fgnav.identification.noise.stated import with_factors
+from fgnav.identification.time_tags import with_rates_of
 
 from fgnav.frontend.calibration_request import MEAN_RATE, calibration_requests
 from fgnav.frontend.position.by_observations import LastObservations
@@ -19,8 +21,6 @@ from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.states import States
 from fgnav.gravity import LowDynamics
-from fgnav.identification.noise.stated import with_factors
-from fgnav.identification.time_tags import with_rates_of
 from fgnav.identification.track.tags import with_tags_moved
 from fgnav.integers.resolvers.truth import Truth, attitude_at
 from fgnav.process.hyperparameters import RatePrior

@@ -5,13 +5,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from fgnav.identification.findings import findings
 
 from fgnav.checks import NoSolutionError
 from fgnav.evaluation.span import within
 from fgnav.frontend.problem import build_problem
 from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import exp
-from fgnav.identification.findings import findings
 from fgnav.methods.smoother import Batch, Smoother
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.seeker import line_of_sight

@@ -85,10 +85,14 @@ class SmootherOptions:
     noise: Annotated[
         str | None,
         Parameter(
-            help="Noise of the smoother: identified from the flight where it is not stated, or "
-            "contradicted (its default), or stated."
+            help="Noise of the smoother: identified from the flight, with clock and latency (its "
+            "default), or stated."
         ),
     ] = None
+    strict: Annotated[
+        bool,
+        Parameter(help="Exit with status 1 if measurements contradict each other."),
+    ] = False
 
 
 SMOOTHER_DEFAULTS = SmootherOptions()

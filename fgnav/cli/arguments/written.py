@@ -9,6 +9,25 @@ if TYPE_CHECKING:
     from fgnav.types.flight import Flight
 
 
+def fail_if_inconsistent(comparison: "Comparison", *, strict: bool) -> None:
+    """Raise if estimates are to be consistent and some are not.
+
+    Raises
+    ------
+    NoSolutionError
+        Naming the methods, and the sensors that contradict the others.
+    """
+    from fgnav.checks import NoSolutionError  # noqa: PLC0415  # lazy, like all below
+
+    found = [
+        f"{method.name}: {', '.join(dict.fromkeys(one.sensor for one in method.score.verdicts))}"
+        for method in comparison.methods
+        if method.score.verdicts
+    ]
+    if strict and found:
+        raise NoSolutionError(f"--strict: measurements contradict each other: {'; '.join(found)}")
+
+
 def write_method(comparison: "Comparison", name: str, flight: "Flight", folder: Path) -> str:
     """Write estimate.csv, estimate.npz and summary.json of one method; return a line that says so.
 

@@ -8,7 +8,7 @@ from fgnav.evaluation.comparison import Comparison
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.report.blocks import NONE
 from fgnav.evaluation.scores import Angles, Score
-from fgnav.types.estimate import Rejected
+from fgnav.types.estimate import Rejected, Verdict
 
 _MOST_LINES = 8
 _MOST_LINKS = 3
@@ -96,6 +96,7 @@ def remarks(comparison: Comparison) -> list[str]:
             lines.append(f"{method.name}: no solution: {score.failure}")
         elif not score.converged:
             lines.append(f"{method.name}: did not converge; its figures are not to be trusted")
+    lines += _by_method((m.name, verdict_lines(m.score.verdicts)) for m in comparison.methods)
     lines += _by_method(
         (m.name, tuple(f"{state} is unobservable" for state in m.score.unobservable))
         for m in comparison.methods
@@ -122,6 +123,14 @@ def _doubt(counts: IntegerCounts | None) -> tuple[str, ...]:
         f"an epoch's integers are wrong with a chance of {100 * counts.chance:.2g} %, as their "
         "resolver states it, and attitudes are no surer; constrained-arcs leaves such epochs out",
     )
+
+
+def verdict_lines(verdicts: tuple[Verdict, ...]) -> tuple[str, ...]:
+    """Return a line per sensor that contradicts the others: its largest verdict."""
+    largest: dict[str, Verdict] = {}
+    for one in verdicts:
+        largest.setdefault(one.sensor, one)
+    return tuple(f"inconsistent: {one}" for one in largest.values())
 
 
 def rejection_lines(rejections: tuple[Rejected, ...]) -> tuple[str, ...]:

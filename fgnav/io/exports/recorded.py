@@ -1,7 +1,7 @@
 """An estimate on disk without loss: arrays as they are, in an npz file that holds no objects."""
 
 import json
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -11,7 +11,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.earth import Origin
 from fgnav.io.atomic_write import atomic_file
-from fgnav.types.estimate import Estimate
+from fgnav.types.estimate import Estimate, Verdict
 from fgnav.types.flight import Flight
 
 FILE = "estimate.npz"
@@ -61,6 +61,7 @@ def save_estimate(estimate: Estimate, flight: Flight, path: Path | str) -> None:
         "converged": estimate.converged,
         "unobservable": estimate.unobservable,
         "notes": estimate.notes,
+        "verdicts": [asdict(one) for one in estimate.verdicts],
         "start_gps_s": flight.start_gps_s,
         "latitude_rad": flight.origin.latitude_rad,
         "longitude_rad": flight.origin.longitude_rad,
@@ -121,6 +122,7 @@ def _recorded(head: dict[str, Any], arrays: dict[str, Any]) -> RecordedEstimate:
         converged=head["converged"],
         unobservable=tuple(head["unobservable"]),
         notes=tuple(head["notes"]),
+        verdicts=tuple(Verdict(**one) for one in head.get("verdicts", ())),
         **arrays,
     )
     place = {name: head[name] for name in ("latitude_rad", "longitude_rad", "height_m")}

@@ -14,14 +14,16 @@ def among(estimate: Estimate, from_s: float, until_s: float) -> Estimate:
     """Return an estimate's epochs from a time on and before another."""
     rows = (estimate.t_s >= from_s) & (estimate.t_s < until_s)
     arrays: dict[str, Any] = {name: getattr(estimate, name)[rows] for name in _by_epoch(estimate)}
-    return replace(estimate, **arrays)
+    verdicts = (one for one in estimate.verdicts if one.from_s < until_s and one.until_s >= from_s)
+    return replace(estimate, **arrays, verdicts=tuple(verdicts))
 
 
 def joined_estimates(parts: list[Estimate], epochs: int, keyframes: int) -> Estimate:
     """Return estimates of times that follow each other as one, of so many epochs and keyframes.
 
     What is not of epochs is the last one's, who saw all of the flight with the noise known last,
-    NIS included; it has converged if all have. Keyframes left out are counted again.
+    NIS included, but for verdicts: they are those of all. It has converged if all have. Keyframes
+    left out are counted again.
     """
     last = parts[-1]
     names = [n for n in _by_epoch(last) if all(getattr(e, n) is not None for e in parts)]
@@ -31,7 +33,15 @@ def joined_estimates(parts: list[Estimate], epochs: int, keyframes: int) -> Esti
     if left_out:
         losses = (*losses, Loss(what="keyframe", reason=ROUGH, count=left_out))
     converged = all(e.converged for e in parts)
-    return replace(last, **arrays, epochs=epochs, converged=converged, losses=losses)
+    verdicts = tuple(dict.fromkeys(one for part in parts for one in part.verdicts))
+    return replace(
+        last,
+        **arrays,
+        epochs=epochs,
+        converged=converged,
+        losses=losses,
+        verdicts=verdicts,
+    )
 
 
 def _by_epoch(estimate: Estimate) -> list[str]:
