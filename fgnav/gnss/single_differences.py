@@ -226,8 +226,6 @@ def _fill(
     for name, sigma in (("code", flight.gnss_noise.code_m), ("phase", flight.gnss_noise.phase_m)):
         variance = getattr(out, f"{name}_variance_m2")
         variance[epochs] = np.where(high, growing(flight.gnss_noise, sigma, elevation) ** 2, 1.0)
-    louder = flight.gnss_noise.phase_factor(observations.t_s[epochs])
-    out.phase_variance_m2[epochs] *= louder[:, None] ** 2
     coded = np.asarray(np.isfinite(code_m))
     clocked = np.asarray(np.isfinite(states.clock_s))
     reasons = {

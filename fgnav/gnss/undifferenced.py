@@ -116,7 +116,6 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
     code_m = np.where(_refused(flight, observations, channels.satellites), np.nan, code_m)
     group = carriers(channels.satellites, channels.signals)
     phase_sigma_m = receivers * growing(noise, noise.phase_m, elevation_rad)
-    phase_sigma_m *= noise.phase_factor(observations.t_s)[:, None]
     wavelength_m = wavelengths_m(channels.satellites, channels.signals)
     changed = np.tile(np.diff(modelled, prepend=modelled[:1])[:, None], (1, len(names)))
     if base and changed.any():

@@ -1,7 +1,7 @@
 """What stands in a vehicle and what it recorded: antennas, inertial unit, fixes, detector."""
 
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -20,14 +20,6 @@ class Antenna:
     def __post_init__(self) -> None:
         """Check and freeze the position."""
         freeze(f"antenna {self.name}", self, {"position_b_m": (3,)})
-
-
-class LoudPhases(NamedTuple):
-    """Seconds in which noise of phases is another multiple of the stated."""
-
-    from_s: float
-    until_s: float
-    factor: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,8 +42,6 @@ class GnssNoise:
         constant rate, and of a random walk. Defaults are those of the hour of the IGS station WTZR,
         25 June 2020, of broadcast orbits and Klobuchar's model: changes of phases of GPS, Galileo
         and BeiDou above ten degrees, less their mean, of .014 m in 30 s to .43 m in 32 min.
-    loud_phases : tuple of LoudPhases
-        When phases are louder than ``phase_m``; of spans that overlap the last counts.
     """
 
     code_m: float = 0.5
@@ -62,7 +52,6 @@ class GnssNoise:
     wind_up: bool = True
     satellite_error_rate_mps: float = 2.3e-4
     satellite_error_walk_m_per_sqrt_s: float = 2.2e-3
-    loud_phases: tuple[LoudPhases, ...] = ()
 
     def __post_init__(self) -> None:
         """Reject noise that is zero or negative."""
@@ -73,13 +62,6 @@ class GnssNoise:
             raise BadInputError(
                 f"elevation_weights: must be sine or uniform, got {self.elevation_weights!r}"
             )
-
-    def phase_factor(self, t_s: FloatArray) -> FloatArray:
-        """Return how many times as loud as ``phase_m`` phases are at times, (n,)."""
-        factor = np.ones(len(t_s))
-        for one in self.loud_phases:
-            factor[(t_s >= one.from_s) & (t_s <= one.until_s)] = one.factor
-        return factor
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

@@ -3,12 +3,11 @@
 It owns the elimination; models of sensors and motion are read through ``linearise`` alone.
 """
 
-from fgnav.solve.chain.batch import constant_step, covariance_at, log_evidence, solve_batch
+from fgnav.solve.chain.batch import covariance_at, log_evidence, solve_batch
 from fgnav.solve.chain.window import ChainWindow, solve_fixed_lag, solve_forward
 
 __all__ = [
     "ChainWindow",
-    "constant_step",
     "covariance_at",
     "log_evidence",
     "solve_batch",

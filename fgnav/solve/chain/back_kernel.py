@@ -191,16 +191,6 @@ def triangular(A: FloatArray, count: int) -> bool:
 
 
 @kernel
-def forward_solve(L: FloatArray, Y: FloatArray) -> None:
-    """Solve L X = Y in place."""
-    for i in range(len(L)):
-        row = Y[i]
-        less_rows(row, L[i, :i], Y[:i])
-        for j in range(len(row)):
-            row[j] /= L[i, i]
-
-
-@kernel
 def backward_solve(L: FloatArray, Y: FloatArray) -> None:
     """Solve L' X = Y in place."""
     n = len(L)

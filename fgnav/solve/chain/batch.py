@@ -18,7 +18,6 @@ from fgnav.solve.failures import weakest_state
 
 _CHUNK = 128  # keyframes linearised at once: 2 MB
 _ITERATIONS = 300  # in outages a search creeps along a valley: 143 where it took most
-_WITHOUT_GAIN = 10  # iterations: damping that rises through as many ends a search
 _STEP_SIGMAS = 0.01  # a next Newton step below this share of every sigma: it is a minimum
 _NEAR = 1.0  # promised decreases below it shrink with their square, as Newton's do
 _NEARER = 0.01  # where a Newton step is not short yet: it is ten times as far as a damped one
@@ -44,19 +43,18 @@ class _Chain:
     ----------
     root : ndarray, shape (n, D, D)
     gain : ndarray, shape (n - 1, D, D + b + 1)
-        See ``kernel``; of the states solved last, or of their last chunk alone.
+        See ``kernel``; of the states solved last.
     """
 
-    def __init__(self, problem: SmoothingProblem, *, of_all: bool = True) -> None:
-        self._problem, self._of_all = problem, of_all
+    def __init__(self, problem: SmoothingProblem) -> None:
+        self._problem = problem
         n, D, b = len(problem.t_s), problem.width, problem.constants.width
         self.border = Border(problem.phase)
         for row in range(n):
             self.border.append(row)
         beside = self.border.width
-        kept = n if of_all else min(n, _CHUNK + 1)
-        self.root = np.zeros((kept, D, D))
-        self.gain = np.empty((kept - 1, D, D + b + beside + 1))
+        self.root = np.zeros((n, D, D))
+        self.gain = np.empty((n - 1, D, D + b + beside + 1))
         self._links = Links.empty(min(n, _CHUNK + 1), D, b, beside)
         self._stacked: dict[int, StackedRows | None] = {}  # by the chunk's first keyframe
         self._prior = Prior.of(problem)
@@ -139,7 +137,7 @@ class _Chain:
                 continue
             begin, count = first - 1, len(entering.node)
             motion, node = (part[: count + 1] for part in self._links)
-            kept = slice(begin if self._of_all else 0, None)
+            kept = slice(begin, None)
             parts = (motion, node, forward[: count + 1], self.root[kept], self.gain[kept])
             failed = self.border.eliminate(parts, 0, by_rows=self._by_rows, offset=begin)
             if failed >= 0:
@@ -179,7 +177,6 @@ def solve_batch(
     *,
     begin: States | None = None,
     most: int = _ITERATIONS,
-    enough: float = np.inf,
 ) -> Solution:
     """Return the minimum of the whole graph with its covariances.
 
@@ -199,9 +196,6 @@ def solve_batch(
         Where the search begins, instead of ``problem.start``: where a window ended.
     most : int
         Iterations after which a search is given up.
-    enough : float
-        Cost above which a minimum is of no use. A search is given up where iterations that gain as
-        much as the last ten leave more at the last.
 
     Raises
     ------
@@ -217,7 +211,6 @@ def solve_batch(
     arcs: tuple[FloatArray, ...] = ()
     linear, previous, damping, iterations = chain.solved(states), np.inf, 0.0, 1
     is_kept, aim = True, _STEP_SIGMAS**2  # the last promise, as far as damping may be lowered
-    costs = [linear.cost]
     if linear.arcs:  # linear: at once where states would have them, which changes the cost alone
         arcs = linear.arcs
         linear = linear._replace(cost=chain.cost(states, arcs))
@@ -246,18 +239,7 @@ def solve_batch(
         else:
             is_kept, damping, previous = False, max(10 * damping, _DAMPING), np.inf
             linear = chain.solved(states, damping, arcs)
-        costs.append(linear.cost)
-        if _least_to_come(costs, most) > enough:
-            break
     return _solution(chain, states, chain.solved(states, arcs=arcs), iterations)
-
-
-def _least_to_come(costs: list[float], most: int) -> float:
-    """Return the cost after all iterations, (j,) of them so far, that gain as much as the last."""
-    if len(costs) <= _WITHOUT_GAIN:
-        return 0.0
-    gain = (costs[-1 - _WITHOUT_GAIN] - costs[-1]) / _WITHOUT_GAIN
-    return costs[-1] - (most - len(costs)) * gain
 
 
 def covariance_at(problem: SmoothingProblem, states: States) -> Solution:
@@ -280,19 +262,6 @@ def covariance_at(problem: SmoothingProblem, states: States) -> Solution:
     linear = chain.solved(states)
     solution = _solution(chain, states, linear, 1)
     return replace(solution, states=states, cost=linear.cost)
-
-
-def constant_step(problem: SmoothingProblem, states: States) -> tuple[FloatArray, FloatArray]:
-    """Return the Gauss-Newton step of the constants at states, (b,), and their covariance, (b, b).
-
-    Raises
-    ------
-    NoSolutionError
-        Naming the state that the data leave open, and when.
-    """
-    own = slice(problem.width, problem.width + problem.constants.width)
-    _, _, end, covariance = _Chain(problem, of_all=False).newest(states)
-    return end[own], covariance[own, own]
 
 
 def _solution(
