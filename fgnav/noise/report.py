@@ -26,6 +26,7 @@ _NAMES = {
     "satellite error walk": "Satellite range error random walk",
     "satellite error rate": "Satellite range error rate",
     "code": "Code noise",
+    "phase": "Phase noise of the reference antenna",
 }
 _UNITS = {
     "accelerometer": "m/s²/√Hz",
@@ -58,7 +59,7 @@ def noise_notes(flight: Flight, found: Hyperparameters) -> tuple[str, ...]:
     return (*notes, *sentences(found.calibrated))
 
 
-def implausible(imu: Imu | None, found: Hyperparameters, interval_s: float) -> dict[str, float]:
+def implausible(imu: Imu | None, found: Hyperparameters) -> dict[str, float]:
     """Return what is estimated over the largest plausible value, where above 1: a likely fault.
 
     A bias is not to walk, over the record, by more than three sigmas of what is stated of it; a
@@ -70,8 +71,6 @@ def implausible(imu: Imu | None, found: Hyperparameters, interval_s: float) -> d
     imu : Imu or None
         With its nominal noise.
     found : Hyperparameters
-    interval_s : float
-        Between keyframes.
     """
     ratios = {}
     for one in found.significant:
@@ -80,7 +79,7 @@ def implausible(imu: Imu | None, found: Hyperparameters, interval_s: float) -> d
         if one.kind in _NAMES_OF_SETUP:
             ratios[_NAMES_OF_SETUP[one.kind]] = float(np.linalg.norm(one.value)) / largest
     if imu is not None:
-        ratios |= _noise_ratios(imu, found.factors, interval_s)
+        ratios |= _noise_ratios(imu, found.factors)
         root_s = np.sqrt(imu.t_s[-1] - imu.t_s[0])
         for sensor, field in _BIASES.items():
             walk, bias = getattr(imu, FIELDS[f"{sensor} bias"]), getattr(imu, field)
@@ -92,12 +91,12 @@ def implausible(imu: Imu | None, found: Hyperparameters, interval_s: float) -> d
     return {name: ratio for name, ratio in ratios.items() if ratio > 1.0}
 
 
-def _noise_ratios(imu: Imu, factors: Mapping[str, float], interval_s: float) -> dict[str, float]:
+def _noise_ratios(imu: Imu, factors: Mapping[str, float]) -> dict[str, float]:
     """Return white noise of a unit over the largest that its samples can hold.
 
-    White noise of density N has the Allan deviation ``N / sqrt(tau)``, and whatever else there is,
-    such as motion, only adds to it: what is estimated above it at all tau up to the interval
-    between measurements is no noise. The largest over all axes counts.
+    White noise of density N has the Allan deviation ``N / sqrt(tau)`` from one sample to the next,
+    and whatever else there is, such as motion, only adds to it. What is estimated above that is no
+    noise. The noisiest axis counts.
     """
     run = longest_run(imu.t_s)
     if run.stop - run.start < FEWEST:
@@ -106,12 +105,10 @@ def _noise_ratios(imu: Imu, factors: Mapping[str, float], interval_s: float) -> 
     found = {}
     for name, values in zip(WHITE, (imu.f_b_mps2, imu.w_b_radps), strict=True):
         density = getattr(imu, FIELDS[name])
-        if values is None or factors.get(name, 1.0) <= 1.0:
-            continue
-        tau_s, deviation = allan_deviation(values[run], step_s)
-        near = tau_s <= max(interval_s, step_s)
-        largest = float((deviation[near] * np.sqrt(tau_s[near, None])).max())
-        found[name] = factors[name] * density / largest
+        if values is not None and factors.get(name, 1.0) > 1.0:
+            tau_s, deviation = allan_deviation(values[run], step_s)
+            largest = float(deviation[0].max() * np.sqrt(tau_s[0]))
+            found[name] = factors[name] * density / max(largest, np.finfo(float).tiny)
     return found
 
 
@@ -132,4 +129,5 @@ def _usual_of_gnss(noise: GnssNoise) -> tuple[str, ...]:
         names.append("satellite error walk")
     if noise.satellite_error_rate_mps == default.satellite_error_rate_mps:
         names.append("satellite error rate")
-    return (*names, "code") if "code_m" in noise.unstated else tuple(names)
+    names += [name for name in ("code", "phase") if f"{name}_m" in noise.unstated]
+    return tuple(names)

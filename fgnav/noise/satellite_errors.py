@@ -1,4 +1,4 @@
-"""Errors of satellites and noise of codes: their most probable factors on the nominal.
+"""Errors of satellites, noise of codes and phases: most probable factors on the nominal.
 
 What messages and models of the atmosphere leave in ranges to satellites is a state of each in the
 graph (``graph.factors.antenna_phase``): nominal are its 1-sigma when a satellite appears, that of
@@ -12,8 +12,8 @@ rows that say how large an error of one kind is, and f_i its standard deviation 
 Codes are those of a second apart by which ambiguities are known.
 
 What all satellites share, and what repeats from one code to the next, is in no residual: the size
-of errors and the noise of codes have the nominal for a floor. How errors move may be less by one
-prior sigma.
+of errors and the noise of codes have the nominal for a floor. How errors move, and noise of phases,
+may be less by one prior sigma.
 
 References
 ----------
@@ -28,13 +28,14 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import minimize_scalar
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock
-from fgnav.graph.types.on_demand import OnDemand
+from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock, PhaseRows
+from fgnav.graph.types.on_demand import MANY, OnDemand
 from fgnav.kernels.compiled import kernel
 from fgnav.solve.chain.arcs_kernel import lead_on
 
 CODE = "code"
-ERRORS = ("satellite error", "satellite error walk", "satellite error rate", CODE)
+PHASE = "phase"
+ERRORS = ("satellite error", "satellite error walk", "satellite error rate", CODE, PHASE)
 _FLOORED = ("satellite error", CODE)
 _SIGMA = np.log(3.0)  # of a factor's logarithm: orbits and atmospheres differ by so much
 _SWEEPS = 2
@@ -46,7 +47,7 @@ _NEVER = 1e100  # -ln L of what cannot be: a search takes differences of it
 
 
 def satellite_error_factors(phase: AntennaPhase) -> dict[str, float]:
-    """Return factors on errors of satellites, and on noise of codes, that are not 1."""
+    """Return factors on errors of satellites and noise of codes and phases that are not 1."""
     errors = SatelliteErrors(phase)
     theta: FloatArray = np.zeros(len(ERRORS))
     for _ in range(_SWEEPS):
@@ -72,7 +73,13 @@ def with_errors(phase: AntennaPhase, factors: Mapping[str, float]) -> AntennaPha
         block = blocks[j]
         return _weighted(block, weight[_kinds(block)])
 
-    return replace(phase, blocks=OnDemand(len(blocks), weighted))
+    rows, louder = phase.rows, factors.get(PHASE, 1.0)
+
+    def rescaled(i: int) -> PhaseRows:
+        return PhaseRows._make(part / louder for part in rows[i])
+
+    changed = replace(phase, blocks=OnDemand(len(blocks), weighted))
+    return changed if louder == 1.0 else replace(changed, rows=OnDemand(len(rows), rescaled, MANY))
 
 
 class SatelliteErrors:
@@ -84,7 +91,7 @@ class SatelliteErrors:
 
     Attributes
     ----------
-    count : ndarray of int, shape (4,)
+    count : ndarray of int, shape (5,)
         Rows that say how large an error is, of each kind.
     """
 
@@ -97,13 +104,15 @@ class SatelliteErrors:
             if block < len(blocks):
                 rows = np.column_stack(phase.rows[i].without_place())
                 measured[block] += rows.T @ rows
+                self.count[-1] += len(rows)
         self._shapes = np.array([(*one.before.shape, one.size) for one in blocks])
         self._eliminated = sum(one.size for one in blocks[:-1])
         parts = ([getattr(one, name) for one in blocks] for name in ("before", "after", "right"))
-        self._rows = [np.concatenate([one.ravel() for one in part]) for part in (*parts, measured)]
+        self._rows = [np.concatenate([one.ravel() for one in part]) for part in parts]
+        self._measured = np.concatenate([one.ravel() for one in measured])
 
     def climbed(self, theta: FloatArray, i: int) -> FloatArray:
-        """Return logarithms of factors, (4,), the i-th of them the most probable."""
+        """Return logarithms of factors, (5,), the i-th of them the most probable."""
 
         def at(x: float) -> FloatArray:
             moved = theta.copy()
@@ -120,13 +129,14 @@ class SatelliteErrors:
 
     def log_posterior(self, theta: FloatArray) -> float:
         """Return the logarithm of the posterior density of theta, but for a constant."""
-        return self.log_likelihood(theta) - float((theta**2).sum()) / (2 * _SIGMA**2)
+        return float(self.log_likelihood(theta) - (theta**2).sum() / (2 * _SIGMA**2))
 
     def log_likelihood(self, theta: FloatArray) -> float:
-        """Return ln L of logarithms of factors, (4,), but for a constant."""
+        """Return ln L of logarithms of factors, (5,), but for a constant."""
         weight = np.append(np.exp(-2 * theta), 1.0)
         diagonal = np.empty(self._eliminated)
-        information = _filtered(self._shapes, weight[self._kinds], diagonal, *self._rows)
+        measured = weight[len(ERRORS) - 1] * self._measured
+        information = _filtered(self._shapes, weight[self._kinds], diagonal, *self._rows, measured)
         if len(information) == 1:
             return -np.inf
         log_root = float(np.log(diagonal).sum())

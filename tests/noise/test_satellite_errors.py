@@ -19,7 +19,7 @@ from fgnav.noise.satellite_errors import (
 )
 from tests.gnss.based import flown
 
-SIZE, WALK, RATE, CODE = ERRORS
+SIZE, WALK, RATE, CODE, PHASE = ERRORS
 
 
 def phases(seed, span_s=20.0, stated=None, **gnss):
@@ -56,13 +56,14 @@ def dense_log_likelihood(phase):
 
 
 def test_the_likelihood_is_that_of_all_rows_at_once():
-    phase, theta = phases(93_020, 4.0, message_errors=True), np.array([0.3, -0.5, 0.8, 0.4])
+    phase, theta = phases(93_020, 4.0, message_errors=True), np.array([0.3, -0.5, 0.8, 0.4, 0.2])
     errors = SatelliteErrors(phase)
     factors = dict(zip(ERRORS, np.exp(theta), strict=True))
     changed = dense_log_likelihood(with_errors(phase, factors)) - dense_log_likelihood(phase)
-    own = errors.log_likelihood(theta) - errors.log_likelihood(np.zeros(4))
+    own = errors.log_likelihood(theta) - errors.log_likelihood(np.zeros(5))
     # Squares have half the digits of rows; what is asked of it are nine nats.
-    np.testing.assert_allclose(own, changed - errors.count @ theta, rtol=0, atol=1e-3)
+    places = 3 * len(phase.row) * theta[-1]  # dense, they are among the unknowns
+    np.testing.assert_allclose(own, changed - errors.count @ theta - places, rtol=0, atol=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(93_000, 93_006))
