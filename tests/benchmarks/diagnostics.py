@@ -11,11 +11,11 @@ from time import perf_counter
 import msgspec
 import numpy as np
 
-from fgnav.set_up import describe
+from fgnav.diagnostics import describe
 from fgnav.types.flight import Flight
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
-from tests.set_up.faults import FAULTS, NEEDS_SEEKER
+from tests.diagnostics.faults import FAULTS, NEEDS_SEEKER
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios"
 FLIGHTS, RIGHT = 20, 200
@@ -25,7 +25,12 @@ GYROSCOPE = {
     "gyroscope_bias_radps": 1e-3,
     "gyroscope_bias_walk_radps_per_sqrt_s": 1e-6,
 }
-NAMES = ("set_up_found", "set_up_culprit", "set_up_false_alarms", "set_up_seconds")
+NAMES = (
+    "diagnostics_found",
+    "diagnostics_culprit",
+    "diagnostics_false_alarms",
+    "diagnostics_seconds",
+)
 
 
 def run() -> list[dict[str, object]]:
@@ -50,11 +55,11 @@ def run() -> list[dict[str, object]]:
     told = ", ".join(f"{name} {found[name]}/{named[name]}" for name in FAULTS)
     note = f"found/named of {FLIGHTS} each: {told}"
     return [
-        _row("set_up_found", 100 * sum(found.values()) / whole, 95.0, "%", note),
-        _row("set_up_culprit", 100 * sum(named.values()) / whole, 90.0, "%", note),
-        _row("set_up_false_alarms", 100 * len(alarms) / RIGHT, 1.0, "%", "; ".join(alarms)),
+        _row("diagnostics_found", 100 * sum(found.values()) / whole, 95.0, "%", note),
+        _row("diagnostics_culprit", 100 * sum(named.values()) / whole, 90.0, "%", note),
+        _row("diagnostics_false_alarms", 100 * len(alarms) / RIGHT, 1.0, "%", "; ".join(alarms)),
         {
-            "name": "set_up_seconds",
+            "name": "diagnostics_seconds",
             "ours": float(np.median(times)),
             "peer": None,
             "ratio": None,

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from fgnav.cli.arguments.estimators import print_findings_of_check
+from fgnav.diagnostics import describe
 from fgnav.io.flight.folder import load_flight
-from fgnav.set_up import describe
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
+from tests.diagnostics.faults import FAULTS, NEEDS_SEEKER, moved
 from tests.integers.wettzell import write_flight
 from tests.methods.simulated import SCENARIOS
 from tests.robustness.drawn.flights import right_flight
-from tests.set_up.faults import FAULTS, NEEDS_SEEKER, moved
 
 GYROSCOPE = {
     "gyroscope_noise_radps_per_sqrt_hz": 1e-4,
@@ -79,7 +79,7 @@ def test_one_velocity_is_no_motion_to_check():
     doppler_hz[1:] = np.nan
     once = replace(flight.observations, doppler_hz=doppler_hz)
     names = {one.name for one in describe(replace(flight, observations=once), quick=True).findings}
-    assert names == {"single antenna"}
+    assert names == set()
 
 
 def test_a_record_over_few_epochs_is_no_clock_to_check():
@@ -92,20 +92,11 @@ def test_a_record_over_few_epochs_is_no_clock_to_check():
     assert "imu clock" not in {one.name for one in describe(replace(flight, imu=cut)).findings}
 
 
-def test_a_misplaced_antenna_is_put_back_to_the_centimetre():
-    flight = flown("demo")
-    places = [a.position_b_m for a in flight.antennas]
-    places[4] = places[4] + [0.1, 0.2, 0.1]
-    (finding,) = describe(moved(flight, places)).findings
-    shown = ", ".join(f"{x:.2f}" for x in flight.antennas[4].position_b_m)
-    assert finding.text.endswith(f"m away, at position_b_m = [{shown}]")
-
-
 def test_what_the_motion_cannot_tell_is_said():
     flight = flown("demo")
     still = replace(flight, antennas=flight.antennas[:1], observations=None, truth=None)
     (unchecked,) = describe(still).unchecked
-    assert unchecked.text == "needs fixes, or raw GNSS data of three antennas or more"
+    assert unchecked.text == "requires fixes, or raw GNSS data of three antennas"
 
 
 def test_two_antennas_cannot_judge_motion_and_say_so(shared, tmp_path):
@@ -119,4 +110,4 @@ def test_antennas_that_no_exchange_explains_are_all_doubted():
     places = np.stack([a.position_b_m for a in flight.antennas])
     (finding,) = describe(moved(flight, 1.3 * places)).findings
     assert finding.name == "antennas misplaced"
-    assert "check position_b_m of all" in finding.text
+    assert finding.mend == "check position_b_m of all"

@@ -3,8 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav.set_up.samples import sample_findings
+from fgnav.diagnostics.samples import instrument_findings, sample_findings
 from fgnav.types.flight import Imu
+from tests.robustness.faults import right_flights
 
 T_S = np.arange(0, 20, 0.01)
 
@@ -35,21 +36,6 @@ def test_samples_in_motion_and_coarse_ones_at_rest_raise_no_alarm(imu):
     assert sample_findings(replace(imu, w_b_radps=rates)) == []
 
 
-def test_steps_louder_than_noise_are_said_and_finer_ones_are_not(imu):
-    of_sample = imu.gyroscope_noise_radps_per_sqrt_hz * 10.0
-    fine, (coarse,) = (
-        sample_findings(replace(imu, w_b_radps=step * np.round(imu.w_b_radps / step)))
-        for step in (of_sample, 0.02)
-    )
-    assert fine == []
-    assert coarse.name == "gyroscope steps"
-    assert "steps of 0.02, 20 times" in coarse.text
-    one = imu.w_b_radps.copy()
-    one[:, 1] = 0.02 * np.round(one[:, 1] / 0.02)
-    assert "axis y" in sample_findings(replace(imu, w_b_radps=one))[0].text
-    assert not coarse.certain
-
-
 @pytest.mark.parametrize("axis", range(3))
 def test_an_axis_that_never_moves_is_certain(imu, axis):
     w_b_radps = imu.w_b_radps.copy()
@@ -64,7 +50,7 @@ def test_an_axis_that_is_stuck_for_a_while_is_named_with_its_times(imu):
     f_b_mps2 = imu.f_b_mps2.copy()
     f_b_mps2[300:800, 1] = f_b_mps2[300, 1]
     (finding,) = sample_findings(replace(imu, f_b_mps2=f_b_mps2))
-    assert "axis y stands" in finding.text
+    assert "axis y repeats" in finding.text
     assert "from 3.000 to 7.990 s" in finding.text
 
 
@@ -76,11 +62,29 @@ def test_a_unit_that_repeats_itself_is_named(imu):
     assert "from 5.000 to 5.990 s" in finding.text
 
 
-def test_a_unit_changed_in_mid_file_is_named_with_its_row(imu):
-    f_b_mps2 = imu.f_b_mps2.copy()
-    f_b_mps2[1200:] /= 9.80665
-    (finding,) = sample_findings(replace(imu, f_b_mps2=f_b_mps2))
-    assert finding.name == "accelerometer unit change"
-    assert "from 12.000 s on" in finding.text
-    assert "row 1202" in finding.mend
-    assert finding.certain
+def stuck(flight):
+    return [(one.name, one.text) for one in instrument_findings(flight)]
+
+
+def test_right_and_coarse_instruments_raise_no_alarm():
+    flights = right_flights(20.0)
+    assert [stuck(flight) for flight in flights.values()] == [[], [], []]
+    single = flights["single"]
+    height_m = np.round(single.barometer.height_m / 2) * 2
+    assert stuck(replace(single, barometer=replace(single.barometer, height_m=height_m))) == []
+
+
+def test_a_repeated_sample_of_an_instrument_is_named_with_its_span():
+    single = right_flights(20.0)["single"]
+    field = single.magnetometer.field_b_ut.copy()
+    field[50:100] = field[50]
+    wrong = replace(single, magnetometer=replace(single.magnetometer, field_b_ut=field))
+    text = "one sample is repeated: 50 times from 5.000 to 9.900 s"
+    assert stuck(wrong) == [("magnetometer stuck", text)]
+
+
+def test_a_detector_that_never_changes_is_stuck():
+    flight = right_flights(20.0)["seeker"]
+    currents = np.tile(flight.seeker.currents[3], (len(flight.seeker.t_s), 1))
+    ((name, _),) = stuck(replace(flight, seeker=replace(flight.seeker, currents=currents)))
+    assert name == "seeker stuck"
