@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from fgnav.progress import watched_by, watcher
 
 if TYPE_CHECKING:
+    from fgnav.diagnostics import Diagnosis
     from fgnav.evaluation.comparison import Comparison
-    from fgnav.set_up import SetUp
 
 _PIPE_WIDTH = 120  # columns of a table that goes to no terminal
 
@@ -177,28 +177,28 @@ def show_comparison(comparison: "Comparison") -> None:
     show_lines(remarks(comparison))
 
 
-def show_set_up(set_up: "SetUp") -> None:
+def show_diagnosis(diagnosis: "Diagnosis") -> None:
     """Print what is in a flight, what is wrong with it, and what could not be checked."""
     from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415
 
-    facts = list(_facts(set_up))
+    facts = list(_facts(diagnosis))
     name_width = max(len(name) for name, _ in facts)
-    lines = [set_up.flight]
+    lines = [diagnosis.flight]
     lines += [f"  {name:<{name_width}} {text}" for name, text in facts]
-    lines.append("findings" if set_up.findings else "no findings")
-    lines += [f"  {finding}" for finding in set_up.findings]
-    lines += ["not checked"] if set_up.unchecked else []
-    lines += [f"  {unchecked}" for unchecked in set_up.unchecked]
-    show_lines([*lines, *(f"  {line}" for line in loss_lines({"files": set_up.losses}))])
+    lines.append("findings" if diagnosis.findings else "no findings")
+    lines += [f"  {finding}" for finding in diagnosis.findings]
+    lines += ["not checked"] if diagnosis.unchecked else []
+    lines += [f"  {unchecked}" for unchecked in diagnosis.unchecked]
+    show_lines([*lines, *(f"  {line}" for line in loss_lines({"files": diagnosis.losses}))])
 
 
-def _facts(set_up: "SetUp") -> Iterator[tuple[str, str]]:
+def _facts(diagnosis: "Diagnosis") -> Iterator[tuple[str, str]]:
     """Yield what is in a flight, a name and a line each."""
-    yield "antennas", f"{len(set_up.antennas)}: {' '.join(set_up.antennas)}".rstrip(": ")
-    yield "channels", ", ".join(f"{n} × {name}" for name, n in set_up.channels.items()) or "none"
-    yield "orbits", ", ".join(set_up.orbits) or "none"
-    yield "gyroscope", "yes" if set_up.gyroscope else "no"
-    for name, series in set_up.series.items():
+    yield "antennas", f"{len(diagnosis.antennas)}: {' '.join(diagnosis.antennas)}".rstrip(": ")
+    yield "channels", ", ".join(f"{n} × {name}" for name, n in diagnosis.channels.items()) or "none"
+    yield "orbits", ", ".join(diagnosis.orbits) or "none"
+    yield "gyroscope", "yes" if diagnosis.gyroscope else "no"
+    for name, series in diagnosis.series.items():
         span = f"{series.first_s:.3f} to {series.last_s:.3f} s"
         yield name, f"{series.samples} samples, {series.rate_hz:.4g} Hz, {span}"
 

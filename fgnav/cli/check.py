@@ -4,7 +4,7 @@ from pathlib import Path
 
 from fgnav.cli.arguments.estimators import load
 from fgnav.json_file import JsonFile, write_json
-from fgnav.terminal import check_outputs, progress, show_set_up
+from fgnav.terminal import check_outputs, progress, show_diagnosis
 
 
 def check(flight: Path, /, *, json: JsonFile = None) -> None:
@@ -17,13 +17,13 @@ def check(flight: Path, /, *, json: JsonFile = None) -> None:
     flight
         Folder with a flight.toml.
     """
-    from fgnav.set_up import describe  # noqa: PLC0415  # lazy, like all below
+    from fgnav.diagnostics import describe  # noqa: PLC0415  # lazy, like all below
 
     check_outputs(flight, json)
     with progress(2) as step:
         data = load(flight, step)
         with step("looking for mistakes"):
-            set_up = describe(data)
-    write_json(json, set_up.to_dict())
+            diagnosis = describe(data)
+    write_json(json, diagnosis.to_dict())
     if json != "-":
-        show_set_up(set_up)
+        show_diagnosis(diagnosis)

@@ -207,15 +207,19 @@ class Smoother:
 
     def _prepared(self, flight: Flight) -> PreparedFlight:
         """Return the smoothing problem of a whole flight."""
+        from fgnav.diagnostics.corrections import corrected_set_up  # noqa: PLC0415  # lazy: scipy
+
         settings = self.preparation
         build = partial(build_problem, last=LastObservations())
+        flight, notes = corrected_set_up(flight)
         if self.noise == "stated":
             prepared = build(flight, settings)
         else:
             from fgnav.noise.identify import identified  # noqa: PLC0415  # lazy: the chain
             from fgnav.noise.report import implausible, noise_notes  # noqa: PLC0415
 
-            flight, notes = _with_noise_of_record(flight)
+            flight, of_record = _with_noise_of_record(flight)
+            notes += of_record
             try:
                 found, prepared = identified(flight, settings, build)
             except NoSolutionError as error:
@@ -224,7 +228,7 @@ class Smoother:
             else:
                 notes = (*notes, *noise_notes(flight, found))
                 prepared = replace(prepared, implausible=implausible(flight.imu, found))
-            prepared = replace(prepared, notes=(*prepared.notes, *notes))
+        prepared = replace(prepared, notes=(*prepared.notes, *notes))
         if without_attitudes(prepared) and self.rate_prior is None:
             from fgnav.methods.smoothing.rate_identification import (  # noqa: PLC0415  # lazy: the chain
                 identified_by_evidence,

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fgnav.noise.allan import FEWEST, allan_deviation, longest_run
 from fgnav.noise.calibration import LATENCY, LEVER_ARM, sentences
 from fgnav.noise.components import AT_REST, WHITE
 from fgnav.noise.identify import Hyperparameters
 from fgnav.noise.nominal import FIELDS, unstated
+from fgnav.process.allan import FEWEST, allan_deviation, longest_run
 from fgnav.types.flight import Flight, Imu
 from fgnav.types.instruments import GnssNoise
 

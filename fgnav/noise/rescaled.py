@@ -4,7 +4,7 @@ Rows that are white with the nominal noise are multiplied by what makes them whi
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -12,9 +12,6 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.types.measurement import Linearised, Measurement
 from fgnav.graph.types.motion import EVERY, LinearisedMotion, Motion, NoiseParts
 from fgnav.graph.types.states import States
-
-if TYPE_CHECKING:
-    import gtsam
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -67,9 +64,7 @@ class WrappedMotion:
         """Return the nominal noise by its causes."""
         return self.motion.noise_parts(of)
 
-    def factors(
-        self, k: int, key_before: int, key_after: int, about: States
-    ) -> "tuple[gtsam.NonlinearFactor, ...]":
+    def factors(self, k: int, key_before: int, key_after: int, about: States) -> Any:  # noqa: ANN401  # GTSAM's
         """Raise: hyperparameters are identified without GTSAM's factors."""
         raise NotImplementedError
 
@@ -135,7 +130,7 @@ class RescaledMeasurement:
         """Return the log determinants of the whitening of some, summed."""
         return -float(self.freedom[which] @ np.log(self.factor_of[which]))
 
-    def factor(self, i: int, key: int) -> "gtsam.NonlinearFactor":
+    def factor(self, i: int, key: int) -> Any:  # noqa: ANN401  # GTSAM's
         """Raise: hyperparameters are identified without GTSAM's factors."""
         raise NotImplementedError
 

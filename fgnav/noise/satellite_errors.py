@@ -136,7 +136,8 @@ class SatelliteErrors:
         weight = np.append(np.exp(-2 * theta), 1.0)
         diagonal = np.empty(self._eliminated)
         measured = weight[len(ERRORS) - 1] * self._measured
-        information = _filtered(self._shapes, weight[self._kinds], diagonal, *self._rows, measured)
+        rows = (*self._rows, measured)
+        information = _filtered(self._shapes, weight[self._kinds], diagonal, *rows)
         if len(information) == 1:
             return -np.inf
         log_root = float(np.log(diagonal).sum())

@@ -4,10 +4,10 @@ import re
 
 import pytest
 
+from fgnav.diagnostics import describe
 from fgnav.evaluation.comparison import compare
 from fgnav.evaluation.report.table import remarks
 from fgnav.methods.smoother import Smoother
-from fgnav.set_up import describe
 from tests.robustness.drawn.dirty import dirty
 from tests.robustness.drawn.flights import KINDS, right_flight
 from tests.robustness.faults import FAULTS, right_flights

@@ -174,8 +174,8 @@ def _check_set_up(flight: "Flight") -> None:
         For what makes every estimate of the flight worthless.
     """
     from fgnav.checks import BadInputError  # noqa: PLC0415
+    from fgnav.diagnostics import describe  # noqa: PLC0415
     from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415
-    from fgnav.set_up import describe  # noqa: PLC0415
 
     findings = describe(flight, quick=True).findings
     for finding in findings:
@@ -192,7 +192,7 @@ def print_findings_of_check(flight: "Flight") -> None:
     But for what was said before its estimate.
     """
     from fgnav.checks import NoSolutionError  # noqa: PLC0415  # lazy, as above
-    from fgnav.set_up import describe  # noqa: PLC0415
+    from fgnav.diagnostics import describe  # noqa: PLC0415
 
     before = describe(flight, quick=True).findings
     try:

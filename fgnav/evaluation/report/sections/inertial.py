@@ -6,7 +6,7 @@ from fgnav.checks import FloatArray
 from fgnav.evaluation.report.blocks import Blocks, grid, paragraph
 from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, decades, log10
 from fgnav.evaluation.report.drawing.shapes import Drawing
-from fgnav.noise.allan import (
+from fgnav.process.allan import (
     allan_deviation,
     longest_run,
     stated_deviation,

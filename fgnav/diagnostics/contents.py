@@ -1,0 +1,237 @@
+"""Contents of a flight, and the findings that its tables show without any solution."""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.types.flight import Flight
+from fgnav.types.observations import Observations
+
+GAP = 1.5  # sample intervals: a longer step is a gap
+_SAME_PLACE_M = 1e-3
+_COLLINEAR_M = 1e-2  # distance from the common line that carrier phase cannot resolve
+_MIN_SATELLITES = 4
+_MESSAGE_REACH_S = 4 * 3600.0  # validity of a broadcast message
+_CONSTELLATIONS = {
+    "G": "GPS", "R": "GLONASS", "E": "Galileo", "C": "BeiDou", "J": "QZSS", "I": "NavIC",
+    "S": "SBAS",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Series:
+    """Sampling of a sensor in time."""
+
+    samples: int
+    first_s: float
+    last_s: float
+    rate_hz: float  # from the median interval; 0 for a single sample
+    gaps: int  # steps longer than one and a half intervals
+    longest_gap_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """A mistake of the set-up, or of the data, that costs accuracy or the solution."""
+
+    name: str
+    text: str  # what was found, and the evidence
+    where: str = ""  # table, file and column of the flight
+    mend: str = ""  # what to do about it
+    certain: bool = False  # whether any estimate of the flight would be worthless
+
+    def __str__(self) -> str:
+        """Return one line."""
+        where = f" ({self.where})" if self.where else ""
+        mend = f"; {self.mend}" if self.mend else ""
+        return f"{self.name}: {self.text}{mend}{where}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnosis:
+    """Contents of a flight and mistakes of its set-up.
+
+    Attributes
+    ----------
+    channels : dict of str to int
+        Signals tracked at least once, by constellation and signal: ``{"GPS 1C": 9}``.
+    series : dict of str to Series
+        By sensor: ``gnss``, ``imu``, ``fixes``, ``seeker``, ``barometer``, ``magnetometer``,
+        ``truth``; absent ones are not there.
+    orbits : tuple of str
+        ``broadcast``, ``precise``.
+    unchecked : tuple of Finding
+        What the data cannot tell right from wrong, with the reason.
+    losses : tuple of Loss
+        What was in the files and could not be kept.
+    """
+
+    flight: str
+    antennas: tuple[str, ...]
+    channels: dict[str, int] = field(default_factory=dict)
+    series: dict[str, Series] = field(default_factory=dict)
+    orbits: tuple[str, ...] = ()
+    gyroscope: bool = False
+    findings: tuple[Finding, ...] = ()
+    unchecked: tuple[Finding, ...] = ()
+    losses: tuple[Loss, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything in plain types."""
+        return asdict(self)
+
+
+def contents(flight: Flight) -> Diagnosis:
+    """Return contents of a flight, and findings that need no solution."""
+    sensors = {
+        "gnss": flight.observations,
+        "imu": flight.imu,
+        "fixes": flight.fixes,
+        "seeker": flight.seeker,
+        "barometer": flight.barometer,
+        "magnetometer": flight.magnetometer,
+        "truth": flight.truth,
+    }
+    series = {name: _series(s.t_s) for name, s in sensors.items() if s is not None and len(s.t_s)}
+    findings = [*_array_findings(flight), *_gap_findings(series)]
+    losses = flight.losses
+    channels: dict[str, int] = {}
+    observations = flight.observations
+    if observations is not None and len(observations.t_s):
+        is_tracked = np.asarray(observations.tracked.any(axis=(0, 1)))
+        channels = _channels(observations, is_tracked)
+        findings += _satellite_findings(flight, observations, is_tracked)
+        losses += observations.losses
+    findings += _overlap_findings(series)
+    orbits = {"broadcast": flight.broadcast, "precise": flight.precise}
+    for source in (flight.broadcast, flight.precise):
+        losses += source.losses if source is not None else ()
+    return Diagnosis(
+        flight=flight.name,
+        antennas=tuple(antenna.name for antenna in flight.antennas),
+        channels=channels,
+        series=series,
+        orbits=tuple(name for name, source in orbits.items() if source is not None),
+        gyroscope=flight.imu is not None and flight.imu.w_b_radps is not None,
+        findings=tuple(findings),
+        losses=tuple(dict.fromkeys(losses)),
+    )
+
+
+def _series(t_s: FloatArray) -> Series:
+    steps_s = np.diff(t_s)
+    interval_s = float(np.median(steps_s)) if len(steps_s) else 0.0
+    gaps = steps_s > GAP * interval_s
+    return Series(
+        samples=len(t_s),
+        first_s=float(t_s[0]),
+        last_s=float(t_s[-1]),
+        rate_hz=1.0 / interval_s if interval_s else 0.0,
+        gaps=int(gaps.sum()),
+        longest_gap_s=float(steps_s[gaps].max()) if gaps.any() else 0.0,
+    )
+
+
+def _channels(observations: Observations, is_tracked: BoolArray) -> dict[str, int]:
+    """Return the number of channels of each constellation and signal."""
+    channels = zip(observations.satellites, observations.signals, is_tracked, strict=True)
+    names = [f"{_CONSTELLATIONS.get(s[0], s[0])} {signal}" for s, signal, used in channels if used]
+    return {name: names.count(name) for name in dict.fromkeys(names)}
+
+
+def _array_findings(flight: Flight) -> list[Finding]:
+    """Return antennas at one place, and an angle that collinear antennas leave unobservable."""
+    names = [antenna.name for antenna in flight.antennas]
+    if len(names) < 2:
+        return []
+    places_b_m = np.stack([antenna.position_b_m for antenna in flight.antennas])
+    distance_m = np.linalg.norm(places_b_m[:, None] - places_b_m[None], axis=2)
+    findings = [
+        Finding(
+            name="duplicate antennas",
+            text=f"{names[i]} and {names[j]} are {1e3 * distance_m[i, j]:.1f} mm apart; "
+            "check position_b_m",
+        )
+        for i, j in zip(*np.nonzero(np.triu(distance_m < _SAME_PLACE_M, k=1)), strict=True)
+    ]
+    _, sizes, axes = np.linalg.svd(places_b_m - places_b_m.mean(axis=0))
+    spread_m = np.append(sizes, np.zeros(3))[:2]
+    if spread_m[0] > _SAME_PLACE_M and spread_m[1] < _COLLINEAR_M:
+        from fgnav.attitude.array import axis_name  # noqa: PLC0415  # lazy: brings numba
+
+        text = f"all on one line, so phase leaves unobservable: {axis_name(axes[:1])}"
+        findings.append(Finding(name="collinear antennas", text=text))
+    return findings
+
+
+def _gap_findings(series: dict[str, Series]) -> list[Finding]:
+    return [
+        Finding(
+            name=f"{name} gaps",
+            text=f"steps longer than {GAP:g} intervals: {s.gaps}, longest {s.longest_gap_s:.3f} s",
+        )
+        for name, s in series.items()
+        if s.gaps and name != "seeker"  # which is blind most of the time
+    ]
+
+
+def _satellite_findings(
+    flight: Flight, observations: Observations, is_tracked: BoolArray
+) -> list[Finding]:
+    """Return satellites without orbits, and epochs with too few satellites."""
+    names = np.array(observations.satellites)
+    satellites = sorted(set(names[is_tracked].tolist()))
+    known = _satellites_with_orbits(flight, observations.t_s)
+    without = [s for s in satellites if s not in known]
+    if flight.precise is None:  # messages of GLONASS are not read
+        without = [s for s in without if s[0] != "R"]
+    findings = []
+    for letter in dict.fromkeys(s[0] for s in without):
+        shown = " ".join(s for s in without if s[0] == letter)
+        name = f"no orbits for {_CONSTELLATIONS.get(letter, letter)}"
+        text = f"tracked, but without an orbit at that time: {shown}"
+        findings.append(Finding(name=name, text=text))
+    usable = observations.tracked[:, 0] & ~np.isin(names, without)
+    distinct = np.stack([usable[:, names == s].any(axis=1) for s in satellites or [""]], axis=1)
+    count = int((distinct.sum(axis=1) < _MIN_SATELLITES).sum())
+    if count:
+        text = (
+            f"{count} of {len(distinct)} epochs have fewer than {_MIN_SATELLITES} satellites "
+            "with orbits at the reference antenna"
+        )
+        findings.append(Finding(name="few satellites", text=text))
+    return findings
+
+
+def _satellites_with_orbits(flight: Flight, t_s: FloatArray) -> set[str]:
+    def near(orbit_s: FloatArray) -> BoolArray:
+        first_s, last_s = t_s[0] - _MESSAGE_REACH_S, t_s[-1] + _MESSAGE_REACH_S
+        return np.asarray((orbit_s >= first_s) & (orbit_s <= last_s))
+
+    names: set[str] = set()
+    if flight.precise is not None:
+        p_e_m = flight.precise.p_e_m[near(flight.precise.t_s)]
+        filled = np.isfinite(p_e_m).all(axis=2).any(axis=0)
+        names |= set(np.array(flight.precise.satellites)[filled].tolist())
+    if flight.broadcast is not None:
+        records = flight.broadcast.records
+        names |= set(records["satellite"][near(records["toe_s"])].tolist())
+    return names
+
+
+def _overlap_findings(series: dict[str, Series]) -> list[Finding]:
+    """Return sensors whose record does not overlap that of GNSS."""
+    main = series.get("gnss") or series.get("fixes")
+    if main is None:
+        return []
+    return [
+        Finding(
+            name=f"{name} at another time",
+            text=f"{s.first_s:.3f} to {s.last_s:.3f} s, GNSS {main.first_s:.3f} to "
+            f"{main.last_s:.3f} s; check start and t_s",
+        )
+        for name, s in series.items()
+        if s.last_s < main.first_s or s.first_s > main.last_s
+    ]

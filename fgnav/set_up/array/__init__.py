@@ -1,1 +1,0 @@
-"""Inertial unit and detector against the attitudes of an antenna array."""

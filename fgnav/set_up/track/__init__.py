@@ -1,1 +1,0 @@
-"""Inertial unit and fixes against each other, without attitudes from elsewhere."""
