@@ -19,12 +19,12 @@ from fgnav.methods.smoothing.estimates import stated_at
 from fgnav.methods.smoothing.joined import joined_estimates
 from fgnav.methods.streaming.going_on import GoingOn, going_on
 from fgnav.methods.streaming.recording import epochs_s, joined, pieces
+from fgnav.noise.past import Identification, identification, identification_times_s
 from fgnav.solve.sliding.departed import joined_solution, with_open_heading
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
 
 if TYPE_CHECKING:
-    from fgnav.noise.past import Identification
     from fgnav.solve.fixed_lag import Departed, FixedLag
 
 _ROUNDING_S = 1e-6
@@ -44,7 +44,7 @@ class _Span:
     """Keyframes from a time on, with noise and times as identified by then."""
 
     from_s: float
-    known: "Identification"
+    known: Identification
     record: GoingOn
 
     def prepared(self, settings: ProblemSettings) -> PreparedFlight:
@@ -89,6 +89,7 @@ class ObservationStream:
         self._newest: Departed
         self._last_s = -np.inf  # keyframe that was returned last
         self._looked_s = -np.inf  # when noise was identified last
+        self._known = Identification()  # by then
 
     @classmethod
     def replay(cls, flight: Flight, method: Forward | None = None) -> Iterator[Estimate]:
@@ -120,10 +121,8 @@ class ObservationStream:
         """
         if piece.networks:
             raise BadInputError(f"flight {piece.name}: a stream of observations takes no networks")
-        from fgnav.noise.past import Identification  # noqa: PLC0415  # lazy: the chain
-
         if not self._spans:
-            self._spans.append(_Span(-np.inf, Identification(), GoingOn(piece)))
+            self._spans.append(_Span(-np.inf, self._known, GoingOn(piece)))
         else:
             grown = [joined(span.record.flight, piece) for span in self._spans]
             for span, flight in zip(self._spans, grown, strict=True):
@@ -185,8 +184,6 @@ class ObservationStream:
         """Identify noise at the times that have come."""
         if self._method.noise != "identified":
             return
-        from fgnav.noise.past import identification_times_s  # noqa: PLC0415  # lazy: the chain
-
         imu = self._spans[-1].record.flight.imu
         until_s = min(until_s, -np.inf if imu is None else float(imu.t_s[-1]))
         for at_s in identification_times_s(self._stated(), until_s + _ROUNDING_S):
@@ -195,12 +192,10 @@ class ObservationStream:
 
     def _identify(self, at_s: float) -> None:
         """Identify noise at a time, for keyframes from then on."""
-        from fgnav.noise.past import identification  # noqa: PLC0415  # lazy: the chain
-
         self._looked_s = at_s
         flight, settings = self._whole(), self._method.preparation
         build = partial(build_problem, last=LastObservations())
-        known = identification(flight, settings, at_s, build)
+        known = self._known = identification(flight, settings, at_s, build, self._known)
         is_first = len(self._spans) == 1 and self._spans[0].from_s == -np.inf
         if not (is_first and known.is_nominal):
             self._spans.append(_Span(at_s, known, GoingOn(flight)))

@@ -43,6 +43,10 @@ class ClockCorrection(NamedTuple):
         """Return a correction by so much more."""
         return ClockCorrection(self.offset_s + offset_s, self.rate_ppm + rate_ppm)
 
+    def at(self, later_s: float) -> "ClockCorrection":
+        """Return the same with the offset of a time so much later."""
+        return ClockCorrection(self.offset_s + PPM * self.rate_ppm * later_s, self.rate_ppm)
+
     def applied(self, flight: Flight, middle_s: float) -> Flight:
         """Return a flight with corrected timestamps."""
         imu = flight.imu

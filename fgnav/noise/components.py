@@ -19,7 +19,7 @@ References
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +35,7 @@ WHITE = ("accelerometer", "gyroscope")
 INSTRUMENTS = ("barometric height", "line of sight", "magnetic field")
 _RESTING = ("position", "velocity")
 _CHUNK = 128  # intervals at once: 2 MB of their covariances
+_KEPT = 4000  # intervals whose covariances are kept from one theta to the next: 60 MB
 
 
 class Score(NamedTuple):
@@ -80,6 +81,7 @@ class NoiseComponents:
     _motion: tuple[str, ...]
     _sensors: tuple[_SensorNoise, ...]
     _standstill: Standstill | None
+    _kept: dict[int, tuple[FloatArray, FloatArray]] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(
@@ -162,17 +164,26 @@ class NoiseComponents:
     ) -> Iterator[tuple[IntArray, FloatArray, FloatArray, FloatArray]]:
         """Yield some intervals, (k,), shares of their covariance, the rest of it, and variances."""
         variance = np.exp(2 * theta[: len(self._motion)])
-        for begin in range(0, len(self.problem.t_s) - 1, _CHUNK):
-            of = slice(begin, min(begin + _CHUNK, len(self.problem.t_s) - 1))
-            names, parts, fixed = self.problem.motion.noise_parts(of)
-            if self._standstill is not None:
-                share = self._standstill.share[of][:, None, None, None]
-                white = [names.index(name) for name in names if name in WHITE]
-                resting = parts[:, white] * share
-                parts = parts.copy()
-                parts[:, white] *= 1.0 - share
-                parts = np.concatenate([parts, resting], axis=1)
-            yield np.arange(of.start, of.stop), parts, fixed, variance
+        n = len(self.problem.t_s) - 1
+        for begin in range(0, n, _CHUNK):
+            of = slice(begin, min(begin + _CHUNK, n))
+            shares = self._kept.get(begin)
+            if shares is None:
+                shares = self._shares(of)
+                if n <= _KEPT:
+                    self._kept[begin] = shares
+            yield np.arange(of.start, of.stop), *shares, variance
+
+    def _shares(self, of: slice) -> tuple[FloatArray, FloatArray]:
+        """Return what components are of the rows' covariance, (k, c, D, D), and the rest of it."""
+        names, parts, fixed = self.problem.motion.noise_parts(of)
+        if self._standstill is None:
+            return parts, fixed
+        share = self._standstill.share[of][:, None, None, None]
+        white = [names.index(name) for name in names if name in WHITE]
+        moving = parts.copy()
+        moving[:, white] *= 1.0 - share
+        return np.concatenate([moving, parts[:, white] * share], axis=1), fixed
 
 
 def _interval_rows(

@@ -15,11 +15,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fgnav.checks import FloatArray
 from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.graph.delayed_kernel import PPM
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.noise.calibration import (
@@ -56,6 +54,8 @@ class Hyperparameters:
         On nominal standard deviations, by component; those that are as stated are left out.
     sigmas : mapping of str to float
         1-sigma of their logarithms.
+    theta : mapping of str to float
+        Logarithms of the factors of all components, at which another search may begin.
     satellites : mapping of str to float
         Factors on errors of satellites and on noise of codes.
     clock : ClockCorrection
@@ -68,6 +68,7 @@ class Hyperparameters:
 
     factors: Mapping[str, float] = field(default_factory=dict)
     sigmas: Mapping[str, float] = field(default_factory=dict)
+    theta: Mapping[str, float] = field(default_factory=dict)
     satellites: Mapping[str, float] = field(default_factory=dict)
     clock: ClockCorrection = field(default_factory=ClockCorrection)
     middle_s: float = 0.0
@@ -114,11 +115,12 @@ class Hyperparameters:
         )
 
     def _moved(self, *, causal: bool) -> tuple[float, float]:
-        """Return the correction at the time for which a problem states the clock's offset."""
-        offset_s, rate_ppm = self.clock
-        if causal:  # since zero, not since the middle of a record that goes on
-            offset_s -= PPM * rate_ppm * self.middle_s
-        return float(offset_s), float(rate_ppm)
+        """Return the correction at the time for which a problem states the clock's offset.
+
+        That is zero, not the middle of a record, where a record goes on.
+        """
+        clock = self.clock.at(-self.middle_s) if causal else self.clock
+        return float(clock.offset_s), float(clock.rate_ppm)
 
 
 def identified(
@@ -140,7 +142,7 @@ def identified(
         If the flight has no problem.
     """
     exact = with_exact_timestamps(flight)
-    found, last = hyperparameters(exact, settings, build, build(exact, settings))
+    found, last = hyperparameters(exact, settings, build)
     if not found.is_nominal:
         alike = replace(settings, interval_priors=_rate_prior(last))
         return found, found.prepared(flight, alike, build)
@@ -168,7 +170,11 @@ def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]
 
 
 def hyperparameters(
-    flight: Flight, settings: ProblemSettings, build: Build, prepared: PreparedFlight
+    flight: Flight,
+    settings: ProblemSettings,
+    build: Build,
+    prepared: PreparedFlight | None = None,
+    begin: Hyperparameters | None = None,
 ) -> tuple[Hyperparameters, PreparedFlight]:
     """Return what a flight determines, and its last problem, with the nominal noise.
 
@@ -179,8 +185,10 @@ def hyperparameters(
     settings : ProblemSettings
         Not causal.
     build : callable
-    prepared : PreparedFlight
-        The flight's problem.
+    prepared : PreparedFlight, optional
+        The flight's problem, if it is built already.
+    begin : Hyperparameters, optional
+        Where the search begins: what an earlier part of the flight has determined.
 
     Raises
     ------
@@ -188,23 +196,26 @@ def hyperparameters(
         If there is no minimum about which to identify anything.
     """
     middle_s = 0.0 if flight.imu is None else middle_of_record_s(flight.imu)
-    clock, found, theta = ClockCorrection(), Hyperparameters(), None
+    found = begin or Hyperparameters()
+    clock, theta = found.clock.at(middle_s - found.middle_s), found.theta
+    if prepared is None or clock:
+        prepared = build(clock.applied(flight, middle_s), settings)
     for _ in range(_PASSES):
         if prepared.opening is not None and prepared.opening.until_s == np.inf:
-            return found, prepared  # a heading that nothing determines: nor does noise show
+            return Hyperparameters(), prepared  # without a heading noise does not show
         at = clock.applied(flight, middle_s)
         satellites = _satellites(at, prepared)
-        changed = with_satellite_errors(prepared, satellites)
-        posterior, theta = _posterior(at, settings, changed, theta)
+        posterior = _posterior(at, settings, with_satellite_errors(prepared, satellites), theta)
         now = calibrated(posterior.problem.constants, posterior.solution)
-        before = found.calibrated or now
+        first = {one.kind: one for one in found.calibrated}
         found = replace(
             _hyperparameters(posterior),
             satellites=satellites,
             clock=clock,
             middle_s=middle_s,
-            calibrated=tuple(map(Calibrated.gaining, now, before)),
+            calibrated=tuple(one.gaining(first.get(one.kind, one)) for one in now),
         )
+        theta = found.theta
         step = next((one for one in now if one.kind == CLOCK), None)
         is_off = any(one.is_significant for one in now if one.kind in (CLOCK, LATENCY))
         if step is None or not (clock or is_off):
@@ -235,9 +246,9 @@ def _posterior(
     flight: Flight,
     settings: ProblemSettings,
     prepared: PreparedFlight,
-    begin: FloatArray | None,
-) -> tuple[NoisePosterior, FloatArray]:
-    """Return the most probable noise of a problem, and theta without correlated errors."""
+    begin: Mapping[str, float],
+) -> NoisePosterior:
+    """Return the most probable noise of a problem; the search begins at theta by component."""
     problem, keyframes = decimated(prepared.problem)
     requested = [one.kind for one in settings.calibration]
     fixes = flight.fixes if flight.observations is None else None
@@ -254,8 +265,8 @@ def _posterior(
     components = NoiseComponents.of(problem, scalable(flight), standstill)
     names = [name.removesuffix(AT_REST) for name in components.names]
     prior = Prior.of(components.names, ~np.isin(names, unstated(flight)))
-    posterior = noise_posterior(components, prior, np.zeros(len(names)) if begin is None else begin)
-    return posterior, posterior.theta
+    theta = np.array([begin.get(name, 0.0) for name in components.names])
+    return noise_posterior(components, prior, theta)
 
 
 def _hyperparameters(posterior: NoisePosterior) -> Hyperparameters:
@@ -264,6 +275,7 @@ def _hyperparameters(posterior: NoisePosterior) -> Hyperparameters:
     moved = np.abs(theta) > np.maximum(_UNCHANGED, posterior.sigma)
     names = posterior.components.names
     return Hyperparameters(
+        theta=dict(zip(names, posterior.theta.tolist(), strict=True)),
         factors={names[i]: float(np.exp(theta[i])) for i in np.flatnonzero(moved)},
         sigmas={names[i]: float(posterior.sigma[i]) for i in np.flatnonzero(moved)},
     )

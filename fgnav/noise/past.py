@@ -74,7 +74,9 @@ def stretches(
     """
     end_s = float(prepared.problem.t_s[-1])
     times_s = identification_times_s(prepared, end_s)
-    known = [Identification(), *(identification(flight, settings, s, build) for s in times_s)]
+    known = [Identification()]
+    for s in times_s:
+        known.append(identification(flight, settings, s, build, known[-1]))
     if all(one.is_nominal for one in known):
         return ()
     parts: list[Stretch] = []
@@ -120,9 +122,13 @@ def _doublings(from_s: float, after_s: float, until_s: float) -> list[float]:
 
 
 def identification(
-    flight: Flight, settings: ProblemSettings, until_s: float, build: Build
+    flight: Flight,
+    settings: ProblemSettings,
+    until_s: float,
+    build: Build,
+    before: Identification,
 ) -> Identification:
-    """Return what a flight has determined up to a time."""
+    """Return what a flight has determined up to a time, sought from what it had before."""
     past = with_exact_timestamps(truncated(flight, until_s))
     whole = replace(settings, causal=False)
     try:
@@ -130,7 +136,7 @@ def identification(
     except NoSolutionError:  # next to nothing is there yet
         return Identification()
     try:
-        return Identification(hyperparameters(past, whole, build, prepared)[0])
+        return Identification(hyperparameters(past, whole, build, prepared, before.found)[0])
     except NoSolutionError:
         opening = prepared.opening
         return Identification(is_open=opening is not None and opening.until_s == np.inf)
