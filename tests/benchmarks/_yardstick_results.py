@@ -40,8 +40,9 @@ CLEAN_NEES = float(chdtri(3, 1e-3))
 COMPARABLE, MOST_EPOCHS = 2.0, 0.9
 # For estimates without ``consistent``: notes that name a contradiction, and noise by its factor.
 CONTRADICTED = re.compile(
-    "contradict|left out|taken back|are late|disagree|corrected|against each other|is off where"
-    "|what noise explains|not as stated|stands for the stated|stands still|louder than its noise"
+    "contradict|left out|taken (back|out)|put back|are late|tags go on|disagree|corrected"
+    "|against each other|is off where|off its place|larger than stated|not as stated"
+    "|what noise explains|stands for the stated|stands still|louder than its noise"
 )
 NOISE = re.compile(r"(\d[\d.]*(?:e[+-]?\d+)?) x what flight.toml states")
 FEW = 0.01  # share of epochs: isolated outliers are no contradiction
@@ -52,7 +53,8 @@ class Result:
     """One estimate of one flight.
 
     ``rmse``, ``sigma`` and ``nees`` are by ``STATES``, without those that are open; ``seconds`` are
-    of processor, of the estimate alone; ``said`` is ``reports_contradiction``.
+    of processor, of the estimate alone; ``said`` is whether there are ``reasons``, which
+    ``reported_contradictions`` returns.
     """
 
     part: str
@@ -66,6 +68,7 @@ class Result:
     epochs: int = 0
     converged: bool = False
     said: bool = False
+    reasons: tuple[str, ...] = ()
     rmse: dict[str, float] = field(default_factory=dict)
     sigma: dict[str, float] = field(default_factory=dict)
     nees: dict[str, float] = field(default_factory=dict)
@@ -73,24 +76,25 @@ class Result:
     notes: tuple[str, ...] = ()
 
 
-def reports_contradiction(estimate: Estimate) -> bool:
-    """Return True if the estimate reports that its measurements contradict each other.
+def reported_contradictions(estimate: Estimate) -> tuple[str, ...]:
+    """Return by what the estimate reports that its measurements contradict each other, if it does.
 
     Of an estimate without ``consistent``: innovations leave their band, a note names a
-    contradiction or noise above the nominal, or measurements are rejected for a span of time or in
-    many epochs.
+    contradiction, noise is identified above the nominal, or measurements are rejected for a span of
+    time or in many epochs.
     """
     consistent = getattr(estimate, "consistent", None)
     if consistent is not None:
-        return not consistent
-    rejected = estimate.rejections
-    return (
-        any(sensor.contradictions for sensor in estimate.consistency)
-        or any(CONTRADICTED.search(note) for note in estimate.notes)
-        or any(float(x) > 1 for note in estimate.notes for x in NOISE.findall(note))
-        or any(r.until_s > r.from_s for r in rejected)
-        or len(rejected) > FEW * estimate.epochs
-    )
+        return () if consistent else ("verdict",)
+    notes, rejected = estimate.notes, estimate.rejections
+    lasts = any(one.until_s > one.from_s for one in rejected)
+    found = {
+        "innovations": any(sensor.contradictions for sensor in estimate.consistency),
+        "note": any(CONTRADICTED.search(note) for note in notes),
+        "noise": any(float(factor) > 1 for note in notes for factor in NOISE.findall(note)),
+        "rejections": lasts or len(rejected) > FEW * estimate.epochs,
+    }
+    return tuple(name for name, is_there in found.items() if is_there)
 
 
 def solved(solve: Callable[[], Estimate], evaluate: Callable[[Estimate], dict]) -> dict:
@@ -100,7 +104,8 @@ def solved(solve: Callable[[], Estimate], evaluate: Callable[[Estimate], dict]) 
         estimate = solve()
         fields["seconds"] = process_time() - begin
         fields |= {"epochs": len(estimate.t_s), "converged": estimate.converged}
-        fields |= {"said": reports_contradiction(estimate), "notes": estimate.notes}
+        reasons = reported_contradictions(estimate)
+        fields |= {"said": bool(reasons), "reasons": reasons, "notes": estimate.notes}
         return fields | evaluate(estimate)
     except FgnavError as error:
         failed = {"failure": f"{type(error).__name__}: {error}", "outcome": "refused"}
@@ -124,6 +129,10 @@ def against(truth: Truth, estimate: Estimate) -> dict:
         estimate.velocity_covariance_m2ps2,
     )
     scales = (np.degrees(1.0), 1.0, 1.0)
+
+    def known(x: float | None) -> bool:
+        return x is not None and not np.isnan(x)
+
     columns = {
         "rmse": (of.attitude_rmse_deg, of.position_rmse_m, of.velocity_rmse_mps),
         "nees": (of.attitude_nees_mean, of.position_nees_mean, of.velocity_nees_mean),
@@ -133,7 +142,7 @@ def against(truth: Truth, estimate: Estimate) -> dict:
         ],
     }
     return {
-        name: {s: float(x) for s, x in zip(STATES, column, strict=True) if x is not None}
+        name: {s: float(x) for s, x in zip(STATES, column, strict=True) if known(x)}
         for name, column in columns.items()
     }
 
