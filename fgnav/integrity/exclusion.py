@@ -60,7 +60,8 @@ def without_contradictions(
             trial = again(exclusion.flight)
         except NoSolutionError:
             continue
-        if trial.consistent and trial.converged:
+        is_as_open = set(trial.unobservable) <= set(estimate.unobservable)
+        if trial.consistent and trial.converged and is_as_open:
             notes = tuple(
                 f"{one.what}, {one.from_s:.1f} to {one.until_s:.1f} s: left out, because without "
                 "it the other measurements are consistent."

@@ -298,6 +298,7 @@ class Smoother:
         series = (
             *innovation_series(prepared.problem, solution),
             *_custom_series(own, prepared, solution),
+            *_force_series(flight, prepared),
         )
         estimate = estimate_of(self.name, prepared, solution, rows)
         t_s = prepared.problem.t_s
@@ -360,6 +361,17 @@ class Batch(Smoother):
 
     def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
         return at_once(prepared, own, self.solver)
+
+
+def _force_series(flight: Flight, prepared: PreparedFlight) -> tuple[InnovationSeries, ...]:
+    """Return innovations of the accelerometer where nothing determines the heading."""
+    opening = prepared.opening
+    if opening is None or opening.until_s < np.inf:
+        return ()
+    from fgnav.integrity.specific_force import force_innovations  # noqa: PLC0415  # lazy: scipy
+
+    found = force_innovations(flight)
+    return () if found is None else (found,)
 
 
 def _with_noise_of_record(flight: Flight) -> tuple[Flight, tuple[str, ...]]:

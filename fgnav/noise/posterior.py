@@ -1,7 +1,7 @@
 """The most probable noise of a problem: Fisher scoring on its marginal likelihood and a prior.
 
 The states are integrated out at their minimum (Laplace), which is found anew after each step. The
-prior of theta, the logarithm of a factor on a standard deviation, is normal about the nominal.
+prior of theta, the logarithm of a factor on a standard deviation, is about the nominal.
 """
 
 from typing import NamedTuple
@@ -16,9 +16,10 @@ from fgnav.graph.types.states import States
 from fgnav.noise.components import INSTRUMENTS, WHITE, NoiseComponents, Score
 from fgnav.solve.chain import solve_batch
 
-# 1-sigma of theta. What is stated holds to a factor of 1.5, but for white noise of inertial units:
-# in motion that of small ones is 1 to 200 times the figure of their data sheets, which is that at
-# rest (docs/validation.md). Random walks that nobody states are known by their order of magnitude.
+# Scale of theta's prior. What is stated holds to a factor of 1.5. White noise of small inertial
+# units in motion is 1 to 200 times the figure of their data sheets, so the prior has the tails of
+# Cauchy's distribution: near the nominal it is a normal one of that sigma, and what is far off is
+# hardly drawn back (Gelman, Prior distributions for variance parameters, 2006).
 _STATED, _WHITE, _WALK = np.log(1.5), np.log(5.0), np.log(10.0)
 _SAME_COST = 0.5  # what is left of it then is a quarter of a unit of log-likelihood
 _ITERATIONS = 30
@@ -32,10 +33,14 @@ _MISFIT = 4.0  # of the cost to the number of measurements
 
 
 class Prior(NamedTuple):
-    """Of theta: its 1-sigma about zero, and where it is bounded below, (c,) each."""
+    """Of theta: its scale about zero, and where it is bounded below, (c,) each."""
 
     sigma: FloatArray
     least: FloatArray
+
+    def weight(self, theta: FloatArray) -> FloatArray:
+        """Return the factor w of the prior's slope, ``-w theta``: of Cauchy's density."""
+        return np.asarray(2.0 / (2.0 * self.sigma**2 + theta**2))
 
     @classmethod
     def of(cls, names: tuple[str, ...], stated: BoolArray) -> "Prior":
@@ -46,8 +51,7 @@ class Prior(NamedTuple):
         """
         walk = np.array([name.endswith("bias") for name in names])
         of_unit = np.array([name.startswith(WHITE) for name in names])
-        shakes = np.isin(names, WHITE)
-        sigma = np.where(stated & ~shakes, _STATED, np.where(walk, _WALK, _WHITE))
+        sigma = np.where(stated, _STATED, np.where(walk, _WALK, _WHITE))
         return cls(sigma, np.where(stated & ~of_unit, 0.0, -np.inf))
 
 
@@ -94,7 +98,7 @@ def noise_posterior(components: NoiseComponents, prior: Prior, begin: FloatArray
         solution = solve_batch(problem, begin=states, most=_DESCENT)
         states = solution.states
         score = components.score(theta, problem, solution)
-        sigma = 1 / np.sqrt(np.diag(score.information) + prior.sigma**-2)
+        sigma = 1 / np.sqrt(np.diag(score.information) + prior.weight(theta))
         step = _step(score, theta, prior)
         settled = (np.abs(step) < np.maximum(_SETTLED, _SETTLED_SIGMAS * sigma)).all()
         is_minimum = solution.converged or abs(solution.cost - cost) < _SAME_COST
@@ -133,14 +137,14 @@ def _step(score: Score, theta: FloatArray, prior: Prior) -> FloatArray:
 
     Far from the maximum ``exp(2 theta) *= squares / redundancy`` instead (Foerstner 1979).
     """
-    weight = prior.sigma**-2
+    weight = prior.weight(theta)
     uphill = score.gradient - weight * theta
     free = np.flatnonzero((theta > prior.least) | (uphill > 0))
     H = score.information[np.ix_(free, free)] + np.diag(weight[free])
     step: FloatArray = np.zeros(len(theta))
     step[free] = np.linalg.solve(H, uphill[free])
     ratio = (score.squares / score.redundancy.clip(1e-3)).clip(1e-6)
-    far = ((ratio > _FAR) | (ratio < 1 / _FAR)) & (score.redundancy > 1 / prior.sigma**2)
+    far = ((ratio > _FAR) | (ratio < 1 / _FAR)) & (score.redundancy > weight)
     step[free] = np.where(far, np.log(ratio) / 2, step)[free]
     return np.asarray(np.maximum(step.clip(-_LARGEST_STEP, _LARGEST_STEP), prior.least - theta))
 

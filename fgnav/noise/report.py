@@ -36,7 +36,8 @@ _UNITS = {
 }
 _WORTH_SAYING = np.log(1.5)
 _BIASES = {"accelerometer": "accelerometer_bias_mps2", "gyroscope": "gyroscope_bias_radps"}
-_NAMES_OF_SETUP = {LEVER_ARM: "lever arm", LATENCY: "velocity latency"}
+_MEASURED_M = 0.05  # 1-sigma of an antenna's place as a tape measures it
+_CERTAIN = 4.0  # sigmas of a logarithm: 3e-5
 _SIGMAS = 3.0  # of what is known before the flight
 
 
@@ -62,9 +63,9 @@ def noise_notes(flight: Flight, found: Hyperparameters) -> tuple[str, ...]:
 def implausible(imu: Imu | None, found: Hyperparameters) -> dict[str, float]:
     """Return what is estimated over the largest plausible value, where above 1: a likely fault.
 
-    A bias is not to walk, over the record, by more than three sigmas of what is stated of it; a
-    lever arm or a latency is not to be beyond three sigmas of what is known before the flight, and
-    no velocity is of later than its timestamp.
+    Three sigmas are the largest: over the record a bias walks by no more of what is stated of it, a
+    lever arm is measured to a tape's sigma, and a latency is within what is known before the flight
+    and not negative.
 
     Parameters
     ----------
@@ -74,12 +75,13 @@ def implausible(imu: Imu | None, found: Hyperparameters) -> dict[str, float]:
     """
     ratios = {}
     for one in found.significant:
-        is_early = one.kind == LATENCY and one.value[0] < 0.0
-        largest = _SIGMAS * (float(one.sigma[0]) if is_early else one.prior_sigma)
-        if one.kind in _NAMES_OF_SETUP:
-            ratios[_NAMES_OF_SETUP[one.kind]] = float(np.linalg.norm(one.value)) / largest
+        if one.kind == LEVER_ARM:
+            ratios["lever arm"] = float(np.linalg.norm(one.value)) / (_SIGMAS * _MEASURED_M)
+        if one.kind == LATENCY:
+            sigma_s = one.prior_sigma if one.value[0] > 0.0 else float(one.sigma[0])
+            ratios["velocity latency"] = abs(float(one.value[0])) / (_SIGMAS * sigma_s)
     if imu is not None:
-        ratios |= _noise_ratios(imu, found.factors)
+        ratios |= _noise_ratios(imu, found.factors, found.sigmas)
         root_s = np.sqrt(imu.t_s[-1] - imu.t_s[0])
         for sensor, field in _BIASES.items():
             walk, bias = getattr(imu, FIELDS[f"{sensor} bias"]), getattr(imu, field)
@@ -91,12 +93,14 @@ def implausible(imu: Imu | None, found: Hyperparameters) -> dict[str, float]:
     return {name: ratio for name, ratio in ratios.items() if ratio > 1.0}
 
 
-def _noise_ratios(imu: Imu, factors: Mapping[str, float]) -> dict[str, float]:
+def _noise_ratios(
+    imu: Imu, factors: Mapping[str, float], sigmas: Mapping[str, float]
+) -> dict[str, float]:
     """Return white noise of a unit over the largest that its samples can hold.
 
     White noise of density N has the Allan deviation ``N / sqrt(tau)`` from one sample to the next,
     and whatever else there is, such as motion, only adds to it. What is estimated above that is no
-    noise. The noisiest axis counts.
+    noise, if its logarithm is above by four sigmas. The noisiest axis counts.
     """
     run = longest_run(imu.t_s)
     if run.stop - run.start < FEWEST:
@@ -108,7 +112,9 @@ def _noise_ratios(imu: Imu, factors: Mapping[str, float]) -> dict[str, float]:
         if values is not None and factors.get(name, 1.0) > 1.0:
             tau_s, deviation = allan_deviation(values[run], step_s)
             largest = float(deviation[0].max() * np.sqrt(tau_s[0]))
-            found[name] = factors[name] * density / max(largest, np.finfo(float).tiny)
+            ratio = factors[name] * density / max(largest, np.finfo(float).tiny)
+            if np.log(ratio) > _CERTAIN * sigmas.get(name, 0.0):
+                found[name] = ratio
     return found
 
 
