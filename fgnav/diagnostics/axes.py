@@ -26,6 +26,7 @@ from fgnav.geometry.interpolation import corrected_integral
 from fgnav.types.flight import Imu
 
 _FITTED = 24  # hypotheses
+_RATIO = 1.5  # of squares, at least: less may be a bias of the gyroscope
 
 
 def signed_permutations() -> FloatArray:
@@ -72,7 +73,8 @@ def axes_finding(motion: Motion, offset_s: float) -> Finding | None:
         return None
     equal = [one for one in fits[1:] if not is_better(one[0], best[0])]
     squares, _, rate, axes = min(equal, key=lambda one: (one[1], _level(one[0])))
-    return _finding(rate, axes, imu, float(np.exp(_level(fits[0][0]) - _level(squares))))
+    ratio = float(np.exp(_level(fits[0][0]) - _level(squares)))
+    return _finding(rate, axes, imu, ratio) if ratio > _RATIO else None
 
 
 def _rates(imu: Imu) -> list[float]:

@@ -22,6 +22,7 @@ from fgnav.geometry.interpolation import corrected_integral, integral, interpola
 from fgnav.types.flight import Imu
 
 COARSE_S = 0.5  # an offset beyond it is another clock; less is a delay of the recorder
+_SIGMA_S = 0.05  # beyond, a coarse offset is not determined
 _STEP_S = 0.1  # of the search: a motion of a hertz has a valley of a tenth
 _OFFSETS_S = np.round(np.arange(-200, 201) * _STEP_S, 6)  # leap seconds lie within
 _COVERED = 0.25  # share of windows within the record at an offset that is tried
@@ -42,7 +43,7 @@ class Search(NamedTuple):
     ----------
     by : str
     offset_s, sigma_s : float
-        Sigma: infinite if unknown.
+        Sigma: of rounding to the search's steps, or of the fit by course.
     is_better, is_unique : bool
         Whether the given timestamps, and whether all offsets outside its valley are rejected.
     runner_up_s : float
@@ -94,7 +95,8 @@ def coarse_offset(searches: Sequence[Search]) -> Search | None:
     if not found or max(offsets_s) - min(offsets_s) > _APART_S:
         return None
     best = min(found, key=lambda one: one.sigma_s)
-    return best if best.is_better and abs(best.offset_s) > COARSE_S else None
+    is_other = best.is_better and abs(best.offset_s) > COARSE_S and best.sigma_s < _SIGMA_S
+    return best if is_other else None
 
 
 def clock_searches(motion: Motion, integrals_at: Callable[[float], Integrals]) -> list[Search]:
@@ -256,7 +258,7 @@ def _judged(by: str, left: FloatArray) -> Search | None:
     return Search(
         by=by,
         offset_s=float(_OFFSETS_S[best]),
-        sigma_s=np.inf,
+        sigma_s=_STEP_S / np.sqrt(12),
         is_better=best != zero and is_better(left[both, zero], left[both, best], tests),
         is_unique=bool((last - first) * _STEP_S < _VALLEY_S and not is_open[is_outside].any()),
         runner_up_s=float(_OFFSETS_S[runner_up]),

@@ -158,14 +158,7 @@ def _check_all(flight: Flight, motion: Motion, out: _Findings) -> None:
         return out.skip("imu clock, lever arm", "not before its axes are right")
     if any(finding.name == "velocity delay" for finding in out.found):
         main = found[0]  # by positions
-    is_unique = any(one.is_unique for one in searches)
-    if out.add(_clock_finding(main, coarse, motion.imu)) or is_unique:
-        pass
-    elif main.bound_s > COARSE_S:
-        out.skip("imu clock", "offset not observable from this motion")
-    else:
-        shown = ", ".join(f"{-one.runner_up_s:+.1f} s" for one in searches)
-        out.skip("imu clock", f"the motion does not exclude offsets of seconds ({shown})")
+    _check_clock(main, searches, coarse, motion.imu, out)
     _check_arm(main, motion, flight, out)
     if motion.attitudes is None:
         integrals = integrals_at(main.offset_s)
@@ -175,18 +168,25 @@ def _check_all(flight: Flight, motion: Motion, out: _Findings) -> None:
     return None
 
 
-def _clock_finding(clock: Clock, coarse: Search | None, imu: Imu) -> Finding | None:
-    """Return an offset that chance and half a sample do not explain."""
+def _check_clock(
+    clock: Clock, searches: list[Search], coarse: Search | None, imu: Imu, out: _Findings
+) -> None:
+    """Test for an offset that chance and half a sample do not explain."""
     half_s = float(np.median(np.diff(imu.t_s))) / 2
     offset_s, evidence = clock.offset_s, f"(± {clock.sigma_s:.3f} s)"
-    if coarse is None and not max(clock.bound_s, half_s) < abs(offset_s) <= COARSE_S:
-        return None
     if coarse is not None and not clock.bound_s < COARSE_S:
         offset_s, evidence = coarse.offset_s, str(coarse)
-    leap = ", the leap seconds of UTC" if round(abs(offset_s)) == _LEAP_S else ""
-    text = f"timestamps are {-offset_s:+.3f} s off those of GNSS{leap} {evidence}"
-    mend = f"add {offset_s:+.3f} s to [imu] clock_offset_s"
-    return Finding("imu clock", text, mend, "[imu] samples, t_s", certain=coarse is not None)
+    if coarse is not None or max(clock.bound_s, half_s) < abs(offset_s) <= COARSE_S:
+        leap = ", the leap seconds of UTC" if round(abs(offset_s)) == _LEAP_S else ""
+        text = f"timestamps are {-offset_s:+.3f} s off those of GNSS{leap} {evidence}"
+        mend, where = f"add {offset_s:+.3f} s to [imu] clock_offset_s", "[imu] samples, t_s"
+        out.add(Finding("imu clock", text, mend, where, certain=coarse is not None))
+    elif not any(one.is_unique and abs(one.offset_s) <= COARSE_S for one in searches):
+        shown = "; ".join(
+            f"{-s.offset_s:+.1f} or {-s.runner_up_s:+.1f} s by {s.by}" for s in searches
+        )
+        reason = f"offset not observable from this motion ({shown})"
+        out.skip("imu clock", reason if shown else "too few windows with motion")
 
 
 def _check_arm(clock: Clock, motion: Motion, flight: Flight, out: _Findings) -> None:
