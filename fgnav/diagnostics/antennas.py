@@ -22,6 +22,7 @@ from fgnav.types.observations import Observations
 _FITS = 6.0  # squared residuals per degree of freedom: phase noise up to 2.4 times the nominal
 _NODES = 20_000  # of a search; of a wrong shape it finds nothing
 _EPOCHS = 60  # that decide between shapes
+_OF_PAIRS = 20  # epochs by which the two likeliest exchanges are chosen
 _WRONG, _RIGHT = 0.5, 0.75  # shares of epochs that fit
 _BY_CHANCE = 1e-2  # share of epochs that fit a wrong shape, upper limit
 _FALSE_ALARM = 1e-4  # of a flight
@@ -89,7 +90,7 @@ def exchanged_antennas(differences: DoubleDifferences, fixed: BoolArray) -> Exch
     needed = np.log(max(count, 1) / _FALSE_ALARM) / np.log(1 / _BY_CHANCE)
     if antennas < 3 or len(failing) < needed:
         return None
-    shapes = _exchanges(differences[_spread(failing, _EPOCHS)])
+    shapes = _exchanges(differences[_spread(failing, _OF_PAIRS)])
     fitting = sorted(((fits_shape(shape).sum(), pair) for pair, shape in shapes), reverse=True)[:2]
     likely, spans = [pair for _, pair in fitting], []
     for pair, shape in _exchanges(differences[failing]):

@@ -65,9 +65,8 @@ class Search(NamedTuple):
     def __str__(self) -> str:
         """Return the evidence."""
         return (
-            f"(± {self.sigma_s:.3f} s, by {self.by}; residual squares {self.ratio:.3g} times "
-            f"smaller, runner-up {-self.runner_up_s:+.1f} s {self.runner_up_ratio:.3g} times "
-            "larger)"
+            f"(± {self.sigma_s:.3f} s, by {self.by}; squares {self.ratio:.3g} times smaller, "
+            f"runner-up {-self.runner_up_s:+.1f} s {self.runner_up_ratio:.3g} times larger)"
         )
 
 

@@ -21,7 +21,6 @@ from fgnav.graph.types.states import States
 from fgnav.gravity import LowDynamics
 from fgnav.identification.noise.stated import with_factors
 from fgnav.identification.time_tags import with_rates_of
-from fgnav.identification.track.tags import with_tags_moved
 from fgnav.integers.resolvers.truth import Truth, attitude_at
 from fgnav.process.hyperparameters import RatePrior
 from fgnav_sim.gnss.tables import MultipathTable, OutageTable
@@ -135,7 +134,8 @@ def test_the_rate_prior_is_identified_where_none_is_stated():
 def test_other_tags_of_the_unit_leave_the_prior_that_an_arrays_attitudes_tell(monkeypatch):
     flight = flown("demo", 20.0)
     problem = build(flight, rate_prior=None).problem
-    moved = with_tags_moved(flight, np.array([0.15, 0.0]), 10.0)
+    imu = dataclasses.replace(flight.imu, t_s=flight.imu.t_s + 0.15)
+    moved = dataclasses.replace(flight, imu=imu)
     settings = with_rates_of(ProblemSettings(resolver=Truth()), problem)
     anew = build_problem(moved, ProblemSettings(resolver=Truth())).problem.motion
     monkeypatch.setattr("fgnav.frontend.motion.rate_prior", None)  # nothing is identified

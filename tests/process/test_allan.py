@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.identification.allan import (
+from fgnav.process.allan import (
     allan_deviation,
     longest_run,
     stated_deviation,
