@@ -1,4 +1,4 @@
-"""Contents of a flight, and the findings that its tables show without any solution."""
+"""Contents of a flight, and findings that its tables show without any solution."""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -10,43 +10,45 @@ from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
 
 GAP = 1.5  # sample intervals: a longer step is a gap
+SAMPLES = "[imu] samples, fx_mps2 to wz_radps"
 _SAME_PLACE_M = 1e-3
 _COLLINEAR_M = 1e-2  # distance from the common line that carrier phase cannot resolve
 _MIN_SATELLITES = 4
 _MESSAGE_REACH_S = 4 * 3600.0  # validity of a broadcast message
-_CONSTELLATIONS = {
-    "G": "GPS", "R": "GLONASS", "E": "Galileo", "C": "BeiDou", "J": "QZSS", "I": "NavIC",
-    "S": "SBAS",
-}  # fmt: skip
+_CONSTELLATIONS = dict(
+    zip("GRECJIS", ["GPS", "GLONASS", "Galileo", "BeiDou", "QZSS", "NavIC", "SBAS"], strict=True)
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
-    """Sampling of a sensor in time."""
+    """Sampling of a sensor; rate from the median interval, gaps longer than 1.5 of these."""
 
     samples: int
     first_s: float
     last_s: float
-    rate_hz: float  # from the median interval; 0 for a single sample
-    gaps: int  # steps longer than one and a half intervals
+    rate_hz: float
+    gaps: int
     longest_gap_s: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Finding:
-    """A mistake of the set-up, or of the data, that costs accuracy or the solution."""
+    """A mistake: name, text with evidence, mend, place in the files.
+
+    ``certain``: no estimate of such a flight is worth having.
+    """
 
     name: str
-    text: str  # what was found, and the evidence
-    where: str = ""  # table, file and column of the flight
-    mend: str = ""  # what to do about it
-    certain: bool = False  # whether any estimate of the flight would be worthless
+    text: str
+    mend: str = ""
+    where: str = ""
+    certain: bool = False
 
     def __str__(self) -> str:
         """Return one line."""
         where = f" ({self.where})" if self.where else ""
-        mend = f"; {self.mend}" if self.mend else ""
-        return f"{self.name}: {self.text}{mend}{where}"
+        return f"{self.name}: {self.text}{'; ' * bool(self.mend)}{self.mend}{where}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +61,7 @@ class Diagnosis:
         Signals tracked at least once, by constellation and signal: ``{"GPS 1C": 9}``.
     series : dict of str to Series
         By sensor: ``gnss``, ``imu``, ``fixes``, ``seeker``, ``barometer``, ``magnetometer``,
-        ``truth``; absent ones are not there.
+        ``truth``.
     orbits : tuple of str
         ``broadcast``, ``precise``.
     unchecked : tuple of Finding
@@ -85,27 +87,17 @@ class Diagnosis:
 
 def contents(flight: Flight) -> Diagnosis:
     """Return contents of a flight, and findings that need no solution."""
-    sensors = {
-        "gnss": flight.observations,
-        "imu": flight.imu,
-        "fixes": flight.fixes,
-        "seeker": flight.seeker,
-        "barometer": flight.barometer,
-        "magnetometer": flight.magnetometer,
-        "truth": flight.truth,
-    }
+    names = ("imu", "fixes", "seeker", "barometer", "magnetometer", "truth")
+    sensors = {"gnss": flight.observations, **{name: getattr(flight, name) for name in names}}
     series = {name: _series(s.t_s) for name, s in sensors.items() if s is not None and len(s.t_s)}
-    findings = [*_array_findings(flight), *_gap_findings(series)]
-    losses = flight.losses
-    channels: dict[str, int] = {}
-    observations = flight.observations
-    if observations is not None and len(observations.t_s):
-        is_tracked = np.asarray(observations.tracked.any(axis=(0, 1)))
-        channels = _channels(observations, is_tracked)
-        findings += _satellite_findings(flight, observations, is_tracked)
-        losses += observations.losses
-    findings += _overlap_findings(series)
+    findings, channels = [*_array_findings(flight), *_series_findings(series)], {}
     orbits = {"broadcast": flight.broadcast, "precise": flight.precise}
+    losses = flight.losses
+    if flight.observations is not None and len(flight.observations.t_s):
+        is_tracked = np.asarray(flight.observations.tracked.any(axis=(0, 1)))
+        channels = _channels(flight.observations, is_tracked)
+        findings += _satellite_findings(flight, flight.observations, is_tracked)
+        losses += flight.observations.losses
     for source in (flight.broadcast, flight.precise):
         losses += source.losses if source is not None else ()
     return Diagnosis(
@@ -123,14 +115,14 @@ def contents(flight: Flight) -> Diagnosis:
 def _series(t_s: FloatArray) -> Series:
     steps_s = np.diff(t_s)
     interval_s = float(np.median(steps_s)) if len(steps_s) else 0.0
-    gaps = steps_s > GAP * interval_s
+    gaps_s = steps_s[steps_s > GAP * interval_s]
     return Series(
         samples=len(t_s),
         first_s=float(t_s[0]),
         last_s=float(t_s[-1]),
         rate_hz=1.0 / interval_s if interval_s else 0.0,
-        gaps=int(gaps.sum()),
-        longest_gap_s=float(steps_s[gaps].max()) if gaps.any() else 0.0,
+        gaps=len(gaps_s),
+        longest_gap_s=float(gaps_s.max(initial=0.0)),
     )
 
 
@@ -148,51 +140,50 @@ def _array_findings(flight: Flight) -> list[Finding]:
         return []
     places_b_m = np.stack([antenna.position_b_m for antenna in flight.antennas])
     distance_m = np.linalg.norm(places_b_m[:, None] - places_b_m[None], axis=2)
-    findings = [
-        Finding(
-            name="duplicate antennas",
-            text=f"{names[i]} and {names[j]} are {1e3 * distance_m[i, j]:.1f} mm apart; "
-            "check position_b_m",
-        )
-        for i, j in zip(*np.nonzero(np.triu(distance_m < _SAME_PLACE_M, k=1)), strict=True)
-    ]
+    findings = []
+    for i, j in zip(*np.nonzero(np.triu(distance_m < _SAME_PLACE_M, k=1)), strict=True):
+        text = f"{names[i]} and {names[j]} are {1e3 * distance_m[i, j]:.1f} mm apart"
+        findings.append(Finding("duplicate antennas", text, "check position_b_m"))
     _, sizes, axes = np.linalg.svd(places_b_m - places_b_m.mean(axis=0))
     spread_m = np.append(sizes, np.zeros(3))[:2]
     if spread_m[0] > _SAME_PLACE_M and spread_m[1] < _COLLINEAR_M:
         from fgnav.attitude.array import axis_name  # noqa: PLC0415  # lazy: brings numba
 
         text = f"all on one line, so phase leaves unobservable: {axis_name(axes[:1])}"
-        findings.append(Finding(name="collinear antennas", text=text))
+        findings.append(Finding("collinear antennas", text))
     return findings
 
 
-def _gap_findings(series: dict[str, Series]) -> list[Finding]:
-    return [
-        Finding(
-            name=f"{name} gaps",
-            text=f"steps longer than {GAP:g} intervals: {s.gaps}, longest {s.longest_gap_s:.3f} s",
-        )
-        for name, s in series.items()
-        if s.gaps and name != "seeker"  # which is blind most of the time
-    ]
+def _series_findings(series: dict[str, Series]) -> list[Finding]:
+    """Return gaps of sensors, and sensors that do not overlap GNSS."""
+    findings = []
+    main = series.get("gnss") or series.get("fixes")
+    for name, s in series.items():
+        if s.gaps and name != "seeker":  # which is blind most of the time
+            text = f"steps longer than {GAP:g} intervals: {s.gaps}, longest {s.longest_gap_s:.3f} s"
+            findings.append(Finding(f"{name} gaps", text))
+        if main is not None and (s.last_s < main.first_s or s.first_s > main.last_s):
+            text = (
+                f"{s.first_s:.3f} to {s.last_s:.3f} s, GNSS {main.first_s:.3f} to "
+                f"{main.last_s:.3f} s"
+            )
+            findings.append(Finding(f"{name} at another time", text, "check start and t_s"))
+    return findings
 
 
 def _satellite_findings(
     flight: Flight, observations: Observations, is_tracked: BoolArray
 ) -> list[Finding]:
     """Return satellites without orbits, and epochs with too few satellites."""
-    names = np.array(observations.satellites)
+    names, findings = np.array(observations.satellites), []
     satellites = sorted(set(names[is_tracked].tolist()))
-    known = _satellites_with_orbits(flight, observations.t_s)
-    without = [s for s in satellites if s not in known]
+    without = sorted(set(satellites) - _satellites_with_orbits(flight, observations.t_s))
     if flight.precise is None:  # messages of GLONASS are not read
         without = [s for s in without if s[0] != "R"]
-    findings = []
     for letter in dict.fromkeys(s[0] for s in without):
         shown = " ".join(s for s in without if s[0] == letter)
-        name = f"no orbits for {_CONSTELLATIONS.get(letter, letter)}"
         text = f"tracked, but without an orbit at that time: {shown}"
-        findings.append(Finding(name=name, text=text))
+        findings.append(Finding(f"no orbits for {_CONSTELLATIONS.get(letter, letter)}", text))
     usable = observations.tracked[:, 0] & ~np.isin(names, without)
     distinct = np.stack([usable[:, names == s].any(axis=1) for s in satellites or [""]], axis=1)
     count = int((distinct.sum(axis=1) < _MIN_SATELLITES).sum())
@@ -201,37 +192,20 @@ def _satellite_findings(
             f"{count} of {len(distinct)} epochs have fewer than {_MIN_SATELLITES} satellites "
             "with orbits at the reference antenna"
         )
-        findings.append(Finding(name="few satellites", text=text))
+        findings.append(Finding("few satellites", text))
     return findings
 
 
 def _satellites_with_orbits(flight: Flight, t_s: FloatArray) -> set[str]:
-    def near(orbit_s: FloatArray) -> BoolArray:
-        first_s, last_s = t_s[0] - _MESSAGE_REACH_S, t_s[-1] + _MESSAGE_REACH_S
-        return np.asarray((orbit_s >= first_s) & (orbit_s <= last_s))
-
     names: set[str] = set()
+    first_s, last_s = t_s[0] - _MESSAGE_REACH_S, t_s[-1] + _MESSAGE_REACH_S
     if flight.precise is not None:
-        p_e_m = flight.precise.p_e_m[near(flight.precise.t_s)]
-        filled = np.isfinite(p_e_m).all(axis=2).any(axis=0)
-        names |= set(np.array(flight.precise.satellites)[filled].tolist())
+        orbit_s = flight.precise.t_s
+        p_e_m = flight.precise.p_e_m[(orbit_s >= first_s) & (orbit_s <= last_s)]
+        is_filled = np.isfinite(p_e_m).all(axis=2).any(axis=0)
+        names |= set(np.array(flight.precise.satellites)[is_filled].tolist())
     if flight.broadcast is not None:
         records = flight.broadcast.records
-        names |= set(records["satellite"][near(records["toe_s"])].tolist())
+        near = (records["toe_s"] >= first_s) & (records["toe_s"] <= last_s)
+        names |= set(records["satellite"][near].tolist())
     return names
-
-
-def _overlap_findings(series: dict[str, Series]) -> list[Finding]:
-    """Return sensors whose record does not overlap that of GNSS."""
-    main = series.get("gnss") or series.get("fixes")
-    if main is None:
-        return []
-    return [
-        Finding(
-            name=f"{name} at another time",
-            text=f"{s.first_s:.3f} to {s.last_s:.3f} s, GNSS {main.first_s:.3f} to "
-            f"{main.last_s:.3f} s; check start and t_s",
-        )
-        for name, s in series.items()
-        if s.last_s < main.first_s or s.first_s > main.last_s
-    ]

@@ -13,14 +13,14 @@ from fgnav.diagnostics.antennas import exchanged_antennas
 from fgnav.diagnostics.array import ArrayAttitudes
 from fgnav.diagnostics.clock import COARSE_S, clock_of, clock_searches, coarse_offset
 from fgnav.diagnostics.contents import GAP
-from fgnav.diagnostics.track import OFFSET, Motion, fit, fixes_by_code
+from fgnav.diagnostics.track import LONGEST, OFFSET, Motion, fit, middle_of
 from fgnav.diagnostics.windows import is_better
 from fgnav.gnss.difference import double_differences
+from fgnav.gnss.single_point.fixes import fixes_by_code
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight, Imu
 
 _ARRAY = 3  # antennas of an attitude
-_LONGEST = 3000  # epochs of raw data by which timestamps are tested
 
 
 class ArrayRanges(NamedTuple):
@@ -46,8 +46,7 @@ def corrected_set_up(flight: Flight, array: ArrayRanges | None = None) -> Correc
     ----------
     flight : Flight
     array : ArrayRanges, optional
-        With integers fixed already: only epochs without are searched for exchanged antennas, and
-        attitudes follow without another search.
+        With integers fixed already: only epochs without are searched for exchanged antennas.
 
     Returns
     -------
@@ -60,61 +59,44 @@ def corrected_set_up(flight: Flight, array: ArrayRanges | None = None) -> Correc
     >>> corrected_set_up(fgnav.load_flight("demo/flight")).notes
     ()
     """
-    flight, notes = _with_own_antennas(flight, array)
-    imu = flight.imu
-    if imu is None or len(imu.t_s) < 3:
-        return Corrected(flight, notes)
-    motion = _motion(flight, imu, None if notes else array)
-    if motion is None:
+    notes: tuple[str, ...] = ()
+    if flight.observations is not None and len(flight.antennas) >= _ARRAY:
+        differences = double_differences(flight) if array is None else array.differences
+        fixed = np.zeros(len(differences.t_s), dtype=np.bool_)
+        if array is not None:
+            is_open = differences.resolvable & np.isnan(array.ranges_m)
+            fixed = np.asarray(~is_open.any(axis=(1, 2)))
+        exchange = exchanged_antennas(differences, fixed)
+        if exchange is not None:
+            notes = (f"Antennas {exchange.said(flight)}; corrected.",)
+            flight = exchange.corrected(flight)
+    imu, motion = flight.imu, _motion(flight)
+    if imu is None or motion is None:
         return Corrected(flight, notes)
     for correct in (_timestamp_step, _clock_offset):
         corrected = correct(motion)
         if corrected is not None:
-            imu, note = corrected
-            motion, notes = replace(motion, imu=imu), (*notes, note)
-    return Corrected(flight if imu is flight.imu else replace(flight, imu=imu), notes)
+            motion, notes = replace(motion, imu=corrected[0]), (*notes, corrected[1])
+    is_same = motion.imu is imu
+    return Corrected(flight if is_same else replace(flight, imu=motion.imu), notes)
 
 
-def _with_own_antennas(flight: Flight, array: ArrayRanges | None) -> tuple[Flight, tuple[str, ...]]:
-    if flight.observations is None or len(flight.antennas) < _ARRAY:
-        return flight, ()
-    fixed = None
-    if array is not None:
-        differences = array.differences
-        is_open = differences.resolvable & np.isnan(array.ranges_m)
-        fixed = np.asarray(~is_open.any(axis=(1, 2)))
-    else:
-        differences = double_differences(flight)
-    exchange = exchanged_antennas(differences, fixed)
-    if exchange is None:
-        return flight, ()
-    first, second = (flight.antennas[i].name for i in exchange.pair)
-    note = (
-        f"Antennas {first} and {second} exchanged from {exchange.from_s:.1f} to "
-        f"{exchange.until_s:.1f} s: log-likelihood ratio {exchange.log_likelihood_ratio:.0f}, "
-        f"runner-up pair {exchange.runner_up_ratio:.0f}; corrected."
-    )
-    return exchange.corrected(flight), (note,)
-
-
-def _motion(flight: Flight, imu: Imu, array: ArrayRanges | None) -> Motion | None:
+def _motion(flight: Flight) -> Motion | None:
     """Return the motion by the gyroscope, else by attitudes of an array; None without a track."""
-    observations, fixes, attitudes = flight.observations, flight.fixes, None
+    imu, seen, fixes, attitudes = flight.imu, flight.observations, flight.fixes, None
+    has_gyroscope = imu is not None and imu.w_b_radps is not None
+    if imu is None or len(imu.t_s) < 3:
+        return None
     try:
-        if observations is not None and len(observations.t_s):
-            first = max(len(observations.t_s) - _LONGEST, 0) // 2
-            flight = replace(flight, observations=observations[first : first + _LONGEST])
+        if seen is not None and len(seen.t_s) and (has_gyroscope or len(flight.antennas) >= _ARRAY):
+            flight = replace(flight, observations=middle_of(seen, LONGEST))
             fixes = fixes_by_code(flight)
-            if imu.w_b_radps is None and len(flight.antennas) >= _ARRAY:
-                attitudes = (
-                    ArrayAttitudes(flight, double_differences(flight), fixes)
-                    if array is None
-                    else ArrayAttitudes(flight, array.differences, fixes, array.ranges_m)
-                )
+            if not has_gyroscope:
+                attitudes = ArrayAttitudes(flight, double_differences(flight), fixes)
                 fixes = attitudes.fixes
     except NoSolutionError:
         return None
-    if fixes is None or len(fixes.t_s) < 2 or (imu.w_b_radps is None and attitudes is None):
+    if fixes is None or len(fixes.t_s) < 2 or not (has_gyroscope or attitudes):
         return None
     return Motion.of(flight, imu, fixes, attitudes)
 
@@ -122,27 +104,23 @@ def _motion(flight: Flight, imu: Imu, array: ArrayRanges | None) -> Motion | Non
 def _timestamp_step(motion: Motion) -> tuple[Imu, str] | None:
     """Return timestamps without the step at the longest gap, if no samples are missing there.
 
-    Of the windows after the gap, the squares left with samples that follow each other are
-    significantly smaller than those with missing samples.
+    In the windows after the gap, samples that follow each other leave significantly smaller squares
+    than a gap does.
     """
     imu, series = motion.imu, motion.series[-1]
     spans_s = np.diff(imu.t_s)
     k, usual_s = int(spans_s.argmax()), float(np.median(spans_s))
     step_s = float(spans_s[k]) - usual_s
-    if spans_s[k] <= GAP * usual_s:
+    if spans_s[k] <= GAP * usual_s or not 3 <= k < len(spans_s) - 3:
         return None
     before, after = (replace(motion, imu=part) for part in (imu[: k + 1], imu[k + 1 :]))
-    if min(len(before.imu.t_s), len(after.imu.t_s)) < 3:
-        return None
     clock = clock_of(before, series, before.integrals_at(), 0.0)
-    is_known = clock is not None and clock.bound_s < COARSE_S
-    offset_s = clock.offset_s if clock is not None and is_known else 0.0
-    t_s = series.t_s[series.windows.row]
-    first_s, last_s = after.imu.t_s[0] + offset_s, after.imu.t_s[-1] + offset_s - step_s
-    windows = series.windows.some((t_s[:, 0] >= first_s) & (t_s[:, -1] <= last_s))
-    if not len(windows):
+    offset_s = clock.offset_s if clock is not None and clock.bound_s < COARSE_S else 0.0
+    t_s, after_s = series.t_s[series.windows.row], after.imu.t_s + offset_s
+    inside = (t_s[:, 0] >= after_s[0]) & (t_s[:, -1] <= after_s[-1] - step_s)
+    if not inside.any():
         return None
-    integrals_at = after.integrals_at()
+    windows, integrals_at = series.windows.some(inside), after.integrals_at()
     given, other = (
         fit(series, integrals_at(one), imu, motion.arm_b_m, windows)[0]
         for one in (offset_s, offset_s - step_s)
@@ -151,12 +129,11 @@ def _timestamp_step(motion: Motion) -> tuple[Imu, str] | None:
         return None
     ratio = float(np.exp(np.log(given.squares / other.squares.clip(1e-300)).mean()))
     note = (
-        f"IMU timestamps step by {step_s:+.3f} s after {imu.t_s[k]:.2f} s (± "
-        f"{other.sigma(OFFSET):.3f} s): residual squares {ratio:.3g} times those with missing "
-        "samples reduced; corrected."
+        f"IMU timestamps step by {step_s:+.3f} s (± {other.sigma(OFFSET):.3f} s) after "
+        f"{imu.t_s[k]:.2f} s: with samples missing there, the runner-up, residual squares are "
+        f"{ratio:.3g} times larger; corrected."
     )
-    t_s = np.where(imu.t_s > imu.t_s[k], imu.t_s - step_s, imu.t_s)
-    return replace(imu, t_s=t_s), note
+    return replace(imu, t_s=np.where(imu.t_s > imu.t_s[k], imu.t_s - step_s, imu.t_s)), note
 
 
 def _clock_offset(motion: Motion) -> tuple[Imu, str] | None:

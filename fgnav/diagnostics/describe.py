@@ -5,32 +5,26 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import fdtri
 
-from fgnav.checks import FloatArray, IntArray, NoSolutionError
-from fgnav.diagnostics.antennas import antenna_findings
+from fgnav.checks import NoSolutionError
+from fgnav.diagnostics.antennas import antenna_finding
 from fgnav.diagnostics.array import ArrayAttitudes, gyroscope_finding, sight_finding
 from fgnav.diagnostics.axes import axes_finding
-from fgnav.diagnostics.clock import (
-    COARSE_S,
-    Clock,
-    Search,
-    clock_of,
-    clock_searches,
-    coarse_offset,
-)
+from fgnav.diagnostics.clock import COARSE_S, Clock, Search, clock_of, clock_searches, coarse_offset
 from fgnav.diagnostics.contents import Diagnosis, Finding, contents
 from fgnav.diagnostics.samples import instrument_findings, sample_findings
-from fgnav.diagnostics.track import Motion, fixes_by_code, where_it_moves
-from fgnav.diagnostics.units import magnetometer_findings, mean_forces, unit_findings
-from fgnav.diagnostics.vehicle import mounting_findings, velocity_findings
+from fgnav.diagnostics.track import LONGEST, Motion, middle_of, where_it_moves
+from fgnav.diagnostics.units import magnetometer_finding, mean_forces, unit_finding
+from fgnav.diagnostics.vehicle import mounting_finding, velocity_finding
 from fgnav.diagnostics.windows import FALSE_ALARM
 from fgnav.gnss.difference import double_differences
+from fgnav.gnss.single_point.fixes import fixes_by_code
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.types.flight import Fixes, Flight, Imu
 from fgnav.types.observations import Observations
 
 _LEAP_S = 18  # GPS time ahead of UTC since 2017
 _ARRAY = 3  # antennas of an attitude
-_LONGEST, _QUICK = 3000, 200  # epochs of raw data that are used
+_QUICK = 200  # epochs of raw data that a quick check uses
 _TRIED, _SOLVED = 20, 0.5  # epochs; share with a position below which their time is doubted
 _ARM_M, _ARM_SIGMA_M = 0.2, 0.05  # to which lever arms are measured on a vehicle
 
@@ -44,13 +38,13 @@ class _Findings:
 
     def add(self, *findings: Finding | None) -> bool:
         """Add findings; return True if there are any."""
-        new = [one for one in findings if one is not None]
+        new = [finding for finding in findings if finding is not None]
         self.found += new
         return bool(new)
 
     def skip(self, name: str, reason: str) -> None:
         """Add a check that was not possible."""
-        self.unchecked.append(Finding(name=name, text=reason))
+        self.unchecked.append(Finding(name, reason))
 
 
 def describe(flight: Flight, *, quick: bool = False) -> Diagnosis:
@@ -62,11 +56,6 @@ def describe(flight: Flight, *, quick: bool = False) -> Diagnosis:
     quick : bool
         Only what costs a small part of an estimate: no clock, no lever arm, no mounting, and of raw
         GNSS data the middle of the flight.
-
-    Raises
-    ------
-    BadInputError
-        Only for input that could not be a flight; mistakes are findings.
 
     Examples
     --------
@@ -89,44 +78,26 @@ def _check_motion(flight: Flight, out: _Findings, *, quick: bool) -> None:
     observations, fixes, array = flight.observations, flight.fixes, None
     if observations is not None and len(observations.t_s):
         if not quick and out.add(_leap_finding(flight, observations)):
-            return
-        flight = replace(flight, observations=_middle(observations, _QUICK if quick else _LONGEST))
+            return None
+        flight = replace(flight, observations=middle_of(observations, _QUICK if quick else LONGEST))
+        differences = double_differences(flight) if len(flight.antennas) > 1 else None
+        if differences is not None and out.add(antenna_finding(flight, differences)):
+            return out.skip("motion", "not before the antennas are right")
         try:
-            fixes = fixes_by_code(flight)
-        except NoSolutionError as error:
             fixes = None
+            fixes = fixes_by_code(flight)
+            if differences is not None and len(flight.antennas) >= _ARRAY:
+                array = ArrayAttitudes(flight, differences, fixes)
+        except NoSolutionError as error:
             out.skip("motion", str(error))
-        if len(flight.antennas) > 1:
-            is_right, array = _array(flight, fixes, out)
-            if not is_right:
-                return
     if flight.imu is not None and len(flight.imu.t_s) > 1:
         _check_imu(flight, flight.imu, fixes, array, out, quick=quick)
-    if flight.seeker is not None and array is not None and not quick:
-        try:
-            out.add(sight_finding(flight, flight.seeker, array))
-        except NoSolutionError as error:
-            out.skip("seeker", str(error))
-
-
-def _array(
-    flight: Flight, fixes: Fixes | None, out: _Findings
-) -> tuple[bool, ArrayAttitudes | None]:
-    """Return whether antennas are right as far as phases show, and the array's attitudes."""
-    differences = double_differences(flight)
-    if not differences.resolvable.any():
-        out.skip("antennas", "no double differences of code and phase")
-        return True, None
-    if out.add(*antenna_findings(flight, differences)):
-        out.skip("motion", "not before the antennas are right")
-        return False, None
-    if fixes is None or len(flight.antennas) < _ARRAY:
-        return True, None
     try:
-        return True, ArrayAttitudes(flight, differences, fixes)
+        if flight.seeker is not None and array is not None and not quick:
+            out.add(sight_finding(flight, flight.seeker, array))
     except NoSolutionError as error:
-        out.skip("motion by attitudes", str(error))
-        return True, None
+        out.skip("seeker", str(error))
+    return None
 
 
 def _check_imu(
@@ -140,39 +111,34 @@ def _check_imu(
 ) -> None:
     """Check units by magnitude, then axes, then clock, lever arm and mounting."""
     forces = None if fixes is None else mean_forces(fixes, flight.origin)
-    is_wrong = False
-    if flight.magnetometer is not None:
-        field = magnetometer_findings(flight.magnetometer, imu, forces)
-        out.add(*field)
-        is_wrong = any(finding.certain for finding in field)
     if fixes is not None and fixes is flight.fixes:
-        found = velocity_findings(where_it_moves(fixes))
-        out.add(*(one for one in found if one.certain or not quick))
-        if any(finding.certain for finding in found):
+        finding = velocity_finding(where_it_moves(fixes))
+        if finding is not None and finding.certain:
             fixes = replace(fixes, v_n_mps=None, velocity_sigma_mps=None)
-    checks = "imu axes, clock, lever arm"
-    is_wrong |= out.add(*unit_findings(imu, forces, at_rest=fixes is None or forces is None))
+        out.add(None if finding is not None and quick and not finding.certain else finding)
+    checks = [unit_finding(imu, forces)]
+    if flight.magnetometer is not None:
+        checks.append(magnetometer_finding(flight.magnetometer, imu, forces))
     if array is not None:
-        is_wrong |= out.add(gyroscope_finding(imu, array))
-    if is_wrong:
-        out.skip(checks, "not before its units and axes are right")
+        checks.append(gyroscope_finding(imu, array))
+    out.add(*checks)
+    if any(finding is not None and finding.certain for finding in checks):
+        out.skip("imu axes, clock, lever arm", "not before its units and axes are right")
     elif fixes is None or len(fixes.t_s) < 2:
-        out.skip(checks, "requires fixes, or raw GNSS data of three antennas")
+        reason = "requires fixes, or raw GNSS data of three antennas"
+        out.skip("imu axes, clock, lever arm", reason)
     elif array is None and imu.w_b_radps is None:
-        out.skip(checks, "requires a gyroscope")
+        out.skip("imu axes, clock, lever arm", "requires a gyroscope")
     else:
-        motion = Motion.of(flight, imu, array.fixes if array is not None else fixes, array)
-        if quick:
-            if axes_finding(motion, 0.0) is not None:  # with another clock they may be right
-                coarse = coarse_offset(clock_searches(motion, motion.integrals_at()))
-                out.add(axes_finding(motion, 0.0 if coarse is None else coarse.offset_s))
-        else:
-            _check_all(flight, motion, array, out)
+        motion = Motion.of(flight, imu, fixes if array is None else array.fixes, array)
+        if not quick:
+            _check_all(flight, motion, out)
+        elif axes_finding(motion, 0.0) is not None:  # with another clock they may be right
+            coarse = coarse_offset(clock_searches(motion, motion.integrals_at()))
+            out.add(axes_finding(motion, 0.0 if coarse is None else coarse.offset_s))
 
 
-def _check_all(
-    flight: Flight, motion: Motion, array: ArrayAttitudes | None, out: _Findings
-) -> None:
+def _check_all(flight: Flight, motion: Motion, out: _Findings) -> None:
     """Check axes, clock, lever arm and mounting."""
     integrals_at = motion.integrals_at()
     searches = clock_searches(motion, integrals_at)
@@ -180,80 +146,70 @@ def _check_all(
     near = next((s for s in searches if s.is_better and abs(s.offset_s) <= COARSE_S), None)
     best = coarse or near
     start_s = 0.0 if best is None else best.offset_s
-    if out.add(axes_finding(motion, start_s)):
-        out.skip("imu clock, lever arm", "not before its axes are right")
-        return
-    fits = {one.order: clock_of(motion, one, integrals_at, start_s) for one in motion.series}
-    clocks = {order: clock for order, clock in fits.items() if clock is not None}
-    if not clocks:
-        out.skip("imu clock, lever arm", "too few epochs of GNSS within its record")
-        return
-    main = min(clocks.values(), key=lambda one: one.bound_s)
-    if 2 in clocks and any(finding.name == "velocity delay" for finding in out.found):
-        main = clocks[2]
-    if not out.add(_clock_finding(main, coarse, motion.imu)):
-        is_unique = any(one.is_unique for one in searches)
-        if main.bound_s > COARSE_S and not is_unique:
-            out.skip("imu clock", "offset not observable from this motion")
-        elif not is_unique:
-            shown = ", ".join(f"{one.runner_up_s:+.1f} s" for one in searches)
-            out.skip("imu clock", f"the motion does not exclude offsets of seconds ({shown})")
-    if array is not None and motion.imu.w_b_radps is None and not array.rates_exceed_noise():
-        out.skip("imu lever arm", "body rates do not exceed the noise of attitudes")
-    else:
-        _check_arm(main, motion, flight.antenna(motion.fixes.antenna).position_b_m, out)
-    if array is None:
+    clocks = [clock_of(motion, one, integrals_at, start_s) for one in motion.series]
+    found = [clock for clock in clocks if clock is not None]
+    if not found:
+        return out.skip("imu axes, clock, lever arm", "too few epochs of GNSS within its record")
+    main = min(found, key=lambda one: one.bound_s)
+    # With a clock that fits them axes may be right that seem wrong beside it.
+    offsets_s = [start_s, *([main.offset_s] if main.bound_s < COARSE_S else [])]
+    axes = [axes_finding(motion, offset_s) for offset_s in offsets_s]
+    if None not in axes and out.add(axes[0]):
+        return out.skip("imu clock, lever arm", "not before its axes are right")
+    if any(finding.name == "velocity delay" for finding in out.found):
+        main = found[0]  # by positions
+    _check_clock(main, searches, coarse, motion.imu, out)
+    _check_arm(main, motion, flight, out)
+    if motion.attitudes is None:
         integrals = integrals_at(main.offset_s)
-        found, open_ = mounting_findings(motion.fixes, integrals, main, flight.vehicle)
-        out.add(*found)
-        out.unchecked += open_
+        mounting, certain = mounting_finding(motion.fixes, integrals, main, flight.vehicle)
+        if mounting is not None:
+            (out.found if certain else out.unchecked).append(mounting)
+    return None
 
 
-def _clock_finding(clock: Clock, coarse: Search | None, imu: Imu) -> Finding | None:
-    """Return an offset that chance and half a sample do not explain."""
+def _check_clock(
+    clock: Clock, searches: list[Search], coarse: Search | None, imu: Imu, out: _Findings
+) -> None:
+    """Test for an offset that chance and half a sample do not explain."""
     half_s = float(np.median(np.diff(imu.t_s))) / 2
-    offset_s, sigma_s = clock.offset_s, clock.sigma_s
-    evidence = f"(± {sigma_s:.3f} s)"
-    if coarse is not None:
-        if not clock.bound_s < COARSE_S:
-            offset_s, evidence = coarse.offset_s, str(coarse)
-    elif not max(clock.bound_s, half_s) < abs(offset_s) <= COARSE_S:
-        return None
-    leap = ", the leap seconds of UTC" if round(abs(offset_s)) == _LEAP_S else ""
-    return Finding(
-        name="imu clock",
-        where="[imu] samples, t_s",
-        text=f"timestamps are {-offset_s:+.3f} s off those of GNSS{leap} {evidence}",
-        mend=f"add {offset_s:+.3f} s to [imu] clock_offset_s",
-        certain=coarse is not None,
-    )
+    offset_s, evidence = clock.offset_s, f"(± {clock.sigma_s:.3f} s)"
+    if coarse is not None and not clock.bound_s < COARSE_S:
+        offset_s, evidence = coarse.offset_s, str(coarse)
+    if coarse is not None or max(clock.bound_s, half_s) < abs(offset_s) <= COARSE_S:
+        leap = ", the leap seconds of UTC" if round(abs(offset_s)) == _LEAP_S else ""
+        text = f"timestamps are {-offset_s:+.3f} s off those of GNSS{leap} {evidence}"
+        mend, where = f"add {offset_s:+.3f} s to [imu] clock_offset_s", "[imu] samples, t_s"
+        out.add(Finding("imu clock", text, mend, where, certain=coarse is not None))
+    elif not any(one.is_unique and abs(one.offset_s) <= COARSE_S for one in searches):
+        shown = "; ".join(
+            f"{-s.offset_s:+.1f} or {-s.runner_up_s:+.1f} s by {s.by}" for s in searches
+        )
+        reason = f"offset not observable from this motion ({shown})"
+        out.skip("imu clock", reason if shown else "too few windows with motion")
 
 
-def _check_arm(clock: Clock, motion: Motion, antenna_b_m: FloatArray, out: _Findings) -> None:
+def _check_arm(clock: Clock, motion: Motion, flight: Flight, out: _Findings) -> None:
     """Test by Hotelling's T squared whether the lever arm errs by more than it is measured to."""
-    freedom = clock.arm_freedom
+    array, freedom = motion.attitudes, clock.arm_freedom
+    if array is not None and motion.imu.w_b_radps is None and not array.rates_exceed_noise():
+        return out.skip("imu lever arm", "body rates do not exceed the noise of attitudes")
     if freedom < 3:
-        out.skip("imu lever arm", "too few windows with rotation")
-        return
+        return out.skip("imu lever arm", "too few windows with rotation")
     error_b_m = clock.arm_b_m - motion.arm_b_m
     covariance = clock.arm_covariance_m2 + _ARM_SIGMA_M**2 * np.eye(3)
     statistic = float(error_b_m @ np.linalg.solve(covariance, error_b_m))
-    statistic *= (freedom - 2) / (3 * freedom)
     sigma_m = float(np.sqrt(np.linalg.eigvalsh(clock.arm_covariance_m2)[-1]))
-    if statistic > fdtri(3, freedom - 2, 1 - FALSE_ALARM):
+    if statistic * (freedom - 2) / (3 * freedom) > fdtri(3, freedom - 2, 1 - FALSE_ALARM):
+        antenna_b_m = flight.antenna(motion.fixes.antenna).position_b_m
         shown = ", ".join(f"{x:.2f}" for x in antenna_b_m - clock.arm_b_m + 0.0)
         error_m = np.linalg.norm(error_b_m)
         text = f"velocities put it {error_m:.2f} m from its place (± {sigma_m:.2f} m)"
-        out.add(
-            Finding(
-                name="imu lever arm",
-                where="[imu] position_b_m, [[antenna]] position_b_m",
-                text=text,
-                mend=f"position_b_m = [{shown}] of the imu would fit",
-            )
-        )
+        mend = f"position_b_m = [{shown}] of the imu would fit"
+        out.add(Finding("imu lever arm", text, mend, "[imu] position_b_m"))
     elif sigma_m > _ARM_M:
         out.skip("imu lever arm", f"the motion determines it to {sigma_m:.2f} m only")
+    return None
 
 
 def _leap_finding(flight: Flight, observations: Observations) -> Finding | None:
@@ -261,31 +217,23 @@ def _leap_finding(flight: Flight, observations: Observations) -> Finding | None:
     if _share_solved(flight, observations) >= _SOLVED:
         return None
     for leap_s in (_LEAP_S, -_LEAP_S):
-        moved = replace(
-            observations, t_s=observations.t_s + leap_s, tag_s=observations.tag_s + leap_s
-        )
-        share = _share_solved(flight, moved)
+        t_s, tag_s = observations.t_s + leap_s, observations.tag_s + leap_s
+        share = _share_solved(flight, replace(observations, t_s=t_s, tag_s=tag_s))
         if share >= _SOLVED:
             text = (
                 f"code fits the satellites only {leap_s:+.0f} s later ({100 * share:.0f} % of "
                 "epochs have a position, as given none): UTC taken for GPS time?"
             )
-            return Finding(name="gnss clock", text=text)
+            return Finding("gnss clock", text)
     return None
 
 
 def _share_solved(flight: Flight, observations: Observations) -> float:
     """Return the share of a few epochs that have a position by code."""
-    tracked: IntArray = np.flatnonzero(observations.tracked[:, 0].sum(axis=1) > 3)
+    tracked = np.flatnonzero(observations.tracked[:, 0].sum(axis=1) > 3)
     chosen = np.linspace(0, len(tracked) - 1, min(_TRIED, len(tracked))).astype(np.int64)
     part = replace(flight, observations=observations[tracked[chosen]])
     try:
         return len(code_solution(part).t_s) / max(len(chosen), 1)
     except NoSolutionError:
         return 0.0
-
-
-def _middle(observations: Observations, count: int) -> Observations:
-    """Return so many epochs of the middle."""
-    first = max(len(observations.t_s) - count, 0) // 2
-    return observations[slice(first, first + count)]

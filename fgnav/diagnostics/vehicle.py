@@ -13,36 +13,53 @@ from scipy.special import bdtrc, stdtrit
 from fgnav.checks import FloatArray
 from fgnav.diagnostics.axes import named_axes, signed_permutations
 from fgnav.diagnostics.clock import Clock
-from fgnav.diagnostics.contents import Finding
-from fgnav.diagnostics.track import Integrals, detrended, sampled, summed, velocities
-from fgnav.diagnostics.windows import FALSE_ALARM, Windows, fitted, is_better, windows_of
+from fgnav.diagnostics.contents import SAMPLES, Finding
+from fgnav.diagnostics.track import Integrals, detrended, velocities
+from fgnav.diagnostics.windows import FALSE_ALARM, fitted, is_better, windows_of
+from fgnav.geometry.interpolation import corrected_integral, interpolate_tensors
 from fgnav.geometry.rotations import to_euler
 from fgnav.types.flight import Fixes
 from fgnav.types.vehicle import WheeledVehicle
 
 UNITS = {"m/s": 1.0, "knots": 1852 / 3600, "km/h": 1 / 3.6, "ft/s": 0.3048, "cm/s": 0.01}
 _COLUMNS = ("vn_mps", "ve_mps", "vd_mps")
+_VELOCITIES = "[fixes] samples, " + ", ".join(_COLUMNS)
 _FAST_MPS = 5.0  # faster than wind and noise rotate a course
 _STEADY = np.cos(np.radians(25.0))  # mean resultant length: directions within 25 deg of their mean
 _MIN_WINDOWS = 8
 _STEPS = 4  # of Gauss-Newton
 
 
-def velocity_findings(fixes: Fixes) -> list[Finding]:
+def velocity_finding(fixes: Fixes) -> Finding | None:
     """Return unit, axes or delay by which velocities are the change of positions."""
-    windows = windows_of(fixes.t_s)
-    v_n_mps = fixes.v_n_mps
+    windows, t_s, v_n_mps = windows_of(fixes.t_s), fixes.t_s, fixes.v_n_mps
     if v_n_mps is None or len(windows) < 2:
-        return []
-    t_s, row = fixes.t_s, windows.row
+        return None
+    row, way_m = windows.row, corrected_integral(t_s, v_n_mps)
     white = np.where(windows.inside[..., None], 1.0 / fixes.position_sigma_m[row], 0.0)
     y = detrended(windows, t_s, fixes.p_n_m[row], 1)
-    x = detrended(windows, t_s, summed(t_s, v_n_mps)[row], 1)
-    finding = _column_finding(y, x, white) or _delay_finding(t_s, v_n_mps, windows, y, white)
-    return [] if finding is None else [finding]
+    finding = _column_finding(y, detrended(windows, t_s, way_m[row], 1), white)
+    if finding is not None:
+        return finding
+    constant = (white[..., None] * np.eye(3)).reshape(len(y), -1, 3)
+    delay_s, sigma_s, bound_s = 0.0, np.inf, np.inf
+    for _ in range(_STEPS):
+        at_s = (t_s[row] + delay_s).ravel()
+        x, v = (interpolate_tensors(at_s, t_s, one).reshape(y.shape) for one in (way_m, v_n_mps))
+        residual = (white * (y - detrended(windows, t_s, x, 1))).reshape(len(y), -1)
+        by_delay = (white * v).reshape(len(y), -1, 1)
+        here = fitted(residual, constant, by_delay, np.zeros(3))
+        delay_s += float(np.clip(here.x[0], -0.5, 0.5))
+        sigma_s, bound_s = here.sigma(0), here.bound(0)
+    if not abs(delay_s) > bound_s:
+        return None
+    word = "old" if delay_s > 0 else "early"
+    text = f"velocities are {abs(delay_s):.3f} s {word} (± {sigma_s:.3f} s) beside positions"
+    return Finding("velocity delay", text, "shift their times, or leave them out", _VELOCITIES)
 
 
 def _column_finding(y: FloatArray, x: FloatArray, white: FloatArray) -> Finding | None:
+    """Return unit and axes of integrated velocities, (W, n, 3), that fit positions better."""
     tried = []
     for (unit, factor), axes in product(UNITS.items(), signed_permutations()):
         squares = ((white * (y - factor * x @ axes)) ** 2).sum(axis=(1, 2))
@@ -60,122 +77,80 @@ def _column_finding(y: FloatArray, x: FloatArray, white: FloatArray) -> Finding 
     if (axes != np.eye(3)).any():
         parts.append("have other axes than north, east, down")
         mends.append(f"{', '.join(_COLUMNS)} should read {named_axes(axes.T, _COLUMNS)}")
-    return Finding(
-        name="fixes velocity",
-        where="[fixes] samples, " + ", ".join(_COLUMNS),
-        text=(
-            f"velocities {' and '.join(parts)}: as given, residual squares of positions are "
-            f"{np.exp(given[0] - level):.3g} times larger"
-        ),
-        mend="; ".join(mends),
-        certain=True,
+    text = (
+        f"velocities {' and '.join(parts)}: as given, residual squares of positions are "
+        f"{np.exp(given[0] - level):.3g} times larger"
     )
+    return Finding("fixes velocity", text, "; ".join(mends), _VELOCITIES, certain=True)
 
 
-def _delay_finding(
-    t_s: FloatArray, v_n_mps: FloatArray, windows: Windows, y: FloatArray, white: FloatArray
-) -> Finding | None:
-    """Return the delay of velocities beside positions, (W, n, 3), by Gauss-Newton."""
-    at_s, delay_s, sigma_s, bound_s = t_s[windows.row], 0.0, np.inf, np.inf
-    constant = (white[..., None] * np.eye(3)).reshape(len(y), -1, 3)
-    for _ in range(_STEPS):
-        inner = [summed(t_s, v_n_mps), v_n_mps]
-        x, v = (sampled(t_s, one, (at_s + delay_s).ravel()).reshape(y.shape) for one in inner)
-        residual = white * (y - detrended(windows, t_s, x, 1))
-        by_delay = (white * v).reshape(len(y), -1, 1)
-        here = fitted(residual.reshape(len(y), -1), constant, by_delay, np.zeros(3))
-        delay_s += float(np.clip(here.x[0], -0.5, 0.5))
-        sigma_s, bound_s = here.sigma(0), here.bound(0)
-    if not abs(delay_s) > bound_s:
-        return None
-    word = "old" if delay_s > 0 else "early"
-    return Finding(
-        name="velocity delay",
-        where="[fixes] samples, vn_mps, ve_mps, vd_mps",
-        text=f"velocities are {abs(delay_s):.3f} s {word} (± {sigma_s:.3f} s) beside positions",
-        mend="shift their times, or leave them out",
-    )
-
-
-def mounting_findings(
+def mounting_finding(
     fixes: Fixes, integrals: Integrals, clock: Clock, vehicle: WheeledVehicle | None
-) -> tuple[list[Finding], list[Finding]]:
-    """Return how the IMU's axes should be read, and what only wheels would tell."""
-    windows = clock.windows
-    row, inside = windows.row, windows.inside[..., None]
-    at_s = (fixes.t_s[row] - clock.offset_s).ravel()
-    R_sb = sampled(integrals.t_s, integrals.R_sb, at_s).reshape(*row.shape, 3, 3)
-    R_nb = clock.R_ns[:, None] @ R_sb
-    down_b = _unit(R_nb[..., 2, :].mean(axis=1))
-    v_n_mps, _ = velocities(fixes)
+) -> tuple[Finding | None, bool]:
+    """Return how the IMU lies, and whether that is certain beside a body that leans."""
+    row, inside = clock.windows.row, clock.windows.inside[..., None]
+    R_sb = interpolate_tensors(fixes.t_s[row].ravel(), integrals.t_s, integrals.R_sb).reshape(
+        *row.shape, 3, 3
+    )
+    R_nb, (v_n_mps, _) = clock.R_ns[:, None] @ R_sb, velocities(fixes)
     if v_n_mps is None:
-        return [], []
-    mean_n_mps = (v_n_mps[row] * inside).sum(axis=1) / inside.sum(axis=1)
+        return None, True
+    v_n_mps, count = v_n_mps[row] * inside, inside.sum(axis=1)
     # A car reverses, but not for long: by distance.
-    along_b = np.einsum("wnji,wnj->wi", R_nb, v_n_mps[row] * inside) / inside.sum(axis=1)
+    along_b = np.einsum("wnji,wnj->wi", R_nb, v_n_mps) / count
+    mean_n_mps = v_n_mps.sum(axis=1) / count
     fast = np.linalg.norm(along_b, axis=1) > _FAST_MPS
     fast &= np.abs(mean_n_mps[:, 2]) < np.linalg.norm(mean_n_mps[:, :2], axis=1)
-    ahead_b = _unit(along_b[fast])
-    is_ahead = _is_steady(ahead_b)
-    down_b = down_b[fast] if len(ahead_b) >= _MIN_WINDOWS else down_b
-    if not _is_steady(down_b):
-        return [], []
-    finding = _quarter_turn(down_b, ahead_b if is_ahead else None)
+    down_b, ahead_b = _unit(R_nb[..., 2, :].mean(axis=1)), _unit(along_b)
+    is_ahead = _is_steady(ahead_b[fast])
+    down_b = down_b[fast] if fast.sum() >= _MIN_WINDOWS else down_b
+    ahead_b = ahead_b[fast] if is_ahead else np.array([1.0, 0.0, 0.0])
+    # A rocket stands on its tail: without travel, down along x is no mistake.
+    if not _is_steady(down_b) or (not is_ahead and abs(down_b[:, 0].mean()) > np.sqrt(0.5)):
+        return None, True
+    z = _unit(down_b - (down_b * ahead_b).sum(axis=1, keepdims=True) * ahead_b)
+    y = _unit(np.cross(z, ahead_b))
+    R_vb = np.stack([np.cross(y, z), y, z], axis=1)
+    finding = _quarter_turn(R_vb, "gravity and travel" if is_ahead else "gravity")
     if finding is not None or not is_ahead:
-        return [] if finding is None else [finding], []
-    return _lean(down_b, ahead_b, vehicle)
+        return finding, True
+    return _lean(R_vb, vehicle), vehicle is not None
 
 
 def _is_steady(directions: FloatArray) -> bool:
-    enough = len(directions) >= _MIN_WINDOWS
-    return bool(enough and np.linalg.norm(directions.mean(axis=0)) > _STEADY)
+    is_enough = len(directions) >= _MIN_WINDOWS
+    return bool(is_enough and np.linalg.norm(directions.mean(axis=0)) > _STEADY)
 
 
-def _quarter_turn(down_b: FloatArray, ahead_b: FloatArray | None) -> Finding | None:
-    """Return quarter turns by which gravity and travel fit the axes significantly better."""
+def _quarter_turn(R_vb: FloatArray, evidence: str) -> Finding | None:
+    """Return axes that are significantly nearer to the vehicle's, by at least an octant."""
     ways = signed_permutations()
     ways = ways[np.linalg.det(ways) > 0]
-    if ahead_b is None:  # a rocket stands on its tail, nothing lies on its side or back
-        ways = ways[ways[:, 2, 0] == 0]
-    fit = np.einsum("qj,wj->qw", ways[:, 2], down_b)
-    if ahead_b is not None:
-        fit = fit + np.einsum("qj,wj->qw", ways[:, 0], ahead_b)
-    mean = fit.mean(axis=1)
-    equal = np.flatnonzero(mean > mean.max() - 1e-9)
-    best = int(equal[np.argmax(np.trace(ways[equal], axis1=1, axis2=2))])
+    fit = np.einsum("qij,wij->qw", ways, R_vb)
+    best = int(fit.mean(axis=1).argmax())
     gain = fit[best] - fit[0]
     bound = -gain.std(ddof=1) / np.sqrt(len(gain)) * stdtrit(len(gain) - 1, FALSE_ALARM / len(ways))
-    if best == 0 or gain.mean() <= max(bound, 1.0):  # 1: nearer to another axis by an octant
+    if best == 0 or gain.mean() <= max(bound, 1.0):
         return None
-    evidence = "gravity" if ahead_b is None else "gravity and travel"
-    shown = ", ".join(f"{x:.2f}" for x in _unit(down_b.mean(axis=0)) + 0.0)
     names = named_axes(ways[best])
     listed = str(names.split(", ")).replace("'", '"')
-    return Finding(
-        name="imu mounting",
-        where="[imu] samples, fx_mps2 to wz_radps",
-        text=(
-            f"{evidence} over {len(gain)} windows lie along other axes than forward, right, down "
-            f"(down is [{shown}])"
-        ),
-        mend=(
-            f"x, y, z of both sensors should read {names}: [imu] axes = {listed}, unless the "
-            "flight has others"
-        ),
+    shown = ", ".join(f"{x:.2f}" for x in R_vb[:, 2].mean(axis=0) + 0.0)
+    text = (
+        f"{evidence} over {len(gain)} windows lie along other axes than forward, right, down "
+        f"(down is [{shown}])"
     )
+    mend = f"x, y, z of both sensors should read {names}: [imu] axes = {listed}"
+    return Finding("imu mounting", text, f"{mend}, unless the flight has others", SAMPLES)
 
 
-def _lean(
-    down_b: FloatArray, ahead_b: FloatArray, vehicle: WheeledVehicle | None
-) -> tuple[list[Finding], list[Finding]]:
+def _lean(R_vb: FloatArray, vehicle: WheeledVehicle | None) -> Finding | None:
     """Return angles beyond a vehicle's own in most windows: medians and signs, for manoeuvres."""
-    z = _unit(down_b - (down_b * ahead_b).sum(axis=1, keepdims=True) * ahead_b)
-    angles_rad = to_euler(np.stack([ahead_b, np.cross(z, ahead_b), z], axis=1))
+    angles_rad = to_euler(R_vb)
     count, median_rad = len(angles_rad), np.median(angles_rad, axis=0)
     limit_rad = (WheeledVehicle() if vehicle is None else vehicle).axes_sigma_rad
     beyond = (angles_rad * np.sign(median_rad) > limit_rad).sum(axis=0)
     if (bdtrc(beyond - 1, count, 0.5) > FALSE_ALARM / 3).all():
-        return [], []
+        return None
     # Sigma of a median, and that of the sample from its median deviation, of normal noise.
     spread_rad = 1.4826 * np.median(np.abs(angles_rad - median_rad), axis=0)
     sigmas = ", ".join(f"{x:.1f}" for x in np.degrees(np.sqrt(np.pi / 2 / count) * spread_rad))
@@ -184,12 +159,10 @@ def _lean(
         f"by gravity and travel over {count} windows, roll, pitch, yaw of the IMU are [{shown}] "
         f"deg (± {sigmas})"
     )
-    if vehicle is None:
-        why = f'{text}: a mounting only on wheels; state [vehicle] kind = "wheeled"'
-        return [], [Finding(name="imu mounting", text=why)]
     mend = f"[imu] mounting_deg = [{shown}], unless the flight has another"
-    where = "[imu] samples, fx_mps2 to wz_radps"
-    return [Finding(name="imu mounting", text=text, mend=mend, where=where)], []
+    if vehicle is None:
+        mend = 'a mounting only on wheels: state [vehicle] kind = "wheeled"'
+    return Finding("imu mounting", text, mend, SAMPLES)
 
 
 def _unit(v: FloatArray) -> FloatArray:

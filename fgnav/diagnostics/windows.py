@@ -1,9 +1,9 @@
 """Least squares over windows with their own unknowns, and tests that hold for coloured residuals.
 
 Residuals within a window are correlated in an unknown way; windows are independent. The covariance
-is therefore that of the windows' scores [1]_, and a quotient with it is Student's t of as many
-degrees of freedom as there are windows of equal weight [2]_. Two hypotheses are compared by the
-mean log-likelihood ratio of windows [3]_.
+is that of the windows' scores [1]_, and a quotient with it is Student's t of as many degrees of
+freedom as windows of equal weight, less one [2]_. Hypotheses are compared by the mean
+log-likelihood ratio of windows [3]_.
 
 References
 ----------
@@ -15,7 +15,7 @@ References
    Econometrica 57, 1989.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import fdtri, stdtrit  # scipy.stats takes half a second to import
@@ -27,12 +27,11 @@ MIN_WINDOWS = 4
 _GAP = 2.5  # intervals
 
 
-@dataclass(frozen=True, eq=False, slots=True)
 class Windows:
     """Epochs of windows, (W, n), as rows of a series; the last of a short window are outside."""
 
-    row: IntArray
-    inside: BoolArray
+    def __init__(self, row: IntArray, inside: BoolArray) -> None:
+        self.row, self.inside = row, inside
 
     def __len__(self) -> int:
         """Return their number, W."""
@@ -43,18 +42,11 @@ class Windows:
         return Windows(self.row[mask], self.inside[mask])
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Fitted:
-    """Estimate of unknowns that all windows share.
+class Fitted(NamedTuple):
+    """Estimate of q unknowns that all windows share.
 
-    Attributes
-    ----------
-    x : ndarray, shape (q,)
-    covariance : ndarray, shape (q, q)
-    freedom : ndarray, shape (q,)
-        Of Student's t; 0 where fewer than four windows determine an unknown.
-    squares : ndarray, shape (W,)
-        Residual squares of each window with the shared unknowns at zero.
+    ``freedom``, (q,): of Student's t; 0 where fewer than four windows determine an unknown.
+    ``squares``, (W,): residual squares of each window with the shared unknowns at zero.
     """
 
     x: FloatArray
@@ -68,13 +60,12 @@ class Fitted:
 
     def bound(self, i: int) -> float:
         """Return the size of unknown i that chance exceeds with probability ``FALSE_ALARM``."""
-        if self.freedom[i] < 1:
-            return np.inf
-        return -self.sigma(i) * float(stdtrit(self.freedom[i], FALSE_ALARM / 2))
+        quantile = -stdtrit(max(self.freedom[i], 1.0), FALSE_ALARM / 2)
+        return self.sigma(i) * float(quantile)
 
-    def settled(self, floor: float = 1e-4) -> bool:
+    def settled(self) -> bool:
         """Return True if the step left is below a tenth of sigma in every direction."""
-        covariance = self.covariance + floor**2 * np.eye(len(self.x))
+        covariance = self.covariance + 1e-8 * np.eye(len(self.x))
         return bool(self.x @ np.linalg.solve(covariance, self.x) <= 0.01)
 
 
@@ -83,20 +74,15 @@ def windows_of(t_s: FloatArray, span_s: float = 4.0, epochs: int = 16) -> Window
 
     Sixteen epochs have three times as many rows as a window has unknowns.
     """
-    none = Windows(np.zeros((0, 1), dtype=np.int64), np.zeros((0, 1), dtype=np.bool_))
-    if len(t_s) < epochs:
-        return none
-    spacing_s = float(np.median(np.diff(t_s)))
-    length_s = max(span_s, epochs * spacing_s)
-    gap = np.concatenate([[0], np.cumsum(np.diff(t_s) > _GAP * spacing_s)])
-    number = np.floor((t_s - t_s[0]) / length_s + 1e-9) + 1e6 * gap
+    spacing_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
+    gap = np.concatenate([[0], np.cumsum(np.diff(t_s) > _GAP * spacing_s)])[: len(t_s)]
+    number = np.floor((t_s - t_s[:1]) / max(span_s, epochs * spacing_s) + 1e-9) + 1e6 * gap
     first = np.flatnonzero(np.diff(number, prepend=-1.0))
     count = np.diff(np.append(first, len(t_s)))
     first, count = first[count >= epochs - 1], count[count >= epochs - 1]
-    if not len(first):
-        return none
-    place = np.arange(count.max())
-    return Windows((first[:, None] + place).clip(max=len(t_s) - 1), place < count[:, None])
+    place = np.arange(count.max(initial=1))
+    row = (first[:, None] + place).clip(max=max(len(t_s) - 1, 0))
+    return Windows(row, place < count[:, None])
 
 
 def fitted(y: FloatArray, local: FloatArray, common: FloatArray, ridge: FloatArray) -> Fitted:
@@ -121,21 +107,12 @@ def fitted(y: FloatArray, local: FloatArray, common: FloatArray, ridge: FloatArr
     inverse = np.linalg.pinv(information.sum(axis=0), hermitian=True)
     x = inverse @ score.sum(axis=0)
     influence = (score - information @ x) @ inverse
-    q = common.shape[2]
-    return Fitted(
-        x=x,
-        covariance=W / max(W - q, 1) * influence.T @ influence,
-        freedom=_freedom(information, inverse),
-        squares=np.maximum(squares, 0.0),
-    )
-
-
-def _freedom(information: FloatArray, inverse: FloatArray) -> FloatArray:
-    """Return the effective number of windows that determine each unknown, less one."""
+    covariance = W / max(W - len(x), 1) * influence.T @ influence
+    # Of each unknown the windows' shares of what is known, and how many equal ones these are.
     share = np.einsum("ij,wjk,ki->wi", inverse, information, inverse)
-    total = share.sum(axis=0)
-    count = np.where(total > 0, total**2 / np.maximum((share**2).sum(axis=0), 1e-300), 0.0)
-    return np.where(count >= MIN_WINDOWS, count - 1.0, 0.0)
+    count = share.sum(axis=0) ** 2 / np.maximum((share**2).sum(axis=0), 1e-300)
+    freedom = np.where(count >= MIN_WINDOWS, count - 1.0, 0.0)
+    return Fitted(x, covariance, freedom, np.maximum(squares, 0.0))
 
 
 def is_better(given: FloatArray, other: FloatArray, tests: int = 1) -> bool:
@@ -147,8 +124,7 @@ def is_better(given: FloatArray, other: FloatArray, tests: int = 1) -> bool:
     if not len(given):
         return False
     tiny = 1e-12 * (given.mean() + other.mean()) + 1e-300
-    gain = np.log((given + tiny) / (other + tiny))
-    freedom = 3.0 * len(given)
+    gain, freedom = np.log((given + tiny) / (other + tiny)), 3.0 * len(given)
     ratio = (given.sum() + tiny) / (other.sum() + tiny)
     if ratio > fdtri(freedom, freedom, 1 - FALSE_ALARM / tests):
         return True

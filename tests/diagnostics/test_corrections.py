@@ -46,7 +46,7 @@ def test_exchanged_antennas_get_their_observations_back(rows, is_fixed):
         array = ArrayRanges(differences, ranges_m)
     corrected, (note,) = corrected_set_up(wrong, array)
     names = [flight.antennas[i].name for i in (1, 4)]
-    assert note.startswith(f"Antennas {names[0]} and {names[1]} exchanged from ")
+    assert note.startswith(f"Antennas {names[0]} and {names[1]} are exchanged from ")
     assert "log-likelihood ratio" in note
     seen, right = corrected.observations, flight.observations
     np.testing.assert_array_equal(seen.phase_cycles, right.phase_cycles)

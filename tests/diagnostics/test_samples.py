@@ -79,7 +79,7 @@ def test_a_repeated_sample_of_an_instrument_is_named_with_its_span():
     field = single.magnetometer.field_b_ut.copy()
     field[50:100] = field[50]
     wrong = replace(single, magnetometer=replace(single.magnetometer, field_b_ut=field))
-    text = "one sample is repeated: 50 times from 5.000 to 9.900 s"
+    text = "one sample is repeated 50 times from 5.000 to 9.900 s"
     assert stuck(wrong) == [("magnetometer stuck", text)]
 
 

@@ -218,7 +218,7 @@ def test_only_wheels_tell_a_unit_that_leans_from_a_body_that_does():
     leaning = with_imu(f_b_mps2=imu.f_b_mps2 @ M, w_b_radps=imu.w_b_radps @ M)
     open_to_all = describe(leaning)
     assert "imu mounting" not in {one.name for one in open_to_all.findings}
-    assert any('[vehicle] kind = "wheeled"' in one.text for one in open_to_all.unchecked)
+    assert any('[vehicle] kind = "wheeled"' in one.mend for one in open_to_all.unchecked)
     wheels = WheeledVehicle()
     assert "imu mounting" in findings(replace(leaning, vehicle=wheels))
     assert findings(replace(flown(), vehicle=wheels)) == {}

@@ -135,7 +135,8 @@ def test_the_rate_prior_is_identified_where_none_is_stated():
 def test_other_tags_of_the_unit_leave_the_prior_that_an_arrays_attitudes_tell(monkeypatch):
     flight = flown("demo", 20.0)
     problem = build(flight, rate_prior=None).problem
-    moved = with_tags_moved(flight, np.array([0.15, 0.0]), 10.0)
+    imu = dataclasses.replace(flight.imu, t_s=flight.imu.t_s + 0.15)
+    moved = dataclasses.replace(flight, imu=imu)
     settings = with_rates_of(ProblemSettings(resolver=Truth()), problem)
     anew = build_problem(moved, ProblemSettings(resolver=Truth())).problem.motion
     monkeypatch.setattr("fgnav.frontend.motion.rate_prior", None)  # nothing is identified

@@ -6,12 +6,14 @@ own means, which gravity, biases and inclination leave unknown,
     T = mean over axes of var / var_0,
 
 and the same of the squares of what means have changed by since the second before: a car that
-gathers way may shake no more than one that stands. var_0 is what the unit has at rest. A data
-sheet has none that holds: an engine that idles shakes a unit tens of times as much. So var_0 is the
-mean over the windows in which GNSS contradicts no velocity of zero (chi-square test), nor in the
-windows about. Vibration is not white either: T has ``2 / var(T)`` degrees of freedom
-(Satterthwaite), of the same windows, at most those of white noise. A window stands where neither T
-is above what 97.5 % of such F ratios are below and GNSS, if it measured, does not contradict.
+gathers way may shake no more than one that stands. var_0 is what the unit has at rest. A data sheet
+has none that holds: an engine that idles shakes a unit tens of times as much. So var_0 is the mean
+over the windows in which GNSS contradicts no velocity of zero (chi-square test), nor in the windows
+about, and in which it could tell rest from motion: three sigma of a window's velocity are below the
+speeds that GNSS has measured in motion, or below a slow walk. Vibration is not white either: T has
+``2 / var(T)`` degrees of freedom (Satterthwaite), of the same windows, at most those of white
+noise. A window stands where neither T is above what 97.5 % of such F ratios are below and GNSS, if
+it measured, does not contradict.
 
 The sigma of a velocity of zero is the root mean square of what GNSS measured, or what it states of
 its own errors if that is more, in the quiet windows that it does not contradict. Where GNSS itself
@@ -36,6 +38,8 @@ from fgnav.frontend.position.antenna_motion import AntennaMotion
 WINDOW_S = 1.0  # what shakes a body at rest has faded within it; Skog's feet stand a tenth of it
 _MISSED = 0.05  # of windows at rest, by both statistics
 _FALSE_ALARM = 1e-4  # of the test that GNSS measured a velocity of zero
+_TOLD_SIGMAS = 3.0  # of a window's velocity, that speeds in motion exceed
+_SLOW_MPS = 0.5  # a slow walk
 _SAME_S = 1e-6
 
 
@@ -71,7 +75,8 @@ def standing(
     with_gnss = measured.number > 0
     limit = chdtri(3 * np.maximum(measured.number, 1), _FALSE_ALARM)
     contradicted = with_gnss & (measured.whitened > limit)
-    at_rest = np.isfinite(variance).all(axis=1) & with_gnss & ~contradicted
+    told = _is_told(measured, contradicted, causal=causal)
+    at_rest = np.isfinite(variance).all(axis=1) & with_gnss & ~contradicted & told
     beside = np.append(False, at_rest[:-1]) & np.append(at_rest[1:], False)
     calm = at_rest & beside
     quiet = _is_quiet(variance, np.maximum(count - 1, 1), calm, causal=causal)
@@ -80,8 +85,19 @@ def standing(
     sigma_mps = _sigma_mps(measured, quiet & with_gnss & ~contradicted, causal=causal)
     in_motion_mps = _sigma_mps(measured, quiet & contradicted, causal=causal)
     sigma_mps = np.where(with_gnss, sigma_mps, np.fmax(sigma_mps, in_motion_mps))
-    stands = quiet & ~contradicted & np.isfinite(sigma_mps)
+    stands = quiet & ~contradicted & (told | ~with_gnss) & np.isfinite(sigma_mps)
     return Standing(row[stands], sigma_mps[stands])
+
+
+def _is_told(measured: _Measured, contradicted: BoolArray, *, causal: bool) -> BoolArray:
+    """Return in which windows, (m,), GNSS tells rest from the speeds that it measured in motion."""
+    number = np.maximum(measured.number, 1)
+    sigma_mps = np.sqrt(measured.stated_m2ps2 / 3.0) / number  # of the mean of a window
+    square = np.where(contradicted, measured.square_m2ps2 - measured.stated_m2ps2, 0.0).clip(0.0)
+    total, count = square.cumsum(), np.where(contradicted, measured.number, 0).cumsum()
+    last = np.arange(len(number)) if causal else np.full(len(number), len(number) - 1)
+    speed_mps = np.sqrt(total[last] / np.maximum(count[last], 1))
+    return np.asarray(_TOLD_SIGMAS * sigma_mps < np.maximum(speed_mps, _SLOW_MPS))
 
 
 def _sigma_mps(measured: _Measured, of: BoolArray, *, causal: bool) -> FloatArray:

@@ -67,6 +67,17 @@ def test_a_hover_is_as_fast_as_gnss_measures_it():
     assert len(stands.row) <= 4
 
 
+@pytest.mark.parametrize(("speed_mps", "is_told"), [(0.4, False), (8.0, True)])
+def test_rest_is_told_only_from_speeds_beyond_what_gnss_resolves(speed_mps, is_told):
+    """At 2 m/s noise: a vehicle that goes 8 m/s else stands, one that may creep does not."""
+    flight, rng = stops(1), np.random.default_rng(4)
+    v_n_mps = np.array(flight.fixes.v_n_mps)
+    moving = np.abs(v_n_mps[:, :1]) > 3 * SIGMA_MPS
+    v_n_mps = np.where(moving, [speed_mps, 0.0, 0.0], 0.0) + rng.normal(0, 2.0, v_n_mps.shape)
+    fixes = replace(flight.fixes, v_n_mps=v_n_mps, velocity_sigma_mps=np.full(v_n_mps.shape, 2.0))
+    assert (len(found(replace(flight, fixes=fixes)).row) > 0) == is_told
+
+
 def test_a_second_of_even_acceleration_is_no_rest():
     """It shakes no more than rest does; GNSS says nothing of it."""
     flight = stops(1, lost_s=(35.0, 40.0))
