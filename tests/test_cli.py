@@ -17,7 +17,7 @@ from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.cli import program
 from fgnav.io.exports.recorded import load_estimate
 from fgnav.io.flight.folder import save_flight
-from fgnav.types.estimate import Estimate
+from fgnav.types.estimate import Estimate, Verdict
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 
@@ -41,6 +41,7 @@ class Level:
     name: str = "level"
     error: Exception | None = None
     converged: bool = True
+    verdicts: tuple[Verdict, ...] = ()
 
     def __call__(self, flight):
         if self.error is not None:
@@ -52,6 +53,7 @@ class Level:
             epochs=len(t_s),
             R_nb=np.tile(np.eye(3), (len(t_s), 1, 1)),
             converged=self.converged,
+            verdicts=self.verdicts,
             unobservable=("roll",),
         )
 
@@ -193,6 +195,35 @@ def test_run_writes_the_estimate_and_its_figures(folder, methods, tmp_path, caps
     assert len((out / "estimate.csv").read_text().splitlines()) == 21
     assert json.loads((out / "summary.json").read_text())["methods"]["level"]["available"] == 1.0
     assert "level: 20 of 20 epochs" in capsys.readouterr().out
+
+
+VERDICTS = (
+    Verdict(sensor="velocity", from_s=0.5, until_s=1.5, ratio=9.0, limit=4.0, test="1 s"),
+    Verdict(sensor="velocity", from_s=1.7, until_s=1.9, ratio=5.0, limit=4.0, test="1 s"),
+)
+
+
+@pytest.mark.parametrize("command", ["run", "compare"])
+def test_measurements_that_contradict_each_other_are_an_error_with_strict_alone(
+    command, folder, methods, tmp_path, capsys
+):
+    methods(Level(verdicts=VERDICTS))
+    for strict, status in (([], 0), (["--strict"], 1)):
+        out = tmp_path / str(status)
+        assert cli.main([command, str(folder), "--out", str(out), *strict]) == status
+        streams = capsys.readouterr()
+        (line,) = (line for line in streams.out.splitlines() if "inconsistent" in line)
+        assert f"inconsistent: {VERDICTS[0]}" in line
+        assert len(list(out.rglob("estimate.csv"))) == 1  # of an inconsistent flight as well
+        error = "fgnav: --strict: measurements contradict each other: level: velocity\n"
+        assert streams.err == (error if strict else "")
+
+
+@pytest.mark.parametrize("command", ["run", "compare"])
+def test_a_consistent_flight_is_no_error_with_strict(command, folder, methods, tmp_path, capsys):
+    methods(Level())
+    assert cli.main([command, str(folder), "--out", str(tmp_path / "out"), "--strict"]) == 0
+    assert "inconsistent" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("text", ["", "Unable to allocate 46 GiB"])

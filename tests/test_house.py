@@ -147,13 +147,6 @@ def test_no_new_name_has_a_word_of_our_own():
     assert sorted(identifiers(tree)) == ["best", "left", "one", "own", "told"]
 
 
-@pytest.mark.parametrize("name", ["Stream", "ObservationStream"])
-def test_streams_have_left_the_smoother_and_are_found_there_for_one_version(name):
-    with pytest.warns(DeprecationWarning, match=f"fgnav.methods.smoother.{name} is now"):
-        old = getattr(import_module("fgnav.methods.smoother"), name)
-    assert old.__name__ == name
-
-
 def compiled(tree):
     """Yield a file's compiled functions, each with the names in its decorator."""
     for node in tree.body:

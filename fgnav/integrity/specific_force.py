@@ -13,7 +13,7 @@ accelerometer.
 import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.diagnostics.track import fixes_by_code
+from fgnav.gnss.single_point.fixes import fixes_by_code
 from fgnav.graph.innovations import InnovationSeries
 from fgnav.types.flight import Flight
 

@@ -7,8 +7,6 @@ import weakref
 import msgspec
 import numpy as np
 import pytest
-from fgnav.identification.noise.stated import with_factors
-from fgnav.identification.time_tags import with_rates_of
 
 from fgnav.frontend.calibration_request import MEAN_RATE, calibration_requests
 from fgnav.frontend.position.by_observations import LastObservations
@@ -21,9 +19,9 @@ from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.states import States
 from fgnav.gravity import LowDynamics
-from fgnav.identification.track.tags import with_tags_moved
 from fgnav.integers.resolvers.truth import Truth, attitude_at
-from fgnav.process.hyperparameters import RatePrior
+from fgnav.noise.nominal import with_factors
+from fgnav.process.hyperparameters import IntervalPriors, RatePrior
 from fgnav_sim.gnss.tables import MultipathTable, OutageTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
@@ -132,15 +130,17 @@ def test_the_rate_prior_is_identified_where_none_is_stated():
     assert (sigma < 1.0).all()
 
 
-def test_other_tags_of_the_unit_leave_the_prior_that_an_arrays_attitudes_tell(monkeypatch):
+def test_a_rate_prior_of_intervals_serves_a_unit_with_other_timestamps(monkeypatch):
     flight = flown("demo", 20.0)
-    problem = build(flight, rate_prior=None).problem
-    imu = dataclasses.replace(flight.imu, t_s=flight.imu.t_s + 0.15)
-    moved = dataclasses.replace(flight, imu=imu)
-    settings = with_rates_of(ProblemSettings(resolver=Truth()), problem)
+    before = build(flight, rate_prior=None).problem.motion
+    moved = dataclasses.replace(
+        flight, imu=dataclasses.replace(flight.imu, t_s=flight.imu.t_s + 0.15)
+    )
     anew = build_problem(moved, ProblemSettings(resolver=Truth())).problem.motion
+    priors = IntervalPriors(before.t_s, before.poles_per_s, before.variance_rad2ps2)
+    settings = ProblemSettings(resolver=Truth(), interval_priors=priors)
     monkeypatch.setattr("fgnav.frontend.motion.rate_prior", None)  # nothing is identified
-    motion, before = build_problem(moved, settings).problem.motion, problem.motion
+    motion = build_problem(moved, settings).problem.motion
     assert motion.t_s[0] > before.t_s[0]
     later = np.searchsorted(before.t_s, motion.t_s[:-1])
     np.testing.assert_array_equal(motion.variance_rad2ps2, before.variance_rad2ps2[later])

@@ -9,7 +9,11 @@ from fgnav.graph.build import Layout
 from fgnav.graph.custom import named, residual_factor
 from fgnav.graph.factors.array_phase import ArrayPhase
 from fgnav.graph.factors.position import Position
-from fgnav.graph.innovations import consistency, normalised_innovations, own_consistency
+from fgnav.graph.innovations import (
+    custom_innovations,
+    innovation_series,
+    normalised_innovations,
+)
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION
@@ -39,10 +43,15 @@ def solution_of(rng, shared, *, scale: float = 1e-4) -> Solution:
     )
 
 
-def judged(own, problem, solution):
-    """Return the statistic of the only name among factors of one's own."""
-    (told,) = own_consistency(own, Layout.of(problem), problem.t_s, solution)
-    return told
+def summaries(problem, solution):
+    """Return the statistics of every sensor."""
+    return [one.summary for one in innovation_series(problem, solution)]
+
+
+def custom_summary(factors, problem, solution):
+    """Return the statistic of the only name among custom factors."""
+    (series,) = custom_innovations(factors, Layout.of(problem), problem.t_s, solution)
+    return series.summary
 
 
 def problem_of(solution, shared, *measurements) -> SmoothingProblem:
@@ -140,7 +149,7 @@ def test_nine_rows_of_three_degrees_of_freedom_are_three():
         constant_cross=np.empty((n, D, 0)),
         converged=True,
     )
-    told = consistency(problem_of(known, shared, part), known)[0]
+    told = summaries(problem_of(known, shared, part), known)[0]
     assert told.what == "array phases"
     assert told.freedom == 9 * n
     assert told.nis == pytest.approx(1.0, abs=4 * np.sqrt(2 / told.freedom))
@@ -167,7 +176,7 @@ def test_a_measurement_that_alone_says_what_it_says_tests_nothing():
     )
     found = normalised_innovations(part, alone)
     assert found.tested.tolist() == [True, True, False, True, True]
-    assert consistency(problem_of(alone, shared, part), alone)[0].count == 4
+    assert summaries(problem_of(alone, shared, part), alone)[0].count == 4
 
 
 def test_a_singular_covariance_is_no_obstacle():
@@ -184,7 +193,7 @@ def test_measurements_of_one_name_are_told_together():
     rng, shared = np.random.default_rng(6), cases.constants()
     solution = solution_of(rng, shared)
     both = (positions(solution.states, shared, rng), positions(solution.states, shared, rng))
-    told = consistency(problem_of(solution, shared, *both), solution)
+    told = summaries(problem_of(solution, shared, *both), solution)
     assert [one.what for one in told] == ["position"]
     assert told[0].count == 2 * N
 
@@ -204,7 +213,7 @@ def test_a_factor_of_ones_own_is_judged_as_the_measurement_it_is():
         for k in range(N)
     ]
     problem = problem_of(solution, shared, part)
-    mine, theirs = judged(own, problem, solution), consistency(problem, solution)[0]
+    mine, theirs = custom_summary(own, problem, solution), summaries(problem, solution)[0]
     assert mine.what == "mine"
     assert (mine.count, mine.freedom) == (theirs.count, theirs.freedom)
     assert mine.nis == pytest.approx(theirs.nis, rel=1e-6)
@@ -222,7 +231,7 @@ def test_a_factor_between_neighbours_is_judged_by_their_common_covariance():
     own = [named(factor)]
     P, C = solution.covariance[:, 6:9, 6:9], solution.cross[1, 6:9, 6:9]
     S = np.eye(3) - (P[1] + P[2] - C - C.T)
-    told = judged(own, problem_of(solution, shared), solution)
+    told = custom_summary(own, problem_of(solution, shared), solution)
     assert told.what == "BetweenFactorVector"
     assert 3 * told.nis == pytest.approx(np.linalg.inv(S)[0, 0], rel=1e-9)
 
@@ -234,7 +243,7 @@ def test_a_factor_of_distant_keyframes_has_the_mean_square_of_its_residual():
     far = gtsam.BetweenFactorVector(
         keys.velocity(0), keys.velocity(3), v[3] - v[0] + [1.0, 0.0, 0.0], noise
     )
-    told = judged([named(far)], problem_of(solution, shared), solution)
+    told = custom_summary([named(far)], problem_of(solution, shared), solution)
     assert told.nis == pytest.approx(4 / 3, rel=1e-9)
 
 
@@ -244,5 +253,5 @@ def test_a_factor_of_constants_alone_is_judged_by_their_covariance():
     mean = solution.states.constants + np.array([1.0, 0.0])
     own = gtsam.PriorFactorVector(keys.constant(0), mean, gtsam.noiseModel.Unit.Create(2))
     S = np.eye(2) - solution.constant_covariance[0]
-    told = judged([named(own)], problem_of(solution, shared), solution)
+    told = custom_summary([named(own)], problem_of(solution, shared), solution)
     assert 2 * told.nis == pytest.approx(np.linalg.inv(S)[0, 0], rel=1e-9)

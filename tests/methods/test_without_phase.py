@@ -109,16 +109,6 @@ def test_a_minimum_counts_where_it_explains_what_was_measured():
         shared(Smoother(), loud)
 
 
-def test_rate_priors_that_are_nearly_as_likely_doubt_attitudes():
-    """Ten degrees of pitch and yaw off: nees was 6.8 by the likeliest prior alone."""
-    flight = of_the_world()[3]
-    prepared = Batch().prepare(flight)
-    (doubt,) = prepared.doubts
-    assert np.sqrt(np.einsum("nii->n", doubt.covariance_rad2)).max() > np.radians(1.0)
-    estimate = Batch().estimate_prepared(flight, prepared)
-    assert 0.5 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
-
-
 @pytest.mark.parametrize("every", [20, 30, 60])
 def test_gravity_now_and_then_tells_how_far_from_nose_first_a_body_flies(flight, every):
     """Once in two to six seconds."""

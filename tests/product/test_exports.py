@@ -15,7 +15,7 @@ from fgnav.geometry.rotations import from_euler
 from fgnav.io.exports import exporter_named
 from fgnav.io.exports.recorded import RecordedEstimate, load_estimate, save_estimate
 from fgnav.io.flight.local_frame import place_of_n
-from fgnav.types.estimate import Estimate
+from fgnav.types.estimate import Estimate, Verdict
 from fgnav.types.flight import Flight
 
 ORIGIN = Origin(latitude_rad=0.7, longitude_rad=-0.06, height_m=700.0)
@@ -48,6 +48,7 @@ def made():
         accelerometer_bias_mps2=rng.normal(size=(n, 3)),
         accelerometer_bias_covariance_m2ps4=covariance,
         unobservable=("roll",),
+        verdicts=(Verdict(sensor="v", from_s=0.1, until_s=0.3, ratio=9.0, limit=2.0, test="1 s"),),
         notes=("It rained.",),
     )
     return RecordedEstimate(

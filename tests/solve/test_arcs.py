@@ -12,7 +12,6 @@ from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.solve.chain.linear import Links, linearise
 from fgnav_sim.gnss.tables import BodyMaskTable, OutageTable, SlipsTable
-from tests.benchmarks.allowed import allowed_peaks
 from tests.gnss.based import flown
 
 PRIOR = RatePrior(length_s=1.0, variance_rad2ps2=np.full(3, 0.12), evidence=0.0)
@@ -65,16 +64,3 @@ def test_a_chain_without_room_for_arcs_is_refused_and_not_written_beyond():
     links = Links.empty(len(rows), problem.width, problem.constants.width)
     with pytest.raises(ValueError, match="columns, of states, constants, arcs and 1 too few"):
         linearise(problem, rows, problem.start, before, links, rows)
-
-
-def test_errors_drawn_from_the_model_peak_as_its_covariances_say():
-    """Beside arcs; one keyframe, so that a peak is the size of its error: of six dimensions."""
-    flight = disturbed()
-    problem = Batch(**SET_UP).prepare(flight).problem
-    at = np.arange(len(problem.t_s)) == len(problem.t_s) - 1
-    smoothed, filtered = allowed_peaks(problem, at, 200, np.random.default_rng(0))
-    np.testing.assert_allclose(smoothed, filtered, rtol=1e-6)  # nothing comes later
-    covariance = Batch(**SET_UP)(flight)
-    last = covariance.attitude_covariance_rad2[-1], covariance.position_covariance_m2[-1]
-    for size, P in zip(smoothed, last, strict=True):
-        assert 0.7 < size / np.sqrt(np.trace(P)) < 1.0  # .8 to .92 of a normal vector's

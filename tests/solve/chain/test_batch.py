@@ -5,7 +5,7 @@ import pytest
 
 from fgnav.checks import NoSolutionError
 from fgnav.solve.chain import batch, kernel
-from fgnav.solve.chain.batch import constant_step, log_evidence, solve_batch
+from fgnav.solve.chain.batch import log_evidence, solve_batch
 from tests.solve.chain.linear_flight import dense, random_problem
 
 CASES = [(6, 2), (12, 3), (12, 0), (6, 24)]
@@ -57,18 +57,6 @@ def test_chunks_leave_no_seam(monkeypatch):
     np.testing.assert_allclose(parts.covariance, whole.covariance, rtol=1e-8, atol=1e-12)
 
 
-@pytest.mark.parametrize("chunk", [5, 128])
-def test_constants_step_as_the_dense_normal_equations_say(monkeypatch, chunk):
-    monkeypatch.setattr(batch, "_CHUNK", chunk)
-    problem = random_problem(23, 6, 3)
-    H, g, _ = dense(problem, problem.start)
-    step, covariance = constant_step(problem, problem.start)
-    P = np.linalg.inv(H)
-    np.testing.assert_allclose(covariance, P[-3:, -3:], rtol=1e-6, atol=1e-9)
-    sigma = np.sqrt(np.diag(covariance))
-    np.testing.assert_allclose(step / sigma, -np.linalg.solve(H, g)[-3:] / sigma, rtol=1e-6)
-
-
 def test_a_far_beginning_ends_in_the_same_minimum():
     problem = random_problem(30, 6, 2, turn_rad=0.5)
     near = solve_batch(problem)
@@ -78,13 +66,6 @@ def test_a_far_beginning_ends_in_the_same_minimum():
     assert near.converged
     assert far.converged
     assert far.cost == pytest.approx(near.cost, abs=1e-3)
-
-
-def test_a_search_leads_no_lower_than_its_last_gains_do():
-    falling = np.linspace(100.0, 90.0, 11).tolist()
-    assert batch._least_to_come(falling, 61) == pytest.approx(40.0)
-    assert batch._least_to_come([100.0] * 11, 61) == 100.0
-    assert batch._least_to_come(falling[:10], 61) == 0.0  # too few to tell
 
 
 def test_one_keyframe_is_solved():
