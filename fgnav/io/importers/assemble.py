@@ -50,9 +50,9 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
         If two files have the same table, or a table has no usable row, or nothing is left
         without instruments whose noise is not stated: those are left out, and counted.
     """
+    recordings = [cleaned(_stated(one, settings)) for one in recordings]
     missing = {key: text for one in recordings for key, text in one.missing.items()}
     losses = [loss for one in recordings for loss in one.losses]
-    recordings = [_clean(_stated(one, settings, losses), losses) for one in recordings]
     start_s = _start(recordings, settings, missing)
     tables: dict[str, dict[str, FloatArray]] = {}
     truth_source = next((one.truth_source for one in recordings if "truth" in one.tables), None)
@@ -90,7 +90,7 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
     )
 
 
-def _stated(one: Recording, settings: Settings, losses: list[Loss]) -> Recording:
+def _stated(one: Recording, settings: Settings) -> Recording:
     """Return a recording without instruments whose noise the settings do not state; count them."""
     unused = [kind for kind in _OPTIONAL if kind in one.tables and not getattr(settings, kind)]
     if unused and set(one.tables) == set(unused):
@@ -98,20 +98,16 @@ def _stated(one: Recording, settings: Settings, losses: list[Loss]) -> Recording
             f"{one.source}: holds {' and '.join(unused)} alone; state noise in [{unused[0]}] of "
             "--settings"
         )
-    for kind in unused:
-        reason = f"[{kind}] of --settings does not state its noise ({one.source.name})"
-        count = len(one.tables[kind]["t_s"])
-        losses.append(Loss(what=f"{kind} row", reason=reason, count=count))
-    return replace(one, tables={k: rows for k, rows in one.tables.items() if k not in unused})
-
-
-def _clean(one: Recording, losses: list[Loss]) -> Recording:
-    """Return a recording without the rows that no flight can have; count them."""
-    tables = {}
-    for kind, table in one.tables.items():
-        tables[kind], lost = cleaned(kind, table, one.source)
-        losses += lost
-    return replace(one, tables=tables)
+    losses = [
+        Loss(
+            what=f"{kind} row",
+            reason=f"[{kind}] of --settings does not state its noise ({one.source.name})",
+            count=len(one.tables[kind]["t_s"]),
+        )
+        for kind in unused
+    ]
+    tables = {kind: rows for kind, rows in one.tables.items() if kind not in unused}
+    return replace(one, tables=tables, losses=(*one.losses, *losses))
 
 
 def _start(recordings: Sequence[Recording], settings: Settings, missing: dict[str, str]) -> float:

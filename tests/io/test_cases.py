@@ -1,0 +1,124 @@
+"""Small inputs after public reports: what is right is in each folder's EXPECT.txt."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fgnav.checks import BadInputError
+from fgnav.io.importers import importer_named
+from fgnav.io.importers.assemble import Assembled, assemble
+from fgnav.io.importers.guess import guessed
+from fgnav.io.importers.recognise import recognised
+from fgnav.io.importers.settings import Settings, read_settings
+
+# GPS seconds: 2025-07-08 10:00:00, 18 s ahead of UTC.
+START_S = 2374 * 604_800 + 208_800.0
+
+
+@pytest.fixture
+def case(shared):
+    """Return the folder of a case by its number."""
+    folder = shared / "cases"
+    if not folder.is_dir():
+        pytest.skip("FGNAV_SHARED: the folder of cases is absent")
+    return lambda number: next(folder.glob(f"{number}-*"))
+
+
+def new(path: Path, scratch: Path) -> Assembled:
+    """Return what ``fgnav new`` makes of a file."""
+    name = recognised(path)
+    settings = Settings(csv=(guessed(path),) if name == "csv" else ())
+    return assemble([importer_named(name)(path, settings, scratch)], settings)
+
+
+def lost(whole: Assembled) -> dict[str, int]:
+    return {f"{one.what}: {one.reason}": one.count for one in whole.flight.losses}
+
+
+@pytest.mark.parametrize("name", ["imu", "imu_bom", "imu_utf16"])
+def test_encodings_and_decimal_commas_are_spelling(case, tmp_path, name):
+    imu = new(case(11) / f"{name}.csv", tmp_path).flight.imu
+    np.testing.assert_allclose(imu.t_s, 0.01 * np.arange(3000), atol=1e-9)
+    np.testing.assert_allclose(imu.f_b_mps2[1], [0.003, 0.199983, -9.80515], rtol=1e-12)
+    np.testing.assert_allclose(imu.w_b_radps[1], [0.0002, 0.01, 0.2], rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["fixes_bom", "fixes_eu"])
+def test_fixes_of_a_spreadsheet_are_places(case, tmp_path, name):
+    flight = new(case(11) / f"{name}.csv", tmp_path).flight
+    assert len(flight.fixes.t_s) == 150
+    assert flight.imu is None
+    assert np.degrees(flight.origin.latitude_rad) == pytest.approx(40.33, abs=1e-12)
+
+
+def test_decimal_commas_without_the_key_are_refused_with_it(case, tmp_path):
+    path = case(11) / "imu.csv"
+    (tmp_path / "s.toml").write_text(
+        '[[csv]]\ntable = "imu"\ndelimiter = ";"\n[csv.columns]\nt_s = 1\nfx_mps2 = 2\n'
+        "fy_mps2 = 3\nfz_mps2 = 4\n"
+    )
+    with pytest.raises(BadInputError, match=r"got '0,000000'; write decimal = \",\" in \[\[csv"):
+        importer_named("csv")(path, read_settings(tmp_path / "s.toml"), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "samples", "losses"),
+    [
+        ("duplicate", 3000, 1),
+        ("backwards", 2990, 10),
+        ("three_microseconds", 3000, 0),
+        ("batched", 3000, 0),
+        ("wrap32us", 3000, 0),
+    ],
+)
+def test_timestamps_are_mended_or_counted(case, tmp_path, name, samples, losses):
+    whole = new(case(12) / f"{name}.csv", tmp_path)
+    t_s = whole.flight.imu.t_s
+    assert len(t_s) == samples
+    assert t_s[-1] == pytest.approx(29.99, abs=1e-6)
+    counts = {"imu row: its time does not increase": losses} if losses else {}
+    assert lost(whole) == {f"{text} ({name}.csv)": count for text, count in counts.items()}
+    if name != "three_microseconds":
+        assert np.ptp(t_s - 0.01 * np.round(t_s / 0.01)) < 1e-6
+    assert ("share a timestamp" in whole.missing.get("imu.samples", "")) == (name == "batched")
+
+
+@pytest.mark.parametrize(
+    ("name", "start_s"),
+    [
+        ("iso_z", START_S + 18),
+        ("utc_name", START_S + 18),
+        ("drive_fixes_z", START_S),
+        ("drive_imu", START_S),
+    ],
+)
+def test_a_time_zone_and_the_name_utc_mean_utc(case, tmp_path, name, start_s):
+    assert new(case(14) / f"{name}.csv", tmp_path).flight.start_gps_s == start_s
+
+
+def test_integer_degrees_are_ten_millionths_and_millimetres(case, tmp_path):
+    flight = new(case(14) / "time_1e7.csv", tmp_path).flight
+    place = [*np.degrees([flight.origin.latitude_rad, flight.origin.longitude_rad])]
+    np.testing.assert_allclose([*place, flight.origin.height_m], [40.33, -3.88, 700], rtol=1e-12)
+    np.testing.assert_allclose(flight.fixes.t_s[:2], [0, 0.2], atol=1e-9)
+
+
+def test_places_without_names_are_refused(case, tmp_path):
+    with pytest.raises(BadInputError, match="columns 2 to 4 may be latitude, longitude, height"):
+        new(case(14) / "madrid_places_no_header.csv", tmp_path)
+
+
+@pytest.mark.parametrize(("name", "start_s"), [("imu", 0), ("imu_unix_ms", START_S)])
+def test_gentle_rates_without_a_unit_are_asked_for(case, tmp_path, name, start_s):
+    whole = new(case(19) / f"{name}.csv", tmp_path)
+    assert "no unit is named for wx_radps, wy_radps, wz_radps" in whole.missing["imu.samples"]
+    assert whole.flight.start_gps_s == start_s
+
+
+def test_rates_with_dps_in_their_names_are_degrees(case, tmp_path):
+    whole = new(case(19) / "imu_named.csv", tmp_path)
+    assert "imu.samples" not in whole.missing
+    np.testing.assert_allclose(
+        whole.flight.imu.w_b_radps[0], np.radians([0.02665, 0.02266, 0]), atol=1e-12
+    )
