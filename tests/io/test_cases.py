@@ -112,7 +112,10 @@ def test_places_without_names_are_refused(case, tmp_path):
 @pytest.mark.parametrize(("name", "start_s"), [("imu", 0), ("imu_unix_ms", START_S)])
 def test_gentle_rates_without_a_unit_are_asked_for(case, tmp_path, name, start_s):
     whole = new(case(19) / f"{name}.csv", tmp_path)
-    assert "no unit is named for wx_radps, wy_radps, wz_radps" in whole.missing["imu.samples"]
+    assert (
+        "unit of wx_radps, wy_radps, wz_radps is in doubt; rad/s was assumed"
+        in whole.missing["imu.samples"]
+    )
     assert whole.flight.start_gps_s == start_s
 
 

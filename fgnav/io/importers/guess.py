@@ -23,14 +23,14 @@ _MOST_SHARE_ODD = 0.01  # of rows, that may break a rule: cut lines
 # Names in the wild, lower case, without units: PX4's, Xsens', loggers', MATLAB's, ROS's.
 _BEFORE = r"(?:.*[_./ ])?"
 _TRIPLES = (
-    (FORCE, "xyz", r"a|f|acc\w*?|lin\w*acc\w*|specific_?force", r"acc\w*"),
-    (RATE, "xyz", r"g|w|gyr\w*?|omega|ang\w*(?:vel|rate)\w*|rate", r"gyr\w*"),
+    (FORCE, "xyz", r"(?:a|f)(?:_rs_s)?|acc\w*?|lin\w*acc\w*|specific_?force", r"acc\w*"),
+    (RATE, "xyz", r"(?:g|w)(?:_rs_s)?|gyr\w*?|omega|ang\w*(?:vel|rate)\w*|rate", r"gyr\w*"),
 )
 _AXIS_WORDS = {"n": "n(?:orth)?", "e": "e(?:ast)?", "d": "d(?:own)?", "u": "u(?:p)?"}
 _VELOCITY = r"(?:.*[_./ ])?(?:v(?:el\w*)?[_. ]?{axis}|{axis}[_. ]?v(?:el\w*)?)"
 _NAMES = (
     {
-        "t_s": r"t|tow|sow|.*(?:time|stamp|utc|unix|epoch|date|sec(?:ond)?s?\b).*",
+        "t_s": rf"{_BEFORE}(?:t|i?tow|sow)|.*(?:time|stamp|utc|unix|epoch|date|sec(?:ond)?s?\b).*",
         "latitude_deg": rf"{_BEFORE}lat(?:itude)?.*",
         "longitude_deg": rf"{_BEFORE}(?:lon(?:gitude)?|lng).*",
         "height_m": rf"{_BEFORE}(?:h|hgt|height|alt(?:itude)?|ellips).*",
@@ -64,9 +64,10 @@ _UNIT_NAMES: dict[str, tuple[tuple[str, str], ...]] = {
         ("g", _NOT_LETTER + r"g(?:s|ee)?\W*$"),
     ),
     "radps": (
+        ("mrad/s", r"mrad|milli_?rad"),
+        ("rad/s", r"rad"),
         ("mdeg/s", r"mdps|mdeg|milli_?deg"),
         ("deg/s", r"dps|deg|[°º]"),
-        ("rad/s", r"rad"),
     ),
     "deg": (("1e-7deg", r"1?0?\^?e-?7"), ("rad", r"rad"), ("deg", r"deg|[°º]")),
     "m": tuple(
@@ -96,6 +97,8 @@ _GRAVITY = {1.0: "g", 9.80665: "m/s2", 1000.0: "mg"}  # median length of specifi
 _NEAR = 0.3  # of that: a vehicle's mean is gravity's, vibration and biases make up to some tenths
 _SMOOTH_DEG = 1e-3  # between rows: no vehicle moves by 100 m, and an accelerometer's noise is more
 _HIGHEST_M = 20_000.0
+_MOST_MINUTES = 18_000.0  # 180 degrees as NMEA writes them, dddmm.mmmm
+_LONG_STEP_S = 0.05  # between samples: a unit that is slower has another unit of time, perhaps
 _WEEK_NAMES = re.compile(r"(?:i|gps_?)?tow.*|sow.*|.*(?:time_?of_?week|week_?sec).*")
 
 
@@ -123,9 +126,10 @@ def guessed(path: Path) -> CsvTable:
         raise BadInputError(f"{path}: must hold two rows of numbers or more to guess columns by")
     head = rows[first] if header else []
     x = np.array([[float(c) if is_number(c) else np.nan for c in row] for row in body])
-    dates = [k for k in range(width) if any(is_date(row[k]) for row in body[:100])]
+    dates = [k for k in range(width) if any(is_date(r[k]) and ":" in r[k] for r in body[:100])]
     names = _by_name(head, x, dates)
-    if not any({"t_s", *wanted} <= set(names) for wanted in (FORCE, PLACE)):
+    by_numbers = not any({"t_s", *wanted} <= set(names) for wanted in (FORCE, PLACE))
+    if by_numbers:
         _refuse_partly_named(path, head, names)
         names = _by_numbers(path, x, names)
     kind = "imu" if set(FORCE) <= set(names) else "fixes"
@@ -140,7 +144,8 @@ def guessed(path: Path) -> CsvTable:
     columns: dict[str, str | int] = {n: head[k] if header else k + 1 for n, k in places.items()}
     if VELOCITY[2] in places and header and _UP.fullmatch(_plain(head[places[VELOCITY[2]]])):
         columns[VELOCITY[2]] = f"-{columns[VELOCITY[2]]}"
-    units, unconfirmed = _units(kind, places, x, head)
+    units, unconfirmed = _units(path, kind, places, x, head)
+    unconfirmed += ["columns"] * (by_numbers and header)
     clock, is_open = _clock(units["s"], places["t_s"], x, head, body)
     fields: dict[str, Any] = {"clock": clock} if clock != "own" else {}
     return CsvTable(
@@ -208,7 +213,8 @@ def _refuse_partly_named(path: Path, head: list[str], names: dict[str, int]) -> 
     named = [name for name in names if name in FORCE + RATE + PLACE + VELOCITY]
     if named:
         raise BadInputError(
-            f"{path}: header must name a time and all of specific force or of a place, has "
+            f"{path}: header must name a time (numbers, or a date and a time of day in one column) "
+            "and all of specific force or of a place, has "
             f"{quoted(', '.join(head))}, of which {', '.join(named)} are known; describe them in "
             "[[csv]] of a file for `fgnav import --settings`, docs/own_log.md"
         )
@@ -235,7 +241,8 @@ def _by_numbers(path: Path, x: FloatArray, names: dict[str, int]) -> dict[str, i
             "import --settings`, docs/own_log.md"
         )
     triples = [k for k in triples if not {k, k + 1, k + 2} & set(runs)]
-    force = min(triples, key=near.__getitem__, default=None)
+    begin = min((k for k in range(x.shape[1]) if k not in runs), default=0)
+    force = min(triples, key=lambda k: (round(near[k], 2), (k - begin) % 3, k), default=None)
     if force is None or near[force] > _NEAR:
         return columns
     columns |= {name: force + k for k, name in enumerate(FORCE)}
@@ -257,7 +264,7 @@ def _may_be_places(block: FloatArray) -> bool:
 
 
 def _units(
-    kind: str, places: dict[str, int], x: FloatArray, head: list[str]
+    path: Path, kind: str, places: dict[str, int], x: FloatArray, head: list[str]
 ) -> tuple[dict[str, str], list[str]]:
     """Return units by the header's names, else by the size of the numbers, and those in doubt."""
     units: dict[str, str] = {}
@@ -275,7 +282,7 @@ def _units(
         units["s"] = "date"
     elif "s" not in units:
         units["s"] = _time_unit(columns["s"][:, 0], 0.1 if kind == "imu" else 10.0)
-    return _imu_units(units, columns) if kind == "imu" else _fix_units(units, columns)
+    return _imu_units(units, columns) if kind == "imu" else _fix_units(path, units, columns)
 
 
 def _imu_units(
@@ -283,11 +290,13 @@ def _imu_units(
 ) -> tuple[dict[str, str], list[str]]:
     """Return units with those of specific force and rates, and those in doubt."""
     unconfirmed = []
-    if "mps2" not in units:
-        length = float(np.nanmedian(np.linalg.norm(columns["mps2"], axis=1)))
-        size = min(_GRAVITY, key=lambda one: abs(np.log(max(length, 1e-9) / one)))
-        units["mps2"] = _GRAVITY[size]
-        unconfirmed += ["mps2"] * (abs(length / size - 1) > _NEAR)
+    length = max(float(np.nanmedian(np.linalg.norm(columns["mps2"], axis=1))), 1e-9)
+    sizes = [size for size, unit in _GRAVITY.items() if units.get("mps2", unit) == unit]
+    size = min(sizes, key=lambda one: abs(np.log(length / one)))
+    units["mps2"] = _GRAVITY[size]
+    unconfirmed += ["mps2"] * (abs(length / size - 1) > _NEAR)
+    step = np.nanmedian(np.abs(np.diff(columns["s"][:, 0]))) if units["s"] != "date" else 0.0
+    unconfirmed += ["s"] * bool(step * UNITS["s"][units["s"]] > _LONG_STEP_S)
     if columns["radps"].size and "radps" not in units:
         # Vehicles turn less than once a second but for moments: more is degrees.
         fast = np.nanpercentile(np.abs(columns["radps"]), 99) > 2 * np.pi
@@ -297,11 +306,16 @@ def _imu_units(
 
 
 def _fix_units(
-    units: dict[str, str], columns: dict[str, FloatArray]
+    path: Path, units: dict[str, str], columns: dict[str, FloatArray]
 ) -> tuple[dict[str, str], list[str]]:
     """Return units with those of places and velocities, and those in doubt."""
     unconfirmed = []
     largest = np.nanmax(np.abs(columns["deg"]), axis=0)
+    if "deg" not in units and 360 < largest.max() <= _MOST_MINUTES:
+        raise BadInputError(
+            f"{path}: latitude and longitude must be degrees or 1e-7 degrees, got numbers up to "
+            f"{largest.max():.9g}; convert degrees and minutes to degrees"
+        )
     if "deg" not in units and largest.max() > 360:  # as u-blox and MAVLink send them
         units["deg"] = "1e-7deg"
         units.setdefault("m", "mm")

@@ -16,7 +16,12 @@ Kind = Literal["imu", "fixes", "barometer", "magnetometer", "truth"]
 UNITS: dict[str, dict[str, float]] = {
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "date": 1.0},
     "mps2": {"m/s2": 1.0, "g": 9.80665, "mg": 9.80665e-3},  # standard gravity, exact
-    "radps": {"rad/s": 1.0, "deg/s": 0.017453292519943295, "mdeg/s": 1.7453292519943295e-5},
+    "radps": {
+        "rad/s": 1.0,
+        "deg/s": 0.017453292519943295,
+        "mrad/s": 1e-3,
+        "mdeg/s": 1.7453292519943295e-5,
+    },
     "deg": {"deg": 1.0, "rad": 57.29577951308232, "1e-7deg": 1e-7},
     "m": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "ft": 0.3048},  # international foot, exact
     "mps": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6, "kt": 1852 / 3600},
@@ -29,8 +34,8 @@ class CsvTable(Table, frozen=True, kw_only=True):
 
     ``columns``: for each column of the flight format, the file's by name, or by number from 1; a
     leading minus reverses the sign. ``units``: by what the flight's column ends in, ``mps2 = "g"``.
-    ``decimal``: the character before the fraction. ``unconfirmed``: the kinds of units, or
-    ``clock``, that ``fgnav new`` has guessed without evidence.
+    ``decimal``: the character before the fraction. ``unconfirmed``: the kinds of units,
+    ``clock`` or ``columns``, that ``fgnav new`` has guessed without evidence.
     """
 
     table: Kind

@@ -26,6 +26,7 @@ from fgnav.progress import report
 _ROWS_AT_ONCE = 50_000
 _ZONE = re.compile(r"(?:[Zz]|[ ]?UTC|[+-]\d\d(?::?\d\d)?)$")
 _DATE = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?")
+_GRAVITY = ", or gravity is not in it"
 _AXES = "no file states how the unit sits in the body; `fgnav check` says what x, y, z should read"
 
 
@@ -75,11 +76,16 @@ def _unconfirmed(path: Path, table: CsvTable) -> dict[str, str]:
                 f'behind since 2017), write clock = "utc" in [[csv]] of {path.name}'
             )
             continue
+        if kind == "columns":
+            texts.append(
+                "no column has a known name: they were chosen by their numbers; amend columns"
+            )
+            continue
         names = ", ".join(name for name in table.columns if name.endswith(f"_{kind}"))
         assumed = table.units.get(kind, next(iter(UNITS[kind])))
         texts.append(
-            f"no unit is named for {names}; {assumed} was assumed; units are "
-            f"{', '.join(UNITS[kind])}: amend {kind} in units of [[csv]]"
+            f"the unit of {names} is in doubt{_GRAVITY if kind == 'mps2' else ''}; {assumed} was "
+            f"assumed; units are {', '.join(UNITS[kind])}: amend {kind} in units of [[csv]]"
         )
     again = "of import.toml, and import with --settings import.toml"
     return {f"{table.table}.samples": f"{path.name}: {'; '.join(texts)} {again}"} if texts else {}
