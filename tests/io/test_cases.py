@@ -125,3 +125,37 @@ def test_rates_with_dps_in_their_names_are_degrees(case, tmp_path):
     np.testing.assert_allclose(
         whole.flight.imu.w_b_radps[0], np.radians([0.02665, 0.02266, 0]), atol=1e-12
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "start_s", "fixes"),
+    [
+        ("gpst", START_S, 150),
+        ("utc", START_S, 150),
+        ("tow", START_S, 150),
+        ("crlf", START_S, 150),
+        ("oldwindows", START_S, 150),
+        ("repeated", START_S, 150),
+        ("semicolon", START_S, 150),
+        ("jst", START_S + 18 - 9 * 3600, 150),
+    ],
+)
+def test_solution_files_of_every_separator_and_time_system(case, tmp_path, name, start_s, fixes):
+    whole = new(case("09") / f"{name}.pos", tmp_path)
+    assert whole.flight.start_gps_s == start_s
+    assert len(whole.flight.fixes.t_s) == fixes
+    np.testing.assert_allclose(
+        whole.flight.fixes.position_sigma_m, np.tile([0.01, 0.01, 0.02], (150, 1)), rtol=1e-12
+    )
+    repeated = {"fixes row: its time does not increase (repeated.pos)": 1}
+    text = f"{name}.pos columns Q, ns, sdne(m), sdeu(m), sdun(m), age(s), ratio"
+    unused = {f"{text}: the flight format has none": 150 + (name == "repeated")}
+    assert lost(whole) == unused | (repeated if name == "repeated" else {})
+
+
+@pytest.mark.parametrize(
+    ("name", "option"), [("enu", "set out-solformat"), ("nohead", "switch on out-outhead")]
+)
+def test_solution_files_without_places_name_the_option(case, tmp_path, name, option):
+    with pytest.raises(BadInputError, match=option):
+        new(case("09") / f"{name}.pos", tmp_path)

@@ -1,6 +1,6 @@
 """What one foreign file holds: tables of samples under the flight format's own column names."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -175,3 +175,9 @@ def _in_order(t_s: FloatArray) -> BoolArray:
 def vectors(names: tuple[str, ...], block: FloatArray) -> dict[str, FloatArray]:
     """Return columns by name of a block, (k, c)."""
     return {name: np.asarray(block[:, k], np.float64) for k, name in enumerate(names)}
+
+
+def unused_columns(source: Path, names: Sequence[str], rows: int, reason: str) -> tuple[Loss, ...]:
+    """Return the one loss of a file's columns that are not used, or none."""
+    what = f"{source.name} column{'s' * (len(names) > 1)} {', '.join(names)}"
+    return (Loss(what=what, reason=reason, count=rows),) if names else ()

@@ -3,9 +3,10 @@
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.io.importers.formats.text_columns import read_columns
+from fgnav.io.importers.formats.text_columns import read_csv
 from fgnav.io.importers.guess import guessed
 from fgnav.io.importers.recording import cleaned
+from fgnav.io.importers.settings import Settings
 
 FORCE = "0.1,0.2,-9.8"
 RATE = "0.1,0.2,0.3"
@@ -117,7 +118,7 @@ def test_clocks_are_in_names_and_dates(tmp_path, head, first, clock):
 def test_zones_are_taken_off(tmp_path):
     rows = [f"2025-07-08T12:00:0{k}+02:00,40,-4,700" for k in range(5)]
     found = table(tmp_path, "time,lat,lon,alt", rows)
-    recording = read_columns(tmp_path / "a.csv", found)
+    recording = read_csv(tmp_path / "a.csv", Settings(csv=(found,)), tmp_path)
     assert recording.gps_start_s == 2374 * 604_800 + 208_818
 
 
@@ -137,7 +138,7 @@ def test_what_is_half_known_is_refused(tmp_path, head, row, text):
 def test_zeros_before_a_first_fix_are_no_place(tmp_path):
     rows = [f"{k},0,0,0,9" for k in range(3)] + [f"{k},40,-4,700,9" for k in range(3, 6)]
     found = table(tmp_path, "t,lat,lon,alt,satellites", rows)
-    recording = cleaned(read_columns(tmp_path / "a.csv", found))
+    recording = cleaned(read_csv(tmp_path / "a.csv", Settings(csv=(found,)), tmp_path))
     assert len(recording.tables["fixes"]["t_s"]) == 3
     assert {one.what: one.count for one in recording.losses} == {
         "a.csv column satellites": 6,

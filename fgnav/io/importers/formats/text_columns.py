@@ -18,7 +18,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, Loss, quoted
 from fgnav.io.flight.toml import ImuKeys, gps_seconds
 from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
-from fgnav.io.importers.recording import Clock, Recording
+from fgnav.io.importers.recording import Clock, Recording, unused_columns
 from fgnav.io.importers.settings import UNITS, CsvTable, Settings
 from fgnav.io.user_files import encoding_of, max_bytes
 from fgnav.progress import report
@@ -50,20 +50,21 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
     unstated = next((kind for kind in kinds if kind in stated and not stated[kind]), None)
     if unstated is not None:
         raise BadInputError(f"{path}: {unstated}: state its noise in [{unstated}] of --settings")
-    first, *others = (read_columns(path, one) for one in described)
+    (first, unused), *others = (_read_table(path, one) for one in described)
     tables = dict(first.tables)
-    for one in others:
+    for one, names in others:
         if one.clock != first.clock:
             raise BadInputError(f"{path}: key csv.clock: must be the same of all its tables")
+        unused = [name for name in unused if name in names]
         for kind, rows in one.tables.items():
             t_s = rows["t_s"] + (one.gps_start_s - first.gps_start_s)
             tables[kind] = {**rows, "t_s": t_s}
-    unused = [{loss.what: loss for loss in one.losses} for one in (first, *others)]
-    losses = [loss for what, loss in unused[0].items() if all(what in some for some in unused)]
     missing = {"imu.axes": _AXES} if "imu" in kinds and settings.imu == ImuKeys() else {}
     for table in described:
         missing |= _unconfirmed(path, table)
-    return replace(first, tables=tables, losses=tuple(losses), missing=missing)
+    count = max(len(rows["t_s"]) for rows in tables.values())
+    losses = (*first.losses, *unused_columns(path, unused, count, "no [[csv]] names them"))
+    return replace(first, tables=tables, losses=losses, missing=missing)
 
 
 def _unconfirmed(path: Path, table: CsvTable) -> dict[str, str]:
@@ -91,15 +92,15 @@ def _unconfirmed(path: Path, table: CsvTable) -> dict[str, str]:
     return {f"{table.table}.samples": f"{path.name}: {'; '.join(texts)} {again}"} if texts else {}
 
 
-def read_columns(path: Path, table: CsvTable) -> Recording:
-    """Read one table of a text file.
+def _read_table(path: Path, table: CsvTable) -> tuple[Recording, list[str]]:
+    """Return one table of a text file, and the names of the columns that it does not use.
 
     Raises
     ------
     BadInputError
         If a column is not there, or a cell that is needed is no number: names line and column.
     """
-    columns, losses = _cells(path, table)
+    columns, unused, cut = _cells(path, table)
     dates = table.units.get("s") == "date"
     utc = table.clock == "utc"
     samples = {}
@@ -120,13 +121,15 @@ def read_columns(path: Path, table: CsvTable) -> Recording:
         usable = samples["t_s"][np.isfinite(samples["t_s"])]
         start_s = float(np.floor(usable[0])) if len(usable) else 0.0
         samples["t_s"] = samples["t_s"] - start_s
-    return Recording(
+    losses = [Loss(what=f"{path.name} line", reason="has another number of columns", count=cut)]
+    recording = Recording(
         source=path,
         tables={table.table: samples},
         clock=clock,
         gps_start_s=start_s,
-        losses=losses,
+        losses=tuple(losses if cut else ()),
     )
+    return recording, unused
 
 
 def _clock(path: Path, table: CsvTable, *, dates: bool) -> tuple[Clock, float]:
@@ -138,8 +141,11 @@ def _clock(path: Path, table: CsvTable, *, dates: bool) -> tuple[Clock, float]:
     return ("week", 0.0) if table.clock == "week" else ("own", 0.0)
 
 
-def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], tuple[Loss, ...]]:
-    """Return texts of the columns that are used, (k,) each, and what was left out."""
+def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], list[str], int]:
+    """Return texts of the columns that are used, names of the others, and how many lines are cut.
+
+    Texts are (k,) each.
+    """
     if not path.is_file():
         raise BadInputError(f"{path}: no such file; check the name")
     size = path.stat().st_size
@@ -169,15 +175,8 @@ def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], tuple[Lo
             raise BadInputError(f"{path}: line {rows.line_num}: {error}") from None
     cells = np.concatenate(blocks)
     names = [head[k] if k < len(head) and head[k] else str(k + 1) for k in range(width)]
-    losses = [
-        Loss(what=f"{path.name} column {name}", reason="no [[csv]] names it", count=len(cells))
-        for k, name in enumerate(names)
-        if k not in places
-    ]
-    if cut:
-        reason = "has another number of columns"
-        losses.append(Loss(what=f"{path.name} line", reason=reason, count=cut))
-    return {name: cells[:, k] for k, name in enumerate(table.columns)}, tuple(losses)
+    unused = [name for k, name in enumerate(names) if k not in places]
+    return {name: cells[:, k] for k, name in enumerate(table.columns)}, unused, cut
 
 
 def usual_width(rows: Sequence[Sequence[str]]) -> int:
