@@ -153,6 +153,17 @@ def test_solution_files_of_every_separator_and_time_system(case, tmp_path, name,
     assert lost(whole) == unused | (repeated if name == "repeated" else {})
 
 
+@pytest.mark.parametrize("name", ["drive.nmea", "drive.ubx"])
+def test_sentences_across_midnight_are_seconds_apart(case, tmp_path, name):
+    whole = new(case(10) / name, tmp_path)
+    fixes = whole.flight.fixes
+    assert len(fixes.t_s) == 60
+    np.testing.assert_allclose(fixes.t_s, 0.2 * np.arange(60), atol=1e-6)
+    # 2024-01-01 is day 1 of GPS week 2295; the first fix is at 23:59:55 UTC.
+    assert whole.flight.start_gps_s == 2295 * 604_800 + 2 * 86_400 - 5 + 18
+    assert whole.flight.origin.height_m == pytest.approx(700, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("name", "option"), [("enu", "set out-solformat"), ("nohead", "switch on out-outhead")]
 )

@@ -23,6 +23,7 @@ IMPORTERS = {
     "ardupilot": f"{_FORMATS}.ardupilot:read_ardupilot",
     "rosbag": f"{_FORMATS}.ros:read_bag",
     "mcap": f"{_FORMATS}.ros:read_bag",
+    "nmea": f"{_FORMATS}.nmea:read_nmea",
     "ubx": f"{_FORMATS}.receivers:read_ubx",
     "sbf": f"{_FORMATS}.receivers:read_sbf",
     "novatel": f"{_FORMATS}.receivers:read_novatel",

@@ -1,6 +1,5 @@
 """How many bytes of a receiver's file lie in no whole message: RTKLIB passes over them unsaid."""
 
-import re
 from binascii import crc32, crc_hqx
 from collections.abc import Callable
 from functools import cache
@@ -9,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import IntArray
+from fgnav.io.importers.formats.nmea import SENTENCE
 
-# NMEA 0183, which many receivers write between their messages.
-_SENTENCE = re.compile(rb"\$[A-Z]{2,6},[\x20-\x7e]*\*[0-9A-F]{2}\r?\n")
 _CRC24Q = 0x1864CFB  # polynomial, RTCM 10403.3, section 4
 _LONGEST_RTCM3 = 1029  # bytes: ten bits of length, a head of three, the CRC
 
@@ -48,7 +46,7 @@ def bytes_outside(content: bytes, format: str) -> int:  # noqa: A002
 
 
 def _not_sentences(between: bytes) -> int:
-    return len(_SENTENCE.sub(b"", between))
+    return len(SENTENCE.sub(b"", between))
 
 
 def _short(head: bytes, at: int) -> int:

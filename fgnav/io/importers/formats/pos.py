@@ -8,7 +8,6 @@ References
 from pathlib import Path
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, Loss
