@@ -10,7 +10,7 @@ from fgnav.json_file import JsonFile, check_places, write_json
 from fgnav.terminal import progress, show_lines
 
 _FORMATS = (
-    "Of all files: csv, pos, kfgins, ulog, ardupilot, rosbag, mcap, ubx, sbf, novatel, rtcm3, "
+    "Of all files: csv, pos, kfgins, ulog, ardupilot, rosbag, mcap, nmea, ubx, sbf, novatel, rtcm3, "
     "rinex, sp3, umn, or an installed one; else told by each file's content."
 )
 

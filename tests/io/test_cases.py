@@ -170,3 +170,37 @@ def test_sentences_across_midnight_are_seconds_apart(case, tmp_path, name):
 def test_solution_files_without_places_name_the_option(case, tmp_path, name, option):
     with pytest.raises(BadInputError, match=option):
         new(case("09") / f"{name}.pos", tmp_path)
+
+
+def test_a_covariance_of_minus_one_is_no_gyroscope(case, tmp_path):
+    imu = new(case(15) / "bag", tmp_path).flight.imu
+    assert len(imu.t_s) == 1000
+    assert imu.w_b_radps is None
+
+
+def test_of_split_topics_the_one_with_forces_is_read(case, tmp_path):
+    whole = new(case(15) / "split", tmp_path)
+    assert len(whole.flight.imu.t_s) == 1000
+    assert whole.flight.imu.w_b_radps is None
+    text = "/camera/gyro/sample message: has no specific force (covariance -1)"
+    assert lost(whole) == {text: 1000}
+
+
+def test_poses_alone_are_refused_with_the_types_that_are_read(case, tmp_path):
+    with pytest.raises(BadInputError, match=r"sensor_msgs/msg/Imu, .*, has geometry_msgs/msg/Pose"):
+        new(case(17) / "bag", tmp_path)
+
+
+def test_poses_beside_a_unit_are_counted(case, tmp_path):
+    whole = new(case(17) / "bag_with_imu", tmp_path)
+    assert len(whole.flight.imu.t_s) == 1000
+    text = "/vrpn/pose message: geometry_msgs/msg/PoseStamped is not read"
+    assert lost(whole) == {text: 50}
+
+
+def test_fixes_of_two_receivers_are_refused_with_what_to_do(case, tmp_path):
+    folder = case(18)
+    settings = read_settings(folder / "two.toml")
+    found = [importer_named("csv")(folder / f"{one}.csv", settings, tmp_path) for one in "ab"]
+    with pytest.raises(BadInputError, match=r"as a\.csv has; a flight takes those of one receiver"):
+        assemble(found, settings)

@@ -22,6 +22,7 @@ from fgnav.io.importers.settings import Settings
 from fgnav.types.flight import Antenna, Flight, TruthSource
 
 SETTINGS_NAME = "import.toml"
+_OWNERS = {"fixes": "receiver", "imu": "inertial unit"}
 _OPTIONAL = ("barometer", "magnetometer")  # whose noise no log states
 
 
@@ -55,12 +56,18 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
     losses = [loss for one in recordings for loss in one.losses]
     start_s = _start(recordings, settings, missing)
     tables: dict[str, dict[str, FloatArray]] = {}
+    sources: dict[str, str] = {}
     truth_source = next((one.truth_source for one in recordings if "truth" in one.tables), None)
     for one in recordings:
         shift_s = _shift(one, start_s, settings, missing)
         for kind, rows in one.tables.items():
             if kind in tables:
-                raise BadInputError(f"{one.source}: another file has {kind}, too; import one")
+                raise BadInputError(
+                    f"{one.source}: has {kind}, as {sources[kind]} has; a flight takes those of "
+                    f"one {_OWNERS.get(kind, 'instrument')}: import one of them, and the other as "
+                    "a flight of its own"
+                )
+            sources[kind] = one.source.name
             tables[kind] = {**rows, "t_s": rows["t_s"] + shift_s}
     observations = tuple(path for one in recordings for path in one.observations)
     antennas = _antennas(settings, observations, "fixes" in tables, missing)
