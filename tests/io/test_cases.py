@@ -11,6 +11,7 @@ from fgnav.io.importers.assemble import Assembled, assemble
 from fgnav.io.importers.guess import guessed
 from fgnav.io.importers.recognise import recognised
 from fgnav.io.importers.settings import Settings, read_settings
+from fgnav.io.rinex.reader import read_rinex
 
 # GPS seconds: 2025-07-08 10:00:00, 18 s ahead of UTC.
 START_S = 2374 * 604_800 + 208_800.0
@@ -204,3 +205,56 @@ def test_fixes_of_two_receivers_are_refused_with_what_to_do(case, tmp_path):
     found = [importer_named("csv")(folder / f"{one}.csv", settings, tmp_path) for one in "ab"]
     with pytest.raises(BadInputError, match=r"as a\.csv has; a flight takes those of one receiver"):
         assemble(found, settings)
+
+
+def observations(path):
+    """Return what is read of a RINEX file, and its channels."""
+    (read,) = read_rinex([], [path], 0.0)[1]
+    return read, list(zip(read.satellites, read.signals, strict=True))
+
+
+@pytest.mark.parametrize("name", ["station", "unavco"])
+def test_galileo_of_rinex_2_has_its_own_bands(case, name):
+    read, channels = observations(case("01") / f"{name}.21o")
+    for signal, code, phase, density in (
+        ("1X", 24000500.0, 126125913.080, 41.5),
+        ("5X", 24000500.9, 94182396.107, 40.5),
+        ("7X", 24000501.1, 96643714.263, 40.75),
+    ):
+        m = channels.index(("E04", signal))
+        assert read.code_m[2, 0, m] == code
+        assert read.phase_cycles[2, 0, m] == phase
+        assert read.cn0_dbhz[2, 0, m] == density
+    if name == "station":
+        assert read.doppler_hz[0, 0, channels.index(("E04", "5X"))] == 1493.0
+        assert read.doppler_hz[0, 0, channels.index(("E04", "7X"))] == 1532.0
+    else:
+        assert np.isnan(read.doppler_hz).all()
+    assert {one.what: one.count for one in read.losses}["E 8X observation"] == 12
+
+
+@pytest.mark.parametrize(
+    ("number", "name", "losses"),
+    [
+        ("02", "a.21o", {}),
+        ("02", "dos_eof.21o", {}),
+        ("02", "nonewline.21o", {"nonewline.21o line end": 1}),
+        ("04", "splice.21o", {"event 4 record": 2, "event 5 record": 1}),
+        ("06", "a.rnx", {"a.rnx epoch": 597}),
+        ("06", "v402.rnx", {"v402.rnx epoch": 597}),
+        ("07", "roll.rnx", {}),
+        ("08", "rinex2.21o", {}),
+        ("08", "rinex3.rnx", {"rinex3.rnx epoch": 597}),
+    ],
+)
+def test_three_epochs_of_nine_satellites_are_read(case, number, name, losses):
+    read, channels = observations(case(number) / name)
+    assert len(channels) == 9
+    assert np.isfinite(read.phase_cycles).sum() == 27
+    assert np.isfinite(read.code_m).sum() == (24 if number == "08" else 27)
+    assert {one.what: one.count for one in read.losses} == losses
+    if number == "07":
+        np.testing.assert_array_equal(read.t_s, 2048 * 604_800 + np.array([-1, 0, 1]))
+    if number == "06":
+        assert read.code_m[0, 0, 0] == 21729222.175
+        assert read.doppler_hz[0, 0, 0] == 2511.351

@@ -182,7 +182,7 @@ def _plain(cell: str) -> str:
 def _by_name(head: list[str], x: FloatArray, dates: list[int]) -> dict[str, int]:
     """Return places of columns by the names in a header."""
     plain = [_plain(cell) for cell in head]
-    found = {}
+    places_by_name = {}
     for name, pattern in _NAMES.items():
         places = [k for k, cell in enumerate(plain) if re.fullmatch(pattern, cell)]
         if name == "t_s":
@@ -194,17 +194,17 @@ def _by_name(head: list[str], x: FloatArray, dates: list[int]) -> dict[str, int]
         if name == PLACE[2]:
             places.sort(key=lambda k: _ABOVE_SEA.search(plain[k]) is not None)
         if places:
-            found[name] = places[0]
-    return found
+            places_by_name[name] = places[0]
+    return places_by_name
 
 
 def _runs(column: FloatArray) -> bool:
     """Return True if numbers hardly ever fall, as times do; empty cells are passed over."""
-    known = column[np.isfinite(column)]
+    finite = column[np.isfinite(column)]
     return (
-        len(known) > 1
-        and bool((np.diff(known) < 0).mean() < _MOST_SHARE_ODD)
-        and bool(known[-1] != known[0])
+        len(finite) > 1
+        and bool((np.diff(finite) < 0).mean() < _MOST_SHARE_ODD)
+        and bool(finite[-1] != finite[0])
     )
 
 

@@ -44,12 +44,12 @@ def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         )
     names = [w for n in names for w in ((n + "d", n + "m", n + "s") if n in _MINUTES else (n,))]
     rows = [line.split() for line in lines if line and line[0] != "%"]
-    whole = [row for row in rows if len(row) == len(names) + 1]  # a time has two words
-    if not whole:
+    complete = [row for row in rows if len(row) == len(names) + 1]  # a time has two words
+    if not complete:
         rule = f"rows must have {len(names) + 1} columns, got {len(rows[0])}" if rows else ""
         raise BadInputError(f"{path}: {rule or 'holds no solution'}; take the file again")
-    columns = _Columns(path, dict(zip(names[1:], np.array(whole).T[2:], strict=True)))
-    gps_s = _gps_seconds(path, whole, names[0])
+    columns = _Columns(path, dict(zip(names[1:], np.array(complete).T[2:], strict=True)))
+    gps_s = _gps_seconds(path, complete, names[0])
     fixes = vectors(col.PLACE, _place(path, columns))
     if columns.have(_SIGMA):
         fixes |= vectors(col.POSITION_SIGMA, np.maximum(columns.numbers(_SIGMA), _LEAST_SIGMA))
@@ -62,14 +62,14 @@ def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     cut = Loss(
         what=f"{path.name} row",
         reason="has another number of columns: the file is cut or of mixed formats",
-        count=len(rows) - len(whole),
+        count=len(rows) - len(complete),
     )
     return Recording(
         source=path,
         tables={"fixes": {"t_s": gps_s - start_s, **fixes}},
         gps_start_s=start_s,
         losses=(
-            *unused_columns(path, columns.unused(), len(whole), "the flight format has none"),
+            *unused_columns(path, columns.unused(), len(complete), "the flight format has none"),
             *([cut] if cut.count else []),
         ),
     )

@@ -77,9 +77,9 @@ def read_bag(path: Path, settings: Settings, _: Path) -> Recording:
         rows["fixes"] = rows["fixes"][~no_fix]
         reason = "the receiver had none (status)"
         losses.append(Loss(what="fix", reason=reason, count=int(no_fix.sum())))
-        known = _has_variances(rows["fixes"])
+        stated = _has_variances(rows["fixes"])
         reason = "of its fix; others have none, so none is used"
-        count = 0 if known.all() else int(known.sum())
+        count = 0 if stated.all() else int(stated.sum())
         losses.append(Loss(what="covariance", reason=reason, count=count))
     first_s = min((float(x[0, 0]) for x in rows.values() if len(x)), default=0.0)
     start_s = float(gps_of_utc(np.array([first_s]))[0])
@@ -149,10 +149,10 @@ def _row(kind: str, at_ns: int, message: Any) -> list[float]:  # noqa: ANN401  #
     t_s = stamp.sec + 1e-9 * stamp.nanosec or 1e-9 * at_ns
     if kind == "imu":
         f, w = message.linear_acceleration, message.angular_velocity
-        there_f = message.linear_acceleration_covariance[0] != _NOT_MEASURED
-        there_w = message.angular_velocity_covariance[0] != _NOT_MEASURED
-        force = [f.x, f.y, f.z] if there_f else [np.nan] * 3
-        return [t_s, *force, *([w.x, w.y, w.z] if there_w else [np.nan] * 3)]
+        has_force = message.linear_acceleration_covariance[0] != _NOT_MEASURED
+        has_rate = message.angular_velocity_covariance[0] != _NOT_MEASURED
+        force = [f.x, f.y, f.z] if has_force else [np.nan] * 3
+        return [t_s, *force, *([w.x, w.y, w.z] if has_rate else [np.nan] * 3)]
     if kind == "barometer":
         return [t_s, message.fluid_pressure]
     if kind == "magnetometer":
