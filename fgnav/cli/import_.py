@@ -11,7 +11,7 @@ from fgnav.terminal import progress, show_lines
 
 _FORMATS = (
     "Of all files: csv, pos, kfgins, ulog, ardupilot, rosbag, mcap, nmea, ubx, sbf, novatel, "
-    "rtcm3, rinex, sp3, umn, or an installed one; else told by each file's content."
+    "rtcm3, rinex, sp3, or an installed one; else told by each file's content."
 )
 
 

@@ -30,7 +30,6 @@ IMPORTERS = {
     "rtcm3": f"{_FORMATS}.receivers:read_rtcm3",
     "rinex": f"{_FORMATS}.receivers:read_rinex_file",
     "sp3": f"{_FORMATS}.receivers:read_sp3_file",
-    "umn": f"{_FORMATS}.umn:read_umn",
 }
 
 
