@@ -1,25 +1,31 @@
-"""Strict check of a RINEX navigation file, which also sorts out what RTKLIB can decode."""
+"""Strict reading of a RINEX navigation file: messages that are used, and the count of others."""
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fgnav.checks import BadInputError, IntArray, Loss, quoted
+from fgnav.checks import BadInputError, FloatArray, IntArray, Loss, quoted
+from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.rinex.header import Header
-from fgnav.io.rinex.navigation_lines import BrokenLineError, messages
+from fgnav.io.rinex.navigation_lines import BrokenLineError, messages, numbers
 from fgnav.io.rinex.scan import CONSTELLATIONS, KNOWN_SATELLITES, line_fault
 from fgnav.io.rinex.text import Bytes
 
 _DECODED = ("LNAV", "INAV", "FNAV", "D1", "D2")  # RINEX 4 messages laid out as in RINEX 3
 
 
+_WORDS = re.compile(r"\d+(?:\.\d*)?")
+
+
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class NavigationScan:
-    """The messages of a navigation file that can be decoded, and the count of the others."""
+    """The messages of a navigation file that are used, and the count of the others."""
 
     satellites: NDArray[np.str_]  # (k,); RINEX names, in the order of the file
-    text: Bytes  # a RINEX file of these messages alone
+    clock_times_s: FloatArray  # (k,); since 1980-01-06, in the constellation's own time
+    numbers: FloatArray  # (k, 31); three of the clock, then seven lines of four
     klobuchar: NDArray[np.float64]  # (8,); GPS ionosphere, alpha and beta
     losses: tuple[Loss, ...]  # what stands in the file and is not used
 
@@ -45,13 +51,15 @@ def scan_navigation(header: Header, text: Bytes) -> NavigationScan:
         raise BadInputError(
             f"{header.path}: must hold a GPS, Galileo, BeiDou or QZSS message, has none"
         )
-    keep = np.zeros(len(text) + 1, np.int8)
-    np.add.at(keep, places[decodable, 0], 1)
-    np.add.at(keep, places[decodable, 1], -1)
-    body = text[np.cumsum(keep[:-1]).astype(bool)]
+    content = text.tobytes()
+    starts = places[decodable, 0].tolist()
+    if header.version >= 4:  # a line names the record
+        starts = [content.index(b"\n", start) + 1 for start in starts]
+    read = [numbers(content, start, int(header.version)) for start in starts]
     return NavigationScan(
         satellites=names[decodable],
-        text=np.concatenate([_head(header, text), body]),
+        clock_times_s=np.array([_gps_s(date) for date, _ in read]),
+        numbers=np.array([values for _, values in read]),
         klobuchar=_klobuchar(header, text),
         losses=losses,
     )
@@ -79,14 +87,14 @@ def _sorted_out(
         limit = KNOWN_SATELLITES.get(name[0])
         if record[0] != "EPH":
             reasons.append((f"{record[0]} record", "not an ephemeris"))
-        elif limit is None or name[0] == "R":  # RTKLIB keeps these apart
+        elif limit is None or name[0] == "R":
             reasons.append(
                 (f"{CONSTELLATIONS.get(name[0], name[0])} message", "constellation not used")
             )
         elif record[1:] and record[1] not in _DECODED:
-            reasons.append((f"{name[0]} {record[1]} message", "type unknown to RTKLIB's reader"))
+            reasons.append((f"{name[0]} {record[1]} message", "type not used"))
         elif int(name[1:]) > limit:
-            reasons.append((f"{name} message", "satellite unknown to RTKLIB"))
+            reasons.append((f"{name} message", "of a number that is not used"))
         else:
             reasons.append(("", ""))
     counts: dict[tuple[str, str], int] = {}
@@ -96,13 +104,12 @@ def _sorted_out(
     return np.array([not what for what, _ in reasons]), tuple(losses)
 
 
-def _head(header: Header, text: Bytes) -> Bytes:
-    """Return a head for the decodable messages: RINEX 4 becomes the RINEX 3 that RTKLIB knows."""
-    if header.version < 4:
-        return text[: header.size]
-    lines = "     3.05           NAVIGATION DATA     M                   RINEX VERSION / TYPE\n"
-    lines += f"{'':60s}END OF HEADER\n"
-    return np.frombuffer(lines.encode("ascii"), np.uint8)
+def _gps_s(date: str) -> float:
+    """Return seconds since 1980-01-06 of a date that was checked; seconds may be 60."""
+    *day, hour, minute, second = (int(float(word)) for word in _WORDS.findall(date))
+    year = day[0] + (0 if day[0] >= 100 else 1900 if day[0] >= 80 else 2000)
+    days = np.datetime64(f"{year:04d}-{day[1]:02d}-{day[2]:02d}") - GPS_EPOCH.astype("M8[D]")
+    return float(days.astype(int)) * 86_400.0 + hour * 3600.0 + minute * 60.0 + second
 
 
 def _klobuchar(header: Header, text: Bytes) -> NDArray[np.float64]:

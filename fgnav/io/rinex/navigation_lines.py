@@ -15,6 +15,7 @@ _WIDTH = 19  # of a field
 _REQUIRED = ((1, 2, 3), *[(0, 1, 2, 3)] * 4, (0, 2), (1, 2), ())
 _USUAL = re.compile(rb"(?:(?: [ \d+-]|[+-]\d)\.\d{12}[DEde][+-]\d\d){0,4}")
 _NUMBER = re.compile(rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:[DEde][+-]\d\d?)?")
+_EXPONENT = bytes.maketrans(b"Dd", b"EE")
 _DECODED = re.compile(rb"> EP.{6}(?:[LIF]N|D[12]$)")  # RINEX 4 messages laid out as in RINEX 3
 
 
@@ -76,6 +77,19 @@ def messages(text: bytes, start: int, line: int, version: int, default: str) -> 
             rows = text.count(b"\n", q, end)
         yield Message(p, end, satellite)
         p, line = end, line + rows
+
+
+def numbers(text: bytes, p: int, version: int) -> tuple[str, list[float]]:
+    """Return the date of a checked message of eight lines, and its 31 numbers; blank is 0."""
+    shift = 3 if version == 2 else 4
+    first, p = _line(text, p)
+    date = first[shift - 1 : shift + 19].decode("ascii")
+    fields = [first[k : k + _WIDTH] for k in range(shift + _WIDTH, shift + 4 * _WIDTH, _WIDTH)]
+    for _ in range(7):
+        line, p = _line(text, p)
+        fields += [line[k : k + _WIDTH] for k in range(shift, shift + 4 * _WIDTH, _WIDTH)]
+    values = (field.translate(_EXPONENT).strip() for field in fields)
+    return date, [float(value or b"0") for value in values]
 
 
 def _line(text: bytes, p: int) -> tuple[bytes, int]:

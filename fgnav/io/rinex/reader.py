@@ -2,11 +2,9 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from fgnav.checks import BadInputError
-from fgnav.io.decoder import Decoder, Job
-from fgnav.io.rinex.header import Header, read_header
+from fgnav.io.rinex.header import read_header
 from fgnav.io.rinex.messages import to_broadcast
 from fgnav.io.rinex.navigation import NavigationScan, scan_navigation
 from fgnav.io.rinex.records import to_observations
@@ -61,27 +59,13 @@ def read_rinex(
         )
         for k in steps(len(receivers))
     ]
-    return (_read_messages(messages, start_gps_s) if messages else None), observations
+    if not messages:
+        return None, observations
+    scans = [_scanned(path) for path in messages]
+    return to_broadcast(scans, messages[0], start_gps_s), observations
 
 
-def _read_messages(paths: Sequence[Path], start_gps_s: float) -> BroadcastOrbits:
-    """Return the messages of navigation files, decoded by RTKLIB in a child process."""
-    with TemporaryDirectory(prefix="fgnav-") as name, Decoder(paths, Path(name)) as decoder:
-        files = [Path(name) / f"file{k}.rnx" for k in range(len(paths))]
-        orbits = [_sorted_out(*pair) for pair in zip(paths, files, strict=True)]
-        jobs = [
-            Job(kind="navigation", source=source, path=path)
-            for source, path in zip(paths, files, strict=True)
-        ]
-        decoded = decoder.decode(jobs)
-        headers, scans = [header for header, _ in orbits], [scan for _, scan in orbits]
-        return to_broadcast(headers, scans, decoded, start_gps_s)
-
-
-def _sorted_out(path: Path, plain: Path) -> tuple[Header, NavigationScan]:
-    """Return header and scan of a navigation file, and write what RTKLIB can decode of it."""
+def _scanned(path: Path) -> NavigationScan:
+    """Return the scan of a navigation file."""
     text = read_text(path)
-    header = read_header(path, text, "navigation")
-    scan = scan_navigation(header, text)
-    plain.write_bytes(scan.text.tobytes())
-    return header, scan
+    return scan_navigation(read_header(path, text, "navigation"), text)

@@ -1,19 +1,17 @@
 """GNSS receivers' own formats, turned into RINEX by RTKLIB; RINEX and SP3 as they are."""
 
-import sys
 from pathlib import Path
 from tempfile import mkdtemp
 
 from fgnav.checks import BadInputError, Loss
-from fgnav.io.decoder import Decoder, Job
 from fgnav.io.flight.toml import gps_seconds
 from fgnav.io.importers.formats.framing import bytes_outside
 from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from fgnav.io.rinex.text import read_text
+from fgnav.io.rtklib_convert import convert
 from fgnav.io.user_files import read_bytes
 
-_COMMAND = (sys.executable, "-m", "fgnav.io.rtklib_convert")
 _ANTENNA = "antenna.position_b_m"
 _PLACE_UNKNOWN = "where the antenna sits in the body is in no file: state it"
 
@@ -53,9 +51,8 @@ def _converted(path: Path, format: str, settings: Settings, scratch: Path) -> Re
             f"{path}: RTCM 3 has no week; state start in --settings, within half a week"
         )
     near_s = "" if settings.start is None else repr(gps_seconds(path, settings.start))
-    with Decoder([path], Path(mkdtemp(dir=scratch)), command=_COMMAND) as decoder:
-        job = Job(kind="observations", source=path, path=path, options=f"{format} {near_s}")
-        observations = decoder.decode([job]).files[0]
+    observations = Path(mkdtemp(dir=scratch)) / "observations"
+    convert(path, [format, str(path), str(observations), near_s])
     navigation = observations.with_suffix(".nav")
     files = [one for one in (observations, navigation) if one.is_file() and one.stat().st_size]
     if observations not in files:
