@@ -150,7 +150,7 @@ def test_solution_files_of_every_separator_and_time_system(case, tmp_path, name,
     )
     repeated = {"fixes row: its time does not increase (repeated.pos)": 1}
     text = f"{name}.pos columns Q, ns, sdne(m), sdeu(m), sdun(m), age(s), ratio"
-    unused = {f"{text}: the flight format has none": 150 + (name == "repeated")}
+    unused = {f"{text}: the flight has none": 150 + (name == "repeated")}
     assert lost(whole) == unused | (repeated if name == "repeated" else {})
 
 

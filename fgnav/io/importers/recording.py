@@ -62,7 +62,8 @@ class Recording:
     missing: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Reject a file without anything, and tables whose columns are not the flight format's."""
+        """Drop losses of nothing; reject an empty file, and columns that no flight has."""
+        object.__setattr__(self, "losses", tuple(one for one in self.losses if one.count))
         files = (*self.observations, *self.navigation, *self.orbits)
         if not files and not any(len(table["t_s"]) for table in self.tables.values()):
             raise BadInputError(f"{self.source}: holds nothing that a flight could use")
@@ -121,7 +122,6 @@ def cleaned(recording: Recording) -> Recording:
         losses += [
             Loss(what=f"{kind} row", reason=f"{reason} ({source.name})", count=count)
             for reason, count in counts.items()
-            if count
         ]
         tables[kind] = {name: np.asarray(column)[good][later] for name, column in table.items()}
         tables[kind]["t_s"] = t_s[later]
@@ -177,7 +177,7 @@ def vectors(names: tuple[str, ...], block: FloatArray) -> dict[str, FloatArray]:
     return {name: np.asarray(block[:, k], np.float64) for k, name in enumerate(names)}
 
 
-def unused_columns(source: Path, names: Sequence[str], rows: int, reason: str) -> tuple[Loss, ...]:
-    """Return the one loss of a file's columns that are not used, or none."""
+def unused_columns(source: Path, names: Sequence[str], rows: int, reason: str) -> Loss:
+    """Return the one loss of a file's columns that are not used."""
     what = f"{source.name} column{'s' * (len(names) > 1)} {', '.join(names)}"
-    return (Loss(what=what, reason=reason, count=rows),) if names else ()
+    return Loss(what=what, reason=reason, count=rows if names else 0)

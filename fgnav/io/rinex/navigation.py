@@ -38,7 +38,13 @@ def scan_navigation(header: Header, text: Bytes) -> NavigationScan:
     default = header.system if header.version < 3 else ""
     try:
         found = list(
-            messages(text.tobytes(), header.size, header.lines + 1, int(header.version), default)
+            messages(
+                text.tobytes().rstrip(b"\x1a\0"),
+                header.size,
+                header.lines + 1,
+                int(header.version),
+                default,
+            )
         )
     except BrokenLineError as error:
         raise BadInputError(

@@ -273,8 +273,8 @@ def _lists_fewer(text: Bytes, start: int, announced: int) -> bool:
 
 def _offset_of(text: Bytes, line: int) -> int:
     """Return where a line, counted from 1, begins."""
-    ends = np.flatnonzero(text == ord("\n"))
-    return int(ends[line - 2]) + 1 if line - 2 < len(ends) else len(text)
+    begins = np.append(0, np.flatnonzero(text == ord("\n")) + 1)
+    return int(begins[line - 1]) if line <= len(begins) else len(text)
 
 
 def _line(text: Bytes, at: int) -> bytes:
@@ -321,32 +321,21 @@ def line_fault(header: Header, text: Bytes, line: int, rule: str, mend: str) -> 
 
 def line_text(text: Bytes, line: int) -> str:
     """Return the beginning of a line, counted from 1, for an error text."""
-    ends = np.flatnonzero(text == ord("\n"))
-    start = 0 if line == 1 else int(ends[line - 2]) + 1 if line - 2 < len(ends) else len(text)
-    stop = int(ends[line - 1]) if line - 1 < len(ends) else len(text)
-    shown = text[start:stop].tobytes().decode("latin-1").rstrip()
+    shown = _line(text, _offset_of(text, line)).decode("latin-1").rstrip()
     return shown if len(shown) <= 60 else shown[:57] + "..."
 
 
 def _unused_satellites(satellites: IntArray) -> list[Loss]:
     """Return the losses of constellations and satellites that are not used."""
     losses = []
-    for letter in np.flatnonzero(satellites.any(axis=1)):
-        name, counts = chr(letter), satellites[letter]
-        limit = KNOWN_SATELLITES.get(name)
-        if limit is None:
-            what = f"{CONSTELLATIONS[name]} observation"
-            losses.append(Loss(what=what, reason="constellation not used", count=int(counts.sum())))
-            continue
-        losses += [
-            Loss(
-                what=f"{name}{k:02d} observation",
-                reason="of a number that is not used",
-                count=int(c),
-            )
-            for k, c in enumerate(counts)
-            if k > limit and c
-        ]
+    for letter, number in np.argwhere(satellites).tolist():
+        name, limit = chr(letter), KNOWN_SATELLITES.get(chr(letter))
+        if limit is None and number == np.flatnonzero(satellites[letter])[0]:
+            what, reason = f"{CONSTELLATIONS[name]} observation", "constellation not used"
+            losses.append(Loss(what=what, reason=reason, count=int(satellites[letter].sum())))
+        elif limit is not None and number > limit:
+            what, reason = f"{name}{number:02d} observation", "of a number that is not used"
+            losses.append(Loss(what=what, reason=reason, count=int(satellites[letter, number])))
     return losses
 
 

@@ -68,7 +68,7 @@ def read_ardupilot(path: Path, _settings: Settings, _scratch: Path) -> Recording
         tables=tables,
         clock="own" if start_s is None else "gps",
         gps_start_s=start_s or 0.0,
-        losses=tuple(Loss(what=w, reason=why, count=count) for w, why, count in lost if count),
+        losses=tuple(Loss(what=w, reason=why, count=count) for w, why, count in lost),
         notes={"fixes": above_sea} if "fixes" in tables and not has_undulation else {},
     )
 

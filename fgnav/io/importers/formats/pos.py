@@ -68,10 +68,7 @@ def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         source=path,
         tables={"fixes": {"t_s": gps_s - start_s, **fixes}},
         gps_start_s=start_s,
-        losses=(
-            *unused_columns(path, columns.unused(), len(complete), "the flight format has none"),
-            *([cut] if cut.count else []),
-        ),
+        losses=(cut, unused_columns(path, columns.unused(), len(complete), "the flight has none")),
     )
 
 

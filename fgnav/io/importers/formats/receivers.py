@@ -5,7 +5,7 @@ from tempfile import mkdtemp
 
 from fgnav.checks import BadInputError, Loss
 from fgnav.io.flight.toml import gps_seconds
-from fgnav.io.importers.formats.framing import bytes_outside
+from fgnav.io.importers.formats.framing import passed_over
 from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from fgnav.io.rinex.text import read_text
@@ -58,19 +58,24 @@ def _converted(path: Path, format: str, settings: Settings, scratch: Path) -> Re
     if observations not in files:
         raise BadInputError(
             f"{path}: RTKLIB finds no observations of format {format} in it; look whether the "
-            "receiver was set to put out raw measurements"
+            "receiver was set to put out raw measurements, or take its fixes by --format nmea"
         )
     renamed = [
         file.rename(file.with_name(f"{path.stem}{end}"))
         for file, end in zip(files, (".obs", ".nav"), strict=False)
     ]
-    outside = bytes_outside(read_bytes(path), format)
+    kinds, outside = passed_over(read_bytes(path), format)
     reason = f"of {path.name}, in no whole message of {format}: damaged, or of another format"
+    names = {kind: f"{kind:04X}" if format == "ubx" else str(kind) for kind in kinds} | {0: "NMEA"}
+    losses = [
+        Loss(what=f"{names[kind]} message", reason="RTKLIB does not decode it", count=count)
+        for kind, count in sorted(kinds.items())
+    ]
     return Recording(
         source=path,
         observations=tuple(renamed[:1]),
         navigation=tuple(renamed[1:]),
-        losses=(Loss(what="byte", reason=reason, count=outside),) if outside else (),
+        losses=(*losses, Loss(what="byte", reason=reason, count=outside)),
         missing={_ANTENNA: _PLACE_UNKNOWN},
     )
 

@@ -84,8 +84,7 @@ def read_bag(path: Path, settings: Settings, _: Path) -> Recording:
     first_s = min((float(x[0, 0]) for x in rows.values() if len(x)), default=0.0)
     start_s = float(gps_of_utc(np.array([first_s]))[0])
     tables = {kind: _table(kind, x, first_s) for kind, x in rows.items()}
-    lost = tuple(one for one in losses if one.count)
-    return Recording(source=path, tables=tables, gps_start_s=start_s, losses=lost)
+    return Recording(source=path, tables=tables, gps_start_s=start_s, losses=tuple(losses))
 
 
 def _chosen(path: Path, bag: Any, settings: Settings) -> tuple[dict[str, str], list[Loss]]:  # noqa: ANN401

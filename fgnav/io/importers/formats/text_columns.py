@@ -63,7 +63,7 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
     for table in described:
         missing |= _unconfirmed(path, table)
     count = max(len(rows["t_s"]) for rows in tables.values())
-    losses = (*first.losses, *unused_columns(path, unused, count, "no [[csv]] names them"))
+    losses = (*first.losses, unused_columns(path, unused, count, "no [[csv]] names them"))
     return replace(first, tables=tables, losses=losses, missing=missing)
 
 
@@ -127,7 +127,7 @@ def _read_table(path: Path, table: CsvTable) -> tuple[Recording, list[str]]:
         tables={table.table: samples},
         clock=clock,
         gps_start_s=start_s,
-        losses=tuple(losses if cut else ()),
+        losses=tuple(losses),
     )
     return recording, unused
 

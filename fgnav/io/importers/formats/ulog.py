@@ -29,24 +29,35 @@ _FIX_3D = 3  # fix_type: 2 and less have no height
 _GPS = ("sensor_gps", "vehicle_gps_position")
 _AROUND = ("vehicle_air_data", "vehicle_magnetometer")
 _FILTER = ("vehicle_attitude", "vehicle_global_position", "vehicle_local_position")
+_READ = ("sensor_combined", *_AROUND, *_GPS, *_FILTER)
 
 
 def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
-    """Read a log's first inertial unit and first receiver."""
+    """Read a log's first inertial unit, and its receiver with the most fixes that have a height."""
     pyulog = reader("pyulog", "ulog")
     with foreign(path, "ULog") as output, path.open("rb") as file:
-        log = pyulog.ULog(file, ["sensor_combined", *_AROUND, *_GPS, *_FILTER])
-        topics = {one.name: one.data for one in reversed(log.data_list)}  # instance 0 stays
+        log = pyulog.ULog(file)
+        used = {one.name: one for one in reversed(log.data_list) if one.name in _READ}  # instance 0
+        receivers = [one for one in log.data_list if one.name in _GPS]
+        if receivers:
+            best = max(receivers, key=lambda one: (one.data["fix_type"] >= _FIX_3D).sum())
+            used = {name: one for name, one in used.items() if name not in _GPS} | {"gps": best}
+        topics = {name: one.data for name, one in used.items()}
         damaged = int(log.file_corruption or "corruption" in output.getvalue())
         lost = [("logger dropout", "the logger could not keep up", len(log.dropouts))]
         lost += [("message", "the log is damaged there", damaged)]
+        lost += [
+            (f"{one.name} message", reason, len(one.data["timestamp"]))
+            for one in log.data_list
+            if one not in used.values()
+            for reason in ["of another instance" if one.name in _READ else "not read"]
+        ]
         tables: dict[str, Samples] = {}
         if "sensor_combined" in topics:
             tables["imu"] = _imu(topics["sensor_combined"])
         tables |= _surroundings(topics)
         start_s = None
-        gps = next((topics[name] for name in _GPS if name in topics), None)
-        if gps is not None:
+        if (gps := topics.get("gps")) is not None:
             flying = gps["fix_type"] >= _FIX_3D
             tables["fixes"] = {name: column[flying] for name, column in _fixes(gps).items()}
             lost += [("fix", "has no height (fix_type)", int((~flying).sum()))]
@@ -58,7 +69,7 @@ def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         tables={kind: table for kind, table in tables.items() if len(table["t_s"])},
         clock="own" if start_s is None else "gps",
         gps_start_s=start_s or 0.0,
-        losses=tuple(Loss(what=w, reason=why, count=count) for w, why, count in lost if count),
+        losses=tuple(Loss(what=w, reason=why, count=count) for w, why, count in lost),
         truth_source="filter" if "truth" in tables else None,
         notes={"truth": "the on-board filter's estimate, not truth"} if "truth" in tables else {},
     )
