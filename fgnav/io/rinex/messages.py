@@ -20,9 +20,9 @@ _NO_ACCURACY_M = 8192.0
 _LARGEST_SISA_M = 6.0  # OS SIS ICD 2.1, table 89
 _DAY_S = 86_400.0
 _WEEKS = 1024  # after which receivers' week numbers begin anew
-_BDT_WEEK = 1356  # GPS week of BeiDou's week 0
+BDT_WEEK = 1356  # GPS week of BeiDou's week 0
 # Field of the record: column of a message's numbers (RINEX 3.05, tables A6, A8, A14).
-_PLAIN = {
+PLAIN = {
     "af0_s": 0,
     "af1_sps": 1,
     "af2_sps2": 2,
@@ -44,7 +44,7 @@ _PLAIN = {
     "inclination_rate_radps": 19,
     "health": 24,
 }
-_ROOT_A, _DATA_SOURCE, _WEEK, _ACCURACY, _DELAYS, _TRANSMISSION = 10, 20, 21, 23, (25, 26), 27
+ROOT_A, DATA_SOURCE, WEEK, ACCURACY, DELAYS, TRANSMISSION = 10, 20, 21, 23, slice(25, 27), 27
 
 
 def to_broadcast(
@@ -95,25 +95,25 @@ def _records(scan: NavigationScan, start_gps_s: float) -> tuple[NDArray[Any], Bo
     x, names = scan.numbers, scan.satellites
     records = np.zeros(len(names), EPHEMERIS_DTYPE)
     records["satellite"] = names
-    for field, column in _PLAIN.items():
+    for field, column in PLAIN.items():
         records[field] = x[:, column]
     galileo, beidou = (np.char.startswith(names, letter) for letter in "EC")
-    records["semi_major_axis_m"] = x[:, _ROOT_A] ** 2
+    records["semi_major_axis_m"] = x[:, ROOT_A] ** 2
     toc_s = scan.clock_times_s + BDT_BEHIND_GPS_S * beidou  # since 1980, as are those below
-    toe_s = _nearest_s(x[:, _PLAIN["toe_sow_s"]] + BDT_BEHIND_GPS_S * beidou, toc_s)
-    ttr_s = _nearest_s(x[:, _TRANSMISSION] + BDT_BEHIND_GPS_S * beidou, toe_s)
+    toe_s = _nearest_s(x[:, PLAIN["toe_sow_s"]] + BDT_BEHIND_GPS_S * beidou, toc_s)
+    ttr_s = _nearest_s(x[:, TRANSMISSION] + BDT_BEHIND_GPS_S * beidou, toe_s)
     # An unknown time of transmission is written 0.9999E+09 or left blank.
-    stated = (np.abs(x[:, _TRANSMISSION]) < 2 * WEEK_S) & (np.abs(ttr_s - toe_s) < _DAY_S)
+    stated = (np.abs(x[:, TRANSMISSION]) < 2 * WEEK_S) & (np.abs(ttr_s - toe_s) < _DAY_S)
     records["toe_s"], records["toc_s"] = toe_s - start_gps_s, toc_s - start_gps_s
     records["transmission_s"] = np.where(stated, ttr_s, toe_s) - start_gps_s
-    records["group_delay_s"] = x[:, _DELAYS]
+    records["group_delay_s"] = x[:, DELAYS]
     records["group_delay_s"][~(galileo | beidou), 1] = 0.0  # there stands the issue of the clock
-    accuracy_m = x[:, _ACCURACY]
+    accuracy_m = x[:, ACCURACY]
     sisa_m = np.where((accuracy_m >= 0) & (accuracy_m <= _LARGEST_SISA_M), accuracy_m, np.inf)
     ura_m = URA_M[np.searchsorted(URA_M, accuracy_m).clip(0, 15)]
     records["accuracy_m"] = np.minimum(np.where(galileo, sisa_m, ura_m), _NO_ACCURACY_M)
-    records["data_source"] = np.where(galileo, x[:, _DATA_SOURCE], 0)
-    weeks = x[:, _WEEK] + _BDT_WEEK * beidou - np.floor(toe_s / WEEK_S)
+    records["data_source"] = np.where(galileo, x[:, DATA_SOURCE], 0)
+    weeks = x[:, WEEK] + BDT_WEEK * beidou - np.floor(toe_s / WEEK_S)
     return records, np.abs((weeks + _WEEKS // 2) % _WEEKS - _WEEKS // 2) <= 1
 
 

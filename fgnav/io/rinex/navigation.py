@@ -1,22 +1,17 @@
 """Strict reading of a RINEX navigation file: messages that are used, and the count of others."""
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, Loss, quoted
-from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.rinex.header import Header
 from fgnav.io.rinex.navigation_lines import BrokenLineError, messages, numbers
 from fgnav.io.rinex.scan import CONSTELLATIONS, KNOWN_SATELLITES, line_fault
 from fgnav.io.rinex.text import Bytes
 
 _DECODED = ("LNAV", "INAV", "FNAV", "D1", "D2")  # RINEX 4 messages laid out as in RINEX 3
-
-
-_WORDS = re.compile(r"\d+(?:\.\d*)?")
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -61,11 +56,10 @@ def scan_navigation(header: Header, text: Bytes) -> NavigationScan:
     starts = places[decodable, 0].tolist()
     if header.version >= 4:  # a line names the record
         starts = [content.index(b"\n", start) + 1 for start in starts]
-    read = [numbers(content, start, int(header.version)) for start in starts]
     return NavigationScan(
         satellites=names[decodable],
-        clock_times_s=np.array([_gps_s(date) for date, _ in read]),
-        numbers=np.array([values for _, values in read]),
+        clock_times_s=np.array([one.clock_time_s for one in found])[decodable],
+        numbers=np.array([numbers(content, start, int(header.version)) for start in starts]),
         klobuchar=_klobuchar(header, text),
         losses=losses,
     )
@@ -108,14 +102,6 @@ def _sorted_out(
         counts[reason] = counts.get(reason, 0) + 1
     losses = [Loss(what=w, reason=r, count=c) for (w, r), c in sorted(counts.items()) if w]
     return np.array([not what for what, _ in reasons]), tuple(losses)
-
-
-def _gps_s(date: str) -> float:
-    """Return seconds since 1980-01-06 of a date that was checked; seconds may be 60."""
-    *day, hour, minute, second = (int(float(word)) for word in _WORDS.findall(date))
-    year = day[0] + (0 if day[0] >= 100 else 1900 if day[0] >= 80 else 2000)
-    days = np.datetime64(f"{year:04d}-{day[1]:02d}-{day[2]:02d}") - GPS_EPOCH.astype("M8[D]")
-    return float(days.astype(int)) * 86_400.0 + hour * 3600.0 + minute * 60.0 + second
 
 
 def _klobuchar(header: Header, text: Bytes) -> NDArray[np.float64]:

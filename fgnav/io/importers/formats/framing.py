@@ -2,7 +2,7 @@
 
 from binascii import crc32, crc_hqx
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from functools import cache
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ class _Frame(NamedTuple):
     length: Callable[[bytes], int]  # of the message, from these
     is_whole: Callable[[bytes], bool]  # a message of that length
     kind: Callable[[bytes], int]  # a message's number
-    decoded: frozenset[int]  # kinds that RTKLIB decodes
+    decoded: Container[int]  # kinds that RTKLIB decodes
 
 
 def passed_over(content: bytes, format: str) -> tuple[Counter[int], int]:  # noqa: A002
@@ -57,6 +57,10 @@ def passed_over(content: bytes, format: str) -> tuple[Counter[int], int]:  # noq
 
 def _short(head: bytes, at: int) -> int:
     return int.from_bytes(head[at : at + 2], "little")
+
+
+def _big(head: bytes, at: int = 2) -> int:
+    return int.from_bytes(head[at : at + 2], "big")
 
 
 def _ubx_is_whole(message: bytes) -> bool:
@@ -119,37 +123,25 @@ _SBF: tuple[int, ...] = (
 _SBF += (4081, 4093, 4095, 5891, 5893, 5894, 5896)
 _NOVATEL = (7, 8, 41, 43, 140, 287, 723, 1121, 1122, 1127, 1273, 1330, 1331, 1347, 1696)
 _RTCM3 = (*range(1001, 1014), 1019, 1020, 1033, *range(1041, 1047), *range(1071, 1138), 1230)
-_FRAMES = {
-    "ubx": _Frame(
-        b"\xb5\x62",
-        6,
-        lambda head: 8 + _short(head, 4),
-        _ubx_is_whole,
-        lambda message: int.from_bytes(message[2:4], "big"),
-        frozenset(_UBX),
-    ),
+_FRAMES = {  # sizes by the head, kinds by the first six bytes
+    "ubx": _Frame(b"\xb5\x62", 6, lambda b: 8 + _short(b, 4), _ubx_is_whole, _big, _UBX),
     "sbf": _Frame(
-        b"$@",
-        8,
-        lambda head: _short(head, 6),
-        _sbf_is_whole,
-        lambda message: _short(message, 4) & 8191,
-        frozenset(_SBF),
+        b"$@", 8, lambda b: _short(b, 6), _sbf_is_whole, lambda b: _short(b, 4) & 8191, _SBF
     ),
     "novatel": _Frame(
         b"\xaa\x44\x12",
         10,
-        lambda head: head[3] + _short(head, 8) + 4,
+        lambda b: b[3] + _short(b, 8) + 4,
         _novatel_is_whole,
-        lambda message: _short(message, 4),
-        frozenset(_NOVATEL),
+        lambda b: _short(b, 4),
+        _NOVATEL,
     ),
     "rtcm3": _Frame(
         b"\xd3",
         3,
-        lambda head: 6 + (int.from_bytes(head[1:], "big") & 1023),
+        lambda b: 6 + (_big(b, 1) & 1023),
         _rtcm3_is_whole,
-        lambda message: int.from_bytes(message[3:5], "big") >> 4,
-        frozenset(_RTCM3),
+        lambda b: _big(b, 3) >> 4,
+        _RTCM3,
     ),
 }
