@@ -9,7 +9,6 @@ from fgnav.io.signal_choice import choose_signals, same_signal
 def header(version=3.04, **types) -> Header:
     return Header(
         path=Path("a.rnx"),
-        kind="observations",
         version=version,
         system="M",
         types={letter: tuple(names.split()) for letter, names in types.items()},

@@ -14,8 +14,9 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, quoted
 from fgnav.io.flight.columns import FORCE, PLACE, RATE, VELOCITY
-from fgnav.io.importers.formats.text_columns import is_date, is_number, time_zone, usual_width
+from fgnav.io.importers.formats.text_columns import is_date, time_zone, usual_width
 from fgnav.io.importers.settings import UNITS, CsvTable
+from fgnav.io.tables import is_number
 from fgnav.io.user_files import encoding_of
 
 _ROWS = 20_000  # looked at
@@ -116,7 +117,8 @@ def guessed(path: Path) -> CsvTable:
         lines = list(islice(file, _ROWS))
     delimiter = _delimiter(lines)
     rows = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
-    decimal = "," if delimiter != "," and _has_decimal_commas(rows) else "."
+    commas = [cell for row in rows[:200] for cell in row if delimiter != "," in cell]
+    decimal = "," if any(is_number(cell.replace(",", ".", 1)) for cell in commas) else "."
     rows = [[cell.strip().replace(decimal, ".") for cell in row] for row in rows]
     width = usual_width(rows)
     first = next((k for k, row in enumerate(rows) if len(row) == width), 0)
@@ -166,11 +168,6 @@ def _delimiter(lines: list[str]) -> str:
     """Return what stands between columns: a comma only where nothing else does."""
     text = "".join(line for line in lines[1:200] or lines if line.strip())
     return next((one for one in "\t;," if one in text), " ")
-
-
-def _has_decimal_commas(rows: list[list[str]]) -> bool:
-    cells = [cell.strip() for row in rows[:200] for cell in row if "," in cell]
-    return any(is_number(cell.replace(",", ".", 1)) for cell in cells)
 
 
 def _plain(cell: str) -> str:

@@ -172,6 +172,14 @@ def _in_order(t_s: FloatArray) -> BoolArray:
     return later
 
 
+def samples(t_s: FloatArray, *blocks: tuple[tuple[str, ...], FloatArray]) -> Samples:
+    """Return a table of times and of blocks, (k, c) or (k,), under their columns' names."""
+    table: dict[str, FloatArray] = {"t_s": np.asarray(t_s, np.float64)}
+    for names, block in blocks:
+        table |= vectors(names, block.reshape(len(t_s), len(names)))
+    return table
+
+
 def vectors(names: tuple[str, ...], block: FloatArray) -> dict[str, FloatArray]:
     """Return columns by name of a block, (k, c)."""
     return {name: np.asarray(block[:, k], np.float64) for k, name in enumerate(names)}

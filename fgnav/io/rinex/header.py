@@ -10,6 +10,7 @@ import numpy as np
 from fgnav.checks import BadInputError, quoted
 from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.rinex.text import Bytes
+from fgnav.io.tables import is_number
 
 MAX_TYPES = 99  # more than any receiver tracks
 _TYPE_2 = re.compile(r"[CLPDS][1-9A-Z]")
@@ -25,7 +26,6 @@ class Header:
     """What the head of a RINEX file says."""
 
     path: Path
-    kind: Kind
     version: float
     system: str  # letter of the constellation, ``M`` for mixed
     # observation types by letter of the constellation; all letters share one tuple in RINEX 2
@@ -78,11 +78,9 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
             raise BadInputError(
                 f"{path}: time system must be GPS, GLO, GAL, QZS or BDT, got {quoted(time_system)}"
             )
-        _refuse_halved(path, labelled)
         scales = _scales(path, labelled, types)
     return Header(
         path=path,
-        kind=kind,
         version=version,
         system=system,
         types=types,
@@ -223,23 +221,18 @@ def _check_types(
             )
 
 
-def _refuse_halved(path: Path, labelled: list[tuple[int, str, str]]) -> None:
-    """Refuse phases in half cycles."""
+def _scales(
+    path: Path, labelled: list[tuple[int, str, str]], types: dict[str, tuple[str, ...]]
+) -> dict[tuple[str, str], int]:
+    """Return the factors that values of types were multiplied by; refuse phases in half cycles."""
+    scales = {}
+    letter, factor = "", 1
     for number, line, label in labelled:
         if label == "WAVELENGTH FACT L1/2" and "2" in line[:12]:
             raise BadInputError(
                 f"{path}: line {number}: {label} must be 1, got "
                 f"{quoted(line.strip())}; convert the file"
             )
-
-
-def _scales(
-    path: Path, labelled: list[tuple[int, str, str]], types: dict[str, tuple[str, ...]]
-) -> dict[tuple[str, str], int]:
-    """Return the factors that values of types were multiplied by."""
-    scales = {}
-    letter, factor = "", 1
-    for number, line, label in labelled:
         if label != "SYS / SCALE FACTOR":
             continue
         if line[0] != " ":
@@ -277,10 +270,7 @@ def _interval_s(labelled: list[tuple[int, str, str]]) -> float | None:
     """Return the announced time between epochs; None where it is absent, zero or no number."""
     for _, line, label in labelled:
         if label == "INTERVAL":
-            try:
-                interval_s = float(line[:10])
-            except ValueError:
-                return None
+            interval_s = float(line[:10]) if is_number(line[:10]) else 0.0
             return interval_s if 0 < interval_s < np.inf else None
     return None
 

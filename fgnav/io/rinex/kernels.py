@@ -14,7 +14,7 @@ from fgnav.io.rinex.text import Bytes
 from fgnav.kernels.compiled import inlined, inner, kernel
 
 # Columns of the table of epochs and events.
-TICKS, FLAG, ANNOUNCED, KEPT, LINE, START, END = range(7)
+TICKS, FLAG, ANNOUNCED, LINE, START, END = range(6)
 
 _BLANK, _DOT, _MINUS, _ZERO, _NINE, _NEWLINE, _GREATER = 32, 46, 45, 48, 57, 10, 62
 
@@ -24,7 +24,7 @@ class Scanned(NamedTuple):
 
     tally: IntArray  # (128, types), values other than zero of satellites in use
     satellites: IntArray  # (128, 100), records of each satellite
-    epochs: IntArray  # (k, 7), one row per epoch or event; more rows than there are
+    epochs: IntArray  # (k, 6), one row per epoch or event; more rows than there are
     taken: IntArray  # (1,), number of records
     records: IntArray  # (r, 3), row of the epoch, letter, number
     signals: IntArray  # (r, 3), by carrier: number of the signal whose code it is, from 1 on; 0
@@ -201,7 +201,6 @@ def _begin_record(
     into.records[r, 0], into.records[r, 1], into.records[r, 2] = epoch, 0, number
     if number <= plan.limits[letter, 1]:
         into.records[r, 1] = letter
-        into.epochs[epoch, KEPT] += 1
     return 0
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from fgnav.checks import FloatArray, IntArray, Loss
+from fgnav.checks import IntArray, Loss
 from fgnav.io.antennas import nominal_epochs
 from fgnav.io.gps_time import (
     BDT_BEHIND_GPS_S,
@@ -28,7 +28,9 @@ def to_observations(header: Header, scan: Scan, start_gps_s: float) -> Observati
     channel_keys = np.unique(keys[tracked])
     column = np.searchsorted(channel_keys, keys)
     kept = np.isin(keys, channel_keys)
-    losses = (*scan.losses, *_without_carrier(scan.values[row[~kept], carrier[~kept]]))
+    alone = int((scan.values[row[~kept], carrier[~kept]] != 0).sum())
+    reason = "neither code nor phase of its carrier is in the file"
+    losses = [Loss(what="Doppler or density", reason=reason, count=alone)] if alone else []
     row, carrier, column = row[kept], carrier[kept], column[kept]
     satellites, signals = np.divmod(channel_keys, len(scan.names))
     channels = [
@@ -52,7 +54,7 @@ def to_observations(header: Header, scan: Scan, start_gps_s: float) -> Observati
         tag_s=tag_s[:, None],
         satellites=tuple(channels[k][0] for k in order),
         signals=tuple(channels[k][1] for k in order),
-        losses=losses,
+        losses=(*scan.losses, *losses),
         earlier=None,
         lock_flags=flags[:, None],
         **arrays,
@@ -67,10 +69,3 @@ def _time_shift(header: Header, ticks: IntArray) -> IntArray:
         return np.zeros(len(ticks), np.int64)
     utc_s = ticks // TICKS_PER_S + float(UNIX_OF_GPS_S)  # GLONASS's time is UTC in RINEX
     return (gps_of_utc(utc_s) + UNIX_OF_GPS_S - utc_s).astype(np.int64) * TICKS_PER_S
-
-
-def _without_carrier(values: FloatArray) -> list[Loss]:
-    """Return the values of channels that have neither code nor phase in the whole file."""
-    reason = "neither code nor phase of its carrier is in the file"
-    count = int((values != 0).sum())
-    return [Loss(what="Doppler or density", reason=reason, count=count)] if count else []

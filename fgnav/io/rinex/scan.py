@@ -58,12 +58,6 @@ class Scan:
         Epochs, 1e-7 s since 1980-01-06 in the file's own time system.
     power_failure : ndarray of bool, shape (n,)
         Whether the receiver reported a power failure before the epoch.
-    kept : ndarray of int, shape (n,)
-        Satellite records in use of each epoch.
-    tally : ndarray of int, shape (128, types)
-        Values other than zero by constellation letter and type, of satellites in use.
-    satellites : ndarray of int, shape (128, 100)
-        Records by constellation letter and number.
     names : tuple of str
         Signals by number; the first is none.
     records : ndarray of int, shape (r, 3)
@@ -80,9 +74,6 @@ class Scan:
 
     ticks: IntArray
     power_failure: BoolArray
-    kept: IntArray
-    tally: IntArray
-    satellites: IntArray
     names: tuple[str, ...]
     records: IntArray
     signals: IntArray
@@ -131,9 +122,6 @@ def scan_observations(header: Header, text: Bytes, choice: SignalChoice) -> Scan
     return Scan(
         ticks=epochs[measured, 0],
         power_failure=epochs[measured, 1] == 1,
-        kept=epochs[measured, 3],
-        tally=into.tally,
-        satellites=into.satellites,
         names=names,
         records=np.column_stack([np.cumsum(measured)[records[:, 0]] - 1, records[:, 1:]]),
         signals=np.where(signals > 0, signals, defaults[records[:, 1]]),
@@ -190,7 +178,7 @@ def _scanned(
     into = Scanned(
         tally=np.zeros(plan.fields.shape[:2], np.int64),
         satellites=np.zeros((128, 100), np.int64),
-        epochs=np.zeros((most, 7), np.int64),
+        epochs=np.zeros((most, 6), np.int64),
         taken=np.zeros(1, np.int64),
         records=np.zeros((lines, 3), np.int64),
         signals=np.zeros((lines, 3), np.int64),
@@ -206,13 +194,7 @@ def _scanned(
 def _damaged_epochs(
     header: Header, text: Bytes, plan: "Plan"
 ) -> tuple[list[tuple[int, int]], list[Loss]]:
-    """Return the bytes of epochs that are not whole, and their count.
-
-    Raises
-    ------
-    BadInputError
-        At the first fault of another kind.
-    """
+    """Return the bytes of epochs that are not whole, and their count."""
     ranges: list[tuple[int, int]] = []
     reasons: dict[str, int] = {}
     offset, line = header.size, header.lines + 1
@@ -235,7 +217,7 @@ def _damaged_epoch(
     header: Header, text: Bytes, epochs: IntArray, problem: IntArray
 ) -> tuple[int, int, str]:
     """Return the bytes of the epoch that a scan ends at, and what is wrong with it."""
-    start, before = int(epochs[-1, 5]), int(epochs[-2, 5]) if len(epochs) > 1 else -1
+    start, before = int(epochs[-1, 4]), int(epochs[-2, 4]) if len(epochs) > 1 else -1
     at, code = _offset_of(text, int(problem[1])), int(problem[0])
     reason = f"announces another number of satellites than it has, line {problem[1]} first"
     is_3 = header.version >= 3
@@ -343,7 +325,7 @@ def _events(header: Header, text: Bytes, rows: IntArray) -> list[Loss]:
     """Return the count of events; refuse those that change the meaning of what follows."""
     losses: dict[int, int] = {}
     head = {one.rstrip() for one in text[: header.size].tobytes().decode("latin-1").splitlines()}
-    for _, flag, announced, _, line, start, end in rows.tolist():
+    for _, flag, announced, line, start, end in rows.tolist():
         if flag in (3, 4):
             lines = text[start:end].tobytes().decode("latin-1").splitlines()[1:]
             for k, content in enumerate(lines, line + 1):

@@ -20,7 +20,7 @@ from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.io.flight import columns as col
 from fgnav.io.gps_time import WEEK_S
 from fgnav.io.importers.formats.readers import foreign, reader
-from fgnav.io.importers.recording import Recording, Samples, vectors
+from fgnav.io.importers.recording import Recording, Samples, samples, vectors
 from fgnav.io.importers.settings import Settings
 
 _US, _MS = 1e-6, 1e-3
@@ -52,15 +52,16 @@ def read_ardupilot(path: Path, _settings: Settings, _scratch: Path) -> Recording
             start_s = float(np.median(gps_s - gps["TimeUS"] * _US))
             tables["fixes"] = _fixes(gps, messages.get("GPA", {}))
     if "IMU" in messages:
-        tables["imu"] = _imu(messages["IMU"])
+        imu = messages["IMU"]
+        blocks = (col.FORCE, _triple(imu, "Acc")), (col.RATE, _triple(imu, "Gyr"))
+        tables["imu"] = samples(imu["TimeUS"] * _US, *blocks)
     if "BARO" in messages:
         air = messages["BARO"]
-        height_m = air["Alt"][:, None]
-        tables["barometer"] = {"t_s": air["TimeUS"] * _US} | vectors(col.HEIGHT, height_m)
+        tables["barometer"] = samples(air["TimeUS"] * _US, (col.HEIGHT, air["Alt"]))
     if "MAG" in messages:
-        field = np.stack([messages["MAG"][f"Mag{axis}"] for axis in "XYZ"], axis=1)
-        t_s = messages["MAG"]["TimeUS"] * _US
-        tables["magnetometer"] = {"t_s": t_s} | vectors(col.FIELD, field * _UT_PER_MILLIGAUSS)
+        magnet = messages["MAG"]
+        field = _triple(magnet, "Mag") * _UT_PER_MILLIGAUSS
+        tables["magnetometer"] = samples(magnet["TimeUS"] * _US, (col.FIELD, field))
     above_sea = "heights are above the sea: the log has no GPA.Und"
     has_undulation = "Und" in messages.get("GPA", {})
     return Recording(
@@ -104,13 +105,7 @@ def _messages(path: Path) -> tuple[dict[str, dict[str, FloatArray]], list[tuple[
 
 
 def _fields(path: Path, layout: Any, content: Any, places: list[int]) -> dict[str, FloatArray]:  # noqa: ANN401
-    """Return the fields of a type's first instance; under "", which messages are of it.
-
-    Raises
-    ------
-    BadInputError
-        If the log describes the type otherwise than ArduPilot does.
-    """
+    """Return the fields of a type's first instance; under "", which messages are of it."""
     missing = [field for field in _NEEDED[layout.name] if field not in layout.columns]
     sound = struct.calcsize(layout.msg_struct) + _HEAD_BYTES == layout.len
     if missing or not sound or len(layout.columns) != len(layout.msg_mults):
@@ -128,12 +123,8 @@ def _fields(path: Path, layout: Any, content: Any, places: list[int]) -> dict[st
     return {field: column[of_first] for field, column in columns.items()} | {"": of_first}
 
 
-def _imu(imu: dict[str, FloatArray]) -> Samples:
-    return (
-        {"t_s": imu["TimeUS"] * _US}
-        | vectors(col.FORCE, np.stack([imu[f"Acc{axis}"] for axis in "XYZ"], axis=1))
-        | vectors(col.RATE, np.stack([imu[f"Gyr{axis}"] for axis in "XYZ"], axis=1))
-    )
+def _triple(columns: dict[str, FloatArray], name: str) -> FloatArray:
+    return np.stack([columns[f"{name}{axis}"] for axis in "XYZ"], axis=1)
 
 
 def _fixes(gps: dict[str, FloatArray], accuracy: dict[str, FloatArray]) -> Samples:

@@ -25,6 +25,7 @@ from fgnav.io.flight.toml import gps_seconds
 from fgnav.io.gps_time import UNIX_OF_GPS_S, gps_of_utc
 from fgnav.io.importers.recording import Recording, vectors
 from fgnav.io.importers.settings import Settings
+from fgnav.io.tables import is_number
 from fgnav.io.user_files import read_bytes
 
 SENTENCE = re.compile(rb"\$([A-Z]{2,6}),([\x20-\x7e]*)\*([0-9A-Fa-f]{2})(?:\r?\n|$)")
@@ -149,10 +150,7 @@ def _unix_s(
 
 
 def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return np.nan
+    return float(text) if is_number(text) else np.nan
 
 
 def _degrees(text: str, hemisphere: str) -> float:

@@ -6,6 +6,7 @@ References
 """
 
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ _VELOCITY = ("vn(m/s)", "ve(m/s)", "vu(m/s)")
 _VELOCITY_SIGMA = ("sdvn", "sdve", "sdvu")
 _LEAST_SIGMA = 5e-5  # RTKLIB prints four decimals: a zero is less than half the last
 _AHEAD_S = {"GPST": 0.0, "UTC": 0.0, "JST": 9 * 3600.0}  # JST is that of UTC
+_Texts: TypeAlias = dict[str, NDArray[np.str_]]
 _SEPARATORS = str.maketrans(",;\t", "   ")
 
 
@@ -48,15 +50,17 @@ def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     if not complete:
         rule = f"rows must have {len(names) + 1} columns, got {len(rows[0])}" if rows else ""
         raise BadInputError(f"{path}: {rule or 'holds no solution'}; take the file again")
-    columns = _Columns(path, dict(zip(names[1:], np.array(complete).T[2:], strict=True)))
+    columns: _Texts = dict(zip(names[1:], np.array(complete).T[2:], strict=True))
     gps_s = _gps_seconds(path, complete, names[0])
     fixes = vectors(col.PLACE, _place(path, columns))
-    if columns.have(_SIGMA):
-        fixes |= vectors(col.POSITION_SIGMA, np.maximum(columns.numbers(_SIGMA), _LEAST_SIGMA))
-    if columns.have(_VELOCITY):
-        fixes |= vectors(col.VELOCITY, columns.numbers(_VELOCITY) * [1.0, 1.0, -1.0])
-        if columns.have(_VELOCITY_SIGMA):
-            sigma_mps = np.maximum(columns.numbers(_VELOCITY_SIGMA), _LEAST_SIGMA)
+    if set(_SIGMA) <= set(columns):
+        fixes |= vectors(
+            col.POSITION_SIGMA, np.maximum(_taken(path, columns, _SIGMA), _LEAST_SIGMA)
+        )
+    if set(_VELOCITY) <= set(columns):
+        fixes |= vectors(col.VELOCITY, _taken(path, columns, _VELOCITY) * [1.0, 1.0, -1.0])
+        if set(_VELOCITY_SIGMA) <= set(columns):
+            sigma_mps = np.maximum(_taken(path, columns, _VELOCITY_SIGMA), _LEAST_SIGMA)
             fixes |= vectors(col.VELOCITY_SIGMA, sigma_mps)
     start_s = float(np.floor(gps_s[0] * 1e3) / 1e3)
     cut = Loss(
@@ -68,32 +72,16 @@ def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         source=path,
         tables={"fixes": {"t_s": gps_s - start_s, **fixes}},
         gps_start_s=start_s,
-        losses=(cut, unused_columns(path, columns.unused(), len(complete), "the flight has none")),
+        losses=(cut, unused_columns(path, list(columns), len(complete), "the flight has none")),
     )
 
 
-class _Columns:
-    """Columns of texts by name, which are numbers only where they are needed."""
-
-    def __init__(self, path: Path, texts: dict[str, NDArray[np.str_]]) -> None:
-        self._path, self._texts = path, texts
-        self._used: set[str] = set()
-
-    def have(self, names: tuple[str, ...]) -> bool:
-        """Return True if all of the columns are there."""
-        return set(names) <= set(self._texts)
-
-    def numbers(self, names: tuple[str, ...]) -> FloatArray:
-        """Return columns as numbers, (k, c)."""
-        self._used |= set(names)
-        try:
-            return np.array([self._texts[name] for name in names], dtype=np.float64).T
-        except ValueError as error:
-            raise BadInputError(f"{self._path}: must hold numbers, {error}") from None
-
-    def unused(self) -> list[str]:
-        """Return the names of the columns that nobody asked for."""
-        return [name for name in self._texts if name not in self._used]
+def _taken(path: Path, columns: _Texts, names: tuple[str, ...]) -> FloatArray:
+    """Take columns out as numbers, (k, c); those that nobody needs stay texts."""
+    try:
+        return np.array([columns.pop(name) for name in names], dtype=np.float64).T
+    except ValueError as error:
+        raise BadInputError(f"{path}: must hold numbers, {error}") from None
 
 
 def _gps_seconds(path: Path, rows: list[list[str]], system: str) -> FloatArray:
@@ -111,18 +99,18 @@ def _gps_seconds(path: Path, rows: list[list[str]], system: str) -> FloatArray:
     return np.asarray(gps_s) if system == "GPST" else gps_of_utc(gps_s + UNIX_OF_GPS_S)
 
 
-def _place(path: Path, columns: _Columns) -> FloatArray:
+def _place(path: Path, columns: _Texts) -> FloatArray:
     """Return (k, 3) latitude deg, longitude deg, height m."""
     words = tuple(f"{name}{part}" for name in _MINUTES for part in "dms")
-    if columns.have((*words, "height(m)")):
-        parts = columns.numbers(words).reshape(-1, 2, 3)
+    if {*words, "height(m)"} <= set(columns):
+        parts = _taken(path, columns, words).reshape(-1, 2, 3)
         size_deg = np.abs(parts) @ [1.0, 1 / 60, 1 / 3600]
         place_deg = np.copysign(size_deg, parts[:, :, 0])  # -0 degrees are south or west
-        return np.column_stack([place_deg, columns.numbers(("height(m)",))])
-    if columns.have(_DEGREES):
-        return columns.numbers(_DEGREES)
-    if columns.have(_ECEF):
-        place = geodetic(columns.numbers(_ECEF))
+        return np.column_stack([place_deg, _taken(path, columns, ("height(m)",))])
+    if set(_DEGREES) <= set(columns):
+        return _taken(path, columns, _DEGREES)
+    if set(_ECEF) <= set(columns):
+        place = geodetic(_taken(path, columns, _ECEF))
         place[:, :2] = np.degrees(place[:, :2])
         return place
     raise BadInputError(

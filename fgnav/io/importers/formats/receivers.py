@@ -37,13 +37,7 @@ def read_rtcm3(path: Path, settings: Settings, scratch: Path) -> Recording:
 
 
 def _converted(path: Path, format: str, settings: Settings, scratch: Path) -> Recording:  # noqa: A002
-    """Convert a file in a child process.
-
-    Raises
-    ------
-    BadInputError
-        If there is no such file, the decoder crashes or hangs, or nothing was decoded.
-    """
+    """Convert a file in a child process."""
     if not path.is_file():
         raise BadInputError(f"{path}: no such file; check the name")
     if format == "rtcm3" and settings.start is None:

@@ -22,7 +22,7 @@ from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss
 from fgnav.io.flight import columns as col
 from fgnav.io.gps_time import gps_of_utc
 from fgnav.io.importers.formats.readers import foreign, reader
-from fgnav.io.importers.recording import Recording, Samples, vectors
+from fgnav.io.importers.recording import Recording, Samples, samples
 from fgnav.io.importers.settings import Settings
 from fgnav.progress import report
 
@@ -88,13 +88,7 @@ def read_bag(path: Path, settings: Settings, _: Path) -> Recording:
 
 
 def _chosen(path: Path, bag: Any, settings: Settings) -> tuple[dict[str, str], list[Loss]]:  # noqa: ANN401
-    """Return the kind of each topic that is read, and the messages of the others.
-
-    Raises
-    ------
-    BadInputError
-        If there are several topics of a kind and none is named, or the one named is not there.
-    """
+    """Return the kind of each topic that is read, and the messages of the others."""
     names = {msgtype: kind for kind, msgtype in _TYPES.items()}
     topics: dict[str, list[str]] = {kind: [] for kind in _TYPES}
     reasons, counts = dict[str, str](), Counter[str]()
@@ -170,16 +164,15 @@ def _has_variances(fixes: FloatArray) -> BoolArray:
 
 def _table(kind: str, x: FloatArray, first_s: float) -> Samples:
     """Return the flight's columns."""
-    table = {"t_s": x[:, 0] - first_s}
+    t_s = x[:, 0] - first_s
     if kind == "imu":
-        f_b_mps2, w_b_radps = x[:, 1:4] * _FLU_TO_FRD, x[:, 4:] * _FLU_TO_FRD
-        table |= vectors(col.FORCE, f_b_mps2)
-        return table if np.isnan(w_b_radps).all() else table | vectors(col.RATE, w_b_radps)
+        force, rate = x[:, 1:4] * _FLU_TO_FRD, x[:, 4:] * _FLU_TO_FRD
+        rates = () if np.isnan(rate).all() else ((col.RATE, rate),)
+        return samples(t_s, (col.FORCE, force), *rates)
     if kind == "barometer":
-        height_m = _SCALE_M * (1 - (np.maximum(x[:, 1:], 0.0) / _SEA_LEVEL_PA) ** _EXPONENT)
-        return table | vectors(col.HEIGHT, height_m)
+        pressure = np.maximum(x[:, 1], 0.0) / _SEA_LEVEL_PA
+        return samples(t_s, (col.HEIGHT, _SCALE_M * (1 - pressure**_EXPONENT)))
     if kind == "magnetometer":
-        return table | vectors(col.FIELD, x[:, 1:] * _FLU_TO_FRD * _UT_PER_T)
-    table |= vectors(col.PLACE, x[:, 2:5])
-    is_stated = _has_variances(x).all()
-    return table | vectors(col.POSITION_SIGMA, np.sqrt(x[:, 5:])) if is_stated else table
+        return samples(t_s, (col.FIELD, x[:, 1:] * _FLU_TO_FRD * _UT_PER_T))
+    sigmas = ((col.POSITION_SIGMA, np.sqrt(x[:, 5:])),) if _has_variances(x).all() else ()
+    return samples(t_s, (col.PLACE, x[:, 2:5]), *sigmas)

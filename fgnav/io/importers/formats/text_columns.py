@@ -20,6 +20,7 @@ from fgnav.io.flight.toml import ImuKeys, gps_seconds
 from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
 from fgnav.io.importers.recording import Clock, Recording, unused_columns
 from fgnav.io.importers.settings import UNITS, CsvTable, Settings
+from fgnav.io.tables import is_number
 from fgnav.io.user_files import encoding_of, max_bytes
 from fgnav.progress import report
 
@@ -93,13 +94,7 @@ def _unconfirmed(path: Path, table: CsvTable) -> dict[str, str]:
 
 
 def _read_table(path: Path, table: CsvTable) -> tuple[Recording, list[str]]:
-    """Return one table of a text file, and the names of the columns that it does not use.
-
-    Raises
-    ------
-    BadInputError
-        If a column is not there, or a cell that is needed is no number: names line and column.
-    """
+    """Return one table of a text file, and the names of the columns that it does not use."""
     columns, unused, cut = _cells(path, table)
     dates = table.units.get("s") == "date"
     utc = table.clock == "utc"
@@ -114,7 +109,9 @@ def _read_table(path: Path, table: CsvTable) -> tuple[Recording, list[str]]:
                 )
         else:
             samples[name] = _numbers(path, table, name, cells)
-    clock, start_s = _clock(path, table, dates=dates)
+    start_s = gps_seconds(path, table.start) if table.start is not None else 0.0
+    is_dated = dates or table.start is not None or table.clock in ("gps", "utc")
+    clock: Clock = "gps" if is_dated else "week" if table.clock == "week" else "own"
     if utc and not dates:
         samples["t_s"] = gps_of_utc(samples["t_s"])
     if clock == "gps" and not start_s:  # large numbers: seconds since 1980 keep 0.2 us
@@ -130,15 +127,6 @@ def _read_table(path: Path, table: CsvTable) -> tuple[Recording, list[str]]:
         losses=tuple(losses),
     )
     return recording, unused
-
-
-def _clock(path: Path, table: CsvTable, *, dates: bool) -> tuple[Clock, float]:
-    """Return what times count from."""
-    if table.start is not None:
-        return "gps", gps_seconds(path, table.start)
-    if dates or table.clock in ("gps", "utc"):
-        return "gps", 0.0
-    return ("week", 0.0) if table.clock == "week" else ("own", 0.0)
 
 
 def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], list[str], int]:
@@ -224,15 +212,6 @@ def _numbers(path: Path, table: CsvTable, name: str, cells: np.ndarray) -> Float
     column = table.columns[name]
     negative = column < 0 if isinstance(column, int) else column.startswith("-")
     return values * (-unit if negative else unit)
-
-
-def is_number(cell: str) -> bool:
-    """Return True if a cell holds a number."""
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
 
 
 def is_date(cell: str) -> bool:

@@ -20,7 +20,7 @@ from fgnav.geometry.rotations import to_euler
 from fgnav.io.flight import columns as col
 from fgnav.io.gps_time import gps_of_utc
 from fgnav.io.importers.formats.readers import foreign, reader
-from fgnav.io.importers.recording import Recording, Samples, vectors
+from fgnav.io.importers.recording import Recording, Samples, samples
 from fgnav.io.importers.settings import Settings
 
 _US = 1e-6
@@ -53,9 +53,17 @@ def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
             for reason in ["of another instance" if one.name in _READ else "not read"]
         ]
         tables: dict[str, Samples] = {}
-        if "sensor_combined" in topics:
-            tables["imu"] = _imu(topics["sensor_combined"])
-        tables |= _surroundings(topics)
+        if (unit := topics.get("sensor_combined")) is not None:
+            force, rate = (
+                _triple(unit, name) for name in ("accelerometer_m_s2[{}]", "gyro_rad[{}]")
+            )
+            tables["imu"] = samples(unit["timestamp"] * _US, (col.FORCE, force), (col.RATE, rate))
+        if (air := topics.get("vehicle_air_data")) is not None:
+            height_m = _numbers(air, "baro_alt_meter")
+            tables["barometer"] = samples(air["timestamp"] * _US, (col.HEIGHT, height_m))
+        if (magnet := topics.get("vehicle_magnetometer")) is not None:
+            field_b_ut = _triple(magnet, "magnetometer_ga[{}]") * _UT_PER_GAUSS
+            tables["magnetometer"] = samples(magnet["timestamp"] * _US, (col.FIELD, field_b_ut))
         start_s = None
         if (gps := topics.get("gps")) is not None:
             flying = gps["fix_type"] >= _FIX_3D
@@ -84,27 +92,6 @@ def _start(gps: dict[str, Any], flying: BoolArray) -> float | None:
     return float(np.median(gps_of_utc(utc_s) - _numbers(gps, "timestamp")[dated] * _US))
 
 
-def _imu(topic: dict[str, Any]) -> Samples:
-    return (
-        {"t_s": topic["timestamp"] * _US}
-        | vectors(col.FORCE, _triple(topic, "accelerometer_m_s2[{}]"))
-        | vectors(col.RATE, _triple(topic, "gyro_rad[{}]"))
-    )
-
-
-def _surroundings(topics: dict[str, dict[str, Any]]) -> dict[str, Samples]:
-    """Return barometer and magnetometer, those that are there; PX4 logs gauss."""
-    tables: dict[str, Samples] = {}
-    air, magnet = (topics.get(name) for name in _AROUND)
-    if air is not None:
-        height_m = _numbers(air, "baro_alt_meter")[:, None]
-        tables["barometer"] = {"t_s": air["timestamp"] * _US} | vectors(col.HEIGHT, height_m)
-    if magnet is not None:
-        field_b_ut = _triple(magnet, "magnetometer_ga[{}]") * _UT_PER_GAUSS
-        tables["magnetometer"] = {"t_s": magnet["timestamp"] * _US} | vectors(col.FIELD, field_b_ut)
-    return tables
-
-
 def _numbers(topic: dict[str, Any], name: str) -> FloatArray:
     return np.asarray(topic[name], np.float64)
 
@@ -114,7 +101,7 @@ def _triple(topic: dict[str, Any], name: str, count: int = 3) -> FloatArray:
     return np.stack([_numbers(topic, name.format(k)) for k in range(count)], axis=1)
 
 
-def _fixes(topic: dict[str, Any]) -> dict[str, FloatArray]:
+def _fixes(topic: dict[str, Any]) -> Samples:
     """Return fixes, of releases that log degrees and metres, or 1e-7 degrees and millimetres."""
     if "latitude_deg" in topic:
         names, scale = ("latitude_deg", "longitude_deg", "altitude_ellipsoid_m"), (1.0, 1.0, 1.0)
@@ -124,12 +111,12 @@ def _fixes(topic: dict[str, Any]) -> dict[str, FloatArray]:
     velocity = np.stack([_numbers(topic, f"vel_{axis}_m_s") for axis in "ned"], axis=1)
     horizontal, vertical = _numbers(topic, "eph"), _numbers(topic, "epv")
     sigma_mps = np.repeat(_numbers(topic, "s_variance_m_s")[:, None], 3, axis=1)
-    return (
-        {"t_s": topic["timestamp"] * _US}
-        | vectors(col.PLACE, place)
-        | vectors(col.VELOCITY, velocity)
-        | vectors(col.POSITION_SIGMA, np.stack([horizontal, horizontal, vertical], axis=1))
-        | vectors(col.VELOCITY_SIGMA, sigma_mps)
+    return samples(
+        topic["timestamp"] * _US,
+        (col.PLACE, place),
+        (col.VELOCITY, velocity),
+        (col.POSITION_SIGMA, np.stack([horizontal, horizontal, vertical], axis=1)),
+        (col.VELOCITY_SIGMA, sigma_mps),
     )
 
 
@@ -148,12 +135,8 @@ def _reference(topics: dict[str, dict[str, Any]]) -> Samples:
     velocity = np.stack([_numbers(local, name) for name in ("vx", "vy", "vz")], axis=1)[near]
     height = "alt_ellipsoid" if "alt_ellipsoid" in at else "alt"
     place = np.stack([_numbers(at, name) for name in ("lat", "lon", height)], axis=1)
-    return (
-        {"t_s": t * _US}
-        | vectors(col.PLACE, place)
-        | vectors(col.VELOCITY, velocity)
-        | vectors(col.EULER, np.degrees(to_euler(R_nb)))
-    )
+    euler_deg = np.degrees(to_euler(R_nb))
+    return samples(t * _US, (col.PLACE, place), (col.VELOCITY, velocity), (col.EULER, euler_deg))
 
 
 def _nearest(times: FloatArray, at: FloatArray) -> IntArray:
