@@ -1,7 +1,7 @@
 """Compiled scans of RINEX bodies: every character is looked at, and every value taken.
 
-Each scan fills arrays it is given and returns how far it came. ``problem`` is (code, line, column,
-number): code 0 says all is well, the others are explained in ``scan.PROBLEMS``.
+Each scan fills arrays it is given and returns how far it came. ``problem`` is (code, line,
+column): code 0 says all is well, the others are explained in ``scan.PROBLEMS``.
 """
 
 from typing import NamedTuple
@@ -238,7 +238,7 @@ def scan_3(text: Bytes, start: IntArray, plan: Plan, into: Scanned, problem: Int
         What becomes of each field.
     into : Scanned
         Filled.
-    problem : ndarray, (4,)
+    problem : ndarray, (3,)
 
     Returns
     -------
@@ -257,10 +257,10 @@ def scan_3(text: Bytes, start: IntArray, plan: Plan, into: Scanned, problem: Int
         well_begun = text[p] == _GREATER and stop >= p + 32
         problem[0] = _epoch_problem(row, last) if well_begun else 1
         p, line = newline + 1, line + 1
-        for k in range(row[ANNOUNCED]):
+        for _ in range(row[ANNOUNCED]):
             if problem[0]:
                 return n
-            problem[0], problem[1], problem[3] = (4 if p >= len(text) else 0), line, k
+            problem[0], problem[1] = (4 if p >= len(text) else 0), line
             if problem[0] == 0 and row[FLAG] <= 1:
                 _satellite_3(text, p, seen, plan, into, n, problem)
             p, line = line_end(text, p) + 1, line + 1
@@ -348,7 +348,7 @@ def scan_2(text: Bytes, start: IntArray, plan: Plan, into: Scanned, problem: Int
             return n
         for k in range(row[ANNOUNCED]):
             letter = ids[k, 0] if listed else 0
-            problem[0], problem[3] = (6 if listed and plan.limits[letter, 0] == 0 else 0), k
+            problem[0] = 6 if listed and plan.limits[letter, 0] == 0 else 0
             into.records[into.taken[0], 1] = 0
             if row[FLAG] <= 1 and problem[0] == 0:
                 problem[0] = _begin_record(letter, ids[k, 1], seen, plan, into, n)

@@ -6,7 +6,7 @@ from pathlib import Path
 from fgnav.checks import BadInputError
 from fgnav.io.rinex.header import read_header
 from fgnav.io.rinex.messages import to_broadcast
-from fgnav.io.rinex.navigation import NavigationScan, scan_navigation
+from fgnav.io.rinex.navigation import scan_navigation
 from fgnav.io.rinex.records import to_observations
 from fgnav.io.rinex.scan import scan_observations
 from fgnav.io.rinex.text import read_text
@@ -61,11 +61,7 @@ def read_rinex(
     ]
     if not messages:
         return None, observations
-    scans = [_scanned(path) for path in messages]
+    texts = [read_text(path) for path in messages]
+    headers = [read_header(p, t, "navigation") for p, t in zip(messages, texts, strict=True)]
+    scans = [scan_navigation(header, text) for header, text in zip(headers, texts, strict=True)]
     return to_broadcast(scans, messages[0], start_gps_s), observations
-
-
-def _scanned(path: Path) -> NavigationScan:
-    """Return the scan of a navigation file."""
-    text = read_text(path)
-    return scan_navigation(read_header(path, text, "navigation"), text)

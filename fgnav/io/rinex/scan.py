@@ -34,12 +34,10 @@ PROBLEMS = {
     1: "an epoch line must start with '>' here",
     2: "epoch line is malformed (date, event flag or number of satellites)",
     3: "time must increase from epoch to epoch, it does not",
-    4: "the epoch ends after {number} of the satellites it announced",
     6: "satellite must be of a constellation in the header, with a number",
     7: "satellite appears twice in one epoch",
     8: "column {column}: value must be a number with three decimals, indicators digits",
 }
-_MENDS = {4: "the file is truncated or a line is missing, fetch it again"}
 
 
 _NOT_KEPT = "one signal each of L1/E1/B1I, L2/E5b/B2 and L5/E5a/B2a is kept"
@@ -185,7 +183,7 @@ def _scanned(
         values=np.zeros((lines, 3, 4)),
         locks=np.zeros((lines, 3), np.int64),
     )
-    problem = np.zeros(4, np.int64)
+    problem = np.zeros(3, np.int64)
     scan = scan_3 if header.version >= 3 else scan_2
     rows = scan(text, np.array([offset, line]), plan, into, problem)
     return into, rows, problem
@@ -290,10 +288,9 @@ def _unused_types(header: Header, choice: SignalChoice, tally: IntArray, codes: 
 
 def _problem(header: Header, text: Bytes, problem: IntArray) -> str:
     """Return the sentence that tells what is wrong in which line."""
-    code, line, column, number = (int(k) for k in problem)
-    rule = PROBLEMS[code].format(number=number, column=column)
-    mend = _MENDS.get(code, "repair or remove the line")
-    return line_fault(header, text, line, rule, mend)
+    code, line, column = problem.tolist()
+    rule = PROBLEMS[code].format(column=column)
+    return line_fault(header, text, line, rule, "repair or remove the line")
 
 
 def line_fault(header: Header, text: Bytes, line: int, rule: str, mend: str) -> str:

@@ -53,7 +53,8 @@ def read_nmea(path: Path, settings: Settings, _scratch: Path) -> Recording:
         if name == "GST":
             sigmas[fields[0]] = fields
             continue
-        times.append(_of_day_s(fields[0]))
+        hour, minute, second = fields[0][:2], fields[0][2:4], fields[0][4:]
+        times.append(3600.0 * int(hour) + 60.0 * int(minute) + float(second))
         days.append(_day(path, name, fields) if name in _DATED else None)
         if name == "GGA":
             fixes.append((len(times) - 1, fields))
@@ -110,10 +111,6 @@ def _sentences(content: bytes, counts: Counter[tuple[str, str]]) -> Iterator[tup
     outside = len(SENTENCE.sub(b"", content))
     if outside:
         counts["byte", "in no whole sentence"] += outside
-
-
-def _of_day_s(text: str) -> float:
-    return 3600.0 * int(text[:2]) + 60.0 * int(text[2:4]) + float(text[4:])
 
 
 def _day(path: Path, name: str, fields: list[str]) -> int | None:
