@@ -124,8 +124,8 @@ def _satellite(line: bytes, version: int, default: str) -> tuple[str, float]:
     except ValueError:
         return "", 0.0
     fits = days >= 0 and 0 <= hour < 24 and 0 <= minute < 60 and 0 <= second < 61
-    known = fits and name[0] in _ROWS and name[1:] != "00"
-    return name if known else "", 86_400.0 * days + 3600.0 * hour + 60.0 * minute + second
+    is_used = fits and name[0] in _ROWS and name[1:] != "00"
+    return name if is_used else "", 86_400.0 * days + 3600.0 * hour + 60.0 * minute + second
 
 
 def _checked(text: bytes, p: int, first: int, rows: int, shift: int) -> int:
