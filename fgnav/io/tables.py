@@ -76,7 +76,7 @@ def _head(path: Path, content: bytes) -> tuple[list[str], bytes]:
         raise BadInputError(
             f"{path}: line 1: must hold the names of columns, got {quoted(content[:80])}"
         )
-    head = content[:size].decode("utf-8", "replace").removesuffix("\r")
+    head = content[:size].decode("utf-8-sig", "replace").removesuffix("\r")
     return [name.strip(" ") for name in head.split(",")], content[size + 1 :]
 
 
