@@ -61,7 +61,8 @@ def convert(
             f"{path}: RTKLIB did not end within {limit_s:.0f} s; the file is damaged"
         ) from error
     if done.returncode > 0 and done.stderr:
-        raise BadInputError(f"RTKLIB cannot run: {done.stderr.strip().splitlines()[-1]}")
+        reason = done.stderr.strip().splitlines()[-1]
+        raise BadInputError(f"RTKLIB cannot run: {reason}; pip install 'fgnav[importers]'")
     if done.returncode:
         raise BadInputError(
             f"{path}: RTKLIB crashed (status {done.returncode}); the file is damaged"
