@@ -132,7 +132,7 @@ def test_without_a_fix_the_unit_keeps_its_own_clock(tmp_path):
 @pytest.mark.parametrize(
     ("content", "text"),
     [
-        (b"\xa3\x95\x80" + bytes(5), "log.BIN: "),
+        (b"\xa3\x95\x80" + bytes(5), "log.BIN: holds nothing that a flight could use"),
         (
             log().replace(b"GPS\0", b"GPX\0").replace(b"IMU\0", b"IMX\0"),
             "holds nothing that a flight could use",
